@@ -1,0 +1,63 @@
+//! What a display is given: the tactile image.
+
+use taxel_skin::Faults;
+
+/// A force frame compressed to what a display can render: `K_D` force levels at no more than `K_A` places.
+#[derive(Debug, Default, Clone, PartialEq)]
+pub struct TactileImage {
+    /// Number of the tactile frame it was made from.
+    pub seq: u64,
+    /// Time of validity of that frame, nanoseconds.
+    pub t_ns: u64,
+    /// Width, pixels.
+    pub width: u16,
+    /// Height, pixels.
+    pub height: u16,
+    /// The 8-bit image, row by row from the top left; 0 is no contact. Shape `height x width`.
+    pub pixels: Vec<u8>,
+    /// The force codebook: the force of each level, ascending, in the unit of [`taxel_skin::ForceFrame::force`].
+    /// At most `K_D` entries; fewer where the frame has fewer distinct forces.
+    pub levels: Vec<f64>,
+    /// The actuators that press, in the order of their ids. At most `K_A`.
+    pub actuators: Vec<Actuator>,
+    /// Number of taxels in contact, `N_C`.
+    pub contacts: u16,
+    /// Number of taxels not used because of a fault other than a missing value.
+    pub faulty: u16,
+    /// Number of taxels whose value is missing or stale.
+    pub missing: u16,
+    /// Whether the baseline is still being measured; the image is empty then.
+    pub calibrating: bool,
+    /// Whether a value was repaired in this frame: unwrapped, or a glitch held back.
+    pub repaired: bool,
+    /// Joint angles of the same instant, radians; empty where no joints are read.
+    pub joints: Vec<f32>,
+}
+
+/// One actuator of the display, where and how hard it presses.
+#[derive(Debug, Default, Clone, Copy, PartialEq)]
+pub struct Actuator {
+    /// Number of the actuator, `0..K_A`; the `paper` method numbers them anew in each frame.
+    pub id: u16,
+    /// Column of the pixel it stands on.
+    pub x: u16,
+    /// Row of the pixel it stands on.
+    pub y: u16,
+    /// Force level, `1..=levels.len()`.
+    pub level: u16,
+    /// Force of that level, in the unit of [`TactileImage::levels`].
+    pub force: f64,
+}
+
+impl TactileImage {
+    /// Counts the taxels that a set of faults takes out: those without a value, and those broken otherwise.
+    pub fn count_faults(&mut self, faults: &[Faults]) {
+        let missing = faults
+            .iter()
+            .filter(|f| f.contains(taxel_skin::Fault::Missing))
+            .count();
+        let faulty = faults.iter().filter(|f| !f.is_empty()).count() - missing;
+        self.missing = missing as u16;
+        self.faulty = faulty as u16;
+    }
+}

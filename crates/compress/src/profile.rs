@@ -1,0 +1,147 @@
+//! What a display can do, and how a frame is compressed for it.
+
+use serde::{Deserialize, Serialize};
+
+/// What a display can do and how frames are compressed for it: the inputs of the publication's Table I.
+///
+/// It is the `[profile]` table of the configuration; [`Profile::check`] refuses values that make no display.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Profile {
+    /// How the two stages are computed.
+    pub method: Method,
+    /// `K_D`, number of force levels the display can render, 1 to 255.
+    pub levels: u16,
+    /// `K_A`, number of actuators, 1 to 1024.
+    pub actuators: u16,
+    /// `I_D`, number of iterations of the force stage, 1 to 1000.
+    pub force_iterations: u16,
+    /// `I_A`, number of iterations of the actuator stage, 1 to 1000.
+    pub actuator_iterations: u16,
+    /// Meaning of a pixel's grey.
+    pub grey: Grey,
+    /// Which force an actuator presses with when its cluster holds several levels.
+    pub actuator_force: ActuatorForce,
+    /// Weigh contacts by their force when placing actuators, so that an actuator stands at the centre of
+    /// pressure. The publication does not.
+    pub force_weighted: bool,
+    /// Force codebook learned offline and kept constant (mark (*) of Table I), ascending, at most `levels`
+    /// entries; empty to fit one to each frame.
+    pub codebook: Vec<f64>,
+}
+
+/// How the two stages are computed.
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Method {
+    /// The publication's Table I to the letter.
+    #[default]
+    Paper,
+}
+
+/// Meaning of a pixel's grey (papers.md 1.4, eq. (7)).
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Grey {
+    /// `round(255 k / K_D)` for level `k = 1..K_D`: the display's full range, in equal steps.
+    #[default]
+    Level,
+    /// `round(255 mu_k / mu_max)`: greys keep the ratios of the forces.
+    Centroid,
+}
+
+/// Which force an actuator presses with when its cluster holds several levels (papers.md 1.5).
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ActuatorForce {
+    /// The strongest level in the cluster: never under-reports a force.
+    #[default]
+    Max,
+    /// The level nearest to the mean force of the cluster.
+    Mean,
+}
+
+impl Default for Profile {
+    fn default() -> Self {
+        Self {
+            method: Method::default(),
+            levels: 8,
+            actuators: 16,
+            force_iterations: 10,
+            actuator_iterations: 10,
+            grey: Grey::default(),
+            actuator_force: ActuatorForce::default(),
+            force_weighted: false,
+            codebook: Vec::new(),
+        }
+    }
+}
+
+/// Why a profile describes no display.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum ProfileError {
+    /// A number outside its range.
+    #[error("profile: {field} = {value} is outside {min}..={max}")]
+    OutOfRange {
+        /// Name of the field.
+        field: &'static str,
+        /// The value given.
+        value: u16,
+        /// Smallest allowed value.
+        min: u16,
+        /// Largest allowed value.
+        max: u16,
+    },
+    /// A codebook with more entries than levels.
+    #[error("profile: the codebook has {entries} levels and the display only {levels}")]
+    CodebookTooLong {
+        /// Entries of the codebook.
+        entries: usize,
+        /// `K_D`.
+        levels: u16,
+    },
+    /// A codebook that is not ascending, positive and finite.
+    #[error("profile: codebook entry {index} ({value}) is not a finite force above the one before it")]
+    CodebookNotAscending {
+        /// Place in the codebook, from 0.
+        index: usize,
+        /// The entry.
+        value: f64,
+    },
+}
+
+impl Profile {
+    /// Refuses values that make no display.
+    pub fn check(&self) -> Result<(), ProfileError> {
+        let ranges = [
+            ("levels", self.levels, 255),
+            ("actuators", self.actuators, 1024),
+            ("force_iterations", self.force_iterations, 1000),
+            ("actuator_iterations", self.actuator_iterations, 1000),
+        ];
+        for (field, value, max) in ranges {
+            if value < 1 || value > max {
+                return Err(ProfileError::OutOfRange {
+                    field,
+                    value,
+                    min: 1,
+                    max,
+                });
+            }
+        }
+        if self.codebook.len() > self.levels as usize {
+            return Err(ProfileError::CodebookTooLong {
+                entries: self.codebook.len(),
+                levels: self.levels,
+            });
+        }
+        let mut before = 0.0;
+        for (index, &value) in self.codebook.iter().enumerate() {
+            if !(value.is_finite() && value > before) {
+                return Err(ProfileError::CodebookNotAscending { index, value });
+            }
+            before = value;
+        }
+        Ok(())
+    }
+}
