@@ -1,1 +1,17 @@
-//! Placeholder while the crate is written.
+//! Tactile recordings in and out.
+//!
+//! A [`Recording`] is a sequence of tactile frames read from `.npy`, `.npz` or `.csv`: either magnitudes, one
+//! number per taxel, or raw counts, three per taxel. What a file means is decided by its shape and by options,
+//! never guessed. A candump `.log` is not a sequence of frames but of bus traffic: `taxel_can` reads it.
+//!
+//! [`ImageStack`] collects tactile images and writes them as `.npy`, `.npz` or `.csv`.
+
+mod csv;
+mod error;
+mod images;
+mod npy;
+mod recording;
+
+pub use error::{ArrayList, RecordError};
+pub use images::ImageStack;
+pub use recording::{Columns, DEFAULT_RATE_HZ, Frames, ReadOptions, Recording, TimeUnit};

@@ -1,0 +1,466 @@
+//! A sequence of tactile frames, read from a file.
+
+use crate::error::RecordError;
+use crate::{csv, npy};
+use std::path::Path;
+use std::str::FromStr;
+
+/// The rate assumed where a file records no times and none is given, hertz: the uSkin recordings' own.
+pub const DEFAULT_RATE_HZ: f64 = 30.0;
+
+const SHAPES: &str = "T x H x W or T x N (magnitudes) or T x N x 3 (counts); a T x 3N array of counts needs \
+                      --columns xyz-interleaved (x1,y1,z1,x2,..) or --columns xyz-blocks (x1,x2,..,y1,..,z1,..)";
+const SHAPES_WITH_COLUMNS: &str =
+    "T x 3N, since --columns was given: three columns, x y z, for each of N taxels";
+
+/// What a file's columns mean, and when its frames were taken, where the file does not say.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ReadOptions {
+    /// The array of an npz to read; needed when it holds several.
+    pub array: Option<String>,
+    /// Says that the columns of a two-dimensional array are raw counts, and in which order.
+    pub columns: Option<Columns>,
+    /// Frames per second, 0.001 to 100,000, overriding recorded times; [`DEFAULT_RATE_HZ`] where neither exists.
+    pub rate_hz: Option<f64>,
+    /// Says that the first column of a csv file without a header is time, in this unit.
+    pub time_column: Option<TimeUnit>,
+}
+
+/// The order of x, y and z counts in the columns of a two-dimensional array.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Columns {
+    /// `x1, y1, z1, x2, y2, z2, ...`
+    XyzInterleaved,
+    /// `x1, x2, ..., y1, y2, ..., z1, z2, ...`
+    XyzBlocks,
+}
+
+/// The unit of a time column.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TimeUnit {
+    /// Seconds.
+    S,
+    /// Milliseconds.
+    Ms,
+    /// Microseconds.
+    Us,
+    /// Nanoseconds.
+    Ns,
+}
+
+/// The values of a recording, frame after frame.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Frames {
+    /// One finite number per taxel, in the recording's own unit.
+    Magnitudes(Vec<f64>),
+    /// Raw counts x, y, z per taxel.
+    Counts(Vec<[u16; 3]>),
+}
+
+/// A sequence of tactile frames of equal size. Frames are numbered from 0, taxels `0..N` in the file's order.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Recording {
+    name: String,
+    len: usize,
+    taxels: usize,
+    shape: Option<(usize, usize)>,
+    frames: Frames,
+    times_ns: Option<Vec<u64>>,
+    rate_hz: f64,
+}
+
+/// A file's numbers before it is decided what they mean: row-major, with the file's own shape.
+pub(crate) struct Table {
+    pub(crate) at: String,
+    pub(crate) shape: Vec<usize>,
+    pub(crate) values: Vec<f64>,
+    pub(crate) times_ns: Option<Vec<u64>>,
+}
+
+impl Recording {
+    /// Reads the recording of a `.npy`, `.npz` or `.csv` file.
+    ///
+    /// # Errors
+    /// Any [`RecordError`]; a `.log` gives [`RecordError::BusTraffic`] and a `.mcap` [`RecordError::Mcap`].
+    pub fn open(path: &Path, options: &ReadOptions) -> Result<Self, RecordError> {
+        if let Some(rate_hz) = options.rate_hz
+            && !(0.001..=100_000.0).contains(&rate_hz)
+        {
+            return Err(RecordError::Rate { rate_hz });
+        }
+        let extension = path
+            .extension()
+            .and_then(|e| e.to_str())
+            .unwrap_or("")
+            .to_ascii_lowercase();
+        if options.array.is_some() && matches!(extension.as_str(), "npy" | "csv") {
+            return Err(RecordError::NoNamedArrays { path: path.into() });
+        }
+        let table = match extension.as_str() {
+            "npy" => npy::read_npy(path)?,
+            "npz" => npy::read_npz(path, options.array.as_deref())?,
+            "csv" => return csv::read(path, options),
+            "log" => return Err(RecordError::BusTraffic { path: path.into() }),
+            "mcap" => return Err(RecordError::Mcap { path: path.into() }),
+            _ => {
+                let found = match extension.as_str() {
+                    "" => "nothing".into(),
+                    other => format!(".{other}"),
+                };
+                return Err(RecordError::UnknownFormat {
+                    path: path.into(),
+                    found,
+                });
+            }
+        };
+        Self::from_table(table, options)
+    }
+
+    /// Gives numbers their meaning by their shape and the options.
+    pub(crate) fn from_table(table: Table, options: &ReadOptions) -> Result<Self, RecordError> {
+        let Table {
+            at,
+            shape,
+            values,
+            times_ns,
+        } = table;
+        let wrong_shape = |expected| RecordError::Shape {
+            at: at.clone(),
+            shape: shape.clone(),
+            expected,
+        };
+        if shape.contains(&0) {
+            return Err(wrong_shape("at least one frame of at least one taxel"));
+        }
+        let (taxels, image, frames) = match (shape.as_slice(), options.columns) {
+            (&[_, n], None) => (n, None, magnitudes(&at, n, values)?),
+            (&[_, n], Some(columns)) if n % 3 == 0 => (
+                n / 3,
+                None,
+                Frames::Counts(counts_of_columns(&at, n / 3, columns, &values)?),
+            ),
+            (_, Some(_)) => return Err(wrong_shape(SHAPES_WITH_COLUMNS)),
+            (&[_, n, 3], None) => (
+                n,
+                None,
+                Frames::Counts(counts_of_columns(&at, n, Columns::XyzInterleaved, &values)?),
+            ),
+            (&[_, h, w], None) => (h * w, Some((h, w)), magnitudes(&at, h * w, values)?),
+            _ => return Err(wrong_shape(SHAPES)),
+        };
+        let len = shape[0];
+        let times_ns = if options.rate_hz.is_some() { None } else { times_ns };
+        if let Some(times) = &times_ns {
+            if times.len() != len {
+                let reason = format!(
+                    "{} times for {len} frames; give --rate HZ to ignore them",
+                    times.len()
+                );
+                return Err(RecordError::BadTimes { at, reason });
+            }
+            if let Some(i) = times.windows(2).position(|w| w[1] < w[0]) {
+                return Err(RecordError::TimeBackwards { at, frame: i + 1 });
+            }
+        }
+        let rate_hz = options.rate_hz.unwrap_or(DEFAULT_RATE_HZ);
+        Ok(Self {
+            name: at,
+            len,
+            taxels,
+            shape: image,
+            frames,
+            times_ns,
+            rate_hz,
+        })
+    }
+
+    /// The file, and the array where there is one, for messages: `FILE [ARRAY]`.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Number of frames, `T`; at least one.
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Always false: a recording has at least one frame.
+    pub fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// Number of taxels, `N`; at least one.
+    pub fn taxels(&self) -> usize {
+        self.taxels
+    }
+
+    /// Height and width of the image, where the array was `T x H x W`.
+    pub fn image_shape(&self) -> Option<(usize, usize)> {
+        self.shape
+    }
+
+    /// All frames at once.
+    pub fn frames(&self) -> &Frames {
+        &self.frames
+    }
+
+    /// Whether the frames are raw counts.
+    pub fn has_counts(&self) -> bool {
+        matches!(self.frames, Frames::Counts(_))
+    }
+
+    /// Whether the file recorded the time of each frame; otherwise the rate makes it.
+    pub fn has_times(&self) -> bool {
+        self.times_ns.is_some()
+    }
+
+    /// Time of frame `index`, nanoseconds: as recorded, or `index` divided by the rate.
+    ///
+    /// # Panics
+    /// When the recorded times have no such frame.
+    pub fn t_ns(&self, index: usize) -> u64 {
+        match &self.times_ns {
+            Some(times) => times[index],
+            None => (index as f64 * 1e9 / self.rate_hz).round() as u64,
+        }
+    }
+
+    /// The magnitudes of frame `index`, one per taxel; `None` for a recording of counts or past the end.
+    pub fn magnitudes(&self, index: usize) -> Option<&[f64]> {
+        match &self.frames {
+            Frames::Magnitudes(values) => values.chunks_exact(self.taxels).nth(index),
+            Frames::Counts(_) => None,
+        }
+    }
+
+    /// The counts of frame `index`, x y z per taxel; `None` for a recording of magnitudes or past the end.
+    pub fn counts(&self, index: usize) -> Option<&[[u16; 3]]> {
+        match &self.frames {
+            Frames::Counts(values) => values.chunks_exact(self.taxels).nth(index),
+            Frames::Magnitudes(_) => None,
+        }
+    }
+}
+
+fn magnitudes(at: &str, taxels: usize, values: Vec<f64>) -> Result<Frames, RecordError> {
+    match values.iter().position(|v| !v.is_finite()) {
+        Some(i) => Err(RecordError::NotFinite {
+            at: at.into(),
+            frame: i / taxels,
+            column: i % taxels,
+            value: values[i],
+        }),
+        None => Ok(Frames::Magnitudes(values)),
+    }
+}
+
+fn counts_of_columns(
+    at: &str,
+    taxels: usize,
+    columns: Columns,
+    values: &[f64],
+) -> Result<Vec<[u16; 3]>, RecordError> {
+    let mut counts = Vec::with_capacity(values.len() / 3);
+    for (frame, row) in values.chunks_exact(taxels * 3).enumerate() {
+        for taxel in 0..taxels {
+            let mut xyz = [0; 3];
+            for (axis, count) in xyz.iter_mut().enumerate() {
+                let column = match columns {
+                    Columns::XyzInterleaved => taxel * 3 + axis,
+                    Columns::XyzBlocks => axis * taxels + taxel,
+                };
+                *count = count_of(row[column]).ok_or_else(|| RecordError::NotACount {
+                    at: at.into(),
+                    frame,
+                    column,
+                    value: row[column],
+                })?;
+            }
+            counts.push(xyz);
+        }
+    }
+    Ok(counts)
+}
+
+fn count_of(value: f64) -> Option<u16> {
+    ((0.0..=65535.0).contains(&value) && value.fract() == 0.0).then_some(value as u16)
+}
+
+impl FromStr for Columns {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "xyz-interleaved" => Ok(Columns::XyzInterleaved),
+            "xyz-blocks" => Ok(Columns::XyzBlocks),
+            _ => Err(format!(
+                "{text:?} is no column order; use xyz-interleaved or xyz-blocks"
+            )),
+        }
+    }
+}
+
+impl FromStr for TimeUnit {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "s" => Ok(TimeUnit::S),
+            "ms" => Ok(TimeUnit::Ms),
+            "us" => Ok(TimeUnit::Us),
+            "ns" => Ok(TimeUnit::Ns),
+            _ => Err(format!("{text:?} is no unit of time; use s, ms, us or ns")),
+        }
+    }
+}
+
+impl TimeUnit {
+    /// Nanoseconds in one unit.
+    pub fn nanoseconds(self) -> f64 {
+        match self {
+            TimeUnit::S => 1e9,
+            TimeUnit::Ms => 1e6,
+            TimeUnit::Us => 1e3,
+            TimeUnit::Ns => 1.0,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn table(shape: &[usize], values: Vec<f64>) -> Table {
+        assert_eq!(values.len(), shape.iter().product::<usize>());
+        Table {
+            at: "test".into(),
+            shape: shape.into(),
+            values,
+            times_ns: None,
+        }
+    }
+
+    fn ramp(shape: &[usize]) -> Table {
+        table(
+            shape,
+            (0..shape.iter().product::<usize>()).map(|v| v as f64).collect(),
+        )
+    }
+
+    #[test]
+    fn the_shape_decides_what_the_numbers_are() {
+        let none = ReadOptions::default();
+        let image = Recording::from_table(ramp(&[2, 3, 4]), &none).unwrap();
+        assert_eq!(
+            (image.len(), image.taxels(), image.image_shape()),
+            (2, 12, Some((3, 4)))
+        );
+        assert_eq!(image.magnitudes(1).unwrap()[0], 12.0);
+        assert_eq!(image.counts(1), None);
+
+        let flat = Recording::from_table(ramp(&[2, 6]), &none).unwrap();
+        assert_eq!(
+            (flat.taxels(), flat.image_shape(), flat.has_counts()),
+            (6, None, false)
+        );
+
+        let counts = Recording::from_table(ramp(&[2, 4, 3]), &none).unwrap();
+        assert_eq!((counts.taxels(), counts.has_counts()), (4, true));
+        assert_eq!(counts.counts(1).unwrap()[0], [12, 13, 14]);
+        assert_eq!(counts.counts(2), None);
+    }
+
+    #[test]
+    fn columns_of_counts_are_read_in_the_order_given_and_only_when_given() {
+        let read = |columns| {
+            let options = ReadOptions {
+                columns,
+                ..Default::default()
+            };
+            Recording::from_table(ramp(&[2, 6]), &options).unwrap()
+        };
+        assert!(!read(None).has_counts());
+        let interleaved = read(Some(Columns::XyzInterleaved));
+        assert_eq!(interleaved.counts(1).unwrap(), [[6, 7, 8], [9, 10, 11]]);
+        let blocks = read(Some(Columns::XyzBlocks));
+        assert_eq!(blocks.counts(0).unwrap(), [[0, 2, 4], [1, 3, 5]]);
+    }
+
+    #[test]
+    fn a_shape_that_fits_nothing_says_what_would() {
+        let none = ReadOptions::default();
+        let blocks = ReadOptions {
+            columns: Some(Columns::XyzBlocks),
+            ..Default::default()
+        };
+        for (shape, options, wanted) in [
+            (vec![5], &none, "T x N x 3"),
+            (vec![2, 2, 2, 2], &none, "T x N x 3"),
+            (vec![2, 7], &blocks, "T x 3N"),
+            (vec![2, 7, 3], &blocks, "T x 3N"),
+            (vec![0, 7], &none, "at least one frame"),
+        ] {
+            let message = Recording::from_table(ramp(&shape), options)
+                .unwrap_err()
+                .to_string();
+            assert!(message.contains(wanted), "{message}");
+        }
+    }
+
+    #[test]
+    fn values_that_are_no_counts_or_no_numbers_are_named() {
+        let blocks = ReadOptions {
+            columns: Some(Columns::XyzBlocks),
+            ..Default::default()
+        };
+        for bad in [-1.0, 65536.0, 0.5, f64::NAN] {
+            let mut values = vec![0.0; 12];
+            values[8] = bad;
+            match Recording::from_table(table(&[2, 6], values), &blocks) {
+                Err(RecordError::NotACount {
+                    frame: 1, column: 2, ..
+                }) => {}
+                other => panic!("{bad}: {other:?}"),
+            }
+        }
+        let mut values = vec![0.0; 12];
+        values[7] = f64::INFINITY;
+        match Recording::from_table(table(&[2, 6], values), &ReadOptions::default()) {
+            Err(RecordError::NotFinite {
+                frame: 1, column: 1, ..
+            }) => {}
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn times_are_recorded_ones_unless_a_rate_is_given() {
+        let mut timed = ramp(&[3, 2]);
+        timed.times_ns = Some(vec![5, 5, 9]);
+        let recording = Recording::from_table(timed, &ReadOptions::default()).unwrap();
+        assert_eq!((recording.t_ns(1), recording.t_ns(2)), (5, 9));
+
+        let mut timed = ramp(&[3, 2]);
+        timed.times_ns = Some(vec![5, 5, 9]);
+        let at_1khz = ReadOptions {
+            rate_hz: Some(1000.0),
+            ..Default::default()
+        };
+        assert_eq!(Recording::from_table(timed, &at_1khz).unwrap().t_ns(2), 2_000_000);
+
+        let untimed = Recording::from_table(ramp(&[3, 2]), &ReadOptions::default()).unwrap();
+        assert_eq!(untimed.t_ns(1), 33_333_333);
+    }
+
+    #[test]
+    fn times_that_run_backwards_or_do_not_fit_are_refused() {
+        for (times, wanted) in [(vec![5, 4, 9], "frame 1"), (vec![1, 2], "2 times for 3 frames")] {
+            let mut timed = ramp(&[3, 2]);
+            timed.times_ns = Some(times);
+            let message = Recording::from_table(timed, &ReadOptions::default())
+                .unwrap_err()
+                .to_string();
+            assert!(message.contains(wanted), "{message}");
+        }
+    }
+}
