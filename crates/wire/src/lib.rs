@@ -1,1 +1,45 @@
-//! Placeholder while the crate is written.
+//! What display drivers receive from taxeld: the bytes, and the Rust reader of them.
+//!
+//! The format is specified in `docs/wire.md`; `python/taxel_reader.py` and `c/taxel_reader.h` read the same
+//! bytes, and all three are checked against the files in `vectors/`.
+//!
+//! - Encoding: [`encode_image_payload`] and [`encode_raw_payload`] once per tick, [`Header`] once per reader.
+//! - Decoding: [`decode`] and [`decode_packet`] take any bytes, borrow from them and never panic.
+//! - Reading: [`Subscriber`] connects to a running daemon.
+//!
+//! Everything but [`reader`] is free of I/O, clocks and threads.
+//!
+//! ```
+//! use taxel_wire::{Body, Header, Kind, decode_packet, encode_image_payload};
+//!
+//! let image = taxel_compress::TactileImage { width: 2, height: 1, pixels: vec![0, 255], ..Default::default() };
+//! let mut payload = Vec::new();
+//! encode_image_payload(&image, &mut payload).unwrap();
+//! let mut packet = Header::new(Kind::Image, payload.len()).to_bytes().to_vec();
+//! packet.extend_from_slice(&payload);
+//!
+//! let message = decode_packet(&packet).unwrap();
+//! let Body::Image(view) = message.body else { panic!("not an image") };
+//! assert_eq!(view.pixels(), [0, 255]);
+//! ```
+
+mod error;
+mod fields;
+mod header;
+mod hello;
+mod image;
+mod message;
+mod raw;
+pub mod reader;
+mod text;
+
+pub use error::{DecodeError, EncodeError};
+pub use header::{Flags, HEADER_LEN, Header, Kind, MAGIC, MAJOR, MAX_MESSAGE, MINOR};
+pub use hello::{Clock, Hello, HelloModule, HelloProfile, HelloProtocol, HelloRate, HelloTaxel};
+pub use image::{ImageView, WireActuator, encode_image_payload, image_payload_len};
+pub use message::{Body, Message, decode, decode_packet};
+pub use raw::{RawTaxel, RawView, encode_raw_payload, raw_payload_len};
+pub use reader::{ReadError, Received, Subscriber};
+pub use text::{
+    Event, EventKind, MAX_SUBSCRIBE, MAX_TEXT, Subscribe, SubscribeError, TEXT_PART, TextParts, split_text,
+};

@@ -1,0 +1,226 @@
+//! HELLO: what hand and which display the images are of.
+
+use crate::header::{MAJOR, MINOR};
+use crate::text::{split_json, to_json};
+use serde::{Deserialize, Serialize};
+use taxel_compress::Profile;
+use taxel_skin::Layout;
+
+/// The self-description that each reader gets first, and again whenever it changes.
+///
+/// Keys of later versions are ignored when read.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Hello {
+    /// Version of the format.
+    pub protocol: HelloProtocol,
+    /// Program and version, such as `taxeld 0.1.0`.
+    pub daemon: String,
+    /// Name of the layout, such as `allegro-uskin-15`.
+    pub layout: String,
+    /// Width of the images, pixels.
+    pub width: u16,
+    /// Height of the images, pixels.
+    pub height: u16,
+    /// The modules, in the order of their taxels.
+    pub modules: Vec<HelloModule>,
+    /// The taxels, in the order of their numbers.
+    pub taxels: Vec<HelloTaxel>,
+    /// Column and row of each pixel that no taxel stands behind.
+    pub absent: Vec<[u16; 2]>,
+    /// The display that the images are made for.
+    pub profile: HelloProfile,
+    /// When images come.
+    pub rate: HelloRate,
+    /// Unit of every force: `counts`, or `counts^2` in the publication's squared mode.
+    pub force_unit: String,
+    /// The clock of every `t_ns`.
+    pub clock: Clock,
+}
+
+/// Version of the format.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct HelloProtocol {
+    /// Readers refuse another major version.
+    pub major: u8,
+    /// Readers accept any minor version.
+    pub minor: u8,
+}
+
+/// One board's patch of taxels.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct HelloModule {
+    /// Name for people, such as `index tip`.
+    pub name: String,
+    /// Part of the hand, such as `index`.
+    pub part: String,
+    /// Number of its first taxel.
+    pub first_taxel: u16,
+    /// How many taxels it has.
+    pub taxels: u16,
+}
+
+/// One taxel's place; in JSON the row `[taxel, x, y, module, [x_mm, y_mm, z_mm] or null]`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(from = "TaxelRow", into = "TaxelRow")]
+pub struct HelloTaxel {
+    /// Number of the taxel, `0..N`.
+    pub taxel: u16,
+    /// Column of its pixel.
+    pub x: u16,
+    /// Row of its pixel.
+    pub y: u16,
+    /// Index of its module in [`Hello::modules`].
+    pub module: u16,
+    /// Place on the hand, millimetres, where known.
+    pub position_mm: Option<[f32; 3]>,
+}
+
+type TaxelRow = (u16, u16, u16, u16, Option<[f32; 3]>);
+
+impl From<TaxelRow> for HelloTaxel {
+    fn from((taxel, x, y, module, position_mm): TaxelRow) -> Self {
+        Self {
+            taxel,
+            x,
+            y,
+            module,
+            position_mm,
+        }
+    }
+}
+
+impl From<HelloTaxel> for TaxelRow {
+    fn from(t: HelloTaxel) -> Self {
+        (t.taxel, t.x, t.y, t.module, t.position_mm)
+    }
+}
+
+/// The display that the images are made for.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct HelloProfile {
+    /// `K_D`, the most force levels an image has.
+    pub levels: u16,
+    /// `K_A`, the most actuators an image has; actuator ids are below it.
+    pub actuators: u16,
+    /// Name of the compression method, such as `paper`.
+    pub method: String,
+    /// Meaning of a grey: `level` (equal steps) or `centroid` (in the ratio of the forces).
+    pub grey: String,
+}
+
+impl From<&Profile> for HelloProfile {
+    fn from(profile: &Profile) -> Self {
+        let name = |value: serde_json::Result<serde_json::Value>| match value {
+            Ok(serde_json::Value::String(name)) => name,
+            _ => "unknown".into(),
+        };
+        Self {
+            levels: profile.levels,
+            actuators: profile.actuators,
+            method: name(serde_json::to_value(profile.method)),
+            grey: name(serde_json::to_value(profile.grey)),
+        }
+    }
+}
+
+/// When images come.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct HelloRate {
+    /// `timer` for a fixed rate, `sweep` for an image as soon as every board has reported.
+    pub mode: String,
+    /// Images per second; in `sweep` mode the expected rate, or null where that is unknown.
+    pub hz: Option<f64>,
+}
+
+/// The clock of every `t_ns`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Clock {
+    /// The machine's monotonic clock, for live hands.
+    #[serde(rename = "CLOCK_MONOTONIC")]
+    Monotonic,
+    /// The machine's wall clock.
+    #[serde(rename = "CLOCK_REALTIME")]
+    Realtime,
+    /// The times in a recording; they tell no latency.
+    #[serde(rename = "recording")]
+    Recording,
+    /// A clock of a later version.
+    #[serde(other)]
+    Unknown,
+}
+
+impl Hello {
+    /// Describes a hand and a display; forces in counts.
+    pub fn new(
+        daemon: impl Into<String>,
+        layout: &Layout,
+        profile: &Profile,
+        rate: HelloRate,
+        clock: Clock,
+    ) -> Self {
+        let (width, height) = (layout.width, layout.height);
+        let pixel = |x: u16, y: u16| usize::from(y) * usize::from(width) + usize::from(x);
+        let mut present = vec![false; usize::from(width) * usize::from(height)];
+        for taxel in &layout.taxels {
+            if let Some(present) = present.get_mut(pixel(taxel.x, taxel.y)) {
+                *present = true;
+            }
+        }
+        let absent = (0..height)
+            .flat_map(|y| (0..width).map(move |x| [x, y]))
+            .filter(|&[x, y]| !present[pixel(x, y)])
+            .collect();
+        Self {
+            protocol: HelloProtocol {
+                major: MAJOR,
+                minor: MINOR,
+            },
+            daemon: daemon.into(),
+            layout: layout.name.clone(),
+            width,
+            height,
+            modules: layout
+                .modules
+                .iter()
+                .map(|module| HelloModule {
+                    name: module.name.clone(),
+                    part: module.part.clone(),
+                    first_taxel: module.first_taxel,
+                    taxels: module.taxels,
+                })
+                .collect(),
+            taxels: layout
+                .taxels
+                .iter()
+                .zip(0..)
+                .map(|(place, taxel)| HelloTaxel {
+                    taxel,
+                    x: place.x,
+                    y: place.y,
+                    module: place.module,
+                    position_mm: place.position_mm,
+                })
+                .collect(),
+            absent,
+            profile: profile.into(),
+            rate,
+            force_unit: "counts".into(),
+            clock,
+        }
+    }
+
+    /// The text of the message; [`crate::split_text`] makes packets of it.
+    pub fn to_json(&self) -> Vec<u8> {
+        to_json(self)
+    }
+
+    /// The packets of the message, each a header and its part of the text, in order.
+    pub fn to_packets(&self, seq: u64, t_ns: u64) -> Vec<Vec<u8>> {
+        split_json(crate::Kind::Hello, &self.to_json(), seq, t_ns)
+    }
+
+    /// Reads the text of a HELLO.
+    pub fn parse(text: &[u8]) -> Result<Self, serde_json::Error> {
+        serde_json::from_slice(text)
+    }
+}

@@ -1,0 +1,227 @@
+//! Messages in JSON: what a client asks for, what it is told, and long texts in several packets.
+
+use crate::error::DecodeError;
+use crate::header::{Flags, HEADER_LEN, Header, Kind, MAX_MESSAGE};
+use crate::message::{Body, decode_packet};
+use serde::{Deserialize, Serialize};
+
+/// The most bytes a SUBSCRIBE packet may have.
+pub const MAX_SUBSCRIBE: usize = 4096;
+/// The most bytes of text a reader puts together from its parts.
+pub const MAX_TEXT: usize = 8 << 20;
+/// Bytes of text in one packet, unless told otherwise: so few that it fits a socket whose send buffer was made
+/// as small as Linux allows, for the sake of fresh images.
+pub const TEXT_PART: usize = 8000;
+
+/// What a client wants to be sent. Without a subscription it is sent every image.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Subscribe {
+    /// IMAGE messages; true unless said otherwise.
+    pub image: bool,
+    /// RAW messages.
+    pub raw: bool,
+    /// STATUS messages.
+    pub status: bool,
+    /// The most images and raw frames per second, above 0; absent or null for every one.
+    pub max_rate_hz: Option<f64>,
+}
+
+impl Default for Subscribe {
+    fn default() -> Self {
+        Self {
+            image: true,
+            raw: false,
+            status: false,
+            max_rate_hz: None,
+        }
+    }
+}
+
+/// Why a client's packet is no subscription. The text is fit for the EVENT that answers it.
+#[derive(Debug, thiserror::Error)]
+pub enum SubscribeError {
+    /// Longer than a subscription may be.
+    #[error("a client's message may have {MAX_SUBSCRIBE} bytes; this one has {len}")]
+    TooLong {
+        /// Bytes of the packet.
+        len: usize,
+    },
+    /// Not a message at all.
+    #[error("not understood: {0}")]
+    Decode(#[from] DecodeError),
+    /// A message of another type.
+    #[error(
+        "a client may send SUBSCRIBE (type 16) only, and this is type {number}; commands go to the control socket"
+    )]
+    WrongKind {
+        /// Number of the type.
+        number: u16,
+    },
+    /// Not the JSON of a subscription, or an unknown key.
+    #[error("subscription: {0}")]
+    Json(#[from] serde_json::Error),
+    /// A rate that is no rate.
+    #[error("subscription: max_rate_hz = {max_rate_hz} must be a number above 0")]
+    Rate {
+        /// The rate asked for.
+        max_rate_hz: f64,
+    },
+}
+
+impl Subscribe {
+    /// Reads what a client sent: a whole packet.
+    pub fn from_packet(packet: &[u8]) -> Result<Self, SubscribeError> {
+        if packet.len() > MAX_SUBSCRIBE {
+            return Err(SubscribeError::TooLong { len: packet.len() });
+        }
+        let message = decode_packet(packet)?;
+        match message.body {
+            Body::Subscribe(text) => Self::parse(text),
+            _ => Err(SubscribeError::WrongKind {
+                number: message.header.kind.number(),
+            }),
+        }
+    }
+
+    /// Reads the text of a SUBSCRIBE; refuses unknown keys.
+    pub fn parse(text: &[u8]) -> Result<Self, SubscribeError> {
+        let subscribe: Self = serde_json::from_slice(text)?;
+        match subscribe.max_rate_hz {
+            Some(max_rate_hz) if !(max_rate_hz.is_finite() && max_rate_hz > 0.0) => {
+                Err(SubscribeError::Rate { max_rate_hz })
+            }
+            _ => Ok(subscribe),
+        }
+    }
+
+    /// The packet to send.
+    pub fn to_packet(&self) -> Vec<u8> {
+        packet(Header::new(Kind::Subscribe, 0), &to_json(self))
+    }
+}
+
+/// Something the daemon tells people: why it disconnects, what happens to the hand.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Event {
+    /// What happened.
+    pub event: EventKind,
+    /// A sentence for people.
+    pub message: String,
+}
+
+/// What happened.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum EventKind {
+    /// What the client sent was not understood and has no effect.
+    Refused,
+    /// The daemon closes this connection after this message.
+    Disconnect,
+    /// The baseline is being measured; images are empty until it is done.
+    Calibrating,
+    /// The baseline has been measured.
+    Calibrated,
+    /// Images stop until the daemon is told to resume.
+    Paused,
+    /// Images come again.
+    Resumed,
+    /// Anything else worth showing.
+    Notice,
+    /// A kind of a later version.
+    #[serde(other)]
+    Other,
+}
+
+impl Event {
+    /// An event with its sentence.
+    pub fn new(event: EventKind, message: impl Into<String>) -> Self {
+        Self {
+            event,
+            message: message.into(),
+        }
+    }
+
+    /// The packet to send; `seq` and `t_ns` are those of the newest frame. A sentence longer than
+    /// 1000 bytes is cut.
+    pub fn to_packet(&self, seq: u64, t_ns: u64) -> Vec<u8> {
+        // JSON escapes a byte to at most six.
+        let mut cut = self.message.len().min(TEXT_PART / 8);
+        while !self.message.is_char_boundary(cut) {
+            cut -= 1;
+        }
+        let event = Self::new(self.event, &self.message[..cut]);
+        let header = Header {
+            seq,
+            t_ns,
+            ..Header::new(Kind::Event, 0)
+        };
+        packet(header, &to_json(&event))
+    }
+
+    /// Reads the text of an EVENT.
+    pub fn parse(text: &[u8]) -> Result<Self, serde_json::Error> {
+        serde_json::from_slice(text)
+    }
+}
+
+/// Cuts the text of a HELLO, STATUS or EVENT into messages of at most `part_len` bytes of text each.
+///
+/// All but the last carry [`Flags::MORE`]; they are sent with nothing in between. An empty text makes one
+/// message. A `part_len` of 0, or one too long for a message, is corrected to the nearest that works.
+pub fn split_text(kind: Kind, text: &[u8], part_len: usize, seq: u64, t_ns: u64) -> TextParts<'_> {
+    TextParts {
+        rest: Some(text),
+        part_len: part_len.clamp(1, MAX_MESSAGE - HEADER_LEN),
+        header: Header {
+            seq,
+            t_ns,
+            ..Header::new(kind, 0)
+        },
+    }
+}
+
+/// The messages of a text: a header and its part of the text, in order. Made by [`split_text`].
+#[derive(Debug, Clone)]
+pub struct TextParts<'a> {
+    rest: Option<&'a [u8]>,
+    part_len: usize,
+    header: Header,
+}
+
+impl<'a> Iterator for TextParts<'a> {
+    type Item = (Header, &'a [u8]);
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let rest = self.rest.take()?;
+        let (part, after) = rest.split_at(rest.len().min(self.part_len));
+        let more = !after.is_empty();
+        if more {
+            self.rest = Some(after);
+        }
+        let header = Header {
+            payload_len: part.len() as u32,
+            flags: Flags::NONE.with(Flags::MORE, more),
+            ..self.header
+        };
+        Some((header, part))
+    }
+}
+
+pub(crate) fn split_json(kind: Kind, text: &[u8], seq: u64, t_ns: u64) -> Vec<Vec<u8>> {
+    split_text(kind, text, TEXT_PART, seq, t_ns)
+        .map(|(header, part)| packet(header, part))
+        .collect()
+}
+
+pub(crate) fn to_json<T: Serialize>(value: &T) -> Vec<u8> {
+    serde_json::to_vec(value).expect("structs of numbers, strings and lists always serialise")
+}
+
+fn packet(header: Header, payload: &[u8]) -> Vec<u8> {
+    let header = Header {
+        payload_len: payload.len() as u32,
+        ..header
+    };
+    [&header.to_bytes(), payload].concat()
+}
