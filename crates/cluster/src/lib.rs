@@ -1,1 +1,13 @@
-//! Placeholder while the crate is written.
+//! k-means kernels in one and two dimensions.
+//!
+//! Slices in, slices out: nothing here allocates, reads a clock or depends on the machine. Every operation is a plain
+//! IEEE 754 double operation in a documented order, so that a result is the same on every platform, to the bit. The
+//! recipe that `docs/algorithm.md` gives for other languages is the one these functions follow.
+
+mod lloyd1d;
+mod lloyd2d;
+mod seed;
+
+pub use lloyd1d::{assign1d, lloyd1d, nearest1d};
+pub use lloyd2d::{Plane, lloyd2d, medoids};
+pub use seed::{distinct_up_to, maximin, uniform};
