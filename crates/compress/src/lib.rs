@@ -1,7 +1,18 @@
 //! Sequential clustering: a force frame and a display profile become a tactile image.
+//!
+//! [`Compressor`] does it, frame by frame, without allocating; [`learn_codebook`] makes the constant codebook of a session.
+//! `docs/algorithm.md` gives the recipe to the bit.
 
+mod actuators;
+mod codebook;
+mod compressor;
+mod contacts;
 mod image;
+mod levels;
 mod profile;
 
+pub use codebook::learn_codebook;
+pub use compressor::Compressor;
+pub use contacts::FORCE_MAX;
 pub use image::{Actuator, TactileImage};
 pub use profile::{ActuatorForce, Grey, Method, Profile, ProfileError};

@@ -46,7 +46,7 @@ pub enum Grey {
     /// `round(255 k / K_D)` for level `k = 1..K_D`: the display's full range, in equal steps.
     #[default]
     Level,
-    /// `round(255 mu_k / mu_max)`: greys keep the ratios of the forces.
+    /// `round(255 mu_k / mu_max)`, at least 1: greys keep the ratios of the forces.
     Centroid,
 }
 
@@ -107,6 +107,32 @@ pub enum ProfileError {
         index: usize,
         /// The entry.
         value: f64,
+    },
+    /// A layout with a taxel outside its image.
+    #[error("layout: taxel {taxel} lies at ({x}, {y}), outside the {width}x{height} image")]
+    TaxelOutsideImage {
+        /// Number of the taxel.
+        taxel: usize,
+        /// Its column.
+        x: u16,
+        /// Its row.
+        y: u16,
+        /// Width of the image.
+        width: u16,
+        /// Height of the image.
+        height: u16,
+    },
+    /// A layout with two taxels on one pixel.
+    #[error("layout: taxels {first} and {second} both lie at ({x}, {y})")]
+    PixelShared {
+        /// Number of the first taxel.
+        first: usize,
+        /// Number of the second taxel.
+        second: usize,
+        /// Their column.
+        x: u16,
+        /// Their row.
+        y: u16,
     },
 }
 

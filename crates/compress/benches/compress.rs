@@ -1,0 +1,53 @@
+//! Cost of a tick: `cargo bench -p taxel-compress`.
+
+use divan::Bencher;
+use taxel_compress::{Compressor, Profile};
+use taxel_skin::{ForceFrame, Layout, Taxel};
+
+fn main() {
+    divan::main();
+}
+
+fn grid(side: u16) -> Layout {
+    let taxels = (0..side * side)
+        .map(|i| Taxel {
+            module: 0,
+            k: 0,
+            x: i % side,
+            y: i / side,
+            position_mm: None,
+        })
+        .collect();
+    Layout {
+        name: format!("grid:{side}x{side}"),
+        width: side,
+        height: side,
+        buses: vec![],
+        modules: vec![],
+        taxels,
+    }
+}
+
+/// Heavy-tailed forces, as contacts have them, the first `contacts` taxels in contact.
+fn frame(taxels: usize, contacts: usize) -> ForceFrame {
+    let mut frame = ForceFrame::new(taxels);
+    let mut state = 1u64;
+    for n in 0..contacts {
+        state = state
+            .wrapping_mul(6364136223846793005)
+            .wrapping_add(1442695040888963407);
+        let uniform = (state >> 11) as f64 / (1u64 << 53) as f64;
+        frame.force[n] = 50.0 + 500.0 * (1.0 / (1.0 - 0.99 * uniform) - 1.0);
+        frame.contact[n] = true;
+    }
+    frame
+}
+
+#[divan::bench(args = [16, 100, 240])]
+fn paper(bencher: Bencher, contacts: usize) {
+    let layout = grid(16);
+    let mut compressor = Compressor::new(Profile::default(), &layout).expect("a valid profile");
+    let mut image = compressor.new_image();
+    let frame = frame(layout.taxels.len(), contacts);
+    bencher.bench_local(|| compressor.compress(divan::black_box(&frame), &mut image));
+}

@@ -1,0 +1,99 @@
+//! A codebook for a whole session, learned from recordings: mark (*) of Table I.
+
+use taxel_skin::ForceFrame;
+
+use crate::contacts::is_force;
+use crate::{Profile, levels::Levels};
+
+/// Learns at most `levels` force levels from the contacts of recorded frames, to be kept constant as
+/// [`Profile::codebook`].
+///
+/// It is Lloyd-Max over all contacts of all frames at once, from a uniform start, until it converges (or for 1000
+/// iterations). Levels that no contact fell to are left out, so the result may be shorter; it is empty if there was no
+/// contact. Ascending, in the unit of [`ForceFrame::force`].
+pub fn learn_codebook<'a>(frames: impl IntoIterator<Item = &'a ForceFrame>, levels: u16) -> Vec<f64> {
+    let mut forces = Vec::new();
+    for frame in frames.into_iter().filter(|frame| !frame.calibrating) {
+        let taxels = frame.force.iter().zip(&frame.contact).zip(&frame.faults);
+        forces.extend(
+            taxels
+                .filter(|((force, contact), faults)| {
+                    **contact && faults.is_empty() && is_force(**force, true)
+                })
+                .map(|((force, _), _)| *force),
+        );
+    }
+    forces.sort_unstable_by(f64::total_cmp);
+    let profile = Profile {
+        levels: levels.max(1),
+        force_iterations: 1000,
+        ..Profile::default()
+    };
+    let mut stage = Levels::new(&profile, forces.len());
+    stage.lloyd(&profile, &forces);
+    let mut used = vec![false; stage.codebook.len()];
+    for level in &stage.level {
+        used[usize::from(*level)] = true;
+    }
+    let mut codebook: Vec<f64> = stage
+        .codebook
+        .iter()
+        .zip(used)
+        .filter(|(_, used)| *used)
+        .map(|(force, _)| *force)
+        .collect();
+    codebook.dedup();
+    codebook
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn frame(forces: &[f64]) -> ForceFrame {
+        let mut frame = ForceFrame::new(forces.len());
+        frame.force.copy_from_slice(forces);
+        frame.contact.fill(true);
+        frame
+    }
+
+    #[test]
+    fn a_codebook_holds_the_levels_of_all_frames_together() {
+        let frames = [frame(&[10.0, 20.0]), frame(&[12.0, 30.0]), frame(&[28.0, 22.0])];
+        assert_eq!(learn_codebook(&frames, 3), [11.0, 21.0, 29.0]);
+    }
+
+    #[test]
+    fn taxels_without_contact_or_with_a_bad_value_teach_nothing() {
+        let mut released = frame(&[500.0, 10.0]);
+        released.contact[0] = false;
+        let mut broken = frame(&[700.0, 10.0]);
+        broken.faults[0].insert(taxel_skin::Fault::Noisy);
+        let mut calibrating = frame(&[900.0]);
+        calibrating.calibrating = true;
+        let frames = [
+            released,
+            broken,
+            calibrating,
+            frame(&[f64::NAN, f64::INFINITY, -3.0, 1e200]),
+        ];
+        assert_eq!(learn_codebook(&frames, 4), [10.0]);
+    }
+
+    #[test]
+    fn no_contact_gives_no_codebook() {
+        assert_eq!(learn_codebook(&[ForceFrame::new(5)], 4), [] as [f64; 0]);
+    }
+
+    #[test]
+    fn a_learned_codebook_is_accepted_by_a_profile() {
+        let frames = [frame(&[1.0, 2.0, 1000.0, 1001.0]), frame(&[3.0; 10])];
+        let codebook = learn_codebook(&frames, 8);
+        let profile = Profile {
+            levels: 8,
+            codebook,
+            ..Profile::default()
+        };
+        assert_eq!(profile.check(), Ok(()));
+    }
+}

@@ -1,0 +1,217 @@
+//! A force frame in, a tactile image out.
+
+use taxel_skin::{ForceFrame, Layout};
+
+use crate::actuators::Actuators;
+use crate::contacts::Contacts;
+use crate::levels::Levels;
+use crate::{Grey, Method, Profile, ProfileError, TactileImage};
+
+/// Compresses the force frames of one hand for one display profile.
+///
+/// The same frames in the same order give the same images, to the bit, on every platform.
+///
+/// ```
+/// use taxel_compress::{Compressor, Profile};
+/// use taxel_skin::{ForceFrame, Layout, Taxel};
+///
+/// let taxels = (0..4).map(|i| Taxel { module: 0, k: i, x: i.into(), y: 0, position_mm: None }).collect();
+/// let layout = Layout { name: "row".into(), width: 4, height: 1, buses: vec![], modules: vec![], taxels };
+/// let mut compressor = Compressor::new(Profile { levels: 2, ..Profile::default() }, &layout)?;
+/// let mut image = compressor.new_image();
+///
+/// let mut frame = ForceFrame::new(4);
+/// frame.force = vec![0.0, 10.0, 12.0, 50.0];
+/// frame.contact = vec![false, true, true, true];
+/// compressor.compress(&frame, &mut image);
+/// assert_eq!(image.levels, [11.0, 50.0]);
+/// assert_eq!(image.pixels, [0, 128, 128, 255]);
+/// # Ok::<(), taxel_compress::ProfileError>(())
+/// ```
+#[derive(Debug)]
+pub struct Compressor {
+    profile: Profile,
+    width: u16,
+    height: u16,
+    contacts: Contacts,
+    levels: Levels,
+    actuators: Actuators,
+    refused: u64,
+}
+
+impl Compressor {
+    /// Takes all the memory that frames of this hand will need.
+    ///
+    /// # Errors
+    ///
+    /// A profile that describes no display ([`Profile::check`]), or a layout whose taxels do not each have a pixel of their
+    /// own inside its image.
+    pub fn new(profile: Profile, layout: &Layout) -> Result<Self, ProfileError> {
+        profile.check()?;
+        check_pixels(layout)?;
+        let taxels = layout.taxels.len();
+        Ok(Self {
+            width: layout.width,
+            height: layout.height,
+            contacts: Contacts::new(layout),
+            levels: Levels::new(&profile, taxels),
+            actuators: Actuators::new(&profile, taxels),
+            refused: 0,
+            profile,
+        })
+    }
+
+    /// The profile it compresses for.
+    pub fn profile(&self) -> &Profile {
+        &self.profile
+    }
+
+    /// An empty image with memory for anything [`Compressor::compress`] can put into it.
+    pub fn new_image(&self) -> TactileImage {
+        TactileImage {
+            width: self.width,
+            height: self.height,
+            pixels: vec![0; usize::from(self.width) * usize::from(self.height)],
+            levels: Vec::with_capacity(self.profile.levels.into()),
+            actuators: Vec::with_capacity(self.profile.actuators.into()),
+            ..TactileImage::default()
+        }
+    }
+
+    /// Forces refused since the start: not a number, infinite, or a contact with a force that is not in
+    /// `0 < force <= `[`FORCE_MAX`](crate::FORCE_MAX). Each is treated as no contact and counted in
+    /// [`TactileImage::faulty`].
+    pub fn refused(&self) -> u64 {
+        self.refused
+    }
+
+    /// Compresses a frame into an image; `docs/algorithm.md` says how, to the bit.
+    ///
+    /// Everything in the image is overwritten except `joints`, which belong to the caller. An image from
+    /// [`Compressor::new_image`], or one used before, is filled without allocating. Taxels that the frame lacks count as
+    /// missing, taxels that the layout lacks are ignored.
+    pub fn compress(&mut self, frame: &ForceFrame, image: &mut TactileImage) {
+        self.contacts.collect(frame);
+        self.refused += self.contacts.refused as u64;
+        match self.profile.method {
+            Method::Paper => {
+                self.levels.lloyd(&self.profile, &self.contacts.force);
+                self.actuators
+                    .lloyd(&self.profile, &self.contacts, &self.levels, &mut image.actuators);
+            }
+        }
+        self.describe(frame, image);
+        self.paint(image);
+    }
+
+    /// Fills in everything that is copied or counted.
+    fn describe(&self, frame: &ForceFrame, image: &mut TactileImage) {
+        let taxels = self.contacts.taxels();
+        image.seq = frame.seq;
+        image.t_ns = frame.t_ns;
+        image.width = self.width;
+        image.height = self.height;
+        image.levels.clear();
+        image.levels.extend_from_slice(&self.levels.codebook);
+        image.contacts = saturate(self.contacts.len());
+        image.calibrating = frame.calibrating;
+        image.repaired = frame.repaired.iter().any(|repaired| *repaired);
+        let known = taxels.min(frame.faults.len());
+        image.count_faults(&frame.faults[..known]);
+        image.missing = saturate(usize::from(image.missing) + (taxels - known));
+        image.faulty = saturate(usize::from(image.faulty) + self.contacts.refused);
+    }
+
+    /// Paints the actuators, eqs (7) and (12): grey at their pixels, 0 everywhere else.
+    fn paint(&self, image: &mut TactileImage) {
+        image.pixels.clear();
+        image
+            .pixels
+            .resize(usize::from(self.width) * usize::from(self.height), 0);
+        let greatest = image.levels.last().copied().unwrap_or(1.0);
+        for actuator in &image.actuators {
+            let pixel = usize::from(actuator.y) * usize::from(self.width) + usize::from(actuator.x);
+            image.pixels[pixel] = match self.profile.grey {
+                Grey::Level => grey_of_level(actuator.level, self.profile.levels),
+                Grey::Centroid => grey_of_force(actuator.force, greatest),
+            };
+        }
+    }
+}
+
+/// `floor(255 k / K_D + 1/2)`.
+fn grey_of_level(level: u16, levels: u16) -> u8 {
+    let (level, levels) = (u32::from(level), u32::from(levels));
+    ((510 * level + levels) / (2 * levels)) as u8
+}
+
+/// `floor(255 mu_k / mu_max + 1/2)`, but never 0, which is no contact.
+fn grey_of_force(force: f64, greatest: f64) -> u8 {
+    (((255.0 * force) / greatest + 0.5).floor() as u8).max(1)
+}
+
+fn saturate(count: usize) -> u16 {
+    u16::try_from(count).unwrap_or(u16::MAX)
+}
+
+/// Refuses a layout in which a taxel lies outside the image or two share a pixel.
+fn check_pixels(layout: &Layout) -> Result<(), ProfileError> {
+    let (width, height) = (layout.width, layout.height);
+    let mut taken = vec![None; usize::from(width) * usize::from(height)];
+    for (taxel, place) in layout.taxels.iter().enumerate() {
+        let (x, y) = (place.x, place.y);
+        if x >= width || y >= height {
+            return Err(ProfileError::TaxelOutsideImage {
+                taxel,
+                x,
+                y,
+                width,
+                height,
+            });
+        }
+        let pixel = &mut taken[usize::from(y) * usize::from(width) + usize::from(x)];
+        if let Some(first) = pixel.replace(taxel) {
+            return Err(ProfileError::PixelShared {
+                first,
+                second: taxel,
+                x,
+                y,
+            });
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn grey_levels_span_the_display_and_halves_round_up() {
+        for (level, levels, want) in [
+            (1, 1, 255),
+            (1, 2, 128),
+            (2, 2, 255),
+            (1, 6, 43),
+            (1, 8, 32),
+            (8, 8, 255),
+            (1, 255, 1),
+            (254, 255, 254),
+        ] {
+            assert_eq!(grey_of_level(level, levels), want, "{level} of {levels}");
+        }
+    }
+
+    #[test]
+    fn grey_of_a_force_keeps_ratios_and_is_never_no_contact() {
+        for (force, greatest, want) in [
+            (10.0, 10.0, 255),
+            (5.0, 10.0, 128),
+            (1.0, 1000.0, 1),
+            (1e-300, 1e100, 1),
+            (12_884_508_675.0, 12_884_508_675.0, 255),
+        ] {
+            assert_eq!(grey_of_force(force, greatest), want, "{force} of {greatest}");
+        }
+    }
+}

@@ -1,0 +1,102 @@
+//! Which taxels take part: the contact list.
+
+use taxel_skin::{ForceFrame, Layout};
+
+/// The greatest force taken, in the unit of [`ForceFrame::force`]; squares and sums of such forces stay finite. The skin's
+/// own greatest are 113,509 counts, or 1.3e10 squared.
+pub const FORCE_MAX: f64 = 1e100;
+
+/// The contacts of a frame in raster order (row by row, left to right), as columns.
+#[derive(Debug)]
+pub(crate) struct Contacts {
+    /// Every taxel of the layout in raster order.
+    raster: Vec<Place>,
+    /// Columns of the pixels.
+    pub(crate) x: Vec<f64>,
+    /// Rows of the pixels.
+    pub(crate) y: Vec<f64>,
+    /// Forces, in `0 < force <= FORCE_MAX`.
+    pub(crate) force: Vec<f64>,
+    /// The pixels themselves.
+    pub(crate) pixel: Vec<[u16; 2]>,
+    /// Taxels refused in this frame.
+    pub(crate) refused: usize,
+}
+
+/// A taxel and its pixel.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    taxel: usize,
+    pixel: [u16; 2],
+}
+
+impl Contacts {
+    /// An empty list with memory for every taxel of the layout.
+    pub(crate) fn new(layout: &Layout) -> Self {
+        let mut raster: Vec<Place> = (layout.taxels.iter().enumerate())
+            .map(|(taxel, t)| Place {
+                taxel,
+                pixel: [t.x, t.y],
+            })
+            .collect();
+        raster.sort_by_key(|p| (p.pixel[1], p.pixel[0]));
+        let taxels = raster.len();
+        Self {
+            raster,
+            x: Vec::with_capacity(taxels),
+            y: Vec::with_capacity(taxels),
+            force: Vec::with_capacity(taxels),
+            pixel: Vec::with_capacity(taxels),
+            refused: 0,
+        }
+    }
+
+    /// Takes the contacts of a frame, and counts what it refuses: a force that is no number, or a contact without a force in
+    /// range.
+    pub(crate) fn collect(&mut self, frame: &ForceFrame) {
+        self.x.clear();
+        self.y.clear();
+        self.force.clear();
+        self.pixel.clear();
+        self.refused = 0;
+        for &Place { taxel, pixel } in &self.raster {
+            let (Some(&force), Some(&contact), Some(faults)) = (
+                frame.force.get(taxel),
+                frame.contact.get(taxel),
+                frame.faults.get(taxel),
+            ) else {
+                continue;
+            };
+            if !faults.is_empty() {
+                continue;
+            }
+            if !is_force(force, contact) {
+                self.refused += 1;
+            } else if contact && !frame.calibrating {
+                self.x.push(f64::from(pixel[0]));
+                self.y.push(f64::from(pixel[1]));
+                self.force.push(force);
+                self.pixel.push(pixel);
+            }
+        }
+    }
+
+    /// `N_C`.
+    pub(crate) fn len(&self) -> usize {
+        self.force.len()
+    }
+
+    /// Number of taxels of the layout.
+    pub(crate) fn taxels(&self) -> usize {
+        self.raster.len()
+    }
+}
+
+/// Whether a taxel's force can be used: a finite number, and in range where the taxel is in contact.
+pub(crate) fn is_force(force: f64, contact: bool) -> bool {
+    if contact {
+        force > 0.0 && force <= FORCE_MAX
+    } else {
+        force.is_finite()
+    }
+}

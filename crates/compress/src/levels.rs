@@ -1,0 +1,160 @@
+//! Force quantisation, eqs (3) to (7): the force level of each contact.
+
+use taxel_cluster::{assign1d, distinct_up_to, lloyd1d, uniform};
+
+use crate::Profile;
+
+/// The force stage: its codebook and the level of each contact.
+#[derive(Debug)]
+pub(crate) struct Levels {
+    /// Force of each level, ascending: `mu_k`.
+    pub(crate) codebook: Vec<f64>,
+    /// Level of each contact, from 0.
+    pub(crate) level: Vec<u16>,
+    sums: Vec<(f64, u32)>,
+    order: Vec<u16>,
+    rank: Vec<u16>,
+}
+
+impl Levels {
+    /// Memory for `taxels` contacts.
+    pub(crate) fn new(profile: &Profile, taxels: usize) -> Self {
+        let most = usize::from(profile.levels);
+        let mut codebook = Vec::with_capacity(most);
+        codebook.extend_from_slice(&profile.codebook);
+        Self {
+            codebook,
+            level: Vec::with_capacity(taxels),
+            sums: vec![(0.0, 0); most],
+            order: Vec::with_capacity(most),
+            rank: vec![0; most],
+        }
+    }
+
+    /// The publication's Table I: Lloyd's iterations from a uniform start, or one assignment to a constant codebook.
+    ///
+    /// - K: `min(K_D, distinct forces)` clusters.
+    /// - init: [`uniform`] over the least to the greatest force of the frame.
+    /// - distance, ties, update, empty cluster, iterations: [`lloyd1d`], `I_D` times.
+    /// - numbering: clusters in ascending order of their centroids; those that ended empty stay in the codebook.
+    pub(crate) fn lloyd(&mut self, profile: &Profile, forces: &[f64]) {
+        self.level.clear();
+        self.level.resize(forces.len(), 0);
+        if !profile.codebook.is_empty() {
+            assign1d(forces, &self.codebook, &mut self.level);
+            return;
+        }
+        self.codebook.clear();
+        self.codebook.resize(usize::from(profile.levels), 0.0);
+        let clusters = distinct_up_to(forces, &mut self.codebook);
+        self.codebook.truncate(clusters);
+        let least = forces.iter().copied().fold(f64::INFINITY, f64::min);
+        let greatest = forces.iter().copied().fold(0.0, f64::max);
+        uniform(least, greatest, &mut self.codebook);
+        lloyd1d(
+            forces,
+            profile.force_iterations,
+            &mut self.codebook,
+            &mut self.level,
+            &mut self.sums[..clusters],
+        );
+        self.number_ascending();
+    }
+
+    /// Renumbers the levels so that their forces ascend; among equal forces the lower number stays first.
+    fn number_ascending(&mut self) {
+        if self.codebook.is_sorted() {
+            return;
+        }
+        let codebook = &mut self.codebook;
+        self.order.clear();
+        self.order.extend(0..codebook.len() as u16);
+        self.order.sort_unstable_by(|a, b| {
+            codebook[usize::from(*a)]
+                .total_cmp(&codebook[usize::from(*b)])
+                .then(a.cmp(b))
+        });
+        for (rank, k) in self.order.iter().enumerate() {
+            self.rank[usize::from(*k)] = rank as u16;
+        }
+        codebook.sort_unstable_by(f64::total_cmp);
+        for level in &mut self.level {
+            *level = self.rank[usize::from(*level)];
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lloyd(levels: u16, iterations: u16, codebook: &[f64], forces: &[f64]) -> (Vec<f64>, Vec<u16>) {
+        let profile = Profile {
+            levels,
+            force_iterations: iterations,
+            codebook: codebook.to_vec(),
+            ..Profile::default()
+        };
+        let mut stage = Levels::new(&profile, forces.len());
+        stage.lloyd(&profile, forces);
+        (stage.codebook, stage.level)
+    }
+
+    #[test]
+    fn levels_follow_the_recipe() {
+        for (name, levels, codebook, forces, want, level) in [
+            ("no contact", 4, &[][..], &[][..], &[][..], &[][..]),
+            (
+                "no contact, constant codebook",
+                4,
+                &[1.0, 2.0],
+                &[],
+                &[1.0, 2.0],
+                &[],
+            ),
+            ("one contact", 4, &[], &[7.0], &[7.0], &[0]),
+            ("all equal", 4, &[], &[7.0, 7.0, 7.0], &[7.0], &[0, 0, 0]),
+            ("fewer than K_D", 4, &[], &[9.0, 1.0], &[1.0, 9.0], &[1, 0]),
+            ("one level", 1, &[], &[1.0, 2.0, 6.0], &[3.0], &[0, 0, 0]),
+            (
+                "an empty level stays",
+                3,
+                &[],
+                &[1.0, 2.0, 100.0],
+                &[1.5, 50.5, 100.0],
+                &[0, 0, 2],
+            ),
+            ("saturated", 2, &[], &[65535.0; 3], &[65535.0], &[0, 0, 0]),
+            (
+                "saturated, squared",
+                2,
+                &[],
+                &[12_884_508_675.0, 12_884_508_674.0, 12_884_508_675.0],
+                &[12_884_508_674.0, 12_884_508_675.0],
+                &[1, 0, 1],
+            ),
+            (
+                "half way between two entries of a constant codebook goes down",
+                4,
+                &[10.0, 20.0, 40.0],
+                &[15.0, 15.5, 30.0, 1000.0, 1.0],
+                &[10.0, 20.0, 40.0],
+                &[0, 1, 1, 2, 0],
+            ),
+        ] {
+            let got = lloyd(levels, 10, codebook, forces);
+            assert_eq!(got, (want.to_vec(), level.to_vec()), "{name}");
+        }
+    }
+
+    #[test]
+    fn levels_out_of_order_are_renumbered() {
+        let profile = Profile::default();
+        let mut stage = Levels::new(&profile, 4);
+        stage.codebook = vec![3.0, 1.0, 2.0, 1.0];
+        stage.level = vec![0, 1, 2, 3];
+        stage.number_ascending();
+        assert_eq!(stage.codebook, [1.0, 1.0, 2.0, 3.0]);
+        assert_eq!(stage.level, [3, 0, 2, 1]);
+    }
+}
