@@ -1,10 +1,32 @@
 //! CAN frames and where they come from.
 //!
 //! One seam, [`CanSource`], and four sources behind it: SocketCAN, python-can's `udp_multicast`, a recording,
-//! and memory. A source knows nothing of boards; a decoder knows nothing of sockets.
+//! and memory. A source knows nothing of boards; a decoder knows nothing of sockets. [`open`] makes a source of
+//! its [`SourceAddress`].
 
+mod address;
+mod candump;
+mod clock;
+mod error_frame;
 mod frame;
+mod kernel;
+mod log;
+mod memory;
+mod open;
+mod python_can;
+mod socketcan;
 mod source;
+mod udp;
 
+pub use address::{
+    AddressError, AddressProblem, DEFAULT_UDP_GROUP, DEFAULT_UDP_HOP_LIMIT, DEFAULT_UDP_PORT, SourceAddress,
+};
+pub use candump::{Direction, LineProblem, LogError, LogFrame, LogReader, LogWriter};
+pub use clock::{StampConverter, monotonic_ns};
 pub use frame::{CanFrame, ERROR_FLAG, EXTENDED_FLAG, FrameError, REMOTE_FLAG};
+pub use log::{LogSource, Playback};
+pub use memory::{MemoryBus, MemorySource, memory_bus};
+pub use open::{OpenError, SourceOptions, open};
+pub use socketcan::{IdFilter, SocketCan, SocketCanOptions};
 pub use source::{BusState, CanSource, ErrorCauses, LinkState, Received, SendError, SourceCounters, Wakeup};
+pub use udp::{UdpMulticast, UdpOptions};

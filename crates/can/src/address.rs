@@ -1,0 +1,384 @@
+//! How a CAN source is named on a command line and in the configuration file.
+
+use std::fmt;
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
+use std::path::PathBuf;
+use std::str::FromStr;
+
+/// The IPv4 group that python-can's `udp_multicast` interface calls its default for IPv4.
+pub const DEFAULT_UDP_GROUP: Ipv4Addr = Ipv4Addr::new(239, 74, 163, 2);
+/// The UDP port of python-can's `udp_multicast` interface.
+pub const DEFAULT_UDP_PORT: u16 = 43113;
+/// The hop limit (IPv4: TTL) of python-can's `udp_multicast` interface: the local network only.
+pub const DEFAULT_UDP_HOP_LIMIT: u8 = 1;
+
+/// Where CAN frames come from, as text: `can:vcan0`, `udp:239.74.163.2:43113`, `log:FILE`, `sim:SCENE`.
+///
+/// `Display` writes the form that `FromStr` reads back to the same value.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub enum SourceAddress {
+    /// A SocketCAN interface: `can:can0`.
+    Can {
+        /// The interface's name, 1 to 15 bytes. It need not exist yet.
+        interface: String,
+    },
+    /// python-can's `udp_multicast`: `udp:` alone for the default group, `udp:GROUP`, `udp::PORT`,
+    /// `udp:GROUP:PORT`, an IPv6 group in brackets, then optionally `?interface=NAME&hops=N`.
+    Udp {
+        /// The multicast group.
+        group: IpAddr,
+        /// The UDP port, not 0.
+        port: u16,
+        /// The network interface to join on; `None` leaves the choice to the routing table.
+        interface: Option<String>,
+        /// Hop limit (IPv4: TTL) of sent datagrams; 0 keeps them on this machine.
+        hop_limit: u8,
+    },
+    /// A candump recording: `log:FILE`, or `log:FILE?interface=can0` for one bus of it.
+    Log {
+        /// The file.
+        path: PathBuf,
+        /// Only frames that were recorded on this interface; `None` takes all.
+        interface: Option<String>,
+    },
+    /// A simulated scene: `sim:grasp`. What a scene's name means is the simulator's business.
+    Sim {
+        /// The scene's name or file.
+        scene: String,
+    },
+}
+
+/// Why a text names no CAN source.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "`{text}` is not a CAN source: {problem}. Write can:INTERFACE, udp:GROUP:PORT \
+     (udp: alone is {DEFAULT_UDP_GROUP}:{DEFAULT_UDP_PORT}; an IPv6 group goes in brackets), \
+     log:FILE, log:FILE?interface=can0, or sim:SCENE"
+)]
+pub struct AddressError {
+    /// The text given.
+    pub text: String,
+    /// What is wrong with it.
+    pub problem: AddressProblem,
+}
+
+/// What is wrong with the text of a source address.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum AddressProblem {
+    /// No known scheme before the first colon.
+    #[error("it starts with none of can:, udp:, log:, sim:")]
+    UnknownScheme,
+    /// Nothing follows the scheme.
+    #[error("{0} is missing")]
+    Missing(&'static str),
+    /// Not a name the kernel allows for a network interface.
+    #[error("`{0}` is no interface name (1 to 15 bytes without blanks, `/` or `:`)")]
+    BadInterface(String),
+    /// Not an IP address.
+    #[error("`{0}` is no IP address; an IPv6 address goes in brackets, such as [ff15::1]")]
+    BadGroup(String),
+    /// An address that is not multicast.
+    #[error("{0} is not a multicast group (224.0.0.0 to 239.255.255.255, or ff00::/8)")]
+    NotMulticast(IpAddr),
+    /// Not a port number.
+    #[error("`{0}` is no UDP port (1 to 65535)")]
+    BadPort(String),
+    /// Not a hop limit.
+    #[error("`{0}` is no hop limit (0 to 255)")]
+    BadHopLimit(String),
+    /// An option this scheme does not have.
+    #[error("`{option}` is no option of {scheme}: (it has {known})")]
+    UnknownOption {
+        /// The option as written.
+        option: String,
+        /// The scheme, without its colon.
+        scheme: &'static str,
+        /// The options there are.
+        known: &'static str,
+    },
+}
+
+/// Whether the kernel would take `name` as a network interface's name.
+pub(crate) fn is_interface_name(name: &str) -> bool {
+    (1..=15).contains(&name.len())
+        && name != "."
+        && name != ".."
+        && !name
+            .bytes()
+            .any(|b| b == b'/' || b == b':' || b == 0 || b.is_ascii_whitespace())
+}
+
+impl FromStr for SourceAddress {
+    type Err = AddressError;
+
+    fn from_str(text: &str) -> Result<Self, AddressError> {
+        parse(text).map_err(|problem| AddressError {
+            text: text.to_owned(),
+            problem,
+        })
+    }
+}
+
+fn parse(text: &str) -> Result<SourceAddress, AddressProblem> {
+    let (scheme, rest) = text.split_once(':').ok_or(AddressProblem::UnknownScheme)?;
+    match scheme {
+        "can" => match rest {
+            "" => Err(AddressProblem::Missing("the interface")),
+            name => Ok(SourceAddress::Can {
+                interface: interface(name)?,
+            }),
+        },
+        "udp" => parse_udp(rest),
+        "log" => parse_log(rest),
+        "sim" => match rest {
+            "" => Err(AddressProblem::Missing("the scene")),
+            scene => Ok(SourceAddress::Sim {
+                scene: scene.to_owned(),
+            }),
+        },
+        _ => Err(AddressProblem::UnknownScheme),
+    }
+}
+
+fn interface(name: &str) -> Result<String, AddressProblem> {
+    if is_interface_name(name) {
+        Ok(name.to_owned())
+    } else {
+        Err(AddressProblem::BadInterface(name.to_owned()))
+    }
+}
+
+fn parse_udp(rest: &str) -> Result<SourceAddress, AddressProblem> {
+    let (place, options) = match rest.split_once('?') {
+        Some((place, options)) => (place, options),
+        None => (rest, ""),
+    };
+    let (group, port) = parse_group_and_port(place)?;
+    let mut interface_name = None;
+    let mut hop_limit = DEFAULT_UDP_HOP_LIMIT;
+    for option in options.split('&').filter(|o| !o.is_empty()) {
+        match option.split_once('=') {
+            Some(("interface", name)) => interface_name = Some(interface(name)?),
+            Some(("hops", n)) => {
+                hop_limit = n.parse().map_err(|_| AddressProblem::BadHopLimit(n.to_owned()))?;
+            }
+            _ => {
+                return Err(AddressProblem::UnknownOption {
+                    option: option.to_owned(),
+                    scheme: "udp",
+                    known: "interface=NAME and hops=N",
+                });
+            }
+        }
+    }
+    Ok(SourceAddress::Udp {
+        group,
+        port,
+        interface: interface_name,
+        hop_limit,
+    })
+}
+
+fn parse_group_and_port(place: &str) -> Result<(IpAddr, u16), AddressProblem> {
+    let (group, port) = if let Some(bracketed) = place.strip_prefix('[') {
+        let (inside, after) = bracketed
+            .split_once(']')
+            .ok_or_else(|| AddressProblem::BadGroup(place.to_owned()))?;
+        let group = inside
+            .parse::<Ipv6Addr>()
+            .map_err(|_| AddressProblem::BadGroup(inside.to_owned()))?;
+        let port = match after {
+            "" => None,
+            _ => Some(
+                after
+                    .strip_prefix(':')
+                    .ok_or_else(|| AddressProblem::BadPort(after.to_owned()))?,
+            ),
+        };
+        (IpAddr::V6(group), port)
+    } else {
+        let (group, port) = match place.split_once(':') {
+            Some((group, port)) => (group, Some(port)),
+            None => (place, None),
+        };
+        let group = match group {
+            "" => DEFAULT_UDP_GROUP,
+            _ => group
+                .parse::<Ipv4Addr>()
+                .map_err(|_| AddressProblem::BadGroup(place.to_owned()))?,
+        };
+        (IpAddr::V4(group), port)
+    };
+    if !group.is_multicast() {
+        return Err(AddressProblem::NotMulticast(group));
+    }
+    let port = match port {
+        None => DEFAULT_UDP_PORT,
+        Some(text) => match text.parse() {
+            Ok(port) if port != 0 => port,
+            _ => return Err(AddressProblem::BadPort(text.to_owned())),
+        },
+    };
+    Ok((group, port))
+}
+
+/// A `?` belongs to the options only if a `=` follows it, so that a file may have a `?` in its name.
+fn parse_log(rest: &str) -> Result<SourceAddress, AddressProblem> {
+    let (file, option) = match rest.rsplit_once('?') {
+        Some((file, option)) if option.contains('=') => (file, Some(option)),
+        _ => (rest, None),
+    };
+    if file.is_empty() {
+        return Err(AddressProblem::Missing("the file"));
+    }
+    let interface = match option {
+        None => None,
+        Some(option) => match option.split_once('=') {
+            Some(("interface", "")) => return Err(AddressProblem::Missing("the interface's name")),
+            Some(("interface", name)) => Some(name.to_owned()),
+            _ => {
+                return Err(AddressProblem::UnknownOption {
+                    option: option.to_owned(),
+                    scheme: "log",
+                    known: "interface=NAME",
+                });
+            }
+        },
+    };
+    Ok(SourceAddress::Log {
+        path: PathBuf::from(file),
+        interface,
+    })
+}
+
+impl fmt::Display for SourceAddress {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            SourceAddress::Can { interface } => write!(f, "can:{interface}"),
+            SourceAddress::Udp {
+                group,
+                port,
+                interface,
+                hop_limit,
+            } => {
+                match group {
+                    IpAddr::V4(group) => write!(f, "udp:{group}:{port}")?,
+                    IpAddr::V6(group) => write!(f, "udp:[{group}]:{port}")?,
+                }
+                let mut separator = '?';
+                if let Some(interface) = interface {
+                    write!(f, "{separator}interface={interface}")?;
+                    separator = '&';
+                }
+                if *hop_limit != DEFAULT_UDP_HOP_LIMIT {
+                    write!(f, "{separator}hops={hop_limit}")?;
+                }
+                Ok(())
+            }
+            SourceAddress::Log { path, interface } => {
+                write!(f, "log:{}", path.display())?;
+                match interface {
+                    Some(interface) => write!(f, "?interface={interface}"),
+                    None => Ok(()),
+                }
+            }
+            SourceAddress::Sim { scene } => write!(f, "sim:{scene}"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn udp(group: &str, port: u16) -> SourceAddress {
+        SourceAddress::Udp {
+            group: group.parse().unwrap(),
+            port,
+            interface: None,
+            hop_limit: 1,
+        }
+    }
+
+    #[test]
+    fn every_form_is_read() {
+        let cases = [
+            (
+                "can:vcan0",
+                SourceAddress::Can {
+                    interface: "vcan0".into(),
+                },
+            ),
+            ("udp:", udp("239.74.163.2", 43113)),
+            ("udp:239.74.163.9", udp("239.74.163.9", 43113)),
+            ("udp::50000", udp("239.74.163.2", 50000)),
+            ("udp:239.1.2.3:4", udp("239.1.2.3", 4)),
+            ("udp:[ff15::1]:4", udp("ff15::1", 4)),
+            ("udp:[ff15::1]", udp("ff15::1", 43113)),
+            (
+                "udp:?interface=lo&hops=0",
+                SourceAddress::Udp {
+                    group: DEFAULT_UDP_GROUP.into(),
+                    port: DEFAULT_UDP_PORT,
+                    interface: Some("lo".into()),
+                    hop_limit: 0,
+                },
+            ),
+            (
+                "log:a b/c.log",
+                SourceAddress::Log {
+                    path: "a b/c.log".into(),
+                    interface: None,
+                },
+            ),
+            (
+                "log:why?.log?interface=can1",
+                SourceAddress::Log {
+                    path: "why?.log".into(),
+                    interface: Some("can1".into()),
+                },
+            ),
+            (
+                "sim:grasp",
+                SourceAddress::Sim {
+                    scene: "grasp".into(),
+                },
+            ),
+        ];
+        for (text, address) in cases {
+            assert_eq!(text.parse(), Ok(address.clone()), "{text}");
+            assert_eq!(address.to_string().parse(), Ok(address), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_wrong_address_says_what_is_wrong_and_lists_the_forms() {
+        let cases = [
+            ("vcan0", "starts with none of"),
+            ("tcp:1", "starts with none of"),
+            ("can:", "the interface is missing"),
+            ("can:a/b", "no interface name"),
+            ("can:sixteen_bytes_16", "no interface name"),
+            ("udp:10.0.0.1:5", "10.0.0.1 is not a multicast group"),
+            ("udp:ff15::1", "in brackets"),
+            ("udp:[ff15::1", "in brackets"),
+            ("udp:[ff15::1]5", "no UDP port"),
+            ("udp:239.1.1.1:0", "no UDP port"),
+            ("udp:239.1.1.1:65536", "no UDP port"),
+            ("udp:?hops=300", "no hop limit"),
+            ("udp:?ttl=3", "no option of udp"),
+            ("log:", "the file is missing"),
+            ("log:x.log?speed=2", "no option of log"),
+            ("log:x.log?interface=", "interface's name is missing"),
+            ("sim:", "the scene is missing"),
+        ];
+        for (text, says) in cases {
+            let error = text.parse::<SourceAddress>().unwrap_err().to_string();
+            assert!(error.contains(says), "{text}: {error}");
+            assert!(
+                error.contains("can:INTERFACE") && error.contains("sim:SCENE"),
+                "{text}: {error}"
+            );
+        }
+    }
+}

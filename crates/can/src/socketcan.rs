@@ -1,0 +1,560 @@
+//! A SocketCAN interface as a CAN source that survives whatever happens to the interface.
+
+use crate::address::is_interface_name;
+use crate::clock::{StampConverter, monotonic_ns};
+use crate::kernel::{Datagram, DatagramReader, interface_is_up};
+use crate::{
+    CanFrame, CanSource, EXTENDED_FLAG, LinkState, OpenError, Received, SendError, SourceCounters, Wakeup,
+};
+use ::socketcan::{CanAddr, CanFilter, CanSocket, Socket, SocketOptions};
+use nix::errno::Errno;
+use nix::libc;
+use nix::net::if_::if_nametoindex;
+use nix::sys::socket::{
+    AddressFamily, MsgFlags, SockFlag, SockProtocol, SockType, getsockopt, send, setsockopt, socket, sockopt,
+};
+use std::io;
+use std::os::fd::{AsFd, AsRawFd};
+
+/// The size of `struct can_frame`.
+const FRAME_BYTES: usize = 16;
+/// `CAN_RAW_FILTER_MAX` of `linux/can/raw.h`.
+const MOST_FILTERS: usize = 512;
+/// The index of the drop counter in what `SO_MEMINFO` gives (`SK_MEMINFO_DROPS` of `linux/sock_diag.h`).
+const MEMINFO_DROPS: usize = 8;
+
+/// The shortest and the longest pause between two looks at an interface that is absent or down.
+const BACK_OFF_NS: std::ops::RangeInclusive<u64> = 50_000_000..=1_000_000_000;
+/// How often a link that is up is looked at, in case the one error that tells of its loss was missed.
+const CHECK_NS: u64 = 1_000_000_000;
+
+/// Which frames the kernel lets through: those whose raw identifier equals `id` in every bit of `mask`.
+///
+/// Raw means with the flag bits of `linux/can.h`. Error frames do not pass through these filters.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct IdFilter {
+    /// The identifier with its flag bits.
+    pub id: u32,
+    /// The bits that are compared.
+    pub mask: u32,
+}
+
+impl IdFilter {
+    /// Standard (11 bit) frames whose identifier equals `id` in the bits of `mask`; `0x7FF` compares all of them.
+    pub const fn standard(id: u16, mask: u16) -> Self {
+        Self {
+            id: (id & 0x7FF) as u32,
+            mask: (mask & 0x7FF) as u32 | EXTENDED_FLAG,
+        }
+    }
+
+    /// Extended (29 bit) frames whose identifier equals `id` in the bits of `mask`.
+    pub const fn extended(id: u32, mask: u32) -> Self {
+        Self {
+            id: (id & 0x1FFF_FFFF) | EXTENDED_FLAG,
+            mask: (mask & 0x1FFF_FFFF) | EXTENDED_FLAG,
+        }
+    }
+
+    /// Whether a frame passes; error frames always do.
+    pub const fn passes(&self, frame: &CanFrame) -> bool {
+        frame.is_error() || (frame.raw_id() ^ self.id) & self.mask == 0
+    }
+}
+
+/// How a SocketCAN source is opened.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SocketCanOptions {
+    /// Bytes of receive queue to ask for. The kernel doubles it for its own overhead and, without
+    /// `CAP_NET_ADMIN`, caps it at `net.core.rmem_max`; [`SocketCan::receive_buffer`] says what came of it.
+    /// 4 MiB hold over 10,000 frames.
+    pub receive_buffer: usize,
+    /// What to receive: a frame that passes any of these. Empty means everything; at most 512.
+    pub filters: Vec<IdFilter>,
+    /// Whether to receive error frames.
+    pub error_frames: bool,
+}
+
+impl Default for SocketCanOptions {
+    fn default() -> Self {
+        Self {
+            receive_buffer: 4 << 20,
+            filters: Vec::new(),
+            error_frames: true,
+        }
+    }
+}
+
+/// A SocketCAN interface.
+///
+/// The interface need not exist when it is opened, and may go down, come up, vanish and be made anew: it is looked
+/// for by name, first after 50 ms and then less often, at least once a second. Frames that were queued when it
+/// vanished are still delivered. Each time the socket is replaced it has another file descriptor number than its
+/// predecessor, so that a caller can tell by [`CanSource::wakeup`] that it must register anew.
+///
+/// Own frames are not received, but other sockets on this machine see them.
+pub struct SocketCan {
+    interface: String,
+    options: SocketCanOptions,
+    open: Option<Open>,
+    reader: DatagramReader<FRAME_BYTES>,
+    link: LinkState,
+    counters: SourceCounters,
+    was_open: bool,
+    receive_buffer: usize,
+    next_check_ns: u64,
+    back_off_ns: u64,
+}
+
+/// A socket bound to the interface that had index `ifindex` then.
+struct Open {
+    socket: CanSocket,
+    ifindex: u32,
+    stamps: StampConverter,
+    drops: u32,
+    /// The interface is gone for good; the socket is kept until its queue is empty.
+    is_dead: bool,
+}
+
+impl SocketCan {
+    /// Opens the interface of that name, or waits for it.
+    ///
+    /// Fails only where waiting cannot help: the kernel has no CAN, the name is impossible or that of something
+    /// else than a CAN interface, there are too many filters, or the process may open no socket.
+    pub fn open(interface: &str, options: SocketCanOptions) -> Result<Self, OpenError> {
+        if !is_interface_name(interface) {
+            return Err(OpenError::BadInterface {
+                interface: interface.to_owned(),
+            });
+        }
+        if options.filters.len() > MOST_FILTERS {
+            return Err(OpenError::TooManyFilters {
+                filters: options.filters.len(),
+                most: MOST_FILTERS,
+            });
+        }
+        let mut source = Self {
+            interface: interface.to_owned(),
+            options,
+            open: None,
+            reader: DatagramReader::new(),
+            link: LinkState::Absent,
+            counters: SourceCounters::default(),
+            was_open: false,
+            receive_buffer: 0,
+            next_check_ns: 0,
+            back_off_ns: *BACK_OFF_NS.start(),
+        };
+        match source.open_socket() {
+            Ok(()) | Err(Unopened::NoInterface) => Ok(source),
+            Err(Unopened::NoCanInKernel(source)) => Err(OpenError::NotSupported { source }),
+            Err(Unopened::NotCan) => Err(OpenError::NotCan {
+                interface: interface.to_owned(),
+            }),
+            Err(Unopened::Io(source)) => Err(OpenError::Socket {
+                interface: interface.to_owned(),
+                source,
+            }),
+        }
+    }
+
+    /// The interface's name.
+    pub fn interface(&self) -> &str {
+        &self.interface
+    }
+
+    /// The size of the kernel's receive queue in bytes, the kernel's overhead included (it doubles what it is
+    /// asked for and reports the double); 0 as long as the interface has never been there.
+    pub fn receive_buffer(&self) -> usize {
+        self.receive_buffer
+    }
+
+    /// Replaces the socket by one for the interface that has the name now. The predecessor is closed last, so that
+    /// the two have different numbers.
+    fn open_socket(&mut self) -> Result<(), Unopened> {
+        // First the socket, so that a kernel without CAN is told from a missing interface.
+        let flags = SockFlag::SOCK_NONBLOCK | SockFlag::SOCK_CLOEXEC;
+        let fd =
+            socket(AddressFamily::Can, SockType::Raw, flags, SockProtocol::CanRaw).map_err(|e| match e {
+                Errno::EAFNOSUPPORT | Errno::EPROTONOSUPPORT | Errno::ESOCKTNOSUPPORT => {
+                    Unopened::NoCanInKernel(e.into())
+                }
+                _ => Unopened::Io(e.into()),
+            })?;
+        let ifindex = match if_nametoindex(self.interface.as_str()) {
+            Ok(index) => index,
+            Err(Errno::ENODEV | Errno::ENXIO) => return Err(Unopened::NoInterface),
+            Err(e) => return Err(Unopened::Io(e.into())),
+        };
+        // All options before `bind`, since from then on frames are queued.
+        let socket = CanSocket::from(fd);
+        let wanted = self.options.receive_buffer;
+        if setsockopt(&socket, sockopt::RcvBufForce, &wanted).is_err() {
+            setsockopt(&socket, sockopt::RcvBuf, &wanted)?;
+        }
+        self.receive_buffer = getsockopt(&socket, sockopt::RcvBuf)?;
+        setsockopt(&socket, sockopt::ReceiveTimestampns, &true)?;
+        setsockopt(&socket, sockopt::RxqOvfl, &1)?;
+        if !self.options.filters.is_empty() {
+            let filters: Vec<CanFilter> = self
+                .options
+                .filters
+                .iter()
+                .map(|f| CanFilter::new(f.id, f.mask))
+                .collect();
+            socket.set_filters(&filters)?;
+        }
+        if self.options.error_frames {
+            socket.set_error_filter_accept_all()?;
+        }
+        let stamps = StampConverter::starting_now();
+        if let Err(e) = socket.as_raw_socket().bind(&CanAddr::new(ifindex).into()) {
+            // ENODEV has two meanings here: gone since it was looked up, or not a CAN interface.
+            return Err(match e.raw_os_error() {
+                Some(libc::ENODEV) if if_nametoindex(self.interface.as_str()) == Ok(ifindex) => {
+                    Unopened::NotCan
+                }
+                Some(libc::ENODEV) => Unopened::NoInterface,
+                _ => Unopened::Io(e),
+            });
+        }
+        self.open = Some(Open {
+            socket,
+            ifindex,
+            stamps,
+            drops: 0,
+            is_dead: false,
+        });
+        if self.was_open {
+            self.counters.reopens += 1;
+        }
+        self.was_open = true;
+        self.look_at_flags();
+        Ok(())
+    }
+
+    /// Takes the link state from the interface's flags.
+    fn look_at_flags(&mut self) {
+        let Some(open) = &mut self.open else { return };
+        match interface_is_up(open.socket.as_fd(), &self.interface) {
+            Ok(true) => self.set_link(LinkState::Up),
+            Ok(false) => self.set_link(LinkState::Down),
+            Err(_) => open.is_dead = true,
+        }
+    }
+
+    fn set_link(&mut self, link: LinkState) {
+        if self.link == LinkState::Up && link != LinkState::Up {
+            self.counters.link_losses += 1;
+        }
+        self.link = link;
+    }
+
+    /// Looks, if it is time, whether the interface is there, is the same as before, and is up.
+    fn check(&mut self, now_ns: u64) {
+        if now_ns < self.next_check_ns {
+            return;
+        }
+        match &mut self.open {
+            None => {
+                // Whatever is in the way now, trying again is all that can be done.
+                let _ = self.open_socket();
+            }
+            Some(open) => {
+                if if_nametoindex(self.interface.as_str()) != Ok(open.ifindex) {
+                    open.is_dead = true;
+                }
+                self.look_at_flags();
+                self.count_unreported_drops();
+            }
+        }
+        self.schedule_check(now_ns);
+    }
+
+    fn schedule_check(&mut self, now_ns: u64) {
+        let pause_ns = if self.link == LinkState::Up {
+            self.back_off_ns = *BACK_OFF_NS.start();
+            CHECK_NS
+        } else {
+            let pause_ns = self.back_off_ns;
+            self.back_off_ns = (2 * pause_ns).min(*BACK_OFF_NS.end());
+            pause_ns
+        };
+        self.next_check_ns = now_ns.saturating_add(pause_ns);
+    }
+
+    /// Has the interface looked at on the next call, and often for a while if that shows a loss.
+    fn suspect(&mut self) {
+        self.next_check_ns = 0;
+        self.back_off_ns = *BACK_OFF_NS.start();
+    }
+
+    /// The kernel tells of drops with the next frame that comes; if none comes, it has to be asked.
+    fn count_unreported_drops(&mut self) {
+        let Some(open) = &mut self.open else { return };
+        let mut info = [0; 4 * (MEMINFO_DROPS + 1)];
+        let read = open
+            .socket
+            .get_socket_option_bytes(libc::SOL_SOCKET, libc::SO_MEMINFO, &mut info);
+        if let (Ok(_), Some((_, drops))) = (read, info.split_last_chunk()) {
+            open.count_drops(u32::from_ne_bytes(*drops), &mut self.counters);
+        }
+    }
+
+    /// Moves queued frames into `batch` until the queue or the room is at its end, and returns whether it was
+    /// the room.
+    fn drain(&mut self, now_ns: u64, batch: &mut Vec<Received>) -> bool {
+        let mut suspicious = false;
+        while let Some(open) = &mut self.open {
+            let room = batch.capacity() - batch.len();
+            if room == 0 {
+                return true;
+            }
+            let before_ns = monotonic_ns();
+            match self.reader.read(open.socket.as_fd(), room) {
+                Ok(datagrams) => {
+                    open.stamps.sample();
+                    let read_ns = monotonic_ns();
+                    for datagram in datagrams {
+                        open.take(datagram, read_ns, batch, &mut self.counters);
+                    }
+                    if !open.is_dead {
+                        self.set_link(LinkState::Up);
+                    }
+                }
+                Err(Errno::EAGAIN) => {
+                    open.stamps.queue_was_empty(before_ns);
+                    if open.is_dead {
+                        self.count_unreported_drops();
+                        self.set_link(LinkState::Absent);
+                        if self.open_socket().is_err() {
+                            self.open = None;
+                        }
+                        suspicious = true;
+                    }
+                    break;
+                }
+                Err(Errno::EINTR) => {}
+                Err(Errno::ENETDOWN) => {
+                    self.set_link(LinkState::Down);
+                    suspicious = true;
+                }
+                // ENODEV says that the interface is gone. Anything else has no better answer either.
+                Err(_) => {
+                    open.is_dead = true;
+                    suspicious = true;
+                }
+            }
+        }
+        if suspicious {
+            self.suspect();
+            self.look_at_flags();
+            self.schedule_check(now_ns);
+        }
+        false
+    }
+}
+
+impl Open {
+    fn take(
+        &mut self,
+        datagram: &Datagram<FRAME_BYTES>,
+        read_ns: u64,
+        batch: &mut Vec<Received>,
+        counters: &mut SourceCounters,
+    ) {
+        if let Some(drops) = datagram.drops() {
+            self.count_drops(drops, counters);
+        }
+        let t_ns = self.stamps.convert(datagram.stamp_realtime_ns(), read_ns);
+        match decode(datagram.payload()) {
+            Some(frame) => {
+                counters.count(&frame);
+                batch.push(Received { t_ns, frame });
+            }
+            None => counters.undecodable += 1,
+        }
+    }
+
+    /// The kernel's counter is one of 32 bits that wraps. A frame may carry an older reading than was asked for.
+    fn count_drops(&mut self, drops: u32, counters: &mut SourceCounters) {
+        let new = drops.wrapping_sub(self.drops);
+        if new <= u32::MAX / 2 {
+            counters.lost_in_kernel += u64::from(new);
+            self.drops = drops;
+        }
+    }
+}
+
+/// A `struct can_frame`: identifier with flags, length, three bytes of no meaning here, data.
+fn decode(bytes: &[u8]) -> Option<CanFrame> {
+    let bytes: &[u8; FRAME_BYTES] = bytes.try_into().ok()?;
+    let (id, rest) = bytes.split_first_chunk()?;
+    let raw_id = u32::from_ne_bytes(*id);
+    let len = usize::from(rest[0]);
+    let data = rest[4..].get(..len)?;
+    CanFrame::from_raw(raw_id, data).ok()
+}
+
+fn encode(frame: &CanFrame) -> [u8; FRAME_BYTES] {
+    let mut bytes = [0; FRAME_BYTES];
+    bytes[..4].copy_from_slice(&frame.raw_id().to_ne_bytes());
+    bytes[4] = frame.dlc();
+    bytes[8..][..frame.data().len()].copy_from_slice(frame.data());
+    bytes
+}
+
+/// Why there is no socket.
+enum Unopened {
+    NoInterface,
+    NoCanInKernel(io::Error),
+    NotCan,
+    Io(io::Error),
+}
+
+impl From<Errno> for Unopened {
+    fn from(e: Errno) -> Self {
+        Unopened::Io(e.into())
+    }
+}
+
+impl From<io::Error> for Unopened {
+    fn from(e: io::Error) -> Self {
+        Unopened::Io(e)
+    }
+}
+
+impl CanSource for SocketCan {
+    fn wakeup(&self) -> Wakeup<'_> {
+        Wakeup {
+            fd: self.open.as_ref().map(|open| open.socket.as_fd()),
+            at_ns: Some(self.next_check_ns),
+        }
+    }
+
+    fn receive(&mut self, now_ns: u64, batch: &mut Vec<Received>) -> bool {
+        self.check(now_ns);
+        self.drain(now_ns, batch)
+    }
+
+    fn send(&mut self, frame: &CanFrame) -> Result<(), SendError> {
+        let result = match &self.open {
+            None => Err(SendError::LinkLost(LinkState::Absent)),
+            Some(open) => {
+                let flags = MsgFlags::MSG_DONTWAIT | MsgFlags::MSG_NOSIGNAL;
+                match send(open.socket.as_raw_fd(), &encode(frame), flags) {
+                    Ok(_) => Ok(()),
+                    Err(Errno::ENOBUFS | Errno::EAGAIN) => Err(SendError::QueueFull),
+                    // A send can take away the one error that `receive` would have seen, so the loss is looked
+                    // into from here too.
+                    Err(Errno::ENETDOWN) => {
+                        self.set_link(LinkState::Down);
+                        self.suspect();
+                        Err(SendError::LinkLost(LinkState::Down))
+                    }
+                    Err(Errno::ENODEV | Errno::ENXIO) => {
+                        self.suspect();
+                        Err(SendError::LinkLost(LinkState::Absent))
+                    }
+                    Err(e) => Err(SendError::Io(e.into())),
+                }
+            }
+        };
+        match result {
+            Ok(()) => self.counters.sent += 1,
+            Err(_) => self.counters.send_failures += 1,
+        }
+        result
+    }
+
+    fn counters(&self) -> &SourceCounters {
+        &self.counters
+    }
+
+    fn link(&self) -> LinkState {
+        self.link
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_kernel_frame_is_read_and_written_byte_for_byte() {
+        let cases: [(CanFrame, u32, [u8; 12]); 4] = [
+            (
+                CanFrame::standard(0x20B, &[7, 0]).unwrap(),
+                0x20B,
+                [2, 0, 0, 0, 7, 0, 0, 0, 0, 0, 0, 0],
+            ),
+            (
+                CanFrame::extended(0x123, &[1, 2, 3, 4, 5, 6, 7, 8]).unwrap(),
+                0x8000_0123,
+                [8, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8],
+            ),
+            (
+                CanFrame::remote(0x123, false, 4).unwrap(),
+                0x4000_0123,
+                [4, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0],
+            ),
+            (
+                CanFrame::error(0x240, [0, 0, 0, 0, 0, 0, 9, 8]),
+                0x2000_0240,
+                [8, 0, 0, 0, 0, 0, 0, 0, 0, 0, 9, 8],
+            ),
+        ];
+        for (frame, id, rest) in cases {
+            let bytes = [&id.to_ne_bytes()[..], &rest].concat();
+            assert_eq!(decode(&bytes), Some(frame));
+            assert_eq!(encode(&frame)[..], bytes);
+        }
+    }
+
+    #[test]
+    fn what_is_no_classic_frame_is_refused() {
+        assert_eq!(decode(&[0; 15]), None);
+        assert_eq!(decode(&[0; 72]), None);
+        let mut over_long = [0; 16];
+        over_long[4] = 9;
+        assert_eq!(decode(&over_long), None);
+    }
+
+    #[test]
+    fn filters_compare_the_format_as_well_as_the_number() {
+        let standard = CanFrame::standard(0x123, &[]).unwrap();
+        let extended = CanFrame::extended(0x123, &[]).unwrap();
+        assert!(IdFilter::standard(0x123, 0x7FF).passes(&standard));
+        assert!(!IdFilter::standard(0x123, 0x7FF).passes(&extended));
+        assert!(!IdFilter::standard(0x124, 0x7FF).passes(&standard));
+        assert!(IdFilter::standard(0x120, 0x7F0).passes(&standard));
+        assert!(IdFilter::extended(0x123, 0x1FFF_FFFF).passes(&extended));
+        assert!(!IdFilter::extended(0x123, 0x1FFF_FFFF).passes(&standard));
+        assert!(IdFilter::standard(0x7, 0x7FF).passes(&CanFrame::error(0x40, [0; 8])));
+    }
+
+    #[test]
+    fn impossible_names_and_too_many_filters_are_refused_before_any_socket_is_opened() {
+        let refused = |name, options| SocketCan::open(name, options).err().unwrap().to_string();
+        assert!(refused("", SocketCanOptions::default()).contains("no interface name"));
+        assert!(refused("can 0", SocketCanOptions::default()).contains("no interface name"));
+        let filters = vec![IdFilter::standard(0, 0); 513];
+        let options = SocketCanOptions {
+            filters,
+            ..Default::default()
+        };
+        assert!(refused("can0", options).contains("513"));
+    }
+
+    #[test]
+    fn a_kernel_without_can_says_what_to_do_and_one_with_it_waits_for_the_interface() {
+        match SocketCan::open("no-such-can", SocketCanOptions::default()) {
+            Ok(source) => assert_eq!(source.link(), LinkState::Absent),
+            Err(e @ OpenError::NotSupported { .. }) => {
+                let text = e.to_string();
+                assert!(text.contains("modprobe") && text.contains("udp:"), "{text}");
+            }
+            Err(e) => panic!("{e}"),
+        }
+    }
+}
