@@ -206,11 +206,12 @@ impl Subscriber {
                 return Ok(None);
             }
             let fd = self.socket.as_raw_fd();
-            let len = retry(|| recv(fd, &mut self.buffer, MsgFlags::MSG_TRUNC))
-                .map_err(|errno| ReadError::Socket(errno.into()))?;
-            if len == 0 {
-                return Err(ReadError::Closed);
-            }
+            let len = match retry(|| recv(fd, &mut self.buffer, MsgFlags::MSG_TRUNC)) {
+                // The reset tells that the daemon left with our subscription unread.
+                Ok(0) | Err(Errno::ECONNRESET) => return Err(ReadError::Closed),
+                Ok(len) => len,
+                Err(errno) => return Err(ReadError::Socket(errno.into())),
+            };
             if len > self.buffer.len() {
                 // The header says the same and is refused for it.
                 Header::decode(&self.buffer)?;
