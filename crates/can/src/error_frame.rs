@@ -100,7 +100,10 @@ fn byte(frame: &CanFrame, index: usize) -> u8 {
 mod tests {
     use super::*;
 
-    fn counted(frames: &[(u32, [u8; 8])]) -> SourceCounters {
+    /// The class of an error frame and its data.
+    type Error = (u32, [u8; 8]);
+
+    fn counted(frames: &[Error]) -> SourceCounters {
         let mut counters = SourceCounters::default();
         for (class, data) in frames {
             counters.count(&CanFrame::error(*class, *data));
@@ -115,7 +118,8 @@ mod tests {
 
     #[test]
     fn each_class_bit_is_counted_under_its_own_cause() {
-        let cases: [(u32, fn(&ErrorCauses) -> u64); 9] = [
+        type Count = fn(&ErrorCauses) -> u64;
+        let cases: [(u32, Count); 9] = [
             (0x001, |e| e.tx_timeout),
             (0x002, |e| e.lost_arbitration),
             (0x004, |e| e.controller),
@@ -174,7 +178,7 @@ mod tests {
     fn the_bus_state_follows_the_frames() {
         use BusState::*;
         let off = (0x240, data(0, 0, 0));
-        let cases: &[(&[(u32, [u8; 8])], BusState)] = &[
+        let cases: &[(&[Error], BusState)] = &[
             (&[], ErrorActive),
             (&[(0x004, data(0x08, 0, 0))], ErrorWarning),
             (&[(0x204, data(0x0C, 96, 96))], ErrorWarning),

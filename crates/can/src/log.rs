@@ -193,3 +193,140 @@ impl CanSource for LogSource {
         self.next.is_none()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Write;
+
+    const LOG: &str = "(100.000000) can1 001#01\n\
+        (100.000500) can0 002#02\n\
+        (100.001000) can1 003#03\n\
+        not a frame\n\
+        (100.000900) can0 004#04\n\
+        (100.001500) can0 123##1A0B\n\
+        (100.002000) can0 005#05\n";
+
+    fn file(text: &str) -> tempfile::NamedTempFile {
+        let mut file = tempfile::NamedTempFile::new().unwrap();
+        file.write_all(text.as_bytes()).unwrap();
+        file
+    }
+
+    /// Plays a whole recording with a clock that jumps from frame to frame.
+    fn play(source: &mut LogSource) -> Vec<(u64, u32)> {
+        let mut batch = Vec::with_capacity(64);
+        while let Some(now_ns) = source.wakeup().at_ns {
+            source.receive(now_ns, &mut batch);
+        }
+        batch.iter().map(|r| (r.t_ns, r.frame.id())).collect()
+    }
+
+    fn open(text: &str, interface: Option<&str>, playback: Playback) -> LogSource {
+        LogSource::open(file(text).path(), interface, playback).unwrap()
+    }
+
+    #[test]
+    fn times_are_shifted_so_that_the_first_frame_is_due_at_the_start() {
+        let playback = Playback {
+            start_ns: 7_000,
+            speed: 1.0,
+        };
+        let mut source = open(LOG, None, playback);
+        let frames = play(&mut source);
+        // Frame 4 was recorded before frame 3: it is due together with it, not in the past.
+        let expected = [
+            (7_000, 1),
+            (507_000, 2),
+            (1_007_000, 3),
+            (1_007_000, 4),
+            (2_007_000, 5),
+        ];
+        assert_eq!(frames, expected);
+        assert!(source.is_finished());
+        assert_eq!(source.link(), LinkState::Down);
+        assert_eq!(
+            (source.counters().received, source.counters().undecodable),
+            (5, 2)
+        );
+    }
+
+    #[test]
+    fn two_buses_of_one_recording_stay_in_step() {
+        let frames = |interface| play(&mut open(LOG, Some(interface), Playback::default()));
+        assert_eq!(frames("can0"), [(500_000, 2), (900_000, 4), (2_000_000, 5)]);
+        assert_eq!(frames("can1"), [(0, 1), (1_000_000, 3)]);
+        assert_eq!(frames("can7"), []);
+    }
+
+    #[test]
+    fn speed_divides_the_time_since_the_start_and_does_not_add_up_errors() {
+        let playback = Playback {
+            start_ns: 1_000,
+            speed: 2.0,
+        };
+        assert_eq!(
+            play(&mut open(LOG, Some("can0"), playback)),
+            [(251_000, 2), (451_000, 4), (1_001_000, 5)]
+        );
+        let text: String = (0..=3000)
+            .map(|i| format!("({}.{:06}) can0 001#\n", i / 3, i % 3 * 333_333))
+            .collect();
+        let playback = Playback {
+            start_ns: 0,
+            speed: 3.0,
+        };
+        let mut source = open(&text, None, playback);
+        let mut batch = Vec::with_capacity(4000);
+        assert!(!source.receive(u64::MAX, &mut batch));
+        assert_eq!(batch.last().unwrap().t_ns, 333_333_333_333);
+    }
+
+    #[test]
+    fn nothing_comes_before_its_time_and_a_full_batch_leaves_the_rest() {
+        let mut source = open(LOG, None, Playback::default());
+        let mut batch = Vec::with_capacity(2);
+        assert!(!source.receive(499_999, &mut batch));
+        assert_eq!(batch.len(), 1);
+        assert_eq!(source.wakeup().at_ns, Some(500_000));
+        assert!(source.receive(u64::MAX, &mut batch));
+        assert_eq!((batch.len(), batch.capacity()), (2, 2));
+        batch.clear();
+        assert!(source.receive(u64::MAX, &mut batch));
+        batch.clear();
+        assert!(!source.receive(u64::MAX, &mut batch));
+        assert_eq!(batch.len(), 1);
+        assert!(!source.receive(u64::MAX, &mut batch));
+    }
+
+    #[test]
+    fn a_recording_takes_no_commands() {
+        let mut source = open(LOG, None, Playback::default());
+        let frame = CanFrame::standard(1, &[]).unwrap();
+        assert!(matches!(source.send(&frame), Err(SendError::ReceiveOnly)));
+        assert_eq!(source.counters().send_failures, 1);
+    }
+
+    #[test]
+    fn what_cannot_be_played_is_refused_with_the_reason() {
+        let refused = |path: &Path, speed| {
+            LogSource::open(path, None, Playback { start_ns: 0, speed })
+                .err()
+                .unwrap()
+                .to_string()
+        };
+        let good = file(LOG);
+        for speed in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            assert!(refused(good.path(), speed).contains("not a positive number"));
+        }
+        let missing = refused(Path::new("no/such.log"), 1.0);
+        assert!(missing.contains("no/such.log") && missing.contains("No such file"));
+        let empty = refused(file("\n\n").path(), 1.0);
+        assert!(empty.contains("in its 2 lines"), "{empty}");
+        let other = refused(file("BLF\x01\x02 binary\nmore\n").path(), 1.0);
+        assert!(
+            other.contains("line 1, column 1: expected `(`") && other.contains("can_logconvert"),
+            "{other}"
+        );
+    }
+}

@@ -311,3 +311,6 @@ fn write(out: &mut &mut [u8], frame: &CanFrame, timestamp_s: f64) -> Result<(), 
 fn write_bool(out: &mut &mut [u8], value: bool) -> Result<(), ValueWriteError<io::Error>> {
     encode::write_bool(out, value).map_err(ValueWriteError::InvalidMarkerWrite)
 }
+
+#[cfg(test)]
+mod tests;

@@ -337,3 +337,6 @@ impl CanSource for UdpMulticast {
         LinkState::Up
     }
 }
+
+#[cfg(test)]
+mod tests;

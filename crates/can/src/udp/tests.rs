@@ -1,0 +1,181 @@
+use super::*;
+use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+
+/// Each test has a port of its own and keeps its datagrams on this machine.
+fn options(port: u16) -> UdpOptions {
+    UdpOptions {
+        port,
+        interface: Some("lo".to_owned()),
+        hop_limit: 0,
+        ..UdpOptions::default()
+    }
+}
+
+fn frame(n: u16) -> CanFrame {
+    CanFrame::standard(n, &n.to_be_bytes()).unwrap()
+}
+
+/// What comes within a second until `count` frames are there.
+fn receive(source: &mut UdpMulticast, count: usize) -> Vec<Received> {
+    let mut all = Vec::new();
+    let mut batch = Vec::with_capacity(64);
+    while all.len() < count {
+        let fd = source.wakeup().fd.unwrap();
+        if poll(
+            &mut [PollFd::new(fd, PollFlags::POLLIN)],
+            PollTimeout::from(1000u16),
+        )
+        .unwrap()
+            == 0
+        {
+            break;
+        }
+        while source.receive(0, &mut batch) || !batch.is_empty() {
+            all.append(&mut batch);
+        }
+    }
+    all
+}
+
+#[test]
+fn two_sources_hear_each_other_and_not_themselves() {
+    let mut a = UdpMulticast::with_options(&options(50117)).unwrap();
+    let mut b = UdpMulticast::with_options(&options(50117)).unwrap();
+    let before_ns = monotonic_ns();
+    for n in 0..100 {
+        a.send(&frame(n)).unwrap();
+    }
+    b.send(&frame(500)).unwrap();
+    let at_b = receive(&mut b, 100);
+    let frames: Vec<CanFrame> = at_b.iter().map(|r| r.frame).collect();
+    assert_eq!(frames, (0..100).map(frame).collect::<Vec<_>>());
+    assert!(at_b.is_sorted_by_key(|r| r.t_ns));
+    // The kernel's stamp, converted: between sending and now, but for the error of the conversion.
+    let after_ns = monotonic_ns();
+    assert!(
+        at_b.iter()
+            .all(|r| r.t_ns + 1_000_000 >= before_ns && r.t_ns <= after_ns)
+    );
+    let at_a = receive(&mut a, 1);
+    assert_eq!(at_a.iter().map(|r| r.frame).collect::<Vec<_>>(), [frame(500)]);
+    assert_eq!((a.counters().sent, a.counters().received), (100, 1));
+    assert_eq!((b.counters().sent, b.counters().received), (1, 100));
+}
+
+#[test]
+fn another_group_of_the_same_port_stays_out() {
+    let mut ours = UdpMulticast::with_options(&options(50118)).unwrap();
+    let mut other = UdpMulticast::with_options(&UdpOptions {
+        group: "239.74.163.3".parse().unwrap(),
+        ..options(50118)
+    })
+    .unwrap();
+    let mut peer = UdpMulticast::with_options(&options(50118)).unwrap();
+    other.send(&frame(1)).unwrap();
+    peer.send(&frame(2)).unwrap();
+    let frames: Vec<CanFrame> = receive(&mut ours, 1).iter().map(|r| r.frame).collect();
+    assert_eq!(frames, [frame(2)]);
+}
+
+#[test]
+fn nonsense_is_counted_and_does_not_hide_what_follows() {
+    let mut source = UdpMulticast::with_options(&options(50119)).unwrap();
+    let mut peer = UdpMulticast::with_options(&options(50119)).unwrap();
+    let mut fd_frame = [0; python_can::LARGEST];
+    let fd_frame = python_can::encode(&frame(1), 0.0, &mut fd_frame).unwrap();
+    let fd_frame: Vec<u8> = {
+        let at = fd_frame.windows(5).position(|w| w == b"is_fd").unwrap();
+        let mut bytes = fd_frame.to_vec();
+        bytes[at + 5] = 0xC3;
+        bytes
+    };
+    // A map with one unknown entry that is longer than what is read.
+    let mut over_long = b"\x81\xa1a\xc5\x20\x00".to_vec();
+    over_long.resize(over_long.len() + 0x2000, 0);
+    for datagram in [&b""[..], b"hello", &fd_frame, &over_long] {
+        send(peer.sender.as_raw_fd(), datagram, MsgFlags::empty()).unwrap();
+    }
+    peer.send(&frame(7)).unwrap();
+    let frames: Vec<CanFrame> = receive(&mut source, 1).iter().map(|r| r.frame).collect();
+    assert_eq!(frames, [frame(7)]);
+    assert_eq!(source.counters().undecodable, 4);
+}
+
+#[test]
+fn a_queue_that_is_too_small_counts_every_loss() {
+    let mut source = UdpMulticast::with_options(&UdpOptions {
+        receive_buffer: 8192,
+        ..options(50120)
+    })
+    .unwrap();
+    let mut peer = UdpMulticast::with_options(&options(50120)).unwrap();
+    for n in 0..1000 {
+        peer.send(&frame(n)).unwrap();
+    }
+    let first = receive(&mut source, 1).len();
+    assert!(first < 1000);
+    // The kernel tells of losses with the next datagram.
+    peer.send(&frame(1000)).unwrap();
+    let after = receive(&mut source, 1).len();
+    assert_eq!(after, 1);
+    assert_eq!(first as u64 + source.counters().lost_in_kernel, 1000);
+}
+
+#[test]
+fn a_large_burst_fits_the_default_queue_where_the_kernel_allows_one() {
+    let mut source = UdpMulticast::with_options(&options(50121)).unwrap();
+    let mut peer = UdpMulticast::with_options(&options(50121)).unwrap();
+    for n in 0..2000 {
+        peer.send(&frame(n)).unwrap();
+    }
+    let received = receive(&mut source, 2000).len() as u64;
+    peer.send(&frame(2000)).unwrap();
+    receive(&mut source, 1);
+    assert_eq!(received + source.counters().lost_in_kernel, 2000);
+    if source.receive_buffer() >= 4 << 20 {
+        assert_eq!(source.counters().lost_in_kernel, 0);
+    }
+}
+
+#[test]
+fn python_cans_ipv6_group_works_where_ipv6_has_a_route_for_it() {
+    let options = UdpOptions {
+        group: "ff15:7079:7468:6f6e:6465:6d6f:6d63:6173".parse().unwrap(),
+        interface: None,
+        ..options(50122)
+    };
+    let (mut a, mut b) = match (
+        UdpMulticast::with_options(&options),
+        UdpMulticast::with_options(&options),
+    ) {
+        (Ok(a), Ok(b)) => (a, b),
+        (Err(e), _) | (_, Err(e)) => {
+            println!("SKIPPED: no IPv6 multicast on this machine: {e}");
+            return;
+        }
+    };
+    a.send(&frame(1)).unwrap();
+    b.send(&frame(2)).unwrap();
+    assert_eq!(receive(&mut b, 1)[0].frame, frame(1));
+    assert_eq!(receive(&mut a, 1)[0].frame, frame(2));
+}
+
+#[test]
+fn an_ipv6_group_of_narrow_scope_needs_no_interface_to_be_received() {
+    let options = UdpOptions {
+        group: "ff12::7461:7865".parse().unwrap(),
+        interface: None,
+        ..options(50123)
+    };
+    let receiver = new_socket(options.group).unwrap();
+    match bind(receiver.as_raw_fd(), &group_address(&options, 0)) {
+        Err(Errno::EINVAL) => bind_to_group(&receiver, &options, 0).unwrap(),
+        other => println!("SKIPPED: binding to a link-local group gave {other:?} here, not EINVAL"),
+    }
+}
+
+#[test]
+fn an_address_that_is_no_group_is_refused() {
+    let error = UdpMulticast::open("127.0.0.1".parse().unwrap(), 1).err().unwrap();
+    assert!(error.to_string().contains("not a multicast group"));
+}
