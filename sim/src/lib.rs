@@ -1,1 +1,37 @@
-//! Placeholder while the crate is written.
+//! Scenes as CAN traffic: simulated uSkin boards that behave, and misbehave on request.
+//!
+//! A [`Scene`] names what touches the hand and what breaks; nothing else is modelled. A [`Simulator`] plays it on
+//! every bus of a layout, with time as an argument; a [`SimSource`] plays one bus in real time behind
+//! [`taxel_can::CanSource`]. The same scene with the same seed gives the same bytes on every platform.
+//!
+//! ```
+//! use taxel_sim::{Scene, Simulator};
+//! use taxel_skin::Layout;
+//!
+//! let scene = Scene::builtin("tap")?;
+//! let layout = Layout::resolve(scene.layout())?;
+//! let mut hand = Simulator::new(&scene, &layout, scene.seed())?;
+//! hand.start_all();
+//! let mut frames = Vec::new();
+//! hand.advance(100_000_000, &mut frames);
+//! assert!(frames.len() > 240);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod bit_timing;
+mod board;
+mod bus;
+mod clock;
+mod contact;
+mod contact_file;
+mod fault;
+mod levels;
+mod random;
+mod scene;
+mod simulator;
+mod skin_model;
+mod source;
+
+pub use scene::{Scene, SceneError};
+pub use simulator::{BoardCounts, CommandError, Simulator};
+pub use source::{SimOptions, SimSource};

@@ -1,0 +1,162 @@
+//! A contact as a scene file has it, and the checks it goes through.
+
+use crate::clock::{Keyframes, ns_of_seconds};
+use crate::contact::{Contact, Footprint, Shape};
+use crate::levels::Levels;
+use serde::Deserialize;
+
+/// The keys of a `[[contact]]`. Which go together is checked afterwards, so that the message can say so.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct ContactToml {
+    shape: ShapeToml,
+    on: Vec<String>,
+    at: Option<[f64; 2]>,
+    at_mm: Option<[f64; 3]>,
+    path: Option<Vec<[f64; 3]>>,
+    path_mm: Option<Vec<[f64; 4]>>,
+    radius: Option<f64>,
+    radius_mm: Option<f64>,
+    along: Option<[f64; 2]>,
+    force_n: Option<Vec<[f64; 2]>>,
+    force_counts: Option<Vec<[f64; 2]>>,
+    shear_n: Option<Vec<[f64; 3]>>,
+    shear_counts: Option<Vec<[f64; 3]>>,
+}
+
+#[derive(Deserialize, PartialEq)]
+#[serde(rename_all = "lowercase")]
+enum ShapeToml {
+    Sphere,
+    Bump,
+    Flat,
+    Edge,
+}
+
+impl ContactToml {
+    pub(crate) fn check(self, line: u32, length_ns: u64, levels: Levels) -> Result<Contact, String> {
+        if self.on.is_empty() {
+            return Err("`on` names no place; name modules, parts of the hand, or \"all\"".into());
+        }
+        let shape = match (self.shape, self.along) {
+            (ShapeToml::Sphere, None) => Shape::Sphere,
+            (ShapeToml::Bump, None) => Shape::Bump,
+            (ShapeToml::Flat, None) => Shape::Flat,
+            (ShapeToml::Edge, along) => {
+                let [x, y] = along.unwrap_or([1.0, 0.0]);
+                let length = (x * x + y * y).sqrt();
+                if !(length > 0.0 && length.is_finite()) {
+                    return Err(format!("`along` is [{x}, {y}]; it must be a direction"));
+                }
+                Shape::Edge {
+                    along: [x / length, y / length],
+                }
+            }
+            (_, Some(_)) => return Err("only an edge has `along`".into()),
+        };
+        let in_mm = self.at_mm.is_some() || self.path_mm.is_some() || self.radius_mm.is_some();
+        if in_mm && (self.at.is_some() || self.path.is_some() || self.radius.is_some()) {
+            return Err("a contact is given in pixels or in mm, not in both".into());
+        }
+        if self.at.is_some() && self.path.is_some() || self.at_mm.is_some() && self.path_mm.is_some() {
+            return Err("a contact rests `at` a place or follows a `path`, not both".into());
+        }
+        let radius = self.radius.or(self.radius_mm).unwrap_or(2.0);
+        if !(0.01..=1e6).contains(&radius) {
+            return Err(format!("the radius is {radius}; it must be 0.01 to 1000000"));
+        }
+        let path = |name: &str, frames: Vec<(f64, [f64; 3])>| keyframes(name, frames, length_ns);
+        let footprint = if in_mm {
+            let path = match (self.at_mm, self.path_mm) {
+                (Some(at), _) => path("at_mm", vec![(0.0, at)])?,
+                (_, Some(p)) => path(
+                    "path_mm",
+                    p.into_iter().map(|[t, x, y, z]| (t, [x, y, z])).collect(),
+                )?,
+                _ => {
+                    return Err(
+                        "`radius_mm` needs `at_mm` or `path_mm`: places on the hand, [x, y, z]".into(),
+                    );
+                }
+            };
+            Footprint::Millimetres(path)
+        } else {
+            match (self.at, self.path) {
+                (Some([x, y]), _) => Footprint::Pixels(path("at", vec![(0.0, [x, y, 0.0])])?),
+                (_, Some(p)) => Footprint::Pixels(path(
+                    "path",
+                    p.into_iter().map(|[t, x, y]| (t, [x, y, 0.0])).collect(),
+                )?),
+                _ => Footprint::Middle,
+            }
+        };
+        let scaled =
+            |frames: Vec<[f64; 2]>, scale: f64| frames.into_iter().map(|[t, f]| (t, [f * scale])).collect();
+        let force = match (self.force_n, self.force_counts) {
+            (Some(f), None) => keyframes("force_n", scaled(f, levels.counts_per_newton()[2]), length_ns)?,
+            (None, Some(f)) => keyframes("force_counts", scaled(f, 1.0), length_ns)?,
+            _ => {
+                return Err(
+                    "a contact needs its force over time, `force_n` or `force_counts`: [[seconds, force], ...]".into(),
+                );
+            }
+        };
+        let pair = |frames: Vec<[f64; 3]>, sx: f64, sy: f64| {
+            frames
+                .into_iter()
+                .map(|[t, x, y]| (t, [x * sx, y * sy]))
+                .collect()
+        };
+        let shear = match (self.shear_n, self.shear_counts) {
+            (None, None) => None,
+            (Some(f), None) => {
+                let [sx, sy, _] = levels.counts_per_newton();
+                Some(keyframes("shear_n", pair(f, sx, sy), length_ns)?)
+            }
+            (None, Some(f)) => Some(keyframes("shear_counts", pair(f, 1.0, 1.0), length_ns)?),
+            _ => return Err("a contact has `shear_n` or `shear_counts`, not both".into()),
+        };
+        Ok(Contact {
+            line,
+            on: self.on,
+            shape,
+            footprint,
+            radius,
+            force,
+            shear,
+        })
+    }
+}
+
+/// Checks keyframes given in seconds: in rising order, within the scene, finite.
+fn keyframes<const N: usize>(
+    name: &str,
+    frames: Vec<(f64, [f64; N])>,
+    length_ns: u64,
+) -> Result<Keyframes<N>, String> {
+    if frames.is_empty() {
+        return Err(format!("`{name}` is empty; it needs at least one keyframe"));
+    }
+    let mut checked: Vec<(u64, [f64; N])> = Vec::with_capacity(frames.len());
+    for (seconds, value) in frames {
+        if !(seconds >= 0.0 && seconds <= length_ns as f64 / 1e9) {
+            return Err(format!(
+                "`{name}` has a keyframe at {seconds} s; the scene lasts {} s",
+                length_ns as f64 / 1e9
+            ));
+        }
+        if let Some(v) = value.iter().find(|v| v.is_nan() || v.abs() > 1e9) {
+            return Err(format!(
+                "`{name}` is {v} at {seconds} s; that is not a usable number"
+            ));
+        }
+        let t_ns = ns_of_seconds(seconds);
+        if checked.last().is_some_and(|(before, _)| *before >= t_ns) {
+            return Err(format!(
+                "`{name}`: the keyframe at {seconds} s is not after the one before it"
+            ));
+        }
+        checked.push((t_ns, value));
+    }
+    Ok(Keyframes::new(checked))
+}

@@ -1,0 +1,300 @@
+//! The skin itself: what every taxel reads at every instant, as a function of scene, seed and time alone.
+
+use crate::clock::{SceneClock, Span};
+use crate::contact::{Contact, Footprint, Seat};
+use crate::fault::{FaultKind, TaxelFault};
+use crate::levels::{Character, noise};
+use crate::random::{bits, happens};
+use crate::scene::{Scene, SceneError};
+use taxel_skin::{Layout, Module};
+
+/// Status byte of an MLX90393 that streams without trouble (protocols.md 2.2).
+const STATUS_STREAMING: u8 = 0x83;
+/// Its error bit.
+const STATUS_ERROR: u8 = 0x10;
+/// Random numbers of glitches, one stream per taxel.
+const GLITCH_STREAM: u64 = 0x676C;
+
+/// Every taxel of a hand in a scene. It has no state: a taxel can be read at any time, in any order.
+#[derive(Debug)]
+pub(crate) struct SkinModel {
+    seed: u64,
+    noise: f64,
+    clock: SceneClock,
+    contacts: Vec<Contact>,
+    taxels: Vec<TaxelModel>,
+}
+
+#[derive(Debug)]
+struct TaxelModel {
+    character: Character,
+    seats: Vec<Seat>,
+    faults: Vec<(Span, TaxelFault)>,
+    present: bool,
+}
+
+impl SkinModel {
+    pub(crate) fn new(
+        scene: &Scene,
+        layout: &Layout,
+        seed: u64,
+        clock: SceneClock,
+    ) -> Result<Self, SceneError> {
+        let present = present_modules(scene, layout)?;
+        let mut taxels: Vec<TaxelModel> = layout
+            .taxels
+            .iter()
+            .enumerate()
+            .map(|(i, t)| TaxelModel {
+                character: scene.boards.levels.taxel(seed, i as u16),
+                seats: Vec::new(),
+                faults: Vec::new(),
+                present: present[t.module as usize],
+            })
+            .collect();
+        for (number, contact) in scene.contacts.iter().enumerate() {
+            for name in &contact.on {
+                let modules = modules_named(scene, layout, contact.line, name)?;
+                seat(scene, layout, contact, number, &modules, &mut taxels)?;
+            }
+        }
+        for fault in &scene.faults {
+            let FaultKind::Taxel(kind) = fault.kind else {
+                continue;
+            };
+            for name in &fault.on {
+                for m in modules_named(scene, layout, fault.line, name)? {
+                    for (i, _) in taxels_of(layout, m)
+                        .filter(|(_, k)| fault.taxels.as_ref().is_none_or(|l| l.contains(k)))
+                    {
+                        taxels[i].faults.push((fault.span, kind));
+                    }
+                }
+            }
+            if let Some(k) = fault.taxels.iter().flatten().find(|k| {
+                !fault.on.iter().any(|name| {
+                    modules_named(scene, layout, fault.line, name).is_ok_and(|l| {
+                        l.iter()
+                            .any(|m| taxels_of(layout, *m).any(|(_, there)| there == **k))
+                    })
+                })
+            }) {
+                return Err(SceneError::Invalid {
+                    file: scene.file.clone(),
+                    line: fault.line,
+                    problem: format!("{} has no taxel {k}", fault.on.join(", ")),
+                });
+            }
+        }
+        Ok(Self {
+            seed,
+            noise: scene.boards.noise,
+            clock,
+            contacts: scene.contacts.clone(),
+            taxels,
+        })
+    }
+
+    pub(crate) fn clock(&self) -> SceneClock {
+        self.clock
+    }
+
+    /// Counts and status byte of a taxel read at this running time.
+    pub(crate) fn reading(&self, taxel: u16, t_ns: u64) -> ([u16; 3], u8) {
+        let model = &self.taxels[taxel as usize];
+        let scene_ns = self.clock.scene_ns(t_ns);
+        let active = || model.faults.iter().filter(|(span, _)| span.contains(scene_ns));
+        let mut status = STATUS_STREAMING;
+        let mut noise_factor = self.noise;
+        let mut read_ns = t_ns;
+        let mut z_offset = 0.0;
+        for (span, fault) in active() {
+            let since = scene_ns - span.from_ns;
+            match fault {
+                TaxelFault::Dead { value } => return ([*value; 3], 0xFF),
+                TaxelFault::Stuck => read_ns = t_ns - since,
+                TaxelFault::Noisy { factor } => noise_factor *= factor,
+                TaxelFault::Wrapping { amplitude, period_ns } => {
+                    let phase = (since % period_ns) as f64 / *period_ns as f64;
+                    let triangle = if phase < 0.5 {
+                        2.0 * phase
+                    } else {
+                        2.0 - 2.0 * phase
+                    };
+                    z_offset += amplitude * triangle;
+                }
+                TaxelFault::Drift { counts_per_s } => z_offset += counts_per_s * (since as f64 / 1e9),
+                TaxelFault::Status => status |= STATUS_ERROR,
+                TaxelFault::Glitch { .. } => {}
+            }
+        }
+        let moved = self.displacement(model, self.clock.scene_ns(read_ns));
+        let mut counts: [u16; 3] = std::array::from_fn(|axis| {
+            let c = &model.character;
+            let offset = if axis == 2 && read_ns == t_ns {
+                z_offset
+            } else {
+                0.0
+            };
+            let noise = noise_factor * c.sd[axis] * noise(self.seed, taxel, axis, read_ns);
+            wrapped(c.idle[axis] + moved[axis] + offset + noise)
+        });
+        for (number, (span, fault)) in model.faults.iter().enumerate() {
+            if let TaxelFault::Glitch { probability } = fault
+                && span.contains(scene_ns)
+            {
+                let stream = GLITCH_STREAM << 32 | (number as u64) << 16 | u64::from(taxel);
+                if happens(bits(self.seed, stream, t_ns), *probability) {
+                    let draw = bits(self.seed, stream | 1 << 63, t_ns);
+                    let flipped = 1 + (draw % 255) as u16;
+                    counts[(draw >> 32) as usize % 3] ^= if draw >> 62 & 1 == 1 {
+                        flipped << 8
+                    } else {
+                        flipped
+                    };
+                }
+            }
+        }
+        (counts, status)
+    }
+
+    /// How far each taxel is moved from idle, counts, without noise, wraps or faults; zero where nothing touches it.
+    pub(crate) fn truth(&self, t_ns: u64, force: &mut [f64]) -> usize {
+        let scene_ns = self.clock.scene_ns(t_ns);
+        let mut contacts = 0;
+        for (model, force) in self.taxels.iter().zip(force) {
+            let [x, y, z] = self.displacement(model, scene_ns);
+            *force = if model.present {
+                (x * x + y * y + z * z).sqrt()
+            } else {
+                0.0
+            };
+            contacts += usize::from(*force > 0.0);
+        }
+        contacts
+    }
+
+    /// Whether a fault of the scene touches this taxel's values at this time.
+    pub(crate) fn is_faulty(&self, taxel: u16, t_ns: u64) -> bool {
+        let scene_ns = self.clock.scene_ns(t_ns);
+        let model = &self.taxels[taxel as usize];
+        model.faults.iter().any(|(span, _)| span.contains(scene_ns))
+    }
+
+    pub(crate) fn taxels(&self) -> usize {
+        self.taxels.len()
+    }
+
+    fn displacement(&self, model: &TaxelModel, scene_ns: u64) -> [f64; 3] {
+        let mut sum = [0.0; 3];
+        for seat in &model.seats {
+            let moved = self.contacts[seat.contact as usize].on_taxel(seat, scene_ns);
+            for (sum, moved) in sum.iter_mut().zip(moved) {
+                *sum += model.character.gain * moved;
+            }
+        }
+        sum
+    }
+}
+
+/// An overloaded axis wraps modulo 2^16, it does not saturate (protocols.md 2.6).
+fn wrapped(counts: f64) -> u16 {
+    ((counts + 0.5).floor() as i64 & 0xFFFF) as u16
+}
+
+/// Which modules of the layout the scene has, by index.
+pub(crate) fn present_modules(scene: &Scene, layout: &Layout) -> Result<Vec<bool>, SceneError> {
+    let Some((line, names)) = &scene.modules else {
+        return Ok(vec![true; layout.modules.len()]);
+    };
+    let mut present = vec![false; layout.modules.len()];
+    for name in names {
+        for m in modules_named(scene, layout, *line, name)? {
+            present[m] = true;
+        }
+    }
+    Ok(present)
+}
+
+/// The modules that a name in a scene means: one module, those of a part of the hand, or `all`.
+pub(crate) fn modules_named(
+    scene: &Scene,
+    layout: &Layout,
+    line: u32,
+    name: &str,
+) -> Result<Vec<usize>, SceneError> {
+    let those = |wanted: &dyn Fn(&Module) -> bool| -> Vec<usize> {
+        (0..layout.modules.len())
+            .filter(|m| wanted(&layout.modules[*m]))
+            .collect()
+    };
+    if name == "all" {
+        return Ok(those(&|_| true));
+    }
+    for found in [those(&|m| m.name == name), those(&|m| m.part == name)] {
+        if !found.is_empty() {
+            return Ok(found);
+        }
+    }
+    let mut known: Vec<String> = Vec::new();
+    for name in layout.modules.iter().flat_map(|m| [&m.part, &m.name]) {
+        if !known.contains(name) {
+            known.push(name.clone());
+        }
+    }
+    Err(SceneError::UnknownPlace {
+        file: scene.file.clone(),
+        line,
+        place: name.into(),
+        layout: layout.name.clone(),
+        known,
+    })
+}
+
+/// Numbers of a module's taxels in the layout, with the board's own numbers.
+pub(crate) fn taxels_of(layout: &Layout, module: usize) -> impl Iterator<Item = (usize, u8)> {
+    let m = &layout.modules[module];
+    let first = m.first_taxel as usize;
+    (first..first + m.taxels as usize).map(|i| (i, layout.taxels[i].k))
+}
+
+/// Places a contact on modules that form one surface.
+fn seat(
+    scene: &Scene,
+    layout: &Layout,
+    contact: &Contact,
+    number: usize,
+    modules: &[usize],
+    models: &mut [TaxelModel],
+) -> Result<(), SceneError> {
+    let members = || modules.iter().flat_map(|m| taxels_of(layout, *m)).map(|(i, _)| i);
+    let range = |axis: fn(&taxel_skin::Taxel) -> u16| {
+        let of = || members().map(|i| axis(&layout.taxels[i]));
+        (of().min().unwrap_or(0), of().max().unwrap_or(0))
+    };
+    let ((left, right), (top, bottom)) = (range(|t| t.x), range(|t| t.y));
+    let middle = [f64::from(right - left) / 2.0, f64::from(bottom - top) / 2.0, 0.0];
+    for i in members() {
+        let taxel = &layout.taxels[i];
+        let place = match (&contact.footprint, taxel.position_mm) {
+            (Footprint::Millimetres(_), Some(mm)) => mm.map(f64::from),
+            (Footprint::Millimetres(_), None) => {
+                return Err(SceneError::Invalid {
+                    file: scene.file.clone(),
+                    line: contact.line,
+                    problem: format!(
+                        "the layout {} does not say where taxel {i} of `{}` is in mm; give the contact in pixels",
+                        layout.name, layout.modules[taxel.module as usize].name
+                    ),
+                });
+            }
+            _ => [f64::from(taxel.x - left), f64::from(taxel.y - top), 0.0],
+        };
+        models[i].seats.push(Seat {
+            contact: number as u16,
+            place,
+            middle,
+        });
+    }
+    Ok(())
+}
