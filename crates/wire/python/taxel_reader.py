@@ -383,7 +383,7 @@ class Reader:
                 return message
 
     def subscribe(self, **wanted: Any) -> None:
-        """Asks for other things than every image: image, raw, status (bool), max_rate_hz. Once."""
+        """Asks for other things than every image: image, raw, status (bool), max_rate_hz."""
         self.socket.send(encode_subscribe(wanted))
 
     def latency_ns(self, header: Header) -> Optional[int]:

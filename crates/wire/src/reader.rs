@@ -130,7 +130,8 @@ impl Subscriber {
         }
     }
 
-    /// Tells the daemon what to send; without it every image comes and nothing else. Once per connection.
+    /// Tells the daemon what to send; without it every image comes and no raw counts. It replaces
+    /// the subscription before.
     pub fn subscribe(&mut self, subscribe: &Subscribe) -> Result<(), ReadError> {
         let packet = subscribe.to_packet();
         retry(|| send(self.socket.as_raw_fd(), &packet, MsgFlags::MSG_NOSIGNAL))

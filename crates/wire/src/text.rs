@@ -13,7 +13,8 @@ pub const MAX_TEXT: usize = 8 << 20;
 /// as small as Linux allows, for the sake of fresh images.
 pub const TEXT_PART: usize = 8000;
 
-/// What a client wants to be sent. Without a subscription it is sent every image.
+/// What a client wants to be sent. Without a subscription it is sent every image; a later one replaces the one
+/// before.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Subscribe {
@@ -23,7 +24,7 @@ pub struct Subscribe {
     pub raw: bool,
     /// STATUS messages.
     pub status: bool,
-    /// The most images and raw frames per second, above 0; absent or null for every one.
+    /// The most images, and the most raw frames, per second, above 0; absent or null for every one.
     pub max_rate_hz: Option<f64>,
 }
 
@@ -122,9 +123,9 @@ pub enum EventKind {
     Calibrating,
     /// The baseline has been measured.
     Calibrated,
-    /// Images stop until the daemon is told to resume.
+    /// Images show no contact, so that displays let go, until the daemon is told to resume.
     Paused,
-    /// Images come again.
+    /// Images show what the hand feels again.
     Resumed,
     /// Anything else worth showing.
     Notice,

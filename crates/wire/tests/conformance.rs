@@ -2,6 +2,7 @@
 //!
 //! `TAXEL_WIRE_REGENERATE=1 cargo test -p taxel-wire --test conformance` writes `vectors/` anew.
 
+mod c_program;
 mod vectors;
 
 use serde_json::{Map, Value, json};
@@ -106,35 +107,11 @@ fn the_python_reader_agrees_on_every_vector_and_mutation() {
 
 #[test]
 fn the_c_reader_agrees_on_every_vector_and_mutation_under_the_sanitizers() {
-    let Some(cc) = vectors::c_compiler() else {
-        println!("SKIPPED: no cc on this machine; the C reader was NOT checked");
-        return;
-    };
     let dir = tempfile::tempdir().unwrap();
     let program = dir.path().join("dump");
-    let compiled = Command::new(cc)
-        .args([
-            "-std=c99",
-            "-Wall",
-            "-Wextra",
-            "-Werror",
-            "-pedantic",
-            "-O1",
-            "-g",
-        ])
-        .args(["-fsanitize=address,undefined", "-fno-sanitize-recover=all"])
-        .arg("-I")
-        .arg(here("c"))
-        .arg(here("tests/dump.c"))
-        .arg("-o")
-        .arg(&program)
-        .output()
-        .unwrap();
-    assert!(
-        compiled.status.success(),
-        "{}",
-        String::from_utf8_lossy(&compiled.stderr)
-    );
+    if c_program::compile("tests/dump.c", &program).is_none() {
+        return;
+    }
     agrees(Command::new(program));
 }
 

@@ -4,12 +4,12 @@ mod vectors;
 
 use proptest::collection::vec;
 use proptest::prelude::*;
-use taxel_compress::{Actuator, TactileImage};
-use taxel_skin::{Fault, Faults, Freshness};
+use taxel_compress::{Actuator, Profile, TactileImage};
+use taxel_skin::{Fault, Faults, Freshness, Layout};
 use taxel_wire::{
-    Body, DecodeError, EncodeError, Event, EventKind, Flags, HEADER_LEN, Header, Hello, Kind, MAX_MESSAGE,
-    Subscribe, SubscribeError, decode, decode_packet, encode_image_payload, encode_raw_payload,
-    image_payload_len, raw_payload_len, split_text,
+    Body, Clock, DecodeError, EncodeError, Event, EventKind, Flags, HEADER_LEN, Header, Hello, HelloRate,
+    Kind, MAX_MESSAGE, Subscribe, SubscribeError, decode, decode_packet, encode_image_payload,
+    encode_raw_payload, image_payload_len, raw_payload_len, split_text,
 };
 
 /// Forces that survive a 32-bit float.
@@ -263,11 +263,40 @@ fn the_flags_of_a_frame_tell_what_is_remarkable() {
 
 #[test]
 fn a_hello_describes_the_hand() {
-    let hello = vectors::hello();
+    let layout = Layout::builtin("allegro-uskin-15").unwrap();
+    let rate = HelloRate {
+        mode: "sweep".into(),
+        hz: None,
+    };
+    let profile = Profile {
+        levels: 5,
+        ..Profile::default()
+    };
+    let hello = Hello::new("taxeld 9", &layout, &profile, rate, Clock::Recording);
     assert_eq!(Hello::parse(&hello.to_json()).unwrap(), hello);
-    assert_eq!(hello.absent, [[0, 2], [1, 2]]);
-    assert_eq!(hello.taxels[2].taxel, 2);
-    assert_eq!(hello.modules[usize::from(hello.taxels[2].module)].part, "thumb");
+    assert_eq!((hello.width, hello.height), (16, 16));
+    assert_eq!(hello.profile.levels, 5);
+    assert_ne!(hello.profile.method, "unknown");
+    assert_eq!(hello.profile.grey, "level");
+    let mut pixels: Vec<[u16; 2]> = hello.absent.clone();
+    for (number, taxel) in hello.taxels.iter().enumerate() {
+        let place = &layout.taxels[number];
+        assert_eq!(usize::from(taxel.taxel), number);
+        assert_eq!((taxel.x, taxel.y), (place.x, place.y));
+        let module = &hello.modules[usize::from(taxel.module)];
+        assert_eq!(module.name, layout.modules[usize::from(place.module)].name);
+        assert!((module.first_taxel..module.first_taxel + module.taxels).contains(&taxel.taxel));
+        pixels.push([taxel.x, taxel.y]);
+    }
+    pixels.sort();
+    pixels.dedup();
+    assert_eq!(pixels.len(), 256, "every pixel has a taxel or is absent");
+    assert_eq!(hello.absent.len() + hello.taxels.len(), 256);
+}
+
+#[test]
+fn a_hello_of_a_later_version_is_read() {
+    let hello = vectors::hello();
     let mut json: serde_json::Value = serde_json::from_slice(&hello.to_json()).unwrap();
     assert_eq!(
         json["taxels"][0],
@@ -277,7 +306,7 @@ fn a_hello_describes_the_hand() {
     json["of_a_later_version"] = 1.into();
     json["clock"] = "CLOCK_TAI".into();
     let newer = Hello::parse(json.to_string().as_bytes()).unwrap();
-    assert_eq!(newer.clock, taxel_wire::Clock::Unknown);
+    assert_eq!(newer.clock, Clock::Unknown);
 }
 
 #[test]

@@ -1,13 +1,11 @@
 //! The messages that every reader is checked against.
 #![allow(dead_code, reason = "each test binary uses its part")]
 
-use std::path::PathBuf;
-use std::process::Command;
-use taxel_compress::{Actuator, Profile, TactileImage};
-use taxel_skin::{Fault, Faults, ForceFrame, Freshness, Layout, Module, Protocol, TactileFrame, Taxel};
+use taxel_compress::{Actuator, TactileImage};
+use taxel_skin::{Fault, Faults, ForceFrame, Freshness, TactileFrame};
 use taxel_wire::{
-    Clock, Event, EventKind, Flags, Header, Hello, HelloRate, Kind, MAX_MESSAGE, Subscribe,
-    encode_image_payload, encode_raw_payload, split_text,
+    Clock, Event, EventKind, Flags, Header, Hello, HelloModule, HelloProfile, HelloProtocol, HelloRate,
+    HelloTaxel, Kind, MAX_MESSAGE, Subscribe, encode_image_payload, encode_raw_payload, split_text,
 };
 
 /// One message, good or bad.
@@ -272,16 +270,6 @@ pub(crate) fn mutations(count: usize) -> Vec<(String, Vec<u8>)> {
         .collect()
 }
 
-/// A C compiler, where this machine has one.
-pub(crate) fn c_compiler() -> Option<PathBuf> {
-    let name = std::env::var_os("CC").unwrap_or_else(|| "cc".into());
-    let works = Command::new(&name)
-        .arg("--version")
-        .output()
-        .is_ok_and(|out| out.status.success());
-    works.then(|| name.into())
-}
-
 /// The image that docs/wire.md explains byte by byte.
 pub(crate) fn example() -> TactileImage {
     let mut pixels = vec![0; 12];
@@ -327,47 +315,48 @@ pub(crate) fn image_packet(image: &TactileImage, skipped: u32) -> Vec<u8> {
     [&header.to_bytes()[..], &payload].concat()
 }
 
-/// The description of a hand with two modules of two taxels and one absent pixel.
+/// The description of a hand with two modules of two taxels and two absent pixels.
 pub(crate) fn hello() -> Hello {
-    let module = |name: &str, board, first_taxel| Module {
+    let module = |name: &str, part: &str, first_taxel| HelloModule {
         name: name.into(),
-        part: name.split(' ').next().unwrap().into(),
-        bus: 0,
-        board,
-        protocol: Protocol::UskinL2,
+        part: part.into(),
         first_taxel,
         taxels: 2,
     };
-    let taxel = |module, k, x, y, position_mm| Taxel {
-        module,
-        k,
+    let taxel = |taxel, x, y, module, position_mm| HelloTaxel {
+        taxel,
         x,
         y,
+        module,
         position_mm,
     };
-    let layout = Layout {
-        name: "two-fingers".into(),
+    Hello {
+        protocol: HelloProtocol { major: 1, minor: 0 },
+        daemon: "taxeld 0.1.0".into(),
+        layout: "two-fingers".into(),
         width: 2,
         height: 3,
-        buses: vec!["can0".into()],
-        modules: vec![module("index tip", 0, 0), module("thumb tip", 1, 2)],
+        modules: vec![module("index tip", "index", 0), module("thumb tip", "thumb", 2)],
         taxels: vec![
             taxel(0, 0, 0, 0, Some([1.5, -2.0, 30.25])),
-            taxel(0, 1, 0, 1, Some([1.5, 2.0, 30.25])),
-            taxel(1, 0, 1, 0, None),
-            taxel(1, 1, 1, 1, None),
+            taxel(1, 0, 1, 0, Some([1.5, 2.0, 30.25])),
+            taxel(2, 1, 0, 1, None),
+            taxel(3, 1, 1, 1, None),
         ],
-    };
-    let rate = HelloRate {
-        mode: "timer".into(),
-        hz: Some(30.0),
-    };
-    let profile = Profile {
-        levels: 8,
-        actuators: 16,
-        ..Profile::default()
-    };
-    Hello::new("taxeld 0.1.0", &layout, &profile, rate, Clock::Monotonic)
+        absent: vec![[0, 2], [1, 2]],
+        profile: HelloProfile {
+            levels: 8,
+            actuators: 16,
+            method: "paper".into(),
+            grey: "level".into(),
+        },
+        rate: HelloRate {
+            mode: "timer".into(),
+            hz: Some(30.0),
+        },
+        force_unit: "counts".into(),
+        clock: Clock::Monotonic,
+    }
 }
 
 /// A tactile frame of two taxels and what conditioning made of it.

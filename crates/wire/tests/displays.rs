@@ -1,0 +1,179 @@
+//! The example display drivers and the Python reader's command, run against a daemon that misbehaves.
+
+mod c_program;
+mod fake_daemon;
+mod vectors;
+
+use fake_daemon::FakeDaemon;
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdout, Command, Stdio};
+use taxel_compress::{Actuator, TactileImage};
+use taxel_wire::{Event, EventKind};
+
+fn here(path: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
+}
+
+/// A driver that is running; stopped when the test ends, however it ends.
+struct Driver {
+    child: Child,
+    lines: BufReader<ChildStdout>,
+}
+
+impl Driver {
+    fn start(mut program: Command) -> Self {
+        let mut child = program.stdout(Stdio::piped()).spawn().unwrap();
+        let lines = BufReader::new(child.stdout.take().unwrap());
+        Self { child, lines }
+    }
+
+    fn line(&mut self) -> String {
+        let mut line = String::new();
+        self.lines.read_line(&mut line).unwrap();
+        line.trim_end().to_owned()
+    }
+}
+
+impl Drop for Driver {
+    fn drop(&mut self) {
+        // It may have ended by itself.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+fn image(seq: u64, levels: &[(u16, u16)]) -> Vec<u8> {
+    let actuators = levels.iter().map(|&(id, level)| Actuator {
+        id,
+        x: 1,
+        y: 1,
+        level,
+        force: 100.0,
+    });
+    vectors::image_packet(
+        &TactileImage {
+            seq,
+            actuators: actuators.collect(),
+            ..vectors::example()
+        },
+        0,
+    )
+}
+
+/// Shows, lets go when the stream stops, shows again, lets go when the daemon closes, connects again.
+fn behaves(daemon: &FakeDaemon, mut driver: Driver) {
+    let client = daemon.accept();
+    for part in vectors::hello().to_packets(0, 0) {
+        client.send(&part);
+    }
+    client.send(&image(1, &[(0, 1), (3, 2)]));
+    assert_eq!(driver.line(), "image: 0=1 3=2");
+    client.send(&Event::new(EventKind::Notice, "all is well").to_packet(1, 0));
+    assert_eq!(
+        driver.line(),
+        "no image: clear",
+        "the stream stopped, and nothing else"
+    );
+    client.send(b"not a message");
+    client.send(&image(2, &[(3, 1)]));
+    assert_eq!(driver.line(), "image: 3=1");
+    drop(client);
+    let mut line = driver.line();
+    if line == "no image: clear" {
+        // On a slow machine the display may let go before it sees that the daemon has left.
+        line = driver.line();
+    }
+    assert_eq!(line, "closed: clear");
+    let client = daemon.accept();
+    client.send(&image(1, &[(5, 2)]));
+    assert_eq!(driver.line(), "image: 5=2");
+    assert_eq!(driver.line(), "no image: clear");
+    let pid = driver.child.id();
+    let stopped = Command::new("kill")
+        .args(["-TERM", &pid.to_string()])
+        .status()
+        .unwrap();
+    assert!(stopped.success());
+    assert_eq!(driver.line(), "stopped: clear");
+    let mut rest = String::new();
+    driver.lines.read_to_string(&mut rest).unwrap();
+    assert_eq!(rest, "");
+    assert!(driver.child.wait().unwrap().success());
+}
+
+fn python() -> Option<Command> {
+    let works = Command::new("python3")
+        .arg("--version")
+        .output()
+        .is_ok_and(|out| out.status.success());
+    works.then(|| {
+        let mut python = Command::new("python3");
+        python
+            .env("PYTHONPATH", here("python"))
+            .env("PYTHONDONTWRITEBYTECODE", "1");
+        python
+    })
+}
+
+#[test]
+fn the_display_in_c_lets_go_when_images_stop() {
+    let dir = tempfile::tempdir().unwrap();
+    let program = dir.path().join("display");
+    if c_program::compile("../../examples/display.c", &program).is_none() {
+        return;
+    }
+    let daemon = FakeDaemon::new();
+    let mut display = Command::new(program);
+    display.arg(daemon.path());
+    behaves(&daemon, Driver::start(display));
+}
+
+#[test]
+fn the_display_in_python_lets_go_when_images_stop() {
+    let Some(mut display) = python() else {
+        println!("SKIPPED: no python3 on this machine; examples/display.py was NOT run");
+        return;
+    };
+    let daemon = FakeDaemon::new();
+    display.arg(here("../../examples/display.py")).arg(daemon.path());
+    behaves(&daemon, Driver::start(display));
+}
+
+#[test]
+fn the_python_reader_prints_a_line_per_image_and_the_reason_of_the_end() {
+    let Some(mut reader) = python() else {
+        println!("SKIPPED: no python3 on this machine; taxel_reader.py was NOT run");
+        return;
+    };
+    let daemon = FakeDaemon::new();
+    reader.arg(here("python/taxel_reader.py")).arg(daemon.path());
+    let mut driver = Driver::start({
+        reader.stderr(Stdio::piped());
+        reader
+    });
+    let client = daemon.accept();
+    client.send(&image(7, &[(0, 1)]));
+    for part in taxel_wire::split_text(taxel_wire::Kind::Hello, &vectors::hello().to_json(), 99, 7, 0) {
+        client.send(&[&part.0.to_bytes()[..], part.1].concat());
+    }
+    client.send(&image(8, &[(2, 2)]));
+    client.send(&Event::new(EventKind::Disconnect, "the hand was unplugged").to_packet(8, 0));
+    assert_eq!(driver.line(), "7 contacts=2 missing=1 | 0@1,1=1");
+    let second = driver.line();
+    assert!(
+        second.starts_with("8 ") && second.contains("us contacts=2 missing=1 | 2@1,1=2"),
+        "{second}"
+    );
+    drop(client);
+    let mut said = String::new();
+    driver
+        .child
+        .stderr
+        .take()
+        .unwrap()
+        .read_to_string(&mut said)
+        .unwrap();
+    assert!(said.contains("the hand was unplugged"), "{said}");
+    assert_eq!(driver.child.wait().unwrap().code(), Some(1));
+}

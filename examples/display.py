@@ -1,0 +1,92 @@
+#!/usr/bin/env python3
+"""A display driver in Python: presses actuators as the tactile images say.
+
+    PYTHONPATH=crates/wire/python python3 examples/display.py /run/taxeld/images.sock
+
+Put your hardware into drive(), which is called with the levels of all pressing actuators whenever they change.
+When no image has come for DEAD_MAN_S everything is let go: a display must not press on what the hand no longer
+feels. When the daemon goes away the driver lets go at once and connects again.
+
+SPDX-License-Identifier: Apache-2.0 OR MIT
+"""
+
+import signal
+import sys
+import time
+from typing import Dict
+
+import taxel_reader
+
+DEAD_MAN_S = 0.2
+"""A few image periods; at 30 Hz an image comes every 0.033 s."""
+RECONNECT_S = 0.5
+
+
+def drive(levels: Dict[int, int], why: str) -> None:
+    """Your hardware: sets each actuator to its level, and lets go of those not named."""
+    pressed = " ".join(f"{actuator}={level}" for actuator, level in sorted(levels.items()))
+    print(f"{why}: {pressed or 'clear'}", flush=True)
+
+
+class Display:
+    """What the display shows now."""
+
+    def __init__(self) -> None:
+        self.levels: Dict[int, int] = {}
+
+    def show(self, levels: Dict[int, int], why: str) -> None:
+        """Drives the hardware where something changes."""
+        if levels != self.levels:
+            self.levels = levels
+            drive(levels, why)
+
+
+def follow(reader: taxel_reader.Reader, display: Display) -> None:
+    """Shows images until the connection ends, which raises an OSError."""
+    last = time.monotonic()
+    while True:
+        try:
+            message = reader.receive(timeout=0.02)
+        except taxel_reader.DecodeError as error:
+            if error.name == "major_version":
+                raise
+            print(f"display: a message was not usable: {error}", file=sys.stderr)
+            message = None
+        if isinstance(message, taxel_reader.Image):
+            display.show({a.id: a.level for a in message.actuators}, "image")
+            last = time.monotonic()
+        elif isinstance(message, taxel_reader.Text) and message.header.type == taxel_reader.EVENT:
+            print(f"taxeld: {message.json().get('message')}", file=sys.stderr)
+        # Not by the time-out alone: messages that are not images must not hold the display.
+        if time.monotonic() - last >= DEAD_MAN_S:
+            display.show({}, "no image")
+
+
+def main() -> int:
+    """Follows the daemon, whenever there is one, until told to stop."""
+    if len(sys.argv) != 2:
+        print("usage: display.py SOCKET", file=sys.stderr)
+        return 2
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+    display = Display()
+    try:
+        while True:
+            try:
+                with taxel_reader.connect(sys.argv[1]) as reader:
+                    follow(reader, display)
+            except OSError as error:
+                print(f"display: {error}", file=sys.stderr)
+            drive({}, "closed")
+            display.levels = {}
+            time.sleep(RECONNECT_S)
+    except taxel_reader.DecodeError as error:
+        print(f"display: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        return 0
+    finally:
+        drive({}, "stopped")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
