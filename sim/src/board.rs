@@ -10,6 +10,8 @@ use taxel_skin::Protocol;
 
 /// Entries of the transmit stack (`can_interface.h`, protocols.md 1.9).
 const STACK: usize = 20;
+/// Entries of the receive buffer, which is handled newest first (protocols.md 1.9).
+const RECEIVE: usize = 5;
 /// Time between two groups of a sweep: the four sensor lines are read at once, the chips of a line one after another.
 const GROUP_NS: u64 = 1_500_000;
 /// Random numbers of a board's timer.
@@ -60,6 +62,9 @@ pub(crate) struct Board {
     stack: [Option<CanFrame>; STACK],
     depth: usize,
     overflows: u64,
+    /// What it heard while it was reading its chips.
+    heard: [Option<CanFrame>; RECEIVE],
+    heard_depth: usize,
 }
 
 impl Board {
@@ -115,6 +120,8 @@ impl Board {
             stack: [None; STACK],
             depth: 0,
             overflows: 0,
+            heard: [None; RECEIVE],
+            heard_depth: 0,
         };
         if !board.has(0, |f| f == BoardFault::Silent) {
             board.power_up(0);
@@ -171,6 +178,12 @@ impl Board {
             if self.sweep.is_none() && std::mem::take(&mut self.queued) {
                 self.begin_sweep(t_ns);
             }
+            while self.heard_depth > 0 {
+                self.heard_depth -= 1;
+                if let Some(frame) = self.heard[self.heard_depth].take() {
+                    self.obey(&frame, t_ns);
+                }
+            }
         }
     }
 
@@ -191,25 +204,41 @@ impl Board {
 
     /// A frame of another node went over the bus. `by_board` says whether that was a board: uSkin firmware's filter
     /// is not public, so boards hear each other only in scenes with `class7_hazard`.
+    ///
+    /// Between sweeps a frame is obeyed at once; during one, when the next group of chips has been read, the newest
+    /// frame first. Those that find the buffer full are lost.
     pub(crate) fn hear(&mut self, frame: &CanFrame, by_board: bool, t_ns: u64) {
         let Some(id) = frame.standard_id() else { return };
         let hears = self.protocol.takes_commands() && (!by_board || self.options.class7_hazard);
         if !hears || self.state == State::Off {
             return;
         }
-        let (class, source, destination) = (id >> 8, (id >> 4 & 15) as u8, (id & 15) as u8);
-        let own = destination == self.address;
-        match class {
-            2 if own => self.configure(frame.data(), source, t_ns),
-            7 if own || destination == 15 => {
-                if self.state == State::Streaming {
-                    self.disabled_ns = Some(t_ns);
-                }
-                self.stop();
-                self.manage(frame.data(), source, own);
-            }
-            _ => {}
+        // The acceptance filters 0x20Y, 0x70Y and 0x70F, which leave the source open (protocols.md 1.9).
+        let own = (id & 15) as u8 == self.address;
+        if !matches!((id >> 8, own, id & 15), (2 | 7, true, _) | (7, _, 15)) {
+            return;
         }
+        if self.sweep.is_none() {
+            self.obey(frame, t_ns);
+        } else if self.heard_depth < RECEIVE {
+            self.heard[self.heard_depth] = Some(*frame);
+            self.heard_depth += 1;
+        }
+    }
+
+    /// Does what an accepted frame says.
+    fn obey(&mut self, frame: &CanFrame, t_ns: u64) {
+        let id = frame.id() as u16;
+        let (source, own) = ((id >> 4 & 15) as u8, (id & 15) as u8 == self.address);
+        if id >> 8 == 2 {
+            self.configure(frame.data(), source, t_ns);
+            return;
+        }
+        if self.state == State::Streaming {
+            self.disabled_ns = Some(t_ns);
+        }
+        self.stop();
+        self.manage(frame.data(), source, own);
     }
 
     /// Starts it, now and after each power-up.
@@ -358,6 +387,8 @@ impl Board {
         self.register = None;
         self.stack = [None; STACK];
         self.depth = 0;
+        self.heard = [None; RECEIVE];
+        self.heard_depth = 0;
     }
 
     /// The next tick of the free-running sampling timer.

@@ -3,6 +3,7 @@
 mod support;
 
 use support::{Bench, boards, of_board, scene};
+use taxel_can::CanFrame;
 
 #[test]
 fn a_board_is_silent_until_it_is_started_and_after_it_is_stopped() {
@@ -130,6 +131,26 @@ fn a_full_stack_is_emptied_and_says_so_with_an_empty_frame() {
     assert_eq!(notices.len(), 1);
     assert_eq!(notices[0].frame.to_string(), "765#");
     assert!((780..=816).contains(&bench.until_ms(3100).len()));
+}
+
+#[test]
+fn commands_back_to_back_during_a_sweep_are_obeyed_newest_first() {
+    let layout = boards("uskin-l2", &[3]);
+    for (gap_ns, streams) in [(0, false), (10_000_000, true)] {
+        let mut bench = Bench::streaming(&scene(9, ""), &layout);
+        let first_ns = bench.until_ms(50)[0].t_ns;
+        let sweeping_ns = first_ns + 100_000_000 + 300_000;
+        for (data, t_ns) in [([0x07, 0x01], sweeping_ns), ([0x07, 0x00], sweeping_ns + gap_ns)] {
+            let command = CanFrame::standard(0x203, &data).unwrap();
+            bench.sim.command(0, &command, t_ns).unwrap();
+        }
+        bench.until_ms(300);
+        assert_eq!(
+            !bench.until_ms(1000).is_empty(),
+            streams,
+            "{gap_ns} ns between stop and start"
+        );
+    }
 }
 
 #[test]
