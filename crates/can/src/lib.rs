@@ -7,7 +7,9 @@
 mod address;
 mod candump;
 mod clock;
+mod drops;
 mod error_frame;
+mod filter;
 mod frame;
 mod kernel;
 mod log;
@@ -23,10 +25,11 @@ pub use address::{
 };
 pub use candump::{Direction, LineProblem, LogError, LogFrame, LogReader, LogWriter};
 pub use clock::{StampConverter, monotonic_ns};
+pub use filter::IdFilter;
 pub use frame::{CanFrame, ERROR_FLAG, EXTENDED_FLAG, FrameError, REMOTE_FLAG};
 pub use log::{LogSource, Playback};
 pub use memory::{MemoryBus, MemorySource, memory_bus};
 pub use open::{OpenError, SourceOptions, open};
-pub use socketcan::{IdFilter, SocketCan, SocketCanOptions};
+pub use socketcan::{SocketCan, SocketCanOptions};
 pub use source::{BusState, CanSource, ErrorCauses, LinkState, Received, SendError, SourceCounters, Wakeup};
 pub use udp::{UdpMulticast, UdpOptions};

@@ -2,9 +2,10 @@
 
 use crate::address::is_interface_name;
 use crate::clock::{StampConverter, monotonic_ns};
+use crate::drops::DropCounter;
 use crate::kernel::{Datagram, DatagramReader, interface_is_up};
 use crate::{
-    CanFrame, CanSource, EXTENDED_FLAG, LinkState, OpenError, Received, SendError, SourceCounters, Wakeup,
+    CanFrame, CanSource, IdFilter, LinkState, OpenError, Received, SendError, SourceCounters, Wakeup,
 };
 use ::socketcan::{CanAddr, CanFilter, CanSocket, Socket, SocketOptions};
 use nix::errno::Errno;
@@ -20,47 +21,11 @@ use std::os::fd::{AsFd, AsRawFd};
 const FRAME_BYTES: usize = 16;
 /// `CAN_RAW_FILTER_MAX` of `linux/can/raw.h`.
 const MOST_FILTERS: usize = 512;
-/// The index of the drop counter in what `SO_MEMINFO` gives (`SK_MEMINFO_DROPS` of `linux/sock_diag.h`).
-const MEMINFO_DROPS: usize = 8;
 
 /// The shortest and the longest pause between two looks at an interface that is absent or down.
 const BACK_OFF_NS: std::ops::RangeInclusive<u64> = 50_000_000..=1_000_000_000;
 /// How often a link that is up is looked at, in case the one error that tells of its loss was missed.
 const CHECK_NS: u64 = 1_000_000_000;
-
-/// Which frames the kernel lets through: those whose raw identifier equals `id` in every bit of `mask`.
-///
-/// Raw means with the flag bits of `linux/can.h`. Error frames do not pass through these filters.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct IdFilter {
-    /// The identifier with its flag bits.
-    pub id: u32,
-    /// The bits that are compared.
-    pub mask: u32,
-}
-
-impl IdFilter {
-    /// Standard (11 bit) frames whose identifier equals `id` in the bits of `mask`; `0x7FF` compares all of them.
-    pub const fn standard(id: u16, mask: u16) -> Self {
-        Self {
-            id: (id & 0x7FF) as u32,
-            mask: (mask & 0x7FF) as u32 | EXTENDED_FLAG,
-        }
-    }
-
-    /// Extended (29 bit) frames whose identifier equals `id` in the bits of `mask`.
-    pub const fn extended(id: u32, mask: u32) -> Self {
-        Self {
-            id: (id & 0x1FFF_FFFF) | EXTENDED_FLAG,
-            mask: (mask & 0x1FFF_FFFF) | EXTENDED_FLAG,
-        }
-    }
-
-    /// Whether a frame passes; error frames always do.
-    pub const fn passes(&self, frame: &CanFrame) -> bool {
-        frame.is_error() || (frame.raw_id() ^ self.id) & self.mask == 0
-    }
-}
 
 /// How a SocketCAN source is opened.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -111,7 +76,7 @@ struct Open {
     socket: CanSocket,
     ifindex: u32,
     stamps: StampConverter,
-    drops: u32,
+    drops: DropCounter,
     /// The interface is gone for good; the socket is kept until its queue is empty.
     is_dead: bool,
 }
@@ -222,7 +187,7 @@ impl SocketCan {
             socket,
             ifindex,
             stamps,
-            drops: 0,
+            drops: DropCounter::default(),
             is_dead: false,
         });
         if self.was_open {
@@ -264,8 +229,8 @@ impl SocketCan {
                 if if_nametoindex(self.interface.as_str()) != Ok(open.ifindex) {
                     open.is_dead = true;
                 }
+                open.drops.ask(&open.socket, &mut self.counters.lost_in_kernel);
                 self.look_at_flags();
-                self.count_unreported_drops();
             }
         }
         self.schedule_check(now_ns);
@@ -287,18 +252,6 @@ impl SocketCan {
     fn suspect(&mut self) {
         self.next_check_ns = 0;
         self.back_off_ns = *BACK_OFF_NS.start();
-    }
-
-    /// The kernel tells of drops with the next frame that comes; if none comes, it has to be asked.
-    fn count_unreported_drops(&mut self) {
-        let Some(open) = &mut self.open else { return };
-        let mut info = [0; 4 * (MEMINFO_DROPS + 1)];
-        let read = open
-            .socket
-            .get_socket_option_bytes(libc::SOL_SOCKET, libc::SO_MEMINFO, &mut info);
-        if let (Ok(_), Some((_, drops))) = (read, info.split_last_chunk()) {
-            open.count_drops(u32::from_ne_bytes(*drops), &mut self.counters);
-        }
     }
 
     /// Moves queued frames into `batch` until the queue or the room is at its end, and returns whether it was
@@ -325,7 +278,7 @@ impl SocketCan {
                 Err(Errno::EAGAIN) => {
                     open.stamps.queue_was_empty(before_ns);
                     if open.is_dead {
-                        self.count_unreported_drops();
+                        open.drops.ask(&open.socket, &mut self.counters.lost_in_kernel);
                         self.set_link(LinkState::Absent);
                         if self.open_socket().is_err() {
                             self.open = None;
@@ -364,7 +317,7 @@ impl Open {
         counters: &mut SourceCounters,
     ) {
         if let Some(drops) = datagram.drops() {
-            self.count_drops(drops, counters);
+            self.drops.take(drops, &mut counters.lost_in_kernel);
         }
         let t_ns = self.stamps.convert(datagram.stamp_realtime_ns(), read_ns);
         match decode(datagram.payload()) {
@@ -373,15 +326,6 @@ impl Open {
                 batch.push(Received { t_ns, frame });
             }
             None => counters.undecodable += 1,
-        }
-    }
-
-    /// The kernel's counter is one of 32 bits that wraps. A frame may carry an older reading than was asked for.
-    fn count_drops(&mut self, drops: u32, counters: &mut SourceCounters) {
-        let new = drops.wrapping_sub(self.drops);
-        if new <= u32::MAX / 2 {
-            counters.lost_in_kernel += u64::from(new);
-            self.drops = drops;
         }
     }
 }
@@ -518,19 +462,6 @@ mod tests {
         let mut over_long = [0; 16];
         over_long[4] = 9;
         assert_eq!(decode(&over_long), None);
-    }
-
-    #[test]
-    fn filters_compare_the_format_as_well_as_the_number() {
-        let standard = CanFrame::standard(0x123, &[]).unwrap();
-        let extended = CanFrame::extended(0x123, &[]).unwrap();
-        assert!(IdFilter::standard(0x123, 0x7FF).passes(&standard));
-        assert!(!IdFilter::standard(0x123, 0x7FF).passes(&extended));
-        assert!(!IdFilter::standard(0x124, 0x7FF).passes(&standard));
-        assert!(IdFilter::standard(0x120, 0x7F0).passes(&standard));
-        assert!(IdFilter::extended(0x123, 0x1FFF_FFFF).passes(&extended));
-        assert!(!IdFilter::extended(0x123, 0x1FFF_FFFF).passes(&standard));
-        assert!(IdFilter::standard(0x7, 0x7FF).passes(&CanFrame::error(0x40, [0; 8])));
     }
 
     #[test]

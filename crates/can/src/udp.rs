@@ -2,6 +2,7 @@
 
 use crate::address::{DEFAULT_UDP_GROUP, DEFAULT_UDP_HOP_LIMIT, DEFAULT_UDP_PORT};
 use crate::clock::{StampConverter, monotonic_ns, realtime_ns};
+use crate::drops::DropCounter;
 use crate::kernel::DatagramReader;
 use crate::python_can;
 use crate::{CanFrame, CanSource, LinkState, Received, SendError, SourceCounters, Wakeup};
@@ -19,6 +20,8 @@ use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd, RawFd};
 
 /// The largest datagram python-can reads.
 const LARGEST_DATAGRAM: usize = 4096;
+/// How often the kernel is asked for losses that no datagram has told of.
+const CHECK_NS: u64 = 1_000_000_000;
 
 /// How a multicast source is opened.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -61,7 +64,8 @@ pub struct UdpMulticast {
     group: SockaddrStorage,
     reader: DatagramReader<LARGEST_DATAGRAM>,
     stamps: StampConverter,
-    drops: u32,
+    drops: DropCounter,
+    next_check_ns: u64,
     receive_buffer: usize,
     counters: SourceCounters,
 }
@@ -130,7 +134,8 @@ impl UdpMulticast {
             group: group_address(options, interface),
             reader: DatagramReader::new(),
             stamps,
-            drops: 0,
+            drops: DropCounter::default(),
+            next_check_ns: 0,
             counters: SourceCounters::default(),
         };
         source.connect_sender()?;
@@ -265,11 +270,15 @@ impl CanSource for UdpMulticast {
     fn wakeup(&self) -> Wakeup<'_> {
         Wakeup {
             fd: Some(self.receiver.as_fd()),
-            at_ns: None,
+            at_ns: Some(self.next_check_ns),
         }
     }
 
-    fn receive(&mut self, _now_ns: u64, batch: &mut Vec<Received>) -> bool {
+    fn receive(&mut self, now_ns: u64, batch: &mut Vec<Received>) -> bool {
+        if now_ns >= self.next_check_ns {
+            self.drops.ask(&self.receiver, &mut self.counters.lost_in_kernel);
+            self.next_check_ns = now_ns.saturating_add(CHECK_NS);
+        }
         loop {
             let room = batch.capacity() - batch.len();
             if room == 0 {
@@ -288,8 +297,7 @@ impl CanSource for UdpMulticast {
             let read_ns = monotonic_ns();
             for datagram in datagrams {
                 if let Some(drops) = datagram.drops() {
-                    self.counters.lost_in_kernel += u64::from(drops.wrapping_sub(self.drops));
-                    self.drops = drops;
+                    self.drops.take(drops, &mut self.counters.lost_in_kernel);
                 }
                 if self.own_address.is_some() && datagram.source() == self.own_address {
                     continue;

@@ -1,0 +1,176 @@
+//! No source allocates while frames come and go.
+#![allow(unsafe_code)] // a global allocator cannot be written without
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::io::Write;
+use std::net::IpAddr;
+use std::time::{Duration, Instant};
+use taxel_can::{
+    CanFrame, CanSource, LogSource, OpenError, Playback, Received, SocketCan, SocketCanOptions, UdpMulticast,
+    UdpOptions, memory_bus, monotonic_ns,
+};
+
+struct Counting;
+
+thread_local! {
+    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
+}
+
+// SAFETY: everything is left to the system's allocator; counting touches nothing but a thread's own number.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
+        // SAFETY: the caller keeps the promises of `alloc`.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        // SAFETY: the caller keeps the promises of `dealloc`.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
+        // SAFETY: the caller keeps the promises of `realloc`.
+        unsafe { System.realloc(pointer, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+fn allocations(work: impl FnOnce()) -> u64 {
+    let before = ALLOCATIONS.get();
+    work();
+    ALLOCATIONS.get() - before
+}
+
+fn frame(n: u32) -> CanFrame {
+    CanFrame::extended(n, &[1, 2, 3, 4, 5, 6, 7, 8]).unwrap()
+}
+
+/// What takes longer than this hangs.
+const HANGS_AFTER: Duration = Duration::from_secs(30);
+
+/// Takes what there is and forgets it.
+fn drain(source: &mut dyn CanSource, now_ns: u64, batch: &mut Vec<Received>) -> usize {
+    let mut count = 0;
+    loop {
+        let more = source.receive(now_ns, batch);
+        count += batch.len();
+        batch.clear();
+        if !more {
+            return count;
+        }
+    }
+}
+
+/// Takes until `count` frames have come, since the kernel may pass them on a little later.
+fn take(source: &mut dyn CanSource, count: usize, batch: &mut Vec<Received>) {
+    let started = Instant::now();
+    let mut taken = 0;
+    while taken < count {
+        taken += drain(source, monotonic_ns(), batch);
+        assert!(started.elapsed() < HANGS_AFTER, "{taken} of {count} frames came");
+    }
+    assert_eq!(taken, count);
+}
+
+/// A hundred rounds of ten frames there and one back.
+fn exchange(source: &mut dyn CanSource, peer: &mut dyn CanSource, batch: &mut Vec<Received>) {
+    for round in 0..100 {
+        for n in 0..10 {
+            peer.send(&frame(round * 10 + n)).unwrap();
+        }
+        take(source, 10, batch);
+        source.send(&frame(round)).unwrap();
+        take(peer, 1, batch);
+    }
+}
+
+#[test]
+fn counting_works() {
+    assert_eq!(allocations(|| drop(std::hint::black_box(Box::new(1)))), 1);
+}
+
+#[test]
+fn udp_multicast() {
+    let options = UdpOptions {
+        group: IpAddr::from([239, 74, 163, 2]),
+        port: 50130,
+        interface: Some("lo".to_owned()),
+        hop_limit: 0,
+        ..UdpOptions::default()
+    };
+    let mut source = UdpMulticast::with_options(&options).unwrap();
+    let mut peer = UdpMulticast::with_options(&options).unwrap();
+    let mut batch = Vec::with_capacity(64);
+    let count = allocations(|| exchange(&mut source, &mut peer, &mut batch));
+    assert_eq!(count, 0);
+}
+
+#[test]
+fn memory() {
+    let (mut source, bus) = memory_bus(100).unwrap();
+    let mut batch = Vec::with_capacity(64);
+    let mut received = 0;
+    let count = allocations(|| {
+        for round in 0..100 {
+            for n in 0..80 {
+                bus.push(n, frame(n as u32));
+            }
+            received += drain(&mut source, 0, &mut batch);
+            source.send(&frame(round)).unwrap();
+            bus.take_sent().unwrap();
+        }
+    });
+    assert_eq!((received, count), (8000, 0));
+}
+
+#[test]
+fn a_recording_bad_lines_and_all() {
+    let mut file = tempfile::NamedTempFile::new().unwrap();
+    for n in 0..10_000 {
+        writeln!(
+            file,
+            "({}.{:06}) can{} 00000123#0102030405060708 R",
+            n / 1000,
+            n % 1000,
+            n % 2
+        )
+        .unwrap();
+        writeln!(file, "nonsense").unwrap();
+    }
+    let mut source = LogSource::open(file.path(), Some("can1"), Playback::default()).unwrap();
+    let mut batch = Vec::with_capacity(64);
+    let mut received = 0;
+    let count = allocations(|| {
+        while let Some(now_ns) = source.wakeup().at_ns {
+            received += drain(&mut source, now_ns, &mut batch);
+        }
+    });
+    assert_eq!((received, count), (5000, 0));
+    assert_eq!(source.counters().undecodable, 10_000);
+}
+
+/// Needs `vcan0` up, as `tests/vcan/run` makes it.
+#[test]
+fn socketcan() {
+    if std::env::var_os("TAXEL_VCAN").is_none_or(|v| v != "1") {
+        println!("SKIPPED: allocations of SocketCAN need real vcan interfaces: `tests/vcan/run`");
+        return;
+    }
+    let open = || -> Result<SocketCan, OpenError> { SocketCan::open("vcan0", SocketCanOptions::default()) };
+    let (mut source, mut peer) = (open().unwrap(), open().unwrap());
+    let mut batch = Vec::with_capacity(64);
+    let count = allocations(|| {
+        exchange(&mut source, &mut peer, &mut batch);
+        // Also when it is time to look at the interface.
+        drain(&mut source, u64::MAX / 2, &mut batch);
+        // And for an error frame with every cause there is.
+        peer.send(&CanFrame::error(0x3FF, [0xFF; 8])).unwrap();
+        take(&mut source, 1, &mut batch);
+    });
+    assert_eq!(count, 0);
+}

@@ -1,0 +1,518 @@
+//! The SocketCAN source on real virtual CAN interfaces.
+//!
+//! Runs only where `TAXEL_VCAN=1` says that this is root on a kernel with the `vcan` module and iproute2, which
+//! may make and delete interfaces as it likes; `tests/vcan/run` provides such a place. Each test has interfaces of
+//! its own.
+
+use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+use std::process::Command;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+use taxel_can::{
+    BusState, CanFrame, CanSource, IdFilter, LinkState, OpenError, Received, SendError, SocketCan,
+    SocketCanOptions, monotonic_ns,
+};
+
+/// What takes longer than this hangs.
+const HANGS_AFTER: Duration = Duration::from_secs(60);
+
+/// Whether the tests can run here; says loudly if not.
+fn vcan_is_here(test: &str) -> bool {
+    let here = std::env::var_os("TAXEL_VCAN").is_some_and(|v| v == "1");
+    if !here {
+        println!("SKIPPED: {test} needs real vcan interfaces: `tests/vcan/run` with this test's binary");
+    }
+    here
+}
+
+fn ip(arguments: &str) {
+    let output = Command::new("ip")
+        .args(arguments.split(' '))
+        .output()
+        .unwrap_or_else(|e| panic!("ip {arguments}: {e}"));
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "ip {arguments}: {said}");
+}
+
+/// A virtual CAN interface that goes with its value.
+struct Vcan(&'static str);
+
+impl Vcan {
+    fn down(name: &'static str) -> Self {
+        ip(&format!("link add {name} type vcan"));
+        Self(name)
+    }
+
+    fn up(name: &'static str) -> Self {
+        let vcan = Self::down(name);
+        vcan.set("up");
+        vcan
+    }
+
+    fn set(&self, state: &str) {
+        ip(&format!("link set {} {state}", self.0));
+    }
+
+    fn delete(self) {}
+}
+
+impl Drop for Vcan {
+    fn drop(&mut self) {
+        ip(&format!("link delete {}", self.0));
+    }
+}
+
+fn open(name: &str) -> SocketCan {
+    SocketCan::open(name, SocketCanOptions::default()).unwrap()
+}
+
+fn frame(n: u32) -> CanFrame {
+    CanFrame::extended(n, &n.to_be_bytes()).unwrap()
+}
+
+fn numbers(received: &[Received]) -> Vec<u32> {
+    received.iter().map(|r| r.frame.id()).collect()
+}
+
+/// Waits as a daemon would, for nothing but what the source asks for, until `done`; gives all that came.
+fn receive_until(
+    source: &mut SocketCan,
+    what: &str,
+    done: impl Fn(&SocketCan, &[Received]) -> bool,
+) -> Vec<Received> {
+    let started = Instant::now();
+    let mut all = Vec::new();
+    let mut batch = Vec::with_capacity(100);
+    loop {
+        let more = source.receive(monotonic_ns(), &mut batch);
+        all.append(&mut batch);
+        if more {
+            continue;
+        }
+        if done(source, &all) {
+            return all;
+        }
+        assert!(
+            started.elapsed() < HANGS_AFTER,
+            "still no {what}: link {}, {:?}",
+            source.link(),
+            source.counters()
+        );
+        let wakeup = source.wakeup();
+        let pause_ns = wakeup
+            .at_ns
+            .map_or(1_000_000_000, |at| at.saturating_sub(monotonic_ns()));
+        let timeout = PollTimeout::from((pause_ns.div_ceil(1_000_000)).min(1000) as u16);
+        // A vanished interface shows as POLLERR, which needs no asking for.
+        let mut waited = wakeup.fd.map(|fd| PollFd::new(fd, PollFlags::POLLIN));
+        poll(waited.as_mut_slice(), timeout).unwrap();
+    }
+}
+
+fn receive_count(source: &mut SocketCan, count: usize) -> Vec<Received> {
+    receive_until(source, "frames", |_, all| all.len() >= count)
+}
+
+fn wait_for_link(source: &mut SocketCan, link: LinkState) {
+    receive_until(source, "change of the link", |source, _| source.link() == link);
+}
+
+/// Waits on the file descriptor alone for what the kernel has to say.
+fn events(source: &SocketCan) -> PollFlags {
+    let mut waited = [PollFd::new(source.wakeup().fd.unwrap(), PollFlags::POLLIN)];
+    poll(&mut waited, PollTimeout::try_from(HANGS_AFTER).unwrap()).unwrap();
+    waited[0].revents().unwrap()
+}
+
+#[test]
+fn frames_of_all_kinds_arrive_in_order_with_the_kernels_stamps() {
+    if !vcan_is_here("frames in order") {
+        return;
+    }
+    let _vcan = Vcan::up("tx_order");
+    let (mut source, mut peer) = (open("tx_order"), open("tx_order"));
+    assert_eq!(source.link(), LinkState::Up);
+    let sent = [
+        CanFrame::standard(0x20B, &[7, 0]).unwrap(),
+        CanFrame::standard(0x7FF, &[]).unwrap(),
+        CanFrame::extended(0x20B, &[1, 2, 3, 4, 5, 6, 7, 8]).unwrap(),
+        CanFrame::remote(0x20B, false, 4).unwrap(),
+        CanFrame::remote(0x20B, true, 0).unwrap(),
+    ];
+    let before_ns = monotonic_ns();
+    for frame in &sent {
+        peer.send(frame).unwrap();
+    }
+    let after_ns = monotonic_ns();
+    std::thread::sleep(Duration::from_millis(200));
+    let received = receive_count(&mut source, sent.len());
+    assert_eq!(received.iter().map(|r| r.frame).collect::<Vec<_>>(), sent);
+    assert!(received.is_sorted_by_key(|r| r.t_ns));
+    // Stamped when sent, not when read; the allowance is for the conversion between the clocks.
+    let stamps = before_ns..after_ns + 100_000_000;
+    assert!(
+        received.iter().all(|r| stamps.contains(&r.t_ns)),
+        "{received:?} {stamps:?}"
+    );
+    assert_eq!((source.counters().received, source.counters().remote), (5, 2));
+}
+
+#[test]
+fn own_frames_do_not_come_back_but_others_on_this_machine_see_them() {
+    if !vcan_is_here("own frames") {
+        return;
+    }
+    let _vcan = Vcan::up("tx_own");
+    let (mut source, mut peer) = (open("tx_own"), open("tx_own"));
+    source.send(&frame(1)).unwrap();
+    peer.send(&frame(2)).unwrap();
+    assert_eq!(numbers(&receive_count(&mut source, 1)), [2]);
+    assert_eq!(numbers(&receive_count(&mut peer, 1)), [1]);
+    assert_eq!((source.counters().sent, source.counters().received), (1, 1));
+}
+
+#[test]
+fn a_link_that_goes_down_wakes_the_reader_and_works_again_when_it_is_up() {
+    if !vcan_is_here("link down and up") {
+        return;
+    }
+    let vcan = Vcan::up("tx_updown");
+    let (mut source, mut peer) = (open("tx_updown"), open("tx_updown"));
+    receive_until(&mut source, "link", |s, _| s.link() == LinkState::Up);
+    vcan.set("down");
+    assert!(events(&source).contains(PollFlags::POLLERR));
+    wait_for_link(&mut source, LinkState::Down);
+    assert!(matches!(
+        source.send(&frame(1)),
+        Err(SendError::LinkLost(LinkState::Down))
+    ));
+    vcan.set("up");
+    wait_for_link(&mut source, LinkState::Up);
+    wait_for_link(&mut peer, LinkState::Up);
+    peer.send(&frame(2)).unwrap();
+    assert_eq!(numbers(&receive_count(&mut source, 1)), [2]);
+    let counters = source.counters();
+    assert_eq!(
+        (counters.link_losses, counters.reopens, counters.send_failures),
+        (1, 0, 1)
+    );
+}
+
+#[test]
+fn a_loss_is_noticed_even_when_a_send_took_the_kernels_word_of_it() {
+    if !vcan_is_here("loss noticed by a send") {
+        return;
+    }
+    let vcan = Vcan::up("tx_sendloss");
+    let mut source = open("tx_sendloss");
+    receive_until(&mut source, "link", |s, _| s.link() == LinkState::Up);
+    vcan.set("down");
+    assert!(source.send(&frame(1)).is_err());
+    wait_for_link(&mut source, LinkState::Down);
+    vcan.delete();
+    assert!(source.send(&frame(1)).is_err());
+    wait_for_link(&mut source, LinkState::Absent);
+    assert_eq!((source.counters().link_losses, source.counters().reopens), (1, 0));
+}
+
+#[test]
+fn an_interface_deleted_and_made_anew_under_load_is_opened_again() {
+    if !vcan_is_here("delete and re-create under load") {
+        return;
+    }
+    let vcan = Vcan::up("tx_replug");
+    let mut source = open("tx_replug");
+    let stop = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        // A board does not know that the adapter is gone.
+        scope.spawn(|| {
+            let mut peer = open("tx_replug");
+            let mut nothing = Vec::with_capacity(100);
+            for n in 0.. {
+                if stop.load(Ordering::Relaxed) {
+                    return;
+                }
+                let _ = peer.send(&frame(n));
+                nothing.clear();
+                peer.receive(monotonic_ns(), &mut nothing);
+                std::thread::sleep(Duration::from_micros(200));
+            }
+        });
+        // The sender must not outlive a failing assertion.
+        let _stop = StopAtEnd(&stop);
+        let first = receive_count(&mut source, 100);
+        assert!(numbers(&first).is_sorted_by(|a, b| a < b));
+        for round in 1..=3 {
+            let old_fd = fd_number(&source);
+            drop(Vcan("tx_replug"));
+            wait_for_link(&mut source, LinkState::Absent);
+            assert!(source.wakeup().fd.is_none() && source.wakeup().at_ns.is_some());
+            std::mem::forget(Vcan::up("tx_replug"));
+            wait_for_link(&mut source, LinkState::Up);
+            receive_count(&mut source, 100);
+            assert!(old_fd.is_some() && fd_number(&source).is_some());
+            let counters = source.counters();
+            assert_eq!((counters.link_losses, counters.reopens), (round, round));
+        }
+    });
+    drop(vcan);
+}
+
+fn fd_number(source: &SocketCan) -> Option<i32> {
+    use std::os::fd::AsRawFd;
+    source.wakeup().fd.map(|fd| fd.as_raw_fd())
+}
+
+struct StopAtEnd<'a>(&'a AtomicBool);
+
+impl Drop for StopAtEnd<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
+#[test]
+fn an_interface_replaced_between_two_looks_is_told_by_its_index() {
+    if !vcan_is_here("replaced between two looks") {
+        return;
+    }
+    let vcan = Vcan::up("tx_swap");
+    let mut source = open("tx_swap");
+    receive_until(&mut source, "link", |s, _| s.link() == LinkState::Up);
+    let old_fd = fd_number(&source);
+    vcan.delete();
+    let _vcan = Vcan::up("tx_swap");
+    receive_until(&mut source, "reopening", |s, _| s.counters().reopens == 1);
+    assert_eq!((source.link(), source.counters().link_losses), (LinkState::Up, 1));
+    assert_ne!(
+        fd_number(&source),
+        old_fd,
+        "a waiter can tell by the number that it must register anew"
+    );
+    open("tx_swap").send(&frame(3)).unwrap();
+    assert_eq!(numbers(&receive_count(&mut source, 1)), [3]);
+}
+
+#[test]
+fn frames_queued_when_the_interface_vanished_are_still_delivered() {
+    if !vcan_is_here("frames queued at the loss") {
+        return;
+    }
+    let vcan = Vcan::up("tx_queued");
+    let (mut source, mut peer) = (open("tx_queued"), open("tx_queued"));
+    for n in 0..500 {
+        peer.send(&frame(n)).unwrap();
+    }
+    vcan.delete();
+    let received = receive_until(&mut source, "loss", |s, _| s.link() == LinkState::Absent);
+    assert_eq!(numbers(&received), (0..500).collect::<Vec<_>>());
+    assert_eq!(source.counters().lost_in_kernel, 0);
+}
+
+#[test]
+fn an_interface_that_does_not_exist_yet_is_waited_for() {
+    if !vcan_is_here("open before the interface exists") {
+        return;
+    }
+    let mut source = open("tx_late");
+    assert_eq!((source.link(), source.receive_buffer()), (LinkState::Absent, 0));
+    assert!(matches!(
+        source.send(&frame(1)),
+        Err(SendError::LinkLost(LinkState::Absent))
+    ));
+    let mut batch = Vec::with_capacity(1);
+    assert!(!source.receive(monotonic_ns(), &mut batch));
+    let vcan = Vcan::down("tx_late");
+    wait_for_link(&mut source, LinkState::Down);
+    vcan.set("up");
+    wait_for_link(&mut source, LinkState::Up);
+    open("tx_late").send(&frame(4)).unwrap();
+    assert_eq!(numbers(&receive_count(&mut source, 1)), [4]);
+    let counters = source.counters();
+    assert_eq!(
+        (counters.link_losses, counters.reopens),
+        (0, 0),
+        "it was never lost"
+    );
+}
+
+#[test]
+fn looks_at_an_absent_interface_become_rarer_up_to_one_a_second() {
+    if !vcan_is_here("back-off") {
+        return;
+    }
+    let mut source = open("tx_never");
+    let mut batch = Vec::with_capacity(1);
+    let mut now_ns = monotonic_ns();
+    let mut pauses_ms = Vec::new();
+    for _ in 0..8 {
+        source.receive(now_ns, &mut batch);
+        let at_ns = source.wakeup().at_ns.unwrap();
+        pauses_ms.push((at_ns - now_ns) / 1_000_000);
+        // A call before its time changes nothing.
+        source.receive(at_ns - 1, &mut batch);
+        assert_eq!(source.wakeup().at_ns, Some(at_ns));
+        now_ns = at_ns;
+    }
+    assert_eq!(pauses_ms, [50, 100, 200, 400, 800, 1000, 1000, 1000]);
+}
+
+#[test]
+fn what_is_no_can_interface_is_refused() {
+    if !vcan_is_here("no CAN interface") {
+        return;
+    }
+    let refused = SocketCan::open("lo", SocketCanOptions::default());
+    assert!(matches!(refused, Err(OpenError::NotCan { .. })));
+}
+
+#[test]
+fn injected_error_frames_are_counted_by_cause_and_set_the_bus_state() {
+    if !vcan_is_here("error frames") {
+        return;
+    }
+    let _vcan = Vcan::up("tx_error");
+    let (mut source, mut peer) = (open("tx_error"), open("tx_error"));
+    // Bus-off with error counters: 0x20000240.
+    peer.send(&CanFrame::error(0x240, [0, 0, 0, 0, 0, 0, 248, 0]))
+        .unwrap();
+    receive_count(&mut source, 1);
+    assert_eq!(source.counters().bus_state, BusState::BusOff);
+    peer.send(&CanFrame::error(0x100, [0; 8])).unwrap();
+    receive_count(&mut source, 1);
+    assert_eq!(source.counters().bus_state, BusState::ErrorActive);
+    // Receive overflow and error-passive; then a bus error nobody acknowledged.
+    peer.send(&CanFrame::error(0x204, [0, 0x11, 0, 0, 0, 0, 0, 130]))
+        .unwrap();
+    peer.send(&CanFrame::error(0x0A8, [0; 8])).unwrap();
+    receive_count(&mut source, 2);
+    let counters = source.counters();
+    assert_eq!(counters.bus_state, BusState::ErrorPassive);
+    let errors = counters.errors;
+    assert_eq!((errors.frames, errors.bus_off, errors.restarted), (4, 1, 1));
+    assert_eq!((errors.controller, errors.controller_overflow), (1, 1));
+    assert_eq!(
+        (errors.protocol, errors.no_acknowledge, errors.bus_error),
+        (1, 1, 1)
+    );
+    assert_eq!(counters.received, 4);
+}
+
+#[test]
+fn a_burst_far_over_the_kernels_default_queue_is_received_whole() {
+    if !vcan_is_here("burst") {
+        return;
+    }
+    let _vcan = Vcan::up("tx_burst");
+    let (mut source, mut peer) = (open("tx_burst"), open("tx_burst"));
+    // The kernel's default queue of 212992 bytes holds 278 frames.
+    for n in 0..8000 {
+        peer.send(&frame(n)).unwrap();
+    }
+    assert_eq!(
+        numbers(&receive_count(&mut source, 8000)),
+        (0..8000).collect::<Vec<_>>()
+    );
+    assert_eq!(source.counters().lost_in_kernel, 0);
+    assert!(source.receive_buffer() >= 4 << 20);
+}
+
+#[test]
+fn frames_the_kernel_drops_while_nobody_reads_are_all_counted() {
+    if !vcan_is_here("kernel drops") {
+        return;
+    }
+    let _vcan = Vcan::up("tx_drops");
+    let options = SocketCanOptions {
+        receive_buffer: 16 * 1024,
+        ..SocketCanOptions::default()
+    };
+    let mut source = SocketCan::open("tx_drops", options).unwrap();
+    let mut peer = open("tx_drops");
+    for round in 1..=3 {
+        for n in 0..1000 {
+            peer.send(&frame(n)).unwrap();
+        }
+        // No further frame comes that could carry the news: the source has to ask the kernel by itself.
+        receive_until(&mut source, "end of the accounts", |s, _| {
+            s.counters().received + s.counters().lost_in_kernel == round * 1000
+        });
+        assert!(source.counters().lost_in_kernel >= round * 500);
+    }
+    // And one that carries it does not count it twice.
+    peer.send(&frame(1)).unwrap();
+    receive_count(&mut source, 1);
+    assert_eq!(
+        source.counters().received + source.counters().lost_in_kernel,
+        3001
+    );
+}
+
+#[test]
+fn filters_let_through_what_they_name_and_all_error_frames() {
+    if !vcan_is_here("filters") {
+        return;
+    }
+    let _vcan = Vcan::up("tx_filter");
+    let options = SocketCanOptions {
+        filters: vec![
+            IdFilter::standard(0x120, 0x7F0),
+            IdFilter::extended(0x55, 0x1FFF_FFFF),
+        ],
+        ..SocketCanOptions::default()
+    };
+    let mut source = SocketCan::open("tx_filter", options.clone()).unwrap();
+    let mut peer = open("tx_filter");
+    let mut expected = Vec::new();
+    for id in 0..0x200 {
+        let sent = [
+            CanFrame::standard(id, &[]).unwrap(),
+            CanFrame::extended(id.into(), &[]).unwrap(),
+        ];
+        for frame in sent {
+            peer.send(&frame).unwrap();
+            if options.filters.iter().any(|f| f.passes(&frame)) {
+                expected.push(frame);
+            }
+        }
+    }
+    let last = CanFrame::error(0x2, [0; 8]);
+    peer.send(&last).unwrap();
+    expected.push(last);
+    assert_eq!(expected.len(), 16 + 1 + 1);
+    let received = receive_until(&mut source, "last frame", |_, all| {
+        all.last().is_some_and(|r| r.frame == last)
+    });
+    assert_eq!(received.iter().map(|r| r.frame).collect::<Vec<_>>(), expected);
+}
+
+#[test]
+fn calls_without_a_reason_find_nothing_and_lose_nothing() {
+    if !vcan_is_here("spurious calls") {
+        return;
+    }
+    let _vcan = Vcan::up("tx_spurious");
+    let (mut source, mut peer) = (open("tx_spurious"), open("tx_spurious"));
+    let mut batch = Vec::with_capacity(3);
+    assert!(!source.receive(monotonic_ns(), &mut batch));
+    let mut all = Vec::new();
+    for n in 0..200 {
+        // No room: nothing is taken, and there may be more.
+        assert!(source.receive(monotonic_ns(), &mut Vec::new()));
+        for _ in 0..n % 8 {
+            peer.send(&frame(n)).unwrap();
+        }
+        // Called whether or not the kernel has passed the frames on by now.
+        while source.receive(monotonic_ns(), &mut batch) {
+            assert_eq!((batch.len(), batch.capacity()), (3, 3));
+            all.append(&mut batch);
+        }
+        all.append(&mut batch);
+        // `append` leaves the capacity where it was.
+        assert_eq!(batch.capacity(), 3);
+    }
+    all.append(&mut receive_count(&mut source, 700 - all.len()));
+    assert!(!source.receive(monotonic_ns(), &mut batch) && batch.is_empty());
+    let sent: Vec<u32> = (0..200).flat_map(|n| vec![n; n as usize % 8]).collect();
+    assert_eq!(numbers(&all), sent);
+}
