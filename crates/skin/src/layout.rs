@@ -1,8 +1,33 @@
 //! Which taxel sits where: on which bus and board, at which pixel of the tactile image, where on the hand.
 
+use crate::layout_error::LayoutError;
+use std::path::Path;
+
+/// Most modules in a layout.
+pub const MAX_MODULES: usize = 1000;
+/// Most taxels in a layout: their numbers fit in 16 bits with one left over for "none".
+pub const MAX_TAXELS: usize = 65_535;
+const _: () = assert!(
+    MAX_MODULES * 64 <= MAX_TAXELS,
+    "no protocol has more than 64 taxels on a board"
+);
+/// Most pixels in a tactile image: a strip 65,535 pixels long and 16 high just fits.
+pub const MAX_PIXELS: usize = 1 << 20;
+
+const NO_TAXEL: u16 = u16::MAX;
+
+const BUILTIN: [(&str, &str); 2] = [
+    (
+        "allegro-uskin-15",
+        include_str!("../layouts/allegro-uskin-15.toml"),
+    ),
+    ("uskin-module", include_str!("../layouts/uskin-module.toml")),
+];
+
 /// A hand: its buses, its modules, and every taxel's place. Made from a layout file, or built in.
 ///
 /// Taxels are numbered `0..N` in the order of `modules`, and within a module by the board's own number `k`.
+/// One module is one board, so a module's index also numbers its board.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Layout {
     /// Name of the hand, such as `allegro-uskin-15`.
@@ -17,6 +42,8 @@ pub struct Layout {
     pub modules: Vec<Module>,
     /// The taxels, indexed by taxel number.
     pub taxels: Vec<Taxel>,
+    /// Taxel of each pixel, row by row; `NO_TAXEL` where there is none.
+    pixels: Vec<u16>,
 }
 
 /// One board's patch of taxels.
@@ -47,6 +74,8 @@ pub enum Protocol {
     UskinL2,
     /// XELA controllers with `ctr_ver = 3`: id bits 10 group, 9-8 SDA, 7-4 taxel, 3-0 controller.
     UskinL3,
+    /// No board: the taxels come from an array in a file ([`Layout::grid`]).
+    Offline,
 }
 
 /// One taxel's place.
@@ -54,7 +83,8 @@ pub enum Protocol {
 pub struct Taxel {
     /// Index of its module in [`Layout::modules`].
     pub module: u16,
-    /// The board's own number for it; for uSkin `k = sda << 2 | chip`.
+    /// The board's own number for it, as [`Protocol::can_id`] takes it: `sda << 2 | chip` in L1 and L2,
+    /// `sda << 4 | taxel` in L3, 0 for an offline array.
     pub k: u8,
     /// Column in the tactile image, from the left.
     pub x: u16,
@@ -62,4 +92,165 @@ pub struct Taxel {
     pub y: u16,
     /// Place on the hand, millimetres, where known.
     pub position_mm: Option<[f32; 3]>,
+}
+
+impl Layout {
+    /// Checks the text of a layout file. `file_name` is only for messages.
+    pub fn parse(text: &str, file_name: &str) -> Result<Self, LayoutError> {
+        crate::layout_file::parse(text, file_name)
+    }
+
+    /// Reads and checks a layout file.
+    pub fn load(path: &Path) -> Result<Self, LayoutError> {
+        let text = std::fs::read_to_string(path).map_err(|source| LayoutError::Read {
+            path: path.display().to_string(),
+            source,
+        })?;
+        Self::parse(&text, &path.display().to_string())
+    }
+
+    /// The hand built in under this name; `None` where there is none ([`Layout::builtin_names`]).
+    pub fn builtin(name: &str) -> Option<Self> {
+        let (_, text) = BUILTIN.iter().find(|(n, _)| *n == name)?;
+        Self::parse(text, &format!("{name}.toml")).ok()
+    }
+
+    /// The names [`Layout::builtin`] knows; the first is the default hand.
+    pub fn builtin_names() -> impl Iterator<Item = &'static str> {
+        BUILTIN.iter().map(|(name, _)| *name)
+    }
+
+    /// The file a built-in hand is made from, to start a layout of one's own.
+    pub fn builtin_text(name: &str) -> Option<&'static str> {
+        BUILTIN.iter().find(|(n, _)| *n == name).map(|(_, text)| *text)
+    }
+
+    /// The layout that a user names: a built-in hand, `grid:HxW`, or the path of a layout file, tried in this order.
+    pub fn resolve(name_or_path: &str) -> Result<Self, LayoutError> {
+        if let Some(layout) = Self::builtin(name_or_path) {
+            return Ok(layout);
+        }
+        if let Some(size) = name_or_path.strip_prefix("grid:") {
+            let bad = || LayoutError::BadGrid(name_or_path.to_string());
+            let (height, width) = size.split_once('x').ok_or_else(bad)?;
+            return Self::grid(
+                width.parse().map_err(|_| bad())?,
+                height.parse().map_err(|_| bad())?,
+            );
+        }
+        let path = Path::new(name_or_path);
+        if !path.exists() {
+            return Err(LayoutError::Unknown {
+                name: name_or_path.to_string(),
+                builtin: Self::builtin_names().collect::<Vec<_>>().join(", "),
+            });
+        }
+        Self::load(path)
+    }
+
+    /// A layout for an array without boards: one taxel per pixel, numbered row by row, in one pseudo module.
+    ///
+    /// Refuses empty arrays and those of more than [`MAX_TAXELS`] taxels.
+    pub fn grid(width: u16, height: u16) -> Result<Self, LayoutError> {
+        let count = width as usize * height as usize;
+        if count == 0 || count > MAX_TAXELS {
+            return Err(LayoutError::GridSize { width, height });
+        }
+        let module = Module {
+            name: "grid".into(),
+            part: "grid".into(),
+            bus: 0,
+            board: 0,
+            protocol: Protocol::Offline,
+            first_taxel: 0,
+            taxels: count as u16,
+        };
+        let taxels = (0..count)
+            .map(|i| Taxel {
+                module: 0,
+                k: 0,
+                x: (i % width as usize) as u16,
+                y: (i / width as usize) as u16,
+                position_mm: None,
+            })
+            .collect();
+        Ok(Self::assemble(
+            format!("grid:{height}x{width}"),
+            [width, height],
+            Vec::new(),
+            vec![module],
+            taxels,
+        ))
+    }
+
+    /// Puts checked parts together; every taxel lies in the image, no two on one pixel.
+    pub(crate) fn assemble(
+        name: String,
+        [width, height]: [u16; 2],
+        buses: Vec<String>,
+        modules: Vec<Module>,
+        taxels: Vec<Taxel>,
+    ) -> Self {
+        let mut pixels = vec![NO_TAXEL; width as usize * height as usize];
+        for (i, taxel) in taxels.iter().enumerate() {
+            pixels[taxel.y as usize * width as usize + taxel.x as usize] = i as u16;
+        }
+        Self {
+            name,
+            width,
+            height,
+            buses,
+            modules,
+            taxels,
+            pixels,
+        }
+    }
+
+    /// Number of taxels, `N`.
+    pub fn len(&self) -> usize {
+        self.taxels.len()
+    }
+
+    /// Whether there is no taxel; never so for a layout that parsed.
+    pub fn is_empty(&self) -> bool {
+        self.taxels.is_empty()
+    }
+
+    /// The taxel at this pixel; `None` where the image is padding, and outside it.
+    pub fn taxel_at(&self, x: u16, y: u16) -> Option<usize> {
+        if x >= self.width {
+            return None;
+        }
+        let taxel = *self.pixels.get(y as usize * self.width as usize + x as usize)?;
+        (taxel != NO_TAXEL).then_some(taxel as usize)
+    }
+
+    /// The module a taxel belongs to. `taxel` is below [`Layout::len`].
+    pub fn module_of(&self, taxel: usize) -> &Module {
+        &self.modules[self.taxels[taxel].module as usize]
+    }
+
+    /// Standard id of the frames that carry this taxel on its module's bus; `None` for an offline array.
+    pub fn can_id(&self, taxel: usize) -> Option<u16> {
+        let module = self.module_of(taxel);
+        module.protocol.can_id(module.board, self.taxels[taxel].k)
+    }
+
+    /// The module whose board has this address on this bus. L3 controllers are numbered apart from MTB boards,
+    /// hence the protocol.
+    pub fn board(&self, bus: u8, board: u8, protocol: Protocol) -> Option<usize> {
+        self.modules
+            .iter()
+            .position(|m| m.bus == bus && m.board == board && m.protocol.has_addresses_of(protocol))
+    }
+
+    /// Frames that one sweep of every board puts on this bus. At 1 Mbit/s a bus carries 7,400 to 9,000 frames/s
+    /// (protocols.md 2.5), which bounds the sweep rate.
+    pub fn frames_per_sweep(&self, bus: u8) -> usize {
+        self.modules
+            .iter()
+            .filter(|m| m.bus == bus && m.protocol != Protocol::Offline)
+            .map(|m| m.taxels as usize)
+            .sum()
+    }
 }

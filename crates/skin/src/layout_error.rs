@@ -1,0 +1,254 @@
+//! What can be wrong with a layout, in words that name the place.
+
+use crate::Protocol;
+use crate::layout::{MAX_PIXELS, MAX_TAXELS};
+
+/// Why there is no layout.
+#[derive(Debug, thiserror::Error)]
+pub enum LayoutError {
+    /// The file could not be read.
+    #[error("cannot read the layout file {path}: {source}")]
+    Read {
+        /// The file.
+        path: String,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// Neither a built-in hand nor a file.
+    #[error("there is no layout {name:?}: it is neither a file nor built in ({builtin}) nor grid:HxW")]
+    Unknown {
+        /// The name given.
+        name: String,
+        /// The built-in names.
+        builtin: String,
+    },
+    /// A grid that does not read `grid:HxW`.
+    #[error("{0:?} is not a grid of taxels; write rows and columns, as in grid:16x16")]
+    BadGrid(String),
+    /// A grid without taxels or with too many.
+    #[error("a grid of {height} rows and {width} columns does not have 1 to {MAX_TAXELS} taxels")]
+    GridSize {
+        /// Columns.
+        width: u16,
+        /// Rows.
+        height: u16,
+    },
+    /// The file says something that cannot be.
+    #[error("{file}:{line}: {problem}")]
+    Invalid {
+        /// The file.
+        file: String,
+        /// Line, from 1.
+        line: usize,
+        /// What is wrong.
+        problem: Box<LayoutProblem>,
+    },
+}
+
+/// What is wrong in a layout file.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum LayoutProblem {
+    /// Not TOML, an unknown or missing key, or a value of the wrong type.
+    #[error("{0}")]
+    Syntax(String),
+    /// A list or number outside its limits.
+    #[error("{what} is {value}, and must be {min} to {max}")]
+    OutOfRange {
+        /// Name of the quantity.
+        what: &'static str,
+        /// The value given.
+        value: i64,
+        /// Smallest allowed value.
+        min: i64,
+        /// Largest allowed value.
+        max: i64,
+    },
+    /// An image with too many pixels.
+    #[error("an image of {width} x {height} is more than {MAX_PIXELS} pixels")]
+    TooManyPixels {
+        /// Width, pixels.
+        width: i64,
+        /// Height, pixels.
+        height: i64,
+    },
+    /// A name that must not be empty, or not be used twice.
+    #[error("{what} {name:?} is {why}")]
+    BadName {
+        /// What is named.
+        what: &'static str,
+        /// The name.
+        name: String,
+        /// `empty` or `used twice`.
+        why: &'static str,
+    },
+    /// A module on a bus that the file does not list.
+    #[error("module {module:?} is on bus {bus:?}, but the buses are {known}")]
+    UnknownBus {
+        /// The module.
+        module: String,
+        /// The bus it names.
+        bus: String,
+        /// The buses listed.
+        known: String,
+    },
+    /// A protocol that no decoder knows.
+    #[error("module {module:?}: unknown board protocol {protocol:?}; known are uskin-l1, uskin-l2, uskin-l3")]
+    UnknownProtocol {
+        /// The module.
+        module: String,
+        /// The protocol it names.
+        protocol: String,
+    },
+    /// An address that the protocol cannot express.
+    #[error("module {module:?}: board {board} is out of range, {} has boards 0 to {}",
+        protocol.name(), protocol.addresses() - 1)]
+    BoardOutOfRange {
+        /// The module.
+        module: String,
+        /// The address given.
+        board: i64,
+        /// Its protocol.
+        protocol: Protocol,
+    },
+    /// Two modules claim one board.
+    #[error(
+        "module {module:?} has board {board} on bus {bus:?}, which module {other:?} (line {other_line}) already has"
+    )]
+    SameBoard {
+        /// The second module.
+        module: String,
+        /// The bus.
+        bus: String,
+        /// The address.
+        board: u8,
+        /// The first module.
+        other: String,
+        /// Its line, from 1.
+        other_line: usize,
+    },
+    /// Two taxels would be sent under one id.
+    #[error(
+        "taxel k = {k} of module {module:?} has CAN id {id:#05X} on bus {bus:?}, and so has taxel k = {other_k} of module {other:?} (line {other_line})"
+    )]
+    SameCanId {
+        /// The second module.
+        module: String,
+        /// Its taxel.
+        k: u8,
+        /// The bus.
+        bus: String,
+        /// The id.
+        id: u16,
+        /// The first module.
+        other: String,
+        /// Its taxel.
+        other_k: u8,
+        /// Its line, from 1.
+        other_line: usize,
+    },
+    /// A rotation that does not map pixels to pixels.
+    #[error(
+        "module {module:?}: rotation {degrees} is impossible, write 0, 90, 180 or 270 (degrees, clockwise)"
+    )]
+    Rotation {
+        /// The module.
+        module: String,
+        /// The rotation given.
+        degrees: i64,
+    },
+    /// A protocol whose boards have no order to assume.
+    #[error("module {module:?}: the drawing order of {} modules is not public, so `order` must be written", protocol.name())]
+    OrderNeeded {
+        /// The module.
+        module: String,
+        /// Its protocol.
+        protocol: Protocol,
+    },
+    /// An order table that is not a rectangle.
+    #[error("module {module:?}: row {row} of its order has {columns} cells and the first has {expected}")]
+    OrderNotRectangular {
+        /// The module.
+        module: String,
+        /// The row, from 0.
+        row: usize,
+        /// Its cells.
+        columns: usize,
+        /// Cells of the first row.
+        expected: usize,
+    },
+    /// A number in the order table that is no taxel of the board.
+    #[error("module {module:?}: its order has taxel {k}, but the taxels of {} are 0 to {}; -1 is an empty cell",
+        protocol.name(), protocol.taxel_numbers() - 1)]
+    OrderOutOfRange {
+        /// The module.
+        module: String,
+        /// The number given.
+        k: i64,
+        /// Its protocol.
+        protocol: Protocol,
+    },
+    /// A taxel that is in the order table twice.
+    #[error("module {module:?}: its order has taxel {k} twice, in rows {first_row} and {row}")]
+    OrderRepeats {
+        /// The module.
+        module: String,
+        /// The taxel.
+        k: u8,
+        /// The first row, from 0.
+        first_row: usize,
+        /// The second row, from 0.
+        row: usize,
+    },
+    /// An order table without any taxel.
+    #[error("module {module:?}: its order has no taxel")]
+    OrderEmpty {
+        /// The module.
+        module: String,
+    },
+    /// A taxel outside the image.
+    #[error(
+        "taxel k = {k} of module {module:?} is at pixel ({x}, {y}), outside the image of {width} x {height}"
+    )]
+    OutsideImage {
+        /// The module.
+        module: String,
+        /// The taxel.
+        k: u8,
+        /// Column.
+        x: i64,
+        /// Row.
+        y: i64,
+        /// Width of the image.
+        width: u16,
+        /// Height of the image.
+        height: u16,
+    },
+    /// Two taxels on one pixel.
+    #[error(
+        "taxel k = {k} of module {module:?} is at pixel ({x}, {y}), and so is taxel k = {other_k} of module {other:?} (line {other_line})"
+    )]
+    Overlap {
+        /// The second module.
+        module: String,
+        /// Its taxel.
+        k: u8,
+        /// Column.
+        x: u16,
+        /// Row.
+        y: u16,
+        /// The first module.
+        other: String,
+        /// Its taxel.
+        other_k: u8,
+        /// Its line, from 1.
+        other_line: usize,
+    },
+    /// Positions given in a way that does not add up.
+    #[error("module {module:?}: {why}")]
+    Positions {
+        /// The module.
+        module: String,
+        /// What does not add up.
+        why: String,
+    },
+}

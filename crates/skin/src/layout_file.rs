@@ -1,0 +1,343 @@
+//! The layout file: its TOML shape, and every check between the text and a [`Layout`].
+
+use crate::layout::{MAX_MODULES, MAX_PIXELS};
+use crate::layout_error::{LayoutError, LayoutProblem};
+use crate::layout_tile::{check_order, check_positions, check_rotation, turn};
+use crate::{Layout, Module, Protocol, Taxel};
+use serde::Deserialize;
+use std::collections::HashMap;
+use std::ops::Range;
+use toml::Spanned;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FileLayout {
+    name: Spanned<String>,
+    image: Spanned<FileImage>,
+    buses: Vec<Spanned<String>>,
+    module: Vec<Spanned<FileModule>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FileImage {
+    width: i64,
+    height: i64,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct FileModule {
+    pub(crate) name: String,
+    pub(crate) part: String,
+    pub(crate) bus: Spanned<String>,
+    pub(crate) board: Spanned<i64>,
+    pub(crate) protocol: Spanned<String>,
+    pub(crate) at: Spanned<[i64; 2]>,
+    pub(crate) rotation: Option<Spanned<i64>>,
+    pub(crate) order: Option<Spanned<Vec<Spanned<Vec<i64>>>>>,
+    pub(crate) pitch_mm: Option<Spanned<f64>>,
+    pub(crate) origin_mm: Option<Spanned<[f64; 3]>>,
+    pub(crate) axes: Option<Spanned<[[f64; 3]; 2]>>,
+    pub(crate) positions_mm: Option<Spanned<Vec<[f64; 3]>>>,
+}
+
+/// The text, to turn the offsets of spans into lines.
+pub(crate) struct Source<'a> {
+    file: &'a str,
+    text: &'a str,
+}
+
+impl Source<'_> {
+    fn line(&self, span: &Range<usize>) -> usize {
+        let end = span.start.min(self.text.len());
+        1 + self.text.as_bytes()[..end]
+            .iter()
+            .filter(|b| **b == b'\n')
+            .count()
+    }
+
+    pub(crate) fn refuse<T>(&self, span: &Range<usize>, problem: LayoutProblem) -> Result<T, LayoutError> {
+        Err(LayoutError::Invalid {
+            file: self.file.to_string(),
+            line: self.line(span),
+            problem: Box::new(problem),
+        })
+    }
+
+    fn range(
+        &self,
+        span: &Range<usize>,
+        what: &'static str,
+        value: i64,
+        [min, max]: [i64; 2],
+    ) -> Result<(), LayoutError> {
+        if (min..=max).contains(&value) {
+            return Ok(());
+        }
+        self.refuse(
+            span,
+            LayoutProblem::OutOfRange {
+                what,
+                value,
+                min,
+                max,
+            },
+        )
+    }
+}
+
+/// Places in the file and in the image of what was accepted so far, to find what a later module collides with.
+#[derive(Default)]
+struct Accepted {
+    spans: Vec<Range<usize>>,
+    modules: Vec<Module>,
+    taxels: Vec<Taxel>,
+    pixels: HashMap<(u16, u16), usize>,
+    ids: HashMap<(u8, u16), usize>,
+}
+
+/// See [`Layout::parse`].
+pub(crate) fn parse(text: &str, file: &str) -> Result<Layout, LayoutError> {
+    let source = Source { file, text };
+    let parsed: FileLayout = toml::from_str(text).or_else(|e| {
+        let span = e.span().unwrap_or(0..0);
+        source.refuse(&span, LayoutProblem::Syntax(e.message().to_string()))
+    })?;
+
+    let image = &parsed.image;
+    let [width, height] = check_image(&source, image)?;
+    if parsed.name.get_ref().is_empty() {
+        let problem = LayoutProblem::BadName {
+            what: "the layout's name",
+            name: String::new(),
+            why: "empty",
+        };
+        return source.refuse(&parsed.name.span(), problem);
+    }
+    let buses = check_buses(&source, &parsed)?;
+    let at_first = parsed.module.first().map_or(0..0, Spanned::span);
+    source.range(
+        &at_first,
+        "the number of modules",
+        parsed.module.len() as i64,
+        [1, MAX_MODULES as i64],
+    )?;
+
+    let mut accepted = Accepted::default();
+    for module in &parsed.module {
+        accept_module(&source, module, [width, height], &buses, &mut accepted)?;
+    }
+    let Accepted { modules, taxels, .. } = accepted;
+    Ok(Layout::assemble(
+        parsed.name.into_inner(),
+        [width, height],
+        buses,
+        modules,
+        taxels,
+    ))
+}
+
+fn check_image(source: &Source<'_>, image: &Spanned<FileImage>) -> Result<[u16; 2], LayoutError> {
+    let span = image.span();
+    let FileImage { width, height } = *image.get_ref();
+    source.range(&span, "image.width", width, [1, u16::MAX as i64])?;
+    source.range(&span, "image.height", height, [1, u16::MAX as i64])?;
+    if (width * height) as usize > MAX_PIXELS {
+        return source.refuse(&span, LayoutProblem::TooManyPixels { width, height });
+    }
+    Ok([width as u16, height as u16])
+}
+
+fn check_buses(source: &Source<'_>, parsed: &FileLayout) -> Result<Vec<String>, LayoutError> {
+    let mut buses: Vec<String> = Vec::new();
+    for bus in &parsed.buses {
+        let name = bus.get_ref().clone();
+        let why = match () {
+            () if name.is_empty() => "empty",
+            () if buses.contains(&name) => "used twice",
+            () => {
+                buses.push(name);
+                continue;
+            }
+        };
+        return source.refuse(
+            &bus.span(),
+            LayoutProblem::BadName {
+                what: "bus",
+                name,
+                why,
+            },
+        );
+    }
+    let span = parsed.buses.last().map_or(0..0, Spanned::span);
+    source.range(
+        &span,
+        "the number of buses",
+        buses.len() as i64,
+        [1, u8::MAX as i64],
+    )?;
+    Ok(buses)
+}
+
+fn accept_module(
+    source: &Source<'_>,
+    module: &Spanned<FileModule>,
+    [width, height]: [u16; 2],
+    buses: &[String],
+    accepted: &mut Accepted,
+) -> Result<(), LayoutError> {
+    let span = module.span();
+    let module = module.get_ref();
+    let name = || module.name.clone();
+    for (what, text) in [("module", &module.name), ("part", &module.part)] {
+        if text.is_empty() {
+            return source.refuse(
+                &span,
+                LayoutProblem::BadName {
+                    what,
+                    name: String::new(),
+                    why: "empty",
+                },
+            );
+        }
+    }
+    if accepted.modules.iter().any(|m| m.name == module.name) {
+        return source.refuse(
+            &span,
+            LayoutProblem::BadName {
+                what: "module",
+                name: name(),
+                why: "used twice",
+            },
+        );
+    }
+
+    let (bus, protocol, board) = accept_board(source, module, buses, accepted)?;
+    let ([rows, columns], cells) = check_order(source, module, protocol, &span)?;
+    let rotation = check_rotation(source, module)?;
+    let positions = check_positions(source, module, &cells)?;
+
+    let first_taxel = accepted.taxels.len();
+    let [left, top] = *module.at.get_ref();
+    for (cell, position_mm) in cells.iter().zip(positions) {
+        let (row, column) = turn(cell.row, cell.column, rows, columns, rotation);
+        let (x, y) = (left.saturating_add(column as i64), top.saturating_add(row as i64));
+        let k = cell.k;
+        if x < 0 || y < 0 || x >= width as i64 || y >= height as i64 {
+            let problem = LayoutProblem::OutsideImage {
+                module: name(),
+                k,
+                x,
+                y,
+                width,
+                height,
+            };
+            return source.refuse(&module.at.span(), problem);
+        }
+        let (x, y) = (x as u16, y as u16);
+        let taxel = accepted.taxels.len();
+        let describe = |other: usize| {
+            let Taxel { module, k, .. } = accepted.taxels[other];
+            let other_name = accepted.modules[module as usize].name.clone();
+            (other_name, k, source.line(&accepted.spans[module as usize]))
+        };
+        if let Some(&other) = accepted.pixels.get(&(x, y)) {
+            let (other, other_k, other_line) = describe(other);
+            let problem = LayoutProblem::Overlap {
+                module: name(),
+                k,
+                x,
+                y,
+                other,
+                other_k,
+                other_line,
+            };
+            return source.refuse(&module.at.span(), problem);
+        }
+        if let Some(id) = protocol.can_id(board, k) {
+            if let Some(&other) = accepted.ids.get(&(bus, id)) {
+                let (other, other_k, other_line) = describe(other);
+                let bus = buses[bus as usize].clone();
+                let problem = LayoutProblem::SameCanId {
+                    module: name(),
+                    k,
+                    bus,
+                    id,
+                    other,
+                    other_k,
+                    other_line,
+                };
+                return source.refuse(&module.board.span(), problem);
+            }
+            accepted.ids.insert((bus, id), taxel);
+        }
+        accepted.pixels.insert((x, y), taxel);
+        let module = accepted.modules.len() as u16;
+        accepted.taxels.push(Taxel {
+            module,
+            k,
+            x,
+            y,
+            position_mm,
+        });
+    }
+    accepted.spans.push(span);
+    accepted.modules.push(Module {
+        name: name(),
+        part: module.part.clone(),
+        bus,
+        board,
+        protocol,
+        first_taxel: first_taxel as u16,
+        taxels: cells.len() as u16,
+    });
+    Ok(())
+}
+
+/// The bus, protocol and address of a module's board.
+fn accept_board(
+    source: &Source<'_>,
+    module: &FileModule,
+    buses: &[String],
+    accepted: &Accepted,
+) -> Result<(u8, Protocol, u8), LayoutError> {
+    let name = || module.name.clone();
+    let Some(bus) = buses.iter().position(|b| b == module.bus.get_ref()) else {
+        let problem = LayoutProblem::UnknownBus {
+            module: name(),
+            bus: module.bus.get_ref().clone(),
+            known: buses.join(", "),
+        };
+        return source.refuse(&module.bus.span(), problem);
+    };
+    let Some(protocol) = Protocol::from_name(module.protocol.get_ref()) else {
+        let problem = LayoutProblem::UnknownProtocol {
+            module: name(),
+            protocol: module.protocol.get_ref().clone(),
+        };
+        return source.refuse(&module.protocol.span(), problem);
+    };
+    let board = *module.board.get_ref();
+    if board < 0 || board >= protocol.addresses() as i64 {
+        let problem = LayoutProblem::BoardOutOfRange {
+            module: name(),
+            board,
+            protocol,
+        };
+        return source.refuse(&module.board.span(), problem);
+    }
+    let (bus, board) = (bus as u8, board as u8);
+    let same = |m: &Module| m.bus == bus && m.board == board && m.protocol.has_addresses_of(protocol);
+    if let Some(other) = accepted.modules.iter().position(same) {
+        let problem = LayoutProblem::SameBoard {
+            module: name(),
+            bus: buses[bus as usize].clone(),
+            board,
+            other: accepted.modules[other].name.clone(),
+            other_line: source.line(&accepted.spans[other]),
+        };
+        return source.refuse(&module.board.span(), problem);
+    }
+    Ok((bus, protocol, board))
+}

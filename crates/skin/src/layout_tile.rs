@@ -1,0 +1,212 @@
+//! One module's tile: the order of its taxels, its rotation, and its place on the hand.
+
+use crate::Protocol;
+use crate::layout_error::{LayoutError, LayoutProblem};
+use crate::layout_file::{FileModule, Source};
+use std::ops::Range;
+use toml::Spanned;
+
+/// Cell of an `order` table where the module has no taxel.
+const NO_CELL: i64 = -1;
+
+/// A taxel on its module's tile before the tile is placed.
+pub(crate) struct Cell {
+    pub(crate) k: u8,
+    pub(crate) row: usize,
+    pub(crate) column: usize,
+}
+
+/// Rows and columns of the module's tile, and its taxels in ascending `k`.
+pub(crate) fn check_order(
+    source: &Source<'_>,
+    module: &FileModule,
+    protocol: Protocol,
+    module_span: &Range<usize>,
+) -> Result<([usize; 2], Vec<Cell>), LayoutError> {
+    let name = || module.name.clone();
+    let Some(order) = &module.order else {
+        if protocol == Protocol::UskinL3 {
+            return source.refuse(
+                module_span,
+                LayoutProblem::OrderNeeded {
+                    module: name(),
+                    protocol,
+                },
+            );
+        }
+        return Ok(([4, 4], phalange_order()));
+    };
+    let rows = order.get_ref();
+    let columns = rows.first().map_or(0, |row| row.get_ref().len());
+    let mut cells: Vec<Cell> = Vec::new();
+    for (row, cells_of_row) in rows.iter().enumerate() {
+        let span = cells_of_row.span();
+        let cells_of_row = cells_of_row.get_ref();
+        if cells_of_row.len() != columns {
+            let problem = LayoutProblem::OrderNotRectangular {
+                module: name(),
+                row,
+                columns: cells_of_row.len(),
+                expected: columns,
+            };
+            return source.refuse(&span, problem);
+        }
+        for (column, &k) in cells_of_row.iter().enumerate() {
+            if k == NO_CELL {
+                continue;
+            }
+            if k < 0 || k >= protocol.taxel_numbers() as i64 {
+                return source.refuse(
+                    &span,
+                    LayoutProblem::OrderOutOfRange {
+                        module: name(),
+                        k,
+                        protocol,
+                    },
+                );
+            }
+            let k = k as u8;
+            if let Some(first) = cells.iter().find(|c| c.k == k) {
+                let problem = LayoutProblem::OrderRepeats {
+                    module: name(),
+                    k,
+                    first_row: first.row,
+                    row,
+                };
+                return source.refuse(&span, problem);
+            }
+            cells.push(Cell { k, row, column });
+        }
+    }
+    if cells.is_empty() {
+        return source.refuse(&order.span(), LayoutProblem::OrderEmpty { module: name() });
+    }
+    cells.sort_by_key(|c| c.k);
+    Ok(([rows.len(), columns], cells))
+}
+
+/// The 4x4 phalange as the Waseda group draws it: row = sda, column = [0, 2, 1, 3][chip] (protocols.md 2.3).
+fn phalange_order() -> Vec<Cell> {
+    const COLUMN: [usize; 4] = [0, 2, 1, 3];
+    (0..16u8)
+        .map(|k| Cell {
+            k,
+            row: (k >> 2) as usize,
+            column: COLUMN[(k & 3) as usize],
+        })
+        .collect()
+}
+
+/// Quarter turns, clockwise.
+pub(crate) fn check_rotation(source: &Source<'_>, module: &FileModule) -> Result<u8, LayoutError> {
+    let Some(rotation) = &module.rotation else {
+        return Ok(0);
+    };
+    match *rotation.get_ref() {
+        degrees @ (0 | 90 | 180 | 270) => Ok((degrees / 90) as u8),
+        degrees => {
+            let problem = LayoutProblem::Rotation {
+                module: module.name.clone(),
+                degrees,
+            };
+            source.refuse(&rotation.span(), problem)
+        }
+    }
+}
+
+/// Where a cell lands when its tile is turned clockwise by so many quarters: `(row, column)` from the tile's new top
+/// left.
+pub(crate) fn turn(row: usize, column: usize, rows: usize, columns: usize, quarters: u8) -> (usize, usize) {
+    match quarters {
+        0 => (row, column),
+        1 => (column, rows - 1 - row),
+        2 => (rows - 1 - row, columns - 1 - column),
+        _ => (columns - 1 - column, row),
+    }
+}
+
+/// The position of each of `cells` on the hand.
+pub(crate) fn check_positions(
+    source: &Source<'_>,
+    module: &FileModule,
+    cells: &[Cell],
+) -> Result<Vec<Option<[f32; 3]>>, LayoutError> {
+    let refuse = |span: &Range<usize>, why: String| {
+        source.refuse(
+            span,
+            LayoutProblem::Positions {
+                module: module.name.clone(),
+                why,
+            },
+        )
+    };
+    let finite = |place: &[f64; 3]| place.iter().all(|v| v.is_finite() && v.abs() <= 1e6);
+    if let Some(list) = &module.positions_mm {
+        let span = list.span();
+        let list = list.get_ref();
+        if module.pitch_mm.is_some() || module.origin_mm.is_some() || module.axes.is_some() {
+            return refuse(
+                &span,
+                "give either positions_mm or pitch_mm, origin_mm and axes, not both".into(),
+            );
+        }
+        if list.len() != cells.len() {
+            let why = format!(
+                "positions_mm has {} places for {} taxels",
+                list.len(),
+                cells.len()
+            );
+            return refuse(&span, why);
+        }
+        if let Some(index) = list.iter().position(|place| !finite(place)) {
+            return refuse(
+                &span,
+                format!("place {index} of positions_mm is not within 1e6 mm"),
+            );
+        }
+        return Ok(list.iter().map(|place| Some(place.map(|v| v as f32))).collect());
+    }
+    let (Some(pitch), Some(origin)) = (&module.pitch_mm, &module.origin_mm) else {
+        let given = [
+            module.pitch_mm.as_ref().map(Spanned::span),
+            module.origin_mm.as_ref().map(Spanned::span),
+            module.axes.as_ref().map(Spanned::span),
+        ];
+        return match given.into_iter().flatten().next() {
+            Some(span) => refuse(&span, "positions need both pitch_mm and origin_mm".into()),
+            None => Ok(vec![None; cells.len()]),
+        };
+    };
+    let p = *pitch.get_ref();
+    if !(p > 0.0 && p <= 1000.0) {
+        return refuse(
+            &pitch.span(),
+            format!("pitch_mm = {p} is not above 0 and up to 1000"),
+        );
+    }
+    if !finite(origin.get_ref()) {
+        return refuse(&origin.span(), "origin_mm is not within 1e6 mm".into());
+    }
+    let axes = match &module.axes {
+        None => [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+        Some(axes) => {
+            let [a, b] = *axes.get_ref();
+            let dot = |u: [f64; 3], v: [f64; 3]| u[0] * v[0] + u[1] * v[1] + u[2] * v[2];
+            let near = |value: f64, expected: f64| (value - expected).abs() <= 0.02;
+            if !(near(dot(a, a), 1.0) && near(dot(b, b), 1.0) && near(dot(a, b), 0.0)) {
+                let why = "axes must be two unit vectors at right angles: along a row, and from row to row";
+                return refuse(&axes.span(), why.into());
+            }
+            [a, b]
+        }
+    };
+    Ok(cells
+        .iter()
+        .map(|cell| {
+            let place = |i: usize| {
+                origin.get_ref()[i] + p * (cell.column as f64 * axes[0][i] + cell.row as f64 * axes[1][i])
+            };
+            Some([place(0) as f32, place(1) as f32, place(2) as f32])
+        })
+        .collect())
+}
