@@ -1,0 +1,123 @@
+//! What became of every frame of a board.
+
+use crate::boards::BoardSupervisor;
+use crate::{Decoder, SweepAssembler};
+use serde::Serialize;
+
+/// Whether a board speaks.
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum BoardState {
+    /// Never heard.
+    #[default]
+    Unheard,
+    /// Heard, but its first values are still thrown away.
+    Settling,
+    /// Sends its sweeps.
+    Living,
+    /// Was heard once and is no longer.
+    Silent,
+}
+
+impl BoardState {
+    /// The state in one word, as status reports print it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            BoardState::Unheard => "unheard",
+            BoardState::Settling => "settling",
+            BoardState::Living => "living",
+            BoardState::Silent => "silent",
+        }
+    }
+}
+
+/// What one board has sent, since the start. Every count only grows.
+///
+/// Each frame of the board is in exactly one of `used`, `duplicate`, `late`, `settling`, `malformed` and
+/// `queue_overflows`.
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct BoardCounters {
+    /// Readings that renewed a taxel.
+    pub used: u64,
+    /// Readings of a taxel that came again within half a board period; the newest value is kept.
+    pub duplicate: u64,
+    /// Readings that came after their taxel had been published without them; the value is kept.
+    pub late: u64,
+    /// Readings thrown away because the board had just come up.
+    pub settling: u64,
+    /// Frames with a taxel's id and not 8 data bytes.
+    pub malformed: u64,
+    /// How often the board threw its transmit queue away.
+    pub queue_overflows: u64,
+    /// Readings that never came in a sweep of the board that has ended.
+    pub missed: u64,
+    /// Sweeps of the board that have ended.
+    pub sweeps: u64,
+    /// Readings, used or not, whose status byte reports an error.
+    pub status_errors: u64,
+    /// Start commands sent because the board was silent.
+    pub restarts: u64,
+    /// When the board was last heard, nanoseconds.
+    pub last_ns: Option<u64>,
+    /// Whether it speaks.
+    pub state: BoardState,
+}
+
+impl BoardCounters {
+    /// Everything known of one board (module index), from the stages that each know a part.
+    pub fn gather(
+        board: u16,
+        assembler: &SweepAssembler,
+        decoders: &[Decoder],
+        supervisor: Option<&BoardSupervisor>,
+    ) -> Self {
+        let mut counters = assembler.board(board);
+        for decoder in decoders {
+            decoder.add_to(board, &mut counters);
+        }
+        if let Some(supervisor) = supervisor {
+            counters.restarts += supervisor.restarts(board);
+        }
+        counters
+    }
+
+    /// Frames of the board that are accounted for.
+    pub fn frames(&self) -> u64 {
+        self.used + self.duplicate + self.late + self.settling + self.malformed + self.queue_overflows
+    }
+}
+
+/// A setting outside its range.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[error("{table}: {field} = {value} is outside {min} to {max}")]
+pub struct RangeError {
+    /// The table of the configuration.
+    pub table: &'static str,
+    /// The key.
+    pub field: &'static str,
+    /// The value given.
+    pub value: f64,
+    /// Smallest allowed value.
+    pub min: f64,
+    /// Largest allowed value.
+    pub max: f64,
+}
+
+/// Checks `(field, value, min, max)` one after the other; NaN is outside every range.
+pub(crate) fn check_ranges(
+    table: &'static str,
+    ranges: &[(&'static str, f64, f64, f64)],
+) -> Result<(), RangeError> {
+    for &(field, value, min, max) in ranges {
+        if !(value >= min && value <= max) {
+            return Err(RangeError {
+                table,
+                field,
+                value,
+                min,
+                max,
+            });
+        }
+    }
+    Ok(())
+}

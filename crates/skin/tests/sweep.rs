@@ -1,0 +1,453 @@
+//! When a tactile frame is complete, late or due, and what is fresh in it.
+
+use taxel_skin::{
+    BoardState, Freshness, Layout, Push, SweepAssembler, SweepConfig, TactileFrame, TaxelReading,
+};
+
+const MS: u64 = 1_000_000;
+/// Not zero, as a monotonic clock never is.
+const START: u64 = 5_000 * MS;
+
+/// `boards` boards of 16 taxels on one bus.
+fn layout(boards: usize) -> Layout {
+    let mut text = "name = \"t\"\nimage = { width = 32, height = 4 }\nbuses = [\"can0\"]\n".to_string();
+    for b in 0..boards {
+        text += &format!(
+            "[[module]]\nname = \"m{b}\"\npart = \"p\"\nbus = \"can0\"\nboard = {b}\nprotocol = \"uskin-l2\"\nat = [{}, 0]\n",
+            4 * b
+        );
+    }
+    Layout::parse(&text, "t.toml").unwrap()
+}
+
+fn unsettled() -> SweepConfig {
+    SweepConfig {
+        settle_ms: 0.0,
+        ..SweepConfig::default()
+    }
+}
+
+fn reading(taxel: u16, value: u16) -> TaxelReading {
+    TaxelReading {
+        taxel,
+        counts: [value, value + 1, value + 2],
+        status: 0x82,
+    }
+}
+
+struct Bench {
+    assembler: SweepAssembler,
+    frame: TactileFrame,
+}
+
+impl Bench {
+    fn new(boards: usize, config: &SweepConfig, sweep_mode: bool) -> Self {
+        let layout = layout(boards);
+        Self {
+            assembler: SweepAssembler::new(&layout, config, sweep_mode),
+            frame: TactileFrame::new(layout.len()),
+        }
+    }
+
+    fn push(&mut self, taxel: u16, t_ns: u64) -> Push {
+        self.assembler.push(&reading(taxel, (t_ns / MS) as u16), t_ns)
+    }
+
+    fn push_all(&mut self, taxels: impl IntoIterator<Item = u16>, t_ns: u64) -> Vec<Push> {
+        taxels.into_iter().map(|taxel| self.push(taxel, t_ns)).collect()
+    }
+
+    fn take(&mut self, now_ns: u64) -> &TactileFrame {
+        self.assembler.take(now_ns, &mut self.frame);
+        &self.frame
+    }
+
+    fn freshness(&self, freshness: Freshness) -> Vec<usize> {
+        (0..self.frame.freshness.len())
+            .filter(|i| self.frame.freshness[*i] == freshness)
+            .collect()
+    }
+}
+
+#[test]
+fn a_sweep_is_complete_when_every_taxel_came_in_whatever_order() {
+    // A permutation of 0..32, in which the boards and their lines are well mixed.
+    let order: Vec<u16> = (0..32).map(|i| (i * 11 + 5) % 32).collect();
+    let mut bench = Bench::new(2, &unsettled(), true);
+    for sweep in 0..3 {
+        let start = START + sweep * 10 * MS;
+        for (i, &taxel) in order.iter().enumerate() {
+            assert!(
+                !bench.assembler.is_complete(),
+                "sweep {sweep}, before reading {i}"
+            );
+            assert_eq!(bench.push(taxel, start + i as u64 * 1000), Push::Used);
+        }
+        assert!(bench.assembler.is_complete());
+        let frame = bench.take(start + 40_000);
+        assert_eq!(
+            (frame.seq, frame.t_ns, frame.missing()),
+            (sweep, start + 31_000, 0)
+        );
+        for (i, &taxel) in order.iter().enumerate() {
+            let value = ((start + i as u64 * 1000) / MS) as u16;
+            assert_eq!(frame.counts[taxel as usize], [value, value + 1, value + 2]);
+            assert_eq!(frame.age_ns[taxel as usize], (31 - i as u64) * 1000);
+            assert_eq!(frame.status[taxel as usize], 0x82);
+        }
+        assert!(!bench.assembler.is_complete());
+        assert_eq!(bench.assembler.deadline_ns(), None);
+    }
+    for board in 0..2 {
+        let counters = bench.assembler.board(board);
+        assert_eq!((counters.used, counters.missed, counters.sweeps), (48, 0, 2));
+    }
+}
+
+#[test]
+fn a_value_that_was_not_renewed_is_stale_and_one_that_never_came_is_missing() {
+    let mut bench = Bench::new(1, &unsettled(), true);
+    bench.push_all(0..15, START);
+    assert_eq!(bench.assembler.deadline_ns(), Some(START + 15 * MS));
+    let frame = bench.take(START + 15 * MS);
+    assert_eq!(
+        (frame.freshness[15], frame.counts[15], frame.age_ns[15]),
+        (Freshness::Missing, [0; 3], u64::MAX)
+    );
+    assert_eq!(bench.freshness(Freshness::Fresh), (0..15).collect::<Vec<_>>());
+
+    // The next sweep lacks taxel 3; its old value is shown with its age, and not as new.
+    bench.push_all((0..16).filter(|t| *t != 3), START + 20 * MS);
+    bench.take(START + 35 * MS);
+    assert_eq!(bench.freshness(Freshness::Stale), [3]);
+    assert_eq!(bench.freshness(Freshness::Missing), [0usize; 0]);
+    assert_eq!(bench.frame.age_ns[3], 20 * MS);
+    assert_eq!(bench.frame.counts[3][0], 5000);
+    assert_eq!(bench.frame.t_ns, START + 20 * MS);
+}
+
+#[test]
+fn a_reading_after_its_sweeps_deadline_is_late_and_does_not_begin_a_sweep() {
+    let config = SweepConfig {
+        deadline_ms: Some(5.0),
+        ..unsettled()
+    };
+    let mut bench = Bench::new(1, &config, true);
+    bench.push_all(0..14, START);
+    bench.take(START + 5 * MS);
+    assert_eq!(bench.push(14, START + 6 * MS), Push::Late);
+    assert_eq!(
+        bench.assembler.deadline_ns(),
+        None,
+        "a late reading is not the next sweep's first"
+    );
+    // Too long after the sweep's start to belong to it: the next sweep begins.
+    assert_eq!(bench.push(15, START + 10 * MS), Push::Used);
+    bench.push_all(0..14, START + 11 * MS);
+    assert!(!bench.assembler.is_complete());
+    bench.take(START + 15 * MS);
+    assert_eq!(bench.freshness(Freshness::Stale), [14]);
+    assert_eq!(bench.frame.counts[14][0], 5006, "the late value is kept");
+    let counters = bench.assembler.board(0);
+    assert_eq!((counters.used, counters.late, counters.missed), (29, 1, 1));
+}
+
+#[test]
+fn a_reading_that_comes_twice_counts_once_and_its_newest_value_stays() {
+    for sweep_mode in [false, true] {
+        let mut bench = Bench::new(1, &unsettled(), sweep_mode);
+        bench.push_all(0..16, START);
+        bench.take(START + 100);
+        assert_eq!(bench.push(15, START + MS), Push::Duplicate);
+        assert_eq!(bench.assembler.deadline_ns(), None);
+        bench.take(START + 2 * MS);
+        assert_eq!(bench.frame.counts[15][0], 5001);
+        let counters = bench.assembler.board(0);
+        assert_eq!((counters.used, counters.duplicate, counters.sweeps), (16, 1, 0));
+    }
+}
+
+#[test]
+fn a_reading_older_than_its_taxels_value_is_late_and_not_kept() {
+    let mut bench = Bench::new(1, &unsettled(), false);
+    assert_eq!(bench.push(0, START + 20 * MS), Push::Used);
+    assert_eq!(bench.push(0, START), Push::Late);
+    bench.take(START + 21 * MS);
+    assert_eq!(
+        (bench.frame.counts[0][0], bench.frame.t_ns),
+        (5020, START + 20 * MS)
+    );
+}
+
+#[test]
+fn a_lost_taxel_is_missed_even_if_it_comes_first_in_the_next_sweep() {
+    let mut bench = Bench::new(1, &unsettled(), false);
+    for sweep in 0..10 {
+        let start = START + sweep * 10 * MS;
+        // Taxel 7 is lost in every second sweep and leads the others.
+        if sweep % 2 == 1 {
+            bench.push(7, start);
+        }
+        bench.push_all((0..16).filter(|t| *t != 7), start + MS);
+    }
+    let counters = bench.assembler.board(0);
+    assert_eq!(counters.sweeps, 9, "the tenth has not ended yet");
+    assert_eq!(counters.missed, 5);
+    assert_eq!(counters.used + counters.missed, 160);
+}
+
+#[test]
+fn a_dead_board_is_waited_for_three_times_and_again_once_it_speaks() {
+    let mut bench = Bench::new(2, &unsettled(), true);
+    bench.push_all(0..32, START);
+    bench.take(START);
+    let mut waited = Vec::new();
+    for sweep in 1..=6 {
+        let start = START + sweep * 20 * MS;
+        bench.push_all(0..16, start);
+        let complete = bench.assembler.is_complete();
+        waited.push(!complete);
+        bench.take(if complete { start } else { start + 15 * MS });
+        assert_eq!(bench.freshness(Freshness::Stale), (16..32).collect::<Vec<_>>());
+    }
+    assert_eq!(waited, [true, true, true, false, false, false]);
+    assert_eq!(bench.assembler.board(1).state, BoardState::Silent);
+    assert_eq!(bench.assembler.board(0).state, BoardState::Living);
+
+    let start = START + 200 * MS;
+    bench.push(20, start);
+    assert_eq!(bench.assembler.board(1).state, BoardState::Living);
+    bench.push_all(0..16, start);
+    assert!(!bench.assembler.is_complete(), "board 1 speaks and is waited for");
+    bench.push_all((16..32).filter(|t| *t != 20), start);
+    assert!(bench.assembler.is_complete());
+}
+
+#[test]
+fn a_dead_taxel_does_not_hold_up_its_board_for_ever() {
+    let mut bench = Bench::new(1, &unsettled(), true);
+    let mut waited = Vec::new();
+    for sweep in 0..6 {
+        let start = START + sweep * 20 * MS;
+        bench.push_all((0..16).filter(|t| *t != 9), start);
+        waited.push(!bench.assembler.is_complete());
+        bench.take(start + 15 * MS);
+        assert_eq!(bench.freshness(Freshness::Missing), [9]);
+    }
+    assert_eq!(waited, [true, true, true, false, false, false]);
+    assert_eq!(bench.assembler.board(0).missed, 5);
+    // It comes back, and from the next sweep on is waited for.
+    bench.push_all(0..16, START + 200 * MS);
+    bench.take(START + 200 * MS);
+    bench.push_all((0..16).filter(|t| *t != 9), START + 210 * MS);
+    assert!(!bench.assembler.is_complete());
+}
+
+#[test]
+fn with_every_board_dead_there_is_no_deadline_and_a_frame_shows_nothing_as_fresh() {
+    let mut bench = Bench::new(1, &unsettled(), true);
+    bench.push_all(0..16, START);
+    bench.take(START);
+    assert_eq!(bench.assembler.deadline_ns(), None);
+    for heartbeat in 1..=3 {
+        let now = START + heartbeat * 1000 * MS;
+        bench.take(now);
+        assert_eq!(bench.frame.t_ns, now);
+        assert_eq!(bench.freshness(Freshness::Stale).len(), 16);
+        assert_eq!(bench.frame.age_ns[0], now - START);
+    }
+    assert_eq!(bench.assembler.board(0).state, BoardState::Silent);
+}
+
+#[test]
+fn boards_that_run_out_of_step_give_one_frame_per_period() {
+    let mut bench = Bench::new(4, &unsettled(), true);
+    // Board b begins its sweeps 2.3 ms after board b - 1 and sends a taxel every 0.3 ms.
+    let mut arrivals: Vec<(u64, u16)> = (0..40u64)
+        .flat_map(|sweep| {
+            (0..64u16).map(move |taxel| {
+                let (board, k) = (taxel as u64 / 16, taxel as u64 % 16);
+                (START + sweep * 10 * MS + board * 2_300_000 + k * 300_000, taxel)
+            })
+        })
+        .collect();
+    arrivals.sort();
+    let mut taken = Vec::new();
+    for (t_ns, taxel) in arrivals {
+        assert_eq!(bench.push(taxel, t_ns), Push::Used);
+        assert!(
+            bench.assembler.deadline_ns().is_none_or(|d| t_ns < d),
+            "no deadline passes"
+        );
+        if bench.assembler.is_complete() {
+            bench.take(t_ns);
+            assert_eq!(bench.frame.missing(), 0);
+            taken.push(t_ns);
+        }
+    }
+    // A frame holds the beginning of board 0's next sweep, which the last of 40 sweeps does not have.
+    assert_eq!(taken.len(), 39);
+    assert!(taken.windows(2).all(|pair| pair[1] - pair[0] == 10 * MS));
+}
+
+#[test]
+fn in_timer_mode_a_value_is_fresh_until_it_is_three_periods_old() {
+    let mut bench = Bench::new(1, &unsettled(), false);
+    assert_eq!(bench.take(START).missing(), 16);
+    bench.push_all(0..16, START + MS);
+    assert_eq!(bench.assembler.deadline_ns(), None, "the caller's timer decides");
+    for (now, missing) in [(START + MS, 0), (START + 31 * MS, 0), (START + 31 * MS + 1, 16)] {
+        assert_eq!(bench.take(now).missing(), missing, "at {now}");
+    }
+    // It was shown as stale, so what comes now is late; it is fresh again all the same.
+    assert_eq!(bench.push(0, START + 40 * MS), Push::Late);
+    assert_eq!(bench.push(0, START + 50 * MS), Push::Used);
+    bench.take(START + 50 * MS);
+    assert_eq!(bench.freshness(Freshness::Fresh), [0]);
+    assert_eq!(bench.assembler.board(0).late, 1);
+}
+
+#[test]
+fn the_time_of_validity_never_goes_back() {
+    let mut bench = Bench::new(1, &unsettled(), false);
+    bench.push_all(0..16, START);
+    assert_eq!(bench.take(START + MS).t_ns, START);
+    assert_eq!(
+        bench.take(START + 2 * MS).t_ns,
+        START + 2 * MS,
+        "nothing came: the tick's time"
+    );
+    // Received before the last tick, handed over after it.
+    bench.push(0, START + 2 * MS - 100_000);
+    assert_eq!(bench.take(START + 3 * MS).t_ns, START + 2 * MS);
+    assert_eq!(bench.frame.seq, 2);
+}
+
+#[test]
+fn what_a_board_sends_while_it_comes_up_is_thrown_away() {
+    let config = SweepConfig::default();
+    let mut bench = Bench::new(2, &config, false);
+    let cases = [
+        // (milliseconds from the start, what becomes of the reading)
+        (0, Push::Settling),
+        (100, Push::Settling),
+        (199, Push::Settling),
+        (200, Push::Used),
+        // A second without a word may have been a power cut; less than that is not.
+        (1199, Push::Used),
+        (2199, Push::Settling),
+        (2398, Push::Settling),
+        (2399, Push::Used),
+    ];
+    for (ms, expected) in cases {
+        assert_eq!(bench.push(0, START + ms * MS), expected, "at {ms} ms");
+    }
+    let counters = bench.assembler.board(0);
+    assert_eq!((counters.settling, counters.used), (5, 3));
+    assert_eq!(counters.last_ns, Some(START + 2399 * MS));
+    assert_eq!(bench.assembler.board(1).state, BoardState::Unheard);
+}
+
+#[test]
+fn slow_triggers_are_not_taken_for_power_cuts() {
+    let config = SweepConfig {
+        board_period_ms: 2000.0,
+        ..SweepConfig::default()
+    };
+    let mut bench = Bench::new(1, &config, false);
+    let pushed: Vec<Push> = (0..4).map(|i| bench.push(0, START + i * 2000 * MS)).collect();
+    assert_eq!(pushed, [Push::Settling, Push::Used, Push::Used, Push::Used]);
+}
+
+#[test]
+fn states_follow_what_is_heard() {
+    let mut bench = Bench::new(1, &SweepConfig::default(), false);
+    let state = |bench: &mut Bench, now: u64| {
+        bench.take(now);
+        bench.assembler.board(0).state
+    };
+    assert_eq!(state(&mut bench, START), BoardState::Unheard);
+    bench.push(0, START);
+    assert_eq!(state(&mut bench, START + MS), BoardState::Settling);
+    assert_eq!(state(&mut bench, START + 31 * MS), BoardState::Silent);
+    bench.push(0, START + 250 * MS);
+    assert_eq!(state(&mut bench, START + 251 * MS), BoardState::Living);
+    assert_eq!(state(&mut bench, START + 281 * MS), BoardState::Silent);
+}
+
+#[test]
+fn status_errors_are_counted_and_the_reading_is_delivered_with_its_status() {
+    let mut bench = Bench::new(1, &unsettled(), false);
+    for (taxel, status) in [(0, 0x82), (1, 0x92), (2, 0xFF)] {
+        let reading = TaxelReading {
+            status,
+            ..reading(taxel, 7)
+        };
+        assert_eq!(bench.assembler.push(&reading, START), Push::Used);
+    }
+    assert_eq!(bench.assembler.board(0).status_errors, 2);
+    assert_eq!(bench.take(START).status[..3], [0x82, 0x92, 0xFF]);
+}
+
+#[test]
+fn a_reading_of_another_layout_is_refused() {
+    let mut bench = Bench::new(1, &unsettled(), false);
+    assert_eq!(bench.push(16, START), Push::NoSuchTaxel);
+    assert_eq!(bench.take(START).missing(), 16);
+}
+
+#[test]
+fn settings_outside_their_range_are_named_with_their_limits() {
+    SweepConfig::default().check().unwrap();
+    let with = |change: fn(&mut SweepConfig)| {
+        let mut config = SweepConfig::default();
+        change(&mut config);
+        config.check().unwrap_err().to_string()
+    };
+    let cases = [
+        (
+            with(|c| c.board_period_ms = 0.5),
+            "sweep: board_period_ms = 0.5 is outside 1 to 10000",
+        ),
+        (
+            with(|c| c.board_period_ms = f64::NAN),
+            "sweep: board_period_ms = NaN is outside 1 to 10000",
+        ),
+        (
+            with(|c| c.deadline_ms = Some(0.0)),
+            "sweep: deadline_ms = 0 is outside 0.1 to 10000",
+        ),
+        (
+            with(|c| c.stale_after_ms = Some(1e9)),
+            "sweep: stale_after_ms = 1000000000 is outside 1 to 60000",
+        ),
+        (
+            with(|c| c.silent_after_sweeps = 0),
+            "sweep: silent_after_sweeps = 0 is outside 1 to 250",
+        ),
+        (
+            with(|c| c.settle_ms = -1.0),
+            "sweep: settle_ms = -1 is outside 0 to 60000",
+        ),
+    ];
+    for (message, expected) in cases {
+        assert_eq!(message, expected);
+    }
+}
+
+#[test]
+fn the_table_of_the_configuration_reads_and_refuses_unknown_keys() {
+    let config: SweepConfig = toml::from_str("board_period_ms = 12\ndeadline_ms = 8.5").unwrap();
+    assert_eq!(
+        (
+            config.board_period_ns(),
+            config.deadline_ns(),
+            config.stale_after_ns()
+        ),
+        (12 * MS, 8_500_000, 36 * MS)
+    );
+    let error = toml::from_str::<SweepConfig>("dead_line_ms = 8")
+        .unwrap_err()
+        .to_string();
+    assert!(error.contains("dead_line_ms"), "{error}");
+}
