@@ -3,8 +3,27 @@
 //! Nothing here does I/O or holds a clock: frames and times come in as arguments, so that a recording replays to
 //! the bit.
 
+mod boards;
+mod condition;
+mod counters;
+mod decoder;
 mod frame;
 mod layout;
+mod layout_error;
+mod layout_file;
+mod layout_tile;
+mod sweep;
+mod uskin;
 
+pub use boards::{BoardSupervisor, BoardsConfig, BoardsMode, Command, TxMode};
+pub use condition::{
+    BaselineSource, CalibrationReport, ConditionConfig, ConditionCounters, ConditionError, Conditioner,
+    FaultRule, MagnitudeMode, ThresholdSource,
+};
+pub use counters::{BoardCounters, BoardState, RangeError};
+pub use decoder::{BusCounters, Decoded, Decoder, MAX_READINGS, Readings};
 pub use frame::{Fault, Faults, ForceFrame, Freshness, TactileFrame, TaxelReading};
-pub use layout::{Layout, Module, Protocol, Taxel};
+pub use layout::{Layout, MAX_MODULES, MAX_PIXELS, MAX_TAXELS, Module, Protocol, Taxel};
+pub use layout_error::{LayoutError, LayoutProblem};
+pub use sweep::{Push, SweepAssembler, SweepConfig};
+pub use uskin::{STATUS_ERROR, STATUS_NO_ANSWER, status_is_error};

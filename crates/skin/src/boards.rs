@@ -1,0 +1,354 @@
+//! Starting boards, keeping them going and stopping them: what is sent to the buses, and when.
+//!
+//! The only commands that can be built here are `SET_TXMODE` start and stop, class 2. A class-7 frame stops the
+//! sampling of every board that takes it for its own (protocols.md 1.9, 2.4), so this program never sends one.
+
+use crate::Layout;
+use crate::counters::{RangeError, check_ranges};
+use crate::sweep::nanoseconds;
+use crate::uskin::SET_TXMODE;
+use serde::{Deserialize, Serialize};
+use taxel_can::CanFrame;
+
+/// How boards are started and watched: the `[boards]` table of the configuration.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct BoardsConfig {
+    /// Who sets the pace of the boards.
+    pub mode: BoardsMode,
+    /// `triggered` mode: start commands per second and board, 1 to 200 Hz.
+    pub trigger_hz: f64,
+    /// A board not heard for this long is started again, ms, 20 to 60,000; in `triggered` mode for three trigger
+    /// periods if these are longer.
+    pub silence_ms: f64,
+    /// Pause before the second attempt to start a silent board, ms, 10 to 60,000; it doubles with each further one.
+    pub restart_first_ms: f64,
+    /// Longest pause between two attempts, ms, from `restart_first_ms` to 600,000.
+    pub restart_longest_ms: f64,
+    /// Least time between two commands on one bus, ms, 0.1 to 100. Two commands to one board are never less than 2 ms
+    /// apart: its receive buffer holds five and is emptied newest first.
+    pub command_gap_ms: f64,
+}
+
+/// Who sets the pace of the boards (protocols.md 2.4).
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum BoardsMode {
+    /// Boards are started once and send on their own timer.
+    #[default]
+    FreeRunning,
+    /// Each board is started anew for every sweep, as the Waseda readers do.
+    Triggered,
+    /// Nothing is sent: a recording is played, or another program controls the boards.
+    Passive,
+}
+
+impl Default for BoardsConfig {
+    fn default() -> Self {
+        Self {
+            mode: BoardsMode::FreeRunning,
+            trigger_hz: 30.0,
+            silence_ms: 100.0,
+            restart_first_ms: 100.0,
+            restart_longest_ms: 5000.0,
+            command_gap_ms: 0.5,
+        }
+    }
+}
+
+impl BoardsConfig {
+    /// Refuses values outside their ranges.
+    pub fn check(&self) -> Result<(), RangeError> {
+        check_ranges(
+            "boards",
+            &[
+                ("trigger_hz", self.trigger_hz, 1.0, 200.0),
+                ("silence_ms", self.silence_ms, 20.0, 60_000.0),
+                ("restart_first_ms", self.restart_first_ms, 10.0, 60_000.0),
+                (
+                    "restart_longest_ms",
+                    self.restart_longest_ms,
+                    self.restart_first_ms,
+                    600_000.0,
+                ),
+                ("command_gap_ms", self.command_gap_ms, 0.1, 100.0),
+            ],
+        )
+    }
+}
+
+/// Least time between two commands to one board.
+const BOARD_GAP_NS: u64 = 2_000_000;
+
+/// What a board is told.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TxMode {
+    /// Send sweeps: `20b#0700`.
+    Start,
+    /// Send nothing: `20b#0701`.
+    Stop,
+}
+
+/// A command to one board: `SET_TXMODE` and nothing else.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Command {
+    /// Index of the bus in [`Layout::buses`].
+    pub bus: u8,
+    /// Index of the board's module in [`Layout::modules`].
+    pub board: u16,
+    /// What the board is told.
+    pub mode: TxMode,
+    /// Whether it is sent because the board was silent.
+    pub restart: bool,
+    address: u8,
+}
+
+impl Command {
+    /// The frame to send. Its class is 2, whatever the board.
+    pub fn frame(&self) -> CanFrame {
+        let mode = match self.mode {
+            TxMode::Start => 0,
+            TxMode::Stop => 1,
+        };
+        CanFrame::standard(0x200 | (self.address & 15) as u16, &[SET_TXMODE, mode])
+            .expect("11 bits and two bytes make a frame")
+    }
+}
+
+/// Decides what to send to the boards of every bus, and when. It holds no clock and sends nothing itself: call
+/// [`BoardSupervisor::poll`] until it has no command, then again at [`BoardSupervisor::next_at_ns`].
+///
+/// Boards that take no commands (L3) are left alone in every mode.
+#[derive(Debug, Clone)]
+pub struct BoardSupervisor {
+    boards: Vec<Board>,
+    /// When the next command may be handed out, by bus.
+    bus_free_ns: Vec<u64>,
+    bus_gap_ns: u64,
+    pace: Pace,
+    stopping: bool,
+}
+
+#[derive(Debug, Clone)]
+struct Pace {
+    /// Period of the triggers, and the time of the first; later ones are whole periods after it.
+    trigger: Option<(u64, Option<u64>)>,
+    silence_ns: u64,
+    first_pause_ns: u64,
+    longest_pause_ns: u64,
+}
+
+#[derive(Debug, Clone)]
+struct Board {
+    module: u16,
+    bus: u8,
+    address: u8,
+    /// When it is to be looked at again.
+    due_ns: u64,
+    /// When the last command to it was handed out.
+    sent_ns: Option<u64>,
+    /// When it was started, other than for its silence: silence is not counted from before.
+    started_ns: Option<u64>,
+    /// It is silent: when to try again, and the pause after that.
+    retry: Option<Retry>,
+    stopped: bool,
+    restarts: u64,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Retry {
+    at_ns: u64,
+    pause_ns: u64,
+}
+
+impl BoardSupervisor {
+    /// A supervisor for the boards of a layout; every board is due to be started at once.
+    pub fn new(layout: &Layout, config: &BoardsConfig) -> Self {
+        let trigger_ns = (1e9 / config.trigger_hz).round() as u64;
+        let silence_ns = nanoseconds(config.silence_ms);
+        let (trigger, silence_ns) = match config.mode {
+            BoardsMode::Triggered => (Some((trigger_ns, None)), silence_ns.max(3 * trigger_ns)),
+            BoardsMode::FreeRunning | BoardsMode::Passive => (None, silence_ns),
+        };
+        let boards = layout
+            .modules
+            .iter()
+            .enumerate()
+            .filter(|(_, m)| m.protocol.takes_commands() && config.mode != BoardsMode::Passive)
+            .map(|(index, module)| Board {
+                module: index as u16,
+                bus: module.bus,
+                address: module.board,
+                due_ns: 0,
+                sent_ns: None,
+                started_ns: None,
+                retry: None,
+                stopped: false,
+                restarts: 0,
+            })
+            .collect();
+        Self {
+            boards,
+            bus_free_ns: vec![0; layout.buses.len()],
+            bus_gap_ns: nanoseconds(config.command_gap_ms),
+            pace: Pace {
+                trigger,
+                silence_ns,
+                first_pause_ns: nanoseconds(config.restart_first_ms),
+                longest_pause_ns: nanoseconds(config.restart_longest_ms),
+            },
+            stopping: false,
+        }
+    }
+
+    /// The next command that is due at `now_ns`, if any. `last_heard_ns` tells when a board (module index) was last
+    /// heard, as [`crate::SweepAssembler::last_heard_ns`] does.
+    pub fn poll(&mut self, now_ns: u64, last_heard_ns: impl Fn(u16) -> Option<u64>) -> Option<Command> {
+        loop {
+            let bus_free_ns = &self.bus_free_ns;
+            let board = self
+                .boards
+                .iter_mut()
+                .filter(|b| b.ready_ns(bus_free_ns).is_some_and(|ready| ready <= now_ns))
+                .min_by_key(|b| b.due_ns)?;
+            let (mode, restart) = if self.stopping {
+                board.stopped = true;
+                (TxMode::Stop, false)
+            } else {
+                match board.look(now_ns, last_heard_ns(board.module), &mut self.pace) {
+                    Look::Wait => continue,
+                    Look::Start { restart } => (TxMode::Start, restart),
+                }
+            };
+            board.sent_ns = Some(now_ns);
+            self.bus_free_ns[board.bus as usize] = now_ns + self.bus_gap_ns;
+            return Some(Command {
+                bus: board.bus,
+                board: board.module,
+                mode,
+                restart,
+                address: board.address,
+            });
+        }
+    }
+
+    /// When to poll again, nanoseconds; `None` if nothing will ever be due (passive, or stopped).
+    pub fn next_at_ns(&self) -> Option<u64> {
+        self.boards
+            .iter()
+            .filter_map(|b| b.ready_ns(&self.bus_free_ns))
+            .min()
+    }
+
+    /// Says that a command could not be handed to its bus. The board is tried again after the first pause, and the
+    /// attempt is not counted as a restart.
+    pub fn not_sent(&mut self, command: &Command, now_ns: u64) {
+        let Some(board) = self.boards.iter_mut().find(|b| b.module == command.board) else {
+            return;
+        };
+        board.restarts = board.restarts.saturating_sub(command.restart as u64);
+        board.start_at(now_ns + self.pace.first_pause_ns);
+    }
+
+    /// Says that a bus can be reached again. Its boards may have lost their power with it, so they are started at
+    /// once, whatever pause they were in.
+    pub fn bus_restored(&mut self, bus: u8, now_ns: u64) {
+        for board in self.boards.iter_mut().filter(|b| b.bus == bus) {
+            board.start_at(now_ns);
+        }
+    }
+
+    /// Begins to stop every board: from now on `poll` gives stop commands, one for each board, until
+    /// [`BoardSupervisor::is_stopped`].
+    pub fn stop(&mut self) {
+        self.stopping = true;
+        for board in &mut self.boards {
+            board.due_ns = 0;
+        }
+    }
+
+    /// Whether every board was given its stop command; at once where nothing is sent to any board.
+    pub fn is_stopped(&self) -> bool {
+        self.stopping && self.boards.iter().all(|b| b.stopped)
+    }
+
+    /// How often a board (module index) was started because it was silent.
+    pub fn restarts(&self, board: u16) -> u64 {
+        self.boards
+            .iter()
+            .find(|b| b.module == board)
+            .map_or(0, |b| b.restarts)
+    }
+}
+
+enum Look {
+    Wait,
+    Start { restart: bool },
+}
+
+impl Pace {
+    /// When to look at a board again after `now_ns` if nothing else is due: at the next trigger, or after the silence
+    /// that is allowed.
+    fn next_look_ns(&mut self, now_ns: u64) -> u64 {
+        match &mut self.trigger {
+            None => now_ns + self.silence_ns,
+            Some((period_ns, first_ns)) => {
+                let first_ns = *first_ns.get_or_insert(now_ns);
+                let periods = now_ns.saturating_sub(first_ns) / *period_ns + 1;
+                first_ns + periods * *period_ns
+            }
+        }
+    }
+}
+
+impl Board {
+    /// When the next command can be handed out, given what was sent before; `None` once it is stopped.
+    fn ready_ns(&self, bus_free_ns: &[u64]) -> Option<u64> {
+        let gap_ends_ns = self.sent_ns.map_or(0, |sent| sent + BOARD_GAP_NS);
+        (!self.stopped).then(|| self.due_ns.max(bus_free_ns[self.bus as usize]).max(gap_ends_ns))
+    }
+
+    /// Decides whether a start is due now, and sets when to look again.
+    fn look(&mut self, now_ns: u64, heard_ns: Option<u64>, pace: &mut Pace) -> Look {
+        let next_look_ns = pace.next_look_ns(now_ns);
+        let Some(started_ns) = self.started_ns else {
+            self.started_ns = Some(now_ns);
+            self.due_ns = next_look_ns;
+            return Look::Start { restart: false };
+        };
+        if heard_ns > self.sent_ns {
+            self.retry = None;
+        }
+        let quiet_from_ns = heard_ns.unwrap_or(0).max(started_ns);
+        if self.retry.is_none() && now_ns.saturating_sub(quiet_from_ns) < pace.silence_ns {
+            if pace.trigger.is_some() {
+                self.due_ns = next_look_ns;
+                return Look::Start { restart: false };
+            }
+            self.due_ns = quiet_from_ns + pace.silence_ns;
+            return Look::Wait;
+        }
+        let retry = self.retry.get_or_insert(Retry {
+            at_ns: now_ns,
+            pause_ns: pace.first_pause_ns,
+        });
+        let due = now_ns >= retry.at_ns;
+        if due {
+            retry.at_ns = now_ns + retry.pause_ns;
+            retry.pause_ns = (2 * retry.pause_ns).min(pace.longest_pause_ns);
+            self.restarts += 1;
+        }
+        self.due_ns = retry.at_ns.min(next_look_ns);
+        if due {
+            Look::Start { restart: true }
+        } else {
+            Look::Wait
+        }
+    }
+
+    fn start_at(&mut self, t_ns: u64) {
+        self.started_ns = None;
+        self.retry = None;
+        self.due_ns = t_ns;
+    }
+}
