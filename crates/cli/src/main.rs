@@ -1,2 +1,111 @@
-//! The tool.
-fn main() {}
+//! The `taxel` command: look at a tactile hand, play recordings and scenes to it, compress offline.
+
+mod compress;
+mod demo;
+mod image_line;
+mod image_output;
+mod input;
+mod interrupt;
+mod progress;
+mod raw_line;
+mod replay;
+mod sim;
+mod sweep;
+mod target;
+mod watch;
+
+use clap::{Parser, Subcommand};
+use std::io;
+use std::process::ExitCode;
+
+/// Tactile images from robot skin: watch a running daemon, replay recordings, simulate a hand, compress offline.
+#[derive(Debug, Parser)]
+#[command(name = "taxel", version, after_help = EXAMPLES)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  taxel demo                                     a simulated hand grasps a ball, here, now
+  taxel watch                                    one line per image of the daemon on this machine
+  taxel sim ball-grasp --to can:vcan0            a simulated hand on a virtual bus
+  taxel replay grasp.log --to can:vcan0          a recording back onto a bus
+  taxel compress grasp.npz --out images.npz      the daemon's compression, offline
+
+`taxel COMMAND --help` explains each. CAN sources are can:INTERFACE, udp:GROUP:PORT, log:FILE and sim:SCENE.";
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Demo(demo::Args),
+    Watch(watch::Args),
+    Replay(replay::Args),
+    Compress(compress::Args),
+    Sim(sim::Args),
+}
+
+fn main() -> ExitCode {
+    let result = match Cli::parse().command {
+        Command::Demo(args) => demo::run(&args),
+        Command::Watch(args) => watch::run(&args),
+        Command::Replay(args) => replay::run(&args),
+        Command::Compress(args) => compress::run(&args),
+        Command::Sim(args) => sim::run(&args),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        // Whoever read the output has seen enough: `taxel watch | head`.
+        Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("taxel: {}", describe(&error));
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn is_broken_pipe(error: &anyhow::Error) -> bool {
+    let io_error = error.chain().find_map(|cause| cause.downcast_ref::<io::Error>());
+    io_error.is_some_and(|e| e.kind() == io::ErrorKind::BrokenPipe)
+}
+
+/// The error and its causes on one line, without those that the line already tells.
+fn describe(error: &anyhow::Error) -> String {
+    let mut text = String::new();
+    for cause in error.chain() {
+        let cause = cause.to_string();
+        if text.is_empty() {
+            text = cause;
+        } else if !text.contains(&cause) {
+            text = format!("{text}: {cause}");
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn a_cause_is_not_told_twice() {
+        let inner = io::Error::other("no such device");
+        let error = anyhow::Error::new(inner).context("can0: no such device");
+        assert_eq!(describe(&error), "can0: no such device");
+        let error = anyhow::anyhow!("too short").context("frames.csv");
+        assert_eq!(describe(&error), "frames.csv: too short");
+    }
+
+    #[test]
+    fn a_broken_pipe_is_seen_behind_its_context() {
+        let pipe = io::Error::from(io::ErrorKind::BrokenPipe);
+        assert!(is_broken_pipe(&anyhow::Error::new(pipe).context("writing")));
+        assert!(!is_broken_pipe(&anyhow::anyhow!("Broken pipe")));
+    }
+}

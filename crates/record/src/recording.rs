@@ -225,6 +225,16 @@ impl Recording {
         }
     }
 
+    /// The usual time from one frame to the next, nanoseconds: the median of the recorded ones, or of the rate.
+    pub fn period_ns(&self) -> u64 {
+        let Some(times) = self.times_ns.as_ref().filter(|times| times.len() > 1) else {
+            return (1e9 / self.rate_hz).round() as u64;
+        };
+        let mut periods: Vec<u64> = times.windows(2).map(|w| w[1] - w[0]).collect();
+        periods.sort_unstable();
+        periods[periods.len() / 2]
+    }
+
     /// The magnitudes of frame `index`, one per taxel; `None` for a recording of counts or past the end.
     pub fn magnitudes(&self, index: usize) -> Option<&[f64]> {
         match &self.frames {
@@ -439,6 +449,7 @@ mod tests {
         timed.times_ns = Some(vec![5, 5, 9]);
         let recording = Recording::from_table(timed, &ReadOptions::default()).unwrap();
         assert_eq!((recording.t_ns(1), recording.t_ns(2)), (5, 9));
+        assert_eq!(recording.period_ns(), 4);
 
         let mut timed = ramp(&[3, 2]);
         timed.times_ns = Some(vec![5, 5, 9]);
@@ -449,7 +460,7 @@ mod tests {
         assert_eq!(Recording::from_table(timed, &at_1khz).unwrap().t_ns(2), 2_000_000);
 
         let untimed = Recording::from_table(ramp(&[3, 2]), &ReadOptions::default()).unwrap();
-        assert_eq!(untimed.t_ns(1), 33_333_333);
+        assert_eq!((untimed.t_ns(1), untimed.period_ns()), (33_333_333, 33_333_333));
     }
 
     #[test]

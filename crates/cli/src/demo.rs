@@ -1,0 +1,210 @@
+//! `taxel demo`: simulator, daemon and live view in one process.
+
+mod colour;
+mod meter;
+mod session;
+mod view;
+
+use crate::interrupt::Interrupt;
+use anyhow::{Context, bail};
+use meter::{Meter, Picture};
+use ratatui::crossterm::event::{self, Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
+use session::{Control, Session};
+use std::io::{IsTerminal, Write};
+use std::sync::{Arc, Mutex, MutexGuard};
+use std::time::{Duration, Instant};
+use taxel_sim::Scene;
+use taxel_wire::{ReadError, Received, Subscriber};
+
+/// Time between two pictures on the terminal.
+const REDRAW: Duration = Duration::from_millis(33);
+
+/// A simulated hand, the real daemon and a live view of both, here and now: no hardware, no root.
+///
+/// The simulator plays the scene as CAN traffic of 15 uSkin modules; the daemon reads it as it would read a bus and
+/// publishes tactile images on a socket in a temporary directory; the view subscribes to that socket as any display
+/// does. Left is what the skin feels, right is what a display with few actuators is given.
+///
+/// Keys: q quits, z measures the baseline anew (as after a warm-up; not while the hand is touched), p pauses, so that
+/// every display lets go.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  taxel demo
+  taxel demo --scene slip --actuators 6
+  taxel demo --headless --seconds 10
+  taxel sim --list                     the scenes there are")]
+pub(crate) struct Args {
+    /// A built-in scene, or a scene file
+    #[arg(long, value_name = "SCENE", default_value = "ball-grasp")]
+    pub(crate) scene: String,
+    /// Stop after so long [default: never, or after the scene when headless]
+    #[arg(long, value_name = "S")]
+    seconds: Option<f64>,
+    /// Print a summary at the end instead of drawing; so too when stdout is no terminal
+    #[arg(long)]
+    headless: bool,
+    /// Force levels of the display, K_D
+    #[arg(long, value_name = "K_D")]
+    pub(crate) levels: Option<u16>,
+    /// Actuators of the display, K_A
+    #[arg(long, value_name = "K_A")]
+    pub(crate) actuators: Option<u16>,
+}
+
+pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    let seconds = match args.seconds {
+        Some(s) if !(s > 0.0 && s < 1e9) => bail!("--seconds {s} is no time to run a demo"),
+        seconds => seconds,
+    };
+    let scene = Scene::resolve(&args.scene)?;
+    let interrupt = Interrupt::install()?;
+    let session = Session::start(args, &scene)?;
+    let headless = args.headless || !std::io::stdout().is_terminal();
+    let limit = match (seconds, headless) {
+        (Some(seconds), _) => Some(Duration::from_secs_f64(seconds)),
+        (None, true) => Some(Duration::from_secs_f64(scene.seconds())),
+        (None, false) => None,
+    };
+    let deadline = limit.map(|limit| session.began + limit);
+    let meter = Arc::new(Mutex::new(Meter::new(&session, &scene)));
+    let reader = {
+        let (meter, subscriber) = (meter.clone(), session.subscribe()?);
+        std::thread::Builder::new()
+            .name("reader".into())
+            .spawn(move || read(subscriber, &meter))?
+    };
+    let outcome = match headless {
+        true => wait(&interrupt, deadline, &meter),
+        false => show(&interrupt, deadline, &meter, &session.control),
+    };
+    let stopped = session.stop();
+    // The daemon has closed the socket, so the reader has come to its end.
+    let _ = reader.join();
+    outcome?;
+    stopped?;
+    let meter = lock(&meter);
+    if let Some(failure) = &meter.failure {
+        bail!("the demo's daemon: {failure}");
+    }
+    let mut out = std::io::stdout().lock();
+    out.write_all(meter.summary().as_bytes())
+        .and_then(|()| out.flush())
+        .context("stdout")?;
+    if meter.images() == 0 {
+        bail!(
+            "no image came; give it more than --seconds {}",
+            seconds.unwrap_or(scene.seconds())
+        );
+    }
+    Ok(())
+}
+
+fn lock(meter: &Mutex<Meter>) -> MutexGuard<'_, Meter> {
+    // A reader that panicked leaves numbers that can still be read.
+    meter.lock().unwrap_or_else(|e| e.into_inner())
+}
+
+/// Takes what the daemon publishes until it closes the connection.
+fn read(mut subscriber: Subscriber, meter: &Mutex<Meter>) {
+    loop {
+        match subscriber.next() {
+            Ok(Received::Hello(hello)) => lock(meter).hello(hello),
+            Ok(Received::Image(header, image)) => {
+                let now_ns = taxel_can::monotonic_ns();
+                lock(meter).image(&header, &image, now_ns);
+            }
+            Ok(Received::Raw(header, raw)) => lock(meter).raw(&header, &raw),
+            Ok(Received::Event(event)) => lock(meter).event(event),
+            Ok(_) => {}
+            Err(error) => {
+                let mut meter = lock(meter);
+                meter.closed = true;
+                if !matches!(error, ReadError::Closed) {
+                    meter.failure = Some(error.to_string());
+                }
+                return;
+            }
+        }
+    }
+}
+
+/// Until the time is up, Ctrl-C, or the daemon's end.
+fn wait(interrupt: &Interrupt, deadline: Option<Instant>, meter: &Mutex<Meter>) -> anyhow::Result<()> {
+    let look = Duration::from_millis(50);
+    while !lock(meter).closed && deadline.is_none_or(|deadline| Instant::now() < deadline) {
+        let next = Instant::now() + look;
+        if !interrupt.sleep_until(deadline.map_or(next, |deadline| next.min(deadline))) {
+            break;
+        }
+    }
+    Ok(())
+}
+
+/// Draws until the time is up, `q`, Ctrl-C, or the daemon's end.
+fn show(
+    interrupt: &Interrupt,
+    deadline: Option<Instant>,
+    meter: &Mutex<Meter>,
+    control: &Control,
+) -> anyhow::Result<()> {
+    // Restores the terminal on panic, too.
+    let mut terminal = ratatui::try_init().context("the terminal; --headless does without")?;
+    let palette = colour::Palette::of_terminal();
+    let mut drawn = || -> anyhow::Result<()> {
+        let mut next = Instant::now();
+        while !interrupt.is_set() && deadline.is_none_or(|deadline| Instant::now() < deadline) {
+            let picture: Picture = {
+                let mut meter = lock(meter);
+                if meter.closed {
+                    break;
+                }
+                meter.picture(taxel_can::monotonic_ns())
+            };
+            terminal
+                .draw(|frame| view::draw(frame, &picture, &palette))
+                .context("the terminal")?;
+            next = (next + REDRAW).max(Instant::now());
+            while event::poll(next.saturating_duration_since(Instant::now())).context("the keyboard")? {
+                if let Event::Key(key) = event::read().context("the keyboard")?
+                    && !press(key, meter, control)
+                {
+                    return Ok(());
+                }
+            }
+        }
+        Ok(())
+    };
+    let outcome = drawn();
+    ratatui::restore();
+    outcome
+}
+
+/// Does what a key asks; returns whether to go on.
+fn press(key: KeyEvent, meter: &Mutex<Meter>, control: &Control) -> bool {
+    if key.kind == KeyEventKind::Release {
+        return true;
+    }
+    let command = match key.code {
+        KeyCode::Char('q') | KeyCode::Esc => return false,
+        KeyCode::Char('c') if key.modifiers.contains(KeyModifiers::CONTROL) => return false,
+        KeyCode::Char('z') => "rezero",
+        KeyCode::Char('p') => match lock(meter).paused {
+            true => "resume",
+            false => "pause",
+        },
+        _ => return true,
+    };
+    let note = match control.command(command) {
+        Ok(()) => {
+            let mut meter = lock(meter);
+            if command != "rezero" {
+                meter.paused = command == "pause";
+            }
+            String::new()
+        }
+        Err(error) => format!("{command}: {error:#}"),
+    };
+    lock(meter).note = note;
+    true
+}

@@ -1,0 +1,332 @@
+//! What the demo's subscriber has seen: the newest picture, and the figures of the whole run.
+
+use super::session::Session;
+use hdrhistogram::Histogram;
+use std::collections::VecDeque;
+use std::fmt::Write;
+use taxel_sim::Scene;
+use taxel_skin::{Freshness, Layout};
+use taxel_wire::{Event, EventKind, Flags, Header, Hello, ImageView, RawView, WireActuator};
+
+/// The rate is measured over this time.
+const RATE_WINDOW_NS: u64 = 1_000_000_000;
+/// The brightest colour stands for the greatest force of late; it halves in this time without one.
+const SCALE_HALVES_NS: f64 = 10e9;
+/// Bits of one taxel's raw counts: three axes of 16.
+const RAW_TAXEL_BITS: f64 = 48.0;
+
+/// Everything seen so far.
+pub(super) struct Meter {
+    scene: String,
+    about: String,
+    scene_seconds: f64,
+    scene_began_ns: u64,
+    layout: Layout,
+    hello: Option<Hello>,
+    latency_ns: Histogram<u64>,
+    arrivals_ns: VecDeque<u64>,
+    first_ns: u64,
+    last_ns: u64,
+    images: u64,
+    skipped: u64,
+    in_contact: u64,
+    most_contacts: u32,
+    most_actuators: usize,
+    calibrated_ns: Option<u64>,
+    scale: f64,
+    newest: Newest,
+    /// Whether the displays were told to let go.
+    pub(super) paused: bool,
+    /// Something the user should read.
+    pub(super) note: String,
+    /// The daemon has closed the connection.
+    pub(super) closed: bool,
+    /// Why the connection failed, if it did.
+    pub(super) failure: Option<String>,
+}
+
+/// The newest image and raw frame.
+#[derive(Debug, Default, Clone)]
+struct Newest {
+    t_ns: u64,
+    contacts: u32,
+    missing: u32,
+    faulty: u32,
+    calibrating: bool,
+    threshold: f64,
+    levels: usize,
+    actuators: Vec<WireActuator>,
+    cells: Vec<Cell>,
+}
+
+/// One taxel as the raw panel shows it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Cell {
+    /// Force above baseline, and whether it is a contact.
+    Force(f64, bool),
+    /// Out of use.
+    Faulty,
+    /// No value of late.
+    Missing,
+}
+
+/// One picture of the demo: all that the view needs.
+#[derive(Debug, Clone)]
+pub(super) struct Picture {
+    pub(super) layout: Layout,
+    /// By taxel; empty before the first raw frame.
+    pub(super) cells: Vec<Cell>,
+    pub(super) actuators: Vec<WireActuator>,
+    /// The force that the brightest colour stands for.
+    pub(super) scale: f64,
+    pub(super) unit: String,
+    pub(super) levels: u16,
+    pub(super) max_actuators: u16,
+    pub(super) method: String,
+    pub(super) scene: String,
+    pub(super) about: String,
+    pub(super) scene_at_s: f64,
+    pub(super) scene_seconds: f64,
+    pub(super) rate_hz: f64,
+    pub(super) latency_p50_ms: f64,
+    pub(super) latency_p99_ms: f64,
+    pub(super) contacts: u32,
+    pub(super) missing: u32,
+    pub(super) faulty: u32,
+    pub(super) skipped: u64,
+    pub(super) raw_bits_per_s: f64,
+    pub(super) image_bits_per_s: f64,
+    pub(super) calibrating: bool,
+    pub(super) paused: bool,
+    pub(super) note: String,
+}
+
+impl Meter {
+    pub(super) fn new(session: &Session, scene: &Scene) -> Self {
+        Self {
+            scene: scene.name().into(),
+            about: scene.about().into(),
+            scene_seconds: scene.seconds(),
+            scene_began_ns: session.scene_began_ns,
+            layout: session.layout.clone(),
+            hello: None,
+            latency_ns: Histogram::new_with_bounds(1, 10_000_000_000, 2).expect("bounds of a histogram"),
+            arrivals_ns: VecDeque::new(),
+            first_ns: 0,
+            last_ns: 0,
+            images: 0,
+            skipped: 0,
+            in_contact: 0,
+            most_contacts: 0,
+            most_actuators: 0,
+            calibrated_ns: None,
+            scale: 0.0,
+            newest: Newest::default(),
+            paused: false,
+            note: String::new(),
+            closed: false,
+            failure: None,
+        }
+    }
+
+    /// Images received.
+    pub(super) fn images(&self) -> u64 {
+        self.images
+    }
+
+    pub(super) fn hello(&mut self, hello: &Hello) {
+        self.hello = Some(hello.clone());
+    }
+
+    pub(super) fn event(&mut self, event: Event) {
+        match event.event {
+            EventKind::Paused => self.paused = true,
+            EventKind::Resumed => self.paused = false,
+            EventKind::Calibrating | EventKind::Calibrated | EventKind::Disconnect => {}
+            _ => self.note = event.message,
+        }
+    }
+
+    pub(super) fn image(&mut self, header: &Header, image: &ImageView<'_>, now_ns: u64) {
+        if self.images == 0 {
+            self.first_ns = now_ns;
+        }
+        self.last_ns = now_ns;
+        self.images += 1;
+        self.skipped += u64::from(header.skipped);
+        self.latency_ns
+            .saturating_record(now_ns.saturating_sub(header.t_ns).max(1));
+        self.arrivals_ns.push_back(now_ns);
+        self.in_contact += u64::from(image.contacts > 0);
+        self.most_contacts = self.most_contacts.max(image.contacts);
+        self.most_actuators = self.most_actuators.max(image.actuators().len());
+        let newest = &mut self.newest;
+        let elapsed_ns = header.t_ns.saturating_sub(newest.t_ns) as f64;
+        newest.t_ns = header.t_ns;
+        newest.contacts = image.contacts;
+        newest.missing = image.missing;
+        newest.faulty = image.faulty;
+        newest.calibrating = header.flags.contains(Flags::CALIBRATING);
+        newest.levels = image.levels().len();
+        newest.actuators.clear();
+        newest.actuators.extend(image.actuators());
+        if !newest.calibrating && self.calibrated_ns.is_none() {
+            self.calibrated_ns = Some(header.t_ns);
+        }
+        let greatest = newest
+            .actuators
+            .iter()
+            .map(|a| f64::from(a.force))
+            .fold(0.0, f64::max);
+        self.scale = (self.scale * 0.5f64.powf(elapsed_ns / SCALE_HALVES_NS)).max(greatest);
+    }
+
+    pub(super) fn raw(&mut self, _header: &Header, raw: &RawView<'_>) {
+        self.newest.threshold = f64::from(raw.threshold);
+        self.newest.cells.clear();
+        self.newest
+            .cells
+            .extend(raw.taxels().map(|t| match (t.freshness, t.faults) {
+                (Freshness::Fresh, 0) => Cell::Force(f64::from(t.force), t.contact),
+                (Freshness::Fresh, _) => Cell::Faulty,
+                _ => Cell::Missing,
+            }));
+    }
+
+    /// Images per second over the last second.
+    fn rate_hz(&mut self, now_ns: u64) -> f64 {
+        while self
+            .arrivals_ns
+            .front()
+            .is_some_and(|at| now_ns.saturating_sub(*at) > RATE_WINDOW_NS)
+        {
+            self.arrivals_ns.pop_front();
+        }
+        match (self.arrivals_ns.front(), self.arrivals_ns.back()) {
+            (Some(first), Some(last)) if last > first => {
+                (self.arrivals_ns.len() - 1) as f64 * 1e9 / (last - first) as f64
+            }
+            _ => 0.0,
+        }
+    }
+
+    /// Bits of one raw frame, and of what tells a display as much as its actuators can render: for each the
+    /// pixel and the level (papers.md 1.5).
+    fn bits_per_frame(&self) -> (f64, f64) {
+        let raw = self.layout.len() as f64 * RAW_TAXEL_BITS;
+        let image = self.hello.as_ref().map_or(0.0, |hello| {
+            let pixels = f64::from(hello.width) * f64::from(hello.height);
+            let levels = f64::from(hello.profile.levels);
+            f64::from(hello.profile.actuators) * (pixels.log2().ceil() + levels.log2().ceil())
+        });
+        (raw, image)
+    }
+
+    /// The newest picture.
+    pub(super) fn picture(&mut self, now_ns: u64) -> Picture {
+        let rate_hz = self.rate_hz(now_ns);
+        let (raw_bits, image_bits) = self.bits_per_frame();
+        let scene_at_s = self.newest.t_ns.saturating_sub(self.scene_began_ns) as f64 / 1e9;
+        let quantile_ms = |q: f64| self.latency_ns.value_at_quantile(q) as f64 / 1e6;
+        let hello = self.hello.as_ref();
+        Picture {
+            layout: self.layout.clone(),
+            cells: self.newest.cells.clone(),
+            actuators: self.newest.actuators.clone(),
+            scale: self.scale.max(4.0 * self.newest.threshold),
+            unit: hello.map_or_else(|| "counts".into(), |h| h.force_unit.clone()),
+            levels: hello.map_or(0, |h| h.profile.levels),
+            max_actuators: hello.map_or(0, |h| h.profile.actuators),
+            method: hello.map_or_else(String::new, |h| h.profile.method.clone()),
+            scene: self.scene.clone(),
+            about: self.about.clone(),
+            scene_at_s: scene_at_s % self.scene_seconds,
+            scene_seconds: self.scene_seconds,
+            rate_hz,
+            latency_p50_ms: quantile_ms(0.5),
+            latency_p99_ms: quantile_ms(0.99),
+            contacts: self.newest.contacts,
+            missing: self.newest.missing,
+            faulty: self.newest.faulty,
+            skipped: self.skipped,
+            raw_bits_per_s: raw_bits * rate_hz,
+            image_bits_per_s: image_bits * rate_hz,
+            calibrating: self.newest.calibrating,
+            paused: self.paused,
+            note: self.note.clone(),
+        }
+    }
+
+    /// The whole run in a few lines.
+    pub(super) fn summary(&self) -> String {
+        let mut text = String::new();
+        let seconds = self.last_ns.saturating_sub(self.first_ns) as f64 / 1e9;
+        let rate_hz = if seconds > 0.0 {
+            (self.images - 1) as f64 / seconds
+        } else {
+            0.0
+        };
+        let ms = |ns: u64| ns as f64 / 1e6;
+        let (levels, actuators, method) = match &self.hello {
+            Some(h) => (h.profile.levels, h.profile.actuators, h.profile.method.as_str()),
+            None => (0, 0, "unknown"),
+        };
+        let Layout { name, buses, .. } = &self.layout;
+        let (raw_bits, image_bits) = self.bits_per_frame();
+        let _ = writeln!(
+            text,
+            "{}: {name}, {} taxels on {} buses; method {method}, {levels} levels, {actuators} actuators",
+            self.scene,
+            self.layout.len(),
+            buses.len(),
+        );
+        let _ = writeln!(
+            text,
+            "images     {} in {seconds:.1} s, {rate_hz:.1} Hz, {} skipped",
+            self.images, self.skipped
+        );
+        let latency = |q: f64| ms(self.latency_ns.value_at_quantile(q));
+        let _ = writeln!(
+            text,
+            "latency    p50 {:.2} ms, p99 {:.2} ms, max {:.2} ms, from a sweep's last frame to this subscriber",
+            latency(0.5),
+            latency(0.99),
+            ms(self.latency_ns.max()),
+        );
+        let share = 100.0 * self.in_contact as f64 / self.images.max(1) as f64;
+        let _ = writeln!(
+            text,
+            "contact    in {share:.0} % of images, up to {} taxels and {} actuators",
+            self.most_contacts, self.most_actuators
+        );
+        let calibrated = match self.calibrated_ns {
+            Some(at) => format!(
+                "calibrated {:.1} s after the start",
+                ms(at - self.scene_began_ns) / 1e3
+            ),
+            None => "still calibrating".into(),
+        };
+        let _ = writeln!(
+            text,
+            "taxels     {calibrated}; {} missing and {} faulty at the end",
+            self.newest.missing, self.newest.faulty
+        );
+        let _ = writeln!(
+            text,
+            "data       {} raw, {} to the display, {:.0}:1",
+            bits_per_s(raw_bits * rate_hz),
+            bits_per_s(image_bits * rate_hz),
+            raw_bits / image_bits.max(1.0),
+        );
+        text
+    }
+}
+
+/// A rate of data as people say it.
+fn bits_per_s(bits: f64) -> String {
+    match bits {
+        b if b >= 1e6 => format!("{:.2} Mbit/s", b / 1e6),
+        b if b >= 1e3 => format!("{:.1} kbit/s", b / 1e3),
+        b => format!("{b:.0} bit/s"),
+    }
+}

@@ -1,0 +1,113 @@
+//! The demo's own daemon, its subscriber and its control socket.
+
+use super::Args;
+use anyhow::{Context, bail};
+use std::io::{BufRead, BufReader, Write};
+use std::os::unix::net::UnixStream;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+use taxel_can::SourceAddress;
+use taxel_sim::Scene;
+use taxel_skin::Layout;
+use taxel_wire::{Subscribe, Subscriber};
+use taxeld::config::TickMode;
+use taxeld::{Config, Daemon};
+use tempfile::TempDir;
+
+/// How long the daemon may take to answer a command.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// A running daemon on simulated buses, with its sockets in a directory of its own.
+pub(super) struct Session {
+    daemon: Daemon,
+    images: PathBuf,
+    pub(super) control: Control,
+    /// When the scene began, on the clock of the images' times, nanoseconds.
+    pub(super) scene_began_ns: u64,
+    pub(super) began: Instant,
+    pub(super) layout: Layout,
+    /// Removed, with the sockets in it, when the session ends.
+    _directory: TempDir,
+}
+
+/// The daemon's control socket.
+pub(super) struct Control(PathBuf);
+
+impl Session {
+    /// Starts the daemon. Images are made as soon as a sweep is complete.
+    pub(super) fn start(args: &Args, scene: &Scene) -> anyhow::Result<Self> {
+        let layout = Layout::resolve(scene.layout())?;
+        let directory = tempfile::Builder::new()
+            .prefix("taxel-demo-")
+            .tempdir()
+            .context("a directory for sockets")?;
+        let sources = layout
+            .buses
+            .iter()
+            .map(|_| SourceAddress::Sim {
+                scene: args.scene.clone(),
+            })
+            .collect();
+        let mut config = Config::new(layout.clone(), sources);
+        config.tick.mode = TickMode::Sweep;
+        config.sweep.board_period_ms = 1e3 / f64::from(scene.rate_hz());
+        config.profile.levels = args.levels.unwrap_or(config.profile.levels);
+        config.profile.actuators = args.actuators.unwrap_or(config.profile.actuators);
+        config.profile.check()?;
+        config.socket.images = directory.path().join("images.sock");
+        config.socket.control = directory.path().join("control.sock");
+        // The demo is a guest on this machine.
+        config.realtime.priority = 0;
+        let (images, control) = (config.socket.images.clone(), config.socket.control.clone());
+        let (scene_began_ns, began) = (taxel_can::monotonic_ns(), Instant::now());
+        let daemon = Daemon::start(config)?;
+        Ok(Self {
+            daemon,
+            images,
+            control: Control(control),
+            scene_began_ns,
+            began,
+            layout,
+            _directory: directory,
+        })
+    }
+
+    /// A subscriber of images and raw frames.
+    pub(super) fn subscribe(&self) -> anyhow::Result<Subscriber> {
+        let mut subscriber = Subscriber::connect(&self.images)?;
+        subscriber.subscribe(&Subscribe {
+            raw: true,
+            ..Subscribe::default()
+        })?;
+        Ok(subscriber)
+    }
+
+    /// Ends the daemon; every subscriber is let go.
+    pub(super) fn stop(self) -> anyhow::Result<()> {
+        self.daemon
+            .stop()
+            .map_err(|fault| anyhow::anyhow!("the demo's daemon: {fault}"))
+    }
+}
+
+impl Control {
+    /// Gives the daemon a command that has no arguments.
+    pub(super) fn command(&self, command: &str) -> anyhow::Result<()> {
+        request(&self.0, command)
+    }
+}
+
+fn request(path: &Path, command: &str) -> anyhow::Result<()> {
+    let mut stream = UnixStream::connect(path).context("the control socket")?;
+    stream.set_read_timeout(Some(PATIENCE))?;
+    writeln!(stream, "{}", serde_json::json!({ "cmd": command })).context("the control socket")?;
+    let mut reply = String::new();
+    BufReader::new(stream)
+        .read_line(&mut reply)
+        .context("no answer from the daemon")?;
+    let reply: serde_json::Value = serde_json::from_str(&reply).context("the daemon's answer")?;
+    match reply["ok"].as_bool() {
+        Some(true) => Ok(()),
+        _ => bail!("{}", reply["error"].as_str().unwrap_or("refused")),
+    }
+}

@@ -1,0 +1,118 @@
+//! Where compressed images go: a file, in the format its name tells.
+
+use crate::image_line;
+use anyhow::{Context, bail};
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+use taxel_compress::{Profile, TactileImage};
+use taxel_record::ImageStack;
+use taxel_skin::Layout;
+use taxel_wire::{Header, ImageView, encode_image_payload};
+
+/// What a file of images looks like.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum OutputFormat {
+    /// Images with everything about them.
+    Npz,
+    /// Images alone.
+    Npy,
+    /// Images alone, one a line.
+    Csv,
+    /// The objects of `taxel watch --json`.
+    Jsonl,
+    /// IMAGE messages as published.
+    Bin,
+}
+
+impl OutputFormat {
+    /// By the file's name.
+    pub(crate) fn of(path: &Path) -> anyhow::Result<Self> {
+        let extension = path
+            .extension()
+            .and_then(|e| e.to_str())
+            .unwrap_or("")
+            .to_ascii_lowercase();
+        Ok(match extension.as_str() {
+            "npz" => Self::Npz,
+            "npy" => Self::Npy,
+            "csv" => Self::Csv,
+            "jsonl" => Self::Jsonl,
+            "bin" => Self::Bin,
+            _ => bail!(
+                "--out {}: images are written as .npz, .npy, .csv, .jsonl or .bin",
+                path.display()
+            ),
+        })
+    }
+}
+
+/// A file that images are written to, one after another.
+#[derive(Debug)]
+pub(crate) struct ImageOutput {
+    path: PathBuf,
+    format: OutputFormat,
+    file: Option<BufWriter<File>>,
+    stack: ImageStack,
+    payload: Vec<u8>,
+}
+
+impl ImageOutput {
+    /// Creates the file of images of this hand for this display.
+    pub(crate) fn create(
+        path: &Path,
+        format: OutputFormat,
+        layout: &Layout,
+        profile: &Profile,
+    ) -> anyhow::Result<Self> {
+        let file = match format {
+            OutputFormat::Jsonl | OutputFormat::Bin => {
+                let file = File::create(path).with_context(|| path.display().to_string())?;
+                Some(BufWriter::new(file))
+            }
+            _ => None,
+        };
+        Ok(Self {
+            path: path.into(),
+            format,
+            file,
+            stack: ImageStack::new(layout.width, layout.height, profile.levels, profile.actuators),
+            payload: Vec::new(),
+        })
+    }
+
+    /// Writes an image.
+    pub(crate) fn push(&mut self, image: &TactileImage) -> anyhow::Result<()> {
+        let Some(file) = &mut self.file else {
+            self.stack.push(image);
+            return Ok(());
+        };
+        // Both formats hold what a subscriber is given, so both are made from the message's bytes.
+        encode_image_payload(image, &mut self.payload)?;
+        let header = Header::of_image(image, self.payload.len());
+        let written = match self.format {
+            OutputFormat::Bin => file
+                .write_all(&header.to_bytes())
+                .and_then(|()| file.write_all(&self.payload)),
+            _ => {
+                let view = ImageView::decode(&self.payload)?;
+                writeln!(file, "{}", image_line::json(&header, &view, None))
+            }
+        };
+        written.with_context(|| self.path.display().to_string())
+    }
+
+    /// Writes what is left.
+    pub(crate) fn finish(&mut self) -> anyhow::Result<()> {
+        match self.format {
+            OutputFormat::Npz => self.stack.write_npz(&self.path)?,
+            OutputFormat::Npy => self.stack.write_npy(&self.path)?,
+            OutputFormat::Csv => self.stack.write_csv(&self.path)?,
+            OutputFormat::Jsonl | OutputFormat::Bin => {
+                let flushed = self.file.as_mut().map_or(Ok(()), Write::flush);
+                flushed.with_context(|| self.path.display().to_string())?;
+            }
+        }
+        Ok(())
+    }
+}

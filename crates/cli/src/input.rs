@@ -1,0 +1,189 @@
+//! INPUT: any recording the tool knows, and what to say about it where the file does not.
+
+use anyhow::{Context, bail};
+use std::fs::File;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+use taxel_can::{LogError, LogReader};
+use taxel_record::{Columns, ReadOptions, Recording, TimeUnit};
+use taxel_skin::Layout;
+
+/// The hand that is meant where no other is named.
+pub(crate) const DEFAULT_LAYOUT: &str = "allegro-uskin-15";
+
+/// A recording, and what to say about it where the file does not.
+#[derive(Debug, clap::Args)]
+pub(crate) struct InputArgs {
+    /// The recording: candump .log; or .csv, .npy, .npz of T x H x W or T x N magnitudes or T x N x 3 counts
+    #[arg(value_name = "INPUT")]
+    pub(crate) path: PathBuf,
+    /// Which array of an .npz
+    #[arg(long, value_name = "NAME")]
+    array: Option<String>,
+    /// The columns of a T x 3N array are raw counts, in this order: xyz-interleaved (x1,y1,z1,x2,..) or xyz-blocks
+    /// (x1,x2,..,y1,..,z1,..)
+    #[arg(long, value_name = "ORDER")]
+    columns: Option<Columns>,
+    /// Frames per second, where the file records no times [default: 30]
+    #[arg(long, value_name = "HZ")]
+    rate: Option<f64>,
+    /// The first column of a .csv without a header is time, in this unit: s, ms, us or ns
+    #[arg(long, value_name = "UNIT")]
+    time_column: Option<TimeUnit>,
+    /// Places the taxels: a built-in hand (allegro-uskin-15, uskin-module), grid:HxW, or a layout file
+    #[arg(long, value_name = "LAYOUT")]
+    pub(crate) layout: Option<String>,
+    /// Repeats the recording of one module on every module of the hand
+    #[arg(long)]
+    pub(crate) tile: bool,
+}
+
+/// A recording, opened.
+#[derive(Debug)]
+pub(crate) enum Input {
+    /// CAN traffic.
+    Log(PathBuf),
+    /// Tactile frames.
+    Frames(Recording),
+}
+
+impl InputArgs {
+    /// Opens the recording.
+    pub(crate) fn open(&self) -> anyhow::Result<Input> {
+        if self
+            .path
+            .extension()
+            .is_some_and(|e| e.eq_ignore_ascii_case("log"))
+        {
+            let given = [
+                (self.array.is_some(), "--array"),
+                (self.columns.is_some(), "--columns"),
+                (self.rate.is_some(), "--rate"),
+                (self.time_column.is_some(), "--time-column"),
+                (self.tile, "--tile"),
+            ];
+            if let Some((_, option)) = given.iter().find(|(given, _)| *given) {
+                bail!(
+                    "{}: {option} says nothing about a candump log; leave it out",
+                    self.path.display()
+                );
+            }
+            return Ok(Input::Log(self.path.clone()));
+        }
+        let options = ReadOptions {
+            array: self.array.clone(),
+            columns: self.columns,
+            rate_hz: self.rate,
+            time_column: self.time_column,
+        };
+        Ok(Input::Frames(Recording::open(&self.path, &options)?))
+    }
+
+    /// The layout named, if one is.
+    pub(crate) fn named_layout(&self) -> anyhow::Result<Option<Layout>> {
+        self.layout
+            .as_deref()
+            .map(Layout::resolve)
+            .transpose()
+            .context("--layout")
+    }
+}
+
+/// Which interface of a candump log feeds which bus of the layout: one name per bus, `None` for all of the log.
+///
+/// An interface belongs to the bus of its name; a log of one interface to a hand of one bus. `pairs` (interface,
+/// bus) say otherwise.
+pub(crate) fn interfaces_of_buses(
+    path: &Path,
+    layout: &Layout,
+    pairs: &[(String, String)],
+) -> anyhow::Result<Vec<String>> {
+    let present = interfaces(path)?;
+    for (interface, bus) in pairs {
+        if !present.contains(interface) {
+            bail!(
+                "{}: no frame on interface {interface}; it has {}",
+                path.display(),
+                present.join(", ")
+            );
+        }
+        if !layout.buses.contains(bus) {
+            bail!(
+                "layout {} has no bus {bus}; it has {}",
+                layout.name,
+                layout.buses.join(", ")
+            );
+        }
+    }
+    let of_bus = |bus: &String| {
+        let paired = pairs
+            .iter()
+            .find(|(_, b)| b == bus)
+            .map(|(interface, _)| interface.clone());
+        let only = || match (present.as_slice(), layout.buses.len()) {
+            ([only], 1) => Some(only.clone()),
+            _ => None,
+        };
+        paired
+            .or_else(|| present.contains(bus).then(|| bus.clone()))
+            .or_else(only)
+    };
+    let chosen: Vec<Option<String>> = layout.buses.iter().map(of_bus).collect();
+    if chosen.iter().all(Option::is_none) {
+        bail!(
+            "{}: its interfaces ({}) are none of the buses of layout {} ({}); say which is which with \
+             --interface {}={}",
+            path.display(),
+            present.join(", "),
+            layout.name,
+            layout.buses.join(", "),
+            present.first().map_or("NAME", String::as_str),
+            layout.buses.first().map_or("BUS", String::as_str),
+        );
+    }
+    for (bus, chosen) in layout.buses.iter().zip(&chosen) {
+        if chosen.is_none() {
+            eprintln!(
+                "taxel: {}: nothing for bus {bus}; its taxels will be missing",
+                path.display()
+            );
+        }
+    }
+    // A name that no interface has: the bus stays silent.
+    Ok(chosen
+        .into_iter()
+        .zip(&layout.buses)
+        .map(|(chosen, bus)| chosen.unwrap_or_else(|| bus.clone()))
+        .collect())
+}
+
+/// The interfaces of a candump log, in the order in which they appear.
+pub(crate) fn interfaces(path: &Path) -> anyhow::Result<Vec<String>> {
+    let file = File::open(path).with_context(|| path.display().to_string())?;
+    let mut names: Vec<String> = Vec::new();
+    let mut problem = None;
+    for line in LogReader::new(BufReader::new(file)) {
+        match line {
+            Ok(frame) => {
+                if !names.iter().any(|n| **n == *frame.interface) {
+                    names.push(frame.interface.to_string());
+                }
+            }
+            Err(error @ LogError::Line { .. }) => problem = problem.or(Some(error)),
+            Err(error) => return Err(error).with_context(|| path.display().to_string()),
+        }
+    }
+    match (names.is_empty(), problem) {
+        (true, Some(problem)) => Err(problem).context(format!("{}: no CAN frame in it", path.display())),
+        (true, None) => bail!("{}: no CAN frame in it", path.display()),
+        _ => Ok(names),
+    }
+}
+
+/// Splits `NAME=VALUE`, as `--interface` takes it.
+pub(crate) fn pair(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((name, value)) if !name.is_empty() && !value.is_empty() => Ok((name.into(), value.into())),
+        _ => Err(format!("{text:?} is not NAME=VALUE")),
+    }
+}

@@ -1,0 +1,298 @@
+//! `taxel replay`: a recording back onto a bus.
+
+use crate::input::{DEFAULT_LAYOUT, Input, InputArgs, interfaces, pair};
+use crate::interrupt::Interrupt;
+use crate::progress::Progress;
+use crate::sweep::Sweeps;
+use crate::target::{TargetAddress, Targets, refuse_shared_ids};
+use anyhow::{Context, anyhow, bail};
+use std::fs::File;
+use std::io::BufReader;
+use std::ops::Range;
+use std::path::Path;
+use std::time::{Duration, Instant};
+use taxel_can::{LogError, LogReader, Received};
+use taxel_skin::Layout;
+
+/// From the last frame of one pass to the first of the next, with --loop.
+const PASS_GAP_NS: u64 = 1_000_000;
+
+/// Put a recording back onto a bus, at the times at which it was recorded.
+///
+/// A candump log is sent frame by frame; error frames and lines that hold no classic frame are counted and left
+/// out. Counts (.npy, .npz, .csv) become what the boards of the hand would have sent: one sweep of CAN frames per
+/// recorded frame, on each of the layout's buses.
+///
+/// Each frame has its own deadline from the start on, so that delays do not add up.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  taxel replay grasp.log --to can:vcan0
+  taxel replay grasp.log --interface can0=udp::43113 --interface can1=udp::43114 --speed 2 --loop
+  taxel replay module.npz --array LOG7 --columns xyz-interleaved --tile --interface can0=can:vcan0 \\
+      --interface can1=can:vcan1
+  taxel replay module.npz --array LOG7 --columns xyz-interleaved --layout uskin-module --to -
+  taxel replay grasp.log --to log:part.log --start 12 --end 15      cut a piece out")]
+pub(crate) struct Args {
+    #[command(flatten)]
+    input: InputArgs,
+    /// Where to: can:INTERFACE, udp:GROUP:PORT, log:FILE (candump, not waited for), or - for candump lines on stdout
+    #[arg(long, value_name = "SOURCE")]
+    to: Option<TargetAddress>,
+    /// Where to for one interface of the log, or one bus of the layout; --to is for the others
+    #[arg(long, value_name = "NAME=SOURCE", value_parser = pair)]
+    interface: Vec<(String, String)>,
+    /// How fast: 2 is twice as fast, inf does not wait
+    #[arg(long, value_name = "X", default_value_t = 1.0)]
+    speed: f64,
+    /// Again and again, until Ctrl-C
+    #[arg(long = "loop")]
+    looping: bool,
+    /// Begin this far into the recording, seconds
+    #[arg(long, value_name = "S", default_value_t = 0.0)]
+    start: f64,
+    /// End this far into the recording, seconds
+    #[arg(long, value_name = "S")]
+    end: Option<f64>,
+}
+
+pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    let window = args.window()?;
+    match args.input.open()? {
+        Input::Log(path) => {
+            let names = interfaces(&path)?;
+            let named = args.route(&names, "interface of the log")?;
+            Player::new(args, window, &named)?.play(|| log_frames(&path, &names))
+        }
+        Input::Frames(recording) => {
+            let layout = args
+                .input
+                .named_layout()?
+                .map_or_else(|| Layout::resolve(DEFAULT_LAYOUT), Ok)?;
+            let sweeps = Sweeps::new(&recording, &layout, args.input.tile)?;
+            let named = args.route(&layout.buses, "bus of the layout")?;
+            refuse_shared_ids(&named, &layout)?;
+            let frames = || {
+                sweeps
+                    .frames()
+                    .map(|(bus, received)| Ok(Line::Frame(usize::from(bus), received)))
+            };
+            Player::new(args, window, &named)?.play(|| Ok(frames()))
+        }
+    }
+}
+
+impl Args {
+    /// The part of the recording to play, nanoseconds from its beginning.
+    fn window(&self) -> anyhow::Result<Range<u64>> {
+        let nanoseconds = |option: &str, seconds: f64| match (0.0..1e9).contains(&seconds) {
+            true => Ok((seconds * 1e9).round() as u64),
+            false => bail!("{option} {seconds} is no time in a recording; it is seconds from its beginning"),
+        };
+        let start = nanoseconds("--start", self.start)?;
+        let end = self
+            .end
+            .map_or(Ok(u64::MAX), |seconds| nanoseconds("--end", seconds))?;
+        if end <= start {
+            bail!(
+                "--end {} is not after --start {}",
+                self.end.unwrap_or_default(),
+                self.start
+            );
+        }
+        if self.speed.is_nan() || self.speed <= 0.0 {
+            bail!(
+                "--speed {} is no speed; 1 is as recorded, inf as fast as the bus takes it",
+                self.speed
+            );
+        }
+        Ok(start..end)
+    }
+
+    /// Where each of the names goes.
+    fn route(&self, names: &[String], what: &str) -> anyhow::Result<Vec<(String, TargetAddress)>> {
+        if let Some((name, _)) = self.interface.iter().find(|(name, _)| !names.contains(name)) {
+            bail!(
+                "--interface {name}: there is no {what} of that name; there is {}",
+                names.join(", ")
+            );
+        }
+        let target = |name: &String| {
+            let own = self
+                .interface
+                .iter()
+                .find(|(n, _)| n == name)
+                .map(|(_, target)| target);
+            match (own, &self.to) {
+                (Some(target), _) => target.parse().map_err(|e: String| anyhow!(e)),
+                (None, Some(to)) => Ok(to.clone()),
+                (None, None) => bail!("nowhere to send {name}; say --to SOURCE or --interface {name}=SOURCE"),
+            }
+        };
+        names
+            .iter()
+            .map(|name| Ok((name.clone(), target(name)?)))
+            .collect()
+    }
+}
+
+/// What a recording holds at one place.
+enum Line {
+    /// A frame, the index of its interface or bus, and its time from the beginning.
+    Frame(usize, Received),
+    /// Nothing that can be sent.
+    Other,
+}
+
+/// One pass over a candump log; times start at zero and never fall.
+fn log_frames<'a>(
+    path: &'a Path,
+    names: &'a [String],
+) -> anyhow::Result<impl Iterator<Item = anyhow::Result<Line>> + use<'a>> {
+    let file = File::open(path).with_context(|| path.display().to_string())?;
+    let (mut first_ns, mut newest_ns) = (None, 0);
+    Ok(LogReader::new(BufReader::new(file)).map(move |line| match line {
+        Ok(line) => {
+            newest_ns = line
+                .t_ns
+                .saturating_sub(*first_ns.get_or_insert(line.t_ns))
+                .max(newest_ns);
+            match names.iter().position(|n| **n == *line.interface) {
+                Some(name) if !line.frame.is_error() => Ok(Line::Frame(
+                    name,
+                    Received {
+                        t_ns: newest_ns,
+                        frame: line.frame,
+                    },
+                )),
+                _ => Ok(Line::Other),
+            }
+        }
+        Err(LogError::Line { .. }) => Ok(Line::Other),
+        Err(error) => Err(error).with_context(|| path.display().to_string()),
+    }))
+}
+
+/// Sends a recording, pass after pass.
+struct Player<'a> {
+    args: &'a Args,
+    window: Range<u64>,
+    targets: Targets,
+    interrupt: Interrupt,
+    /// When time `window.start` of the present pass is due.
+    begin: Instant,
+    left_out: u64,
+    latest: Duration,
+}
+
+impl<'a> Player<'a> {
+    fn new(args: &'a Args, window: Range<u64>, named: &[(String, TargetAddress)]) -> anyhow::Result<Self> {
+        let targets = Targets::open(named)?;
+        if args.looping && targets.are_logs() && named.iter().all(|(_, t)| *t != TargetAddress::Stdout) {
+            bail!("--loop into a log would fill the disk; leave it out");
+        }
+        Ok(Self {
+            args,
+            window,
+            targets,
+            interrupt: Interrupt::install()?,
+            begin: Instant::now(),
+            left_out: 0,
+            latest: Duration::ZERO,
+        })
+    }
+
+    fn play<I>(mut self, pass: impl Fn() -> anyhow::Result<I>) -> anyhow::Result<()>
+    where
+        I: Iterator<Item = anyhow::Result<Line>>,
+    {
+        let began = Instant::now();
+        let progress = Progress::counting("CAN frames");
+        let mut passes = 0u64;
+        self.begin = began;
+        loop {
+            let length_ns = self.pass(pass()?, &progress)?;
+            passes += 1;
+            if !self.args.looping || self.interrupt.is_set() {
+                break;
+            }
+            match length_ns {
+                Some(length_ns) => self.begin = self.due(length_ns + PASS_GAP_NS),
+                None => break,
+            }
+        }
+        drop(progress);
+        self.targets.flush()?;
+        self.report(passes, began.elapsed());
+        self.targets.check()?;
+        if self.targets.sent() == 0 && !self.interrupt.is_set() {
+            bail!("nothing was sent: there is no frame between --start and --end");
+        }
+        Ok(())
+    }
+
+    /// Sends the recording once; returns how long the played part of it is, nothing if there is none.
+    fn pass(
+        &mut self,
+        lines: impl Iterator<Item = anyhow::Result<Line>>,
+        progress: &Progress,
+    ) -> anyhow::Result<Option<u64>> {
+        let waits = !self.targets.are_logs();
+        let mut length_ns = None;
+        for line in lines {
+            let Line::Frame(name, received) = line? else {
+                self.left_out += 1;
+                continue;
+            };
+            if received.t_ns < self.window.start {
+                continue;
+            }
+            if received.t_ns >= self.window.end || self.interrupt.is_set() {
+                break;
+            }
+            let since_start = received.t_ns - self.window.start;
+            length_ns = Some(since_start);
+            if waits {
+                let due = self.due(since_start);
+                if !self.interrupt.sleep_until(due) {
+                    break;
+                }
+                if self.args.speed.is_finite() {
+                    self.latest = self.latest.max(due.elapsed());
+                }
+            }
+            self.targets.send(name, received.t_ns, &received.frame)?;
+            progress.advance(1);
+        }
+        Ok(length_ns)
+    }
+
+    /// When a frame is due that comes so much later than the pass begins.
+    fn due(&self, since_start_ns: u64) -> Instant {
+        let wait = Duration::from_secs_f64(since_start_ns as f64 / 1e9 / self.args.speed);
+        self.begin.checked_add(wait).unwrap_or(self.begin)
+    }
+
+    fn report(&self, passes: u64, took: Duration) {
+        let Self {
+            targets,
+            left_out,
+            latest,
+            ..
+        } = self;
+        let mut text = format!("{} frames sent in {:.1} s", targets.sent(), took.as_secs_f64());
+        if passes > 1 {
+            text += &format!(", {passes} passes");
+        }
+        if targets.failed() > 0 {
+            text += &format!(", {} failed", targets.failed());
+        }
+        if *left_out > 0 {
+            text += &format!(", {left_out} left out (error frames, or not classic CAN)");
+        }
+        if *latest > Duration::ZERO {
+            text += &format!(", at most {:.1} ms late", latest.as_secs_f64() * 1e3);
+        }
+        eprintln!("{text}");
+    }
+}

@@ -1,0 +1,177 @@
+//! `taxel sim`: a scene on a real or virtual bus.
+
+use crate::interrupt::Interrupt;
+use crate::target::{TargetAddress, Targets, of_buses, refuse_shared_ids};
+use anyhow::{Context, bail};
+use std::time::{Duration, Instant};
+use taxel_can::Received;
+use taxel_sim::{Scene, Simulator};
+use taxel_skin::Layout;
+
+/// The longest that a command on a bus waits to be heard.
+const LISTEN: Duration = Duration::from_millis(1);
+/// Simulated at once when a scene is written to a log.
+const LOG_STEP_NS: u64 = 10_000_000;
+
+/// Put a simulated hand on a bus: its boards wait for start commands there, answer them, and feel what the scene says.
+///
+/// On a bus the scene runs in real time, again and again until Ctrl-C or --seconds. Into a log it is written once, at
+/// once, with every board started. The same scene, seed and commands give the same frames.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  taxel sim --list
+  taxel sim ball-grasp --to can:vcan0 --to can:vcan1
+  taxel sim slip --to udp::43113 --to udp::43114 --seconds 60
+  taxel sim tap --to log:tap.log
+  taxel sim ball-grasp --show > mine.toml     a scene file to start one's own from")]
+pub(crate) struct Args {
+    /// A built-in scene, or a scene file
+    #[arg(value_name = "SCENE", required_unless_present = "list")]
+    scene: Option<String>,
+    /// Where the buses of the hand are: once for each bus in the layout's order, or once for all of them;
+    /// can:INTERFACE, udp:GROUP:PORT, log:FILE (candump), or - for candump lines on stdout
+    #[arg(long, value_name = "SOURCE", required_unless_present_any = ["list", "show"])]
+    to: Vec<TargetAddress>,
+    /// Stop after so long [default: on a bus never, in a log when the scene ends]
+    #[arg(long, value_name = "S")]
+    seconds: Option<f64>,
+    /// Another seed for the noise than the scene's own
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+    /// Another hand than the scene's own: a built-in name or a layout file
+    #[arg(long, value_name = "LAYOUT")]
+    layout: Option<String>,
+    /// Boards send without having been started, for looking at the bus with candump
+    #[arg(long)]
+    autostart: bool,
+    /// Print the text of a built-in scene
+    #[arg(long, conflicts_with_all = ["to", "list"])]
+    show: bool,
+    /// List the built-in scenes
+    #[arg(long, conflicts_with = "scene")]
+    list: bool,
+}
+
+pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    if args.list {
+        return list();
+    }
+    let name = args
+        .scene
+        .as_deref()
+        .context("name a scene; `taxel sim --list` lists them")?;
+    if args.show {
+        let text = Scene::builtin_text(name);
+        print(text.with_context(|| format!("{name} is not built in; `taxel sim --list` lists what is"))?)?;
+        return Ok(());
+    }
+    let scene = Scene::resolve(name)?;
+    let layout = Layout::resolve(args.layout.as_deref().unwrap_or(scene.layout()))?;
+    let seed = args.seed.unwrap_or(scene.seed());
+    let named = of_buses(&args.to, &layout)?;
+    refuse_shared_ids(&named, &layout)?;
+    let mut targets = Targets::open(&named)?;
+    let limit_ns = args.limit_ns()?;
+    if targets.are_logs() {
+        let mut simulator = Simulator::new(&scene, &layout, seed)?;
+        simulator.start_all();
+        write_log(simulator, limit_ns.unwrap_or(scene.length_ns()), &mut targets)?;
+    } else {
+        let mut simulator = Simulator::looping(&scene, &layout, seed)?;
+        if args.autostart {
+            simulator.start_all();
+        }
+        let places: Vec<String> = named
+            .iter()
+            .map(|(bus, address)| format!("{bus} on {address}"))
+            .collect();
+        eprintln!("{}: {}; Ctrl-C stops it", scene.name(), places.join(", "));
+        play(simulator, limit_ns, layout.buses.len(), &mut targets)?;
+    }
+    targets.flush()?;
+    eprintln!(
+        "{} frames sent{}",
+        targets.sent(),
+        match targets.failed() {
+            0 => String::new(),
+            failed => format!(", {failed} failed"),
+        }
+    );
+    targets.check()
+}
+
+fn list() -> anyhow::Result<()> {
+    let mut text = String::new();
+    for name in Scene::names() {
+        let scene = Scene::builtin(name)?;
+        text += &format!("{name:12} {:>5.1} s  {}\n", scene.seconds(), scene.about());
+    }
+    print(&text)
+}
+
+fn print(text: &str) -> anyhow::Result<()> {
+    use std::io::Write;
+    let mut out = std::io::stdout().lock();
+    out.write_all(text.as_bytes())
+        .and_then(|()| out.flush())
+        .context("stdout")
+}
+
+impl Args {
+    fn limit_ns(&self) -> anyhow::Result<Option<u64>> {
+        match self.seconds {
+            Some(seconds) if seconds > 0.0 && seconds < 1e9 => Ok(Some((seconds * 1e9) as u64)),
+            Some(seconds) => bail!("--seconds {seconds} is no time to play a scene"),
+            None => Ok(None),
+        }
+    }
+}
+
+fn write_log(mut simulator: Simulator, length_ns: u64, targets: &mut Targets) -> anyhow::Result<()> {
+    let mut frames = Vec::new();
+    let mut now_ns = 0;
+    while now_ns < length_ns {
+        now_ns = (now_ns + LOG_STEP_NS).min(length_ns);
+        simulator.advance(now_ns, &mut frames);
+        for (bus, received) in frames.drain(..) {
+            targets.send(bus.into(), received.t_ns, &received.frame)?;
+        }
+    }
+    Ok(())
+}
+
+/// Runs the scene in real time and obeys what is commanded on the buses.
+fn play(
+    mut simulator: Simulator,
+    limit_ns: Option<u64>,
+    buses: usize,
+    targets: &mut Targets,
+) -> anyhow::Result<()> {
+    let interrupt = Interrupt::install()?;
+    let begin = Instant::now();
+    let mut frames = Vec::new();
+    let mut commands: Vec<Received> = Vec::new();
+    loop {
+        let now_ns = begin.elapsed().as_nanos() as u64;
+        if limit_ns.is_some_and(|limit| now_ns >= limit) {
+            return Ok(());
+        }
+        for bus in 0..buses {
+            targets.receive(bus, &mut commands);
+            for command in commands.drain(..) {
+                // A full queue is for the host to notice: its watchdog sends the command again.
+                let _ = simulator.command(bus as u8, &command.frame, now_ns);
+            }
+        }
+        simulator.advance(now_ns, &mut frames);
+        for (bus, received) in frames.drain(..) {
+            targets.send(bus.into(), received.t_ns, &received.frame)?;
+        }
+        let next = simulator.next_at_ns().map(|at| begin + Duration::from_nanos(at));
+        let latest = Instant::now() + LISTEN;
+        if !interrupt.sleep_until(next.map_or(latest, |next| next.min(latest))) {
+            return Ok(());
+        }
+    }
+}

@@ -1,0 +1,228 @@
+//! Recorded counts as the CAN traffic that would have carried them.
+
+use anyhow::bail;
+use taxel_can::{CanFrame, Received};
+use taxel_record::Recording;
+use taxel_skin::Layout;
+
+/// Time from one frame on a bus to the next: 8,000 frames/s, what a bus of 1 Mbit/s carries (protocols.md 2.5).
+const FRAME_NS: u64 = 125_000;
+/// Status of a sensor that streams and has no error: burst mode, eight reply bytes (protocols.md 2.2).
+const STATUS: u8 = 0x83;
+
+/// Turns each frame of a recording into one sweep of every board of a hand.
+#[derive(Debug)]
+pub(crate) struct Sweeps<'a> {
+    recording: &'a Recording,
+    layout: &'a Layout,
+    /// For each place in the sweep, one taxel per bus as long as the bus has any: bus, taxel, recorded taxel.
+    order: Vec<(u8, usize, usize)>,
+    /// Frames that one sweep puts on the fullest bus.
+    longest: usize,
+}
+
+impl<'a> Sweeps<'a> {
+    /// Refuses a recording that does not fit the hand. With `tile`, the recording is of one module and is repeated
+    /// on each.
+    pub(crate) fn new(recording: &'a Recording, layout: &'a Layout, tile: bool) -> anyhow::Result<Self> {
+        let (name, taxels) = (recording.name(), recording.taxels());
+        if !recording.has_counts() {
+            bail!(
+                "{name} holds magnitudes; boards send counts: T x N x 3, or T x 3N with --columns xyz-interleaved \
+                 or xyz-blocks"
+            );
+        }
+        if layout.buses.is_empty() {
+            bail!(
+                "layout {} has no buses, so there is no board to play {name} as",
+                layout.name
+            );
+        }
+        if tile {
+            if let Some(module) = layout.modules.iter().find(|m| usize::from(m.taxels) != taxels) {
+                bail!(
+                    "{name} has {taxels} taxels and module {} of layout {} has {}; --tile needs a recording of one \
+                     module",
+                    module.name,
+                    layout.name,
+                    module.taxels
+                );
+            }
+        } else if layout.len() != taxels {
+            bail!(
+                "{name} has {taxels} taxels and layout {} has {}; {}",
+                layout.name,
+                layout.len(),
+                if layout.modules.iter().all(|m| usize::from(m.taxels) == taxels) {
+                    "repeat it on every module with --tile, or use --layout uskin-module"
+                } else {
+                    "name the hand it was recorded on with --layout"
+                }
+            );
+        }
+        let mut buses: Vec<Vec<(u8, usize, usize)>> = vec![Vec::new(); layout.buses.len()];
+        for taxel in 0..layout.len() {
+            let module = layout.module_of(taxel);
+            if layout.can_id(taxel).is_none() {
+                bail!(
+                    "module {} of layout {} has no board to play {name} as",
+                    module.name,
+                    layout.name
+                );
+            }
+            let recorded = if tile {
+                taxel - usize::from(module.first_taxel)
+            } else {
+                taxel
+            };
+            buses[usize::from(module.bus)].push((module.bus, taxel, recorded));
+        }
+        let longest = buses.iter().map(Vec::len).max().unwrap_or(0);
+        let order = (0..longest)
+            .flat_map(|i| buses.iter().filter_map(move |bus| bus.get(i).copied()))
+            .collect();
+        Ok(Self {
+            recording,
+            layout,
+            order,
+            longest,
+        })
+    }
+
+    /// Time between two frames of a bus during sweep `index`: as close as a bus allows, and closer where the next
+    /// sweep would otherwise begin before this one ends.
+    fn spacing_ns(&self, index: usize) -> u64 {
+        let begins = |i: usize| self.recording.t_ns(i);
+        let period = match self.recording.len() {
+            1 => return FRAME_NS,
+            len if index + 1 < len => begins(index + 1) - begins(index),
+            _ => begins(index) - begins(index - 1),
+        };
+        FRAME_NS.min(period / self.longest as u64)
+    }
+
+    /// Every frame of every sweep in the order of their times, which begin at zero: bus, time, frame.
+    pub(crate) fn frames(&self) -> impl Iterator<Item = (u8, Received)> + '_ {
+        (0..self.recording.len()).flat_map(move |index| self.sweep(index))
+    }
+
+    /// The frames of one sweep.
+    pub(crate) fn sweep(&self, index: usize) -> impl Iterator<Item = (u8, Received)> + '_ {
+        let counts = self.recording.counts(index).unwrap_or_default();
+        let begin_ns = self.recording.t_ns(index) - self.recording.t_ns(0);
+        let spacing_ns = self.spacing_ns(index);
+        let mut sent = vec![0u64; self.layout.buses.len()];
+        self.order.iter().map(move |&(bus, taxel, recorded)| {
+            let place = &mut sent[usize::from(bus)];
+            let t_ns = begin_ns + *place * spacing_ns;
+            *place += 1;
+            (
+                bus,
+                Received {
+                    t_ns,
+                    frame: self.frame(taxel, counts[recorded]),
+                },
+            )
+        })
+    }
+
+    fn frame(&self, taxel: usize, counts: [u16; 3]) -> CanFrame {
+        let module = self.layout.module_of(taxel);
+        let frame = module
+            .protocol
+            .frame(module.board, self.layout.taxels[taxel].k, counts, STATUS);
+        frame.expect("every taxel was found to have an id")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::Array3;
+    use taxel_record::ReadOptions;
+    use taxel_skin::{Decoded, Decoder, Readings};
+
+    fn recording(frames: usize, taxels: usize, rate_hz: f64) -> Recording {
+        let dir = tempfile::TempDir::new().unwrap();
+        let path = dir.path().join("counts.npy");
+        let array = Array3::from_shape_fn((frames, taxels, 3), |(t, n, axis)| {
+            (t * 1000 + n * 3 + axis) as u16
+        });
+        ndarray_npy::write_npy(&path, &array).unwrap();
+        Recording::open(
+            &path,
+            &ReadOptions {
+                rate_hz: Some(rate_hz),
+                ..Default::default()
+            },
+        )
+        .unwrap()
+    }
+
+    fn hand() -> Layout {
+        Layout::builtin("allegro-uskin-15").unwrap()
+    }
+
+    #[test]
+    fn the_frames_of_a_sweep_decode_to_the_recorded_counts() {
+        let (layout, recording) = (hand(), recording(2, 240, 30.0));
+        let sweeps = Sweeps::new(&recording, &layout, false).unwrap();
+        let mut decoders: Vec<Decoder> = (0..2).map(|bus| Decoder::new(&layout, bus)).collect();
+        let mut decoded = vec![None; 240];
+        let mut readings = Readings::new();
+        for (bus, received) in sweeps.sweep(1) {
+            let what = decoders[usize::from(bus)].decode(&received.frame, &mut readings);
+            assert!(matches!(what, Decoded::Readings), "{:?}", received.frame);
+            for reading in readings.iter() {
+                assert_eq!(decoded[usize::from(reading.taxel)].replace(reading.counts), None);
+            }
+        }
+        for (taxel, counts) in decoded.into_iter().enumerate() {
+            assert_eq!(counts, Some(recording.counts(1).unwrap()[taxel]), "taxel {taxel}");
+        }
+    }
+
+    #[test]
+    fn times_begin_at_zero_and_rise_and_no_sweep_runs_into_the_next() {
+        let layout = hand();
+        for rate_hz in [1.0, 30.0, 200.0] {
+            let recording = recording(3, 240, rate_hz);
+            let sweeps = Sweeps::new(&recording, &layout, false).unwrap();
+            let times: Vec<u64> = sweeps.frames().map(|(_, r)| r.t_ns).collect();
+            assert_eq!((times.len(), times[0]), (720, 0));
+            assert!(times.is_sorted(), "{rate_hz} Hz");
+            assert_eq!(times[240], recording.t_ns(1));
+            assert!(times[239] < times[240]);
+        }
+    }
+
+    #[test]
+    fn one_module_is_repeated_on_every_module() {
+        let (layout, recording) = (hand(), recording(1, 16, 30.0));
+        let sweeps = Sweeps::new(&recording, &layout, true).unwrap();
+        assert_eq!(sweeps.sweep(0).count(), 240);
+        for (_, taxel, recorded) in &sweeps.order {
+            assert_eq!(taxel % 16, *recorded);
+        }
+    }
+
+    #[test]
+    fn a_recording_that_does_not_fit_says_what_to_do() {
+        let layout = hand();
+        for (taxels, tile, wanted) in [
+            (16, false, "--tile"),
+            (8, false, "--layout"),
+            (8, true, "--tile needs"),
+        ] {
+            let message = Sweeps::new(&recording(1, taxels, 30.0), &layout, tile)
+                .unwrap_err()
+                .to_string();
+            assert!(message.contains(wanted), "{message}");
+        }
+        let grid = Layout::grid(4, 4).unwrap();
+        let message = Sweeps::new(&recording(1, 16, 30.0), &grid, false)
+            .unwrap_err()
+            .to_string();
+        assert!(message.contains("no buses"), "{message}");
+    }
+}
