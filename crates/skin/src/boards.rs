@@ -119,6 +119,19 @@ impl Command {
 /// [`BoardSupervisor::poll`] until it has no command, then again at [`BoardSupervisor::next_at_ns`].
 ///
 /// Boards that take no commands (L3) are left alone in every mode.
+///
+/// ```
+/// use taxel_skin::{BoardSupervisor, BoardsConfig, Layout};
+///
+/// let hand = Layout::builtin("uskin-module").expect("built in");
+/// let mut supervisor = BoardSupervisor::new(&hand, &BoardsConfig::default());
+/// let command = supervisor.poll(0, |_| None).expect("the board is not started yet");
+/// assert_eq!(command.frame().to_string(), "201#0700");
+/// assert_eq!(supervisor.poll(0, |_| None), None);
+/// // Nothing was heard of it, so it is started again after 100 ms.
+/// assert_eq!(supervisor.next_at_ns(), Some(100_000_000));
+/// assert!(supervisor.poll(100_000_000, |_| None).is_some_and(|command| command.restart));
+/// ```
 #[derive(Debug, Clone)]
 pub struct BoardSupervisor {
     boards: Vec<Board>,

@@ -1,4 +1,8 @@
-//! From the frames of one bus to taxel readings, by identifier alone.
+//! From the frames of one bus to taxel readings, by identifier and length alone.
+//!
+//! Byte 7 is `sda + 1` in the Waseda firmware and unused elsewhere, so it is not checked. In L2 that leaves one false
+//! reading possible: a board that boots answers its own set-up under `0x7b0 | chip`, which for boards 0 to 3 are ids of
+//! board 7's taxels (protocols.md 2.3, 2.6).
 
 use crate::counters::BoardCounters;
 use crate::uskin::{SET_TXMODE, payload};
@@ -68,7 +72,8 @@ pub enum Decoded {
         /// The board.
         board: u16,
     },
-    /// A start or stop command that some other node gave to a board, such as a second reader on the bus.
+    /// A start or stop command to a board: of another reader on the bus, of whoever made the recording, or our own
+    /// where the source hears itself.
     Command,
     /// A standard or extended data frame that is nothing of this hand's.
     Unknown,
@@ -87,7 +92,7 @@ pub struct BusCounters {
     pub unknown: u64,
     /// Remote and error frames.
     pub not_data: u64,
-    /// Start and stop commands of other nodes.
+    /// Start and stop commands to boards.
     pub commands: u64,
 }
 

@@ -146,6 +146,31 @@ struct Board {
 
 /// Collects readings and gives tactile frames. Its memory is allocated once; `push` and `is_complete` take constant
 /// time, `take` takes time in the number of taxels.
+///
+/// ```
+/// use taxel_can::CanFrame;
+/// use taxel_skin::{Decoder, Layout, Readings, SweepAssembler, SweepConfig, TactileFrame};
+///
+/// let hand = Layout::builtin("uskin-module").expect("built in");
+/// let config = SweepConfig { settle_ms: 0.0, ..SweepConfig::default() };
+/// let mut decoder = Decoder::new(&hand, 0);
+/// let mut sweep = SweepAssembler::new(&hand, &config, true);
+/// let mut readings = Readings::new();
+/// let mut tactile = TactileFrame::new(hand.len());
+///
+/// let t_ns = 1_000_000;
+/// let frame = CanFrame::standard(0x713, &[0x82, 0x80, 0x10, 0x7F, 0xF0, 0x30, 0x39, 1])?;
+/// decoder.decode(&frame, &mut readings);
+/// for reading in readings.iter() {
+///     sweep.push(reading, t_ns);
+/// }
+/// assert!(!sweep.is_complete(), "fifteen taxels are missing");
+/// let deadline_ns = sweep.deadline_ns().expect("a sweep is under way");
+/// sweep.take(deadline_ns, &mut tactile);
+/// assert_eq!(tactile.counts[3], [0x8010, 0x7FF0, 0x3039]);
+/// assert_eq!(tactile.missing(), 15);
+/// # Ok::<(), taxel_can::FrameError>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct SweepAssembler {
     slots: Vec<Slot>,

@@ -1,5 +1,6 @@
 //! What a layout file may say, and where the error is when it may not.
 
+use proptest::prelude::*;
 use taxel_skin::{Layout, LayoutError, LayoutProblem, Protocol};
 
 const HEAD: &str = "name = \"hand\"\nimage = { width = 8, height = 8 }\nbuses = [\"can0\", \"can1\"]\n";
@@ -470,4 +471,27 @@ fn an_error_carries_its_objects_for_programs() {
             degrees: 30
         }
     );
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    /// Whatever happened to the file, there is an answer, and if it is a layout then no two taxels share a pixel.
+    #[test]
+    fn a_damaged_file_is_refused_or_still_makes_sense(
+        start in any::<prop::sample::Index>(),
+        cut in 0usize..40,
+        insert in "[0-9a-z,=\"\\[\\]\n -]{0,6}",
+    ) {
+        let mut text = Layout::builtin_text("allegro-uskin-15").unwrap().split_once("\nname").unwrap().1.to_string();
+        text.insert_str(0, "name");
+        let start = start.index(text.len());
+        text.replace_range(start..(start + cut).min(text.len()), &insert);
+        match Layout::parse(&text, "hand.toml") {
+            Ok(layout) => for (i, taxel) in layout.taxels.iter().enumerate() {
+                prop_assert_eq!(layout.taxel_at(taxel.x, taxel.y), Some(i));
+            },
+            Err(e) => prop_assert!(e.to_string().starts_with("hand.toml:"), "{}", e),
+        }
+    }
 }

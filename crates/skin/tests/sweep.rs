@@ -236,8 +236,11 @@ fn a_dead_taxel_does_not_hold_up_its_board_for_ever() {
     }
     assert_eq!(waited, [true, true, true, false, false, false]);
     assert_eq!(bench.assembler.board(0).missed, 5);
-    // It comes back, and from the next sweep on is waited for.
-    bench.push_all(0..16, START + 200 * MS);
+    // It comes back, which does not stand for another taxel, and from the next sweep on is waited for.
+    bench.push_all([9].into_iter().chain(0..9).chain(10..15), START + 200 * MS);
+    assert!(!bench.assembler.is_complete(), "taxel 15 is missing");
+    bench.push(15, START + 200 * MS);
+    assert!(bench.assembler.is_complete());
     bench.take(START + 200 * MS);
     bench.push_all((0..16).filter(|t| *t != 9), START + 210 * MS);
     assert!(!bench.assembler.is_complete());
