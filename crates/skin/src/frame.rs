@@ -82,6 +82,12 @@ impl Faults {
         self.0 &= !(fault as u16);
     }
 
+    /// The reasons of both sets.
+    #[must_use]
+    pub fn union(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+
     /// Whether this reason holds.
     pub fn contains(self, fault: Fault) -> bool {
         self.0 & fault as u16 != 0

@@ -1,0 +1,289 @@
+//! The calibration window: baseline, noise and largest idle magnitude of each taxel, with outliers left out.
+//!
+//! A window keeps at most [`KEPT`] samples per taxel, evenly spread over its length: when it is full, every other sample is
+//! dropped and only every second one kept from then on. Memory is 12 bytes per kept sample, 1.5 KiB per taxel (360 KiB for
+//! 240 taxels), taken once.
+
+use super::magnitude::MagnitudeMode;
+
+/// Most samples kept of a taxel's window.
+const KEPT: usize = 128;
+/// Makes the median absolute deviation of a normal distribution its standard deviation.
+pub(super) const MAD_TO_SIGMA: f64 = 1.4826;
+/// An axis whose level moves less than this over the window has not been touched, counts.
+const TOUCH_FLOOR_COUNTS: f64 = 60.0;
+/// ... nor one that moves less than this many times its noise.
+const TOUCH_SIGMAS: f64 = 4.0;
+/// Fewest samples from which a touch is judged.
+const TOUCH_SAMPLES: usize = 8;
+
+/// What a taxel's window says about it.
+#[derive(Debug, Default, Clone, Copy, PartialEq)]
+pub(super) struct TaxelIdle {
+    /// Mean of x, y, z without outliers, counts.
+    pub(super) baseline: [f64; 3],
+    /// Root of the summed variances of the axes from sample to sample, counts; slow motion does not raise it.
+    pub(super) noise_counts: f64,
+    /// Largest magnitude above the baseline among the samples that are no outliers.
+    pub(super) peak: f64,
+    /// Samples left out.
+    pub(super) outliers: u32,
+    /// Whether the level moved, as under a touch.
+    pub(super) touched: bool,
+    /// Whether no axis changed by one count.
+    pub(super) constant: bool,
+}
+
+#[derive(Debug, Default, Clone)]
+struct Window {
+    start_ns: u64,
+    end_ns: u64,
+    seen: u32,
+    kept: usize,
+    stride: u32,
+}
+
+/// The windows of all taxels.
+#[derive(Debug, Clone)]
+pub(super) struct Windows {
+    samples: Vec<[i32; 3]>,
+    windows: Vec<Window>,
+    scratch: Vec<i32>,
+}
+
+impl Windows {
+    pub(super) fn new(taxels: usize) -> Self {
+        Self {
+            samples: vec![[0; 3]; taxels * KEPT],
+            windows: vec![Window::default(); taxels],
+            scratch: Vec::with_capacity(KEPT),
+        }
+    }
+
+    pub(super) fn clear(&mut self, taxel: usize) {
+        self.windows[taxel] = Window::default();
+    }
+
+    pub(super) fn push(&mut self, taxel: usize, counts: [i32; 3], t_ns: u64) {
+        let window = &mut self.windows[taxel];
+        let samples = &mut self.samples[taxel * KEPT..][..KEPT];
+        if window.seen == 0 {
+            (window.start_ns, window.stride) = (t_ns, 1);
+        }
+        window.end_ns = t_ns;
+        if window.kept == KEPT && window.seen.is_multiple_of(window.stride) {
+            for i in 1..KEPT / 2 {
+                samples[i] = samples[2 * i];
+            }
+            (window.kept, window.stride) = (KEPT / 2, window.stride.saturating_mul(2));
+        }
+        if window.seen.is_multiple_of(window.stride) && window.kept < KEPT {
+            samples[window.kept] = counts;
+            window.kept += 1;
+        }
+        window.seen = window.seen.saturating_add(1);
+    }
+
+    /// Samples seen, and nanoseconds from the first to the last.
+    pub(super) fn extent(&self, taxel: usize) -> (u32, u64) {
+        let w = &self.windows[taxel];
+        (w.seen, w.end_ns.saturating_sub(w.start_ns))
+    }
+
+    /// Judges a taxel's window; `None` while it is empty. Peaks are above `baseline` where given, else above the window's
+    /// own mean.
+    pub(super) fn judge(
+        &mut self,
+        taxel: usize,
+        baseline: Option<[f64; 3]>,
+        mode: MagnitudeMode,
+        outlier_sigmas: f64,
+    ) -> Option<TaxelIdle> {
+        let kept = self.windows[taxel].kept;
+        let samples = &self.samples[taxel * KEPT..][..kept];
+        if samples.is_empty() {
+            return None;
+        }
+        let mut centre = [0.0; 3];
+        let mut reach = [0.0; 3];
+        for a in 0..3 {
+            let sorted = &mut self.scratch;
+            sorted.clear();
+            sorted.extend(samples.iter().map(|s| s[a]));
+            centre[a] = median(sorted);
+            sorted.clear();
+            sorted.extend(
+                samples
+                    .iter()
+                    .map(|s| (2 * s[a]).abs_diff((2.0 * centre[a]) as i32) as i32),
+            );
+            let sigma = MAD_TO_SIGMA * median(sorted) / 2.0;
+            // Quiet axes move by one count now and then; that is resolution, not an outlier.
+            reach[a] = outlier_sigmas * sigma.max(0.5);
+        }
+        let is_kept = |s: &[i32; 3]| (0..3).all(|a| (f64::from(s[a]) - centre[a]).abs() <= reach[a]);
+        let mut idle = TaxelIdle {
+            constant: samples.iter().all(|s| *s == samples[0]),
+            ..TaxelIdle::default()
+        };
+        let (mut sum, mut used) = ([0i64; 3], 0u32);
+        let (mut squares, mut pairs) = ([0.0; 3], 0u32);
+        let mut before: Option<&[i32; 3]> = None;
+        for s in samples {
+            if !is_kept(s) {
+                idle.outliers += 1;
+                before = None;
+                continue;
+            }
+            used += 1;
+            for a in 0..3 {
+                sum[a] += i64::from(s[a]);
+            }
+            if let Some(b) = before {
+                pairs += 1;
+                for a in 0..3 {
+                    squares[a] += f64::from(s[a] - b[a]).powi(2) / 2.0;
+                }
+            }
+            before = Some(s);
+        }
+        idle.baseline = if used > 0 {
+            sum.map(|s| s as f64 / f64::from(used))
+        } else {
+            centre
+        };
+        let variance = squares.map(|s| s / f64::from(pairs.max(1)));
+        idle.noise_counts = variance.iter().sum::<f64>().sqrt();
+        let from = baseline.unwrap_or(idle.baseline);
+        idle.peak = samples
+            .iter()
+            .filter(|s| is_kept(s))
+            .map(|s| mode.of(*s, from))
+            .fold(0.0, f64::max);
+        idle.touched = kept >= TOUCH_SAMPLES
+            && (0..3).any(|a| {
+                let shift = level_shift(samples, a, &mut self.scratch);
+                shift > TOUCH_FLOOR_COUNTS.max(TOUCH_SIGMAS * variance[a].sqrt())
+            });
+        Some(idle)
+    }
+}
+
+/// Largest difference between the medians of the window's four quarters on one axis.
+fn level_shift(samples: &[[i32; 3]], axis: usize, scratch: &mut Vec<i32>) -> f64 {
+    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    for quarter in 0..4 {
+        let part = &samples[quarter * samples.len() / 4..(quarter + 1) * samples.len() / 4];
+        scratch.clear();
+        scratch.extend(part.iter().map(|s| s[axis]));
+        let level = median(scratch);
+        (low, high) = (low.min(level), high.max(level));
+    }
+    high - low
+}
+
+/// Median of integers, the mean of the middle two where their number is even. Reorders them; they must not be empty.
+fn median(values: &mut [i32]) -> f64 {
+    let (length, middle) = (values.len(), values.len() / 2);
+    let (below, upper, _) = values.select_nth_unstable(middle);
+    let upper = f64::from(*upper);
+    if length % 2 == 1 {
+        return upper;
+    }
+    let lower = f64::from(
+        *below
+            .iter()
+            .max()
+            .expect("an even number of values has one below the middle"),
+    );
+    (lower + upper) / 2.0
+}
+
+/// Median and 1.4826 MAD of finite numbers; zeros where there are none. Reorders them.
+pub(super) fn robust_spread(values: &mut [f64]) -> (f64, f64) {
+    if values.is_empty() {
+        return (0.0, 0.0);
+    }
+    let middle = values.len() / 2;
+    let centre = *values.select_nth_unstable_by(middle, f64::total_cmp).1;
+    for v in values.iter_mut() {
+        *v = (*v - centre).abs();
+    }
+    (
+        centre,
+        MAD_TO_SIGMA * *values.select_nth_unstable_by(middle, f64::total_cmp).1,
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn judge(samples: impl IntoIterator<Item = [i32; 3]>) -> TaxelIdle {
+        let mut windows = Windows::new(2);
+        for (i, s) in samples.into_iter().enumerate() {
+            windows.push(1, s, i as u64);
+        }
+        windows
+            .judge(1, None, MagnitudeMode::Vector, 5.0)
+            .expect("not empty")
+    }
+
+    #[test]
+    fn outliers_do_not_move_the_baseline() {
+        let wave = |i: i32| [20_000 + i % 3, 30_000 - i % 2, 5_000 + i % 5];
+        let clean = judge((0..60).map(wave));
+        let spiked = judge((0..60).map(|i| if i % 15 == 7 { [65_535, 0, 3] } else { wave(i) }));
+        assert_eq!((clean.outliers, spiked.outliers), (0, 4));
+        for a in 0..3 {
+            assert!(
+                (clean.baseline[a] - spiked.baseline[a]).abs() < 0.3,
+                "{clean:?} {spiked:?}"
+            );
+        }
+        assert!(spiked.peak < 5.0);
+        assert!(!spiked.touched);
+    }
+
+    #[test]
+    fn a_level_that_moves_is_a_touch_and_not_noise() {
+        let idle = judge((0..60).map(|i| {
+            [
+                20_000 + i % 3,
+                30_000 + if i > 40 { 25 * (i - 40) } else { 0 },
+                5_000,
+            ]
+        }));
+        assert!(idle.touched);
+        assert!(idle.noise_counts < 15.0, "{idle:?}");
+    }
+
+    #[test]
+    fn white_noise_is_noise_and_not_a_touch() {
+        let mut seed = 7u64;
+        let mut noise = || {
+            seed = seed
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            (seed >> 33) as i32 % 4_000
+        };
+        let idle = judge((0..128).map(|_| [20_000 + noise(), 30_000 + noise(), 9_000 + noise()]));
+        assert!(idle.noise_counts > 1_500.0, "{idle:?}");
+        assert!(!idle.touched, "{idle:?}");
+    }
+
+    #[test]
+    fn a_long_window_keeps_samples_from_all_of_it() {
+        let idle = judge((0..100_000).map(|i| [i, 0, 0]));
+        assert!(
+            (idle.baseline[0] - 50_000.0).abs() < 1_000.0,
+            "{:?}",
+            idle.baseline
+        );
+    }
+
+    #[test]
+    fn an_empty_window_says_nothing() {
+        assert_eq!(Windows::new(1).judge(0, None, MagnitudeMode::Vector, 5.0), None);
+    }
+}
