@@ -1,0 +1,5 @@
+//! Conditioning on signals whose truth is known.
+
+mod life;
+mod repair;
+mod skin;
