@@ -2,30 +2,10 @@
 
 use divan::Bencher;
 use taxel_compress::{Compressor, Profile};
-use taxel_skin::{ForceFrame, Layout, Taxel};
+use taxel_skin::{ForceFrame, Layout};
 
 fn main() {
     divan::main();
-}
-
-fn grid(side: u16) -> Layout {
-    let taxels = (0..side * side)
-        .map(|i| Taxel {
-            module: 0,
-            k: 0,
-            x: i % side,
-            y: i / side,
-            position_mm: None,
-        })
-        .collect();
-    Layout {
-        name: format!("grid:{side}x{side}"),
-        width: side,
-        height: side,
-        buses: vec![],
-        modules: vec![],
-        taxels,
-    }
 }
 
 /// Heavy-tailed forces, as contacts have them, the first `contacts` taxels in contact.
@@ -45,7 +25,7 @@ fn frame(taxels: usize, contacts: usize) -> ForceFrame {
 
 #[divan::bench(args = [16, 100, 240])]
 fn paper(bencher: Bencher, contacts: usize) {
-    let layout = grid(16);
+    let layout = Layout::grid(16, 16).expect("a grid that fits");
     let mut compressor = Compressor::new(Profile::default(), &layout).expect("a valid profile");
     let mut image = compressor.new_image();
     let frame = frame(layout.taxels.len(), contacts);

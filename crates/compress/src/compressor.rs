@@ -13,10 +13,9 @@ use crate::{Grey, Method, Profile, ProfileError, TactileImage};
 ///
 /// ```
 /// use taxel_compress::{Compressor, Profile};
-/// use taxel_skin::{ForceFrame, Layout, Taxel};
+/// use taxel_skin::{ForceFrame, Layout};
 ///
-/// let taxels = (0..4).map(|i| Taxel { module: 0, k: i, x: i.into(), y: 0, position_mm: None }).collect();
-/// let layout = Layout { name: "row".into(), width: 4, height: 1, buses: vec![], modules: vec![], taxels };
+/// let layout = Layout::grid(4, 1)?;
 /// let mut compressor = Compressor::new(Profile { levels: 2, ..Profile::default() }, &layout)?;
 /// let mut image = compressor.new_image();
 ///
@@ -26,7 +25,7 @@ use crate::{Grey, Method, Profile, ProfileError, TactileImage};
 /// compressor.compress(&frame, &mut image);
 /// assert_eq!(image.levels, [11.0, 50.0]);
 /// assert_eq!(image.pixels, [0, 128, 128, 255]);
-/// # Ok::<(), taxel_compress::ProfileError>(())
+/// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug)]
 pub struct Compressor {

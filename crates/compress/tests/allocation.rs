@@ -2,11 +2,11 @@
 
 #![allow(unsafe_code)] // A global allocator can only be counted by implementing `GlobalAlloc`.
 
-use std::alloc::{GlobalAlloc, Layout as MemoryLayout, System};
+use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
 use taxel_compress::{Compressor, Grey, Profile};
-use taxel_skin::{ForceFrame, Layout, Taxel};
+use taxel_skin::{ForceFrame, Layout as SkinLayout};
 
 struct Counting;
 
@@ -16,18 +16,18 @@ thread_local! {
 
 // SAFETY: every call goes to `System` unchanged; counting touches a plain thread-local cell that needs no allocation.
 unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: MemoryLayout) -> *mut u8 {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         ALLOCATIONS.set(ALLOCATIONS.get() + 1);
         // SAFETY: the caller's promises are passed on.
         unsafe { System.alloc(layout) }
     }
 
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: MemoryLayout) {
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
         // SAFETY: the caller's promises are passed on.
         unsafe { System.dealloc(pointer, layout) }
     }
 
-    unsafe fn realloc(&self, pointer: *mut u8, layout: MemoryLayout, size: usize) -> *mut u8 {
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
         ALLOCATIONS.set(ALLOCATIONS.get() + 1);
         // SAFETY: the caller's promises are passed on.
         unsafe { System.realloc(pointer, layout, size) }
@@ -39,21 +39,7 @@ static COUNTING: Counting = Counting;
 
 #[test]
 fn no_frame_allocates() {
-    let taxels = (0..240).map(|i| Taxel {
-        module: 0,
-        k: 0,
-        x: i % 16,
-        y: i / 16,
-        position_mm: None,
-    });
-    let layout = Layout {
-        name: "grid".into(),
-        width: 16,
-        height: 16,
-        buses: vec![],
-        modules: vec![],
-        taxels: taxels.collect(),
-    };
+    let layout = SkinLayout::grid(16, 15).expect("a grid that fits");
     let profiles = [
         Profile::default(),
         Profile {

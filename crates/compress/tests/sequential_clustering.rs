@@ -2,32 +2,20 @@
 
 use proptest::prelude::*;
 use taxel_compress::{Actuator, ActuatorForce, Compressor, Grey, Profile, ProfileError, TactileImage};
-use taxel_skin::{Fault, ForceFrame, Layout, Taxel};
-
-fn taxel(x: u16, y: u16) -> Taxel {
-    Taxel {
-        module: 0,
-        k: 0,
-        x,
-        y,
-        position_mm: None,
-    }
-}
-
-fn layout(width: u16, height: u16, taxels: Vec<Taxel>) -> Layout {
-    Layout {
-        name: "test".into(),
-        width,
-        height,
-        buses: vec![],
-        modules: vec![],
-        taxels,
-    }
-}
+use taxel_skin::{Fault, ForceFrame, Layout};
 
 fn grid(width: u16, height: u16) -> Layout {
-    let taxels = (0..width * height).map(|i| taxel(i % width, i / width)).collect();
-    layout(width, height, taxels)
+    Layout::grid(width, height).expect("a grid that fits")
+}
+
+/// A grid with its taxels moved to other pixels.
+fn layout(width: u16, height: u16, pixels: &[(u16, u16)]) -> Layout {
+    let mut layout = grid(width, height);
+    layout.taxels.truncate(pixels.len());
+    for (taxel, (x, y)) in layout.taxels.iter_mut().zip(pixels) {
+        (taxel.x, taxel.y) = (*x, *y);
+    }
+    layout
 }
 
 /// Every taxel with a force above zero is in contact.
@@ -264,9 +252,9 @@ fn grey_by_centroid_keeps_the_ratio_of_forces() {
 
 #[test]
 fn layouts_without_a_pixel_for_each_taxel_are_refused() {
-    for (taxels, want) in [
+    for (pixels, want) in [
         (
-            vec![taxel(0, 0), taxel(2, 1)],
+            vec![(0, 0), (2, 1)],
             ProfileError::TaxelOutsideImage {
                 taxel: 1,
                 x: 2,
@@ -276,7 +264,7 @@ fn layouts_without_a_pixel_for_each_taxel_are_refused() {
             },
         ),
         (
-            vec![taxel(1, 1), taxel(0, 0), taxel(1, 1)],
+            vec![(1, 1), (0, 0), (1, 1)],
             ProfileError::PixelShared {
                 first: 0,
                 second: 2,
@@ -285,7 +273,7 @@ fn layouts_without_a_pixel_for_each_taxel_are_refused() {
             },
         ),
     ] {
-        let refused = Compressor::new(Profile::default(), &layout(2, 2, taxels));
+        let refused = Compressor::new(Profile::default(), &layout(2, 2, &pixels));
         assert_eq!(refused.map(|_| ()).unwrap_err(), want);
     }
 }
@@ -375,7 +363,8 @@ proptest! {
         order in Just((0..64).collect::<Vec<usize>>()).prop_shuffle(),
     ) {
         let straight = grid(8, 8);
-        let shuffled = layout(8, 8, order.iter().map(|i| straight.taxels[*i]).collect());
+        let pixels: Vec<_> = order.iter().map(|i| (straight.taxels[*i].x, straight.taxels[*i].y)).collect();
+        let shuffled = layout(8, 8, &pixels);
         let moved: Vec<f64> = order.iter().map(|i| forces[*i]).collect();
         prop_assert_eq!(
             compress(profile.clone(), &straight, &pressed(&forces)),
