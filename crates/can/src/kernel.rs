@@ -210,6 +210,7 @@ mod tests {
     #[test]
     fn datagrams_come_in_order_with_stamp_source_and_drop_counter() {
         use nix::sys::socket::{setsockopt, sockopt};
+        crate::udp::stay_on_one_cpu();
         let receiver = UdpSocket::bind("127.0.0.1:0").unwrap();
         let sender = UdpSocket::bind("127.0.0.1:0").unwrap();
         setsockopt(&receiver, sockopt::ReceiveTimestampns, &true).unwrap();

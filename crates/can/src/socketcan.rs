@@ -57,6 +57,9 @@ impl Default for SocketCanOptions {
 /// vanished are still delivered. Each time the socket is replaced it has another file descriptor number than its
 /// predecessor, so that a caller can tell by [`CanSource::wakeup`] that it must register anew.
 ///
+/// Times are the kernel's receive stamps. If no other program has asked the kernel for stamps yet, it takes a moment
+/// to turn them on, and frames that come in that moment have the time at which they were read.
+///
 /// Own frames are not received, but other sockets on this machine see them.
 pub struct SocketCan {
     interface: String,

@@ -348,3 +348,5 @@ impl CanSource for UdpMulticast {
 
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+pub(crate) use tests::stay_on_one_cpu;

@@ -1,5 +1,7 @@
 use super::*;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+use nix::sched::{CpuSet, sched_getaffinity, sched_setaffinity};
+use nix::unistd::Pid;
 use std::time::{Duration, Instant};
 
 /// Each test has a port of its own and keeps its datagrams on this machine.
@@ -47,8 +49,18 @@ fn receive(source: &mut UdpMulticast, count: usize) -> Vec<Received> {
     receive_until(source, |_, all| all.len() >= count)
 }
 
+/// The loopback queues datagrams per CPU, so a sender that changes its CPU can overtake itself.
+pub(crate) fn stay_on_one_cpu() {
+    let mut here = CpuSet::new();
+    let allowed = sched_getaffinity(Pid::from_raw(0)).unwrap();
+    let cpu = (0..CpuSet::count()).find(|cpu| allowed.is_set(*cpu).unwrap());
+    here.set(cpu.unwrap()).unwrap();
+    sched_setaffinity(Pid::from_raw(0), &here).unwrap();
+}
+
 #[test]
 fn two_sources_hear_each_other_and_not_themselves() {
+    stay_on_one_cpu();
     let mut a = UdpMulticast::with_options(&options(50117)).unwrap();
     let mut b = UdpMulticast::with_options(&options(50117)).unwrap();
     let before_ns = monotonic_ns();
