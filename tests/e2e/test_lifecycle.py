@@ -1,0 +1,125 @@
+"""Start, stop, configuration, and a bus that says nothing."""
+
+import os
+import signal
+import stat
+import subprocess
+
+import pytest
+import taxel_reader
+from conditioning import DAEMON_SETTINGS
+from harness.compare import Reference, assert_same
+from harness.daemon import Daemon, binary, eventually
+from harness.lockstep import next_image
+from harness.touches import Touches, grasp
+from sequential_clustering import Profile
+
+
+@pytest.mark.parametrize("by", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_ends_it_cleanly(start, by):
+    daemon = start()
+    with taxel_reader.connect(daemon.images) as reader:
+        next_image(reader)
+        assert daemon.stop(by) == 0, daemon.log
+        with pytest.raises(taxel_reader.Closed):
+            while True:
+                assert reader.receive(10) is not None, "a subscriber is not told that the daemon is gone"
+    assert not daemon.images.exists() and not daemon.control_path.exists()
+
+
+def test_a_socket_left_behind_by_a_killed_daemon_is_replaced(start, folder, buses):
+    killed = start()
+    killed.process.kill()
+    killed.process.wait()
+    assert killed.images.exists(), "nothing was left behind, so this test tests nothing"
+    with pytest.raises(ConnectionRefusedError):
+        taxel_reader.connect(killed.images)
+    with Daemon(killed.folder, buses.sources), taxel_reader.connect(killed.images) as reader:
+        next_image(reader)
+
+
+def test_a_second_daemon_on_the_same_socket_is_refused_and_the_first_goes_on(start, buses):
+    first = start()
+    with taxel_reader.connect(first.images) as reader:
+        second = Daemon(first.folder, buses.sources).spawn()
+        assert second.process.wait(10) != 0
+        assert "in use by another taxeld" in second.log
+        before = next_image(reader).seq
+        assert next_image(reader).seq > before
+    assert first.status()["images"]["made"] > 0
+
+
+def test_what_is_no_socket_is_left_alone(folder, buses):
+    daemon = Daemon(folder / "d", buses.sources)
+    daemon.images.write_text("precious")
+    daemon.spawn()
+    assert daemon.process.wait(10) != 0
+    assert daemon.images.read_text() == "precious" and str(daemon.images) in daemon.log
+
+
+@pytest.mark.parametrize("mode, bits", [(None, 0o660), ("0600", 0o600), ("0666", 0o666)])
+def test_the_sockets_have_the_configured_mode(start, mode, bits):
+    daemon = start(socket={"mode": mode} if mode else {})
+    for path in (daemon.images, daemon.control_path):
+        assert stat.S_IMODE(os.stat(path).st_mode) == bits
+
+
+BUSES = '[[bus]]\nsource = "udp:239.74.163.2:43113"\n[[bus]]\nsource = "udp:239.74.163.2:43114"\n'
+BAD_CONFIGURATIONS = {
+    "not toml": ("layout = \n", 1, ""),
+    "unknown key": ("layuot = 'x'\n" + BUSES, 1, "layuot"),
+    "unknown key in a table": (BUSES + "[tick]\nmode = 'timer'\nrate = 30\n", 7, "rate"),
+    "unknown layout": ("layout = 'no-such-hand'\n" + BUSES, 1, "no-such-hand"),
+    "too few buses": ('[[bus]]\nsource = "can:can0"\n', 1, "2 buses"),
+    "no such source": (BUSES.replace("udp:239.74.163.2:43114", "tcp:1.2.3.4"), 4, "tcp"),
+    "wrong type": (BUSES + "[tick]\nrate_hz = 'fast'\n", 6, ""),
+    "rate out of range": (BUSES + "[tick]\nrate_hz = 100000.0\n", 5, "rate_hz"),
+    "no levels": (BUSES + "\n[profile]\nlevels = 0\n", 6, "levels"),
+    "falling codebook": (BUSES + "[profile]\ncodebook = [2.0, 1.0]\n", 5, "codebook"),
+    "margin out of range": (BUSES + "[conditioning]\nthreshold_margin = 0.5\n", 5, "threshold_margin"),
+    "mode is no mode": (BUSES + "[socket]\nmode = 'rw'\n", 5, "mode"),
+}
+
+
+@pytest.mark.parametrize("name", BAD_CONFIGURATIONS)
+def test_a_bad_configuration_is_refused_with_its_place(folder, name):
+    text, line, about = BAD_CONFIGURATIONS[name]
+    config = folder / "taxeld.toml"
+    config.write_text(text)
+    ended = subprocess.run([binary("taxeld"), "--config", config], capture_output=True, text=True, timeout=20)
+    assert ended.returncode not in (0, 101), "accepted, or a panic"
+    assert f"{config}:{line}: " in ended.stderr, ended.stderr
+    assert about in ended.stderr, ended.stderr
+
+
+def test_a_configuration_that_is_not_there_is_named(folder):
+    missing = folder / "no.toml"
+    ended = subprocess.run([binary("taxeld"), "--config", missing], capture_output=True, text=True, timeout=20)
+    assert ended.returncode not in (0, 101) and str(missing) in ended.stderr
+
+
+def test_a_silent_bus_is_degraded_not_dead(start, lockstep, hand):
+    daemon = start(conditioning=DAEMON_SETTINGS)
+    driver = lockstep(daemon)
+    for _ in range(3):
+        image = next_image(driver.reader)
+        assert image.missing == len(hand) and not any(image.pixels) and not image.actuators
+    boards = daemon.status()["boards"]
+    assert {b["state"] for b in boards} == {"unheard"} and {b["used"] for b in boards} == {0}
+
+    reference = Reference(hand, Profile())
+    for i, counts in enumerate(grasp(Touches.even(hand))):
+        assert_same(driver.step(counts), reference.image(counts), f"frame {i}")
+    assert {b["state"] for b in daemon.status()["boards"]} == {"living"}
+
+    eventually(lambda: next_image(driver.reader).missing == len(hand), "a hand that fell silent is not shown as missing")
+    assert daemon.process.poll() is None
+
+
+def test_in_timer_mode_images_come_while_the_bus_is_silent(start, hand):
+    daemon = start(tick={"mode": "timer", "rate_hz": 50.0})
+    with taxel_reader.connect(daemon.images) as reader:
+        images = [next_image(reader) for _ in range(10)]
+    assert all(i.missing == len(hand) and not any(i.pixels) for i in images)
+    numbers = [i.seq for i in images]
+    assert numbers == sorted(set(numbers))

@@ -1,0 +1,145 @@
+"""The same traffic gives the same bytes: played twice, and live against offline."""
+
+import json
+import socket
+import subprocess
+
+import pytest
+import taxel_reader
+from conditioning import DAEMON_SETTINGS
+from harness.compare import content
+from harness.daemon import binary, eventually
+from harness.lockstep import SWEEP, next_image
+from harness.touches import Touches, grasp
+
+FIRST_SWEEP_S = 2.0  # time for the subscriber to connect before anything is to be seen
+PERIOD_S = 0.033
+
+
+def write_candump(path, hand, frames, start_s=FIRST_SWEEP_S):
+    """A recording of the frames as `candump -l` writes it. The first line belongs to no board: it starts the clock."""
+    with path.open("w") as log:
+        log.write("(1700000000.000000) can0 7FF#00\n")
+        for i, counts in enumerate(frames):
+            for j, (bus, message) in enumerate(hand.sweep(counts)):
+                t = 1_700_000_000 + start_s + i * PERIOD_S + j * 50e-6
+                log.write(f"({t:.6f}) {hand.buses[bus]} {message.arbitration_id:03X}#{message.data.hex().upper()}\n")
+
+
+def sources(path, hand):
+    return [f"log:{path}?interface={bus}" for bus in hand.buses]
+
+
+def image_packets(daemon):
+    """Every IMAGE packet until the daemon ends, by number."""
+    packets = {}
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as connection:
+        connection.settimeout(20)
+        connection.connect(str(daemon.images))
+        while packet := connection.recv(taxel_reader.MAX_MESSAGE):
+            header = taxel_reader.decode_header(packet)
+            if header.type == taxel_reader.IMAGE:
+                assert header.skipped == 0, f"the reader was too slow at image {header.seq}"
+                packets[header.seq] = packet
+    return packets
+
+
+def offline_packets(log, daemon, out):
+    """What `taxel compress` makes of it with the daemon's own configuration, by number."""
+    subprocess.run(
+        [binary("taxel"), "compress", log, "--config", daemon.config, "--out", out], check=True, capture_output=True
+    )
+    data, packets = out.read_bytes(), {}
+    while data:
+        message, length = taxel_reader.decode(data)
+        packets[message.seq], data = data[:length], data[length:]
+    return packets
+
+
+def play(start, path, hand, **tables):
+    """Packets of one run over the recording, which ends by itself."""
+    daemon = start(sources(path, hand), **tables)
+    packets = image_packets(daemon)
+    eventually(lambda: daemon.process.poll() is not None, "the recording is over and taxeld goes on")
+    assert daemon.process.returncode == 0, daemon.log
+    full = [n for n, p in packets.items() if taxel_reader.decode_packet(p).missing == 0]
+    touched = [n for n in full if taxel_reader.decode_packet(packets[n]).contacts > 0]
+    assert len(full) >= 20 and len(touched) >= 8 and min(packets) < min(full), "too little was seen of the recording"
+    return daemon, packets
+
+
+@pytest.mark.parametrize("mode", ["timer", "sweep"])
+@pytest.mark.parametrize("conditioning", ["paper", "robust"])
+def test_a_recording_gives_the_same_bytes_twice_and_offline(start, folder, hand, mode, conditioning):
+    touches = Touches.uneven(hand, seed=3, dead=[17])
+    log = folder / "grasp.log"
+    breaths = [f for _ in range(8) for f in (touches.frame(), touches.breath())]
+    write_candump(log, hand, [*breaths, *grasp(touches), *grasp(touches)])
+    tables = {
+        "tick": {"mode": mode},
+        "sweep": {"board_period_ms": 33.0, "settle_ms": 0.0},
+        "conditioning": DAEMON_SETTINGS if conditioning == "paper" else {"calibration_ms": 300},
+    }
+    first_daemon, first = play(start, log, hand, **tables)
+    _, second = play(start, log, hand, **tables)
+    common = first.keys() & second.keys()
+    # A subscriber comes some images late, never so late that it misses the traffic.
+    assert len(common) > 0.9 * max(len(first), len(second)) - 60
+    assert [n for n in sorted(common) if first[n] != second[n]] == []
+
+    offline = offline_packets(log, first_daemon, folder / "images.bin")
+    assert first.keys() <= offline.keys()
+    assert [n for n in sorted(first) if first[n] != offline[n]] == []
+
+
+def test_live_over_multicast_shows_what_offline_compression_shows(start, lockstep, folder, hand):
+    frames = list(grasp(Touches.uneven(hand, seed=4)))
+    daemon = start(conditioning=DAEMON_SETTINGS, sweep=SWEEP)
+    driver = lockstep(daemon)
+    live = [content(driver.step(counts)) for counts in frames]
+
+    log = folder / "live.log"
+    write_candump(log, hand, frames)
+    packets = offline_packets(log, daemon, folder / "images.bin")
+    images = [taxel_reader.decode_packet(p) for _, p in sorted(packets.items())]
+    assert live == [content(i) for i in images if i.missing == 0]
+
+
+def test_replay_puts_a_recording_onto_the_bus(start, buses, folder, hand):
+    frames = list(grasp(Touches.even(hand)))
+    log = folder / "grasp.log"
+    write_candump(log, hand, frames, start_s=0.1)
+    daemon = start(conditioning=DAEMON_SETTINGS)
+    targets = [a for bus, source in zip(hand.buses, buses.sources) for a in ("--interface", f"{bus}={source}")]
+    with taxel_reader.connect(daemon.images) as reader:
+        replay = subprocess.Popen([binary("taxel"), "replay", log, *targets], stderr=subprocess.PIPE)
+        eventually(lambda: next_image(reader).contacts > 20, "the replayed grasp is not seen")
+        _, said = replay.communicate(timeout=20)
+        assert replay.returncode == 0, said
+    sent = len(frames) * len(hand)
+    status = daemon.wait_status(lambda s: sum(b["used"] for b in s["buses"]) == sent, f"{sent} readings were sent")
+    assert [b["unknown"] for b in status["buses"]] == [1, 0]
+
+
+def test_watch_prints_one_json_object_per_image(start, lockstep, hand):
+    daemon = start(conditioning=DAEMON_SETTINGS)
+    driver = lockstep(daemon)
+    frames = list(grasp(Touches.even(hand)))
+    watch = subprocess.Popen(
+        [binary("taxel"), "watch", "--socket", daemon.images, "--json"], stdout=subprocess.PIPE, text=True
+    )
+    try:
+        daemon.wait_status(lambda s: len(s["subscribers"]) == 2, "taxel watch does not connect")
+        for counts in frames:
+            seen = driver.step(counts)
+            line = next(o for o in map(json.loads, watch.stdout) if o["missing"] == 0)
+            assert line["seq"] == seen.seq and line["t_ns"] == seen.t_ns and line["latency_us"] >= 0
+            assert bytes(line["image"]) == seen.pixels and (line["width"], line["height"]) == (16, 16)
+            assert line["levels"] == pytest.approx(seen.levels, rel=1e-6)
+            got = [(a["id"], a["x"], a["y"], a["level"]) for a in line["actuators"]]
+            assert got == [tuple(a[:4]) for a in seen.actuators]
+            assert (line["contacts"], line["faulty"], line["joints"]) == (seen.contacts, seen.faulty, [])
+    finally:
+        watch.kill()
+        watch.wait()
+

@@ -1,0 +1,54 @@
+"""Buses between python-can and the daemon."""
+
+import socket
+import time
+
+import can
+
+GROUP = "239.74.163.2"  # python-can's IPv4 default
+BURST = 150  # a python-can receiver holds 256 datagrams, of which one must not count on all
+
+
+def free_udp_port():
+    """A UDP port nobody uses. Groups leak between sockets on one port, so a test isolates itself by port."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("", 0))
+        return probe.getsockname()[1]
+
+
+class MulticastBuses:
+    """Stock python-can on `udp_multicast`, one port per bus of the hand, kept on this machine (hop limit 0)."""
+
+    def __init__(self, count):
+        self.ports = [free_udp_port() for _ in range(count)]
+        self.sources = [f"udp:{GROUP}:{port}?hops=0" for port in self.ports]
+        self.buses = []
+
+    def __enter__(self):
+        for port in self.ports:
+            self.buses.append(can.Bus(GROUP, interface="udp_multicast", port=port, hop_limit=0))
+        return self
+
+    def __exit__(self, *_):
+        for bus in self.buses:
+            bus.shutdown()
+
+    def send(self, frames):
+        """Sends (bus, message) pairs in bursts that fit into a default receive buffer."""
+        for i, (bus, message) in enumerate(frames, 1):
+            self.buses[bus].send(message)
+            if i % BURST == 0:
+                time.sleep(0.002)
+
+    def send_datagram(self, bus, payload):
+        """Sends bytes that need not be a frame."""
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            sender.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
+            sender.sendto(payload, (GROUP, self.ports[bus]))
+
+    def drain(self, bus):
+        """What arrived on a bus, own frames included (multicast loops back)."""
+        messages = []
+        while (message := self.buses[bus].recv(0)) is not None:
+            messages.append(message)
+        return messages

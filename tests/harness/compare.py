@@ -1,0 +1,37 @@
+"""A received image against the reference's."""
+
+import numpy as np
+from conditioning import Conditioner
+from sequential_clustering import compress
+
+
+class Reference:
+    """The publication from counts to image, frame by frame."""
+
+    def __init__(self, hand, profile):
+        self.hand = hand
+        self.profile = profile
+        self.conditioner = Conditioner()
+
+    def image(self, counts):
+        force, contact, faulty = self.conditioner.feed(counts)
+        none = np.zeros(len(self.hand), dtype=bool)
+        return compress(force, contact, faulty, none, self.hand.xy, self.hand.shape, self.profile)
+
+
+def assert_same(image, expected, where):
+    """Every byte of the image, every level and every actuator. Forces travel as single precision."""
+    pixels = np.frombuffer(image.pixels, np.uint8).reshape(image.height, image.width)
+    assert (image.contacts, image.missing) == (expected.contacts, expected.missing), where
+    # Which taxels are faulty is told when the calibration is done.
+    assert image.calibrating or image.faulty == expected.faulty, where
+    assert not (image.calibrating and expected.contacts), where
+    assert list(image.levels) == [float(np.float32(f)) for f in expected.levels], where
+    got = [(a.id, a.x, a.y, a.level, a.force) for a in image.actuators]
+    assert got == [(*a[:4], float(np.float32(a[4]))) for a in expected.actuators], where
+    assert np.array_equal(pixels, expected.pixels), f"{where}: pixels differ at {np.argwhere(pixels != expected.pixels)}"
+
+
+def content(image):
+    """What must be the same when the same recording is played again: everything but the header."""
+    return image._replace(header=None)

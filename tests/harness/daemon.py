@@ -1,0 +1,169 @@
+"""The real taxeld as a process, and its control socket."""
+
+import ctypes
+import json
+import os
+import signal
+import socket
+import subprocess
+import time
+from pathlib import Path
+
+PR_SET_PDEATHSIG = 1
+LIBC = ctypes.CDLL(None, use_errno=True)
+REPOSITORY = Path(__file__).resolve().parents[2]
+
+
+def binary(name):
+    """A built binary: from TAXEL_BIN_DIR, else the newest of the debug and release builds."""
+    if "TAXEL_BIN_DIR" in os.environ:
+        return Path(os.environ["TAXEL_BIN_DIR"]) / name
+    built = [REPOSITORY / "target" / profile / name for profile in ("debug", "release")]
+    return max((p for p in built if p.exists()), key=lambda p: p.stat().st_mtime, default=built[0])
+
+
+def die_with_parent():
+    """Run in a new process: the kernel ends it when the test run ends, however that happens."""
+    LIBC.prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+def eventually(condition, what, seconds=10.0):
+    """Waits until `condition()` is truthy and returns it; fails with `what`. The time only bounds a failure."""
+    end = time.monotonic() + seconds
+    while not (value := condition()):
+        assert time.monotonic() < end, f"after {seconds} s: {what() if callable(what) else what}"
+        time.sleep(0.01)
+    return value
+
+
+def toml(value):
+    """A value, or a dict of tables and keys, as TOML."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, (str, Path)):
+        return json.dumps(str(value))
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(toml(v) for v in value) + "]"
+    if isinstance(value, dict):
+        keys = [f"{k} = {toml(v)}" for k, v in value.items() if not isinstance(v, dict)]
+        tables = [f"\n[{k}]\n{toml(v)}" for k, v in value.items() if isinstance(v, dict)]
+        return "\n".join(keys + tables)
+    return repr(value)
+
+
+class Daemon:
+    """A running taxeld. Use it as a context: the process is gone afterwards, whatever happened.
+
+    `tables` are the tables of its configuration; sockets go into `folder`.
+    """
+
+    def __init__(self, folder, sources, layout="allegro-uskin-15", environment=None, **tables):
+        self.folder = Path(folder)
+        self.folder.mkdir(exist_ok=True)
+        self.images = self.folder / "images.sock"
+        self.control_path = self.folder / "control.sock"
+        self.config = self.folder / "taxeld.toml"
+        self.log_path = self.folder / "taxeld.log"
+        self.environment = environment or {}
+        tables["socket"] = {"images": self.images, "control": self.control_path, **tables.get("socket", {})}
+        buses = "".join(f"\n[[bus]]\nsource = {toml(s)}\n" for s in sources)
+        self.config.write_text(f"layout = {toml(layout)}\n{buses}\n{toml(tables)}\n")
+        self.process = None
+
+    def __enter__(self):
+        try:
+            return self.start()
+        except BaseException:
+            self.kill()
+            raise
+
+    def __exit__(self, kind, _value, _trace):
+        if kind is not None:
+            print(f"--- log of {self.config}\n{self.log}", flush=True)
+        if self.process and self.process.poll() is None:
+            self.stop()
+
+    def spawn(self):
+        """Starts the process and does not wait for its sockets."""
+        with self.log_path.open("ab") as log:
+            self.process = subprocess.Popen(
+                [binary("taxeld"), "--config", self.config],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+                preexec_fn=die_with_parent,
+                env={**os.environ, "RUST_LOG": "info", "RUST_BACKTRACE": "1", **self.environment},
+            )
+        return self
+
+    def start(self):
+        self.spawn()
+        eventually(self._answers, lambda: f"taxeld does not answer; its log:\n{self.log}")
+        return self
+
+    def _answers(self):
+        assert self.process.poll() is None, f"taxeld ended with {self.process.returncode}:\n{self.log}"
+        try:
+            return self.control("status")["ok"]
+        except (FileNotFoundError, ConnectionRefusedError):
+            return False
+
+    def stop(self, by=signal.SIGTERM, seconds=10):
+        """Asks it to end and returns its exit status; one that does not end is killed, and that is a failure."""
+        self.process.send_signal(by)
+        try:
+            return self.process.wait(seconds)
+        except subprocess.TimeoutExpired:
+            self.kill()
+            raise AssertionError(f"taxeld did not end within {seconds} s of {by!r}:\n{self.log}") from None
+
+    def kill(self):
+        if self.process and self.process.poll() is None:
+            self.process.kill()
+            self.process.wait()
+
+    @property
+    def log(self):
+        return self.log_path.read_text(errors="replace") if self.log_path.exists() else ""
+
+    def control(self, cmd, **arguments):
+        """One request on the control socket; its reply."""
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
+            connection.settimeout(10)
+            connection.connect(str(self.control_path))
+            return ask(connection, {"cmd": cmd, **arguments})
+
+    def status(self):
+        reply = self.control("status")
+        assert reply["ok"], reply
+        return reply["status"]
+
+    def bus(self, index=0):
+        return self.status()["buses"][index]
+
+    def wait_status(self, condition, what, seconds=10.0):
+        """Waits until `condition(status)` is truthy; fails with the last status."""
+        last = {}
+
+        def met():
+            last.clear()
+            last.update(self.status())
+            return condition(last)
+
+        eventually(met, lambda: f"{what}; status: {json.dumps(last)[:4000]}", seconds)
+        return last
+
+
+def ask(connection, request):
+    """Sends one line on a control connection and reads one."""
+    connection.sendall(json.dumps(request).encode() + b"\n")
+    return read_reply(connection)
+
+
+def read_reply(connection):
+    line = b""
+    while not line.endswith(b"\n"):
+        part = connection.recv(65536)
+        assert part, f"the control connection closed in the middle of a reply: {line!r}"
+        line += part
+    return json.loads(line)
