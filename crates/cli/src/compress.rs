@@ -126,6 +126,8 @@ impl Args {
                 let mut config = Config::new(layout, Vec::new());
                 if let Input::Frames(recording) = input {
                     config.tick.mode = TickMode::Sweep;
+                    // Recorded frames are all meant; boards that come up are thrown away when live.
+                    config.sweep.settle_ms = 0.0;
                     config.sweep.board_period_ms = (recording.period_ns() as f64 / 1e6).clamp(1.0, 10_000.0);
                 }
                 config

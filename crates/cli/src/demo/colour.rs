@@ -2,10 +2,9 @@
 
 use ratatui::style::Color;
 
-/// From no force to the greatest: black, violet, red, orange, pale yellow; brighter is always stronger.
-const STOPS: [[f64; 3]; 6] = [
-    [8.0, 6.0, 20.0],
-    [74.0, 16.0, 110.0],
+/// From little force to the greatest: violet, red, orange, pale yellow; brighter is always stronger.
+const STOPS: [[f64; 3]; 5] = [
+    [84.0, 26.0, 130.0],
     [160.0, 40.0, 100.0],
     [226.0, 90.0, 50.0],
     [250.0, 165.0, 30.0],
@@ -31,12 +30,18 @@ impl Palette {
         }
     }
 
-    /// The colour of a force, 0 to 1 of the scale. The scale is a square root, so that light touches show.
-    pub(super) fn force(self, share: f64) -> Color {
-        let place = share.clamp(0.0, 1.0).sqrt() * (STOPS.len() - 1) as f64;
-        let below = (place as usize).min(STOPS.len() - 2);
+    /// The colour of a force, 0 to 1 of the scale, on a taxel that is `idle` grey without any. The scale is a square
+    /// root, so that light touches show.
+    pub(super) fn force(self, share: f64, idle: u8) -> Color {
+        let place = share.clamp(0.0, 1.0).sqrt() * STOPS.len() as f64;
+        let below = (place as usize).min(STOPS.len() - 1);
+        let from = if below == 0 {
+            [f64::from(idle); 3]
+        } else {
+            STOPS[below - 1]
+        };
         let part = place - below as f64;
-        let mix = |axis: usize| STOPS[below][axis] + part * (STOPS[below + 1][axis] - STOPS[below][axis]);
+        let mix = |axis: usize| from[axis] + part * (STOPS[below][axis] - from[axis]);
         self.rgb(mix(0) as u8, mix(1) as u8, mix(2) as u8)
     }
 
@@ -85,7 +90,7 @@ mod tests {
 
     #[test]
     fn more_force_is_never_darker() {
-        let brightness = |share: f64| match Palette::True.force(share) {
+        let brightness = |share: f64| match Palette::True.force(share, 38) {
             Color::Rgb(r, g, b) => 0.299 * f64::from(r) + 0.587 * f64::from(g) + 0.114 * f64::from(b),
             other => panic!("{other:?}"),
         };

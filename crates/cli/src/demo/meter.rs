@@ -62,8 +62,8 @@ struct Newest {
 /// One taxel as the raw panel shows it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Cell {
-    /// Force above baseline, and whether it is a contact.
-    Force(f64, bool),
+    /// Force above baseline.
+    Force(f64),
     /// Out of use.
     Faulty,
     /// No value of late.
@@ -187,7 +187,7 @@ impl Meter {
         self.newest
             .cells
             .extend(raw.taxels().map(|t| match (t.freshness, t.faults) {
-                (Freshness::Fresh, 0) => Cell::Force(f64::from(t.force), t.contact),
+                (Freshness::Fresh, 0) => Cell::Force(f64::from(t.force)),
                 (Freshness::Fresh, _) => Cell::Faulty,
                 _ => Cell::Missing,
             }));

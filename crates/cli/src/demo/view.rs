@@ -5,15 +5,13 @@ use super::meter::{Cell, Picture};
 use ratatui::Frame;
 use ratatui::buffer::Buffer;
 use ratatui::layout::{Alignment, Constraint, Layout as Split, Rect};
-use ratatui::style::{Color, Modifier, Style};
+use ratatui::style::{Modifier, Style};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Paragraph, Widget};
 use taxel_skin::Layout;
 
 /// Lines below the panels.
 const STATUS_LINES: u16 = 5;
-/// Shares of the scale below which a taxel is drawn as untouched.
-const UNTOUCHED: f64 = 0.004;
 
 /// Where the pixels of an image are drawn: so many columns and rows for each, with gaps between the hand's parts.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -42,7 +40,7 @@ impl Grid {
                     .map(|x| gap * edges.iter().filter(|e| **e <= x).count() as u16)
                     .collect();
                 let inner = width * cell_width + shift.last().copied().unwrap_or(0);
-                let fits_across = 2 * (inner + 2) + 1 <= area.width;
+                let fits_across = 2 * (inner + 2) < area.width;
                 // A line of names, and two of border.
                 let fits_down = height * cell_height + 3 + STATUS_LINES <= area.height;
                 if fits_across && fits_down {
@@ -172,16 +170,16 @@ fn panel(
     (inner.x, inner.y + 1)
 }
 
-/// The colour of a taxel that feels nothing: modules differ from their neighbours.
-fn untouched(layout: &Layout, taxel: usize, palette: &Palette) -> Color {
+/// The grey of a taxel that feels nothing: modules differ from their neighbours.
+fn idle(layout: &Layout, taxel: usize) -> u8 {
     let module = layout.module_of(taxel);
-    let in_part = layout
+    let before = layout
         .modules
         .iter()
         .take_while(|m| m.first_taxel != module.first_taxel);
-    match in_part.filter(|m| m.part == module.part).count() % 2 {
-        0 => palette.rgb(38, 38, 38),
-        _ => palette.rgb(58, 58, 58),
+    match before.filter(|m| m.part == module.part).count() % 2 {
+        0 => 30,
+        _ => 46,
     }
 }
 
@@ -195,48 +193,42 @@ fn fill(buffer: &mut Buffer, place: Rect, text: &str, style: Style) {
 fn draw_raw(buffer: &mut Buffer, origin: (u16, u16), picture: &Picture, grid: &Grid, palette: &Palette) {
     for (taxel, place) in picture.layout.taxels.iter().enumerate() {
         let place = grid.cell(origin, place.x, place.y);
-        let idle = untouched(&picture.layout, taxel, palette);
-        match picture.cells.get(taxel) {
-            Some(Cell::Force(force, contact)) => {
-                let share = force / picture.scale;
-                let shown = *contact || share > UNTOUCHED;
-                let colour = if shown { palette.force(share) } else { idle };
-                fill(buffer, place, "", Style::new().bg(colour));
-            }
-            Some(Cell::Faulty) => {
-                fill(
-                    buffer,
-                    place,
-                    "x",
-                    Style::new()
-                        .fg(palette.rgb(255, 95, 95))
-                        .bg(palette.rgb(95, 0, 0)),
-                );
-            }
-            Some(Cell::Missing) => fill(buffer, place, "?", Style::new().fg(palette.rgb(110, 110, 120))),
-            None => fill(buffer, place, "", Style::new().bg(idle)),
-        }
+        let idle = idle(&picture.layout, taxel);
+        let (text, style) = match picture.cells.get(taxel) {
+            Some(Cell::Force(force)) => ("", Style::new().bg(palette.force(force / picture.scale, idle))),
+            Some(Cell::Faulty) => (
+                "x",
+                Style::new()
+                    .fg(palette.rgb(255, 95, 95))
+                    .bg(palette.rgb(95, 0, 0)),
+            ),
+            Some(Cell::Missing) => ("?", Style::new().fg(palette.rgb(138, 138, 138))),
+            None => ("", Style::new().bg(palette.force(0.0, idle))),
+        };
+        fill(buffer, place, text, style);
     }
 }
 
 fn draw_image(buffer: &mut Buffer, origin: (u16, u16), picture: &Picture, grid: &Grid, palette: &Palette) {
     for (taxel, place) in picture.layout.taxels.iter().enumerate() {
-        let idle = untouched(&picture.layout, taxel, palette);
+        let colour = palette.force(0.0, idle(&picture.layout, taxel));
         fill(
             buffer,
             grid.cell(origin, place.x, place.y),
             "",
-            Style::new().bg(idle),
+            Style::new().bg(colour),
         );
     }
     for actuator in &picture.actuators {
-        if actuator.x >= picture.layout.width || actuator.y >= picture.layout.height {
+        // The image may have another size than the layout only if the daemon is not this one.
+        let Some(taxel) = picture.layout.taxel_at(actuator.x, actuator.y) else {
             continue;
-        }
+        };
         let share = f64::from(actuator.force) / picture.scale;
+        let colour = palette.force(share, idle(&picture.layout, taxel));
         let style = Style::new()
             .fg(palette.ink(share))
-            .bg(palette.force(share))
+            .bg(colour)
             .add_modifier(Modifier::BOLD);
         fill(
             buffer,
@@ -274,12 +266,14 @@ fn draw_status(buffer: &mut Buffer, area: Rect, picture: &Picture, palette: &Pal
     } else if !picture.note.is_empty() {
         scene.push(Span::styled(format!("   {}", picture.note), warn));
     } else {
-        scene.push(Span::styled(format!("   {}", picture.about), dim));
+        let used: usize = scene.iter().map(Span::width).sum();
+        let about = shortened(&picture.about, usize::from(area.width).saturating_sub(used + 4));
+        scene.push(Span::styled(format!("   {about}"), dim));
     }
     let contacts = vec![
         label(" contact "),
         value(format!("{:3}", picture.contacts)),
-        label(" taxels -> "),
+        label(" taxels → "),
         value(format!("{:2}", picture.actuators.len())),
         label(" actuators"),
         label("   missing "),
@@ -298,7 +292,7 @@ fn draw_status(buffer: &mut Buffer, area: Rect, picture: &Picture, palette: &Pal
         value(format!("{:.2} ms", picture.latency_p99_ms)),
         label("   data "),
         value(format!("{:.0}", picture.raw_bits_per_s / 1e3)),
-        label(" -> "),
+        label(" → "),
         value(format!("{:.1} kbit/s", picture.image_bits_per_s / 1e3)),
         value(match picture.image_bits_per_s {
             bits if bits > 0.0 => format!(" {:.0}:1", picture.raw_bits_per_s / bits),
@@ -310,7 +304,7 @@ fn draw_status(buffer: &mut Buffer, area: Rect, picture: &Picture, palette: &Pal
     // The colours are a square root of the force; so are the places of the legend.
     legend.extend((0..STEPS).map(|i| {
         let share = (i as f64 / (STEPS - 1) as f64).powi(2);
-        Span::styled(" ", Style::new().bg(palette.force(share)))
+        Span::styled(" ", Style::new().bg(palette.force(share, 30)))
     }));
     legend.push(Span::raw(format!(" {:.0} ", picture.scale)));
     legend.push(Span::styled(picture.unit.clone(), dim));
@@ -339,6 +333,15 @@ fn draw_status(buffer: &mut Buffer, area: Rect, picture: &Picture, palette: &Pal
     }
 }
 
+/// At most so many characters of a sentence, with dots where it goes on.
+fn shortened(text: &str, most: usize) -> String {
+    if text.chars().count() <= most {
+        return text.into();
+    }
+    let start: String = text.chars().take(most.saturating_sub(1)).collect();
+    start.trim_end().to_owned() + "…"
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -348,9 +351,9 @@ mod tests {
 
     fn picture() -> Picture {
         let layout = Layout::builtin("allegro-uskin-15").unwrap();
-        let mut cells = vec![Cell::Force(0.0, false); layout.len()];
+        let mut cells = vec![Cell::Force(0.0); layout.len()];
         let taxel = |x, y| layout.taxel_at(x, y).unwrap();
-        cells[taxel(3, 2)] = Cell::Force(100.0, true);
+        cells[taxel(3, 2)] = Cell::Force(100.0);
         cells[taxel(8, 8)] = Cell::Faulty;
         cells[taxel(0, 15)] = Cell::Missing;
         Picture {
@@ -415,7 +418,7 @@ mod tests {
                 "50.0 Hz",
                 "p50 0.25 p99 0.50 ms",
                 "level, 1 to 8",
-                "576 -> 8.8 kbit/s 65:1",
+                "576 → 8.8 kbit/s 65:1",
                 "missing 1",
                 "faulty 1",
                 "q quit",
@@ -437,7 +440,7 @@ mod tests {
     fn force_has_the_same_colour_in_both_panels_and_the_actuator_its_level() {
         let terminal = drawn(80, 24, &picture());
         let buffer = terminal.backend().buffer();
-        let brightest = Palette::True.force(1.0);
+        let brightest = Palette::True.force(1.0, 0);
         let lit: Vec<_> = (0..19u16)
             .flat_map(|y| (0..80u16).map(move |x| (x, y)))
             .filter(|(x, y)| buffer[(*x, *y)].bg == brightest)
