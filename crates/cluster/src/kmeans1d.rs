@@ -15,7 +15,7 @@
 //!
 //! Values are moved to their median, which is exact in the sense that matters (equal values stay equal, order is kept), and put on
 //! a grid of integers: a step is a power of two, such that the total of weight times distance stays below `2^62`. Counts and squared counts
-//! of 65,536 taxels are on it exactly; other values move by less than `2^-45` of the range for 65,536 points, `2^-53` for 240.
+//! of 65,536 taxels are on it exactly; other values move by less than `2^-44` of the range for 65,536 points, `2^-53` for 240.
 //! On the grid prefix sums are integers, without error.
 //!
 //! The search then runs on doubles made from those sums ([`cost::Fast`]), whose error, relative to the sum of squares around the median, is a few

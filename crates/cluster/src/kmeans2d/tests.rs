@@ -1,0 +1,179 @@
+use super::*;
+use proptest::prelude::*;
+
+const PLAIN: Kmeans2dSettings = Kmeans2dSettings {
+    history: 0.0,
+    swap_gain: 0.0,
+    swaps: 8,
+    iterations: 10,
+};
+
+fn plane(points: &[(f64, f64)]) -> (Vec<f64>, Vec<f64>) {
+    points.iter().copied().unzip()
+}
+
+fn follow<'a>(solver: &'a mut Kmeans2d, points: &[(f64, f64)]) -> Clusters<'a> {
+    let (x, y) = plane(points);
+    solver.follow(Plane { x: &x, y: &y }, None)
+}
+
+/// Squared error of a labelling around the means of its clusters.
+fn error(points: &[(f64, f64)], labels: &[u16], clusters: usize) -> f64 {
+    (0..clusters as u16)
+        .map(|id| {
+            let members: Vec<_> = points
+                .iter()
+                .zip(labels)
+                .filter(|(_, l)| **l == id)
+                .map(|(p, _)| *p)
+                .collect();
+            let n = members.len() as f64;
+            let (sx, sy) = members
+                .iter()
+                .fold((0.0, 0.0), |(sx, sy), (x, y)| (sx + x, sy + y));
+            members
+                .iter()
+                .map(|(x, y)| (x - sx / n).powi(2) + (y - sy / n).powi(2))
+                .sum::<f64>()
+        })
+        .sum()
+}
+
+/// The least error there is, by trying every labelling.
+fn exhaustive(points: &[(f64, f64)], clusters: u16) -> f64 {
+    let mut labels = vec![0u16; points.len()];
+    let mut least = f64::INFINITY;
+    loop {
+        least = least.min(error(points, &labels, clusters.into()));
+        let Some(n) = labels.iter().position(|l| l + 1 < clusters) else {
+            return least;
+        };
+        labels[n] += 1;
+        labels[..n].fill(0);
+    }
+}
+
+fn blob(x: f64, y: f64) -> Vec<(f64, f64)> {
+    (0..9)
+        .map(|i| (x + f64::from(i % 3), y + f64::from(i / 3)))
+        .collect()
+}
+
+#[test]
+fn separate_blobs_get_a_cluster_each() {
+    let points = [blob(0.0, 0.0), blob(10.0, 0.0), blob(0.0, 10.0), blob(10.0, 10.0)].concat();
+    let mut solver = Kmeans2d::new(36, 4, PLAIN);
+    let clusters = follow(&mut solver, &points);
+    assert_eq!(error(&points, clusters.labels, 4), 4.0 * 12.0);
+    for blob in clusters.labels.chunks(9) {
+        assert!(blob.iter().all(|l| *l == blob[0]));
+    }
+}
+
+#[test]
+fn ids_stay_with_blobs_that_move() {
+    let mut solver = Kmeans2d::new(36, 3, PLAIN);
+    let at = |t: f64| [blob(0.0, t), blob(12.0, 2.0 * t), blob(t, 12.0)].concat();
+    let first = follow(&mut solver, &at(0.0)).labels.to_vec();
+    for t in 1..6 {
+        assert_eq!(follow(&mut solver, &at(f64::from(t) * 0.5)).labels, first);
+    }
+}
+
+#[test]
+fn a_cluster_whose_points_are_gone_goes_to_where_it_is_needed() {
+    let mut solver = Kmeans2d::new(36, 2, PLAIN);
+    follow(&mut solver, &[blob(0.0, 0.0), blob(5.0, 0.0)].concat());
+    let moved = [blob(0.0, 0.0), blob(0.0, 30.0)].concat();
+    let clusters = follow(&mut solver, &moved);
+    assert_eq!(error(&moved, clusters.labels, 2), 24.0);
+    assert_eq!(clusters.live, [true, true]);
+}
+
+#[test]
+fn swaps_leave_a_local_optimum_only_when_it_pays() {
+    // Warm from three clusters on the left and one on the right, where two and two are best.
+    let left: Vec<_> = (0..3).flat_map(|i| blob(0.0, f64::from(i) * 4.0)).collect();
+    let before = [left.clone(), blob(40.0, 0.0)].concat();
+    let after = [
+        left,
+        (0..3).flat_map(|i| blob(40.0, f64::from(i) * 9.0)).collect(),
+    ]
+    .concat();
+    let run = |swap_gain| {
+        let mut solver = Kmeans2d::new(54, 4, Kmeans2dSettings { swap_gain, ..PLAIN });
+        follow(&mut solver, &before);
+        let labels = follow(&mut solver, &after).labels.to_vec();
+        error(&after, &labels, 4)
+    };
+    assert!(
+        run(0.0) < 0.6 * run(f64::INFINITY),
+        "{} and {}",
+        run(0.0),
+        run(f64::INFINITY)
+    );
+}
+
+#[test]
+fn history_holds_centroids_back() {
+    let run = |history| {
+        let mut solver = Kmeans2d::new(9, 1, Kmeans2dSettings { history, ..PLAIN });
+        follow(&mut solver, &blob(0.0, 0.0));
+        follow(&mut solver, &blob(3.0, 0.0)).x[0]
+    };
+    assert_eq!((run(0.0), run(0.5), run(2.0)), (4.0, 3.0, 2.0));
+}
+
+#[test]
+fn weights_pull_centroids() {
+    let (x, y) = ([0.0, 4.0, 4.0], [0.0; 3]);
+    let mut solver = Kmeans2d::new(3, 1, PLAIN);
+    assert_eq!(
+        solver.follow(Plane { x: &x, y: &y }, Some(&[6.0, 1.0, 1.0])).x,
+        [1.0]
+    );
+}
+
+#[test]
+fn points_in_one_place_are_survived() {
+    let mut solver = Kmeans2d::new(20, 4, PLAIN);
+    for _ in 0..3 {
+        let clusters = follow(&mut solver, &[(3.0, 3.0); 20]);
+        assert_eq!(clusters.live.iter().filter(|l| **l).count(), 1);
+        assert!(clusters.x.iter().all(|x| x.is_finite()));
+    }
+    assert_eq!(follow(&mut solver, &[]).live, [false; 4]);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(40))]
+
+    #[test]
+    fn small_sets_come_near_the_exhaustive_optimum(cells in prop::collection::btree_set((0u8..8, 0u8..8), 4..10)) {
+        let points: Vec<_> = cells.iter().map(|(x, y)| (f64::from(*x), f64::from(*y))).collect();
+        let mut solver = Kmeans2d::new(points.len(), 3, PLAIN);
+        let labels = follow(&mut solver, &points).labels.to_vec();
+        let (found, least) = (error(&points, &labels, 3), exhaustive(&points, 3));
+        prop_assert!(found >= least - 1e-9 && found <= 2.0 * least + 1e-9, "{found} over {least}");
+    }
+
+    #[test]
+    fn every_point_has_a_cluster_and_every_live_cluster_a_point(
+        frames in prop::collection::vec(prop::collection::vec((0u8..16, 0u8..16), 0..60), 1..8),
+        clusters in 1usize..20,
+        history in prop_oneof![Just(0.0), 0.0..3.0f64],
+    ) {
+        let mut solver = Kmeans2d::new(60, clusters, Kmeans2dSettings { history, swap_gain: 0.02, swaps: 4, iterations: 6 });
+        for frame in &frames {
+            let points: Vec<_> = frame.iter().map(|(x, y)| (f64::from(*x), f64::from(*y))).collect();
+            let found = follow(&mut solver, &points);
+            prop_assert_eq!(found.labels.len(), points.len());
+            for (id, live) in found.live.iter().enumerate() {
+                prop_assert_eq!(*live, found.labels.iter().any(|l| usize::from(*l) == id));
+            }
+            if points.len() <= clusters {
+                prop_assert_eq!(found.live.iter().filter(|l| **l).count(), points.len());
+            }
+        }
+    }
+}
