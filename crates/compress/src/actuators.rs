@@ -1,10 +1,10 @@
 //! Actuator quantisation, eqs (8) to (12): where the display presses, and how hard.
 
-use taxel_cluster::{Plane, lloyd2d, maximin, medoids, nearest1d};
+use taxel_cluster::{Kmeans2d, Kmeans2dSettings, Plane, lloyd2d, maximin, medoids, nearest1d};
 
 use crate::contacts::Contacts;
 use crate::levels::Levels;
-use crate::{Actuator, ActuatorForce, Profile};
+use crate::{Actuator, ActuatorForce, Placement, Profile};
 
 /// The actuator stage and its memory.
 #[derive(Debug)]
@@ -17,7 +17,13 @@ pub(crate) struct Actuators {
     member: Vec<Option<u32>>,
     nearest: Vec<f64>,
     pressing: Vec<Pressing>,
+    follower: Kmeans2d,
+    /// Columns moved apart by part of the hand.
+    apart: Vec<f64>,
 }
+
+/// How far columns of different parts of the hand are moved apart, pixels: an actuator in between would be worth nothing.
+const PART_DISTANCE: f64 = 4096.0;
 
 /// What presses on an actuator.
 #[derive(Debug, Default, Clone, Copy)]
@@ -40,7 +46,64 @@ impl Actuators {
             member: vec![None; most],
             nearest: Vec::with_capacity(taxels),
             pressing: vec![Pressing::default(); most],
+            follower: Kmeans2d::new(taxels, most, settings(profile)),
+            apart: Vec::with_capacity(taxels),
         }
+    }
+
+    /// Places the actuators of a frame and says how hard each presses.
+    pub(crate) fn place(
+        &mut self,
+        profile: &Profile,
+        contacts: &Contacts,
+        levels: &Levels,
+        out: &mut Vec<Actuator>,
+    ) {
+        match profile.placement() {
+            Placement::Lloyd => self.lloyd(profile, contacts, levels, out),
+            Placement::Follow => self.follow(profile, contacts, levels, out),
+        }
+    }
+
+    /// Number of the cluster each contact belongs to: the id of its actuator.
+    pub(crate) fn cluster(&self) -> &[u16] {
+        &self.cluster
+    }
+
+    /// From where the actuators were, [`Kmeans2d`]; each stands on the contact of its cluster nearest the centroid.
+    fn follow(&mut self, profile: &Profile, contacts: &Contacts, levels: &Levels, out: &mut Vec<Actuator>) {
+        let mut points = Plane {
+            x: &contacts.x,
+            y: &contacts.y,
+        };
+        if profile.parts_apart {
+            self.apart.clear();
+            self.apart.extend(
+                contacts
+                    .x
+                    .iter()
+                    .zip(&contacts.part)
+                    .map(|(x, part)| x + PART_DISTANCE * f64::from(*part)),
+            );
+            points.x = &self.apart;
+        }
+        let weights = profile.force_weighted.then_some(&contacts.force[..]);
+        let clusters = self.follower.follow(points, weights);
+        self.cluster.clear();
+        self.cluster.extend_from_slice(clusters.labels);
+        for id in 0..clusters.x.len() {
+            self.x[id] = f64::from(clusters.x[id]);
+            self.y[id] = f64::from(clusters.y[id]);
+        }
+        medoids(
+            points,
+            &self.cluster,
+            &self.x,
+            &self.y,
+            &mut self.least,
+            &mut self.member,
+        );
+        self.press(profile, contacts, levels, out);
     }
 
     /// The publication's Table I: few contacts pass through, many are gathered by Lloyd's iterations.
@@ -57,8 +120,10 @@ impl Actuators {
         levels: &Levels,
         out: &mut Vec<Actuator>,
     ) {
-        out.clear();
         if contacts.len() <= usize::from(profile.actuators) {
+            self.cluster.clear();
+            self.cluster.extend(0..contacts.len() as u16);
+            out.clear();
             out.extend((contacts.pixel.iter().zip(&levels.level).enumerate()).map(
                 |(id, (&[x, y], &level))| Actuator {
                     id: id as u16,
@@ -99,6 +164,7 @@ impl Actuators {
 
     /// Puts each cluster's actuator on its member and gives it its force.
     fn press(&mut self, profile: &Profile, contacts: &Contacts, levels: &Levels, out: &mut Vec<Actuator>) {
+        out.clear();
         self.pressing.fill(Pressing::default());
         for (cluster, &level) in self.cluster.iter().zip(&levels.level) {
             let pressing = &mut self.pressing[usize::from(*cluster)];
@@ -123,5 +189,15 @@ impl Actuators {
                 force: levels.codebook[usize::from(level)],
             });
         }
+    }
+}
+
+/// How the follower works for a profile.
+fn settings(profile: &Profile) -> Kmeans2dSettings {
+    Kmeans2dSettings {
+        history: profile.history,
+        swap_gain: profile.jump_gain,
+        swaps: 4,
+        iterations: 6,
     }
 }

@@ -1,16 +1,15 @@
 //! A codebook for a whole session, learned from recordings: mark (*) of Table I.
 
+use taxel_cluster::Kmeans1d;
 use taxel_skin::ForceFrame;
 
 use crate::contacts::is_force;
-use crate::{Profile, levels::Levels};
 
 /// Learns at most `levels` force levels from the contacts of recorded frames, to be kept constant as
-/// [`Profile::codebook`].
+/// [`Profile::codebook`](crate::Profile::codebook).
 ///
-/// It is Lloyd-Max over all contacts of all frames at once, from a uniform start, until it converges (or for 1000
-/// iterations). Levels that no contact fell to are left out, so the result may be shorter; it is empty if there was no
-/// contact. Ascending, in the unit of [`ForceFrame::force`].
+/// They are the levels with the least squared error over all contacts of all frames at once. There are fewer where there are fewer different
+/// forces, and none without contact. Ascending, in the unit of [`ForceFrame::force`].
 pub fn learn_codebook<'a>(frames: impl IntoIterator<Item = &'a ForceFrame>, levels: u16) -> Vec<f64> {
     let mut forces = Vec::new();
     for frame in frames.into_iter().filter(|frame| !frame.calibrating) {
@@ -24,31 +23,26 @@ pub fn learn_codebook<'a>(frames: impl IntoIterator<Item = &'a ForceFrame>, leve
         );
     }
     forces.sort_unstable_by(f64::total_cmp);
-    let profile = Profile {
-        levels: levels.max(1),
-        force_iterations: 1000,
-        ..Profile::default()
-    };
-    let mut stage = Levels::new(&profile, forces.len());
-    stage.lloyd(&profile, &forces);
-    let mut used = vec![false; stage.codebook.len()];
-    for level in &stage.level {
-        used[usize::from(*level)] = true;
+    let (mut values, mut weights) = (Vec::new(), Vec::new());
+    for equal in forces.chunk_by(|a, b| a == b) {
+        values.push(equal[0]);
+        weights.push(equal.len() as u32);
     }
-    let mut codebook: Vec<f64> = stage
-        .codebook
-        .iter()
-        .zip(used)
-        .filter(|(_, used)| *used)
-        .map(|(force, _)| *force)
-        .collect();
-    codebook.dedup();
-    codebook
+    let levels = usize::from(levels.max(1));
+    match Kmeans1d::new(values.len(), levels).solve_weighted(&values, &weights, levels) {
+        Ok(found) => {
+            let mut codebook = found.centroids.to_vec();
+            codebook.dedup();
+            codebook
+        }
+        Err(error) => unreachable!("contacts have finite forces, sorted here: {error}"),
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Profile;
 
     fn frame(forces: &[f64]) -> ForceFrame {
         let mut frame = ForceFrame::new(forces.len());
@@ -59,8 +53,8 @@ mod tests {
 
     #[test]
     fn a_codebook_holds_the_levels_of_all_frames_together() {
-        let frames = [frame(&[10.0, 20.0]), frame(&[12.0, 30.0]), frame(&[28.0, 22.0])];
-        assert_eq!(learn_codebook(&frames, 3), [11.0, 21.0, 29.0]);
+        let frames = [frame(&[10.0, 20.0]), frame(&[12.0, 100.0]), frame(&[98.0, 22.0])];
+        assert_eq!(learn_codebook(&frames, 3), [11.0, 21.0, 99.0]);
     }
 
     #[test]

@@ -5,7 +5,7 @@ use taxel_skin::{ForceFrame, Layout};
 use crate::actuators::Actuators;
 use crate::contacts::Contacts;
 use crate::levels::Levels;
-use crate::{Grey, Method, Profile, ProfileError, TactileImage};
+use crate::{Grey, Profile, ProfileError, TactileImage};
 
 /// Compresses the force frames of one hand for one display profile.
 ///
@@ -36,6 +36,19 @@ pub struct Compressor {
     levels: Levels,
     actuators: Actuators,
     refused: u64,
+}
+
+/// What the two stages made of a frame; one entry per contact, in raster order.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Stages<'a> {
+    /// Column and row.
+    pub pixel: &'a [[u16; 2]],
+    /// Measured force.
+    pub force: &'a [f64],
+    /// Force level, as an index into [`TactileImage::levels`].
+    pub level: &'a [u16],
+    /// Id of the actuator that stands for it.
+    pub actuator: &'a [u16],
 }
 
 impl Compressor {
@@ -92,15 +105,21 @@ impl Compressor {
     pub fn compress(&mut self, frame: &ForceFrame, image: &mut TactileImage) {
         self.contacts.collect(frame);
         self.refused += self.contacts.refused as u64;
-        match self.profile.method {
-            Method::Paper => {
-                self.levels.lloyd(&self.profile, &self.contacts.force);
-                self.actuators
-                    .lloyd(&self.profile, &self.contacts, &self.levels, &mut image.actuators);
-            }
-        }
+        self.levels.quantise(&self.profile, &self.contacts);
+        self.actuators
+            .place(&self.profile, &self.contacts, &self.levels, &mut image.actuators);
         self.describe(frame, image);
         self.paint(image);
+    }
+
+    /// What the two stages made of the last frame, contact by contact.
+    pub fn stages(&self) -> Stages<'_> {
+        Stages {
+            pixel: &self.contacts.pixel,
+            force: &self.contacts.force,
+            level: &self.levels.level,
+            actuator: self.actuators.cluster(),
+        }
     }
 
     /// Fills in everything that is copied or counted.

@@ -19,6 +19,10 @@ pub(crate) struct Contacts {
     pub(crate) force: Vec<f64>,
     /// The pixels themselves.
     pub(crate) pixel: Vec<[u16; 2]>,
+    /// Numbers of the taxels in raster order.
+    pub(crate) rank: Vec<u16>,
+    /// Part of the hand each contact lies on.
+    pub(crate) part: Vec<u16>,
     /// Taxels refused in this frame.
     pub(crate) refused: usize,
 }
@@ -28,15 +32,24 @@ pub(crate) struct Contacts {
 struct Place {
     taxel: usize,
     pixel: [u16; 2],
+    part: u16,
 }
 
 impl Contacts {
     /// An empty list with memory for every taxel of the layout.
     pub(crate) fn new(layout: &Layout) -> Self {
+        let mut parts: Vec<&str> = layout.modules.iter().map(|m| m.part.as_str()).collect();
+        parts.sort_unstable();
+        parts.dedup();
+        let part_of = |module: u16| {
+            let module = layout.modules.get(usize::from(module))?;
+            parts.binary_search(&module.part.as_str()).ok()
+        };
         let mut raster: Vec<Place> = (layout.taxels.iter().enumerate())
             .map(|(taxel, t)| Place {
                 taxel,
                 pixel: [t.x, t.y],
+                part: part_of(t.module).map_or(0, |part| part as u16),
             })
             .collect();
         raster.sort_by_key(|p| (p.pixel[1], p.pixel[0]));
@@ -47,6 +60,8 @@ impl Contacts {
             y: Vec::with_capacity(taxels),
             force: Vec::with_capacity(taxels),
             pixel: Vec::with_capacity(taxels),
+            rank: Vec::with_capacity(taxels),
+            part: Vec::with_capacity(taxels),
             refused: 0,
         }
     }
@@ -58,8 +73,10 @@ impl Contacts {
         self.y.clear();
         self.force.clear();
         self.pixel.clear();
+        self.rank.clear();
+        self.part.clear();
         self.refused = 0;
-        for &Place { taxel, pixel } in &self.raster {
+        for (rank, &Place { taxel, pixel, part }) in self.raster.iter().enumerate() {
             let (Some(&force), Some(&contact), Some(faults)) = (
                 frame.force.get(taxel),
                 frame.contact.get(taxel),
@@ -77,6 +94,8 @@ impl Contacts {
                 self.y.push(f64::from(pixel[1]));
                 self.force.push(force);
                 self.pixel.push(pixel);
+                self.rank.push(rank as u16);
+                self.part.push(part);
             }
         }
     }

@@ -1,8 +1,9 @@
 //! Force quantisation, eqs (3) to (7): the force level of each contact.
 
-use taxel_cluster::{assign1d, distinct_up_to, lloyd1d, uniform};
+use taxel_cluster::{Kmeans1d, assign1d, distinct_up_to, lloyd1d, uniform};
 
-use crate::Profile;
+use crate::contacts::Contacts;
+use crate::{ForceFit, Profile};
 
 /// The force stage: its codebook and the level of each contact.
 #[derive(Debug)]
@@ -14,6 +15,11 @@ pub(crate) struct Levels {
     sums: Vec<(f64, u32)>,
     order: Vec<u16>,
     rank: Vec<u16>,
+    /// Forces in ascending order.
+    sorted: Vec<f64>,
+    solver: Kmeans1d,
+    /// Level that each taxel (by raster order) had in the last frame, from 1; 0 where it had none.
+    held: Vec<u16>,
 }
 
 impl Levels {
@@ -28,22 +34,84 @@ impl Levels {
             sums: vec![(0.0, 0); most],
             order: Vec::with_capacity(most),
             rank: vec![0; most],
+            sorted: Vec::with_capacity(taxels),
+            solver: Kmeans1d::new(taxels, most),
+            held: vec![0; taxels],
         }
     }
 
-    /// The publication's Table I: Lloyd's iterations from a uniform start, or one assignment to a constant codebook.
+    /// Fits levels to the contacts of a frame, or assigns them to the constant codebook, and gives each contact its level.
+    pub(crate) fn quantise(&mut self, profile: &Profile, contacts: &Contacts) {
+        let forces = &contacts.force;
+        self.level.clear();
+        self.level.resize(forces.len(), 0);
+        if !profile.codebook.is_empty() {
+            assign1d(forces, &self.codebook, &mut self.level);
+        } else {
+            match profile.force_fit() {
+                ForceFit::Lloyd => self.lloyd(profile, forces),
+                ForceFit::Exact => self.exact(profile, forces),
+            }
+        }
+        if profile.level_hysteresis > 0.0 {
+            self.hold(profile.level_hysteresis, contacts);
+        }
+    }
+
+    /// The levels with the least squared error there is, [`Kmeans1d`]. Each contact has the level of its cluster, which is the nearest.
+    fn exact(&mut self, profile: &Profile, forces: &[f64]) {
+        self.sorted.clear();
+        self.sorted.extend_from_slice(forces);
+        self.sorted.sort_unstable_by_key(|force| force.to_bits());
+        self.codebook.clear();
+        match self.solver.solve(&self.sorted, usize::from(profile.levels)) {
+            Ok(found) => {
+                self.codebook.extend_from_slice(found.centroids);
+                for start in found.starts.iter().skip(1) {
+                    let border = self.sorted[*start as usize];
+                    for (level, force) in self.level.iter_mut().zip(forces) {
+                        *level += u16::from(*force >= border);
+                    }
+                }
+            }
+            Err(error) => unreachable!("the contact list holds finite forces within its capacity: {error}"),
+        }
+    }
+
+    /// Keeps contacts at the level their taxel had, unless the force is past the border by a share of the distance between the levels.
+    fn hold(&mut self, share: f64, contacts: &Contacts) {
+        let levels = &self.codebook;
+        for ((level, force), rank) in self.level.iter_mut().zip(&contacts.force).zip(&contacts.rank) {
+            let held = usize::from(self.held[usize::from(*rank)]);
+            if held == 0 || held > levels.len() {
+                continue;
+            }
+            let held = held - 1;
+            let past = |below: usize| {
+                0.5 * (levels[below] + levels[below + 1]) + {
+                    let gap = levels[below + 1] - levels[below];
+                    if below < held { -share * gap } else { share * gap }
+                }
+            };
+            let above = held == 0 || *force >= past(held - 1);
+            let below = held + 1 == levels.len() || *force <= past(held);
+            if above && below {
+                *level = held as u16;
+            }
+        }
+        self.held.fill(0);
+        for (level, rank) in self.level.iter().zip(&contacts.rank) {
+            self.held[usize::from(*rank)] = level + 1;
+        }
+    }
+
+    /// The publication's Table I: Lloyd's iterations from a uniform start.
     ///
     /// - K: `min(K_D, distinct forces)` clusters.
     /// - init: [`uniform`] over the least to the greatest force of the frame.
     /// - distance, ties, update, empty cluster, iterations: [`lloyd1d`], `I_D` times.
     /// - numbering: clusters in ascending order of their centroids; those that ended empty stay in the codebook.
-    pub(crate) fn lloyd(&mut self, profile: &Profile, forces: &[f64]) {
-        self.level.clear();
-        self.level.resize(forces.len(), 0);
-        if !profile.codebook.is_empty() {
-            assign1d(forces, &self.codebook, &mut self.level);
-            return;
-        }
+    fn lloyd(&mut self, profile: &Profile, forces: &[f64]) {
         self.codebook.clear();
         self.codebook.resize(usize::from(profile.levels), 0.0);
         let clusters = distinct_up_to(forces, &mut self.codebook);
@@ -88,6 +156,18 @@ impl Levels {
 mod tests {
     use super::*;
 
+    fn quantise(profile: &Profile, forces: &[f64]) -> (Vec<f64>, Vec<u16>) {
+        let layout = taxel_skin::Layout::grid(forces.len().max(1) as u16, 1).expect("a grid that fits");
+        let mut frame = taxel_skin::ForceFrame::new(layout.taxels.len());
+        frame.contact[..forces.len()].fill(true);
+        frame.force[..forces.len()].copy_from_slice(forces);
+        let mut contacts = Contacts::new(&layout);
+        contacts.collect(&frame);
+        let mut stage = Levels::new(profile, forces.len());
+        stage.quantise(profile, &contacts);
+        (stage.codebook, stage.level)
+    }
+
     fn lloyd(levels: u16, iterations: u16, codebook: &[f64], forces: &[f64]) -> (Vec<f64>, Vec<u16>) {
         let profile = Profile {
             levels,
@@ -95,9 +175,7 @@ mod tests {
             codebook: codebook.to_vec(),
             ..Profile::default()
         };
-        let mut stage = Levels::new(&profile, forces.len());
-        stage.lloyd(&profile, forces);
-        (stage.codebook, stage.level)
+        quantise(&profile, forces)
     }
 
     #[test]

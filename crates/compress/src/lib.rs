@@ -12,7 +12,7 @@ mod levels;
 mod profile;
 
 pub use codebook::learn_codebook;
-pub use compressor::Compressor;
+pub use compressor::{Compressor, Stages};
 pub use contacts::FORCE_MAX;
 pub use image::{Actuator, TactileImage};
-pub use profile::{ActuatorForce, Grey, Method, Profile, ProfileError};
+pub use profile::{ActuatorForce, ForceFit, Grey, Method, Placement, Profile, ProfileError};

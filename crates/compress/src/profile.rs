@@ -16,8 +16,24 @@ pub struct Profile {
     pub actuators: u16,
     /// `I_D`, number of iterations of the force stage, 1 to 1000.
     pub force_iterations: u16,
-    /// `I_A`, number of iterations of the actuator stage, 1 to 1000.
+    /// `I_A`, number of iterations of the actuator stage, 1 to 1000. `follow` places actuators in as many as it needs.
     pub actuator_iterations: u16,
+    /// How force levels are fitted to a frame; where absent, as the method does it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub force_fit: Option<ForceFit>,
+    /// How actuators are placed; where absent, as the method does it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub placement: Option<Placement>,
+    /// Hysteresis of the force levels, 0 to 0.5: a taxel keeps the level it had until its force is past the border by this share of the
+    /// distance between the two levels. 0 gives each force its nearest level.
+    pub level_hysteresis: f64,
+    /// History cost of `follow`, 0 to 100: an actuator is drawn to where it was as if by this many times its own contacts.
+    /// 0 follows the contacts alone.
+    pub history: f64,
+    /// Share of the position error that an actuator must save to be moved elsewhere, 0 to 1, for `follow`.
+    pub jump_gain: f64,
+    /// Whether `follow` keeps the parts of the hand apart, so that no actuator stands for contacts of two fingers.
+    pub parts_apart: bool,
     /// Meaning of a pixel's grey.
     pub grey: Grey,
     /// Which force an actuator presses with when its cluster holds several levels.
@@ -37,6 +53,28 @@ pub enum Method {
     /// The publication's Table I to the letter.
     #[default]
     Paper,
+    /// Exactly optimal force levels, and actuators that stay where they are unless the contact moves.
+    Optimal,
+}
+
+/// How force levels are fitted to a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ForceFit {
+    /// Lloyd's iterations from a uniform start, eqs (3) to (6): the method `paper`.
+    Lloyd,
+    /// The levels with the least squared error there is: the method `optimal`.
+    Exact,
+}
+
+/// How actuators are placed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Placement {
+    /// Lloyd's iterations anew in each frame, eqs (8) to (11): the method `paper`.
+    Lloyd,
+    /// From where the actuators were, each with the id it had: the method `optimal`.
+    Follow,
 }
 
 /// Meaning of a pixel's grey (papers.md 1.4, eq. (7)).
@@ -69,6 +107,12 @@ impl Default for Profile {
             actuators: 16,
             force_iterations: 10,
             actuator_iterations: 10,
+            force_fit: None,
+            placement: None,
+            level_hysteresis: 0.0,
+            history: 0.0,
+            jump_gain: 0.03,
+            parts_apart: false,
             grey: Grey::default(),
             actuator_force: ActuatorForce::default(),
             force_weighted: false,
@@ -91,6 +135,18 @@ pub enum ProfileError {
         min: u16,
         /// Largest allowed value.
         max: u16,
+    },
+    /// A share or factor outside its range, or not a number.
+    #[error("profile: {field} = {value} is outside {min}..={max}")]
+    ShareOutOfRange {
+        /// Name of the field.
+        field: &'static str,
+        /// The value given.
+        value: f64,
+        /// Smallest allowed value.
+        min: f64,
+        /// Largest allowed value.
+        max: f64,
     },
     /// A codebook with more entries than levels.
     #[error("profile: the codebook has {entries} levels and the display only {levels}")]
@@ -137,6 +193,22 @@ pub enum ProfileError {
 }
 
 impl Profile {
+    /// How force levels are fitted: as set, or as the method does it.
+    pub fn force_fit(&self) -> ForceFit {
+        self.force_fit.unwrap_or(match self.method {
+            Method::Paper => ForceFit::Lloyd,
+            Method::Optimal => ForceFit::Exact,
+        })
+    }
+
+    /// How actuators are placed: as set, or as the method does it.
+    pub fn placement(&self) -> Placement {
+        self.placement.unwrap_or(match self.method {
+            Method::Paper => Placement::Lloyd,
+            Method::Optimal => Placement::Follow,
+        })
+    }
+
     /// Refuses values that make no display.
     pub fn check(&self) -> Result<(), ProfileError> {
         let ranges = [
@@ -151,6 +223,21 @@ impl Profile {
                     field,
                     value,
                     min: 1,
+                    max,
+                });
+            }
+        }
+        let shares = [
+            ("level_hysteresis", self.level_hysteresis, 0.5),
+            ("history", self.history, 100.0),
+            ("jump_gain", self.jump_gain, 1.0),
+        ];
+        for (field, value, max) in shares {
+            if !(0.0..=max).contains(&value) {
+                return Err(ProfileError::ShareOutOfRange {
+                    field,
+                    value,
+                    min: 0.0,
                     max,
                 });
             }

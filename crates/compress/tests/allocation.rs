@@ -5,7 +5,7 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-use taxel_compress::{Compressor, Grey, Profile};
+use taxel_compress::{Compressor, Grey, Method, Profile};
 use taxel_skin::{ForceFrame, Layout as SkinLayout};
 
 struct Counting;
@@ -47,6 +47,20 @@ fn no_frame_allocates() {
             force_weighted: true,
             levels: 255,
             actuators: 3,
+            ..Profile::default()
+        },
+        Profile {
+            method: Method::Optimal,
+            ..Profile::default()
+        },
+        Profile {
+            method: Method::Optimal,
+            levels: 64,
+            actuators: 32,
+            level_hysteresis: 0.1,
+            history: 0.5,
+            force_weighted: true,
+            parts_apart: true,
             ..Profile::default()
         },
         Profile {

@@ -1,7 +1,9 @@
 //! The compressor's promises, on frames of every kind.
 
 use proptest::prelude::*;
-use taxel_compress::{Actuator, ActuatorForce, Compressor, Grey, Profile, ProfileError, TactileImage};
+use taxel_compress::{
+    Actuator, ActuatorForce, Compressor, ForceFit, Grey, Placement, Profile, ProfileError, TactileImage,
+};
 use taxel_skin::{Fault, ForceFrame, Layout};
 
 fn grid(width: u16, height: u16) -> Layout {
@@ -301,8 +303,8 @@ fn forces() -> impl Strategy<Value = Vec<f64>> {
 }
 
 fn any_profile() -> impl Strategy<Value = Profile> {
-    (1u16..12, 1u16..20, 1u16..12, any::<[bool; 3]>()).prop_map(
-        |(levels, actuators, iterations, [grey, force, weighted])| Profile {
+    (1u16..12, 1u16..20, 1u16..12, any::<[bool; 6]>()).prop_map(
+        |(levels, actuators, iterations, [grey, force, weighted, exact, follow, drag])| Profile {
             force_iterations: iterations,
             actuator_iterations: iterations,
             grey: if grey { Grey::Level } else { Grey::Centroid },
@@ -312,6 +314,13 @@ fn any_profile() -> impl Strategy<Value = Profile> {
                 ActuatorForce::Mean
             },
             force_weighted: weighted,
+            force_fit: Some(if exact { ForceFit::Exact } else { ForceFit::Lloyd }),
+            placement: Some(if follow {
+                Placement::Follow
+            } else {
+                Placement::Lloyd
+            }),
+            history: if drag { 0.5 } else { 0.0 },
             ..profile(levels, actuators)
         },
     )
@@ -345,8 +354,9 @@ proptest! {
     }
 
     #[test]
-    fn a_stronger_force_never_gets_a_lower_level(levels in 1u16..12, iterations in 1u16..12, forces in forces()) {
-        let every = Profile { force_iterations: iterations, ..profile(levels, 64) };
+    fn a_stronger_force_never_gets_a_lower_level(exact in any::<bool>(), levels in 1u16..12, iterations in 1u16..12, forces in forces()) {
+        let fit = if exact { ForceFit::Exact } else { ForceFit::Lloyd };
+        let every = Profile { force_iterations: iterations, force_fit: Some(fit), ..profile(levels, 64) };
         let image = compress(every, &grid(8, 8), &pressed(&forces));
         let mut pairs: Vec<(f64, u8)> = forces.iter().copied().zip(image.pixels).collect();
         pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -373,8 +383,10 @@ proptest! {
     }
 
     #[test]
-    fn a_compressor_remembers_nothing(profile in any_profile(), first in forces(), second in forces()) {
+    fn the_paper_s_method_remembers_nothing(exact in any::<bool>(), profile in any_profile(), first in forces(), second in forces()) {
         let layout = grid(8, 8);
+        let fit = if exact { ForceFit::Exact } else { ForceFit::Lloyd };
+        let profile = Profile { placement: None, force_fit: Some(fit), ..profile };
         let mut compressor = Compressor::new(profile.clone(), &layout).expect("a valid profile");
         let mut image = compressor.new_image();
         compressor.compress(&pressed(&first), &mut image);
