@@ -1,1 +1,343 @@
-//! Placeholder while the crate is written.
+//! The taxeld daemon as a library: configuration, pipeline, tick thread and sockets.
+//!
+//! `taxeld` is this and a `main`; `taxel demo` runs the same daemon inside its own process, and `taxel compress` runs
+//! the same [`pipeline`] without any of the rest.
+
+pub mod config;
+mod control;
+mod hand;
+mod hub;
+mod listener;
+pub mod pipeline;
+mod realtime;
+mod snapshot;
+mod subscribers;
+mod supervise;
+mod tick;
+
+pub use config::{Config, ConfigError};
+pub use listener::SocketPathError;
+
+use crate::hand::Hand;
+use crate::listener::SocketPath;
+use crate::pipeline::{Pipeline, PipelineError};
+use crate::snapshot::Snapshot;
+use crate::tick::{PipelineClock, Shared, TickThread};
+use std::rc::Rc;
+use std::sync::atomic::Ordering;
+use std::sync::{Arc, Mutex, mpsc};
+use std::thread::JoinHandle;
+use taxel_can::{CanSource, LinkState, Playback, SourceAddress, SourceOptions, monotonic_ns};
+use taxel_compress::Profile;
+use taxel_sim::{Scene, SimOptions, SimSource};
+use taxel_skin::{BoardSupervisor, Decoder, Layout};
+use tokio::sync::oneshot;
+use tokio_seqpacket::UnixSeqpacketListener;
+
+/// A running daemon. Dropping it stops it.
+#[derive(Debug)]
+pub struct Daemon {
+    shared: Arc<Shared>,
+    tick: Option<JoinHandle<()>>,
+    sockets: Option<JoinHandle<()>>,
+    /// Dropped to end the socket thread.
+    stop_sockets: Option<oneshot::Sender<()>>,
+}
+
+/// Why the daemon did not start.
+#[derive(Debug, thiserror::Error)]
+pub enum StartError {
+    /// A socket path cannot be had.
+    #[error(transparent)]
+    SocketPath(#[from] SocketPathError),
+    /// A socket could not be bound.
+    #[error("cannot listen on {path}: {error}")]
+    Listen {
+        /// The path.
+        path: String,
+        /// What the system said.
+        error: std::io::Error,
+    },
+    /// A CAN source could not be opened.
+    #[error("bus {bus}: {error}")]
+    Source {
+        /// Name of the bus in the layout.
+        bus: String,
+        /// What is wrong with its source.
+        error: Box<dyn std::error::Error + Send + Sync>,
+    },
+    /// Hand and display do not fit together.
+    #[error(transparent)]
+    Pipeline(#[from] PipelineError),
+    /// The hand is too large for the wire format.
+    #[error(
+        "layout {layout}: a message of {bytes} bytes is over the {max} that a subscriber's socket carries"
+    )]
+    TooLarge {
+        /// Name of the layout.
+        layout: String,
+        /// Bytes of the largest message.
+        bytes: usize,
+        /// The most a message may have.
+        max: usize,
+    },
+    /// The operating system refused something the daemon cannot do without.
+    #[error("cannot {what}: {error}")]
+    System {
+        /// What was tried.
+        what: &'static str,
+        /// What the system said.
+        error: std::io::Error,
+    },
+}
+
+impl Daemon {
+    /// Opens the buses and sockets of `config` and starts.
+    ///
+    /// An interface that does not exist yet is no error: the daemon waits for it. When this returns, subscribers
+    /// can connect.
+    pub fn start(config: Config) -> Result<Self, StartError> {
+        let layout = &config.layout;
+        check_message_size(layout, &config.profile)?;
+        let system = |what| {
+            move |error: nix::Error| StartError::System {
+                what,
+                error: error.into(),
+            }
+        };
+        let mode = config.socket.mode_bits().unwrap_or(0o660);
+        let images_path = SocketPath::take(&config.socket.images)?;
+        let control_path = SocketPath::take(&config.socket.control)?;
+        let listen = |path: &SocketPath, error| StartError::Listen {
+            path: path.path().display().to_string(),
+            error,
+        };
+        let control = std::os::unix::net::UnixListener::bind(control_path.path())
+            .and_then(|l| l.set_nonblocking(true).map(|()| l))
+            .map_err(|e| listen(&control_path, e))?;
+        control_path.set_permissions(mode, &config.socket.group)?;
+
+        let clock = clock(&config.sources);
+        let start_ns = monotonic_ns() - clock.offset_ns;
+        let sources = open_sources(&config, start_ns)?;
+        let (commands, obeyed) = mpsc::channel();
+        let (publisher, newest) = {
+            let (image, raw) = payload_lens(layout, &config.profile);
+            hub::channel(image, raw)
+        };
+        let shared = Arc::new(Shared {
+            stop: false.into(),
+            heartbeat: 0.into(),
+            finished: false.into(),
+            snapshot: Mutex::new(Snapshot::new(
+                layout.buses.len(),
+                layout.modules.len(),
+                layout.len(),
+            )),
+            wake: nix::sys::eventfd::EventFd::from_flags(
+                nix::sys::eventfd::EfdFlags::EFD_NONBLOCK | nix::sys::eventfd::EfdFlags::EFD_CLOEXEC,
+            )
+            .map_err(system("make an eventfd"))?,
+        });
+        let thread = TickThread {
+            pipeline: Pipeline::new(&config, start_ns)?,
+            boards: BoardSupervisor::new(layout, &config.boards),
+            links: vec![LinkState::Absent; layout.buses.len()],
+            publisher,
+            clock,
+            commands: obeyed,
+            shared: shared.clone(),
+            timer: tick::timer().map_err(system("make a timer"))?,
+            gather_ns: tick::gather_ns(&config.tick),
+            sources,
+        };
+
+        let realtime = config.realtime;
+        if realtime.lock_memory
+            && let Err(error) = realtime::lock_memory()
+        {
+            tracing::warn!(%error, "memory is not locked; LimitMEMLOCK=infinity in the unit allows it");
+        }
+        let spawn = |error| StartError::System {
+            what: "start a thread",
+            error,
+        };
+        let tick = std::thread::Builder::new()
+            .name("tick".into())
+            .spawn(move || {
+                if realtime.priority > 0
+                    && let Err(error) = realtime::set_fifo(realtime.priority)
+                {
+                    tracing::info!(%error, "the tick thread has no real-time priority; LimitRTPRIO=20 in the unit allows it");
+                }
+                thread.run();
+            })
+            .map_err(spawn)?;
+
+        let (stop_sockets, stopped) = oneshot::channel();
+        let (ready, is_ready) = mpsc::channel();
+        let sockets = {
+            let shared = shared.clone();
+            std::thread::Builder::new()
+                .name("sockets".into())
+                .spawn(move || {
+                    let runtime = match tokio::runtime::Builder::new_current_thread().enable_all().build() {
+                        Ok(runtime) => runtime,
+                        Err(error) => {
+                            let _ = ready.send(Err(StartError::System {
+                                what: "start the socket thread",
+                                error,
+                            }));
+                            return;
+                        }
+                    };
+                    let local = tokio::task::LocalSet::new();
+                    runtime.block_on(local.run_until(async {
+                        let bound = UnixSeqpacketListener::bind_with_backlog(images_path.path(), 128)
+                            .map_err(|e| listen(&images_path, e))
+                            .and_then(|l| {
+                                Ok(images_path
+                                    .set_permissions(mode, &config.socket.group)
+                                    .map(|()| l)?)
+                            })
+                            .and_then(|images| {
+                                let control = tokio::net::UnixListener::from_std(control);
+                                Ok((images, control.map_err(|e| listen(&control_path, e))?))
+                            });
+                        let (images, control) = match bound {
+                            Ok(listeners) => listeners,
+                            Err(error) => {
+                                let _ = ready.send(Err(error));
+                                return;
+                            }
+                        };
+                        let hand = Rc::new(Hand::new(config, shared, newest, commands, clock));
+                        tokio::task::spawn_local(subscribers::serve(images, hand.clone()));
+                        tokio::task::spawn_local(control::serve(control, hand.clone()));
+                        let _ = ready.send(Ok(()));
+                        tokio::select! {
+                            _ = stopped => {}
+                            _ = supervise::watch(hand) => {}
+                        }
+                    }));
+                })
+                .map_err(spawn)?
+        };
+        let daemon = Self {
+            shared,
+            tick: Some(tick),
+            sockets: Some(sockets),
+            stop_sockets: Some(stop_sockets),
+        };
+        is_ready.recv().unwrap_or_else(|_| {
+            let error = std::io::Error::other("it ended at once");
+            Err(StartError::System {
+                what: "start the socket thread",
+                error,
+            })
+        })?;
+        Ok(daemon)
+    }
+
+    /// Whether it still works: false once every recording has been played to its end, or a thread has died.
+    pub fn is_running(&self) -> bool {
+        !self.shared.finished.load(Ordering::Acquire)
+            && self.tick.as_ref().is_some_and(|t| !t.is_finished())
+            && self.sockets.as_ref().is_some_and(|s| !s.is_finished())
+    }
+
+    /// Stops the boards, lets every subscriber go, and removes the sockets.
+    ///
+    /// Returns an error where a thread panicked, which is a fault of the program.
+    pub fn stop(mut self) -> Result<(), &'static str> {
+        self.shut_down()
+    }
+
+    fn shut_down(&mut self) -> Result<(), &'static str> {
+        self.shared.stop.store(true, Ordering::Relaxed);
+        let _ = self.shared.wake.write(1);
+        let tick = self.tick.take().map(JoinHandle::join);
+        drop(self.stop_sockets.take());
+        let sockets = self.sockets.take().map(JoinHandle::join);
+        match (tick, sockets) {
+            (Some(Err(_)), _) => Err("the tick thread panicked"),
+            (_, Some(Err(_))) => Err("the socket thread panicked"),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Drop for Daemon {
+    fn drop(&mut self) {
+        let _ = self.shut_down();
+    }
+}
+
+/// Most joints a frame carries.
+const MAX_JOINTS: usize = 64;
+
+/// Bytes of the largest IMAGE and RAW payload of a hand and display.
+fn payload_lens(layout: &Layout, profile: &Profile) -> (usize, usize) {
+    let (levels, actuators) = (profile.levels.into(), profile.actuators.into());
+    let image = taxel_wire::image_payload_len(layout.width, layout.height, levels, actuators, MAX_JOINTS);
+    (image, taxel_wire::raw_payload_len(layout.len(), MAX_JOINTS))
+}
+
+/// Refuses a hand and display whose messages no subscriber's socket carries.
+fn check_message_size(layout: &Layout, profile: &Profile) -> Result<(), StartError> {
+    let (image, raw) = payload_lens(layout, profile);
+    let (bytes, max) = (taxel_wire::HEADER_LEN + image.max(raw), taxel_wire::MAX_MESSAGE);
+    if bytes <= max {
+        return Ok(());
+    }
+    Err(StartError::TooLarge {
+        layout: layout.name.clone(),
+        bytes,
+        max,
+    })
+}
+
+/// Recordings bring their own time, which starts at zero; anything else runs on the machine's.
+fn clock(sources: &[SourceAddress]) -> PipelineClock {
+    let recorded = sources.iter().all(|s| matches!(s, SourceAddress::Log { .. }));
+    PipelineClock {
+        offset_ns: if recorded { monotonic_ns() } else { 0 },
+        live: !recorded,
+    }
+}
+
+fn open_sources(config: &Config, start_ns: u64) -> Result<Vec<Box<dyn CanSource>>, StartError> {
+    let layout = &config.layout;
+    (config.sources.iter().zip(&layout.buses).enumerate())
+        .map(|(bus, (address, name))| {
+            let fail = |error| StartError::Source {
+                bus: name.clone(),
+                error,
+            };
+            let bus = bus as u8;
+            match address {
+                SourceAddress::Sim { scene } => {
+                    let options = SimOptions {
+                        start_ns,
+                        ..SimOptions::default()
+                    };
+                    Scene::resolve(scene)
+                        .and_then(|scene| SimSource::new(&scene, layout, bus, options))
+                        .map(|source| Box::new(source) as Box<dyn CanSource>)
+                        .map_err(|e| fail(e.into()))
+                }
+                address => {
+                    let options = SourceOptions {
+                        filters: Decoder::new(layout, bus).filters().to_vec(),
+                        receive_buffer: config.can.receive_buffer_kib as usize * 1024,
+                        playback: Playback {
+                            start_ns,
+                            ..Playback::default()
+                        },
+                    };
+                    taxel_can::open(address, &options).map_err(|e| fail(e.into()))
+                }
+            }
+        })
+        .collect()
+}

@@ -1,2 +1,96 @@
-//! The daemon.
-fn main() {}
+//! `taxeld`: from a robot hand's skin to tactile displays, in real time.
+
+use anyhow::Context;
+use clap::Parser;
+use nix::sys::signal::{SigSet, Signal};
+use sd_notify::NotifyState;
+use std::path::PathBuf;
+use std::time::Duration;
+use taxeld::{Config, Daemon};
+use tracing_subscriber::EnvFilter;
+
+/// Reads a robot hand's skin from CAN and gives tactile images to display drivers.
+///
+/// The configuration is one TOML file; docs/guide.md describes every key. Display drivers connect to the images
+/// socket (docs/wire.md); `taxel watch` shows what they are given. RUST_LOG=debug says more.
+#[derive(Parser)]
+#[command(version, after_help = "Example:\n  taxeld --config /etc/taxeld/taxeld.toml")]
+struct Arguments {
+    /// The configuration file.
+    #[arg(long, value_name = "FILE")]
+    config: PathBuf,
+    /// Only check the configuration file, and say what it would run.
+    #[arg(long)]
+    check: bool,
+}
+
+fn main() -> anyhow::Result<()> {
+    let arguments = Arguments::parse();
+    log_to_stderr();
+    let config = Config::load(&arguments.config)?;
+    if arguments.check {
+        let layout = &config.layout;
+        println!(
+            "{}: {} modules, {} taxels, {}x{} image",
+            layout.name,
+            layout.modules.len(),
+            layout.len(),
+            layout.width,
+            layout.height
+        );
+        for (bus, source) in layout.buses.iter().zip(&config.sources) {
+            println!("  {bus}: {source}");
+        }
+        return Ok(());
+    }
+
+    // Blocked before any thread starts, so that all of them inherit it and only this one takes the signals.
+    let mut signals = SigSet::empty();
+    for signal in [Signal::SIGTERM, Signal::SIGINT, Signal::SIGHUP] {
+        signals.add(signal);
+    }
+    signals.thread_block().context("cannot block signals")?;
+    let images = config.socket.images.clone();
+    let daemon = Daemon::start(config)?;
+    tracing::info!(images = %images.display(), "ready");
+    let _ = sd_notify::notify(&[NotifyState::Ready]);
+
+    let (sender, stop) = std::sync::mpsc::channel();
+    std::thread::spawn(move || {
+        while let Ok(signal) = signals.wait() {
+            if sender.send(signal).is_err() {
+                return;
+            }
+        }
+    });
+    while daemon.is_running() {
+        match stop.recv_timeout(Duration::from_millis(200)) {
+            Ok(Signal::SIGHUP) => {
+                tracing::warn!("SIGHUP: the configuration is read at the start only; restart to change it")
+            }
+            Ok(signal) => {
+                tracing::info!("{signal}: stopping");
+                break;
+            }
+            Err(_) => {}
+        }
+    }
+    let _ = sd_notify::notify(&[NotifyState::Stopping]);
+    daemon.stop().map_err(anyhow::Error::msg)
+}
+
+/// Plain lines under systemd, which stamps them itself; with times and colours in a terminal.
+fn log_to_stderr() {
+    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
+    let builder = tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .with_target(false);
+    if std::env::var_os("JOURNAL_STREAM").is_some() {
+        builder.without_time().with_ansi(false).init();
+    } else {
+        builder
+            .with_ansi(std::io::IsTerminal::is_terminal(&std::io::stderr()))
+            .init();
+    }
+}

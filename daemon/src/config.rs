@@ -1,0 +1,411 @@
+//! The daemon's one configuration file.
+
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+use taxel_can::SourceAddress;
+use taxel_compress::Profile;
+use taxel_skin::{BoardsConfig, ConditionConfig, Layout, SweepConfig};
+use toml::Spanned;
+
+/// Most buses one daemon reads.
+pub const MAX_BUSES: usize = 8;
+
+/// Everything the daemon needs to know, checked.
+#[derive(Debug, Clone)]
+pub struct Config {
+    /// The hand.
+    pub layout: Layout,
+    /// One source per bus of the layout, in its order.
+    pub sources: Vec<SourceAddress>,
+    /// When images are made.
+    pub tick: TickConfig,
+    /// How boards are started and watched.
+    pub boards: BoardsConfig,
+    /// How sweeps are assembled.
+    pub sweep: SweepConfig,
+    /// Baseline, contact threshold, faults and repair.
+    pub conditioning: ConditionConfig,
+    /// What the display can do.
+    pub profile: Profile,
+    /// Where subscribers connect.
+    pub socket: SocketConfig,
+    /// Scheduling of the tick thread.
+    pub realtime: RealtimeConfig,
+    /// How CAN interfaces are opened.
+    pub can: CanConfig,
+}
+
+/// When images are made.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TickConfig {
+    /// `timer`: at a fixed rate. `sweep`: as soon as every taxel of a sweep has arrived, or at its deadline.
+    pub mode: TickMode,
+    /// Images per second in `timer` mode, 1 to 1000 Hz.
+    pub rate_hz: f64,
+}
+
+/// When an image is made.
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum TickMode {
+    /// At a fixed rate.
+    #[default]
+    Timer,
+    /// As soon as the sweep is complete, or at its deadline.
+    Sweep,
+}
+
+/// Where subscribers connect, and who may.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SocketConfig {
+    /// Path of the socket that carries tactile images (`SOCK_SEQPACKET`).
+    pub images: PathBuf,
+    /// Path of the control socket (newline JSON).
+    pub control: PathBuf,
+    /// Permissions of both, octal.
+    pub mode: String,
+    /// Group that owns both; empty keeps the daemon's own.
+    pub group: String,
+    /// Most subscribers at once, 1 to 4096.
+    pub max_subscribers: u16,
+    /// A subscriber that takes nothing for this long is disconnected, 100 to 60,000 ms.
+    pub stall_ms: u32,
+}
+
+/// Scheduling of the tick thread. What the system refuses is reported once and done without.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RealtimeConfig {
+    /// `SCHED_FIFO` priority of the tick thread, 1 to 49; 0 for normal scheduling.
+    pub priority: u8,
+    /// Keep the daemon's memory from being paged out.
+    pub lock_memory: bool,
+}
+
+/// How CAN interfaces are opened.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct CanConfig {
+    /// Receive buffer asked of the kernel per bus, KiB, 64 to 65,536. Without `CAP_NET_ADMIN` the kernel caps it at
+    /// `net.core.rmem_max`.
+    pub receive_buffer_kib: u32,
+}
+
+impl Default for TickConfig {
+    fn default() -> Self {
+        Self {
+            mode: TickMode::Timer,
+            rate_hz: 30.0,
+        }
+    }
+}
+
+impl Default for SocketConfig {
+    fn default() -> Self {
+        Self {
+            images: default_directory().join("images.sock"),
+            control: default_directory().join("control.sock"),
+            mode: "0660".into(),
+            group: String::new(),
+            max_subscribers: 128,
+            stall_ms: 5000,
+        }
+    }
+}
+
+impl Default for RealtimeConfig {
+    fn default() -> Self {
+        Self {
+            priority: 10,
+            lock_memory: false,
+        }
+    }
+}
+
+impl Default for CanConfig {
+    fn default() -> Self {
+        Self {
+            receive_buffer_kib: 4096,
+        }
+    }
+}
+
+/// Where the daemon's sockets are unless the configuration says otherwise: `/run/taxeld` for root and for the
+/// service, which systemd gives that directory, else `taxeld` in the user's own runtime directory.
+pub fn default_directory() -> PathBuf {
+    let system = PathBuf::from("/run/taxeld");
+    if nix::unistd::geteuid().is_root() || system.is_dir() {
+        return system;
+    }
+    match std::env::var_os("XDG_RUNTIME_DIR") {
+        Some(dir) if !dir.is_empty() => PathBuf::from(dir).join("taxeld"),
+        _ => PathBuf::from(format!("/tmp/taxeld-{}", nix::unistd::getuid())),
+    }
+}
+
+/// Why a configuration was refused, with the place.
+#[derive(Debug, thiserror::Error)]
+pub enum ConfigError {
+    /// The file could not be read.
+    #[error("cannot read {path}: {error}")]
+    Read {
+        /// The file.
+        path: String,
+        /// What the system said.
+        error: std::io::Error,
+    },
+    /// Not TOML, an unknown key, or a value of the wrong type.
+    #[error("{file}:{line}: {message}")]
+    Syntax {
+        /// The file.
+        file: String,
+        /// Line, from 1.
+        line: usize,
+        /// What is wrong.
+        message: String,
+    },
+    /// A value that makes no sense.
+    #[error("{file}:{line}: {message}")]
+    Value {
+        /// The file.
+        file: String,
+        /// Line of the value or of its table, from 1.
+        line: usize,
+        /// What is wrong and what would be right.
+        message: String,
+    },
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FileConfig {
+    #[serde(default = "default_layout")]
+    layout: Spanned<String>,
+    #[serde(default)]
+    bus: Vec<Spanned<BusConfig>>,
+    tick: Option<Spanned<TickConfig>>,
+    boards: Option<Spanned<BoardsConfig>>,
+    sweep: Option<Spanned<SweepConfig>>,
+    conditioning: Option<Spanned<ConditionConfig>>,
+    profile: Option<Spanned<Profile>>,
+    socket: Option<Spanned<SocketConfig>>,
+    realtime: Option<Spanned<RealtimeConfig>>,
+    can: Option<Spanned<CanConfig>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct BusConfig {
+    source: Spanned<String>,
+}
+
+fn default_layout() -> Spanned<String> {
+    Spanned::new(0..0, "allegro-uskin-15".into())
+}
+
+impl Config {
+    /// A configuration with everything at its default, for this hand and these sources.
+    pub fn new(layout: Layout, sources: Vec<SourceAddress>) -> Self {
+        Self {
+            layout,
+            sources,
+            tick: TickConfig::default(),
+            boards: BoardsConfig::default(),
+            sweep: SweepConfig::default(),
+            conditioning: ConditionConfig::default(),
+            profile: Profile::default(),
+            socket: SocketConfig::default(),
+            realtime: RealtimeConfig::default(),
+            can: CanConfig::default(),
+        }
+    }
+
+    /// Reads and checks a configuration file. A layout file named in it is looked for beside it.
+    pub fn load(path: &Path) -> Result<Self, ConfigError> {
+        let text = std::fs::read_to_string(path).map_err(|error| ConfigError::Read {
+            path: path.display().to_string(),
+            error,
+        })?;
+        Self::parse(&text, path)
+    }
+
+    /// Checks the text of a configuration file; `path` is only for messages and for finding a layout file.
+    pub fn parse(text: &str, path: &Path) -> Result<Self, ConfigError> {
+        let file = path.display().to_string();
+        let line_at = |offset: usize| {
+            1 + text.as_bytes()[..offset.min(text.len())]
+                .iter()
+                .filter(|b| **b == b'\n')
+                .count()
+        };
+        let refuse = |offset: usize, message: String| ConfigError::Value {
+            file: file.clone(),
+            line: line_at(offset),
+            message,
+        };
+        let parsed: FileConfig = toml::from_str(text).map_err(|e| ConfigError::Syntax {
+            file: file.clone(),
+            line: line_at(e.span().map_or(0, |s| s.start)),
+            message: e.message().to_string(),
+        })?;
+
+        let layout = {
+            let name = parsed.layout.get_ref();
+            let beside = path.parent().unwrap_or(Path::new("")).join(name);
+            let found = if Layout::builtin(name).is_none() && beside.is_file() {
+                Layout::load(&beside)
+            } else {
+                Layout::resolve(name)
+            };
+            found.map_err(|e| refuse(parsed.layout.span().start, e.to_string()))?
+        };
+
+        let mut sources = Vec::new();
+        for bus in &parsed.bus {
+            let source = &bus.get_ref().source;
+            let address = source
+                .get_ref()
+                .parse::<SourceAddress>()
+                .map_err(|e| refuse(source.span().start, e.to_string()))?;
+            sources.push(address);
+        }
+        if sources.len() != layout.buses.len() {
+            let place = parsed.bus.last().map_or(text.len(), |b| b.span().start);
+            return Err(refuse(
+                place,
+                format!(
+                    "layout {} has {} buses ({}), so there must be as many [[bus]] tables with a source, not {}",
+                    layout.name,
+                    layout.buses.len(),
+                    layout.buses.join(", "),
+                    sources.len()
+                ),
+            ));
+        }
+        if sources.len() > MAX_BUSES {
+            return Err(refuse(
+                0,
+                format!(
+                    "{} buses are more than the {MAX_BUSES} a daemon reads",
+                    sources.len()
+                ),
+            ));
+        }
+
+        /// The table's value, or the default; then its check, with the table's line on failure.
+        macro_rules! section {
+            ($name:ident, $check:expr) => {{
+                let (offset, value) = match parsed.$name {
+                    Some(spanned) => (spanned.span().start, spanned.into_inner()),
+                    None => (0, Default::default()),
+                };
+                let check: Result<(), String> = $check(&value);
+                check.map_err(|message| refuse(offset, message))?;
+                value
+            }};
+        }
+        Ok(Self {
+            tick: section!(tick, TickConfig::check),
+            boards: section!(boards, |v: &BoardsConfig| v.check().map_err(|e| e.to_string())),
+            sweep: section!(sweep, |v: &SweepConfig| v.check().map_err(|e| e.to_string())),
+            conditioning: section!(conditioning, |v: &ConditionConfig| {
+                v.validate(layout.len()).map_err(|e| e.to_string())
+            }),
+            profile: section!(profile, |v: &Profile| v.check().map_err(|e| e.to_string())),
+            socket: section!(socket, SocketConfig::check),
+            realtime: section!(realtime, RealtimeConfig::check),
+            can: section!(can, CanConfig::check),
+            layout,
+            sources,
+        })
+    }
+}
+
+impl TickConfig {
+    fn check(&self) -> Result<(), String> {
+        if self.rate_hz.is_finite() && (1.0..=1000.0).contains(&self.rate_hz) {
+            Ok(())
+        } else {
+            Err(format!("tick.rate_hz = {} is outside 1 to 1000 Hz", self.rate_hz))
+        }
+    }
+
+    /// Time between two ticks in `timer` mode, nanoseconds.
+    pub fn period_ns(&self) -> u64 {
+        (1e9 / self.rate_hz).round() as u64
+    }
+}
+
+impl SocketConfig {
+    fn check(&self) -> Result<(), String> {
+        self.mode_bits()?;
+        if !(1..=4096).contains(&self.max_subscribers) {
+            return Err(format!(
+                "socket.max_subscribers = {} is outside 1 to 4096",
+                self.max_subscribers
+            ));
+        }
+        if !(100..=60_000).contains(&self.stall_ms) {
+            return Err(format!(
+                "socket.stall_ms = {} is outside 100 to 60,000",
+                self.stall_ms
+            ));
+        }
+        for path in [&self.images, &self.control] {
+            // sockaddr_un holds 108 bytes with the closing zero; the lock file's path is not bound by it.
+            let len = path.as_os_str().len();
+            if len == 0 || len > 107 {
+                return Err(format!(
+                    "socket path {} has {len} bytes; a Unix socket path has 1 to 107",
+                    path.display()
+                ));
+            }
+        }
+        if self.images == self.control {
+            return Err(format!(
+                "socket.images and socket.control are both {}",
+                self.images.display()
+            ));
+        }
+        Ok(())
+    }
+
+    /// Permissions as bits.
+    pub fn mode_bits(&self) -> Result<u32, String> {
+        match u32::from_str_radix(&self.mode, 8) {
+            Ok(mode) if mode <= 0o777 => Ok(mode),
+            _ => Err(format!(
+                "socket.mode = \"{}\" is not an octal mode such as \"0660\"",
+                self.mode
+            )),
+        }
+    }
+}
+
+impl RealtimeConfig {
+    fn check(&self) -> Result<(), String> {
+        if self.priority <= 49 {
+            Ok(())
+        } else {
+            Err(format!(
+                "realtime.priority = {} is outside 0 to 49; from 50 on the kernel's own threads run",
+                self.priority
+            ))
+        }
+    }
+}
+
+impl CanConfig {
+    fn check(&self) -> Result<(), String> {
+        if (64..=65_536).contains(&self.receive_buffer_kib) {
+            Ok(())
+        } else {
+            Err(format!(
+                "can.receive_buffer_kib = {} is outside 64 to 65,536",
+                self.receive_buffer_kib
+            ))
+        }
+    }
+}

@@ -1,0 +1,329 @@
+//! What the socket thread knows of the hand, and what can be asked of the tick thread.
+
+use crate::config::{Config, TickMode};
+use crate::hub::Newest;
+use crate::subscribers::Registry;
+use crate::tick::{Command, Shared};
+use hdrhistogram::Histogram;
+use serde_json::{Value, json};
+use std::cell::{Cell, RefCell};
+use std::rc::Rc;
+use std::sync::atomic::Ordering;
+use std::sync::{Arc, mpsc};
+use std::time::Instant;
+use taxel_compress::{Compressor, Profile};
+use taxel_skin::{BoardCounters, BoardState, Fault};
+use taxel_wire::{Clock, Event, Hello, HelloRate};
+use tokio::sync::{broadcast, watch};
+
+/// The hand as the socket thread sees it. Lives on that thread alone.
+pub(crate) struct Hand {
+    pub(crate) config: Config,
+    pub(crate) shared: Arc<Shared>,
+    pub(crate) newest: Newest,
+    pub(crate) subscribers: Registry,
+    /// The packets of the HELLO message; new ones when the profile changes.
+    pub(crate) hello: watch::Sender<Rc<[Vec<u8>]>>,
+    /// What subscribers are told beside images.
+    pub(crate) events: broadcast::Sender<Event>,
+    commands: mpsc::Sender<Command>,
+    profile: RefCell<Profile>,
+    clock_live: bool,
+    started: Instant,
+    rate: Cell<Rate>,
+}
+
+/// Images per second over the last second or so.
+#[derive(Debug, Clone, Copy)]
+struct Rate {
+    at: Instant,
+    images: u64,
+    hz: f64,
+}
+
+impl Hand {
+    pub(crate) fn new(
+        config: Config,
+        shared: Arc<Shared>,
+        newest: Newest,
+        commands: mpsc::Sender<Command>,
+        clock: crate::tick::PipelineClock,
+    ) -> Self {
+        let profile = config.profile.clone();
+        let subscribers = Registry::new(&config.socket);
+        let hand = Self {
+            shared,
+            newest,
+            subscribers,
+            hello: watch::channel(Rc::from([])).0,
+            events: broadcast::channel(16).0,
+            commands,
+            profile: RefCell::new(profile),
+            clock_live: clock.live,
+            started: Instant::now(),
+            rate: Cell::new(Rate {
+                at: Instant::now(),
+                images: 0,
+                hz: 0.0,
+            }),
+            config,
+        };
+        hand.renew_hello();
+        hand
+    }
+
+    /// Measures the baseline anew; the hand must not be touched meanwhile.
+    pub(crate) fn rezero(&self) -> Result<(), String> {
+        self.command(Command::Rezero)
+    }
+
+    /// Lets every display go, or takes up again.
+    pub(crate) fn pause(&self, paused: bool) -> Result<(), String> {
+        self.command(Command::Pause(paused))
+    }
+
+    /// The display profile in force.
+    pub(crate) fn profile(&self) -> Profile {
+        self.profile.borrow().clone()
+    }
+
+    /// Compresses for another display from the next tick on.
+    pub(crate) fn set_profile(&self, profile: Profile) -> Result<(), String> {
+        crate::check_message_size(&self.config.layout, &profile).map_err(|e| e.to_string())?;
+        let compressor = Compressor::new(profile.clone(), &self.config.layout).map_err(|e| e.to_string())?;
+        self.command(Command::Compressor(Box::new(compressor)))?;
+        *self.profile.borrow_mut() = profile;
+        self.renew_hello();
+        Ok(())
+    }
+
+    fn command(&self, command: Command) -> Result<(), String> {
+        self.commands
+            .send(command)
+            .map_err(|_| "the daemon is stopping".to_string())?;
+        let _ = self.shared.wake.write(1);
+        Ok(())
+    }
+
+    fn renew_hello(&self) {
+        let tick = &self.config.tick;
+        let rate = match tick.mode {
+            TickMode::Timer => HelloRate {
+                mode: "timer".into(),
+                hz: Some(tick.rate_hz),
+            },
+            TickMode::Sweep => HelloRate {
+                mode: "sweep".into(),
+                hz: None,
+            },
+        };
+        let clock = if self.clock_live {
+            Clock::Monotonic
+        } else {
+            Clock::Recording
+        };
+        let daemon = concat!("taxeld ", env!("CARGO_PKG_VERSION"));
+        let hello = Hello {
+            force_unit: if self.config.conditioning.magnitude.is_squared() {
+                "counts^2"
+            } else {
+                "counts"
+            }
+            .into(),
+            ..Hello::new(daemon, &self.config.layout, &self.profile.borrow(), rate, clock)
+        };
+        self.hello.send_replace(hello.to_packets(0, 0).into());
+    }
+
+    /// Everything there is to know, as JSON; the `status` reply of `docs/wire.md`.
+    pub(crate) fn status(&self) -> Value {
+        let snapshot = self
+            .shared
+            .snapshot
+            .lock()
+            .unwrap_or_else(|e| e.into_inner())
+            .clone();
+        let layout = &self.config.layout;
+        let buses: Vec<Value> = (layout.buses.iter().enumerate())
+            .zip(&self.config.sources)
+            .zip(&snapshot.buses)
+            .map(|(((index, name), source), bus)| {
+                let boards = (layout.modules.iter().zip(&snapshot.boards))
+                    .filter(|(module, _)| usize::from(module.bus) == index)
+                    .map(|(_, counters)| counters);
+                let sum = |count: fn(&BoardCounters) -> u64| boards.clone().map(count).sum::<u64>();
+                let errors = &bus.source.errors;
+                json!({
+                    "name": name,
+                    "source": source.to_string(),
+                    "link": bus.link.to_string(),
+                    "state": bus.source.bus_state.to_string(),
+                    "received": bus.source.received,
+                    "used": sum(|b| b.used),
+                    "unknown": bus.decoder.unknown,
+                    "not_data": bus.decoder.not_data,
+                    "commands": bus.decoder.commands,
+                    "malformed": sum(|b| b.malformed),
+                    "queue_overflows": sum(|b| b.queue_overflows),
+                    "duplicate": sum(|b| b.duplicate),
+                    "late": sum(|b| b.late),
+                    "settling": sum(|b| b.settling),
+                    "lost_in_kernel": bus.source.lost_in_kernel,
+                    "undecodable": bus.source.undecodable,
+                    "reopens": bus.source.reopens,
+                    "link_losses": bus.source.link_losses,
+                    "sent": bus.source.sent,
+                    "send_failures": bus.source.send_failures,
+                    "remote": bus.source.remote,
+                    "errors": {
+                        "frames": errors.frames,
+                        "tx_timeout": errors.tx_timeout,
+                        "lost_arbitration": errors.lost_arbitration,
+                        "controller": errors.controller,
+                        "controller_overflow": errors.controller_overflow,
+                        "protocol": errors.protocol,
+                        "transceiver": errors.transceiver,
+                        "no_acknowledge": errors.no_acknowledge,
+                        "bus_off": errors.bus_off,
+                        "bus_error": errors.bus_error,
+                        "restarted": errors.restarted,
+                    },
+                })
+            })
+            .collect();
+        let boards: Vec<Value> = (layout.modules.iter().zip(&snapshot.boards))
+            .map(|(module, b)| {
+                json!({
+                    "module": module.name,
+                    "bus": layout.buses[usize::from(module.bus)],
+                    "board": module.board,
+                    "state": b.state.name(),
+                    "used": b.used,
+                    "malformed": b.malformed,
+                    "queue_overflows": b.queue_overflows,
+                    "duplicate": b.duplicate,
+                    "late": b.late,
+                    "missed": b.missed,
+                    "settling": b.settling,
+                    "sweeps": b.sweeps,
+                    "status_errors": b.status_errors,
+                    "restarts": b.restarts,
+                    "silent_ms": b.last_ns.map(|last| snapshot.now_ns.saturating_sub(last) / 1_000_000),
+                })
+            })
+            .collect();
+        let faults: Vec<Value> = (snapshot.faults.iter().enumerate())
+            .filter(|(_, faults)| !faults.is_empty())
+            .map(|(taxel, faults)| {
+                let module = layout.module_of(taxel);
+                json!({
+                    "taxel": taxel,
+                    "module": module.name,
+                    "k": layout.taxels[taxel].k,
+                    "reasons": faults.iter().map(Fault::name).collect::<Vec<_>>(),
+                })
+            })
+            .collect();
+        json!({
+            "version": env!("CARGO_PKG_VERSION"),
+            "uptime_s": self.started.elapsed().as_secs_f64(),
+            "layout": layout.name,
+            "tick": { "mode": self.config.tick.mode, "rate_hz": self.config.tick.rate_hz },
+            "images": {
+                "made": snapshot.images,
+                "rate_hz": self.rate_hz(snapshot.images),
+                "overruns": snapshot.overruns,
+                "unpublished": snapshot.unpublished,
+                "latency_us": quantiles(&snapshot.latency_ns),
+                "lateness_us": quantiles(&snapshot.lateness_ns),
+            },
+            "paused": snapshot.paused,
+            "calibrating": snapshot.calibrating,
+            "threshold": snapshot.threshold,
+            "contacts": snapshot.contacts,
+            "missing": snapshot.missing,
+            "faulty": snapshot.faulty,
+            "profile": *self.profile.borrow(),
+            "buses": buses,
+            "boards": boards,
+            "faults": faults,
+            "subscribers": self.subscribers.status(),
+        })
+    }
+
+    /// One line for `systemctl status` and the log.
+    pub(crate) fn summary(&self) -> String {
+        let (images, overruns, missing, faulty, calibrating, p99, links, boards, lost) = {
+            let s = self.shared.snapshot.lock().unwrap_or_else(|e| e.into_inner());
+            let links: Vec<String> = (self.config.layout.buses.iter().zip(&s.buses))
+                .map(|(name, bus)| match bus.link {
+                    taxel_can::LinkState::Up => format!("{name} up {}", bus.source.bus_state),
+                    link => format!("{name} {link}"),
+                })
+                .collect();
+            let alive = s.boards.iter().filter(|b| b.state == BoardState::Living).count();
+            let lost: u64 = s.buses.iter().map(|b| b.source.lost_in_kernel).sum();
+            let p99 = s.lateness_ns.value_at_quantile(0.99);
+            (
+                s.images,
+                s.overruns,
+                s.missing,
+                s.faulty,
+                s.calibrating,
+                p99,
+                links,
+                alive,
+                lost,
+            )
+        };
+        let rate = self.rate_hz(images);
+        let mode = if self.config.tick.mode == TickMode::Sweep {
+            "sweep"
+        } else {
+            "timer"
+        };
+        format!(
+            "{rate:.1} Hz ({mode}), tick p99 {:.2} ms, {overruns} overruns, {}, {lost} lost, {boards}/{} boards, \
+             {missing} missing, {faulty} faulty, {} subscribers{}",
+            p99 as f64 / 1e6,
+            links.join(", "),
+            self.config.layout.modules.len(),
+            self.subscribers.len(),
+            if calibrating {
+                ", calibrating: do not touch the hand"
+            } else {
+                ""
+            },
+        )
+    }
+
+    fn rate_hz(&self, images: u64) -> f64 {
+        let rate = self.rate.get();
+        let seconds = rate.at.elapsed().as_secs_f64();
+        if seconds < 0.5 {
+            return rate.hz;
+        }
+        let hz = images.saturating_sub(rate.images) as f64 / seconds;
+        self.rate.set(Rate {
+            at: Instant::now(),
+            images,
+            hz,
+        });
+        hz
+    }
+
+    /// Sign of life of the tick thread.
+    pub(crate) fn heartbeat(&self) -> u64 {
+        self.shared.heartbeat.load(Ordering::Relaxed)
+    }
+}
+
+fn quantiles(histogram: &Histogram<u64>) -> Value {
+    let us = |ns: u64| ns as f64 / 1000.0;
+    json!({
+        "p50": us(histogram.value_at_quantile(0.5)),
+        "p99": us(histogram.value_at_quantile(0.99)),
+        "p999": us(histogram.value_at_quantile(0.999)),
+        "max": us(histogram.max()),
+    })
+}

@@ -1,0 +1,28 @@
+//! Scheduling of the tick thread: the two calls that `nix` does not offer.
+
+#![allow(unsafe_code)]
+
+use std::io;
+
+/// Puts the calling thread under `SCHED_FIFO` at `priority` (1 to 99). Needs `LimitRTPRIO` or `CAP_SYS_NICE`.
+pub(crate) fn set_fifo(priority: u8) -> io::Result<()> {
+    let param = nix::libc::sched_param {
+        sched_priority: priority.into(),
+    };
+    // SAFETY: `param` lives across the call, and pid 0 names the calling thread.
+    match unsafe { nix::libc::sched_setscheduler(0, nix::libc::SCHED_FIFO, &param) } {
+        0 => Ok(()),
+        _ => Err(io::Error::last_os_error()),
+    }
+}
+
+/// Keeps every page that is in use, now and later, from being paged out, without reading in the rest.
+/// Needs `LimitMEMLOCK=infinity`.
+pub(crate) fn lock_memory() -> io::Result<()> {
+    let flags = nix::libc::MCL_CURRENT | nix::libc::MCL_FUTURE | nix::libc::MCL_ONFAULT;
+    // SAFETY: mlockall takes no pointer and changes only the paging of this process.
+    match unsafe { nix::libc::mlockall(flags) } {
+        0 => Ok(()),
+        _ => Err(io::Error::last_os_error()),
+    }
+}

@@ -1,0 +1,323 @@
+//! The tick thread: waits for the buses and the clock, drives the pipeline, and hands images over.
+//!
+//! It is the only thread that touches a bus. It never waits for another thread, never allocates after its start,
+//! and never logs; what it has to say goes into the shared [`Snapshot`].
+
+use crate::hub::Publisher;
+use crate::pipeline::{Outputs, Pipeline};
+use crate::snapshot::Snapshot;
+use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+use nix::sys::eventfd::EventFd;
+use nix::sys::time::TimeSpec;
+use nix::sys::timerfd::{ClockId, Expiration, TimerFd, TimerFlags, TimerSetTimeFlags};
+use std::os::fd::{AsFd, BorrowedFd};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, mpsc};
+use std::time::Duration;
+use taxel_can::{CanSource, LinkState, Received, monotonic_ns};
+use taxel_compress::Compressor;
+use taxel_skin::{BoardCounters, BoardSupervisor};
+
+/// Frames taken from a bus at once.
+const BATCH: usize = 1024;
+/// The thread wakes at least this often, to show that it lives and to keep the status fresh.
+const HEARTBEAT_NS: u64 = 100_000_000;
+/// After a bus was drained it is left alone for this long, so that frames come in handfuls and not one wake-up each.
+/// At 9,000 frames/s a bus collects 1 frame in the shorter time, 18 in the longer, of the 278 that the kernel's
+/// smallest queue holds.
+const GATHER_SWEEP_NS: u64 = 100_000;
+const GATHER_TIMER_NS: u64 = 2_000_000;
+
+/// What other threads ask of the tick thread.
+pub(crate) enum Command {
+    /// Measure the baseline anew.
+    Rezero,
+    /// Make images without contacts, or go on.
+    Pause(bool),
+    /// Compress for another display from now on.
+    Compressor(Box<Compressor>),
+}
+
+/// What the tick thread shares with the others.
+#[derive(Debug)]
+pub(crate) struct Shared {
+    pub(crate) stop: AtomicBool,
+    /// Grows with every round of the thread; the watchdog looks at it.
+    pub(crate) heartbeat: AtomicU64,
+    /// Set when every recording has been played to its end.
+    pub(crate) finished: AtomicBool,
+    pub(crate) snapshot: Mutex<Snapshot>,
+    pub(crate) wake: EventFd,
+}
+
+/// The pipeline's time: `CLOCK_MONOTONIC` for live buses, time since the start for recordings and scenes.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct PipelineClock {
+    /// `CLOCK_MONOTONIC` minus pipeline time, nanoseconds.
+    pub(crate) offset_ns: u64,
+    /// Whether images that come too late may be given up; never so when a recording sets the time.
+    pub(crate) live: bool,
+}
+
+impl PipelineClock {
+    fn now_ns(&self) -> u64 {
+        monotonic_ns().saturating_sub(self.offset_ns)
+    }
+}
+
+pub(crate) struct TickThread {
+    pub(crate) sources: Vec<Box<dyn CanSource>>,
+    pub(crate) pipeline: Pipeline,
+    pub(crate) boards: BoardSupervisor,
+    /// State of each bus's link when it was last looked at.
+    pub(crate) links: Vec<LinkState>,
+    pub(crate) publisher: Publisher,
+    pub(crate) clock: PipelineClock,
+    pub(crate) commands: mpsc::Receiver<Command>,
+    pub(crate) shared: Arc<Shared>,
+    pub(crate) timer: TimerFd,
+    /// How long a drained bus is left alone, nanoseconds.
+    pub(crate) gather_ns: u64,
+}
+
+/// The timer the thread waits with.
+pub(crate) fn timer() -> nix::Result<TimerFd> {
+    TimerFd::new(
+        ClockId::CLOCK_MONOTONIC,
+        TimerFlags::TFD_NONBLOCK | TimerFlags::TFD_CLOEXEC,
+    )
+}
+
+/// How long a drained bus is left alone in this mode.
+pub(crate) fn gather_ns(tick: &crate::config::TickConfig) -> u64 {
+    match tick.mode {
+        crate::config::TickMode::Sweep => GATHER_SWEEP_NS,
+        crate::config::TickMode::Timer => GATHER_TIMER_NS.min(tick.period_ns() / 2),
+    }
+}
+
+/// Frames taken from one bus and not yet given to the pipeline.
+struct Batch {
+    frames: Vec<Received>,
+    next: usize,
+}
+
+impl TickThread {
+    /// Runs until asked to stop, or until every recording has ended. Boards that were started are stopped.
+    pub(crate) fn run(mut self) {
+        // The kernel may otherwise round every wake-up up by 50 microseconds.
+        let _ = nix::sys::prctl::set_timerslack(1);
+        let mut batches: Vec<Batch> = (self.sources.iter())
+            .map(|_| Batch {
+                frames: Vec::with_capacity(BATCH),
+                next: 0,
+            })
+            .collect();
+        let mut overruns = 0;
+        let mut quiet_until_ns = 0;
+        let mut snapshot_due_ns = 0;
+
+        while !self.shared.stop.load(Ordering::Relaxed) {
+            self.shared.heartbeat.fetch_add(1, Ordering::Relaxed);
+            self.wait(quiet_until_ns);
+            self.obey();
+
+            let now_ns = self.clock.now_ns();
+            let mut more = false;
+            if now_ns >= quiet_until_ns || self.pipeline.due_ns().is_some_and(|due| due <= now_ns) {
+                for (source, batch) in self.sources.iter_mut().zip(&mut batches) {
+                    batch.frames.clear();
+                    batch.next = 0;
+                    more |= source.receive(now_ns, &mut batch.frames);
+                }
+                quiet_until_ns = if more { 0 } else { now_ns + self.gather_ns };
+            }
+            let finished = !more && self.sources.iter().all(|s| s.is_finished());
+
+            if self.clock.live {
+                overruns += self.pipeline.skip_overdue(now_ns);
+            }
+            let newest_ns = batches
+                .iter()
+                .filter_map(|b| b.frames.last())
+                .map(|r| r.t_ns)
+                .max();
+            let Self {
+                pipeline,
+                publisher,
+                clock,
+                shared,
+                ..
+            } = &mut self;
+            let mut emit = |outputs: &Outputs| {
+                publisher.publish(outputs);
+                record_times(shared, outputs, clock.now_ns());
+            };
+            while let Some((bus, received)) = next_in_time(&mut batches) {
+                pipeline.push(bus, &received, &mut emit);
+            }
+            if !more {
+                // A recording ends with its last frame, so that it gives the same images however late its end is seen.
+                let until_ns = if finished { newest_ns.unwrap_or(0) } else { now_ns };
+                pipeline.advance(until_ns, &mut emit);
+            }
+
+            self.command_boards(now_ns);
+            if now_ns >= snapshot_due_ns {
+                snapshot_due_ns = now_ns + HEARTBEAT_NS / 2;
+                self.update_snapshot(now_ns, overruns);
+            }
+            if finished {
+                self.update_snapshot(now_ns, overruns);
+                self.shared.finished.store(true, Ordering::Release);
+                break;
+            }
+        }
+        self.stop_boards();
+    }
+
+    /// Waits for the next thing to do: a frame, a tick, a command to a board, or another thread.
+    fn wait(&self, quiet_until_ns: u64) {
+        let now_ns = self.clock.now_ns();
+        let mut until_ns = now_ns + HEARTBEAT_NS;
+        let mut sooner = |at_ns: Option<u64>| until_ns = at_ns.map_or(until_ns, |at| until_ns.min(at));
+        sooner(self.pipeline.due_ns());
+        sooner(self.boards.next_at_ns());
+        let quiet = quiet_until_ns > now_ns;
+        if quiet {
+            sooner(Some(quiet_until_ns));
+        }
+
+        let mut fds: [Option<BorrowedFd<'_>>; 2 + crate::config::MAX_BUSES] = Default::default();
+        fds[0] = Some(self.timer.as_fd());
+        fds[1] = Some(self.shared.wake.as_fd());
+        for (slot, source) in fds[2..].iter_mut().zip(&self.sources) {
+            let wakeup = source.wakeup();
+            if quiet {
+                sooner(wakeup.at_ns.map(|at| at.max(quiet_until_ns)));
+            } else {
+                sooner(wakeup.at_ns);
+                *slot = wakeup.fd;
+            }
+        }
+        if until_ns <= now_ns {
+            return;
+        }
+        let until = Duration::from_nanos(until_ns + self.clock.offset_ns);
+        let expiration = Expiration::OneShot(TimeSpec::from_duration(until));
+        if self
+            .timer
+            .set(expiration, TimerSetTimeFlags::TFD_TIMER_ABSTIME)
+            .is_err()
+        {
+            return;
+        }
+        // POLLERR is always reported, asked for or not: that is how a vanished CAN interface shows itself.
+        let mut polled = fds.map(|fd| PollFd::new(fd.unwrap_or(self.timer.as_fd()), PollFlags::POLLIN));
+        let _ = poll(&mut polled, PollTimeout::NONE);
+    }
+
+    fn obey(&mut self) {
+        let _ = self.shared.wake.read();
+        while let Ok(command) = self.commands.try_recv() {
+            match command {
+                Command::Rezero => self.pipeline.rezero(),
+                Command::Pause(paused) => self.pipeline.set_paused(paused),
+                Command::Compressor(compressor) => drop(self.pipeline.replace_compressor(*compressor)),
+            }
+        }
+    }
+
+    fn command_boards(&mut self, now_ns: u64) {
+        let Self {
+            boards,
+            sources,
+            pipeline,
+            links,
+            ..
+        } = self;
+        for (bus, (source, before)) in sources.iter().zip(links).enumerate() {
+            let link = source.link();
+            if link == LinkState::Up && *before != LinkState::Up {
+                boards.bus_restored(bus as u8, now_ns);
+            }
+            *before = link;
+        }
+        while let Some(command) = boards.poll(now_ns, |board| pipeline.sweep().last_heard_ns(board)) {
+            if sources[usize::from(command.bus)].send(&command.frame()).is_err() {
+                boards.not_sent(&command, now_ns);
+            }
+        }
+    }
+
+    /// Leaves the boards as they were found: silent. Bounded in time, since a bus may be gone.
+    fn stop_boards(&mut self) {
+        let deadline_ns = self.clock.now_ns() + 500_000_000;
+        self.boards.stop();
+        loop {
+            let now_ns = self.clock.now_ns();
+            self.command_boards(now_ns);
+            match self.boards.next_at_ns() {
+                Some(at_ns) if at_ns < deadline_ns => {
+                    std::thread::sleep(Duration::from_nanos(at_ns.saturating_sub(now_ns)));
+                }
+                _ => return,
+            }
+        }
+    }
+
+    fn update_snapshot(&mut self, now_ns: u64, overruns: u64) {
+        let Ok(mut snapshot) = self.shared.snapshot.try_lock() else {
+            return;
+        };
+        let pipeline = &self.pipeline;
+        let outputs = pipeline.outputs();
+        snapshot.now_ns = now_ns;
+        snapshot.overruns = overruns;
+        snapshot.unpublished = self.publisher.unpublished();
+        for ((bus, source), decoder) in snapshot
+            .buses
+            .iter_mut()
+            .zip(&self.sources)
+            .zip(pipeline.decoders())
+        {
+            bus.source = *source.counters();
+            bus.link = source.link();
+            bus.decoder = *decoder.counters();
+        }
+        for (module, board) in snapshot.boards.iter_mut().enumerate() {
+            let (sweep, decoders) = (pipeline.sweep(), pipeline.decoders());
+            *board = BoardCounters::gather(module as u16, sweep, decoders, Some(&self.boards));
+        }
+        snapshot.faults.copy_from_slice(&outputs.force.faults);
+        snapshot.threshold = outputs.force.threshold;
+        snapshot.calibrating = outputs.force.calibrating;
+        snapshot.contacts = outputs.image.contacts;
+        snapshot.missing = outputs.image.missing;
+        snapshot.faulty = outputs.image.faulty;
+        snapshot.paused = pipeline.is_paused();
+    }
+}
+
+/// Notes how long an image took. A status report being written at this moment loses one sample of many.
+fn record_times(shared: &Shared, outputs: &Outputs, now_ns: u64) {
+    if let Ok(mut snapshot) = shared.snapshot.try_lock() {
+        snapshot.images = outputs.image.seq + 1;
+        snapshot
+            .latency_ns
+            .saturating_record(now_ns.saturating_sub(outputs.image.t_ns).max(1));
+        snapshot
+            .lateness_ns
+            .saturating_record(now_ns.saturating_sub(outputs.due_ns).max(1));
+    }
+}
+
+/// The oldest frame of all buses that was not yet taken.
+fn next_in_time(batches: &mut [Batch]) -> Option<(u8, Received)> {
+    let (bus, batch) = (batches.iter_mut().enumerate())
+        .filter(|(_, b)| b.next < b.frames.len())
+        .min_by_key(|(_, b)| b.frames[b.next].t_ns)?;
+    let received = batch.frames[batch.next];
+    batch.next += 1;
+    Some((bus as u8, received))
+}

@@ -1,0 +1,103 @@
+//! After its start the tick thread allocates nothing: not per frame, not per tick, not per reader.
+
+#![allow(unsafe_code)]
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+use taxel_wire::{Received, Subscribe, Subscriber};
+use taxeld::{Config, Daemon, config::TickMode};
+
+/// Allocations per thread, by the lower bits of its id.
+static ALLOCATIONS: [AtomicU64; 1 << 16] = [const { AtomicU64::new(0) }; 1 << 16];
+
+struct Counting;
+
+fn count() {
+    let thread = nix::unistd::gettid().as_raw() as usize;
+    ALLOCATIONS[thread % ALLOCATIONS.len()].fetch_add(1, Ordering::Relaxed);
+}
+
+// SAFETY: every call is handed on to the system's allocator unchanged; counting neither allocates nor panics.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count();
+        // SAFETY: the caller's promises are passed on.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        // Giving memory back can take as long as asking for it.
+        count();
+        // SAFETY: the caller's promises are passed on.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        count();
+        // SAFETY: the caller's promises are passed on.
+        unsafe { System.realloc(pointer, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+fn tick_thread() -> usize {
+    for task in std::fs::read_dir("/proc/self/task").unwrap() {
+        let task = task.unwrap().path();
+        if std::fs::read_to_string(task.join("comm")).unwrap().trim() == "tick" {
+            return task.file_name().unwrap().to_str().unwrap().parse().unwrap();
+        }
+    }
+    panic!("the daemon has no thread named tick");
+}
+
+/// Waits until the subscriber has seen `images` images.
+fn watch(subscriber: &mut Subscriber, images: u64) {
+    let deadline = Instant::now() + Duration::from_secs(30);
+    let mut seen = 0;
+    while seen < images {
+        assert!(
+            Instant::now() < deadline,
+            "only {seen} of {images} images in 30 s"
+        );
+        if let Some(Received::Image(..)) = subscriber.next_timeout(Duration::from_secs(1)).unwrap() {
+            seen += 1;
+        }
+    }
+}
+
+fn allocations_per_run(mode: TickMode, rate_hz: f64) -> u64 {
+    let folder = tempfile::tempdir().unwrap();
+    let layout = taxel_skin::Layout::builtin("allegro-uskin-15").unwrap();
+    let source = "sim:worst-case".parse().unwrap();
+    let mut config = Config::new(layout, vec![source, "sim:worst-case".parse().unwrap()]);
+    config.tick.mode = mode;
+    config.tick.rate_hz = rate_hz;
+    config.socket.images = folder.path().join("images.sock");
+    config.socket.control = folder.path().join("control.sock");
+    let daemon = Daemon::start(config.clone()).unwrap();
+    let mut subscriber = Subscriber::connect(&config.socket.images).unwrap();
+    subscriber
+        .subscribe(&Subscribe {
+            raw: true,
+            ..Subscribe::default()
+        })
+        .unwrap();
+    // Past the calibration window, and every buffer has grown to its size.
+    watch(&mut subscriber, (3.0 * rate_hz) as u64);
+
+    let counter = &ALLOCATIONS[tick_thread() % ALLOCATIONS.len()];
+    let before = counter.load(Ordering::Relaxed);
+    watch(&mut subscriber, (3.0 * rate_hz) as u64);
+    let allocated = counter.load(Ordering::Relaxed) - before;
+    daemon.stop().unwrap();
+    allocated
+}
+
+#[test]
+fn the_tick_thread_allocates_nothing() {
+    assert_eq!(allocations_per_run(TickMode::Timer, 100.0), 0, "timer mode");
+    assert_eq!(allocations_per_run(TickMode::Sweep, 30.0), 0, "sweep mode");
+}
