@@ -129,8 +129,8 @@ impl Search {
 /// How many rows a pass treats together: short clusters are scanned row by row, long ones by halving.
 fn block_of(points: usize, clusters: usize) -> usize {
     match points / clusters {
-        0..64 => 1,
-        64..512 => 16,
+        0..12 => 1,
+        12..512 => 8,
         _ => 32,
     }
 }
