@@ -58,7 +58,7 @@ pub(crate) struct Args {
     /// Candump only: an interface of the log and the bus of the layout that it is, such as vcan0=can0
     #[arg(long, value_name = "NAME=BUS", value_parser = pair)]
     interface: Vec<(String, String)>,
-    /// Writes the force levels of the whole recording here, to be kept constant as [profile] codebook
+    /// Writes the force levels of the whole recording here, to be kept constant as profile.codebook
     #[arg(long, value_name = "FILE")]
     learn_codebook: Option<PathBuf>,
 }

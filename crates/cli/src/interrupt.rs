@@ -1,6 +1,6 @@
 //! Ctrl-C as a question that loops ask.
 
-use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -8,15 +8,15 @@ use std::time::{Duration, Instant};
 /// The longest sleep between two looks at the flag.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// Whether the user asked to stop. The first Ctrl-C (or SIGTERM) sets it, the second ends the process.
+/// Whether the user asked to stop. The first Ctrl-C (or SIGTERM, or SIGHUP) sets it, the second ends the process.
 #[derive(Debug, Clone)]
 pub(crate) struct Interrupt(Arc<AtomicBool>);
 
 impl Interrupt {
-    /// Takes over SIGINT and SIGTERM.
+    /// Takes over SIGINT, SIGTERM, and SIGHUP, which a closed terminal sends.
     pub(crate) fn install() -> std::io::Result<Self> {
         let flag = Arc::new(AtomicBool::new(false));
-        for signal in [SIGINT, SIGTERM] {
+        for signal in [SIGINT, SIGTERM, SIGHUP] {
             // In this order: the second signal finds the flag that the first has set.
             signal_hook::flag::register_conditional_shutdown(signal, 128 + signal, flag.clone())?;
             signal_hook::flag::register(signal, flag.clone())?;

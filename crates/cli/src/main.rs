@@ -20,7 +20,7 @@ use std::process::ExitCode;
 
 /// Tactile images from robot skin: watch a running daemon, replay recordings, simulate a hand, compress offline.
 #[derive(Debug, Parser)]
-#[command(name = "taxel", version, after_help = EXAMPLES)]
+#[command(name = "taxel", version, after_help = EXAMPLES, max_term_width = 110)]
 struct Cli {
     #[command(subcommand)]
     command: Command,

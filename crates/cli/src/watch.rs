@@ -12,12 +12,15 @@ use taxel_wire::{Clock, Header, Hello, Received, Subscribe, Subscriber};
 /// In words: number, time, latency from the newest reading to here, taxels in contact, actuators that press, the
 /// strongest force, and what is missing, faulty or was skipped because this reader was slow. What the daemon
 /// tells people (calibrating, paused) goes to stderr.
-///
-/// With --json each line is one object: {"seq","t_ns","latency_us","width","height","image":[H*W of 0..255],
-/// "levels":[forces],"actuators":[{"id","x","y","level","force"}],"contacts","faulty","missing","joints":[rad]};
-/// latency_us is null when the daemon plays a recording.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
+With --json each line is one object:
+  {\"seq\",\"t_ns\",\"latency_us\",\"width\",\"height\",\"image\":[H*W of 0..255],\"levels\":[forces],
+   \"actuators\":[{\"id\",\"x\",\"y\",\"level\",\"force\"}],\"contacts\",\"faulty\",\"missing\",\"joints\":[rad]}
+latency_us is null when the daemon plays a recording. With --raw as well:
+  {\"seq\",\"t_ns\",\"latency_us\",\"threshold\",\"taxels\":[{\"counts\":[x,y,z],\"force\",\"contact\",\"repaired\",
+   \"age_us\",\"status\",\"faults\":[names]}],\"joints\":[rad]}
+
 Examples:
   taxel watch --count 10
   taxel watch --json | jq .contacts

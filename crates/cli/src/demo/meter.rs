@@ -12,6 +12,8 @@ use taxel_wire::{Event, EventKind, Flags, Header, Hello, ImageView, RawView, Wir
 const RATE_WINDOW_NS: u64 = 1_000_000_000;
 /// The brightest colour stands for the greatest force of late; it halves in this time without one.
 const SCALE_HALVES_NS: f64 = 10e9;
+/// The latencies shown are those of so many images; the summary's are those of all.
+const RECENT_IMAGES: usize = 500;
 /// Bits of one taxel's raw counts: three axes of 16.
 const RAW_TAXEL_BITS: f64 = 48.0;
 
@@ -24,6 +26,7 @@ pub(super) struct Meter {
     layout: Layout,
     hello: Option<Hello>,
     latency_ns: Histogram<u64>,
+    recent_latency_ns: VecDeque<u64>,
     arrivals_ns: VecDeque<u64>,
     first_ns: u64,
     last_ns: u64,
@@ -111,6 +114,7 @@ impl Meter {
             layout: session.layout.clone(),
             hello: None,
             latency_ns: Histogram::new_with_bounds(1, 10_000_000_000, 2).expect("bounds of a histogram"),
+            recent_latency_ns: VecDeque::with_capacity(RECENT_IMAGES),
             arrivals_ns: VecDeque::new(),
             first_ns: 0,
             last_ns: 0,
@@ -227,7 +231,14 @@ impl Meter {
         let rate_hz = self.rate_hz(now_ns);
         let (raw_bits, image_bits) = self.bits_per_frame();
         let scene_at_s = self.newest.t_ns.saturating_sub(self.scene_began_ns) as f64 / 1e9;
-        let quantile_ms = |q: f64| self.latency_ns.value_at_quantile(q) as f64 / 1e6;
+        let mut latency_ns: Vec<u64> = self.recent_latency_ns.iter().copied().collect();
+        latency_ns.sort_unstable();
+        let quantile_ms = |q: f64| {
+            let place = (latency_ns.len() as f64 * q) as usize;
+            latency_ns
+                .get(place.min(latency_ns.len().saturating_sub(1)))
+                .map_or(0.0, |ns| *ns as f64 / 1e6)
+        };
         let hello = self.hello.as_ref();
         Picture {
             layout: self.layout.clone(),
