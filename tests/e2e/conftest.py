@@ -1,13 +1,6 @@
-import itertools
-import shutil
-import tempfile
-from pathlib import Path
-
 import pytest
 from harness.bus import MulticastBuses
-from harness.daemon import Daemon, binary
-from harness.hand import Hand
-from harness.lockstep import TABLES, Lockstep
+from harness.daemon import binary
 
 
 def pytest_configure():
@@ -15,61 +8,7 @@ def pytest_configure():
         pytest.exit(f"{binary('taxeld')} is not built: cargo build --workspace --bins", returncode=3)
 
 
-@pytest.fixture(scope="session")
-def hand():
-    return Hand()
-
-
-@pytest.fixture
-def folder():
-    """A folder with a path short enough for Unix sockets (107 bytes)."""
-    path = Path(tempfile.mkdtemp(prefix="taxel-"))
-    yield path
-    shutil.rmtree(path, ignore_errors=True)
-
-
 @pytest.fixture
 def buses(hand):
     with MulticastBuses(len(hand.buses)) as buses:
         yield buses
-
-
-@pytest.fixture
-def start(folder, buses):
-    """Starts daemons on the multicast buses; all of them are gone after the test."""
-    started = []
-    numbers = itertools.count()
-
-    def start(sources=None, **tables):
-        tables = {**TABLES, **tables}
-        daemon = Daemon(folder / f"d{next(numbers)}", sources or buses.sources, **tables)
-        started.append(daemon)
-        return daemon.__enter__()
-
-    yield start
-    for daemon in started:
-        daemon.kill()
-
-
-@pytest.fixture
-def lockstep(buses, hand):
-    """Drives a daemon sweep by sweep."""
-    opened = []
-
-    def lockstep(daemon):
-        opened.append(Lockstep(daemon, buses, hand))
-        return opened[-1]
-
-    yield lockstep
-    for one in opened:
-        one.reader.close()
-
-
-@pytest.hookimpl(hookwrapper=True)
-def pytest_runtest_makereport(item, call):
-    """A failed test shows the logs of its daemons."""
-    report = (yield).get_result()
-    folder = item.funcargs.get("folder") if hasattr(item, "funcargs") else None
-    if report.failed and folder:
-        for log in sorted(Path(folder).glob("*/taxeld.log")):
-            report.sections.append((f"log of {log.parent.name}", log.read_text(errors="replace")[-8000:]))

@@ -13,10 +13,10 @@ class Reference:
         self.profile = profile
         self.conditioner = Conditioner()
 
-    def image(self, counts):
-        force, contact, faulty = self.conditioner.feed(counts)
-        none = np.zeros(len(self.hand), dtype=bool)
-        return compress(force, contact, faulty, none, self.hand.xy, self.hand.shape, self.profile)
+    def image(self, counts, missing=None):
+        missing = np.zeros(len(self.hand), dtype=bool) if missing is None else missing
+        force, self.contact, faulty = self.conditioner.feed(counts, missing)
+        return compress(force, self.contact, faulty, missing, self.hand.xy, self.hand.shape, self.profile)
 
 
 def assert_same(image, expected, where):

@@ -36,19 +36,26 @@ def faulty_sensors(counts, present=None):
 
 
 class Conditioner:
-    """Frames in, (force, contact, faulty) out; the first two frames calibrate it."""
+    """Frames in, (force, contact, faulty) out; the first two frames calibrate it.
+
+    A missing taxel has no force and no contact in that frame. Calibration frames have to be complete.
+    """
 
     def __init__(self):
         self.frames = 0
 
-    def feed(self, counts):
+    def feed(self, counts, missing=None):
+        missing = np.zeros(len(counts), dtype=bool) if missing is None else missing
         magnitude = squared_magnitude(counts)
         if self.frames == 0:
             self.faulty = faulty_sensors(counts)
             self.baseline = magnitude
-        force = np.abs(magnitude - self.baseline).astype(np.float64)  # (1)
+        force = np.where(missing, 0.0, np.abs(magnitude - self.baseline))  # (1)
         if self.frames == 1:
             self.threshold = force[~self.faulty].max(initial=0.0)  # (2)
-        contact = (force > self.threshold) & ~self.faulty if self.frames >= 2 else np.zeros(len(force), dtype=bool)
+        if self.frames < 2:
+            contact = np.zeros(len(force), dtype=bool)
+        else:
+            contact = (force > self.threshold) & ~self.faulty & ~missing
         self.frames += 1
         return force, contact, self.faulty

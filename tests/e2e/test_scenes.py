@@ -1,0 +1,120 @@
+"""The simulator's scenes through the bus, at the daemon's own tick: each image against the counts it was made from."""
+
+import signal
+import subprocess
+
+import numpy as np
+import pytest
+import taxel_reader
+from conditioning import DAEMON_SETTINGS
+from harness.compare import Reference, assert_same
+from harness.daemon import binary, die_with_parent
+from sequential_clustering import Profile
+
+SCENES = ["tap", "ball-grasp", "slip", "worst-case"]
+
+
+@pytest.fixture
+def simulate(buses, folder):
+    """Starts `taxel sim` on the test's buses; it is gone after the test."""
+    running = []
+
+    def simulate(scene):
+        targets = [a for source in buses.sources for a in ("--to", source)]
+        with (folder / "sim.log").open("wb") as log:
+            running.append(
+                subprocess.Popen(
+                    [binary("taxel"), "sim", scene, "--seed", "5", *targets], stderr=log, preexec_fn=die_with_parent
+                )
+            )
+        return running[-1]
+
+    yield simulate
+    for process in running:
+        process.kill()
+        process.wait()
+
+
+def pairs(reader, count):
+    """`count` times the image and the raw counts of one tick."""
+    images, raws, done = {}, {}, 0
+    while done < count:
+        message = reader.receive(20)
+        assert message is not None, "the daemon sends nothing more"
+        if isinstance(message, taxel_reader.Image):
+            images[message.seq] = message
+        elif isinstance(message, taxel_reader.Raw):
+            raws[message.header.seq] = message
+        for seq in images.keys() & raws.keys():
+            yield images.pop(seq), raws.pop(seq)
+            done += 1
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_every_image_of_a_scene_fits_the_counts_it_was_made_from(start, simulate, hand, scene):
+    daemon = start(
+        tick={"mode": "timer", "rate_hz": 30.0},
+        boards={"mode": "free-running"},
+        # A simulator held up by a busy machine is not what is tested here.
+        sweep={"board_period_ms": 10.0, "stale_after_ms": 5000.0},
+        conditioning=DAEMON_SETTINGS,
+    )
+    reference = None
+    checked = touched = 0
+    with taxel_reader.connect(daemon.images, raw=True) as reader:
+        reader.receive(10)
+        simulate(scene)
+        for image, raw in pairs(reader, 150):
+            missing = np.array([t.freshness != 2 for t in raw.taxels])
+            if reference is None and missing.any():
+                continue  # the first frame is the first complete one
+            reference = reference or Reference(hand, Profile())
+            expected = reference.image(np.array([t.counts for t in raw.taxels]), missing)
+            assert_same(image, expected, f"image {image.seq}")
+            assert [t.contact for t in raw.taxels] == list(reference.contact), f"contacts of frame {image.seq}"
+            checked += 1
+            touched += image.contacts > 0
+    assert checked > 80 and touched > 10
+
+
+# What is broken in the scene, by module and taxel.
+BROKEN = {
+    ("index tip", 5): "dead",
+    ("ring middle", 12): "dead",
+    ("middle tip", 6): "stuck",
+    ("index distal", 9): "noisy",
+    ("middle middle", 0): "status",
+    ("thumb distal", 3): "wrapping",
+}
+
+
+def test_every_fault_of_the_faulty_hand_is_found_with_its_reason(start, simulate):
+    daemon = start(tick={"mode": "timer", "rate_hz": 30.0}, boards={"mode": "free-running"}, sweep={"board_period_ms": 10.0})
+    simulate("faulty-hand")
+
+    def found(status):
+        reasons = {(f["module"], f["k"]): f["reasons"] for f in status["faults"]}
+        return all(reason in reasons.get(place, []) for place, reason in BROKEN.items())
+
+    daemon.wait_status(found, "not every fault is found", seconds=30)
+
+    def board(status, module):
+        return next(b for b in status["boards"] if b["module"] == module)
+
+    def recovered(status):
+        fallen = board(status, "middle proximal")
+        return fallen["restarts"] > 0 and fallen["state"] == "living"
+
+    daemon.wait_status(recovered, "the board that lost its power is not started again", seconds=30)
+    daemon.wait_status(
+        lambda s: board(s, "ring proximal")["queue_overflows"] > 0, "the overflowing board is not counted", seconds=30
+    )
+
+
+def test_boards_are_started_and_stopped_by_the_daemon(start, simulate):
+    daemon = start(boards={"mode": "free-running"}, sweep={"board_period_ms": 10.0})
+    simulator = simulate("idle")
+    daemon.wait_status(lambda s: all(b["state"] == "living" for b in s["boards"]), "not every board was started")
+    simulator.send_signal(signal.SIGINT)
+    assert simulator.wait(10) == 0
+    daemon.wait_status(lambda s: all(b["state"] == "silent" for b in s["boards"]), "boards that are gone are not told")

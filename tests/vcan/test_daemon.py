@@ -1,0 +1,196 @@
+"""The real daemon on real SocketCAN: traffic, links that come and go, error frames, full queues."""
+
+import signal
+import subprocess
+import threading
+
+import can
+import pytest
+from conditioning import DAEMON_SETTINGS
+from harness.candump import write_candump
+from harness.compare import Reference, assert_same
+from harness.daemon import eventually
+from harness.lockstep import next_image
+from harness.touches import Touches, grasp
+from sequential_clustering import Profile
+
+BUSOFF, COUNTERS, RESTARTED = 0x040, 0x200, 0x100  # linux/can/error.h
+
+
+def error_frame(classes):
+    return can.Message(arbitration_id=classes, is_error_frame=True, is_extended_id=False, data=bytes(8))
+
+
+def taxel_zero(n):
+    """A frame of the first taxel, which passes every filter; `n` makes each different."""
+    data = bytes([0x80]) + (n % 60000).to_bytes(2, "big") + bytes([0x7F, 0xFF, 0x32, 0, 1])
+    return can.Message(arbitration_id=0, is_extended_id=False, data=data)
+
+
+def check_grasp(driver, hand):
+    reference = Reference(hand, Profile())
+    for i, counts in enumerate(grasp(Touches.even(hand))):
+        assert_same(driver.step(counts), reference.image(counts), f"frame {i}")
+
+
+def test_traffic_from_python_can_becomes_the_references_images(start, lockstep, hand):
+    daemon = start(conditioning=DAEMON_SETTINGS)
+    check_grasp(lockstep(daemon), hand)
+    readings = [128 * 15, 112 * 15]
+    status = daemon.wait_status(lambda s: [b["used"] for b in s["buses"]] == readings, f"{readings} readings were sent")
+    assert [(b["link"], b["lost_in_kernel"], b["late"]) for b in status["buses"]] == [("up", 0, 0)] * 2
+
+
+def test_traffic_from_canplayer_becomes_images(start, lockstep, buses, folder, hand):
+    log = folder / "grasp.log"
+    frames = list(grasp(Touches.even(hand)))
+    write_candump(log, hand, frames, start_s=0.1)
+    daemon = start(conditioning=DAEMON_SETTINGS)
+    driver = lockstep(daemon)
+    player = subprocess.Popen(["canplayer", "-I", log, *(f"{n}={b}" for n, b in zip(buses.names, hand.buses))])
+    try:
+        eventually(lambda: next_image(driver.reader).contacts > 20, "the played grasp is not seen")
+        assert player.wait(20) == 0
+    finally:
+        player.kill()
+    # A player that is held up sends two sweeps at once, and readings of the second are then duplicates.
+    sent = len(frames) * len(hand)
+    daemon.wait_status(
+        lambda s: sum(b["used"] + b["duplicate"] for b in s["buses"]) == sent, f"canplayer sent {sent} readings"
+    )
+
+
+def test_noise_from_cangen_is_accounted_for_and_does_not_disturb(start, lockstep, buses, hand):
+    daemon = start(conditioning=DAEMON_SETTINGS)
+    cangen = ["cangen", buses.names[0], "-g", "0", "-p", "10", "-L", "8"]
+    # Random ids: most belong to no taxel of the hand, and some do.
+    subprocess.run([*cangen, "-n", "3000", "-I", "r", "-D", "r"], check=True)
+    # A flood on one taxel, of which the kernel keeps nothing back.
+    subprocess.run([*cangen, "-n", "3000", "-I", "000", "-D", "i"], check=True)
+    kinds = ["used", "unknown", "not_data", "commands", "malformed", "queue_overflows", "duplicate", "late", "settling"]
+
+    def settled(status):
+        bus = status["buses"][0]
+        return bus["received"] + bus["lost_in_kernel"] >= 3000 and sum(bus[k] for k in kinds) == bus["received"]
+
+    daemon.wait_status(settled, "frames went missing in the account")
+    assert daemon.control("rezero")["ok"]
+    check_grasp(lockstep(daemon), hand)
+
+
+def test_a_link_that_goes_down_and_up_again(start, lockstep, buses, hand):
+    daemon = start(conditioning=DAEMON_SETTINGS)
+    driver = lockstep(daemon)
+    check_grasp(driver, hand)
+    buses.set(0, "down")
+    daemon.wait_status(lambda s: s["buses"][0]["link"] == "down", "the lost link is not told")
+    assert eventually(lambda: next_image(driver.reader).missing == len(hand), "a lost link is not shown as missing")
+    assert daemon.bus(1)["link"] == "up"
+    buses.set(0, "up")
+    daemon.wait_status(lambda s: s["buses"][0]["link"] == "up", "the link that is back is not told")
+    assert daemon.bus()["link_losses"] == 1
+    assert daemon.control("rezero")["ok"]
+    check_grasp(driver, hand)
+
+
+def test_an_interface_deleted_and_made_again_under_load(start, lockstep, buses, hand):
+    daemon = start(conditioning=DAEMON_SETTINGS)
+    driver = lockstep(daemon)
+    check_grasp(driver, hand)
+    stop = threading.Event()
+
+    def load():
+        n = 0
+        sender = can.Bus(buses.names[0], interface="socketcan")
+        while not stop.is_set():
+            n += 1
+            try:
+                sender.send(taxel_zero(n))
+            except can.CanError:
+                break  # the interface is gone
+        sender.shutdown()
+
+    thread = threading.Thread(target=load)
+    thread.start()
+    try:
+        received = daemon.bus()["received"]
+        daemon.wait_status(lambda s: s["buses"][0]["received"] > received + 200, "the load does not arrive")
+        buses.delete(0)
+        daemon.wait_status(lambda s: s["buses"][0]["link"] == "absent", "the deleted interface is not told")
+    finally:
+        stop.set()
+        thread.join()
+    assert next_image(driver.reader).missing > 0
+    buses.create(0)
+    status = daemon.wait_status(lambda s: s["buses"][0]["link"] == "up", "the interface that is back is not opened")
+    assert status["buses"][0]["reopens"] == 1 and status["buses"][1]["reopens"] == 0
+    assert daemon.control("rezero")["ok"]
+    check_grasp(driver, hand)
+
+
+def test_a_daemon_started_before_its_interfaces_exist(start, lockstep, buses, hand):
+    for n in range(len(hand.buses)):
+        buses.delete(n)
+    daemon = start(conditioning=DAEMON_SETTINGS)
+    driver = lockstep(daemon)
+    assert next_image(driver.reader).missing == len(hand)
+    assert {b["link"] for b in daemon.status()["buses"]} == {"absent"}
+    for n in range(len(hand.buses)):
+        buses.create(n)
+    daemon.wait_status(lambda s: all(b["link"] == "up" for b in s["buses"]), "new interfaces are not found")
+    check_grasp(driver, hand)
+
+
+def test_bus_off_and_restart_appear_in_the_status(start, lockstep, buses, hand):
+    daemon = start(conditioning=DAEMON_SETTINGS)
+    driver = lockstep(daemon)
+    buses.send([(1, error_frame(BUSOFF | COUNTERS))])
+    status = daemon.wait_status(lambda s: s["buses"][1]["state"] == "bus-off", "bus-off is not told")
+    assert status["buses"][1]["errors"]["bus_off"] == 1 and status["buses"][0]["state"] == "error-active"
+    buses.send([(1, error_frame(RESTARTED))])
+    status = daemon.wait_status(lambda s: s["buses"][1]["state"] == "error-active", "the restart is not told")
+    errors = status["buses"][1]["errors"]
+    assert (errors["frames"], errors["bus_off"], errors["restarted"]) == (2, 1, 1)
+    check_grasp(driver, hand)
+
+
+@pytest.fixture
+def stopped(start):
+    """A daemon that is stopped while frames come, and goes on afterwards."""
+
+    def flood(buses, frames, **tables):
+        daemon = start(conditioning=DAEMON_SETTINGS, **tables)
+        daemon.process.send_signal(signal.SIGSTOP)
+        eventually(lambda: open(f"/proc/{daemon.process.pid}/stat").read().split(")")[1].split()[0] == "T", "it runs on")
+        buses.send((0, taxel_zero(n)) for n in range(frames))
+        daemon.process.send_signal(signal.SIGCONT)
+        return daemon
+
+    return flood
+
+
+def test_a_burst_larger_than_the_default_receive_buffer_is_not_lost(stopped, buses):
+    # The default buffer holds 278 frames (ecosystem: SO_RCVBUF 212992).
+    daemon = stopped(buses, 4000)
+    bus = daemon.wait_status(lambda s: s["buses"][0]["received"] == 4000, "4000 frames were sent")["buses"][0]
+    assert bus["lost_in_kernel"] == 0
+
+
+def test_what_the_kernel_drops_is_counted_to_the_frame(stopped, buses):
+    daemon = stopped(buses, 4000, can={"receive_buffer_kib": 64})
+    daemon.wait_status(lambda s: s["buses"][0]["received"] > 0, "nothing is received")
+    # The kernel tells how many it dropped with the next frame that it queues.
+    sent = 4000
+
+    def told(status):
+        nonlocal sent
+        buses.send([(0, taxel_zero(sent))])
+        sent += 1
+        bus = status["buses"][0]
+        return bus["lost_in_kernel"] > 0 and bus
+
+    daemon.wait_status(told, "the dropped frames are not counted")
+    bus = daemon.wait_status(
+        lambda s: s["buses"][0]["received"] + s["buses"][0]["lost_in_kernel"] == sent, f"{sent} frames were sent"
+    )["buses"][0]
+    assert bus["lost_in_kernel"] > 1000
