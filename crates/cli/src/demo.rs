@@ -5,6 +5,7 @@ mod meter;
 mod session;
 mod view;
 
+use crate::compress::{method, methods};
 use crate::interrupt::Interrupt;
 use anyhow::{Context, bail};
 use meter::{Meter, Picture};
@@ -13,6 +14,7 @@ use session::{Control, Session};
 use std::io::{IsTerminal, Write};
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
+use taxel_compress::Method;
 use taxel_sim::Scene;
 use taxel_wire::{ReadError, Received, Subscriber};
 
@@ -50,6 +52,8 @@ pub(crate) struct Args {
     /// Actuators of the display, K_A
     #[arg(long, value_name = "K_A")]
     pub(crate) actuators: Option<u16>,
+    #[arg(long, value_name = "METHOD", value_parser = method, help = format!("How frames are compressed: {}", methods()))]
+    pub(crate) method: Option<Method>,
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {

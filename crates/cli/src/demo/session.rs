@@ -53,6 +53,7 @@ impl Session {
         config.sweep.board_period_ms = 1e3 / f64::from(scene.rate_hz());
         config.profile.levels = args.levels.unwrap_or(config.profile.levels);
         config.profile.actuators = args.actuators.unwrap_or(config.profile.actuators);
+        config.profile.method = args.method.unwrap_or(config.profile.method);
         config.profile.check()?;
         config.socket.images = directory.path().join("images.sock");
         config.socket.control = directory.path().join("control.sock");
