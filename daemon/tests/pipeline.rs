@@ -1,0 +1,269 @@
+//! What the pipeline promises: the same frames give the same images, and each image is made at its own instant.
+
+use std::path::PathBuf;
+use taxel_can::Received;
+use taxel_sim::{Scene, Simulator};
+use taxel_skin::{Freshness, Layout};
+use taxeld::Config;
+use taxeld::config::TickMode;
+use taxeld::pipeline::{Outputs, Pipeline, run_recorded};
+
+fn config(mode: TickMode, rate_hz: f64) -> Config {
+    let layout = Layout::builtin("allegro-uskin-15").unwrap();
+    let sources = layout.buses.iter().map(|_| "sim:tap".parse().unwrap()).collect();
+    let mut config = Config::new(layout, sources);
+    config.tick.mode = mode;
+    config.tick.rate_hz = rate_hz;
+    config
+}
+
+fn scene(name: &str) -> Vec<(u8, Received)> {
+    let scene = Scene::builtin(name).unwrap();
+    let layout = Layout::builtin(scene.layout()).unwrap();
+    let mut simulator = Simulator::new(&scene, &layout, 1).unwrap();
+    simulator.start_all();
+    let mut frames = Vec::new();
+    simulator.advance(scene.length_ns(), &mut frames);
+    frames
+}
+
+/// The bytes that subscribers are given, one after the other.
+fn bytes(config: &Config, frames: &[(u8, Received)]) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut payload = Vec::new();
+    run_recorded(config, frames.iter().copied(), None, |_, outputs| {
+        taxel_wire::encode_image_payload(&outputs.image, &mut payload).unwrap();
+        bytes.extend(taxel_wire::Header::of_image(&outputs.image, payload.len()).to_bytes());
+        bytes.extend(&payload);
+        taxel_wire::encode_raw_payload(&outputs.tactile, &outputs.force, &mut payload).unwrap();
+        bytes.extend(&payload);
+    })
+    .unwrap();
+    bytes
+}
+
+#[test]
+fn a_recording_gives_the_same_bytes_every_time() {
+    for name in ["ball-grasp", "faulty-hand"] {
+        let frames = scene(name);
+        for config in [config(TickMode::Timer, 30.0), config(TickMode::Sweep, 30.0)] {
+            let first = bytes(&config, &frames);
+            assert!(first.len() > 100_000, "{name}: only {} bytes", first.len());
+            assert!(first == bytes(&config, &frames), "{name}: two runs differ");
+        }
+    }
+}
+
+/// However the daemon is scheduled, it hands frames over in pieces and asks for the ticks in between.
+#[test]
+fn images_do_not_depend_on_how_often_the_pipeline_is_called() {
+    let frames = scene("tap");
+    let config = config(TickMode::Timer, 30.0);
+    let collect = |step_ns: u64| {
+        let mut pipeline = Pipeline::new(&config, 0).unwrap();
+        let mut images = Vec::new();
+        let mut emit = |outputs: &Outputs| images.push(outputs.image.clone());
+        let mut now_ns = 0;
+        let mut rest = frames.as_slice();
+        while !rest.is_empty() {
+            now_ns += step_ns;
+            while let Some(((bus, received), after)) =
+                rest.split_first().filter(|((_, r), _)| r.t_ns <= now_ns)
+            {
+                pipeline.push(*bus, received, &mut emit);
+                rest = after;
+            }
+            pipeline.advance(now_ns, &mut emit);
+        }
+        images
+    };
+    let often = collect(300_000);
+    let seldom = collect(70_000_000);
+    let both = often.len().min(seldom.len());
+    assert!(both > 200, "{both} images");
+    assert!(often[..both] == seldom[..both]);
+}
+
+#[test]
+fn timer_ticks_fall_on_whole_periods_and_a_frame_at_the_tick_belongs_to_it() {
+    let mut config = config(TickMode::Timer, 100.0);
+    config.sweep.settle_ms = 0.0;
+    let mut pipeline = Pipeline::new(&config, 1_000).unwrap();
+    let module = &config.layout.modules[0];
+    let frame = |z| {
+        module
+            .protocol
+            .frame(module.board, 0, [32_000, 32_000, z], 0x80)
+            .unwrap()
+    };
+    let mut ticks = Vec::new();
+    let mut emit = |outputs: &Outputs| ticks.push((outputs.due_ns, outputs.tactile.counts[0][2]));
+    let tick_ns = 1_000 + 10_000_000;
+    pipeline.push(
+        0,
+        &Received {
+            t_ns: tick_ns,
+            frame: frame(1),
+        },
+        &mut emit,
+    );
+    pipeline.push(
+        0,
+        &Received {
+            t_ns: tick_ns + 1,
+            frame: frame(2),
+        },
+        &mut emit,
+    );
+    pipeline.advance(tick_ns + 10_000_000, &mut emit);
+    assert_eq!(ticks, [(tick_ns, 1), (tick_ns + 10_000_000, 2)]);
+}
+
+#[test]
+fn a_daemon_that_was_held_up_gives_up_old_ticks_and_counts_them() {
+    let config = config(TickMode::Timer, 100.0);
+    let mut pipeline = Pipeline::new(&config, 0).unwrap();
+    let mut images = 0;
+    let mut emit = |_: &Outputs| images += 1;
+    assert_eq!(pipeline.skip_overdue(10_000_000), 0);
+    assert_eq!(pipeline.skip_overdue(55_000_000), 4);
+    pipeline.advance(55_000_000, &mut emit);
+    assert_eq!(images, 1, "only the newest of the five ticks");
+}
+
+#[test]
+fn a_silent_hand_still_gives_images_that_say_so() {
+    for mode in [TickMode::Timer, TickMode::Sweep] {
+        let config = config(mode, 30.0);
+        let mut pipeline = Pipeline::new(&config, 0).unwrap();
+        let mut missing = Vec::new();
+        pipeline.advance(1_000_000_000, &mut |outputs: &Outputs| {
+            missing.push(outputs.image.missing)
+        });
+        assert!(
+            missing.len() >= 9,
+            "{mode:?}: {} images in a second",
+            missing.len()
+        );
+        assert!(missing.iter().all(|m| *m == 240), "{mode:?}");
+    }
+}
+
+#[test]
+fn a_board_that_falls_silent_is_missing_and_never_repeated() {
+    let mut frames = scene("worst-case");
+    let half_ns = frames.last().unwrap().1.t_ns / 2;
+    // Board 1 of bus 0, index distal, stops in the middle.
+    let silent = 16..32;
+    frames.retain(|(bus, r)| !(*bus == 0 && r.frame.id() >> 8 == 1 && r.t_ns > half_ns));
+    for mode in [TickMode::Timer, TickMode::Sweep] {
+        let mut after = 0;
+        let mut most_contacts = 0;
+        run_recorded(
+            &config(mode, 30.0),
+            frames.iter().copied(),
+            None,
+            |layout, outputs| {
+                if outputs.due_ns > half_ns + 200_000_000 {
+                    after += 1;
+                    for taxel in silent.clone() {
+                        assert_eq!(layout.module_of(taxel).name, "index distal");
+                        assert_ne!(
+                            outputs.tactile.freshness[taxel],
+                            Freshness::Fresh,
+                            "{mode:?} taxel {taxel}"
+                        );
+                        assert!(
+                            !outputs.force.contact[taxel],
+                            "{mode:?}: a stale taxel is no contact"
+                        );
+                    }
+                    assert_eq!(outputs.image.missing, 16, "{mode:?}");
+                    most_contacts = most_contacts.max(outputs.image.contacts);
+                }
+            },
+        )
+        .unwrap();
+        assert!(
+            after > 100,
+            "{mode:?}: {after} images after the board fell silent"
+        );
+    }
+}
+
+#[test]
+fn a_paused_hand_presses_nothing_and_a_rezeroed_hand_starts_anew() {
+    let frames = scene("worst-case");
+    let config = config(TickMode::Timer, 30.0);
+    let mut pipeline = Pipeline::new(&config, 0).unwrap();
+    let mut last = (0, false);
+    let mut emit = |outputs: &Outputs| last = (outputs.image.contacts, outputs.image.calibrating);
+    let mut seen = Vec::new();
+    for (bus, received) in &frames {
+        pipeline.push(*bus, received, &mut emit);
+        if pipeline.outputs().image.contacts == 240 {
+            break;
+        }
+    }
+    let now_ns = pipeline.outputs().due_ns;
+    pipeline.set_paused(true);
+    pipeline.advance(now_ns + 40_000_000, &mut emit);
+    seen.push(pipeline.outputs().image.clone());
+    pipeline.set_paused(false);
+    pipeline.rezero();
+    pipeline.advance(now_ns + 80_000_000, &mut emit);
+    seen.push(pipeline.outputs().image.clone());
+    assert!(seen[0].contacts == 0 && seen[0].actuators.is_empty() && seen[0].pixels.iter().all(|p| *p == 0));
+    assert!(!seen[0].calibrating);
+    assert!(seen[1].calibrating);
+}
+
+#[test]
+fn configuration_errors_name_file_and_line() {
+    let path = PathBuf::from("hand.toml");
+    let two = "[[bus]]\nsource = \"udp:\"\n[[bus]]\nsource = \"udp:\"\n";
+    let cases = [
+        ("layout = 3\n", "hand.toml:1: "),
+        ("layout = \"no-such-hand\"\n", "hand.toml:1: "),
+        (
+            "[[bus]]\nsource = \"udp:\"\n",
+            "hand.toml:1: layout allegro-uskin-15 has 2 buses (can0, can1)",
+        ),
+        (
+            "[[bus]]\nsource = \"usb:3\"\n",
+            "hand.toml:2: `usb:3` is not a CAN source",
+        ),
+        (
+            &format!("{two}[tick]\nrate_hz = 2000.0\n"),
+            "hand.toml:5: tick.rate_hz = 2000",
+        ),
+        (
+            &format!("{two}[tick]\nmode = \"when\"\n"),
+            "hand.toml:6: unknown variant `when`",
+        ),
+        (
+            &format!("{two}[profile]\nlevels = 0\n"),
+            "hand.toml:5: profile: levels = 0",
+        ),
+        (
+            &format!("{two}[socket]\nmode = \"0999\"\n"),
+            "hand.toml:5: socket.mode",
+        ),
+        (
+            &format!("{two}\n\nspeed = 3\n"),
+            "hand.toml:7: unknown field `speed`",
+        ),
+        (
+            &format!("{two}[conditioning]\nwindow = 3\n"),
+            "hand.toml:6: unknown field `window`",
+        ),
+    ];
+    for (text, expected) in cases {
+        let error = Config::parse(text, &path).expect_err(text).to_string();
+        assert!(
+            error.starts_with(expected),
+            "{text:?}\n  gave     {error}\n  expected {expected}"
+        );
+    }
+    Config::parse(two, &path).unwrap();
+}
