@@ -1,0 +1,108 @@
+"""What the daemon costs: CPU time, memory, overruns, with a simulated hand on udp_multicast and one subscriber.
+
+    cargo build --release --workspace --bins
+    TAXEL_BIN_DIR=target/release tests/.cache/venv/bin/python tests/bench/resources.py [--seconds 60]
+
+Prints a table for docs/benchmarks.md. `tests/run reference` makes the Python environment. The share of a core counts
+the daemon's user and system time, the kernel's work for its datagrams included; a socket of SocketCAN is cheaper.
+"""
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "crates/wire/python")]
+
+import taxel_reader  # noqa: E402
+from harness.bus import MulticastBuses  # noqa: E402
+from harness.daemon import Daemon, binary, die_with_parent  # noqa: E402
+from harness.hand import Hand  # noqa: E402
+
+TRIGGERED = {"mode": "triggered", "trigger_hz": 30.0}
+FREE = {"mode": "free-running"}
+CASES = [
+    ("30 Hz timer, boards at 30 Hz", {"mode": "timer", "rate_hz": 30.0}, TRIGGERED, 33.0, "ball-grasp"),
+    ("30 Hz timer, boards at 100 Hz", {"mode": "timer", "rate_hz": 30.0}, FREE, 10.0, "ball-grasp"),
+    ("sweep, boards at 30 Hz", {"mode": "sweep"}, TRIGGERED, 33.0, "ball-grasp"),
+    ("30 Hz timer, boards at 30 Hz, every taxel pressed", {"mode": "timer", "rate_hz": 30.0}, TRIGGERED, 33.0, "worst-case"),
+    ("1000 Hz timer, boards at 100 Hz", {"mode": "timer", "rate_hz": 1000.0}, FREE, 10.0, "ball-grasp"),
+]
+
+
+def cpu_seconds(pid):
+    fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def memory_kib(pid, key):
+    for line in Path(f"/proc/{pid}/status").read_text().splitlines():
+        if line.startswith(key + ":"):
+            return int(line.split()[1])
+    raise KeyError(key)
+
+
+def measure(tick, boards, board_period_ms, scene, seconds):
+    hand = Hand()
+    ports = MulticastBuses(len(hand.buses))  # its ports only: python-can would be one more receiver
+    tables = {"tick": tick, "boards": boards, "sweep": {"board_period_ms": board_period_ms}}
+    with tempfile.TemporaryDirectory(prefix="taxel-") as folder, Daemon(folder, ports.sources, **tables) as daemon:
+        targets = [a for source in ports.sources for a in ("--to", source)]
+        simulator = subprocess.Popen(
+            [binary("taxel"), "sim", scene, *targets], stderr=subprocess.DEVNULL, preexec_fn=die_with_parent
+        )
+        try:
+            stop = threading.Event()
+            with taxel_reader.connect(daemon.images) as reader:
+
+                def read():
+                    while not stop.is_set():
+                        reader.receive(0.2)
+
+                thread = threading.Thread(target=read)
+                thread.start()
+                daemon.wait_status(lambda s: not s["calibrating"] and s["missing"] == 0, "the hand does not come up", 20)
+                pid = daemon.process.pid
+                before, began = daemon.status(), time.monotonic()
+                cpu = cpu_seconds(pid)
+                time.sleep(seconds)
+                cpu, took = cpu_seconds(pid) - cpu, time.monotonic() - began
+                after = daemon.status()
+                stop.set()
+                thread.join()
+            received, lost = (sum(b[key] for b in after["buses"]) for key in ("received", "lost_in_kernel"))
+            return {
+                "frames/s": f"{(received - sum(b['received'] for b in before['buses'])) / took:.0f}",
+                "images/s": f"{(after['images']['made'] - before['images']['made']) / took:.1f}",
+                "% of a core": f"{100 * cpu / took:.2f}",
+                "resident MB": f"{memory_kib(pid, 'VmRSS') / 1024:.1f}",
+                "peak MB": f"{memory_kib(pid, 'VmHWM') / 1024:.1f}",
+                "overruns": str(after["images"]["overruns"] - before["images"]["overruns"]),
+                "lost": str(lost),
+                "tick p99 us": f"{after['images']['lateness_us']['p99']:.0f}",
+            }
+        finally:
+            simulator.kill()
+            simulator.wait()
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seconds", type=float, default=30.0, help="length of each measurement")
+    seconds = parser.parse_args().seconds
+    columns = None
+    for name, *case in CASES:
+        row = measure(*case, seconds)
+        if columns is None:
+            columns = list(row)
+            print("| " + " | ".join(["", *columns]) + " |\n" + "|---" * (len(columns) + 1) + "|")
+        print("| " + " | ".join([name, *row.values()]) + " |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
