@@ -12,6 +12,7 @@ use meter::{Meter, Picture};
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use session::{Control, Session};
 use std::io::{IsTerminal, Write};
+use std::sync::mpsc::{self, RecvTimeoutError};
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 use taxel_compress::Method;
@@ -71,7 +72,11 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         (None, false) => None,
     };
     let deadline = limit.map(|limit| session.began + limit);
-    let meter = Arc::new(Mutex::new(Meter::new(&session, &scene)));
+    let meter = Arc::new(Mutex::new(Meter::new(
+        session.layout.clone(),
+        session.scene_began_ns,
+        &scene,
+    )));
     let reader = {
         let (meter, subscriber) = (meter.clone(), session.subscribe()?);
         std::thread::Builder::new()
@@ -152,6 +157,7 @@ fn show(
     meter: &Mutex<Meter>,
     control: &Control,
 ) -> anyhow::Result<()> {
+    let keys = keys()?;
     // Restores the terminal on panic, too.
     let mut terminal = ratatui::try_init().context("the terminal; --headless does without")?;
     let palette = colour::Palette::of_terminal();
@@ -169,19 +175,48 @@ fn show(
                 .draw(|frame| view::draw(frame, &picture, &palette))
                 .context("the terminal")?;
             next = (next + REDRAW).max(Instant::now());
-            while event::poll(next.saturating_duration_since(Instant::now())).context("the keyboard")? {
-                if let Event::Key(key) = event::read().context("the keyboard")?
-                    && !press(key, meter, control)
-                {
-                    return Ok(());
+            loop {
+                match keys.recv_timeout(next.saturating_duration_since(Instant::now())) {
+                    Ok(key) if press(key, meter, control) => {}
+                    Ok(_) => return Ok(()),
+                    Err(RecvTimeoutError::Timeout) => break,
+                    Err(RecvTimeoutError::Disconnected) => {
+                        interrupt.sleep_until(next);
+                        break;
+                    }
                 }
             }
         }
         Ok(())
     };
     let outcome = drawn();
-    ratatui::restore();
+    if ratatui::try_restore().is_err() {
+        // The terminal was closed. Dropped, it would complain on it, and panic.
+        std::mem::forget(terminal);
+    }
     outcome
+}
+
+/// The keys pressed from now on.
+///
+/// They are read on a thread of their own, which ends with the process: reading from a terminal that was closed may
+/// never return.
+fn keys() -> anyhow::Result<mpsc::Receiver<KeyEvent>> {
+    let (sender, keys) = mpsc::channel();
+    let read = move || {
+        while let Ok(event) = event::read() {
+            if let Event::Key(key) = event
+                && sender.send(key).is_err()
+            {
+                return;
+            }
+        }
+    };
+    std::thread::Builder::new()
+        .name("keys".into())
+        .spawn(read)
+        .context("a thread for the keyboard")?;
+    Ok(keys)
 }
 
 /// Does what a key asks; returns whether to go on.

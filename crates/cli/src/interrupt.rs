@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 /// The longest sleep between two looks at the flag.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// Whether the user asked to stop. The first Ctrl-C (or SIGTERM, or SIGHUP) sets it, the second ends the process.
+/// Whether the user asked to stop. The first Ctrl-C (or SIGTERM) sets it, the second ends the process; SIGHUP only sets it.
 #[derive(Debug, Clone)]
 pub(crate) struct Interrupt(Arc<AtomicBool>);
 
@@ -16,11 +16,13 @@ impl Interrupt {
     /// Takes over SIGINT, SIGTERM, and SIGHUP, which a closed terminal sends.
     pub(crate) fn install() -> std::io::Result<Self> {
         let flag = Arc::new(AtomicBool::new(false));
-        for signal in [SIGINT, SIGTERM, SIGHUP] {
+        for signal in [SIGINT, SIGTERM] {
             // In this order: the second signal finds the flag that the first has set.
             signal_hook::flag::register_conditional_shutdown(signal, 128 + signal, flag.clone())?;
             signal_hook::flag::register(signal, flag.clone())?;
         }
+        // A closed terminal may send it twice, and nobody is impatient there.
+        signal_hook::flag::register(SIGHUP, flag.clone())?;
         Ok(Self(flag))
     }
 

@@ -15,7 +15,7 @@ mod target;
 mod watch;
 
 use clap::{Parser, Subcommand};
-use std::io;
+use std::io::{self, Write};
 use std::process::ExitCode;
 
 /// Tactile images from robot skin: watch a running daemon, replay recordings, simulate a hand, compress offline.
@@ -58,7 +58,8 @@ fn main() -> ExitCode {
         // Whoever read the output has seen enough: `taxel watch | head`.
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("taxel: {}", describe(&error));
+            // Not eprintln!, which panics when the terminal is gone.
+            let _ = writeln!(io::stderr(), "taxel: {}", describe(&error));
             ExitCode::FAILURE
         }
     }

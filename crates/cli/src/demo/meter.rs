@@ -1,6 +1,5 @@
 //! What the demo's subscriber has seen: the newest picture, and the figures of the whole run.
 
-use super::session::Session;
 use hdrhistogram::Histogram;
 use std::collections::VecDeque;
 use std::fmt::Write;
@@ -105,13 +104,14 @@ pub(super) struct Picture {
 }
 
 impl Meter {
-    pub(super) fn new(session: &Session, scene: &Scene) -> Self {
+    /// Of a hand on which the scene began at this time on the images' clock, nanoseconds.
+    pub(super) fn new(layout: Layout, scene_began_ns: u64, scene: &Scene) -> Self {
         Self {
             scene: scene.name().into(),
             about: scene.about().into(),
             scene_seconds: scene.seconds(),
-            scene_began_ns: session.scene_began_ns,
-            layout: session.layout.clone(),
+            scene_began_ns,
+            layout,
             hello: None,
             latency_ns: Histogram::new_with_bounds(1, 10_000_000_000, 2).expect("bounds of a histogram"),
             recent_latency_ns: VecDeque::with_capacity(RECENT_IMAGES),
@@ -158,8 +158,12 @@ impl Meter {
         self.last_ns = now_ns;
         self.images += 1;
         self.skipped += u64::from(header.skipped);
-        self.latency_ns
-            .saturating_record(now_ns.saturating_sub(header.t_ns).max(1));
+        let latency_ns = now_ns.saturating_sub(header.t_ns).max(1);
+        self.latency_ns.saturating_record(latency_ns);
+        if self.recent_latency_ns.len() == RECENT_IMAGES {
+            self.recent_latency_ns.pop_front();
+        }
+        self.recent_latency_ns.push_back(latency_ns);
         self.arrivals_ns.push_back(now_ns);
         self.in_contact += u64::from(image.contacts > 0);
         self.most_contacts = self.most_contacts.max(image.contacts);
@@ -339,5 +343,92 @@ fn bits_per_s(bits: f64) -> String {
         b if b >= 1e6 => format!("{:.2} Mbit/s", b / 1e6),
         b if b >= 1e3 => format!("{:.1} kbit/s", b / 1e3),
         b => format!("{b:.0} bit/s"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use taxel_compress::{Actuator, TactileImage};
+    use taxel_wire::encode_image_payload;
+
+    const SECOND_NS: u64 = 1_000_000_000;
+
+    fn meter() -> Meter {
+        let layout = Layout::builtin("allegro-uskin-15").unwrap();
+        Meter::new(layout, SECOND_NS, &Scene::builtin("tap").unwrap())
+    }
+
+    fn see(meter: &mut Meter, index: u64, force: f64) {
+        let image = TactileImage {
+            seq: index,
+            t_ns: SECOND_NS + index * 20_000_000,
+            width: 2,
+            height: 1,
+            pixels: vec![0, 255],
+            levels: vec![force],
+            actuators: vec![Actuator {
+                id: 0,
+                x: 1,
+                y: 0,
+                level: 1,
+                force,
+            }],
+            contacts: 1,
+            ..TactileImage::default()
+        };
+        let mut payload = Vec::new();
+        encode_image_payload(&image, &mut payload).unwrap();
+        let header = Header::of_image(&image, payload.len());
+        meter.image(
+            &header,
+            &ImageView::decode(&payload).unwrap(),
+            image.t_ns + 250_000,
+        );
+    }
+
+    #[test]
+    fn rate_latency_and_scene_time_are_those_of_the_images() {
+        let mut meter = meter();
+        for index in 0..200 {
+            see(&mut meter, index, 10.0);
+        }
+        let picture = meter.picture(SECOND_NS + 199 * 20_000_000 + 300_000);
+        assert!((picture.rate_hz - 50.0).abs() < 0.01, "{}", picture.rate_hz);
+        assert_eq!((picture.latency_p50_ms, picture.latency_p99_ms), (0.25, 0.25));
+        assert!(
+            (picture.scene_at_s - 3.98).abs() < 0.001,
+            "{}",
+            picture.scene_at_s
+        );
+        let summary = meter.summary();
+        for part in [
+            "images     200 in 4.0 s, 50.0 Hz",
+            "p50 0.25 ms",
+            "in 100 % of images, up to 1 taxels",
+        ] {
+            assert!(summary.contains(part), "{part}: {summary}");
+        }
+    }
+
+    #[test]
+    fn the_rate_falls_to_zero_when_images_stay_away() {
+        let mut meter = meter();
+        for index in 0..20 {
+            see(&mut meter, index, 10.0);
+        }
+        assert_eq!(meter.picture(10 * SECOND_NS).rate_hz, 0.0);
+    }
+
+    #[test]
+    fn the_scale_keeps_the_greatest_force_for_a_while() {
+        let mut meter = meter();
+        see(&mut meter, 0, 1000.0);
+        see(&mut meter, 1, 10.0);
+        let scale = meter.picture(SECOND_NS).scale;
+        assert!((900.0..1000.0).contains(&scale), "{scale}");
+        see(&mut meter, 1500, 10.0);
+        let scale = meter.picture(SECOND_NS).scale;
+        assert!((100.0..200.0).contains(&scale), "{scale}");
     }
 }
