@@ -21,17 +21,22 @@ sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "crates/wire/python")]
 
 import taxel_reader  # noqa: E402
 from harness.bus import MulticastBuses  # noqa: E402
+from harness.candump import write_candump  # noqa: E402
 from harness.daemon import Daemon, binary, die_with_parent  # noqa: E402
 from harness.hand import Hand  # noqa: E402
+from harness.touches import Touches, grasp  # noqa: E402
 
-TRIGGERED = {"mode": "triggered", "trigger_hz": 30.0}
-FREE = {"mode": "free-running"}
+TIMER = {"mode": "timer", "rate_hz": 30.0}
+SWEEP = {"mode": "sweep"}
+# Name, tick, period of the boards, what they send: a recorded grasp at 30 sweeps/s, or a scene with boards that run
+# freely at 100 Hz, as far as two buses of 1 Mbit/s carry that.
 CASES = [
-    ("30 Hz timer, boards at 30 Hz", {"mode": "timer", "rate_hz": 30.0}, TRIGGERED, 33.0, "ball-grasp"),
-    ("30 Hz timer, boards at 100 Hz", {"mode": "timer", "rate_hz": 30.0}, FREE, 10.0, "ball-grasp"),
-    ("sweep, boards at 30 Hz", {"mode": "sweep"}, TRIGGERED, 33.0, "ball-grasp"),
-    ("30 Hz timer, boards at 30 Hz, every taxel pressed", {"mode": "timer", "rate_hz": 30.0}, TRIGGERED, 33.0, "worst-case"),
-    ("1000 Hz timer, boards at 100 Hz", {"mode": "timer", "rate_hz": 1000.0}, FREE, 10.0, "ball-grasp"),
+    ("timer 30 Hz, boards at 30 Hz", TIMER, 33.0, "recording"),
+    ("sweep, boards at 30 Hz", SWEEP, 33.0, "recording"),
+    ("timer 30 Hz, buses full", TIMER, 10.0, "ball-grasp"),
+    ("timer 30 Hz, buses full, every taxel pressed", TIMER, 10.0, "worst-case"),
+    ("sweep, buses full", SWEEP, 10.0, "ball-grasp"),
+    ("timer 1000 Hz, buses full", {"mode": "timer", "rate_hz": 1000.0}, 10.0, "ball-grasp"),
 ]
 
 
@@ -47,15 +52,25 @@ def memory_kib(pid, key):
     raise KeyError(key)
 
 
-def measure(tick, boards, board_period_ms, scene, seconds):
+def traffic(hand, sources, scene, folder):
+    """The command that puts it onto the buses."""
+    if scene != "recording":
+        return ["sim", scene, *(a for source in sources for a in ("--to", source))]
+    log = Path(folder) / "grasp.log"
+    touches = Touches.even(hand)
+    write_candump(log, hand, [f for _ in range(4) for f in grasp(touches)], start_s=0.0)
+    return ["replay", log, "--loop", *(a for pair in zip(hand.buses, sources) for a in ("--interface", "=".join(pair)))]
+
+
+def measure(tick, board_period_ms, scene, seconds):
     hand = Hand()
     ports = MulticastBuses(len(hand.buses))  # its ports only: python-can would be one more receiver
-    tables = {"tick": tick, "boards": boards, "sweep": {"board_period_ms": board_period_ms}}
+    tables = {"tick": tick, "sweep": {"board_period_ms": board_period_ms}}
+    if scene == "recording":
+        tables["boards"] = {"mode": "passive"}
     with tempfile.TemporaryDirectory(prefix="taxel-") as folder, Daemon(folder, ports.sources, **tables) as daemon:
-        targets = [a for source in ports.sources for a in ("--to", source)]
-        simulator = subprocess.Popen(
-            [binary("taxel"), "sim", scene, *targets], stderr=subprocess.DEVNULL, preexec_fn=die_with_parent
-        )
+        command = [binary("taxel"), *traffic(hand, ports.sources, scene, folder)]
+        simulator = subprocess.Popen(command, stderr=subprocess.DEVNULL, preexec_fn=die_with_parent)
         try:
             stop = threading.Event()
             with taxel_reader.connect(daemon.images) as reader:
