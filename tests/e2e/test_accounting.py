@@ -79,8 +79,10 @@ def test_a_repeated_reading_is_a_duplicate_and_the_newest_value_counts(start, lo
     buses.send([*sweep[:5], *sweep[:5], *sweep[5:]])
     image = next_full_image(driver.reader)
     assert image.missing == 0
-    status = daemon.wait_status(lambda s: s["buses"][0]["duplicate"] == 5, "five duplicates were sent")
-    assert status["buses"][0]["used"] == 128 and status["boards"][0]["duplicate"] == 5
+    status = daemon.wait_status(
+        lambda s: (s["buses"][0]["duplicate"], s["buses"][0]["used"]) == (5, 128), "128 readings were sent, five twice"
+    )
+    assert status["boards"][0]["duplicate"] == 5
 
 
 def test_a_taxel_that_stops_sending_is_missing_and_never_repeated(start, lockstep, buses, hand):

@@ -62,8 +62,8 @@ def play(start, path, hand, **tables):
 def test_a_recording_gives_the_same_bytes_twice_and_offline(start, folder, hand, mode, conditioning):
     touches = Touches.uneven(hand, seed=3, dead=[17])
     log = folder / "grasp.log"
-    breaths = [f for _ in range(8) for f in (touches.frame(), touches.breath())]
-    write_candump(log, hand, [*breaths, *grasp(touches), *grasp(touches)], FIRST_SWEEP_S)
+    frames = [*touches.resting(16, seed=8), *grasp(touches), *grasp(touches)]
+    write_candump(log, hand, frames, FIRST_SWEEP_S)
     tables = {
         "tick": {"mode": mode},
         "sweep": {"board_period_ms": 33.0, "settle_ms": 0.0},

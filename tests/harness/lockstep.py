@@ -20,17 +20,13 @@ TABLES = {"tick": {"mode": "sweep"}, "boards": {"mode": "passive"}, "sweep": SWE
 
 
 class Lockstep:
-    def __init__(self, daemon, buses, hand, reader=None):
+    def __init__(self, daemon, buses, hand):
         self.hand = hand
         self.buses = buses
-        self.reader = reader or taxel_reader.connect(daemon.images)
+        self.reader = taxel_reader.connect(daemon.images)
         self.sent_at = 0.0
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self.reader.close()
+        # The hand is silent, and the daemon says so: from now on it serves this reader.
+        next_image(self.reader)
 
     def step(self, counts, order=None):
         """The image of one sweep."""

@@ -41,6 +41,12 @@ class Touches:
         noise[::7, 2] = 3
         return self.frame(noise)
 
+    def resting(self, frames, seed):
+        """Frames at rest with the noise of a live skin, which a calibration expects."""
+        random = np.random.default_rng(seed)
+        for _ in range(frames):
+            yield self.frame(random.normal(0, [2, 4, 12], (len(self.hand), 3)).round().astype(int))
+
     def dome(self, x, y, radius, force):
         """A sphere's contact: `force` at (x, y), falling to nothing at `radius` pixels."""
         distance = np.hypot(self.hand.xy[:, 0] - x, self.hand.xy[:, 1] - y)
