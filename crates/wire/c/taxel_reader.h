@@ -26,7 +26,8 @@
 
 #define TAXEL_MAJOR 1
 #define TAXEL_HEADER_LEN 40
-#define TAXEL_MAX_MESSAGE 409600 /* bytes, header included */
+#define TAXEL_MAX_MESSAGE 409600  /* bytes, header included */
+#define TAXEL_MAX_SUBSCRIBE 65536 /* bytes, header included: the most a client may send */
 
 /* What a message is about: taxel_message.type. Skip the types you do not know. */
 enum taxel_type {
@@ -397,6 +398,7 @@ static inline const char *taxel_result_name(enum taxel_result result)
 #include <poll.h>
 #include <sys/socket.h>
 #include <sys/types.h>
+#include <sys/uio.h>
 #include <sys/un.h>
 #include <unistd.h>
 
@@ -455,24 +457,39 @@ static inline enum taxel_result taxel_receive(int fd, uint8_t *packet, size_t si
     return taxel_decode_packet(packet, (size_t)len, message);
 }
 
-/* Tells the daemon what to send, as JSON such as {"raw": true}. Needed only for more or less than images. */
+/*
+ * Tells the daemon what to send, as JSON such as {"raw": true}. Needed only for more or less than the images of
+ * the daemon's own profile. A display states what it can do like this:
+ *
+ *     taxel_subscribe(fd, "{\"profile\": {\"levels\": 4, \"actuators\": 5}, \"region\": [\"index\", \"thumb\"]}");
+ *
+ * The answer is a HELLO, after which the images are as asked for, or an EVENT that says why not.
+ */
 static inline enum taxel_result taxel_subscribe(int fd, const char *json)
 {
-    uint8_t packet[4096];
+    uint8_t header[TAXEL_HEADER_LEN];
+    struct iovec parts[2];
+    struct msghdr message;
     size_t len = strlen(json);
     ssize_t sent;
-    if (len > sizeof packet - TAXEL_HEADER_LEN)
+    if (len > TAXEL_MAX_SUBSCRIBE - TAXEL_HEADER_LEN)
         return TAXEL_TOO_LONG;
-    memset(packet, 0, TAXEL_HEADER_LEN);
-    memcpy(packet, "TCT1", 4);
-    packet[4] = TAXEL_MAJOR;
-    packet[6] = TAXEL_HEADER_LEN;
-    packet[8] = TAXEL_SUBSCRIBE;
-    packet[12] = (uint8_t)(len & 0xff);
-    packet[13] = (uint8_t)(len >> 8);
-    memcpy(packet + TAXEL_HEADER_LEN, json, len);
+    memset(header, 0, sizeof header);
+    memcpy(header, "TCT1", 4);
+    header[4] = TAXEL_MAJOR;
+    header[6] = TAXEL_HEADER_LEN;
+    header[8] = TAXEL_SUBSCRIBE;
+    header[12] = (uint8_t)(len & 0xff);
+    header[13] = (uint8_t)(len >> 8);
+    parts[0].iov_base = header;
+    parts[0].iov_len = sizeof header;
+    parts[1].iov_base = (void *)json;
+    parts[1].iov_len = len;
+    memset(&message, 0, sizeof message);
+    message.msg_iov = parts;
+    message.msg_iovlen = 2;
     do
-        sent = send(fd, packet, TAXEL_HEADER_LEN + len, MSG_NOSIGNAL);
+        sent = sendmsg(fd, &message, MSG_NOSIGNAL);
     while (sent < 0 && errno == EINTR);
     return sent < 0 ? TAXEL_SOCKET : TAXEL_OK;
 }

@@ -320,7 +320,7 @@ def _check_force(section: str, index: int, force: float) -> None:
 
 
 def encode_subscribe(wanted: Dict[str, Any]) -> bytes:
-    """The packet that asks for other things than every image, such as {"raw": True, "max_rate_hz": 10}."""
+    """The packet that asks for other things than every image; keys as for `Reader.subscribe`."""
     text = json.dumps(wanted).encode()
     return _HEADER.pack(MAGIC, MAJOR, 0, HEADER_LEN, SUBSCRIBE, 0, len(text), 0, 0, 0, 0) + text
 
@@ -383,7 +383,12 @@ class Reader:
                 return message
 
     def subscribe(self, **wanted: Any) -> None:
-        """Asks for other things than every image: image, raw, status (bool), max_rate_hz."""
+        """Asks for other things than every image: image, raw, status (bool), max_rate_hz.
+
+        `profile={"levels": 4, "actuators": 5}` says what the display can do and `region=["index", "thumb"]` which parts
+        of the hand it shows. The answer to these is a HELLO, after which the images are as asked for, or an event
+        "refused" that says why not.
+        """
         self.socket.send(encode_subscribe(wanted))
 
     def latency_ns(self, header: Header) -> Optional[int]:

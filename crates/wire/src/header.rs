@@ -125,14 +125,21 @@ impl Flags {
                 flags |= Self::FAULTY;
             }
         }
-        let saturated = frame.counts.iter().zip(&frame.freshness).zip(&force.faults).any(
-            |((counts, freshness), faults)| {
-                *freshness == Freshness::Fresh
-                    && faults.is_empty()
-                    && counts.iter().any(|c| matches!(c, 0 | 65535))
-            },
-        );
-        flags.with(Self::SATURATED, saturated)
+        flags | Self::of_saturation(frame, force, 0..frame.counts.len())
+    }
+
+    /// [`Flags::SATURATED`] where one of these taxels can be used and reads 0 or 65535 on an axis. Numbers that the frame
+    /// lacks are passed over.
+    pub fn of_saturation(frame: &TactileFrame, force: &ForceFrame, taxels: std::ops::Range<usize>) -> Self {
+        let end = (taxels.end.min(frame.counts.len()))
+            .min(frame.freshness.len())
+            .min(force.faults.len());
+        let saturated = (taxels.start..end).any(|taxel| {
+            frame.freshness[taxel] == Freshness::Fresh
+                && force.faults[taxel].is_empty()
+                && frame.counts[taxel].iter().any(|c| matches!(c, 0 | 65535))
+        });
+        Self::NONE.with(Self::SATURATED, saturated)
     }
 }
 

@@ -29,6 +29,9 @@ pub struct Hello {
     pub absent: Vec<[u16; 2]>,
     /// The display that the images are made for.
     pub profile: HelloProfile,
+    /// The parts of the hand that the images show; absent where they show all of it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub region: Option<Vec<String>>,
     /// When images come.
     pub rate: HelloRate,
     /// Unit of every force: `counts`, or `counts^2` in the publication's squared mode.
@@ -203,6 +206,7 @@ impl Hello {
                 .collect(),
             absent,
             profile: profile.into(),
+            region: None,
             rate,
             force_unit: "counts".into(),
             clock,

@@ -4,9 +4,10 @@ use crate::error::DecodeError;
 use crate::header::{Flags, HEADER_LEN, Header, Kind, MAX_MESSAGE};
 use crate::message::{Body, decode_packet};
 use serde::{Deserialize, Serialize};
+use taxel_compress::{Profile, ProfileError};
 
-/// The most bytes a SUBSCRIBE packet may have.
-pub const MAX_SUBSCRIBE: usize = 4096;
+/// The most bytes a SUBSCRIBE packet may have: room for a profile with a long codebook, or with a place for each actuator.
+pub const MAX_SUBSCRIBE: usize = 65_536;
 /// The most bytes of text a reader puts together from its parts.
 pub const MAX_TEXT: usize = 8 << 20;
 /// Bytes of text in one packet, unless told otherwise: so few that it fits a socket whose send buffer was made
@@ -26,6 +27,12 @@ pub struct Subscribe {
     pub status: bool,
     /// The most images, and the most raw frames, per second, above 0; absent or null for every one.
     pub max_rate_hz: Option<f64>,
+    /// What this subscriber's display can do; absent or null for the daemon's own profile.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub profile: Option<Profile>,
+    /// The parts of the hand that this subscriber is shown, as the layout names them; absent or null for all.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub region: Option<Vec<String>>,
 }
 
 impl Default for Subscribe {
@@ -35,6 +42,8 @@ impl Default for Subscribe {
             raw: false,
             status: false,
             max_rate_hz: None,
+            profile: None,
+            region: None,
         }
     }
 }
@@ -68,6 +77,9 @@ pub enum SubscribeError {
         /// The rate asked for.
         max_rate_hz: f64,
     },
+    /// A profile that describes no display.
+    #[error("subscription: {0}")]
+    Profile(#[from] ProfileError),
 }
 
 impl Subscribe {
@@ -85,9 +97,11 @@ impl Subscribe {
         }
     }
 
-    /// Reads the text of a SUBSCRIBE; refuses unknown keys.
+    /// Reads the text of a SUBSCRIBE; refuses unknown keys, and a profile that no display has. Whether the hand has the
+    /// parts of the region is for the daemon to say.
     pub fn parse(text: &[u8]) -> Result<Self, SubscribeError> {
         let subscribe: Self = serde_json::from_slice(text)?;
+        subscribe.profile.as_ref().map_or(Ok(()), Profile::check)?;
         match subscribe.max_rate_hz {
             Some(max_rate_hz) if !(max_rate_hz.is_finite() && max_rate_hz > 0.0) => {
                 Err(SubscribeError::Rate { max_rate_hz })

@@ -99,5 +99,5 @@ fn the_sizes_are_those_of_the_encoder() {
         let text = format!("{} {what}", with_commas(bytes));
         assert!(page.contains(&text), "docs/wire.md does not say `{text}`");
     }
-    assert!(page.contains(&format!("at most {MAX_SUBSCRIBE} bytes")));
+    assert!(page.contains(&format!("at most {} bytes", with_commas(MAX_SUBSCRIBE))));
 }

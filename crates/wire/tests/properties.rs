@@ -8,7 +8,7 @@ use taxel_compress::{Actuator, Profile, TactileImage};
 use taxel_skin::{Fault, Faults, Freshness, Layout};
 use taxel_wire::{
     Body, Clock, DecodeError, EncodeError, Event, EventKind, Flags, HEADER_LEN, Header, Hello, HelloRate,
-    Kind, MAX_MESSAGE, Subscribe, SubscribeError, decode, decode_packet, encode_image_payload,
+    Kind, MAX_MESSAGE, MAX_SUBSCRIBE, Subscribe, SubscribeError, decode, decode_packet, encode_image_payload,
     encode_raw_payload, image_payload_len, raw_payload_len, split_text,
 };
 
@@ -319,6 +319,11 @@ fn a_subscription_says_what_it_wants_or_is_refused() {
         raw: true,
         status: true,
         max_rate_hz: Some(0.5),
+        profile: Some(Profile {
+            levels: 4,
+            ..Profile::default()
+        }),
+        region: Some(vec!["index".into(), "thumb".into()]),
     };
     assert_eq!(Subscribe::from_packet(&all.to_packet()).unwrap(), all);
     let unknown = parse(r#"{"raw": true, "rawr": true}"#).unwrap_err().to_string();
@@ -336,9 +341,39 @@ fn a_subscription_says_what_it_wants_or_is_refused() {
         Err(SubscribeError::Decode(DecodeError::BadMagic { .. }))
     ));
     assert!(matches!(
-        Subscribe::from_packet(&[0; 5000]),
-        Err(SubscribeError::TooLong { len: 5000 })
+        Subscribe::from_packet(&[0; MAX_SUBSCRIBE + 1]),
+        Err(SubscribeError::TooLong { len: 65_537 })
     ));
+}
+
+#[test]
+fn the_profile_of_a_subscription_is_checked_and_absent_keys_take_their_defaults() {
+    let parse = |text: &str| Subscribe::parse(text.as_bytes());
+    let few = parse(r#"{"profile": {"levels": 4}, "region": null}"#).unwrap();
+    let expected = Profile {
+        levels: 4,
+        ..Profile::default()
+    };
+    assert_eq!((few.profile, few.region), (Some(expected), None));
+    assert_eq!(parse(r#"{"profile": null}"#).unwrap(), Subscribe::default());
+    for (profile, complaint) in [
+        (r#"{"levels": 0}"#, "levels = 0"),
+        (r#"{"levels": 4, "codebook": [2, 1]}"#, "codebook entry 1"),
+        (r#"{"colours": 3}"#, "colours"),
+        (r#""fine""#, "fine"),
+    ] {
+        let error = parse(&format!(r#"{{"profile": {profile}}}"#)).unwrap_err();
+        assert!(error.to_string().contains(complaint), "{error}");
+    }
+    let long = Subscribe {
+        profile: Some(Profile {
+            levels: 255,
+            codebook: (1..=255).map(|force| f64::from(force) + 0.123_456_789).collect(),
+            ..Profile::default()
+        }),
+        ..Subscribe::default()
+    };
+    assert_eq!(Subscribe::from_packet(&long.to_packet()).unwrap(), long);
 }
 
 #[test]

@@ -93,6 +93,30 @@ pub(crate) fn all() -> Vec<Vector> {
             .to_packet(),
         ),
         (
+            "hello_region",
+            "the same hand for a display of four levels and five actuators on the thumb",
+            Hello {
+                profile: HelloProfile {
+                    levels: 4,
+                    actuators: 5,
+                    method: "optimal".into(),
+                    grey: "centroid".into(),
+                },
+                region: Some(vec!["thumb".into()]),
+                ..hello()
+            }
+            .to_packets(9, 2_000)
+            .concat(),
+        ),
+        (
+            "subscribe_profile",
+            "a display of four levels and five actuators on the thumb, at most 60 Hz; absent keys take their defaults",
+            text_packet(
+                Kind::Subscribe,
+                br#"{"profile":{"levels":4,"actuators":5,"method":"optimal","grey":"centroid"},"region":["thumb"],"max_rate_hz":60}"#,
+            ),
+        ),
+        (
             "unknown_type",
             "a type of a later version, to be skipped",
             text_packet(Kind::Other(0x8001), &[1, 2, 3]),
@@ -350,6 +374,7 @@ pub(crate) fn hello() -> Hello {
             method: "paper".into(),
             grey: "level".into(),
         },
+        region: None,
         rate: HelloRate {
             mode: "timer".into(),
             hz: Some(30.0),
