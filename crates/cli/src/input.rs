@@ -55,19 +55,7 @@ impl InputArgs {
             .extension()
             .is_some_and(|e| e.eq_ignore_ascii_case("log"))
         {
-            let given = [
-                (self.array.is_some(), "--array"),
-                (self.columns.is_some(), "--columns"),
-                (self.rate.is_some(), "--rate"),
-                (self.time_column.is_some(), "--time-column"),
-                (self.tile, "--tile"),
-            ];
-            if let Some((_, option)) = given.iter().find(|(given, _)| *given) {
-                bail!(
-                    "{}: {option} says nothing about a candump log; leave it out",
-                    self.path.display()
-                );
-            }
+            self.refuse_file_options(&format!("{}, a candump log", self.path.display()))?;
             return Ok(Input::Log(self.path.clone()));
         }
         let options = ReadOptions {
@@ -77,6 +65,33 @@ impl InputArgs {
             time_column: self.time_column,
         };
         Ok(Input::Frames(Recording::open(&self.path, &options)?))
+    }
+
+    /// The recording's name, with that of the array.
+    pub(crate) fn name(&self) -> String {
+        match &self.array {
+            Some(array) => format!("{} [{array}]", self.path.display()),
+            None => self.path.display().to_string(),
+        }
+    }
+
+    /// Refuses options that say something about a file, where there is none: `what` is a scene.
+    pub(crate) fn refuse_file_options(&self, what: &str) -> anyhow::Result<()> {
+        match self.file_options().into_iter().find(|(given, _)| *given) {
+            Some((_, option)) => bail!("{what}: {option} says nothing about it; leave it out"),
+            None => Ok(()),
+        }
+    }
+
+    /// Options that describe a file of frames, and whether each is given.
+    fn file_options(&self) -> [(bool, &'static str); 5] {
+        [
+            (self.array.is_some(), "--array"),
+            (self.columns.is_some(), "--columns"),
+            (self.rate.is_some(), "--rate"),
+            (self.time_column.is_some(), "--time-column"),
+            (self.tile, "--tile"),
+        ]
     }
 
     /// The layout named, if one is.

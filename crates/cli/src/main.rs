@@ -1,11 +1,14 @@
 //! The `taxel` command: look at a tactile hand, play recordings and scenes to it, compress offline.
 
+mod allocations;
 mod compress;
 mod demo;
+mod eval;
 mod image_line;
 mod image_output;
 mod input;
 mod interrupt;
+mod offline;
 mod progress;
 mod raw_line;
 mod replay;
@@ -33,6 +36,7 @@ Examples:
   taxel sim ball-grasp --to can:vcan0            a simulated hand on a virtual bus
   taxel replay grasp.log --to can:vcan0          a recording back onto a bus
   taxel compress grasp.npz --out images.npz      the daemon's compression, offline
+  taxel eval grasp.npz                           what it loses and what it costs, every method
 
 `taxel COMMAND --help` explains each. CAN sources are can:INTERFACE, udp:GROUP:PORT, log:FILE and sim:SCENE.";
 
@@ -42,6 +46,7 @@ enum Command {
     Watch(watch::Args),
     Replay(replay::Args),
     Compress(compress::Args),
+    Eval(Box<eval::Args>),
     Sim(sim::Args),
 }
 
@@ -51,6 +56,7 @@ fn main() -> ExitCode {
         Command::Watch(args) => watch::run(&args),
         Command::Replay(args) => replay::run(&args),
         Command::Compress(args) => compress::run(&args),
+        Command::Eval(args) => eval::run(&args),
         Command::Sim(args) => sim::run(&args),
     };
     match result {

@@ -1,0 +1,245 @@
+//! `taxel eval`: how good and how fast every method is, on the same frames.
+
+mod export;
+mod scene;
+mod table;
+
+use crate::allocations::COUNTER;
+use crate::offline::OfflineArgs;
+use crate::progress::Progress;
+use anyhow::{Context, bail};
+use serde::Serialize;
+use std::io::{self, Write};
+use std::path::PathBuf;
+use taxel_eval::{
+    ContactTruth, EvalReport, Method, MethodReport, References, Sequence, judge, quantile, standard_methods,
+    time,
+};
+use taxeld::Config;
+
+/// Measure speed against error: every method, on the same frames.
+///
+/// Errors are against the least that is possible: for force levels the exact optimum of each frame, for actuators the
+/// best of 64 runs of k-means++. Ratios of 1 are optimal. A jump is an actuator (same id) that moves more than 2 pixels
+/// between consecutive images. A tick is conditioning and compression where the recording holds counts, compression
+/// alone where it holds magnitudes; times are medians over --passes, per frame.
+///
+/// INPUT is any recording that `taxel compress` takes, or sim:SCENE, where contacts are compared with the truth too.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  taxel eval module.npz --array debug_0B0Z_raw --columns xyz-interleaved --tile
+  taxel eval grasps.npz --array WOOD_1 --layout grid:27x18 --threshold 150 --json
+  taxel eval sim:ball-grasp --method paper --method 'optimal history=0.2'
+  taxel eval grasp.log --sweep-k --csv sweep.csv")]
+pub(crate) struct Args {
+    #[command(flatten)]
+    offline: OfflineArgs,
+    /// A method to judge: paper or optimal, then settings of [profile] as key=value; may be repeated [default: paper, optimal and
+    /// the switches between them]
+    #[arg(long, value_name = "METHOD [KEY=VALUE]..")]
+    method: Vec<String>,
+    /// A scene to judge on besides INPUT: built-in or a file; may be repeated
+    #[arg(long, value_name = "SCENE")]
+    scene: Vec<String>,
+    /// Also judge the first two methods with 2, 4, 8, 16 and 32 levels and actuators
+    #[arg(long)]
+    sweep_k: bool,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+    /// Runs of k-means++ per frame that positions are compared with
+    #[arg(long, value_name = "N", default_value_t = taxel_eval::RESTARTS, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    restarts: u32,
+    /// Passes over the frames that times are medians of [default: enough for about 20,000 ticks, 5 to 101]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    passes: Option<u32>,
+    /// Write every number as a table, one line per input, size and method
+    #[arg(long, value_name = "FILE")]
+    csv: Option<PathBuf>,
+    /// Write the conditioned frames of INPUT as .npz: force and contact (T x N), x, y (N), t_ns (T)
+    #[arg(long, value_name = "FILE")]
+    export: Option<PathBuf>,
+}
+
+/// Levels and actuators of `--sweep-k`.
+const SIZES: [u16; 5] = [2, 4, 8, 16, 32];
+
+/// What `--json` prints.
+#[derive(Debug, Serialize)]
+struct Output {
+    #[serde(flatten)]
+    input: EvalReport,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    scenes: Vec<EvalReport>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    sweep: Vec<EvalReport>,
+}
+
+/// Frames, what they are called, and how their contacts compare with the truth if that is known.
+struct Frames {
+    name: String,
+    sequence: Sequence,
+    truth: Option<ContactTruth>,
+}
+
+pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    let path = args.offline.input.path.display().to_string();
+    let (frames, config) = match path.strip_prefix("sim:") {
+        Some(scene) => {
+            args.offline.input.refuse_file_options(&path)?;
+            scene::frames(scene, &args.offline)?
+        }
+        None => recorded(&args.offline)?,
+    };
+    if frames.sequence.is_empty() {
+        bail!("{path}: no frame: it ends before its first tick or sweep is complete");
+    }
+    if let Some(file) = &args.export {
+        export::write(file, &frames.sequence).with_context(|| file.display().to_string())?;
+    }
+    let base = config.profile;
+    let input = args.report(&frames, &args.methods(&base)?)?;
+    if input.contact_frames == 0 {
+        eprintln!("taxel: {path}: nothing is in contact in any frame, so there is nothing to judge");
+    }
+    let mut output = Output {
+        input,
+        scenes: Vec::new(),
+        sweep: Vec::new(),
+    };
+    for scene in &args.scene {
+        let (frames, config) = scene::frames(scene, &args.offline)?;
+        output
+            .scenes
+            .push(args.report(&frames, &args.methods(&config.profile)?)?);
+    }
+    if args.sweep_k {
+        for size in SIZES {
+            let mut methods = args.methods(&base)?;
+            methods.truncate(2);
+            for method in &mut methods {
+                (method.profile.levels, method.profile.actuators) = (size, size);
+            }
+            output.sweep.push(args.report(&frames, &methods)?);
+        }
+    }
+    let reports = || {
+        [&output.input]
+            .into_iter()
+            .chain(&output.scenes)
+            .chain(&output.sweep)
+    };
+    if let Some(file) = &args.csv {
+        std::fs::write(file, table::csv(reports())?).with_context(|| file.display().to_string())?;
+    }
+    let mut text = String::new();
+    if args.json {
+        text = serde_json::to_string(&output)? + "\n";
+    } else {
+        reports().for_each(|report| text += &table::human(report));
+    }
+    let mut out = io::stdout().lock();
+    out.write_all(text.as_bytes())
+        .and_then(|()| out.flush())
+        .context("stdout")
+}
+
+/// The frames of a recording as the daemon conditions them.
+fn recorded(offline: &OfflineArgs) -> anyhow::Result<(Frames, Config)> {
+    let input = offline.input.open()?;
+    let config = offline.configure(&input)?;
+    let mut sequence = empty(&config);
+    offline.run(&input, &config, &mut |tactile, force, _| {
+        sequence.tactile.extend(tactile.cloned());
+        sequence.force.push(force.clone());
+        Ok(())
+    })?;
+    if sequence.tactile.is_empty() {
+        sequence.conditioning = None;
+    }
+    let name = offline.input.name();
+    Ok((
+        Frames {
+            name,
+            sequence,
+            truth: None,
+        },
+        config,
+    ))
+}
+
+/// No frames yet, of a configured hand.
+fn empty(config: &Config) -> Sequence {
+    Sequence {
+        layout: config.layout.clone(),
+        force: Vec::new(),
+        tactile: Vec::new(),
+        conditioning: Some(config.conditioning.clone()),
+    }
+}
+
+impl Args {
+    fn methods(&self, base: &taxel_compress::Profile) -> anyhow::Result<Vec<Method>> {
+        base.check()?;
+        if self.method.is_empty() {
+            return Ok(standard_methods(base)?);
+        }
+        let parsed = self.method.iter().map(|text| Method::parse(text, base));
+        Ok(parsed.collect::<Result<_, _>>()?)
+    }
+
+    fn report(&self, frames: &Frames, methods: &[Method]) -> anyhow::Result<EvalReport> {
+        let sequence = &frames.sequence;
+        let profile = &methods.first().context("no method to judge")?.profile;
+        let (levels, actuators) = (profile.levels, profile.actuators);
+        if let Some(other) = methods
+            .iter()
+            .find(|m| (m.profile.levels, m.profile.actuators) != (levels, actuators))
+        {
+            bail!(
+                "`{}`: every method has the same levels and actuators here; give them with --levels and --actuators",
+                other.name
+            );
+        }
+        let passes = self.passes.map_or(20_000 / sequence.len().max(1), |n| n as usize);
+        let passes = if self.passes.is_some() {
+            passes
+        } else {
+            passes.clamp(5, 101) | 1
+        };
+        let progress = Progress::new(sequence.len() as u64, "frames, best possible");
+        let references =
+            References::find(sequence, levels, actuators, self.restarts, || progress.advance(1))?;
+        drop(progress);
+        let progress = Progress::new((methods.len() * (passes + 2)) as u64, "passes");
+        let mut errors = Vec::with_capacity(methods.len());
+        for method in methods {
+            errors.push(judge(sequence, &references, method).with_context(|| method.name.clone())?);
+            progress.advance(1);
+        }
+        let timings = time(sequence, methods, passes, Some(COUNTER), || progress.advance(1));
+        let reports = methods.iter().zip(errors).zip(&timings);
+        let reports =
+            reports.map(|((m, errors), timings)| MethodReport::new(m.name.clone(), errors, timings.cost()));
+        let mut contacts: Vec<f64> = references.frames.iter().map(|f| f.force.len() as f64).collect();
+        contacts.retain(|n| *n > 0.0);
+        let words = if sequence.conditioning.is_some() { 3.0 } else { 1.0 };
+        Ok(EvalReport {
+            input: frames.name.clone(),
+            frames: sequence.len(),
+            taxels: sequence.layout.len(),
+            contact_frames: references.contact_frames(),
+            contacts_median: quantile(&mut contacts, 0.5),
+            rate_hz: sequence.rate_hz(),
+            levels,
+            actuators,
+            raw_bits_per_s: sequence.rate_hz() * sequence.layout.len() as f64 * words * 16.0,
+            restarts: self.restarts,
+            passes,
+            conditioning_timed: sequence.conditioning.is_some(),
+            contact_truth: frames.truth,
+            methods: reports.collect(),
+        })
+    }
+}

@@ -1,0 +1,28 @@
+//! Conditioned frames for other programs to judge.
+
+use anyhow::Context;
+use ndarray::{Array1, Array2};
+use ndarray_npy::NpzWriter;
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::Path;
+use taxel_eval::Sequence;
+
+/// Writes `force` (f64) and `contact` (u8) `T x N`, 0 where a taxel has a fault; `x`, `y` (u16) `N`; `t_ns` (u64) `T`.
+pub(super) fn write(path: &Path, sequence: &Sequence) -> anyhow::Result<()> {
+    let shape = (sequence.len(), sequence.layout.len());
+    let usable = |t: usize, n: usize| sequence.force[t].contact[n] && sequence.force[t].faults[n].is_empty();
+    let contact = Array2::from_shape_fn(shape, |(t, n)| u8::from(usable(t, n)));
+    let force = Array2::from_shape_fn(shape, |(t, n)| sequence.force[t].force[n]);
+    let taxels = &sequence.layout.taxels;
+    let mut npz = NpzWriter::new_compressed(BufWriter::new(File::create(path)?));
+    npz.add_array("force", &force)?;
+    npz.add_array("contact", &contact)?;
+    npz.add_array("x", &taxels.iter().map(|t| t.x).collect::<Array1<u16>>())?;
+    npz.add_array("y", &taxels.iter().map(|t| t.y).collect::<Array1<u16>>())?;
+    npz.add_array(
+        "t_ns",
+        &sequence.force.iter().map(|f| f.t_ns).collect::<Array1<u64>>(),
+    )?;
+    npz.finish()?.flush().context("writing")
+}

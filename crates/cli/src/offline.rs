@@ -1,0 +1,248 @@
+//! Recordings as the frames that the daemon would have made of them.
+
+use crate::input::{DEFAULT_LAYOUT, Input, InputArgs, interfaces_of_buses, pair};
+use crate::progress::Progress;
+use crate::sweep::Sweeps;
+use anyhow::{Context, bail};
+use std::path::PathBuf;
+use taxel_can::{CanSource, LogSource, Playback, Received};
+use taxel_compress::{Compressor, TactileImage};
+use taxel_record::Recording;
+use taxel_skin::{ForceFrame, Layout, TactileFrame};
+use taxeld::Config;
+use taxeld::config::TickMode;
+use taxeld::pipeline::{Outputs, run_recorded};
+
+/// A recording, and how its frames are conditioned and compressed.
+#[derive(Debug, clap::Args)]
+pub(crate) struct OfflineArgs {
+    #[command(flatten)]
+    pub(crate) input: InputArgs,
+    /// Force levels of the display, K_D [default: 8, or the configuration's]
+    #[arg(long, value_name = "K_D")]
+    levels: Option<u16>,
+    /// Actuators of the display, K_A [default: 16, or the configuration's]
+    #[arg(long, value_name = "K_A")]
+    actuators: Option<u16>,
+    /// The daemon's configuration, for everything else
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// Magnitudes only: a taxel is in contact above this [default: 0]
+    #[arg(long, value_name = "FORCE")]
+    threshold: Option<f64>,
+    /// Candump only: an interface of the log and the bus of the layout that it is, such as vcan0=can0
+    #[arg(long, value_name = "NAME=BUS", value_parser = pair)]
+    interface: Vec<(String, String)>,
+}
+
+/// What is made of each instant of a recording: counts, where it holds counts; what the skin feels; the image.
+pub(crate) type Emit<'a> =
+    dyn FnMut(Option<&TactileFrame>, &ForceFrame, &TactileImage) -> anyhow::Result<()> + 'a;
+
+impl OfflineArgs {
+    /// The configuration named, or the defaults, without the hand of a recording.
+    pub(crate) fn configure_for(&self, default_layout: &str) -> anyhow::Result<Config> {
+        let configured = self.config.as_deref().map(Config::load).transpose()?;
+        let mut config = match (self.input.named_layout()?, configured) {
+            (Some(layout), Some(config)) => Config { layout, ..config },
+            (None, Some(config)) => config,
+            (Some(layout), None) => Config::new(layout, Vec::new()),
+            (None, None) => Config::new(Layout::resolve(default_layout)?, Vec::new()),
+        };
+        self.fit_display(&mut config);
+        Ok(config)
+    }
+
+    fn fit_display(&self, config: &mut Config) {
+        let profile = &mut config.profile;
+        profile.levels = self.levels.unwrap_or(profile.levels);
+        profile.actuators = self.actuators.unwrap_or(profile.actuators);
+    }
+
+    /// The configuration named, or the defaults, for the hand that the recording is of.
+    pub(crate) fn configure(&self, input: &Input) -> anyhow::Result<Config> {
+        let configured = self.config.as_deref().map(Config::load).transpose()?;
+        let named = self.input.named_layout()?;
+        let layout = match (named, &configured, input) {
+            (Some(layout), _, _) => layout,
+            (None, _, Input::Frames(r)) if r.image_shape().is_some() && !r.has_counts() => grid_of(r)?,
+            (None, Some(config), _) => config.layout.clone(),
+            (None, None, _) => Layout::resolve(DEFAULT_LAYOUT)?,
+        };
+        let mut config = match configured {
+            Some(config) => Config { layout, ..config },
+            None => {
+                let mut config = Config::new(layout, Vec::new());
+                if let Input::Frames(recording) = input {
+                    config.tick.mode = TickMode::Sweep;
+                    // Recorded frames are all meant; boards that come up are thrown away when live.
+                    config.sweep.settle_ms = 0.0;
+                    config.sweep.board_period_ms = (recording.period_ns() as f64 / 1e6).clamp(1.0, 10_000.0);
+                }
+                config
+            }
+        };
+        self.fit_display(&mut config);
+        let magnitudes = matches!(input, Input::Frames(recording) if !recording.has_counts());
+        if let Some(threshold) = self.threshold.filter(|_| !magnitudes) {
+            bail!(
+                "--threshold {threshold} is for magnitudes; counts have their threshold measured in calibration"
+            );
+        }
+        if !matches!(input, Input::Log(_)) && !self.interface.is_empty() {
+            bail!(
+                "--interface is for candump logs; {} has no interfaces",
+                self.input.path.display()
+            );
+        }
+        Ok(config)
+    }
+
+    /// Takes the recording through the daemon's pipeline, or magnitudes straight to compression, and shows what comes out.
+    pub(crate) fn run(&self, input: &Input, config: &Config, emit: &mut Emit<'_>) -> anyhow::Result<()> {
+        match input {
+            Input::Frames(recording) if !recording.has_counts() => self.magnitudes(recording, config, emit),
+            Input::Frames(recording) => {
+                let sweeps = Sweeps::new(recording, &config.layout, self.input.tile)?;
+                let per_sweep = config.layout.len() as u64;
+                let progress = Progress::new(recording.len() as u64 * per_sweep, "frames");
+                pipeline(config, sweeps.frames().inspect(|_| progress.advance(1)), emit)
+            }
+            Input::Log(path) => {
+                let interfaces = interfaces_of_buses(path, &config.layout, &self.interface)?;
+                let open = |name: &String| LogSource::open(path, Some(name), Playback::default());
+                let sources = interfaces.iter().map(open).collect::<Result<Vec<_>, _>>()?;
+                let progress = Progress::counting("CAN frames");
+                let mut bus_frames = BusFrames::new(sources);
+                pipeline(config, bus_frames.by_ref().inspect(|_| progress.advance(1)), emit)?;
+                bus_frames.check(path)
+            }
+        }
+    }
+
+    /// Magnitudes have been through sweep assembly and conditioning, whatever these were.
+    fn magnitudes(&self, recording: &Recording, config: &Config, emit: &mut Emit<'_>) -> anyhow::Result<()> {
+        let (name, taxels, layout) = (recording.name(), recording.taxels(), &config.layout);
+        if self.input.tile {
+            bail!("--tile repeats the counts of one module; {name} holds magnitudes");
+        }
+        if layout.len() != taxels {
+            bail!(
+                "{name} has {taxels} taxels and layout {} has {}; place them with --layout grid:HxW{}",
+                layout.name,
+                layout.len(),
+                if taxels % 3 == 0 {
+                    ", or say with --columns that they are x y z counts"
+                } else {
+                    ""
+                }
+            );
+        }
+        let threshold = self.threshold.unwrap_or(0.0);
+        if !(threshold.is_finite() && threshold >= 0.0) {
+            bail!("--threshold {threshold} is no force; it is a number from 0 on");
+        }
+        let mut compressor = Compressor::new(config.profile.clone(), layout)?;
+        let mut image = compressor.new_image();
+        let mut force = ForceFrame::new(taxels);
+        force.threshold = threshold;
+        let progress = Progress::new(recording.len() as u64, "frames");
+        for index in 0..recording.len() {
+            let magnitudes = recording.magnitudes(index).unwrap_or_default();
+            force.seq = index as u64;
+            force.t_ns = recording.t_ns(index);
+            for ((magnitude, force), contact) in
+                magnitudes.iter().zip(&mut force.force).zip(&mut force.contact)
+            {
+                *contact = *magnitude > threshold;
+                *force = magnitude.max(0.0);
+            }
+            compressor.compress(&force, &mut image);
+            emit(None, &force, &image)?;
+            progress.advance(1);
+        }
+        Ok(())
+    }
+}
+
+fn grid_of(recording: &Recording) -> anyhow::Result<Layout> {
+    let (height, width) = recording.image_shape().unwrap_or_default();
+    let too_large = || {
+        format!(
+            "{}: {height} x {width} is more than an image can be",
+            recording.name()
+        )
+    };
+    let width_px = u16::try_from(width).with_context(too_large)?;
+    let height_px = u16::try_from(height).with_context(too_large)?;
+    Layout::grid(width_px, height_px).with_context(too_large)
+}
+
+/// Takes CAN frames, in the order of their times, through the daemon's pipeline; stops showing what comes out after a failure.
+pub(crate) fn pipeline(
+    config: &Config,
+    frames: impl Iterator<Item = (u8, Received)>,
+    emit: &mut Emit<'_>,
+) -> anyhow::Result<()> {
+    let mut failure = None;
+    run_recorded(config, frames, None, |_, outputs: &Outputs| {
+        if failure.is_none() {
+            failure = emit(Some(&outputs.tactile), &outputs.force, &outputs.image).err();
+        }
+    })?;
+    failure.map_or(Ok(()), Err)
+}
+
+/// The frames of several recorded buses in the order of their times, as the daemon takes them.
+struct BusFrames {
+    sources: Vec<LogSource>,
+    batches: Vec<Vec<Received>>,
+}
+
+impl BusFrames {
+    fn new(sources: Vec<LogSource>) -> Self {
+        let batches = sources.iter().map(|_| Vec::with_capacity(1)).collect();
+        Self { sources, batches }
+    }
+
+    /// Whether every source came to its end.
+    fn check(&self, path: &std::path::Path) -> anyhow::Result<()> {
+        match self.sources.iter().find_map(LogSource::failure) {
+            Some(failure) => bail!("{}: {failure}; what came before was compressed", path.display()),
+            None => {
+                let undecodable: u64 = self
+                    .sources
+                    .iter()
+                    .map(|s| s.counters().undecodable)
+                    .max()
+                    .unwrap_or(0);
+                if undecodable > 0 {
+                    eprintln!(
+                        "taxel: {}: {undecodable} lines are not classic CAN frames",
+                        path.display()
+                    );
+                }
+                Ok(())
+            }
+        }
+    }
+}
+
+impl Iterator for BusFrames {
+    type Item = (u8, Received);
+
+    fn next(&mut self) -> Option<Self::Item> {
+        for (source, batch) in self.sources.iter_mut().zip(&mut self.batches) {
+            if batch.is_empty() {
+                source.receive(u64::MAX, batch);
+            }
+        }
+        let heads = self
+            .batches
+            .iter()
+            .enumerate()
+            .filter_map(|(bus, batch)| Some((batch.first()?.t_ns, bus)));
+        let (_, bus) = heads.min()?;
+        Some((bus as u8, self.batches[bus].pop()?))
+    }
+}

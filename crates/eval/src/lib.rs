@@ -1,0 +1,27 @@
+//! How good and how fast a compression of tactile frames is: the measurements of `taxel eval`.
+//!
+//! A [`Sequence`] holds the frames, [`References`] the best there is for each of them, [`Method`] a profile to be judged.
+//! [`judge`] runs the frames through it once and measures errors; [`time`] runs them again and again and measures cost. Both
+//! results together are a [`MethodReport`]. The references are computed here, from scratch, and share no code with what they judge.
+
+mod best_levels;
+mod best_places;
+mod contact_truth;
+mod cost;
+mod judge;
+mod method;
+mod pressure;
+mod quantile;
+mod report;
+mod sequence;
+mod tally;
+
+pub use best_levels::least_level_error;
+pub use best_places::{RESTARTS, least_place_error};
+pub use contact_truth::{ContactTruth, contact_truth};
+pub use cost::{Allocations, Cost, Timings, time};
+pub use judge::{Errors, judge};
+pub use method::{Method, MethodError, standard_methods};
+pub use quantile::{Quantiles, quantile};
+pub use report::{CostDetail, EvalReport, MethodReport};
+pub use sequence::{Reference, References, Sequence};

@@ -1,0 +1,166 @@
+//! The methods that are judged: profiles by name.
+
+use taxel_compress::{Profile, ProfileError};
+
+/// A way to compress frames, and what it is called in reports.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Method {
+    /// Its name: a method, then what differs from it, such as `optimal history=0.5`.
+    pub name: String,
+    /// The profile.
+    pub profile: Profile,
+}
+
+/// Why a text names no method.
+#[derive(Debug, thiserror::Error)]
+pub enum MethodError {
+    /// No method at the beginning, or a setting without a value.
+    #[error(
+        "`{text}` is no method; write `paper` or `optimal`, then settings of the profile such as history=0.5"
+    )]
+    Form {
+        /// What was given.
+        text: String,
+    },
+    /// A setting that a profile does not have, or a value that it does not take.
+    #[error("`{text}`: {problem}")]
+    Setting {
+        /// What was given.
+        text: String,
+        /// In the words of the profile's reader.
+        problem: String,
+    },
+    /// A profile that describes no display.
+    #[error("`{text}`: {source}")]
+    Profile {
+        /// What was given.
+        text: String,
+        /// Why.
+        source: ProfileError,
+    },
+}
+
+impl Method {
+    /// Reads a method: `paper` or `optimal`, then settings as `key=value` with spaces between them, which take the place of those in `base`.
+    /// Values are those of the configuration's `[profile]` table; quotes around words may be left out.
+    ///
+    /// ```
+    /// use taxel_compress::Profile;
+    /// let method = taxel_eval::Method::parse("optimal history=0.5 placement=lloyd", &Profile::default())?;
+    /// assert_eq!(method.profile.history, 0.5);
+    /// # Ok::<(), taxel_eval::MethodError>(())
+    /// ```
+    ///
+    /// # Errors
+    ///
+    /// [`MethodError`], with the text and what is wrong with it.
+    pub fn parse(text: &str, base: &Profile) -> Result<Self, MethodError> {
+        let form = || MethodError::Form { text: text.into() };
+        let setting = |problem: String| MethodError::Setting {
+            text: text.into(),
+            problem: problem.trim().replace('\n', "; "),
+        };
+        let mut words = text.split_whitespace();
+        let method = words.next().filter(|word| !word.contains('=')).ok_or_else(form)?;
+        let mut table = toml::Table::try_from(base).map_err(|e| setting(e.to_string()))?;
+        table.insert("method".into(), method.into());
+        for word in words {
+            let (key, value) = word.split_once('=').ok_or_else(form)?;
+            let line = format!("{key} = {value}");
+            let read = line
+                .parse::<toml::Table>()
+                .or_else(|_| format!("{key} = \"{value}\"").parse())
+                .map_err(|e| setting(e.message().to_string()))?;
+            // A whole number where the profile has a fraction.
+            for (key, value) in read {
+                let value = match (table.get(&key), &value) {
+                    (Some(toml::Value::Float(_)), toml::Value::Integer(whole)) => (*whole as f64).into(),
+                    _ => value,
+                };
+                table.insert(key, value);
+            }
+        }
+        let profile: Profile = table.try_into().map_err(|e| setting(e.to_string()))?;
+        profile.check().map_err(|source| MethodError::Profile {
+            text: text.into(),
+            source,
+        })?;
+        Ok(Self {
+            name: text.split_whitespace().collect::<Vec<_>>().join(" "),
+            profile,
+        })
+    }
+}
+
+/// `paper`, `optimal`, and every switch between and beside them, on its own.
+///
+/// # Errors
+///
+/// A `base` that describes no display.
+pub fn standard_methods(base: &Profile) -> Result<Vec<Method>, MethodError> {
+    [
+        "paper",
+        "optimal",
+        "paper force_fit=exact",
+        "paper placement=follow",
+        "optimal history=0.1",
+        "optimal history=0.5",
+        "optimal jump_gain=0",
+        "optimal jump_gain=0.1",
+        "optimal jump_gain=1",
+        "optimal force_weighted=true",
+        "optimal parts_apart=true",
+        "optimal level_hysteresis=0.2",
+        "optimal actuator_force=mean",
+    ]
+    .into_iter()
+    .map(|text| Method::parse(text, base))
+    .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use taxel_compress::{ForceFit, Placement};
+
+    #[test]
+    fn settings_take_the_place_of_the_base() {
+        let base = Profile {
+            levels: 5,
+            ..Profile::default()
+        };
+        let method = Method::parse("paper  placement=follow history=1", &base).unwrap();
+        assert_eq!(method.name, "paper placement=follow history=1");
+        assert_eq!((method.profile.levels, method.profile.history), (5, 1.0));
+        assert_eq!(method.profile.placement(), Placement::Follow);
+        assert_eq!(method.profile.force_fit(), ForceFit::Lloyd);
+    }
+
+    #[test]
+    fn what_is_no_method_is_refused_with_the_reason() {
+        for (text, wanted) in [
+            ("", "is no method"),
+            ("history=1", "is no method"),
+            ("optimal history", "is no method"),
+            ("best", "best"),
+            ("optimal colour=red", "colour"),
+            ("optimal history=-1", "history"),
+            ("optimal levels=many", "levels"),
+        ] {
+            let message = Method::parse(text, &Profile::default()).unwrap_err().to_string();
+            assert!(message.contains(wanted), "{text:?}: {message}");
+        }
+    }
+
+    #[test]
+    fn the_standard_methods_differ() {
+        let methods = standard_methods(&Profile::default()).unwrap();
+        for (n, method) in methods.iter().enumerate() {
+            assert!(
+                methods[..n].iter().all(|m| m.profile != method.profile),
+                "{}",
+                method.name
+            );
+        }
+    }
+}

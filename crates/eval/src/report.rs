@@ -1,0 +1,91 @@
+//! What `taxel eval --json` prints: the contract of design.md, and more.
+
+use crate::contact_truth::ContactTruth;
+use crate::cost::Cost;
+use crate::judge::Errors;
+use serde::Serialize;
+
+/// Every method on the same frames.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct EvalReport {
+    /// The recording.
+    pub input: String,
+    /// Frames in it.
+    pub frames: usize,
+    /// Taxels of the hand.
+    pub taxels: usize,
+    /// Frames with at least one contact.
+    pub contact_frames: usize,
+    /// Median number of contacts in those.
+    pub contacts_median: f64,
+    /// Frames per second.
+    pub rate_hz: f64,
+    /// `K_D`.
+    pub levels: u16,
+    /// `K_A`.
+    pub actuators: u16,
+    /// Bits per second of the raw counts, 16 bits on three axes; of one 16-bit magnitude per taxel where there are no counts.
+    pub raw_bits_per_s: f64,
+    /// k-means++ runs per frame that the position ratio is against.
+    pub restarts: u32,
+    /// Passes that times are medians of.
+    pub passes: usize,
+    /// Whether a tick includes conditioning: not where the recording holds magnitudes.
+    pub conditioning_timed: bool,
+    /// Contacts against the scene's truth, if the input is a scene.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub contact_truth: Option<ContactTruth>,
+    /// The methods.
+    pub methods: Vec<MethodReport>,
+}
+
+/// What one method does to the frames, and what it costs.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct MethodReport {
+    /// Its name.
+    pub name: String,
+    /// Its errors.
+    #[serde(flatten)]
+    pub errors: Errors,
+    /// Median time of a tick over frames, microseconds ([`Cost::tick_us`]).
+    pub tick_us_p50: f64,
+    /// 99 in 100 frames take no longer.
+    pub tick_us_p99: f64,
+    /// 999 in 1000 frames take no longer.
+    pub tick_us_p999: f64,
+    /// Allocations per tick after start; absent if not counted.
+    pub allocations_per_tick: Option<f64>,
+    /// Times in detail.
+    #[serde(flatten)]
+    pub cost: CostDetail,
+}
+
+/// The parts of [`Cost`] beyond the contract.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct CostDetail {
+    /// Conditioning alone.
+    pub condition_us: crate::Quantiles,
+    /// Compression alone.
+    pub compress_us: crate::Quantiles,
+    /// Every single tick of every pass.
+    pub every_tick_us: crate::Quantiles,
+}
+
+impl MethodReport {
+    /// Errors and cost of a method, together.
+    pub fn new(name: String, errors: Errors, cost: Cost) -> Self {
+        Self {
+            name,
+            errors,
+            tick_us_p50: cost.tick_us.p50,
+            tick_us_p99: cost.tick_us.p99,
+            tick_us_p999: cost.tick_us.p999,
+            allocations_per_tick: cost.allocations_per_tick,
+            cost: CostDetail {
+                condition_us: cost.condition_us,
+                compress_us: cost.compress_us,
+                every_tick_us: cost.every_tick_us,
+            },
+        }
+    }
+}

@@ -1,0 +1,120 @@
+//! The frames that methods are judged on, and the best there is for each.
+
+use crate::best_levels::least_level_error;
+use crate::best_places::least_place_error;
+use std::collections::HashMap;
+use taxel_compress::{Compressor, Profile, ProfileError};
+use taxel_skin::{ConditionConfig, ForceFrame, Layout, TactileFrame};
+
+/// Frames in the order of their times.
+#[derive(Debug, Clone)]
+pub struct Sequence {
+    /// The hand.
+    pub layout: Layout,
+    /// Conditioned frames, as compression takes them.
+    pub force: Vec<ForceFrame>,
+    /// What they were made from, one per force frame; empty where the recording holds magnitudes.
+    pub tactile: Vec<TactileFrame>,
+    /// How they were made from it.
+    pub conditioning: Option<ConditionConfig>,
+}
+
+impl Sequence {
+    /// Number of frames.
+    pub fn len(&self) -> usize {
+        self.force.len()
+    }
+
+    /// Whether there is no frame.
+    pub fn is_empty(&self) -> bool {
+        self.force.is_empty()
+    }
+
+    /// Frames per second, by the first and the last frame's time; 0 of fewer than two frames.
+    pub fn rate_hz(&self) -> f64 {
+        match (self.force.first(), self.force.last()) {
+            (Some(first), Some(last)) if last.t_ns > first.t_ns => {
+                (self.len() - 1) as f64 * 1e9 / (last.t_ns - first.t_ns) as f64
+            }
+            _ => 0.0,
+        }
+    }
+}
+
+/// The contacts of one frame and the best that can be done with them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Reference {
+    /// Column and row of each contact, in raster order.
+    pub pixel: Vec<[u16; 2]>,
+    /// Its force.
+    pub force: Vec<f64>,
+    /// Least squared error of the force levels, [`least_level_error`].
+    pub level_error: f64,
+    /// Least squared error known of the actuators' places, pixels squared, [`least_place_error`].
+    pub place_error: f64,
+}
+
+/// The [`Reference`] of every frame, for a number of levels and actuators.
+#[derive(Debug, Clone)]
+pub struct References {
+    /// One per frame; without contacts, an empty one.
+    pub frames: Vec<Reference>,
+    /// `K_D`.
+    pub levels: u16,
+    /// `K_A`.
+    pub actuators: u16,
+}
+
+impl References {
+    /// Finds the references, with `restarts` runs per set of contacts; calls `progress` after each frame.
+    ///
+    /// Which taxels are contacts is read off [`Compressor::stages`]: it does not depend on the method.
+    ///
+    /// # Errors
+    ///
+    /// Numbers of levels or actuators that no profile may have.
+    pub fn find(
+        sequence: &Sequence,
+        levels: u16,
+        actuators: u16,
+        restarts: u32,
+        mut progress: impl FnMut(),
+    ) -> Result<Self, ProfileError> {
+        let profile = Profile {
+            levels,
+            actuators,
+            ..Profile::default()
+        };
+        let mut compressor = Compressor::new(profile, &sequence.layout)?;
+        let mut image = compressor.new_image();
+        // Hands at rest and hands pressed all over have the same contacts frame after frame.
+        let mut known: HashMap<Vec<[u16; 2]>, f64> = HashMap::new();
+        let mut frames = Vec::with_capacity(sequence.len());
+        for frame in &sequence.force {
+            compressor.compress(frame, &mut image);
+            let stages = compressor.stages();
+            let pixel = stages.pixel.to_vec();
+            let force = stages.force.to_vec();
+            let place_error = *known
+                .entry(pixel.clone())
+                .or_insert_with(|| least_place_error(&pixel, usize::from(actuators), restarts));
+            frames.push(Reference {
+                level_error: least_level_error(&force, usize::from(levels)),
+                place_error,
+                pixel,
+                force,
+            });
+            progress();
+        }
+        Ok(Self {
+            frames,
+            levels,
+            actuators,
+        })
+    }
+
+    /// Frames with a contact.
+    pub fn contact_frames(&self) -> usize {
+        self.frames.iter().filter(|f| !f.force.is_empty()).count()
+    }
+}
