@@ -32,8 +32,9 @@ def control_client(daemon):
 
 
 @pytest.fixture
-def daemon(start):
-    return start(conditioning=DAEMON_SETTINGS, socket={"stall_ms": 500})
+def daemon(start, request):
+    """Its parameter is how long a client may take nothing, ms; by default longer than any test."""
+    return start(conditioning=DAEMON_SETTINGS, socket={"stall_ms": getattr(request, "param", 60_000)})
 
 
 @pytest.fixture
@@ -53,6 +54,7 @@ def only_the_healthy_one_is_left(daemon):
     daemon.wait_status(lambda s: len(s["subscribers"]) == 1, "clients that are gone are still listed")
 
 
+@pytest.mark.parametrize("daemon", [500], indirect=True)
 def test_clients_that_never_read_are_let_go(daemon, healthy):
     idle = [raw_client(daemon) for _ in range(20)]
     healthy()

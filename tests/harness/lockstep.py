@@ -19,25 +19,70 @@ SWEEP = {
 TABLES = {"tick": {"mode": "sweep"}, "boards": {"mode": "passive"}, "sweep": SWEEP}
 
 
+CALIBRATION_FRAMES = 2
+
+
+class Overtaken(Exception):
+    """A newer image took the place of the awaited one before it was sent.
+
+    That is what a daemon shall do that has no time to send. On a machine so busy that it happens here, within the
+    100 ms until an image says that the hand is silent, the sweep has to be sent again.
+    """
+
+
 class Lockstep:
+    """Drives one daemon. `sweeps` counts what was sent, sweeps that had to be sent again included."""
+
     def __init__(self, daemon, buses, hand):
+        self.daemon = daemon
         self.hand = hand
         self.buses = buses
         self.reader = taxel_reader.connect(daemon.images)
         self.sent_at = 0.0
+        self.sweeps = 0
+        self.calibration = []
         # The hand is silent, and the daemon says so: from now on it serves this reader.
         next_image(self.reader)
 
     def step(self, counts, order=None):
         """The image of one sweep."""
-        self.send(self.hand.sweep(counts, order))
-        return next_full_image(self.reader)
+        frames = self.hand.sweep(counts, order)
+        calibrating = len(self.calibration) < CALIBRATION_FRAMES
+        if calibrating:
+            self.calibration.append(frames)
+        for _ in range(5):
+            try:
+                return self._image_of(frames)
+            except Overtaken:
+                if calibrating:  # the first frames are remembered: begin anew
+                    self._calibrate_again()
+        raise AssertionError(f"five images in a row were overtaken; status: {self.daemon.status()}")
+
+    def rezero(self):
+        """Has the daemon measure its baseline from the next sweeps."""
+        assert self.daemon.control("rezero") == {"ok": True}
+        self.calibration = []
 
     def send(self, frames):
         """Sends a sweep, or what there is of it, not so soon that its readings are taken for duplicates."""
         time.sleep(max(0.0, self.sent_at + BOARD_PERIOD_S - time.monotonic()))
         self.buses.send(frames)
         self.sent_at = time.monotonic()
+        self.sweeps += 1
+
+    def _image_of(self, frames):
+        self.send(frames)
+        try:
+            return next_full_image(self.reader)
+        except AssertionError as error:
+            raise AssertionError(f"{error}; status: {self.daemon.status()}") from None
+
+    def _calibrate_again(self):
+        assert self.daemon.control("rezero") == {"ok": True}
+        for frames in self.calibration[:-1]:
+            self.send(frames)
+            made = self.daemon.status()["images"]["made"]
+            self.daemon.wait_status(lambda s: s["images"]["made"] > made, "no image of a sweep")
 
 
 def next_image(reader, seconds=10.0):
@@ -58,5 +103,7 @@ def next_full_image(reader, seconds=10.0):
         image = next_image(reader)
         if image.missing == 0:
             return image
+        if image.skipped:
+            raise Overtaken
         missing.append(image.missing)
     raise AssertionError(f"only incomplete images within {seconds} s, which lacked {missing} taxels")

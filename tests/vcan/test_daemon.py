@@ -35,8 +35,9 @@ def check_grasp(driver, hand):
 
 def test_traffic_from_python_can_becomes_the_references_images(start, lockstep, hand):
     daemon = start(conditioning=DAEMON_SETTINGS)
-    check_grasp(lockstep(daemon), hand)
-    readings = [128 * 15, 112 * 15]
+    driver = lockstep(daemon)
+    check_grasp(driver, hand)
+    readings = [128 * driver.sweeps, 112 * driver.sweeps]
     status = daemon.wait_status(lambda s: [b["used"] for b in s["buses"]] == readings, f"{readings} readings were sent")
     assert [(b["link"], b["lost_in_kernel"], b["late"]) for b in status["buses"]] == [("up", 0, 0)] * 2
 
@@ -74,8 +75,9 @@ def test_noise_from_cangen_is_accounted_for_and_does_not_disturb(start, lockstep
         return bus["received"] + bus["lost_in_kernel"] >= 3000 and sum(bus[k] for k in kinds) == bus["received"]
 
     daemon.wait_status(settled, "frames went missing in the account")
-    assert daemon.control("rezero")["ok"]
-    check_grasp(lockstep(daemon), hand)
+    driver = lockstep(daemon)
+    driver.rezero()
+    check_grasp(driver, hand)
 
 
 def test_a_link_that_goes_down_and_up_again(start, lockstep, buses, hand):
@@ -89,7 +91,7 @@ def test_a_link_that_goes_down_and_up_again(start, lockstep, buses, hand):
     buses.set(0, "up")
     daemon.wait_status(lambda s: s["buses"][0]["link"] == "up", "the link that is back is not told")
     assert daemon.bus()["link_losses"] == 1
-    assert daemon.control("rezero")["ok"]
+    driver.rezero()
     check_grasp(driver, hand)
 
 
@@ -124,7 +126,7 @@ def test_an_interface_deleted_and_made_again_under_load(start, lockstep, buses, 
     buses.create(0)
     status = daemon.wait_status(lambda s: s["buses"][0]["link"] == "up", "the interface that is back is not opened")
     assert status["buses"][0]["reopens"] == 1 and status["buses"][1]["reopens"] == 0
-    assert daemon.control("rezero")["ok"]
+    driver.rezero()
     check_grasp(driver, hand)
 
 
