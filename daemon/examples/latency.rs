@@ -10,7 +10,7 @@ use hdrhistogram::Histogram;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
-use taxel_can::{CanFrame, CanSource, SourceAddress, monotonic_ns};
+use taxel_can::{CanFrame, SourceAddress, monotonic_ns};
 use taxel_skin::Layout;
 use taxel_wire::{Received, Subscriber};
 use taxeld::{Config, Daemon, config::TickMode};
@@ -46,7 +46,6 @@ fn main() -> Result<(), Problem> {
         .collect::<Result<_, _>>()?;
     let mut config = Config::new(layout.clone(), sources.clone());
     config.tick.mode = TickMode::Sweep;
-    config.sweep.board_period_ms = 1000.0 / rate_hz;
     config.socket.images = folder.path().join("images.sock");
     config.socket.control = folder.path().join("control.sock");
     config.conditioning.calibration_ms = 1000;

@@ -208,6 +208,7 @@ impl Hand {
                     "sweeps": b.sweeps,
                     "status_errors": b.status_errors,
                     "restarts": b.restarts,
+                    "period_ms": b.period_ns.map(|period| period as f64 / 1e6),
                     "silent_ms": b.last_ns.map(|last| snapshot.now_ns.saturating_sub(last) / 1_000_000),
                 })
             })

@@ -25,7 +25,8 @@ pub struct Pipeline {
 /// What one tick made. The buffers are used again at the next tick.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outputs {
-    /// The instant the image was due: the timer tick, the frame that completed the sweep, or its deadline. Nanoseconds.
+    /// The instant the image was due: the timer tick, the frame that completed the sweep or began the one after it, or
+    /// its deadline. Nanoseconds.
     pub due_ns: u64,
     /// Raw counts with their ages.
     pub tactile: TactileFrame,
@@ -35,8 +36,8 @@ pub struct Outputs {
     pub image: TactileImage,
 }
 
-/// In `sweep` mode, a hand that says nothing still gives an image this often, in which every taxel is missing: a
-/// display must be able to tell a silent hand from a dead daemon.
+/// In `sweep` mode, a hand that says nothing still gives an image this often, or every two of its periods where these
+/// are longer, in which every taxel is missing: a display must be able to tell a silent hand from a dead daemon.
 const SILENT_NS: u64 = 100_000_000;
 
 /// When images are due.
@@ -101,8 +102,12 @@ impl Pipeline {
             return;
         };
         if let Decoded::Readings = decoder.decode(&received.frame, &mut self.readings) {
-            for reading in self.readings.iter() {
-                self.sweep.push(reading, received.t_ns);
+            for i in 0..self.readings.len() {
+                let reading = self.readings[i];
+                if self.sweep.overtaken_by(&reading, received.t_ns) {
+                    self.tick(received.t_ns, emit);
+                }
+                self.sweep.push(&reading, received.t_ns);
             }
             if self.schedule == Schedule::Sweep && self.sweep.is_complete() {
                 self.tick(received.t_ns, emit);
@@ -125,7 +130,10 @@ impl Pipeline {
     pub fn due_ns(&self) -> Option<u64> {
         match self.schedule {
             Schedule::Timer { next_ns, .. } => Some(next_ns),
-            Schedule::Sweep => self.sweep.deadline_ns().or(Some(self.outputs.due_ns + SILENT_NS)),
+            Schedule::Sweep => {
+                let silent_ns = SILENT_NS.max(self.sweep.hand_period_ns().saturating_mul(2));
+                self.sweep.deadline_ns().or(Some(self.outputs.due_ns + silent_ns))
+            }
         }
     }
 

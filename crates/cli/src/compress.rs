@@ -133,11 +133,10 @@ impl Run {
                 config.conditioning.calibration_ms
             );
         } else if with_missing > 0 {
-            eprintln!(
-                "taxel: taxels are missing in {with_missing} images; if boards send less often than every {} ms, say so \
-                 with sweep.board_period_ms in a file for --config",
-                config.sweep.board_period_ms
-            );
+            let hint = config.sweep.board_period_ms.map_or_else(String::new, |ms| {
+                format!("; sweep.board_period_ms says that boards send every {ms} ms: do they?")
+            });
+            eprintln!("taxel: taxels are missing in {with_missing} images{hint}");
         }
         if let (Some(path), Some(frames)) = (&args.learn_codebook, self.frames) {
             let codebook = learn_codebook(&frames, config.profile.levels);

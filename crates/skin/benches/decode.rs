@@ -65,6 +65,7 @@ fn decode_and_assemble(bencher: Bencher<'_, '_>) {
             let t_ns = received.t_ns + offset_ns;
             if decoders[*bus as usize].decode(&received.frame, &mut readings) == Decoded::Readings {
                 for reading in readings.iter() {
+                    assert!(!assembler.overtaken_by(reading, t_ns));
                     black_box(assembler.push(reading, t_ns));
                 }
             }

@@ -5,7 +5,7 @@
 
 use crate::Layout;
 use crate::counters::{RangeError, check_ranges};
-use crate::sweep::nanoseconds;
+use crate::sweep_config::nanoseconds;
 use crate::uskin::SET_TXMODE;
 use serde::{Deserialize, Serialize};
 use taxel_can::CanFrame;

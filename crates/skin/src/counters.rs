@@ -57,6 +57,8 @@ pub struct BoardCounters {
     pub status_errors: u64,
     /// Start commands sent because the board was silent.
     pub restarts: u64,
+    /// Time between two sweeps of the board as measured, nanoseconds, 1 ms to 10 s; `None` until a taxel came twice.
+    pub period_ns: Option<u64>,
     /// When the board was last heard, nanoseconds.
     pub last_ns: Option<u64>,
     /// Whether it speaks.

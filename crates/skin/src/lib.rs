@@ -12,7 +12,10 @@ mod layout;
 mod layout_error;
 mod layout_file;
 mod layout_tile;
+mod period;
 mod sweep;
+mod sweep_board;
+mod sweep_config;
 mod uskin;
 
 pub use boards::{BoardSupervisor, BoardsConfig, BoardsMode, Command, TxMode};
@@ -25,5 +28,6 @@ pub use decoder::{BusCounters, Decoded, Decoder, MAX_READINGS, Readings};
 pub use frame::{Fault, Faults, ForceFrame, Freshness, TactileFrame, TaxelReading};
 pub use layout::{Layout, MAX_MODULES, MAX_PIXELS, MAX_TAXELS, Module, Protocol, Taxel};
 pub use layout_error::{LayoutError, LayoutProblem};
-pub use sweep::{Push, SweepAssembler, SweepConfig};
+pub use sweep::{Push, SweepAssembler};
+pub use sweep_config::SweepConfig;
 pub use uskin::{STATUS_ERROR, STATUS_NO_ANSWER, status_is_error};

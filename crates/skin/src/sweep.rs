@@ -3,91 +3,27 @@
 //! A board sends every taxel once per *board sweep*, without sequence number or time stamp, in an order that changes
 //! with the load of the bus (protocols.md 0.5). So everything here goes by taxel, never by order:
 //!
-//! * A reading opens its board's next sweep if its taxel was already seen in the sweep under way, or if that sweep
-//!   began 7/8 of a board period ago or earlier. Taxels not seen by then are `missed`.
+//! * The period of each board is the median of the times between two readings of the same taxel, unless it is
+//!   configured. The hand's period is that of its slowest living board.
 //! * A reading less than half a board period after the one before it of the same taxel is a `duplicate`.
+//! * A reading opens its board's next sweep if its taxel was already seen in the sweep under way, if it comes too late
+//!   to be the taxel's reading for that sweep, or if that sweep began one and a half board periods ago or earlier.
+//!   Taxels not seen by then are `missed`.
 //! * A tactile frame is taken either at any time (*timer* mode) or when every awaited taxel was renewed since the
 //!   last one, or at a deadline (*sweep* mode). Boards run on clocks of their own, so such a hand sweep holds parts of
 //!   two sweeps of most boards.
+//! * Boards that send in bursts, with gaps in which the whole hand is quiet, must not be cut in the middle of a burst:
+//!   the image would wait a period for the other half. A hand sweep that waits only for what is overdue ends when a
+//!   board begins its next sweep (see [`SweepAssembler::overtaken_by`]), and one that began in the middle of a burst
+//!   begins anew with the next burst.
 //! * A taxel that is left out of `silent_after_sweeps` hand sweeps in a row is not awaited until it speaks again, so
 //!   that a dead board or taxel does not hold up the living.
 
-use crate::counters::{BoardCounters, BoardState, RangeError, check_ranges};
+use crate::counters::{BoardCounters, BoardState};
+use crate::sweep_board::{Board, slowest_ns};
+use crate::sweep_config::{SweepConfig, nanoseconds};
 use crate::uskin::status_is_error;
 use crate::{Freshness, Layout, TactileFrame, TaxelReading};
-use serde::{Deserialize, Serialize};
-
-/// A board heard again after at least this silence may have been powered up anew, so it settles again. Ten board
-/// periods where these are longer.
-const SETTLE_AGAIN_NS: u64 = 1_000_000_000;
-
-/// How sweeps are assembled: the `[sweep]` table of the configuration.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct SweepConfig {
-    /// Time between two sweeps of a board, ms, 1 to 10,000: 10 for uSkin's 100 Hz, 12 for XELA's 83 Hz, the trigger's
-    /// period for triggered boards.
-    pub board_period_ms: f64,
-    /// `sweep` mode: a frame is made this long after the first reading for it even if taxels are missing, ms, 0.1 to
-    /// 10,000. By default one and a half board periods, since boards that run freely need a whole one.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub deadline_ms: Option<f64>,
-    /// A value older than this is stale, ms, 1 to 60,000. By default three board periods.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub stale_after_ms: Option<f64>,
-    /// A board or taxel that is missing in this many sweeps in a row is not waited for, 1 to 250; in `timer` mode, a
-    /// board not heard for this many board periods is reported as silent.
-    pub silent_after_sweeps: u8,
-    /// What a board sends in this time after it is heard for the first time, or again after a second of silence, is
-    /// thrown away, ms, 0 to 60,000: chips that are still being set up answer 0xFF, and the answers to their set-up
-    /// look like taxel frames (protocols.md 2.6).
-    pub settle_ms: f64,
-}
-
-impl Default for SweepConfig {
-    fn default() -> Self {
-        Self {
-            board_period_ms: 10.0,
-            deadline_ms: None,
-            stale_after_ms: None,
-            silent_after_sweeps: 3,
-            settle_ms: 200.0,
-        }
-    }
-}
-
-impl SweepConfig {
-    /// Refuses values outside their ranges.
-    pub fn check(&self) -> Result<(), RangeError> {
-        let mut ranges = vec![
-            ("board_period_ms", self.board_period_ms, 1.0, 10_000.0),
-            ("silent_after_sweeps", self.silent_after_sweeps as f64, 1.0, 250.0),
-            ("settle_ms", self.settle_ms, 0.0, 60_000.0),
-        ];
-        ranges.extend(self.deadline_ms.map(|v| ("deadline_ms", v, 0.1, 10_000.0)));
-        ranges.extend(self.stale_after_ms.map(|v| ("stale_after_ms", v, 1.0, 60_000.0)));
-        check_ranges("sweep", &ranges)
-    }
-
-    /// Time between two sweeps of a board, nanoseconds.
-    pub fn board_period_ns(&self) -> u64 {
-        nanoseconds(self.board_period_ms)
-    }
-
-    /// Time from the first reading of a hand sweep to its deadline, nanoseconds.
-    pub fn deadline_ns(&self) -> u64 {
-        nanoseconds(self.deadline_ms.unwrap_or(1.5 * self.board_period_ms))
-    }
-
-    /// Age over which a value is stale, nanoseconds.
-    pub fn stale_after_ns(&self) -> u64 {
-        nanoseconds(self.stale_after_ms.unwrap_or(3.0 * self.board_period_ms))
-    }
-}
-
-pub(crate) fn nanoseconds(ms: f64) -> u64 {
-    (ms * 1e6).round() as u64
-}
 
 /// What became of one reading.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -108,8 +44,11 @@ pub enum Push {
 
 #[derive(Debug, Clone, Copy)]
 struct Slot {
+    /// When the value was received.
     t_ns: u64,
-    /// The board sweep it was last seen in.
+    /// When it was last heard, thrown-away readings included.
+    heard_ns: Option<u64>,
+    /// The board sweep it was last seen in; 0 for none.
     sweep: u64,
     counts: [u16; 3],
     board: u16,
@@ -118,7 +57,11 @@ struct Slot {
     misses: u8,
     /// Whether any value was ever kept.
     seen: bool,
-    /// Whether it was renewed since the last frame.
+    /// Whether its value is newer than the last frame, late ones not counted.
+    new: bool,
+    /// Whether it came twice within half a period since the last frame.
+    doubled: bool,
+    /// Whether the hand sweep under way has it.
     renewed: bool,
     /// Whether the last frame went out without a usable value: not renewed (`sweep` mode) or stale (`timer` mode).
     left_out: bool,
@@ -126,26 +69,14 @@ struct Slot {
     awaited: bool,
 }
 
-#[derive(Debug, Clone)]
-struct Board {
-    first: usize,
-    taxels: usize,
-    /// Number of the sweep under way, from 1; meaningful while `seen > 0`.
-    sweep: u64,
-    sweep_start_ns: u64,
-    /// Taxels seen in the sweep under way.
-    seen: usize,
-    /// The sweep that was under way and incomplete when the last frame was taken; 0 for none.
-    sweep_at_take: u64,
-    settled_at_ns: u64,
-    /// Whether it renewed a taxel since the last frame.
-    heard: bool,
-    misses: u8,
-    counters: BoardCounters,
+impl Slot {
+    fn is_pending(&self) -> bool {
+        self.awaited && !self.renewed
+    }
 }
 
 /// Collects readings and gives tactile frames. Its memory is allocated once; `push` and `is_complete` take constant
-/// time, `take` takes time in the number of taxels.
+/// time but for a look at every taxel once per burst, `take` takes time in the number of taxels.
 ///
 /// ```
 /// use taxel_can::CanFrame;
@@ -176,17 +107,24 @@ pub struct SweepAssembler {
     slots: Vec<Slot>,
     boards: Vec<Board>,
     sweep_mode: bool,
-    period_ns: u64,
-    deadline_after_ns: u64,
-    stale_after_ns: u64,
+    hand_period_ns: u64,
+    configured_deadline_ns: Option<u64>,
+    configured_stale_ns: Option<u64>,
     settle_ns: u64,
     silent_after: u8,
-    /// Awaited taxels that were not renewed since the last frame.
+    /// Awaited taxels that the hand sweep under way lacks.
     pending: usize,
-    /// Time of the first reading used since the last frame.
+    /// Time of the first reading of the hand sweep under way.
     first_ns: Option<u64>,
     /// Time of the newest value kept since the last frame.
     newest_ns: Option<u64>,
+    /// Time of the newest reading that was not thrown away.
+    last_reading_ns: u64,
+    /// Time of the first reading after the last gap.
+    burst_start_ns: u64,
+    last_take_ns: u64,
+    /// Whether the hand sweep under way is given up.
+    cut: bool,
     seq: u64,
     last_frame_ns: u64,
 }
@@ -200,48 +138,72 @@ impl SweepAssembler {
             .iter()
             .map(|taxel| Slot {
                 t_ns: 0,
+                heard_ns: None,
                 sweep: 0,
                 counts: [0; 3],
                 board: taxel.module,
                 status: 0,
                 misses: 0,
                 seen: false,
+                new: false,
+                doubled: false,
                 renewed: false,
                 left_out: false,
                 awaited: true,
             })
             .collect();
+        let period_ns = config.board_period_ms.map(nanoseconds);
         let boards = layout
             .modules
             .iter()
-            .map(|module| Board {
-                first: module.first_taxel as usize,
-                taxels: module.taxels as usize,
-                sweep: 0,
-                sweep_start_ns: 0,
-                seen: 0,
-                sweep_at_take: 0,
-                settled_at_ns: 0,
-                heard: false,
-                misses: 0,
-                counters: BoardCounters::default(),
-            })
+            .map(|module| Board::new(module.first_taxel as usize, module.taxels as usize, period_ns))
             .collect();
         Self {
             pending: slots.len(),
             slots,
             boards,
             sweep_mode,
-            period_ns: config.board_period_ns(),
-            deadline_after_ns: config.deadline_ns(),
-            stale_after_ns: config.stale_after_ns(),
+            hand_period_ns: config.board_period_ns(),
+            configured_deadline_ns: config.deadline_ms.map(nanoseconds),
+            configured_stale_ns: config.stale_after_ms.map(nanoseconds),
             settle_ns: nanoseconds(config.settle_ms),
             silent_after: config.silent_after_sweeps,
             first_ns: None,
             newest_ns: None,
+            last_reading_ns: 0,
+            burst_start_ns: 0,
+            last_take_ns: 0,
+            cut: false,
             seq: 0,
             last_frame_ns: 0,
         }
+    }
+
+    /// `sweep` mode: whether a reading that is about to be pushed belongs to the next hand sweep, and all that the one
+    /// under way still waits for is lost: the caller takes a frame at `t_ns`, and then pushes the reading.
+    ///
+    /// So it is if the reading's taxel was already renewed in this hand sweep, and every taxel waited for has not come
+    /// for one and a half periods of its board, or came twice within half a period. Boards that lose nothing never get there. Each
+    /// board has one say per hand sweep, with the first of its taxels that comes again; otherwise the deadline decides.
+    pub fn overtaken_by(&mut self, reading: &TaxelReading, t_ns: u64) -> bool {
+        if !self.sweep_mode || self.pending == 0 {
+            return false;
+        }
+        let Some(slot) = self.slots.get(reading.taxel as usize) else {
+            return false;
+        };
+        let board = &mut self.boards[slot.board as usize];
+        let repeats = slot.renewed && t_ns >= slot.t_ns.saturating_add(board.period_ns() / 2);
+        if !repeats || std::mem::replace(&mut board.repeated, true) {
+            return false;
+        }
+        let boards = &self.boards;
+        self.cut = self.slots.iter().filter(|s| s.is_pending()).all(|s| {
+            let board = &boards[s.board as usize];
+            let since_ns = s.t_ns.max(board.living_since_ns);
+            s.doubled || t_ns.saturating_sub(since_ns) >= board.period_ns() / 2 * 3
+        });
+        self.cut
     }
 
     /// Takes one reading, received at `t_ns`. Readings of one board come in the order of their times.
@@ -251,75 +213,95 @@ impl SweepAssembler {
         };
         let board = &mut self.boards[slot.board as usize];
         board.counters.status_errors += status_is_error(reading.status) as u64;
-
-        let settle_again_ns = SETTLE_AGAIN_NS.max(10 * self.period_ns);
-        let came_up = match board.counters.last_ns {
-            None => true,
-            Some(last) => t_ns.saturating_sub(last) >= settle_again_ns,
-        };
-        if came_up && self.settle_ns > 0 {
-            board.end_sweep();
-            board.settled_at_ns = t_ns.saturating_add(self.settle_ns);
-            board.counters.state = BoardState::Settling;
+        if slot.heard_ns.is_none_or(|heard| t_ns >= heard)
+            && let Some(heard_ns) = slot.heard_ns.replace(t_ns)
+        {
+            board.measure(t_ns - heard_ns);
         }
-        board.counters.last_ns = board.counters.last_ns.max(Some(t_ns));
-        if t_ns < board.settled_at_ns {
+        if board.is_settling(t_ns, self.settle_ns) {
             board.counters.settling += 1;
             return Push::Settling;
         }
+        if t_ns.saturating_sub(self.last_reading_ns) >= self.hand_period_ns / 4 {
+            self.begin_burst(t_ns);
+        }
+        self.last_reading_ns = self.last_reading_ns.max(t_ns);
 
+        let slot = &mut self.slots[reading.taxel as usize];
+        let board = &mut self.boards[slot.board as usize];
+        board.heard = true;
         if slot.seen && t_ns < slot.t_ns {
             board.counters.late += 1;
             return Push::Late;
         }
-        let since_last_ns = t_ns - slot.t_ns;
-        let duplicate = slot.seen && since_last_ns < self.period_ns / 2;
+        let before = (slot.sweep > 0).then_some((slot.t_ns, slot.sweep));
+        let duplicate = slot.seen && t_ns - slot.t_ns < board.period_ns() / 2;
         slot.counts = reading.counts;
         slot.status = reading.status;
         slot.t_ns = t_ns;
         slot.seen = true;
         self.newest_ns = self.newest_ns.max(Some(t_ns));
         if duplicate {
+            slot.new = true;
+            slot.doubled = true;
             board.counters.duplicate += 1;
             return Push::Duplicate;
         }
-
-        let seen_in_this_sweep = slot.sweep == board.sweep;
-        let sweep_is_over = t_ns.saturating_sub(board.sweep_start_ns) >= self.period_ns / 8 * 7;
-        if board.seen == 0 || seen_in_this_sweep || sweep_is_over {
-            board.end_sweep();
-            board.sweep += 1;
-            board.sweep_start_ns = t_ns;
-        }
+        board.place(t_ns, before);
         slot.sweep = board.sweep;
-        board.seen += 1;
 
-        let late = slot.left_out && (!self.sweep_mode || board.sweep == board.sweep_at_take);
+        // What was lost was the taxel's reading before this one, if that was due.
+        let skipped_one = before.is_some_and(|(before_ns, _)| t_ns - before_ns >= board.period_ns() / 2 * 3);
+        let late =
+            slot.left_out && (!self.sweep_mode || (board.sweep == board.sweep_at_take && !skipped_one));
         slot.left_out = false;
         if late {
             board.counters.late += 1;
             if self.sweep_mode {
+                self.pending += !slot.awaited as usize;
+                slot.awaited = true;
                 return Push::Late;
             }
         } else {
             board.counters.used += 1;
         }
 
-        if !slot.renewed {
-            slot.renewed = true;
-            self.pending -= slot.awaited as usize;
-        }
+        self.pending -= slot.is_pending() as usize;
+        slot.renewed = true;
+        slot.new = true;
         slot.awaited = true;
         slot.misses = 0;
-        board.heard = true;
         if self.first_ns.is_none() {
             self.first_ns = Some(t_ns);
         }
         if board.counters.state != BoardState::Living {
             board.counters.state = BoardState::Living;
+            board.living_since_ns = t_ns;
             self.pending += await_all(&mut self.slots[board.first..board.first + board.taxels]);
+            self.hand_period_ns = slowest_ns(&self.boards).unwrap_or(self.hand_period_ns);
         }
         if late { Push::Late } else { Push::Used }
+    }
+
+    /// The whole hand was quiet for a quarter of its period and speaks again. If the burst that ended there held the
+    /// end of one hand sweep and the beginning of the next, that beginning is forgotten: every taxel was in the burst,
+    /// so it is in the next one too.
+    fn begin_burst(&mut self, t_ns: u64) {
+        let ended_ns = self.burst_start_ns;
+        self.burst_start_ns = t_ns;
+        let split = self.sweep_mode
+            && self.pending > 0
+            && self.first_ns.is_some()
+            && self.last_take_ns >= ended_ns
+            && (self.slots.iter().filter(|s| s.is_pending())).all(|s| s.seen && s.t_ns >= ended_ns);
+        if split {
+            self.first_ns = None;
+            self.pending = 0;
+            for slot in &mut self.slots {
+                slot.renewed = false;
+                self.pending += slot.awaited as usize;
+            }
+        }
     }
 
     /// Whether every awaited taxel was renewed since the last frame. Constant time.
@@ -334,14 +316,24 @@ impl SweepAssembler {
     /// then without being asked, in which every value is stale.
     pub fn deadline_ns(&self) -> Option<u64> {
         let first = self.first_ns.filter(|_| self.sweep_mode)?;
-        Some(first.saturating_add(self.deadline_after_ns))
+        Some(first.saturating_add(self.deadline_after_ns()))
+    }
+
+    fn deadline_after_ns(&self) -> u64 {
+        self.configured_deadline_ns.unwrap_or(self.hand_period_ns / 2 * 3)
+    }
+
+    /// Time between two sweeps of the slowest living board, nanoseconds: as configured, or else as measured.
+    pub fn hand_period_ns(&self) -> u64 {
+        self.hand_period_ns
     }
 
     /// Writes the newest values into `frame` and begins the next sweep. `frame.joints` is left as it is.
     ///
     /// Frames are numbered from 0. `t_ns` is the time of the newest reading since the last frame, or `now_ns` where
     /// none came, and never goes back; ages count from it. A value is fresh if it is not older than `stale_after_ms`
-    /// at `now_ns` and, in `sweep` mode, was renewed since the last frame: a value is never shown as new twice there.
+    /// at `now_ns` and, in `sweep` mode, came after the last frame and not late, or is younger than half a period of
+    /// its board: what was lost is never shown as new by repeating what was there before.
     pub fn take(&mut self, now_ns: u64, frame: &mut TactileFrame) {
         let taxels = self.slots.len();
         frame.counts.resize(taxels, [0; 3]);
@@ -354,15 +346,17 @@ impl SweepAssembler {
         self.last_frame_ns = frame.t_ns;
 
         let sweep_ended = match self.first_ns {
-            Some(first) => now_ns >= first.saturating_add(self.deadline_after_ns),
+            Some(first) => self.cut || now_ns >= first.saturating_add(self.deadline_after_ns()),
             None => true,
         };
         let count_misses = self.sweep_mode && sweep_ended;
+        let stale_after_ns = self.configured_stale_ns.unwrap_or(3 * self.hand_period_ns);
         self.pending = 0;
         for (i, slot) in self.slots.iter_mut().enumerate() {
-            let fresh = slot.seen
-                && now_ns.saturating_sub(slot.t_ns) <= self.stale_after_ns
-                && (slot.renewed || !self.sweep_mode);
+            let age_ns = now_ns.saturating_sub(slot.t_ns);
+            let young = slot.seen && age_ns < self.boards[slot.board as usize].period_ns() / 2;
+            let of_this_sweep = slot.new || young;
+            let fresh = slot.seen && age_ns <= stale_after_ns && (of_this_sweep || !self.sweep_mode);
             frame.freshness[i] = match (slot.seen, fresh) {
                 (false, _) => Freshness::Missing,
                 (true, false) => Freshness::Stale,
@@ -377,26 +371,25 @@ impl SweepAssembler {
             frame.status[i] = slot.status;
 
             slot.left_out = if self.sweep_mode {
-                !slot.renewed
+                !of_this_sweep
             } else {
                 slot.seen && !fresh
             };
-            if count_misses && !slot.renewed {
+            if count_misses && !of_this_sweep {
                 slot.misses = slot.misses.saturating_add(1);
                 slot.awaited &= slot.misses < self.silent_after;
             }
             slot.renewed = false;
+            slot.new = false;
+            slot.doubled = false;
             self.pending += slot.awaited as usize;
         }
         for board in &mut self.boards {
-            board.at_take(
-                now_ns,
-                count_misses,
-                self.silent_after,
-                self.sweep_mode,
-                self.period_ns,
-            );
+            board.at_take(now_ns, count_misses, self.silent_after, self.sweep_mode);
         }
+        self.hand_period_ns = slowest_ns(&self.boards).unwrap_or(self.hand_period_ns);
+        self.last_take_ns = now_ns;
+        self.cut = false;
         self.first_ns = None;
         self.newest_ns = None;
     }
@@ -412,49 +405,6 @@ impl SweepAssembler {
         self.boards
             .get(board as usize)
             .map_or_else(BoardCounters::default, |b| b.counters)
-    }
-}
-
-impl Board {
-    fn end_sweep(&mut self) {
-        if self.seen > 0 {
-            self.counters.sweeps += 1;
-            self.counters.missed += (self.taxels - self.seen) as u64;
-            self.seen = 0;
-        }
-    }
-
-    fn at_take(
-        &mut self,
-        now_ns: u64,
-        count_misses: bool,
-        silent_after: u8,
-        sweep_mode: bool,
-        period_ns: u64,
-    ) {
-        self.sweep_at_take = if self.seen > 0 && self.seen < self.taxels {
-            self.sweep
-        } else {
-            0
-        };
-        if self.heard {
-            self.misses = 0;
-        } else if count_misses {
-            self.misses = self.misses.saturating_add(1);
-        }
-        self.heard = false;
-        let Some(last_ns) = self.counters.last_ns else {
-            return;
-        };
-        let quiet_ns = now_ns.saturating_sub(last_ns);
-        let silent = match self.counters.state {
-            BoardState::Living if sweep_mode => self.misses >= silent_after,
-            BoardState::Living | BoardState::Settling => quiet_ns > silent_after as u64 * period_ns,
-            BoardState::Unheard | BoardState::Silent => false,
-        };
-        if silent {
-            self.counters.state = BoardState::Silent;
-        }
     }
 }
 

@@ -66,6 +66,10 @@ proptest! {
             t_ns = t_ns.saturating_add_signed(step * MS as i64 / 2);
             if decoder.decode(can_frame, &mut readings) == Decoded::Readings {
                 for reading in readings.iter() {
+                    if assembler.overtaken_by(reading, t_ns) {
+                        prop_assert!(sweep_mode && !assembler.is_complete());
+                        assembler.take(t_ns, &mut frame);
+                    }
                     let push = assembler.push(reading, t_ns);
                     prop_assert_ne!(push, Push::NoSuchTaxel);
                     let value = &mut newest[reading.taxel as usize];
@@ -104,11 +108,20 @@ proptest! {
             (Just((0..48u16).collect::<Vec<_>>()).prop_shuffle(), prop::collection::vec(0u8..20, 48)),
             1..20,
         ),
+        board_period_ms in prop::sample::select(vec![Some(10.0), None]),
     ) {
         let layout = layout();
-        let config = SweepConfig { settle_ms: 0.0, ..SweepConfig::default() };
+        let config = SweepConfig { settle_ms: 0.0, board_period_ms, ..SweepConfig::default() };
         let mut assembler = SweepAssembler::new(&layout, &config, true);
         let mut frame = TactileFrame::new(layout.len());
+        // Two whole sweeps, to measure the period from.
+        for before in [2, 1] {
+            for taxel in 0..48 {
+                let reading = taxel_skin::TaxelReading { taxel, counts: [0; 3], status: 0x82 };
+                assembler.push(&reading, START - before * 10 * MS + taxel as u64 * 20_000);
+            }
+            assembler.take(START - before * 10 * MS + MS, &mut frame);
+        }
         let (mut lost, mut repeated) = (0, 0);
         for (n, (order, fates)) in sweeps.iter().enumerate() {
             let start = START + n as u64 * 10 * MS;
@@ -146,6 +159,6 @@ proptest! {
         let boards: Vec<BoardCounters> = (0..3).map(|board| assembler.board(board)).collect();
         prop_assert_eq!(boards.iter().map(|b| b.missed).sum::<u64>(), lost);
         prop_assert_eq!(boards.iter().map(|b| b.duplicate).sum::<u64>(), repeated);
-        prop_assert!(boards.iter().all(|b| b.sweeps == sweeps.len() as u64 && b.late == 0));
+        prop_assert!(boards.iter().all(|b| b.sweeps == sweeps.len() as u64 + 2 && b.late == 0));
     }
 }

@@ -20,8 +20,10 @@ fn layout(boards: usize) -> Layout {
     Layout::parse(&text, "t.toml").unwrap()
 }
 
+/// Boards with a period of 10 ms whose first readings count.
 fn unsettled() -> SweepConfig {
     SweepConfig {
+        board_period_ms: Some(10.0),
         settle_ms: 0.0,
         ..SweepConfig::default()
     }
@@ -354,7 +356,7 @@ fn what_a_board_sends_while_it_comes_up_is_thrown_away() {
 #[test]
 fn slow_triggers_are_not_taken_for_power_cuts() {
     let config = SweepConfig {
-        board_period_ms: 2000.0,
+        board_period_ms: Some(2000.0),
         ..SweepConfig::default()
     };
     let mut bench = Bench::new(1, &config, false);
@@ -364,7 +366,11 @@ fn slow_triggers_are_not_taken_for_power_cuts() {
 
 #[test]
 fn states_follow_what_is_heard() {
-    let mut bench = Bench::new(1, &SweepConfig::default(), false);
+    let config = SweepConfig {
+        board_period_ms: Some(10.0),
+        ..SweepConfig::default()
+    };
+    let mut bench = Bench::new(1, &config, false);
     let state = |bench: &mut Bench, now: u64| {
         bench.take(now);
         bench.assembler.board(0).state
@@ -409,11 +415,11 @@ fn settings_outside_their_range_are_named_with_their_limits() {
     };
     let cases = [
         (
-            with(|c| c.board_period_ms = 0.5),
+            with(|c| c.board_period_ms = Some(0.5)),
             "sweep: board_period_ms = 0.5 is outside 1 to 10000",
         ),
         (
-            with(|c| c.board_period_ms = f64::NAN),
+            with(|c| c.board_period_ms = Some(f64::NAN)),
             "sweep: board_period_ms = NaN is outside 1 to 10000",
         ),
         (
@@ -441,14 +447,14 @@ fn settings_outside_their_range_are_named_with_their_limits() {
 #[test]
 fn the_table_of_the_configuration_reads_and_refuses_unknown_keys() {
     let config: SweepConfig = toml::from_str("board_period_ms = 12\ndeadline_ms = 8.5").unwrap();
-    assert_eq!(
-        (
-            config.board_period_ns(),
-            config.deadline_ns(),
-            config.stale_after_ns()
-        ),
-        (12 * MS, 8_500_000, 36 * MS)
-    );
+    let expected = SweepConfig {
+        board_period_ms: Some(12.0),
+        deadline_ms: Some(8.5),
+        ..SweepConfig::default()
+    };
+    assert_eq!(config, expected);
+    assert_eq!(config.board_period_ns(), 12 * MS);
+    assert_eq!(SweepConfig::default().board_period_ns(), 10 * MS, "assumed");
     let error = toml::from_str::<SweepConfig>("dead_line_ms = 8")
         .unwrap_err()
         .to_string();

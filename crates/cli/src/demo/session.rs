@@ -50,7 +50,6 @@ impl Session {
             .collect();
         let mut config = Config::new(layout.clone(), sources);
         config.tick.mode = TickMode::Sweep;
-        config.sweep.board_period_ms = 1e3 / f64::from(scene.rate_hz());
         config.profile.levels = args.levels.unwrap_or(config.profile.levels);
         config.profile.actuators = args.actuators.unwrap_or(config.profile.actuators);
         config.profile.method = args.method.unwrap_or(config.profile.method);
