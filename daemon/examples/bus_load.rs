@@ -12,6 +12,9 @@ use taxel_can::{CanFrame, CanSource, SourceAddress, SourceOptions};
 use taxel_skin::Layout;
 use taxeld::{Config, Daemon, config::TickMode};
 
+/// Frames of this much time are sent at once.
+const COALESCE: Duration = Duration::from_millis(1);
+
 type Problem = Box<dyn std::error::Error + Send + Sync>;
 
 fn main() -> Result<(), Problem> {
@@ -49,7 +52,7 @@ fn main() -> Result<(), Problem> {
     daemon.stop()?;
 
     let mut lost_or_late = 0;
-    for (bus, (sent, slowest)) in status["buses"]
+    for (bus, (sent, took)) in status["buses"]
         .as_array()
         .ok_or("a status without buses")?
         .iter()
@@ -57,12 +60,12 @@ fn main() -> Result<(), Problem> {
     {
         let count = |key: &str| bus[key].as_u64().unwrap_or(0);
         println!(
-            "{} {}: {sent} sent in {seconds} s ({:.0}/s, sender at most {:.1} ms behind), {} received, {} used, {} late, {} duplicate, \
+            "{} {}: {sent} sent in {:.1} s ({:.0}/s), {} received, {} used, {} late, {} duplicate, \
              {} lost in the kernel",
             bus["name"],
             bus["source"],
-            sent as f64 / seconds,
-            slowest.as_secs_f64() * 1e3,
+            took.as_secs_f64(),
+            sent as f64 / took.as_secs_f64(),
             count("received"),
             count("used"),
             count("late"),
@@ -79,7 +82,9 @@ fn main() -> Result<(), Problem> {
     Ok(())
 }
 
-/// Sends whole sweeps at an even pace; returns how many frames, and the most it fell behind its own schedule.
+/// Sends whole sweeps at an even pace; returns how many frames, and how long it took.
+///
+/// A sender that was held up does not catch up: a bus never carries more than its rate.
 fn send(
     layout: &Layout,
     bus: u8,
@@ -99,13 +104,12 @@ fn send(
     let mut sender: Box<dyn CanSource> = taxel_can::open(source, &SourceOptions::default())?;
     let sweeps = (seconds * rate / frames.len() as f64) as u64;
     let start = Instant::now();
-    let mut slowest = Duration::ZERO;
+    let mut due = Duration::ZERO;
     for i in 0..sweeps * frames.len() as u64 {
-        let due = Duration::from_secs_f64(i as f64 / rate);
         let now = start.elapsed();
-        slowest = slowest.max(now.saturating_sub(due));
+        due = (due + Duration::from_secs_f64(1.0 / rate)).max(now.saturating_sub(COALESCE));
         // Sleeping for each frame costs more than a frame; a millisecond of frames goes out at once.
-        if due.saturating_sub(now) > Duration::from_millis(1) {
+        if due.saturating_sub(now) > COALESCE {
             std::thread::sleep(due - now);
         }
         while let Err(error) = sender.send(&frames[(i % frames.len() as u64) as usize]) {
@@ -115,7 +119,7 @@ fn send(
             std::thread::sleep(Duration::from_micros(200));
         }
     }
-    Ok((sweeps * frames.len() as u64, slowest))
+    Ok((sweeps * frames.len() as u64, start.elapsed()))
 }
 
 fn ask_status(control: &std::path::Path) -> Result<serde_json::Value, Problem> {
