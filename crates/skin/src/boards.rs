@@ -1,12 +1,13 @@
 //! Starting boards, keeping them going and stopping them: what is sent to the buses, and when.
 //!
-//! The only commands that can be built here are `SET_TXMODE` start and stop, class 2. A class-7 frame stops the
-//! sampling of every board that takes it for its own (protocols.md 1.9, 2.4), so this program never sends one.
+//! Only commands of class 2 and extended frames to CySkin hubs can be built here. A class-7 frame stops the sampling
+//! of every board that takes it for its own (protocols.md 1.9, 2.4), so none is sent once boards have been started;
+//! [`BoardSupervisor::discover`] comes before.
 
-use crate::Layout;
 use crate::counters::{RangeError, check_ranges};
+use crate::start::{Order, Sequences};
 use crate::sweep_config::nanoseconds;
-use crate::uskin::SET_TXMODE;
+use crate::{Layout, Protocol};
 use serde::{Deserialize, Serialize};
 use taxel_can::CanFrame;
 
@@ -16,17 +17,18 @@ use taxel_can::CanFrame;
 pub struct BoardsConfig {
     /// Who sets the pace of the boards.
     pub mode: BoardsMode,
-    /// `triggered` mode: start commands per second and board, 1 to 200 Hz.
+    /// `triggered` mode: start commands per second and board, 1 to 200 Hz. Only uSkin boards are triggered; those of
+    /// the iCub and CySkin hubs have a period of their own.
     pub trigger_hz: f64,
     /// A board not heard for this long is started again, ms, 20 to 60,000; in `triggered` mode for three trigger
-    /// periods if these are longer.
+    /// periods if these are longer, an iCub board for three of its own, a CySkin hub for 150 ms.
     pub silence_ms: f64,
     /// Pause before the second attempt to start a silent board, ms, 10 to 60,000; it doubles with each further one.
     pub restart_first_ms: f64,
     /// Longest pause between two attempts, ms, from `restart_first_ms` to 600,000.
     pub restart_longest_ms: f64,
     /// Least time between two commands on one bus, ms, 0.1 to 100. Two commands to one board are never less than 2 ms
-    /// apart: its receive buffer holds five and is emptied newest first.
+    /// apart (10 ms for the iCub's): its receive buffer holds five and is emptied newest first.
     pub command_gap_ms: f64,
 }
 
@@ -77,48 +79,41 @@ impl BoardsConfig {
     }
 }
 
-/// Least time between two commands to one board.
-const BOARD_GAP_NS: u64 = 2_000_000;
-
 /// What a board is told.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TxMode {
-    /// Send sweeps: `20b#0700`.
+    /// Send sweeps: `20b#0700`, and before it whatever the board has to be told first.
     Start,
     /// Send nothing: `20b#0701`.
     Stop,
 }
 
-/// A command to one board: `SET_TXMODE` and nothing else.
+/// A command to one board: `SET_TXMODE`, the configuration of an iCub board, or a packet to a CySkin hub. It cannot
+/// be a class-7 frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Command {
     /// Index of the bus in [`Layout::buses`].
     pub bus: u8,
-    /// Index of the board's module in [`Layout::modules`].
+    /// Index of the board's module in [`Layout::modules`]; of a hub's first module.
     pub board: u16,
-    /// What the board is told.
+    /// What the sequence it belongs to is for.
     pub mode: TxMode,
     /// Whether it is sent because the board was silent.
     pub restart: bool,
-    address: u8,
+    order: Order,
 }
 
 impl Command {
-    /// The frame to send. Its class is 2, whatever the board.
+    /// The frame to send: standard and of class 2, or extended.
     pub fn frame(&self) -> CanFrame {
-        let mode = match self.mode {
-            TxMode::Start => 0,
-            TxMode::Stop => 1,
-        };
-        CanFrame::standard(0x200 | (self.address & 15) as u16, &[SET_TXMODE, mode])
-            .expect("11 bits and two bytes make a frame")
+        self.order.frame()
     }
 }
 
 /// Decides what to send to the boards of every bus, and when. It holds no clock and sends nothing itself: call
 /// [`BoardSupervisor::poll`] until it has no command, then again at [`BoardSupervisor::next_at_ns`].
 ///
-/// Boards that take no commands (L3) are left alone in every mode.
+/// Boards that take no commands (L3, `cpm-finger`) are left alone in every mode.
 ///
 /// ```
 /// use taxel_skin::{BoardSupervisor, BoardsConfig, Layout};
@@ -140,6 +135,8 @@ pub struct BoardSupervisor {
     bus_gap_ns: u64,
     pace: Pace,
     stopping: bool,
+    /// Whether any command was ever handed out.
+    spoken: bool,
 }
 
 #[derive(Debug, Clone)]
@@ -153,9 +150,12 @@ struct Pace {
 
 #[derive(Debug, Clone)]
 struct Board {
-    module: u16,
+    /// Its module; of a hub, all its modules.
+    modules: Vec<u16>,
     bus: u8,
-    address: u8,
+    sequences: Sequences,
+    /// The sequence under way, of more than one step.
+    under_way: Option<UnderWay>,
     /// When it is to be looked at again.
     due_ns: u64,
     /// When the last command to it was handed out.
@@ -172,6 +172,26 @@ struct Board {
 struct Retry {
     at_ns: u64,
     pause_ns: u64,
+    /// How often it was tried.
+    tries: u32,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Sequence {
+    Start,
+    /// A restart because of silence, of a board that may still be configured.
+    Wake,
+    /// ... of one that seems not to be.
+    StartAgain,
+    Stop,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct UnderWay {
+    sequence: Sequence,
+    /// The step that comes next, and when.
+    step: usize,
+    at_ns: u64,
 }
 
 impl BoardSupervisor {
@@ -183,23 +203,31 @@ impl BoardSupervisor {
             BoardsMode::Triggered => (Some((trigger_ns, None)), silence_ns.max(3 * trigger_ns)),
             BoardsMode::FreeRunning | BoardsMode::Passive => (None, silence_ns),
         };
-        let boards = layout
-            .modules
-            .iter()
-            .enumerate()
-            .filter(|(_, m)| m.protocol.takes_commands() && config.mode != BoardsMode::Passive)
-            .map(|(index, module)| Board {
-                module: index as u16,
-                bus: module.bus,
-                address: module.board,
-                due_ns: 0,
-                sent_ns: None,
-                started_ns: None,
-                retry: None,
-                stopped: false,
-                restarts: 0,
-            })
-            .collect();
+        let mut boards = Vec::new();
+        if config.mode != BoardsMode::Passive {
+            for (index, module) in layout.modules.iter().enumerate() {
+                if module.protocol.takes_commands() {
+                    let sequences = Sequences::of_mtb(layout, module);
+                    boards.push(Board::new(vec![index as u16], module.bus, sequences));
+                }
+            }
+            let hubs = layout
+                .cyskin
+                .iter()
+                .flat_map(|setup| setup.hubs.iter().map(move |hub| (setup, hub)));
+            for (number, (setup, hub)) in (0u8..).zip(hubs) {
+                let of_hub = |m: &crate::Module| m.protocol == Protocol::Cyskin && m.hub == Some(number);
+                let modules: Vec<u16> = (0..)
+                    .zip(&layout.modules)
+                    .filter(|(_, m)| of_hub(m))
+                    .map(|(i, _)| i)
+                    .collect();
+                let sequences = Sequences::of_hub(setup, hub.address);
+                if !modules.is_empty() && !sequences.start.is_empty() {
+                    boards.push(Board::new(modules, hub.bus, sequences));
+                }
+            }
+        }
         Self {
             boards,
             bus_free_ns: vec![0; layout.buses.len()],
@@ -211,7 +239,21 @@ impl BoardSupervisor {
                 longest_pause_ns: nanoseconds(config.restart_longest_ms),
             },
             stopping: false,
+            spoken: false,
         }
+    }
+
+    /// Whether any command was handed out yet.
+    pub fn has_spoken(&self) -> bool {
+        self.spoken
+    }
+
+    /// The buses and addresses of the MTBs it starts, with their modules.
+    pub(crate) fn mtbs(&self) -> impl Iterator<Item = (u8, u16, &Sequences)> {
+        self.boards
+            .iter()
+            .filter(|b| matches!(b.sequences.stop.first().map(|s| s.order), Some(Order::Mtb(_))))
+            .map(|b| (b.bus, b.modules[0], &b.sequences))
     }
 
     /// The next command that is due at `now_ns`, if any. `last_heard_ns` tells when a board (module index) was last
@@ -223,24 +265,35 @@ impl BoardSupervisor {
                 .boards
                 .iter_mut()
                 .filter(|b| b.ready_ns(bus_free_ns).is_some_and(|ready| ready <= now_ns))
-                .min_by_key(|b| b.due_ns)?;
-            let (mode, restart) = if self.stopping {
-                board.stopped = true;
-                (TxMode::Stop, false)
+                .min_by_key(|b| b.under_way.map_or(b.due_ns, |u| u.at_ns))?;
+            let (sequence, step) = if let Some(under_way) = board.under_way {
+                (under_way.sequence, under_way.step)
+            } else if self.stopping {
+                if board.sequences.stop.is_empty() {
+                    board.stopped = true;
+                    continue;
+                }
+                (Sequence::Stop, 0)
             } else {
-                match board.look(now_ns, last_heard_ns(board.module), &mut self.pace) {
+                let heard_ns = board.modules.iter().filter_map(|m| last_heard_ns(*m)).max();
+                match board.look(now_ns, heard_ns, &mut self.pace) {
                     Look::Wait => continue,
-                    Look::Start { restart } => (TxMode::Start, restart),
+                    Look::Start { restart: false } => (Sequence::Start, 0),
+                    Look::Start { restart: true } => (board.restart_sequence(), 0),
                 }
             };
-            board.sent_ns = Some(now_ns);
+            let order = board.take_step(sequence, step, now_ns, &self.pace);
             self.bus_free_ns[board.bus as usize] = now_ns + self.bus_gap_ns;
+            self.spoken = true;
             return Some(Command {
                 bus: board.bus,
-                board: board.module,
-                mode,
-                restart,
-                address: board.address,
+                board: board.modules[0],
+                mode: match sequence {
+                    Sequence::Stop => TxMode::Stop,
+                    _ => TxMode::Start,
+                },
+                restart: matches!(sequence, Sequence::Wake | Sequence::StartAgain),
+                order,
             });
         }
     }
@@ -256,7 +309,7 @@ impl BoardSupervisor {
     /// Says that a command could not be handed to its bus. The board is tried again after the first pause, and the
     /// attempt is not counted as a restart.
     pub fn not_sent(&mut self, command: &Command, now_ns: u64) {
-        let Some(board) = self.boards.iter_mut().find(|b| b.module == command.board) else {
+        let Some(board) = self.boards.iter_mut().find(|b| b.modules[0] == command.board) else {
             return;
         };
         board.restarts = board.restarts.saturating_sub(command.restart as u64);
@@ -277,6 +330,7 @@ impl BoardSupervisor {
         self.stopping = true;
         for board in &mut self.boards {
             board.due_ns = 0;
+            board.under_way = None;
         }
     }
 
@@ -289,7 +343,7 @@ impl BoardSupervisor {
     pub fn restarts(&self, board: u16) -> u64 {
         self.boards
             .iter()
-            .find(|b| b.module == board)
+            .find(|b| b.modules.contains(&board))
             .map_or(0, |b| b.restarts)
     }
 }
@@ -302,28 +356,89 @@ enum Look {
 impl Pace {
     /// When to look at a board again after `now_ns` if nothing else is due: at the next trigger, or after the silence
     /// that is allowed.
-    fn next_look_ns(&mut self, now_ns: u64) -> u64 {
+    fn next_look_ns(&mut self, now_ns: u64, triggered: bool, silence_ns: u64) -> u64 {
         match &mut self.trigger {
-            None => now_ns + self.silence_ns,
-            Some((period_ns, first_ns)) => {
+            Some((period_ns, first_ns)) if triggered => {
                 let first_ns = *first_ns.get_or_insert(now_ns);
                 let periods = now_ns.saturating_sub(first_ns) / *period_ns + 1;
                 first_ns + periods * *period_ns
             }
+            _ => now_ns + silence_ns,
         }
     }
 }
 
 impl Board {
+    fn new(modules: Vec<u16>, bus: u8, sequences: Sequences) -> Self {
+        Self {
+            modules,
+            bus,
+            sequences,
+            under_way: None,
+            due_ns: 0,
+            sent_ns: None,
+            started_ns: None,
+            retry: None,
+            stopped: false,
+            restarts: 0,
+        }
+    }
+
     /// When the next command can be handed out, given what was sent before; `None` once it is stopped.
     fn ready_ns(&self, bus_free_ns: &[u64]) -> Option<u64> {
-        let gap_ends_ns = self.sent_ns.map_or(0, |sent| sent + BOARD_GAP_NS);
-        (!self.stopped).then(|| self.due_ns.max(bus_free_ns[self.bus as usize]).max(gap_ends_ns))
+        let due_ns = self.under_way.map_or(self.due_ns, |u| u.at_ns);
+        let gap_ends_ns = self.sent_ns.map_or(0, |sent| sent + self.sequences.gap_ns);
+        (!self.stopped).then(|| due_ns.max(bus_free_ns[self.bus as usize]).max(gap_ends_ns))
+    }
+
+    /// With which sequence a silent board is tried: it is woken first, and started from the beginning from then on.
+    fn restart_sequence(&self) -> Sequence {
+        if self.retry.is_some_and(|retry| retry.tries > 1) {
+            Sequence::StartAgain
+        } else {
+            Sequence::Wake
+        }
+    }
+
+    /// Hands out a step of a sequence, and notes what comes after it.
+    fn take_step(&mut self, sequence: Sequence, step: usize, now_ns: u64, pace: &Pace) -> Order {
+        let steps = match sequence {
+            Sequence::Start | Sequence::StartAgain => &self.sequences.start,
+            Sequence::Wake => &self.sequences.wake,
+            Sequence::Stop => &self.sequences.stop,
+        };
+        let (order, pause_ns) = (steps[step].order, steps[step].pause_ns);
+        let ends = step + 1 == steps.len();
+        let long = steps.len() > 1;
+        self.sent_ns = Some(now_ns);
+        self.under_way = (!ends).then(|| UnderWay {
+            sequence,
+            step: step + 1,
+            at_ns: now_ns + pause_ns,
+        });
+        if ends && sequence == Sequence::Stop {
+            self.stopped = true;
+        } else if ends && long {
+            // Silence counts from the end of the sequence.
+            let look_ns = now_ns + self.silence_ns(pace);
+            self.started_ns = Some(now_ns);
+            if let Some(retry) = &mut self.retry {
+                retry.at_ns = retry.at_ns.max(look_ns);
+            }
+            self.due_ns = look_ns;
+        }
+        order
+    }
+
+    fn silence_ns(&self, pace: &Pace) -> u64 {
+        pace.silence_ns.max(self.sequences.silence_ns)
     }
 
     /// Decides whether a start is due now, and sets when to look again.
     fn look(&mut self, now_ns: u64, heard_ns: Option<u64>, pace: &mut Pace) -> Look {
-        let next_look_ns = pace.next_look_ns(now_ns);
+        let silence_ns = self.silence_ns(pace);
+        let triggered = pace.trigger.is_some() && self.sequences.triggered;
+        let next_look_ns = pace.next_look_ns(now_ns, triggered, silence_ns);
         let Some(started_ns) = self.started_ns else {
             self.started_ns = Some(now_ns);
             self.due_ns = next_look_ns;
@@ -333,22 +448,24 @@ impl Board {
             self.retry = None;
         }
         let quiet_from_ns = heard_ns.unwrap_or(0).max(started_ns);
-        if self.retry.is_none() && now_ns.saturating_sub(quiet_from_ns) < pace.silence_ns {
-            if pace.trigger.is_some() {
+        if self.retry.is_none() && now_ns.saturating_sub(quiet_from_ns) < silence_ns {
+            if triggered {
                 self.due_ns = next_look_ns;
                 return Look::Start { restart: false };
             }
-            self.due_ns = quiet_from_ns + pace.silence_ns;
+            self.due_ns = quiet_from_ns + silence_ns;
             return Look::Wait;
         }
         let retry = self.retry.get_or_insert(Retry {
             at_ns: now_ns,
             pause_ns: pace.first_pause_ns,
+            tries: 0,
         });
         let due = now_ns >= retry.at_ns;
         if due {
             retry.at_ns = now_ns + retry.pause_ns;
             retry.pause_ns = (2 * retry.pause_ns).min(pace.longest_pause_ns);
+            retry.tries = retry.tries.saturating_add(1);
             self.restarts += 1;
         }
         self.due_ns = retry.at_ns.min(next_look_ns);
@@ -362,6 +479,7 @@ impl Board {
     fn start_at(&mut self, t_ns: u64) {
         self.started_ns = None;
         self.retry = None;
+        self.under_way = None;
         self.due_ns = t_ns;
     }
 }

@@ -1,16 +1,15 @@
 //! Which taxel sits where: on which bus and board, at which pixel of the tactile image, where on the hand.
 
 use crate::layout_error::LayoutError;
+use crate::protocol::Protocol;
+use crate::protocol::cyskin::CyskinSetup;
+use crate::protocol::icub::IcubSetup;
 use std::path::Path;
 
 /// Most modules in a layout.
 pub const MAX_MODULES: usize = 1000;
 /// Most taxels in a layout: their numbers fit in 16 bits with one left over for "none".
 pub const MAX_TAXELS: usize = 65_535;
-const _: () = assert!(
-    MAX_MODULES * 64 <= MAX_TAXELS,
-    "no protocol has more than 64 taxels on a board"
-);
 /// Most pixels in a tactile image: a strip 65,535 pixels long and 16 high just fits.
 pub const MAX_PIXELS: usize = 1 << 20;
 
@@ -42,6 +41,8 @@ pub struct Layout {
     pub modules: Vec<Module>,
     /// The taxels, indexed by taxel number.
     pub taxels: Vec<Taxel>,
+    /// How the CySkin hubs of this hand speak; `None` where no module is of protocol `cyskin`.
+    pub cyskin: Option<CyskinSetup>,
     /// Taxel of each pixel, row by row; `NO_TAXEL` where there is none.
     pixels: Vec<u16>,
 }
@@ -55,27 +56,18 @@ pub struct Module {
     pub part: String,
     /// Index of its bus in [`Layout::buses`].
     pub bus: u8,
-    /// Address of its board on that bus.
+    /// Address of its board on that bus; of a CySkin module its number on its hub.
     pub board: u8,
     /// How its board speaks.
     pub protocol: Protocol,
+    /// How its board is configured before it is started; `Some` exactly for the protocols `icub-mtb3` and `icub-mtb4`.
+    pub icub: Option<IcubSetup>,
+    /// Index of its hub in [`CyskinSetup::hubs`]; `Some` exactly for the protocol `cyskin`.
+    pub hub: Option<u8>,
     /// Number of its first taxel in the layout.
     pub first_taxel: u16,
     /// How many taxels it has.
     pub taxels: u16,
-}
-
-/// How a board speaks on the bus (protocols.md 2.3).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Protocol {
-    /// uSkin on MTB3, firmware of 2017: id `0x700 + (board << 4) + (sda << 2) + chip`.
-    UskinL1,
-    /// uSkin on MTB3, since April 2018: id `(board << 8) + (sda << 4) + chip`, boards 0 to 7.
-    UskinL2,
-    /// XELA controllers with `ctr_ver = 3`: id bits 10 group, 9-8 SDA, 7-4 taxel, 3-0 controller.
-    UskinL3,
-    /// No board: the taxels come from an array in a file ([`Layout::grid`]).
-    Offline,
 }
 
 /// One taxel's place.
@@ -83,8 +75,9 @@ pub enum Protocol {
 pub struct Taxel {
     /// Index of its module in [`Layout::modules`].
     pub module: u16,
-    /// The board's own number for it, as [`Protocol::can_id`] takes it: `sda << 2 | chip` in L1 and L2,
-    /// `sda << 4 | taxel` in L3, 0 for an offline array.
+    /// The board's own number for it, as [`Protocol::frame_id`] takes it: `sda << 2 | chip` in L1 and L2,
+    /// `sda << 4 | taxel` in L3, `triangle * 12 + pad` for the iCub, the sensor's number for CySkin, the channel for
+    /// `cpm-finger`; for an offline array its place in the module, and 0 in a [`Layout::grid`].
     pub k: u8,
     /// Column in the tactile image, from the left.
     pub x: u16,
@@ -162,6 +155,8 @@ impl Layout {
             bus: 0,
             board: 0,
             protocol: Protocol::Offline,
+            icub: None,
+            hub: None,
             first_taxel: 0,
             taxels: count as u16,
         };
@@ -180,6 +175,7 @@ impl Layout {
             Vec::new(),
             vec![module],
             taxels,
+            None,
         ))
     }
 
@@ -190,6 +186,7 @@ impl Layout {
         buses: Vec<String>,
         modules: Vec<Module>,
         taxels: Vec<Taxel>,
+        cyskin: Option<CyskinSetup>,
     ) -> Self {
         let mut pixels = vec![NO_TAXEL; width as usize * height as usize];
         for (i, taxel) in taxels.iter().enumerate() {
@@ -202,6 +199,7 @@ impl Layout {
             buses,
             modules,
             taxels,
+            cyskin,
             pixels,
         }
     }
@@ -230,14 +228,15 @@ impl Layout {
         &self.modules[self.taxels[taxel].module as usize]
     }
 
-    /// Standard id of the frames that carry this taxel on its module's bus; `None` for an offline array.
+    /// Standard id of the frames that carry this taxel and nothing else on its module's bus; `None` for an offline
+    /// array, and for boards that send several taxels in a frame.
     pub fn can_id(&self, taxel: usize) -> Option<u16> {
         let module = self.module_of(taxel);
         module.protocol.can_id(module.board, self.taxels[taxel].k)
     }
 
-    /// The module whose board has this address on this bus. L3 controllers are numbered apart from MTB boards,
-    /// hence the protocol.
+    /// The first module whose board has this address on this bus. L3 controllers are numbered apart from MTB boards,
+    /// hence the protocol; CySkin modules are numbered by hub, so that there may be others.
     pub fn board(&self, bus: u8, board: u8, protocol: Protocol) -> Option<usize> {
         self.modules
             .iter()
@@ -245,12 +244,27 @@ impl Layout {
     }
 
     /// Frames that one sweep of every board puts on this bus. At 1 Mbit/s a bus carries 7,400 to 9,000 frames/s
-    /// (protocols.md 2.5), which bounds the sweep rate.
+    /// (protocols.md 2.5), which bounds the sweep rate. For CySkin it is an estimate: which modules a hub puts into
+    /// one packet is not public.
     pub fn frames_per_sweep(&self, bus: u8) -> usize {
-        self.modules
-            .iter()
-            .filter(|m| m.bus == bus && m.protocol != Protocol::Offline)
-            .map(|m| m.taxels as usize)
+        let modules = self.modules.iter().filter(|m| m.bus == bus);
+        modules
+            .map(|m| match m.protocol {
+                Protocol::Offline => 0,
+                Protocol::UskinL1 | Protocol::UskinL2 | Protocol::UskinL3 => m.taxels as usize,
+                Protocol::IcubMtb3 | Protocol::IcubMtb4 => 2 * self.triangles(m).count_ones() as usize,
+                Protocol::CpmFinger => 5,
+                Protocol::Cyskin => (m.taxels as usize * 2 + 7).div_ceil(7),
+            })
             .sum()
+    }
+
+    /// The triangles of an iCub board that have taxels in the layout, a bit each.
+    pub fn triangles(&self, module: &Module) -> u16 {
+        let first = module.first_taxel as usize;
+        let taxels = &self.taxels[first..first + module.taxels as usize];
+        taxels.iter().fold(0, |set, taxel| {
+            set | 1 << (taxel.k / crate::protocol::icub::PADS & 15)
+        })
     }
 }

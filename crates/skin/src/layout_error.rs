@@ -92,7 +92,9 @@ pub enum LayoutProblem {
         known: String,
     },
     /// A protocol that no decoder knows.
-    #[error("module {module:?}: unknown board protocol {protocol:?}; known are uskin-l1, uskin-l2, uskin-l3")]
+    #[error(
+        "module {module:?}: unknown board protocol {protocol:?}; known are uskin-l1, uskin-l2, uskin-l3, icub-mtb3, icub-mtb4, cyskin, cpm-finger, offline"
+    )]
     UnknownProtocol {
         /// The module.
         module: String,
@@ -100,8 +102,8 @@ pub enum LayoutProblem {
         protocol: String,
     },
     /// An address that the protocol cannot express.
-    #[error("module {module:?}: board {board} is out of range, {} has boards 0 to {}",
-        protocol.name(), protocol.addresses() - 1)]
+    #[error("module {module:?}: board {board} is out of range, {} has boards {} to {}",
+        protocol.name(), protocol.first_address(), protocol.addresses() - 1)]
     BoardOutOfRange {
         /// The module.
         module: String,
@@ -126,7 +128,7 @@ pub enum LayoutProblem {
         /// Its line, from 1.
         other_line: usize,
     },
-    /// Two taxels would be sent under one id.
+    /// Taxels of two boards would be sent under one id.
     #[error(
         "taxel k = {k} of module {module:?} has CAN id {id:#05X} on bus {bus:?}, and so has taxel k = {other_k} of module {other:?} (line {other_line})"
     )]
@@ -157,7 +159,7 @@ pub enum LayoutProblem {
         degrees: i64,
     },
     /// A protocol whose boards have no order to assume.
-    #[error("module {module:?}: the drawing order of {} modules is not public, so `order` must be written", protocol.name())]
+    #[error("module {module:?}: where the taxels of {} modules lie is not known without being told, so `order` must be written", protocol.name())]
     OrderNeeded {
         /// The module.
         module: String,
@@ -242,6 +244,37 @@ pub enum LayoutProblem {
         other_k: u8,
         /// Its line, from 1.
         other_line: usize,
+    },
+    /// A number in the order table that is a thermal pad or the temperature.
+    #[error(
+        "module {module:?}: its order has {k}, which measures temperature and is no taxel; write -1 there"
+    )]
+    NotATaxel {
+        /// The module.
+        module: String,
+        /// The number given.
+        k: u8,
+    },
+    /// A key that this protocol needs, or that it has no use for.
+    #[error("module {module:?}: {} {problem}", protocol.name())]
+    Key {
+        /// The module.
+        module: String,
+        /// Its protocol.
+        protocol: Protocol,
+        /// Which key, and what is wrong.
+        problem: String,
+    },
+    /// The table `cyskin` is missing, incomplete or contradictory.
+    #[error("{0}")]
+    Cyskin(String),
+    /// More taxels than can be numbered.
+    #[error("with module {module:?} the layout has {taxels} taxels, more than {MAX_TAXELS}")]
+    TooManyTaxels {
+        /// The module.
+        module: String,
+        /// Taxels up to and including it.
+        taxels: usize,
     },
     /// Positions given in a way that does not add up.
     #[error("module {module:?}: {why}")]

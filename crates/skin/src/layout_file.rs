@@ -1,8 +1,11 @@
 //! The layout file: its TOML shape, and every check between the text and a [`Layout`].
 
-use crate::layout::{MAX_MODULES, MAX_PIXELS};
+use crate::layout::{MAX_MODULES, MAX_PIXELS, MAX_TAXELS};
+use crate::layout_board::accept_board;
 use crate::layout_error::{LayoutError, LayoutProblem};
 use crate::layout_tile::{check_order, check_positions, check_rotation, turn};
+use crate::protocol::cyskin::{CyskinSetup, FileCyskin};
+use crate::protocol::icub::IcubSetup;
 use crate::{Layout, Module, Protocol, Taxel};
 use serde::Deserialize;
 use std::collections::HashMap;
@@ -14,7 +17,9 @@ use toml::Spanned;
 struct FileLayout {
     name: Spanned<String>,
     image: Spanned<FileImage>,
+    #[serde(default)]
     buses: Vec<Spanned<String>>,
+    cyskin: Option<Spanned<FileCyskin>>,
     module: Vec<Spanned<FileModule>>,
 }
 
@@ -30,8 +35,10 @@ struct FileImage {
 pub(crate) struct FileModule {
     pub(crate) name: String,
     pub(crate) part: String,
-    pub(crate) bus: Spanned<String>,
-    pub(crate) board: Spanned<i64>,
+    pub(crate) bus: Option<Spanned<String>>,
+    pub(crate) board: Option<Spanned<i64>>,
+    pub(crate) hub: Option<Spanned<String>>,
+    pub(crate) icub: Option<Spanned<IcubSetup>>,
     pub(crate) protocol: Spanned<String>,
     pub(crate) at: Spanned<[i64; 2]>,
     pub(crate) rotation: Option<Spanned<i64>>,
@@ -49,7 +56,7 @@ pub(crate) struct Source<'a> {
 }
 
 impl Source<'_> {
-    fn line(&self, span: &Range<usize>) -> usize {
+    pub(crate) fn line(&self, span: &Range<usize>) -> usize {
         let end = span.start.min(self.text.len());
         1 + self.text.as_bytes()[..end]
             .iter()
@@ -89,12 +96,19 @@ impl Source<'_> {
 
 /// Places in the file and in the image of what was accepted so far, to find what a later module collides with.
 #[derive(Default)]
-struct Accepted {
-    spans: Vec<Range<usize>>,
-    modules: Vec<Module>,
+pub(crate) struct Accepted {
+    pub(crate) spans: Vec<Range<usize>>,
+    pub(crate) modules: Vec<Module>,
     taxels: Vec<Taxel>,
     pixels: HashMap<(u16, u16), usize>,
     ids: HashMap<(u8, u16), usize>,
+}
+
+/// What of the head of the file every module is checked against.
+pub(crate) struct Head {
+    size: [u16; 2],
+    pub(crate) buses: Vec<String>,
+    pub(crate) cyskin: Option<CyskinSetup>,
 }
 
 /// See [`Layout::parse`].
@@ -124,17 +138,31 @@ pub(crate) fn parse(text: &str, file: &str) -> Result<Layout, LayoutError> {
         [1, MAX_MODULES as i64],
     )?;
 
+    let cyskin = match parsed.cyskin {
+        None => None,
+        Some(table) => {
+            let span = table.span();
+            let setup = table.into_inner().check(&buses);
+            Some(setup.or_else(|why| source.refuse(&span, LayoutProblem::Cyskin(why)))?)
+        }
+    };
+    let head = Head {
+        size: [width, height],
+        buses,
+        cyskin,
+    };
     let mut accepted = Accepted::default();
     for module in &parsed.module {
-        accept_module(&source, module, [width, height], &buses, &mut accepted)?;
+        accept_module(&source, module, &head, &mut accepted)?;
     }
     let Accepted { modules, taxels, .. } = accepted;
     Ok(Layout::assemble(
         parsed.name.into_inner(),
-        [width, height],
-        buses,
+        head.size,
+        head.buses,
         modules,
         taxels,
+        head.cyskin,
     ))
 }
 
@@ -171,11 +199,15 @@ fn check_buses(source: &Source<'_>, parsed: &FileLayout) -> Result<Vec<String>, 
         );
     }
     let span = parsed.buses.last().map_or(0..0, Spanned::span);
+    let needed = parsed
+        .module
+        .iter()
+        .any(|module| module.get_ref().protocol.get_ref() != Protocol::Offline.name());
     source.range(
         &span,
         "the number of buses",
         buses.len() as i64,
-        [1, u8::MAX as i64],
+        [needed as i64, u8::MAX as i64],
     )?;
     Ok(buses)
 }
@@ -183,10 +215,10 @@ fn check_buses(source: &Source<'_>, parsed: &FileLayout) -> Result<Vec<String>, 
 fn accept_module(
     source: &Source<'_>,
     module: &Spanned<FileModule>,
-    [width, height]: [u16; 2],
-    buses: &[String],
+    head: &Head,
     accepted: &mut Accepted,
 ) -> Result<(), LayoutError> {
+    let [width, height] = head.size;
     let span = module.span();
     let module = module.get_ref();
     let name = || module.name.clone();
@@ -213,8 +245,17 @@ fn accept_module(
         );
     }
 
-    let (bus, protocol, board) = accept_board(source, module, buses, accepted)?;
-    let ([rows, columns], cells) = check_order(source, module, protocol, &span)?;
+    let place = accept_board(source, module, &span, head, accepted)?;
+    let (bus, protocol, board) = (place.bus, place.protocol, place.board);
+    let ([rows, columns], cells) = check_order(source, module, protocol, place.icub.as_ref(), &span)?;
+    let taxels = accepted.taxels.len() + cells.len();
+    if taxels > MAX_TAXELS {
+        let problem = LayoutProblem::TooManyTaxels {
+            module: name(),
+            taxels,
+        };
+        return source.refuse(&span, problem);
+    }
     let rotation = check_rotation(source, module)?;
     let positions = check_positions(source, module, &cells)?;
 
@@ -255,10 +296,11 @@ fn accept_module(
             };
             return source.refuse(&module.at.span(), problem);
         }
-        if let Some(id) = protocol.can_id(board, k) {
-            if let Some(&other) = accepted.ids.get(&(bus, id)) {
+        if let Some(id) = protocol.frame_id(board, k) {
+            let others = accepted.ids.get(&(bus, id)).filter(|other| **other < first_taxel);
+            if let Some(&other) = others {
                 let (other, other_k, other_line) = describe(other);
-                let bus = buses[bus as usize].clone();
+                let bus = head.buses[bus as usize].clone();
                 let problem = LayoutProblem::SameCanId {
                     module: name(),
                     k,
@@ -268,7 +310,7 @@ fn accept_module(
                     other_k,
                     other_line,
                 };
-                return source.refuse(&module.board.span(), problem);
+                return source.refuse(&place.board_span, problem);
             }
             accepted.ids.insert((bus, id), taxel);
         }
@@ -289,55 +331,10 @@ fn accept_module(
         bus,
         board,
         protocol,
+        icub: place.icub,
+        hub: place.hub,
         first_taxel: first_taxel as u16,
         taxels: cells.len() as u16,
     });
     Ok(())
-}
-
-/// The bus, protocol and address of a module's board.
-fn accept_board(
-    source: &Source<'_>,
-    module: &FileModule,
-    buses: &[String],
-    accepted: &Accepted,
-) -> Result<(u8, Protocol, u8), LayoutError> {
-    let name = || module.name.clone();
-    let Some(bus) = buses.iter().position(|b| b == module.bus.get_ref()) else {
-        let problem = LayoutProblem::UnknownBus {
-            module: name(),
-            bus: module.bus.get_ref().clone(),
-            known: buses.join(", "),
-        };
-        return source.refuse(&module.bus.span(), problem);
-    };
-    let Some(protocol) = Protocol::from_name(module.protocol.get_ref()) else {
-        let problem = LayoutProblem::UnknownProtocol {
-            module: name(),
-            protocol: module.protocol.get_ref().clone(),
-        };
-        return source.refuse(&module.protocol.span(), problem);
-    };
-    let board = *module.board.get_ref();
-    if board < 0 || board >= protocol.addresses() as i64 {
-        let problem = LayoutProblem::BoardOutOfRange {
-            module: name(),
-            board,
-            protocol,
-        };
-        return source.refuse(&module.board.span(), problem);
-    }
-    let (bus, board) = (bus as u8, board as u8);
-    let same = |m: &Module| m.bus == bus && m.board == board && m.protocol.has_addresses_of(protocol);
-    if let Some(other) = accepted.modules.iter().position(same) {
-        let problem = LayoutProblem::SameBoard {
-            module: name(),
-            bus: buses[bus as usize].clone(),
-            board,
-            other: accepted.modules[other].name.clone(),
-            other_line: source.line(&accepted.spans[other]),
-        };
-        return source.refuse(&module.board.span(), problem);
-    }
-    Ok((bus, protocol, board))
 }

@@ -3,6 +3,7 @@
 use crate::Protocol;
 use crate::layout_error::{LayoutError, LayoutProblem};
 use crate::layout_file::{FileModule, Source};
+use crate::protocol::icub::IcubSetup;
 use std::ops::Range;
 use toml::Spanned;
 
@@ -21,11 +22,12 @@ pub(crate) fn check_order(
     source: &Source<'_>,
     module: &FileModule,
     protocol: Protocol,
+    icub: Option<&IcubSetup>,
     module_span: &Range<usize>,
 ) -> Result<([usize; 2], Vec<Cell>), LayoutError> {
     let name = || module.name.clone();
     let Some(order) = &module.order else {
-        if protocol == Protocol::UskinL3 {
+        if !matches!(protocol, Protocol::UskinL1 | Protocol::UskinL2) {
             return source.refuse(
                 module_span,
                 LayoutProblem::OrderNeeded {
@@ -39,6 +41,7 @@ pub(crate) fn check_order(
     let rows = order.get_ref();
     let columns = rows.first().map_or(0, |row| row.get_ref().len());
     let mut cells: Vec<Cell> = Vec::new();
+    let mut rows_of = [None; 256];
     for (row, cells_of_row) in rows.iter().enumerate() {
         let span = cells_of_row.span();
         let cells_of_row = cells_of_row.get_ref();
@@ -66,11 +69,16 @@ pub(crate) fn check_order(
                 );
             }
             let k = k as u8;
-            if let Some(first) = cells.iter().find(|c| c.k == k) {
+            let is_temperature =
+                icub.is_some_and(|setup| setup.is_thermal(k)) || (protocol == Protocol::Cyskin && k == 0);
+            if is_temperature {
+                return source.refuse(&span, LayoutProblem::NotATaxel { module: name(), k });
+            }
+            if let Some(first) = std::mem::replace(&mut rows_of[k as usize], Some(row)) {
                 let problem = LayoutProblem::OrderRepeats {
                     module: name(),
                     k,
-                    first_row: first.row,
+                    first_row: first,
                     row,
                 };
                 return source.refuse(&span, problem);

@@ -7,16 +7,22 @@ mod boards;
 mod condition;
 mod counters;
 mod decoder;
+mod discovery;
 mod frame;
 mod layout;
+mod layout_board;
 mod layout_error;
 mod layout_file;
 mod layout_tile;
 mod period;
+mod protocol;
+mod start;
 mod sweep;
 mod sweep_board;
 mod sweep_config;
-mod uskin;
+
+// Other modules say `crate::uskin`.
+use protocol::uskin;
 
 pub use boards::{BoardSupervisor, BoardsConfig, BoardsMode, Command, TxMode};
 pub use condition::{
@@ -25,9 +31,17 @@ pub use condition::{
 };
 pub use counters::{BoardCounters, BoardState, RangeError};
 pub use decoder::{BusCounters, Decoded, Decoder, MAX_READINGS, Readings};
+pub use discovery::{
+    AlreadyStarted, BoardKind, BusTraffic, Discovery, DiscoveryCommand, DiscoveryReport, Firmware, FoundBoard,
+};
 pub use frame::{Fault, Faults, ForceFrame, Freshness, TactileFrame, TaxelReading};
-pub use layout::{Layout, MAX_MODULES, MAX_PIXELS, MAX_TAXELS, Module, Protocol, Taxel};
+pub use layout::{Layout, MAX_MODULES, MAX_PIXELS, MAX_TAXELS, Module, Taxel};
 pub use layout_error::{LayoutError, LayoutProblem};
+pub use protocol::Protocol;
+pub use protocol::cyskin::{
+    ByteOrder, Checksum, CyskinHub, CyskinPacket, CyskinPacketError, CyskinSetup, cyskin_frames,
+};
+pub use protocol::icub::{ICUB_NO_ACK, ICUB_NOT_CONNECTED, ICUB_OUT_OF_RANGE, IcubSetup, icub_triangle_data};
+pub use protocol::uskin::{STATUS_ERROR, STATUS_NO_ANSWER, status_is_error};
 pub use sweep::{Push, SweepAssembler};
 pub use sweep_config::SweepConfig;
-pub use uskin::{STATUS_ERROR, STATUS_NO_ANSWER, status_is_error};

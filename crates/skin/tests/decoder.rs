@@ -161,6 +161,7 @@ fn each_kind_of_frame_is_told_apart() {
             Decoded::NotData => 2,
             Decoded::Command => 3,
             Decoded::Malformed { .. } => 4,
+            Decoded::Partial => unreachable!("no packets here"),
             Decoded::QueueOverflow { .. } => 5,
         };
         let mut only = [0; 6];

@@ -1,0 +1,176 @@
+//! A module's board: its protocol, and where on which bus it is.
+
+use crate::layout_error::{LayoutError, LayoutProblem};
+use crate::layout_file::{Accepted, FileModule, Head, Source};
+use crate::protocol::cyskin;
+use crate::protocol::icub::IcubSetup;
+use crate::{Module, Protocol};
+use std::ops::Range;
+use toml::Spanned;
+
+/// A board that no module before it has.
+pub(crate) struct BoardPlace {
+    pub(crate) bus: u8,
+    pub(crate) protocol: Protocol,
+    pub(crate) board: u8,
+    pub(crate) icub: Option<IcubSetup>,
+    pub(crate) hub: Option<u8>,
+    pub(crate) board_span: Range<usize>,
+}
+
+/// Checks the keys `protocol`, `bus`, `board`, `icub` and `hub` of a module.
+pub(crate) fn accept_board(
+    source: &Source<'_>,
+    module: &FileModule,
+    module_span: &Range<usize>,
+    head: &Head,
+    accepted: &Accepted,
+) -> Result<BoardPlace, LayoutError> {
+    let name = || module.name.clone();
+    let Some(protocol) = Protocol::from_name(module.protocol.get_ref()) else {
+        let problem = LayoutProblem::UnknownProtocol {
+            module: name(),
+            protocol: module.protocol.get_ref().clone(),
+        };
+        return source.refuse(&module.protocol.span(), problem);
+    };
+    let refuse = |span: &Range<usize>, problem: &str| {
+        let problem = LayoutProblem::Key {
+            module: name(),
+            protocol,
+            problem: problem.into(),
+        };
+        source.refuse(span, problem)
+    };
+    let bus_span = module.bus.as_ref().map(Spanned::span);
+    let board_span = module.board.as_ref().map(Spanned::span);
+    let no_use = [
+        (!protocol.is_icub())
+            .then(|| module.icub.as_ref().map(Spanned::span))
+            .flatten()
+            .map(|span| (span, "has no use for the key `icub`")),
+        (protocol != Protocol::Cyskin)
+            .then(|| module.hub.as_ref().map(Spanned::span))
+            .flatten()
+            .map(|span| (span, "has no use for the key `hub`")),
+    ];
+    if let Some((span, problem)) = no_use.into_iter().flatten().next() {
+        return refuse(&span, problem);
+    }
+    if protocol == Protocol::Offline {
+        return match bus_span.or(board_span) {
+            Some(span) => refuse(&span, "has neither bus nor board; remove the key"),
+            None => Ok(BoardPlace {
+                bus: 0,
+                protocol,
+                board: 0,
+                icub: None,
+                hub: None,
+                board_span: module_span.clone(),
+            }),
+        };
+    }
+
+    let Some(bus_name) = &module.bus else {
+        return refuse(module_span, "needs the key `bus`");
+    };
+    let Some(bus) = head.buses.iter().position(|b| b == bus_name.get_ref()) else {
+        let problem = LayoutProblem::UnknownBus {
+            module: name(),
+            bus: bus_name.get_ref().clone(),
+            known: head.buses.join(", "),
+        };
+        return source.refuse(&bus_name.span(), problem);
+    };
+    let Some(board) = &module.board else {
+        return refuse(module_span, "needs the key `board`");
+    };
+    let (board, board_span) = (*board.get_ref(), board.span());
+    if board < protocol.first_address() as i64 || board >= protocol.addresses() as i64 {
+        let problem = LayoutProblem::BoardOutOfRange {
+            module: name(),
+            board,
+            protocol,
+        };
+        return source.refuse(&board_span, problem);
+    }
+    let (bus, board) = (bus as u8, board as u8);
+    let hub = match protocol {
+        Protocol::Cyskin => Some(find_hub(source, module, module_span, bus, head)?),
+        _ => None,
+    };
+    let same = |m: &Module| {
+        m.bus == bus && m.board == board && m.hub == hub && m.protocol.has_addresses_of(protocol)
+    };
+    if let Some(other) = accepted.modules.iter().position(same) {
+        let problem = LayoutProblem::SameBoard {
+            module: name(),
+            bus: head.buses[bus as usize].clone(),
+            board,
+            other: accepted.modules[other].name.clone(),
+            other_line: source.line(&accepted.spans[other]),
+        };
+        return source.refuse(&board_span, problem);
+    }
+    let icub = match &module.icub {
+        Some(setup) if protocol.is_icub() => {
+            if let Some(problem) = setup.get_ref().problem() {
+                return refuse(&setup.span(), &problem);
+            }
+            Some(*setup.get_ref())
+        }
+        _ => protocol.is_icub().then(IcubSetup::default),
+    };
+    Ok(BoardPlace {
+        bus,
+        protocol,
+        board,
+        icub,
+        hub,
+        board_span,
+    })
+}
+
+/// The hub of a CySkin module, which must be on the module's bus.
+fn find_hub(
+    source: &Source<'_>,
+    module: &FileModule,
+    module_span: &Range<usize>,
+    bus: u8,
+    head: &Head,
+) -> Result<u8, LayoutError> {
+    let Some(setup) = &head.cyskin else {
+        return source.refuse(module_span, LayoutProblem::Cyskin(cyskin::all_missing()));
+    };
+    let known = || {
+        let names: Vec<&str> = setup.hubs.iter().map(|hub| hub.name.as_str()).collect();
+        names.join(", ")
+    };
+    let (span, problem) = match &module.hub {
+        None => (
+            module_span.clone(),
+            format!("needs the key `hub`, one of {}", known()),
+        ),
+        Some(hub) => match setup.hubs.iter().position(|h| h.name == *hub.get_ref()) {
+            None => (
+                hub.span(),
+                format!("names hub {:?}, but the hubs are {}", hub.get_ref(), known()),
+            ),
+            Some(index) if setup.hubs[index].bus != bus => (
+                hub.span(),
+                format!(
+                    "names hub {:?}, which is on bus {:?}",
+                    hub.get_ref(),
+                    head.buses[setup.hubs[index].bus as usize]
+                ),
+            ),
+            Some(index) => return Ok(index as u8),
+        },
+    };
+    let problem = LayoutProblem::Key {
+        module: module.name.clone(),
+        protocol: Protocol::Cyskin,
+        problem,
+    };
+    source.refuse(&span, problem)
+}

@@ -1,0 +1,56 @@
+//! The published finger with CySkin-type sensors (protocols.md 5.3): four standard frames of four values, no command.
+
+use crate::TaxelReading;
+
+/// Channel of each value in the order in which the four frames carry them.
+const CHANNELS: [u8; 16] = [11, 15, 14, 12, 9, 13, 8, 10, 6, 7, 4, 5, 2, 0, 3, 1];
+/// Id of the frame with both proximity values.
+pub(crate) const PROXIMITY_ID: u16 = 0x601;
+/// Auxiliary channel of the first proximity value.
+pub(crate) const PROXIMITY: u8 = 16;
+
+/// Id of the frame that carries a channel: 0x405, 0x407, 0x409 or 0x40B.
+pub(crate) const fn id(channel: u8) -> u16 {
+    let mut place = 0;
+    while place < 15 && CHANNELS[place as usize] != channel {
+        place += 1;
+    }
+    0x405 + 2 * (place / 4)
+}
+
+/// Gives the values of a frame to `push`; `taxels` are the layout's taxels by channel.
+#[inline]
+pub(crate) fn hear(id: u16, data: &[u8; 8], taxels: &[u16; 16], mut push: impl FnMut(TaxelReading)) {
+    let first = (id.wrapping_sub(0x405) / 2 * 4) as usize & 12;
+    for (i, bytes) in data.chunks_exact(2).enumerate() {
+        let taxel = taxels[CHANNELS[first + i] as usize];
+        if taxel != u16::MAX {
+            push(TaxelReading {
+                taxel,
+                counts: [0, 0, u16::from_le_bytes([bytes[0], bytes[1]])],
+                status: 0,
+            });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_channel_is_in_one_of_the_four_frames() {
+        let mut seen = [0; 16];
+        for channel in 0..16 {
+            assert!([0x405, 0x407, 0x409, 0x40B].contains(&id(channel)), "{channel}");
+        }
+        for channel in CHANNELS {
+            seen[channel as usize] += 1;
+        }
+        assert_eq!(seen, [1; 16]);
+        assert_eq!(
+            [id(11), id(12), id(9), id(10), id(6), id(1)],
+            [0x405, 0x405, 0x407, 0x407, 0x409, 0x40B]
+        );
+    }
+}
