@@ -3,22 +3,29 @@
 //!
 //! The optimum in the plane is out of reach in real time (the problem is NP-hard), and for a display it is not even wanted: an
 //! actuator that jumps across the hand whenever another arrangement is a per mille better is felt as flicker. So each frame starts
-//! from the centroids of the last one, and is improved by three moves, each of which lowers the cost:
+//! from the clusters of the last one, and is improved by three moves, each of which lowers the cost:
 //!
 //! 1. Lloyd's iteration, with the last frame's centroids as an optional pull (evolutionary k-means, Chakrabarti et al. 2006).
-//! 2. Single points that move to the second nearest cluster where that lowers the cost though they are nearer to their own
+//! 2. Single points that move to another cluster where that lowers the cost though they are nearer to their own
 //!    (Hartigan's criterion, `n / (n - 1) * d1 > m / (m + 1) * d2`).
-//! 3. A swap: the cluster that is missed least is dissolved and the one that gains most is split, if the gain is worth it. Only this
-//!    move makes an actuator jump, and a threshold decides when it is allowed.
+//! 3. A swap: a cluster that is missed little is dissolved and one that gains much is split, if the gain is worth what it makes people
+//!    feel. Only this move makes an actuator jump.
+//!
+//! An actuator whose points are gone rests where it stood, for a frame at least, and returns when a point returns there. Only after that
+//! rest it may be put elsewhere: it has been lifted then, and does not jump. So a point that flickers at the contact threshold does not send an
+//! actuator back and forth.
 //!
 //! Coordinates are single precision: pixels are exact, millimetres good to a micrometre. Every operation is elementwise or in index
 //! order, so results are the same at every vector width.
 
 mod assign;
 mod identity;
+mod settle;
+mod stand;
 mod swap;
 
 use assign::Assignment;
+use stand::Stands;
 
 use crate::Plane;
 use swap::Splits;
@@ -29,12 +36,15 @@ pub struct Kmeans2dSettings {
     /// History cost: a centroid is drawn towards its place in the last frame as if by this many times its own members. 0 follows
     /// the points alone.
     pub history: f64,
-    /// Share of the cost that a swap must save to be made; 0 makes every swap that saves anything, infinity none.
+    /// Share of the cost that must be saved for each cluster that a swap makes jump; 0 makes every swap that saves anything, infinity
+    /// none.
     pub swap_gain: f64,
     /// Most swaps in a frame.
     pub swaps: u16,
     /// Most assignments of all points between two swaps.
     pub iterations: u16,
+    /// How far an actuator may go between two frames without jumping, in the unit of the coordinates.
+    pub reach: f64,
 }
 
 /// Clusters points in the plane frame by frame.
@@ -42,23 +52,40 @@ pub struct Kmeans2dSettings {
 pub struct Kmeans2d {
     settings: Kmeans2dSettings,
     assignment: Assignment,
-    /// Where each cluster is, by id.
+    /// Where each cluster is, by id; [`FAR`] where it has never been anywhere.
     x: Vec<f32>,
     y: Vec<f32>,
     /// Where each cluster was at the end of the last frame.
     last_x: Vec<f32>,
     last_y: Vec<f32>,
-    /// Whether each id had points in the last frame.
+    /// Whether each id has points.
     live: Vec<bool>,
+    /// Whether each id had points in the last frame, and cannot go elsewhere without jumping.
+    pinned: Vec<bool>,
     /// Whether each id was put elsewhere in this frame, so that where it was does not matter.
     moved: Vec<bool>,
     /// What the points of each id add up to.
     sums: Vec<Sums>,
+    /// Id that each key had in the last frame; [`NONE`] where it had none.
+    id_of_key: Vec<u16>,
+    /// Keys of the last frame.
+    keys: Vec<u16>,
+    /// Whether the last frame ended with nothing left to do.
+    settled: bool,
+    /// Cost at which swaps were last found not to pay, and points that have come or gone since.
+    judged: Option<f64>,
+    changes: usize,
     splits: Splits,
-    saved_x: Vec<f32>,
-    saved_y: Vec<f32>,
+    saved: Saved,
+    stands: Stands,
     identity: identity::Matching,
 }
+
+/// No id.
+const NONE: u16 = u16::MAX;
+
+/// Where clusters are that have never been anywhere: farther from any point than anything, but finite when squared.
+const FAR: f32 = 1e17;
 
 /// What a cluster adds up to.
 #[derive(Debug, Default, Clone, Copy)]
@@ -68,238 +95,250 @@ struct Sums {
     weight: f64,
 }
 
+/// Clusters as they were before a swap.
+#[derive(Debug)]
+struct Saved {
+    x: Vec<f32>,
+    y: Vec<f32>,
+}
+
 /// The clusters of a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Clusters<'a> {
     /// Id of the cluster of each point.
     pub labels: &'a [u16],
-    /// First coordinate of each cluster's centroid, by id; of no meaning for a cluster without points.
+    /// Where the centroid of each cluster is, by id; of those without points, where it was.
     pub x: &'a [f32],
-    /// Second coordinate of each cluster's centroid.
+    /// Second coordinate of the same.
     pub y: &'a [f32],
     /// Whether each cluster has points.
     pub live: &'a [bool],
+    /// The point that stands for each cluster: the one nearest its centroid, or the one that stood for it before if that is hardly farther.
+    /// `None` for a cluster without points.
+    pub member: &'a [Option<u32>],
 }
 
 impl Kmeans2d {
-    /// Memory for up to `points` points and exactly `clusters` clusters (fewer where there are fewer points).
-    pub fn new(points: usize, clusters: usize, settings: Kmeans2dSettings) -> Self {
+    /// Memory for points with keys below `keys`, and exactly `clusters` clusters (fewer where there are fewer points).
+    pub fn new(keys: usize, clusters: usize, settings: Kmeans2dSettings) -> Self {
         Self {
             settings,
-            assignment: Assignment::new(points),
-            x: vec![0.0; clusters],
-            y: vec![0.0; clusters],
-            last_x: vec![0.0; clusters],
-            last_y: vec![0.0; clusters],
+            assignment: Assignment::new(keys, clusters),
+            x: vec![FAR; clusters],
+            y: vec![FAR; clusters],
+            last_x: vec![FAR; clusters],
+            last_y: vec![FAR; clusters],
             live: vec![false; clusters],
+            pinned: vec![false; clusters],
             moved: vec![false; clusters],
             sums: vec![Sums::default(); clusters],
+            id_of_key: vec![NONE; keys],
+            keys: Vec::with_capacity(keys),
+            settled: false,
+            judged: None,
+            changes: 0,
             splits: Splits::new(clusters),
-            saved_x: vec![0.0; clusters],
-            saved_y: vec![0.0; clusters],
+            saved: Saved {
+                x: vec![0.0; clusters],
+                y: vec![0.0; clusters],
+            },
+            stands: Stands::new(clusters),
             identity: identity::Matching::new(clusters),
         }
     }
 
-    /// Forgets the last frame.
+    /// Forgets all frames.
     pub fn forget(&mut self) {
+        self.x.fill(FAR);
+        self.y.fill(FAR);
         self.live.fill(false);
+        self.id_of_key.fill(NONE);
+        self.keys.clear();
+        self.settled = false;
+        self.judged = None;
+        self.stands.forget();
     }
 
     /// Clusters the points of the next frame.
     ///
-    /// With no more points than clusters each point is a cluster of its own, with the id of the cluster that was within 2 units of it
-    /// before, the nearest pairs first; other points get ids that were not in use, lowest first. With more points, ids that had no
-    /// points start at the points farthest from all others.
-    /// `weights`, where given, must be positive.
+    /// `keys` names the points: a key is always at the same place, and in a frame at most once. `weights`, where given, must be positive.
+    ///
+    /// With no more points than clusters each point is a cluster of its own. It keeps its id, or takes that of an actuator within
+    /// reach, nearest pairs first; other points get ids that were not in use.
     ///
     /// # Panics
     ///
-    /// If the lengths do not match.
-    pub fn follow(&mut self, points: Plane<'_>, weights: Option<&[f64]>) -> Clusters<'_> {
+    /// If the lengths do not match, or a key is out of range.
+    pub fn follow(&mut self, points: Plane<'_>, keys: &[u16], weights: Option<&[f64]>) -> Clusters<'_> {
         assert_eq!(points.x.len(), points.y.len(), "as many x as y");
+        assert_eq!(points.x.len(), keys.len(), "a key for each point");
         assert!(
             weights.is_none_or(|w| w.len() == points.len()),
             "one weight per point"
         );
-        self.assignment.place(points, weights);
-        if points.len() <= self.x.len() {
-            self.identity
-                .match_points(&self.assignment, &mut self.x, &mut self.y, &mut self.live);
-            self.identity.label(&mut self.assignment);
-        } else {
-            self.follow_many();
+        let resting = self.settled && weights.is_none() && self.keys == keys;
+        if !resting {
+            self.changes += self.count_changes(keys);
+            self.pinned.copy_from_slice(&self.live);
+            self.assignment.place(points, weights);
+            if points.len() <= self.x.len() {
+                self.follow_few(keys);
+            } else {
+                self.follow_many(keys);
+            }
+            self.last_x.copy_from_slice(&self.x);
+            self.last_y.copy_from_slice(&self.y);
+            self.remember(keys);
         }
-        self.last_x.copy_from_slice(&self.x);
-        self.last_y.copy_from_slice(&self.y);
         Clusters {
             labels: self.assignment.labels(),
             x: &self.x,
             y: &self.y,
             live: &self.live,
+            member: self.stands.members(),
         }
     }
 
-    fn follow_many(&mut self) {
+    /// Points that have come since the last frame, or gone.
+    fn count_changes(&self, keys: &[u16]) -> usize {
+        let stay = keys
+            .iter()
+            .filter(|key| self.id_of_key[usize::from(**key)] != NONE)
+            .count();
+        (keys.len() - stay) + (self.keys.len() - stay)
+    }
+
+    fn remember(&mut self, keys: &[u16]) {
+        for key in &self.keys {
+            self.id_of_key[usize::from(*key)] = NONE;
+        }
+        for (key, id) in keys.iter().zip(self.assignment.labels()) {
+            self.id_of_key[usize::from(*key)] = *id;
+        }
+        self.keys.clear();
+        self.keys.extend_from_slice(keys);
+    }
+
+    fn follow_few(&mut self, keys: &[u16]) {
+        self.assignment.adopt(keys, &self.id_of_key);
+        self.identity.match_points(
+            &mut self.assignment,
+            &self.pinned,
+            self.stands.places(),
+            self.settings.reach as f32,
+        );
+        self.live.fill(false);
+        for n in 0..self.assignment.len() {
+            let id = usize::from(self.assignment.labels()[n]);
+            let (x, y, _) = self.assignment.point(n);
+            (self.x[id], self.y[id]) = (x as f32, y as f32);
+            self.live[id] = true;
+        }
+        self.stands.stand_on_points(&self.assignment);
+        self.settled = true;
+        self.judged = None;
+    }
+
+    fn follow_many(&mut self, keys: &[u16]) {
         self.moved.fill(false);
-        self.seed();
+        self.assignment.adopt(keys, &self.id_of_key);
+        if self.x.iter().all(|x| *x == FAR) {
+            let (x, y) = self.assignment.first();
+            (self.x[0], self.y[0]) = (x, y);
+        }
+        self.assignment.label_new(&self.x, &self.y);
+        self.add_up();
+        self.centre();
         self.settle();
-        if self.find_live() {
-            self.seed();
+        if self.wake() {
             self.settle();
         }
-        let mut swaps = self.settings.swaps;
-        while swaps > 0 && self.swap(self.settings.swap_gain) {
-            swaps -= 1;
-        }
+        self.improve();
         self.find_live();
+        let rests = self.pinned.iter().zip(&self.live).any(|(was, is)| *was && !*is);
+        self.settled &= !rests && self.live.iter().all(|live| *live);
+        self.stands
+            .stand(&self.assignment, &self.pinned, self.settings.reach as f32);
     }
 
-    /// Finds out which ids have points; says whether some have none.
-    fn find_live(&mut self) -> bool {
-        let mut some_empty = false;
+    fn find_live(&mut self) {
         for (live, sums) in self.live.iter_mut().zip(&self.sums) {
             *live = sums.weight > 0.0;
-            some_empty |= !*live;
         }
-        some_empty
     }
 
-    /// Gives the ids that were not in use a place: each the point farthest from those placed so far.
-    fn seed(&mut self) {
-        let mut open = self.live.iter().filter(|live| !**live).count();
-        if open == 0 {
+    /// Puts ids without points to the points farthest from all clusters: those that rested in the last frame wherever it helps, the others
+    /// where it saves enough for a jump. Says whether it put any.
+    fn wake(&mut self) -> bool {
+        let mut woke = false;
+        for jumps in [false, true] {
+            for id in 0..self.x.len() {
+                if self.sums[id].weight > 0.0 || self.moved[id] || self.pinned[id] != jumps {
+                    continue;
+                }
+                let Some((place, saving)) = self.assignment.farthest() else {
+                    return woke;
+                };
+                if jumps && saving <= self.settings.swap_gain * self.assignment.cost() {
+                    return woke;
+                }
+                (self.x[id], self.y[id]) = place;
+                self.moved[id] = true;
+                self.assignment.approach(place);
+                woke = true;
+            }
+        }
+        woke
+    }
+
+    /// Makes the swaps that pay. Where none paid, it does not ask again before something has changed.
+    fn improve(&mut self) {
+        let cost = self.assignment.cost();
+        let few = 16 * self.changes < self.assignment.len();
+        if let Some(before) = self.judged
+            && few
+            && (cost - before).abs() <= 0.5 * self.settings.swap_gain * before
+        {
             return;
         }
-        self.assignment.distances_to(&self.x, &self.y, &self.live);
-        for id in 0..self.x.len() {
-            if open == 0 {
-                break;
-            }
-            if !self.live[id] {
-                let (x, y) = self.assignment.farthest();
-                (self.x[id], self.y[id]) = (x, y);
-                self.live[id] = true;
-                self.moved[id] = true;
-                self.assignment.approach(x, y);
-                open -= 1;
-            }
+        let mut left = self.settings.swaps;
+        while left > 0 && self.swap() {
+            left -= 1;
         }
+        self.changes = 0;
+        self.judged = (left > 0).then(|| self.assignment.cost());
     }
 
-    /// Lloyd's iterations and Hartigan's moves until nothing changes, or as often as allowed.
-    fn settle(&mut self) {
-        for _ in 0..self.settings.iterations {
-            let changed = self.assignment.assign(&self.x, &self.y);
-            if !changed {
-                if !self.move_points() {
-                    return;
-                }
-                self.centre();
-                continue;
-            }
-            self.add_up();
-            self.centre();
-        }
-        self.assignment.assign(&self.x, &self.y);
-        self.add_up();
-    }
-
-    fn add_up(&mut self) {
-        self.sums.fill(Sums::default());
-        for n in 0..self.assignment.len() {
-            let (x, y, weight) = self.assignment.point(n);
-            let sums = &mut self.sums[usize::from(self.assignment.labels()[n])];
-            sums.x += weight * x;
-            sums.y += weight * y;
-            sums.weight += weight;
-        }
-    }
-
-    /// Moves every centroid to the mean of its points, drawn towards where it was.
-    fn centre(&mut self) {
-        for (id, sums) in self.sums.iter().enumerate() {
-            if sums.weight > 0.0 {
-                let history = if self.moved[id] {
-                    0.0
-                } else {
-                    self.settings.history
-                };
-                let pull = history * sums.weight;
-                let weight = sums.weight + pull;
-                self.x[id] = ((sums.x + pull * f64::from(self.last_x[id])) / weight) as f32;
-                self.y[id] = ((sums.y + pull * f64::from(self.last_y[id])) / weight) as f32;
-            }
-        }
-    }
-
-    /// Moves single points where that lowers the cost; says whether any moved.
-    fn move_points(&mut self) -> bool {
-        let mut moved = false;
-        // A cluster asks `m / (m + 1)` of its distance, so the lightest asks least.
-        let lightest = self
-            .sums
-            .iter()
-            .map(|sums| sums.weight)
-            .fold(f64::INFINITY, f64::min);
-        for n in 0..self.assignment.len() {
-            let from = usize::from(self.assignment.labels()[n]);
-            let (x, y, weight) = self.assignment.point(n);
-            let left = self.sums[from].weight - weight;
-            let (near, next) = self.assignment.distances(n);
-            let lightest = lightest / (lightest + weight);
-            if left <= 0.0 || near * self.sums[from].weight <= next * left * lightest {
-                continue;
-            }
-            let mut to = (from, near * self.sums[from].weight / left);
-            for (id, sums) in self.sums.iter().enumerate() {
-                if id != from {
-                    let (dx, dy) = (x - f64::from(self.x[id]), y - f64::from(self.y[id]));
-                    let cost = (dx * dx + dy * dy) * sums.weight / (sums.weight + weight);
-                    if cost < to.1 * 0.999_999 {
-                        to = (id, cost);
-                    }
-                }
-            }
-            if to.0 != from {
-                for (id, sign) in [(from, -1.0), (to.0, 1.0)] {
-                    let sums = &mut self.sums[id];
-                    sums.x += sign * weight * x;
-                    sums.y += sign * weight * y;
-                    sums.weight += sign * weight;
-                    self.x[id] = (sums.x / sums.weight) as f32;
-                    self.y[id] = (sums.y / sums.weight) as f32;
-                }
-                self.assignment.relabel(n, to.0);
-                moved = true;
-            }
-        }
-        moved
-    }
-
-    /// Dissolves one cluster and splits another if that saves more than `gain` of the cost; says whether it did.
-    fn swap(&mut self, gain: f64) -> bool {
+    /// Dissolves one cluster and splits another if that saves enough; says whether it did.
+    fn swap(&mut self) -> bool {
         let before = self.assignment.cost();
-        let Some(swap) = self.splits.best(&self.assignment, &self.sums, &self.x, &self.y) else {
+        let judge = swap::Judge {
+            gain: self.settings.swap_gain * before,
+            least: 0.002 * before,
+            reach: self.settings.reach * self.settings.reach,
+            pinned: &self.pinned,
+            moved: &self.moved,
+            stands: self.stands.places(),
+        };
+        let best = self
+            .splits
+            .best(&self.assignment, &self.sums, &self.x, &self.y, &judge);
+        let Some(swap) = best else {
             return false;
         };
-        if swap.saving <= gain * before || swap.saving <= 0.0 {
-            return false;
-        }
-        self.saved_x.copy_from_slice(&self.x);
-        self.saved_y.copy_from_slice(&self.y);
+        self.saved.x.copy_from_slice(&self.x);
+        self.saved.y.copy_from_slice(&self.y);
         let moved = std::mem::replace(&mut self.moved[swap.dissolved], true);
-        let split = (self.last_x[swap.split], self.last_y[swap.split]);
-        let [kept, other] = swap.halves_from(split);
+        let [kept, other] = swap.halves;
         (self.x[swap.split], self.y[swap.split]) = kept;
         (self.x[swap.dissolved], self.y[swap.dissolved]) = other;
         self.settle();
         let after = self.assignment.cost();
-        if after < before * (1.0 - gain) && after < before {
+        if after < before && before - after > swap.asked {
             return true;
         }
-        self.x.copy_from_slice(&self.saved_x);
-        self.y.copy_from_slice(&self.saved_y);
+        self.x.copy_from_slice(&self.saved.x);
+        self.y.copy_from_slice(&self.saved.y);
         self.moved[swap.dissolved] = moved;
         self.assignment.assign(&self.x, &self.y);
         self.add_up();

@@ -88,21 +88,10 @@ impl Actuators {
             points.x = &self.apart;
         }
         let weights = profile.force_weighted.then_some(&contacts.force[..]);
-        let clusters = self.follower.follow(points, weights);
+        let clusters = self.follower.follow(points, &contacts.rank, weights);
         self.cluster.clear();
         self.cluster.extend_from_slice(clusters.labels);
-        for id in 0..clusters.x.len() {
-            self.x[id] = f64::from(clusters.x[id]);
-            self.y[id] = f64::from(clusters.y[id]);
-        }
-        medoids(
-            points,
-            &self.cluster,
-            &self.x,
-            &self.y,
-            &mut self.least,
-            &mut self.member,
-        );
+        self.member.copy_from_slice(clusters.member);
         self.press(profile, contacts, levels, out);
     }
 
@@ -199,5 +188,6 @@ fn settings(profile: &Profile) -> Kmeans2dSettings {
         swap_gain: profile.jump_gain,
         swaps: 4,
         iterations: 6,
+        reach: 2.0,
     }
 }

@@ -1,5 +1,6 @@
 //! Points, their nearest centroid and the distances to the two nearest.
 
+use super::{FAR, NONE, Sums};
 use crate::Plane;
 
 /// Points side by side in one step.
@@ -20,7 +21,7 @@ pub(super) struct Assignment {
 }
 
 impl Assignment {
-    pub(super) fn new(points: usize) -> Self {
+    pub(super) fn new(points: usize, _clusters: usize) -> Self {
         let steps = points.div_ceil(LANES);
         Self {
             n: 0,
@@ -126,16 +127,8 @@ impl Assignment {
         (0..self.n).map(|n| self.point(n).2 * self.distances(n).0).sum()
     }
 
-    /// Computes the distance of each point to the nearest of some centroids.
-    pub(super) fn distances_to(&mut self, x: &[f32], y: &[f32], used: &[bool]) {
-        self.near.fill([f32::INFINITY; LANES]);
-        for id in (0..x.len()).filter(|id| used[*id]) {
-            self.approach(x[id], y[id]);
-        }
-    }
-
     /// Takes one more centroid into account.
-    pub(super) fn approach(&mut self, x: f32, y: f32) {
+    pub(super) fn approach(&mut self, (x, y): (f32, f32)) {
         for ((px, py), near) in self.x.iter().zip(&self.y).zip(&mut self.near) {
             for lane in 0..LANES {
                 let (dx, dy) = (px[lane] - x, py[lane] - y);
@@ -149,16 +142,73 @@ impl Assignment {
         }
     }
 
-    /// The point farthest from its nearest centroid; the first among equals.
-    pub(super) fn farthest(&self) -> (f32, f32) {
-        let mut farthest = (0, f32::NEG_INFINITY);
+    /// The point farthest from its nearest centroid, the first among equals, and what a centroid there saves at least; `None` where all stand on
+    /// centroids.
+    pub(super) fn farthest(&self) -> Option<((f32, f32), f64)> {
+        let mut farthest = (0, 0.0);
         for n in 0..self.n {
-            let near = self.near[n / LANES][n % LANES];
+            let near = self.near(n);
             if near > farthest.1 {
                 farthest = (n, near);
             }
         }
-        let n = farthest.0;
-        (self.x[n / LANES][n % LANES], self.y[n / LANES][n % LANES])
+        let [x, y] = self.place_of(farthest.0);
+        (farthest.1 > 0.0).then_some(((x, y), self.weight(farthest.0) * f64::from(farthest.1)))
+    }
+
+    /// The first point.
+    pub(super) fn first(&self) -> (f32, f32) {
+        (self.x[0][0], self.y[0][0])
+    }
+
+    /// Labels each point with the id that its key had, or none.
+    pub(super) fn adopt(&mut self, keys: &[u16], id_of_key: &[u16]) {
+        for (label, key) in self.label.iter_mut().zip(keys) {
+            *label = id_of_key[usize::from(*key)];
+        }
+    }
+
+    /// Labels points that have no label with the nearest centroid's.
+    pub(super) fn label_new(&mut self, x: &[f32], y: &[f32]) {
+        for n in 0..self.n {
+            if self.label[n] == NONE {
+                let [px, py] = self.place_of(n);
+                let mut nearest = (f32::INFINITY, 0);
+                for (id, (x, y)) in x.iter().zip(y).enumerate().filter(|(_, (x, _))| **x != FAR) {
+                    let (dx, dy) = (px - x, py - y);
+                    let distance = dx * dx + dy * dy;
+                    if distance < nearest.0 {
+                        nearest = (distance, id);
+                    }
+                }
+                self.label[n] = nearest.1 as u16;
+            }
+        }
+    }
+
+    /// Adds the points of each cluster up.
+    pub(super) fn add_up(&self, sums: &mut [Sums]) {
+        for (n, label) in self.label.iter().enumerate() {
+            let (x, y, weight) = self.point(n);
+            let sums = &mut sums[usize::from(*label)];
+            sums.x += weight * x;
+            sums.y += weight * y;
+            sums.weight += weight;
+        }
+    }
+
+    /// Weight of a point.
+    pub(super) fn weight(&self, n: usize) -> f64 {
+        self.weight.get(n).map_or(1.0, |w| f64::from(*w))
+    }
+
+    /// Squared distance of a point to the nearest centroid.
+    pub(super) fn near(&self, n: usize) -> f32 {
+        self.near[n / LANES][n % LANES]
+    }
+
+    /// Place of a point.
+    pub(super) fn place_of(&self, n: usize) -> [f32; 2] {
+        [self.x[n / LANES][n % LANES], self.y[n / LANES][n % LANES]]
     }
 }

@@ -1,48 +1,58 @@
 //! Which id stands for which point, when every point has its own.
 
+use super::NONE;
 use super::assign::Assignment;
 
 /// Memory for matching points with ids.
 #[derive(Debug)]
 pub(super) struct Matching {
-    /// Point of each id.
-    point: Vec<Option<u16>>,
+    /// Whether each id stands for a point.
+    used: Vec<bool>,
     /// Candidate pairs: squared distance, point, id.
     pairs: Vec<(f32, u16, u16)>,
-    taken: Vec<bool>,
 }
-
-/// How far an id may follow a point, in squared units of the coordinates; a point farther away is another one.
-const REACH: f32 = 4.0;
 
 impl Matching {
     pub(super) fn new(clusters: usize) -> Self {
         Self {
-            point: vec![None; clusters],
+            used: vec![false; clusters],
             pairs: Vec::with_capacity(clusters * clusters),
-            taken: vec![false; clusters],
         }
     }
 
-    /// Gives each point the id that was nearest to it, nearest pairs first; points that no id was near get ids that were not in use, and
-    /// ids of points that are gone when those run out.
+    /// Labels each point with an id of its own. `pinned` are the ids in use in the last frame, `stands` where each stood when last in use.
+    ///
+    /// An id stays on the point it stood on. Then ids go to points within reach of where they stood, nearest pairs first, ties to
+    /// the first point and the lowest id. Points left over get, in their order, an id that was not in use: the one that stood nearest to them
+    /// if within twice the reach, else the lowest that never was in use, else the nearest; when these run out, the nearest whose
+    /// point is gone.
     pub(super) fn match_points(
         &mut self,
-        points: &Assignment,
-        x: &mut [f32],
-        y: &mut [f32],
-        live: &mut [bool],
+        points: &mut Assignment,
+        pinned: &[bool],
+        stands: &[[f32; 2]],
+        reach: f32,
     ) {
-        self.point.fill(None);
-        self.taken.fill(false);
+        self.used.fill(false);
+        for n in 0..points.len() {
+            let id = points.labels()[n];
+            if id == NONE {
+                continue;
+            }
+            if pinned[usize::from(id)] && points.place_of(n) == stands[usize::from(id)] {
+                self.used[usize::from(id)] = true;
+            } else {
+                points.relabel(n, usize::from(NONE));
+            }
+        }
         self.pairs.clear();
         for n in 0..points.len() {
-            let (px, py, _) = points.point(n);
-            for id in (0..x.len()).filter(|id| live[*id]) {
-                let (dx, dy) = (px as f32 - x[id], py as f32 - y[id]);
-                let distance = dx * dx + dy * dy;
-                if distance <= REACH {
-                    self.pairs.push((distance, n as u16, id as u16));
+            if points.labels()[n] == NONE {
+                for id in (0..stands.len()).filter(|id| pinned[*id] && !self.used[*id]) {
+                    let distance = squared(points.place_of(n), stands[id]);
+                    if distance <= reach * reach {
+                        self.pairs.push((distance, n as u16, id as u16));
+                    }
                 }
             }
         }
@@ -50,36 +60,41 @@ impl Matching {
             .sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
         for (_, n, id) in &self.pairs {
             let (n, id) = (usize::from(*n), usize::from(*id));
-            if !self.taken[n] && self.point[id].is_none() {
-                self.taken[n] = true;
-                self.point[id] = Some(n as u16);
+            if points.labels()[n] == NONE && !self.used[id] {
+                points.relabel(n, id);
+                self.used[id] = true;
             }
         }
         for n in 0..points.len() {
-            if !self.taken[n] {
-                let free = |id: &usize| self.point[*id].is_none();
-                let unused = (0..x.len()).filter(free).find(|id| !live[*id]);
-                let id = unused
-                    .or_else(|| (0..x.len()).find(free))
-                    .expect("no more points than ids");
-                self.point[id] = Some(n as u16);
-            }
-        }
-        for (id, point) in self.point.iter().enumerate() {
-            live[id] = point.is_some();
-            if let Some(n) = point {
-                let (px, py, _) = points.point(usize::from(*n));
-                (x[id], y[id]) = (px as f32, py as f32);
+            if points.labels()[n] == NONE {
+                let id = self.unused(points.place_of(n), pinned, stands, reach);
+                points.relabel(n, id);
+                self.used[id] = true;
             }
         }
     }
 
-    /// Labels each point with its id.
-    pub(super) fn label(&self, points: &mut Assignment) {
-        for (id, point) in self.point.iter().enumerate() {
-            if let Some(n) = point {
-                points.relabel(usize::from(*n), id);
+    /// The id for a point that no id was near.
+    fn unused(&self, place: [f32; 2], pinned: &[bool], stands: &[[f32; 2]], reach: f32) -> usize {
+        let mut best = (usize::MAX, [f32::INFINITY; 2]);
+        for (id, stand) in stands.iter().enumerate().filter(|(id, _)| !self.used[*id]) {
+            let distance = squared(place, *stand);
+            let rank = match (pinned[id], distance.is_nan()) {
+                (true, _) => 3.0,
+                (false, true) => 1.0,
+                (false, false) if distance <= 4.0 * reach * reach => 0.0,
+                (false, false) => 2.0,
+            };
+            let key = [rank, if rank == 1.0 { 0.0 } else { distance }];
+            if best.0 == usize::MAX || key < best.1 {
+                best = (id, key);
             }
         }
+        best.0
     }
+}
+
+fn squared(a: [f32; 2], b: [f32; 2]) -> f32 {
+    let (dx, dy) = (a[0] - b[0], a[1] - b[1]);
+    dx * dx + dy * dy
 }

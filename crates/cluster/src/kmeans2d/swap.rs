@@ -26,21 +26,43 @@ struct Shape {
 pub(super) struct Swap {
     pub(super) dissolved: usize,
     pub(super) split: usize,
-    /// Means of the halves of the split cluster.
-    halves: [(f32, f32); 2],
-    /// What it saves before the points settle.
-    pub(super) saving: f64,
+    /// Means of the halves of the split cluster; the first stays with it.
+    pub(super) halves: [(f32, f32); 2],
+    /// What it has to save to be made.
+    pub(super) asked: f64,
 }
 
-impl Swap {
-    /// The halves, the one nearer to a place first.
-    pub(super) fn halves_from(&self, place: (f32, f32)) -> [(f32, f32); 2] {
-        let [a, b] = self.halves;
-        let distance = |half: (f32, f32)| {
-            let (dx, dy) = (half.0 - place.0, half.1 - place.1);
-            dx * dx + dy * dy
-        };
-        if distance(b) < distance(a) { [b, a] } else { [a, b] }
+/// What a swap has to save.
+#[derive(Debug)]
+pub(super) struct Judge<'a> {
+    /// For each cluster that jumps.
+    pub(super) gain: f64,
+    /// For a swap in which none jumps.
+    pub(super) least: f64,
+    /// Square of the distance that is no jump.
+    pub(super) reach: f64,
+    /// Ids that were in use in the last frame.
+    pub(super) pinned: &'a [bool],
+    /// Ids that have jumped in this frame already.
+    pub(super) moved: &'a [bool],
+    /// Where ids stood.
+    pub(super) stands: &'a [[f32; 2]],
+}
+
+impl Judge<'_> {
+    /// Whether an id would jump if it went elsewhere.
+    fn is_bound(&self, id: usize) -> bool {
+        self.pinned[id] && !self.moved[id]
+    }
+
+    /// Squared distance from where an id stood; 0 where that does not matter.
+    fn way(&self, id: usize, to: (f32, f32)) -> f64 {
+        if !self.is_bound(id) {
+            return 0.0;
+        }
+        let [x, y] = self.stands[id];
+        let (dx, dy) = (f64::from(to.0 - x), f64::from(to.1 - y));
+        dx * dx + dy * dy
     }
 }
 
@@ -52,20 +74,30 @@ impl Splits {
         }
     }
 
-    /// The swap that saves most, judged by the second nearest centroids and by halving clusters across their principal axis.
-    pub(super) fn best(&mut self, points: &Assignment, sums: &[Sums], x: &[f32], y: &[f32]) -> Option<Swap> {
+    /// The swap that saves most beyond what it has to save, judged by the second nearest centroids and by halving clusters across their
+    /// principal axis; `None` where none saves enough.
+    pub(super) fn best(
+        &mut self,
+        points: &Assignment,
+        sums: &[Sums],
+        x: &[f32],
+        y: &[f32],
+        judge: &Judge<'_>,
+    ) -> Option<Swap> {
         self.measure(points, x, y);
         self.merge(sums, x, y);
         self.halve(points, x, y);
-        let mut best: Option<Swap> = None;
-        let mut least = [(usize::MAX, f64::INFINITY); 2];
+        // The two that are missed least, among those that would jump and those that would not.
+        let mut least = [[(usize::MAX, f64::INFINITY); 2]; 2];
         for (id, shape) in self.shape.iter().enumerate() {
+            let least = &mut least[usize::from(judge.is_bound(id))];
             if shape.loss < least[0].1 {
-                least = [(id, shape.loss), least[0]];
+                *least = [(id, shape.loss), least[0]];
             } else if shape.loss < least[1].1 {
                 least[1] = (id, shape.loss);
             }
         }
+        let mut best: Option<(f64, Swap)> = None;
         for (split, (all, half)) in sums.iter().zip(&self.halves).enumerate() {
             let rest = Sums {
                 x: all.x - half.x,
@@ -79,18 +111,32 @@ impl Splits {
             let (bx, by) = (rest.x / rest.weight, rest.y / rest.weight);
             let gain =
                 half.weight * rest.weight / all.weight * ((ax - bx) * (ax - bx) + (ay - by) * (ay - by));
-            let (dissolved, loss) = if least[0].0 == split { least[1] } else { least[0] };
-            let saving = gain - loss;
-            if dissolved < usize::MAX && best.is_none_or(|b| saving > b.saving) {
-                best = Some(Swap {
-                    dissolved,
-                    split,
-                    halves: [(ax as f32, ay as f32), (bx as f32, by as f32)],
-                    saving,
-                });
+            let (a, b) = ((ax as f32, ay as f32), (bx as f32, by as f32));
+            let (way_a, way_b) = (judge.way(split, a), judge.way(split, b));
+            let halves = if way_b < way_a { [b, a] } else { [a, b] };
+            let split_jumps = way_a.min(way_b) > judge.reach;
+            for (bound, least) in least.iter().enumerate() {
+                let (dissolved, loss) = if least[0].0 == split { least[1] } else { least[0] };
+                if dissolved == usize::MAX {
+                    continue;
+                }
+                let jumps = bound + usize::from(split_jumps);
+                let asked = judge.least.max(jumps as f64 * judge.gain);
+                let beyond = gain - loss - asked;
+                if beyond > 0.0 && best.as_ref().is_none_or(|(most, _)| beyond > *most) {
+                    best = Some((
+                        beyond,
+                        Swap {
+                            dissolved,
+                            split,
+                            halves,
+                            asked,
+                        },
+                    ));
+                }
             }
         }
-        best
+        best.map(|(_, swap)| swap)
     }
 
     fn measure(&mut self, points: &Assignment, x: &[f32], y: &[f32]) {
@@ -122,6 +168,9 @@ impl Splits {
     fn merge(&mut self, sums: &[Sums], x: &[f32], y: &[f32]) {
         for a in 0..sums.len() {
             for b in 0..a {
+                if sums[a].weight <= 0.0 || sums[b].weight <= 0.0 {
+                    continue;
+                }
                 let (dx, dy) = (f64::from(x[a] - x[b]), f64::from(y[a] - y[b]));
                 let (n, m) = (sums[a].weight, sums[b].weight);
                 let cost = n * m / (n + m) * (dx * dx + dy * dy);

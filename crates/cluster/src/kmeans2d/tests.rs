@@ -6,6 +6,7 @@ const PLAIN: Kmeans2dSettings = Kmeans2dSettings {
     swap_gain: 0.0,
     swaps: 8,
     iterations: 10,
+    reach: 2.0,
 };
 
 fn plane(points: &[(f64, f64)]) -> (Vec<f64>, Vec<f64>) {
@@ -14,8 +15,15 @@ fn plane(points: &[(f64, f64)]) -> (Vec<f64>, Vec<f64>) {
 
 fn follow<'a>(solver: &'a mut Kmeans2d, points: &[(f64, f64)]) -> Clusters<'a> {
     let (x, y) = plane(points);
-    solver.follow(Plane { x: &x, y: &y }, None)
+    let keys: Vec<u16> = points
+        .iter()
+        .map(|(x, y)| (x * 2.0) as u16 + 128 * (y * 2.0) as u16)
+        .collect();
+    solver.follow(Plane { x: &x, y: &y }, &keys, None)
 }
+
+/// Keys of points at different places, of halves below 64.
+const KEYS: usize = 1 << 14;
 
 /// Squared error of a labelling around the means of its clusters.
 fn error(points: &[(f64, f64)], labels: &[u16], clusters: usize) -> f64 {
@@ -62,7 +70,7 @@ fn blob(x: f64, y: f64) -> Vec<(f64, f64)> {
 #[test]
 fn separate_blobs_get_a_cluster_each() {
     let points = [blob(0.0, 0.0), blob(10.0, 0.0), blob(0.0, 10.0), blob(10.0, 10.0)].concat();
-    let mut solver = Kmeans2d::new(36, 4, PLAIN);
+    let mut solver = Kmeans2d::new(KEYS, 4, PLAIN);
     let clusters = follow(&mut solver, &points);
     assert_eq!(error(&points, clusters.labels, 4), 4.0 * 12.0);
     for blob in clusters.labels.chunks(9) {
@@ -72,7 +80,7 @@ fn separate_blobs_get_a_cluster_each() {
 
 #[test]
 fn ids_stay_with_blobs_that_move() {
-    let mut solver = Kmeans2d::new(36, 3, PLAIN);
+    let mut solver = Kmeans2d::new(KEYS, 3, PLAIN);
     let at = |t: f64| [blob(0.0, t), blob(12.0, 2.0 * t), blob(t, 12.0)].concat();
     let first = follow(&mut solver, &at(0.0)).labels.to_vec();
     for t in 1..6 {
@@ -82,7 +90,7 @@ fn ids_stay_with_blobs_that_move() {
 
 #[test]
 fn a_cluster_whose_points_are_gone_goes_to_where_it_is_needed() {
-    let mut solver = Kmeans2d::new(36, 2, PLAIN);
+    let mut solver = Kmeans2d::new(KEYS, 2, PLAIN);
     follow(&mut solver, &[blob(0.0, 0.0), blob(5.0, 0.0)].concat());
     let moved = [blob(0.0, 0.0), blob(0.0, 30.0)].concat();
     let clusters = follow(&mut solver, &moved);
@@ -101,7 +109,7 @@ fn swaps_leave_a_local_optimum_only_when_it_pays() {
     ]
     .concat();
     let run = |swap_gain| {
-        let mut solver = Kmeans2d::new(54, 4, Kmeans2dSettings { swap_gain, ..PLAIN });
+        let mut solver = Kmeans2d::new(KEYS, 4, Kmeans2dSettings { swap_gain, ..PLAIN });
         follow(&mut solver, &before);
         let labels = follow(&mut solver, &after).labels.to_vec();
         error(&after, &labels, 4)
@@ -117,7 +125,7 @@ fn swaps_leave_a_local_optimum_only_when_it_pays() {
 #[test]
 fn history_holds_centroids_back() {
     let run = |history| {
-        let mut solver = Kmeans2d::new(9, 1, Kmeans2dSettings { history, ..PLAIN });
+        let mut solver = Kmeans2d::new(KEYS, 1, Kmeans2dSettings { history, ..PLAIN });
         follow(&mut solver, &blob(0.0, 0.0));
         follow(&mut solver, &blob(3.0, 0.0)).x[0]
     };
@@ -129,7 +137,9 @@ fn weights_pull_centroids() {
     let (x, y) = ([0.0, 4.0, 4.0], [0.0; 3]);
     let mut solver = Kmeans2d::new(3, 1, PLAIN);
     assert_eq!(
-        solver.follow(Plane { x: &x, y: &y }, Some(&[6.0, 1.0, 1.0])).x,
+        solver
+            .follow(Plane { x: &x, y: &y }, &[0, 1, 2], Some(&[6.0, 1.0, 1.0]))
+            .x,
         [1.0]
     );
 }
@@ -137,12 +147,76 @@ fn weights_pull_centroids() {
 #[test]
 fn points_in_one_place_are_survived() {
     let mut solver = Kmeans2d::new(20, 4, PLAIN);
-    for _ in 0..3 {
-        let clusters = follow(&mut solver, &[(3.0, 3.0); 20]);
-        assert_eq!(clusters.live.iter().filter(|l| **l).count(), 1);
+    let (x, keys): (_, Vec<u16>) = ([3.0; 20], (0..20).collect());
+    for n in [20, 20, 19, 0] {
+        let points = Plane {
+            x: &x[..n],
+            y: &x[..n],
+        };
+        let clusters = solver.follow(points, &keys[..n], None);
+        assert_eq!(clusters.live.iter().filter(|l| **l).count(), n.min(1));
         assert!(clusters.x.iter().all(|x| x.is_finite()));
     }
-    assert_eq!(follow(&mut solver, &[]).live, [false; 4]);
+}
+
+#[test]
+fn an_id_whose_point_flickers_comes_back_and_none_goes_elsewhere() {
+    let steady = [blob(0.0, 0.0), blob(20.0, 0.0), blob(0.0, 20.0)].concat();
+    let flickering = [steady.clone(), vec![(30.0, 30.0)]].concat();
+    let mut solver = Kmeans2d::new(
+        KEYS,
+        4,
+        Kmeans2dSettings {
+            swap_gain: 0.2,
+            ..PLAIN
+        },
+    );
+    let first = follow(&mut solver, &flickering).labels.to_vec();
+    for t in 0..6 {
+        let (points, live) = if t % 2 == 0 {
+            (&steady, 3)
+        } else {
+            (&flickering, 4)
+        };
+        let clusters = follow(&mut solver, points);
+        assert_eq!(clusters.labels, &first[..points.len()], "frame {t}");
+        assert_eq!(clusters.live.iter().filter(|l| **l).count(), live);
+    }
+}
+
+#[test]
+fn an_id_that_has_rested_is_put_where_it_helps() {
+    let steady = [blob(0.0, 0.0), blob(20.0, 0.0), blob(0.0, 20.0)].concat();
+    let mut solver = Kmeans2d::new(
+        KEYS,
+        4,
+        Kmeans2dSettings {
+            swap_gain: 0.5,
+            ..PLAIN
+        },
+    );
+    follow(&mut solver, &[steady.clone(), vec![(30.0, 30.0)]].concat());
+    let live = |clusters: Clusters<'_>| clusters.live.iter().filter(|l| **l).count();
+    assert_eq!(live(follow(&mut solver, &steady)), 3);
+    assert_eq!(live(follow(&mut solver, &steady)), 4);
+}
+
+#[test]
+fn who_stands_for_a_cluster_stays_while_it_is_hardly_farther() {
+    let line = |n: u8| (0..n).map(|x| (f64::from(x), 0.0)).collect::<Vec<_>>();
+    let mut solver = Kmeans2d::new(KEYS, 1, PLAIN);
+    let stands = [5, 6, 7, 8, 9].map(|n| follow(&mut solver, &line(n)).member[0]);
+    assert_eq!(stands, [Some(2), Some(2), Some(3), Some(3), Some(4)]);
+}
+
+#[test]
+fn frames_that_do_not_change_change_nothing() {
+    let points = [blob(0.0, 0.0), blob(4.0, 1.0), blob(9.0, 3.0)].concat();
+    let mut solver = Kmeans2d::new(KEYS, 5, PLAIN);
+    let first = follow(&mut solver, &points).labels.to_vec();
+    for _ in 0..3 {
+        assert_eq!(follow(&mut solver, &points).labels, first);
+    }
 }
 
 proptest! {
@@ -151,7 +225,7 @@ proptest! {
     #[test]
     fn small_sets_come_near_the_exhaustive_optimum(cells in prop::collection::btree_set((0u8..8, 0u8..8), 4..10)) {
         let points: Vec<_> = cells.iter().map(|(x, y)| (f64::from(*x), f64::from(*y))).collect();
-        let mut solver = Kmeans2d::new(points.len(), 3, PLAIN);
+        let mut solver = Kmeans2d::new(KEYS, 3, PLAIN);
         let labels = follow(&mut solver, &points).labels.to_vec();
         let (found, least) = (error(&points, &labels, 3), exhaustive(&points, 3));
         prop_assert!(found >= least - 1e-9 && found <= 2.0 * least + 1e-9, "{found} over {least}");
@@ -159,11 +233,11 @@ proptest! {
 
     #[test]
     fn every_point_has_a_cluster_and_every_live_cluster_a_point(
-        frames in prop::collection::vec(prop::collection::vec((0u8..16, 0u8..16), 0..60), 1..8),
+        frames in prop::collection::vec(prop::collection::btree_set((0u8..16, 0u8..16), 0..60), 1..8),
         clusters in 1usize..20,
         history in prop_oneof![Just(0.0), 0.0..3.0f64],
     ) {
-        let mut solver = Kmeans2d::new(60, clusters, Kmeans2dSettings { history, swap_gain: 0.02, swaps: 4, iterations: 6 });
+        let mut solver = Kmeans2d::new(KEYS, clusters, Kmeans2dSettings { history, swap_gain: 0.02, swaps: 4, iterations: 6, reach: 2.0 });
         for frame in &frames {
             let points: Vec<_> = frame.iter().map(|(x, y)| (f64::from(*x), f64::from(*y))).collect();
             let found = follow(&mut solver, &points);

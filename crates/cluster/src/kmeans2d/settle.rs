@@ -1,0 +1,88 @@
+//! Lloyd's iterations and Hartigan's moves.
+
+use super::{FAR, Kmeans2d, Sums};
+
+impl Kmeans2d {
+    /// Lloyd's iterations and Hartigan's moves until nothing changes, or as often as allowed. Afterwards labels, sums and distances belong
+    /// to each other.
+    pub(super) fn settle(&mut self) {
+        self.settled = true;
+        for _ in 0..self.settings.iterations {
+            if self.assignment.assign(&self.x, &self.y) {
+                self.add_up();
+                self.centre();
+            } else if !self.move_points() {
+                return;
+            } else if self.settings.history > 0.0 {
+                self.centre();
+            }
+        }
+        self.settled = !self.assignment.assign(&self.x, &self.y);
+        self.add_up();
+    }
+
+    pub(super) fn add_up(&mut self) {
+        self.sums.fill(Sums::default());
+        self.assignment.add_up(&mut self.sums);
+    }
+
+    /// Moves every centroid to the mean of its points, drawn towards where it was.
+    pub(super) fn centre(&mut self) {
+        for (id, sums) in self.sums.iter().enumerate() {
+            if sums.weight > 0.0 {
+                let history = if self.moved[id] || self.last_x[id] == FAR {
+                    0.0
+                } else {
+                    self.settings.history
+                };
+                let pull = history * sums.weight;
+                let weight = sums.weight + pull;
+                self.x[id] = ((sums.x + pull * f64::from(self.last_x[id])) / weight) as f32;
+                self.y[id] = ((sums.y + pull * f64::from(self.last_y[id])) / weight) as f32;
+            }
+        }
+    }
+
+    /// Moves single points where that lowers the cost; says whether any moved.
+    fn move_points(&mut self) -> bool {
+        let mut moved = false;
+        // A cluster asks `m / (m + 1)` of its distance, so the lightest asks least.
+        let lightest = (self.sums.iter().map(|sums| sums.weight))
+            .filter(|weight| *weight > 0.0)
+            .fold(f64::INFINITY, f64::min);
+        for n in 0..self.assignment.len() {
+            let from = usize::from(self.assignment.labels()[n]);
+            let weight = self.assignment.weight(n);
+            let heavy = self.sums[from].weight;
+            let left = heavy - weight;
+            let (near, next) = self.assignment.distances(n);
+            if near * heavy * (lightest + weight) <= next * left * lightest || left <= 0.0 {
+                continue;
+            }
+            let (x, y, weight) = self.assignment.point(n);
+            let mut to = (from, near * heavy / left);
+            for (id, sums) in self.sums.iter().enumerate() {
+                if id != from && sums.weight > 0.0 {
+                    let (dx, dy) = (x - f64::from(self.x[id]), y - f64::from(self.y[id]));
+                    let cost = (dx * dx + dy * dy) * sums.weight / (sums.weight + weight);
+                    if cost < to.1 * 0.999_999 {
+                        to = (id, cost);
+                    }
+                }
+            }
+            if to.0 != from {
+                for (id, sign) in [(from, -1.0), (to.0, 1.0)] {
+                    let sums = &mut self.sums[id];
+                    sums.x += sign * weight * x;
+                    sums.y += sign * weight * y;
+                    sums.weight += sign * weight;
+                    self.x[id] = (sums.x / sums.weight) as f32;
+                    self.y[id] = (sums.y / sums.weight) as f32;
+                }
+                self.assignment.relabel(n, to.0);
+                moved = true;
+            }
+        }
+        moved
+    }
+}
