@@ -25,8 +25,10 @@ pub struct Config {
     pub sweep: SweepConfig,
     /// Baseline, contact threshold, faults and repair.
     pub conditioning: ConditionConfig,
-    /// What the display can do.
+    /// What the display can do, unless a subscriber states its own.
     pub profile: Profile,
+    /// How many profiles subscribers may state, and what they may cost.
+    pub profiles: ProfilesConfig,
     /// Where subscribers connect.
     pub socket: SocketConfig,
     /// Scheduling of the tick thread.
@@ -54,6 +56,18 @@ pub enum TickMode {
     Timer,
     /// As soon as the sweep is complete, or at its deadline.
     Sweep,
+}
+
+/// How many display profiles are made at once, and what they may cost. A subscriber that states a profile beyond these
+/// limits is refused.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ProfilesConfig {
+    /// Share of the time between two images that all profiles together may take, above 0 to 100 %. In `sweep` mode that
+    /// time is `sweep.board_period_ms`.
+    pub budget_percent: f64,
+    /// Most different profiles at once, the daemon's own among them, 1 to 256.
+    pub max: u16,
 }
 
 /// Where subscribers connect, and who may.
@@ -98,6 +112,15 @@ impl Default for TickConfig {
         Self {
             mode: TickMode::Timer,
             rate_hz: 30.0,
+        }
+    }
+}
+
+impl Default for ProfilesConfig {
+    fn default() -> Self {
+        Self {
+            budget_percent: 50.0,
+            max: 16,
         }
     }
 }
@@ -190,6 +213,7 @@ struct FileConfig {
     sweep: Option<Spanned<SweepConfig>>,
     conditioning: Option<Spanned<ConditionConfig>>,
     profile: Option<Spanned<Profile>>,
+    profiles: Option<Spanned<ProfilesConfig>>,
     socket: Option<Spanned<SocketConfig>>,
     realtime: Option<Spanned<RealtimeConfig>>,
     can: Option<Spanned<CanConfig>>,
@@ -216,6 +240,7 @@ impl Config {
             sweep: SweepConfig::default(),
             conditioning: ConditionConfig::default(),
             profile: Profile::default(),
+            profiles: ProfilesConfig::default(),
             socket: SocketConfig::default(),
             realtime: RealtimeConfig::default(),
             can: CanConfig::default(),
@@ -314,6 +339,7 @@ impl Config {
                 v.validate(layout.len()).map_err(|e| e.to_string())
             }),
             profile: section!(profile, |v: &Profile| v.check().map_err(|e| e.to_string())),
+            profiles: section!(profiles, ProfilesConfig::check),
             socket: section!(socket, SocketConfig::check),
             realtime: section!(realtime, RealtimeConfig::check),
             can: section!(can, CanConfig::check),
@@ -335,6 +361,21 @@ impl TickConfig {
     /// Time between two ticks in `timer` mode, nanoseconds.
     pub fn period_ns(&self) -> u64 {
         (1e9 / self.rate_hz).round() as u64
+    }
+}
+
+impl ProfilesConfig {
+    fn check(&self) -> Result<(), String> {
+        if !(self.budget_percent > 0.0 && self.budget_percent <= 100.0) {
+            return Err(format!(
+                "profiles.budget_percent = {} is not above 0 and at most 100 %",
+                self.budget_percent
+            ));
+        }
+        if !(1..=256).contains(&self.max) {
+            return Err(format!("profiles.max = {} is outside 1 to 256", self.max));
+        }
+        Ok(())
     }
 }
 

@@ -72,7 +72,7 @@ async fn converse(stream: UnixStream, hand: &Hand) -> std::io::Result<()> {
         let reply = if too_long {
             refusal(format!("a request has at most {MAX_REQUEST} bytes"))
         } else {
-            answer(&line, hand)
+            answer(&line, hand).await
         };
         let mut text = reply.to_string();
         text.push('\n');
@@ -90,7 +90,7 @@ fn refusal(error: String) -> Value {
     json!({ "ok": false, "error": error })
 }
 
-fn answer(line: &[u8], hand: &Hand) -> Value {
+async fn answer(line: &[u8], hand: &Hand) -> Value {
     let request = match serde_json::from_slice::<Request>(line) {
         Ok(request) => request,
         Err(error) => {
@@ -104,7 +104,7 @@ fn answer(line: &[u8], hand: &Hand) -> Value {
         Request::Profile { profile: None } => return json!({ "ok": true, "profile": hand.profile() }),
         Request::Profile {
             profile: Some(profile),
-        } => hand.set_profile(profile),
+        } => hand.profiles.set_own(profile).await,
         Request::Rezero {} => hand.rezero(),
         Request::Pause {} => hand.pause(true),
         Request::Resume {} => hand.pause(false),

@@ -1,36 +1,46 @@
 //! What the socket thread knows of the hand, and what can be asked of the tick thread.
 
 use crate::config::{Config, TickMode};
+use crate::displays::Returned;
 use crate::hub::Newest;
+use crate::profiles::{Own, Profiles};
 use crate::subscribers::Registry;
 use crate::tick::{Command, Shared};
 use hdrhistogram::Histogram;
 use serde_json::{Value, json};
 use std::cell::{Cell, RefCell};
-use std::rc::Rc;
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, mpsc};
 use std::time::Instant;
-use taxel_compress::{Compressor, Profile};
+use taxel_compress::Profile;
 use taxel_skin::{BoardCounters, BoardState, Fault};
-use taxel_wire::{Clock, Event, Hello, HelloRate};
-use tokio::sync::{broadcast, watch};
+use taxel_wire::{Clock, Event, Hello, HelloRate, MAX_SUBSCRIBE};
+use tokio::sync::broadcast;
 
 /// The hand as the socket thread sees it. Lives on that thread alone.
 pub(crate) struct Hand {
     pub(crate) config: Config,
     pub(crate) shared: Arc<Shared>,
-    pub(crate) newest: Newest,
+    /// The newest raw frame.
+    pub(crate) raw: Newest,
+    pub(crate) profiles: Profiles,
     pub(crate) subscribers: Registry,
-    /// The packets of the HELLO message; new ones when the profile changes.
-    pub(crate) hello: watch::Sender<Rc<[Vec<u8>]>>,
     /// What subscribers are told beside images.
     pub(crate) events: broadcast::Sender<Event>,
-    commands: mpsc::Sender<Command>,
-    profile: RefCell<Profile>,
-    clock_live: bool,
+    /// Where subscriptions are received into, one at a time; one byte longer than the longest, to tell one too long.
+    pub(crate) subscription: RefCell<Box<[u8]>>,
+    commands: mpsc::SyncSender<Command>,
     started: Instant,
     rate: Cell<Rate>,
+}
+
+/// What reaches from the tick thread to the socket thread.
+pub(crate) struct Reach {
+    pub(crate) shared: Arc<Shared>,
+    pub(crate) raw: Newest,
+    pub(crate) own: Own,
+    pub(crate) commands: mpsc::SyncSender<Command>,
+    pub(crate) returned: Returned,
 }
 
 /// Images per second over the last second or so.
@@ -42,24 +52,24 @@ struct Rate {
 }
 
 impl Hand {
-    pub(crate) fn new(
-        config: Config,
-        shared: Arc<Shared>,
-        newest: Newest,
-        commands: mpsc::Sender<Command>,
-        clock: crate::tick::PipelineClock,
-    ) -> Self {
-        let profile = config.profile.clone();
-        let subscribers = Registry::new(&config.socket);
-        let hand = Self {
+    pub(crate) fn new(config: Config, reach: Reach, clock: crate::tick::PipelineClock) -> Self {
+        let Reach {
             shared,
-            newest,
-            subscribers,
-            hello: watch::channel(Rc::from([])).0,
-            events: broadcast::channel(16).0,
+            raw,
+            own,
             commands,
-            profile: RefCell::new(profile),
-            clock_live: clock.live,
+            returned,
+        } = reach;
+        let hello = describe(&config, clock.live);
+        let profiles = Profiles::new(&config, own, hello, commands.clone(), returned, shared.clone());
+        Self {
+            shared,
+            raw,
+            profiles,
+            subscribers: Registry::new(&config.socket),
+            events: broadcast::channel(16).0,
+            subscription: RefCell::new(vec![0; MAX_SUBSCRIBE + 1].into()),
+            commands,
             started: Instant::now(),
             rate: Cell::new(Rate {
                 at: Instant::now(),
@@ -67,9 +77,7 @@ impl Hand {
                 hz: 0.0,
             }),
             config,
-        };
-        hand.renew_hello();
-        hand
+        }
     }
 
     /// Measures the baseline anew; the hand must not be touched meanwhile.
@@ -82,57 +90,13 @@ impl Hand {
         self.command(Command::Pause(paused))
     }
 
-    /// The display profile in force.
+    /// The daemon's own display profile.
     pub(crate) fn profile(&self) -> Profile {
-        self.profile.borrow().clone()
-    }
-
-    /// Compresses for another display from the next tick on.
-    pub(crate) fn set_profile(&self, profile: Profile) -> Result<(), String> {
-        crate::check_message_size(&self.config.layout, &profile).map_err(|e| e.to_string())?;
-        let compressor = Compressor::new(profile.clone(), &self.config.layout).map_err(|e| e.to_string())?;
-        self.command(Command::Compressor(Box::new(compressor)))?;
-        *self.profile.borrow_mut() = profile;
-        self.renew_hello();
-        Ok(())
+        self.profiles.own().wanted.profile.clone()
     }
 
     fn command(&self, command: Command) -> Result<(), String> {
-        self.commands
-            .send(command)
-            .map_err(|_| "the daemon is stopping".to_string())?;
-        let _ = self.shared.wake.write(1);
-        Ok(())
-    }
-
-    fn renew_hello(&self) {
-        let tick = &self.config.tick;
-        let rate = match tick.mode {
-            TickMode::Timer => HelloRate {
-                mode: "timer".into(),
-                hz: Some(tick.rate_hz),
-            },
-            TickMode::Sweep => HelloRate {
-                mode: "sweep".into(),
-                hz: None,
-            },
-        };
-        let clock = if self.clock_live {
-            Clock::Monotonic
-        } else {
-            Clock::Recording
-        };
-        let daemon = concat!("taxeld ", env!("CARGO_PKG_VERSION"));
-        let hello = Hello {
-            force_unit: if self.config.conditioning.magnitude.is_squared() {
-                "counts^2"
-            } else {
-                "counts"
-            }
-            .into(),
-            ..Hello::new(daemon, &self.config.layout, &self.profile.borrow(), rate, clock)
-        };
-        self.hello.send_replace(hello.to_packets(0, 0).into());
+        crate::tick::command(&self.commands, &self.shared, command)
     }
 
     /// Everything there is to know, as JSON; the `status` reply of `docs/wire.md`.
@@ -213,7 +177,7 @@ impl Hand {
                 })
             })
             .collect();
-        let faults: Vec<Value> = (snapshot.faults.iter().enumerate())
+        let faults: Vec<Value> = (snapshot.force.faults.iter().enumerate())
             .filter(|(_, faults)| !faults.is_empty())
             .map(|(taxel, faults)| {
                 let module = layout.module_of(taxel);
@@ -239,12 +203,14 @@ impl Hand {
                 "lateness_us": quantiles(&snapshot.lateness_ns),
             },
             "paused": snapshot.paused,
-            "calibrating": snapshot.calibrating,
-            "threshold": snapshot.threshold,
+            "calibrating": snapshot.force.calibrating,
+            "threshold": snapshot.force.threshold,
             "contacts": snapshot.contacts,
             "missing": snapshot.missing,
             "faulty": snapshot.faulty,
-            "profile": *self.profile.borrow(),
+            "profile": self.profile(),
+            "profiles": self.profiles.status(|id| self.subscribers.shown(id)),
+            "profile_budget": self.profiles.budget(),
             "buses": buses,
             "boards": boards,
             "faults": faults,
@@ -270,7 +236,7 @@ impl Hand {
                 s.overruns,
                 s.missing,
                 s.faulty,
-                s.calibrating,
+                s.force.calibrating,
                 p99,
                 links,
                 alive,
@@ -316,6 +282,33 @@ impl Hand {
     /// Sign of life of the tick thread.
     pub(crate) fn heartbeat(&self) -> u64 {
         self.shared.heartbeat.load(Ordering::Relaxed)
+    }
+}
+
+/// HELLO without a display: what is the same for every subscriber.
+fn describe(config: &Config, clock_live: bool) -> Hello {
+    let (mode, hz) = match config.tick.mode {
+        TickMode::Timer => ("timer", Some(config.tick.rate_hz)),
+        TickMode::Sweep => ("sweep", None),
+    };
+    let rate = HelloRate {
+        mode: mode.into(),
+        hz,
+    };
+    let clock = if clock_live {
+        Clock::Monotonic
+    } else {
+        Clock::Recording
+    };
+    let daemon = concat!("taxeld ", env!("CARGO_PKG_VERSION"));
+    let force_unit = if config.conditioning.magnitude.is_squared() {
+        "counts^2"
+    } else {
+        "counts"
+    };
+    Hello {
+        force_unit: force_unit.into(),
+        ..Hello::new(daemon, &config.layout, &config.profile, rate, clock)
     }
 }
 

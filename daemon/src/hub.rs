@@ -1,143 +1,107 @@
-//! From the tick thread to the subscribers: the newest image, encoded once, without waiting and without allocating.
+//! From the tick thread to the subscribers: the newest message of a stream, encoded once, without waiting and without
+//! allocating.
 
-use crate::pipeline::Outputs;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use taxel_wire::{Flags, Header};
+use taxel_wire::{EncodeError, Header};
 use tokio::sync::watch;
 
-/// What one tick made, as bytes. Shared by all subscribers; only the header's count of skipped images is their own.
+/// The message that one tick made for a stream. Shared by all its subscribers; only the header's count of skipped
+/// messages is their own.
 #[derive(Debug, Default)]
 pub(crate) struct Published {
-    /// Number of images published before this one; the difference between two is what a reader skipped.
-    pub(crate) index: u64,
-    /// The IMAGE message.
-    pub(crate) image: Encoded,
-    /// The RAW message; without a header while nobody asks for it.
-    pub(crate) raw: Encoded,
-}
-
-/// A message as it is shared: the payload, and the header of a reader that skipped nothing.
-#[derive(Debug, Default)]
-pub(crate) struct Encoded {
-    /// The header; `None` where there is no message.
+    /// Number of the tick, from 1; the difference between two is what a reader skipped. All streams count the same
+    /// ticks, so a reader that changes from one to another goes on counting.
+    pub(crate) tick: u64,
+    /// The header of a reader that skipped nothing; `None` where there is no message.
     pub(crate) header: Option<Header>,
     /// The payload.
     pub(crate) payload: Vec<u8>,
 }
 
-/// The tick thread's end.
+/// The tick thread's end of a stream.
 #[derive(Debug)]
 pub(crate) struct Publisher {
     newest: watch::Sender<Arc<Published>>,
     /// Buffers to encode into. One is in the watch, one may be in the hand of the socket thread.
     pool: Vec<Arc<Published>>,
-    published: u64,
     unpublished: u64,
-    raw_readers: Arc<AtomicUsize>,
+    readers: Arc<AtomicUsize>,
 }
 
 /// The socket thread's end; every subscriber has a clone of it.
 #[derive(Debug, Clone)]
 pub(crate) struct Newest {
     pub(crate) receiver: watch::Receiver<Arc<Published>>,
-    raw_readers: Arc<AtomicUsize>,
+    readers: Arc<AtomicUsize>,
 }
 
-/// Says that raw frames are wanted, as long as it lives.
+/// Says that a stream's messages are wanted, as long as it lives.
 #[derive(Debug)]
-pub(crate) struct RawWanted(Arc<AtomicUsize>);
+pub(crate) struct Reading(Arc<AtomicUsize>);
 
 const POOL: usize = 4;
 
-/// Both ends, empty, with room for payloads of these lengths.
-pub(crate) fn channel(image_len: usize, raw_len: usize) -> (Publisher, Newest) {
-    let encoded = |len| Encoded {
-        header: None,
-        payload: Vec::with_capacity(len),
-    };
+/// Both ends, empty, with room for payloads of this length.
+pub(crate) fn channel(payload_len: usize) -> (Publisher, Newest) {
     let empty = || Published {
-        index: 0,
-        image: encoded(image_len),
-        raw: encoded(raw_len),
+        payload: Vec::with_capacity(payload_len),
+        ..Published::default()
     };
-    let (sender, receiver) = watch::channel(Arc::new(Published::default()));
-    let raw_readers = Arc::new(AtomicUsize::new(0));
+    let pool: Vec<_> = (0..POOL).map(|_| Arc::new(empty())).collect();
+    // One of the pool, so that the tick thread frees nothing when it puts the first message in its place.
+    let (sender, receiver) = watch::channel(pool[0].clone());
+    let readers = Arc::new(AtomicUsize::new(0));
     let publisher = Publisher {
         newest: sender,
-        pool: (0..POOL).map(|_| Arc::new(empty())).collect(),
-        published: 0,
+        pool,
         unpublished: 0,
-        raw_readers: raw_readers.clone(),
+        readers: readers.clone(),
     };
-    (
-        publisher,
-        Newest {
-            receiver,
-            raw_readers,
-        },
-    )
+    (publisher, Newest { receiver, readers })
 }
 
 impl Publisher {
-    /// Encodes what a tick made and puts it where every subscriber takes the newest from.
-    pub(crate) fn publish(&mut self, outputs: &Outputs) {
-        self.published += 1;
-        if !self.encode(outputs) {
-            self.unpublished += 1;
+    /// Encodes the message of a tick and puts it where every subscriber takes the newest from.
+    pub(crate) fn publish(
+        &mut self,
+        tick: u64,
+        encode: impl FnOnce(&mut Vec<u8>) -> Result<Header, EncodeError>,
+    ) {
+        let free = self.pool.iter_mut().find(|slot| Arc::strong_count(slot) == 1);
+        let published = free.and_then(|slot| {
+            let published = Arc::get_mut(slot)?;
+            published.tick = tick;
+            published.header = encode(&mut published.payload).ok();
+            published.header.is_some().then_some(slot)
+        });
+        match published {
+            Some(slot) => drop(self.newest.send_replace(slot.clone())),
+            None => self.unpublished += 1,
         }
     }
 
-    /// Images that could not be handed over: every reader skipped them. Zero unless the program is wrong, since the
-    /// socket thread holds a buffer only while it sends, and what is too large to encode is refused at the start.
+    /// Messages that could not be handed over: every reader skipped them. Zero unless the program is wrong, since the
+    /// socket thread holds a buffer only while it sends, and what is too large to encode is refused beforehand.
     pub(crate) fn unpublished(&self) -> u64 {
         self.unpublished
     }
 
-    fn encode(&mut self, outputs: &Outputs) -> bool {
-        let Some(slot) = self.pool.iter_mut().find(|slot| Arc::strong_count(slot) == 1) else {
-            return false;
-        };
-        let Some(published) = Arc::get_mut(slot) else {
-            return false;
-        };
-        published.index = self.published;
-        let Outputs {
-            image,
-            tactile,
-            force,
-            ..
-        } = outputs;
-        let flags = Flags::of_image(image) | Flags::of_frame(tactile, force);
-        let raw_wanted = self.raw_readers.load(Ordering::Relaxed) > 0;
-
-        let Encoded { header, payload } = &mut published.image;
-        let encoded = taxel_wire::encode_image_payload(image, payload).is_ok();
-        *header = encoded.then(|| Header {
-            flags,
-            ..Header::of_image(image, payload.len())
-        });
-        let Encoded { header, payload } = &mut published.raw;
-        let raw_encoded = raw_wanted && taxel_wire::encode_raw_payload(tactile, force, payload).is_ok();
-        *header = raw_encoded.then(|| Header {
-            flags,
-            ..Header::of_frame(tactile, force, payload.len())
-        });
-
-        self.newest.send_replace(slot.clone());
-        encoded && (raw_encoded || !raw_wanted)
+    /// Whether anybody holds a [`Reading`].
+    pub(crate) fn is_read(&self) -> bool {
+        self.readers.load(Ordering::Relaxed) > 0
     }
 }
 
 impl Newest {
-    /// Asks for raw frames until the returned value is dropped.
-    pub(crate) fn want_raw(&self) -> RawWanted {
-        self.raw_readers.fetch_add(1, Ordering::Relaxed);
-        RawWanted(self.raw_readers.clone())
+    /// Asks for messages until the returned value is dropped.
+    pub(crate) fn read(&self) -> Reading {
+        self.readers.fetch_add(1, Ordering::Relaxed);
+        Reading(self.readers.clone())
     }
 }
 
-impl Drop for RawWanted {
+impl Drop for Reading {
     fn drop(&mut self) {
         self.0.fetch_sub(1, Ordering::Relaxed);
     }

@@ -5,10 +5,14 @@
 
 pub mod config;
 mod control;
+mod cost;
+mod display;
+mod displays;
 mod hand;
 mod hub;
 mod listener;
 pub mod pipeline;
+mod profiles;
 mod realtime;
 mod snapshot;
 mod subscribers;
@@ -18,7 +22,8 @@ mod tick;
 pub use config::{Config, ConfigError};
 pub use listener::SocketPathError;
 
-use crate::hand::Hand;
+use crate::displays::Displays;
+use crate::hand::{Hand, Reach};
 use crate::listener::SocketPath;
 use crate::pipeline::{Pipeline, PipelineError};
 use crate::snapshot::Snapshot;
@@ -118,13 +123,14 @@ impl Daemon {
         control_path.set_permissions(mode, &config.socket.group)?;
 
         let clock = clock(&config.sources);
-        let start_ns = monotonic_ns() - clock.offset_ns;
+        // A recording's time starts at exactly zero, or its images would bear other times in every run.
+        let start_ns = if clock.live { monotonic_ns() } else { 0 };
         let sources = open_sources(&config, start_ns)?;
-        let (commands, obeyed) = mpsc::channel();
-        let (publisher, newest) = {
-            let (image, raw) = payload_lens(layout, &config.profile);
-            hub::channel(image, raw)
-        };
+        let (commands, obeyed) = mpsc::sync_channel(tick::COMMANDS);
+        let (raw, newest_raw) = hub::channel(payload_lens(layout, &config.profile).1);
+        let (mut displays, returned) = Displays::new(profiles::slots(&config));
+        let (stream, own) = profiles::own_stream(&config).map_err(PipelineError::from)?;
+        displays.insert(0, stream);
         let shared = Arc::new(Shared {
             stop: false.into(),
             heartbeat: 0.into(),
@@ -143,7 +149,8 @@ impl Daemon {
             pipeline: Pipeline::new(&config, start_ns)?,
             boards: BoardSupervisor::new(layout, &config.boards),
             links: vec![LinkState::Absent; layout.buses.len()],
-            publisher,
+            displays,
+            raw,
             clock,
             commands: obeyed,
             shared: shared.clone(),
@@ -211,7 +218,14 @@ impl Daemon {
                                 return;
                             }
                         };
-                        let hand = Rc::new(Hand::new(config, shared, newest, commands, clock));
+                        let reach = Reach {
+                            shared,
+                            raw: newest_raw,
+                            own,
+                            commands,
+                            returned,
+                        };
+                        let hand = Rc::new(Hand::new(config, reach, clock));
                         tokio::task::spawn_local(subscribers::serve(images, hand.clone()));
                         tokio::task::spawn_local(control::serve(control, hand.clone()));
                         let _ = ready.send(Ok(()));

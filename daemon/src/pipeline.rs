@@ -1,39 +1,51 @@
-//! The way from CAN frames to a tactile image, without I/O and without a clock.
+//! The way from CAN frames to a force frame, without I/O and without a clock; what displays are given is made of that
+//! in `display.rs`.
 //!
 //! The daemon, the demo and `taxel compress` all run this code; only where frames and times come from differs. That
 //! is why a recording gives the same bytes every time, live or offline.
 
 use crate::config::{Config, TickMode};
+use crate::display::Display;
 use taxel_can::Received;
-use taxel_compress::{Compressor, ProfileError, TactileImage};
+use taxel_compress::{ProfileError, TactileImage};
 use taxel_skin::{
     ConditionError, Conditioner, Decoded, Decoder, ForceFrame, Layout, Readings, SweepAssembler, TactileFrame,
 };
 
-/// Decoders, assembly, conditioning and compression of one hand, and the decision when an image is due.
+/// Decoders, assembly and conditioning of one hand, and the decision when an image is due.
 pub struct Pipeline {
     decoders: Vec<Decoder>,
     readings: Readings,
     sweep: SweepAssembler,
     conditioner: Conditioner,
-    compressor: Compressor,
     schedule: Schedule,
     paused: bool,
-    outputs: Outputs,
+    frames: Frames,
 }
 
-/// What one tick made. The buffers are used again at the next tick.
+/// What one tick felt. The buffers are used again at the next tick.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Outputs {
+pub struct Frames {
     /// The instant the image was due: the timer tick, the frame that completed the sweep or began the one after it, or
     /// its deadline. Nanoseconds.
     pub due_ns: u64,
     /// Raw counts with their ages.
     pub tactile: TactileFrame,
-    /// Force above baseline, contacts and faults.
+    /// Force above baseline, contacts and faults. Without contacts while the pipeline is paused.
     pub force: ForceFrame,
-    /// What displays are given.
-    pub image: TactileImage,
+}
+
+/// What one tick of [`run_recorded`] made.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Outputs<'a> {
+    /// The instant the image was due, nanoseconds.
+    pub due_ns: u64,
+    /// Raw counts with their ages.
+    pub tactile: &'a TactileFrame,
+    /// Force above baseline, contacts and faults.
+    pub force: &'a ForceFrame,
+    /// What a display of the configured profile is given.
+    pub image: &'a TactileImage,
 }
 
 /// In `sweep` mode, a hand that says nothing still gives an image this often, or every two of its periods where these
@@ -59,12 +71,10 @@ pub enum PipelineError {
 }
 
 impl Pipeline {
-    /// A pipeline for the hand and display of `config`, whose time starts at `origin_ns`: timer ticks are due at
+    /// A pipeline for the hand of `config`, whose time starts at `origin_ns`: timer ticks are due at
     /// `origin_ns + k * period`, `k = 1, 2, ...`.
     pub fn new(config: &Config, origin_ns: u64) -> Result<Self, PipelineError> {
         let layout = &config.layout;
-        let compressor = Compressor::new(config.profile.clone(), layout)?;
-        let image = compressor.new_image();
         let schedule = match config.tick.mode {
             TickMode::Sweep => Schedule::Sweep,
             TickMode::Timer => {
@@ -82,21 +92,18 @@ impl Pipeline {
             readings: Readings::default(),
             sweep: SweepAssembler::new(layout, &config.sweep, config.tick.mode == TickMode::Sweep),
             conditioner: Conditioner::new(layout.len(), config.conditioning.clone())?,
-            compressor,
             schedule,
             paused: false,
-            outputs: Outputs {
+            frames: Frames {
                 due_ns: origin_ns,
-                tactile: TactileFrame::new(layout.len()),
-                force: ForceFrame::new(layout.len()),
-                image,
+                ..Frames::new(layout.len())
             },
         })
     }
 
-    /// Takes one frame of bus number `bus`, after making every image that was due before it arrived. Frames of all
-    /// buses come in the order of their times.
-    pub fn push(&mut self, bus: u8, received: &Received, emit: &mut impl FnMut(&Outputs)) {
+    /// Takes one CAN frame of bus number `bus`, after making the frames of every tick that was due before it arrived.
+    /// CAN frames of all buses come in the order of their times.
+    pub fn push(&mut self, bus: u8, received: &Received, emit: &mut impl FnMut(&Frames)) {
         self.advance(received.t_ns.saturating_sub(1), emit);
         let Some(decoder) = self.decoders.get_mut(bus as usize) else {
             return;
@@ -115,8 +122,8 @@ impl Pipeline {
         }
     }
 
-    /// Makes every image that is due by `now_ns`.
-    pub fn advance(&mut self, now_ns: u64, emit: &mut impl FnMut(&Outputs)) {
+    /// Makes the frames of every tick that is due by `now_ns`.
+    pub fn advance(&mut self, now_ns: u64, emit: &mut impl FnMut(&Frames)) {
         while let Some(due_ns) = self.due_ns().filter(|due| *due <= now_ns) {
             if let Schedule::Timer { next_ns, period_ns } = &mut self.schedule {
                 *next_ns += *period_ns;
@@ -132,7 +139,7 @@ impl Pipeline {
             Schedule::Timer { next_ns, .. } => Some(next_ns),
             Schedule::Sweep => {
                 let silent_ns = SILENT_NS.max(self.sweep.hand_period_ns().saturating_mul(2));
-                self.sweep.deadline_ns().or(Some(self.outputs.due_ns + silent_ns))
+                self.sweep.deadline_ns().or(Some(self.frames.due_ns + silent_ns))
             }
         }
     }
@@ -148,21 +155,19 @@ impl Pipeline {
         overdue
     }
 
-    fn tick(&mut self, now_ns: u64, emit: &mut impl FnMut(&Outputs)) {
-        let Outputs {
+    fn tick(&mut self, now_ns: u64, emit: &mut impl FnMut(&Frames)) {
+        let Frames {
             due_ns,
             tactile,
             force,
-            image,
-        } = &mut self.outputs;
+        } = &mut self.frames;
         *due_ns = now_ns;
         self.sweep.take(now_ns, tactile);
         self.conditioner.process(tactile, force);
         if self.paused {
             force.contact.fill(false);
         }
-        self.compressor.compress(force, image);
-        emit(&self.outputs);
+        emit(&self.frames);
     }
 
     /// Starts a new calibration window: the hand must not be touched until it ends.
@@ -170,14 +175,9 @@ impl Pipeline {
         self.conditioner.rezero();
     }
 
-    /// While paused, images are made with no contact at all, so that every display lets go.
+    /// While paused, force frames have no contact at all, so that every display lets go.
     pub fn set_paused(&mut self, paused: bool) {
         self.paused = paused;
-    }
-
-    /// Puts another compressor in place and returns the old one. The image changes its size with the next tick.
-    pub fn replace_compressor(&mut self, compressor: Compressor) -> Compressor {
-        std::mem::replace(&mut self.compressor, compressor)
     }
 
     /// Whether images are made without contacts.
@@ -185,9 +185,9 @@ impl Pipeline {
         self.paused
     }
 
-    /// What the last tick made.
-    pub fn outputs(&self) -> &Outputs {
-        &self.outputs
+    /// What the last tick felt.
+    pub fn frames(&self) -> &Frames {
+        &self.frames
     }
 
     /// The decoder of each bus, with its counters.
@@ -206,8 +206,19 @@ impl Pipeline {
     }
 }
 
-/// Runs a whole recording through a pipeline in the recording's own time: the offline path of `taxel compress`, and
-/// bit for bit what the daemon makes of the same recording.
+impl Frames {
+    /// Empty frames of so many taxels, with all their memory.
+    pub fn new(taxels: usize) -> Self {
+        Self {
+            due_ns: 0,
+            tactile: TactileFrame::new(taxels),
+            force: ForceFrame::new(taxels),
+        }
+    }
+}
+
+/// Runs a whole recording through a pipeline and compresses it for the configured profile, in the recording's own
+/// time: the offline path of `taxel compress`, and bit for bit what the daemon makes of the same recording.
 ///
 /// `frames` are in the order of their times, which start at zero. After the last frame, images go on until
 /// `end_ns`.
@@ -215,10 +226,19 @@ pub fn run_recorded<'a>(
     config: &Config,
     frames: impl IntoIterator<Item = (u8, Received)> + 'a,
     end_ns: Option<u64>,
-    mut emit: impl FnMut(&Layout, &Outputs),
+    mut emit: impl FnMut(&Layout, &Outputs<'_>),
 ) -> Result<(), PipelineError> {
     let mut pipeline = Pipeline::new(config, 0)?;
-    let mut emit = |outputs: &Outputs| emit(&config.layout, outputs);
+    let mut display = Display::new(config.profile.clone(), None, &config.layout)?;
+    let mut emit = |frames: &Frames| {
+        let outputs = Outputs {
+            due_ns: frames.due_ns,
+            tactile: &frames.tactile,
+            force: &frames.force,
+            image: display.compress(frames),
+        };
+        emit(&config.layout, &outputs);
+    };
     let mut last_ns = 0;
     for (bus, received) in frames {
         last_ns = received.t_ns;

@@ -2,7 +2,7 @@
 
 use hdrhistogram::Histogram;
 use taxel_can::{LinkState, SourceCounters};
-use taxel_skin::{BoardCounters, BusCounters, Faults};
+use taxel_skin::{BoardCounters, BusCounters, Fault, ForceFrame};
 
 /// The state of the whole way from the buses to the displays at one instant.
 ///
@@ -18,26 +18,22 @@ pub(crate) struct Snapshot {
     pub(crate) unpublished: u64,
     /// The pipeline's clock at the snapshot, nanoseconds.
     pub(crate) now_ns: u64,
-    /// Time from an image's newest reading to its hand-over to subscribers, nanoseconds.
+    /// Time from a tick's newest reading until all its images were handed over to subscribers, nanoseconds.
     pub(crate) latency_ns: Histogram<u64>,
-    /// Time from when an image was due to its hand-over to subscribers, nanoseconds.
+    /// Time from when a tick was due until all its images were handed over to subscribers, nanoseconds.
     pub(crate) lateness_ns: Histogram<u64>,
     /// One entry per bus.
     pub(crate) buses: Vec<BusSnapshot>,
     /// Counters of each module's board, in the layout's order.
     pub(crate) boards: Vec<BoardCounters>,
-    /// Faults of each taxel.
-    pub(crate) faults: Vec<Faults>,
-    /// Contact threshold, in the unit of the force.
-    pub(crate) threshold: f64,
-    /// Whether the baseline is being measured.
-    pub(crate) calibrating: bool,
+    /// What the hand felt.
+    pub(crate) force: ForceFrame,
     /// Taxels in contact.
-    pub(crate) contacts: u16,
+    pub(crate) contacts: usize,
     /// Taxels without a usable value.
-    pub(crate) missing: u16,
+    pub(crate) missing: usize,
     /// Taxels out of use for another reason.
-    pub(crate) faulty: u16,
+    pub(crate) faulty: usize,
     /// Whether images are paused.
     pub(crate) paused: bool,
 }
@@ -67,13 +63,32 @@ impl Snapshot {
             lateness_ns: histogram(),
             buses: vec![BusSnapshot::default(); buses],
             boards: vec![BoardCounters::default(); boards],
-            faults: vec![Faults::NONE; taxels],
-            threshold: 0.0,
-            calibrating: true,
+            force: ForceFrame {
+                calibrating: true,
+                ..ForceFrame::new(taxels)
+            },
             contacts: 0,
             missing: 0,
             faulty: 0,
             paused: false,
         }
+    }
+
+    /// Copies what the hand felt, and counts it.
+    pub(crate) fn take_force(&mut self, felt: &ForceFrame) {
+        let force = &mut self.force;
+        force.seq = felt.seq;
+        force.t_ns = felt.t_ns;
+        force.threshold = felt.threshold;
+        force.calibrating = felt.calibrating;
+        force.force.clone_from(&felt.force);
+        force.contact.clone_from(&felt.contact);
+        force.faults.clone_from(&felt.faults);
+        force.repaired.clone_from(&felt.repaired);
+        let missing = felt.faults.iter().filter(|f| f.contains(Fault::Missing)).count();
+        let faults = felt.faults.iter().filter(|f| !f.is_empty()).count();
+        self.contacts = felt.contact.iter().filter(|contact| **contact).count();
+        self.missing = missing;
+        self.faulty = faults - missing;
     }
 }

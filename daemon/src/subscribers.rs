@@ -5,17 +5,19 @@
 
 use crate::config::SocketConfig;
 use crate::hand::Hand;
-use crate::hub::{Encoded, Newest, Published, RawWanted};
+use crate::hub::{Newest, Published, Reading};
+use crate::profiles::{DisplayProfile, Lease, Made};
 use serde_json::{Value, json};
 use std::cell::{Cell, RefCell};
 use std::future::poll_fn;
 use std::io::{self, IoSlice};
 use std::rc::Rc;
 use std::sync::Arc;
-use std::task::Poll;
+use std::task::{Poll, ready};
 use std::time::Duration;
-use taxel_wire::{Event, EventKind, MAX_SUBSCRIBE, Subscribe, SubscribeError};
-use tokio::sync::broadcast;
+use taxel_wire::{Event, EventKind, Subscribe, SubscribeError};
+use tokio::sync::{broadcast, watch};
+use tokio::task::JoinHandle;
 use tokio::time::{Instant, sleep_until, timeout};
 use tokio_seqpacket::{UnixSeqpacket, UnixSeqpacketListener};
 
@@ -46,6 +48,8 @@ struct Entry {
     images: Cell<u64>,
     skipped: Cell<u64>,
     raw: Cell<bool>,
+    /// Number of the display profile it is shown.
+    profile: Cell<u32>,
 }
 
 /// Why a subscriber was let go.
@@ -59,6 +63,8 @@ enum Farewell {
     Stalled(Duration),
     #[error("it sent what is no subscription: {0}")]
     Nonsense(SubscribeError),
+    #[error("it asked too often for what it cannot have: {0}")]
+    Insists(String),
     #[error("{0} subscribers are connected already")]
     TooMany(usize),
 }
@@ -77,6 +83,12 @@ impl Registry {
         self.entries.borrow().len()
     }
 
+    /// How many subscribers are shown the profile of this number.
+    pub(crate) fn shown(&self, profile: u32) -> usize {
+        let entries = self.entries.borrow();
+        entries.iter().filter(|e| e.profile.get() == profile).count()
+    }
+
     /// The subscribers, for the status report.
     pub(crate) fn status(&self) -> Vec<Value> {
         (self.entries.borrow().iter())
@@ -88,6 +100,7 @@ impl Registry {
                     "images": e.images.get(),
                     "skipped": e.skipped.get(),
                     "raw": e.raw.get(),
+                    "profile": e.profile.get(),
                 })
             })
             .collect()
@@ -117,6 +130,7 @@ async fn welcome(socket: UnixSeqpacket, hand: Rc<Hand>) {
         images: Cell::new(0),
         skipped: Cell::new(0),
         raw: Cell::new(false),
+        profile: Cell::new(hand.profiles.own().id),
     });
     let registry = &hand.subscribers;
     if registry.len() >= registry.max {
@@ -127,10 +141,10 @@ async fn welcome(socket: UnixSeqpacket, hand: Rc<Hand>) {
     }
     registry.entries.borrow_mut().push(entry.clone());
     tracing::info!(pid = entry.pid, uid = entry.uid, "subscriber connected");
-    let farewell = match Subscriber::new(socket, &hand, &entry) {
+    let farewell = match Subscriber::new(socket, hand.clone(), &entry) {
         Ok(mut subscriber) => {
             let farewell = subscriber.attend().await;
-            if let Farewell::Nonsense(_) = farewell {
+            if let Farewell::Nonsense(_) | Farewell::Insists(_) = farewell {
                 tell_disconnect(&subscriber.socket, &farewell).await;
             }
             farewell
@@ -154,36 +168,105 @@ async fn tell_disconnect(socket: &UnixSeqpacket, why: &Farewell) {
 
 struct Subscriber<'a> {
     socket: UnixSeqpacket,
-    hand: &'a Hand,
+    hand: Rc<Hand>,
     entry: &'a Entry,
-    newest: Newest,
     wants: Subscribe,
-    raw_wanted: Option<RawWanted>,
-    /// Number of the last image and of the last raw frame sent, for the count of those skipped; 0 before the first.
-    last_image: u64,
-    last_raw: u64,
+    /// The profile it is shown.
+    made: Rc<Made>,
+    /// Holds that profile where it is not the daemon's own.
+    lease: Option<Lease>,
+    /// The daemon's own profile, to follow it.
+    own: watch::Receiver<Rc<Made>>,
+    /// A subscription whose profile is being looked at. Nothing more is taken from the client meanwhile.
+    asked: Option<Asked>,
+    images: Feed,
+    raw: Feed,
+    raw_reading: Option<Reading>,
     refusals: u32,
 }
 
-/// Which of the messages of a tick.
+/// A subscription that waits for its profile.
+struct Asked {
+    wants: Subscribe,
+    lease: JoinHandle<Result<Lease, String>>,
+}
+
+/// One stream of messages to one subscriber.
+struct Feed {
+    newest: watch::Receiver<Arc<Published>>,
+    /// Tick of the last message sent, for the count of those skipped; 0 before the first.
+    last: u64,
+    /// When the subscriber's highest rate allows the next message.
+    not_before: Instant,
+}
+
+/// Which of a subscriber's feeds.
 #[derive(Clone, Copy)]
 enum Stream {
     Image,
     Raw,
 }
 
+impl Feed {
+    /// The next message is the first: the newest may be as old as the time since the bus fell silent.
+    fn new(newest: &Newest) -> Self {
+        let mut newest = newest.receiver.clone();
+        newest.mark_unchanged();
+        Self {
+            newest,
+            last: 0,
+            not_before: Instant::now(),
+        }
+    }
+
+    /// Waits until there is a message to send and the time for it has come.
+    async fn ready(&mut self) -> Result<(), Farewell> {
+        if self.not_before > Instant::now() {
+            sleep_until(self.not_before).await;
+        }
+        loop {
+            self.newest.changed().await.map_err(|_| Farewell::Closed)?;
+            // A message may have been sent already that came while the one before it waited for the socket.
+            if self.newest.borrow().tick > self.last {
+                return Ok(());
+            }
+        }
+    }
+
+    fn is_ready(&self) -> bool {
+        self.not_before <= Instant::now() && self.newest.borrow().tick > self.last && self.has_changed()
+    }
+
+    fn has_changed(&self) -> bool {
+        self.newest.has_changed().unwrap_or(false)
+    }
+
+    /// Counts the newest message as taken, and holds the next one back for the sake of the rate.
+    fn take(&mut self, max_rate_hz: Option<f64>) {
+        self.newest.mark_unchanged();
+        if let Some(hz) = max_rate_hz {
+            self.not_before = Instant::now() + Duration::from_secs_f64((1.0 / hz).min(LONGEST_PAUSE_S));
+        }
+    }
+}
+
 impl<'a> Subscriber<'a> {
-    fn new(socket: UnixSeqpacket, hand: &'a Hand, entry: &'a Entry) -> io::Result<Self> {
+    fn new(socket: UnixSeqpacket, hand: Rc<Hand>, entry: &'a Entry) -> io::Result<Self> {
+        let mut own = hand.profiles.follow_own();
+        let made = own.borrow_and_update().clone();
         let subscriber = Self {
             socket,
-            hand,
             entry,
-            newest: hand.newest.clone(),
             wants: Subscribe::default(),
-            raw_wanted: None,
-            last_image: 0,
-            last_raw: 0,
+            images: Feed::new(&made.newest),
+            raw: Feed::new(&hand.raw),
+            raw_reading: None,
+            made,
+            lease: None,
+            own,
+            asked: None,
             refusals: 0,
+            hand,
         };
         subscriber.size_send_buffer()?;
         Ok(subscriber)
@@ -191,7 +274,7 @@ impl<'a> Subscriber<'a> {
 
     /// Room for about two messages: a queue in the kernel would be latency that nobody sees.
     fn size_send_buffer(&self) -> io::Result<()> {
-        let (image, raw) = crate::payload_lens(&self.hand.config.layout, &self.hand.profile());
+        let (image, raw) = crate::payload_lens(&self.hand.config.layout, &self.made.wanted.profile);
         let bytes = SEND_BUFFER.max(image + if self.wants.raw { raw } else { 0 } + 2048);
         nix::sys::socket::setsockopt(&self.socket, nix::sys::socket::sockopt::SndBuf, &bytes)?;
         Ok(())
@@ -206,36 +289,28 @@ impl<'a> Subscriber<'a> {
     }
 
     async fn serve(&mut self) -> Result<std::convert::Infallible, Farewell> {
-        let mut hello = self.hand.hello.subscribe();
-        hello.mark_changed();
         let mut events = self.hand.events.subscribe();
-        let mut buffer = [0; MAX_SUBSCRIBE + 1];
-        let mut not_before = Instant::now();
         let mut status_at = Instant::now();
-        // The next image is the first: the newest may be as old as the time since the bus fell silent.
-        self.newest.receiver.mark_unchanged();
-        let mut newest = self.newest.receiver.clone();
+        self.send_hello().await?;
         loop {
-            let wants_images = self.wants.image || self.wants.raw;
             tokio::select! {
                 biased;
-                _ = hello.changed() => {
-                    let packets = hello.borrow_and_update().clone();
-                    for packet in packets.iter() {
-                        self.send(packet).await?;
-                    }
+                answer = answer(&mut self.asked), if self.asked.is_some() => {
+                    self.take_answer(answer).await?;
                 }
-                received = self.socket.recv(&mut buffer) => {
-                    match received?.bytes_read() {
-                        0 => return Err(Farewell::Closed),
-                        len => self.obey(&buffer[..len]).await?,
+                _ = self.own.changed(), if self.wants.profile.is_none() && self.asked.is_none() => {
+                    self.follow().await?;
+                }
+                packet = receive(&self.socket, &self.hand), if self.asked.is_none() => {
+                    match packet? {
+                        packet if packet.is_empty() => return Err(Farewell::Closed),
+                        packet => self.obey(&packet).await?,
                     }
                 }
                 event = events.recv() => {
                     // A subscriber that missed events missed only news of what the images themselves show.
                     if let Ok(event) = event {
-                        let (seq, t_ns) = self.now();
-                        self.send(&event.to_packet(seq, t_ns)).await?;
+                        self.tell(&event).await?;
                     } else if let Err(broadcast::error::RecvError::Closed) = event {
                         return Err(Farewell::Closed);
                     }
@@ -244,21 +319,17 @@ impl<'a> Subscriber<'a> {
                     status_at = Instant::now() + STATUS_PERIOD;
                     self.send_status().await?;
                 }
-                // A reader with a highest rate is given the newest image when its time has come.
-                _ = sleep_until(not_before), if wants_images && not_before > Instant::now() => {}
-                changed = newest.changed(), if wants_images && not_before <= Instant::now() => {
-                    if changed.is_err() {
-                        return Err(Farewell::Closed);
-                    }
-                    if let Some(hz) = self.wants.max_rate_hz {
-                        not_before = Instant::now() + Duration::from_secs_f64((1.0 / hz).min(LONGEST_PAUSE_S));
-                    }
-                    if self.wants.image {
-                        self.send_newest(Stream::Image).await?;
-                    }
-                    if self.wants.raw {
+                ready = self.images.ready(), if self.wants.image => {
+                    ready?;
+                    self.send_newest(Stream::Image).await?;
+                    // Or a subscriber whose socket is always full would be sent images alone.
+                    if self.wants.raw && self.raw.is_ready() {
                         self.send_newest(Stream::Raw).await?;
                     }
+                }
+                ready = self.raw.ready(), if self.wants.raw => {
+                    ready?;
+                    self.send_newest(Stream::Raw).await?;
                 }
             }
         }
@@ -266,34 +337,129 @@ impl<'a> Subscriber<'a> {
 
     /// Sequence number and time of the newest image.
     fn now(&self) -> (u64, u64) {
-        self.newest
-            .receiver
-            .borrow()
-            .image
-            .header
-            .map_or((0, 0), |h| (h.seq, h.t_ns))
+        let newest = |made: &Made| made.newest.receiver.borrow().header;
+        let header = newest(&self.made).or_else(|| newest(&self.own.borrow()));
+        header.map_or((0, 0), |h| (h.seq, h.t_ns))
     }
 
     /// Takes a subscription; tells the client what is wrong with one that is refused.
     async fn obey(&mut self, packet: &[u8]) -> Result<(), Farewell> {
-        let (seq, t_ns) = self.now();
         match Subscribe::from_packet(packet) {
-            Ok(wants) => {
-                self.raw_wanted = wants.raw.then(|| self.newest.want_raw());
-                self.entry.raw.set(wants.raw);
-                self.wants = wants;
-                self.size_send_buffer()?;
-                Ok(())
-            }
-            Err(error @ (SubscribeError::Json(_) | SubscribeError::Rate { .. }))
-                if self.refusals < MAX_REFUSALS =>
-            {
-                self.refusals += 1;
-                let refused = Event::new(EventKind::Refused, error.to_string());
-                self.send(&refused.to_packet(seq, t_ns)).await
-            }
+            Ok(wants) => self.ask(wants).await,
+            Err(
+                error @ (SubscribeError::Json(_) | SubscribeError::Rate { .. } | SubscribeError::Profile(_)),
+            ) if self.refusals < MAX_REFUSALS => self.refuse(error.to_string()).await,
             Err(error) => Err(Farewell::Nonsense(error)),
         }
+    }
+
+    /// Puts a subscription into effect, or asks for its profile first.
+    async fn ask(&mut self, wants: Subscribe) -> Result<(), Farewell> {
+        let region = match self.hand.profiles.region(wants.region.as_deref()) {
+            Ok(region) => region,
+            Err(reason) => return self.refuse(reason).await,
+        };
+        if wants.profile.is_none() && region.is_none() {
+            let stated = wants.region.is_some();
+            let own = self.own.borrow_and_update().clone();
+            let is_shown = Rc::ptr_eq(&own, &self.made);
+            self.wants(wants)?;
+            self.give_up_lease();
+            return match (is_shown, stated) {
+                (true, false) => Ok(()),
+                _ => self.show(own).await,
+            };
+        }
+        let profile = wants.profile.clone();
+        let wanted = DisplayProfile {
+            profile: profile.unwrap_or_else(|| self.own.borrow_and_update().wanted.profile.clone()),
+            region,
+        };
+        let hand = self.hand.clone();
+        let instead_of = self.lease.as_ref().map(|lease| lease.made().clone());
+        let lease = tokio::task::spawn_local(async move { hand.profiles.lease(wanted, instead_of).await });
+        self.asked = Some(Asked { wants, lease });
+        Ok(())
+    }
+
+    /// Puts the subscription that was asked for into effect, now that its profile is there; or says why not.
+    async fn take_answer(&mut self, answer: Result<Lease, String>) -> Result<(), Farewell> {
+        let Some(asked) = self.asked.take() else {
+            return Ok(());
+        };
+        match answer {
+            Ok(lease) => {
+                let made = lease.made().clone();
+                self.wants(asked.wants)?;
+                self.give_up_lease();
+                self.lease = Some(lease);
+                self.show(made).await
+            }
+            Err(reason) => self.refuse(reason).await,
+        }
+    }
+
+    /// Goes on with the daemon's own profile after that has changed.
+    async fn follow(&mut self) -> Result<(), Farewell> {
+        if self.wants.region.is_some() {
+            return self.ask(self.wants.clone()).await;
+        }
+        let own = self.own.borrow_and_update().clone();
+        self.show(own).await
+    }
+
+    fn wants(&mut self, wants: Subscribe) -> Result<(), Farewell> {
+        if wants.raw != self.wants.raw {
+            self.raw = Feed::new(&self.hand.raw);
+            self.raw_reading = wants.raw.then(|| self.hand.raw.read());
+            self.entry.raw.set(wants.raw);
+        }
+        if wants.image != self.wants.image {
+            self.images = Feed::new(&self.made.newest);
+        }
+        let now = Instant::now();
+        (self.images.not_before, self.raw.not_before) = (now, now);
+        self.wants = wants;
+        Ok(self.size_send_buffer()?)
+    }
+
+    fn give_up_lease(&mut self) {
+        if let Some(lease) = self.lease.take() {
+            self.hand.profiles.give_up(lease);
+        }
+    }
+
+    /// Shows another profile, and says so. Ticks go on being counted across the change.
+    async fn show(&mut self, made: Rc<Made>) -> Result<(), Farewell> {
+        let last = self.images.last;
+        self.images = Feed {
+            last,
+            ..Feed::new(&made.newest)
+        };
+        self.entry.profile.set(made.id);
+        self.made = made;
+        self.size_send_buffer()?;
+        self.send_hello().await
+    }
+
+    async fn refuse(&mut self, reason: String) -> Result<(), Farewell> {
+        if self.refusals >= MAX_REFUSALS {
+            return Err(Farewell::Insists(reason));
+        }
+        self.refusals += 1;
+        self.tell(&Event::new(EventKind::Refused, reason)).await
+    }
+
+    async fn tell(&self, event: &Event) -> Result<(), Farewell> {
+        let (seq, t_ns) = self.now();
+        self.send(&event.to_packet(seq, t_ns)).await
+    }
+
+    async fn send_hello(&self) -> Result<(), Farewell> {
+        for packet in &self.made.hello {
+            self.send(packet).await?;
+        }
+        Ok(())
     }
 
     async fn send_status(&self) -> Result<(), Farewell> {
@@ -324,50 +490,60 @@ impl<'a> Subscriber<'a> {
         let stall = self.hand.subscribers.stall;
         let Self {
             socket,
-            newest,
             entry,
-            last_image,
-            last_raw,
+            wants,
+            images,
+            raw,
             ..
         } = self;
-        let last = match stream {
-            Stream::Image => last_image,
-            Stream::Raw => last_raw,
+        let feed = match stream {
+            Stream::Image => images,
+            Stream::Raw => raw,
         };
+        feed.take(wants.max_rate_hz);
         let sent = poll_fn(|cx| {
             // A clone, so that the tick thread is not kept from publishing while the kernel copies the message.
-            let published: Arc<Published> = newest.receiver.borrow().clone();
-            let Encoded { header, payload } = match stream {
-                Stream::Image => &published.image,
-                Stream::Raw => &published.raw,
-            };
-            let Some(header) = header.filter(|_| published.index > *last) else {
+            let published: Arc<Published> = feed.newest.borrow().clone();
+            let Some(header) = published.header.filter(|_| published.tick > feed.last) else {
                 return Poll::Ready(Ok(()));
             };
-            let skipped = if *last == 0 {
-                0
-            } else {
-                published.index - *last - 1
+            let skipped = match feed.last {
+                0 => 0,
+                last => published.tick - last - 1,
             };
             let header = header
                 .with_skipped(skipped.min(u32::MAX.into()) as u32)
                 .to_bytes();
-            match socket.poll_send_vectored(cx, &[IoSlice::new(&header), IoSlice::new(payload)]) {
-                Poll::Ready(Ok(_)) => {
-                    *last = published.index;
-                    if let Stream::Image = stream {
-                        entry.images.set(entry.images.get() + 1);
-                        entry.skipped.set(entry.skipped.get() + skipped);
-                    }
-                    Poll::Ready(Ok(()))
-                }
-                Poll::Ready(Err(error)) => Poll::Ready(Err(error)),
-                Poll::Pending => Poll::Pending,
+            let message = [IoSlice::new(&header), IoSlice::new(&published.payload)];
+            ready!(socket.poll_send_vectored(cx, &message))?;
+            feed.last = published.tick;
+            if let Stream::Image = stream {
+                entry.images.set(entry.images.get() + 1);
+                entry.skipped.set(entry.skipped.get() + skipped);
             }
+            Poll::Ready(Ok(()))
         });
         match timeout(stall, sent).await {
-            Ok(sent) => Ok(sent?),
+            Ok(sent) => sent,
             Err(_) => Err(Farewell::Stalled(stall)),
         }
+    }
+}
+
+/// What the client sent: a packet, or nothing where it has gone.
+async fn receive(socket: &UnixSeqpacket, hand: &Hand) -> io::Result<Vec<u8>> {
+    poll_fn(|cx| {
+        let mut buffer = hand.subscription.borrow_mut();
+        let received = ready!(socket.poll_recv(cx, &mut buffer))?;
+        Poll::Ready(Ok(buffer[..received.bytes_read()].to_vec()))
+    })
+    .await
+}
+
+/// What became of the profile that was asked for.
+async fn answer(asked: &mut Option<Asked>) -> Result<Lease, String> {
+    match asked {
+        Some(asked) => (&mut asked.lease).await.unwrap_or_else(|e| Err(e.to_string())),
+        None => std::future::pending().await,
     }
 }

@@ -1,5 +1,5 @@
-//! Watches the hand from the socket thread: says in the log what changed, feeds systemd's watchdog, and tells
-//! subscribers.
+//! Watches the hand from the socket thread: says in the log what changed, feeds systemd's watchdog, tells
+//! subscribers, and lets display profiles go that nobody needs.
 //!
 //! The tick thread itself never logs, so that a slow terminal or journal cannot hold up an image.
 
@@ -36,6 +36,7 @@ pub(crate) async fn watch(hand: Rc<Hand>) {
             .clone();
         tell_changes(&hand, before.as_ref(), &now);
         before = Some(now);
+        hand.profiles.tidy();
 
         let heartbeat = hand.heartbeat();
         if heartbeat != last_heartbeat {
@@ -94,7 +95,7 @@ fn tell_changes(hand: &Hand, before: Option<&Snapshot>, now: &Snapshot) {
     }
     tell_boards(hand, before, now);
     let Some(before) = before else { return };
-    for (taxel, (old, new)) in before.faults.iter().zip(&now.faults).enumerate() {
+    for (taxel, (old, new)) in before.force.faults.iter().zip(&now.force.faults).enumerate() {
         let newly: Vec<_> = new
             .iter()
             .filter(|f| !old.contains(*f) && *f != Fault::Missing)
@@ -118,8 +119,8 @@ fn tell_changes(hand: &Hand, before: Option<&Snapshot>, now: &Snapshot) {
             "ticks given up: the daemon was held up"
         );
     }
-    if now.calibrating != before.calibrating {
-        let (kind, text) = if now.calibrating {
+    if now.force.calibrating != before.force.calibrating {
+        let (kind, text) = if now.force.calibrating {
             (
                 EventKind::Calibrating,
                 "measuring the baseline; do not touch the hand".to_string(),
@@ -127,7 +128,7 @@ fn tell_changes(hand: &Hand, before: Option<&Snapshot>, now: &Snapshot) {
         } else {
             (
                 EventKind::Calibrated,
-                format!("baseline measured, contact threshold {:.1}", now.threshold),
+                format!("baseline measured, contact threshold {:.1}", now.force.threshold),
             )
         };
         tracing::info!("{text}");

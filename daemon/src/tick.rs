@@ -3,8 +3,9 @@
 //! It is the only thread that touches a bus. It never waits for another thread, never allocates after its start,
 //! and never logs; what it has to say goes into the shared [`Snapshot`].
 
+use crate::displays::{Displays, Stream};
 use crate::hub::Publisher;
-use crate::pipeline::{Outputs, Pipeline};
+use crate::pipeline::{Frames, Pipeline};
 use crate::snapshot::Snapshot;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use nix::sys::eventfd::EventFd;
@@ -15,8 +16,8 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, mpsc};
 use std::time::Duration;
 use taxel_can::{CanSource, LinkState, Received, monotonic_ns};
-use taxel_compress::Compressor;
 use taxel_skin::{BoardCounters, BoardSupervisor};
+use taxel_wire::Header;
 
 /// Frames taken from a bus at once.
 const BATCH: usize = 1024;
@@ -34,8 +35,27 @@ pub(crate) enum Command {
     Rezero,
     /// Make images without contacts, or go on.
     Pause(bool),
-    /// Compress for another display from now on.
-    Compressor(Box<Compressor>),
+    /// Compress for another display from now on, in this empty slot.
+    Insert(usize, Box<Stream>),
+    /// Give the display in this slot back.
+    Remove(usize),
+}
+
+/// Commands that may wait to be obeyed. The queue has its memory from the start, so that taking one frees nothing.
+pub(crate) const COMMANDS: usize = 64;
+
+/// Asks something of the tick thread. The error is fit for whoever asked.
+pub(crate) fn command(
+    commands: &mpsc::SyncSender<Command>,
+    shared: &Shared,
+    command: Command,
+) -> Result<(), String> {
+    commands.try_send(command).map_err(|error| match error {
+        mpsc::TrySendError::Full(_) => "the daemon is busy with other commands; try again".to_string(),
+        mpsc::TrySendError::Disconnected(_) => "the daemon is stopping".to_string(),
+    })?;
+    let _ = shared.wake.write(1);
+    Ok(())
 }
 
 /// What the tick thread shares with the others.
@@ -71,7 +91,9 @@ pub(crate) struct TickThread {
     pub(crate) boards: BoardSupervisor,
     /// State of each bus's link when it was last looked at.
     pub(crate) links: Vec<LinkState>,
-    pub(crate) publisher: Publisher,
+    pub(crate) displays: Displays,
+    /// Raw frames, made only while somebody reads them.
+    pub(crate) raw: Publisher,
     pub(crate) clock: PipelineClock,
     pub(crate) commands: mpsc::Receiver<Command>,
     pub(crate) shared: Arc<Shared>,
@@ -144,14 +166,19 @@ impl TickThread {
                 .max();
             let Self {
                 pipeline,
-                publisher,
+                displays,
+                raw,
                 clock,
                 shared,
                 ..
             } = &mut self;
-            let mut emit = |outputs: &Outputs| {
-                publisher.publish(outputs);
-                record_times(shared, outputs, clock.now_ns());
+            let mut emit = |frames: &Frames| {
+                let tick = frames.tactile.seq + 1;
+                displays.publish(tick, frames);
+                if raw.is_read() {
+                    raw.publish(tick, |payload| encode_raw(frames, payload));
+                }
+                record_times(shared, frames, clock.now_ns());
             };
             while let Some((bus, received)) = next_in_time(&mut batches) {
                 pipeline.push(bus, &received, &mut emit);
@@ -223,7 +250,8 @@ impl TickThread {
             match command {
                 Command::Rezero => self.pipeline.rezero(),
                 Command::Pause(paused) => self.pipeline.set_paused(paused),
-                Command::Compressor(compressor) => drop(self.pipeline.replace_compressor(*compressor)),
+                Command::Insert(slot, stream) => self.displays.insert(slot, stream),
+                Command::Remove(slot) => self.displays.remove(slot),
             }
         }
     }
@@ -271,10 +299,10 @@ impl TickThread {
             return;
         };
         let pipeline = &self.pipeline;
-        let outputs = pipeline.outputs();
+        let force = &pipeline.frames().force;
         snapshot.now_ns = now_ns;
         snapshot.overruns = overruns;
-        snapshot.unpublished = self.publisher.unpublished();
+        snapshot.unpublished = self.displays.unpublished() + self.raw.unpublished();
         for ((bus, source), decoder) in snapshot
             .buses
             .iter_mut()
@@ -289,26 +317,27 @@ impl TickThread {
             let (sweep, decoders) = (pipeline.sweep(), pipeline.decoders());
             *board = BoardCounters::gather(module as u16, sweep, decoders, Some(&self.boards));
         }
-        snapshot.faults.copy_from_slice(&outputs.force.faults);
-        snapshot.threshold = outputs.force.threshold;
-        snapshot.calibrating = outputs.force.calibrating;
-        snapshot.contacts = outputs.image.contacts;
-        snapshot.missing = outputs.image.missing;
-        snapshot.faulty = outputs.image.faulty;
+        snapshot.take_force(force);
         snapshot.paused = pipeline.is_paused();
     }
 }
 
-/// Notes how long an image took. A status report being written at this moment loses one sample of many.
-fn record_times(shared: &Shared, outputs: &Outputs, now_ns: u64) {
+fn encode_raw(frames: &Frames, payload: &mut Vec<u8>) -> Result<Header, taxel_wire::EncodeError> {
+    let Frames { tactile, force, .. } = frames;
+    taxel_wire::encode_raw_payload(tactile, force, payload)?;
+    Ok(Header::of_frame(tactile, force, payload.len()))
+}
+
+/// Notes how long a tick's images took, until the last of them was handed over. A status report being written at this moment loses one sample of many.
+fn record_times(shared: &Shared, frames: &Frames, now_ns: u64) {
     if let Ok(mut snapshot) = shared.snapshot.try_lock() {
-        snapshot.images = outputs.image.seq + 1;
+        snapshot.images = frames.tactile.seq + 1;
         snapshot
             .latency_ns
-            .saturating_record(now_ns.saturating_sub(outputs.image.t_ns).max(1));
+            .saturating_record(now_ns.saturating_sub(frames.tactile.t_ns).max(1));
         snapshot
             .lateness_ns
-            .saturating_record(now_ns.saturating_sub(outputs.due_ns).max(1));
+            .saturating_record(now_ns.saturating_sub(frames.due_ns).max(1));
     }
 }
 

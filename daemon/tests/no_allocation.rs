@@ -5,6 +5,7 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
+use taxel_compress::{Method, Profile};
 use taxel_wire::{Received, Subscribe, Subscriber};
 use taxeld::{Config, Daemon, config::TickMode};
 
@@ -53,6 +54,11 @@ fn tick_thread() -> usize {
     panic!("the daemon has no thread named tick");
 }
 
+/// Takes everything until the daemon is gone.
+fn drain(mut subscriber: Subscriber) {
+    while subscriber.next().is_ok() {}
+}
+
 /// Waits until the subscriber has seen `images` images.
 fn watch(subscriber: &mut Subscriber, images: u64) {
     let deadline = Instant::now() + Duration::from_secs(30);
@@ -68,6 +74,27 @@ fn watch(subscriber: &mut Subscriber, images: u64) {
     }
 }
 
+/// A subscriber with a display of its own.
+fn display(config: &Config, profile: Profile, region: Option<&str>) -> Subscriber {
+    let mut subscriber = Subscriber::connect(&config.socket.images).unwrap();
+    let wanted = Subscribe {
+        profile: Some(profile.clone()),
+        region: region.map(|part| vec![part.to_string()]),
+        ..Subscribe::default()
+    };
+    subscriber.subscribe(&wanted).unwrap();
+    while subscriber
+        .hello()
+        .is_none_or(|hello| hello.profile != (&profile).into())
+    {
+        subscriber
+            .next_timeout(Duration::from_secs(10))
+            .unwrap()
+            .expect("an answer");
+    }
+    subscriber
+}
+
 fn allocations_per_run(mode: TickMode, rate_hz: f64) -> u64 {
     let folder = tempfile::tempdir().unwrap();
     let layout = taxel_skin::Layout::builtin("allegro-uskin-15").unwrap();
@@ -75,6 +102,8 @@ fn allocations_per_run(mode: TickMode, rate_hz: f64) -> u64 {
     let mut config = Config::new(layout, vec![source, "sim:worst-case".parse().unwrap()]);
     config.tick.mode = mode;
     config.tick.rate_hz = rate_hz;
+    // Debug builds are slow.
+    config.profiles.budget_percent = 100.0;
     config.socket.images = folder.path().join("images.sock");
     config.socket.control = folder.path().join("control.sock");
     let daemon = Daemon::start(config.clone()).unwrap();
@@ -85,11 +114,26 @@ fn allocations_per_run(mode: TickMode, rate_hz: f64) -> u64 {
             ..Subscribe::default()
         })
         .unwrap();
+    let of = |levels, method| Profile {
+        levels,
+        method,
+        ..Profile::default()
+    };
+    let others = [
+        display(&config, of(4, Method::Paper), None),
+        display(&config, of(5, Method::Optimal), None),
+        display(&config, of(6, Method::Optimal), Some("thumb")),
+    ];
+    for other in others {
+        std::thread::spawn(move || drain(other));
+    }
     // Past the calibration window, and every buffer has grown to its size.
     watch(&mut subscriber, (3.0 * rate_hz) as u64);
 
     let counter = &ALLOCATIONS[tick_thread() % ALLOCATIONS.len()];
     let before = counter.load(Ordering::Relaxed);
+    // A display comes, and its profile goes again two seconds after it has left.
+    drop(display(&config, of(7, Method::Optimal), None));
     watch(&mut subscriber, (3.0 * rate_hz) as u64);
     let allocated = counter.load(Ordering::Relaxed) - before;
     daemon.stop().unwrap();

@@ -6,7 +6,7 @@ use taxel_sim::{Scene, Simulator};
 use taxel_skin::{Freshness, Layout};
 use taxeld::Config;
 use taxeld::config::TickMode;
-use taxeld::pipeline::{Outputs, Pipeline, run_recorded};
+use taxeld::pipeline::{Frames, Pipeline, run_recorded};
 
 fn config(mode: TickMode, rate_hz: f64) -> Config {
     let layout = Layout::builtin("allegro-uskin-15").unwrap();
@@ -32,10 +32,10 @@ fn bytes(config: &Config, frames: &[(u8, Received)]) -> Vec<u8> {
     let mut bytes = Vec::new();
     let mut payload = Vec::new();
     run_recorded(config, frames.iter().copied(), None, |_, outputs| {
-        taxel_wire::encode_image_payload(&outputs.image, &mut payload).unwrap();
-        bytes.extend(taxel_wire::Header::of_image(&outputs.image, payload.len()).to_bytes());
+        taxel_wire::encode_image_payload(outputs.image, &mut payload).unwrap();
+        bytes.extend(taxel_wire::Header::of_image(outputs.image, payload.len()).to_bytes());
         bytes.extend(&payload);
-        taxel_wire::encode_raw_payload(&outputs.tactile, &outputs.force, &mut payload).unwrap();
+        taxel_wire::encode_raw_payload(outputs.tactile, outputs.force, &mut payload).unwrap();
         bytes.extend(&payload);
     })
     .unwrap();
@@ -56,13 +56,13 @@ fn a_recording_gives_the_same_bytes_every_time() {
 
 /// However the daemon is scheduled, it hands frames over in pieces and asks for the ticks in between.
 #[test]
-fn images_do_not_depend_on_how_often_the_pipeline_is_called() {
+fn frames_do_not_depend_on_how_often_the_pipeline_is_called() {
     let frames = scene("tap");
     let config = config(TickMode::Timer, 30.0);
     let collect = |step_ns: u64| {
         let mut pipeline = Pipeline::new(&config, 0).unwrap();
-        let mut images = Vec::new();
-        let mut emit = |outputs: &Outputs| images.push(outputs.image.clone());
+        let mut felt = Vec::new();
+        let mut emit = |frames: &Frames| felt.push(frames.clone());
         let mut now_ns = 0;
         let mut rest = frames.as_slice();
         while !rest.is_empty() {
@@ -75,12 +75,12 @@ fn images_do_not_depend_on_how_often_the_pipeline_is_called() {
             }
             pipeline.advance(now_ns, &mut emit);
         }
-        images
+        felt
     };
     let often = collect(300_000);
     let seldom = collect(70_000_000);
     let both = often.len().min(seldom.len());
-    assert!(both > 200, "{both} images");
+    assert!(both > 200, "{both} ticks");
     assert!(often[..both] == seldom[..both]);
 }
 
@@ -97,7 +97,7 @@ fn timer_ticks_fall_on_whole_periods_and_a_frame_at_the_tick_belongs_to_it() {
             .unwrap()
     };
     let mut ticks = Vec::new();
-    let mut emit = |outputs: &Outputs| ticks.push((outputs.due_ns, outputs.tactile.counts[0][2]));
+    let mut emit = |frames: &Frames| ticks.push((frames.due_ns, frames.tactile.counts[0][2]));
     let tick_ns = 1_000 + 10_000_000;
     pipeline.push(
         0,
@@ -124,7 +124,7 @@ fn a_daemon_that_was_held_up_gives_up_old_ticks_and_counts_them() {
     let config = config(TickMode::Timer, 100.0);
     let mut pipeline = Pipeline::new(&config, 0).unwrap();
     let mut images = 0;
-    let mut emit = |_: &Outputs| images += 1;
+    let mut emit = |_: &Frames| images += 1;
     assert_eq!(pipeline.skip_overdue(10_000_000), 0);
     assert_eq!(pipeline.skip_overdue(55_000_000), 4);
     pipeline.advance(55_000_000, &mut emit);
@@ -135,11 +135,11 @@ fn a_daemon_that_was_held_up_gives_up_old_ticks_and_counts_them() {
 fn a_silent_hand_still_gives_images_that_say_so() {
     for mode in [TickMode::Timer, TickMode::Sweep] {
         let config = config(mode, 30.0);
-        let mut pipeline = Pipeline::new(&config, 0).unwrap();
         let mut missing = Vec::new();
-        pipeline.advance(1_000_000_000, &mut |outputs: &Outputs| {
+        run_recorded(&config, [], Some(1_000_000_000), |_, outputs| {
             missing.push(outputs.image.missing)
-        });
+        })
+        .unwrap();
         assert!(
             missing.len() >= 9,
             "{mode:?}: {} images in a second",
@@ -196,26 +196,23 @@ fn a_paused_hand_presses_nothing_and_a_rezeroed_hand_starts_anew() {
     let frames = scene("worst-case");
     let config = config(TickMode::Timer, 30.0);
     let mut pipeline = Pipeline::new(&config, 0).unwrap();
-    let mut last = (0, false);
-    let mut emit = |outputs: &Outputs| last = (outputs.image.contacts, outputs.image.calibrating);
-    let mut seen = Vec::new();
-    for (bus, received) in &frames {
-        pipeline.push(*bus, received, &mut emit);
-        if pipeline.outputs().image.contacts == 240 {
-            break;
+    let contacts = |pipeline: &Pipeline| pipeline.frames().force.contact.iter().filter(|c| **c).count();
+    let mut rest = frames.iter();
+    let mut play = |pipeline: &mut Pipeline, until: &dyn Fn(&Pipeline) -> bool| {
+        while !until(pipeline) {
+            let (bus, received) = rest.next().expect("the scene ends too soon");
+            pipeline.push(*bus, received, &mut |_| ());
         }
-    }
-    let now_ns = pipeline.outputs().due_ns;
+    };
+    play(&mut pipeline, &|pipeline| contacts(pipeline) == 240);
     pipeline.set_paused(true);
-    pipeline.advance(now_ns + 40_000_000, &mut emit);
-    seen.push(pipeline.outputs().image.clone());
+    play(&mut pipeline, &|pipeline| contacts(pipeline) == 0);
+    assert!(!pipeline.frames().force.calibrating);
     pipeline.set_paused(false);
+    play(&mut pipeline, &|pipeline| contacts(pipeline) == 240);
     pipeline.rezero();
-    pipeline.advance(now_ns + 80_000_000, &mut emit);
-    seen.push(pipeline.outputs().image.clone());
-    assert!(seen[0].contacts == 0 && seen[0].actuators.is_empty() && seen[0].pixels.iter().all(|p| *p == 0));
-    assert!(!seen[0].calibrating);
-    assert!(seen[1].calibrating);
+    play(&mut pipeline, &|pipeline| pipeline.frames().force.calibrating);
+    assert_eq!(contacts(&pipeline), 0);
 }
 
 #[test]
@@ -244,6 +241,14 @@ fn configuration_errors_name_file_and_line() {
         (
             &format!("{two}[profile]\nlevels = 0\n"),
             "hand.toml:5: profile: levels = 0",
+        ),
+        (
+            &format!("{two}[profiles]\nmax = 0\n"),
+            "hand.toml:5: profiles.max = 0",
+        ),
+        (
+            &format!("{two}[profiles]\nbudget_percent = 120.0\n"),
+            "hand.toml:5: profiles.budget_percent = 120",
         ),
         (
             &format!("{two}[socket]\nmode = \"0999\"\n"),
