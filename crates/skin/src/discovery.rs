@@ -180,7 +180,8 @@ struct Bus {
 
 /// Asks the MTBs of the buses who they are. Holds no clock and sends nothing itself: send what [`Discovery::poll`] gives,
 /// give every frame that is received to [`Discovery::hear`], poll again at [`Discovery::next_at_ns`], and
-/// [`Discovery::finish`] when it is done, after at most about 2.5 s. `Then` is what it holds back meanwhile.
+/// [`Discovery::finish`] when it is done, after at most about 2.5 s. It needs every frame of the bus, without the kernel
+/// filters of the decoder, to know that a bus is silent. `Then` is what it holds back meanwhile.
 ///
 /// ```
 /// use taxel_can::CanFrame;

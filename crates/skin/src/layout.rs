@@ -15,11 +15,17 @@ pub const MAX_PIXELS: usize = 1 << 20;
 
 const NO_TAXEL: u16 = u16::MAX;
 
-const BUILTIN: [(&str, &str); 2] = [
+const BUILTIN: [(&str, &str); 8] = [
     (
         "allegro-uskin-15",
         include_str!("../layouts/allegro-uskin-15.toml"),
     ),
+    ("allegro-xela-18", include_str!("../layouts/allegro-xela-18.toml")),
+    ("cpm-finger", include_str!("../layouts/cpm-finger.toml")),
+    ("cyskin-triangle", include_str!("../layouts/cyskin-triangle.toml")),
+    ("icub-forearm", include_str!("../layouts/icub-forearm.toml")),
+    ("schunk-sdh", include_str!("../layouts/schunk-sdh.toml")),
+    ("uskin-fingertip", include_str!("../layouts/uskin-fingertip.toml")),
     ("uskin-module", include_str!("../layouts/uskin-module.toml")),
 ];
 

@@ -309,6 +309,11 @@ impl SweepAssembler {
         self.pending == 0 && self.first_ns.is_some()
     }
 
+    /// How many taxels are still to be renewed before [`SweepAssembler::is_complete`]. Constant time.
+    pub fn awaited(&self) -> usize {
+        self.pending
+    }
+
     /// `sweep` mode: when the frame under way must be taken even if it is incomplete, nanoseconds; `None` while no
     /// reading for it has come, and in `timer` mode.
     ///

@@ -13,7 +13,8 @@ pub struct SweepConfig {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub board_period_ms: Option<f64>,
     /// `sweep` mode: a frame is made this long after the first reading for it even if taxels are missing, ms, 0.1 to
-    /// 10,000. By default one and a half periods of the slowest board, since boards that run freely need a whole one.
+    /// 10,000 and no more than `stale_after_ms`. By default one and a half periods of the slowest board, since boards
+    /// that run freely need a whole one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub deadline_ms: Option<f64>,
     /// A value older than this is stale, ms, 1 to 60,000. By default three periods of the slowest board.
@@ -51,7 +52,9 @@ impl SweepConfig {
             self.board_period_ms
                 .map(|v| ("board_period_ms", v, 1.0, 10_000.0)),
         );
-        ranges.extend(self.deadline_ms.map(|v| ("deadline_ms", v, 0.1, 10_000.0)));
+        // A value may not be stale before the frame it is for is made.
+        let latest = self.stale_after_ms.unwrap_or(10_000.0).min(10_000.0);
+        ranges.extend(self.deadline_ms.map(|v| ("deadline_ms", v, 0.1, latest)));
         ranges.extend(self.stale_after_ms.map(|v| ("stale_after_ms", v, 1.0, 60_000.0)));
         check_ranges("sweep", &ranges)
     }

@@ -245,7 +245,8 @@ impl Conditioner {
         };
         calibration.idle[n] = idle;
         calibration.report.outliers += u64::from(idle.outliers);
-        if self.config.fault_rule.is_robust() && idle.constant && samples >= STUCK_SAMPLES {
+        let stuck = idle.constant && !self.taxels[n].coarse;
+        if self.config.fault_rule.is_robust() && stuck && samples >= STUCK_SAMPLES {
             self.taxels[n].health.judge_stuck();
             calibration.windows.clear(n);
             return;
@@ -416,7 +417,7 @@ impl Conditioner {
             .judge(n, None, self.config.magnitude, self.config.outlier_sigmas);
         calibration.windows.clear(n);
         let Some(idle) = idle else { return };
-        if robust && idle.constant {
+        if robust && idle.constant && !self.taxels[n].coarse {
             self.taxels[n].health.judge_stuck();
             return;
         }

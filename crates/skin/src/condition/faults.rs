@@ -103,9 +103,17 @@ impl Health {
         self.good_run = 0;
     }
 
-    /// A good sample: watches for counts that never change, and lets a dead taxel live again, if it has a baseline.
+    /// A good sample: watches for counts that never change, unless the taxel is `coarse`, and lets a dead taxel live
+    /// again, if it has a baseline.
     #[inline(always)]
-    pub(super) fn hear(&mut self, raw: [u16; 3], t_ns: u64, has_baseline: bool, limits: &HealthLimits) {
+    pub(super) fn hear(
+        &mut self,
+        raw: [u16; 3],
+        t_ns: u64,
+        has_baseline: bool,
+        coarse: bool,
+        limits: &HealthLimits,
+    ) {
         self.dead_run = 0;
         self.good_run = self.good_run.saturating_add(1);
         if self.good_run >= limits.recover_samples && has_baseline {
@@ -118,7 +126,8 @@ impl Health {
             }
         } else {
             self.same_run = self.same_run.saturating_add(1);
-            if self.same_run >= STUCK_SAMPLES && t_ns - self.same_since_ns >= limits.stuck_ns {
+            let long = t_ns - self.same_since_ns >= limits.stuck_ns;
+            if self.same_run >= STUCK_SAMPLES && long && !coarse {
                 self.faults.insert(Fault::Stuck);
             }
         }

@@ -20,6 +20,7 @@ pub use config::{BaselineSource, ConditionConfig, ConditionError, FaultRule, Thr
 pub use magnitude::MagnitudeMode;
 pub use report::{CalibrationReport, ConditionCounters};
 
+use crate::Layout;
 use crate::frame::{Fault, Faults, ForceFrame, Freshness, TactileFrame};
 use crate::uskin::status_is_error;
 use calibrate::Calibration;
@@ -114,6 +115,18 @@ impl Conditioner {
             config,
         };
         conditioner.rezero();
+        Ok(conditioner)
+    }
+
+    /// Makes a conditioner for the taxels of a layout, as [`Conditioner::new`] does, and takes account of how their boards
+    /// measure: counts of one axis are neither unwrapped nor held back as glitches, and where they have eight bits, a
+    /// taxel that keeps one value is not stuck.
+    pub fn for_layout(layout: &Layout, config: ConditionConfig) -> Result<Self, ConditionError> {
+        let mut conditioner = Self::new(layout.len(), config)?;
+        for (taxel, place) in conditioner.taxels.iter_mut().zip(&layout.taxels) {
+            let protocol = layout.modules[usize::from(place.module)].protocol;
+            (taxel.scalar, taxel.coarse) = (protocol.is_scalar(), protocol.is_coarse());
+        }
         Ok(conditioner)
     }
 
@@ -221,6 +234,12 @@ impl Conditioner {
             calibrating: self.calibration.is_running(),
             dead_samples: self.config.dead_samples,
             repair: self.repair_limits,
+            scalar_repair: RepairLimits {
+                unwrap: false,
+                reject: false,
+                calm_counts: i32::MAX,
+                ..self.repair_limits
+            },
             health: self.health_limits,
         };
         let mode = self.config.magnitude;

@@ -24,6 +24,10 @@ pub(super) struct Taxel {
     pub(super) standing: Faults,
     pub(super) has_baseline: bool,
     pub(super) contact: bool,
+    /// Measures one axis, whose counts neither wrap nor are lost byte by byte: they are taken as they come.
+    pub(super) scalar: bool,
+    /// Its steps are so coarse that keeping one value for long is no fault.
+    pub(super) coarse: bool,
 }
 
 /// What a sample is judged by; the same for all taxels of a frame.
@@ -33,6 +37,8 @@ pub(super) struct Rules {
     pub(super) calibrating: bool,
     pub(super) dead_samples: u32,
     pub(super) repair: RepairLimits,
+    /// The repair of a scalar taxel: none.
+    pub(super) scalar_repair: RepairLimits,
     pub(super) health: HealthLimits,
 }
 
@@ -47,6 +53,8 @@ impl Taxel {
             standing,
             has_baseline: false,
             contact: false,
+            scalar: false,
+            coarse: false,
         }
     }
 
@@ -95,7 +103,8 @@ impl Taxel {
             self.repair.hold();
             return (dt_ns, false, self.repair.counts());
         }
-        self.health.hear(raw, t_ns, self.has_baseline, &rules.health);
+        self.health
+            .hear(raw, t_ns, self.has_baseline, self.coarse, &rules.health);
 
         let gap = dt_ns >= GAP_NS && dt_ns > 4 * self.interval_ns.max(1);
         if !first {
@@ -103,14 +112,19 @@ impl Taxel {
         }
         let baseline = (self.has_baseline && !rules.calibrating).then_some(baseline);
         let before = self.repair.step();
+        let limits = if self.scalar {
+            &rules.scalar_repair
+        } else {
+            &rules.repair
+        };
         let (verdict, counts, step) = if first || was_dead || gap {
             (
-                self.repair.anchor(raw, baseline, &rules.repair),
+                self.repair.anchor(raw, baseline, limits),
                 self.repair.counts(),
                 [0; 3],
             )
         } else {
-            self.repair.push(raw, baseline, &rules.repair)
+            self.repair.push(raw, baseline, limits)
         };
         if verdict.is_eventful() {
             self.note(verdict, rules, counters);

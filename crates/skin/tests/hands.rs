@@ -1,0 +1,320 @@
+//! Hands that are not sixteen by sixteen, through decoder and sweep assembly, up to a thousand modules.
+
+mod support;
+
+use ndarray::{Array2, Axis};
+use std::collections::{HashMap, HashSet};
+use taxel_can::CanFrame;
+use taxel_skin::{
+    ConditionConfig, Conditioner, Decoded, Decoder, Fault, ForceFrame, Freshness, Layout, Protocol, Readings,
+    SweepAssembler, SweepConfig, TactileFrame, cyskin_frames, icub_triangle_data,
+};
+
+/// Every frame of one sweep of a hand, by bus, in which taxel `n` has the value `value(n)` (z; 12 bits for the iCub).
+fn sweep_of(layout: &Layout, value: impl Fn(usize) -> u16) -> Vec<(u8, CanFrame)> {
+    let mut frames = Vec::new();
+    let mut triangles: HashMap<(u16, u8), [u8; 12]> = HashMap::new();
+    for (n, taxel) in layout.taxels.iter().enumerate() {
+        let module = layout.module_of(n);
+        match module.protocol {
+            Protocol::IcubMtb3 | Protocol::IcubMtb4 => {
+                let pads = triangles.entry((taxel.module, taxel.k / 12)).or_insert([245; 12]);
+                pads[taxel.k as usize % 12] = (value(n) >> 4) as u8;
+            }
+            Protocol::Cyskin => {
+                let setup = layout.cyskin.as_ref().unwrap();
+                let [high, low] = value(n).to_be_bytes();
+                let address = setup.hubs[module.hub.unwrap() as usize].address;
+                let packet =
+                    cyskin_frames(setup, address, 0x43, &[module.board, taxel.k, high, low]).unwrap();
+                frames.extend(packet.into_iter().map(|frame| (module.bus, frame)));
+            }
+            protocol => {
+                let counts = [0x8000, 0x8000, value(n)];
+                frames.push((
+                    module.bus,
+                    protocol.frame(module.board, taxel.k, counts, 0x82).unwrap(),
+                ));
+            }
+        }
+    }
+    let mut triangles: Vec<_> = triangles.into_iter().collect();
+    triangles.sort();
+    for ((m, triangle), pads) in triangles {
+        let module = &layout.modules[m as usize];
+        let id = 0x400 | u16::from(module.board) << 4 | u16::from(triangle);
+        for data in icub_triangle_data(pads, 0, 0) {
+            frames.push((module.bus, CanFrame::standard(id, &data).unwrap()));
+        }
+    }
+    frames
+}
+
+/// Three sweeps through the whole path; every taxel must be there with its own value.
+fn comes_through(layout: &Layout) {
+    let config = SweepConfig {
+        settle_ms: 0.0,
+        ..SweepConfig::default()
+    };
+    let mut decoders: Vec<Decoder> = (0..layout.buses.len())
+        .map(|bus| Decoder::new(layout, bus as u8))
+        .collect();
+    let mut sweep = SweepAssembler::new(layout, &config, true);
+    let mut tactile = TactileFrame::new(layout.len());
+    let mut readings = Readings::new();
+    for round in 0..3u64 {
+        let value = |n: usize| (n as u16).wrapping_mul(977).wrapping_add(round as u16) % 4000 + 16;
+        let t_ns = 1_000_000_000 + round * 50_000_000;
+        let mut seen = HashSet::new();
+        for (bus, frame) in sweep_of(layout, value) {
+            let decoded = decoders[bus as usize].decode_at(t_ns, &frame, &mut readings);
+            assert_eq!(decoded, Decoded::Readings, "{frame}");
+            for reading in readings.iter() {
+                assert!(seen.insert(reading.taxel), "taxel {} came once", reading.taxel);
+                sweep.push(reading, t_ns);
+            }
+        }
+        assert_eq!(seen.len(), layout.len(), "{}", layout.name);
+        assert!(sweep.is_complete());
+        sweep.take(t_ns + 1_000_000, &mut tactile);
+        for n in 0..layout.len() {
+            assert_eq!(tactile.freshness[n], Freshness::Fresh);
+            let expected = if layout.module_of(n).protocol.is_icub() {
+                value(n) & !15 | 8
+            } else {
+                value(n)
+            };
+            assert_eq!(tactile.counts[n][2], expected, "taxel {n} of {}", layout.name);
+        }
+    }
+}
+
+#[test]
+fn every_built_in_hand_with_boards_comes_through() {
+    for name in Layout::builtin_names() {
+        let layout = Layout::builtin(name).unwrap();
+        if ["cpm-finger", "schunk-sdh", "cyskin-triangle"].contains(&name) {
+            continue;
+        }
+        comes_through(&layout);
+    }
+    comes_through(&support::cyskin(support::CYSKIN, 40));
+}
+
+#[test]
+fn a_thousand_modules_of_four_protocols_come_through() {
+    let mut text = String::from("name = \"big\"\nimage = { width = 1000, height = 400 }\n");
+    let buses: Vec<String> = (0..100).map(|i| format!("\"can{i}\"")).collect();
+    text += &format!("buses = [{}]\n[cyskin]\n{}", buses.join(", "), support::CYSKIN);
+    for hub in 0..4 {
+        text += &format!(
+            "[[cyskin.hub]]\nname = \"hub{hub}\"\nbus = \"can{}\"\naddress = {}\n",
+            96 + hub,
+            1000 + hub
+        );
+    }
+    let mut count = 0;
+    let mut add = |bus: usize, board: usize, protocol: &str, more: &str| {
+        let [x, y] = [count % 80 * 12, count / 80 * 17];
+        text += &format!(
+            "[[module]]\nname = \"m{count}\"\npart = \"p{bus}\"\nbus = \"can{bus}\"\nboard = {board}\n\
+             protocol = \"{protocol}\"\nat = [{x}, {y}]\n{more}\n"
+        );
+        count += 1;
+    };
+    let pads: Vec<String> = (0..16)
+        .map(|t| {
+            format!(
+                "[{}]",
+                [0, 1, 2, 3, 4, 5, 7, 8, 9, 11]
+                    .map(|p| (12 * t + p).to_string())
+                    .join(", ")
+            )
+        })
+        .collect();
+    let icub = format!("order = [{}]", pads.join(", "));
+    for bus in 0..48 {
+        (0..8).for_each(|board| add(bus, board, "uskin-l2", ""));
+    }
+    for bus in 48..66 {
+        (1..15).for_each(|board| add(bus, board, "icub-mtb4", &icub));
+    }
+    for bus in 66..76 {
+        (0..16).for_each(|board| add(bus, board, "uskin-l3", "order = [[0, 1, 2], [16, 17, 18]]"));
+    }
+    for bus in 96..100 {
+        let hub = format!("hub = \"hub{}\"\norder = [[1, 2, 3, 4, 5, 6, 7]]", bus - 96);
+        (0..51).for_each(|board| add(bus, board, "cyskin", &hub));
+    }
+    assert_eq!(count, 1000);
+    let layout = Layout::parse(&text, "big.toml").unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(layout.modules.len(), 1000);
+    assert_eq!(layout.len(), 384 * 16 + 252 * 160 + 160 * 6 + 204 * 7);
+    comes_through(&layout);
+}
+
+#[test]
+fn more_taxels_than_can_be_numbered_are_refused() {
+    let pads: Vec<String> = (0..16)
+        .map(|t| {
+            format!(
+                "[{}]",
+                [0, 1, 2, 3, 4, 5, 7, 8, 9, 11]
+                    .map(|p| (12 * t + p).to_string())
+                    .join(", ")
+            )
+        })
+        .collect();
+    let buses: Vec<String> = (0..32).map(|i| format!("\"can{i}\"")).collect();
+    let mut big = format!(
+        "name = \"b\"\nimage = {{ width = 1000, height = 1000 }}\nbuses = [{}]\n",
+        buses.join(", ")
+    );
+    for n in 0..448 {
+        big += &format!(
+            "[[module]]\nname = \"m{n}\"\npart = \"p\"\nbus = \"can{}\"\nboard = {}\nprotocol = \"icub-mtb3\"\nat = [{}, {}]\norder = [{}]\n",
+            n / 14,
+            n % 14 + 1,
+            n % 100 * 10,
+            n / 100 * 16,
+            pads.join(", ")
+        );
+    }
+    let error = Layout::parse(&big, "big.toml").unwrap_err().to_string();
+    assert!(
+        error.contains("module \"m409\" the layout has 65600 taxels, more than 65535"),
+        "{error}"
+    );
+}
+
+#[test]
+fn the_hands_have_the_taxels_their_makers_say() {
+    let hands = [
+        ("allegro-uskin-15", 15, 240, 2),
+        ("allegro-xela-18", 18, 11 * 16 + 4 * 24 + 3 * 24, 5),
+        ("cpm-finger", 1, 16, 1),
+        ("cyskin-triangle", 1, 7, 0),
+        ("icub-forearm", 1, 80, 1),
+        ("schunk-sdh", 6, 486, 0),
+        ("uskin-fingertip", 2, 24, 1),
+        ("uskin-module", 1, 16, 1),
+    ];
+    assert_eq!(Layout::builtin_names().collect::<Vec<_>>(), hands.map(|h| h.0));
+    for (name, modules, taxels, buses) in hands {
+        let layout = Layout::builtin(name).unwrap();
+        assert_eq!(
+            (layout.modules.len(), layout.len(), layout.buses.len()),
+            (modules, taxels, buses),
+            "{name}"
+        );
+    }
+    // Two frames per triangle; 83 Hz of the busiest XELA bus stay below what a bus carries.
+    assert_eq!(Layout::builtin("icub-forearm").unwrap().frames_per_sweep(0), 16);
+    let xela = Layout::builtin("allegro-xela-18").unwrap();
+    assert!((0..5).all(|bus| xela.frames_per_sweep(bus) * 83 < 7_400));
+}
+
+#[test]
+fn a_4x6_module_has_the_ids_of_the_manual() {
+    let xela = Layout::builtin("allegro-xela-18").unwrap();
+    let tip = &xela.modules[0];
+    let ids: Vec<u16> = (0..tip.taxels)
+        .map(|i| xela.can_id((tip.first_taxel + i) as usize).unwrap())
+        .collect();
+    let manual: Vec<u16> = (0..4)
+        .flat_map(|sda| (0..6).map(move |taxel| sda << 8 | taxel << 4 | 1))
+        .collect();
+    assert_eq!(
+        ids, manual,
+        "controller 1: 0x001 to 0x051, 0x101 to 0x151, ... 0x301 to 0x351"
+    );
+}
+
+#[test]
+fn the_template_in_the_cyskin_file_is_a_layout_once_it_is_filled_in() {
+    let text = Layout::builtin_text("cyskin-triangle").unwrap();
+    let mut filled = String::new();
+    let mut skip = false;
+    for line in text.lines() {
+        skip |= line == "order = [";
+        if !skip && line != "protocol = \"offline\"" {
+            filled += line.strip_prefix("#!").unwrap_or(line);
+            filled.push('\n');
+        }
+        skip &= line != "]";
+    }
+    let layout = Layout::parse(&filled, "filled.toml").unwrap_or_else(|e| panic!("{e}\n{filled}"));
+    assert_eq!(layout.modules[0].protocol, Protocol::Cyskin);
+    comes_through(&layout);
+    let error = Layout::parse(&filled.replace("checksum =", "#"), "filled.toml")
+        .unwrap_err()
+        .to_string();
+    assert!(error.contains("lacks checksum"), "{error}");
+}
+
+fn schunk() -> Option<Vec<(String, Array2<u16>)>> {
+    let root = std::env::var("TAXEL_DATA")
+        .unwrap_or_else(|_| format!("{}/../../../shared/data", env!("CARGO_MANIFEST_DIR")));
+    let Ok(file) = std::fs::File::open(format!("{root}/schunk_sdh_grasps.npz")) else {
+        println!("SKIPPED: no schunk_sdh_grasps.npz in {root}; set TAXEL_DATA");
+        return None;
+    };
+    let mut npz = ndarray_npy::NpzReader::new(file).unwrap();
+    let names: Vec<String> = npz
+        .names()
+        .unwrap()
+        .into_iter()
+        .filter(|n| !n.contains("joints"))
+        .collect();
+    Some(
+        names
+            .into_iter()
+            .map(|name| (name.clone(), npz.by_name::<_, _>(&name).unwrap()))
+            .collect(),
+    )
+}
+
+#[test]
+fn the_cells_of_a_schunk_hand_that_are_always_0_are_the_corners_of_its_tips() {
+    let layout = Layout::builtin("schunk-sdh").unwrap();
+    let Some(grasps) = schunk() else { return };
+    let mut most = vec![0; 486];
+    for (_, grasp) in &grasps {
+        for row in grasp.axis_iter(Axis(0)) {
+            most.iter_mut().zip(row).for_each(|(m, v)| *m = (*m).max(*v));
+        }
+    }
+    let void: HashSet<(u16, u16)> = (0..486)
+        .filter(|n| most[*n] == 0)
+        .map(|n| (layout.taxels[n].x, layout.taxels[n].y))
+        .collect();
+    let corners: HashSet<(u16, u16)> = (0..3)
+        .flat_map(|finger| (0..5).flat_map(move |y| [(6 * finger, y), (6 * finger + 5, y)]))
+        .collect();
+    assert_eq!(void, corners);
+}
+
+#[test]
+fn a_recorded_schunk_grasp_is_conditioned_with_its_void_cells_dead_and_the_rest_alive() {
+    let layout = Layout::builtin("schunk-sdh").unwrap();
+    let Some(grasps) = schunk() else { return };
+    let (name, grasp) = &grasps[0];
+    let mut conditioner = Conditioner::for_layout(&layout, ConditionConfig::robust()).unwrap();
+    let (mut tactile, mut force) = (TactileFrame::new(486), ForceFrame::new(486));
+    tactile.freshness.fill(Freshness::Fresh);
+    tactile.age_ns.fill(0);
+    let mut most_contacts = 0;
+    for (i, row) in grasp.axis_iter(Axis(0)).enumerate() {
+        tactile.t_ns = i as u64 * 66_000_000;
+        tactile
+            .counts
+            .iter_mut()
+            .zip(row)
+            .for_each(|(counts, v)| *counts = [0, 0, *v]);
+        conditioner.process(&tactile, &mut force);
+        most_contacts = most_contacts.max(force.contacts());
+    }
+    let dead = force.faults.iter().filter(|f| f.contains(Fault::Dead)).count();
+    assert_eq!(dead, 30, "{name}");
+    assert!(most_contacts > 3, "{name}: the object is felt");
+}

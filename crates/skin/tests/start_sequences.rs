@@ -1,0 +1,258 @@
+//! What boards other than uSkin's are sent to start, wake and stop them, and when.
+
+mod support;
+
+use support::{CYSKIN, cyskin, cyskin_text, icub};
+use taxel_skin::{BoardSupervisor, BoardsConfig, BoardsMode, Layout, TxMode};
+
+const MS: u64 = 1_000_000;
+
+/// Commands handed out from 0 to `until_ms` as (ms, frame), with `hear` saying when a board was last heard, given the
+/// time and the commands so far.
+fn play(
+    supervisor: &mut BoardSupervisor,
+    from_ms: u64,
+    until_ms: u64,
+    hear: impl Fn(u16, u64, &[(u64, String)]) -> Option<u64>,
+) -> Vec<(u64, String)> {
+    let mut sent: Vec<(u64, String)> = Vec::new();
+    let mut now = from_ms * MS;
+    while now <= until_ms * MS {
+        while let Some(command) = supervisor.poll(now, |board| hear(board, now, &sent)) {
+            let frame = command.frame();
+            let is_mtb = frame.standard_id().is_some_and(|id| id & 0x7F0 == 0x200);
+            assert!(
+                is_mtb || frame.is_extended(),
+                "{frame} must not be sent while boards stream"
+            );
+            sent.push((now / MS, frame.to_string()));
+        }
+        let Some(next) = supervisor.next_at_ns() else {
+            break;
+        };
+        assert!(next > now, "a supervisor without a command is not due at once");
+        now = next;
+    }
+    sent
+}
+
+fn text(sent: &[(u64, String)]) -> Vec<(u64, &str)> {
+    sent.iter().map(|(t, f)| (*t, f.as_str())).collect()
+}
+
+const CONFIGURATION: [(u64, &str); 5] = [
+    (0, "201#4D0032F5"),
+    (10, "201#50000F02000022"),
+    (20, "201#50000002010022"),
+    (30, "201#50030302010022"),
+    (530, "201#0700"),
+];
+
+#[test]
+fn an_icub_board_is_configured_in_order_with_pauses_and_started_last() {
+    for mode in [BoardsMode::FreeRunning, BoardsMode::Triggered] {
+        let layout = icub("icub-mtb3", "");
+        let config = BoardsConfig {
+            mode,
+            ..BoardsConfig::default()
+        };
+        let mut supervisor = BoardSupervisor::new(&layout, &config);
+        let sent = play(&mut supervisor, 0, 3_000, |_, now, sent| {
+            (sent.len() >= 5).then_some(now)
+        });
+        assert_eq!(text(&sent), CONFIGURATION, "{mode:?}: it sends on its own timer");
+        assert_eq!(supervisor.restarts(0), 0);
+        supervisor.stop();
+        let sent = play(&mut supervisor, 3_001, 4_000, |_, now, _| Some(now));
+        assert_eq!(text(&sent), [(3_001, "201#0701")]);
+        assert!(supervisor.is_stopped());
+    }
+}
+
+#[test]
+fn the_commands_carry_what_the_layout_says() {
+    let setup = "icub = { period_ms = 100, noload = 240, skin_type = 8, shift = 3, cdc_offset = 0x1234 }";
+    let mut supervisor = BoardSupervisor::new(&icub("icub-mtb4", setup), &BoardsConfig::default());
+    let sent = play(&mut supervisor, 0, 530, |_, _, _| None);
+    let frames: Vec<&str> = sent.iter().map(|(_, f)| f.as_str()).collect();
+    assert_eq!(
+        frames[..3],
+        ["201#4D0864F0", "201#50000F03003412", "201#50000003013412"]
+    );
+
+    for (setup, problem) in [
+        (
+            "icub = { period_ms = 210 }",
+            "icub.period_ms = 210 is not 1 to 209",
+        ),
+        ("icub = { period_ms = 0 }", "icub.period_ms = 0"),
+        ("icub = { skin_type = 16 }", "icub.skin_type = 16"),
+        ("icub = { shift = 16 }", "icub.shift = 16"),
+        ("icub = { noload = 256 }", "256"),
+        ("icub = { gain = 1 }", "unknown field `gain`"),
+        ("hub = \"a\"", "has no use for the key `hub`"),
+    ] {
+        let text = Layout::builtin_text("icub-forearm").unwrap();
+        let text: String = text
+            .lines()
+            .filter(|l| !l.starts_with("icub ="))
+            .map(|l| format!("{l}\n"))
+            .collect();
+        let text = text.replace("at = [0, 0]", &format!("at = [0, 0]\n{setup}"));
+        let error = Layout::parse(&text, "icub.toml").unwrap_err().to_string();
+        assert!(error.contains(problem), "{error}");
+    }
+}
+
+#[test]
+fn a_silent_icub_board_is_woken_first_and_configured_anew_only_if_that_does_not_help() {
+    let layout = icub("icub-mtb3", "");
+    let mut supervisor = BoardSupervisor::new(&layout, &BoardsConfig::default());
+    let sent = play(&mut supervisor, 0, 2_000, |_, _, _| None);
+    assert_eq!(text(&sent)[..5], CONFIGURATION);
+    // Three of its periods of 50 ms after the start; then the first pause of 100 ms.
+    let second: Vec<(u64, &str)> = CONFIGURATION.iter().map(|(t, f)| (780 + t, *f)).collect();
+    assert_eq!(
+        text(&sent)[5],
+        (680, "201#0700"),
+        "configuration would calibrate the skin, whatever touches it"
+    );
+    assert_eq!(text(&sent)[6..11], second);
+    assert_eq!(supervisor.restarts(0), 2 + (sent.len() > 11) as u64);
+
+    // A board that answers the waking is left alone.
+    let mut supervisor = BoardSupervisor::new(&layout, &BoardsConfig::default());
+    let sent = play(&mut supervisor, 0, 5_000, |_, now, sent| {
+        (sent.len() >= 6).then_some(now)
+    });
+    assert_eq!(text(&sent)[5..], [(680, "201#0700")]);
+}
+
+#[test]
+fn a_stop_during_the_configuration_ends_it() {
+    let mut supervisor = BoardSupervisor::new(&icub("icub-mtb3", ""), &BoardsConfig::default());
+    play(&mut supervisor, 0, 35, |_, _, _| None);
+    supervisor.stop();
+    let sent = play(&mut supervisor, 36, 2_000, |_, _, _| None);
+    assert_eq!(text(&sent), [(40, "201#0701")], "10 ms after the last command");
+    assert!(supervisor.is_stopped());
+}
+
+#[test]
+fn a_step_that_could_not_be_sent_begins_the_configuration_again() {
+    let mut supervisor = BoardSupervisor::new(&icub("icub-mtb3", ""), &BoardsConfig::default());
+    assert!(supervisor.poll(0, |_| None).is_some());
+    let second = supervisor.poll(10 * MS, |_| None).unwrap();
+    supervisor.not_sent(&second, 10 * MS);
+    let sent = play(&mut supervisor, 11, 700, |_, _, _| None);
+    let again: Vec<(u64, &str)> = CONFIGURATION.iter().map(|(t, f)| (110 + t, *f)).collect();
+    assert_eq!(text(&sent), again);
+    assert_eq!(supervisor.restarts(0), 0);
+}
+
+#[test]
+fn boards_are_configured_side_by_side() {
+    let text = Layout::builtin_text("icub-forearm").unwrap();
+    let (head, module) = text.split_once("[[module]]").unwrap();
+    let second = module
+        .replace("forearm strip", "second")
+        .replace("board = 1", "board = 2")
+        .replace("at = [0, 0]", "at = [0, 4]");
+    let head = head.replace("height = 4", "height = 8");
+    let layout = Layout::parse(
+        &format!("{head}[[module]]{module}\n[[module]]{second}"),
+        "two.toml",
+    )
+    .unwrap();
+    let mut supervisor = BoardSupervisor::new(&layout, &BoardsConfig::default());
+    let sent = play(&mut supervisor, 0, 600, |_, _, _| None);
+    for address in ["201", "202"] {
+        let mine: Vec<u64> = sent
+            .iter()
+            .filter(|(_, f)| f.starts_with(address))
+            .map(|(t, _)| *t)
+            .collect();
+        assert_eq!(
+            mine,
+            [0, 10, 20, 520],
+            "board {address}: all its triangles are one run"
+        );
+    }
+}
+
+#[test]
+fn a_cyskin_hub_is_sent_what_the_layout_says_once_for_all_its_modules() {
+    let parameters = CYSKIN.to_string()
+        + "start = [{ command = 0x38, data = [50], pause_ms = 30 }, { command = 0x37, data = [1] }]\n\
+           stop = [{ command = 0x37, data = [0] }]\n";
+    let layout = cyskin(&parameters, 5);
+    let mut supervisor = BoardSupervisor::new(&layout, &BoardsConfig::default());
+    // Only the last module of each hub is ever heard, and only until 1 s.
+    let heard = |board: u16, now: u64, _: &[(u64, String)]| (board % 5 == 4).then_some(now.min(1_000 * MS));
+    let sent = play(&mut supervisor, 0, 1_100, heard);
+    assert_eq!(
+        text(&sent),
+        [
+            (0, "14000123#3801326B"),
+            (0, "14000124#3801326B"),
+            (30, "14000123#37010139"),
+            (30, "14000124#37010139"),
+        ]
+    );
+    let sent = play(&mut supervisor, 1_101, 1_200, heard);
+    assert_eq!(
+        sent.len(),
+        4,
+        "both are silent for 150 ms and started again: {sent:?}"
+    );
+    assert_eq!([0, 4, 5, 9].map(|board| supervisor.restarts(board)), [1; 4]);
+    supervisor.stop();
+    let sent = play(&mut supervisor, 1_201, 2_000, heard);
+    assert_eq!(
+        text(&sent).iter().map(|(_, f)| *f).collect::<Vec<_>>(),
+        ["14000123#37010038", "14000124#37010038"]
+    );
+    assert!(supervisor.is_stopped());
+}
+
+#[test]
+fn boards_without_commands_are_left_alone() {
+    let layouts = [
+        Layout::builtin("allegro-xela-18").unwrap(),
+        Layout::builtin("cpm-finger").unwrap(),
+        Layout::builtin("schunk-sdh").unwrap(),
+        Layout::parse(&cyskin_text(CYSKIN, 2), "cy.toml").unwrap(),
+    ];
+    for layout in layouts {
+        let mut supervisor = BoardSupervisor::new(&layout, &BoardsConfig::default());
+        assert_eq!(supervisor.poll(0, |_| None), None, "{}", layout.name);
+        assert_eq!(supervisor.next_at_ns(), None);
+        supervisor.stop();
+        assert!(supervisor.is_stopped());
+    }
+}
+
+#[test]
+fn no_order_to_any_board_of_any_built_in_hand_is_of_class_7() {
+    for name in Layout::builtin_names() {
+        let layout = Layout::builtin(name).unwrap();
+        for mode in [BoardsMode::FreeRunning, BoardsMode::Triggered] {
+            let config = BoardsConfig {
+                mode,
+                ..BoardsConfig::default()
+            };
+            let mut supervisor = BoardSupervisor::new(&layout, &config);
+            // `play` checks each frame.
+            play(&mut supervisor, 0, 3_000, |board, now, _| {
+                (board % 2 == 0).then_some(now)
+            });
+            supervisor.stop();
+            while let Some(next) = supervisor.next_at_ns() {
+                if let Some(command) = supervisor.poll(next, |_| None) {
+                    assert_eq!(command.mode, TxMode::Stop);
+                }
+            }
+            assert!(supervisor.is_stopped());
+        }
+    }
+}

@@ -1,0 +1,48 @@
+//! Layouts that several tests use, from short descriptions.
+#![allow(dead_code)]
+
+use taxel_skin::Layout;
+
+/// One iCub board of this protocol with the ten taxels of triangles 0 and 3.
+pub(crate) fn icub(protocol: &str, setup: &str) -> Layout {
+    let triangle = |t: u32| {
+        let pads = [0, 1, 2, 3, 4, 5, 7, 8, 9, 11].map(|pad| (12 * t + pad).to_string());
+        format!("[{}]", pads.join(", "))
+    };
+    let text = format!(
+        "name = \"icub\"\nimage = {{ width = 10, height = 2 }}\nbuses = [\"can0\"]\n[[module]]\nname = \"arm\"\n\
+         part = \"arm\"\nbus = \"can0\"\nboard = 1\nprotocol = \"{protocol}\"\nat = [0, 0]\n{setup}\n\
+         order = [{}, {}]\n",
+        triangle(0),
+        triangle(3)
+    );
+    Layout::parse(&text, "icub.toml").unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// The parameters of CySkin that a test assumes; nothing in the product does.
+pub(crate) const CYSKIN: &str =
+    "byte_order = \"big\"\nchecksum = \"sum\"\nsequence_bytes_above = 5\nsensors_per_module = 12\n";
+
+/// Hubs 0x123 and 0x124 on one bus, with `modules` modules of seven taxels (sensors 1 to 7) each.
+pub(crate) fn cyskin_text(parameters: &str, modules: u32) -> String {
+    let mut text = format!(
+        "name = \"cy\"\nimage = {{ width = 1000, height = 40 }}\nbuses = [\"can0\"]\n[cyskin]\n{parameters}\n\
+         [[cyskin.hub]]\nname = \"a\"\nbus = \"can0\"\naddress = 0x123\n\
+         [[cyskin.hub]]\nname = \"b\"\nbus = \"can0\"\naddress = 0x124\n"
+    );
+    for (row, hub) in ["a", "b"].into_iter().enumerate() {
+        for m in 0..modules {
+            text += &format!(
+                "[[module]]\nname = \"{hub}{m}\"\npart = \"{hub}\"\nbus = \"can0\"\nhub = \"{hub}\"\nboard = {m}\n\
+                 protocol = \"cyskin\"\nat = [{}, {}]\norder = [[1, 2, 3, 4, 5, 6, 7]]\n",
+                m % 140 * 7,
+                row * 20 + m as usize / 140
+            );
+        }
+    }
+    text
+}
+
+pub(crate) fn cyskin(parameters: &str, modules: u32) -> Layout {
+    Layout::parse(&cyskin_text(parameters, modules), "cy.toml").unwrap_or_else(|e| panic!("{e}"))
+}
