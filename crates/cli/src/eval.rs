@@ -12,8 +12,8 @@ use serde::Serialize;
 use std::io::{self, Write};
 use std::path::PathBuf;
 use taxel_eval::{
-    ContactTruth, EvalReport, Method, MethodReport, References, Sequence, judge, quantile, standard_methods,
-    time,
+    ContactTruth, EvalReport, Method, MethodReport, References, ScalingReport, Sequence, judge, quantile,
+    standard_methods, synthetic, time,
 };
 use taxeld::Config;
 
@@ -45,6 +45,9 @@ pub(crate) struct Args {
     /// Also judge the first two methods with 2, 4, 8, 16 and 32 levels and actuators
     #[arg(long)]
     sweep_k: bool,
+    /// Also time both stages on made-up skins of 16 to 65,280 taxels, all in contact
+    #[arg(long)]
+    scaling: bool,
     /// Print one JSON object
     #[arg(long)]
     json: bool,
@@ -57,13 +60,27 @@ pub(crate) struct Args {
     /// Write every number as a table, one line per input, size and method
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
-    /// Write the conditioned frames of INPUT as .npz: force and contact (T x N), x, y (N), t_ns (T)
+    /// Write the conditioned frames of INPUT as .npz: force and contact (T x N), x, y (N), t_ns (T), and the least errors,
+    /// level_error and place_error (T)
     #[arg(long, value_name = "FILE")]
     export: Option<PathBuf>,
 }
 
 /// Levels and actuators of `--sweep-k`.
 const SIZES: [u16; 5] = [2, 4, 8, 16, 32];
+
+/// Width and height of the skins of `--scaling`; a layout has no more than 65,535 taxels.
+const SHAPES: [[u16; 2]; 7] = [
+    [4, 4],
+    [8, 8],
+    [16, 16],
+    [32, 32],
+    [64, 64],
+    [128, 128],
+    [256, 255],
+];
+const SCALING_FRAMES: usize = 30;
+const SCALING_PASSES: usize = 5;
 
 /// What `--json` prints.
 #[derive(Debug, Serialize)]
@@ -74,6 +91,8 @@ struct Output {
     scenes: Vec<EvalReport>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     sweep: Vec<EvalReport>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    scaling: Vec<ScalingReport>,
 }
 
 /// Frames, what they are called, and how their contacts compare with the truth if that is known.
@@ -95,11 +114,11 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     if frames.sequence.is_empty() {
         bail!("{path}: no frame: it ends before its first tick or sweep is complete");
     }
-    if let Some(file) = &args.export {
-        export::write(file, &frames.sequence).with_context(|| file.display().to_string())?;
-    }
     let base = config.profile;
-    let input = args.report(&frames, &args.methods(&base)?)?;
+    let (input, references) = args.report(&frames, &args.methods(&base)?)?;
+    if let Some(file) = &args.export {
+        export::write(file, &frames.sequence, &references).with_context(|| file.display().to_string())?;
+    }
     if input.contact_frames == 0 {
         eprintln!("taxel: {path}: nothing is in contact in any frame, so there is nothing to judge");
     }
@@ -107,12 +126,13 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         input,
         scenes: Vec::new(),
         sweep: Vec::new(),
+        scaling: Vec::new(),
     };
     for scene in &args.scene {
         let (frames, config) = scene::frames(scene, &args.offline)?;
         output
             .scenes
-            .push(args.report(&frames, &args.methods(&config.profile)?)?);
+            .push(args.report(&frames, &args.methods(&config.profile)?)?.0);
     }
     if args.sweep_k {
         for size in SIZES {
@@ -121,8 +141,11 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             for method in &mut methods {
                 (method.profile.levels, method.profile.actuators) = (size, size);
             }
-            output.sweep.push(args.report(&frames, &methods)?);
+            output.sweep.push(args.report(&frames, &methods)?.0);
         }
+    }
+    if args.scaling {
+        output.scaling = scaling(&args.methods(&base)?)?;
     }
     let reports = || {
         [&output.input]
@@ -138,11 +161,29 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         text = serde_json::to_string(&output)? + "\n";
     } else {
         reports().for_each(|report| text += &table::human(report));
+        text += &table::scaling(&output.scaling);
     }
     let mut out = io::stdout().lock();
     out.write_all(text.as_bytes())
         .and_then(|()| out.flush())
         .context("stdout")
+}
+
+/// Times both stages on hands of every size.
+fn scaling(methods: &[Method]) -> anyhow::Result<Vec<ScalingReport>> {
+    let progress = Progress::new(SHAPES.len() as u64, "sizes");
+    let of_shape = |[width, height]: [u16; 2]| -> anyhow::Result<ScalingReport> {
+        let sequence = synthetic(width, height, SCALING_FRAMES)?;
+        let timings = time(&sequence, methods, SCALING_PASSES, None, || ());
+        progress.advance(1);
+        Ok(ScalingReport {
+            taxels: sequence.layout.len(),
+            methods: (methods.iter().zip(&timings))
+                .map(|(method, timings)| (method.name.clone(), timings.least_compress_us()))
+                .collect(),
+        })
+    };
+    SHAPES.into_iter().map(of_shape).collect()
 }
 
 /// The frames of a recording as the daemon conditions them.
@@ -189,7 +230,7 @@ impl Args {
         Ok(parsed.collect::<Result<_, _>>()?)
     }
 
-    fn report(&self, frames: &Frames, methods: &[Method]) -> anyhow::Result<EvalReport> {
+    fn report(&self, frames: &Frames, methods: &[Method]) -> anyhow::Result<(EvalReport, References)> {
         let sequence = &frames.sequence;
         let profile = &methods.first().context("no method to judge")?.profile;
         let (levels, actuators) = (profile.levels, profile.actuators);
@@ -225,7 +266,7 @@ impl Args {
         let mut contacts: Vec<f64> = references.frames.iter().map(|f| f.force.len() as f64).collect();
         contacts.retain(|n| *n > 0.0);
         let words = if sequence.conditioning.is_some() { 3.0 } else { 1.0 };
-        Ok(EvalReport {
+        let report = EvalReport {
             input: frames.name.clone(),
             frames: sequence.len(),
             taxels: sequence.layout.len(),
@@ -240,6 +281,7 @@ impl Args {
             conditioning_timed: sequence.conditioning.is_some(),
             contact_truth: frames.truth,
             methods: reports.collect(),
-        })
+        };
+        Ok((report, references))
     }
 }

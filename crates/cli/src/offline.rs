@@ -188,7 +188,7 @@ pub(crate) fn pipeline(
     let mut failure = None;
     run_recorded(config, frames, None, |_, outputs: &Outputs| {
         if failure.is_none() {
-            failure = emit(Some(&outputs.tactile), &outputs.force, &outputs.image).err();
+            failure = emit(Some(outputs.tactile), outputs.force, outputs.image).err();
         }
     })?;
     failure.map_or(Ok(()), Err)

@@ -53,6 +53,16 @@ pub struct Timings {
 }
 
 impl Timings {
+    /// The quantiles over frames of the time of both stages, each frame's the least of its passes: for few passes.
+    pub fn least_compress_us(&self) -> Quantiles {
+        let of_frame = |laps: &Vec<Lap>| {
+            laps.iter()
+                .map(|lap| f64::from(lap.compress_us))
+                .fold(f64::INFINITY, f64::min)
+        };
+        Quantiles::of(&mut self.laps.iter().map(of_frame).collect::<Vec<_>>())
+    }
+
     /// The quantiles over frames.
     pub fn cost(&self) -> Cost {
         let median = |of: fn(&Lap) -> f32| -> Quantiles {
@@ -199,5 +209,9 @@ mod tests {
         assert_eq!((cost.tick_us.p50, cost.tick_us.max), (4.0, 10.0));
         assert_eq!((cost.condition_us.p50, cost.compress_us.max), (1.0, 8.0));
         assert_eq!((cost.every_tick_us.p50, cost.every_tick_us.max), (10.0, 92.0));
+        assert_eq!(
+            (timings.least_compress_us().p50, timings.least_compress_us().max),
+            (2.0, 8.0)
+        );
     }
 }

@@ -22,6 +22,8 @@ const WEBER: f64 = 0.07;
 pub struct Errors {
     /// Squared error of the force levels over the least there is: mean over frames.
     pub force_sse_ratio_mean: f64,
+    /// ... half of the frames have no more; a mean is easily one frame's whose least error is close to zero.
+    pub force_sse_ratio_p50: f64,
     /// ... 95 in 100 frames have no more.
     pub force_sse_ratio_p95: f64,
     /// ... the worst frame.
@@ -208,9 +210,9 @@ impl Sums {
         let bits = |values: u64| f64::from(values.max(1).next_power_of_two().trailing_zeros());
         let per_actuator = bits(sequence.layout.len() as u64) + bits(u64::from(method.profile.levels));
         let parts = self.cop_errors.len() as u64 + self.cop_missed;
-        let [force_mean, force_p95, force_max] = summary(&mut self.force_ratios);
-        let [place_mean, place_p95, place_max] = summary(&mut self.place_ratios);
-        let [snapped_mean, snapped_p95, _] = summary(&mut self.snapped_ratios);
+        let [force_mean, force_p50, force_p95, force_max] = summary(&mut self.force_ratios);
+        let [place_mean, _, place_p95, place_max] = summary(&mut self.place_ratios);
+        let [snapped_mean, _, snapped_p95, _] = summary(&mut self.snapped_ratios);
         let root = |error: f64| {
             if self.squares > 0.0 {
                 (error / self.squares).sqrt()
@@ -220,6 +222,7 @@ impl Sums {
         };
         Errors {
             force_sse_ratio_mean: force_mean,
+            force_sse_ratio_p50: force_p50,
             force_sse_ratio_p95: force_p95,
             force_sse_ratio_max: force_max,
             force_optimal_fraction: share(self.optimal, self.contact_frames),
@@ -251,12 +254,18 @@ impl Sums {
     }
 }
 
-/// Mean, 95th percentile and maximum of ratios; 1 of nothing.
-fn summary(ratios: &mut [f64]) -> [f64; 3] {
+/// Mean, median, 95th percentile and maximum of ratios; 1 of nothing.
+fn summary(ratios: &mut [f64]) -> [f64; 4] {
     if ratios.is_empty() {
-        return [1.0; 3];
+        return [1.0; 4];
     }
-    [mean(ratios), quantile(ratios, 0.95), quantile(ratios, 1.0)]
+    let average = mean(ratios);
+    [
+        average,
+        quantile(ratios, 0.5),
+        quantile(ratios, 0.95),
+        quantile(ratios, 1.0),
+    ]
 }
 
 #[cfg(test)]

@@ -14,6 +14,7 @@ mod pressure;
 mod quantile;
 mod report;
 mod sequence;
+mod synthetic;
 mod tally;
 
 pub use best_levels::least_level_error;
@@ -23,5 +24,6 @@ pub use cost::{Allocations, Cost, Timings, time};
 pub use judge::{Errors, judge};
 pub use method::{Method, MethodError, standard_methods};
 pub use quantile::{Quantiles, quantile};
-pub use report::{CostDetail, EvalReport, MethodReport};
+pub use report::{CostDetail, EvalReport, MethodReport, ScalingReport};
 pub use sequence::{Reference, References, Sequence};
+pub use synthetic::synthetic;

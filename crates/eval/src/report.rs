@@ -39,6 +39,15 @@ pub struct EvalReport {
     pub methods: Vec<MethodReport>,
 }
 
+/// What compression of a skin of some size costs, every taxel in contact.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ScalingReport {
+    /// Taxels, all of them in contact.
+    pub taxels: usize,
+    /// Time of both stages per method, microseconds: over frames, each frame's the least of a few passes.
+    pub methods: Vec<(String, crate::Quantiles)>,
+}
+
 /// What one method does to the frames, and what it costs.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct MethodReport {

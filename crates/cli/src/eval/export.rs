@@ -6,10 +6,11 @@ use ndarray_npy::NpzWriter;
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
-use taxel_eval::Sequence;
+use taxel_eval::{References, Sequence};
 
-/// Writes `force` (f64) and `contact` (u8) `T x N`, 0 where a taxel has a fault; `x`, `y` (u16) `N`; `t_ns` (u64) `T`.
-pub(super) fn write(path: &Path, sequence: &Sequence) -> anyhow::Result<()> {
+/// Writes `force` (f64) and `contact` (u8) `T x N`, 0 where a taxel has a fault; `x`, `y` (u16) `N`; `t_ns` (u64) `T`; and
+/// what a method's errors are divided by: `level_error`, `place_error` (f64) `T`.
+pub(super) fn write(path: &Path, sequence: &Sequence, references: &References) -> anyhow::Result<()> {
     let shape = (sequence.len(), sequence.layout.len());
     let usable = |t: usize, n: usize| sequence.force[t].contact[n] && sequence.force[t].faults[n].is_empty();
     let contact = Array2::from_shape_fn(shape, |(t, n)| u8::from(usable(t, n)));
@@ -23,6 +24,15 @@ pub(super) fn write(path: &Path, sequence: &Sequence) -> anyhow::Result<()> {
     npz.add_array(
         "t_ns",
         &sequence.force.iter().map(|f| f.t_ns).collect::<Array1<u64>>(),
+    )?;
+    let best = &references.frames;
+    npz.add_array(
+        "level_error",
+        &best.iter().map(|f| f.level_error).collect::<Array1<f64>>(),
+    )?;
+    npz.add_array(
+        "place_error",
+        &best.iter().map(|f| f.place_error).collect::<Array1<f64>>(),
     )?;
     npz.finish()?.flush().context("writing")
 }

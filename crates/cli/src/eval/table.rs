@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 use std::fmt::Write;
-use taxel_eval::EvalReport;
+use taxel_eval::{EvalReport, ScalingReport};
 
 /// Two tables, errors and cost, below a line of what was measured.
 pub(super) fn human(report: &EvalReport) -> String {
@@ -46,6 +46,7 @@ pub(super) fn human(report: &EvalReport) -> String {
     line(&head(&[
         "errors",
         "force",
+        "p50",
         "p95",
         "optimal",
         "place",
@@ -67,6 +68,7 @@ pub(super) fn human(report: &EvalReport) -> String {
         line(&[
             m.name.clone(),
             ratio(e.force_sse_ratio_mean),
+            ratio(e.force_sse_ratio_p50),
             ratio(e.force_sse_ratio_p95),
             percent(e.force_optimal_fraction),
             ratio(e.position_sse_ratio_mean),
@@ -136,6 +138,22 @@ pub(super) fn human(report: &EvalReport) -> String {
         );
     }
     text.push('\n');
+    text
+}
+
+/// How the time of both stages grows; nothing of nothing.
+pub(super) fn scaling(reports: &[ScalingReport]) -> String {
+    let mut text = String::new();
+    for report in reports {
+        for (name, us) in &report.methods {
+            let per_taxel = 1e3 * us.p50 / report.taxels as f64;
+            let _ = writeln!(
+                text,
+                "{:>6} taxels in contact  {name:24}  p50 {:>10.2} us  p99 {:>10.2} us  {per_taxel:>7.1} ns per taxel",
+                report.taxels, us.p50, us.p99
+            );
+        }
+    }
     text
 }
 
