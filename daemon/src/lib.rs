@@ -8,6 +8,7 @@ mod control;
 mod cost;
 mod display;
 mod displays;
+mod gather;
 mod hand;
 mod hub;
 mod listener;
@@ -155,7 +156,7 @@ impl Daemon {
             commands: obeyed,
             shared: shared.clone(),
             timer: tick::timer().map_err(system("make a timer"))?,
-            gather_ns: tick::gather_ns(&config.tick),
+            gather: gather::Gather::new(&config.tick),
             sources,
         };
 

@@ -4,6 +4,7 @@
 //! and never logs; what it has to say goes into the shared [`Snapshot`].
 
 use crate::displays::{Displays, Stream};
+use crate::gather::Gather;
 use crate::hub::Publisher;
 use crate::pipeline::{Frames, Pipeline};
 use crate::snapshot::Snapshot;
@@ -23,11 +24,6 @@ use taxel_wire::Header;
 const BATCH: usize = 1024;
 /// The thread wakes at least this often, to show that it lives and to keep the status fresh.
 const HEARTBEAT_NS: u64 = 100_000_000;
-/// After a bus was drained it is left alone for this long, so that frames come in handfuls and not one wake-up each.
-/// At 9,000 frames/s a bus collects 1 frame in the shorter time, 18 in the longer, of the 278 that the kernel's
-/// smallest queue holds.
-const GATHER_SWEEP_NS: u64 = 100_000;
-const GATHER_TIMER_NS: u64 = 2_000_000;
 
 /// What other threads ask of the tick thread.
 pub(crate) enum Command {
@@ -98,8 +94,7 @@ pub(crate) struct TickThread {
     pub(crate) commands: mpsc::Receiver<Command>,
     pub(crate) shared: Arc<Shared>,
     pub(crate) timer: TimerFd,
-    /// How long a drained bus is left alone, nanoseconds.
-    pub(crate) gather_ns: u64,
+    pub(crate) gather: Gather,
 }
 
 /// The timer the thread waits with.
@@ -108,14 +103,6 @@ pub(crate) fn timer() -> nix::Result<TimerFd> {
         ClockId::CLOCK_MONOTONIC,
         TimerFlags::TFD_NONBLOCK | TimerFlags::TFD_CLOEXEC,
     )
-}
-
-/// How long a drained bus is left alone in this mode.
-pub(crate) fn gather_ns(tick: &crate::config::TickConfig) -> u64 {
-    match tick.mode {
-        crate::config::TickMode::Sweep => GATHER_SWEEP_NS,
-        crate::config::TickMode::Timer => GATHER_TIMER_NS.min(tick.period_ns() / 2),
-    }
 }
 
 /// Frames taken from one bus and not yet given to the pipeline.
@@ -146,13 +133,14 @@ impl TickThread {
 
             let now_ns = self.clock.now_ns();
             let mut more = false;
+            let mut drained = false;
             if now_ns >= quiet_until_ns || self.pipeline.due_ns().is_some_and(|due| due <= now_ns) {
                 for (source, batch) in self.sources.iter_mut().zip(&mut batches) {
                     batch.frames.clear();
                     batch.next = 0;
                     more |= source.receive(now_ns, &mut batch.frames);
                 }
-                quiet_until_ns = if more { 0 } else { now_ns + self.gather_ns };
+                drained = true;
             }
             let finished = !more && self.sources.iter().all(|s| s.is_finished());
 
@@ -187,6 +175,14 @@ impl TickThread {
                 // A recording ends with its last frame, so that it gives the same images however late its end is seen.
                 let until_ns = if finished { newest_ns.unwrap_or(0) } else { now_ns };
                 pipeline.advance(until_ns, &mut emit);
+            }
+
+            if drained {
+                let frames = batches.iter().map(|b| b.frames.len()).sum();
+                let pause_ns = self
+                    .gather
+                    .pause_ns(now_ns, frames, self.pipeline.sweep().awaited());
+                quiet_until_ns = if more { 0 } else { now_ns + pause_ns };
             }
 
             self.command_boards(now_ns);
