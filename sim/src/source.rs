@@ -127,9 +127,7 @@ impl CanSource for SimSource {
             let Some(received) = self.next_frame(now_ns) else {
                 return false;
             };
-            self.counters.received += 1;
-            self.counters.remote += u64::from(received.frame.is_remote());
-            self.counters.errors.frames += u64::from(received.frame.is_error());
+            self.counters.count(&received.frame);
             batch.push(received);
         }
         true

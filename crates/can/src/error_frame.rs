@@ -80,8 +80,8 @@ impl BusState {
 }
 
 impl SourceCounters {
-    /// Counts one frame that is handed to the caller.
-    pub(crate) fn count(&mut self, frame: &CanFrame) {
+    /// Counts one frame that a source hands to its caller: the frame itself, and what an error frame tells.
+    pub fn count(&mut self, frame: &CanFrame) {
         self.received += 1;
         if frame.is_error() {
             self.errors.add(frame);

@@ -5,7 +5,8 @@ use crate::offline::OfflineArgs;
 use anyhow::{Context, bail};
 use std::path::PathBuf;
 use taxel_compress::{Method, Profile, learn_codebook};
-use taxel_skin::ForceFrame;
+use taxel_skin::{ForceFrame, TactileFrame};
+use taxel_wire::Flags;
 use taxeld::Config;
 
 /// Compress a recording offline, with the same core as the daemon and the same bytes as its result.
@@ -75,8 +76,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         with_contact: 0,
         with_missing: 0,
     };
-    args.offline
-        .run(&input, &config, &mut |_, force, image| run.take(force, image))?;
+    args.offline.run(&input, &config, &mut |tactile, force, image| {
+        run.take(tactile, force, image)
+    })?;
     run.finish(args, &config)
 }
 
@@ -93,7 +95,12 @@ struct Run {
 }
 
 impl Run {
-    fn take(&mut self, force: &ForceFrame, image: &taxel_compress::TactileImage) -> anyhow::Result<()> {
+    fn take(
+        &mut self,
+        tactile: Option<&TactileFrame>,
+        force: &ForceFrame,
+        image: &taxel_compress::TactileImage,
+    ) -> anyhow::Result<()> {
         self.images += 1;
         self.calibrating += u64::from(image.calibrating);
         self.with_contact += u64::from(image.contacts > 0);
@@ -101,7 +108,10 @@ impl Run {
         if let Some(frames) = &mut self.frames {
             frames.push(force.clone());
         }
-        self.output.push(image)
+        let saturation = tactile.map_or(Flags::NONE, |tactile| {
+            Flags::of_saturation(tactile, force, 0..tactile.counts.len())
+        });
+        self.output.push(image, saturation)
     }
 
     fn finish(mut self, args: &Args, config: &Config) -> anyhow::Result<()> {

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use taxel_compress::{Profile, TactileImage};
 use taxel_record::ImageStack;
 use taxel_skin::Layout;
-use taxel_wire::{Header, ImageView, encode_image_payload};
+use taxel_wire::{Flags, Header, ImageView, encode_image_payload};
 
 /// What a file of images looks like.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -81,15 +81,16 @@ impl ImageOutput {
         })
     }
 
-    /// Writes an image.
-    pub(crate) fn push(&mut self, image: &TactileImage) -> anyhow::Result<()> {
+    /// Writes an image; `more_flags` are those that the image does not tell itself.
+    pub(crate) fn push(&mut self, image: &TactileImage, more_flags: Flags) -> anyhow::Result<()> {
         let Some(file) = &mut self.file else {
             self.stack.push(image);
             return Ok(());
         };
         // Both formats hold what a subscriber is given, so both are made from the message's bytes.
         encode_image_payload(image, &mut self.payload)?;
-        let header = Header::of_image(image, self.payload.len());
+        let mut header = Header::of_image(image, self.payload.len());
+        header.flags |= more_flags;
         let written = match self.format {
             OutputFormat::Bin => file
                 .write_all(&header.to_bytes())
