@@ -6,8 +6,8 @@
 //!
 //! - The least cost with `K` clusters is convex in `K`. So if every edge costs a penalty more, and the cheapest path of any
 //!   number of edges happens to have `K`, it is a cheapest path of `K` edges. One pass over the values ([`penalised`]) finds it
-//!   for one penalty, whatever `K`; a search over the penalty finds the right one, and the one that was right for the last
-//!   frame is mostly right for the next.
+//!   for one penalty, whatever `K`; a search over the penalty finds the right one, and one guessed from the last frame's
+//!   partition is mostly right.
 //! - Where no penalty gives `K` (several numbers of clusters cost the same for the decisive penalty, as on evenly spaced values),
 //!   a path with fewer edges and one with more can be spliced into one with exactly `K` ([`search`]).
 //!
@@ -36,7 +36,7 @@ use search::Search;
 
 /// A solver for one-dimensional k-means with all the memory it needs.
 ///
-/// It remembers the penalty that solved the last problem, so that a similar one next costs a single pass. That changes
+/// It remembers the partition that solved the last problem, so that a similar one next mostly costs a single pass. That changes
 /// the time a solution takes; it can change the solution only among partitions of equal cost.
 ///
 /// ```
@@ -53,8 +53,6 @@ pub struct Kmeans1d {
     pass: Pass,
     search: Search,
     centroids: Vec<f64>,
-    /// The penalty that solved the last problem, in the unit of the values squared.
-    penalty: Option<f64>,
 }
 
 /// An optimal partition of sorted values into clusters.
@@ -129,13 +127,12 @@ impl Kmeans1d {
             pass: Pass::new(points),
             search: Search::new(points),
             centroids: Vec::with_capacity(clusters),
-            penalty: None,
         }
     }
 
     /// Forgets the last problem, so that the next solution does not depend on it at all.
     pub fn forget(&mut self) {
-        self.penalty = None;
+        self.search.forget();
     }
 
     /// The optimal partition of ascending values into `clusters` clusters.
@@ -178,13 +175,9 @@ impl Kmeans1d {
     ) -> Result<Partition<'_>, Kmeans1dError> {
         check(values)?;
         self.check_size(values.len(), clusters)?;
-        self.search.starts.clear();
         if distinct_ascending(values, clusters + 1) <= clusters {
-            self.search.starts.extend(
-                (0..values.len())
-                    .filter(|n| *n == 0 || values[*n] != values[n - 1])
-                    .map(|n| n as u32),
-            );
+            let starts = (0..values.len()).filter(|n| *n == 0 || values[*n] != values[n - 1]);
+            self.search.take(starts.map(|n| n as u32), values.len());
         } else {
             self.grid.place(values, weights);
             self.partition(values, clusters);
@@ -199,20 +192,16 @@ impl Kmeans1d {
 
     /// Finds the starts of the clusters, with the fast costs if they are good enough.
     fn partition(&mut self, values: &[f64], clusters: usize) {
-        let unit = self.grid.step() * self.grid.step();
-        let hint = self.penalty.map(|p| p / unit).filter(|p| p.is_normal());
-        let mut penalty = self
+        let penalty = self
             .search
-            .run(&Fast::new(&self.grid), &mut self.pass, clusters, hint);
+            .run(&Fast::new(&self.grid), &mut self.pass, clusters, None);
         let allowed = self.grid.cost(&self.search.starts) * 2f64.powi(-32);
         let sure = penalty.is_some() && 2.0 * self.grid.uncertainty(clusters) <= allowed;
         if !sure || splits_equals(values, &self.search.starts) {
             self.grid.place_squares();
-            penalty = self
-                .search
+            self.search
                 .run(&Exact::new(&self.grid), &mut self.pass, clusters, penalty);
         }
-        self.penalty = penalty.map(|p| p * unit);
     }
 
     fn check_size(&self, values: usize, clusters: usize) -> Result<(), Kmeans1dError> {

@@ -66,6 +66,8 @@ pub struct Kmeans2d {
     moved: Vec<bool>,
     /// What the points of each id add up to.
     sums: Vec<Sums>,
+    /// How much nearer than another centroid points of each id must be to be sure to stay.
+    asks: Vec<f32>,
     /// Id that each key had in the last frame; [`NONE`] where it had none.
     id_of_key: Vec<u16>,
     /// Keys of the last frame.
@@ -132,6 +134,7 @@ impl Kmeans2d {
             pinned: vec![false; clusters],
             moved: vec![false; clusters],
             sums: vec![Sums::default(); clusters],
+            asks: vec![0.0; clusters],
             id_of_key: vec![NONE; keys],
             keys: Vec::with_capacity(keys),
             settled: false,

@@ -76,28 +76,31 @@ impl Contacts {
         self.rank.clear();
         self.part.clear();
         self.refused = 0;
-        for (rank, &Place { taxel, pixel, part }) in self.raster.iter().enumerate() {
-            let (Some(&force), Some(&contact), Some(faults)) = (
-                frame.force.get(taxel),
-                frame.contact.get(taxel),
-                frame.faults.get(taxel),
-            ) else {
-                continue;
-            };
-            if !faults.is_empty() {
+        let known = frame.force.len().min(frame.contact.len()).min(frame.faults.len());
+        let (force, contact) = (&frame.force[..known], &frame.contact[..known]);
+        let faults = &frame.faults[..known];
+        for (rank, place) in self.raster.iter().enumerate() {
+            if place.taxel >= known || !faults[place.taxel].is_empty() {
                 continue;
             }
-            if !is_force(force, contact) {
+            let contact = contact[place.taxel];
+            if !is_force(force[place.taxel], contact) {
                 self.refused += 1;
-            } else if contact && !frame.calibrating {
-                self.x.push(f64::from(pixel[0]));
-                self.y.push(f64::from(pixel[1]));
-                self.force.push(force);
-                self.pixel.push(pixel);
+            } else if contact {
                 self.rank.push(rank as u16);
-                self.part.push(part);
             }
         }
+        if frame.calibrating {
+            self.rank.clear();
+        }
+        let places = self.rank.iter().map(|rank| &self.raster[usize::from(*rank)]);
+        self.force.extend(places.clone().map(|place| force[place.taxel]));
+        self.x
+            .extend(places.clone().map(|place| f64::from(place.pixel[0])));
+        self.y
+            .extend(places.clone().map(|place| f64::from(place.pixel[1])));
+        self.pixel.extend(places.clone().map(|place| place.pixel));
+        self.part.extend(places.map(|place| place.part));
     }
 
     /// `N_C`.

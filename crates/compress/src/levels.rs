@@ -17,6 +17,9 @@ pub(crate) struct Levels {
     rank: Vec<u16>,
     /// Forces in ascending order.
     sorted: Vec<f64>,
+    /// The different forces in ascending order, and how many contacts have each.
+    values: Vec<f64>,
+    counts: Vec<u32>,
     solver: Kmeans1d,
     /// Level that each taxel (by raster order) had in the last frame, from 1; 0 where it had none.
     held: Vec<u16>,
@@ -35,6 +38,8 @@ impl Levels {
             order: Vec::with_capacity(most),
             rank: vec![0; most],
             sorted: Vec::with_capacity(taxels),
+            values: Vec::with_capacity(taxels),
+            counts: Vec::with_capacity(taxels),
             solver: Kmeans1d::new(taxels, most),
             held: vec![0; taxels],
         }
@@ -63,12 +68,24 @@ impl Levels {
         self.sorted.clear();
         self.sorted.extend_from_slice(forces);
         self.sorted.sort_unstable_by_key(|force| force.to_bits());
+        self.values.clear();
+        self.counts.clear();
+        for equal in self.sorted.chunk_by(|a, b| a == b) {
+            self.values.push(equal[0]);
+            self.counts.push(equal.len() as u32);
+        }
+        let levels = usize::from(profile.levels);
+        let found = if self.values.len() == self.sorted.len() {
+            self.solver.solve(&self.values, levels)
+        } else {
+            self.solver.solve_weighted(&self.values, &self.counts, levels)
+        };
         self.codebook.clear();
-        match self.solver.solve(&self.sorted, usize::from(profile.levels)) {
+        match found {
             Ok(found) => {
                 self.codebook.extend_from_slice(found.centroids);
                 for start in found.starts.iter().skip(1) {
-                    let border = self.sorted[*start as usize];
+                    let border = self.values[*start as usize];
                     for (level, force) in self.level.iter_mut().zip(forces) {
                         *level += u16::from(*force >= border);
                     }

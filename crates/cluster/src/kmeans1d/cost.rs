@@ -21,6 +21,9 @@ pub(super) trait Cost {
     /// Cost of the points `j..i`, less `offset(i) - offset(j)`.
     fn between(&self, j: usize, i: usize) -> f64;
 
+    /// Where the points `begin..end`, two clusters with a border at `at`, part: the first point nearer to the mean of the second.
+    fn border(&self, begin: usize, at: usize, end: usize) -> usize;
+
     /// What the total `g[i]` would be if the last cluster began at `j`.
     #[inline]
     fn at(&self, g: &[f64], j: usize, i: usize) -> f64 {
@@ -71,6 +74,10 @@ impl<'a> Fast<'a> {
 const LANES: usize = 4;
 
 impl Cost for Fast<'_> {
+    fn border(&self, begin: usize, at: usize, end: usize) -> usize {
+        self.grid.border(begin, at, end)
+    }
+
     fn points(&self) -> usize {
         self.grid.n
     }
@@ -133,9 +140,8 @@ fn scan(a: &[f64], b: &[f64], c: &[f64], f: impl Fn(f64, f64, f64) -> f64) -> (f
         for ((a, b), c) in a4.iter().zip(b4).zip(c4) {
             for lane in 0..LANES {
                 let value = f(a[lane], b[lane], c[lane]);
-                let less = value < least[lane];
-                least[lane] = if less { value } else { least[lane] };
-                at[lane] = if less { place } else { at[lane] };
+                at[lane] = if value < least[lane] { place } else { at[lane] };
+                least[lane] = if value < least[lane] { value } else { least[lane] };
             }
             place += LANES as f64;
         }
@@ -169,6 +175,10 @@ impl<'a> Exact<'a> {
 }
 
 impl Cost for Exact<'_> {
+    fn border(&self, begin: usize, at: usize, end: usize) -> usize {
+        self.grid.border(begin, at, end)
+    }
+
     fn points(&self) -> usize {
         self.grid.n
     }

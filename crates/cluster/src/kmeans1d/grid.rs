@@ -58,11 +58,6 @@ impl Grid {
         self.weights.is_empty()
     }
 
-    /// Length of a step in the unit of the values.
-    pub(super) fn step(&self) -> f64 {
-        (1.0 / self.scale.0) / self.scale.1
-    }
-
     /// Puts ascending finite values, not all equal, on the grid.
     ///
     /// A distance from the median is an integer of at most `2^(62 - b)` where the total weight is below `2^b`: so the sum of weights times
@@ -155,6 +150,13 @@ impl Grid {
             }
         }
         cost
+    }
+
+    /// Where the points `begin..end`, two clusters with a border at `at`, part: the first point nearer to the mean of the second.
+    pub(super) fn border(&self, begin: usize, at: usize, end: usize) -> usize {
+        let mean = |j: usize, i: usize| (self.sum[i] - self.sum[j]) / (self.weight[i] - self.weight[j]);
+        let middle = 0.5 * (mean(begin, at) + mean(at, end));
+        begin + self.at[begin..end].partition_point(|place| *place < middle)
     }
 
     /// How far the cost of the partition that [`super::cost::Fast`] finds may exceed the optimum, in steps squared.

@@ -8,6 +8,8 @@ use super::penalised::Pass;
 pub(super) struct Search {
     /// Starts of the clusters found.
     pub(super) starts: Vec<u32>,
+    /// Number of points they are starts of.
+    points: usize,
     few: Vec<u32>,
     many: Vec<u32>,
 }
@@ -24,9 +26,22 @@ impl Search {
     pub(super) fn new(points: usize) -> Self {
         Self {
             starts: Vec::with_capacity(points),
+            points: 0,
             few: Vec::with_capacity(points),
             many: Vec::with_capacity(points),
         }
+    }
+
+    /// Forgets the last problem.
+    pub(super) fn forget(&mut self) {
+        self.starts.clear();
+    }
+
+    /// Takes a partition found otherwise.
+    pub(super) fn take(&mut self, starts: impl Iterator<Item = u32>, points: usize) {
+        self.starts.clear();
+        self.starts.extend(starts);
+        self.points = points;
     }
 
     /// Leaves an optimal partition into `clusters` clusters in `starts`, and returns a penalty for which it is optimal; `None` if costs are too
@@ -52,7 +67,10 @@ impl Search {
         let mut few: Option<Found> = None;
         let mut many: Option<Found> = None;
         let mut stride = 3;
-        let mut penalty = hint.unwrap_or(2.0 * all / (wanted * wanted * wanted));
+        let mut penalty = hint
+            .or_else(|| self.guess(cost, clusters))
+            .unwrap_or(2.0 * all / (wanted * wanted * wanted));
+        self.points = n;
         loop {
             let mut chord = None;
             if let (Some(few), Some(many)) = (few, many) {
@@ -99,7 +117,75 @@ impl Search {
             } else {
                 stride * 2
             };
-            penalty = (penalty * (found.clusters as f64 / wanted).powi(stride)).min(2.0 * all);
+            penalty = self.next_penalty(cost, &found, clusters, stride).min(2.0 * all);
+        }
+    }
+
+    /// A penalty that the last problem's partition suggests for this one: `None` if it had another number of clusters.
+    ///
+    /// The old starts, in proportion, are moved by a few of Lloyd's iterations. The penalties for which a partition is optimal lie above what
+    /// its best split saves and below what its best merger costs; their geometric mean is a guess with room on both sides.
+    fn guess<C: Cost>(&mut self, cost: &C, clusters: usize) -> Option<f64> {
+        if self.starts.len() != clusters || clusters < 2 {
+            return None;
+        }
+        let n = cost.points();
+        let starts = &mut self.starts;
+        for (k, start) in starts.iter_mut().enumerate() {
+            *start = (*start as usize * n / self.points).clamp(k, n - clusters + k) as u32;
+        }
+        for k in 1..clusters {
+            starts[k] = starts[k].max(starts[k - 1] + 1);
+        }
+        for _ in 0..3 {
+            for k in 1..clusters {
+                let begin = starts[k - 1] as usize;
+                let end = starts.get(k + 1).map_or(n, |e| *e as usize);
+                let border = cost.border(begin, starts[k] as usize, end);
+                starts[k] = border.clamp(begin + 1, end - 1) as u32;
+            }
+        }
+        let (split, merger) = self.saved_and_lost(cost);
+        // Both bounds are too far off, the upper one by more.
+        let guess = (split * merger).sqrt();
+        guess.is_normal().then_some(guess)
+    }
+
+    /// What the best split of a cluster saves, and what the best merger of neighbours costs.
+    fn saved_and_lost<C: Cost>(&self, cost: &C) -> (f64, f64) {
+        let (n, starts) = (cost.points(), &self.starts);
+        let (mut split, mut merger) = (0.0, f64::INFINITY);
+        for (k, start) in starts.iter().enumerate() {
+            let begin = *start as usize;
+            let end = starts.get(k + 1).map_or(n, |e| *e as usize);
+            let whole = cost.between(begin, end);
+            for at in begin + 1..end {
+                let saved = whole - cost.between(begin, at) - cost.between(at, end);
+                split = if saved > split { saved } else { split };
+            }
+            if k > 0 {
+                let before = starts[k - 1] as usize;
+                let lost = cost.between(before, end) - cost.between(before, begin) - whole;
+                merger = if lost < merger { lost } else { merger };
+            }
+        }
+        (split, merger)
+    }
+
+    /// The next penalty to try after one that gave `found` clusters. With one cluster too few or too many, just beyond what would give one
+    /// more by a split, or one less by a merger; else by the law that `c(k)` falls as `1 / k^2`.
+    fn next_penalty<C: Cost>(&self, cost: &C, found: &Found, clusters: usize, stride: i32) -> f64 {
+        let by_law = found.penalty * (found.clusters as f64 / clusters as f64).powi(stride);
+        if stride > 6 || found.clusters.abs_diff(clusters) != 1 {
+            return by_law;
+        }
+        let (split, merger) = self.saved_and_lost(cost);
+        if found.clusters < clusters {
+            if split > 0.0 { 0.97 * split } else { by_law }
+        } else if merger.is_finite() {
+            1.03 * merger
+        } else {
+            by_law
         }
     }
 
@@ -129,8 +215,8 @@ impl Search {
 /// How many rows a pass treats together: short clusters are scanned row by row, long ones by halving.
 fn block_of(points: usize, clusters: usize) -> usize {
     match points / clusters {
-        0..12 => 1,
-        12..512 => 8,
+        0..20 => 1,
+        20..512 => 8,
         _ => 32,
     }
 }

@@ -6,10 +6,24 @@ use crate::Plane;
 /// Points side by side in one step.
 const LANES: usize = 8;
 
+/// The lesser of two numbers, as a vector unit has it in one instruction.
+#[inline(always)]
+fn lesser(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+/// The greater of two numbers.
+#[inline(always)]
+fn greater(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
 /// The points of a frame and the cluster each belongs to.
 #[derive(Debug)]
 pub(super) struct Assignment {
     n: usize,
+    /// The bits that an id takes.
+    ids: u32,
     x: Vec<[f32; LANES]>,
     y: Vec<[f32; LANES]>,
     weight: Vec<f32>,
@@ -21,10 +35,11 @@ pub(super) struct Assignment {
 }
 
 impl Assignment {
-    pub(super) fn new(points: usize, _clusters: usize) -> Self {
+    pub(super) fn new(points: usize, clusters: usize) -> Self {
         let steps = points.div_ceil(LANES);
         Self {
             n: 0,
+            ids: (clusters.next_power_of_two() - 1) as u32,
             x: Vec::with_capacity(steps),
             y: Vec::with_capacity(steps),
             weight: Vec::with_capacity(points),
@@ -49,18 +64,28 @@ impl Assignment {
     /// A point and its weight.
     pub(super) fn point(&self, n: usize) -> (f64, f64, f64) {
         (
-            f64::from(self.x[n / LANES][n % LANES]),
-            f64::from(self.y[n / LANES][n % LANES]),
+            f64::from(self.x.as_flattened()[n]),
+            f64::from(self.y.as_flattened()[n]),
             self.weight.get(n).map_or(1.0, |w| f64::from(*w)),
         )
     }
 
     /// Squared distances of a point to the two nearest centroids.
-    pub(super) fn distances(&self, n: usize) -> (f64, f64) {
-        (
-            f64::from(self.near[n / LANES][n % LANES]),
-            f64::from(self.next[n / LANES][n % LANES]),
-        )
+    pub(super) fn distances(&self, n: usize) -> (f32, f32) {
+        (self.near.as_flattened()[n], self.next.as_flattened()[n])
+    }
+
+    /// Whether points have weights.
+    pub(super) fn is_weighted(&self) -> bool {
+        !self.weight.is_empty()
+    }
+
+    /// The greatest weight of a point.
+    pub(super) fn greatest_weight(&self) -> f64 {
+        if self.weight.is_empty() {
+            return 1.0;
+        }
+        f64::from(self.weight.iter().copied().fold(0.0, greater))
     }
 
     /// Takes the points of a frame. Steps are filled up with copies of the last point.
@@ -84,47 +109,53 @@ impl Assignment {
     }
 
     /// Assigns every point to its nearest centroid, ties to the lowest id; says whether any label changed.
+    ///
+    /// The lowest bits of a squared distance make room for the id, so that the least of these numbers says both: distances count
+    /// as equal if they agree to a part in `2^23 / clusters`.
     pub(super) fn assign(&mut self, x: &[f32], y: &[f32]) -> bool {
-        let mut changed = false;
+        let ids = self.ids;
+        let mut changed = 0;
         let steps = self
             .x
             .iter()
             .zip(&self.y)
             .zip(self.near.iter_mut().zip(&mut self.next));
         for (((px, py), (near, next)), labels) in steps.zip(self.label.chunks_mut(LANES)) {
-            let mut first = [f32::INFINITY; LANES];
-            let mut second = [f32::INFINITY; LANES];
-            let mut nearest = [0f32; LANES];
-            let mut id = 0f32;
+            let mut first = [f32::MAX; LANES];
+            let mut second = [f32::MAX; LANES];
+            let mut id = 0;
             for (x, y) in x.iter().zip(y) {
                 for lane in 0..LANES {
                     let (dx, dy) = (px[lane] - x, py[lane] - y);
                     let distance = dx * dx + dy * dy;
-                    let less = distance < first[lane];
-                    let farther = if less { first[lane] } else { distance };
-                    second[lane] = if farther < second[lane] {
-                        farther
-                    } else {
-                        second[lane]
-                    };
-                    first[lane] = if less { distance } else { first[lane] };
-                    nearest[lane] = if less { id } else { nearest[lane] };
+                    let tagged = f32::from_bits(distance.to_bits() & !ids | id);
+                    second[lane] = lesser(second[lane], greater(first[lane], tagged));
+                    first[lane] = lesser(first[lane], tagged);
                 }
-                id += 1.0;
+                id += 1;
             }
-            *near = first;
-            *next = second;
-            for (label, nearest) in labels.iter_mut().zip(nearest) {
-                changed |= *label != nearest as u16;
-                *label = nearest as u16;
+            for lane in 0..LANES {
+                near[lane] = f32::from_bits(first[lane].to_bits() & !ids);
+                next[lane] = f32::from_bits(second[lane].to_bits() & !ids);
+            }
+            for (label, first) in labels.iter_mut().zip(first) {
+                let nearest = (first.to_bits() & ids) as u16;
+                changed |= *label ^ nearest;
+                *label = nearest;
             }
         }
-        changed
+        changed != 0
     }
 
     /// Weighted sum of squared distances to the nearest centroids.
     pub(super) fn cost(&self) -> f64 {
-        (0..self.n).map(|n| self.point(n).2 * self.distances(n).0).sum()
+        if self.weight.is_empty() {
+            let near = self.near.as_flattened();
+            return near[..self.n].iter().map(|near| f64::from(*near)).sum();
+        }
+        let near = self.near.as_flattened().iter().zip(&self.weight);
+        near.map(|(near, weight)| f64::from(*weight) * f64::from(*near))
+            .sum()
     }
 
     /// Takes one more centroid into account.
@@ -188,12 +219,22 @@ impl Assignment {
 
     /// Adds the points of each cluster up.
     pub(super) fn add_up(&self, sums: &mut [Sums]) {
-        for (n, label) in self.label.iter().enumerate() {
-            let (x, y, weight) = self.point(n);
-            let sums = &mut sums[usize::from(*label)];
-            sums.x += weight * x;
-            sums.y += weight * y;
-            sums.weight += weight;
+        let places = self.x.as_flattened().iter().zip(self.y.as_flattened());
+        if self.weight.is_empty() {
+            for ((x, y), label) in places.zip(&self.label) {
+                let sums = &mut sums[usize::from(*label)];
+                sums.x += f64::from(*x);
+                sums.y += f64::from(*y);
+                sums.weight += 1.0;
+            }
+        } else {
+            for (((x, y), label), weight) in places.zip(&self.label).zip(&self.weight) {
+                let sums = &mut sums[usize::from(*label)];
+                let weight = f64::from(*weight);
+                sums.x += weight * f64::from(*x);
+                sums.y += weight * f64::from(*y);
+                sums.weight += weight;
+            }
         }
     }
 
@@ -204,11 +245,11 @@ impl Assignment {
 
     /// Squared distance of a point to the nearest centroid.
     pub(super) fn near(&self, n: usize) -> f32 {
-        self.near[n / LANES][n % LANES]
+        self.near.as_flattened()[n]
     }
 
     /// Place of a point.
     pub(super) fn place_of(&self, n: usize) -> [f32; 2] {
-        [self.x[n / LANES][n % LANES], self.y[n / LANES][n % LANES]]
+        [self.x.as_flattened()[n], self.y.as_flattened()[n]]
     }
 }

@@ -46,21 +46,20 @@ impl Kmeans2d {
     /// Moves single points where that lowers the cost; says whether any moved.
     fn move_points(&mut self) -> bool {
         let mut moved = false;
-        // A cluster asks `m / (m + 1)` of its distance, so the lightest asks least.
-        let lightest = (self.sums.iter().map(|sums| sums.weight))
-            .filter(|weight| *weight > 0.0)
-            .fold(f64::INFINITY, f64::min);
+        self.ask();
         for n in 0..self.assignment.len() {
             let from = usize::from(self.assignment.labels()[n]);
-            let weight = self.assignment.weight(n);
-            let heavy = self.sums[from].weight;
-            let left = heavy - weight;
             let (near, next) = self.assignment.distances(n);
-            if near * heavy * (lightest + weight) <= next * left * lightest || left <= 0.0 {
+            if near * self.asks[from] <= next {
                 continue;
             }
             let (x, y, weight) = self.assignment.point(n);
-            let mut to = (from, near * heavy / left);
+            let heavy = self.sums[from].weight;
+            let left = heavy - weight;
+            if left <= 0.0 {
+                continue;
+            }
+            let mut to = (from, f64::from(near) * heavy / left);
             for (id, sums) in self.sums.iter().enumerate() {
                 if id != from && sums.weight > 0.0 {
                     let (dx, dy) = (x - f64::from(self.x[id]), y - f64::from(self.y[id]));
@@ -80,9 +79,29 @@ impl Kmeans2d {
                     self.y[id] = (sums.y / sums.weight) as f32;
                 }
                 self.assignment.relabel(n, to.0);
+                self.ask();
                 moved = true;
             }
         }
         moved
+    }
+
+    /// How many times nearer than the second nearest centroid a point of each cluster must be for it to be sure to stay: leaving saves
+    /// `n / (n - 1)` of the one distance, and costs `m / (m + 1)` of the other, least for the lightest cluster.
+    fn ask(&mut self) {
+        let lightest = (self.sums.iter().map(|sums| sums.weight))
+            .filter(|weight| *weight > 0.0)
+            .fold(f64::INFINITY, f64::min);
+        let heaviest = self.assignment.greatest_weight();
+        for (ask, sums) in self.asks.iter_mut().zip(&self.sums) {
+            let left = sums.weight - heaviest;
+            *ask = if left > 0.0 {
+                (sums.weight / left * (lightest + heaviest) / lightest) as f32 * 1.000_01
+            } else if self.assignment.is_weighted() {
+                f32::INFINITY
+            } else {
+                0.0
+            };
+        }
     }
 }

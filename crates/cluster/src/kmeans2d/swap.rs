@@ -150,7 +150,7 @@ impl Splits {
             shape.xx += weight * dx * dx;
             shape.xy += weight * dx * dy;
             shape.yy += weight * dy * dy;
-            shape.loss += weight * (next - near);
+            shape.loss += weight * f64::from(next - near);
         }
         for shape in &mut self.shape {
             let half = 0.5 * (shape.xx - shape.yy);
