@@ -8,6 +8,7 @@ mod control;
 mod cost;
 mod display;
 mod displays;
+mod feed;
 mod gather;
 mod hand;
 mod hub;

@@ -4,15 +4,15 @@
 //! up neither the tick nor another subscriber: all it can block is its own task.
 
 use crate::config::SocketConfig;
+use crate::feed::Feed;
 use crate::hand::Hand;
-use crate::hub::{Newest, Published, Reading};
+use crate::hub::Reading;
 use crate::profiles::{DisplayProfile, Lease, Made};
 use serde_json::{Value, json};
 use std::cell::{Cell, RefCell};
 use std::future::poll_fn;
-use std::io::{self, IoSlice};
+use std::io;
 use std::rc::Rc;
-use std::sync::Arc;
 use std::task::{Poll, ready};
 use std::time::Duration;
 use taxel_wire::{Event, EventKind, Subscribe, SubscribeError};
@@ -26,8 +26,6 @@ use tokio_seqpacket::{UnixSeqpacket, UnixSeqpacketListener};
 const SEND_BUFFER: usize = 4608;
 /// Subscriptions a client may have refused before it is disconnected.
 const MAX_REFUSALS: u32 = 8;
-/// Longest time between two images to a subscriber that asked for a lower rate.
-const LONGEST_PAUSE_S: f64 = 3600.0;
 /// Status reports to subscribers that asked for them.
 const STATUS_PERIOD: Duration = Duration::from_secs(1);
 
@@ -191,63 +189,11 @@ struct Asked {
     lease: JoinHandle<Result<Lease, String>>,
 }
 
-/// One stream of messages to one subscriber.
-struct Feed {
-    newest: watch::Receiver<Arc<Published>>,
-    /// Tick of the last message sent, for the count of those skipped; 0 before the first.
-    last: u64,
-    /// When the subscriber's highest rate allows the next message.
-    not_before: Instant,
-}
-
 /// Which of a subscriber's feeds.
 #[derive(Clone, Copy)]
 enum Stream {
     Image,
     Raw,
-}
-
-impl Feed {
-    /// The next message is the first: the newest may be as old as the time since the bus fell silent.
-    fn new(newest: &Newest) -> Self {
-        let mut newest = newest.receiver.clone();
-        newest.mark_unchanged();
-        Self {
-            newest,
-            last: 0,
-            not_before: Instant::now(),
-        }
-    }
-
-    /// Waits until there is a message to send and the time for it has come.
-    async fn ready(&mut self) -> Result<(), Farewell> {
-        if self.not_before > Instant::now() {
-            sleep_until(self.not_before).await;
-        }
-        loop {
-            self.newest.changed().await.map_err(|_| Farewell::Closed)?;
-            // A message may have been sent already that came while the one before it waited for the socket.
-            if self.newest.borrow().tick > self.last {
-                return Ok(());
-            }
-        }
-    }
-
-    fn is_ready(&self) -> bool {
-        self.not_before <= Instant::now() && self.newest.borrow().tick > self.last && self.has_changed()
-    }
-
-    fn has_changed(&self) -> bool {
-        self.newest.has_changed().unwrap_or(false)
-    }
-
-    /// Counts the newest message as taken, and holds the next one back for the sake of the rate.
-    fn take(&mut self, max_rate_hz: Option<f64>) {
-        self.newest.mark_unchanged();
-        if let Some(hz) = max_rate_hz {
-            self.not_before = Instant::now() + Duration::from_secs_f64((1.0 / hz).min(LONGEST_PAUSE_S));
-        }
-    }
 }
 
 impl<'a> Subscriber<'a> {
@@ -320,7 +266,7 @@ impl<'a> Subscriber<'a> {
                     self.send_status().await?;
                 }
                 ready = self.images.ready(), if self.wants.image => {
-                    ready?;
+                    ready.map_err(|_| Farewell::Closed)?;
                     self.send_newest(Stream::Image).await?;
                     // Or a subscriber whose socket is always full would be sent images alone.
                     if self.wants.raw && self.raw.is_ready() {
@@ -328,7 +274,7 @@ impl<'a> Subscriber<'a> {
                     }
                 }
                 ready = self.raw.ready(), if self.wants.raw => {
-                    ready?;
+                    ready.map_err(|_| Farewell::Closed)?;
                     self.send_newest(Stream::Raw).await?;
                 }
             }
@@ -417,8 +363,8 @@ impl<'a> Subscriber<'a> {
         if wants.image != self.wants.image {
             self.images = Feed::new(&self.made.newest);
         }
-        let now = Instant::now();
-        (self.images.not_before, self.raw.not_before) = (now, now);
+        self.images.hold_back_no_longer();
+        self.raw.hold_back_no_longer();
         self.wants = wants;
         Ok(self.size_send_buffer()?)
     }
@@ -431,11 +377,7 @@ impl<'a> Subscriber<'a> {
 
     /// Shows another profile, and says so. Ticks go on being counted across the change.
     async fn show(&mut self, made: Rc<Made>) -> Result<(), Farewell> {
-        let last = self.images.last;
-        self.images = Feed {
-            last,
-            ..Feed::new(&made.newest)
-        };
+        self.images = self.images.go_on_with(&made.newest);
         self.entry.profile.set(made.id);
         self.made = made;
         self.size_send_buffer()?;
@@ -488,44 +430,19 @@ impl<'a> Subscriber<'a> {
     /// Sends the image or raw frame that is newest at the moment when the socket takes it.
     async fn send_newest(&mut self, stream: Stream) -> Result<(), Farewell> {
         let stall = self.hand.subscribers.stall;
-        let Self {
-            socket,
-            entry,
-            wants,
-            images,
-            raw,
-            ..
-        } = self;
         let feed = match stream {
-            Stream::Image => images,
-            Stream::Raw => raw,
+            Stream::Image => &mut self.images,
+            Stream::Raw => &mut self.raw,
         };
-        feed.take(wants.max_rate_hz);
-        let sent = poll_fn(|cx| {
-            // A clone, so that the tick thread is not kept from publishing while the kernel copies the message.
-            let published: Arc<Published> = feed.newest.borrow().clone();
-            let Some(header) = published.header.filter(|_| published.tick > feed.last) else {
-                return Poll::Ready(Ok(()));
-            };
-            let skipped = match feed.last {
-                0 => 0,
-                last => published.tick - last - 1,
-            };
-            let header = header
-                .with_skipped(skipped.min(u32::MAX.into()) as u32)
-                .to_bytes();
-            let message = [IoSlice::new(&header), IoSlice::new(&published.payload)];
-            ready!(socket.poll_send_vectored(cx, &message))?;
-            feed.last = published.tick;
-            if let Stream::Image = stream {
-                entry.images.set(entry.images.get() + 1);
-                entry.skipped.set(entry.skipped.get() + skipped);
+        let sending = timeout(stall, feed.send(&self.socket, self.wants.max_rate_hz));
+        match (sending.await, stream) {
+            (Ok(Ok(Some(skipped))), Stream::Image) => {
+                self.entry.images.set(self.entry.images.get() + 1);
+                self.entry.skipped.set(self.entry.skipped.get() + skipped);
+                Ok(())
             }
-            Poll::Ready(Ok(()))
-        });
-        match timeout(stall, sent).await {
-            Ok(sent) => sent,
-            Err(_) => Err(Farewell::Stalled(stall)),
+            (Ok(sent), _) => Ok(sent.map(drop)?),
+            (Err(_), _) => Err(Farewell::Stalled(stall)),
         }
     }
 }

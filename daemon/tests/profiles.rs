@@ -189,13 +189,34 @@ fn ten_displays() -> Vec<(Option<Profile>, Option<&'static [&'static str]>)> {
     ]
 }
 
-/// A recording of a scene, and its frames as the recording has them: in whole microseconds from the first.
-fn record(folder: &TempDir, name: &str, seconds: u64) -> (String, Vec<(u8, Received)>) {
+/// A scene in which nothing is touched until ten displays have connected, however busy the machine is.
+const SCENE: &str = r#"
+name = "late touch"
+about = "Pressure travels over the whole hand after a long rest."
+seconds = 11.0
+[[contact]]
+shape = "flat"
+on = ["all"]
+radius = 30.0
+force_n = [[7.0, 0.0], [7.5, 0.8], [8.5, 1.2], [9.5, 0.4], [10.0, 0.0]]
+[[contact]]
+shape = "bump"
+on = ["all"]
+radius = 7.0
+path = [[0.0, 2.0, 2.0], [7.0, 2.0, 2.0], [9.0, 13.0, 5.0], [10.0, 5.0, 13.0], [11.0, 7.5, 7.5]]
+force_n = [[7.0, 0.0], [7.5, 4.0], [9.5, 4.0], [10.5, 0.0]]
+"#;
+
+/// A recording of the scene, and its frames as the recording has them: in whole microseconds from the first.
+fn record(folder: &TempDir) -> (String, Vec<(u8, Received)>) {
     let layout = hand();
-    let mut simulator = Simulator::new(&Scene::builtin(name).unwrap(), &layout, 1).unwrap();
+    let scene = folder.path().join("scene.toml");
+    std::fs::write(&scene, SCENE).unwrap();
+    let scene = Scene::load(&scene).unwrap();
+    let mut simulator = Simulator::new(&scene, &layout, 1).unwrap();
     simulator.start_all();
     let mut frames = Vec::new();
-    simulator.advance(seconds * 1_000_000_000, &mut frames);
+    simulator.advance(scene.length_ns(), &mut frames);
     let first_us = frames.iter().map(|(_, r)| r.t_ns).min().unwrap() / 1000;
     let path = folder.path().join("recording.log");
     let mut log = LogWriter::new(BufWriter::new(std::fs::File::create(&path).unwrap()));
@@ -257,7 +278,7 @@ fn offline(config: &Config, frames: &[(u8, Received)]) -> Vec<Images> {
 #[test]
 fn ten_different_displays_on_one_hand_each_get_what_a_compressor_of_their_own_makes() {
     let (folder, mut config) = config("sim:idle");
-    let (path, frames) = record(&folder, "ball-grasp", 9);
+    let (path, frames) = record(&folder);
     for (source, bus) in config.sources.iter_mut().zip(&config.layout.buses) {
         *source = format!("log:{path}?interface={bus}").parse().unwrap();
     }
@@ -321,7 +342,8 @@ fn ten_different_displays_on_one_hand_each_get_what_a_compressor_of_their_own_ma
             first < touched,
             "display {display} came too late: {first} of {touched}"
         );
-        assert!(images.len() > 150, "display {display}: {} images", images.len());
+        let shown = images.values().filter(|image| image.contacts > 0).count();
+        assert!(shown > 40, "display {display}: {shown} images with contacts");
         for (seq, image) in &images {
             assert_eq!(*image, expected[seq], "display {display}, image {seq}");
         }
