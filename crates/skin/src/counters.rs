@@ -35,6 +35,8 @@ impl BoardState {
 ///
 /// Each frame of the board is in exactly one of `used`, `duplicate`, `late`, `settling`, `malformed` and
 /// `queue_overflows`.
+///
+/// Where a frame carries several taxels, those that count readings count each of them.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct BoardCounters {
     /// Readings that renewed a taxel.
@@ -55,7 +57,10 @@ pub struct BoardCounters {
     pub sweeps: u64,
     /// Readings, used or not, whose status byte reports an error.
     pub status_errors: u64,
-    /// Start commands sent because the board was silent.
+    /// How often the board calibrated a part of its skin anew by itself ([`Decoder::recalibrations`]): its baseline holds
+    /// no longer, a re-zero is due.
+    pub recalibrations: u64,
+    /// Times it was told to start because it was silent.
     pub restarts: u64,
     /// Time between two sweeps of the board as measured, nanoseconds, 1 ms to 10 s; `None` until a taxel came twice.
     pub period_ns: Option<u64>,

@@ -428,11 +428,12 @@ impl Decoder {
         &self.counters
     }
 
-    /// Adds this bus's malformed frames and queue overflows of a board (module index) to its counters.
+    /// Adds this bus's malformed frames, queue overflows and re-calibrations of a board (module index) to its counters.
     pub fn add_to(&self, board: u16, counters: &mut BoardCounters) {
         if let Some(of_board) = self.boards.get(board as usize) {
             counters.malformed += of_board.malformed;
             counters.queue_overflows += of_board.queue_overflows;
+            counters.recalibrations += of_board.recalibrations;
         }
     }
 

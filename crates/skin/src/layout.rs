@@ -270,7 +270,7 @@ impl Layout {
         let first = module.first_taxel as usize;
         let taxels = &self.taxels[first..first + module.taxels as usize];
         taxels.iter().fold(0, |set, taxel| {
-            set | 1 << (taxel.k / crate::protocol::icub::PADS & 15)
+            set | 1 << ((taxel.k / crate::protocol::icub::PADS) & 15)
         })
     }
 }

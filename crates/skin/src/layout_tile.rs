@@ -74,7 +74,7 @@ pub(crate) fn check_order(
             if is_temperature {
                 return source.refuse(&span, LayoutProblem::NotATaxel { module: name(), k });
             }
-            if let Some(first) = std::mem::replace(&mut rows_of[k as usize], Some(row)) {
+            if let Some(first) = rows_of[k as usize].replace(row) {
                 let problem = LayoutProblem::OrderRepeats {
                     module: name(),
                     k,

@@ -399,7 +399,7 @@ fn what_is_not_public_has_no_default_and_is_asked_for_by_name() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
+    #![proptest_config(ProptestConfig::with_cases(24))]
 
     /// Whatever the parameters, what is encoded with them is decoded with them, in every length.
     #[test]

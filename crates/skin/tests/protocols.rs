@@ -4,7 +4,7 @@ mod support;
 
 use taxel_can::CanFrame;
 use taxel_skin::{
-    ConditionConfig, Conditioner, Decoded, Decoder, Fault, ForceFrame, Freshness, ICUB_NO_ACK,
+    BoardCounters, ConditionConfig, Conditioner, Decoded, Decoder, Fault, ForceFrame, Freshness, ICUB_NO_ACK,
     ICUB_NOT_CONNECTED, ICUB_OUT_OF_RANGE, Layout, Readings, STATUS_ERROR, SweepAssembler, SweepConfig,
     TactileFrame, icub_triangle_data,
 };
@@ -201,6 +201,9 @@ fn an_mtb4_that_calibrates_itself_anew_is_reported_and_an_mtb3_does_not() {
             }
         }
         assert_eq!(decoder.recalibrations(0), expected, "{protocol}");
+        let mut counters = BoardCounters::default();
+        decoder.add_to(0, &mut counters);
+        assert_eq!(counters.recalibrations, expected);
     }
 }
 
