@@ -1,0 +1,176 @@
+//! What is known of one servo, and how often it is asked.
+
+use crate::registers::{HardwareError, Model};
+
+/// How often each thing happened to one servo.
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
+pub struct ServoCounters {
+    /// Readings.
+    pub ok: u64,
+    /// Asked and silent.
+    pub timeouts: u64,
+    /// Answers with a wrong CRC.
+    pub bad_crc: u64,
+    /// Readings with the alert bit.
+    pub alerts: u64,
+    /// Answers that came after their deadline, or twice.
+    pub late: u64,
+    /// Answers with an error number.
+    pub refused: u64,
+    /// Cycles in which it was not asked because it had been silent.
+    pub rested: u64,
+}
+
+/// What a servo says it is (addresses 0 to 10).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ServoIdentity {
+    /// Model Number.
+    pub model_number: u16,
+    /// Firmware Version.
+    pub firmware: u8,
+    /// Baud Rate, as the register has it ([`crate::registers::baud_of`]).
+    pub baud_register: u8,
+    /// Return Delay Time, microseconds. More than a few make a cycle long.
+    pub return_delay_us: u16,
+    /// Drive Mode.
+    pub drive_mode: u8,
+}
+
+/// What is known of one servo beside its readings.
+#[derive(Debug, Default, Clone, Copy, PartialEq)]
+pub struct ServoState {
+    /// What happened so far.
+    pub counters: ServoCounters,
+    /// What it says it is; `None` until it was asked.
+    pub identity: Option<ServoIdentity>,
+    /// Whether its motor holds (Torque Enable); `None` until it was asked.
+    pub torque_enabled: Option<bool>,
+    /// Hardware Error Status; `None` until it was asked.
+    pub hardware_error: Option<HardwareError>,
+    /// Input voltage, volts; `None` until it was asked.
+    pub voltage_v: Option<f64>,
+    /// Temperature, degrees Celsius; `None` until it was asked.
+    pub temperature_c: Option<u8>,
+    /// Whether it answered when it was last asked.
+    pub alive: bool,
+}
+
+impl ServoIdentity {
+    /// The model; `None` for a number that is not in [`Model::of`].
+    pub fn model(&self) -> Option<&'static Model> {
+        Model::of(self.model_number)
+    }
+}
+
+/// After so many requests in a row without answer a servo is asked less often.
+const PATIENCE: u32 = 2;
+/// First and longest pause before a silent servo is asked again, nanoseconds.
+const FIRST_REST_NS: u64 = 50_000_000;
+const LONGEST_REST_NS: u64 = 500_000_000;
+/// Return Delay Time from the factory, until the servo has told its own.
+const FACTORY_RETURN_DELAY_NS: u64 = 500_000;
+
+/// One servo of the bus.
+#[derive(Debug, Clone)]
+pub(crate) struct Servo {
+    pub(crate) id: u8,
+    pub(crate) state: ServoState,
+    /// Whether its last reading had the alert bit.
+    pub(crate) alert: bool,
+    silent_in_a_row: u32,
+    rest_ns: u64,
+    /// When it is asked again; `None` if it is asked in every cycle.
+    pub(crate) ask_again_ns: Option<u64>,
+}
+
+impl Servo {
+    pub(crate) fn new(id: u8) -> Self {
+        Self {
+            id,
+            state: ServoState::default(),
+            alert: false,
+            silent_in_a_row: 0,
+            rest_ns: 0,
+            ask_again_ns: None,
+        }
+    }
+
+    /// How long it waits before it answers.
+    pub(crate) fn return_delay_ns(&self) -> u64 {
+        self.state
+            .identity
+            .map_or(FACTORY_RETURN_DELAY_NS, |i| u64::from(i.return_delay_us) * 1000)
+    }
+
+    pub(crate) fn current_unit_a(&self) -> Option<f64> {
+        self.state.identity?.model()?.current_unit_a()
+    }
+
+    /// Something of it came, good or not.
+    pub(crate) fn answered(&mut self) {
+        if !self.state.alive && self.silent_in_a_row > 0 {
+            // Restarted, or another servo in its place.
+            self.state.identity = None;
+        }
+        self.state.alive = true;
+        self.silent_in_a_row = 0;
+        self.rest_ns = 0;
+        self.ask_again_ns = None;
+    }
+
+    /// It was asked and said nothing, for sure.
+    pub(crate) fn was_silent(&mut self, now_ns: u64) {
+        self.state.counters.timeouts += 1;
+        self.silent_in_a_row += 1;
+        if self.silent_in_a_row >= PATIENCE {
+            self.state.alive = false;
+            self.rest_ns = (2 * self.rest_ns).clamp(FIRST_REST_NS, LONGEST_REST_NS);
+            self.ask_again_ns = Some(now_ns + self.rest_ns);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_silent_servo_is_asked_less_and_less_but_within_half_a_second() {
+        let mut servo = Servo::new(1);
+        servo.was_silent(0);
+        assert_eq!(servo.ask_again_ns, None);
+        let rests: Vec<u64> = (0..6)
+            .map(|_| {
+                servo.was_silent(1_000);
+                (servo.ask_again_ns.unwrap() - 1_000) / 1_000_000
+            })
+            .collect();
+        assert_eq!(rests, [50, 100, 200, 400, 500, 500]);
+        servo.answered();
+        assert_eq!(servo.ask_again_ns, None);
+        servo.was_silent(0);
+        assert_eq!(servo.ask_again_ns, None, "patience is full again");
+    }
+
+    #[test]
+    fn a_servo_that_comes_back_is_asked_who_it_is() {
+        let mut servo = Servo::new(1);
+        servo.answered();
+        servo.state.identity = Some(ServoIdentity {
+            model_number: 1030,
+            firmware: 46,
+            baud_register: 3,
+            return_delay_us: 0,
+            drive_mode: 0,
+        });
+        servo.was_silent(0);
+        servo.answered();
+        assert!(servo.state.identity.is_some(), "one answer missed is no restart");
+        servo.was_silent(0);
+        servo.was_silent(0);
+        assert_eq!(servo.return_delay_ns(), 0);
+        servo.answered();
+        assert!(servo.state.identity.is_none());
+        assert_eq!(servo.return_delay_ns(), 500_000);
+    }
+}

@@ -1,0 +1,125 @@
+//! A serial port: opened, made fast, read with a deadline.
+
+use super::low_latency;
+use serialport::{ClearBuffer, SerialPort, TTYPort};
+use std::io::{self, ErrorKind, Read, Write};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// What happened to a serial port.
+#[derive(Debug, thiserror::Error)]
+pub enum PortError {
+    /// It could not be opened.
+    #[error("cannot open {path} at {baud} bit/s: {source}; {advice}", path = .path.display(), advice = advice(.source))]
+    Open {
+        /// The device as it was named.
+        path: PathBuf,
+        /// Bits per second.
+        baud: u32,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// It was open and is gone, or does not take bytes.
+    #[error("{path} is gone ({source}): unplugged, or its driver reset it; it is opened again as soon as it is back", path = .path.display())]
+    Lost {
+        /// The device as it was named.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+}
+
+fn advice(error: &io::Error) -> &'static str {
+    match error.kind() {
+        ErrorKind::NotFound => "is the adapter plugged in? `ls /dev/serial/by-id` shows those that are",
+        ErrorKind::PermissionDenied => "add the user to the group dialout and log in anew",
+        _ => "does another program have it open? `fuser` followed by the device tells",
+    }
+}
+
+/// How fast a port hands over what it has received.
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
+pub struct PortLatency {
+    /// Whether the driver took the low-latency flag; a pseudo terminal has none.
+    pub low_latency: bool,
+    /// An FTDI adapter's latency timer as it is now, ms; it should be 1. `None` for other adapters.
+    pub ftdi_timer_ms: Option<u32>,
+}
+
+/// The longest a write may block before the port counts as lost.
+const WRITE_TIMEOUT: Duration = Duration::from_millis(200);
+
+/// An open serial port, 8N1, no flow control, for this program alone.
+#[derive(Debug)]
+pub(crate) struct Port {
+    tty: TTYPort,
+    path: PathBuf,
+    latency: PortLatency,
+}
+
+impl Port {
+    pub(crate) fn open(path: &Path, baud: u32) -> Result<Self, PortError> {
+        let failed = |source: io::Error| PortError::Open {
+            path: path.to_path_buf(),
+            baud,
+            source,
+        };
+        // A link's end is looked up anew each time: the device may have come back under another number.
+        let device = std::fs::canonicalize(path).map_err(failed)?;
+        let name = device.to_string_lossy();
+        let tty = TTYPort::open(&serialport::new(name, baud)).map_err(|e| failed(e.into()))?;
+        let low_latency = low_latency::set_low_latency(low_latency::descriptor(&tty)).is_ok();
+        tty.clear(ClearBuffer::All).map_err(|e| failed(e.into()))?;
+        Ok(Self {
+            tty,
+            path: path.to_path_buf(),
+            latency: PortLatency {
+                low_latency,
+                ftdi_timer_ms: ftdi_timer_ms(&device),
+            },
+        })
+    }
+
+    pub(crate) fn latency(&self) -> PortLatency {
+        self.latency
+    }
+
+    /// Bytes that have arrived and are not read.
+    pub(crate) fn waiting(&self) -> Result<usize, PortError> {
+        let n = self.tty.bytes_to_read().map_err(|e| self.lost(e.into()))?;
+        Ok(n as usize)
+    }
+
+    /// Reads what there is, waiting for the first byte; 0 if none came in time.
+    pub(crate) fn read(&mut self, into: &mut [u8], timeout: Duration) -> Result<usize, PortError> {
+        // Cannot fail: the port only notes it.
+        let _ = self.tty.set_timeout(timeout);
+        match self.tty.read(into) {
+            Ok(0) if !into.is_empty() => Err(self.lost(ErrorKind::UnexpectedEof.into())),
+            Ok(n) => Ok(n),
+            Err(e) if matches!(e.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => Ok(0),
+            Err(e) => Err(self.lost(e)),
+        }
+    }
+
+    pub(crate) fn write(&mut self, bytes: &[u8]) -> Result<(), PortError> {
+        let _ = self.tty.set_timeout(WRITE_TIMEOUT);
+        self.tty.write_all(bytes).map_err(|e| self.lost(e))
+    }
+
+    fn lost(&self, source: io::Error) -> PortError {
+        PortError::Lost {
+            path: self.path.clone(),
+            source,
+        }
+    }
+}
+
+/// The latency timer of an FTDI adapter, ms; `None` for any other device.
+fn ftdi_timer_ms(device: &Path) -> Option<u32> {
+    let name = device.file_name()?;
+    let file = Path::new("/sys/bus/usb-serial/devices")
+        .join(name)
+        .join("latency_timer");
+    std::fs::read_to_string(file).ok()?.trim().parse().ok()
+}

@@ -1,0 +1,342 @@
+//! The thread that reads joints, and what it shows.
+
+use super::now_ns;
+use super::port::{PortError, PortLatency};
+use super::serial_bus::SerialBus;
+use crate::bus::{
+    Bus, BusCounters, FastState, JointReading, NoReading, ServoState, WriteCommand, WriteRefused,
+};
+use crate::config::{JointSource, JointsConfig, JointsConfigError};
+use crate::synchrony::{AngleAt, JointHistory};
+use nix::errno::Errno;
+use nix::sys::prctl;
+use nix::sys::time::TimeSpec;
+use nix::time::{ClockId, ClockNanosleepFlags, clock_nanosleep};
+use std::io;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+/// Pause before a port is opened again, first and longest.
+const FIRST_PAUSE: Duration = Duration::from_millis(50);
+const LONGEST_PAUSE: Duration = Duration::from_millis(500);
+/// How often a sleeping thread looks whether it shall end.
+const LOOK_NS: u64 = 20_000_000;
+/// Readings kept per joint: a third of a second at 100 Hz.
+const HISTORY: usize = 32;
+
+/// Whether the serial port is there.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum PortState {
+    /// Not opened yet.
+    Starting,
+    /// Open.
+    Open,
+    /// Not there; it is tried again and again, at most half a second apart.
+    Away {
+        /// Why, in words for the user.
+        reason: String,
+        /// Since when, nanoseconds.
+        since_ns: u64,
+    },
+}
+
+/// What is known of the serial port.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct PortStatus {
+    /// The device as the configuration names it.
+    pub path: PathBuf,
+    /// Whether it is there.
+    pub state: PortState,
+    /// How fast it hands over what it receives; `None` before it was open.
+    pub latency: Option<PortLatency>,
+    /// How often it was opened; more than once means that it went away and came back.
+    pub opened: u64,
+}
+
+/// The newest cycle and what is known of the servos, one entry per joint in the order of the configuration.
+#[derive(Debug, Clone, PartialEq)]
+pub struct JointSnapshot {
+    /// Readings of the newest cycle, or why there is none.
+    pub results: Vec<Result<JointReading, NoReading>>,
+    /// Counters, voltage, temperature and hardware error of each servo.
+    pub servos: Vec<ServoState>,
+    /// Counters of the bus.
+    pub counters: BusCounters,
+    /// Whether all servos answer in one packet.
+    pub fast: FastState,
+}
+
+/// Why a reader could not be started.
+#[derive(Debug, thiserror::Error)]
+pub enum StartError {
+    /// The configuration makes no sense.
+    #[error(transparent)]
+    Config(#[from] JointsConfigError),
+    /// The configuration is for an Allegro hand, whose frames come over CAN ([`crate::AllegroDecoder`]).
+    #[error("source allegro has no serial port")]
+    NotSerial,
+    /// No thread.
+    #[error("cannot start the thread that reads joints: {0}")]
+    Thread(io::Error),
+}
+
+#[derive(Debug)]
+struct Shared {
+    snapshot: JointSnapshot,
+    history: JointHistory,
+    port: PortStatus,
+    commands: Vec<(usize, WriteCommand)>,
+}
+
+/// Reads joints from a serial port in a thread of its own, for ever: a port that goes away is opened again.
+///
+/// Nothing here waits for the thread longer than it takes to copy a few hundred bytes, and nothing allocates per
+/// cycle. Dropping it ends the thread; motors it has switched on are switched off.
+#[derive(Debug)]
+pub struct JointReader {
+    shared: Arc<Mutex<Shared>>,
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+    names: Vec<String>,
+    allow_writes: bool,
+}
+
+/// Most commands that wait for the thread.
+const COMMANDS: usize = 64;
+
+impl JointReader {
+    /// Starts the thread. A port that is not there yet is no error: it is opened when it comes.
+    pub fn start(config: &JointsConfig) -> Result<Self, StartError> {
+        config.check()?;
+        let JointSource::Dynamixel { path } = &config.source else {
+            return Err(StartError::NotSerial);
+        };
+        let bus = Bus::new(config);
+        let n = config.servo.len();
+        let shared = Arc::new(Mutex::new(Shared {
+            snapshot: JointSnapshot {
+                results: bus.results().to_vec(),
+                servos: vec![ServoState::default(); n],
+                counters: bus.counters(),
+                fast: bus.fast_state(),
+            },
+            history: JointHistory::new(n, HISTORY),
+            port: PortStatus {
+                path: path.clone(),
+                state: PortState::Starting,
+                latency: None,
+                opened: 0,
+            },
+            commands: Vec::with_capacity(COMMANDS),
+        }));
+        let stop = Arc::new(AtomicBool::new(false));
+        let thread = Thread {
+            bus,
+            path: path.clone(),
+            baud: config.baud,
+            margin_ns: config.answer_margin_ms.map(|ms| (ms * 1e6) as u64),
+            period_ns: (1e9 / config.rate_hz) as u64,
+            shared: shared.clone(),
+            stop: stop.clone(),
+            commands: Vec::with_capacity(COMMANDS),
+        };
+        let handle = std::thread::Builder::new()
+            .name("joints".into())
+            .spawn(move || thread.run())
+            .map_err(StartError::Thread)?;
+        Ok(Self {
+            shared,
+            stop,
+            thread: Some(handle),
+            names: config.joint_names(),
+            allow_writes: config.allow_writes,
+        })
+    }
+
+    /// Names of the joints, in the order of everything else.
+    pub fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    /// A copy of the newest cycle and of what is known of the servos.
+    pub fn snapshot(&self) -> JointSnapshot {
+        lock(&self.shared).snapshot.clone()
+    }
+
+    /// The same into memory that is there already; allocates nothing if it came from [`JointReader::snapshot`].
+    pub fn snapshot_into(&self, into: &mut JointSnapshot) {
+        into.clone_from_snapshot(&lock(&self.shared).snapshot);
+    }
+
+    /// Every joint's angle at `t_ns` (`CLOCK_MONOTONIC`), interpolated between readings, into `angles`; `None` for a
+    /// joint that was never read. `angles` has one place per joint; surplus places are left alone.
+    pub fn angles_at(&self, t_ns: u64, angles: &mut [Option<AngleAt>]) {
+        let shared = lock(&self.shared);
+        for (joint, angle) in angles.iter_mut().enumerate().take(shared.history.joints()) {
+            *angle = shared.history.at(joint, t_ns);
+        }
+    }
+
+    /// What is known of the serial port.
+    pub fn port(&self) -> PortStatus {
+        lock(&self.shared).port.clone()
+    }
+
+    /// Has a servo told something after the next cycle; refused unless the configuration allows writing. Commands that
+    /// wait when the port is lost are forgotten.
+    pub fn command(&self, joint: usize, command: WriteCommand) -> Result<(), WriteRefused> {
+        if !self.allow_writes {
+            return Err(WriteRefused::ReadOnly);
+        }
+        command.check(joint, self.names.len())?;
+        let commands = &mut lock(&self.shared).commands;
+        if commands.len() >= COMMANDS {
+            return Err(WriteRefused::QueueFull(commands.len()));
+        }
+        commands.push((joint, command));
+        Ok(())
+    }
+}
+
+impl Drop for JointReader {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+impl JointSnapshot {
+    fn clone_from_snapshot(&mut self, from: &JointSnapshot) {
+        self.results.clone_from(&from.results);
+        self.servos.clone_from(&from.servos);
+        self.counters = from.counters;
+        self.fast = from.fast;
+    }
+}
+
+fn lock(shared: &Mutex<Shared>) -> MutexGuard<'_, Shared> {
+    shared.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+struct Thread {
+    bus: Bus,
+    path: PathBuf,
+    baud: u32,
+    margin_ns: Option<u64>,
+    period_ns: u64,
+    shared: Arc<Mutex<Shared>>,
+    stop: Arc<AtomicBool>,
+    commands: Vec<(usize, WriteCommand)>,
+}
+
+impl Thread {
+    fn run(mut self) {
+        // Wake up on the microsecond, not within the 50 that a thread may oversleep by default.
+        let _ = prctl::set_timerslack(1);
+        let mut pause = FIRST_PAUSE;
+        while !self.stopped() {
+            match SerialBus::open(&self.path, self.baud, self.margin_ns, &mut self.bus) {
+                Ok(mut port) => {
+                    pause = FIRST_PAUSE;
+                    {
+                        let mut shared = lock(&self.shared);
+                        shared.port.state = PortState::Open;
+                        shared.port.latency = Some(port.latency());
+                        shared.port.opened += 1;
+                        shared.commands.clear();
+                    }
+                    if let Err(error) = self.cycles(&mut port) {
+                        self.away(&error);
+                    }
+                }
+                Err(error) => self.away(&error),
+            }
+            self.sleep_until(now_ns() + pause.as_nanos() as u64);
+            pause = (2 * pause).min(LONGEST_PAUSE);
+        }
+    }
+
+    /// Cycle after cycle until the port is lost or the thread shall end.
+    fn cycles(&mut self, port: &mut SerialBus) -> Result<(), PortError> {
+        let mut next_ns = now_ns();
+        while !self.stopped() {
+            port.cycle(&mut self.bus)?;
+            self.publish();
+            // A bus that is slower than its rate does not catch up.
+            next_ns = (next_ns + self.period_ns).max(now_ns());
+            self.sleep_until(next_ns);
+        }
+        self.bus.release_motors();
+        if self.bus.has_writes() {
+            port.cycle(&mut self.bus)?;
+        }
+        Ok(())
+    }
+
+    fn publish(&mut self) {
+        {
+            let mut shared = lock(&self.shared);
+            let shared = &mut *shared;
+            std::mem::swap(&mut shared.commands, &mut self.commands);
+            shared.snapshot.results.copy_from_slice(self.bus.results());
+            for (i, state) in shared.snapshot.servos.iter_mut().enumerate() {
+                if let Some(servo) = self.bus.servo(i) {
+                    *state = *servo;
+                }
+            }
+            shared.snapshot.counters = self.bus.counters();
+            shared.snapshot.fast = self.bus.fast_state();
+            for (joint, result) in self.bus.results().iter().enumerate() {
+                if let Ok(reading) = result {
+                    shared.history.push(joint, reading.t_ns, reading.angle_rad);
+                }
+            }
+        }
+        for (joint, command) in self.commands.drain(..) {
+            // Checked when it was taken; only a full queue can refuse it here, and the counters say so.
+            let _ = self.bus.command(joint, command);
+        }
+    }
+
+    fn away(&mut self, error: &PortError) {
+        self.bus.port_lost();
+        self.publish();
+        let mut shared = lock(&self.shared);
+        let since_ns = match shared.port.state {
+            PortState::Away { since_ns, .. } => since_ns,
+            _ => now_ns(),
+        };
+        shared.port.state = PortState::Away {
+            reason: error.to_string(),
+            since_ns,
+        };
+    }
+
+    fn stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+
+    fn sleep_until(&self, until_ns: u64) {
+        while !self.stopped() {
+            let now = now_ns();
+            if now >= until_ns {
+                return;
+            }
+            let t = until_ns.min(now + LOOK_NS);
+            let spec = TimeSpec::new((t / 1_000_000_000) as i64, (t % 1_000_000_000) as i64);
+            match clock_nanosleep(
+                ClockId::CLOCK_MONOTONIC,
+                ClockNanosleepFlags::TIMER_ABSTIME,
+                &spec,
+            ) {
+                Ok(_) | Err(Errno::EINTR) => {}
+                Err(_) => std::thread::sleep(Duration::from_nanos(t - now)),
+            }
+        }
+    }
+}

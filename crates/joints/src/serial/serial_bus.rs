@@ -1,0 +1,76 @@
+//! A [`Bus`] on a serial port.
+
+use super::now_ns;
+use super::port::{Port, PortError, PortLatency};
+use crate::bus::{Bus, Step};
+use std::path::Path;
+use std::time::Duration;
+
+/// Most bytes that are thrown away before a request; a bus that babbles on is asked all the same.
+const DRAIN_BYTES: usize = 4096;
+/// On top of twice an FTDI adapter's timer.
+const FTDI_MARGIN_NS: u64 = 2_000_000;
+
+/// An open port with the servos behind it. It blocks; [`crate::JointReader`] gives it a thread.
+#[derive(Debug)]
+pub struct SerialBus {
+    port: Port,
+}
+
+impl SerialBus {
+    /// Opens the port and prepares `bus` for it. `margin_ns`, if given, is how long an answer may take beyond its time on
+    /// the wire; without it, an FTDI adapter's own timer decides where there is one.
+    pub fn open(path: &Path, baud: u32, margin_ns: Option<u64>, bus: &mut Bus) -> Result<Self, PortError> {
+        let port = Port::open(path, baud)?;
+        bus.port_opened();
+        let by_timer = port
+            .latency()
+            .ftdi_timer_ms
+            .map(|ms| FTDI_MARGIN_NS + 2_000_000 * u64::from(ms));
+        if let Some(margin_ns) = margin_ns.or(by_timer) {
+            bus.set_margin_ns(margin_ns);
+        }
+        Ok(Self { port })
+    }
+
+    /// How fast the port hands over what it has received.
+    pub fn latency(&self) -> PortLatency {
+        self.port.latency()
+    }
+
+    /// Runs one cycle. The results are in [`Bus::results`]; the only error is a port that is gone.
+    pub fn cycle(&mut self, bus: &mut Bus) -> Result<(), PortError> {
+        bus.begin(now_ns());
+        loop {
+            match bus.step(now_ns()) {
+                Step::Send => {
+                    self.drain(bus)?;
+                    self.port.write(bus.request())?;
+                    bus.sent(now_ns());
+                }
+                Step::Wait { until_ns } => {
+                    let timeout = Duration::from_nanos(until_ns.saturating_sub(now_ns()));
+                    let n = self.port.read(bus.space(), timeout)?;
+                    if n > 0 {
+                        bus.filled(n, now_ns());
+                    }
+                }
+                Step::Done => return Ok(()),
+            }
+        }
+    }
+
+    /// Reads what came too late for the request before.
+    fn drain(&mut self, bus: &mut Bus) -> Result<(), PortError> {
+        let mut left = DRAIN_BYTES;
+        while left > 0 && self.port.waiting()? > 0 {
+            let n = self.port.read(bus.space(), Duration::ZERO)?;
+            if n == 0 {
+                break;
+            }
+            bus.filled(n, now_ns());
+            left = left.saturating_sub(n);
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,235 @@
+//! The joints' angles at the instant of a tactile frame: between two readings, on the line that joins them.
+
+use std::f64::consts::TAU;
+
+/// A joint's angle at an instant that was asked for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AngleAt {
+    /// The angle, radians.
+    pub angle_rad: f64,
+    /// Time from the instant to the nearest reading, nanoseconds. Between two readings at most half their distance.
+    pub age_ns: u64,
+    /// Whether the instant lies after the newest reading, so that the angle is a guess from the last movement.
+    pub extrapolated: bool,
+}
+
+/// The last readings of every joint.
+///
+/// The memory is fixed when it is made: `depth` readings per joint.
+#[derive(Debug, Clone)]
+pub struct JointHistory {
+    readings: Vec<(u64, f64)>,
+    filled: Vec<(usize, usize)>,
+    depth: usize,
+    extrapolate_ns: u64,
+}
+
+/// How far beyond the newest reading a movement is carried on, nanoseconds: twice a cycle at 100 Hz.
+pub const EXTRAPOLATE_NS: u64 = 20_000_000;
+
+impl JointHistory {
+    /// Room for `depth` readings (at least 2) of each of `joints` joints.
+    pub fn new(joints: usize, depth: usize) -> Self {
+        let depth = depth.max(2);
+        Self {
+            readings: vec![(0, 0.0); joints * depth],
+            filled: vec![(0, 0); joints],
+            depth,
+            extrapolate_ns: EXTRAPOLATE_NS,
+        }
+    }
+
+    /// Carries a movement on for at most `ns` beyond the newest reading; 0 holds the newest angle.
+    #[must_use]
+    pub fn with_extrapolation(mut self, ns: u64) -> Self {
+        self.extrapolate_ns = ns;
+        self
+    }
+
+    /// Number of joints.
+    pub fn joints(&self) -> usize {
+        self.filled.len()
+    }
+
+    /// Takes a reading. One that is not newer than the newest of its joint changes nothing, so the same one may be
+    /// given again and again.
+    pub fn push(&mut self, joint: usize, t_ns: u64, angle_rad: f64) {
+        if joint >= self.filled.len() || !angle_rad.is_finite() {
+            return;
+        }
+        if self.reading(joint, 0).is_some_and(|(newest, _)| t_ns <= newest) {
+            return;
+        }
+        let (next, len) = self.filled[joint];
+        self.readings[joint * self.depth + next] = (t_ns, angle_rad);
+        self.filled[joint] = ((next + 1) % self.depth, (len + 1).min(self.depth));
+    }
+
+    /// The joint's angle at `t_ns`: on the line between the readings around it; after the newest on the line through the
+    /// last two, carried on for a bounded time and held from there; before the oldest that is kept, the oldest.
+    /// `None` if there is no reading.
+    pub fn at(&self, joint: usize, t_ns: u64) -> Option<AngleAt> {
+        let (newest_ns, newest) = self.reading(joint, 0)?;
+        if t_ns >= newest_ns {
+            let after = t_ns - newest_ns;
+            let slope = self
+                .reading(joint, 1)
+                .map_or(0.0, |(t, angle)| (newest - angle) / (newest_ns - t) as f64);
+            return Some(AngleAt {
+                angle_rad: newest + slope * after.min(self.extrapolate_ns) as f64,
+                age_ns: after,
+                extrapolated: after > 0,
+            });
+        }
+        let mut later = (newest_ns, newest);
+        for back in 1..self.depth {
+            let Some(earlier) = self.reading(joint, back) else {
+                break;
+            };
+            if earlier.0 <= t_ns {
+                let part = (t_ns - earlier.0) as f64 / (later.0 - earlier.0) as f64;
+                return Some(AngleAt {
+                    angle_rad: earlier.1 + (later.1 - earlier.1) * part,
+                    age_ns: (t_ns - earlier.0).min(later.0 - t_ns),
+                    extrapolated: false,
+                });
+            }
+            later = earlier;
+        }
+        Some(AngleAt {
+            angle_rad: later.1,
+            age_ns: later.0 - t_ns,
+            extrapolated: false,
+        })
+    }
+
+    /// Newest reading, or the one `back` before it.
+    fn reading(&self, joint: usize, back: usize) -> Option<(u64, f64)> {
+        let (next, len) = *self.filled.get(joint)?;
+        if back >= len {
+            return None;
+        }
+        let at = (next + self.depth - 1 - back) % self.depth;
+        Some(self.readings[joint * self.depth + at])
+    }
+}
+
+/// Largest error of interpolating a sine of this amplitude (radians) and frequency between readings `period_ns` apart:
+/// a line misses a curve by its second derivative times an eighth of the distance squared.
+pub fn interpolation_bound_rad(amplitude_rad: f64, hz: f64, period_ns: u64) -> f64 {
+    let h = period_ns as f64 * 1e-9;
+    amplitude_rad * (TAU * hz).powi(2) * h * h / 8.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: u64 = 1_000_000;
+
+    fn sine(t_ns: u64, hz: f64) -> f64 {
+        (TAU * hz * t_ns as f64 * 1e-9).sin()
+    }
+
+    #[test]
+    fn between_two_readings_the_angle_is_on_their_line() {
+        let mut h = JointHistory::new(2, 4);
+        for (t, angle) in [(10, 1.0), (20, 3.0), (30, 0.0)] {
+            h.push(1, t * MS, angle);
+        }
+        assert_eq!(h.at(0, 0), None);
+        assert_eq!(h.at(2, 0), None);
+        for (t, angle, age, extrapolated) in [
+            (5, 1.0, 5, false),
+            (10, 1.0, 0, false),
+            (12, 1.4, 2, false),
+            (20, 3.0, 0, false),
+            (29, 0.3, 1, false),
+            (30, 0.0, 0, false),
+            (31, -0.3, 1, true),
+            (50, -6.0, 20, true),
+            (1050, -6.0, 1020, true),
+        ] {
+            let at = h.at(1, t * MS).unwrap();
+            assert!((at.angle_rad - angle).abs() < 1e-12, "at {t}: {at:?}");
+            assert_eq!((at.age_ns, at.extrapolated), (age * MS, extrapolated), "at {t}");
+        }
+    }
+
+    #[test]
+    fn one_reading_is_held_and_old_ones_are_forgotten() {
+        let mut h = JointHistory::new(1, 3);
+        h.push(0, 10 * MS, 1.0);
+        assert_eq!(h.at(0, 15 * MS).unwrap().angle_rad, 1.0);
+        for t in 2..9 {
+            h.push(0, 10 * t * MS, t as f64);
+        }
+        // Kept: 60, 70, 80.
+        let at = h.at(0, 20 * MS).unwrap();
+        assert_eq!((at.angle_rad, at.age_ns), (6.0, 40 * MS));
+    }
+
+    #[test]
+    fn repeated_late_and_impossible_readings_change_nothing() {
+        let mut h = JointHistory::new(1, 4);
+        h.push(0, 10, 1.0);
+        h.push(0, 20, 2.0);
+        let before = h.at(0, 15);
+        for (joint, t, angle) in [(0, 20, 9.0), (0, 5, 9.0), (0, 30, f64::NAN), (7, 30, 1.0)] {
+            h.push(joint, t, angle);
+        }
+        assert_eq!(h.at(0, 15), before);
+        assert_eq!(h.at(0, 20).unwrap().angle_rad, 2.0);
+    }
+
+    /// Readings every `period_ns` of a sine of 1 rad, frames in between: largest error of interpolating, of
+    /// taking the newest reading, and of extrapolating by up to one period.
+    fn errors(hz: f64, period_ns: u64) -> [f64; 3] {
+        let mut h = JointHistory::new(1, 8);
+        let mut worst = [0.0_f64; 3];
+        for cycle in 0..400_u64 {
+            let t = cycle * period_ns;
+            if cycle > 2 {
+                for part in 0..10 {
+                    let ahead = t - period_ns + period_ns * part / 10;
+                    let guess = h.at(0, ahead).unwrap();
+                    worst[2] = worst[2].max((guess.angle_rad - sine(ahead, hz)).abs());
+                    let newest = h.at(0, t - period_ns).unwrap().angle_rad;
+                    worst[1] = worst[1].max((newest - sine(ahead, hz)).abs());
+                }
+            }
+            h.push(0, t, sine(t, hz));
+            if cycle > 2 {
+                for part in 0..=10 {
+                    let between = t - period_ns + period_ns * part / 10;
+                    let at = h.at(0, between).unwrap();
+                    worst[0] = worst[0].max((at.angle_rad - sine(between, hz)).abs());
+                }
+            }
+        }
+        worst
+    }
+
+    #[test]
+    fn the_error_on_a_known_motion_is_within_its_bound() {
+        // A finger that swings 1 rad to either side twice a second, read 100 times a second.
+        let [interpolated, newest, extrapolated] = errors(2.0, 10 * MS);
+        let bound = interpolation_bound_rad(1.0, 2.0, 10 * MS);
+        println!(
+            "2 Hz, 1 rad, read at 100 Hz: interpolated {interpolated:.6} rad (bound {bound:.6}), extrapolated {extrapolated:.6} rad, newest reading {newest:.6} rad"
+        );
+        assert!(interpolated <= bound, "{interpolated} over {bound}");
+        assert!(bound < 0.002);
+        // The bound is tight: the test would see an instant that is off by a tenth of a period.
+        assert!(interpolated > 0.9 * bound);
+        assert!(newest > 50.0 * interpolated);
+        assert!(extrapolated > interpolated && extrapolated < newest / 5.0);
+    }
+
+    #[test]
+    fn the_error_falls_with_the_square_of_the_period() {
+        let slow = errors(1.0, 20 * MS)[0];
+        let fast = errors(1.0, 5 * MS)[0];
+        assert!((slow / fast - 16.0).abs() < 0.5, "{slow} / {fast}");
+    }
+}
