@@ -2,7 +2,8 @@
 //!
 //! A [`Scene`] names what touches the hand and what breaks; nothing else is modelled. A [`Simulator`] plays it on
 //! every bus of a layout, with time as an argument; a [`SimSource`] plays one bus in real time behind
-//! [`taxel_can::CanSource`]. The same scene with the same seed gives the same bytes on every platform.
+//! [`taxel_can::CanSource`]. The same scene with the same seed gives the same bytes on every
+//! platform. The joints are in [`servo`]: simulated servos behind a pseudo terminal.
 //!
 //! ```
 //! use taxel_sim::{Scene, Simulator};
@@ -28,6 +29,7 @@ mod fault;
 mod levels;
 mod random;
 mod scene;
+pub mod servo;
 mod simulator;
 mod skin_model;
 mod source;

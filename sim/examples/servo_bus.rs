@@ -1,0 +1,94 @@
+//! Simulated Dynamixel servos behind a pseudo terminal, for any client that opens a serial port.
+//!
+//!     cargo run -p taxel-sim --example servo_bus -- --ids 1-16 --baud 1000000
+//!
+//! prints the path of the terminal and runs until its standard input ends. Lines of standard input break and mend
+//! servos: `fault ID silent|bad-crc|truncated:BYTES|late:MS|garbage:BYTES|noise:BYTES [EVERY]`, `mend ID`,
+//! `error ID BITS`. Options: `--return-delay STEPS` (of 2 us), `--motion still|sine`, `--no-fast`,
+//! `--stop-after-silence`, `--link PATH` (a stable name that points to the terminal).
+
+use std::error::Error;
+use std::io::BufRead;
+use std::path::PathBuf;
+use taxel_sim::servo::{AfterSilence, Motion, ServoBuild, ServoBus, ServoPty};
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let (mut ids, mut baud, mut delay) = (1..=16, 1_000_000, 0);
+    let (mut sine, mut fast, mut after) = (false, true, AfterSilence::Answer);
+    let mut link: Option<PathBuf> = None;
+    let mut arguments = std::env::args().skip(1);
+    while let Some(argument) = arguments.next() {
+        let mut value = || arguments.next().ok_or(format!("{argument} needs a value"));
+        match argument.as_str() {
+            "--ids" => {
+                let text = value()?;
+                let (first, last) = text.split_once('-').unwrap_or((&text, &text));
+                ids = first.parse()?..=last.parse()?;
+            }
+            "--baud" => baud = value()?.parse()?,
+            "--return-delay" => delay = value()?.parse()?,
+            "--motion" => sine = value()? == "sine",
+            "--no-fast" => fast = false,
+            "--stop-after-silence" => after = AfterSilence::Stop,
+            "--link" => link = Some(value()?.into()),
+            other => {
+                return Err(format!("no option is called {other}; the head of the file lists them").into());
+            }
+        }
+    }
+    let servos = ids.map(|id| {
+        let motion = if sine {
+            Motion::Sine {
+                centre: 2048.0,
+                amplitude: 500.0,
+                hz: 1.0,
+                phase: f64::from(id),
+            }
+        } else {
+            ServoBuild::new(id).motion
+        };
+        ServoBuild {
+            motion,
+            return_delay: delay,
+            fast,
+            ..ServoBuild::new(id)
+        }
+    });
+    let mut bus = ServoBus::new(servos, baud);
+    bus.set_after_silence(after);
+    let pty = ServoPty::open(bus)?;
+    if let Some(link) = link {
+        let _ = std::fs::remove_file(&link);
+        std::os::unix::fs::symlink(pty.path(), &link)?;
+    }
+    println!("{}", pty.path().display());
+    for line in std::io::stdin().lock().lines() {
+        let line = line?;
+        match command(&pty, &line) {
+            Ok(()) => println!("ok"),
+            Err(problem) => println!("`{line}`: {problem}"),
+        }
+    }
+    Ok(())
+}
+
+fn command(pty: &ServoPty, line: &str) -> Result<(), Box<dyn Error>> {
+    let words: Vec<&str> = line.split_whitespace().collect();
+    let mut bus = pty.bus();
+    let known = match words[..] {
+        ["fault", id, fault] => bus.set_fault(id.parse()?, Some(fault.parse()?), 1),
+        ["fault", id, fault, every] => bus.set_fault(id.parse()?, Some(fault.parse()?), every.parse()?),
+        ["mend", id] => bus.set_fault(id.parse()?, None, 1),
+        ["error", id, bits] => {
+            let servo = bus.servo_mut(id.parse()?).ok_or("no such servo")?;
+            servo.set_hardware_error(bits.parse()?);
+            true
+        }
+        _ => return Err("commands are fault, mend and error".into()),
+    };
+    if known {
+        Ok(())
+    } else {
+        Err("no such servo".into())
+    }
+}

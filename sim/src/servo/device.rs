@@ -1,0 +1,287 @@
+//! One simulated servo: what it answers to an instruction.
+
+use super::fault::ServoFault;
+use super::motion::{Drive, Motion};
+use super::table::{ControlTable, TRIPPED};
+use taxel_joints::protocol2::{Instruction, StatusError};
+use taxel_joints::registers::address;
+
+/// A servo to be built.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ServoBuild {
+    /// Id, 0 to 252.
+    pub id: u8,
+    /// How it is moved while its motor is off.
+    pub motion: Motion,
+    /// Return Delay Time in steps of 2 us, 0 to 254; 250 from the factory.
+    pub return_delay: u8,
+    /// Whether its firmware knows the fast reads.
+    pub fast: bool,
+}
+
+impl ServoBuild {
+    /// A servo that answers at once, knows the fast reads, and stays at `2048 + 10 * id`.
+    pub fn new(id: u8) -> Self {
+        Self {
+            id,
+            motion: Motion::Still(2048 + 10 * i32::from(id)),
+            return_delay: 0,
+            fast: true,
+        }
+    }
+}
+
+/// One simulated servo.
+#[derive(Debug, Clone)]
+pub struct SimServo {
+    table: ControlTable,
+    build: ServoBuild,
+    drive: Drive,
+    /// What it does wrong, and at every how many answers.
+    pub(crate) fault: Option<(ServoFault, u32)>,
+    pub(crate) answers: u32,
+    heard_ns: u64,
+    /// Silent until then: it restarts.
+    up_ns: u64,
+}
+
+/// How long a restart takes.
+const RESTART_NS: u64 = 100_000_000;
+/// Pulses per second of one count of velocity: 0.229 revolutions per minute.
+const PULSES_PER_COUNT: f64 = 0.229 / 60.0 * 4096.0;
+/// Operating Mode in which Goal PWM turns the motor.
+const PWM_MODE: i32 = 16;
+/// Speed at full PWM, counts of velocity.
+const NO_LOAD_COUNTS: f64 = 330.0;
+const PROFILE_VELOCITY: u16 = 112;
+const VELOCITY_LIMIT: u16 = 44;
+
+/// What a servo answers: its ERR byte and data.
+pub(crate) type Reply = (u8, Vec<u8>);
+
+impl SimServo {
+    pub(crate) fn new(build: ServoBuild) -> Self {
+        let mut table = ControlTable::new(build.id);
+        table.put(address::RETURN_DELAY_TIME, 1, i32::from(build.return_delay));
+        Self {
+            table,
+            build,
+            drive: Drive::Off,
+            fault: None,
+            answers: 0,
+            heard_ns: 0,
+            up_ns: 0,
+        }
+    }
+
+    /// Its id; a write to address 7 changes it.
+    pub fn id(&self) -> u8 {
+        self.table.get(address::ID, 1) as u8
+    }
+
+    /// Position at a time, pulses, not rounded: the truth that a reading is held against.
+    pub fn position(&self, t_ns: u64) -> f64 {
+        self.drive.position(t_ns, &self.build.motion)
+    }
+
+    /// A register's value, as it stands in the table.
+    pub fn register(&self, at: u16, size: u8) -> i32 {
+        self.table.get(at, size)
+    }
+
+    /// Sets Hardware Error Status; any bit raises the alert in every answer.
+    pub fn set_hardware_error(&mut self, bits: u8) {
+        self.table.put(address::HARDWARE_ERROR_STATUS, 1, i32::from(bits));
+    }
+
+    pub(crate) fn return_delay_ns(&self) -> u64 {
+        2_000 * self.table.get(address::RETURN_DELAY_TIME, 1) as u64
+    }
+
+    pub(crate) fn knows_fast(&self) -> bool {
+        self.build.fast
+    }
+
+    /// Whether it is up, and not restarting.
+    pub(crate) fn is_up(&self, t_ns: u64) -> bool {
+        t_ns >= self.up_ns
+    }
+
+    /// Some instruction went over the bus, which is what the bus watchdog watches for.
+    pub(crate) fn hears(&mut self, t_ns: u64) {
+        let steps = self.table.get(address::BUS_WATCHDOG, 1);
+        let patience_ns = steps as u64 * 20_000_000;
+        if (1..=127).contains(&steps) && t_ns.saturating_sub(self.heard_ns) > patience_ns {
+            self.stop_at(self.heard_ns + patience_ns);
+            self.table.put(address::BUS_WATCHDOG, 1, i32::from(TRIPPED));
+        }
+        self.heard_ns = t_ns;
+    }
+
+    /// What it answers to an instruction for it alone; `None` if it says nothing.
+    pub(crate) fn obey(
+        &mut self,
+        instruction: u8,
+        parameters: &[u8],
+        broadcast: bool,
+        t_ns: u64,
+    ) -> Option<Reply> {
+        let level = self.table.get(address::STATUS_RETURN_LEVEL, 1);
+        let word = |i: usize| Some(u16::from_le_bytes([*parameters.get(i)?, *parameters.get(i + 1)?]));
+        let (least_level, result) = match Instruction::from_byte(instruction) {
+            Some(Instruction::Ping) => {
+                let [lo, hi] = (self.table.get(address::MODEL_NUMBER, 2) as u16).to_le_bytes();
+                let firmware = self.table.get(address::FIRMWARE_VERSION, 1) as u8;
+                return Some((self.error_byte(None), vec![lo, hi, firmware]));
+            }
+            Some(Instruction::Read) => match (word(0), word(2)) {
+                (Some(at), Some(length)) if parameters.len() == 4 => (1, self.read(at, length, t_ns)),
+                _ => (1, Err(StatusError::DataLength)),
+            },
+            Some(Instruction::Write) => match word(0) {
+                Some(at) => (2, self.write(at, &parameters[2..], t_ns).map(|()| Vec::new())),
+                None => (2, Err(StatusError::DataLength)),
+            },
+            Some(Instruction::Reboot) => {
+                let error = self.error_byte(None);
+                self.table.restart();
+                self.drive = Drive::Off;
+                self.up_ns = t_ns + RESTART_NS;
+                return (level >= 2 && !broadcast).then_some((error, Vec::new()));
+            }
+            _ => (2, Err(StatusError::Instruction)),
+        };
+        let answers = level >= least_level && !broadcast;
+        answers.then(|| match result {
+            Ok(data) => (self.error_byte(None), data),
+            Err(error) => (self.error_byte(Some(error)), Vec::new()),
+        })
+    }
+
+    /// Its answer to a request that came damaged.
+    pub(crate) fn complain_of_crc(&self) -> Reply {
+        (self.error_byte(Some(StatusError::Crc)), Vec::new())
+    }
+
+    /// Bytes of the table as they are at a time.
+    pub(crate) fn read(&mut self, at: u16, length: u16, t_ns: u64) -> Result<Vec<u8>, StatusError> {
+        self.refresh(t_ns);
+        self.table.read(at, length)
+    }
+
+    /// Its part of a sync, bulk or fast read; `None` if its status return level forbids it to answer.
+    pub(crate) fn share(&mut self, at: u16, length: u16, t_ns: u64) -> Option<Reply> {
+        if self.table.get(address::STATUS_RETURN_LEVEL, 1) < 1 {
+            return None;
+        }
+        Some(match self.read(at, length, t_ns) {
+            Ok(data) => (self.error_byte(None), data),
+            Err(error) => (self.error_byte(Some(error)), Vec::new()),
+        })
+    }
+
+    pub(crate) fn write(&mut self, at: u16, data: &[u8], t_ns: u64) -> Result<(), StatusError> {
+        let torque = self.table.get(address::TORQUE_ENABLE, 1);
+        self.table.write(at, data)?;
+        let now_torque = self.table.get(address::TORQUE_ENABLE, 1);
+        let span = usize::from(at)..usize::from(at) + data.len();
+        let touches = |register: u16, size: usize| {
+            let r = usize::from(register);
+            span.start < r + size && r < span.end
+        };
+        let new_goal = touches(address::GOAL_POSITION, 4) || touches(address::GOAL_PWM, 2);
+        if now_torque == 0 {
+            if torque != 0 {
+                self.drive = Drive::Off;
+            }
+        } else if torque == 0 {
+            // It holds where it is.
+            let here = self.position(t_ns);
+            self.table.put(address::GOAL_POSITION, 4, here.round() as i32);
+            self.drive(t_ns);
+        } else if new_goal {
+            self.drive(t_ns);
+        }
+        Ok(())
+    }
+
+    /// Sets off from where it is now, as its goal and mode say.
+    fn drive(&mut self, t_ns: u64) {
+        let from = self.position(t_ns);
+        let pwm_mode = self.table.get(address::OPERATING_MODE, 1) == PWM_MODE;
+        let (goal, counts) = if pwm_mode {
+            let share = f64::from(self.table.get(address::GOAL_PWM, 2)) / 885.0;
+            (None, share * NO_LOAD_COUNTS)
+        } else {
+            let profile = self.table.get(PROFILE_VELOCITY, 4);
+            let limit = self.table.get(VELOCITY_LIMIT, 4);
+            let counts = if profile == 0 { limit } else { profile.min(limit) };
+            (
+                Some(f64::from(self.table.get(address::GOAL_POSITION, 4))),
+                f64::from(counts),
+            )
+        };
+        self.drive = Drive::On {
+            from,
+            since_ns: t_ns,
+            goal,
+            speed: counts * PULSES_PER_COUNT,
+        };
+    }
+
+    fn stop_at(&mut self, t_ns: u64) {
+        if let Drive::On { .. } = self.drive {
+            let here = self.position(t_ns);
+            self.drive = Drive::On {
+                from: here,
+                since_ns: t_ns,
+                goal: Some(here),
+                speed: 0.0,
+            };
+        }
+    }
+
+    /// Brings the measured registers up to date.
+    fn refresh(&mut self, t_ns: u64) {
+        let position = self.position(t_ns);
+        let velocity = self.drive.velocity(t_ns, &self.build.motion) / PULSES_PER_COUNT;
+        let table = &mut self.table;
+        table.put(address::REALTIME_TICK, 2, (t_ns / 1_000_000 % 32_768) as i32);
+        table.put(122, 1, i32::from(velocity.abs() >= 10.0));
+        table.put(
+            address::PRESENT_PWM,
+            2,
+            (velocity / NO_LOAD_COUNTS * 885.0).round() as i32,
+        );
+        table.put(address::PRESENT_CURRENT, 2, velocity.round() as i32 / 4);
+        table.put(address::PRESENT_VELOCITY, 4, velocity.round() as i32);
+        table.put(address::PRESENT_POSITION, 4, position.round() as i32);
+        table.put(136, 4, velocity.round() as i32);
+        table.put(140, 4, position.round() as i32);
+        table.put(address::PRESENT_INPUT_VOLTAGE, 2, 120);
+        table.put(address::PRESENT_TEMPERATURE, 1, 30 + i32::from(self.build.id % 8));
+    }
+
+    fn error_byte(&self, error: Option<StatusError>) -> u8 {
+        let alert = self.table.get(address::HARDWARE_ERROR_STATUS, 1) != 0;
+        let number = match error {
+            None => 0,
+            Some(StatusError::ResultFail) => 1,
+            Some(StatusError::Instruction) => 2,
+            Some(StatusError::Crc) => 3,
+            Some(StatusError::DataRange) => 4,
+            Some(StatusError::DataLength) => 5,
+            Some(StatusError::DataLimit) => 6,
+            Some(StatusError::Access) => 7,
+            Some(StatusError::Unknown(n)) => n,
+        };
+        number | u8::from(alert) << 7
+    }
+
+    /// The fault of the next answer, if it has one.
+    pub(crate) fn next_fault(&mut self) -> Option<ServoFault> {
+        let (fault, every) = self.fault?;
+        self.answers += 1;
+        self.answers.is_multiple_of(every.max(1)).then_some(fault)
+    }
+}

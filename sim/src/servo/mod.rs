@@ -1,0 +1,18 @@
+//! Simulated Dynamixel servos (Protocol 2.0, XM430-W210) on a pseudo terminal, that misbehave on request.
+//!
+//! A [`ServoBus`] is the servos and their wire, with time as an argument: request bytes go in, answers come out with the
+//! times at which they are on the wire. A [`ServoPty`] runs one in real time behind a pseudo terminal, which any client
+//! can open as its serial port, ROBOTIS's own SDK included. The behaviour is that of protocols.md 4.5.
+
+mod bus;
+mod device;
+mod fault;
+mod motion;
+mod pty;
+mod table;
+
+pub use bus::{AfterSilence, ServoBus};
+pub use device::{ServoBuild, SimServo};
+pub use fault::ServoFault;
+pub use motion::Motion;
+pub use pty::{ServoPty, servo_clock_ns};
