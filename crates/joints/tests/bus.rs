@@ -1,0 +1,530 @@
+//! The bus against simulated servos, without a thread or a clock: what one servo does wrong never hides another, and
+//! what comes too late is never taken for something new.
+
+use taxel_joints::bus::{Bus, FastState, NoReading, Step, WriteCommand, WriteRefused, wire_ns};
+use taxel_joints::protocol2::StatusError;
+use taxel_joints::registers::{HardwareError, angle_rad};
+use taxel_joints::{FastSyncRead, JointsConfig};
+use taxel_sim::servo::{AfterSilence, Motion, ServoBuild, ServoBus, ServoFault};
+
+const BAUD: u32 = 1_000_000;
+const MS: u64 = 1_000_000;
+
+/// A host and a bus that share a clock which only moves when something happens.
+struct World {
+    bus: Bus,
+    servos: ServoBus,
+    now_ns: u64,
+    /// Bytes that arrive are given to the host in pieces of at most so many.
+    piece: usize,
+    requests: Vec<Vec<u8>>,
+}
+
+impl World {
+    fn new(config: &JointsConfig, builds: impl IntoIterator<Item = ServoBuild>) -> Self {
+        config.check().unwrap();
+        Self {
+            bus: Bus::new(config),
+            servos: ServoBus::new(builds, BAUD),
+            now_ns: 1_000 * MS,
+            piece: usize::MAX,
+            requests: Vec::new(),
+        }
+    }
+
+    fn of(n: u8, fast: FastSyncRead) -> Self {
+        let mut config = JointsConfig::dynamixel("none", 1..=n);
+        config.fast_sync_read = fast;
+        Self::new(&config, (1..=n).map(ServoBuild::new))
+    }
+
+    fn receive(&mut self) {
+        let mut arrived = Vec::new();
+        self.servos.take_due(self.now_ns, &mut arrived);
+        for piece in arrived.chunks(self.piece.min(40)) {
+            self.bus.space()[..piece.len()].copy_from_slice(piece);
+            self.bus.filled(piece.len(), self.now_ns);
+        }
+    }
+
+    /// One cycle; the next begins `pause_ns` later.
+    fn cycle(&mut self, pause_ns: u64) -> Vec<Result<i32, NoReading>> {
+        self.bus.begin(self.now_ns);
+        for _ in 0..10_000 {
+            match self.bus.step(self.now_ns) {
+                Step::Send => {
+                    self.receive();
+                    let request = self.bus.request().to_vec();
+                    self.servos.receive(&request, self.now_ns);
+                    self.requests.push(request);
+                    self.bus.sent(self.now_ns);
+                }
+                Step::Wait { until_ns } => {
+                    let next = self.servos.next_due_ns().map_or(until_ns, |t| t.min(until_ns));
+                    self.now_ns = self.now_ns.max(next);
+                    self.receive();
+                }
+                Step::Done => {
+                    self.now_ns += pause_ns;
+                    return self.bus.results().iter().map(|r| r.map(|r| r.position)).collect();
+                }
+            }
+        }
+        panic!("the cycle does not end");
+    }
+
+    fn cycles(&mut self, n: usize) -> Vec<Vec<Result<i32, NoReading>>> {
+        (0..n).map(|_| self.cycle(5 * MS)).collect()
+    }
+
+    fn fault(&mut self, id: u8, fault: ServoFault) {
+        assert!(self.servos.set_fault(id, Some(fault), 1));
+    }
+}
+
+fn still(id: u8) -> i32 {
+    2048 + 10 * i32::from(id)
+}
+
+fn all_good(results: &[Result<i32, NoReading>]) -> bool {
+    results.iter().zip(1..).all(|(r, id)| *r == Ok(still(id)))
+}
+
+#[test]
+fn every_servo_is_read_in_every_cycle_however_the_bytes_come() {
+    for fast in [FastSyncRead::Off, FastSyncRead::Auto, FastSyncRead::On] {
+        for piece in [1, 7, usize::MAX] {
+            let mut w = World::of(16, fast);
+            w.piece = piece;
+            for results in w.cycles(50) {
+                assert!(all_good(&results), "{fast:?}, {piece}: {results:?}");
+            }
+            let state = match fast {
+                FastSyncRead::Off => FastState::Off,
+                _ => FastState::On,
+            };
+            assert_eq!(w.bus.fast_state(), state);
+            for i in 0..16 {
+                let s = w.bus.servo(i).unwrap();
+                assert_eq!((s.counters.ok, s.counters.timeouts, s.counters.late), (50, 0, 0));
+            }
+        }
+    }
+}
+
+#[test]
+fn a_cycle_takes_the_time_on_the_wire() {
+    let mut w = World::of(16, FastSyncRead::Off);
+    w.cycles(100);
+    let before = w.bus.counters().requests;
+    let took: Vec<u64> = (0..20)
+        .map(|_| {
+            w.cycle(0);
+            w.bus.counters().cycle_ns
+        })
+        .collect();
+    // protocols.md 4.2: 14 + 16 bytes there, 16 times 23 back, 10 us each.
+    assert_eq!(took.iter().min(), Some(&wire_ns(14 + 16 + 16 * 23, BAUD)));
+    assert!(w.bus.counters().requests - before < 30);
+}
+
+#[test]
+fn identity_voltage_and_temperature_come_by_the_slow_lane() {
+    let mut w = World::of(3, FastSyncRead::Off);
+    w.cycles(400);
+    for (i, id) in (1..=3_u8).enumerate() {
+        let s = w.bus.servo(i).unwrap();
+        let identity = s.identity.unwrap();
+        assert_eq!((identity.model_number, identity.firmware), (1030, 46));
+        assert_eq!(identity.return_delay_us, 0);
+        assert_eq!(identity.model().unwrap().name, "XM430-W210");
+        assert_eq!(s.voltage_v, Some(12.0));
+        assert_eq!(s.temperature_c, Some(30 + id));
+        assert_eq!(s.hardware_error, Some(HardwareError(0)));
+        assert_eq!(s.torque_enabled, Some(false));
+        assert_eq!(w.bus.results()[i].unwrap().current_a, Some(0.0));
+    }
+    assert_eq!(w.bus.counters().slow_unanswered, 0);
+}
+
+#[test]
+fn what_one_servo_does_wrong_hides_no_other() {
+    let faults = [
+        ServoFault::Silent,
+        ServoFault::BadCrc,
+        ServoFault::Truncated { bytes: 9 },
+        ServoFault::Truncated { bytes: 22 },
+        ServoFault::Late { by_ns: 8 * MS },
+        ServoFault::Garbage { bytes: 30 },
+        ServoFault::Noise { bytes: 50 },
+        ServoFault::Noise { bytes: 700 },
+    ];
+    for fast in [FastSyncRead::Off, FastSyncRead::Auto, FastSyncRead::On] {
+        for after in [AfterSilence::Answer, AfterSilence::Stop] {
+            for fault in faults {
+                for id in [1, 3, 5] {
+                    let mut w = World::of(5, fast);
+                    w.servos.set_after_silence(after);
+                    w.cycles(10);
+                    w.fault(id, fault);
+                    for (n, results) in w.cycles(60).into_iter().enumerate() {
+                        for (result, other) in results.iter().zip(1..) {
+                            let what =
+                                format!("{fast:?} {after:?} {fault:?} at {id}, cycle {n}: servo {other}");
+                            match result {
+                                Ok(position) => assert_eq!(*position, still(other), "{what}"),
+                                Err(e) => assert_eq!(other, id, "{what}: {e}"),
+                            }
+                        }
+                    }
+                    w.servos.set_fault(id, None, 1);
+                    w.now_ns += 500 * MS;
+                    w.cycles(5);
+                    let results = w.cycle(0);
+                    assert!(
+                        all_good(&results),
+                        "{fast:?} {after:?} {fault:?} at {id}: {results:?}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn each_fault_is_counted_as_what_it_is() {
+    for (fault, result) in [
+        (ServoFault::Silent, Some(NoReading::Silent)),
+        (ServoFault::BadCrc, Some(NoReading::BadCrc)),
+        (ServoFault::Garbage { bytes: 5 }, None),
+    ] {
+        let mut w = World::of(4, FastSyncRead::Off);
+        w.fault(2, fault);
+        let seen = w.cycle(0);
+        assert_eq!(seen[1].err(), result, "{fault:?}");
+        let c = w.bus.servo(1).unwrap().counters;
+        assert_eq!(c.timeouts, u64::from(fault == ServoFault::Silent));
+        assert_eq!(c.bad_crc, u64::from(fault == ServoFault::BadCrc));
+        assert_eq!(w.bus.counters().noise_bytes > 0, fault != ServoFault::Silent);
+    }
+}
+
+#[test]
+fn a_silent_servo_costs_the_living_little() {
+    let mut w = World::of(16, FastSyncRead::Off);
+    w.cycles(100);
+    let cycle_ns = |w: &mut World| {
+        let from = w.now_ns;
+        for _ in 0..200 {
+            w.cycle(0);
+        }
+        w.now_ns - from
+    };
+    let healthy = cycle_ns(&mut w);
+    w.fault(7, ServoFault::Silent);
+    w.cycles(200);
+    let with_one_dead = cycle_ns(&mut w);
+    assert!(
+        with_one_dead < healthy * 105 / 100,
+        "{with_one_dead} against {healthy}"
+    );
+    let c = w.bus.servo(6).unwrap().counters;
+    assert!(c.rested > 20 * c.timeouts, "{c:?}");
+}
+
+#[test]
+fn a_servo_that_was_away_is_back_within_a_second() {
+    for fast in [FastSyncRead::Off, FastSyncRead::Auto] {
+        let mut w = World::of(6, fast);
+        for id in 1..=6 {
+            w.fault(id, ServoFault::Silent);
+        }
+        // Everything is off, for long enough that every pause is the longest.
+        w.cycles(1500);
+        assert!(w.bus.results().iter().all(Result::is_err));
+        for id in 1..=6 {
+            w.servos.set_fault(id, None, 1);
+        }
+        let end_ns = w.now_ns + 1_000 * MS;
+        while !all_good(&w.cycle(5 * MS)) {
+            assert!(w.now_ns < end_ns, "{fast:?}: {:?}", w.bus.results());
+        }
+    }
+}
+
+/// Servos whose position is the time: a reading that is old gives itself away.
+fn clocks(n: u8) -> Vec<ServoBuild> {
+    (1..=n)
+        .map(|id| ServoBuild {
+            motion: Motion::Sine {
+                centre: 0.0,
+                amplitude: 1e8,
+                hz: 0.0001,
+                phase: 0.0,
+            },
+            ..ServoBuild::new(id)
+        })
+        .collect()
+}
+
+#[test]
+fn a_late_answer_is_never_taken_for_a_new_one() {
+    for fast in [FastSyncRead::Off, FastSyncRead::Auto] {
+        for n in [1, 2, 5] {
+            for by_us in (500..30_000).step_by(370) {
+                let mut config = JointsConfig::dynamixel("none", 1..=n);
+                config.fast_sync_read = fast;
+                let mut w = World::new(&config, clocks(n));
+                w.cycles(3);
+                let late = n.div_ceil(2);
+                assert!(
+                    w.servos
+                        .set_fault(late, Some(ServoFault::Late { by_ns: by_us * 1000 }), 3)
+                );
+                for _ in 0..40 {
+                    w.cycle(300_000);
+                    for result in w.bus.results().iter().flatten() {
+                        let truth = w.servos.servo(1).unwrap().position(result.t_ns);
+                        let error_ns = (f64::from(result.position) - truth).abs()
+                            / (1e8 * 0.0001 * std::f64::consts::TAU)
+                            * 1e9;
+                        // An answer within its deadline may be as late as the deadline allows.
+                        assert!(
+                            error_ns < 9e6,
+                            "{fast:?}, {n} servos, {by_us} us late: {error_ns} ns old"
+                        );
+                    }
+                }
+                let late_count = w.bus.servo(usize::from(late) - 1).unwrap().counters.late;
+                if by_us > 10_000 && fast == FastSyncRead::Off {
+                    assert!(late_count > 0, "{n} servos, {by_us} us late");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn readings_carry_the_time_of_their_servo() {
+    let mut w = World::new(&JointsConfig::dynamixel("none", 1..=8), clocks(8));
+    for _ in 0..300 {
+        w.cycle(1_234_567);
+        for (i, result) in w.bus.results().iter().enumerate() {
+            let reading = result.unwrap();
+            let truth = w.servos.servo(i as u8 + 1).unwrap().position(reading.t_ns);
+            let error_ns =
+                (f64::from(reading.position) - truth).abs() / (1e8 * 0.0001 * std::f64::consts::TAU) * 1e9;
+            // Before a servo has told that it answers at once, half a millisecond is allowed for.
+            if w.bus.counters().cycles > 100 {
+                assert!(error_ns < 150_000.0, "servo {i}: {error_ns} ns");
+            }
+        }
+    }
+}
+
+#[test]
+fn fast_sync_read_falls_back_when_it_is_not_known() {
+    let config = JointsConfig::dynamixel("none", 1..=4);
+    let old = |id| ServoBuild {
+        fast: id != 3,
+        ..ServoBuild::new(id)
+    };
+    let mut w = World::new(&config, (1..=4).map(old));
+    for results in w.cycles(20) {
+        assert!(all_good(&results), "{results:?}");
+    }
+    assert_eq!(w.bus.fast_state(), FastState::NotSupported);
+    let fast = w.requests.iter().filter(|r| r[7] == 0x8A).count();
+    assert!((1..=3).contains(&fast), "{fast} tries");
+    // Another adapter, perhaps other servos: it is tried again.
+    w.bus.port_opened();
+    assert_eq!(w.bus.fast_state(), FastState::Probing);
+}
+
+#[test]
+fn an_alert_leaves_the_reading_and_fetches_the_error() {
+    for fast in [FastSyncRead::Off, FastSyncRead::On] {
+        let mut w = World::of(3, fast);
+        w.cycles(10);
+        w.servos.servo_mut(2).unwrap().set_hardware_error(0x24);
+        w.cycles(10);
+        assert_eq!(w.bus.results()[1].unwrap().position, still(2));
+        assert!(w.bus.results()[1].unwrap().alert);
+        assert!(!w.bus.results()[0].unwrap().alert);
+        let state = w.bus.servo(1).unwrap();
+        assert_eq!(state.hardware_error, Some(HardwareError(0x24)));
+        assert_eq!(state.hardware_error.unwrap().to_string(), "overheating, overload");
+        assert!(state.counters.alerts >= 9);
+        w.servos.servo_mut(2).unwrap().set_hardware_error(0);
+        w.cycles(1);
+        assert_eq!(w.bus.servo(1).unwrap().hardware_error, Some(HardwareError(0)));
+    }
+}
+
+#[test]
+fn a_servo_with_another_id_is_counted_and_changes_nothing() {
+    let mut w = World::new(
+        &JointsConfig::dynamixel("none", 1..=2),
+        (1..=3).map(ServoBuild::new),
+    );
+    // Something else on the wire makes servo 3 talk.
+    let ping = taxel_joints::protocol2::Encoder::default().ping(3).to_vec();
+    for _ in 0..5 {
+        w.servos.receive(&ping, w.now_ns);
+        assert!(all_good(&w.cycle(MS)));
+    }
+    w.cycle(MS);
+    assert_eq!(w.bus.counters().foreign, 5);
+}
+
+#[test]
+fn read_only_means_that_nothing_but_reads_is_sent() {
+    let mut w = World::of(4, FastSyncRead::Auto);
+    assert_eq!(
+        w.bus.command(0, WriteCommand::Torque(true)),
+        Err(WriteRefused::ReadOnly)
+    );
+    w.servos.servo_mut(2).unwrap().set_hardware_error(1);
+    w.fault(3, ServoFault::Silent);
+    w.cycles(300);
+    w.bus.release_motors();
+    w.cycles(3);
+    let instructions: std::collections::BTreeSet<u8> = w.requests.iter().map(|r| r[7]).collect();
+    assert!(
+        instructions.iter().all(|i| [0x02, 0x82, 0x8A].contains(i)),
+        "{instructions:x?}"
+    );
+    for id in 1..=4 {
+        assert_eq!(w.servos.servo(id).unwrap().register(64, 1), 0);
+    }
+}
+
+fn writable(n: u8) -> World {
+    let mut config = JointsConfig::dynamixel("none", 1..=n);
+    config.allow_writes = true;
+    config.watchdog_ms = 100;
+    World::new(&config, (1..=n).map(ServoBuild::new))
+}
+
+#[test]
+fn torque_arms_the_watchdog_first() {
+    let mut w = writable(2);
+    w.bus.command(1, WriteCommand::Torque(true)).unwrap();
+    w.bus.command(1, WriteCommand::GoalPwm(-300)).unwrap();
+    w.cycles(3);
+    let register = |w: &World, at, size| w.servos.servo(2).unwrap().register(at, size);
+    assert_eq!(
+        [register(&w, 98, 1), register(&w, 64, 1), register(&w, 100, 2)],
+        [5, 1, -300]
+    );
+    assert_eq!(w.servos.servo(1).unwrap().register(98, 1), 0);
+    assert_eq!(
+        (w.bus.counters().writes_ok, w.bus.counters().writes_failed),
+        (4, 0)
+    );
+    // The daemon hangs: the servo stops its motor and takes no more goals until torque is enabled anew.
+    w.now_ns += 200 * MS;
+    w.bus.command(1, WriteCommand::GoalPwm(10)).unwrap();
+    w.cycles(2);
+    assert_eq!(register(&w, 98, 1), 0xFF);
+    assert_eq!(w.bus.counters().writes_failed, 1);
+    w.bus.command(1, WriteCommand::Torque(true)).unwrap();
+    w.bus.command(1, WriteCommand::GoalPwm(10)).unwrap();
+    w.cycles(3);
+    assert_eq!([register(&w, 98, 1), register(&w, 100, 2)], [5, 10]);
+    w.bus.release_motors();
+    w.cycles(1);
+    assert_eq!([register(&w, 98, 1), register(&w, 64, 1)], [0, 0]);
+}
+
+#[test]
+fn a_motor_whose_watchdog_cannot_be_armed_stays_off() {
+    let mut w = writable(2);
+    w.cycles(5);
+    w.fault(1, ServoFault::Silent);
+    w.bus.command(0, WriteCommand::Torque(true)).unwrap();
+    w.bus.command(1, WriteCommand::Torque(true)).unwrap();
+    w.cycles(3);
+    assert!(!w.requests.iter().any(|r| r[4] == 1 && r[7] == 3 && r[8] == 64));
+    assert_eq!(w.servos.servo(2).unwrap().register(64, 1), 1);
+    assert_eq!(
+        (w.bus.counters().writes_ok, w.bus.counters().writes_failed),
+        (3, 3)
+    );
+}
+
+#[test]
+fn commands_that_cannot_be_are_refused() {
+    let mut w = writable(2);
+    assert_eq!(
+        w.bus.command(2, WriteCommand::Torque(false)),
+        Err(WriteRefused::NoSuchJoint(2))
+    );
+    assert_eq!(
+        w.bus.command(0, WriteCommand::GoalPwm(886)),
+        Err(WriteRefused::Range(886))
+    );
+    let full = (0..1000).find_map(|_| w.bus.command(0, WriteCommand::GoalPwm(1)).err());
+    assert!(matches!(full, Some(WriteRefused::QueueFull(_))));
+}
+
+#[test]
+fn a_servo_that_refuses_is_told_from_one_that_is_silent() {
+    // An address the simulated table does not have cannot be asked for, so the answer is made by hand.
+    let mut w = World::of(2, FastSyncRead::Off);
+    w.fault(1, ServoFault::Silent);
+    w.bus.begin(w.now_ns);
+    assert_eq!(w.bus.step(w.now_ns), Step::Send);
+    w.bus.sent(w.now_ns);
+    let mut e = taxel_joints::protocol2::Encoder::default();
+    let answer = e.status(1, 7, &[]).unwrap();
+    w.bus.space()[..answer.len()].copy_from_slice(answer);
+    let n = answer.len();
+    w.bus.filled(n, w.now_ns);
+    assert_eq!(
+        w.bus.results()[0].unwrap_err(),
+        NoReading::Refused(StatusError::Access)
+    );
+    assert_eq!(w.bus.servo(0).unwrap().counters.refused, 1);
+}
+
+#[test]
+fn angles_are_homed_and_turned() {
+    let mut config = JointsConfig::dynamixel("none", [1, 2]);
+    config.servo[1].direction = -1;
+    config.servo[1].homing_rad = 0.1;
+    let mut w = World::new(&config, (1..=2).map(ServoBuild::new));
+    w.cycle(0);
+    let angle = |i: usize| w.bus.results()[i].unwrap().angle_rad;
+    assert!((angle(0) - angle_rad(still(1))).abs() < 1e-12);
+    assert!((angle(1) - (0.1 - angle_rad(still(2)))).abs() < 1e-12);
+}
+
+#[test]
+fn random_bytes_at_any_time_never_end_a_cycle_badly() {
+    let mut seed = 12345_u64;
+    let mut random = || {
+        seed = seed
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (seed >> 33) as usize
+    };
+    for fast in [FastSyncRead::Off, FastSyncRead::Auto] {
+        let mut w = World::of(4, fast);
+        for _ in 0..2000 {
+            let header = [0xFF, 0xFF, 0xFD, 0x00, [1, 2, 3, 4, 0xFE][random() % 5]];
+            let n = random() % 60;
+            let mut noise: Vec<u8> = (0..n).map(|_| random() as u8).collect();
+            if random() % 2 == 0 {
+                noise.splice(0..0, header);
+            }
+            let space = w.bus.space();
+            let n = noise.len().min(space.len());
+            space[..n].copy_from_slice(&noise[..n]);
+            w.bus.filled(n, w.now_ns);
+            for (result, id) in w.cycle(0).into_iter().zip(1..) {
+                assert_eq!(result, Ok(still(id)));
+            }
+        }
+    }
+}

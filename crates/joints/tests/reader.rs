@@ -1,0 +1,225 @@
+//! The thread that reads joints, over a real (pseudo) terminal, against simulated servos.
+//!
+//! Nothing here is timed: waiting only ends a test that would never succeed.
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+use taxel_joints::bus::{FastState, NoReading, WriteCommand, WriteRefused};
+use taxel_joints::{
+    AngleAt, FastSyncRead, JointReader, JointSnapshot, JointsConfig, PortState, StartError, scan,
+};
+use taxel_sim::servo::{Motion, ServoBuild, ServoBus, ServoFault, ServoPty, servo_clock_ns};
+
+const BAUD: u32 = 1_000_000;
+
+fn pty(n: u8) -> ServoPty {
+    ServoPty::open(ServoBus::new((1..=n).map(ServoBuild::new), BAUD)).unwrap()
+}
+
+fn config(path: &Path, n: u8) -> JointsConfig {
+    let mut config = JointsConfig::dynamixel(path, 1..=n);
+    config.rate_hz = 500.0;
+    // The machine that runs the tests may be busy.
+    config.answer_margin_ms = Some(50.0);
+    config
+}
+
+fn eventually(reader: &JointReader, what: &str, done: impl Fn(&JointSnapshot) -> bool) -> JointSnapshot {
+    let end = Instant::now() + Duration::from_secs(20);
+    loop {
+        let snapshot = reader.snapshot();
+        if done(&snapshot) {
+            return snapshot;
+        }
+        assert!(
+            Instant::now() < end,
+            "never {what}: {snapshot:?}, {:?}",
+            reader.port()
+        );
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+fn all_read(s: &JointSnapshot) -> bool {
+    s.results.iter().all(Result::is_ok)
+}
+
+#[test]
+fn all_joints_are_read_and_known() {
+    let pty = pty(16);
+    let reader = JointReader::start(&config(pty.path(), 16)).unwrap();
+    assert_eq!(reader.names()[15], "servo 16");
+    let s = eventually(&reader, "known", |s| {
+        all_read(s)
+            && s.fast == FastState::On
+            && s.servos
+                .iter()
+                .all(|v| v.identity.is_some() && v.temperature_c.is_some())
+    });
+    for (i, result) in s.results.iter().enumerate() {
+        assert_eq!(result.unwrap().position, 2058 + 10 * i as i32);
+    }
+    let port = reader.port();
+    assert_eq!((port.state, port.opened), (PortState::Open, 1));
+    // A pseudo terminal has neither flag nor timer, and that is no error.
+    let latency = port.latency.unwrap();
+    assert_eq!((latency.low_latency, latency.ftdi_timer_ms), (false, None));
+    let mut again = s.clone();
+    reader.snapshot_into(&mut again);
+    assert!(again.counters.cycles >= s.counters.cycles);
+}
+
+#[test]
+fn a_servo_that_dies_and_comes_back_is_seen_as_that() {
+    let pty = pty(4);
+    let reader = JointReader::start(&config(pty.path(), 4)).unwrap();
+    eventually(&reader, "read", all_read);
+    pty.bus().set_fault(2, Some(ServoFault::Silent), 1);
+    let s = eventually(&reader, "resting", |s| s.results[1] == Err(NoReading::Resting));
+    assert!(!s.servos[1].alive && s.servos[0].alive);
+    pty.bus().set_fault(2, None, 1);
+    eventually(&reader, "back", |s| all_read(s) && s.servos[1].identity.is_some());
+}
+
+#[test]
+fn an_adapter_that_comes_back_under_another_number_is_found_by_its_stable_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let name = folder.path().join("usb-FTDI-if00-port0");
+    let first = pty(2);
+    std::os::unix::fs::symlink(first.path(), &name).unwrap();
+    let reader = JointReader::start(&config(&name, 2)).unwrap();
+    let before = eventually(&reader, "read", all_read).counters.cycles;
+    // Unplugged. Another terminal takes a number first, so that the old one is not used again.
+    let old = first.path().to_path_buf();
+    let other = pty(1);
+    drop(first);
+    std::fs::remove_file(&name).unwrap();
+    eventually(&reader, "gone", |s| s.results[0] == Err(NoReading::NotAsked));
+    let end = Instant::now() + Duration::from_secs(20);
+    let reason = loop {
+        if let PortState::Away { reason, .. } = reader.port().state
+            && reason.contains("/dev/serial/by-id")
+        {
+            break reason;
+        }
+        assert!(Instant::now() < end, "{:?}", reader.port());
+        std::thread::sleep(Duration::from_millis(2));
+    };
+    assert!(reason.contains("is the adapter plugged in?"), "{reason}");
+    let second = pty(2);
+    let _third = pty(2);
+    std::os::unix::fs::symlink(second.path(), &name).unwrap();
+    eventually(&reader, "back", |s| all_read(s) && s.counters.cycles > before);
+    assert_eq!(reader.port().opened, 2);
+    drop((other, old));
+}
+
+#[test]
+fn a_port_that_is_not_there_yet_is_opened_when_it_comes() {
+    let folder = tempfile::tempdir().unwrap();
+    let name = folder.path().join("later");
+    let reader = JointReader::start(&config(&name, 1)).unwrap();
+    let pty = pty(1);
+    std::os::unix::fs::symlink(pty.path(), &name).unwrap();
+    eventually(&reader, "read", all_read);
+}
+
+#[test]
+fn angles_are_given_for_the_instant_that_is_asked_for() {
+    let motion = Motion::Sine {
+        centre: 2048.0,
+        amplitude: 600.0,
+        hz: 1.0,
+        phase: 0.0,
+    };
+    let build = ServoBuild {
+        motion,
+        ..ServoBuild::new(1)
+    };
+    let pty = ServoPty::open(ServoBus::new([build], BAUD)).unwrap();
+    let mut config = config(pty.path(), 1);
+    config.rate_hz = 100.0;
+    let reader = JointReader::start(&config).unwrap();
+    eventually(&reader, "read often", |s| {
+        s.servos[0].counters.ok > 60 && s.servos[0].identity.is_some()
+    });
+    let mut worst = 0.0_f64;
+    let mut tested = 0;
+    let newest = eventually(&reader, "read", all_read).results[0].unwrap().t_ns;
+    for back_ms in 0..150 {
+        let t_ns = newest - back_ms * 1_000_000;
+        let mut angle = [None::<AngleAt>];
+        reader.angles_at(t_ns, &mut angle);
+        let at = angle[0].unwrap();
+        let truth = (pty.bus().servo(1).unwrap().position(t_ns) - 2048.0) * std::f64::consts::TAU / 4096.0;
+        // On a busy machine cycles may be missed; what is left is between readings that are close.
+        if at.age_ns <= 5_500_000 && !at.extrapolated {
+            worst = worst.max((at.angle_rad - truth).abs());
+            tested += 1;
+        }
+    }
+    println!("interpolated over the terminal: {worst:.5} rad off at most, {tested} instants");
+    assert!(tested > 10, "{tested}");
+    // Curvature 0.0005 rad, half a pulse 0.0008 rad, and some of 5.8 rad/s by the time of the reading.
+    assert!(worst < 0.02, "{worst}");
+    let mut future = [None];
+    reader.angles_at(servo_clock_ns() + 1_000_000_000, &mut future);
+    assert!(future[0].unwrap().extrapolated);
+}
+
+#[test]
+fn commands_need_the_configuration_s_consent() {
+    let pty = pty(2);
+    let mut config = config(pty.path(), 2);
+    {
+        let reader = JointReader::start(&config).unwrap();
+        assert_eq!(
+            reader.command(0, WriteCommand::Torque(true)),
+            Err(WriteRefused::ReadOnly)
+        );
+    }
+    config.allow_writes = true;
+    config.watchdog_ms = 2000;
+    let reader = JointReader::start(&config).unwrap();
+    eventually(&reader, "read", all_read);
+    assert_eq!(
+        reader.command(2, WriteCommand::Torque(true)),
+        Err(WriteRefused::NoSuchJoint(2))
+    );
+    reader.command(1, WriteCommand::Torque(true)).unwrap();
+    let s = eventually(&reader, "written", |s| s.counters.writes_ok == 3);
+    assert_eq!(s.counters.writes_failed, 0);
+    assert_eq!(pty.bus().servo(2).unwrap().register(64, 1), 1);
+    // Ending the daemon lets the motor go.
+    drop(reader);
+    assert_eq!(pty.bus().servo(2).unwrap().register(64, 1), 0);
+    assert_eq!(pty.bus().servo(2).unwrap().register(98, 1), 0);
+}
+
+#[test]
+fn a_scan_finds_who_is_there() {
+    let pty = ServoPty::open(ServoBus::new([40, 3, 252].map(ServoBuild::new), BAUD)).unwrap();
+    pty.bus().servo_mut(40).unwrap().set_hardware_error(1);
+    let found = scan(pty.path(), BAUD).unwrap();
+    let seen: Vec<_> = found.iter().map(|f| (f.id, f.model_number, f.alert)).collect();
+    assert_eq!(seen, [(3, 1030, false), (40, 1030, true), (252, 1030, false)]);
+}
+
+#[test]
+fn clients_come_and_go() {
+    let pty = pty(2);
+    for fast in [FastSyncRead::Off, FastSyncRead::On, FastSyncRead::Auto] {
+        let mut config = config(pty.path(), 2);
+        config.fast_sync_read = fast;
+        let reader = JointReader::start(&config).unwrap();
+        eventually(&reader, "read", all_read);
+    }
+}
+
+#[test]
+fn what_cannot_be_started_says_why() {
+    let config: JointsConfig = toml::from_str("source = \"allegro:can2\"\nallegro.version = 4").unwrap();
+    assert!(matches!(JointReader::start(&config), Err(StartError::NotSerial)));
+    let none = JointsConfig::dynamixel("/dev/null", []);
+    assert!(matches!(JointReader::start(&none), Err(StartError::Config(_))));
+}
