@@ -21,6 +21,7 @@ DATA = Path(os.environ.get("TAXEL_DATA", ROOT.parent / "shared/data"))
 LEVELS, ACTUATORS = 8, 16
 METHODS = ["paper", "optimal"]
 HISTORIES = [0, 0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1, 1.5, 2]
+JUMP_GAINS = [0, 0.01, 0.02, 0.05, 0.1, 0.3]
 # Six pressure arrays of 14 or 13 rows of six, one below the other. Each taxel idles at a level of its own: forces are above the first frames' median.
 SCHUNK_LAYOUT, SCHUNK_IDLE_FRAMES, SCHUNK_THRESHOLD = "grid:81x6", 10, 10
 
@@ -199,6 +200,24 @@ def kernel_table(recording):
     return rows
 
 
+def summary(recordings):
+    """The method optimal on every recording."""
+    rows = [
+        "| recording | contacts | tick us p50 | p99 | p99.9 | every tick p99.9 | frames optimal | position SSE mean | p95 | jumps | in 7 % | centre of pressure | kbit/s | allocations |",
+        "|---|---|---|---|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    for recording in recordings:
+        e = recording["eval"]
+        m = next(m for m in e["methods"] if m["name"] == "optimal")
+        place = [f"{m[key]:.3f}" if m["position_frames"] else "none" for key in ("position_sse_ratio_mean", "position_sse_ratio_p95")]
+        rows.append(
+            f"| {recording['name']} | {e['contacts_median']:.0f} | {m['tick_us_p50']:.1f} | {m['tick_us_p99']:.1f} | {m['tick_us_p999']:.1f} |"
+            f" {m['every_tick_us']['p999']:.0f} | {percent(m['force_optimal_fraction'])} | {place[0]} | {place[1]} | {percent(m['jump_fraction'])} |"
+            f" {percent(m['weber_share'])} | {m['cop_error_mean']:.1f} {m['cop_unit']} | {m['bits_per_s'] / 1e3:.1f} | {m['allocations_per_tick']:g} |"
+        )
+    return "\n".join(rows)
+
+
 def machine():
     model = "unknown processor"
     try:
@@ -260,7 +279,7 @@ def main():
 
     first = next(iter(recordings(True, frames_dir)))
     history = [a for h in HISTORIES for a in ("--method", f"optimal history={h}")]
-    baseline = ["--method", "paper", "--method", "optimal jump_gain=0", "--method", "optimal jump_gain=0.1", "--method", "optimal jump_gain=1"]
+    baseline = ["--method", "paper", *(a for g in JUMP_GAINS for a in ("--method", f"optimal jump_gain={g}"))]
     results["history"] = []
     for name, args, _ in recordings(False, frames_dir):
         if name in (first[0], "Schunk ORANGE_FRESH_1300205837, six arrays", "scene ball-grasp", "scene slip"):
@@ -270,7 +289,8 @@ def main():
     results["kernel_scaling"] = json.loads(subprocess.check_output([options.kernels, "--made-up", str(LEVELS)]))
     results["sweep"] = taxel_eval(options.taxel, first[1], *methods, "--sweep-k")["sweep"]
     (options.out / "results.json").write_text(json.dumps(results, indent=1))
-    (options.out / "report.md").write_text("\n".join([results["machine"], *(r["report"] for r in results["recordings"])]) + "\n")
+    (options.out / "report.md").write_text("\n".join([results["machine"], "", summary(results["recordings"]), *(r["report"] for r in results["recordings"])]) + "\n")
+    print(f"\n{summary(results['recordings'])}")
     print(f"\n{options.out / 'results.json'} and report.md written", file=sys.stderr)
 
 

@@ -131,11 +131,17 @@ def error_against_movement(results, folder, previews):
     for axis, entry in zip(axes.flat, chosen):
         methods = {m["name"]: m for m in entry["eval"]["methods"]}
         curve = [(float(n.split("=")[1]), m) for n, m in methods.items() if "history" in n]
-        x, y = ([m[key] for _, m in curve] for key in ("moved_px_mean", "position_sse_ratio_mean"))
-        axis.plot(x, y, "-", color=GUIDE, linewidth=1, zorder=2)
-        shades = axis.scatter(x, y, c=[h for h, _ in curve], cmap="viridis_r", vmin=0, vmax=2, s=55, edgecolor="#333333", linewidth=0.5, zorder=3)
-        for (history, m), offset in [(curve[0], (8, 6)), (curve[-1], (8, -12))]:
-            axis.annotate(f"{history:g}", (m["moved_px_mean"], m["position_sse_ratio_mean"]), offset, textcoords="offset points")
+        gains = [(float(n.split("=")[1]), m) for n, m in methods.items() if "jump_gain" in n]
+        gains = sorted([*gains, (0.03, methods["optimal history=0"])], key=lambda g: g[0])
+        at = lambda series: [[m[key] for _, m in series] for key in ("moved_px_mean", "position_sse_ratio_mean")]
+        axis.plot(*at(gains), "D--", color="#8a5fa8", markersize=6, linewidth=1, zorder=2)
+        for (gain, m), offset in [(gains[0], (8, -11)), (gains[-1], (8, -4))]:
+            place = (m["moved_px_mean"], m["position_sse_ratio_mean"])
+            axis.annotate(f"jump_gain {gain:g}", place, offset, textcoords="offset points", color="#8a5fa8")
+        axis.plot(*at(curve), "-", color=GUIDE, linewidth=1, zorder=3)
+        x, y = at(curve)
+        shades = axis.scatter(x, y, c=[h for h, _ in curve], cmap="viridis_r", vmin=0, vmax=2, s=45, edgecolor="#333333", linewidth=0.5, zorder=4)
+        x, y = x + at(gains)[0], y + at(gains)[1]
         paper = methods["paper"]
         axis.text(
             0.98,
@@ -150,13 +156,13 @@ def error_against_movement(results, folder, previews):
         axis.set_title(entry["name"], loc="left", fontsize=10, fontweight="bold")
         axis.set_xlabel("movement of an actuator, pixels per frame (mean)")
         axis.set_ylabel("position error / best of 64, mean")
-        axis.set_xlim(0, max(x) * 1.2 + 1e-6)
+        axis.set_xlim(0, max(x) * 1.35 + 1e-6)
         low, high = min(min(y), 1.0), max(y)
         axis.set_ylim(low - 0.1 * (high - low) - 0.001, high + 0.35 * (high - low) + 0.001)
         axis.yaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:.3f}"))
     for axis in list(axes.flat)[len(chosen) :]:
         axis.remove()
-    figure.colorbar(shades, ax=axes, label="history of the method optimal", shrink=0.6)
+    figure.colorbar(shades, ax=axes, label="history (circles)", shrink=0.6)
     save(figure, "error-against-movement", folder, previews)
 
 

@@ -32,7 +32,14 @@ fn recorded(path: &str, clusters: u8) -> Result<Value, Box<dyn Error>> {
     let force: Array2<f64> = npz.by_name("force")?;
     let contact: Array2<u8> = npz.by_name("contact")?;
     let frames: Vec<Vec<f64>> = (force.rows().into_iter().zip(contact.rows()))
-        .map(|(force, contact)| force.iter().zip(contact).filter(|(_, c)| **c > 0).map(|(f, _)| *f).collect())
+        .map(|(force, contact)| {
+            force
+                .iter()
+                .zip(contact)
+                .filter(|(_, c)| **c > 0)
+                .map(|(f, _)| *f)
+                .collect()
+        })
         .filter(|frame: &Vec<f64>| frame.len() > clusters.into())
         .collect();
     Ok(compare(&frames, clusters))
@@ -42,12 +49,16 @@ fn recorded(path: &str, clusters: u8) -> Result<Value, Box<dyn Error>> {
 fn made_up(clusters: u8) -> Value {
     let mut state = 1u64;
     let mut unit = || {
-        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        state = state
+            .wrapping_mul(6364136223846793005)
+            .wrapping_add(1442695040888963407);
         (state >> 11) as f64 / (1u64 << 53) as f64
     };
     let sizes = [16, 64, 256, 1024, 4096, 16384, 65536];
     let of_size = |n: usize| {
-        let mut values: Vec<f64> = (0..n).map(|_| 50.0 + 500.0 * (1.0 / (1.0 - 0.99 * unit()) - 1.0)).collect();
+        let mut values: Vec<f64> = (0..n)
+            .map(|_| 50.0 + 500.0 * (1.0 / (1.0 - 0.99 * unit()) - 1.0))
+            .collect();
         let frames: Vec<Vec<f64>> = (0..20)
             .map(|_| {
                 values.iter_mut().for_each(|v| *v += unit() * 2.0);
@@ -62,27 +73,29 @@ fn made_up(clusters: u8) -> Value {
 /// The time of each kernel per frame, the least of some passes, and its error over that of `Kmeans1d`.
 fn compare(frames: &[Vec<f64>], clusters: u8) -> Value {
     let most = frames.iter().map(Vec::len).max().unwrap_or(1);
-    let mut solver = Kmeans1d::new(most, clusters.into());
-    let mut sorted = Vec::with_capacity(most);
-    let mut warm = |values: &[f64], forget: bool| {
-        if forget {
-            solver.forget();
-        }
-        sorted.clear();
-        sorted.extend_from_slice(values);
-        sorted.sort_unstable_by(f64::total_cmp);
-        solver.solve(&sorted, clusters.into()).expect("finite values").cost
+    let mut kernel = Kernel::new(most, clusters);
+    let mut cold = |values: &[f64]| {
+        kernel.solver.forget();
+        kernel.cost(values, clusters)
     };
-    let least: Vec<f64> = frames.iter().map(|frame| warm(frame, true)).collect();
-    let mut laps = vec![vec![[0.0; 4]; PASSES]; frames.len()];
+    let least: Vec<f64> = frames.iter().map(|frame| cold(frame)).collect();
+    let mut laps = vec![vec![[0.0; 5]; PASSES]; frames.len()];
     for pass in 0..PASSES {
         for (frame, laps) in frames.iter().zip(&mut laps) {
-            laps[pass][0] = microseconds(|| warm(frame, false));
+            laps[pass][0] = microseconds(|| kernel.cost(frame, clusters));
         }
         for (frame, laps) in frames.iter().zip(&mut laps) {
-            laps[pass][1] = microseconds(|| warm(frame, true));
-            laps[pass][2] = microseconds(|| ckmeans::ckmeans_indices(frame, clusters));
+            kernel.solver.forget();
+            laps[pass][1] = microseconds(|| kernel.cost(frame, clusters));
+        }
+        for (frame, laps) in frames.iter().zip(&mut laps) {
+            laps[pass][2] = microseconds(|| kernel.sort(frame));
+        }
+        for (frame, laps) in frames.iter().zip(&mut laps) {
             laps[pass][3] = microseconds(|| ckmeans::ckmeans(frame, clusters));
+        }
+        for (frame, laps) in frames.iter().zip(&mut laps) {
+            laps[pass][4] = microseconds(|| ckmeans::ckmeans_indices(frame, clusters));
         }
     }
     let mut ratios = Vec::new();
@@ -91,15 +104,67 @@ fn compare(frames: &[Vec<f64>], clusters: u8) -> Value {
             ratios.push(ckmeans_error(frame, clusters) / least);
         }
     }
-    let names = ["Kmeans1d, after the last frame", "Kmeans1d, cold", "ckmeans_indices", "ckmeans"];
+    let names = [
+        "Kmeans1d, after the last frame",
+        "Kmeans1d, cold",
+        "of which sorting",
+        "ckmeans",
+        "ckmeans_indices",
+    ];
     let mut result = json!({"frames": frames.len(), "ckmeans_error_ratio_min": fold(&ratios, f64::min), "ckmeans_error_ratio_max": fold(&ratios, f64::max)});
     for (n, name) in names.into_iter().enumerate() {
-        let mut times: Vec<f64> = laps.iter().map(|laps| laps.iter().map(|lap| lap[n]).fold(f64::INFINITY, f64::min)).collect();
+        let mut times: Vec<f64> = laps
+            .iter()
+            .map(|laps| laps.iter().map(|lap| lap[n]).fold(f64::INFINITY, f64::min))
+            .collect();
         times.sort_unstable_by(f64::total_cmp);
         let at = |q: f64| times[((q * times.len() as f64).ceil() as usize).max(1) - 1];
         result[name] = json!({"p50_us": at(0.5), "p99_us": at(0.99), "mean_us": times.iter().sum::<f64>() / times.len() as f64});
     }
     result
+}
+
+/// `Kmeans1d` as the force stage calls it: values sorted, equal ones merged.
+struct Kernel {
+    solver: Kmeans1d,
+    sorted: Vec<f64>,
+    values: Vec<f64>,
+    counts: Vec<u32>,
+}
+
+impl Kernel {
+    fn new(most: usize, clusters: u8) -> Self {
+        Self {
+            solver: Kmeans1d::new(most, clusters.into()),
+            sorted: Vec::with_capacity(most),
+            values: Vec::with_capacity(most),
+            counts: Vec::with_capacity(most),
+        }
+    }
+
+    fn sort(&mut self, values: &[f64]) {
+        self.sorted.clear();
+        self.sorted.extend_from_slice(values);
+        // As bits, since forces are positive.
+        self.sorted.sort_unstable_by_key(|value| value.to_bits());
+    }
+
+    fn cost(&mut self, values: &[f64], clusters: u8) -> f64 {
+        self.sort(values);
+        self.values.clear();
+        self.counts.clear();
+        for equal in self.sorted.chunk_by(|a, b| a == b) {
+            self.values.push(equal[0]);
+            self.counts.push(equal.len() as u32);
+        }
+        let solved = if self.values.len() == self.sorted.len() {
+            self.solver.solve(&self.values, clusters.into())
+        } else {
+            self.solver
+                .solve_weighted(&self.values, &self.counts, clusters.into())
+        };
+        solved.expect("finite values").cost
+    }
 }
 
 fn microseconds<T>(what: impl FnOnce() -> T) -> f64 {
