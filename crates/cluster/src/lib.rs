@@ -8,10 +8,12 @@ mod kmeans1d;
 mod kmeans2d;
 mod lloyd1d;
 mod lloyd2d;
+mod matching;
 mod seed;
 
 pub use kmeans1d::{Kmeans1d, Kmeans1dError, Partition};
 pub use kmeans2d::{Clusters, Kmeans2d, Kmeans2dSettings};
 pub use lloyd1d::{assign1d, lloyd1d, nearest1d};
 pub use lloyd2d::{Plane, lloyd2d, medoids};
+pub use matching::Matching;
 pub use seed::{distinct_up_to, maximin, uniform};

@@ -26,7 +26,11 @@ fn frame(taxels: usize, contacts: usize) -> ForceFrame {
 #[divan::bench(args = [16, 100, 240])]
 fn paper(bencher: Bencher, contacts: usize) {
     let layout = Layout::grid(16, 16).expect("a grid that fits");
-    let mut compressor = Compressor::new(Profile::default(), &layout).expect("a valid profile");
+    let profile = Profile {
+        method: Method::Paper,
+        ..Profile::default()
+    };
+    let mut compressor = Compressor::new(profile, &layout).expect("a valid profile");
     let mut image = compressor.new_image();
     let frame = frame(layout.taxels.len(), contacts);
     bencher.bench_local(|| compressor.compress(divan::black_box(&frame), &mut image));

@@ -1,10 +1,13 @@
 //! Actuator quantisation, eqs (8) to (12): where the display presses, and how hard.
 
 use taxel_cluster::{Kmeans2d, Kmeans2dSettings, Plane, lloyd2d, maximin, medoids, nearest1d};
+use taxel_skin::Layout;
 
 use crate::contacts::Contacts;
+use crate::fixed::Fixed;
+use crate::hand;
 use crate::levels::Levels;
-use crate::{Actuator, ActuatorForce, Placement, Profile};
+use crate::{Actuator, ActuatorForce, Placement, Profile, ProfileError};
 
 /// The actuator stage and its memory.
 #[derive(Debug)]
@@ -17,12 +20,42 @@ pub(crate) struct Actuators {
     member: Vec<Option<u32>>,
     nearest: Vec<f64>,
     pressing: Vec<Pressing>,
-    follower: Kmeans2d,
-    /// Columns moved apart by part of the hand.
+    /// Parts of the hand that share a number of actuators.
+    groups: Vec<Group>,
+    group_of_part: Vec<usize>,
+    /// First coordinates, moved apart by part of the hand.
     apart: Vec<f64>,
+    fixed: Option<Fixed>,
 }
 
-/// How far columns of different parts of the hand are moved apart, pixels: an actuator in between would be worth nothing.
+/// Actuators for some parts of the hand, which follow contacts there.
+#[derive(Debug)]
+struct Group {
+    first_id: u16,
+    follower: Kmeans2d,
+    /// The contacts of these parts: their numbers, places, keys and forces.
+    contact: Vec<u32>,
+    x: Vec<f64>,
+    y: Vec<f64>,
+    key: Vec<u16>,
+    force: Vec<f64>,
+}
+
+impl Group {
+    fn new(first_id: u16, clusters: u16, taxels: usize, settings: Kmeans2dSettings) -> Self {
+        Self {
+            first_id,
+            follower: Kmeans2d::new(taxels, clusters.into(), settings),
+            contact: Vec::with_capacity(taxels),
+            x: Vec::with_capacity(taxels),
+            y: Vec::with_capacity(taxels),
+            key: Vec::with_capacity(taxels),
+            force: Vec::with_capacity(taxels),
+        }
+    }
+}
+
+/// How far columns of different parts of the hand are moved apart, pixels or millimetres: an actuator in between would be worth nothing.
 const PART_DISTANCE: f64 = 4096.0;
 
 /// What presses on an actuator.
@@ -34,10 +67,32 @@ struct Pressing {
 }
 
 impl Actuators {
-    /// Memory for `taxels` contacts.
-    pub(crate) fn new(profile: &Profile, taxels: usize) -> Self {
+    /// Memory for every taxel of the layout.
+    pub(crate) fn new(
+        profile: &Profile,
+        layout: &Layout,
+        places: &[[f64; 2]],
+        contacts: &Contacts,
+    ) -> Result<Self, ProfileError> {
+        let taxels = layout.taxels.len();
         let most = usize::from(profile.actuators);
-        Self {
+        let settings = Kmeans2dSettings {
+            history: profile.history,
+            swap_gain: profile.jump_gain,
+            swaps: 4,
+            iterations: 6,
+            reach: hand::reach(layout, places),
+        };
+        let (sizes, group_of_part) = hand::groups(layout, profile)?;
+        let mut first_id = 0;
+        let mut groups = Vec::new();
+        for size in sizes {
+            groups.push(Group::new(first_id, size, taxels, settings));
+            first_id += size;
+        }
+        let fixed = (!profile.fixed.is_empty())
+            .then(|| Fixed::new(&profile.fixed, layout, places, &contacts.raster()));
+        Ok(Self {
             x: vec![0.0; most],
             y: vec![0.0; most],
             cluster: Vec::with_capacity(taxels),
@@ -46,9 +101,11 @@ impl Actuators {
             member: vec![None; most],
             nearest: Vec::with_capacity(taxels),
             pressing: vec![Pressing::default(); most],
-            follower: Kmeans2d::new(taxels, most, settings(profile)),
+            groups,
+            group_of_part,
             apart: Vec::with_capacity(taxels),
-        }
+            fixed,
+        })
     }
 
     /// Places the actuators of a frame and says how hard each presses.
@@ -59,6 +116,15 @@ impl Actuators {
         levels: &Levels,
         out: &mut Vec<Actuator>,
     ) {
+        if let Some(fixed) = &mut self.fixed {
+            fixed.assign(contacts, &mut self.cluster);
+            self.member.fill(None);
+            for (n, id) in self.cluster.iter().enumerate() {
+                self.member[usize::from(*id)] = Some(n as u32);
+            }
+            self.press(profile, contacts, levels, out);
+            return;
+        }
         match profile.placement() {
             Placement::Lloyd => self.lloyd(profile, contacts, levels, out),
             Placement::Follow => self.follow(profile, contacts, levels, out),
@@ -70,29 +136,69 @@ impl Actuators {
         &self.cluster
     }
 
-    /// From where the actuators were, [`Kmeans2d`]; each stands on the contact of its cluster nearest the centroid.
+    /// From where the actuators were, [`Kmeans2d`], each group of parts on its own.
     fn follow(&mut self, profile: &Profile, contacts: &Contacts, levels: &Levels, out: &mut Vec<Actuator>) {
-        let mut points = Plane {
-            x: &contacts.x,
-            y: &contacts.y,
-        };
+        let mut x = &contacts.x;
         if profile.parts_apart {
+            let parts = contacts.x.iter().zip(&contacts.part);
             self.apart.clear();
-            self.apart.extend(
-                contacts
-                    .x
-                    .iter()
-                    .zip(&contacts.part)
-                    .map(|(x, part)| x + PART_DISTANCE * f64::from(*part)),
-            );
-            points.x = &self.apart;
+            self.apart
+                .extend(parts.map(|(x, part)| x + PART_DISTANCE * f64::from(*part)));
+            x = &self.apart;
         }
-        let weights = profile.force_weighted.then_some(&contacts.force[..]);
-        let clusters = self.follower.follow(points, &contacts.rank, weights);
-        self.cluster.clear();
-        self.cluster.extend_from_slice(clusters.labels);
-        self.member.copy_from_slice(clusters.member);
+        if let [all] = &mut self.groups[..] {
+            let points = Plane { x, y: &contacts.y };
+            let weights = profile.force_weighted.then_some(&contacts.force[..]);
+            let clusters = all.follower.follow(points, &contacts.rank, weights);
+            self.cluster.clear();
+            self.cluster.extend_from_slice(clusters.labels);
+            // A budget for the only part may be less than all actuators.
+            self.member[..clusters.member.len()].copy_from_slice(clusters.member);
+        } else {
+            let y = &contacts.y;
+            Self::share_out(&mut self.groups, &self.group_of_part, contacts, Plane { x, y });
+            self.follow_groups(profile.force_weighted, contacts.len());
+        }
         self.press(profile, contacts, levels, out);
+    }
+
+    /// Gives each group the contacts of its parts.
+    fn share_out(groups: &mut [Group], group_of_part: &[usize], contacts: &Contacts, at: Plane<'_>) {
+        for group in groups.iter_mut() {
+            group.contact.clear();
+            group.x.clear();
+            group.y.clear();
+            group.key.clear();
+            group.force.clear();
+        }
+        for n in 0..contacts.len() {
+            let group = &mut groups[group_of_part[usize::from(contacts.part[n])]];
+            group.contact.push(n as u32);
+            group.x.push(at.x[n]);
+            group.y.push(at.y[n]);
+            group.key.push(contacts.rank[n]);
+            group.force.push(contacts.force[n]);
+        }
+    }
+
+    fn follow_groups(&mut self, force_weighted: bool, contacts: usize) {
+        self.cluster.clear();
+        self.cluster.resize(contacts, 0);
+        self.member.fill(None);
+        for group in &mut self.groups {
+            let points = Plane {
+                x: &group.x,
+                y: &group.y,
+            };
+            let weights = force_weighted.then_some(&group.force[..]);
+            let clusters = group.follower.follow(points, &group.key, weights);
+            for (n, label) in group.contact.iter().zip(clusters.labels) {
+                self.cluster[*n as usize] = group.first_id + label;
+            }
+            for (id, member) in clusters.member.iter().enumerate() {
+                self.member[usize::from(group.first_id) + id] = member.map(|n| group.contact[n as usize]);
+            }
+        }
     }
 
     /// The publication's Table I: few contacts pass through, many are gathered by Lloyd's iterations.
@@ -169,7 +275,10 @@ impl Actuators {
                     nearest1d(pressing.sum / f64::from(pressing.count), &levels.codebook) as u16
                 }
             };
-            let [x, y] = contacts.pixel[member as usize];
+            let [x, y] = match &self.fixed {
+                Some(fixed) => fixed.pixel[id],
+                None => contacts.pixel[member as usize],
+            };
             out.push(Actuator {
                 id: id as u16,
                 x,
@@ -178,16 +287,5 @@ impl Actuators {
                 force: levels.codebook[usize::from(level)],
             });
         }
-    }
-}
-
-/// How the follower works for a profile.
-fn settings(profile: &Profile) -> Kmeans2dSettings {
-    Kmeans2dSettings {
-        history: profile.history,
-        swap_gain: profile.jump_gain,
-        swaps: 4,
-        iterations: 6,
-        reach: 2.0,
     }
 }

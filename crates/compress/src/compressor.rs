@@ -56,24 +56,31 @@ impl Compressor {
     ///
     /// # Errors
     ///
-    /// A profile that describes no display ([`Profile::check`]), or a layout whose taxels do not each have a pixel of their
-    /// own inside its image.
+    /// A profile that describes no display ([`Profile::check`]) or asks for what the layout does not have (parts, places in millimetres); a
+    /// layout whose taxels do not each have a pixel of their own inside its image.
     pub fn new(profile: Profile, layout: &Layout) -> Result<Self, ProfileError> {
         profile.check()?;
         check_pixels(layout)?;
         let taxels = layout.taxels.len();
+        let places = crate::hand::places(layout, profile.coordinates)?;
+        let contacts = Contacts::new(layout, &places);
+        let actuators = Actuators::new(&profile, layout, &places, &contacts)?;
+        let profile = Profile {
+            levels: profile.level_count(),
+            ..profile
+        };
         Ok(Self {
             width: layout.width,
             height: layout.height,
-            contacts: Contacts::new(layout),
+            contacts,
             levels: Levels::new(&profile, taxels),
-            actuators: Actuators::new(&profile, taxels),
+            actuators,
             refused: 0,
             profile,
         })
     }
 
-    /// The profile it compresses for.
+    /// The profile it compresses for; `levels` is the number of levels, also where the profile gave a JND instead.
     pub fn profile(&self) -> &Profile {
         &self.profile
     }

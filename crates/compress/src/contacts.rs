@@ -11,9 +11,9 @@ pub const FORCE_MAX: f64 = 1e100;
 pub(crate) struct Contacts {
     /// Every taxel of the layout in raster order.
     raster: Vec<Place>,
-    /// Columns of the pixels.
+    /// First coordinates of the places: columns of pixels, or millimetres.
     pub(crate) x: Vec<f64>,
-    /// Rows of the pixels.
+    /// Second coordinates.
     pub(crate) y: Vec<f64>,
     /// Forces, in `0 < force <= FORCE_MAX`.
     pub(crate) force: Vec<f64>,
@@ -32,23 +32,23 @@ pub(crate) struct Contacts {
 struct Place {
     taxel: usize,
     pixel: [u16; 2],
+    at: [f64; 2],
     part: u16,
 }
 
 impl Contacts {
-    /// An empty list with memory for every taxel of the layout.
-    pub(crate) fn new(layout: &Layout) -> Self {
-        let mut parts: Vec<&str> = layout.modules.iter().map(|m| m.part.as_str()).collect();
-        parts.sort_unstable();
-        parts.dedup();
+    /// An empty list with memory for every taxel of the layout. `places` are where the taxels are in the coordinates asked for.
+    pub(crate) fn new(layout: &Layout, places: &[[f64; 2]]) -> Self {
+        let parts = crate::hand::parts(layout);
         let part_of = |module: u16| {
             let module = layout.modules.get(usize::from(module))?;
             parts.binary_search(&module.part.as_str()).ok()
         };
-        let mut raster: Vec<Place> = (layout.taxels.iter().enumerate())
-            .map(|(taxel, t)| Place {
+        let mut raster: Vec<Place> = (layout.taxels.iter().zip(places).enumerate())
+            .map(|(taxel, (t, at))| Place {
                 taxel,
                 pixel: [t.x, t.y],
+                at: *at,
                 part: part_of(t.module).map_or(0, |part| part as u16),
             })
             .collect();
@@ -95,12 +95,15 @@ impl Contacts {
         }
         let places = self.rank.iter().map(|rank| &self.raster[usize::from(*rank)]);
         self.force.extend(places.clone().map(|place| force[place.taxel]));
-        self.x
-            .extend(places.clone().map(|place| f64::from(place.pixel[0])));
-        self.y
-            .extend(places.clone().map(|place| f64::from(place.pixel[1])));
+        self.x.extend(places.clone().map(|place| place.at[0]));
+        self.y.extend(places.clone().map(|place| place.at[1]));
         self.pixel.extend(places.clone().map(|place| place.pixel));
         self.part.extend(places.map(|place| place.part));
+    }
+
+    /// Numbers of all taxels in raster order.
+    pub(crate) fn raster(&self) -> Vec<usize> {
+        self.raster.iter().map(|place| place.taxel).collect()
     }
 
     /// `N_C`.

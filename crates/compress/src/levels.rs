@@ -3,7 +3,9 @@
 use taxel_cluster::{Kmeans1d, assign1d, distinct_up_to, lloyd1d, uniform};
 
 use crate::contacts::Contacts;
-use crate::{ForceFit, Profile};
+use crate::session::Session;
+use crate::steps::{nearest_in_ratio, steps};
+use crate::{ForceFit, LevelSteps, Profile};
 
 /// The force stage: its codebook and the level of each contact.
 #[derive(Debug)]
@@ -21,6 +23,7 @@ pub(crate) struct Levels {
     values: Vec<f64>,
     counts: Vec<u32>,
     solver: Kmeans1d,
+    session: Option<Session>,
     /// Level that each taxel (by raster order) had in the last frame, from 1; 0 where it had none.
     held: Vec<u16>,
 }
@@ -31,6 +34,12 @@ impl Levels {
         let most = usize::from(profile.levels);
         let mut codebook = Vec::with_capacity(most);
         codebook.extend_from_slice(&profile.codebook);
+        if let (LevelSteps::Equal | LevelSteps::Weber, Some(least), Some(greatest)) =
+            (profile.level_steps, profile.force_min, profile.force_max)
+        {
+            codebook.resize(most, 0.0);
+            steps(profile.level_steps, least, greatest, &mut codebook);
+        }
         Self {
             codebook,
             level: Vec::with_capacity(taxels),
@@ -41,6 +50,7 @@ impl Levels {
             values: Vec::with_capacity(taxels),
             counts: Vec::with_capacity(taxels),
             solver: Kmeans1d::new(taxels, most),
+            session: profile.codebook_learning.map(|_| Session::new(most)),
             held: vec![0; taxels],
         }
     }
@@ -52,6 +62,15 @@ impl Levels {
         self.level.resize(forces.len(), 0);
         if !profile.codebook.is_empty() {
             assign1d(forces, &self.codebook, &mut self.level);
+        } else if let Some(learning) = profile.codebook_learning {
+            let most = usize::from(profile.levels);
+            (self.session.iter_mut())
+                .for_each(|session| session.learn(forces, learning.forgetting, most, &mut self.codebook));
+            if !forces.is_empty() {
+                assign1d(forces, &self.codebook, &mut self.level);
+            }
+        } else if profile.level_steps != LevelSteps::Fitted {
+            self.steps(profile, forces);
         } else {
             match profile.force_fit() {
                 ForceFit::Lloyd => self.lloyd(profile, forces),
@@ -60,6 +79,28 @@ impl Levels {
         }
         if profile.level_hysteresis > 0.0 {
             self.hold(profile.level_hysteresis, contacts);
+        }
+    }
+
+    /// Levels in equal steps over the range of the profile, constant, or else over that of the frame's forces.
+    fn steps(&mut self, profile: &Profile, forces: &[f64]) {
+        if profile.force_min.is_none() {
+            self.codebook.clear();
+            self.codebook.resize(usize::from(profile.levels), 0.0);
+            let levels = distinct_up_to(forces, &mut self.codebook);
+            self.codebook.truncate(levels);
+            let least = forces.iter().copied().fold(f64::INFINITY, f64::min);
+            let greatest = forces.iter().copied().fold(0.0, f64::max);
+            if levels > 0 {
+                steps(profile.level_steps, least, greatest, &mut self.codebook);
+            }
+        }
+        if profile.level_steps == LevelSteps::Weber {
+            for (level, force) in self.level.iter_mut().zip(forces) {
+                *level = nearest_in_ratio(*force, &self.codebook) as u16;
+            }
+        } else if !forces.is_empty() {
+            assign1d(forces, &self.codebook, &mut self.level);
         }
     }
 
@@ -178,7 +219,8 @@ mod tests {
         let mut frame = taxel_skin::ForceFrame::new(layout.taxels.len());
         frame.contact[..forces.len()].fill(true);
         frame.force[..forces.len()].copy_from_slice(forces);
-        let mut contacts = Contacts::new(&layout);
+        let places = crate::hand::places(&layout, crate::Coordinates::Pixels).expect("pixels");
+        let mut contacts = Contacts::new(&layout, &places);
         contacts.collect(&frame);
         let mut stage = Levels::new(profile, forces.len());
         stage.quantise(profile, &contacts);
@@ -188,6 +230,7 @@ mod tests {
     fn lloyd(levels: u16, iterations: u16, codebook: &[f64], forces: &[f64]) -> (Vec<f64>, Vec<u16>) {
         let profile = Profile {
             levels,
+            force_fit: Some(ForceFit::Lloyd).filter(|_| codebook.is_empty()),
             force_iterations: iterations,
             codebook: codebook.to_vec(),
             ..Profile::default()

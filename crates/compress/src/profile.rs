@@ -1,5 +1,7 @@
 //! What a display can do, and how a frame is compressed for it.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 /// What a display can do and how frames are compressed for it: the inputs of the publication's Table I.
@@ -18,7 +20,8 @@ pub struct Profile {
     pub force_iterations: u16,
     /// `I_A`, number of iterations of the actuator stage, 1 to 1000. `follow` places actuators in as many as it needs.
     pub actuator_iterations: u16,
-    /// How force levels are fitted to a frame; where absent, as the method does it.
+    /// How force levels are fitted to a frame, where neither `codebook`, `codebook_learning` nor `level_steps` gives them; where absent, as the
+    /// method does it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub force_fit: Option<ForceFit>,
     /// How actuators are placed; where absent, as the method does it.
@@ -44,6 +47,63 @@ pub struct Profile {
     /// Force codebook learned offline and kept constant (mark (*) of Table I), ascending, at most `levels`
     /// entries; empty to fit one to each frame.
     pub codebook: Vec<f64>,
+    /// Force JND of the person who wears the display, as a Weber fraction, 0.001 to 1: where given, `K_D` is the number of just
+    /// distinguishable steps from `force_min` to `force_max` ([`Profile::level_count`]) instead of `levels`. About 0.07 on fingers.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub jnd: Option<f64>,
+    /// Least and greatest force that the display shows, in the unit of the force frames, for `jnd` and `level_steps`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub force_min: Option<f64>,
+    /// See `force_min`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub force_max: Option<f64>,
+    /// How the levels lie between the least and the greatest force.
+    pub level_steps: LevelSteps,
+    /// Learns one codebook for the session while it runs, instead of fitting one to each frame.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub codebook_learning: Option<CodebookLearning>,
+    /// In which coordinates actuators are placed.
+    pub coordinates: Coordinates,
+    /// Most actuators on each part of the hand, by the layout's names of parts; parts not named share what is left of `actuators`. Empty for
+    /// no such limits. For `follow`.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub budgets: BTreeMap<String, u16>,
+    /// Places `[x, y]` of a display's actuators that cannot move, in `coordinates`, 1 to 256 of them and as many as `actuators`;
+    /// an actuator's id is its place in this list. Empty for a display that shows an actuator wherever it is wanted.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub fixed: Vec<[f64; 2]>,
+}
+
+/// How force levels lie between the least and the greatest force.
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum LevelSteps {
+    /// As `force_fit` has it.
+    #[default]
+    Fitted,
+    /// The middles of equal steps of force.
+    Equal,
+    /// The middles of equal steps of the logarithm of force, after Weber's law; a force has the level that is nearest in ratio.
+    Weber,
+}
+
+/// How a codebook is learned while it is used.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CodebookLearning {
+    /// Share of what was learned that each frame with contact lets fade, 0 to 1: 0.001 remembers about a thousand frames.
+    pub forgetting: f64,
+}
+
+/// In which coordinates actuators are placed.
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Coordinates {
+    /// Columns and rows of the image.
+    #[default]
+    Pixels,
+    /// The taxels' places on the hand laid flat, x and y of the layout's `position_mm`, millimetres.
+    Hand,
 }
 
 /// How the two stages are computed.
@@ -51,9 +111,9 @@ pub struct Profile {
 #[serde(rename_all = "lowercase")]
 pub enum Method {
     /// The publication's Table I to the letter.
-    #[default]
     Paper,
     /// Exactly optimal force levels, and actuators that stay where they are unless the contact moves.
+    #[default]
     Optimal,
 }
 
@@ -117,79 +177,16 @@ impl Default for Profile {
             actuator_force: ActuatorForce::default(),
             force_weighted: false,
             codebook: Vec::new(),
+            jnd: None,
+            force_min: None,
+            force_max: None,
+            level_steps: LevelSteps::default(),
+            codebook_learning: None,
+            coordinates: Coordinates::default(),
+            budgets: BTreeMap::new(),
+            fixed: Vec::new(),
         }
     }
-}
-
-/// Why a profile describes no display.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum ProfileError {
-    /// A number outside its range.
-    #[error("profile: {field} = {value} is outside {min}..={max}")]
-    OutOfRange {
-        /// Name of the field.
-        field: &'static str,
-        /// The value given.
-        value: u16,
-        /// Smallest allowed value.
-        min: u16,
-        /// Largest allowed value.
-        max: u16,
-    },
-    /// A share or factor outside its range, or not a number.
-    #[error("profile: {field} = {value} is outside {min}..={max}")]
-    ShareOutOfRange {
-        /// Name of the field.
-        field: &'static str,
-        /// The value given.
-        value: f64,
-        /// Smallest allowed value.
-        min: f64,
-        /// Largest allowed value.
-        max: f64,
-    },
-    /// A codebook with more entries than levels.
-    #[error("profile: the codebook has {entries} levels and the display only {levels}")]
-    CodebookTooLong {
-        /// Entries of the codebook.
-        entries: usize,
-        /// `K_D`.
-        levels: u16,
-    },
-    /// A codebook that is not ascending, positive and finite.
-    #[error("profile: codebook entry {index} ({value}) is not a finite force above the one before it")]
-    CodebookNotAscending {
-        /// Place in the codebook, from 0.
-        index: usize,
-        /// The entry.
-        value: f64,
-    },
-    /// A layout with a taxel outside its image.
-    #[error("layout: taxel {taxel} lies at ({x}, {y}), outside the {width}x{height} image")]
-    TaxelOutsideImage {
-        /// Number of the taxel.
-        taxel: usize,
-        /// Its column.
-        x: u16,
-        /// Its row.
-        y: u16,
-        /// Width of the image.
-        width: u16,
-        /// Height of the image.
-        height: u16,
-    },
-    /// A layout with two taxels on one pixel.
-    #[error("layout: taxels {first} and {second} both lie at ({x}, {y})")]
-    PixelShared {
-        /// Number of the first taxel.
-        first: usize,
-        /// Number of the second taxel.
-        second: usize,
-        /// Their column.
-        x: u16,
-        /// Their row.
-        y: u16,
-    },
 }
 
 impl Profile {
@@ -209,52 +206,19 @@ impl Profile {
         })
     }
 
-    /// Refuses values that make no display.
-    pub fn check(&self) -> Result<(), ProfileError> {
-        let ranges = [
-            ("levels", self.levels, 255),
-            ("actuators", self.actuators, 1024),
-            ("force_iterations", self.force_iterations, 1000),
-            ("actuator_iterations", self.actuator_iterations, 1000),
-        ];
-        for (field, value, max) in ranges {
-            if value < 1 || value > max {
-                return Err(ProfileError::OutOfRange {
-                    field,
-                    value,
-                    min: 1,
-                    max,
-                });
-            }
+    /// `K_D`: `levels`, or the number of just distinguishable steps where a JND is given, at most 255.
+    ///
+    /// That is the least `k` with `(1 + jnd)^k >= force_max / force_min`: 58 from 1 to 50 at 7 % (papers.md 2.6).
+    pub fn level_count(&self) -> u16 {
+        let (Some(jnd), Some(least), Some(greatest)) = (self.jnd, self.force_min, self.force_max) else {
+            return self.levels;
+        };
+        let mut reached = least;
+        let mut count = 0;
+        while reached < greatest && count < 255 {
+            reached *= 1.0 + jnd;
+            count += 1;
         }
-        let shares = [
-            ("level_hysteresis", self.level_hysteresis, 0.5),
-            ("history", self.history, 100.0),
-            ("jump_gain", self.jump_gain, 1.0),
-        ];
-        for (field, value, max) in shares {
-            if !(0.0..=max).contains(&value) {
-                return Err(ProfileError::ShareOutOfRange {
-                    field,
-                    value,
-                    min: 0.0,
-                    max,
-                });
-            }
-        }
-        if self.codebook.len() > self.levels as usize {
-            return Err(ProfileError::CodebookTooLong {
-                entries: self.codebook.len(),
-                levels: self.levels,
-            });
-        }
-        let mut before = 0.0;
-        for (index, &value) in self.codebook.iter().enumerate() {
-            if !(value.is_finite() && value > before) {
-                return Err(ProfileError::CodebookNotAscending { index, value });
-            }
-            before = value;
-        }
-        Ok(())
+        count.max(1)
     }
 }

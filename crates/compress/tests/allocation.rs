@@ -5,7 +5,7 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-use taxel_compress::{Compressor, Grey, Method, Profile};
+use taxel_compress::{CodebookLearning, Compressor, Grey, LevelSteps, Method, Profile};
 use taxel_skin::{ForceFrame, Layout as SkinLayout};
 
 struct Counting;
@@ -41,7 +41,10 @@ static COUNTING: Counting = Counting;
 fn no_frame_allocates() {
     let layout = SkinLayout::grid(16, 15).expect("a grid that fits");
     let profiles = [
-        Profile::default(),
+        Profile {
+            method: Method::Paper,
+            ..Profile::default()
+        },
         Profile {
             grey: Grey::Centroid,
             force_weighted: true,
@@ -61,6 +64,27 @@ fn no_frame_allocates() {
             history: 0.5,
             force_weighted: true,
             parts_apart: true,
+            ..Profile::default()
+        },
+        Profile {
+            method: Method::Optimal,
+            codebook_learning: Some(CodebookLearning { forgetting: 0.01 }),
+            fixed: (0..16)
+                .map(|n| [f64::from(n % 4) * 4.0, f64::from(n / 4) * 4.0])
+                .collect(),
+            ..Profile::default()
+        },
+        Profile {
+            method: Method::Optimal,
+            level_steps: LevelSteps::Weber,
+            budgets: [("grid".to_string(), 7)].into(),
+            ..Profile::default()
+        },
+        Profile {
+            jnd: Some(0.07),
+            force_min: Some(1.0),
+            force_max: Some(240.0),
+            level_steps: LevelSteps::Equal,
             ..Profile::default()
         },
         Profile {

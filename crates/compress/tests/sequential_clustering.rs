@@ -2,7 +2,8 @@
 
 use proptest::prelude::*;
 use taxel_compress::{
-    Actuator, ActuatorForce, Compressor, ForceFit, Grey, Placement, Profile, ProfileError, TactileImage,
+    Actuator, ActuatorForce, Compressor, ForceFit, Grey, Method, Placement, Profile, ProfileError,
+    TactileImage,
 };
 use taxel_skin::{Fault, ForceFrame, Layout};
 
@@ -32,6 +33,7 @@ fn pressed(forces: &[f64]) -> ForceFrame {
 
 fn profile(levels: u16, actuators: u16) -> Profile {
     Profile {
+        method: Method::Paper,
         levels,
         actuators,
         ..Profile::default()

@@ -123,8 +123,7 @@ impl Assignment {
         for (((px, py), (near, next)), labels) in steps.zip(self.label.chunks_mut(LANES)) {
             let mut first = [f32::MAX; LANES];
             let mut second = [f32::MAX; LANES];
-            let mut id = 0;
-            for (x, y) in x.iter().zip(y) {
+            for ((x, y), id) in x.iter().zip(y).zip(0u32..) {
                 for lane in 0..LANES {
                     let (dx, dy) = (px[lane] - x, py[lane] - y);
                     let distance = dx * dx + dy * dy;
@@ -132,7 +131,6 @@ impl Assignment {
                     second[lane] = lesser(second[lane], greater(first[lane], tagged));
                     first[lane] = lesser(first[lane], tagged);
                 }
-                id += 1;
             }
             for lane in 0..LANES {
                 near[lane] = f32::from_bits(first[lane].to_bits() & !ids);

@@ -1,0 +1,92 @@
+//! Where taxels are for the placement of actuators, and which parts of the hand have how many.
+
+use taxel_skin::Layout;
+
+use crate::{Coordinates, Profile, ProfileError};
+
+/// Place of each taxel in the coordinates of a profile.
+pub(crate) fn places(layout: &Layout, coordinates: Coordinates) -> Result<Vec<[f64; 2]>, ProfileError> {
+    let place = |(taxel, t): (usize, &taxel_skin::Taxel)| match (coordinates, t.position_mm) {
+        (Coordinates::Pixels, _) => Ok([f64::from(t.x), f64::from(t.y)]),
+        (Coordinates::Hand, Some([x, y, _])) => Ok([f64::from(x), f64::from(y)]),
+        (Coordinates::Hand, None) => Err(ProfileError::NoPosition { taxel }),
+    };
+    layout.taxels.iter().enumerate().map(place).collect()
+}
+
+/// How far an actuator may go between two images without jumping: 2 pixels, or twice the median distance of neighbours in a module.
+pub(crate) fn reach(layout: &Layout, places: &[[f64; 2]]) -> f64 {
+    let neighbour = |taxel: usize, x: u16, y: u16| {
+        let other = layout.taxel_at(x, y)?;
+        (layout.taxels[other].module == layout.taxels[taxel].module).then_some(other)
+    };
+    let mut distances = Vec::new();
+    for (taxel, t) in layout.taxels.iter().enumerate() {
+        let right = t.x.checked_add(1).and_then(|x| neighbour(taxel, x, t.y));
+        let below = t.y.checked_add(1).and_then(|y| neighbour(taxel, t.x, y));
+        for other in right.into_iter().chain(below) {
+            let ([ax, ay], [bx, by]) = (places[taxel], places[other]);
+            distances.push(((ax - bx) * (ax - bx) + (ay - by) * (ay - by)).sqrt());
+        }
+    }
+    distances.sort_unstable_by(f64::total_cmp);
+    match distances.get(distances.len() / 2) {
+        Some(pitch) if *pitch > 0.0 => 2.0 * pitch,
+        _ => 2.0,
+    }
+}
+
+/// Names of the hand's parts, sorted; a part's number is its place here.
+pub(crate) fn parts(layout: &Layout) -> Vec<&str> {
+    let mut parts: Vec<&str> = layout.modules.iter().map(|m| m.part.as_str()).collect();
+    parts.sort_unstable();
+    parts.dedup();
+    parts
+}
+
+/// Number of actuators of each group of parts, and the group of each part: a part with a budget is a group of its own, in the order of
+/// names; the others are one group, the last.
+pub(crate) fn groups(layout: &Layout, profile: &Profile) -> Result<(Vec<u16>, Vec<usize>), ProfileError> {
+    let parts = parts(layout);
+    for (part, &value) in &profile.budgets {
+        if !parts.contains(&part.as_str()) {
+            return Err(ProfileError::UnknownPart {
+                part: part.clone(),
+                parts: parts.join(", "),
+            });
+        }
+        if value < 1 || value > profile.actuators {
+            return Err(ProfileError::OutOfRange {
+                field: "budgets",
+                value,
+                min: 1,
+                max: profile.actuators,
+            });
+        }
+    }
+    let others = parts.len() - profile.budgets.len();
+    let sum: u32 = profile.budgets.values().map(|budget| u32::from(*budget)).sum();
+    let left = u32::from(profile.actuators).checked_sub(sum);
+    let Some(left) = left.filter(|left| *left as usize >= others.min(1)) else {
+        return Err(ProfileError::BudgetsTooLarge {
+            sum,
+            actuators: profile.actuators,
+            others,
+        });
+    };
+    let mut sizes = Vec::new();
+    let mut group_of = Vec::new();
+    for part in &parts {
+        group_of.push(match profile.budgets.get(*part) {
+            Some(budget) => {
+                sizes.push(*budget);
+                sizes.len() - 1
+            }
+            None => profile.budgets.len(),
+        });
+    }
+    if others > 0 {
+        sizes.push(left as u16);
+    }
+    Ok((sizes, group_of))
+}

@@ -1,0 +1,306 @@
+//! What makes no display, and why.
+
+use crate::contacts::FORCE_MAX;
+use crate::{CodebookLearning, Coordinates, LevelSteps, Placement, Profile};
+
+/// Why a profile describes no display.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum ProfileError {
+    /// A number outside its range.
+    #[error("profile: {field} = {value} is outside {min}..={max}")]
+    OutOfRange {
+        /// Name of the field.
+        field: &'static str,
+        /// The value given.
+        value: u16,
+        /// Smallest allowed value.
+        min: u16,
+        /// Largest allowed value.
+        max: u16,
+    },
+    /// A share or factor outside its range, or not a number.
+    #[error("profile: {field} = {value} is outside {min}..={max}")]
+    ShareOutOfRange {
+        /// Name of the field.
+        field: &'static str,
+        /// The value given.
+        value: f64,
+        /// Smallest allowed value.
+        min: f64,
+        /// Largest allowed value.
+        max: f64,
+    },
+    /// A codebook with more entries than levels.
+    #[error("profile: the codebook has {entries} levels and the display only {levels}")]
+    CodebookTooLong {
+        /// Entries of the codebook.
+        entries: usize,
+        /// `K_D`.
+        levels: u16,
+    },
+    /// A codebook that is not ascending, positive and finite.
+    #[error("profile: codebook entry {index} ({value}) is not a finite force above the one before it")]
+    CodebookNotAscending {
+        /// Place in the codebook, from 0.
+        index: usize,
+        /// The entry.
+        value: f64,
+    },
+    /// A layout with a taxel outside its image.
+    #[error("layout: taxel {taxel} lies at ({x}, {y}), outside the {width}x{height} image")]
+    TaxelOutsideImage {
+        /// Number of the taxel.
+        taxel: usize,
+        /// Its column.
+        x: u16,
+        /// Its row.
+        y: u16,
+        /// Width of the image.
+        width: u16,
+        /// Height of the image.
+        height: u16,
+    },
+    /// A layout with two taxels on one pixel.
+    #[error("layout: taxels {first} and {second} both lie at ({x}, {y})")]
+    PixelShared {
+        /// Number of the first taxel.
+        first: usize,
+        /// Number of the second taxel.
+        second: usize,
+        /// Their column.
+        x: u16,
+        /// Their row.
+        y: u16,
+    },
+    /// A setting that needs another one.
+    #[error("profile: {field} needs {needs}")]
+    Needs {
+        /// The field that is set.
+        field: &'static str,
+        /// What is missing.
+        needs: &'static str,
+    },
+    /// Two settings that exclude each other.
+    #[error("profile: {field} cannot be combined with {other}; leave one of them out")]
+    Conflict {
+        /// One of them.
+        field: &'static str,
+        /// The other.
+        other: &'static str,
+    },
+    /// A force range that is none.
+    #[error(
+        "profile: force_min = {least} and force_max = {greatest} are no range of forces; give 1e-100 <= force_min < force_max <= 1e100"
+    )]
+    NoRange {
+        /// `force_min`.
+        least: f64,
+        /// `force_max`.
+        greatest: f64,
+    },
+    /// Places in other number than actuators.
+    #[error(
+        "profile: fixed has {places} places and actuators = {actuators}; there is one place for each actuator, at most 256"
+    )]
+    PlacesNotActuators {
+        /// Number of places.
+        places: usize,
+        /// `K_A`.
+        actuators: u16,
+    },
+    /// A place that is no place, or another one's.
+    #[error(
+        "profile: place {index} of fixed, [{x}, {y}], is no finite place within 1e6 or that of another actuator"
+    )]
+    BadPlace {
+        /// Its number, from 0.
+        index: usize,
+        /// Its first coordinate.
+        x: f64,
+        /// Its second coordinate.
+        y: f64,
+    },
+    /// A budget for a part that the hand does not have.
+    #[error("profile: budgets names {part:?}, but the parts of this hand are {parts}")]
+    UnknownPart {
+        /// The part named.
+        part: String,
+        /// Names of the hand's parts.
+        parts: String,
+    },
+    /// Budgets that are more than all actuators, or leave none for the other parts.
+    #[error(
+        "profile: budgets add up to {sum} of actuators = {actuators}, {others} parts have none of their own; give each of them at least one"
+    )]
+    BudgetsTooLarge {
+        /// Sum of the budgets.
+        sum: u32,
+        /// `K_A`.
+        actuators: u16,
+        /// Number of parts without a budget.
+        others: usize,
+    },
+    /// Hand coordinates that the layout does not have.
+    #[error(
+        "profile: coordinates = \"hand\" needs the place of every taxel, and the layout has none for taxel {taxel}; add positions to it"
+    )]
+    NoPosition {
+        /// Number of the taxel.
+        taxel: usize,
+    },
+}
+
+impl Profile {
+    /// Refuses values that make no display.
+    pub fn check(&self) -> Result<(), ProfileError> {
+        let ranges = [
+            ("levels", self.levels, 255),
+            ("actuators", self.actuators, 1024),
+            ("force_iterations", self.force_iterations, 1000),
+            ("actuator_iterations", self.actuator_iterations, 1000),
+        ];
+        for (field, value, max) in ranges {
+            if value < 1 || value > max {
+                return Err(ProfileError::OutOfRange {
+                    field,
+                    value,
+                    min: 1,
+                    max,
+                });
+            }
+        }
+        let shares = [
+            ("level_hysteresis", self.level_hysteresis, 0.5),
+            ("history", self.history, 100.0),
+            ("jump_gain", self.jump_gain, 1.0),
+        ];
+        for (field, value, max) in shares {
+            if !(0.0..=max).contains(&value) {
+                return Err(ProfileError::ShareOutOfRange {
+                    field,
+                    value,
+                    min: 0.0,
+                    max,
+                });
+            }
+        }
+        self.check_levels()?;
+        self.check_places()?;
+        if self.codebook.len() > usize::from(self.level_count()) {
+            return Err(ProfileError::CodebookTooLong {
+                entries: self.codebook.len(),
+                levels: self.level_count(),
+            });
+        }
+        let mut before = 0.0;
+        for (index, &value) in self.codebook.iter().enumerate() {
+            if !(value.is_finite() && value > before) {
+                return Err(ProfileError::CodebookNotAscending { index, value });
+            }
+            before = value;
+        }
+        Ok(())
+    }
+
+    fn check_levels(&self) -> Result<(), ProfileError> {
+        if let Some(value) = self.jnd
+            && !(0.001..=1.0).contains(&value)
+        {
+            return Err(ProfileError::ShareOutOfRange {
+                field: "jnd",
+                value,
+                min: 0.001,
+                max: 1.0,
+            });
+        }
+        if let Some(CodebookLearning { forgetting: value }) = self.codebook_learning
+            && !(0.0..=1.0).contains(&value)
+        {
+            return Err(ProfileError::ShareOutOfRange {
+                field: "codebook_learning.forgetting",
+                value,
+                min: 0.0,
+                max: 1.0,
+            });
+        }
+        match (self.force_min, self.force_max) {
+            (Some(least), Some(greatest)) => {
+                if !(least >= 1.0 / FORCE_MAX && least < greatest && greatest <= FORCE_MAX) {
+                    return Err(ProfileError::NoRange { least, greatest });
+                }
+            }
+            (None, None) if self.jnd.is_some() => {
+                return Err(ProfileError::Needs {
+                    field: "jnd",
+                    needs: "force_min and force_max",
+                });
+            }
+            (None, None) => {}
+            (Some(_), None) => {
+                return Err(ProfileError::Needs {
+                    field: "force_min",
+                    needs: "force_max",
+                });
+            }
+            (None, Some(_)) => {
+                return Err(ProfileError::Needs {
+                    field: "force_max",
+                    needs: "force_min",
+                });
+            }
+        }
+        let sources = [
+            ("codebook", !self.codebook.is_empty()),
+            ("codebook_learning", self.codebook_learning.is_some()),
+            ("level_steps", self.level_steps != LevelSteps::Fitted),
+        ];
+        let mut set = sources.iter().filter(|(_, set)| *set);
+        if let (Some((field, _)), Some((other, _))) = (set.next(), set.next()) {
+            return Err(ProfileError::Conflict { field, other });
+        }
+        Ok(())
+    }
+
+    fn check_places(&self) -> Result<(), ProfileError> {
+        let follows = self.placement() == Placement::Follow;
+        if self.fixed.is_empty() {
+            for (field, set) in [
+                ("budgets", !self.budgets.is_empty()),
+                ("coordinates", self.coordinates == Coordinates::Hand),
+            ] {
+                if set && !follows {
+                    return Err(ProfileError::Needs {
+                        field,
+                        needs: "placement = \"follow\", as method = \"optimal\" has it",
+                    });
+                }
+            }
+            return Ok(());
+        }
+        for (other, set) in [
+            ("budgets", !self.budgets.is_empty()),
+            ("placement", self.placement.is_some()),
+        ] {
+            if set {
+                return Err(ProfileError::Conflict {
+                    field: "fixed",
+                    other,
+                });
+            }
+        }
+        let places = self.fixed.len();
+        if places != usize::from(self.actuators) || places > 256 {
+            return Err(ProfileError::PlacesNotActuators {
+                places,
+                actuators: self.actuators,
+            });
+        }
+        for (index, &[x, y]) in self.fixed.iter().enumerate() {
+            let far = |v: f64| v.is_nan() || v.abs() > 1e6;
+            if far(x) || far(y) || self.fixed[..index].contains(&[x, y]) {
+                return Err(ProfileError::BadPlace { index, x, y });
+            }
+        }
+        Ok(())
+    }
+}
