@@ -294,7 +294,7 @@ const MAX_JOINTS: usize = 64;
 
 /// Bytes of the largest IMAGE and RAW payload of a hand and display.
 fn payload_lens(layout: &Layout, profile: &Profile) -> (usize, usize) {
-    let (levels, actuators) = (profile.levels.into(), profile.actuators.into());
+    let (levels, actuators) = (profile.level_count().into(), profile.actuators.into());
     let image = taxel_wire::image_payload_len(layout.width, layout.height, levels, actuators, MAX_JOINTS);
     (image, taxel_wire::raw_payload_len(layout.len(), MAX_JOINTS))
 }

@@ -118,7 +118,7 @@ impl From<&Profile> for HelloProfile {
             _ => "unknown".into(),
         };
         Self {
-            levels: profile.levels,
+            levels: profile.level_count(),
             actuators: profile.actuators,
             method: name(serde_json::to_value(profile.method)),
             grey: name(serde_json::to_value(profile.grey)),
