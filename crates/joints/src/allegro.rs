@@ -7,7 +7,7 @@ use crate::config::JointsConfigError;
 use serde::Deserialize;
 use std::f64::consts::PI;
 use taxel_can::CanFrame;
-use taxel_skin::Layout;
+use taxel_skin::{Layout, Protocol};
 
 /// Joints of the hand.
 pub const ALLEGRO_JOINTS: usize = 16;
@@ -272,15 +272,19 @@ fn is_hand_id(config: &AllegroConfig, id: u16) -> bool {
 /// The standard ids that both this hand and the skin's boards on bus `bus` (index into [`Layout::buses`]) use, in
 /// order; empty if they may share the bus.
 ///
-/// A board uses the ids of its taxels and the one by which it is started, `0x200 | board`. Hand and skin are best on
-/// different buses (protocols.md 0, fact 10).
+/// A board uses the ids of its taxels' frames and, if it is an MTB, the one by which it is started, `0x200 | board`;
+/// CySkin's ids are extended and never overlap. Hand and skin are best on different buses (protocols.md 0, fact 10).
 pub fn overlapping_ids(layout: &Layout, bus: u8, config: &AllegroConfig) -> Vec<u16> {
     let mut ids: Vec<u16> = (0..layout.len())
         .filter(|taxel| layout.module_of(*taxel).bus == bus)
         .flat_map(|taxel| {
-            let can_id = layout.can_id(taxel);
-            let start = can_id.map(|_| 0x200 | u16::from(layout.module_of(taxel).board));
-            [can_id, start]
+            let module = layout.module_of(taxel);
+            let frame = module.protocol.frame_id(module.board, layout.taxels[taxel].k);
+            let is_mtb = matches!(
+                module.protocol,
+                Protocol::UskinL1 | Protocol::UskinL2 | Protocol::IcubMtb3 | Protocol::IcubMtb4
+            );
+            [frame, is_mtb.then_some(0x200 | u16::from(module.board))]
         })
         .flatten()
         .filter(|id| is_hand_id(config, *id))

@@ -118,6 +118,13 @@ impl Servo {
         self.ask_again_ns = None;
     }
 
+    /// An answer to an earlier request came: it lives, so its pause is short.
+    pub(crate) fn was_late(&mut self, now_ns: u64) {
+        self.state.counters.late += 1;
+        self.rest_ns = 0;
+        self.ask_again_ns = self.ask_again_ns.map(|t| t.min(now_ns + FIRST_REST_NS));
+    }
+
     /// It was asked and said nothing, for sure.
     pub(crate) fn was_silent(&mut self, now_ns: u64) {
         self.state.counters.timeouts += 1;
@@ -146,6 +153,8 @@ mod tests {
             })
             .collect();
         assert_eq!(rests, [50, 100, 200, 400, 500, 500]);
+        servo.was_late(2_000);
+        assert_eq!(servo.ask_again_ns, Some(2_000 + FIRST_REST_NS), "it lives");
         servo.answered();
         assert_eq!(servo.ask_again_ns, None);
         servo.was_silent(0);

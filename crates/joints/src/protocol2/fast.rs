@@ -65,7 +65,7 @@ impl<'a> Iterator for FastBlocks<'a> {
     }
 }
 
-/// Writes the reply to a fast sync read into `out`, for a simulated bus. `length_of` servos were asked (which sets
+/// Writes the reply to a fast sync read into `out`, for a simulated bus. `asked` servos were asked (which sets
 /// LEN); `blocks` are those that answer, each with its id, ERR byte and data.
 pub fn encode_fast_reply<'a>(
     out: &mut Vec<u8>,

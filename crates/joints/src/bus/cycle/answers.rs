@@ -1,0 +1,231 @@
+//! What becomes of the answers.
+
+use super::Bus;
+use crate::bus::pass::{Answer, Kind};
+use crate::bus::reading::{JointReading, NoReading, PRESENT_BYTES};
+use crate::bus::wire_ns;
+use crate::protocol2::{
+    BROADCAST_ID, BadCrc, FAST_BLOCK_OVERHEAD, FastBlock, FastBlocks, Instruction, Packet, Parser, StatusByte,
+};
+
+impl Bus {
+    pub(super) fn take_packets(&mut self, now_ns: u64) {
+        // The parser is lent out while its packets are looked at.
+        let mut parser = std::mem::replace(&mut self.parser, Parser::placeholder());
+        while let Some(packet) = parser.next_packet() {
+            match packet {
+                Ok(packet) => self.take_packet(&packet, now_ns),
+                Err(bad) => self.take_damaged(&bad, now_ns),
+            }
+        }
+        self.parser = parser;
+    }
+
+    /// At a deadline: what is behind a packet that never ended, and the beginning of a fast reply that broke off.
+    pub(super) fn drop_half_packets(&mut self, now_ns: u64) {
+        let mut parser = std::mem::replace(&mut self.parser, Parser::placeholder());
+        loop {
+            if self.pass.kind == Kind::Fast && !self.pass.fast_done {
+                self.take_fast(parser.incomplete(), now_ns);
+            }
+            if !parser.give_up() {
+                break;
+            }
+            while let Some(packet) = parser.next_packet() {
+                match packet {
+                    Ok(packet) => self.take_packet(&packet, now_ns),
+                    Err(bad) => self.take_damaged(&bad, now_ns),
+                }
+            }
+        }
+        self.parser = parser;
+    }
+
+    fn is_awaiting(&self) -> bool {
+        self.pass_active && self.pass.sent_ns.is_some()
+    }
+
+    fn take_packet(&mut self, packet: &Packet<'_>, now_ns: u64) {
+        if packet.instruction != Instruction::Status as u8 {
+            // Our own request, from an adapter that echoes.
+            return;
+        }
+        if packet.id == BROADCAST_ID {
+            if !self.take_fast(packet.raw, now_ns) {
+                self.counters.late_fast += 1;
+            }
+            return;
+        }
+        let Some(servo) = self.by_id[usize::from(packet.id)].map(usize::from) else {
+            self.counters.foreign += 1;
+            return;
+        };
+        let Some((error, data)) = packet.parameters.split_first() else {
+            self.servos[servo].was_late(now_ns);
+            return;
+        };
+        let status = StatusByte(*error);
+        let position = self.is_awaiting().then(|| self.pass.position_of(servo)).flatten();
+        let fits = status.error().is_some() || data.len() == usize::from(self.pass.data_bytes);
+        let Some(position) = position.filter(|_| fits && self.pass.kind != Kind::Fast) else {
+            if self.is_awaiting() && self.pass.kind == Kind::Fast && status.error().is_some() {
+                // Firmware that does not know the instruction says so by itself.
+                self.pass.fast_refused = true;
+            } else {
+                self.servos[servo].was_late(now_ns);
+            }
+            return;
+        };
+        self.revoke_before(position);
+        if self.pass.answers[position] == Answer::Got {
+            // The first was late, or this one is double; the newer one is taken.
+            self.servos[servo].was_late(now_ns);
+        }
+        self.pass.answers[position] = Answer::Got;
+        match self.pass.kind {
+            Kind::Plain | Kind::Fast => self.take_present(position, status, data, packet.raw.len(), now_ns),
+            Kind::Slow(task) => {
+                if status.error().is_none() {
+                    task.take(&mut self.servos[servo], data);
+                }
+            }
+            Kind::Write => {
+                if status.error().is_some() {
+                    self.counters.writes_failed += 1;
+                    self.call_off_torque_of_current();
+                } else {
+                    self.counters.writes_ok += 1;
+                }
+            }
+        }
+    }
+
+    /// The write that has just been refused stands at the front; those that build on it follow.
+    fn call_off_torque_of_current(&mut self) {
+        if let Some(refused) = self.writes.pop_front() {
+            self.call_off_torque(Some(refused));
+            // Ended by `end_pass`, which takes the front away.
+            self.writes.push_front(refused);
+        }
+    }
+
+    /// Servos answer in the order of the request, so what came of those behind `position` was late.
+    fn revoke_before(&mut self, position: usize) {
+        if self.pass.kind != Kind::Plain {
+            return;
+        }
+        for behind in position + 1..self.pass.order.len() {
+            if self.pass.answers[behind] == Answer::Got {
+                let i = self.pass.order[behind];
+                self.pass.answers[behind] = Answer::Awaited;
+                self.results[i] = Err(NoReading::Silent);
+                self.servos[i].state.counters.late += 1;
+                self.servos[i].state.counters.ok = self.servos[i].state.counters.ok.saturating_sub(1);
+            }
+        }
+    }
+
+    fn take_damaged(&mut self, bad: &BadCrc<'_>, now_ns: u64) {
+        if !self.is_awaiting() {
+            return;
+        }
+        if self.pass.kind == Kind::Fast {
+            self.take_fast(bad.raw, now_ns);
+            return;
+        }
+        let Some(servo) = self.by_id[usize::from(bad.id)].map(usize::from) else {
+            return;
+        };
+        let Some(position) = self.pass.position_of(servo) else {
+            return;
+        };
+        if self.pass.answers[position] == Answer::Awaited && bad.raw.len() == self.pass.answer_bytes() {
+            self.damaged(position);
+        }
+    }
+
+    fn damaged(&mut self, position: usize) {
+        let i = self.pass.order[position];
+        self.pass.answers[position] = Answer::Damaged;
+        self.servos[i].state.counters.bad_crc += 1;
+        if matches!(self.pass.kind, Kind::Plain | Kind::Fast) {
+            self.results[i] = Err(NoReading::BadCrc);
+        }
+    }
+
+    /// Takes the reply to the fast sync read that is out, whole or broken off; `false` if it answers another one.
+    fn take_fast(&mut self, raw: &[u8], now_ns: u64) -> bool {
+        let asked = self.pass.order.len();
+        let length = 1 + asked * (usize::from(self.pass.data_bytes) + FAST_BLOCK_OVERHEAD);
+        let awaited = self.is_awaiting() && self.pass.kind == Kind::Fast && !self.pass.fast_done;
+        let says = raw
+            .get(5..7)
+            .map(|l| usize::from(u16::from_le_bytes([l[0], l[1]])));
+        if !awaited || says != Some(length) {
+            return false;
+        }
+        let Some(blocks) = FastBlocks::new(raw, self.pass.data_bytes) else {
+            return false;
+        };
+        self.pass.fast_done = true;
+        for (position, block) in blocks.enumerate().take(asked) {
+            self.take_block(position, &block, now_ns);
+        }
+        true
+    }
+
+    fn take_block(&mut self, position: usize, block: &FastBlock<'_>, now_ns: u64) {
+        let servo = self.pass.order[position];
+        if !block.crc_ok || self.servos[servo].id != block.id {
+            self.damaged(position);
+            self.servos[servo].answered();
+            return;
+        }
+        self.pass.answers[position] = Answer::Got;
+        self.take_present(position, block.status, block.data, 0, now_ns);
+    }
+
+    /// Takes the answer of the servo at this position of the request, which ended its packet of `bytes` at `now_ns`.
+    fn take_present(&mut self, position: usize, status: StatusByte, data: &[u8], bytes: usize, now_ns: u64) {
+        let i = self.pass.order[position];
+        let t_ns = self.answer_begun_ns(position, bytes, now_ns);
+        let lead = usize::from(self.pass.data_bytes) - PRESENT_BYTES;
+        let servo = &mut self.servos[i];
+        servo.answered();
+        self.results[i] = if let Some(error) = status.error() {
+            servo.state.counters.refused += 1;
+            Err(NoReading::Refused(error))
+        } else if let Some(present) = data.get(lead..).and_then(|d| d.first_chunk()) {
+            servo.state.counters.ok += 1;
+            servo.state.counters.alerts += u64::from(status.alert());
+            servo.alert = status.alert();
+            if !status.alert() {
+                servo.state.hardware_error = servo.state.hardware_error.map(|_| Default::default());
+            }
+            let unit = servo.current_unit_a();
+            Ok(JointReading::decode(
+                present,
+                &self.config[i],
+                unit,
+                status.alert(),
+                t_ns,
+            ))
+        } else {
+            Err(NoReading::BadCrc)
+        };
+    }
+
+    /// When the answer at a position began on the wire: after the request and the answers before it, and no later than
+    /// its last byte came less its own time on the wire.
+    fn answer_begun_ns(&self, position: usize, bytes: usize, now_ns: u64) -> u64 {
+        let sent_ns = self.pass.sent_ns.unwrap_or(now_ns);
+        let delays: u64 = self.pass.order[..=position]
+            .iter()
+            .map(|i| self.servos[*i].return_delay_ns())
+            .sum();
+        let begun = sent_ns + wire_ns(self.pass.bytes_before(position), self.baud) + delays;
+        begun
+            .min(now_ns.saturating_sub(wire_ns(bytes, self.baud)))
+            .max(sent_ns)
+    }
+}

@@ -1,0 +1,182 @@
+//! Which request comes next, and what follows from a request that is over.
+
+use super::{Bus, FAST_TRIES, FastState, LEADS, PASSES, SLOW_SHARE, SUSPICION_NS};
+use crate::bus::pass::{Answer, Kind};
+use crate::bus::reading::PRESENT_BYTES;
+use crate::bus::writes::Write;
+use crate::protocol2::STATUS_OVERHEAD;
+use crate::registers::address;
+
+impl Bus {
+    /// Prepares a request for the positions of the servos in `pass.order`.
+    pub(super) fn ask_positions(&mut self, kind: Kind, now_ns: u64) {
+        if self
+            .suspicious_ns
+            .is_some_and(|t| now_ns.saturating_sub(t) > SUSPICION_NS)
+        {
+            self.suspicious_ns = None;
+            self.lead = 0;
+        }
+        let length = PRESENT_BYTES as u16 + self.lead;
+        let at = address::PRESENT_PWM - self.lead;
+        self.pass.begin(kind, at, length);
+        self.passes += 1;
+        let mut ids = [0_u8; 256];
+        for (id, servo) in ids.iter_mut().zip(&self.pass.order) {
+            *id = self.servos[*servo].id;
+        }
+        let ids = &ids[..self.pass.order.len()];
+        let packet = if kind == Kind::Fast {
+            self.encoder.fast_sync_read(at, length, ids)
+        } else {
+            self.encoder.sync_read(at, length, ids)
+        };
+        load(&mut self.request, packet);
+        self.activate();
+    }
+
+    /// Decides what comes after the pass that ended; `false` if the cycle is over.
+    pub(super) fn next_request(&mut self, now_ns: u64) -> bool {
+        if !self.again.is_empty() {
+            self.pass.order.clear();
+            self.pass.order.append(&mut self.again);
+            self.ask_positions(Kind::Plain, now_ns);
+            return true;
+        }
+        if let Some(write) = self.writes.front() {
+            self.pass.order.clear();
+            self.pass.order.push(write.servo);
+            let packet = self.encoder.write(
+                self.servos[write.servo].id,
+                write.address,
+                &write.data[..write.len],
+            );
+            load(&mut self.request, packet);
+            self.pass.begin(Kind::Write, 0, 0);
+            self.activate();
+            return true;
+        }
+        if self.slow_done {
+            return false;
+        }
+        self.slow_done = true;
+        // On a slow bus the questions come less often, so that they take a small part of its time.
+        let busy_ns = now_ns.saturating_sub(self.begun_ns);
+        if now_ns.saturating_sub(self.slow_ns) < SLOW_SHARE * busy_ns {
+            return false;
+        }
+        let Some((servo, task)) = self.lane.next(&self.servos, now_ns) else {
+            return false;
+        };
+        let (at, length) = task.span();
+        self.pass.order.clear();
+        self.pass.order.push(servo);
+        let packet = self.encoder.read(self.servos[servo].id, at, length);
+        load(&mut self.request, Some(packet));
+        self.pass.begin(Kind::Slow(task), at, length);
+        self.slow_ns = now_ns;
+        self.activate();
+        true
+    }
+
+    fn activate(&mut self) {
+        self.pass.request_bytes = self.request.len();
+        self.pass_active = true;
+    }
+
+    /// Draws the conclusions of a pass that is complete or past its deadline.
+    pub(super) fn end_pass(&mut self, now_ns: u64) {
+        self.pass_active = false;
+        let unanswered = self.pass.answers.contains(&Answer::Awaited);
+        if unanswered {
+            // An answer may still come: the next requests ask for another length.
+            self.suspicious_ns = Some(now_ns);
+            self.lead = (self.lead + 1) % LEADS;
+        }
+        match self.pass.kind {
+            Kind::Write => {
+                let write = self.writes.pop_front();
+                if unanswered {
+                    self.counters.writes_failed += 1;
+                    self.call_off_torque(write);
+                }
+            }
+            Kind::Slow(_) => self.counters.slow_unanswered += u64::from(unanswered),
+            Kind::Plain => self.end_plain(now_ns),
+            Kind::Fast => self.end_fast(unanswered, now_ns),
+        }
+    }
+
+    fn end_plain(&mut self, now_ns: u64) {
+        self.again.clear();
+        for (position, i) in self.pass.order.iter().copied().enumerate() {
+            match self.pass.answers[position] {
+                Answer::Got => {}
+                Answer::Damaged => self.servos[i].answered(),
+                Answer::Awaited if self.pass.is_silent(position) => self.servos[i].was_silent(now_ns),
+                Answer::Awaited => self.again.push(i),
+            }
+        }
+        if self.passes >= PASSES {
+            self.again.clear();
+        }
+    }
+
+    fn end_fast(&mut self, unanswered: bool, now_ns: u64) {
+        let whole = self.pass.answers.iter().all(|a| *a == Answer::Got);
+        if whole {
+            self.fast_failures = 0;
+            self.fast = FastState::On;
+        } else if unanswered {
+            self.fast_failures += 1;
+            if self.pass.fast_refused || self.fast_failures >= FAST_TRIES {
+                self.fast = FastState::NotSupported;
+            }
+        }
+        // The first one missing comes last, where it holds up nobody.
+        self.again.clear();
+        let mut first = None;
+        for (position, i) in self.pass.order.iter().copied().enumerate() {
+            if self.pass.answers[position] != Answer::Awaited {
+                continue;
+            }
+            if self.servos[i].ask_again_ns.is_some() {
+                // It had been silent and was asked last: it still is.
+                self.servos[i].was_silent(now_ns);
+            } else if first.is_none() {
+                first = Some(i);
+            } else {
+                self.again.push(i);
+            }
+        }
+        self.again.extend(first);
+    }
+
+    /// A motor whose watchdog could not be armed is not switched on.
+    pub(super) fn call_off_torque(&mut self, failed: Option<Write>) {
+        let Some(failed) = failed.filter(|w| w.address == address::BUS_WATCHDOG) else {
+            return;
+        };
+        while let Some(next) = self.writes.front() {
+            let same_command = next.servo == failed.servo
+                && (next.address == address::BUS_WATCHDOG
+                    || (next.address == address::TORQUE_ENABLE && next.data[0] == 1));
+            if !same_command {
+                break;
+            }
+            self.writes.pop_front();
+            self.counters.writes_failed += 1;
+        }
+    }
+}
+
+fn load(request: &mut Vec<u8>, packet: Option<&[u8]>) {
+    request.clear();
+    // At most 64 servos are asked, so every request fits in a packet.
+    request.extend_from_slice(packet.unwrap_or_default());
+}
+
+const _: () = assert!(
+    STATUS_OVERHEAD + PRESENT_BYTES == 23,
+    "the reply of protocols.md 4.2"
+);

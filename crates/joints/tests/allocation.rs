@@ -1,0 +1,95 @@
+//! A cycle allocates nothing, whatever its servos do.
+
+#![allow(unsafe_code)] // A global allocator can only be counted by implementing `GlobalAlloc`.
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use taxel_joints::bus::{Bus, Step};
+use taxel_joints::{FastSyncRead, JointsConfig};
+use taxel_sim::servo::{ServoBuild, ServoBus, ServoFault};
+
+struct Counting;
+
+thread_local! {
+    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
+}
+
+// SAFETY: every call goes to `System` unchanged; counting touches a plain thread-local cell that needs no allocation.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
+        // SAFETY: the caller's promises are passed on.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        // SAFETY: the caller's promises are passed on.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
+        // SAFETY: the caller's promises are passed on.
+        unsafe { System.realloc(pointer, layout, size) }
+    }
+}
+
+#[global_allocator]
+static COUNTING: Counting = Counting;
+
+/// Runs `f` and adds what it allocates to `count`.
+fn counted<T>(count: &mut u64, f: impl FnOnce() -> T) -> T {
+    let before = ALLOCATIONS.get();
+    let result = f();
+    *count += ALLOCATIONS.get() - before;
+    result
+}
+
+#[test]
+fn no_cycle_allocates() {
+    for fast in [FastSyncRead::Off, FastSyncRead::Auto] {
+        let mut config = JointsConfig::dynamixel("none", 1..=16);
+        config.fast_sync_read = fast;
+        let mut bus = Bus::new(&config);
+        let mut servos = ServoBus::new((1..=16).map(ServoBuild::new), 1_000_000);
+        for (id, fault) in [
+            (3, ServoFault::Silent),
+            (5, ServoFault::BadCrc),
+            (8, ServoFault::Truncated { bytes: 8 }),
+            (11, ServoFault::Late { by_ns: 9_000_000 }),
+            (14, ServoFault::Noise { bytes: 400 }),
+        ] {
+            servos.set_fault(id, Some(fault), 7);
+        }
+        let (mut now_ns, mut allocations, mut arrived) = (0, 0, Vec::new());
+        for _ in 0..300 {
+            counted(&mut allocations, || bus.begin(now_ns));
+            loop {
+                match counted(&mut allocations, || bus.step(now_ns)) {
+                    Step::Send => {
+                        servos.receive(bus.request(), now_ns);
+                        counted(&mut allocations, || bus.sent(now_ns));
+                    }
+                    Step::Wait { until_ns } => {
+                        now_ns = servos
+                            .next_due_ns()
+                            .unwrap_or(until_ns)
+                            .clamp(now_ns, until_ns.max(now_ns));
+                        arrived.clear();
+                        servos.take_due(now_ns, &mut arrived);
+                        for piece in arrived.chunks(40) {
+                            counted(&mut allocations, || {
+                                bus.space()[..piece.len()].copy_from_slice(piece);
+                                bus.filled(piece.len(), now_ns);
+                            });
+                        }
+                    }
+                    Step::Done => break,
+                }
+            }
+            now_ns += 1_000_000;
+        }
+        assert_eq!(bus.counters().cycles, 300);
+        assert_eq!(allocations, 0, "{fast:?}");
+    }
+}
