@@ -20,7 +20,7 @@ type Problem = Box<dyn std::error::Error + Send + Sync>;
 /// How hard half of the hand is pressed, counts, and how much harder from one sweep to the next, so that an image
 /// tells which sweep it is of.
 const PRESS: f64 = 2000.0;
-const STEP: f64 = 40.0;
+const STEP: f64 = 20.0;
 /// Sweeps until the press starts anew.
 const SENT: usize = 250;
 
@@ -112,7 +112,8 @@ fn frames(layout: &Layout, sweep: u64, press: u16) -> Result<Vec<(u8, CanFrame)>
             // Idle noise of a few counts, without which the taxel would be called stuck.
             let noise = ((sweep * 7 + taxel as u64 * 13) % 9) as u16;
             let press = if taxel % 2 == 0 { press } else { 0 };
-            let counts = [32_768 + noise, 32_700 + noise, 13_000 + noise + press];
+            // Shear beside the normal force: a jump of one axis alone would be held back as a glitch.
+            let counts = [32_768 + noise, 32_700 + noise + press / 2, 13_000 + noise + press];
             let frame = module.protocol.frame(module.board, place.k, counts, 0x80);
             Ok((module.bus, frame.ok_or("a taxel without an id")?))
         })
@@ -133,7 +134,7 @@ fn receive(images: &std::path::Path, sent: &SentTimes) -> Result<Histogram<u64>,
             && image.missing == 0
         {
             let force = image.levels().last().unwrap_or(0.0);
-            let sweep = ((force as f64 - PRESS) / STEP).round() as u64;
+            let sweep = ((force as f64 / 1.25_f64.sqrt() - PRESS) / STEP).round() as u64;
             // Zero is a sweep that was cut in two at its deadline, and seen already.
             match sent.times[sweep as usize % SENT].swap(0, Ordering::AcqRel) {
                 0 => {}

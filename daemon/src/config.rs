@@ -45,6 +45,9 @@ pub struct TickConfig {
     pub mode: TickMode,
     /// Images per second in `timer` mode, 1 to 1000 Hz.
     pub rate_hz: f64,
+    /// `sweep` mode: while no reading comes, an image that says so is made this often, 10 to 60,000 ms, or every two
+    /// sweeps of the slowest board where these take longer.
+    pub silent_ms: u32,
 }
 
 /// When an image is made.
@@ -112,6 +115,7 @@ impl Default for TickConfig {
         Self {
             mode: TickMode::Timer,
             rate_hz: 30.0,
+            silent_ms: 100,
         }
     }
 }
@@ -351,11 +355,16 @@ impl Config {
 
 impl TickConfig {
     fn check(&self) -> Result<(), String> {
-        if self.rate_hz.is_finite() && (1.0..=1000.0).contains(&self.rate_hz) {
-            Ok(())
-        } else {
-            Err(format!("tick.rate_hz = {} is outside 1 to 1000 Hz", self.rate_hz))
+        if !(self.rate_hz.is_finite() && (1.0..=1000.0).contains(&self.rate_hz)) {
+            return Err(format!("tick.rate_hz = {} is outside 1 to 1000 Hz", self.rate_hz));
         }
+        if !(10..=60_000).contains(&self.silent_ms) {
+            return Err(format!(
+                "tick.silent_ms = {} is outside 10 to 60,000 ms",
+                self.silent_ms
+            ));
+        }
+        Ok(())
     }
 
     /// Time between two ticks in `timer` mode, nanoseconds.

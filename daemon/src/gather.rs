@@ -124,6 +124,7 @@ mod tests {
             let tick = TickConfig {
                 mode: TickMode::Timer,
                 rate_hz,
+                ..TickConfig::default()
             };
             Gather::new(&tick).pause_ns(0, 10, 100)
         };

@@ -127,6 +127,8 @@ impl Hand {
                     "unknown": bus.decoder.unknown,
                     "not_data": bus.decoder.not_data,
                     "commands": bus.decoder.commands,
+                    "partial": bus.decoder.partial,
+                    "abandoned": bus.decoder.abandoned,
                     "malformed": sum(|b| b.malformed),
                     "queue_overflows": sum(|b| b.queue_overflows),
                     "duplicate": sum(|b| b.duplicate),
@@ -172,6 +174,7 @@ impl Hand {
                     "sweeps": b.sweeps,
                     "status_errors": b.status_errors,
                     "restarts": b.restarts,
+                    "recalibrations": b.recalibrations,
                     "period_ms": b.period_ns.map(|period| period as f64 / 1e6),
                     "silent_ms": b.last_ns.map(|last| snapshot.now_ns.saturating_sub(last) / 1_000_000),
                 })

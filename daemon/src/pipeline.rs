@@ -48,15 +48,11 @@ pub struct Outputs<'a> {
     pub image: &'a TactileImage,
 }
 
-/// In `sweep` mode, a hand that says nothing still gives an image this often, or every two of its periods where these
-/// are longer, in which every taxel is missing: a display must be able to tell a silent hand from a dead daemon.
-const SILENT_NS: u64 = 100_000_000;
-
 /// When images are due.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Schedule {
     Timer { next_ns: u64, period_ns: u64 },
-    Sweep,
+    Sweep { silent_ns: u64 },
 }
 
 /// Why a pipeline could not be built.
@@ -76,7 +72,9 @@ impl Pipeline {
     pub fn new(config: &Config, origin_ns: u64) -> Result<Self, PipelineError> {
         let layout = &config.layout;
         let schedule = match config.tick.mode {
-            TickMode::Sweep => Schedule::Sweep,
+            TickMode::Sweep => Schedule::Sweep {
+                silent_ns: u64::from(config.tick.silent_ms) * 1_000_000,
+            },
             TickMode::Timer => {
                 let period_ns = config.tick.period_ns();
                 Schedule::Timer {
@@ -91,7 +89,7 @@ impl Pipeline {
                 .collect(),
             readings: Readings::default(),
             sweep: SweepAssembler::new(layout, &config.sweep, config.tick.mode == TickMode::Sweep),
-            conditioner: Conditioner::new(layout.len(), config.conditioning.clone())?,
+            conditioner: Conditioner::for_layout(layout, config.conditioning.clone())?,
             schedule,
             paused: false,
             frames: Frames {
@@ -108,7 +106,7 @@ impl Pipeline {
         let Some(decoder) = self.decoders.get_mut(bus as usize) else {
             return;
         };
-        if let Decoded::Readings = decoder.decode(&received.frame, &mut self.readings) {
+        if let Decoded::Readings = decoder.decode_at(received.t_ns, &received.frame, &mut self.readings) {
             for i in 0..self.readings.len() {
                 let reading = self.readings[i];
                 if self.sweep.overtaken_by(&reading, received.t_ns) {
@@ -116,7 +114,7 @@ impl Pipeline {
                 }
                 self.sweep.push(&reading, received.t_ns);
             }
-            if self.schedule == Schedule::Sweep && self.sweep.is_complete() {
+            if self.is_sweep() && self.sweep.is_complete() {
                 self.tick(received.t_ns, emit);
             }
         }
@@ -137,8 +135,9 @@ impl Pipeline {
     pub fn due_ns(&self) -> Option<u64> {
         match self.schedule {
             Schedule::Timer { next_ns, .. } => Some(next_ns),
-            Schedule::Sweep => {
-                let silent_ns = SILENT_NS.max(self.sweep.hand_period_ns().saturating_mul(2));
+            // A display must be able to tell a silent hand from a dead daemon.
+            Schedule::Sweep { silent_ns } => {
+                let silent_ns = silent_ns.max(self.sweep.hand_period_ns().saturating_mul(2));
                 self.sweep.deadline_ns().or(Some(self.frames.due_ns + silent_ns))
             }
         }
@@ -188,6 +187,10 @@ impl Pipeline {
     /// What the last tick felt.
     pub fn frames(&self) -> &Frames {
         &self.frames
+    }
+
+    fn is_sweep(&self) -> bool {
+        matches!(self.schedule, Schedule::Sweep { .. })
     }
 
     /// The decoder of each bus, with its counters.

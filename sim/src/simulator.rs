@@ -7,7 +7,7 @@ use crate::scene::{Scene, SceneError};
 use crate::skin_model::SkinModel;
 use std::sync::Arc;
 use taxel_can::{CanFrame, Received};
-use taxel_skin::{Layout, Protocol};
+use taxel_skin::{Layout, Module, Protocol};
 
 /// Plays a scene on every bus of a hand. It does no I/O and holds no clock: time is an argument, nanoseconds from the
 /// scene's beginning, and never turns back.
@@ -70,6 +70,22 @@ impl Simulator {
             return Err(SceneError::Layout {
                 layout: layout.name.clone(),
                 problem: format!("`{}` has no board; name a layout with boards", module.name),
+            });
+        }
+        let simulated = |m: &&Module| {
+            matches!(
+                m.protocol,
+                Protocol::UskinL1 | Protocol::UskinL2 | Protocol::UskinL3
+            )
+        };
+        if let Some(module) = layout.modules.iter().find(|m| !simulated(m)) {
+            return Err(SceneError::Layout {
+                layout: layout.name.clone(),
+                problem: format!(
+                    "`{}` speaks {}, and only uSkin boards can be simulated",
+                    module.name,
+                    module.protocol.name()
+                ),
             });
         }
         let clock = SceneClock {

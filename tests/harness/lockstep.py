@@ -16,7 +16,7 @@ SWEEP = {
     "silent_after_sweeps": 250,
     "settle_ms": 0.0,
 }
-TABLES = {"tick": {"mode": "sweep"}, "boards": {"mode": "passive"}, "sweep": SWEEP}
+TABLES = {"tick": {"mode": "sweep", "silent_ms": 2000}, "boards": {"mode": "passive"}, "sweep": SWEEP}
 
 
 CALIBRATION_FRAMES = 2
@@ -25,8 +25,8 @@ CALIBRATION_FRAMES = 2
 class Overtaken(Exception):
     """A newer image took the place of the awaited one before it was sent.
 
-    That is what a daemon shall do that has no time to send. On a machine so busy that it happens here, within the
-    100 ms until an image says that the hand is silent, the sweep has to be sent again.
+    That is what a daemon shall do that has no time to send. On a machine so busy that it happens here, within the two
+    seconds until an image says that the hand is silent, the sweep has to be sent again.
     """
 
 
@@ -41,8 +41,9 @@ class Lockstep:
         self.sent_at = 0.0
         self.sweeps = 0
         self.calibration = []
-        # The hand is silent, and the daemon says so: from now on it serves this reader.
-        next_image(self.reader)
+        # The description of the hand is the first that a reader is sent: from now on the daemon serves it.
+        while self.reader.hello is None:
+            assert self.reader.receive(10.0) is not None, "the daemon does not describe the hand within 10 s"
 
     def step(self, counts, order=None):
         """The image of one sweep."""
@@ -95,15 +96,22 @@ def next_image(reader, seconds=10.0):
     raise AssertionError(f"no image within {seconds} s")
 
 
+# The awaited image may have been skipped, or an earlier one that told of silence: after this long it was the former.
+OVERTAKEN_S = 1.0
+
+
 def next_full_image(reader, seconds=10.0):
     """The next image in which no taxel is missing; while nothing is sent the daemon says so with empty ones."""
     end = time.monotonic() + seconds
+    overtaken_at = float("inf")
     missing = []
     while time.monotonic() < end:
         image = next_image(reader)
         if image.missing == 0:
             return image
         if image.skipped:
+            overtaken_at = min(overtaken_at, time.monotonic() + OVERTAKEN_S)
+        if time.monotonic() > overtaken_at:
             raise Overtaken
         missing.append(image.missing)
     raise AssertionError(f"only incomplete images within {seconds} s, which lacked {missing} taxels")
