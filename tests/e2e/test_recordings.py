@@ -68,6 +68,7 @@ def test_a_recording_gives_the_same_bytes_twice_and_offline(start, folder, hand,
         "tick": {"mode": mode},
         "sweep": {"board_period_ms": 33.0, "settle_ms": 0.0},
         "conditioning": DAEMON_SETTINGS if conditioning == "paper" else {"calibration_ms": 300},
+        "profile": {"method": "paper" if conditioning == "paper" else "optimal"},
     }
     first_daemon, first = play(start, log, hand, **tables)
     _, second = play(start, log, hand, **tables)
