@@ -20,6 +20,7 @@
 
 mod assign;
 mod identity;
+mod improve;
 mod settle;
 mod stand;
 mod swap;
@@ -77,6 +78,9 @@ pub struct Kmeans2d {
     /// Cost at which swaps were last found not to pay, and points that have come or gone since.
     judged: Option<f64>,
     changes: usize,
+    /// Swaps tried in quiet frames since then, and quiet frames.
+    further: usize,
+    quiet: u32,
     splits: Splits,
     saved: Saved,
     stands: Stands,
@@ -140,6 +144,8 @@ impl Kmeans2d {
             settled: false,
             judged: None,
             changes: 0,
+            further: 0,
+            quiet: 0,
             splits: Splits::new(clusters),
             saved: Saved {
                 x: vec![0.0; clusters],
@@ -159,6 +165,8 @@ impl Kmeans2d {
         self.keys.clear();
         self.settled = false;
         self.judged = None;
+        (self.further, self.quiet) = (0, 0);
+        self.splits.forget();
         self.stands.forget();
     }
 
@@ -180,7 +188,14 @@ impl Kmeans2d {
             "one weight per point"
         );
         let resting = self.settled && weights.is_none() && self.keys == keys;
-        if !resting {
+        if resting {
+            if self.look_further() {
+                self.splits.forget();
+                self.finish();
+                self.remember(keys);
+            }
+        } else {
+            self.splits.forget();
             self.changes += self.count_changes(keys);
             self.pinned.copy_from_slice(&self.live);
             self.assignment.place(points, weights);
@@ -189,8 +204,6 @@ impl Kmeans2d {
             } else {
                 self.follow_many(keys);
             }
-            self.last_x.copy_from_slice(&self.x);
-            self.last_y.copy_from_slice(&self.y);
             self.remember(keys);
         }
         Clusters {
@@ -212,6 +225,8 @@ impl Kmeans2d {
     }
 
     fn remember(&mut self, keys: &[u16]) {
+        self.last_x.copy_from_slice(&self.x);
+        self.last_y.copy_from_slice(&self.y);
         for key in &self.keys {
             self.id_of_key[usize::from(*key)] = NONE;
         }
@@ -257,6 +272,11 @@ impl Kmeans2d {
             self.settle();
         }
         self.improve();
+        self.finish();
+    }
+
+    /// Finds out which ids have points, and where they stand.
+    fn finish(&mut self) {
         self.find_live();
         let rests = self.pinned.iter().zip(&self.live).any(|(was, is)| *was && !*is);
         self.settled &= !rests && self.live.iter().all(|live| *live);
@@ -292,60 +312,6 @@ impl Kmeans2d {
             }
         }
         woke
-    }
-
-    /// Makes the swaps that pay. Where none paid, it does not ask again before something has changed.
-    fn improve(&mut self) {
-        let cost = self.assignment.cost();
-        let few = 16 * self.changes < self.assignment.len();
-        if let Some(before) = self.judged
-            && few
-            && (cost - before).abs() <= 0.5 * self.settings.swap_gain * before
-        {
-            return;
-        }
-        let mut left = self.settings.swaps;
-        while left > 0 && self.swap() {
-            left -= 1;
-        }
-        self.changes = 0;
-        self.judged = (left > 0).then(|| self.assignment.cost());
-    }
-
-    /// Dissolves one cluster and splits another if that saves enough; says whether it did.
-    fn swap(&mut self) -> bool {
-        let before = self.assignment.cost();
-        let judge = swap::Judge {
-            gain: self.settings.swap_gain * before,
-            least: 0.002 * before,
-            reach: self.settings.reach * self.settings.reach,
-            pinned: &self.pinned,
-            moved: &self.moved,
-            stands: self.stands.places(),
-        };
-        let best = self
-            .splits
-            .best(&self.assignment, &self.sums, &self.x, &self.y, &judge);
-        let Some(swap) = best else {
-            return false;
-        };
-        self.saved.x.copy_from_slice(&self.x);
-        self.saved.y.copy_from_slice(&self.y);
-        let moved = std::mem::replace(&mut self.moved[swap.dissolved], true);
-        let [kept, other] = swap.halves;
-        (self.x[swap.split], self.y[swap.split]) = kept;
-        (self.x[swap.dissolved], self.y[swap.dissolved]) = other;
-        self.settle();
-        let after = self.assignment.cost();
-        if after < before && before - after > swap.asked {
-            return true;
-        }
-        self.x.copy_from_slice(&self.saved.x);
-        self.y.copy_from_slice(&self.saved.y);
-        self.moved[swap.dissolved] = moved;
-        self.assignment.assign(&self.x, &self.y);
-        self.add_up();
-        false
     }
 }
 

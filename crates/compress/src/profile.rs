@@ -171,7 +171,7 @@ impl Default for Profile {
             placement: None,
             level_hysteresis: 0.0,
             history: 0.0,
-            jump_gain: 0.03,
+            jump_gain: 0.02,
             parts_apart: false,
             grey: Grey::default(),
             actuator_force: ActuatorForce::default(),

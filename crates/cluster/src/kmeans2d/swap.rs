@@ -8,7 +8,13 @@ use super::assign::Assignment;
 pub(super) struct Splits {
     shape: Vec<Shape>,
     halves: Vec<Sums>,
+    /// Pairs that may be dissolved and split, by what that is judged to save.
+    ranked: Vec<(f64, u16, u16)>,
 }
+
+/// Most clusters whose pairs are ranked, and most pairs kept.
+const RANKED_CLUSTERS: usize = 64;
+const RANKED: usize = 24;
 
 /// A cluster's second moments, and what its points would lose without it.
 #[derive(Debug, Default, Clone, Copy)]
@@ -55,6 +61,12 @@ impl Judge<'_> {
         self.pinned[id] && !self.moved[id]
     }
 
+    /// What a swap has to save that puts the split cluster's own half to `kept`.
+    fn asks(&self, dissolved: usize, split: usize, kept: (f32, f32)) -> f64 {
+        let jumps = u8::from(self.is_bound(dissolved)) + u8::from(self.way(split, kept) > self.reach);
+        self.least.max(f64::from(jumps) * self.gain)
+    }
+
     /// Squared distance from where an id stood; 0 where that does not matter.
     fn way(&self, id: usize, to: (f32, f32)) -> f64 {
         if !self.is_bound(id) {
@@ -71,6 +83,7 @@ impl Splits {
         Self {
             shape: vec![Shape::default(); clusters],
             halves: vec![Sums::default(); clusters],
+            ranked: Vec::with_capacity(if clusters <= RANKED_CLUSTERS { clusters * clusters } else { 0 }),
         }
     }
 
@@ -98,30 +111,16 @@ impl Splits {
             }
         }
         let mut best: Option<(f64, Swap)> = None;
-        for (split, (all, half)) in sums.iter().zip(&self.halves).enumerate() {
-            let rest = Sums {
-                x: all.x - half.x,
-                y: all.y - half.y,
-                weight: all.weight - half.weight,
-            };
-            if half.weight <= 0.0 || rest.weight <= 0.0 {
+        for split in 0..sums.len() {
+            let Some((gain, halves)) = self.split(split, sums, judge) else {
                 continue;
-            }
-            let (ax, ay) = (half.x / half.weight, half.y / half.weight);
-            let (bx, by) = (rest.x / rest.weight, rest.y / rest.weight);
-            let gain =
-                half.weight * rest.weight / all.weight * ((ax - bx) * (ax - bx) + (ay - by) * (ay - by));
-            let (a, b) = ((ax as f32, ay as f32), (bx as f32, by as f32));
-            let (way_a, way_b) = (judge.way(split, a), judge.way(split, b));
-            let halves = if way_b < way_a { [b, a] } else { [a, b] };
-            let split_jumps = way_a.min(way_b) > judge.reach;
-            for (bound, least) in least.iter().enumerate() {
+            };
+            for least in &least {
                 let (dissolved, loss) = if least[0].0 == split { least[1] } else { least[0] };
                 if dissolved == usize::MAX {
                     continue;
                 }
-                let jumps = bound + usize::from(split_jumps);
-                let asked = judge.least.max(jumps as f64 * judge.gain);
+                let asked = judge.asks(dissolved, split, halves[0]);
                 let beyond = gain - loss - asked;
                 if beyond > 0.0 && best.as_ref().is_none_or(|(most, _)| beyond > *most) {
                     best = Some((
@@ -137,6 +136,71 @@ impl Splits {
             }
         }
         best.map(|(_, swap)| swap)
+    }
+
+    /// What a cluster gains by being halved, and the means of its halves, the one nearer to where it stood first.
+    fn split(&self, split: usize, sums: &[Sums], judge: &Judge<'_>) -> Option<(f64, [(f32, f32); 2])> {
+        let (all, half) = (&sums[split], &self.halves[split]);
+        let rest = Sums {
+            x: all.x - half.x,
+            y: all.y - half.y,
+            weight: all.weight - half.weight,
+        };
+        if half.weight <= 0.0 || rest.weight <= 0.0 {
+            return None;
+        }
+        let (ax, ay) = (half.x / half.weight, half.y / half.weight);
+        let (bx, by) = (rest.x / rest.weight, rest.y / rest.weight);
+        let gain = half.weight * rest.weight / all.weight * ((ax - bx) * (ax - bx) + (ay - by) * (ay - by));
+        let (a, b) = ((ax as f32, ay as f32), (bx as f32, by as f32));
+        let halves = if judge.way(split, b) < judge.way(split, a) { [b, a] } else { [a, b] };
+        Some((gain, halves))
+    }
+
+    /// Forgets the ranking.
+    pub(super) fn forget(&mut self) {
+        self.ranked.clear();
+    }
+
+    /// The `n`-th best swap of the present clusters, whether or not it is judged to save anything. The clusters must not have changed since
+    /// the last call of [`Splits::forget`] with which the ranking began.
+    pub(super) fn ranked(
+        &mut self,
+        n: usize,
+        points: &Assignment,
+        sums: &[Sums],
+        x: &[f32],
+        y: &[f32],
+        judge: &Judge<'_>,
+    ) -> Option<Swap> {
+        if sums.len() > RANKED_CLUSTERS || n >= RANKED {
+            return None;
+        }
+        if self.ranked.is_empty() {
+            self.measure(points, x, y);
+            self.merge(sums, x, y);
+            self.halve(points, x, y);
+            for split in 0..sums.len() {
+                let Some((gain, _)) = self.split(split, sums, judge) else {
+                    continue;
+                };
+                for dissolved in (0..sums.len()).filter(|d| *d != split) {
+                    let saving = gain - self.shape[dissolved].loss;
+                    self.ranked.push((saving, dissolved as u16, split as u16));
+                }
+            }
+            self.ranked
+                .sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+        }
+        let (_, dissolved, split) = *self.ranked.get(n)?;
+        let (dissolved, split) = (usize::from(dissolved), usize::from(split));
+        let (_, halves) = self.split(split, sums, judge)?;
+        Some(Swap {
+            dissolved,
+            split,
+            halves,
+            asked: judge.asks(dissolved, split, halves[0]),
+        })
     }
 
     fn measure(&mut self, points: &Assignment, x: &[f32], y: &[f32]) {
