@@ -5,6 +5,8 @@ use super::{Kmeans2d, Saved};
 
 /// One frame in so many of those in which nothing changes is used to look further.
 const QUIET_FRAMES: u32 = 4;
+/// Swaps in quiet frames are asked for this share of what others are: there are few of them, and what they save lasts.
+const QUIET_SHARE: f64 = 0.25;
 
 impl Kmeans2d {
     /// Makes the swaps that pay. Where none paid, it does not ask again before something has changed.
@@ -30,12 +32,20 @@ impl Kmeans2d {
     /// settle afterwards. Says whether it was made.
     pub(super) fn look_further(&mut self) -> bool {
         self.quiet = self.quiet.wrapping_add(1);
-        if !self.quiet.is_multiple_of(QUIET_FRAMES) || self.assignment.len() <= self.x.len() {
+        let may_jump = self.settings.swap_gain < 1.0 && self.assignment.len() > self.x.len();
+        if !may_jump || !self.quiet.is_multiple_of(QUIET_FRAMES) {
             return false;
         }
         self.pinned.copy_from_slice(&self.live);
         self.moved.fill(false);
-        let judge = judge(&self.settings, self.assignment.cost(), &self.pinned, &self.moved, self.stands.places());
+        let mut judge = judge(
+            &self.settings,
+            self.assignment.cost(),
+            &self.pinned,
+            &self.moved,
+            self.stands.places(),
+        );
+        judge.gain *= QUIET_SHARE;
         let swap = self.splits.ranked(
             self.further,
             &self.assignment,
@@ -54,7 +64,13 @@ impl Kmeans2d {
 
     /// Dissolves one cluster and splits another if that saves enough; says whether it did.
     fn swap(&mut self) -> bool {
-        let judge = judge(&self.settings, self.assignment.cost(), &self.pinned, &self.moved, self.stands.places());
+        let judge = judge(
+            &self.settings,
+            self.assignment.cost(),
+            &self.pinned,
+            &self.moved,
+            self.stands.places(),
+        );
         let best = self
             .splits
             .best(&self.assignment, &self.sums, &self.x, &self.y, &judge);

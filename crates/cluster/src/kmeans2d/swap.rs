@@ -14,7 +14,7 @@ pub(super) struct Splits {
 
 /// Most clusters whose pairs are ranked, and most pairs kept.
 const RANKED_CLUSTERS: usize = 64;
-const RANKED: usize = 24;
+const RANKED: usize = 64;
 
 /// A cluster's second moments, and what its points would lose without it.
 #[derive(Debug, Default, Clone, Copy)]
@@ -83,7 +83,11 @@ impl Splits {
         Self {
             shape: vec![Shape::default(); clusters],
             halves: vec![Sums::default(); clusters],
-            ranked: Vec::with_capacity(if clusters <= RANKED_CLUSTERS { clusters * clusters } else { 0 }),
+            ranked: Vec::with_capacity(if clusters <= RANKED_CLUSTERS {
+                clusters * clusters
+            } else {
+                0
+            }),
         }
     }
 
@@ -153,7 +157,11 @@ impl Splits {
         let (bx, by) = (rest.x / rest.weight, rest.y / rest.weight);
         let gain = half.weight * rest.weight / all.weight * ((ax - bx) * (ax - bx) + (ay - by) * (ay - by));
         let (a, b) = ((ax as f32, ay as f32), (bx as f32, by as f32));
-        let halves = if judge.way(split, b) < judge.way(split, a) { [b, a] } else { [a, b] };
+        let halves = if judge.way(split, b) < judge.way(split, a) {
+            [b, a]
+        } else {
+            [a, b]
+        };
         Some((gain, halves))
     }
 
