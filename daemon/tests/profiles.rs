@@ -132,6 +132,7 @@ fn next_image(subscriber: &mut Subscriber) -> (u64, usize, u32) {
 
 fn of(levels: u16, actuators: u16) -> Profile {
     Profile {
+        method: Method::Paper,
         levels,
         actuators,
         ..Profile::default()
@@ -147,7 +148,7 @@ fn ten_displays() -> Vec<(Option<Profile>, Option<&'static [&'static str]>)> {
     vec![
         (None, None),
         (Some(of(4, 5)), None),
-        (Some(optimal(8, 16)), None),
+        (Some(of(8, 16)), None),
         (
             Some(Profile {
                 parts_apart: true,
