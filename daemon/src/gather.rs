@@ -3,7 +3,8 @@
 //! Waking up for a frame costs more than everything done with it: at 7,200 frames/s, one wake-up each is a fifth of a
 //! core. In `timer` mode nothing is due before the tick. In `sweep` mode the image is due with the last frame of the
 //! sweep, and the time until then is known roughly: so many taxels are awaited, and frames have been coming so fast.
-//! Half of it can be slept through, and half of the rest after that; the last frames are waited for one by one.
+//! A quarter of it can be slept through, and a quarter of the rest after that; the last frames are waited for one by
+//! one. However wrong the guess is, an image is never late by more than half a millisecond.
 
 use crate::config::{TickConfig, TickMode};
 
@@ -11,7 +12,7 @@ use crate::config::{TickConfig, TickMode};
 /// smallest queue that a kernel gives holds 278.
 const TIMER_NS: u64 = 5_000_000;
 /// Longest pause in `sweep` mode, nanoseconds.
-const SWEEP_NS: u64 = 2_000_000;
+const SWEEP_NS: u64 = 500_000;
 /// A pause shorter than this is not worth its wake-up, nanoseconds.
 const SHORTEST_NS: u64 = 50_000;
 
@@ -60,7 +61,7 @@ impl Gather {
             *spacing_ns = seen_ns.min(*spacing_ns + *spacing_ns / 16 + 100);
         }
         *drained_ns = now_ns;
-        let pause_ns = (*spacing_ns * awaited as u64 / 2).min(SWEEP_NS);
+        let pause_ns = (*spacing_ns * awaited as u64 / 4).min(SWEEP_NS);
         if pause_ns < SHORTEST_NS { 0 } else { pause_ns }
     }
 }
@@ -107,7 +108,7 @@ mod tests {
     fn a_real_bus_wakes_the_thread_some_tens_of_times_a_sweep_and_the_last_frame_is_seen_at_once() {
         // Two buses of 9,000 frames/s, 30 sweeps/s.
         let (wakes, latest_ns) = play(55_000, 33_000_000);
-        assert!(wakes <= 30, "{wakes} wake-ups for 240 frames");
+        assert!(wakes <= 60, "{wakes} wake-ups for 240 frames");
         assert!(latest_ns <= 60_000, "the last frame waited {latest_ns} ns");
     }
 
