@@ -36,7 +36,7 @@ use search::Search;
 
 /// A solver for one-dimensional k-means with all the memory it needs.
 ///
-/// It remembers the partition that solved the last problem, so that a similar one next mostly costs a single pass. That changes
+/// It remembers the partition and the penalty that solved the last problem, so that a similar one next mostly costs a single pass. That changes
 /// the time a solution takes; it can change the solution only among partitions of equal cost.
 ///
 /// ```
@@ -53,6 +53,8 @@ pub struct Kmeans1d {
     pass: Pass,
     search: Search,
     centroids: Vec<f64>,
+    /// The penalty that solved the last problem, in the unit of the values squared.
+    penalty: Option<f64>,
 }
 
 /// An optimal partition of sorted values into clusters.
@@ -127,12 +129,14 @@ impl Kmeans1d {
             pass: Pass::new(points),
             search: Search::new(points),
             centroids: Vec::with_capacity(clusters),
+            penalty: None,
         }
     }
 
     /// Forgets the last problem, so that the next solution does not depend on it at all.
     pub fn forget(&mut self) {
         self.search.forget();
+        self.penalty = None;
     }
 
     /// The optimal partition of ascending values into `clusters` clusters.
@@ -192,16 +196,20 @@ impl Kmeans1d {
 
     /// Finds the starts of the clusters, with the fast costs if they are good enough.
     fn partition(&mut self, values: &[f64], clusters: usize) {
-        let penalty = self
+        let unit = self.grid.step() * self.grid.step();
+        let last = self.penalty.map(|p| p / unit).filter(|p| p.is_normal());
+        let mut penalty = self
             .search
-            .run(&Fast::new(&self.grid), &mut self.pass, clusters, None);
+            .run(&Fast::new(&self.grid), &mut self.pass, clusters, last);
         let allowed = self.grid.cost(&self.search.starts) * 2f64.powi(-32);
         let sure = penalty.is_some() && 2.0 * self.grid.uncertainty(clusters) <= allowed;
         if !sure || splits_equals(values, &self.search.starts) {
             self.grid.place_squares();
-            self.search
+            penalty = self
+                .search
                 .run(&Exact::new(&self.grid), &mut self.pass, clusters, penalty);
         }
+        self.penalty = penalty.map(|p| p * unit);
     }
 
     fn check_size(&self, values: usize, clusters: usize) -> Result<(), Kmeans1dError> {

@@ -58,6 +58,11 @@ impl Grid {
         self.weights.is_empty()
     }
 
+    /// Length of a step in the unit of the values.
+    pub(super) fn step(&self) -> f64 {
+        (1.0 / self.scale.0) / self.scale.1
+    }
+
     /// Puts ascending finite values, not all equal, on the grid.
     ///
     /// A distance from the median is an integer of at most `2^(62 - b)` where the total weight is below `2^b`: so the sum of weights times

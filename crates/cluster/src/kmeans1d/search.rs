@@ -67,8 +67,9 @@ impl Search {
         let mut few: Option<Found> = None;
         let mut many: Option<Found> = None;
         let mut stride = 3;
-        let mut penalty = hint
-            .or_else(|| self.guess(cost, clusters))
+        let mut penalty = self
+            .guess(cost, clusters, hint)
+            .or(hint)
             .unwrap_or(2.0 * all / (wanted * wanted * wanted));
         self.points = n;
         loop {
@@ -124,8 +125,9 @@ impl Search {
     /// A penalty that the last problem's partition suggests for this one: `None` if it had another number of clusters.
     ///
     /// The old starts, in proportion, are moved by a few of Lloyd's iterations. The penalties for which a partition is optimal lie above what
-    /// its best split saves and below what its best merger costs; their geometric mean is a guess with room on both sides.
-    fn guess<C: Cost>(&mut self, cost: &C, clusters: usize) -> Option<f64> {
+    /// its best split saves and below what its best merger costs; the last penalty is a good guess if it does, else
+    /// their geometric mean, which leaves room on both sides.
+    fn guess<C: Cost>(&mut self, cost: &C, clusters: usize, last: Option<f64>) -> Option<f64> {
         if self.starts.len() != clusters || clusters < 2 {
             return None;
         }
@@ -147,7 +149,10 @@ impl Search {
         }
         let (split, merger) = self.saved_and_lost(cost);
         // Both bounds are too far off, the upper one by more.
-        let guess = (split * merger).sqrt();
+        let guess = match last {
+            Some(last) if split < last && last < merger => last,
+            _ => (split * merger).sqrt(),
+        };
         guess.is_normal().then_some(guess)
     }
 
