@@ -144,6 +144,10 @@ fn actuators_hold_still_and_stand_where_they_should_on_real_contacts() {
                     measured.jump_fraction()
                 );
             }
+            // Fewer frames tell nothing of a mean.
+            if measured.ratios.len() < 15 {
+                continue;
+            }
             assert!(
                 measured.ratio_mean() <= 1.03,
                 "{name}: {} mean",
