@@ -109,9 +109,11 @@ def measure(tick, board_period_ms, scene, seconds):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=30.0, help="length of each measurement")
-    seconds = parser.parse_args().seconds
+    parser.add_argument("--only", default="", help="only the measurements with this in their name, such as '1000 Hz'")
+    arguments = parser.parse_args()
+    seconds = arguments.seconds
     columns = None
-    for name, *case in CASES:
+    for name, *case in (c for c in CASES if arguments.only in c[0]):
         row = measure(*case, seconds)
         if columns is None:
             columns = list(row)
