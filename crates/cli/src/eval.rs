@@ -35,7 +35,7 @@ Examples:
 pub(crate) struct Args {
     #[command(flatten)]
     offline: OfflineArgs,
-    /// A method to judge: paper or optimal, then settings of [profile] as key=value; may be repeated [default: paper, optimal and
+    /// A method to judge: paper or optimal, then settings of the profile as key=value; may be repeated [default: paper, optimal and
     /// the switches between them]
     #[arg(long, value_name = "METHOD [KEY=VALUE]..")]
     method: Vec<String>,

@@ -76,7 +76,12 @@ impl ImageOutput {
             path: path.into(),
             format,
             file,
-            stack: ImageStack::new(layout.width, layout.height, profile.level_count(), profile.actuators),
+            stack: ImageStack::new(
+                layout.width,
+                layout.height,
+                profile.level_count(),
+                profile.actuators,
+            ),
             payload: Vec::new(),
         })
     }

@@ -33,7 +33,7 @@ const EXAMPLES: &str = "\
 Examples:
   taxel demo                                     a simulated hand grasps a ball, here, now
   taxel watch                                    one line per image of the daemon on this machine
-  taxel sim ball-grasp --to can:vcan0            a simulated hand on a virtual bus
+  taxel sim tap --to can:vcan0 --to can:vcan1    a simulated hand on two virtual buses
   taxel replay grasp.log --to can:vcan0          a recording back onto a bus
   taxel compress grasp.npz --out images.npz      the daemon's compression, offline
   taxel eval grasp.npz                           what it loses and what it costs, every method
