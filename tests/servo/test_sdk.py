@@ -242,7 +242,7 @@ def test_our_reader_agrees_with_the_sdk_value_for_value(bus, sdk, fast):
     port.closePort()
 
     reader = example(
-        "taxel-joints", "read_joints", bus.path, "--ids", "1-16", "--baud", BAUD, "--cycles", 400, "--fast", fast
+        "taxel-joints", "read_joints", bus.path, "--ids", "1-16", "--baud", BAUD, "--cycles", 1500, "--fast", fast
     )
     ours = json.loads(reader.communicate(timeout=60)[0])
     assert reader.returncode == 0

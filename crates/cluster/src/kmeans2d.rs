@@ -254,7 +254,9 @@ impl Kmeans2d {
         }
         self.stands.stand_on_points(&self.assignment);
         self.settled = true;
+        // What comes next does not depend on how long the hand was idle.
         self.judged = None;
+        self.quiet = 0;
     }
 
     fn follow_many(&mut self, keys: &[u16]) {

@@ -31,9 +31,12 @@ impl Kmeans2d {
     /// In a frame in which nothing has changed, tries one more swap, the next best by judgement: judgement does not know how the clusters
     /// settle afterwards. Says whether it was made.
     pub(super) fn look_further(&mut self) -> bool {
-        self.quiet = self.quiet.wrapping_add(1);
         let may_jump = self.settings.swap_gain < 1.0 && self.assignment.len() > self.x.len();
-        if !may_jump || !self.quiet.is_multiple_of(QUIET_FRAMES) {
+        if !may_jump {
+            return false;
+        }
+        self.quiet = self.quiet.wrapping_add(1);
+        if !self.quiet.is_multiple_of(QUIET_FRAMES) {
             return false;
         }
         self.pinned.copy_from_slice(&self.live);

@@ -232,6 +232,26 @@ proptest! {
     }
 
     #[test]
+    fn how_long_the_hand_was_idle_does_not_matter(
+        cells in prop::collection::btree_set((0u8..16, 0u8..16), 40..120),
+        idle in 1usize..4,
+    ) {
+        let points: Vec<_> = cells.iter().map(|(x, y)| (f64::from(*x), f64::from(*y))).collect();
+        let settings = Kmeans2dSettings { history: 0.0, swap_gain: 0.02, swaps: 4, iterations: 6, reach: 2.0 };
+        let mut soon = Kmeans2d::new(KEYS, 8, settings);
+        let mut late = Kmeans2d::new(KEYS, 8, settings);
+        for _ in 0..idle {
+            follow(&mut late, &[]);
+        }
+        for frame in 0..40 {
+            // The same hold for some frames, then a slightly larger one.
+            let held = &points[..points.len() - 20 + frame / 2];
+            let labels = follow(&mut soon, held).labels.to_vec();
+            prop_assert_eq!(&follow(&mut late, held).labels, &labels, "frame {}", frame);
+        }
+    }
+
+    #[test]
     fn every_point_has_a_cluster_and_every_live_cluster_a_point(
         frames in prop::collection::vec(prop::collection::btree_set((0u8..16, 0u8..16), 0..60), 1..8),
         clusters in 1usize..20,
