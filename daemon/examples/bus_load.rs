@@ -5,7 +5,8 @@
 //! Sends taxel frames of the default hand on both buses at an even pace, by default 9,000 frames/s each, the most that
 //! 1 Mbit/s carries, while the daemon reads them in the same process; then prints what became of each. On real vcan:
 //!
-//!     tests/vcan/run -- target/release/examples/bus_load can:vcan0 can:vcan1 60
+//!     tests/vcan/run -- bash -c 'ip link add vcan1 type vcan && ip link set vcan1 up &&
+//!         exec target/release/examples/bus_load can:vcan0 can:vcan1 60'
 
 use std::time::{Duration, Instant};
 use taxel_can::{CanFrame, CanSource, SourceAddress, SourceOptions};
