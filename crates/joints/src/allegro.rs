@@ -6,7 +6,7 @@
 use crate::config::JointsConfigError;
 use serde::Deserialize;
 use std::f64::consts::PI;
-use taxel_can::CanFrame;
+use taxel_can::{CanFrame, IdFilter};
 use taxel_skin::{Layout, Protocol};
 
 /// Joints of the hand.
@@ -60,6 +60,16 @@ impl AllegroConfig {
             enc_dir: all_forward(),
             enc_offset: [0; ALLEGRO_JOINTS],
             own_bus: false,
+        }
+    }
+
+    /// What a CAN source has to let through for [`AllegroDecoder`].
+    pub fn filter(&self) -> IdFilter {
+        if self.version == 4 {
+            // Four fingers, bits 2 and 3, of one device, bits 0 and 1.
+            IdFilter::standard(V4_POSITION << 2 | u16::from(self.device), 0x7F3)
+        } else {
+            IdFilter::standard(V3_POSITION << 6, 0x7C0)
         }
     }
 
@@ -395,6 +405,25 @@ mod tests {
             }
             let c = d.counters();
             assert_eq!(c.positions.iter().sum::<u64>() + c.malformed + c.other, 0x800 * 9);
+        }
+    }
+
+    #[test]
+    fn the_filter_lets_every_position_frame_through_and_nothing_of_another_hand() {
+        for (version, device) in [(1, 0), (3, 0), (4, 0), (4, 3)] {
+            let config = AllegroConfig {
+                device,
+                ..AllegroConfig::new(version)
+            };
+            let (d, filter) = (AllegroDecoder::new(&config).unwrap(), config.filter());
+            for id in 0..=0x7FF {
+                let f = frame(id, &[0; 8]);
+                let passes = u32::from(id) & filter.mask & 0x7FF == filter.id & filter.mask & 0x7FF;
+                let position = matches!(d.finger_of(&f), AllegroFrame::Position { .. });
+                // Senders 3 to 6 are no range that a mask can name, so versions 1 to 3 let four more through.
+                assert!(passes || !position, "version {version}: {id:03X}");
+                assert!(version != 4 || passes == position, "version 4: {id:03X}");
+            }
         }
     }
 

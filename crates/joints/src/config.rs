@@ -51,6 +51,9 @@ pub struct JointsConfig {
     /// FTDI adapter 2 ms and twice its latency timer.
     #[serde(default)]
     pub answer_margin_ms: Option<f64>,
+    /// An angle whose nearest reading is further than this from a frame's instant is given as unknown, ms, 10 to 60,000.
+    #[serde(default = "default_hold_ms")]
+    pub hold_ms: f64,
     /// Dynamixel: the joints, in the order in which their angles are given.
     #[serde(default)]
     pub servo: Vec<ServoConfig>,
@@ -238,6 +241,10 @@ fn default_watchdog_ms() -> u16 {
     200
 }
 
+fn default_hold_ms() -> f64 {
+    250.0
+}
+
 fn default_direction() -> i8 {
     1
 }
@@ -254,6 +261,7 @@ impl JointsConfig {
             allow_writes: false,
             watchdog_ms: default_watchdog_ms(),
             answer_margin_ms: None,
+            hold_ms: default_hold_ms(),
             servo: ids
                 .into_iter()
                 .map(|id| ServoConfig {
@@ -302,6 +310,7 @@ impl JointsConfig {
         if let Some(ms) = self.answer_margin_ms {
             range("answer_margin_ms".into(), ms, 0.5, 100.0, "ms")?;
         }
+        range("hold_ms".into(), self.hold_ms, 10.0, 60_000.0, "ms")?;
         if !self.watchdog_ms.is_multiple_of(20) {
             return Err(JointsConfigError::WatchdogStep(self.watchdog_ms));
         }

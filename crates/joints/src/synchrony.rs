@@ -46,6 +46,13 @@ impl JointHistory {
         self
     }
 
+    /// Takes over the readings of another history. Allocates nothing if both were made for as many joints and readings.
+    pub fn copy_from(&mut self, other: &Self) {
+        self.readings.clone_from(&other.readings);
+        self.filled.clone_from(&other.filled);
+        self.depth = other.depth;
+    }
+
     /// Number of joints.
     pub fn joints(&self) -> usize {
         self.filled.len()
@@ -167,6 +174,26 @@ mod tests {
         // Kept: 60, 70, 80.
         let at = h.at(0, 20 * MS).unwrap();
         assert_eq!((at.angle_rad, at.age_ns), (6.0, 40 * MS));
+    }
+
+    #[test]
+    fn a_copy_answers_as_its_original_does_and_keeps_how_far_it_extrapolates() {
+        let mut original = JointHistory::new(2, 4);
+        for t in 0..7 {
+            original.push(0, t * MS, t as f64);
+            original.push(1, t * MS, -(t as f64));
+        }
+        let mut copy = JointHistory::new(2, 4).with_extrapolation(0);
+        copy.copy_from(&original);
+        for (joint, t) in [(0, 4), (1, 5), (0, 0), (1, 6)] {
+            assert_eq!(
+                copy.at(joint, t * MS + 1),
+                original.at(joint, t * MS + 1).map(|at| AngleAt {
+                    angle_rad: if t == 6 { -6.0 } else { at.angle_rad },
+                    ..at
+                })
+            );
+        }
     }
 
     #[test]

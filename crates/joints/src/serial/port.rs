@@ -54,6 +54,7 @@ const WRITE_TIMEOUT: Duration = Duration::from_millis(200);
 pub(crate) struct Port {
     tty: TTYPort,
     path: PathBuf,
+    device: PathBuf,
     latency: PortLatency,
 }
 
@@ -77,11 +78,16 @@ impl Port {
                 low_latency,
                 ftdi_timer_ms: ftdi_timer_ms(&device),
             },
+            device,
         })
     }
 
     pub(crate) fn latency(&self) -> PortLatency {
         self.latency
+    }
+
+    pub(crate) fn device(&self) -> &Path {
+        &self.device
     }
 
     /// Bytes that have arrived and are not read.

@@ -15,7 +15,7 @@ use nix::time::{ClockId, ClockNanosleepFlags, clock_nanosleep};
 use std::io;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -48,6 +48,8 @@ pub enum PortState {
 pub struct PortStatus {
     /// The device as the configuration names it.
     pub path: PathBuf,
+    /// What that name led to when it was opened last, such as `/dev/ttyUSB1` for a link; `None` before.
+    pub device: Option<PathBuf>,
     /// Whether it is there.
     pub state: PortState,
     /// How fast it hands over what it receives; `None` before it was open.
@@ -110,6 +112,14 @@ const COMMANDS: usize = 64;
 impl JointReader {
     /// Starts the thread. A port that is not there yet is no error: it is opened when it comes.
     pub fn start(config: &JointsConfig) -> Result<Self, StartError> {
+        Self::start_with(config, || {})
+    }
+
+    /// The same, and the thread calls `first` before anything else: to take a real-time priority, for example.
+    pub fn start_with(
+        config: &JointsConfig,
+        first: impl FnOnce() + Send + 'static,
+    ) -> Result<Self, StartError> {
         config.check()?;
         let JointSource::Dynamixel { path } = &config.source else {
             return Err(StartError::NotSerial);
@@ -126,6 +136,7 @@ impl JointReader {
             history: JointHistory::new(n, HISTORY),
             port: PortStatus {
                 path: path.clone(),
+                device: None,
                 state: PortState::Starting,
                 latency: None,
                 opened: 0,
@@ -145,7 +156,10 @@ impl JointReader {
         };
         let handle = std::thread::Builder::new()
             .name("joints".into())
-            .spawn(move || thread.run())
+            .spawn(move || {
+                first();
+                thread.run();
+            })
             .map_err(StartError::Thread)?;
         Ok(Self {
             shared,
@@ -178,6 +192,22 @@ impl JointReader {
         for (joint, angle) in angles.iter_mut().enumerate().take(shared.history.joints()) {
             *angle = shared.history.at(joint, t_ns);
         }
+    }
+
+    /// A history that [`JointReader::try_history_into`] fills without allocating.
+    pub fn new_history(&self) -> JointHistory {
+        JointHistory::new(self.names.len(), HISTORY)
+    }
+
+    /// Copies the readings that are kept, unless somebody else is at them just now: says whether it did. Never waits.
+    pub fn try_history_into(&self, into: &mut JointHistory) -> bool {
+        let shared = match self.shared.try_lock() {
+            Ok(shared) => shared,
+            Err(TryLockError::Poisoned(poisoned)) => poisoned.into_inner(),
+            Err(TryLockError::WouldBlock) => return false,
+        };
+        into.copy_from(&shared.history);
+        true
     }
 
     /// What is known of the serial port.
@@ -246,6 +276,7 @@ impl Thread {
                     {
                         let mut shared = lock(&self.shared);
                         shared.port.state = PortState::Open;
+                        shared.port.device = Some(port.device().to_path_buf());
                         shared.port.latency = Some(port.latency());
                         shared.port.opened += 1;
                         shared.commands.clear();

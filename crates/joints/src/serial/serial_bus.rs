@@ -38,6 +38,11 @@ impl SerialBus {
         self.port.latency()
     }
 
+    /// The device that was opened: where the path led to, if it was a link.
+    pub fn device(&self) -> &Path {
+        self.port.device()
+    }
+
     /// Runs one cycle. The results are in [`Bus::results`]; the only error is a port that is gone.
     pub fn cycle(&mut self, bus: &mut Bus) -> Result<(), PortError> {
         bus.begin(now_ns());
