@@ -1,9 +1,11 @@
 //! The daemon's one configuration file.
 
+use crate::joints;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use taxel_can::SourceAddress;
 use taxel_compress::Profile;
+use taxel_joints::JointsConfig;
 use taxel_skin::{BoardsConfig, ConditionConfig, Layout, SweepConfig};
 use toml::Spanned;
 
@@ -35,6 +37,8 @@ pub struct Config {
     pub realtime: RealtimeConfig,
     /// How CAN interfaces are opened.
     pub can: CanConfig,
+    /// Where the joint angles come from, if any are read.
+    pub joints: Option<JointsConfig>,
 }
 
 /// When images are made.
@@ -221,6 +225,7 @@ struct FileConfig {
     socket: Option<Spanned<SocketConfig>>,
     realtime: Option<Spanned<RealtimeConfig>>,
     can: Option<Spanned<CanConfig>>,
+    joints: Option<Spanned<JointsConfig>>,
 }
 
 #[derive(Deserialize)]
@@ -248,6 +253,7 @@ impl Config {
             socket: SocketConfig::default(),
             realtime: RealtimeConfig::default(),
             can: CanConfig::default(),
+            joints: None,
         }
     }
 
@@ -323,6 +329,16 @@ impl Config {
             ));
         }
 
+        let joints = match parsed.joints {
+            Some(table) => {
+                let offset = table.span().start;
+                let joints = table.into_inner();
+                joints::check(&joints, &layout, &sources).map_err(|e| refuse(offset, e.to_string()))?;
+                Some(joints)
+            }
+            None => None,
+        };
+
         /// The table's value, or the default; then its check, with the table's line on failure.
         macro_rules! section {
             ($name:ident, $check:expr) => {{
@@ -347,6 +363,7 @@ impl Config {
             socket: section!(socket, SocketConfig::check),
             realtime: section!(realtime, RealtimeConfig::check),
             can: section!(can, CanConfig::check),
+            joints,
             layout,
             sources,
         })

@@ -1,9 +1,9 @@
 //! What one display is given of a tick: the force frame, or the part of it that the display shows, compressed.
 
-use crate::MAX_JOINTS;
 use crate::pipeline::Frames;
 use std::ops::Range;
 use taxel_compress::{Compressor, Profile, ProfileError, TactileImage};
+use taxel_joints::MAX_JOINTS;
 use taxel_skin::{ForceFrame, Layout};
 use taxel_wire::{EncodeError, Flags, Header};
 

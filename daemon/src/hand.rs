@@ -3,7 +3,9 @@
 use crate::config::{Config, TickMode};
 use crate::displays::Returned;
 use crate::hub::Newest;
+use crate::joints::JointsView;
 use crate::profiles::{Own, Profiles};
+use crate::snapshot::Snapshot;
 use crate::subscribers::Registry;
 use crate::tick::{Command, Shared};
 use hdrhistogram::Histogram;
@@ -13,6 +15,7 @@ use std::sync::atomic::Ordering;
 use std::sync::{Arc, mpsc};
 use std::time::Instant;
 use taxel_compress::Profile;
+use taxel_joints::{JointReader, JointsConfig};
 use taxel_skin::{BoardCounters, BoardState, Fault};
 use taxel_wire::{Clock, Event, Hello, HelloRate, MAX_SUBSCRIBE};
 use tokio::sync::broadcast;
@@ -30,8 +33,11 @@ pub(crate) struct Hand {
     /// Where subscriptions are received into, one at a time; one byte longer than the longest, to tell one too long.
     pub(crate) subscription: RefCell<Box<[u8]>>,
     commands: mpsc::SyncSender<Command>,
+    /// The thread that reads servos, where there are any.
+    servos: Option<Arc<JointReader>>,
     started: Instant,
     rate: Cell<Rate>,
+    joint_rate: Cell<Rate>,
 }
 
 /// What reaches from the tick thread to the socket thread.
@@ -41,13 +47,14 @@ pub(crate) struct Reach {
     pub(crate) own: Own,
     pub(crate) commands: mpsc::SyncSender<Command>,
     pub(crate) returned: Returned,
+    pub(crate) servos: Option<Arc<JointReader>>,
 }
 
-/// Images per second over the last second or so.
+/// Images, or cycles of the joints, per second over the last second or so.
 #[derive(Debug, Clone, Copy)]
 struct Rate {
     at: Instant,
-    images: u64,
+    count: u64,
     hz: f64,
 }
 
@@ -59,6 +66,7 @@ impl Hand {
             own,
             commands,
             returned,
+            servos,
         } = reach;
         let hello = describe(&config, clock.live);
         let profiles = Profiles::new(&config, own, hello, commands.clone(), returned, shared.clone());
@@ -70,12 +78,10 @@ impl Hand {
             events: broadcast::channel(16).0,
             subscription: RefCell::new(vec![0; MAX_SUBSCRIBE + 1].into()),
             commands,
+            servos,
             started: Instant::now(),
-            rate: Cell::new(Rate {
-                at: Instant::now(),
-                images: 0,
-                hz: 0.0,
-            }),
+            rate: Cell::new(Rate::new()),
+            joint_rate: Cell::new(Rate::new()),
             config,
         }
     }
@@ -97,6 +103,19 @@ impl Hand {
 
     fn command(&self, command: Command) -> Result<(), String> {
         crate::tick::command(&self.commands, &self.shared, command)
+    }
+
+    /// What is known of the joints; `None` where none are read.
+    pub(crate) fn joints(&self, snapshot: &Snapshot) -> Option<JointsView> {
+        self.config.joints.as_ref()?;
+        Some(JointsView {
+            now_ns: snapshot.now_ns,
+            tick: snapshot.joints.clone(),
+            servos: self
+                .servos
+                .as_ref()
+                .map(|servos| (servos.snapshot(), servos.port())),
+        })
     }
 
     /// Everything there is to know, as JSON; the `status` reply of `docs/wire.md`.
@@ -192,6 +211,10 @@ impl Hand {
                 })
             })
             .collect();
+        let joints = (self.config.joints.as_ref().zip(self.joints(&snapshot))).map(|(config, view)| {
+            let hz = Rate::update(&self.joint_rate, view.cycles());
+            crate::joints::status(config, &view, hz)
+        });
         json!({
             "version": env!("CARGO_PKG_VERSION"),
             "uptime_s": self.started.elapsed().as_secs_f64(),
@@ -216,6 +239,7 @@ impl Hand {
             "profile_budget": self.profiles.budget(),
             "buses": buses,
             "boards": boards,
+            "joints": joints,
             "faults": faults,
             "subscribers": self.subscribers.status(),
         })
@@ -268,23 +292,43 @@ impl Hand {
     }
 
     fn rate_hz(&self, images: u64) -> f64 {
-        let rate = self.rate.get();
-        let seconds = rate.at.elapsed().as_secs_f64();
-        if seconds < 0.5 {
-            return rate.hz;
-        }
-        let hz = images.saturating_sub(rate.images) as f64 / seconds;
-        self.rate.set(Rate {
-            at: Instant::now(),
-            images,
-            hz,
-        });
-        hz
+        Rate::update(&self.rate, images)
+    }
+
+    /// Looks at the joints' rate, so that the status has that of the last second however seldom it is asked for.
+    pub(crate) fn count_joints(&self, view: &JointsView) {
+        Rate::update(&self.joint_rate, view.cycles());
     }
 
     /// Sign of life of the tick thread.
     pub(crate) fn heartbeat(&self) -> u64 {
         self.shared.heartbeat.load(Ordering::Relaxed)
+    }
+}
+
+impl Rate {
+    fn new() -> Self {
+        Self {
+            at: Instant::now(),
+            count: 0,
+            hz: 0.0,
+        }
+    }
+
+    /// The rate, measured anew where the last time is long enough ago.
+    fn update(rate: &Cell<Self>, count: u64) -> f64 {
+        let before = rate.get();
+        let seconds = before.at.elapsed().as_secs_f64();
+        if seconds < 0.5 {
+            return before.hz;
+        }
+        let hz = count.saturating_sub(before.count) as f64 / seconds;
+        rate.set(Self {
+            at: Instant::now(),
+            count,
+            hz,
+        });
+        hz
     }
 }
 
@@ -311,6 +355,11 @@ fn describe(config: &Config, clock_live: bool) -> Hello {
     };
     Hello {
         force_unit: force_unit.into(),
+        joints: config
+            .joints
+            .as_ref()
+            .map(JointsConfig::joint_names)
+            .unwrap_or_default(),
         ..Hello::new(daemon, &config.layout, &config.profile, rate, clock)
     }
 }

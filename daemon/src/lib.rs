@@ -12,6 +12,7 @@ mod feed;
 mod gather;
 mod hand;
 mod hub;
+pub mod joints;
 mod listener;
 pub mod pipeline;
 mod profiles;
@@ -26,6 +27,7 @@ pub use listener::SocketPathError;
 
 use crate::displays::Displays;
 use crate::hand::{Hand, Reach};
+use crate::joints::{JointsSnapshot, OwnHand};
 use crate::listener::SocketPath;
 use crate::pipeline::{Pipeline, PipelineError};
 use crate::snapshot::Snapshot;
@@ -36,6 +38,7 @@ use std::sync::{Arc, Mutex, mpsc};
 use std::thread::JoinHandle;
 use taxel_can::{CanSource, LinkState, Playback, SourceAddress, SourceOptions, monotonic_ns};
 use taxel_compress::Profile;
+use taxel_joints::{JointReader, JointSource, MAX_JOINTS};
 use taxel_sim::{Scene, SimOptions, SimSource};
 use taxel_skin::{BoardSupervisor, Decoder, Layout};
 use tokio::sync::oneshot;
@@ -73,6 +76,9 @@ pub enum StartError {
         /// What is wrong with its source.
         error: Box<dyn std::error::Error + Send + Sync>,
     },
+    /// Joints could not be read.
+    #[error(transparent)]
+    Joints(#[from] taxel_joints::StartError),
     /// Hand and display do not fit together.
     #[error(transparent)]
     Pipeline(#[from] PipelineError),
@@ -124,7 +130,7 @@ impl Daemon {
             .map_err(|e| listen(&control_path, e))?;
         control_path.set_permissions(mode, &config.socket.group)?;
 
-        let clock = clock(&config.sources);
+        let clock = clock(&config);
         // A recording's time starts at exactly zero, or its images would bear other times in every run.
         let start_ns = if clock.live { monotonic_ns() } else { 0 };
         let sources = open_sources(&config, start_ns)?;
@@ -141,15 +147,31 @@ impl Daemon {
                 layout.buses.len(),
                 layout.modules.len(),
                 layout.len(),
+                config
+                    .joints
+                    .as_ref()
+                    .map_or(0, |joints| joints.joint_names().len()),
             )),
             wake: nix::sys::eventfd::EventFd::from_flags(
                 nix::sys::eventfd::EfdFlags::EFD_NONBLOCK | nix::sys::eventfd::EfdFlags::EFD_CLOEXEC,
             )
             .map_err(system("make an eventfd"))?,
         });
+        let mut pipeline = Pipeline::new(&config, start_ns)?;
+        let servos = start_servos(&config)?;
+        if let (Some(reader), Some(joints)) = (&servos, &config.joints) {
+            pipeline = pipeline.with_servos(reader.clone(), joints.hold_ms);
+        }
+        let hand_bus = joints::hand_bus(&config);
+        let allegro = config.joints.as_ref().and_then(|joints| joints.allegro.as_ref());
         let thread = TickThread {
-            pipeline: Pipeline::new(&config, start_ns)?,
+            pipeline,
             boards: BoardSupervisor::new(layout, &config.boards),
+            hand: (hand_bus.zip(allegro))
+                .filter(|(_, hand)| hand.own_bus)
+                .map(|(bus, hand)| OwnHand::new(bus.index, hand)),
+            hand_bus: hand_bus.map(|bus| bus.index.into()),
+            joints: JointsSnapshot::new(taxel_joints::ALLEGRO_JOINTS),
             links: vec![LinkState::Absent; layout.buses.len()],
             displays,
             raw,
@@ -226,6 +248,7 @@ impl Daemon {
                             own,
                             commands,
                             returned,
+                            servos,
                         };
                         let hand = Rc::new(Hand::new(config, reach, clock));
                         tokio::task::spawn_local(subscribers::serve(images, hand.clone()));
@@ -289,9 +312,6 @@ impl Drop for Daemon {
     }
 }
 
-/// Most joints a frame carries.
-const MAX_JOINTS: usize = 64;
-
 /// Bytes of the largest IMAGE and RAW payload of a hand and display.
 fn payload_lens(layout: &Layout, profile: &Profile) -> (usize, usize) {
     let (levels, actuators) = (profile.level_count().into(), profile.actuators.into());
@@ -314,46 +334,84 @@ fn check_message_size(layout: &Layout, profile: &Profile) -> Result<(), StartErr
 }
 
 /// Recordings bring their own time, which starts at zero; anything else runs on the machine's.
-fn clock(sources: &[SourceAddress]) -> PipelineClock {
-    let recorded = sources.iter().all(|s| matches!(s, SourceAddress::Log { .. }));
+fn clock(config: &Config) -> PipelineClock {
+    let hand = config.joints.as_ref().and_then(|joints| match &joints.source {
+        JointSource::Allegro { bus } => Some(bus),
+        JointSource::Dynamixel { .. } => None,
+    });
+    let mut sources = config.sources.iter().chain(hand);
+    let recorded = sources.all(|s| matches!(s, SourceAddress::Log { .. }));
     PipelineClock {
         offset_ns: if recorded { monotonic_ns() } else { 0 },
         live: !recorded,
     }
 }
 
+/// Starts the thread that reads servos, one step of priority below the tick thread, where the configuration has servos.
+fn start_servos(config: &Config) -> Result<Option<Arc<JointReader>>, StartError> {
+    let Some(joints) = &config.joints else {
+        return Ok(None);
+    };
+    if !matches!(joints.source, JointSource::Dynamixel { .. }) {
+        return Ok(None);
+    }
+    let priority = config.realtime.priority.saturating_sub(1);
+    let reader = JointReader::start_with(joints, move || {
+        // The tick thread has said why, if it is refused.
+        if priority > 0 {
+            let _ = realtime::set_fifo(priority);
+        }
+    })?;
+    Ok(Some(Arc::new(reader)))
+}
+
 fn open_sources(config: &Config, start_ns: u64) -> Result<Vec<Box<dyn CanSource>>, StartError> {
     let layout = &config.layout;
-    (config.sources.iter().zip(&layout.buses).enumerate())
-        .map(|(bus, (address, name))| {
-            let fail = |error| StartError::Source {
-                bus: name.clone(),
-                error,
-            };
-            let bus = bus as u8;
-            match address {
-                SourceAddress::Sim { scene } => {
-                    let options = SimOptions {
-                        start_ns,
-                        ..SimOptions::default()
-                    };
-                    Scene::resolve(scene)
-                        .and_then(|scene| SimSource::new(&scene, layout, bus, options))
-                        .map(|source| Box::new(source) as Box<dyn CanSource>)
-                        .map_err(|e| fail(e.into()))
-                }
-                address => {
-                    let options = SourceOptions {
-                        filters: Decoder::new(layout, bus).filters().to_vec(),
-                        receive_buffer: config.can.receive_buffer_kib as usize * 1024,
-                        playback: Playback {
-                            start_ns,
-                            ..Playback::default()
-                        },
-                    };
-                    taxel_can::open(address, &options).map_err(|e| fail(e.into()))
-                }
+    let hand_bus = joints::hand_bus(config);
+    let joints = config.joints.as_ref();
+    let hand = joints.and_then(|joints| match &joints.source {
+        JointSource::Allegro { bus } => Some((bus, joints.allegro.as_ref()?)),
+        JointSource::Dynamixel { .. } => None,
+    });
+    let own = hand.filter(|_| hand_bus.is_some_and(|bus| !bus.shared));
+    let joints_name = "joints".to_string();
+    let skin = config.sources.iter().zip(&layout.buses);
+    (skin
+        .chain(own.map(|(address, _)| (address, &joints_name)))
+        .enumerate())
+    .map(|(bus, (address, name))| {
+        let fail = |error| StartError::Source {
+            bus: name.clone(),
+            error,
+        };
+        let bus = bus as u8;
+        match address {
+            SourceAddress::Sim { scene } => {
+                let options = SimOptions {
+                    start_ns,
+                    ..SimOptions::default()
+                };
+                Scene::resolve(scene)
+                    .and_then(|scene| SimSource::new(&scene, layout, bus, options))
+                    .map(|source| Box::new(source) as Box<dyn CanSource>)
+                    .map_err(|e| fail(e.into()))
             }
-        })
-        .collect()
+            address => {
+                let mut filters = Decoder::new(layout, bus).filters().to_vec();
+                if let Some((_, hand)) = hand.filter(|_| hand_bus.is_some_and(|on| on.index == bus)) {
+                    filters.push(hand.filter());
+                }
+                let options = SourceOptions {
+                    filters,
+                    receive_buffer: config.can.receive_buffer_kib as usize * 1024,
+                    playback: Playback {
+                        start_ns,
+                        ..Playback::default()
+                    },
+                };
+                taxel_can::open(address, &options).map_err(|e| fail(e.into()))
+            }
+        }
+    })
+    .collect()
 }

@@ -6,8 +6,11 @@
 
 use crate::config::{Config, TickMode};
 use crate::display::Display;
+use crate::joints::{JointFeed, JointsError, JointsSnapshot};
+use std::sync::Arc;
 use taxel_can::Received;
 use taxel_compress::{ProfileError, TactileImage};
+use taxel_joints::JointReader;
 use taxel_skin::{
     ConditionError, Conditioner, Decoded, Decoder, ForceFrame, Layout, Readings, SweepAssembler, TactileFrame,
 };
@@ -18,6 +21,7 @@ pub struct Pipeline {
     readings: Readings,
     sweep: SweepAssembler,
     conditioner: Conditioner,
+    joints: JointFeed,
     schedule: Schedule,
     paused: bool,
     frames: Frames,
@@ -64,6 +68,9 @@ pub enum PipelineError {
     /// The conditioning cannot be done.
     #[error(transparent)]
     Condition(#[from] ConditionError),
+    /// The joints cannot be read.
+    #[error(transparent)]
+    Joints(#[from] JointsError),
 }
 
 impl Pipeline {
@@ -83,6 +90,15 @@ impl Pipeline {
                 }
             }
         };
+        if let Some(joints) = &config.joints {
+            crate::joints::check(joints, layout, &config.sources)?;
+        }
+        let joints = JointFeed::new(config).map_err(JointsError::from)?;
+        let mut frames = Frames {
+            due_ns: origin_ns,
+            ..Frames::new(layout.len())
+        };
+        joints.prepare(&mut frames.tactile);
         Ok(Self {
             decoders: (0..layout.buses.len())
                 .map(|bus| Decoder::new(layout, bus as u8))
@@ -90,19 +106,29 @@ impl Pipeline {
             readings: Readings::default(),
             sweep: SweepAssembler::new(layout, &config.sweep, config.tick.mode == TickMode::Sweep),
             conditioner: Conditioner::for_layout(layout, config.conditioning.clone())?,
+            joints,
             schedule,
             paused: false,
-            frames: Frames {
-                due_ns: origin_ns,
-                ..Frames::new(layout.len())
-            },
+            frames,
         })
     }
 
-    /// Takes one CAN frame of bus number `bus`, after making the frames of every tick that was due before it arrived.
+    /// Has every frame carry the angles of these servos at its own instant. An angle further than `hold_ms` from its
+    /// nearest reading is unknown.
+    #[must_use]
+    pub fn with_servos(mut self, reader: Arc<JointReader>, hold_ms: f64) -> Self {
+        self.joints = JointFeed::servos(reader, hold_ms);
+        self.joints.prepare(&mut self.frames.tactile);
+        self
+    }
+
+    /// Takes one CAN frame of bus number `bus` (an Allegro hand's own bus has the number after the skin's last), after making the frames of every tick that was due before it arrived.
     /// CAN frames of all buses come in the order of their times.
     pub fn push(&mut self, bus: u8, received: &Received, emit: &mut impl FnMut(&Frames)) {
         self.advance(received.t_ns.saturating_sub(1), emit);
+        if self.joints.push(bus, received) {
+            return;
+        }
         let Some(decoder) = self.decoders.get_mut(bus as usize) else {
             return;
         };
@@ -162,6 +188,7 @@ impl Pipeline {
         } = &mut self.frames;
         *due_ns = now_ns;
         self.sweep.take(now_ns, tactile);
+        self.joints.fill(tactile);
         self.conditioner.process(tactile, force);
         if self.paused {
             force.contact.fill(false);
@@ -187,6 +214,11 @@ impl Pipeline {
     /// What the last tick felt.
     pub fn frames(&self) -> &Frames {
         &self.frames
+    }
+
+    /// Copies what is known of the joints.
+    pub(crate) fn joints(&self, into: &mut JointsSnapshot) {
+        self.joints.snapshot(&self.frames.tactile, into);
     }
 
     fn is_sweep(&self) -> bool {

@@ -1,5 +1,6 @@
 //! What the daemon knows of itself, copied out of the tick thread for the status report.
 
+use crate::joints::JointsSnapshot;
 use hdrhistogram::Histogram;
 use taxel_can::{LinkState, SourceCounters};
 use taxel_skin::{BoardCounters, BusCounters, Fault, ForceFrame};
@@ -36,6 +37,8 @@ pub(crate) struct Snapshot {
     pub(crate) faulty: usize,
     /// Whether images are paused.
     pub(crate) paused: bool,
+    /// Joint angles, and what an Allegro hand has delivered.
+    pub(crate) joints: JointsSnapshot,
 }
 
 /// What one bus has delivered.
@@ -51,7 +54,7 @@ pub(crate) struct BusSnapshot {
 
 impl Snapshot {
     /// An empty snapshot with all its memory.
-    pub(crate) fn new(buses: usize, boards: usize, taxels: usize) -> Self {
+    pub(crate) fn new(buses: usize, boards: usize, taxels: usize, joints: usize) -> Self {
         // Up to 10 s at two significant digits; longer times count as 10 s.
         let histogram = || Histogram::new_with_bounds(1, 10_000_000_000, 2).expect("bounds of a histogram");
         Self {
@@ -71,6 +74,7 @@ impl Snapshot {
             missing: 0,
             faulty: 0,
             paused: false,
+            joints: JointsSnapshot::new(joints),
         }
     }
 

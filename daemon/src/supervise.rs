@@ -4,6 +4,7 @@
 //! The tick thread itself never logs, so that a slow terminal or journal cannot hold up an image.
 
 use crate::hand::Hand;
+use crate::joints::{Told, Weight};
 use crate::snapshot::Snapshot;
 use sd_notify::NotifyState;
 use std::rc::Rc;
@@ -23,6 +24,7 @@ pub(crate) async fn watch(hand: Rc<Hand>) {
     let mut look = interval(LOOK);
     look.set_missed_tick_behavior(MissedTickBehavior::Delay);
     let mut before: Option<Snapshot> = None;
+    let mut joints = Told::default();
     let mut last_heartbeat = 0;
     let mut status_at = Instant::now();
     let mut roll_call_at = Some(Instant::now() + ROLL_CALL);
@@ -35,6 +37,7 @@ pub(crate) async fn watch(hand: Rc<Hand>) {
             .unwrap_or_else(|e| e.into_inner())
             .clone();
         tell_changes(&hand, before.as_ref(), &now);
+        tell_joints(&hand, &now, &mut joints);
         before = Some(now);
         hand.profiles.tidy();
 
@@ -145,6 +148,21 @@ fn tell_changes(hand: &Hand, before: Option<&Snapshot>, now: &Snapshot) {
         };
         tracing::info!("{text}");
         let _ = hand.events.send(Event::new(kind, text));
+    }
+}
+
+/// Says what is new of the joints.
+fn tell_joints(hand: &Hand, now: &Snapshot, told: &mut Told) {
+    let (Some(config), Some(view)) = (&hand.config.joints, hand.joints(now)) else {
+        return;
+    };
+    hand.count_joints(&view);
+    for (weight, text) in told.news(config, &view) {
+        match weight {
+            Weight::Info => tracing::info!("{text}"),
+            Weight::Warn => tracing::warn!("{text}"),
+            Weight::Error => tracing::error!("{text}"),
+        }
     }
 }
 

@@ -6,6 +6,7 @@
 use crate::displays::{Displays, Stream};
 use crate::gather::Gather;
 use crate::hub::Publisher;
+use crate::joints::{JointsSnapshot, OwnHand};
 use crate::pipeline::{Frames, Pipeline};
 use crate::snapshot::Snapshot;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
@@ -82,9 +83,15 @@ impl PipelineClock {
 }
 
 pub(crate) struct TickThread {
+    /// Those of the skin in the layout's order, then that of an Allegro hand on a bus of its own.
     pub(crate) sources: Vec<Box<dyn CanSource>>,
     pub(crate) pipeline: Pipeline,
     pub(crate) boards: BoardSupervisor,
+    pub(crate) hand: Option<OwnHand>,
+    /// Number of the bus that an Allegro hand is on.
+    pub(crate) hand_bus: Option<usize>,
+    /// When the fingers of an Allegro hand were heard last, and more, as of the last round.
+    pub(crate) joints: JointsSnapshot,
     /// State of each bus's link when it was last looked at.
     pub(crate) links: Vec<LinkState>,
     pub(crate) displays: Displays,
@@ -178,7 +185,8 @@ impl TickThread {
             }
 
             if drained {
-                let frames = batches.iter().map(|b| b.frames.len()).sum();
+                let skin = batches.iter().take(self.pipeline.decoders().len());
+                let frames = skin.map(|b| b.frames.len()).sum();
                 let pause_ns = self
                     .gather
                     .pause_ns(now_ns, frames, self.pipeline.sweep().awaited());
@@ -214,7 +222,12 @@ impl TickThread {
         let mut fds: [Option<BorrowedFd<'_>>; 2 + crate::config::MAX_BUSES] = Default::default();
         fds[0] = Some(self.timer.as_fd());
         fds[1] = Some(self.shared.wake.as_fd());
-        for (slot, source) in fds[2..].iter_mut().zip(&self.sources) {
+        let skin = self.pipeline.decoders().len();
+        if let Some(hand) = self.sources.get(skin) {
+            // Nothing is due with a hand's own frame: those that came are taken with the next of the skin.
+            sooner(hand.wakeup().at_ns);
+        }
+        for (slot, source) in fds[2..].iter_mut().zip(&self.sources[..skin]) {
             let wakeup = source.wakeup();
             if quiet {
                 sooner(wakeup.at_ns.map(|at| at.max(quiet_until_ns)));
@@ -272,10 +285,21 @@ impl TickThread {
                 boards.not_sent(&command, now_ns);
             }
         }
+        if let Some(hand) = &mut self.hand {
+            self.pipeline.joints(&mut self.joints);
+            hand.poll(
+                now_ns,
+                self.joints.finger_ns.iter().copied().flatten().max(),
+                &mut self.sources,
+            );
+        }
     }
 
     /// Leaves the boards as they were found: silent. Bounded in time, since a bus may be gone.
     fn stop_boards(&mut self) {
+        if let Some(mut hand) = self.hand.take() {
+            hand.stop(&mut self.sources);
+        }
         let deadline_ns = self.clock.now_ns() + 500_000_000;
         self.boards.stop();
         loop {
@@ -315,6 +339,11 @@ impl TickThread {
         }
         snapshot.take_force(force);
         snapshot.paused = pipeline.is_paused();
+        pipeline.joints(&mut snapshot.joints);
+        if let Some(source) = self.hand_bus.and_then(|bus| self.sources.get(bus)) {
+            snapshot.joints.source = *source.counters();
+            snapshot.joints.link = source.link();
+        }
     }
 }
 

@@ -38,8 +38,10 @@ pub struct TactileFrame {
     pub age_ns: Vec<u64>,
     /// Whether each value may be used.
     pub freshness: Vec<Freshness>,
-    /// Joint angles of the same instant, radians; empty where no joints are read.
+    /// Joint angles of the same instant, radians; not a number where unknown, empty where no joints are read.
     pub joints: Vec<f32>,
+    /// Time from `t_ns` to the reading nearest to it of each joint, nanoseconds; `u64::MAX` where there is none.
+    pub joint_age_ns: Vec<u64>,
 }
 
 /// Why a taxel is not used. A set, since a taxel can be broken in several ways.
@@ -176,6 +178,7 @@ impl TactileFrame {
             age_ns: vec![u64::MAX; taxels],
             freshness: vec![Freshness::Missing; taxels],
             joints: Vec::new(),
+            joint_age_ns: Vec::new(),
         }
     }
 

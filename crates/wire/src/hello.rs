@@ -25,6 +25,9 @@ pub struct Hello {
     pub modules: Vec<HelloModule>,
     /// The taxels, in the order of their numbers.
     pub taxels: Vec<HelloTaxel>,
+    /// Names of the joints, in the order of every message's angles; absent where no joints are read.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub joints: Vec<String>,
     /// Column and row of each pixel that no taxel stands behind.
     pub absent: Vec<[u16; 2]>,
     /// The display that the images are made for.
@@ -204,6 +207,7 @@ impl Hello {
                     position_mm: place.position_mm,
                 })
                 .collect(),
+            joints: Vec::new(),
             absent,
             profile: profile.into(),
             region: None,

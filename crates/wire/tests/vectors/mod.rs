@@ -355,6 +355,7 @@ pub(crate) fn hello() -> Hello {
         position_mm,
     };
     Hello {
+        joints: Vec::new(),
         protocol: HelloProtocol { major: 1, minor: 0 },
         daemon: "taxeld 0.1.0".into(),
         layout: "two-fingers".into(),
@@ -396,6 +397,7 @@ pub(crate) fn frame() -> (TactileFrame, ForceFrame) {
         age_ns: vec![1_500_999, u64::MAX],
         freshness: vec![Freshness::Fresh, Freshness::Missing],
         joints: vec![-1.25, f32::NAN],
+        joint_age_ns: vec![1_000_000, u64::MAX],
     };
     let force = ForceFrame {
         seq: 99,
