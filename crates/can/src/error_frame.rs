@@ -22,6 +22,9 @@ const ACTIVE: u8 = 0x40;
 /// Error counters from which a controller is in that state.
 const WARNING_COUNT: u8 = 96;
 const PASSIVE_COUNT: u8 = 128;
+/// A controller that is off the bus hears nothing. So many data frames are more than any driver had in its queue when
+/// it went off: the frame that told of the restart was lost.
+const HEARS_AGAIN: u64 = 256;
 
 impl ErrorCauses {
     /// Adds every cause that one error frame names. Class bits this list does not know count as a frame only.
@@ -85,9 +88,33 @@ impl SourceCounters {
         self.received += 1;
         if frame.is_error() {
             self.errors.add(frame);
-            self.bus_state = self.bus_state.after(frame);
-        } else if frame.is_remote() {
+            self.set_bus_state(self.bus_state.after(frame));
+            let counters = [byte(frame, 6), byte(frame, 7)];
+            if frame.id() & COUNTERS != 0 || (frame.id() & CONTROLLER != 0 && counters != [0, 0]) {
+                self.error_counters = counters;
+            }
+            return;
+        }
+        if frame.is_remote() {
             self.remote += 1;
+        }
+        if self.bus_state == BusState::BusOff {
+            self.since_bus_off += 1;
+            if self.since_bus_off >= HEARS_AGAIN {
+                self.set_bus_state(BusState::ErrorActive);
+            }
+        }
+    }
+
+    /// The controller is in this state now, from wherever that is known.
+    pub(crate) fn set_bus_state(&mut self, state: BusState) {
+        self.state_changes += u64::from(self.bus_state != state);
+        self.bus_state = state;
+        if state != BusState::BusOff {
+            self.since_bus_off = 0;
+        }
+        if state == BusState::ErrorActive {
+            self.error_counters = [0, 0];
         }
     }
 }
@@ -201,6 +228,31 @@ mod tests {
         for (frames, state) in cases {
             assert_eq!(counted(frames).bus_state, *state, "{frames:x?}");
         }
+    }
+
+    #[test]
+    fn changes_of_state_are_counted_and_the_error_counters_kept() {
+        let passive = (0x204, data(0x20, 130, 7));
+        let counters = counted(&[passive, passive, (0x008, data(0, 1, 1))]);
+        assert_eq!((counters.state_changes, counters.error_counters), (1, [130, 7]));
+        let flapping: Vec<Error> = (0..10)
+            .map(|i| if i % 2 == 0 { passive } else { (0x004, data(0x40, 0, 0)) })
+            .collect();
+        let counters = counted(&flapping);
+        assert_eq!((counters.state_changes, counters.error_counters), (10, [0, 0]));
+    }
+
+    #[test]
+    fn a_controller_that_hears_is_back_on_the_bus_even_if_nobody_told_so() {
+        let mut counters = counted(&[(0x040, [0; 8])]);
+        let frame = CanFrame::standard(0x123, &[1]).unwrap();
+        // What a driver had in its queue when the controller went off the bus.
+        for _ in 0..HEARS_AGAIN - 1 {
+            counters.count(&frame);
+        }
+        assert_eq!(counters.bus_state, BusState::BusOff);
+        counters.count(&frame);
+        assert_eq!((counters.bus_state, counters.since_bus_off), (BusState::ErrorActive, 0));
     }
 
     #[test]

@@ -172,8 +172,17 @@ fn control_messages(header: &libc::msghdr) -> (Option<u64>, Option<u32>) {
     (stamp, drops)
 }
 
-/// Whether the network interface of that name is up; `ENODEV` if there is none. Any socket will do.
-pub(crate) fn interface_is_up(socket: BorrowedFd<'_>, interface: &str) -> Result<bool, Errno> {
+/// What the flags of a network interface say.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct InterfaceState {
+    pub(crate) is_up: bool,
+    /// Whether it has a carrier. A CAN interface loses its carrier when its controller goes bus-off, and has it again
+    /// when the controller is restarted (`can_bus_off`, `can_restart` of the kernel); virtual ones always have it.
+    pub(crate) has_carrier: bool,
+}
+
+/// The state of the network interface of that name; `ENODEV` if there is none. Any socket will do.
+pub(crate) fn interface_state(socket: BorrowedFd<'_>, interface: &str) -> Result<InterfaceState, Errno> {
     // SAFETY: `ifreq` is plain data for which all zeroes is valid.
     let mut request: libc::ifreq = unsafe { mem::zeroed() };
     if interface.len() >= request.ifr_name.len() {
@@ -186,8 +195,11 @@ pub(crate) fn interface_is_up(socket: BorrowedFd<'_>, interface: &str) -> Result
     let result = unsafe { libc::ioctl(socket.as_raw_fd(), libc::SIOCGIFFLAGS as _, &mut request) };
     Errno::result(result)?;
     // SAFETY: the kernel has filled in the flags, and every bit pattern of them is valid.
-    let flags = unsafe { request.ifr_ifru.ifru_flags };
-    Ok(libc::c_int::from(flags) & libc::IFF_UP != 0)
+    let flags = libc::c_int::from(unsafe { request.ifr_ifru.ifru_flags });
+    Ok(InterfaceState {
+        is_up: flags & libc::IFF_UP != 0,
+        has_carrier: flags & libc::IFF_RUNNING != 0,
+    })
 }
 
 #[cfg(test)]
@@ -199,10 +211,14 @@ mod tests {
     #[test]
     fn the_loopback_interface_is_found_and_others_are_not() {
         let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
-        assert_eq!(interface_is_up(socket.as_fd(), "lo"), Ok(true));
-        assert_eq!(interface_is_up(socket.as_fd(), "no-such-if"), Err(Errno::ENODEV));
+        let up = InterfaceState {
+            is_up: true,
+            has_carrier: true,
+        };
+        assert_eq!(interface_state(socket.as_fd(), "lo"), Ok(up));
+        assert_eq!(interface_state(socket.as_fd(), "no-such-if"), Err(Errno::ENODEV));
         assert_eq!(
-            interface_is_up(socket.as_fd(), "a-name-over-the-limit"),
+            interface_state(socket.as_fd(), "a-name-over-the-limit"),
             Err(Errno::ENODEV)
         );
     }

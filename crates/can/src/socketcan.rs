@@ -3,9 +3,9 @@
 use crate::address::is_interface_name;
 use crate::clock::{StampConverter, monotonic_ns};
 use crate::drops::DropCounter;
-use crate::kernel::{Datagram, DatagramReader, interface_is_up};
+use crate::kernel::{Datagram, DatagramReader, interface_state};
 use crate::{
-    CanFrame, CanSource, IdFilter, LinkState, OpenError, Received, SendError, SourceCounters, Wakeup,
+    BusState, CanFrame, CanSource, IdFilter, LinkState, OpenError, Received, SendError, SourceCounters, Wakeup,
 };
 use ::socketcan::{CanAddr, CanFilter, CanSocket, Socket, SocketOptions};
 use nix::errno::Errno;
@@ -23,9 +23,11 @@ const FRAME_BYTES: usize = 16;
 const MOST_FILTERS: usize = 512;
 
 /// The shortest and the longest pause between two looks at an interface that is absent or down.
-const BACK_OFF_NS: std::ops::RangeInclusive<u64> = 50_000_000..=1_000_000_000;
+const BACK_OFF_NS: std::ops::RangeInclusive<u64> = 50_000_000..=250_000_000;
 /// How often a link that is up is looked at, in case the one error that tells of its loss was missed.
 const CHECK_NS: u64 = 1_000_000_000;
+/// ... and one whose controller is bus-off, since a restart by hand is told by the carrier alone.
+const CHECK_BUS_OFF_NS: u64 = 100_000_000;
 
 /// How a SocketCAN source is opened.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -53,12 +55,16 @@ impl Default for SocketCanOptions {
 /// A SocketCAN interface.
 ///
 /// The interface need not exist when it is opened, and may go down, come up, vanish and be made anew: it is looked
-/// for by name, first after 50 ms and then less often, at least once a second. Frames that were queued when it
+/// for by name, first after 50 ms and then less often, at least four times a second. Frames that were queued when it
 /// vanished are still delivered. Each time the socket is replaced it has another file descriptor number than its
 /// predecessor, so that a caller can tell by [`CanSource::wakeup`] that it must register anew.
 ///
 /// Times are the kernel's receive stamps. If no other program has asked the kernel for stamps yet, it takes a moment
 /// to turn them on, and frames that come in that moment have the time at which they were read.
+///
+/// The controller's state is that of the newest error frame. Two things tell of no error frame: that the controller was
+/// bus-off already when the interface was opened, and that the interface was set down and up by hand, which restarts the
+/// controller. Both are seen by the interface's flags.
 ///
 /// Own frames are not received, but other sockets on this machine see them.
 pub struct SocketCan {
@@ -82,6 +88,9 @@ struct Open {
     drops: DropCounter,
     /// The interface is gone for good; the socket is kept until its queue is empty.
     is_dead: bool,
+    /// At how many looks in a row the interface had no carrier. One is not enough to believe it, since the kernel
+    /// follows the controller a moment later.
+    without_carrier: u8,
 }
 
 impl SocketCan {
@@ -192,6 +201,7 @@ impl SocketCan {
             stamps,
             drops: DropCounter::default(),
             is_dead: false,
+            without_carrier: 0,
         });
         if self.was_open {
             self.counters.reopens += 1;
@@ -204,9 +214,18 @@ impl SocketCan {
     /// Takes the link state from the interface's flags.
     fn look_at_flags(&mut self) {
         let Some(open) = &mut self.open else { return };
-        match interface_is_up(open.socket.as_fd(), &self.interface) {
-            Ok(true) => self.set_link(LinkState::Up),
-            Ok(false) => self.set_link(LinkState::Down),
+        match interface_state(open.socket.as_fd(), &self.interface) {
+            Ok(state) if state.is_up => {
+                let looks = open.without_carrier;
+                open.without_carrier = if state.has_carrier { 0 } else { looks.saturating_add(1) };
+                self.set_link(LinkState::Up);
+                if !state.has_carrier && looks == 1 {
+                    self.counters.set_bus_state(BusState::BusOff);
+                } else if state.has_carrier && looks > 0 && self.counters.bus_state == BusState::BusOff {
+                    self.counters.set_bus_state(BusState::ErrorActive);
+                }
+            }
+            Ok(_) => self.set_link(LinkState::Down),
             Err(_) => open.is_dead = true,
         }
     }
@@ -214,6 +233,11 @@ impl SocketCan {
     fn set_link(&mut self, link: LinkState) {
         if self.link == LinkState::Up && link != LinkState::Up {
             self.counters.link_losses += 1;
+            // A controller that is taken down and up again, or replaced, begins anew and sends no frame to say so.
+            self.counters.set_bus_state(BusState::ErrorActive);
+            if let Some(open) = &mut self.open {
+                open.without_carrier = 0;
+            }
         }
         self.link = link;
     }
@@ -242,7 +266,12 @@ impl SocketCan {
     fn schedule_check(&mut self, now_ns: u64) {
         let pause_ns = if self.link == LinkState::Up {
             self.back_off_ns = *BACK_OFF_NS.start();
-            CHECK_NS
+            let without_carrier = self.open.as_ref().is_some_and(|open| open.without_carrier > 0);
+            if without_carrier || self.counters.bus_state == BusState::BusOff {
+                CHECK_BUS_OFF_NS
+            } else {
+                CHECK_NS
+            }
         } else {
             let pause_ns = self.back_off_ns;
             self.back_off_ns = (2 * pause_ns).min(*BACK_OFF_NS.end());
@@ -306,6 +335,9 @@ impl SocketCan {
             self.suspect();
             self.look_at_flags();
             self.schedule_check(now_ns);
+        }
+        if self.counters.bus_state == BusState::BusOff {
+            self.next_check_ns = self.next_check_ns.min(now_ns.saturating_add(CHECK_BUS_OFF_NS));
         }
         false
     }

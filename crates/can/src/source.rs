@@ -102,7 +102,7 @@ impl fmt::Display for BusState {
     }
 }
 
-/// What a source has seen. Every count starts at zero and only grows.
+/// What a source has seen. Every count but `since_bus_off` starts at zero and only grows.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
 pub struct SourceCounters {
     /// Frames delivered to the caller, error and remote frames included.
@@ -115,8 +115,14 @@ pub struct SourceCounters {
     pub remote: u64,
     /// Error frames among `received`, by cause.
     pub errors: ErrorCauses,
-    /// The controller's state by the newest error frame.
+    /// The controller's state by the newest error frame, or by the interface where that shows more.
     pub bus_state: BusState,
+    /// How often `bus_state` has changed.
+    pub state_changes: u64,
+    /// The controller's transmit and receive error counters, as the newest error frame with such told them.
+    pub error_counters: [u8; 2],
+    /// Data frames received since the controller went bus-off; 0 while it is on the bus.
+    pub since_bus_off: u64,
     /// How often the source was opened again after its interface was lost.
     pub reopens: u64,
     /// How often the link went down or its interface vanished.
