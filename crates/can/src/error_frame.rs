@@ -236,7 +236,13 @@ mod tests {
         let counters = counted(&[passive, passive, (0x008, data(0, 1, 1))]);
         assert_eq!((counters.state_changes, counters.error_counters), (1, [130, 7]));
         let flapping: Vec<Error> = (0..10)
-            .map(|i| if i % 2 == 0 { passive } else { (0x004, data(0x40, 0, 0)) })
+            .map(|i| {
+                if i % 2 == 0 {
+                    passive
+                } else {
+                    (0x004, data(0x40, 0, 0))
+                }
+            })
             .collect();
         let counters = counted(&flapping);
         assert_eq!((counters.state_changes, counters.error_counters), (10, [0, 0]));
@@ -252,7 +258,10 @@ mod tests {
         }
         assert_eq!(counters.bus_state, BusState::BusOff);
         counters.count(&frame);
-        assert_eq!((counters.bus_state, counters.since_bus_off), (BusState::ErrorActive, 0));
+        assert_eq!(
+            (counters.bus_state, counters.since_bus_off),
+            (BusState::ErrorActive, 0)
+        );
     }
 
     #[test]

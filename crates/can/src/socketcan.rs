@@ -5,7 +5,8 @@ use crate::clock::{StampConverter, monotonic_ns};
 use crate::drops::DropCounter;
 use crate::kernel::{Datagram, DatagramReader, interface_state};
 use crate::{
-    BusState, CanFrame, CanSource, IdFilter, LinkState, OpenError, Received, SendError, SourceCounters, Wakeup,
+    BusState, CanFrame, CanSource, IdFilter, LinkState, OpenError, Received, SendError, SourceCounters,
+    Wakeup,
 };
 use ::socketcan::{CanAddr, CanFilter, CanSocket, Socket, SocketOptions};
 use nix::errno::Errno;
@@ -217,7 +218,11 @@ impl SocketCan {
         match interface_state(open.socket.as_fd(), &self.interface) {
             Ok(state) if state.is_up => {
                 let looks = open.without_carrier;
-                open.without_carrier = if state.has_carrier { 0 } else { looks.saturating_add(1) };
+                open.without_carrier = if state.has_carrier {
+                    0
+                } else {
+                    looks.saturating_add(1)
+                };
                 self.set_link(LinkState::Up);
                 if !state.has_carrier && looks == 1 {
                     self.counters.set_bus_state(BusState::BusOff);

@@ -5,6 +5,7 @@
 //! [`BoardSupervisor::discover`] comes before.
 
 use crate::counters::{RangeError, check_ranges};
+use crate::search::Search;
 use crate::start::{Order, Sequences};
 use crate::sweep_config::nanoseconds;
 use crate::{Layout, Protocol};
@@ -52,7 +53,7 @@ impl Default for BoardsConfig {
             trigger_hz: 30.0,
             silence_ms: 100.0,
             restart_first_ms: 100.0,
-            restart_longest_ms: 5000.0,
+            restart_longest_ms: 500.0,
             command_gap_ms: 0.5,
         }
     }
@@ -115,6 +116,9 @@ impl Command {
 ///
 /// Boards that take no commands (L3, `cpm-finger`) are left alone in every mode.
 ///
+/// A uSkin board that was never heard is started on the other buses of the hand too, where these have no board of its
+/// address: wired to another bus it would otherwise stay silent, and [`crate::TrafficWatch`] could not say where it is.
+///
 /// ```
 /// use taxel_skin::{BoardSupervisor, BoardsConfig, Layout};
 ///
@@ -166,6 +170,7 @@ struct Board {
     retry: Option<Retry>,
     stopped: bool,
     restarts: u64,
+    search: Search,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -208,7 +213,11 @@ impl BoardSupervisor {
             for (index, module) in layout.modules.iter().enumerate() {
                 if module.protocol.takes_commands() {
                     let sequences = Sequences::of_mtb(layout, module);
-                    boards.push(Board::new(vec![index as u16], module.bus, sequences));
+                    let mut board = Board::new(vec![index as u16], module.bus, sequences);
+                    if !module.protocol.is_icub() {
+                        board.search = Search::of(layout, module);
+                    }
+                    boards.push(board);
                 }
             }
             let hubs = layout
@@ -259,6 +268,9 @@ impl BoardSupervisor {
     /// The next command that is due at `now_ns`, if any. `last_heard_ns` tells when a board (module index) was last
     /// heard, as [`crate::SweepAssembler::last_heard_ns`] does.
     pub fn poll(&mut self, now_ns: u64, last_heard_ns: impl Fn(u16) -> Option<u64>) -> Option<Command> {
+        if let Some(command) = self.search(now_ns) {
+            return Some(command);
+        }
         loop {
             let bus_free_ns = &self.bus_free_ns;
             let board = self
@@ -283,6 +295,14 @@ impl BoardSupervisor {
                 }
             };
             let order = board.take_step(sequence, step, now_ns, &self.pace);
+            let tries = board.retry.map_or(0, |retry| retry.tries);
+            match sequence {
+                Sequence::Stop => board.search.stop(order),
+                Sequence::Wake | Sequence::StartAgain if last_heard_ns(board.modules[0]).is_none() => {
+                    board.search.try_again(tries, order);
+                }
+                _ => {}
+            }
             self.bus_free_ns[board.bus as usize] = now_ns + self.bus_gap_ns;
             self.spoken = true;
             return Some(Command {
@@ -298,18 +318,40 @@ impl BoardSupervisor {
         }
     }
 
+    /// The next command of a search that is due.
+    fn search(&mut self, now_ns: u64) -> Option<Command> {
+        let Self {
+            boards, bus_free_ns, ..
+        } = self;
+        let due = |b: &&mut Board| b.search.at_ns(bus_free_ns).is_some_and(|at| at <= now_ns);
+        let board = boards.iter_mut().find(due)?;
+        let (bus, mode, order) = board.search.take()?;
+        self.bus_free_ns[usize::from(bus)] = now_ns + self.bus_gap_ns;
+        Some(Command {
+            bus,
+            board: board.modules[0],
+            mode,
+            restart: false,
+            order,
+        })
+    }
+
     /// When to poll again, nanoseconds; `None` if nothing will ever be due (passive, or stopped).
     pub fn next_at_ns(&self) -> Option<u64> {
-        self.boards
+        let starts = self.boards.iter().filter_map(|b| b.ready_ns(&self.bus_free_ns));
+        let searches = self
+            .boards
             .iter()
-            .filter_map(|b| b.ready_ns(&self.bus_free_ns))
-            .min()
+            .filter_map(|b| b.search.at_ns(&self.bus_free_ns));
+        starts.chain(searches).min()
     }
 
     /// Says that a command could not be handed to its bus. The board is tried again after the first pause, and the
     /// attempt is not counted as a restart.
     pub fn not_sent(&mut self, command: &Command, now_ns: u64) {
-        let Some(board) = self.boards.iter_mut().find(|b| b.modules[0] == command.board) else {
+        let of_command = |b: &&mut Board| b.modules[0] == command.board && b.bus == command.bus;
+        let Some(board) = self.boards.iter_mut().find(of_command) else {
+            // A search goes on with the next attempt.
             return;
         };
         board.restarts = board.restarts.saturating_sub(command.restart as u64);
@@ -331,12 +373,13 @@ impl BoardSupervisor {
         for board in &mut self.boards {
             board.due_ns = 0;
             board.under_way = None;
+            board.search.give_up();
         }
     }
 
     /// Whether every board was given its stop command; at once where nothing is sent to any board.
     pub fn is_stopped(&self) -> bool {
-        self.stopping && self.boards.iter().all(|b| b.stopped)
+        self.stopping && self.boards.iter().all(|b| b.stopped && b.search.is_over())
     }
 
     /// How often a board (module index) was started because it was silent.
@@ -381,6 +424,7 @@ impl Board {
             retry: None,
             stopped: false,
             restarts: 0,
+            search: Search::default(),
         }
     }
 

@@ -16,10 +16,12 @@ mod layout_file;
 mod layout_tile;
 mod period;
 mod protocol;
+mod search;
 mod start;
 mod sweep;
 mod sweep_board;
 mod sweep_config;
+mod watch;
 
 // Other modules say `crate::uskin`.
 use protocol::uskin;
@@ -45,3 +47,4 @@ pub use protocol::icub::{ICUB_NO_ACK, ICUB_NOT_CONNECTED, ICUB_OUT_OF_RANGE, Icu
 pub use protocol::uskin::{STATUS_ERROR, STATUS_NO_ANSWER, status_is_error};
 pub use sweep::{Push, SweepAssembler};
 pub use sweep_config::SweepConfig;
+pub use watch::{BusLoad, Finding, TrafficWatch};

@@ -49,7 +49,7 @@ fn times_ms(sent: &[(u64, Command)], board: u16) -> Vec<u64> {
 
 fn assert_spaced(sent: &[(u64, Command)], bus_gap_ns: u64) {
     let mut by_bus: HashMap<u8, u64> = HashMap::new();
-    let mut by_board: HashMap<u16, u64> = HashMap::new();
+    let mut by_board: HashMap<(u8, u16), u64> = HashMap::new();
     for (t, command) in sent {
         if let Some(before) = by_bus.insert(command.bus, *t) {
             assert!(
@@ -58,7 +58,7 @@ fn assert_spaced(sent: &[(u64, Command)], bus_gap_ns: u64) {
                 t - before
             );
         }
-        if let Some(before) = by_board.insert(command.board, *t) {
+        if let Some(before) = by_board.insert((command.bus, command.board), *t) {
             assert!(
                 t - before >= 2 * MS,
                 "{command:?} {} ns after another to it",
@@ -90,7 +90,11 @@ fn free_running_boards_that_answer_are_started_once_each() {
 
 #[test]
 fn a_silent_board_is_started_again_after_growing_pauses_and_the_others_are_left_alone() {
-    let mut supervisor = BoardSupervisor::new(&hand(), &config(BoardsMode::FreeRunning));
+    let config = BoardsConfig {
+        restart_longest_ms: 5000.0,
+        ..config(BoardsMode::FreeRunning)
+    };
+    let mut supervisor = BoardSupervisor::new(&hand(), &config);
     let sent = play(&mut supervisor, START, START + 22_000 * MS, |board, now, _| {
         (board != 0).then_some(now)
     });
@@ -102,6 +106,72 @@ fn a_silent_board_is_started_again_after_growing_pauses_and_the_others_are_left_
     assert_eq!(supervisor.restarts(0), 10);
     assert_eq!(sent.len(), 15 + 10);
     assert!(sent.iter().skip(15).all(|(_, c)| c.restart));
+}
+
+#[test]
+fn a_board_that_comes_back_is_started_within_half_a_second_however_long_it_was_away() {
+    let mut supervisor = BoardSupervisor::new(&hand(), &config(BoardsMode::FreeRunning));
+    let sent = play(&mut supervisor, START, START + 60_000 * MS, |board, now, _| {
+        (board != 0).then_some(now)
+    });
+    let times = times_ms(&sent, 0);
+    assert!(times.windows(2).all(|t| t[1] - t[0] <= 500), "{times:?}");
+}
+
+#[test]
+fn a_board_that_was_never_heard_is_looked_for_on_buses_that_have_none_of_its_address() {
+    let hand = hand();
+    // Board 7 of the first bus and board 6 of both: only the first can be told on the other bus.
+    let missing: Vec<u16> = (0u16..)
+        .zip(&hand.modules)
+        .filter(|(_, m)| m.board == 7 || m.board == 6)
+        .map(|(i, _)| i)
+        .collect();
+    assert_eq!(missing.len(), 3);
+    let mut supervisor = BoardSupervisor::new(&hand, &config(BoardsMode::FreeRunning));
+    let mut sent = play(&mut supervisor, START, START + 5_000 * MS, |board, now, _| {
+        (!missing.contains(&board)).then_some(now)
+    });
+    let elsewhere = |sent: &[(u64, Command)]| -> Vec<(u64, u8, String)> {
+        let on_other = sent
+            .iter()
+            .filter(|(_, c)| c.bus != hand.modules[usize::from(c.board)].bus);
+        on_other
+            .map(|(t, c)| ((t - START) / MS, c.bus, c.frame().to_string()))
+            .collect()
+    };
+    let starts = elsewhere(&sent);
+    assert!(starts.len() >= 2 && starts[0].0 <= 1000, "{starts:?}");
+    assert!(
+        starts
+            .iter()
+            .all(|(_, bus, frame)| (*bus, frame.as_str()) == (1, "207#0700")),
+        "{starts:?}"
+    );
+    assert_spaced(&sent, MS / 2);
+
+    // What was started there is stopped there.
+    supervisor.stop();
+    sent.clear();
+    for ms in 5_001..5_200 {
+        while let Some(command) = supervisor.poll(START + ms * MS, |_| None) {
+            sent.push((START + ms * MS, command));
+        }
+    }
+    assert!(supervisor.is_stopped() && supervisor.next_at_ns().is_none());
+    let stops: Vec<String> = elsewhere(&sent).into_iter().map(|(_, _, frame)| frame).collect();
+    assert_eq!(stops, ["207#0701"]);
+}
+
+#[test]
+fn a_board_that_was_heard_is_not_looked_for_elsewhere() {
+    let hand = hand();
+    let mut supervisor = BoardSupervisor::new(&hand, &config(BoardsMode::FreeRunning));
+    let sent = play(&mut supervisor, START, START + 5_000 * MS, |_, _, _| Some(START));
+    assert!(
+        sent.iter()
+            .all(|(_, c)| c.bus == hand.modules[usize::from(c.board)].bus)
+    );
 }
 
 #[test]
@@ -158,6 +228,7 @@ fn triggered_boards_are_started_for_every_sweep_on_one_grid() {
 fn a_triggered_board_that_is_silent_is_tried_less_and_less_often_and_then_triggered_again() {
     let mut config = config(BoardsMode::Triggered);
     config.trigger_hz = 100.0;
+    config.restart_longest_ms = 5000.0;
     let mut supervisor = BoardSupervisor::new(&hand(), &config);
     let back = START + 1_250 * MS;
     let sent = play(&mut supervisor, START, START + 2_000 * MS, |board, now, sent| {

@@ -1,0 +1,553 @@
+//! What is wrong on the buses, as the traffic on them shows: a node that babbles, two boards with one address, boards on
+//! the wrong bus.
+//!
+//! Frames are counted per id over windows of a quarter of a second. What holds in two windows in a row is a finding,
+//! and what is absent from two in a row no longer is one; so a finding comes and goes within half a second and a window.
+
+mod alternation;
+mod tally;
+
+use crate::{Layout, Protocol, TaxelReading};
+use alternation::Alternation;
+use tally::Tally;
+use taxel_can::CanFrame;
+
+/// Length of a window.
+const WINDOW_NS: u64 = 250_000_000;
+/// What a bus carries, bits per second: every public hand runs at this rate (protocols.md 0).
+const BIT_RATE: f64 = 1e6;
+/// One id that takes this share of the bus babbles: 1,800 frames of 8 bytes per second. A taxel's own id takes
+/// 1 % at 100 sweeps per second.
+const BABBLE_SHARE: f64 = 0.2;
+/// One id of a board that comes this many times as often as the board's others babbles too, if it comes so often at all.
+const BABBLE_TIMES: f64 = 5.0;
+const BABBLE_LEAST_HZ: f64 = 300.0;
+/// A board that sends this many times as many sweeps as its like babbles, if it takes `BABBLE_SHARE` of the bus.
+const BOARD_TIMES: f64 = 3.0;
+/// Two boards with one address send twice as much as one, less what they lose to each other.
+const TWO_BOARDS_TIMES: f64 = 1.5;
+/// Share of readings that swing, from which a board's values are those of two boards.
+const SWINGING: f64 = 0.5;
+
+/// Something that is wrong on a bus. Rates and shares are of the newest window.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Finding {
+    /// One identifier takes so much of a bus that those behind it starve: a node babbles.
+    IdBabbles {
+        /// Index of the bus in [`Layout::buses`].
+        bus: u8,
+        /// The identifier.
+        id: u32,
+        /// Whether it has 29 bits.
+        extended: bool,
+        /// Module (index) whose board the identifier belongs to; `None` for a node that is not of the hand.
+        module: Option<u16>,
+        /// Frames per second.
+        rate_hz: f64,
+        /// Share of a bus of 1 Mbit/s, 0 to 1, stuff bits not counted.
+        share: f64,
+    },
+    /// A board sends its sweeps far more often than its like, and fills the bus.
+    BoardBabbles {
+        /// Its module (index).
+        module: u16,
+        /// Frames per second.
+        rate_hz: f64,
+        /// Share of a bus of 1 Mbit/s, 0 to 1, stuff bits not counted.
+        share: f64,
+        /// Sweeps per second of the board, and of its like.
+        sweeps_hz: [f64; 2],
+    },
+    /// Two boards answer under one address: its taxels come twice as often as they should and alternate between two
+    /// values.
+    TwoBoards {
+        /// The module (index) whose address it is.
+        module: u16,
+        /// Sweeps per second under that address, and what a board sends.
+        sweeps_hz: [f64; 2],
+    },
+    /// A board speaks on another bus than the layout says, and not on its own.
+    OnOtherBus {
+        /// Its module (index).
+        module: u16,
+        /// The bus (index) it speaks on.
+        bus: u8,
+    },
+    /// Every board that tells two buses apart speaks on the other one of them.
+    BusesSwapped {
+        /// The buses (indices), the lower first.
+        buses: [u8; 2],
+        /// Of the boards that are on the other bus, the first one's module (index).
+        module: u16,
+        /// How many such boards there are. One may as well be a single board on the wrong bus.
+        boards: u16,
+    },
+    /// A board speaks under an address that the layout does not have on this bus, nor on another one that lacks it.
+    NotInLayout {
+        /// The bus (index).
+        bus: u8,
+        /// The protocol it speaks.
+        protocol: Protocol,
+        /// Its address.
+        address: u8,
+    },
+}
+
+/// How much a bus carried in the newest window.
+#[derive(Debug, Default, Clone, Copy, PartialEq)]
+pub struct BusLoad {
+    /// Data and remote frames per second.
+    pub frames_hz: f64,
+    /// Share of a bus of 1 Mbit/s, 0 to 1, stuff bits not counted.
+    pub share: f64,
+}
+
+/// Watches the traffic of all buses of a hand. Its memory is allocated once; a frame and a reading take constant time.
+///
+/// ```
+/// use taxel_can::CanFrame;
+/// use taxel_skin::{Finding, Layout, TrafficWatch};
+///
+/// let hand = Layout::builtin("allegro-uskin-15").expect("built in");
+/// let mut watch = TrafficWatch::new(&hand);
+/// let babble = CanFrame::standard(0x010, &[0xBA; 8])?;
+/// for n in 0..4_000 {
+///     let t_ns = n * 250_000;
+///     watch.advance(t_ns);
+///     watch.frame(1, &babble);
+/// }
+/// assert!(matches!(watch.findings(), [Finding::IdBabbles { bus: 1, id: 0x010, module: None, .. }]));
+/// # Ok::<(), taxel_can::FrameError>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct TrafficWatch {
+    buses: Vec<Bus>,
+    modules: Vec<Module>,
+    taxels: Vec<Taxel>,
+    strays: Vec<Stray>,
+    pairs: Vec<Pair>,
+    findings: Vec<Finding>,
+    /// Room to sort rates in.
+    rates: Vec<f64>,
+    window_ends_ns: Option<u64>,
+}
+
+#[derive(Debug, Clone)]
+struct Bus {
+    tally: Tally,
+    /// Module of each standard id, `u16::MAX` for none.
+    owners: Box<[u16; 0x800]>,
+    load: BusLoad,
+    babbles: Held<(bool, u32)>,
+}
+
+#[derive(Debug, Clone)]
+struct Module {
+    bus: u8,
+    protocol: Protocol,
+    /// Standard ids of its frames; none for CySkin.
+    ids: Vec<u16>,
+    taxels: u16,
+    readings: u32,
+    swings: u32,
+    sweeps_hz: f64,
+    /// Sweeps per second while nothing was wrong with it.
+    usual_hz: Option<f64>,
+    babbles: Held<()>,
+    doubled: Held<()>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Taxel {
+    module: u16,
+    alternation: Alternation,
+}
+
+/// An address that the layout does not have on this bus.
+#[derive(Debug, Clone)]
+struct Stray {
+    bus: u8,
+    protocol: Protocol,
+    address: u8,
+    ids: Vec<u16>,
+    /// The module that has this address, on another bus.
+    module: Option<u16>,
+    speaks: Held<()>,
+}
+
+/// Two buses that could be swapped, and the strays on either that are boards of the other.
+#[derive(Debug, Clone)]
+struct Pair {
+    buses: [u8; 2],
+    strays: Vec<usize>,
+}
+
+/// A condition that has to hold, or not to hold, twice in a row.
+#[derive(Debug, Clone, Copy)]
+struct Held<T> {
+    is: Option<T>,
+    next: Option<T>,
+}
+
+impl<T> Default for Held<T> {
+    fn default() -> Self {
+        Self { is: None, next: None }
+    }
+}
+
+impl<T: Copy + PartialEq> Held<T> {
+    fn look(&mut self, now: Option<T>) -> Option<T> {
+        if self.next == now {
+            self.is = now;
+        }
+        self.next = now;
+        self.is
+    }
+}
+
+impl TrafficWatch {
+    /// A watch for the buses of a layout.
+    pub fn new(layout: &Layout) -> Self {
+        let mut buses: Vec<Bus> = layout.buses.iter().map(|_| Bus::new()).collect();
+        let mut modules = Vec::new();
+        for (index, module) in (0u16..).zip(&layout.modules) {
+            let first = usize::from(module.first_taxel);
+            let taxels = &layout.taxels[first..first + usize::from(module.taxels)];
+            let ids = ids_of(module.protocol, module.board, taxels.iter().map(|t| t.k));
+            for id in &ids {
+                buses[usize::from(module.bus)].owners[usize::from(*id)] = index;
+            }
+            modules.push(Module {
+                bus: module.bus,
+                protocol: module.protocol,
+                ids,
+                taxels: module.taxels,
+                readings: 0,
+                swings: 0,
+                sweeps_hz: 0.0,
+                usual_hz: None,
+                babbles: Held::default(),
+                doubled: Held::default(),
+            });
+        }
+        let strays = strays(layout, &buses);
+        let pairs = pairs(layout, &strays);
+        let most = buses.len() + 2 * modules.len() + strays.len() + pairs.len();
+        let taxels = layout.taxels.iter().map(|t| Taxel {
+            module: t.module,
+            alternation: Alternation::default(),
+        });
+        let longest = modules.iter().map(|m| m.ids.len()).max().unwrap_or(0);
+        Self {
+            taxels: taxels.collect(),
+            findings: Vec::with_capacity(most),
+            rates: Vec::with_capacity(modules.len().max(longest)),
+            buses,
+            modules,
+            strays,
+            pairs,
+            window_ends_ns: None,
+        }
+    }
+
+    /// Ends the windows that are over at `now_ns`. Call it with the time of every frame before [`TrafficWatch::frame`],
+    /// and now and then when none come.
+    #[inline]
+    pub fn advance(&mut self, now_ns: u64) {
+        let ends_ns = *self
+            .window_ends_ns
+            .get_or_insert(now_ns.saturating_add(WINDOW_NS));
+        if now_ns >= ends_ns {
+            self.end_windows(ends_ns, now_ns);
+        }
+    }
+
+    #[cold]
+    fn end_windows(&mut self, ends_ns: u64, now_ns: u64) {
+        let windows = 1 + (now_ns - ends_ns) / WINDOW_NS;
+        // After two windows without a frame nothing changes any more.
+        for _ in 0..windows.min(3) {
+            self.end_window();
+        }
+        self.window_ends_ns = Some(ends_ns.saturating_add(windows.saturating_mul(WINDOW_NS)));
+    }
+
+    /// Takes a frame of a bus (index), whatever it is.
+    #[inline]
+    pub fn frame(&mut self, bus: u8, frame: &CanFrame) {
+        if let Some(bus) = self.buses.get_mut(usize::from(bus)) {
+            bus.tally.count(frame);
+        }
+    }
+
+    /// Takes a reading that a frame carried.
+    #[inline]
+    pub fn reading(&mut self, reading: &TaxelReading) {
+        let Some(taxel) = self.taxels.get_mut(usize::from(reading.taxel)) else {
+            return;
+        };
+        let module = &mut self.modules[usize::from(taxel.module)];
+        module.readings += 1;
+        let swings = taxel.alternation.swings(reading, module.protocol.is_coarse());
+        module.swings += u32::from(swings);
+    }
+
+    /// What is wrong now.
+    pub fn findings(&self) -> &[Finding] {
+        &self.findings
+    }
+
+    /// What a bus (index) carries.
+    pub fn load(&self, bus: u8) -> BusLoad {
+        self.buses
+            .get(usize::from(bus))
+            .map_or_else(BusLoad::default, |b| b.load)
+    }
+
+    fn end_window(&mut self) {
+        self.findings.clear();
+        for bus in &mut self.buses {
+            let (frames_hz, share) = figures(bus.tally.all.frames, bus.tally.all.bits);
+            bus.load = BusLoad { frames_hz, share };
+        }
+        for module in &mut self.modules {
+            let sweeps = f64::from(module.readings) / f64::from(module.taxels.max(1));
+            module.sweeps_hz = per_second(sweeps);
+        }
+        self.look_for_babblers();
+        for module in 0..self.modules.len() {
+            self.look_at_sweeps(module);
+        }
+        self.look_for_strays();
+        for bus in &mut self.buses {
+            bus.tally.clear();
+        }
+        for module in &mut self.modules {
+            (module.readings, module.swings) = (0, 0);
+        }
+    }
+
+    fn look_for_babblers(&mut self) {
+        for (index, bus) in (0u8..).zip(&mut self.buses) {
+            let loudest = bus.tally.loudest().filter(|(extended, id, of)| {
+                let (rate_hz, share) = figures(of.frames, of.bits);
+                let owner = (!extended).then(|| bus.owners[*id as usize & 0x7FF]);
+                let others = owner.and_then(|m| self.modules.get(usize::from(m)));
+                let out_of_line = others.is_some_and(|module| {
+                    let rates = module.ids.iter().map(|id| bus.tally.ids[usize::from(*id)].frames);
+                    let usual = median(&mut self.rates, rates.map(f64::from));
+                    module.ids.len() > 2 && f64::from(of.frames) >= BABBLE_TIMES * usual.unwrap_or(0.0)
+                });
+                share >= BABBLE_SHARE || (out_of_line && rate_hz >= BABBLE_LEAST_HZ)
+            });
+            let held = bus.babbles.look(loudest.map(|(extended, id, _)| (extended, id)));
+            let Some((extended, id)) = held else { continue };
+            let same = loudest.filter(|(e, i, _)| (*e, *i) == (extended, id));
+            let of = same.map_or_else(tally::OfId::default, |(_, _, of)| of);
+            let (rate_hz, share) = figures(of.frames, of.bits);
+            let owner = (!extended).then(|| bus.owners[id as usize & 0x7FF]);
+            self.findings.push(Finding::IdBabbles {
+                bus: index,
+                id,
+                extended,
+                module: owner.filter(|m| *m != NOBODY),
+                rate_hz,
+                share,
+            });
+        }
+    }
+
+    /// Whether a module's board sends too much, or more than one board does.
+    fn look_at_sweeps(&mut self, index: usize) {
+        let module = &self.modules[index];
+        let like = (self.modules.iter().enumerate())
+            .filter(|(i, m)| *i != index && m.protocol == module.protocol && m.sweeps_hz > 0.0)
+            .map(|(_, m)| m.sweeps_hz);
+        let usual_hz = median(&mut self.rates, like).or(module.usual_hz);
+        let module = &mut self.modules[index];
+        let bus = &self.buses[usize::from(module.bus)];
+        let own = (module.ids.iter()).fold((0, 0), |(frames, bits), id| {
+            let of = bus.tally.ids[usize::from(*id)];
+            (frames + of.frames, bits + of.bits)
+        });
+        let (rate_hz, share) = figures(own.0, own.1);
+        let sweeps_hz = [module.sweeps_hz, usual_hz.unwrap_or(module.sweeps_hz)];
+        let times = |times: f64| usual_hz.is_some_and(|usual| module.sweeps_hz >= times * usual);
+        let swinging = f64::from(module.swings) >= SWINGING * f64::from(module.readings.max(1));
+        let (doubled, babbles) = (
+            swinging && times(TWO_BOARDS_TIMES),
+            share >= BABBLE_SHARE && times(BOARD_TIMES) && bus.babbles.is.is_none(),
+        );
+        let (doubled_now, babbles_now) = (doubled.then_some(()), babbles.then_some(()));
+        let number = index as u16;
+        if module.doubled.look(doubled_now).is_some() {
+            self.findings.push(Finding::TwoBoards {
+                module: number,
+                sweeps_hz,
+            });
+        }
+        if module.babbles.look(babbles_now).is_some() {
+            self.findings.push(Finding::BoardBabbles {
+                module: number,
+                rate_hz,
+                share,
+                sweeps_hz,
+            });
+        }
+        if !swinging && !babbles && module.sweeps_hz > 0.0 {
+            let usual = module.usual_hz.get_or_insert(module.sweeps_hz);
+            // Slowly, so that it stays what it was for a while when a second board joins.
+            *usual += (module.sweeps_hz - *usual) / 8.0;
+        }
+    }
+
+    /// Boards that speak where the layout has none of their address.
+    fn look_for_strays(&mut self) {
+        for stray in &mut self.strays {
+            let heard = |bus: u8, ids: &[u16]| {
+                let tally = &self.buses[usize::from(bus)].tally;
+                ids.iter()
+                    .filter(|id| tally.ids[usize::from(**id)].frames > 0)
+                    .count()
+            };
+            let speaks = 2 * heard(stray.bus, &stray.ids) >= stray.ids.len();
+            stray.speaks.look(speaks.then_some(()));
+        }
+        for pair in &self.pairs {
+            let mut displaced = pair.strays.iter().map(|i| &self.strays[*i]);
+            let all = displaced.clone().all(|stray| {
+                let own = stray.module.map(|m| &self.modules[usize::from(m)]);
+                stray.speaks.is.is_some() && own.is_some_and(|own| own.readings == 0)
+            });
+            if let Some(module) = displaced.next().filter(|_| all).and_then(|stray| stray.module) {
+                self.findings.push(Finding::BusesSwapped {
+                    buses: pair.buses,
+                    module,
+                    boards: pair.strays.len() as u16,
+                });
+            }
+        }
+        for stray in self.strays.iter().filter(|stray| stray.speaks.is.is_some()) {
+            let elsewhere = stray
+                .module
+                .filter(|m| self.modules[usize::from(*m)].readings == 0);
+            let swapped = elsewhere.is_some_and(|m| {
+                let own = self.modules[usize::from(m)].bus;
+                self.findings.iter().any(|finding| {
+                    matches!(finding, Finding::BusesSwapped { buses, .. } if buses.contains(&own) && buses.contains(&stray.bus))
+                })
+            });
+            match elsewhere {
+                Some(_) if swapped => {}
+                Some(module) => self.findings.push(Finding::OnOtherBus {
+                    module,
+                    bus: stray.bus,
+                }),
+                None => self.findings.push(Finding::NotInLayout {
+                    bus: stray.bus,
+                    protocol: stray.protocol,
+                    address: stray.address,
+                }),
+            }
+        }
+    }
+}
+
+const NOBODY: u16 = u16::MAX;
+
+impl Bus {
+    fn new() -> Self {
+        Self {
+            tally: Tally::new(),
+            owners: Box::new([NOBODY; 0x800]),
+            load: BusLoad::default(),
+            babbles: Held::default(),
+        }
+    }
+}
+
+/// The standard ids of a board's frames.
+fn ids_of(protocol: Protocol, address: u8, taxels: impl Iterator<Item = u8>) -> Vec<u16> {
+    let mut ids: Vec<u16> = taxels.filter_map(|k| protocol.frame_id(address, k)).collect();
+    ids.sort_unstable();
+    ids.dedup();
+    ids
+}
+
+/// Every address that a bus could have and does not, for the protocols of the hand that number their boards. A board is
+/// told by at least half of the ids that a module of its kind uses; addresses whose ids others on the bus use too cannot
+/// be told.
+fn strays(layout: &Layout, buses: &[Bus]) -> Vec<Stray> {
+    let mut strays: Vec<Stray> = Vec::new();
+    for (bus, traffic) in (0u8..).zip(buses) {
+        for like in &layout.modules {
+            let protocol = like.protocol;
+            if matches!(
+                protocol,
+                Protocol::Cyskin | Protocol::CpmFinger | Protocol::Offline
+            ) {
+                continue;
+            }
+            let first = usize::from(like.first_taxel);
+            let taxels = &layout.taxels[first..first + usize::from(like.taxels)];
+            for address in protocol.first_address()..protocol.addresses() {
+                let ids = ids_of(protocol, address, taxels.iter().map(|t| t.k));
+                let known = |id: &u16| traffic.owners[usize::from(*id)] != NOBODY;
+                let there = strays
+                    .iter()
+                    .any(|s| (s.bus, s.protocol, s.address) == (bus, protocol, address));
+                if there || ids.is_empty() || ids.iter().any(known) {
+                    continue;
+                }
+                let of_hand =
+                    |m: &&crate::Module| (m.protocol, m.board) == (protocol, address) && m.bus != bus;
+                let module = (0u16..).zip(&layout.modules).find(|(_, m)| of_hand(m));
+                strays.push(Stray {
+                    bus,
+                    protocol,
+                    address,
+                    ids,
+                    module: module.map(|(index, _)| index),
+                    speaks: Held::default(),
+                });
+            }
+        }
+    }
+    strays
+}
+
+fn pairs(layout: &Layout, strays: &[Stray]) -> Vec<Pair> {
+    let mut pairs: Vec<Pair> = Vec::new();
+    for (index, stray) in strays.iter().enumerate() {
+        let Some(module) = stray.module else { continue };
+        let own = layout.modules[usize::from(module)].bus;
+        let buses = [own.min(stray.bus), own.max(stray.bus)];
+        match pairs.iter_mut().find(|pair| pair.buses == buses) {
+            Some(pair) => pair.strays.push(index),
+            None => pairs.push(Pair {
+                buses,
+                strays: vec![index],
+            }),
+        }
+    }
+    pairs
+}
+
+/// Frames per second and share of a bus, of what came in a window.
+fn figures(frames: u32, bits: u32) -> (f64, f64) {
+    (
+        per_second(f64::from(frames)),
+        per_second(f64::from(bits)) / BIT_RATE,
+    )
+}
+
+fn per_second(count: f64) -> f64 {
+    count * 1e9 / WINDOW_NS as f64
+}
+
+fn median(room: &mut Vec<f64>, values: impl Iterator<Item = f64>) -> Option<f64> {
+    room.clear();
+    room.extend(values);
+    room.sort_unstable_by(f64::total_cmp);
+    room.get(room.len() / 2).copied()
+}
