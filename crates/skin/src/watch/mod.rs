@@ -110,13 +110,13 @@ pub struct BusLoad {
 ///
 /// let hand = Layout::builtin("allegro-uskin-15").expect("built in");
 /// let mut watch = TrafficWatch::new(&hand);
-/// let babble = CanFrame::standard(0x010, &[0xBA; 8])?;
+/// let babble = CanFrame::standard(0x005, &[0xBA; 8])?;
 /// for n in 0..4_000 {
 ///     let t_ns = n * 250_000;
 ///     watch.advance(t_ns);
 ///     watch.frame(1, &babble);
 /// }
-/// assert!(matches!(watch.findings(), [Finding::IdBabbles { bus: 1, id: 0x010, module: None, .. }]));
+/// assert!(matches!(watch.findings(), [Finding::IdBabbles { bus: 1, id: 0x005, module: None, .. }]));
 /// # Ok::<(), taxel_can::FrameError>(())
 /// ```
 #[derive(Debug, Clone)]
