@@ -10,7 +10,7 @@
 use std::error::Error;
 use std::io::BufRead;
 use std::path::PathBuf;
-use taxel_sim::servo::{AfterSilence, Motion, ServoBuild, ServoBus, ServoPty};
+use taxel_sim::servo::{AfterSilence, Motion, ServoBuild, ServoBus, ServoPty, StableLink};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let (mut ids, mut baud, mut delay) = (1..=16, 1_000_000, 0);
@@ -57,10 +57,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut bus = ServoBus::new(servos, baud);
     bus.set_after_silence(after);
     let pty = ServoPty::open(bus)?;
-    if let Some(link) = link {
-        let _ = std::fs::remove_file(&link);
-        std::os::unix::fs::symlink(pty.path(), &link)?;
-    }
+    let _link = link.map(|link| StableLink::new(&link, pty.path())).transpose()?;
     println!("{}", pty.path().display());
     for line in std::io::stdin().lock().lines() {
         let line = line?;

@@ -3,8 +3,10 @@
 use crate::interrupt::Interrupt;
 use crate::target::{TargetAddress, Targets, of_buses, refuse_shared_ids};
 use anyhow::{Context, bail};
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use taxel_can::Received;
+use taxel_sim::servo::{ServoBus, ServoPty, StableLink, servo_clock_ns, servos_of_scene};
 use taxel_sim::{Scene, Simulator};
 use taxel_skin::Layout;
 
@@ -12,6 +14,8 @@ use taxel_skin::Layout;
 const LISTEN: Duration = Duration::from_millis(1);
 /// Simulated at once when a scene is written to a log.
 const LOG_STEP_NS: u64 = 10_000_000;
+/// Bits per second of the simulated servos' wire.
+pub(crate) const SERVO_BAUD: u32 = 1_000_000;
 
 /// Put a simulated hand on a bus: its boards wait for start commands there, answer them, and feel what the scene says.
 ///
@@ -24,6 +28,7 @@ Examples:
   taxel sim ball-grasp --to can:vcan0 --to can:vcan1
   taxel sim slip --to udp::43113 --to udp::43114 --seconds 60
   taxel sim tap --to log:tap.log
+  taxel sim ball-grasp --to udp: --servos /tmp/servos   and in taxeld.toml dynamixel:/tmp/servos
   taxel sim ball-grasp --show > mine.toml     a scene file to start one's own from")]
 pub(crate) struct Args {
     /// A built-in scene, or a scene file
@@ -45,6 +50,10 @@ pub(crate) struct Args {
     /// Boards send without having been started, for looking at the bus with candump
     #[arg(long)]
     autostart: bool,
+    /// Offer simulated Dynamixel servos of the fingers, too, that move with the scene: LINK is made, a link to the
+    /// pseudo terminal to be read as their serial port
+    #[arg(long, value_name = "LINK")]
+    servos: Option<PathBuf>,
     /// Print the text of a built-in scene
     #[arg(long, conflicts_with_all = ["to", "list"])]
     show: bool,
@@ -74,6 +83,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let mut targets = Targets::open(&named)?;
     let limit_ns = args.limit_ns()?;
     if targets.are_logs() {
+        if let Some(link) = &args.servos {
+            bail!(
+                "--servos {}: servos move in real time; a log is written at once and has none",
+                link.display()
+            );
+        }
         let mut simulator = Simulator::new(&scene, &layout, seed)?;
         simulator.start_all();
         write_log(simulator, limit_ns.unwrap_or(scene.length_ns()), &mut targets)?;
@@ -87,6 +102,10 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             .map(|(bus, address)| format!("{bus} on {address}"))
             .collect();
         eprintln!("{}: {}; Ctrl-C stops it", scene.name(), places.join(", "));
+        let _servos = match &args.servos {
+            Some(link) => Some(offer_servos(&scene, &layout, link)?),
+            None => None,
+        };
         play(simulator, limit_ns, layout.buses.len(), &mut targets)?;
     }
     targets.flush()?;
@@ -116,6 +135,23 @@ fn print(text: &str) -> anyhow::Result<()> {
     out.write_all(text.as_bytes())
         .and_then(|()| out.flush())
         .context("stdout")
+}
+
+/// The servos of the scene's fingers behind a link, as long as the returned values live.
+fn offer_servos(scene: &Scene, layout: &Layout, link: &Path) -> anyhow::Result<(StableLink, ServoPty)> {
+    let servos = servos_of_scene(scene, layout, servo_clock_ns());
+    let (count, baud) = (servos.len(), SERVO_BAUD);
+    let names: Vec<&str> = servos.iter().map(|servo| servo.name.as_str()).collect();
+    let names = names.join(", ");
+    let bus = ServoBus::new(servos.into_iter().map(|servo| servo.build), baud);
+    let pty = ServoPty::open(bus).context("a pseudo terminal for the servos")?;
+    let link_made = StableLink::new(link, pty.path())
+        .with_context(|| format!("--servos {}: cannot make this link", link.display()))?;
+    eprintln!(
+        "{count} servos, ids 1 to {count} ({names}), at {baud} bit/s on {}",
+        link.display()
+    );
+    Ok((link_made, pty))
 }
 
 impl Args {

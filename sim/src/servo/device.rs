@@ -7,7 +7,7 @@ use taxel_joints::protocol2::{Instruction, StatusError};
 use taxel_joints::registers::address;
 
 /// A servo to be built.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct ServoBuild {
     /// Id, 0 to 252.
     pub id: u8,

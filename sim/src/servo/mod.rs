@@ -7,12 +7,16 @@
 mod bus;
 mod device;
 mod fault;
+mod link;
 mod motion;
 mod pty;
+mod scene_servos;
 mod table;
 
 pub use bus::{AfterSilence, ServoBus};
 pub use device::{ServoBuild, SimServo};
 pub use fault::ServoFault;
-pub use motion::Motion;
+pub use link::StableLink;
+pub use motion::{Motion, Track};
 pub use pty::{ServoPty, servo_clock_ns};
+pub use scene_servos::{NamedServo, servos_of_scene};

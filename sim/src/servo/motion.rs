@@ -1,9 +1,10 @@
 //! Where a simulated servo is at any time: a function of time, so that a test knows the truth.
 
 use std::f64::consts::TAU;
+use std::sync::Arc;
 
 /// How a servo moves while its motor is off: as if somebody moved the finger.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum Motion {
     /// Stays at this position, pulses.
     Still(i32),
@@ -18,6 +19,37 @@ pub enum Motion {
         /// Phase at time 0, radians.
         phase: f64,
     },
+    /// Goes a way given point by point, again and again.
+    Track(Arc<Track>),
+}
+
+/// Positions at equal distances of time, joined by straight lines, the last with the first.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Track {
+    start_ns: u64,
+    step_ns: u64,
+    positions: Vec<f64>,
+}
+
+impl Track {
+    /// The way through `positions` (pulses, at least one), which begins at `start_ns` and takes `step_ns` from each to the
+    /// next.
+    pub fn new(start_ns: u64, step_ns: u64, positions: Vec<f64>) -> Self {
+        debug_assert!(step_ns > 0 && !positions.is_empty());
+        Self {
+            start_ns,
+            step_ns,
+            positions,
+        }
+    }
+
+    fn position(&self, t_ns: u64) -> f64 {
+        let since = t_ns.saturating_sub(self.start_ns);
+        let point = |step: u64| self.positions[(step % self.positions.len() as u64) as usize];
+        let (step, rest) = (since / self.step_ns, since % self.step_ns);
+        let (here, next) = (point(step), point(step + 1));
+        here + (next - here) * rest as f64 / self.step_ns as f64
+    }
 }
 
 impl Motion {
@@ -25,6 +57,7 @@ impl Motion {
     pub fn position(&self, t_ns: u64) -> f64 {
         match *self {
             Motion::Still(position) => f64::from(position),
+            Motion::Track(ref track) => track.position(t_ns),
             Motion::Sine {
                 centre,
                 amplitude,
