@@ -19,7 +19,7 @@ use taxeld::Config;
 /// image per recorded frame. Both begin with the calibration window (conditioning.calibration_ms), in which images
 /// are empty.
 ///
-/// OUT tells the format: .npz (images T x H x W u8, levels, actuators, seq, t_ns, contacts, faulty, missing), .npy
+/// OUT tells the format: .npz (images T x H x W u8, levels, actuators, seq, t_ns, contacts, faulty, missing, joints), .npy
 /// and .csv (images alone), .jsonl (the objects of `taxel watch --json`, latency null), .bin (the IMAGE messages of
 /// the daemon's socket, one after another).
 #[derive(Debug, clap::Args)]

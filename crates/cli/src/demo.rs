@@ -1,6 +1,7 @@
 //! `taxel demo`: simulator, daemon and live view in one process.
 
 mod colour;
+mod joints;
 mod meter;
 mod session;
 mod view;
@@ -26,7 +27,9 @@ const REDRAW: Duration = Duration::from_millis(33);
 ///
 /// The simulator plays the scene as CAN traffic of 15 uSkin modules; the daemon reads it as it would read a bus and
 /// publishes tactile images on a socket in a temporary directory; the view subscribes to that socket as any display
-/// does. Left is what the skin feels, right is what a display with few actuators is given.
+/// does. Left is what the skin feels, right is what a display with few actuators is given. Simulated servos on a pseudo
+/// terminal close the fingers as the scene has it; the daemon reads them as it would read a serial bus, and the angles
+/// that each image carries are the bars below the fingers.
 ///
 /// Keys: q quits, z measures the baseline anew (as after a warm-up; not while the hand is touched), p pauses, so that
 /// every display lets go.

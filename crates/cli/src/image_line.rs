@@ -70,6 +70,7 @@ pub(crate) fn words(header: &Header, image: &ImageView<'_>, latency_ns: Option<i
     if let Some(strongest) = image.levels().last() {
         let _ = write!(line, "  up to {strongest:.0}");
     }
+    line += &joints(image.joints());
     for (count, what) in [
         (image.missing, "missing"),
         (image.faulty, "faulty"),
@@ -80,6 +81,16 @@ pub(crate) fn words(header: &Header, image: &ImageView<'_>, latency_ns: Option<i
         }
     }
     line + remarks(header)
+}
+
+/// How many joint angles are known; nothing where no joints are read.
+pub(crate) fn joints(angles: impl ExactSizeIterator<Item = f32>) -> String {
+    let all = angles.len();
+    match (all, angles.filter(|angle| angle.is_finite()).count()) {
+        (0, _) => String::new(),
+        (_, known) if known == all => format!("  {all} joints"),
+        (_, known) => format!("  {known} of {all} joints"),
+    }
 }
 
 /// `#SEQ  TIME  LATENCY`, as every line for people begins.
@@ -189,6 +200,7 @@ mod tests {
             "0.25 ms",
             "2 contacts",
             "2 actuators",
+            "1 of 2 joints",
             "1 faulty",
             "3 skipped",
         ] {
@@ -198,14 +210,23 @@ mod tests {
             !words.contains("missing") && !words.contains("calibrating"),
             "{words}"
         );
+        let known = TactileImage {
+            joints: vec![0.5, 1.0],
+            ..image()
+        };
+        assert!(lines(&known, None, 0).1.contains("  2 joints"));
         let (_, words) = lines(
             &TactileImage {
                 calibrating: true,
+                joints: Vec::new(),
                 ..image()
             },
             None,
             0,
         );
-        assert!(words.contains("do not touch"), "{words}");
+        assert!(
+            words.contains("do not touch") && !words.contains("joints"),
+            "{words}"
+        );
     }
 }

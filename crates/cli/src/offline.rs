@@ -1,16 +1,18 @@
 //! Recordings as the frames that the daemon would have made of them.
 
-use crate::input::{DEFAULT_LAYOUT, Input, InputArgs, interfaces_of_buses, pair};
+use crate::input::{DEFAULT_LAYOUT, Input, InputArgs, interfaces, interfaces_of_buses, pair};
 use crate::progress::Progress;
 use crate::sweep::Sweeps;
 use anyhow::{Context, bail};
-use std::path::PathBuf;
-use taxel_can::{CanSource, LogSource, Playback, Received};
+use std::path::{Path, PathBuf};
+use taxel_can::{CanSource, LogSource, Playback, Received, SourceAddress};
 use taxel_compress::{Compressor, TactileImage};
+use taxel_joints::JointSource;
 use taxel_record::Recording;
 use taxel_skin::{ForceFrame, Layout, TactileFrame};
 use taxeld::Config;
 use taxeld::config::TickMode;
+use taxeld::joints::hand_bus;
 use taxeld::pipeline::{Outputs, run_recorded};
 
 /// A recording, and how its frames are conditioned and compressed.
@@ -30,7 +32,8 @@ pub(crate) struct OfflineArgs {
     /// Magnitudes only: a taxel is in contact above this [default: 0]
     #[arg(long, value_name = "FORCE")]
     threshold: Option<f64>,
-    /// Candump only: an interface of the log and the bus of the layout that it is, such as vcan0=can0
+    /// Candump only: an interface of the log and the bus of the layout that it is, such as vcan0=can0; the
+    /// bus of an Allegro hand is called joints
     #[arg(long, value_name = "NAME=BUS", value_parser = pair)]
     interface: Vec<(String, String)>,
 }
@@ -110,7 +113,13 @@ impl OfflineArgs {
                 pipeline(config, sweeps.frames().inspect(|_| progress.advance(1)), emit)
             }
             Input::Log(path) => {
-                let interfaces = interfaces_of_buses(path, &config.layout, &self.interface)?;
+                let (hand, skin): (Vec<_>, Vec<_>) = self
+                    .interface
+                    .iter()
+                    .cloned()
+                    .partition(|(_, bus)| bus == HAND_BUS);
+                let mut interfaces = interfaces_of_buses(path, &config.layout, &skin)?;
+                interfaces.extend(interface_of_hand(path, config, &hand)?);
                 let open = |name: &String| LogSource::open(path, Some(name), Playback::default());
                 let sources = interfaces.iter().map(open).collect::<Result<Vec<_>, _>>()?;
                 let progress = Progress::counting("CAN frames");
@@ -164,6 +173,57 @@ impl OfflineArgs {
         }
         Ok(())
     }
+}
+
+/// What `--interface` calls the bus of an Allegro hand.
+const HAND_BUS: &str = "joints";
+
+/// The interface of a log that an Allegro hand was recorded on, where the configuration gives it a bus of its own.
+fn interface_of_hand(
+    path: &Path,
+    config: &Config,
+    pairs: &[(String, String)],
+) -> anyhow::Result<Option<String>> {
+    let bus = match config.joints.as_ref().map(|joints| &joints.source) {
+        Some(JointSource::Allegro { bus }) if hand_bus(config).is_some_and(|bus| !bus.shared) => bus,
+        source => {
+            if let Some((interface, _)) = pairs.first() {
+                bail!(
+                    "--interface {interface}={HAND_BUS}: the configuration (--config) has no [joints] with an Allegro hand on a bus of its own"
+                );
+            }
+            if let Some(JointSource::Dynamixel { .. }) = source {
+                eprintln!(
+                    "taxel: {}: servos on a serial port are not in a CAN recording; its images carry no joint angles",
+                    path.display()
+                );
+            }
+            return Ok(None);
+        }
+    };
+    let named = match (pairs.first(), bus) {
+        (Some((interface, _)), _) => Some(interface.clone()),
+        (None, SourceAddress::Can { interface }) => Some(interface.clone()),
+        (None, SourceAddress::Log { interface, .. }) => interface.clone(),
+        _ => None,
+    };
+    let present = interfaces(path)?;
+    match named.as_ref().filter(|named| present.contains(named)) {
+        Some(_) => {}
+        None if !pairs.is_empty() => bail!(
+            "{}: no frame on interface {}; it has {}",
+            path.display(),
+            pairs[0].0,
+            present.join(", ")
+        ),
+        None => eprintln!(
+            "taxel: {}: nothing of the Allegro hand on {bus}; its angles will be unknown. --interface NAME={HAND_BUS} says where it is among {}",
+            path.display(),
+            present.join(", ")
+        ),
+    }
+    // A name that no interface has: the bus stays silent.
+    Ok(Some(named.unwrap_or_else(|| HAND_BUS.into())))
 }
 
 fn grid_of(recording: &Recording) -> anyhow::Result<Layout> {

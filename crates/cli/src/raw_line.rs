@@ -1,6 +1,6 @@
 //! A raw frame as one line: JSON for scripts, words for people.
 
-use crate::image_line::{remarks, start};
+use crate::image_line::{joints, remarks, start};
 use serde::Serialize;
 use std::fmt::Write;
 use taxel_skin::Freshness;
@@ -95,6 +95,7 @@ pub(crate) fn words(header: &Header, raw: &RawView<'_>, latency_ns: Option<i64>,
             raw.threshold
         );
     }
+    line += &joints(raw.joints());
     if header.skipped > 0 {
         let _ = write!(line, "  {} skipped", header.skipped);
     }

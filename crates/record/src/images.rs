@@ -26,6 +26,8 @@ pub struct ImageStack {
     contacts: Vec<u16>,
     faulty: Vec<u16>,
     missing: Vec<u16>,
+    /// Of every image as many as of the first.
+    joints: Vec<f32>,
 }
 
 impl ImageStack {
@@ -45,6 +47,7 @@ impl ImageStack {
             contacts: Vec::new(),
             faulty: Vec::new(),
             missing: Vec::new(),
+            joints: Vec::new(),
         }
     }
 
@@ -61,7 +64,8 @@ impl ImageStack {
     /// Adds an image.
     ///
     /// # Panics
-    /// When it has another shape, or more levels or actuators, than the stack was made for.
+    /// When it has another shape, or more levels or actuators, than the stack was made for, or another number of joints
+    /// than the image before.
     pub fn push(&mut self, image: &TactileImage) {
         assert_eq!(
             (image.width as usize, image.height as usize),
@@ -92,6 +96,12 @@ impl ImageStack {
         self.contacts.push(image.contacts);
         self.faulty.push(image.faulty);
         self.missing.push(image.missing);
+        self.joints.extend_from_slice(&image.joints);
+        assert_eq!(
+            self.joints.len(),
+            self.len() * image.joints.len(),
+            "number of joints"
+        );
     }
 
     fn images(&self) -> ArrayView3<'_, u8> {
@@ -113,8 +123,8 @@ impl ImageStack {
     }
 
     /// Writes a compressed `.npz`: `images` `T x H x W` u8; `levels` `T x K_D` f64; `actuators` `T x K_A x 5` f64 (id,
-    /// x, y, level, force); `seq` and `t_ns` u64; `contacts`, `faulty` and `missing` u16. Levels and actuators
-    /// that a frame does not have are NaN.
+    /// x, y, level, force); `seq` and `t_ns` u64; `contacts`, `faulty` and `missing` u16; where joints were read, `joints`
+    /// `T x J` f32, radians. Levels and actuators that a frame does not have, and unknown angles, are NaN.
     pub fn write_npz(&self, path: &Path) -> Result<(), RecordError> {
         let frames = self.len();
         let write = || -> Result<(), WriteNpzError> {
@@ -131,6 +141,10 @@ impl ImageStack {
             npz.add_array("contacts", &ArrayView1::from(&self.contacts))?;
             npz.add_array("faulty", &ArrayView1::from(&self.faulty))?;
             npz.add_array("missing", &ArrayView1::from(&self.missing))?;
+            if !self.joints.is_empty() {
+                let joints = ArrayView2::from_shape((frames, self.joints.len() / frames), &self.joints);
+                npz.add_array("joints", &joints.expect("push keeps the shape"))?;
+            }
             npz.finish()?.flush().map_err(|e| WriteNpzError::Zip(e.into()))
         };
         write().map_err(|e| RecordError::Io {

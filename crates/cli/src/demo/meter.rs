@@ -32,6 +32,8 @@ pub(super) struct Meter {
     images: u64,
     skipped: u64,
     in_contact: u64,
+    /// Images in which every joint's angle was known.
+    joints_known: u64,
     most_contacts: u32,
     most_actuators: usize,
     calibrated_ns: Option<u64>,
@@ -59,6 +61,8 @@ struct Newest {
     levels: usize,
     actuators: Vec<WireActuator>,
     cells: Vec<Cell>,
+    /// Radians; not a number where unknown.
+    joints: Vec<f32>,
 }
 
 /// One taxel as the raw panel shows it.
@@ -79,6 +83,8 @@ pub(super) struct Picture {
     /// By taxel; empty before the first raw frame.
     pub(super) cells: Vec<Cell>,
     pub(super) actuators: Vec<WireActuator>,
+    /// Names of the joints and their angles, radians; `None` where unknown.
+    pub(super) joints: Vec<(String, Option<f32>)>,
     /// The force that the brightest colour stands for.
     pub(super) scale: f64,
     pub(super) unit: String,
@@ -121,6 +127,7 @@ impl Meter {
             images: 0,
             skipped: 0,
             in_contact: 0,
+            joints_known: 0,
             most_contacts: 0,
             most_actuators: 0,
             calibrated_ns: None,
@@ -178,6 +185,10 @@ impl Meter {
         newest.levels = image.levels().len();
         newest.actuators.clear();
         newest.actuators.extend(image.actuators());
+        newest.joints.clear();
+        newest.joints.extend(image.joints());
+        let joints = newest.joints.len();
+        self.joints_known += u64::from(joints > 0 && newest.joints.iter().all(|angle| angle.is_finite()));
         if !newest.calibrating && self.calibrated_ns.is_none() {
             self.calibrated_ns = Some(header.t_ns);
         }
@@ -248,6 +259,10 @@ impl Meter {
             layout: self.layout.clone(),
             cells: self.newest.cells.clone(),
             actuators: self.newest.actuators.clone(),
+            joints: (hello.map(|h| h.joints.clone()).unwrap_or_default().into_iter())
+                .zip(&self.newest.joints)
+                .map(|(name, angle)| (name, angle.is_finite().then_some(*angle)))
+                .collect(),
             scale: self.scale.max(4.0 * self.newest.threshold),
             unit: hello.map_or_else(|| "counts".into(), |h| h.force_unit.clone()),
             levels: hello.map_or(0, |h| h.profile.levels),
@@ -326,6 +341,20 @@ impl Meter {
             "taxels     {calibrated}; {} missing and {} faulty at the end",
             self.newest.missing, self.newest.faulty
         );
+        if !self.newest.joints.is_empty() {
+            let known = self
+                .newest
+                .joints
+                .iter()
+                .filter(|angle| angle.is_finite())
+                .count();
+            let share = 100.0 * self.joints_known as f64 / self.images.max(1) as f64;
+            let _ = writeln!(
+                text,
+                "joints     {known} of {} known at the end, all of them in {share:.1} % of images",
+                self.newest.joints.len()
+            );
+        }
         let _ = writeln!(
             text,
             "data       {} raw, {} to the display, {:.0}:1",

@@ -1,13 +1,16 @@
 //! The demo's own daemon, its subscriber and its control socket.
 
 use super::Args;
+use crate::sim::SERVO_BAUD;
 use anyhow::{Context, bail};
 use std::io::{BufRead, BufReader, Write};
 use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use taxel_can::SourceAddress;
+use taxel_joints::{JointSource, JointsConfig};
 use taxel_sim::Scene;
+use taxel_sim::servo::{ServoBus, ServoPty, servos_of_scene};
 use taxel_skin::Layout;
 use taxel_wire::{Subscribe, Subscriber};
 use taxeld::config::TickMode;
@@ -26,6 +29,8 @@ pub(super) struct Session {
     pub(super) scene_began_ns: u64,
     pub(super) began: Instant,
     pub(super) layout: Layout,
+    /// The servos' serial port is gone when this is.
+    _servos: ServoPty,
     /// Removed, with the sockets in it, when the session ends.
     _directory: TempDir,
 }
@@ -59,6 +64,18 @@ impl Session {
         // The demo is a guest on this machine.
         config.realtime.priority = 0;
         let (images, control) = (config.socket.images.clone(), config.socket.control.clone());
+        let servos = servos_of_scene(scene, &layout, taxel_can::monotonic_ns());
+        let mut joints = JointsConfig::dynamixel("", servos.iter().map(|servo| servo.build.id));
+        for (joint, servo) in joints.servo.iter_mut().zip(&servos) {
+            joint.name.clone_from(&servo.name);
+        }
+        let bus = ServoBus::new(servos.into_iter().map(|servo| servo.build), SERVO_BAUD);
+        let servos = ServoPty::open(bus).context("a pseudo terminal for the servos")?;
+        joints.baud = SERVO_BAUD;
+        joints.source = JointSource::Dynamixel {
+            path: servos.path().into(),
+        };
+        config.joints = Some(joints);
         let (scene_began_ns, began) = (taxel_can::monotonic_ns(), Instant::now());
         let daemon = Daemon::start(config)?;
         Ok(Self {
@@ -68,6 +85,7 @@ impl Session {
             scene_began_ns,
             began,
             layout,
+            _servos: servos,
             _directory: directory,
         })
     }

@@ -1,6 +1,7 @@
 //! The demo's picture on the terminal.
 
 use super::colour::Palette;
+use super::joints;
 use super::meter::{Cell, Picture};
 use ratatui::Frame;
 use ratatui::buffer::Buffer;
@@ -129,12 +130,24 @@ pub(super) fn draw(frame: &mut Frame<'_>, picture: &Picture, palette: &Palette) 
     let raw_title = format!(" raw: {} taxels ", picture.layout.len());
     let origin = panel(buffer, left, &raw_title, picture, &grid, palette);
     draw_raw(buffer, origin, picture, &grid, palette);
+    for (part, first, last) in parts(&picture.layout) {
+        let (first, last) = (grid.cell(origin, first, 0), grid.cell(origin, last, 0));
+        let below = Rect {
+            x: first.x,
+            y: left.bottom() - 1,
+            width: last.right() - first.x,
+            height: 1,
+        };
+        joints::draw_bars(buffer, below, picture, part, palette);
+    }
 
     let image_title = format!(" tactile image: {} actuators ", picture.max_actuators);
     let origin = panel(buffer, right, &image_title, picture, &grid, palette);
     draw_image(buffer, origin, picture, &grid, palette);
 
     draw_status(buffer, status, picture, palette);
+    let names: Vec<&str> = parts(&picture.layout).iter().map(|(name, ..)| *name).collect();
+    joints::draw_degrees(buffer, status, picture, &names, palette);
 }
 
 /// A frame with a title and the names of the hand's parts; returns where the pixels begin.
@@ -308,8 +321,11 @@ fn draw_status(buffer: &mut Buffer, area: Rect, picture: &Picture, palette: &Pal
     }));
     legend.push(Span::raw(format!(" {:.0} ", picture.scale)));
     legend.push(Span::styled(picture.unit.clone(), dim));
-    legend.push(label("   digits: an actuator's level, 1 to "));
+    legend.push(label("   digits: level, 1 to "));
     legend.push(Span::raw(picture.levels.to_string()));
+    if !picture.joints.is_empty() {
+        legend.push(label("   bars: joints"));
+    }
     let keys = vec![
         value(" q".into()),
         label(" quit   "),
@@ -366,6 +382,10 @@ mod tests {
                 level: 8,
                 force: 100.0,
             }],
+            joints: ["index", "middle", "ring", "thumb"]
+                .iter()
+                .flat_map(|finger| (0..4).map(move |j| (format!("{finger} {j}"), Some(0.5 * j as f32))))
+                .collect(),
             scale: 100.0,
             unit: "counts".into(),
             levels: 8,
@@ -456,6 +476,31 @@ mod tests {
         let panels: String = text.lines().take(18).skip(2).collect();
         assert_eq!(panels.matches('?').count(), 1, "{text}");
         assert_eq!(panels.matches('x').count(), 1, "{text}");
+    }
+
+    #[test]
+    fn joints_are_bars_under_their_fingers_and_degrees_where_there_is_room() {
+        let mut picture = picture();
+        picture.joints[6].1 = None;
+        for (width, height, degrees) in [(80, 24, false), (120, 40, true), (200, 60, true)] {
+            let text = text(&drawn(width, height, &picture));
+            assert_eq!(text.matches("▁▃▅█").count(), 3, "{width}x{height}:\n{text}");
+            assert_eq!(text.matches("▁▃?█").count(), 1, "{width}x{height}:\n{text}");
+            assert!(text.contains("bars: joints"), "{width}x{height}:\n{text}");
+            let rows = text.matches("  0°  29°  57°  86°").count();
+            assert_eq!(rows, if degrees { 3 } else { 0 }, "{width}x{height}:\n{text}");
+            assert_eq!(
+                text.contains("  0°  29°    ?  86°"),
+                degrees,
+                "{width}x{height}:\n{text}"
+            );
+        }
+        picture.joints.clear();
+        let text = text(&drawn(120, 40, &picture));
+        assert!(
+            !text.contains('°') && !text.contains('▁') && !text.contains("bars"),
+            "{text}"
+        );
     }
 
     #[test]
