@@ -20,7 +20,7 @@ pub use config::{
     FastSyncRead, JointSource, JointSourceError, JointsConfig, JointsConfigError, MAX_JOINTS, ServoConfig,
 };
 pub use serial::{
-    FoundServo, JointReader, JointSnapshot, PortError, PortLatency, PortState, PortStatus, SerialBus,
-    StartError, scan,
+    BusSurvey, FoundServo, JointReader, JointSnapshot, PortError, PortLatency, PortState, PortStatus,
+    SerialBus, StartError, SurveyedServo, scan, survey,
 };
 pub use synchrony::{AngleAt, EXTRAPOLATE_NS, JointHistory, interpolation_bound_rad};

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 use taxel_joints::bus::{FastState, NoReading, WriteCommand, WriteRefused};
 use taxel_joints::{
-    AngleAt, FastSyncRead, JointReader, JointSnapshot, JointsConfig, PortState, StartError, scan,
+    AngleAt, FastSyncRead, JointReader, JointSnapshot, JointsConfig, PortState, StartError, scan, survey,
 };
 use taxel_sim::servo::{Motion, ServoBuild, ServoBus, ServoFault, ServoPty, servo_clock_ns};
 
@@ -222,4 +222,41 @@ fn what_cannot_be_started_says_why() {
     assert!(matches!(JointReader::start(&config), Err(StartError::NotSerial)));
     let none = JointsConfig::dynamixel("/dev/null", []);
     assert!(matches!(JointReader::start(&none), Err(StartError::Config(_))));
+}
+
+#[test]
+fn a_survey_says_what_each_servo_is_set_to_and_who_shares_an_id() {
+    let slow = ServoBuild {
+        return_delay: 250,
+        ..ServoBuild::new(2)
+    };
+    let builds = [ServoBuild::new(1), slow, ServoBuild::new(4), ServoBuild::new(4)];
+    let pty = ServoPty::open(ServoBus::new(builds, BAUD)).unwrap();
+    pty.bus().servo_mut(1).unwrap().set_hardware_error(0x24);
+    let found = survey(pty.path(), BAUD, &[1, 2, 3]).unwrap();
+    let answers: Vec<(u8, u32)> = found.servos.iter().map(|s| (s.id, s.answers)).collect();
+    assert_eq!(answers, [(1, 1), (2, 1), (4, 2)]);
+    let servo = &found.servos[0];
+    assert_eq!(servo.hardware_error.unwrap().to_string(), "overheating, overload");
+    assert_eq!(
+        (servo.torque_enabled, servo.status_return_level),
+        (Some(false), Some(2))
+    );
+    assert!(servo.voltage_v.unwrap() > 5.0 && servo.temperature_c.unwrap() > 0);
+    assert_eq!(found.servos[1].identity.unwrap().return_delay_us, 500);
+    assert_eq!(found.damaged, 0);
+}
+
+#[test]
+fn a_survey_counts_damaged_answers_and_goes_on() {
+    let pty = pty(3);
+    pty.bus().set_fault(2, Some(ServoFault::BadCrc), 1);
+    let found = survey(pty.path(), BAUD, &[1, 2, 3]).unwrap();
+    let ids: Vec<u8> = found.servos.iter().map(|s| s.id).collect();
+    assert_eq!(ids, [1, 3]);
+    assert!(
+        found.damaged >= 2,
+        "the broadcast and the one of its own: {}",
+        found.damaged
+    );
 }

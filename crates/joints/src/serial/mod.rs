@@ -5,11 +5,13 @@ mod port;
 mod reader;
 mod scan;
 mod serial_bus;
+mod survey;
 
 pub use port::{PortError, PortLatency};
 pub use reader::{JointReader, JointSnapshot, PortState, PortStatus, StartError};
 pub use scan::{FoundServo, scan};
 pub use serial_bus::SerialBus;
+pub use survey::{BusSurvey, SurveyedServo, survey};
 
 use nix::time::{ClockId, clock_gettime};
 

@@ -1,0 +1,214 @@
+//! What every servo on a bus says of itself: pings and reads, nothing is written.
+
+use super::now_ns;
+use super::port::{Port, PortError, PortLatency};
+use crate::bus::{ServoIdentity, wire_ns};
+use crate::protocol2::{BROADCAST_ID, Encoder, Instruction, MAX_ID, Parser, StatusByte};
+use crate::registers::{HardwareError, address, volts};
+use std::path::Path;
+use std::time::Duration;
+
+/// How long each id may take to answer a broadcast ping, as in ROBOTIS's SDK.
+const PER_ID_NS: u64 = 3_000_000;
+const PING_ANSWER_BYTES: usize = 14;
+/// How long one servo may take to answer beyond its time on the wire; an FTDI adapter's timer is 16 ms.
+const MARGIN_NS: u64 = 40_000_000;
+/// How often a question is repeated.
+const TRIES: usize = 3;
+
+/// A servo that answered, and what it told.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SurveyedServo {
+    /// Its id.
+    pub id: u8,
+    /// Its Model Number, as its answer to a ping has it.
+    pub model_number: u16,
+    /// Its Firmware Version.
+    pub firmware: u8,
+    /// How many answers to one ping came with this id, damaged ones included; more than one is two servos with one id.
+    pub answers: u32,
+    /// Model, firmware, baud rate, return delay time and drive mode; `None` where the servo did not answer a read.
+    pub identity: Option<ServoIdentity>,
+    /// Whether its motor is on.
+    pub torque_enabled: Option<bool>,
+    /// What it answers to: 0 pings, 1 pings and reads, 2 everything.
+    pub status_return_level: Option<u8>,
+    /// Its Hardware Error Status.
+    pub hardware_error: Option<HardwareError>,
+    /// Its supply, volts.
+    pub voltage_v: Option<f64>,
+    /// Its temperature, degrees Celsius.
+    pub temperature_c: Option<u8>,
+}
+
+/// What was found on a servo bus.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BusSurvey {
+    /// The servos, by id.
+    pub servos: Vec<SurveyedServo>,
+    /// Answers with a wrong checksum, whosever they were: two servos that answer at once, or a bad cable.
+    pub damaged: u32,
+    /// How fast the port hands over what it has received.
+    pub latency: PortLatency,
+}
+
+struct Surveyor {
+    port: Port,
+    baud: u32,
+    encoder: Encoder,
+    parser: Parser,
+    damaged: u32,
+}
+
+/// Asks a bus who is on it (a ping to everybody, then one to each of `expected` that did not answer) and reads what
+/// each servo says of itself. It takes one to two seconds, and nothing else may use the port meanwhile.
+pub fn survey(path: &Path, baud: u32, expected: &[u8]) -> Result<BusSurvey, PortError> {
+    let port = Port::open(path, baud)?;
+    let latency = port.latency();
+    let mut surveyor = Surveyor {
+        port,
+        baud,
+        encoder: Encoder::default(),
+        parser: Parser::new(64),
+        damaged: 0,
+    };
+    let mut servos = Vec::new();
+    surveyor.ping(BROADCAST_ID, &mut servos)?;
+    for id in expected {
+        if servos.iter().all(|s: &SurveyedServo| s.id != *id) {
+            surveyor.ping(*id, &mut servos)?;
+        }
+    }
+    servos.sort_unstable_by_key(|s| s.id);
+    for servo in &mut servos {
+        surveyor.ask(servo)?;
+    }
+    Ok(BusSurvey {
+        servos,
+        damaged: surveyor.damaged,
+        latency,
+    })
+}
+
+impl Surveyor {
+    fn ping(&mut self, id: u8, servos: &mut Vec<SurveyedServo>) -> Result<(), PortError> {
+        let answers = if id == BROADCAST_ID {
+            usize::from(MAX_ID) + 1
+        } else {
+            1
+        };
+        let slack_ns = if id == BROADCAST_ID {
+            answers as u64 * PER_ID_NS
+        } else {
+            MARGIN_NS
+        };
+        self.port.write(self.encoder.ping(id))?;
+        let end_ns = now_ns() + slack_ns + wire_ns(answers * PING_ANSWER_BYTES, self.baud);
+        let mut damaged_ids = Vec::new();
+        while let Some(left_ns) = end_ns.checked_sub(now_ns()).filter(|left| *left > 0) {
+            let n = self
+                .port
+                .read(self.parser.space(), Duration::from_nanos(left_ns))?;
+            self.parser.filled(n);
+            while let Some(packet) = self.parser.next_packet() {
+                let packet = match packet {
+                    Ok(packet) => packet,
+                    Err(bad) => {
+                        self.damaged += 1;
+                        damaged_ids.push(bad.id);
+                        continue;
+                    }
+                };
+                let [_, lo, hi, firmware] = *packet.parameters else {
+                    continue;
+                };
+                if packet.instruction != Instruction::Status as u8 {
+                    continue;
+                }
+                match servos.iter_mut().find(|s| s.id == packet.id) {
+                    Some(known) => known.answers += 1,
+                    None => servos.push(SurveyedServo {
+                        id: packet.id,
+                        model_number: u16::from_le_bytes([lo, hi]),
+                        firmware,
+                        answers: 1,
+                        identity: None,
+                        torque_enabled: None,
+                        status_return_level: None,
+                        hardware_error: None,
+                        voltage_v: None,
+                        temperature_c: None,
+                    }),
+                }
+            }
+        }
+        for id in damaged_ids {
+            if let Some(servo) = servos.iter_mut().find(|s| s.id == id) {
+                servo.answers += 1;
+            }
+        }
+        Ok(())
+    }
+
+    fn ask(&mut self, servo: &mut SurveyedServo) -> Result<(), PortError> {
+        let identity = self.read(servo.id, address::MODEL_NUMBER, 11)?;
+        if let Some([m0, m1, _, _, _, _, firmware, _, baud, delay, mode]) = identity.as_deref() {
+            servo.identity = Some(ServoIdentity {
+                model_number: u16::from_le_bytes([*m0, *m1]),
+                firmware: *firmware,
+                baud_register: *baud,
+                return_delay_us: 2 * u16::from(*delay),
+                drive_mode: *mode,
+            });
+        }
+        let state = self.read(servo.id, address::TORQUE_ENABLE, 7)?;
+        if let Some([torque, _, _, _, level, _, error]) = state.as_deref() {
+            servo.torque_enabled = Some(*torque != 0);
+            servo.status_return_level = Some(*level);
+            servo.hardware_error = Some(HardwareError(*error));
+        }
+        let power = self.read(servo.id, address::PRESENT_INPUT_VOLTAGE, 3)?;
+        if let Some([v0, v1, celsius]) = power.as_deref() {
+            servo.voltage_v = Some(volts(u16::from_le_bytes([*v0, *v1])));
+            servo.temperature_c = Some(*celsius);
+        }
+        Ok(())
+    }
+
+    /// So many bytes of a servo's control table; `None` if no good answer came.
+    fn read(&mut self, id: u8, at: u16, length: u16) -> Result<Option<Vec<u8>>, PortError> {
+        for _ in 0..TRIES {
+            self.parser.clear();
+            self.port.write(self.encoder.read(id, at, length))?;
+            let bytes = usize::from(length) + PING_ANSWER_BYTES * 2;
+            let end_ns = now_ns() + MARGIN_NS + wire_ns(bytes, self.baud);
+            while let Some(left_ns) = end_ns.checked_sub(now_ns()).filter(|left| *left > 0) {
+                let n = self
+                    .port
+                    .read(self.parser.space(), Duration::from_nanos(left_ns))?;
+                self.parser.filled(n);
+                let mut refused = false;
+                while let Some(packet) = self.parser.next_packet() {
+                    let Ok(packet) = packet else {
+                        self.damaged += 1;
+                        continue;
+                    };
+                    if packet.id != id || packet.instruction != Instruction::Status as u8 {
+                        continue;
+                    }
+                    match packet.parameters {
+                        [_, data @ ..] if data.len() == usize::from(length) => {
+                            return Ok(Some(data.to_vec()));
+                        }
+                        [error, ..] => refused |= StatusByte(*error).error().is_some(),
+                        [] => {}
+                    }
+                }
+                if refused {
+                    break;
+                }
+            }
+        }
+        Ok(None)
+    }
+}
