@@ -1,8 +1,9 @@
-//! The `taxel` command: look at a tactile hand, play recordings and scenes to it, compress offline.
+//! The `taxel` command: look at a tactile hand, play recordings and scenes to it, compress offline, find what is wrong.
 
 mod allocations;
 mod compress;
 mod demo;
+mod doctor;
 mod eval;
 mod image_line;
 mod image_output;
@@ -37,6 +38,7 @@ Examples:
   taxel replay grasp.log --to can:vcan0          a recording back onto a bus
   taxel compress grasp.npz --out images.npz      the daemon's compression, offline
   taxel eval grasp.npz                           what it loses and what it costs, every method
+  taxel doctor                                   what is wrong with this machine and this hand
 
 `taxel COMMAND --help` explains each. CAN sources are can:INTERFACE, udp:GROUP:PORT, log:FILE and sim:SCENE.";
 
@@ -48,6 +50,7 @@ enum Command {
     Compress(compress::Args),
     Eval(Box<eval::Args>),
     Sim(sim::Args),
+    Doctor(Box<doctor::Args>),
 }
 
 fn main() -> ExitCode {
@@ -58,6 +61,12 @@ fn main() -> ExitCode {
         Command::Compress(args) => compress::run(&args),
         Command::Eval(args) => eval::run(&args),
         Command::Sim(args) => sim::run(&args),
+        Command::Doctor(args) => match doctor::run(&args) {
+            Ok(true) => Ok(()),
+            // What is wrong was said already.
+            Ok(false) => return ExitCode::FAILURE,
+            Err(error) => Err(error),
+        },
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

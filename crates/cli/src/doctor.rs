@@ -1,0 +1,531 @@
+//! `taxel doctor`: what is wrong with this machine and this hand, and how to mend it.
+
+mod access;
+mod capacity;
+mod daemon;
+mod ears;
+mod finding;
+mod hand;
+mod link;
+mod live;
+mod machine;
+mod picture;
+mod report;
+mod servos;
+
+use crate::input::DEFAULT_LAYOUT;
+use crate::interrupt::Interrupt;
+use access::{FileFacts, PortFacts, User};
+use anyhow::{Context, bail};
+use daemon::Daemon;
+use ears::Ears;
+use finding::{Check, State};
+use live::Manners;
+use report::{Report, Style};
+use serde_json::json;
+use std::collections::BTreeSet;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use taxel_can::SourceAddress;
+use taxel_joints::{JointSource, JointsConfig};
+use taxel_skin::{Layout, Protocol};
+use taxeld::Config;
+
+/// Where the service has its configuration.
+const CONFIG: &str = "/etc/taxeld/taxeld.toml";
+/// Bit rates that servos may be set to, the likely ones first.
+const BAUDS: [u32; 7] = [
+    57_600, 1_000_000, 3_000_000, 4_000_000, 2_000_000, 115_200, 4_500_000,
+];
+
+/// Look at this machine and this hand, and say what is wrong and how to mend it.
+///
+/// Without options the configuration of the service is taken (/etc/taxeld/taxeld.toml), else the default hand on can0
+/// and can1. While a daemon runs, it is asked, and its buses are left alone. Otherwise the boards are asked who they
+/// are, started, listened to and stopped again, but only on buses where nobody else speaks; servos are pinged and
+/// read. The hand must not be touched meanwhile.
+///
+/// Exit code: 0 if nothing is an error, 1 otherwise.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  taxel doctor                                   this machine, and the hand of the service
+  taxel doctor --config hand.toml --json
+  taxel doctor --layout uskin-module can:can0    one module on can0
+  taxel doctor --listen-only                     send nothing at all
+  taxel doctor --joints dynamixel:/dev/ttyUSB0 --ids 1-16")]
+pub(crate) struct Args {
+    /// Where the buses of the hand are, in the layout's order: can:INTERFACE, udp:GROUP:PORT, log:FILE or sim:SCENE
+    /// [default: can: and the layout's names]
+    #[arg(value_name = "SOURCE", conflicts_with = "config")]
+    sources: Vec<SourceAddress>,
+    /// The daemon's configuration file
+    #[arg(long, value_name = "FILE", conflicts_with = "layout")]
+    config: Option<PathBuf>,
+    /// The hand: a built-in name or a layout file [default: allegro-uskin-15]
+    #[arg(long, value_name = "LAYOUT")]
+    layout: Option<String>,
+    /// Where joint angles come from: dynamixel:DEVICE or allegro:INTERFACE
+    #[arg(long, value_name = "SOURCE", conflicts_with = "config")]
+    joints: Option<JointSource>,
+    /// Ids of the servos, such as 1-16 or 1,2,11-14
+    #[arg(long, value_name = "IDS", requires = "joints")]
+    ids: Option<String>,
+    /// Bits per second of the servos
+    #[arg(long, value_name = "N", requires = "joints", default_value_t = 1_000_000)]
+    baud: u32,
+    /// How long to listen to the hand; below 2.5 s there is no verdict on its taxels
+    #[arg(long, value_name = "S", default_value_t = 4.0)]
+    seconds: f64,
+    /// Send nothing, neither to boards nor to servos
+    #[arg(long)]
+    listen_only: bool,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the checks; says whether there was no error.
+pub(crate) fn run(args: &Args) -> anyhow::Result<bool> {
+    if !(args.seconds > 0.0 && args.seconds <= 3600.0) {
+        bail!("--seconds {} is no time to listen", args.seconds);
+    }
+    let interrupt = Interrupt::install()?;
+    let (config, origin) = args.configuration()?;
+    let mut doctor = Doctor {
+        report: (!args.json).then(|| Report::new(io::stdout(), Style::of_stdout())),
+        checks: Vec::new(),
+    };
+    if !args.json {
+        println!("{origin}\n");
+    }
+    let root = Path::new("/");
+    let links = doctor.look_at_machine(root, &config)?;
+    let running = doctor.look_at_daemon(root, &config)?;
+    if !running {
+        doctor.look_at_hand(args, &config, &links, interrupt)?;
+        doctor.look_at_servos(args, &config, root)?;
+    }
+    let healthy = doctor.checks.iter().all(|c| c.state != State::Error);
+    if args.json {
+        let checks: Vec<_> = doctor.checks.iter().map(Check::json).collect();
+        writeln!(
+            io::stdout(),
+            "{}",
+            json!({ "checks": checks, "healthy": healthy })
+        )
+        .context("stdout")?;
+    } else {
+        writeln!(io::stdout(), "\n{}", report::summary(&doctor.checks)).context("stdout")?;
+    }
+    Ok(healthy)
+}
+
+impl Args {
+    /// What the daemon would run, and where that comes from.
+    fn configuration(&self) -> anyhow::Result<(Config, String)> {
+        let named_here = self.layout.is_some() || !self.sources.is_empty() || self.joints.is_some();
+        let service = Path::new(CONFIG);
+        let file = match &self.config {
+            Some(file) => Some(file.as_path()),
+            None => (!named_here && service.is_file()).then_some(service),
+        };
+        if let Some(file) = file {
+            let config = Config::load(file)?;
+            let origin = format!("{}: {}", file.display(), describe(&config));
+            return Ok((config, origin));
+        }
+        let layout = Layout::resolve(self.layout.as_deref().unwrap_or(DEFAULT_LAYOUT))?;
+        let sources = match self.sources.is_empty() {
+            false => self.sources.clone(),
+            true => layout
+                .buses
+                .iter()
+                .map(|bus| format!("can:{bus}").parse())
+                .collect::<Result<_, _>>()?,
+        };
+        if sources.len() != layout.buses.len() {
+            bail!(
+                "layout {} needs a source for each of its buses ({}): {}, not {}",
+                layout.name,
+                layout.buses.join(", "),
+                layout.buses.len(),
+                sources.len()
+            );
+        }
+        let mut config = Config::new(layout, sources);
+        config.joints = self.joints()?;
+        let origin = format!("no configuration file: {}", describe(&config));
+        Ok((config, origin))
+    }
+
+    fn joints(&self) -> anyhow::Result<Option<JointsConfig>> {
+        let Some(source) = &self.joints else {
+            return Ok(None);
+        };
+        let JointSource::Dynamixel { path } = source else {
+            let mut config = JointsConfig::dynamixel("", []);
+            config.source = source.clone();
+            return Ok(Some(config));
+        };
+        let ids = self
+            .ids
+            .as_deref()
+            .context("--joints dynamixel: needs --ids, such as --ids 1-16")?;
+        let mut config = JointsConfig::dynamixel(path, parse_ids(ids)?);
+        config.baud = self.baud;
+        config.check()?;
+        Ok(Some(config))
+    }
+}
+
+fn describe(config: &Config) -> String {
+    let buses: Vec<String> = config
+        .layout
+        .buses
+        .iter()
+        .zip(&config.sources)
+        .map(|(bus, source)| {
+            let source = source.to_string();
+            if source == format!("can:{bus}") {
+                source
+            } else {
+                format!("{bus} = {source}")
+            }
+        })
+        .collect();
+    format!("hand {} on {}", config.layout.name, buses.join(", "))
+}
+
+/// Ids such as `1-16` or `1,2,11-14`.
+fn parse_ids(text: &str) -> anyhow::Result<Vec<u8>> {
+    let mut ids = Vec::new();
+    for part in text.split(',') {
+        let (first, last) = part.split_once('-').unwrap_or((part, part));
+        let id = |text: &str| {
+            text.trim()
+                .parse::<u8>()
+                .with_context(|| format!("--ids {text}: ids are 0 to 252, as in 1-16 or 1,2,11-14"))
+        };
+        ids.extend(id(first)?..=id(last)?);
+    }
+    Ok(ids)
+}
+
+/// Findings as they come: shown at once, kept for the summary.
+struct Doctor {
+    report: Option<Report<io::Stdout>>,
+    checks: Vec<Check>,
+}
+
+impl Doctor {
+    fn tell(&mut self, checks: Vec<Check>) -> anyhow::Result<()> {
+        if let Some(report) = &mut self.report {
+            report.write(&checks).context("stdout")?;
+        }
+        self.checks.extend(checks);
+        Ok(())
+    }
+
+    fn draw(&mut self, layout: &Layout, marks: &[Option<char>]) -> anyhow::Result<()> {
+        match &mut self.report {
+            Some(report) => report.lines(&picture::draw(layout, marks)).context("stdout"),
+            None => Ok(()),
+        }
+    }
+
+    /// The machine and its CAN interfaces; returns what was read of those.
+    fn look_at_machine(&mut self, root: &Path, config: &Config) -> anyhow::Result<Vec<link::LinkFacts>> {
+        let allegro = match &config.joints {
+            Some(JointsConfig {
+                source: JointSource::Allegro { bus },
+                ..
+            }) => Some(bus),
+            _ => None,
+        };
+        let interfaces: BTreeSet<&str> = config
+            .sources
+            .iter()
+            .chain(allegro)
+            .filter_map(|source| match source {
+                SourceAddress::Can { interface } => Some(interface.as_str()),
+                _ => None,
+            })
+            .collect();
+        let needs = machine::Needs {
+            can: !interfaces.is_empty(),
+            sockets: (config.sources.iter())
+                .any(|s| matches!(s, SourceAddress::Can { .. } | SourceAddress::Udp { .. })),
+            receive_buffer_kib: config.can.receive_buffer_kib,
+            priority: config.realtime.priority,
+            lock_memory: config.realtime.lock_memory,
+        };
+        let facts = machine::MachineFacts::read(root).with_can_sockets();
+        self.tell(machine::check(&facts, &needs))?;
+        let mut links = Vec::new();
+        for name in interfaces {
+            if facts.no_af_can.is_some() {
+                let why = "not looked at: the kernel has no CAN sockets (see AF_CAN)";
+                self.tell(vec![Check::skipped("link", "interface", name, why)])?;
+                continue;
+            }
+            let link = link::LinkFacts::read(root, name);
+            self.tell(link::check(&link, bitrate_of(config, name)))?;
+            links.push(link);
+        }
+        Ok(links)
+    }
+
+    /// A daemon that runs, or the place where one would have its sockets; says whether one runs.
+    fn look_at_daemon(&mut self, root: &Path, config: &Config) -> anyhow::Result<bool> {
+        const AREA: &str = "daemon";
+        let control = &config.socket.control;
+        let path = control.display().to_string();
+        match daemon::ask(control) {
+            Daemon::Running(status) => {
+                self.tell(daemon::check(&status))?;
+                if let Some(marks) = daemon::marks(&status, &config.layout) {
+                    self.draw(&config.layout, &marks)?;
+                }
+                return Ok(true);
+            }
+            Daemon::Forbidden => {
+                let group = FileFacts::read(root, control).map_or("tactile".into(), |f| f.group);
+                self.tell(vec![
+                    Check::error(
+                        AREA,
+                        "control socket",
+                        path,
+                        "is there, and this user may not use it",
+                    )
+                    .run(format!("sudo usermod -aG {group} $USER    # then log in anew"))
+                    .advise("a daemon seems to run, so its buses are left alone"),
+                ])?;
+                return Ok(true);
+            }
+            Daemon::Strange(why) => self.tell(vec![
+                Check::warning(
+                    AREA,
+                    "control socket",
+                    path,
+                    format!("does not answer as taxeld does: {why}"),
+                )
+                .run("systemctl status taxeld"),
+            ])?,
+            Daemon::Absent => self.tell(vec![check_folder(root, control)])?,
+        }
+        Ok(false)
+    }
+
+    fn look_at_hand(
+        &mut self,
+        args: &Args,
+        config: &Config,
+        links: &[link::LinkFacts],
+        interrupt: Interrupt,
+    ) -> anyhow::Result<()> {
+        const AREA: &str = "hand";
+        let layout = &config.layout;
+        if layout.buses.is_empty() {
+            let why = format!("layout {} has no boards: it is for arrays in files", layout.name);
+            return self.tell(vec![Check::skipped(AREA, "boards", "", why)]);
+        }
+        if !args.json {
+            self.announce(args, config)?;
+        }
+        let receive_buffer = config.can.receive_buffer_kib as usize * 1024;
+        let (mut ears, failures) = Ears::open(&config.sources, Some(layout), receive_buffer, interrupt);
+        let no_can = self
+            .checks
+            .iter()
+            .any(|c| c.name == "AF_CAN" && c.state == State::Error);
+        for (bus, error) in &failures {
+            let name = &layout.buses[*bus];
+            // Its cause was told above.
+            let check = match (&config.sources[*bus], no_can) {
+                (SourceAddress::Can { .. }, true) => Check::skipped(
+                    AREA,
+                    "source",
+                    name,
+                    "cannot be heard without CAN sockets (see AF_CAN)",
+                ),
+                _ => Check::error(AREA, "source", name, format!("{error:#}")),
+            };
+            self.tell(vec![check])?;
+        }
+        if failures.len() == config.sources.len() {
+            // What needs no hearing is told all the same.
+            let capacity = (0..layout.buses.len()).filter_map(|bus| {
+                capacity::check(
+                    layout,
+                    bus as u8,
+                    &config.boards,
+                    link::BITRATE,
+                    &layout.buses[bus],
+                )
+            });
+            return self.tell(capacity.collect());
+        }
+        let bitrates: Vec<u64> = config
+            .sources
+            .iter()
+            .map(|source| match source {
+                SourceAddress::Can { interface } => links
+                    .iter()
+                    .find(|link| link.name == *interface)
+                    .and_then(link::LinkFacts::bitrate)
+                    .unwrap_or(link::BITRATE),
+                _ => link::BITRATE,
+            })
+            .collect();
+        let manners = Manners {
+            listen_only: args.listen_only,
+            seconds: args.seconds,
+        };
+        let Some(facts) = live::examine(config, &bitrates, manners, &mut ears)? else {
+            bail!("stopped before the hand was heard");
+        };
+        self.tell(hand::check(layout, &config.boards, &facts))?;
+        self.draw(layout, &hand::marks(&facts))
+    }
+
+    /// Says beforehand what will be sent.
+    fn announce(&mut self, args: &Args, config: &Config) -> anyhow::Result<()> {
+        let recorded = config
+            .sources
+            .iter()
+            .all(|s| matches!(s, SourceAddress::Log { .. }));
+        let commanded = config
+            .layout
+            .modules
+            .iter()
+            .any(|m| m.protocol.takes_commands() || m.hub.is_some());
+        let text = match (recorded, args.listen_only || !commanded) {
+            (true, _) => return Ok(()),
+            (_, true) => format!(
+                "Listening to the hand for {} s, sending nothing. Do not touch it.",
+                args.seconds
+            ),
+            _ => format!(
+                "Asking the boards who they are, starting them and listening for {} s, but only on buses where nobody else \
+                 speaks (--listen-only sends nothing). Do not touch the hand.",
+                args.seconds
+            ),
+        };
+        let lines = report::wrap(&text, 78);
+        writeln!(io::stdout(), "\n{}", lines.join("\n")).context("stdout")
+    }
+
+    fn look_at_servos(&mut self, args: &Args, config: &Config, root: &Path) -> anyhow::Result<()> {
+        const AREA: &str = "servos";
+        let Some(joints) = &config.joints else {
+            return Ok(());
+        };
+        let JointSource::Dynamixel { path } = &joints.source else {
+            return Ok(());
+        };
+        let port = PortFacts::read(root, path);
+        let checks = access::check_port(&port, &User::read(root));
+        let usable = checks.iter().all(|c| c.state != State::Error);
+        self.tell(checks)?;
+        if !usable {
+            return Ok(());
+        }
+        let name = path.display().to_string();
+        if args.listen_only {
+            let why = "not asked: servos speak only when they are spoken to (--listen-only)";
+            return self.tell(vec![Check::skipped(AREA, "bus", name, why)]);
+        }
+        let expected: Vec<u8> = joints.servo.iter().map(|s| s.id).collect();
+        let survey = match taxel_joints::survey(path, joints.baud, &expected) {
+            Ok(survey) => survey,
+            Err(error) => {
+                return self
+                    .tell(vec![Check::error(AREA, "port", name, error.to_string()).run(
+                        format!("sudo fuser -v {}    # who has it open", path.display()),
+                    )]);
+            }
+        };
+        let mut elsewhere = Vec::new();
+        if survey.servos.is_empty() {
+            for baud in BAUDS.into_iter().filter(|baud| *baud != joints.baud) {
+                let found = taxel_joints::scan(path, baud).unwrap_or_default();
+                if !found.is_empty() {
+                    elsewhere.push((baud, found.iter().map(|s| s.id).collect()));
+                    break;
+                }
+            }
+        }
+        let facts = servos::ServoFacts { survey, elsewhere };
+        self.tell(servos::check(joints, path, &facts))
+    }
+}
+
+/// What bit rate the boards on an interface need; `None` where that is not public (CySkin).
+fn bitrate_of(config: &Config, interface: &str) -> Option<u64> {
+    let bus = config
+        .sources
+        .iter()
+        .position(|s| matches!(s, SourceAddress::Can { interface: i } if i == interface));
+    let Some(bus) = bus else {
+        // Only the Allegro hand's.
+        return Some(link::BITRATE);
+    };
+    let mut modules = config.layout.modules.iter().filter(|m| usize::from(m.bus) == bus);
+    modules
+        .any(|m| m.protocol != Protocol::Cyskin)
+        .then_some(link::BITRATE)
+}
+
+/// Whether a daemon could have its sockets here.
+fn check_folder(root: &Path, control: &Path) -> Check {
+    const NAME: &str = "taxeld";
+    let folder = control.parent().unwrap_or(Path::new("."));
+    let not_running = format!("does not run (nobody answers at {})", control.display());
+    let user = User::read(root);
+    let existing = folder
+        .ancestors()
+        .find(|dir| dir.is_dir())
+        .unwrap_or(Path::new("/"));
+    match FileFacts::read(root, existing) {
+        Some(file) if !user.may_use(&file) => {
+            let check = Check::warning(
+                "daemon",
+                NAME,
+                "",
+                format!(
+                    "{not_running}, and this user could not start it: {} is not writable",
+                    existing.display()
+                ),
+            );
+            check.run("sudo systemctl enable --now taxeld").advise(format!(
+                "or run taxeld by hand with [socket] paths in a folder of your own, or as a member of group {}",
+                file.group
+            ))
+        }
+        _ => Check::ok("daemon", NAME, "", not_running),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ids_are_ranges_and_lists() {
+        assert_eq!(parse_ids("1-4").unwrap(), [1, 2, 3, 4]);
+        assert_eq!(parse_ids("1,2,11-13").unwrap(), [1, 2, 11, 12, 13]);
+        for text in ["", "a", "1-", "300", "1-300"] {
+            let error = parse_ids(text).unwrap_err();
+            assert!(error.to_string().contains("--ids"), "{text}: {error}");
+        }
+    }
+
+    #[test]
+    fn the_bit_rate_is_asked_of_those_boards_whose_it_is_public() {
+        let layout = Layout::builtin("uskin-module").unwrap();
+        let config = Config::new(layout, vec!["can:can0".parse().unwrap()]);
+        assert_eq!(bitrate_of(&config, "can0"), Some(1_000_000));
+        assert_eq!(bitrate_of(&config, "can9"), Some(1_000_000), "an Allegro hand's");
+    }
+}

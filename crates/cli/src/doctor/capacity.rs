@@ -1,0 +1,172 @@
+//! What a bus can carry and what its boards want of it (protocols.md 2.5).
+
+use super::finding::Check;
+use taxel_can::CanFrame;
+use taxel_skin::{BoardsConfig, BoardsMode, Layout, Module, Protocol};
+
+/// Bits of a standard frame of eight bytes, interframe space included, without stuffing and with the most of it.
+const FRAME_BITS: [u64; 2] = [111, 135];
+
+/// Fewest and most bits that a frame takes on the wire, interframe space included.
+pub(super) fn frame_bits(frame: &CanFrame) -> [u64; 2] {
+    let data = if frame.is_remote() {
+        0
+    } else {
+        8 * u64::from(frame.dlc())
+    };
+    // Frame fields without data: start to CRC can be stuffed, 13 bits after it cannot.
+    let head = if frame.standard_id().is_some() { 34 } else { 54 };
+    let least = head + data + 13;
+    [least, least + (head + data - 1) / 4]
+}
+
+/// How often a module's board sends its sweep, by what is public of it; `None` where nothing is.
+fn nominal_hz(module: &Module, boards: &BoardsConfig) -> Option<f64> {
+    match module.protocol {
+        Protocol::UskinL1 | Protocol::UskinL2 if boards.mode == BoardsMode::Triggered => {
+            Some(boards.trigger_hz)
+        }
+        // The firmware's timer.
+        Protocol::UskinL1 | Protocol::UskinL2 => Some(100.0),
+        // The manual of 2023.
+        Protocol::UskinL3 => Some(83.0),
+        Protocol::IcubMtb3 | Protocol::IcubMtb4 => {
+            module.icub.map(|setup| 1000.0 / f64::from(setup.period_ms))
+        }
+        Protocol::Cyskin | Protocol::CpmFinger | Protocol::Offline => None,
+    }
+}
+
+/// Whether a bus carries what its boards send at their usual rate. `None` where that is not public.
+pub(super) fn check(
+    layout: &Layout,
+    bus: u8,
+    boards: &BoardsConfig,
+    bitrate: u64,
+    object: &str,
+) -> Option<Check> {
+    const AREA: &str = "hand";
+    const NAME: &str = "bus capacity";
+    let modules: Vec<&Module> = layout.modules.iter().filter(|m| m.bus == bus).collect();
+    let rates: Vec<f64> = modules.iter().filter_map(|m| nominal_hz(m, boards)).collect();
+    let wanted_hz = rates.iter().copied().fold(0.0, f64::max);
+    if rates.len() < modules.len() || wanted_hz == 0.0 {
+        return None;
+    }
+    let frames = layout.frames_per_sweep(bus) as f64;
+    let [most, least] = FRAME_BITS.map(|bits| bitrate as f64 / bits as f64);
+    let needed = frames * wanted_hz;
+    let [low, high] = [needed / most, needed / least].map(|share| share * 100.0);
+    let [slow, fast] = [least / frames, most / frames];
+    let load = format!(
+        "{} at {wanted_hz:.0} Hz: {needed:.0} frames/s, {low:.0} to {high:.0} % of {} Mbit/s",
+        plural(modules.len(), "board"),
+        bitrate as f64 / 1e6
+    );
+    if high <= 100.0 {
+        return Some(Check::ok(AREA, NAME, object, load));
+    }
+    let buses = (high / 86.0).ceil();
+    let found = match low > 100.0 {
+        true => format!(
+            "{load}: they cannot reach {wanted_hz:.0} Hz, at most {slow:.0} to {fast:.0} Hz, and lose sweeps instead"
+        ),
+        false => format!("{load}: at the limit, {slow:.0} to {fast:.0} Hz can be reached"),
+    };
+    let triggered = modules
+        .iter()
+        .all(|m| matches!(m.protocol, Protocol::UskinL1 | Protocol::UskinL2));
+    let check = Check::warning(AREA, NAME, object, found).wanted("at most 100 %");
+    let check = match triggered {
+        // Some room, since commands share the bus: as protocols.md takes 86 % for what works.
+        true => check.advise(format!(
+            "write [boards] mode = \"triggered\" and trigger_hz = {:.0} into the configuration, or spread the boards over \
+             {buses:.0} buses",
+            (slow * 0.86).floor().max(1.0)
+        )),
+        false => check.advise(format!("spread the boards over {buses:.0} buses, or give them a longer period")),
+    };
+    Some(check)
+}
+
+/// `1 board`, `2 boards`.
+pub(super) fn plural(n: usize, word: &str) -> String {
+    format!("{n} {word}{}", if n == 1 { "" } else { "s" })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::finding::{Mend, State};
+    use super::*;
+
+    /// So many L1 phalanges on one bus.
+    fn phalanges(n: usize) -> Layout {
+        let mut text = format!(
+            "name = \"n\"\nimage = {{ width = {}, height = 4 }}\nbuses = [\"b\"]\n",
+            4 * n
+        );
+        for board in 0..n {
+            text += &format!(
+                "[[module]]\nname = \"m{board}\"\npart = \"p\"\nbus = \"b\"\nboard = {board}\nprotocol = \"uskin-l1\"\n\
+                 at = [{}, 0]\n",
+                4 * board
+            );
+        }
+        Layout::parse(&text, "n.toml").unwrap()
+    }
+
+    #[test]
+    fn the_table_of_protocols_2_5_is_met() {
+        let free = BoardsConfig::default();
+        for (n, share, state) in [
+            (1, "1600 frames/s, 18 to 22 %", State::Ok),
+            (2, "3200 frames/s, 36 to 43 %", State::Ok),
+            (4, "6400 frames/s, 71 to 86 %", State::Ok),
+            (5, "8000 frames/s, 89 to 108 %", State::Warning),
+            (15, "24000 frames/s, 266 to 324 %", State::Warning),
+        ] {
+            let check = check(&phalanges(n), 0, &free, 1_000_000, "b").unwrap();
+            assert_eq!(check.state, state, "{n}");
+            assert!(check.found.contains(share), "{}", check.found);
+        }
+        let fifteen = check(&phalanges(15), 0, &free, 1_000_000, "b").unwrap();
+        assert!(
+            fifteen.found.contains("cannot reach 100 Hz, at most 31 to 38 Hz"),
+            "{}",
+            fifteen.found
+        );
+        assert!(
+            matches!(&fifteen.mend[0], Mend::Do(text) if text.contains("trigger_hz = 26") && text.contains("4 buses"))
+        );
+    }
+
+    #[test]
+    fn a_lower_rate_or_a_shorter_hand_fits() {
+        let triggered = BoardsConfig {
+            mode: BoardsMode::Triggered,
+            trigger_hz: 26.0,
+            ..BoardsConfig::default()
+        };
+        assert_eq!(
+            check(&phalanges(15), 0, &triggered, 1_000_000, "b")
+                .unwrap()
+                .state,
+            State::Ok
+        );
+        let finger = Layout::builtin("cpm-finger").unwrap();
+        assert_eq!(check(&finger, 0, &triggered, 1_000_000, "b"), None);
+        let arm = Layout::builtin("icub-forearm").unwrap();
+        assert_eq!(
+            check(&arm, 0, &triggered, 1_000_000, "b").unwrap().state,
+            State::Ok
+        );
+    }
+
+    #[test]
+    fn bits_of_a_frame_are_those_of_the_arithmetic() {
+        let frame = CanFrame::standard(0x710, &[0; 8]).unwrap();
+        assert_eq!(frame_bits(&frame), FRAME_BITS);
+        assert_eq!(frame_bits(&CanFrame::standard(0x201, &[]).unwrap()), [47, 55]);
+        assert_eq!(frame_bits(&CanFrame::extended(1, &[0; 8]).unwrap()), [131, 160]);
+    }
+}

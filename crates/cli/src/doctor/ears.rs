@@ -1,0 +1,203 @@
+//! The buses while the doctor listens to them: opened without filters, read in turns, written to only where asked.
+
+use crate::interrupt::Interrupt;
+use crate::progress::Progress;
+use std::time::Duration;
+use taxel_can::{
+    CanFrame, CanSource, LinkState, Playback, Received, SourceAddress, SourceCounters, SourceOptions,
+    monotonic_ns,
+};
+use taxel_sim::{Scene, SimOptions, SimSource};
+use taxel_skin::Layout;
+
+/// Between two looks at the buses; the smallest kernel queue holds 30 ms of a full bus.
+const TURN: Duration = Duration::from_millis(1);
+const BATCH: usize = 4096;
+
+/// The buses of a hand, or a recording of them.
+pub(super) struct Ears {
+    sources: Vec<Option<Box<dyn CanSource>>>,
+    /// Whether the clock is the machine's; recordings bring their own.
+    live: bool,
+    /// The clock of recordings.
+    recorded_ns: u64,
+    interrupt: Interrupt,
+}
+
+/// Who listens.
+pub(super) trait Listener {
+    /// A frame of a bus; frames of one turn come in the order of their times.
+    fn hear(&mut self, bus: u8, received: &Received);
+
+    /// Called after each turn with the time; ends the listening by returning false.
+    fn turn(&mut self, ears: &mut Ears, now_ns: u64) -> bool;
+}
+
+impl Ears {
+    /// Opens the sources. What cannot be opened stays deaf; the reason is returned with the number of the bus.
+    ///
+    /// `layout` is what a `sim:` source simulates.
+    pub(super) fn open(
+        addresses: &[SourceAddress],
+        layout: Option<&Layout>,
+        receive_buffer: usize,
+        interrupt: Interrupt,
+    ) -> (Self, Vec<(usize, anyhow::Error)>) {
+        let live = !addresses.iter().all(|a| matches!(a, SourceAddress::Log { .. }));
+        let start_ns = if live { monotonic_ns() } else { 0 };
+        let mut failures = Vec::new();
+        let mut sources = Vec::new();
+        for (bus, address) in addresses.iter().enumerate() {
+            let source = match address {
+                SourceAddress::Sim { scene } => simulate(scene, layout, bus, start_ns),
+                address => {
+                    let options = SourceOptions {
+                        receive_buffer,
+                        playback: Playback {
+                            start_ns,
+                            ..Playback::default()
+                        },
+                        ..SourceOptions::default()
+                    };
+                    taxel_can::open(address, &options).map_err(anyhow::Error::from)
+                }
+            };
+            sources.push(source.map_err(|e| failures.push((bus, e))).ok());
+        }
+        let ears = Self {
+            sources,
+            live,
+            recorded_ns: start_ns,
+            interrupt,
+        };
+        (ears, failures)
+    }
+
+    /// The time of the buses, nanoseconds.
+    pub(super) fn now_ns(&self) -> u64 {
+        if self.live {
+            monotonic_ns()
+        } else {
+            self.recorded_ns
+        }
+    }
+
+    pub(super) fn is_live(&self) -> bool {
+        self.live
+    }
+
+    pub(super) fn counters(&self, bus: usize) -> SourceCounters {
+        let source = self.sources.get(bus).and_then(Option::as_ref);
+        source.map_or_else(SourceCounters::default, |s| *s.counters())
+    }
+
+    pub(super) fn link(&self, bus: usize) -> LinkState {
+        let source = self.sources.get(bus).and_then(Option::as_ref);
+        source.map_or(LinkState::Absent, |s| s.link())
+    }
+
+    /// Sends a frame; says whether the bus took it.
+    pub(super) fn send(&mut self, bus: u8, frame: &CanFrame) -> bool {
+        match self.sources.get_mut(usize::from(bus)) {
+            Some(Some(source)) => source.send(frame).is_ok(),
+            _ => false,
+        }
+    }
+
+    /// Listens for `length_ns`, or to the end of a recording. Returns false if the user asked to stop.
+    pub(super) fn listen(&mut self, length_ns: u64, what: &str, listener: &mut dyn Listener) -> bool {
+        let progress = match self.live {
+            true => Progress::new(length_ns / 1_000_000, what),
+            false => Progress::counting("ms of the recording"),
+        };
+        self.run(length_ns, true, &progress, listener)
+    }
+
+    /// The same for what has to be done even if the user asked to stop, such as stopping boards.
+    pub(super) fn finish(&mut self, length_ns: u64, listener: &mut dyn Listener) {
+        let progress = Progress::new(length_ns / 1_000_000, "ms, stopping the boards");
+        self.run(length_ns, false, &progress, listener);
+    }
+
+    fn run(
+        &mut self,
+        length_ns: u64,
+        heed_interrupt: bool,
+        progress: &Progress,
+        listener: &mut dyn Listener,
+    ) -> bool {
+        let begin_ns = self.now_ns();
+        let end_ns = begin_ns.saturating_add(length_ns);
+        let mut shown_ns = begin_ns;
+        let mut frames: Vec<(u8, Received)> = Vec::new();
+        let mut batch = Vec::with_capacity(BATCH);
+        loop {
+            if heed_interrupt && self.interrupt.is_set() {
+                return false;
+            }
+            let now_ns = self.now_ns();
+            for (bus, source) in self.sources.iter_mut().enumerate() {
+                let Some(source) = source else { continue };
+                loop {
+                    let more = source.receive(now_ns, &mut batch);
+                    frames.extend(batch.drain(..).map(|received| (bus as u8, received)));
+                    if !more {
+                        break;
+                    }
+                }
+            }
+            frames.sort_by_key(|(bus, received)| (received.t_ns, *bus));
+            for (bus, received) in frames.drain(..) {
+                listener.hear(bus, &received);
+            }
+            progress.advance((now_ns - shown_ns) / 1_000_000);
+            shown_ns += (now_ns - shown_ns) / 1_000_000 * 1_000_000;
+            if !listener.turn(self, now_ns) || now_ns >= end_ns || self.is_finished() {
+                return true;
+            }
+            self.wait();
+        }
+    }
+
+    fn is_finished(&self) -> bool {
+        self.sources.iter().flatten().all(|s| s.is_finished())
+    }
+
+    fn wait(&mut self) {
+        if self.live {
+            std::thread::sleep(TURN);
+            return;
+        }
+        let next = self
+            .sources
+            .iter()
+            .flatten()
+            .filter_map(|s| s.wakeup().at_ns)
+            .min();
+        self.recorded_ns = next
+            .unwrap_or(self.recorded_ns)
+            .max(self.recorded_ns + TURN.as_nanos() as u64);
+    }
+}
+
+fn simulate(
+    scene: &str,
+    layout: Option<&Layout>,
+    bus: usize,
+    start_ns: u64,
+) -> anyhow::Result<Box<dyn CanSource>> {
+    let scene = Scene::resolve(scene)?;
+    let own;
+    let layout = match layout {
+        Some(layout) => layout,
+        None => {
+            own = Layout::resolve(scene.layout())?;
+            &own
+        }
+    };
+    let options = SimOptions {
+        start_ns,
+        ..SimOptions::default()
+    };
+    Ok(Box::new(SimSource::new(&scene, layout, bus as u8, options)?))
+}

@@ -1,0 +1,149 @@
+//! What a check says: one finding about one thing.
+
+use serde_json::{Value, json};
+
+/// How it stands with what was looked at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum State {
+    /// As it should be.
+    Ok,
+    /// It works, but not as well as it could.
+    Warning,
+    /// It does not work.
+    Error,
+    /// Not looked at; `found` says why.
+    Skipped,
+}
+
+impl State {
+    pub(super) const fn name(self) -> &'static str {
+        match self {
+            State::Ok => "ok",
+            State::Warning => "warning",
+            State::Error => "error",
+            State::Skipped => "skipped",
+        }
+    }
+}
+
+/// What to do about it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum Mend {
+    /// A command, as it is typed.
+    Run(String),
+    /// Something that no command does.
+    Do(String),
+}
+
+/// One finding.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Check {
+    /// Which part of the whole: `machine`, `link`, `daemon`, `hand`, `servos`.
+    pub(super) area: &'static str,
+    /// What was looked at, in a word or two that scripts can compare.
+    pub(super) name: &'static str,
+    /// Of which thing: an interface, a bus, a board, a servo; empty where there is one only.
+    pub(super) object: String,
+    pub(super) state: State,
+    /// What was found.
+    pub(super) found: String,
+    /// What should have been found; empty where there is nothing to add.
+    pub(super) wanted: String,
+    pub(super) mend: Vec<Mend>,
+}
+
+impl Check {
+    fn new(
+        state: State,
+        area: &'static str,
+        name: &'static str,
+        object: impl Into<String>,
+        found: impl Into<String>,
+    ) -> Self {
+        Self {
+            area,
+            name,
+            object: object.into(),
+            state,
+            found: found.into(),
+            wanted: String::new(),
+            mend: Vec::new(),
+        }
+    }
+
+    pub(super) fn ok(
+        area: &'static str,
+        name: &'static str,
+        object: impl Into<String>,
+        found: impl Into<String>,
+    ) -> Self {
+        Self::new(State::Ok, area, name, object, found)
+    }
+
+    pub(super) fn warning(
+        area: &'static str,
+        name: &'static str,
+        object: impl Into<String>,
+        found: impl Into<String>,
+    ) -> Self {
+        Self::new(State::Warning, area, name, object, found)
+    }
+
+    pub(super) fn error(
+        area: &'static str,
+        name: &'static str,
+        object: impl Into<String>,
+        found: impl Into<String>,
+    ) -> Self {
+        Self::new(State::Error, area, name, object, found)
+    }
+
+    pub(super) fn skipped(
+        area: &'static str,
+        name: &'static str,
+        object: impl Into<String>,
+        why: impl Into<String>,
+    ) -> Self {
+        Self::new(State::Skipped, area, name, object, why)
+    }
+
+    #[must_use]
+    pub(super) fn wanted(mut self, wanted: impl Into<String>) -> Self {
+        self.wanted = wanted.into();
+        self
+    }
+
+    /// A command that mends it.
+    #[must_use]
+    pub(super) fn run(mut self, command: impl Into<String>) -> Self {
+        self.mend.push(Mend::Run(command.into()));
+        self
+    }
+
+    /// Advice.
+    #[must_use]
+    pub(super) fn advise(mut self, advice: impl Into<String>) -> Self {
+        self.mend.push(Mend::Do(advice.into()));
+        self
+    }
+
+    /// As `--json` has it; `mend` is one text, a line per step, or null.
+    pub(super) fn json(&self) -> Value {
+        let steps: Vec<&str> = self
+            .mend
+            .iter()
+            .map(|mend| match mend {
+                Mend::Run(text) | Mend::Do(text) => text.as_str(),
+            })
+            .collect();
+        json!({
+            "area": self.area,
+            "name": self.name,
+            "object": self.object,
+            "state": self.state.name(),
+            "found": self.found,
+            "wanted": (!self.wanted.is_empty()).then_some(&self.wanted),
+            "mend": (!steps.is_empty()).then(|| steps.join("\n")),
+        })
+    }
+}

@@ -1,0 +1,544 @@
+//! The CAN interfaces: what sysfs and `ip` say of them, and what is wrong with it.
+//!
+//! Whether an interface exists, is CAN and is up, and what it has counted, is in sysfs. Bit timing, controller state and
+//! `restart-ms` are only told by netlink, which `ip -json -details` prints; without `ip` these stay unknown and the report
+//! says so.
+
+use super::finding::Check;
+use serde_json::Value;
+use std::path::Path;
+use std::process::Command;
+
+const AREA: &str = "link";
+/// `ARPHRD_CAN` of `linux/if_arp.h`.
+const CAN_TYPE: u32 = 280;
+/// `IFF_UP` of `linux/if.h`.
+const UP: u32 = 1;
+/// What every public description of these boards says (protocols.md 1.2, 2.5, 3).
+pub(super) const BITRATE: u64 = 1_000_000;
+const RESTART_MS: u64 = 100;
+const TXQUEUELEN: u64 = 100;
+
+/// An interface of the configuration.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct LinkFacts {
+    pub(super) name: String,
+    /// What sysfs has of it; `None` where there is no interface of that name.
+    pub(super) sysfs: Option<SysfsLink>,
+    /// What `ip` tells of it, or why nothing.
+    pub(super) details: Result<LinkDetails, String>,
+    /// The CAN interfaces there are.
+    pub(super) others: Vec<String>,
+}
+
+#[derive(Debug, Default, Clone, PartialEq)]
+pub(super) struct SysfsLink {
+    /// Kind of hardware address, 280 for CAN.
+    pub(super) kind: u32,
+    pub(super) flags: u32,
+    pub(super) tx_queue_len: Option<u64>,
+    /// Counts of `statistics`: frames received, lost in the controller, lost in the kernel.
+    pub(super) rx_packets: u64,
+    pub(super) rx_over_errors: u64,
+    pub(super) rx_dropped: u64,
+}
+
+/// What `ip -json -details` knows beyond that.
+#[derive(Debug, Default, Clone, PartialEq)]
+pub(super) struct LinkDetails {
+    /// `can`, `vcan`, `vxcan`, `slcan`.
+    pub(super) kind: String,
+    /// Such as `ERROR-ACTIVE`; virtual interfaces have none.
+    pub(super) state: Option<String>,
+    pub(super) bitrate: Option<u64>,
+    pub(super) sample_point: Option<f64>,
+    pub(super) restart_ms: Option<u64>,
+    /// Error counters of the controller, transmit and receive.
+    pub(super) errors: Option<[u64; 2]>,
+    /// How often the controller went bus-off and was restarted.
+    pub(super) bus_off: u64,
+    pub(super) restarts: u64,
+}
+
+impl LinkFacts {
+    /// Looks at an interface; `root` is `/` but in tests.
+    pub(super) fn read(root: &Path, name: &str) -> Self {
+        let net = root.join("sys/class/net");
+        let sysfs = SysfsLink::read(&net.join(name));
+        let details = match sysfs {
+            Some(_) => ask_ip(name),
+            None => Err("there is no such interface".into()),
+        };
+        Self {
+            name: name.into(),
+            sysfs,
+            details,
+            others: can_interfaces(&net),
+        }
+    }
+
+    /// The bit rate of the interface, where it is known.
+    pub(super) fn bitrate(&self) -> Option<u64> {
+        self.details.as_ref().ok()?.bitrate
+    }
+}
+
+impl SysfsLink {
+    fn read(dir: &Path) -> Option<Self> {
+        let text = |file: &str| std::fs::read_to_string(dir.join(file)).ok();
+        let count = |file: &str| text(&format!("statistics/{file}")).and_then(|t| t.trim().parse().ok());
+        let flags = text("flags")?;
+        Some(Self {
+            kind: text("type")?.trim().parse().ok()?,
+            flags: u32::from_str_radix(flags.trim().trim_start_matches("0x"), 16).ok()?,
+            tx_queue_len: text("tx_queue_len").and_then(|t| t.trim().parse().ok()),
+            rx_packets: count("rx_packets").unwrap_or(0),
+            rx_over_errors: count("rx_over_errors").unwrap_or(0),
+            rx_dropped: count("rx_dropped").unwrap_or(0),
+        })
+    }
+}
+
+fn can_interfaces(net: &Path) -> Vec<String> {
+    let mut names: Vec<String> = std::fs::read_dir(net)
+        .into_iter()
+        .flatten()
+        .flatten()
+        .filter(|entry| SysfsLink::read(&entry.path()).is_some_and(|link| link.kind == CAN_TYPE))
+        .map(|entry| entry.file_name().to_string_lossy().into_owned())
+        .collect();
+    names.sort();
+    names
+}
+
+fn ask_ip(name: &str) -> Result<LinkDetails, String> {
+    let said = Command::new("ip")
+        .args(["-json", "-details", "-statistics", "link", "show", "dev", name])
+        .output();
+    match said {
+        Err(error) => Err(format!("the command `ip` cannot be run ({error})")),
+        Ok(output) if !output.status.success() => {
+            Err(String::from_utf8_lossy(&output.stderr).trim().to_string())
+        }
+        Ok(output) => parse(&String::from_utf8_lossy(&output.stdout)),
+    }
+}
+
+/// The answer of `ip -json -details link show dev NAME`.
+pub(super) fn parse(text: &str) -> Result<LinkDetails, String> {
+    let bad = |why: &str| format!("`ip -json` of this machine says something unexpected ({why})");
+    let value: Value = serde_json::from_str(text).map_err(|e| bad(&e.to_string()))?;
+    let link = value
+        .as_array()
+        .and_then(|links| links.iter().find(|link| link["ifname"].is_string()))
+        .ok_or_else(|| bad("no interface in it"))?;
+    let info = &link["linkinfo"];
+    let data = &info["info_data"];
+    let timing = &data["bittiming"];
+    // The sample point is a text in some versions of iproute2 and a number in others.
+    let sample_point = &timing["sample_point"];
+    let sample_point = sample_point
+        .as_f64()
+        .or_else(|| sample_point.as_str()?.parse().ok());
+    let errors = match [&data["berr_counter"]["tx"], &data["berr_counter"]["rx"]].map(Value::as_u64) {
+        [Some(tx), Some(rx)] => Some([tx, rx]),
+        _ => None,
+    };
+    let counted = |key: &str| info["info_xstats"][key].as_u64().unwrap_or(0);
+    Ok(LinkDetails {
+        kind: info["info_kind"].as_str().unwrap_or("").to_string(),
+        state: data["state"].as_str().map(str::to_string),
+        bitrate: timing["bitrate"].as_u64().filter(|rate| *rate > 0),
+        sample_point,
+        // A delay of 0 is left out where the controller is not restarted.
+        restart_ms: (info["info_kind"] == "can").then(|| data["restart_ms"].as_u64().unwrap_or(0)),
+        errors,
+        bus_off: counted("bus_off"),
+        restarts: counted("restarts"),
+    })
+}
+
+/// What is to be said of an interface. `bitrate` is what the boards need, where that is known.
+pub(super) fn check(facts: &LinkFacts, bitrate: Option<u64>) -> Vec<Check> {
+    let name = &facts.name;
+    let ok = |what, found: String| Check::ok(AREA, what, name, found);
+    let Some(sysfs) = &facts.sysfs else {
+        return vec![absent(facts)];
+    };
+    if sysfs.kind != CAN_TYPE {
+        return vec![
+            Check::error(AREA, "interface", name, "is not a CAN interface")
+                .wanted(format!("one of: {}", list(&facts.others))),
+        ];
+    }
+    let details = facts.details.as_ref().ok();
+    let kind = details.map_or("", |d| d.kind.as_str());
+    let is_virtual = matches!(kind, "vcan" | "vxcan");
+    let rate = bitrate.unwrap_or(BITRATE);
+    let bring_up = match is_virtual || (kind.is_empty() && name.starts_with("vcan")) {
+        true => format!("sudo ip link set {name} up"),
+        false => format!("sudo ip link set {name} up type can bitrate {rate} restart-ms {RESTART_MS}"),
+    };
+    let again = format!("sudo ip link set {name} down && {bring_up}");
+
+    let mut checks = Vec::new();
+    let is_up = sysfs.flags & UP != 0;
+    checks.push(match is_up {
+        true => ok(
+            "link",
+            format!(
+                "up{}",
+                if kind.is_empty() {
+                    String::new()
+                } else {
+                    format!(", {kind}")
+                }
+            ),
+        ),
+        false => Check::error(AREA, "link", name, "is down")
+            .wanted("up")
+            .run(&bring_up),
+    });
+    match (&facts.details, details) {
+        (Err(why), _) => checks.push(
+            Check::skipped(AREA, "bit timing", name, format!("unknown: {why}"))
+                .run("sudo apt-get install iproute2"),
+        ),
+        (_, Some(details)) if !is_virtual => {
+            checks.extend(check_controller(name, details, is_up, bitrate, &again));
+        }
+        _ => {}
+    }
+    if let Some(len) = sysfs.tx_queue_len {
+        checks.push(match len >= TXQUEUELEN {
+            true => ok("txqueuelen", len.to_string()),
+            false => Check::warning(AREA, "txqueuelen", name, len.to_string())
+                .wanted(format!("{TXQUEUELEN}, so that commands to all boards fit"))
+                .run(format!("sudo ip link set {name} txqueuelen {TXQUEUELEN}")),
+        });
+    }
+    let lost = sysfs.rx_over_errors + sysfs.rx_dropped;
+    checks.push(match lost {
+        0 => ok("lost frames", format!("none of {}", sysfs.rx_packets)),
+        _ => Check::warning(
+            AREA,
+            "lost frames",
+            name,
+            format!(
+                "{} lost in the controller, {} dropped by the kernel, {} received since the interface exists",
+                sysfs.rx_over_errors, sysfs.rx_dropped, sysfs.rx_packets
+            ),
+        )
+        .wanted("none")
+        .advise(
+            "a slow adapter or a busy machine: try another USB port, and look whether the number still grows",
+        ),
+    });
+    checks
+}
+
+fn absent(facts: &LinkFacts) -> Check {
+    let name = &facts.name;
+    let check = Check::error(AREA, "interface", name, "does not exist");
+    if name.starts_with("vcan") {
+        return check.run(format!(
+            "sudo modprobe vcan && sudo ip link add {name} type vcan && sudo ip link set {name} up"
+        ));
+    }
+    if name.starts_with("slcan") {
+        return check.run(format!(
+            "sudo slcand -o -s8 -S 3000000 /dev/ttyACM0 {name} && sudo ip link set {name} up"
+        ));
+    }
+    check
+        .advise(format!(
+            "plug the adapter in, and look with `ip -details link show type can`; there is: {}",
+            list(&facts.others)
+        ))
+        .advise("if the adapter is there under another name, write that into the configuration")
+}
+
+fn list(names: &[String]) -> String {
+    match names.is_empty() {
+        true => "no CAN interface at all".into(),
+        false => names.join(", "),
+    }
+}
+
+fn check_controller(
+    name: &str,
+    details: &LinkDetails,
+    is_up: bool,
+    wanted: Option<u64>,
+    again: &str,
+) -> Vec<Check> {
+    let mut checks = Vec::new();
+    let counters = match details.errors {
+        Some([tx, rx]) => format!(" (error counters: transmit {tx}, receive {rx})"),
+        None => String::new(),
+    };
+    if is_up && let Some(state) = &details.state {
+        let words = state.to_lowercase();
+        let found = format!("{words}{counters}");
+        checks.push(match state.as_str() {
+            "ERROR-ACTIVE" => Check::ok(AREA, "state", name, found),
+            "BUS-OFF" => Check::error(AREA, "state", name, found)
+                .wanted("error-active")
+                .run(format!("sudo ip link set {name} type can restart"))
+                .advise(WIRING),
+            _ => Check::warning(AREA, "state", name, found)
+                .wanted("error-active")
+                .advise(WIRING),
+        });
+    }
+    match (details.bitrate, wanted) {
+        (Some(rate), Some(wanted)) if rate != wanted => checks.push(
+            Check::error(AREA, "bit rate", name, format!("{rate} bit/s"))
+                .wanted(format!("{wanted} bit/s"))
+                .run(again),
+        ),
+        (Some(rate), _) => checks.push(Check::ok(AREA, "bit rate", name, format!("{rate} bit/s"))),
+        (None, _) => checks.push(
+            Check::error(AREA, "bit rate", name, "not set")
+                .wanted(format!("{} bit/s", wanted.unwrap_or(BITRATE)))
+                .run(again),
+        ),
+    }
+    if let Some(point) = details.sample_point {
+        let found = format!("{:.1} %", point * 100.0);
+        checks.push(match (0.5..=0.9).contains(&point) {
+            true => Check::ok(AREA, "sample point", name, found),
+            false => Check::warning(AREA, "sample point", name, found)
+                .wanted("50 to 90 %; 75 to 87.5 % is usual")
+                .run(format!("{again} sample-point 0.8")),
+        });
+    }
+    match details.restart_ms {
+        Some(0) => checks.push(
+            Check::warning(AREA, "restart-ms", name, "0: after bus-off it stays off for ever")
+                .wanted(RESTART_MS.to_string())
+                .run(again),
+        ),
+        Some(ms) => checks.push(Check::ok(AREA, "restart-ms", name, ms.to_string())),
+        None => {}
+    }
+    if details.bus_off > 0 {
+        checks.push(
+            Check::warning(
+                AREA,
+                "bus-off",
+                name,
+                format!(
+                    "{} times so far, restarted {} times",
+                    details.bus_off, details.restarts
+                ),
+            )
+            .wanted("never")
+            .advise(WIRING),
+        );
+    }
+    checks
+}
+
+const WIRING: &str = "look at the wiring: CAN-H and CAN-L not swapped, a common ground, 120 ohm at both ends of the bus \
+                      (60 ohm between H and L without power), every node at the same bit rate, the boards powered";
+
+#[cfg(test)]
+mod tests {
+    use super::super::finding::{Mend, State};
+    use super::*;
+
+    /// As iproute2 6.1 prints a USB adapter; `state` and the rest are put in.
+    fn can(state: &str, bitrate: u64, restart: &str) -> String {
+        format!(
+            r#"[{{"ifindex":4,"ifname":"can0","flags":["NOARP","UP","LOWER_UP","ECHO"],"mtu":16,"qdisc":"pfifo_fast",
+            "operstate":"UP","linkmode":"DEFAULT","group":"default","txqlen":10,"link_type":"can","promiscuity":0,
+            "linkinfo":{{"info_kind":"can","info_data":{{"ctrlmode":["BERR-REPORTING"],"state":"{state}",
+            "berr_counter":{{"tx":0,"rx":0}},{restart}"bittiming":{{"bitrate":{bitrate},"sample_point":"0.750","tq":62,
+            "prop_seg":5,"phase_seg1":6,"phase_seg2":4,"sjw":1,"brp":3}},"bittiming_const":{{"name":"gs_usb"}},
+            "clock":48000000}},"info_xstats":{{"restarts":0,"bus_error":0,"arbitration_lost":0,"error_warning":1,
+            "error_passive":1,"bus_off":2}}}},"num_tx_queues":1,"num_rx_queues":1}}]"#
+        )
+    }
+
+    /// As iproute2 6.1 printed it in a guest.
+    const VCAN: &str = r#"[{"ifindex":2,"ifname":"vcan0","flags":["NOARP","UP","LOWER_UP"],"mtu":72,"qdisc":"noqueue",
+        "operstate":"UNKNOWN","linkmode":"DEFAULT","group":"default","txqlen":1000,"link_type":"can","promiscuity":0,
+        "allmulti":0,"min_mtu":0,"max_mtu":0,"linkinfo":{"info_kind":"vcan"},"num_tx_queues":1,"num_rx_queues":1,
+        "gso_max_size":65536,"gso_max_segs":65535,"stats64":{"rx":{"bytes":15,"packets":8,"errors":0,"dropped":0,
+        "over_errors":0,"multicast":0}}}]"#;
+
+    fn facts(text: &str, flags: u32) -> LinkFacts {
+        LinkFacts {
+            name: "can0".into(),
+            sysfs: Some(SysfsLink {
+                kind: CAN_TYPE,
+                flags,
+                tx_queue_len: Some(100),
+                ..SysfsLink::default()
+            }),
+            details: parse(text),
+            others: vec!["can0".into()],
+        }
+    }
+
+    fn found<'a>(checks: &'a [Check], name: &str) -> &'a Check {
+        checks
+            .iter()
+            .find(|c| c.name == name)
+            .unwrap_or_else(|| panic!("no check of {name}: {checks:?}"))
+    }
+
+    fn command(check: &Check) -> &str {
+        match &check.mend[..] {
+            [Mend::Run(command), ..] => command,
+            other => panic!("no command: {other:?}"),
+        }
+    }
+
+    #[test]
+    fn each_thing_that_is_wrong_has_its_state_and_its_command() {
+        let up = "sudo ip link set can0 up type can bitrate 1000000 restart-ms 100";
+        let again = format!("sudo ip link set can0 down && {up}");
+        let restart = r#""restart_ms":100,"#;
+        let good = can("ERROR-ACTIVE", 1_000_000, restart);
+        for (text, flags, name, state, mend) in [
+            (good.clone(), 0x4_00C0, "link", State::Error, up),
+            (
+                can("ERROR-ACTIVE", 500_000, restart),
+                0x4_00C1,
+                "bit rate",
+                State::Error,
+                &again,
+            ),
+            (
+                can("ERROR-ACTIVE", 1_000_000, ""),
+                0x4_00C1,
+                "restart-ms",
+                State::Warning,
+                &again,
+            ),
+            (
+                can("ERROR-ACTIVE", 1_000_000, r#""restart_ms":0,"#),
+                0x4_00C1,
+                "restart-ms",
+                State::Warning,
+                &again,
+            ),
+            (
+                can("BUS-OFF", 1_000_000, restart),
+                0x4_00C1,
+                "state",
+                State::Error,
+                "sudo ip link set can0 type can restart",
+            ),
+        ] {
+            let checks = check(&facts(&text, flags), Some(1_000_000));
+            let check = found(&checks, name);
+            assert_eq!((check.state, command(check)), (state, mend), "{text}");
+        }
+        let checks = check(&facts(&good, 0x4_00C1), Some(1_000_000));
+        for name in [
+            "link",
+            "state",
+            "bit rate",
+            "sample point",
+            "restart-ms",
+            "txqueuelen",
+            "lost frames",
+        ] {
+            assert_eq!(found(&checks, name).state, State::Ok, "{name}");
+        }
+        assert_eq!(found(&checks, "bus-off").state, State::Warning);
+        assert_eq!(found(&checks, "sample point").found, "75.0 %");
+    }
+
+    #[test]
+    fn error_passive_is_a_matter_of_wiring() {
+        let checks = check(&facts(&can("ERROR-PASSIVE", 1_000_000, ""), 1), None);
+        let state = found(&checks, "state");
+        assert_eq!(state.state, State::Warning);
+        assert!(matches!(&state.mend[0], Mend::Do(advice) if advice.contains("120 ohm")));
+    }
+
+    #[test]
+    fn a_virtual_interface_has_no_bit_timing_to_find_fault_with() {
+        let mut vcan = facts(VCAN, 0x4_00C1);
+        vcan.name = "vcan0".into();
+        let checks = check(&vcan, Some(1_000_000));
+        assert!(checks.iter().all(|c| c.state == State::Ok), "{checks:?}");
+        assert_eq!(found(&checks, "link").found, "up, vcan");
+        vcan.sysfs.as_mut().unwrap().flags = 0x80;
+        assert_eq!(
+            command(found(&check(&vcan, None), "link")),
+            "sudo ip link set vcan0 up"
+        );
+    }
+
+    #[test]
+    fn an_interface_that_is_not_there_is_an_error_with_what_is_there() {
+        let facts = |name: &str| LinkFacts {
+            name: name.into(),
+            sysfs: None,
+            details: Err(String::new()),
+            others: vec!["can3".into()],
+        };
+        let can = &check(&facts("can0"), None)[0];
+        assert_eq!(can.state, State::Error);
+        assert!(matches!(&can.mend[0], Mend::Do(text) if text.contains("can3")));
+        assert!(command(&check(&facts("vcan1"), None)[0]).contains("ip link add vcan1 type vcan"));
+        assert!(command(&check(&facts("slcan0"), None)[0]).starts_with("sudo slcand"));
+    }
+
+    #[test]
+    fn without_ip_the_rest_is_still_said() {
+        for (text, why) in [("", "unexpected"), ("[{}]", "no interface")] {
+            let checks = check(&facts(text, 1), None);
+            assert_eq!(found(&checks, "link").state, State::Ok);
+            let timing = found(&checks, "bit timing");
+            assert_eq!(timing.state, State::Skipped);
+            assert!(timing.found.contains(why), "{}", timing.found);
+        }
+    }
+
+    #[test]
+    fn an_interface_of_another_kind_is_refused_and_lost_frames_are_told() {
+        let mut ethernet = facts(VCAN, 1);
+        ethernet.sysfs.as_mut().unwrap().kind = 1;
+        assert!(check(&ethernet, None)[0].found.contains("not a CAN interface"));
+        let mut lossy = facts(VCAN, 1);
+        lossy.sysfs.as_mut().unwrap().rx_over_errors = 7;
+        lossy.sysfs.as_mut().unwrap().tx_queue_len = Some(10);
+        let checks = check(&lossy, None);
+        assert!(
+            found(&checks, "lost frames")
+                .found
+                .starts_with("7 lost in the controller")
+        );
+        assert!(command(found(&checks, "txqueuelen")).ends_with("txqueuelen 100"));
+    }
+
+    #[test]
+    fn sysfs_is_read_as_the_kernel_writes_it() {
+        let root = tempfile::TempDir::new().unwrap();
+        let dir = root.path().join("sys/class/net/can7");
+        std::fs::create_dir_all(dir.join("statistics")).unwrap();
+        for (file, text) in [
+            ("type", "280\n"),
+            ("flags", "0x400c1\n"),
+            ("tx_queue_len", "10\n"),
+            ("statistics/rx_packets", "1234\n"),
+            ("statistics/rx_over_errors", "2\n"),
+            ("statistics/rx_dropped", "0\n"),
+        ] {
+            std::fs::write(dir.join(file), text).unwrap();
+        }
+        let link = SysfsLink::read(&dir).unwrap();
+        assert_eq!(
+            (link.kind, link.flags, link.rx_packets, link.rx_over_errors),
+            (280, 0x4_00C1, 1234, 2)
+        );
+        let facts = LinkFacts::read(root.path(), "can8");
+        assert_eq!((facts.sysfs, facts.others), (None, vec!["can7".to_string()]));
+    }
+}

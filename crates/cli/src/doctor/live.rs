@@ -1,0 +1,299 @@
+//! Listening to the hand: asks the boards who they are, starts them, hears them, stops them, and speaks on no bus where
+//! somebody else does.
+
+use super::capacity::frame_bits;
+use super::ears::{Ears, Listener};
+use super::hand::{BusFacts, HandFacts, Unclaimed};
+use taxel_can::{CanFrame, LinkState, Received};
+use taxel_skin::{
+    BoardCounters, BoardSupervisor, BoardsMode, Decoded, Decoder, Discovery, DiscoveryReport,
+    ICUB_OUT_OF_RANGE, Layout, Readings,
+};
+use taxeld::Config;
+use taxeld::pipeline::Pipeline;
+
+const MS: u64 = 1_000_000;
+/// How long is listened before anything is sent: two periods of the slowest iCub board.
+const OVERHEAR_NS: u64 = 450 * MS;
+/// A discovery is over after at most about 2.5 s.
+const DISCOVERY_NS: u64 = 4_000 * MS;
+/// Time to hand over the stop commands.
+const STOP_NS: u64 = 500 * MS;
+/// Most ids that nobody claims and that are told apart; the rest is counted with the last.
+const MOST_IDS: usize = 4096;
+
+/// What the doctor may do on the buses.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Manners {
+    /// Send nothing at all.
+    pub(super) listen_only: bool,
+    /// How long to listen, seconds.
+    pub(super) seconds: f64,
+}
+
+/// Listens to the hand of a configuration. `None` where the user stopped it.
+pub(super) fn examine(
+    config: &Config,
+    bitrates: &[u64],
+    manners: Manners,
+    ears: &mut Ears,
+) -> anyhow::Result<Option<HandFacts>> {
+    let layout = &config.layout;
+    let mut buses: Vec<BusFacts> = layout
+        .buses
+        .iter()
+        .zip(&config.sources)
+        .zip(bitrates)
+        .map(|((name, source), bitrate)| BusFacts {
+            name: name.clone(),
+            source: source.to_string(),
+            bitrate: *bitrate,
+            ..BusFacts::default()
+        })
+        .collect();
+    let may_send = ears.is_live() && !manners.listen_only && config.boards.mode != BoardsMode::Passive;
+    if may_send {
+        let mut overhear = Overhear {
+            ids: vec![None; buses.len()],
+        };
+        if !ears.listen(OVERHEAR_NS, "ms, whether others speak", &mut overhear) {
+            return Ok(None);
+        }
+        for (bus, facts) in buses.iter_mut().enumerate() {
+            facts.overheard = overhear.ids[bus];
+            facts.spoken_to = facts.overheard.is_none() && ears.link(bus) == LinkState::Up;
+        }
+    }
+    let speakable: Vec<bool> = buses.iter().map(|b| b.spoken_to).collect();
+    let speaks = speakable.contains(&true);
+
+    let mut supervisor = BoardSupervisor::new(layout, &config.boards);
+    let mut discovery = None;
+    if speaks {
+        let asking = supervisor.discover(layout).map_err(anyhow::Error::new)?;
+        let mut asking = Asking {
+            discovery: asking,
+            speakable: &speakable,
+        };
+        let go_on = ears.listen(DISCOVERY_NS, "ms, asking who is there", &mut asking);
+        let (mut report, back) = asking.discovery.finish();
+        supervisor = back;
+        only_asked(&mut report, layout, &speakable);
+        discovery = Some(report);
+        if !go_on {
+            return Ok(None);
+        }
+    }
+
+    let begin_ns = ears.now_ns();
+    // Joints have checks of their own.
+    let mut skin = config.clone();
+    skin.joints = None;
+    let mut hearing = Hearing {
+        pipeline: Pipeline::new(&skin, begin_ns)?,
+        decoders: (0..layout.buses.len())
+            .map(|bus| Decoder::new(layout, bus as u8))
+            .collect(),
+        readings: Readings::new(),
+        buses,
+        extreme: vec![[0; 3]; layout.len()],
+        is_scalar: layout.modules.iter().map(|m| m.protocol.is_scalar()).collect(),
+        is_icub: layout.modules.iter().map(|m| m.protocol.is_icub()).collect(),
+        module_of: layout.taxels.iter().map(|t| usize::from(t.module)).collect(),
+        supervisor: speaks.then_some(supervisor),
+        speakable,
+        stopping: false,
+    };
+    let length_ns = (manners.seconds * 1e9) as u64;
+    // A recording is heard to its end.
+    let length_ns = if ears.is_live() { length_ns } else { u64::MAX / 2 };
+    let go_on = ears.listen(length_ns, "ms of the hand", &mut hearing);
+    let seconds = (ears.now_ns() - begin_ns) as f64 / 1e9;
+    let facts = hearing.facts(layout, ears, seconds, discovery);
+    if let Some(supervisor) = &mut hearing.supervisor {
+        supervisor.stop();
+        hearing.stopping = true;
+        ears.finish(STOP_NS, &mut hearing);
+    }
+    Ok(go_on.then_some(facts))
+}
+
+/// Buses that were not spoken to were not asked, whatever the discovery thinks.
+fn only_asked(report: &mut DiscoveryReport, layout: &Layout, speakable: &[bool]) {
+    let asked = |bus: u8| speakable.get(usize::from(bus)).copied().unwrap_or(false);
+    report
+        .missing
+        .retain(|module| asked(layout.modules[usize::from(*module)].bus));
+}
+
+struct Overhear {
+    ids: Vec<Option<u32>>,
+}
+
+impl Listener for Overhear {
+    fn hear(&mut self, bus: u8, received: &Received) {
+        let frame = &received.frame;
+        if !frame.is_error() {
+            self.ids[usize::from(bus)].get_or_insert(frame.id());
+        }
+    }
+
+    fn turn(&mut self, _: &mut Ears, _: u64) -> bool {
+        true
+    }
+}
+
+struct Asking<'a> {
+    discovery: Discovery<BoardSupervisor>,
+    speakable: &'a [bool],
+}
+
+impl Listener for Asking<'_> {
+    fn hear(&mut self, bus: u8, received: &Received) {
+        self.discovery.hear(bus, &received.frame, received.t_ns);
+    }
+
+    fn turn(&mut self, ears: &mut Ears, now_ns: u64) -> bool {
+        while let Some(command) = self.discovery.poll(now_ns) {
+            if self.speakable[usize::from(command.bus)] {
+                ears.send(command.bus, &command.frame);
+            }
+        }
+        !self.discovery.is_done()
+    }
+}
+
+struct Hearing {
+    pipeline: Pipeline,
+    /// What a frame is; the pipeline's own decoders only count.
+    decoders: Vec<Decoder>,
+    readings: Readings,
+    buses: Vec<BusFacts>,
+    /// By taxel: readings at the end of the range, dead ones, and all.
+    extreme: Vec<[u32; 3]>,
+    is_scalar: Vec<bool>,
+    is_icub: Vec<bool>,
+    module_of: Vec<usize>,
+    supervisor: Option<BoardSupervisor>,
+    speakable: Vec<bool>,
+    stopping: bool,
+}
+
+impl Listener for Hearing {
+    fn hear(&mut self, bus: u8, received: &Received) {
+        let index = usize::from(bus);
+        let frame = &received.frame;
+        let facts = &mut self.buses[index];
+        if !frame.is_error() {
+            facts.frames += 1;
+            let [least, most] = frame_bits(frame);
+            facts.bits = [facts.bits[0] + least, facts.bits[1] + most];
+        }
+        match self.decoders[index].decode_at(received.t_ns, frame, &mut self.readings) {
+            Decoded::Unknown => count_unclaimed(facts, frame),
+            Decoded::Readings => {
+                for reading in self.readings.iter() {
+                    let taxel = usize::from(reading.taxel);
+                    let module = self.module_of[taxel];
+                    let at_end = |count: &u16| matches!(*count, 0 | u16::MAX);
+                    let counts = &reading.counts;
+                    let dead = !self.is_scalar[module] && counts.iter().all(at_end);
+                    let extreme = if self.is_icub[module] {
+                        reading.status & ICUB_OUT_OF_RANGE != 0
+                    } else if self.is_scalar[module] {
+                        at_end(&counts[2])
+                    } else {
+                        !dead && counts.iter().any(at_end)
+                    };
+                    let [extremes, deads, all] = &mut self.extreme[taxel];
+                    *extremes += u32::from(extreme);
+                    *deads += u32::from(dead);
+                    *all += 1;
+                }
+            }
+            _ => {}
+        }
+        self.pipeline.push(bus, received, &mut |_| {});
+    }
+
+    fn turn(&mut self, ears: &mut Ears, now_ns: u64) -> bool {
+        self.pipeline.advance(now_ns, &mut |_| {});
+        let Some(supervisor) = &mut self.supervisor else {
+            return true;
+        };
+        let sweep = self.pipeline.sweep();
+        while let Some(command) = supervisor.poll(now_ns, |board| sweep.last_heard_ns(board)) {
+            if self.speakable[usize::from(command.bus)] && !ears.send(command.bus, &command.frame()) {
+                supervisor.not_sent(&command, now_ns);
+            }
+        }
+        !(self.stopping && supervisor.is_stopped())
+    }
+}
+
+fn count_unclaimed(facts: &mut BusFacts, frame: &CanFrame) {
+    let id = match frame.standard_id() {
+        Some(id) => u32::from(id),
+        None => frame.id() | taxel_can::EXTENDED_FLAG,
+    };
+    let full = facts.unclaimed.len() >= MOST_IDS && !facts.unclaimed.contains_key(&id);
+    let id = if full {
+        facts.unclaimed.last_key_value().map_or(id, |(last, _)| *last)
+    } else {
+        id
+    };
+    let unclaimed = facts.unclaimed.entry(id).or_insert(Unclaimed {
+        count: 0,
+        last: *frame,
+    });
+    unclaimed.count += 1;
+    if !full {
+        unclaimed.last = *frame;
+    }
+}
+
+impl Hearing {
+    fn facts(
+        &mut self,
+        layout: &Layout,
+        ears: &Ears,
+        seconds: f64,
+        discovery: Option<DiscoveryReport>,
+    ) -> HandFacts {
+        let mut buses = std::mem::take(&mut self.buses);
+        for (bus, facts) in buses.iter_mut().enumerate() {
+            facts.counters = ears.counters(bus);
+            // A recording that was played to its end is no lost link.
+            facts.link = if ears.is_live() {
+                ears.link(bus)
+            } else {
+                LinkState::Up
+            };
+        }
+        let conditioner = self.pipeline.conditioner();
+        let report = conditioner.report().filter(|_| !conditioner.is_calibrating());
+        let mostly = |of: &dyn Fn(&[u32; 3]) -> bool| -> Vec<bool> { self.extreme.iter().map(of).collect() };
+        let facts = HandFacts {
+            seconds,
+            boards: (0..layout.modules.len())
+                .map(|board| {
+                    BoardCounters::gather(
+                        board as u16,
+                        self.pipeline.sweep(),
+                        self.pipeline.decoders(),
+                        self.supervisor.as_ref(),
+                    )
+                })
+                .collect(),
+            discovery,
+            faults: report.map_or(Vec::new(), |_| conditioner.faults().to_vec()),
+            dead: mostly(&|[_, deads, all]: &[u32; 3]| deads * 2 > *all),
+            saturated: mostly(&|[extremes, _, all]: &[u32; 3]| extremes * 2 > *all),
+            touched: report.map_or(0, |r| r.touched),
+            buses,
+        };
+        // What still comes while the boards are stopped is not counted.
+        self.buses = vec![BusFacts::default(); layout.buses.len()];
+        facts
+    }
+}

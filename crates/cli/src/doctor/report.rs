@@ -1,0 +1,240 @@
+//! The findings for people: at most 80 columns but for commands, colour on a terminal only.
+
+use super::finding::{Check, Mend, State};
+use std::io::{self, IsTerminal, Write};
+
+const WIDTH: usize = 80;
+/// Columns of a line before what was found.
+const INDENT: usize = 10;
+/// More good findings of one kind than this are put together.
+const FEW: usize = 2;
+
+/// How the findings are written.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Style {
+    colour: bool,
+}
+
+impl Style {
+    /// Without colour.
+    #[cfg(test)]
+    pub(super) const PLAIN: Self = Self { colour: false };
+
+    /// Colour where stdout is a terminal and nobody objects (`NO_COLOR`).
+    pub(super) fn of_stdout() -> Self {
+        let objects = std::env::var_os("NO_COLOR").is_some_and(|v| !v.is_empty())
+            || std::env::var_os("TERM").is_some_and(|v| v == "dumb");
+        Self {
+            colour: io::stdout().is_terminal() && !objects,
+        }
+    }
+
+    fn paint(self, code: &str, text: &str) -> String {
+        match self.colour {
+            true => format!("\x1b[{code}m{text}\x1b[0m"),
+            false => text.to_string(),
+        }
+    }
+
+    fn state(self, state: State) -> String {
+        let code = match state {
+            State::Ok => "32",
+            State::Warning => "33",
+            State::Error => "1;31",
+            State::Skipped => "2",
+        };
+        self.paint(code, &format!("{:7}", state.name()))
+    }
+}
+
+/// Writes findings of one area after the other, as they come.
+pub(super) struct Report<W> {
+    out: W,
+    style: Style,
+    area: &'static str,
+}
+
+impl<W: Write> Report<W> {
+    pub(super) fn new(out: W, style: Style) -> Self {
+        Self { out, style, area: "" }
+    }
+
+    /// Writes these findings; those of one area follow one another.
+    pub(super) fn write(&mut self, checks: &[Check]) -> io::Result<()> {
+        let mut rest = checks;
+        while let Some(first) = rest.first() {
+            if first.area != self.area {
+                let gap = if self.area.is_empty() { "" } else { "\n" };
+                writeln!(self.out, "{gap}{}", self.style.paint("1", first.area))?;
+                self.area = first.area;
+            }
+            let alike = rest.iter().take_while(|c| is_alike(first, c)).count();
+            if alike > FEW {
+                self.together(&rest[..alike])?;
+            } else {
+                rest[..alike.max(1)].iter().try_for_each(|c| self.one(c))?;
+            }
+            rest = &rest[alike.max(1)..];
+        }
+        self.out.flush()
+    }
+
+    /// Writes lines as they are, such as a drawing.
+    pub(super) fn lines(&mut self, lines: &[String]) -> io::Result<()> {
+        for line in lines {
+            writeln!(self.out, "{:INDENT$}{line}", "")?;
+        }
+        self.out.flush()
+    }
+
+    fn one(&mut self, check: &Check) -> io::Result<()> {
+        let mut text = String::new();
+        if !check.object.is_empty() {
+            text += &format!("{} ", check.object);
+        }
+        text += &format!("{}: {}", check.name, check.found);
+        if check.state != State::Ok && !check.wanted.is_empty() {
+            text += &format!("; wanted {}", check.wanted);
+        }
+        self.item(check.state, &text)?;
+        for mend in &check.mend {
+            match mend {
+                Mend::Run(command) => {
+                    for line in command.lines() {
+                        writeln!(self.out, "{:INDENT$}$ {}", "", self.style.paint("36", line))?;
+                    }
+                }
+                Mend::Do(advice) => {
+                    for line in wrap(advice, WIDTH - INDENT - 2) {
+                        writeln!(self.out, "{:INDENT$}> {line}", "")?;
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn together(&mut self, checks: &[Check]) -> io::Result<()> {
+        let same = checks.iter().all(|c| c.found == checks[0].found);
+        let each: Vec<String> = checks
+            .iter()
+            .map(|c| match same {
+                true => c.object.clone(),
+                false => format!("{} {}", c.object, c.found),
+            })
+            .collect();
+        let found = if same {
+            format!(" {}", checks[0].found)
+        } else {
+            String::new()
+        };
+        let text = format!(
+            "{} ({}){found}: {}",
+            checks[0].name,
+            checks.len(),
+            each.join(", ")
+        );
+        self.item(checks[0].state, &text)
+    }
+
+    fn item(&mut self, state: State, text: &str) -> io::Result<()> {
+        let lines = wrap(text, WIDTH - INDENT);
+        for (i, line) in lines.iter().enumerate() {
+            let head = if i == 0 {
+                format!("  {} ", self.style.state(state))
+            } else {
+                " ".repeat(INDENT)
+            };
+            writeln!(self.out, "{head}{line}")?;
+        }
+        Ok(())
+    }
+}
+
+fn is_alike(a: &Check, b: &Check) -> bool {
+    let good = |c: &Check| matches!(c.state, State::Ok | State::Skipped) && c.mend.is_empty();
+    good(a) && a.state == b.state && good(b) && (a.area, a.name) == (b.area, b.name) && !b.object.is_empty()
+}
+
+/// Breaks a text into lines of at most `width` characters, at blanks where there are any.
+pub(super) fn wrap(text: &str, width: usize) -> Vec<String> {
+    let mut lines = Vec::new();
+    let mut line = String::new();
+    for word in text.split_whitespace() {
+        if !line.is_empty() && line.chars().count() + 1 + word.chars().count() > width {
+            lines.push(std::mem::take(&mut line));
+        }
+        if !line.is_empty() {
+            line.push(' ');
+        }
+        line += word;
+    }
+    lines.push(line);
+    lines
+}
+
+/// The last line: how many of each.
+pub(super) fn summary(checks: &[Check]) -> String {
+    let count = |state: State| checks.iter().filter(|c| c.state == state).count();
+    let (errors, warnings) = (count(State::Error), count(State::Warning));
+    let plural = |n: usize, word: &str| format!("{n} {word}{}", if n == 1 { "" } else { "s" });
+    let skipped = match count(State::Skipped) {
+        0 => String::new(),
+        n => format!(", {n} skipped"),
+    };
+    format!(
+        "{}, {}, {} ok{skipped}",
+        plural(errors, "error"),
+        plural(warnings, "warning"),
+        count(State::Ok)
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn written(checks: &[Check]) -> String {
+        let mut report = Report::new(Vec::new(), Style::PLAIN);
+        report.write(checks).unwrap();
+        String::from_utf8(report.out).unwrap()
+    }
+
+    #[test]
+    fn prose_stays_within_80_columns_and_commands_stay_whole() {
+        let command =
+            "sudo ip link set can0 down && sudo ip link set can0 up type can bitrate 1000000 restart-ms 100";
+        let check = Check::warning("link", "restart-ms", "can0", "0 ".repeat(60))
+            .wanted("100")
+            .run(command)
+            .advise("word ".repeat(40));
+        let text = written(&[check]);
+        assert!(text.contains(&format!("$ {command}\n")), "{text}");
+        for line in text.lines().filter(|l| !l.contains('$')) {
+            assert!(line.chars().count() <= 80, "{line}");
+        }
+        assert!(!text.contains('\x1b'), "{text}");
+    }
+
+    #[test]
+    fn good_findings_of_one_kind_are_put_together_and_bad_ones_never() {
+        let ok = |object: &str| Check::ok("hand", "board", object, "50.0 Hz");
+        let bad = Check::error("hand", "board", "e", "not heard");
+        let text = written(&[ok("a"), ok("b"), ok("c"), bad, ok("f")]);
+        assert!(text.contains("board (3) 50.0 Hz: a, b, c"), "{text}");
+        assert!(text.contains("error   e board: not heard"), "{text}");
+        assert!(text.contains("f board: 50.0 Hz"), "{text}");
+    }
+
+    #[test]
+    fn the_summary_counts() {
+        let checks = [
+            Check::ok("a", "b", "", ""),
+            Check::error("a", "b", "", ""),
+            Check::warning("a", "b", "", ""),
+            Check::warning("a", "b", "", ""),
+            Check::skipped("a", "b", "", ""),
+        ];
+        assert_eq!(summary(&checks), "1 error, 2 warnings, 1 ok, 1 skipped");
+    }
+}

@@ -1,0 +1,411 @@
+//! The servos: who answers, how they are set, what they complain of.
+
+use super::finding::Check;
+use std::collections::BTreeSet;
+use std::path::Path;
+use taxel_joints::bus::wire_ns;
+use taxel_joints::registers::{Model, baud_of};
+use taxel_joints::{BusSurvey, JointsConfig, SurveyedServo};
+
+const AREA: &str = "servos";
+/// A servo that waits longer than this before it answers was never set up for being asked often.
+const LONG_DELAY_US: u16 = 20;
+/// Present Temperature from which on it is told, degrees; the servo lets go at 80.
+const HOT_C: u8 = 70;
+/// The supply that the data sheet allows, volts.
+const SUPPLY_V: std::ops::RangeInclusive<f64> = 9.5..=16.0;
+/// Answers to a sync read of so many bytes; the request has 14 and one per servo (protocols.md 4.2).
+const CYCLE_BYTES: usize = 12;
+
+/// What was asked of the bus and what came.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct ServoFacts {
+    pub(super) survey: BusSurvey,
+    /// Where nobody answered: bit rates at which somebody does, and who.
+    pub(super) elsewhere: Vec<(u32, Vec<u8>)>,
+}
+
+/// What is to be said of the servos.
+pub(super) fn check(config: &JointsConfig, path: &Path, facts: &ServoFacts) -> Vec<Check> {
+    let survey = &facts.survey;
+    let port = path.display().to_string();
+    let write = |id: u8, call: &str| {
+        format!(
+            "python3 -c \"from dynamixel_sdk import *; p = PortHandler('{port}'); p.openPort(); \
+             p.setBaudRate({}); print(PacketHandler(2.0).{})\"    # pip install dynamixel-sdk",
+            config.baud,
+            call.replace("(p, ID", &format!("(p, {id}"))
+        )
+    };
+    let mut checks = Vec::new();
+    if survey.servos.is_empty() {
+        let none = Check::error(
+            AREA,
+            "bus",
+            &port,
+            format!("no servo answers at {} bit/s", config.baud),
+        );
+        checks.push(match facts.elsewhere.first() {
+            Some((baud, ids)) => none
+                .wanted(format!("{} servos", config.servo.len()))
+                .advise(format!(
+                    "servos {} answer at {baud} bit/s: write baud = {baud} into [joints], or set their Baud Rate \
+                     (address 8) to {} bit/s",
+                    list(ids),
+                    config.baud
+                )),
+            None => none.wanted(format!("{} servos", config.servo.len())).advise(
+                "is their supply on, the cable in the port marked TTL (or RS-485), and Protocol Type (address 13) 2? \
+                 No servo answers at another usual bit rate either",
+            ),
+        });
+        return checks;
+    }
+    if survey.damaged > 0 {
+        checks.push(
+            Check::warning(AREA, "damaged answers", &port, survey.damaged.to_string())
+                .wanted("none")
+                .advise("two servos with one id that answer at once, a bad connector, or a missing ground"),
+        );
+    }
+    for wanted in &config.servo {
+        let object = format!("servo {} ({})", wanted.id, wanted.name);
+        match survey.servos.iter().find(|s| s.id == wanted.id) {
+            None => checks.push(Check::error(AREA, "answers", object, "does not answer").advise(
+                "its supply, its place in the chain of cables, its id; `taxel doctor` lists unexpected ids",
+            )),
+            Some(servo) => checks.extend(check_servo(servo, object, config, &write)),
+        }
+    }
+    let expected: BTreeSet<u8> = config.servo.iter().map(|s| s.id).collect();
+    for servo in survey.servos.iter().filter(|s| !expected.contains(&s.id)) {
+        let model = Model::of(servo.model_number).map_or("of an unknown model", |m| m.name);
+        checks.push(
+            Check::warning(
+                AREA,
+                "unexpected",
+                format!("servo {}", servo.id),
+                format!("answers ({model})"),
+            )
+            .wanted("a [[joints.servo]] table, or another bus for it"),
+        );
+    }
+    checks.push(check_cycle(config, &port, survey));
+    checks
+}
+
+fn check_servo(
+    servo: &SurveyedServo,
+    object: String,
+    config: &JointsConfig,
+    write: &impl Fn(u8, &str) -> String,
+) -> Vec<Check> {
+    let id = servo.id;
+    let mut checks = Vec::new();
+    let model = match Model::of(servo.model_number) {
+        Some(model) => model.name.to_string(),
+        None => format!("model {}", servo.model_number),
+    };
+    let mut found = format!("{model}, firmware {}", servo.firmware);
+    if let Some(volts) = servo.voltage_v {
+        found += &format!(", {volts:.1} V");
+    }
+    if let Some(celsius) = servo.temperature_c {
+        found += &format!(", {celsius} degrees");
+    }
+    if servo.answers > 1 {
+        checks.push(
+            Check::error(
+                AREA,
+                "answers",
+                &object,
+                format!("{} servos answer with this id", servo.answers),
+            )
+            .wanted("one id per servo")
+            .advise("unplug all but one of them and give it an id of its own, then plug the others in again")
+            .run(write(id, "write1ByteTxRx(p, ID, 7, NEW_ID)")),
+        );
+    } else {
+        checks.push(Check::ok(AREA, "answers", &object, found));
+    }
+    if Model::of(servo.model_number).is_none() {
+        checks.push(
+            Check::warning(
+                AREA,
+                "model",
+                &object,
+                format!("model number {} is not known", servo.model_number),
+            )
+            .wanted("an X-series servo with the control table of the XM430-W210"),
+        );
+    }
+    if servo.status_return_level == Some(0)
+        || (servo.identity.is_none() && servo.status_return_level.is_none())
+    {
+        checks.push(
+            Check::error(AREA, "status return level", &object, "answers pings and no reads")
+                .wanted("2 (answers everything)")
+                .run(write(id, "write1ByteTxOnly(p, ID, 68, 2)")),
+        );
+    }
+    if let Some(identity) = servo.identity {
+        let us = identity.return_delay_us;
+        checks.push(match us > LONG_DELAY_US {
+            true => Check::warning(
+                AREA,
+                "return delay time",
+                &object,
+                format!("{us} us before each answer"),
+            )
+            .wanted("0")
+            .run(write(id, "write1ByteTxRx(p, ID, 9, 0)"))
+            .advise("address 9 is written with torque off; 250, as from the factory, is 500 us"),
+            false => Check::ok(AREA, "return delay time", &object, format!("{us} us")),
+        });
+        if baud_of(identity.baud_register).is_some_and(|baud| baud != config.baud) {
+            checks.push(Check::warning(
+                AREA,
+                "baud rate",
+                &object,
+                format!(
+                    "answers at {}, and its Baud Rate register says {}: it will be at that after a restart",
+                    config.baud,
+                    baud_of(identity.baud_register).unwrap_or(0)
+                ),
+            ));
+        }
+    }
+    if let Some(error) = servo.hardware_error.filter(|e| !e.is_none()) {
+        checks.push(
+            Check::error(
+                AREA,
+                "hardware error",
+                &object,
+                format!("{error}: its motor is off until it is restarted"),
+            )
+            .wanted("none")
+            .advise("find the cause first: supply, load, temperature")
+            .run(write(id, "reboot(p, ID)")),
+        );
+    }
+    if let Some(volts) = servo.voltage_v.filter(|v| !SUPPLY_V.contains(v)) {
+        checks.push(
+            Check::warning(AREA, "supply", &object, format!("{volts:.1} V")).wanted(format!(
+                "{} to {} V",
+                SUPPLY_V.start(),
+                SUPPLY_V.end()
+            )),
+        );
+    }
+    if let Some(celsius) = servo.temperature_c.filter(|c| *c >= HOT_C) {
+        checks.push(
+            Check::warning(AREA, "temperature", &object, format!("{celsius} degrees"))
+                .wanted(format!("below {HOT_C}; it switches its motor off at 80")),
+        );
+    }
+    checks
+}
+
+/// Whether the servos can be read as often as the configuration wants.
+fn check_cycle(config: &JointsConfig, port: &str, survey: &BusSurvey) -> Check {
+    let n = config.servo.len();
+    let bytes = 14 + n + n * (11 + CYCLE_BYTES);
+    let delays_us: u64 = survey
+        .servos
+        .iter()
+        .filter(|s| config.servo.iter().any(|w| w.id == s.id))
+        .filter_map(|s| s.identity)
+        .map(|identity| u64::from(identity.return_delay_us))
+        .sum();
+    let usb_us = survey.latency.ftdi_timer_ms.map_or(0, |ms| u64::from(ms) * 1000);
+    let cycle_us = wire_ns(bytes, config.baud) / 1000 + delays_us + usb_us;
+    let most_hz = 1e6 / cycle_us.max(1) as f64;
+    let found = format!(
+        "a cycle takes {:.2} ms ({:.2} on the wire, {:.2} return delay{}): up to {most_hz:.0} Hz",
+        cycle_us as f64 / 1e3,
+        wire_ns(bytes, config.baud) as f64 / 1e6,
+        delays_us as f64 / 1e3,
+        match usb_us {
+            0 => String::new(),
+            us => format!(", {:.0} USB", us as f64 / 1e3),
+        }
+    );
+    match most_hz >= config.rate_hz {
+        true => Check::ok(AREA, "cycle", port, found),
+        false => Check::warning(AREA, "cycle", port, found)
+            .wanted(format!("{} Hz, as [joints] rate_hz says", config.rate_hz))
+            .advise("return delay 0, a latency timer of 1 ms, a higher bit rate, or fewer servos per bus"),
+    }
+}
+
+fn list(ids: &[u8]) -> String {
+    let ids: Vec<String> = ids.iter().map(u8::to_string).collect();
+    ids.join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::finding::{Mend, State};
+    use super::*;
+    use taxel_joints::PortLatency;
+    use taxel_joints::bus::ServoIdentity;
+    use taxel_joints::registers::HardwareError;
+
+    fn servo(id: u8) -> SurveyedServo {
+        SurveyedServo {
+            id,
+            model_number: 1030,
+            firmware: 46,
+            answers: 1,
+            identity: Some(ServoIdentity {
+                model_number: 1030,
+                firmware: 46,
+                baud_register: 3,
+                return_delay_us: 0,
+                drive_mode: 0,
+            }),
+            torque_enabled: Some(false),
+            status_return_level: Some(2),
+            hardware_error: Some(HardwareError(0)),
+            voltage_v: Some(12.0),
+            temperature_c: Some(31),
+        }
+    }
+
+    fn checks(servos: Vec<SurveyedServo>, elsewhere: Vec<(u32, Vec<u8>)>) -> Vec<Check> {
+        let config = JointsConfig::dynamixel("/dev/ttyUSB0", 1..=2);
+        let survey = BusSurvey {
+            servos,
+            damaged: 0,
+            latency: PortLatency::default(),
+        };
+        check(
+            &config,
+            Path::new("/dev/ttyUSB0"),
+            &ServoFacts { survey, elsewhere },
+        )
+    }
+
+    fn changed(change: impl FnOnce(&mut SurveyedServo)) -> Vec<Check> {
+        let mut second = servo(2);
+        change(&mut second);
+        checks(vec![servo(1), second], Vec::new())
+    }
+
+    fn mended(check: &Check) -> String {
+        check
+            .mend
+            .iter()
+            .map(|m| match m {
+                Mend::Run(text) | Mend::Do(text) => format!("{text}\n"),
+            })
+            .collect()
+    }
+
+    #[test]
+    fn healthy_servos_are_told_with_what_they_are() {
+        let checks = changed(|_| {});
+        assert!(checks.iter().all(|c| c.state == State::Ok), "{checks:?}");
+        assert_eq!(checks[0].found, "XM430-W210, firmware 46, 12.0 V, 31 degrees");
+        // protocols.md 4.2: two servos at 1 Mbit/s take 0.62 ms.
+        assert!(checks.last().unwrap().found.starts_with("a cycle takes 0.62 ms"));
+    }
+
+    #[test]
+    fn each_thing_that_is_wrong_has_its_state_and_what_mends_it() {
+        let delay = |us: u16| move |s: &mut SurveyedServo| s.identity.as_mut().unwrap().return_delay_us = us;
+        let cases: [(Vec<Check>, &str, State, &str); 8] = [
+            (
+                changed(delay(500)),
+                "return delay time",
+                State::Warning,
+                "write1ByteTxRx(p, 2, 9, 0)",
+            ),
+            (
+                changed(|s| s.answers = 2),
+                "answers",
+                State::Error,
+                "write1ByteTxRx(p, 2, 7, NEW_ID)",
+            ),
+            (
+                changed(|s| s.hardware_error = Some(HardwareError(0x24))),
+                "hardware error",
+                State::Error,
+                "reboot(p, 2)",
+            ),
+            (
+                changed(|s| s.status_return_level = Some(0)),
+                "status return level",
+                State::Error,
+                "write1ByteTxOnly(p, 2, 68, 2)",
+            ),
+            (
+                checks(vec![servo(1)], vec![]),
+                "answers",
+                State::Error,
+                "its supply",
+            ),
+            (
+                checks(vec![servo(1), servo(2), servo(9)], vec![]),
+                "unexpected",
+                State::Warning,
+                "",
+            ),
+            (
+                checks(vec![], vec![(57_600, vec![1, 2])]),
+                "bus",
+                State::Error,
+                "servos 1, 2 answer at 57600 bit/s: write baud = 57600",
+            ),
+            (checks(vec![], vec![]), "bus", State::Error, "is their supply on"),
+        ];
+        for (checks, name, state, mend) in &cases {
+            let bad = checks.iter().find(|c| c.name == *name && c.state != State::Ok);
+            let bad = bad.unwrap_or_else(|| panic!("{name}: {checks:?}"));
+            assert_eq!(bad.state, *state, "{bad:?}");
+            assert!(mended(bad).contains(mend), "{}", mended(bad));
+        }
+        let error = &cases[2]
+            .0
+            .iter()
+            .find(|c| c.name == "hardware error")
+            .unwrap()
+            .found;
+        assert!(error.starts_with("overheating, overload"), "{error}");
+        for (checks, name) in [
+            (changed(|s| s.voltage_v = Some(5.1)), "supply"),
+            (changed(|s| s.temperature_c = Some(75)), "temperature"),
+            (changed(|s| s.model_number = 7), "model"),
+            (
+                changed(|s| s.identity.as_mut().unwrap().baud_register = 1),
+                "baud rate",
+            ),
+        ] {
+            assert!(
+                checks.iter().any(|c| c.name == name && c.state == State::Warning),
+                "{name}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_cycle_that_is_too_long_for_the_rate_is_told() {
+        let mut config = JointsConfig::dynamixel("p", 1..=16);
+        config.baud = 57_600;
+        let slow: Vec<SurveyedServo> = (1..=16)
+            .map(|id| {
+                let mut s = servo(id);
+                s.identity.as_mut().unwrap().return_delay_us = 500;
+                s
+            })
+            .collect();
+        let survey = BusSurvey {
+            servos: slow,
+            damaged: 0,
+            latency: PortLatency::default(),
+        };
+        let cycle = check_cycle(&config, "p", &survey);
+        assert_eq!(cycle.state, State::Warning);
+        assert!(cycle.found.contains("8.00 return delay"), "{}", cycle.found);
+    }
+}

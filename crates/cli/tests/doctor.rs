@@ -1,0 +1,304 @@
+//! `taxel doctor` as a user runs it: against simulated boards over UDP and simulated servos on a pseudo terminal.
+
+use serde_json::Value;
+use std::net::UdpSocket;
+use std::process::{Child, Command, Output, Stdio};
+use taxel_sim::servo::{ServoBuild, ServoBus, ServoFault, ServoPty};
+use tempfile::TempDir;
+
+fn taxel(dir: &TempDir, args: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_taxel"));
+    command.args(args).current_dir(dir.path());
+    command
+}
+
+/// Runs the doctor with `--json`; returns its exit code and the checks.
+fn doctor(dir: &TempDir, args: &[&str]) -> (Option<i32>, Vec<Value>) {
+    let output = taxel(dir, &["doctor", "--json"]).args(args).output().unwrap();
+    let report: Value =
+        serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{e}: {}", said(&output)));
+    let checks = report["checks"].as_array().unwrap().clone();
+    for check in &checks {
+        let mut keys: Vec<&str> = check.as_object().unwrap().keys().map(String::as_str).collect();
+        keys.sort_unstable();
+        assert_eq!(
+            keys,
+            ["area", "found", "mend", "name", "object", "state", "wanted"]
+        );
+    }
+    let errors = checks.iter().any(|c| c["state"] == "error");
+    assert_eq!(report["healthy"], !errors);
+    assert_eq!(output.status.code(), Some(i32::from(errors)));
+    (output.status.code(), checks)
+}
+
+fn said(output: &Output) -> String {
+    format!(
+        "{}{}",
+        String::from_utf8_lossy(&output.stdout),
+        String::from_utf8_lossy(&output.stderr)
+    )
+}
+
+/// The checks of this name that are neither good nor skipped: object, state, found, mend.
+fn bad<'a>(checks: &'a [Value], name: &str) -> Vec<[&'a str; 4]> {
+    let text = |value: &'a Value| value.as_str().unwrap_or("");
+    checks
+        .iter()
+        .filter(|c| c["name"] == name && (c["state"] == "error" || c["state"] == "warning"))
+        .map(|c| {
+            [
+                text(&c["object"]),
+                text(&c["state"]),
+                text(&c["found"]),
+                text(&c["mend"]),
+            ]
+        })
+        .collect()
+}
+
+fn free_port() -> u16 {
+    UdpSocket::bind("0.0.0.0:0").unwrap().local_addr().unwrap().port()
+}
+
+/// A simulated hand in a process of its own, until it is dropped.
+struct Hand(Child);
+
+impl Drop for Hand {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// Puts a scene on as many UDP buses as are wanted, with the config's sources to reach it.
+fn hand(dir: &TempDir, scene: &str, extra: &[&str], buses: usize) -> (Hand, Vec<String>) {
+    let sources: Vec<String> = (0..buses)
+        .map(|_| format!("udp:239.74.163.2:{}?hops=0", free_port()))
+        .collect();
+    let mut command = taxel(dir, &["sim", scene]);
+    for source in &sources {
+        command.args(["--to", source]);
+    }
+    let child = command.args(extra).stderr(Stdio::null()).spawn().unwrap();
+    (Hand(child), sources)
+}
+
+/// A configuration in which no daemon of this machine is found.
+fn configure(dir: &TempDir, layout: &str, sources: &[String], rest: &str) {
+    let mut text = format!("layout = \"{layout}\"\n");
+    for source in sources {
+        text += &format!("[[bus]]\nsource = \"{source}\"\n");
+    }
+    text += "[socket]\nimages = \"images.sock\"\ncontrol = \"control.sock\"\n";
+    text += rest;
+    std::fs::write(dir.path().join("hand.toml"), text).unwrap();
+}
+
+const DEAD_BOARD: &str = "\
+name = \"dead-board\"
+seconds = 60.0
+[[fault]]
+kind = \"silent\"
+on = [\"index distal\"]
+[[fault]]
+kind = \"dead\"
+on = [\"thumb tip\"]
+taxels = [3]
+";
+
+#[test]
+fn a_dead_board_and_a_dead_taxel_are_found_and_the_others_are_well() {
+    let dir = TempDir::new().unwrap();
+    std::fs::write(dir.path().join("scene.toml"), DEAD_BOARD).unwrap();
+    let (_hand, sources) = hand(&dir, "scene.toml", &[], 2);
+    configure(
+        &dir,
+        "allegro-uskin-15",
+        &sources,
+        "[boards]\nmode = \"triggered\"\n",
+    );
+    let (code, checks) = doctor(&dir, &["--config", "hand.toml"]);
+    assert_eq!(code, Some(1));
+    let boards = bad(&checks, "board");
+    let errors: Vec<_> = boards.iter().filter(|b| b[1] == "error").collect();
+    assert_eq!(errors.len(), 1, "{boards:?}");
+    assert_eq!(
+        errors[0][..3],
+        ["index distal (can0 board 1)", "error", "not heard"]
+    );
+    let taxels = bad(&checks, "taxels");
+    assert!(
+        taxels
+            .iter()
+            .any(|t| t[0].starts_with("thumb tip") && t[2].contains("k 3 dead")),
+        "{taxels:?}"
+    );
+    let well = checks
+        .iter()
+        .filter(|c| c["name"] == "firmware" && c["state"] == "ok");
+    assert_eq!(well.count(), 14, "every living board has told its firmware");
+    // In words, the hand is drawn with the dead taxel.
+    let output = taxel(&dir, &["doctor", "--config", "hand.toml"])
+        .output()
+        .unwrap();
+    let text = said(&output);
+    assert!(text.contains("D dead (1)") && text.contains("1 error"), "{text}");
+    assert!(!text.contains('\x1b'), "no colour where there is no terminal");
+}
+
+#[test]
+fn listening_only_starts_nobody_and_says_so() {
+    let dir = TempDir::new().unwrap();
+    let (_hand, sources) = hand(&dir, "idle", &[], 2);
+    configure(&dir, "allegro-uskin-15", &sources, "");
+    let (_, checks) = doctor(
+        &dir,
+        &["--config", "hand.toml", "--listen-only", "--seconds", "0.5"],
+    );
+    assert_eq!(bad(&checks, "board").len(), 15);
+    assert!(bad(&checks, "firmware").is_empty());
+}
+
+#[test]
+fn a_bus_on_which_others_speak_is_only_listened_to() {
+    let dir = TempDir::new().unwrap();
+    let (_hand, sources) = hand(&dir, "idle", &["--layout", "uskin-module", "--autostart"], 1);
+    configure(&dir, "uskin-module", &sources, "");
+    let (_, checks) = doctor(&dir, &["--config", "hand.toml", "--seconds", "3"]);
+    let boards: Vec<&Value> = checks.iter().filter(|c| c["name"] == "board").collect();
+    assert_eq!(boards.len(), 1);
+    assert!(boards[0]["found"].as_str().unwrap().contains("Hz"), "{boards:?}");
+    assert!(
+        checks
+            .iter()
+            .all(|c| c["name"] != "firmware" || c["state"] == "skipped"),
+        "nobody was asked"
+    );
+}
+
+#[test]
+fn a_recording_is_examined_in_its_own_time() {
+    let dir = TempDir::new().unwrap();
+    let sim = [
+        "sim",
+        "idle",
+        "--layout",
+        "uskin-module",
+        "--to",
+        "log:idle.log",
+        "--seconds",
+        "30",
+    ];
+    assert!(
+        taxel(&dir, &sim)
+            .stderr(Stdio::null())
+            .status()
+            .unwrap()
+            .success()
+    );
+    let (_, checks) = doctor(&dir, &["--layout", "uskin-module", "log:idle.log"]);
+    let of = |name: &str| {
+        checks
+            .iter()
+            .find(|c| c["name"] == name && c["area"] == "hand")
+            .unwrap()
+    };
+    assert_eq!(of("board")["found"], "50.0 Hz");
+    assert_eq!(of("taxels")["found"], "16 healthy");
+}
+
+#[test]
+fn a_running_daemon_is_asked_and_its_bus_left_alone() {
+    let dir = TempDir::new().unwrap();
+    let scene = "sim:idle".to_string();
+    configure(
+        &dir,
+        "uskin-module",
+        std::slice::from_ref(&scene),
+        "[realtime]\npriority = 0\n",
+    );
+    let text = std::fs::read_to_string(dir.path().join("hand.toml")).unwrap();
+    let text = text.replace(
+        "\"images.sock",
+        &format!("\"{}/images.sock", dir.path().display()),
+    );
+    let text = text.replace(
+        "\"control.sock",
+        &format!("\"{}/control.sock", dir.path().display()),
+    );
+    let path = dir.path().join("hand.toml");
+    std::fs::write(&path, text).unwrap();
+    let _daemon = taxeld::Daemon::start(taxeld::Config::load(&path).unwrap()).unwrap();
+    let (_, checks) = doctor(&dir, &["--config", "hand.toml"]);
+    assert!(
+        checks
+            .iter()
+            .any(|c| c["area"] == "daemon" && c["name"] == "bus" && c["state"] == "ok")
+    );
+    assert!(checks.iter().all(|c| c["area"] != "hand"));
+}
+
+#[test]
+fn a_missing_servo_a_slow_one_and_a_stranger_are_found() {
+    let dir = TempDir::new().unwrap();
+    let slow = ServoBuild {
+        return_delay: 250,
+        ..ServoBuild::new(2)
+    };
+    let builds = [ServoBuild::new(1), slow, ServoBuild::new(3), ServoBuild::new(9)];
+    let pty = ServoPty::open(ServoBus::new(builds, 1_000_000)).unwrap();
+    pty.bus().set_fault(3, Some(ServoFault::Silent), 1);
+    pty.bus().servo_mut(1).unwrap().set_hardware_error(0x20);
+    let joints = format!("dynamixel:{}", pty.path().display());
+    let log = dir.path().join("empty.log");
+    std::fs::write(&log, "(0.000000) can0 123#00\n").unwrap();
+    let (code, checks) = doctor(
+        &dir,
+        &[
+            "--layout",
+            "uskin-module",
+            "log:empty.log",
+            "--joints",
+            &joints,
+            "--ids",
+            "1-3",
+        ],
+    );
+    assert_eq!(code, Some(1));
+    let missing = bad(&checks, "answers");
+    assert_eq!(missing.len(), 1, "{checks:?}");
+    assert_eq!(missing[0][..3], ["servo 3 (servo 3)", "error", "does not answer"]);
+    let delay = bad(&checks, "return delay time");
+    assert_eq!(delay.len(), 1);
+    assert_eq!(
+        delay[0][..3],
+        ["servo 2 (servo 2)", "warning", "500 us before each answer"]
+    );
+    assert!(
+        delay[0][3].contains("write1ByteTxRx(p, 2, 9, 0)"),
+        "{}",
+        delay[0][3]
+    );
+    assert_eq!(bad(&checks, "unexpected")[0][0], "servo 9");
+    assert!(bad(&checks, "hardware error")[0][2].starts_with("overload"));
+}
+
+#[test]
+fn wrong_usage_is_told_at_once() {
+    let dir = TempDir::new().unwrap();
+    for (args, words) in [
+        (&["doctor", "can:can0"][..], "can0, can1): 2, not 1"),
+        (&["doctor", "--seconds", "0"], "no time to listen"),
+        (&["doctor", "--joints", "dynamixel:/dev/ttyUSB0"], "--ids"),
+        (&["doctor", "--config", "none.toml"], "none.toml"),
+        (
+            &["doctor", "--config", "a.toml", "can:can0"],
+            "cannot be used with",
+        ),
+    ] {
+        let output = taxel(&dir, args).output().unwrap();
+        assert!(!output.status.success());
+        assert!(said(&output).contains(words), "{args:?}: {}", said(&output));
+    }
+}
