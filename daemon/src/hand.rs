@@ -4,6 +4,7 @@ use crate::config::{Config, TickMode};
 use crate::displays::Returned;
 use crate::hub::Newest;
 use crate::joints::JointsView;
+use crate::problems::{Place, Problems};
 use crate::profiles::{Own, Profiles};
 use crate::snapshot::Snapshot;
 use crate::subscribers::Registry;
@@ -32,6 +33,8 @@ pub(crate) struct Hand {
     pub(crate) events: broadcast::Sender<Event>,
     /// Where subscriptions are received into, one at a time; one byte longer than the longest, to tell one too long.
     pub(crate) subscription: RefCell<Box<[u8]>>,
+    /// What is wrong with buses and boards.
+    pub(crate) problems: RefCell<Problems>,
     commands: mpsc::SyncSender<Command>,
     /// The thread that reads servos, where there are any.
     servos: Option<Arc<JointReader>>,
@@ -77,6 +80,7 @@ impl Hand {
             subscribers: Registry::new(&config.socket),
             events: broadcast::channel(16).0,
             subscription: RefCell::new(vec![0; MAX_SUBSCRIBE + 1].into()),
+            problems: RefCell::default(),
             commands,
             servos,
             started: Instant::now(),
@@ -127,6 +131,7 @@ impl Hand {
             .unwrap_or_else(|e| e.into_inner())
             .clone();
         let layout = &self.config.layout;
+        let problems = self.problems.borrow();
         let buses: Vec<Value> = (layout.buses.iter().enumerate())
             .zip(&self.config.sources)
             .zip(&snapshot.buses)
@@ -141,6 +146,11 @@ impl Hand {
                     "source": source.to_string(),
                     "link": bus.link.to_string(),
                     "state": bus.source.bus_state.to_string(),
+                    "state_changes": bus.source.state_changes,
+                    "error_counters": { "tx": bus.source.error_counters[0], "rx": bus.source.error_counters[1] },
+                    "frames_hz": bus.load.frames_hz,
+                    "load_percent": 100.0 * bus.load.share,
+                    "problems": problems.kinds(Place::Bus(index)),
                     "received": bus.source.received,
                     "used": sum(|b| b.used),
                     "unknown": bus.decoder.unknown,
@@ -177,12 +187,14 @@ impl Hand {
             })
             .collect();
         let boards: Vec<Value> = (layout.modules.iter().zip(&snapshot.boards))
-            .map(|(module, b)| {
+            .enumerate()
+            .map(|(index, (module, b))| {
                 json!({
                     "module": module.name,
                     "bus": layout.buses[usize::from(module.bus)],
                     "board": module.board,
                     "state": b.state.name(),
+                    "problems": problems.kinds(Place::Module(index)),
                     "used": b.used,
                     "malformed": b.malformed,
                     "queue_overflows": b.queue_overflows,
@@ -237,6 +249,7 @@ impl Hand {
             "profile": self.profile(),
             "profiles": self.profiles.status(|id| self.subscribers.shown(id)),
             "profile_budget": self.profiles.budget(),
+            "problems": problems.status(&self.config),
             "buses": buses,
             "boards": boards,
             "joints": joints,
@@ -278,11 +291,12 @@ impl Hand {
         };
         format!(
             "{rate:.1} Hz ({mode}), tick p99 {:.2} ms, {overruns} overruns, {}, {lost} lost, {boards}/{} boards, \
-             {missing} missing, {faulty} faulty, {} subscribers{}",
+             {missing} missing, {faulty} faulty, {} subscribers{}{}",
             p99 as f64 / 1e6,
             links.join(", "),
             self.config.layout.modules.len(),
             self.subscribers.len(),
+            (self.problems.borrow().summary()).map_or(String::new(), |problems| format!(", {problems}")),
             if calibrating {
                 ", calibrating: do not touch the hand"
             } else {

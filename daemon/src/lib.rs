@@ -15,6 +15,7 @@ mod hub;
 pub mod joints;
 mod listener;
 pub mod pipeline;
+mod problems;
 mod profiles;
 mod realtime;
 mod snapshot;
@@ -36,11 +37,11 @@ use std::rc::Rc;
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, mpsc};
 use std::thread::JoinHandle;
-use taxel_can::{CanSource, LinkState, Playback, SourceAddress, SourceOptions, monotonic_ns};
+use taxel_can::{CanSource, Playback, SourceAddress, SourceOptions, monotonic_ns};
 use taxel_compress::Profile;
 use taxel_joints::{JointReader, JointSource, MAX_JOINTS};
 use taxel_sim::{Scene, SimOptions, SimSource};
-use taxel_skin::{BoardSupervisor, Decoder, Layout};
+use taxel_skin::{BoardSupervisor, Layout};
 use tokio::sync::oneshot;
 use tokio_seqpacket::UnixSeqpacketListener;
 
@@ -172,7 +173,7 @@ impl Daemon {
                 .map(|(bus, hand)| OwnHand::new(bus.index, hand)),
             hand_bus: hand_bus.map(|bus| bus.index.into()),
             joints: JointsSnapshot::new(taxel_joints::ALLEGRO_JOINTS),
-            links: vec![LinkState::Absent; layout.buses.len()],
+            reached: vec![false; layout.buses.len()],
             displays,
             raw,
             clock,
@@ -397,12 +398,12 @@ fn open_sources(config: &Config, start_ns: u64) -> Result<Vec<Box<dyn CanSource>
                     .map_err(|e| fail(e.into()))
             }
             address => {
-                let mut filters = Decoder::new(layout, bus).filters().to_vec();
-                if let Some((_, hand)) = hand.filter(|_| hand_bus.is_some_and(|on| on.index == bus)) {
-                    filters.push(hand.filter());
-                }
+                // Of a bus of the skin everything: a node that babbles is to be seen, and what is nobody's counted.
+                let filters = hand
+                    .filter(|_| usize::from(bus) >= layout.buses.len())
+                    .map(|(_, hand)| hand.filter());
                 let options = SourceOptions {
-                    filters,
+                    filters: filters.into_iter().collect(),
                     receive_buffer: config.can.receive_buffer_kib as usize * 1024,
                     playback: Playback {
                         start_ns,

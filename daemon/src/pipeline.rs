@@ -12,7 +12,8 @@ use taxel_can::Received;
 use taxel_compress::{ProfileError, TactileImage};
 use taxel_joints::JointReader;
 use taxel_skin::{
-    ConditionError, Conditioner, Decoded, Decoder, ForceFrame, Layout, Readings, SweepAssembler, TactileFrame,
+    ConditionError, Conditioner, Decoded, Decoder, ForceFrame, Layout, Readings, SweepAssembler,
+    TactileFrame, TrafficWatch,
 };
 
 /// Decoders, assembly and conditioning of one hand, and the decision when an image is due.
@@ -22,6 +23,7 @@ pub struct Pipeline {
     sweep: SweepAssembler,
     conditioner: Conditioner,
     joints: JointFeed,
+    watch: TrafficWatch,
     schedule: Schedule,
     paused: bool,
     frames: Frames,
@@ -107,6 +109,7 @@ impl Pipeline {
             sweep: SweepAssembler::new(layout, &config.sweep, config.tick.mode == TickMode::Sweep),
             conditioner: Conditioner::for_layout(layout, config.conditioning.clone())?,
             joints,
+            watch: TrafficWatch::new(layout),
             schedule,
             paused: false,
             frames,
@@ -126,6 +129,7 @@ impl Pipeline {
     /// CAN frames of all buses come in the order of their times.
     pub fn push(&mut self, bus: u8, received: &Received, emit: &mut impl FnMut(&Frames)) {
         self.advance(received.t_ns.saturating_sub(1), emit);
+        self.watch.frame(bus, &received.frame);
         if self.joints.push(bus, received) {
             return;
         }
@@ -139,6 +143,7 @@ impl Pipeline {
                     self.tick(received.t_ns, emit);
                 }
                 self.sweep.push(&reading, received.t_ns);
+                self.watch.reading(&reading);
             }
             if self.is_sweep() && self.sweep.is_complete() {
                 self.tick(received.t_ns, emit);
@@ -148,6 +153,7 @@ impl Pipeline {
 
     /// Makes the frames of every tick that is due by `now_ns`.
     pub fn advance(&mut self, now_ns: u64, emit: &mut impl FnMut(&Frames)) {
+        self.watch.advance(now_ns);
         while let Some(due_ns) = self.due_ns().filter(|due| *due <= now_ns) {
             if let Schedule::Timer { next_ns, period_ns } = &mut self.schedule {
                 *next_ns += *period_ns;
@@ -228,6 +234,11 @@ impl Pipeline {
     /// The decoder of each bus, with its counters.
     pub fn decoders(&self) -> &[Decoder] {
         &self.decoders
+    }
+
+    /// What the traffic on the buses shows.
+    pub fn watch(&self) -> &TrafficWatch {
+        &self.watch
     }
 
     /// The sweep assembly, with its counters per board.

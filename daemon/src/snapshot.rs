@@ -3,7 +3,10 @@
 use crate::joints::JointsSnapshot;
 use hdrhistogram::Histogram;
 use taxel_can::{LinkState, SourceCounters};
-use taxel_skin::{BoardCounters, BusCounters, Fault, ForceFrame};
+use taxel_skin::{BoardCounters, BusCounters, BusLoad, Fault, Finding, ForceFrame};
+
+/// Findings that are reported at once.
+const MOST_FINDINGS: usize = 64;
 
 /// The state of the whole way from the buses to the displays at one instant.
 ///
@@ -11,6 +14,8 @@ use taxel_skin::{BoardCounters, BusCounters, Fault, ForceFrame};
 /// time makes one update wait for the next tick, never the tick itself.
 #[derive(Debug, Clone)]
 pub(crate) struct Snapshot {
+    /// Whether the tick thread has written into it.
+    pub(crate) written: bool,
     /// Number of images made.
     pub(crate) images: u64,
     /// Timer ticks given up because the daemon was held up.
@@ -27,6 +32,8 @@ pub(crate) struct Snapshot {
     pub(crate) buses: Vec<BusSnapshot>,
     /// Counters of each module's board, in the layout's order.
     pub(crate) boards: Vec<BoardCounters>,
+    /// What the traffic shows to be wrong.
+    pub(crate) findings: Vec<Finding>,
     /// What the hand felt.
     pub(crate) force: ForceFrame,
     /// Taxels in contact.
@@ -50,6 +57,8 @@ pub(crate) struct BusSnapshot {
     pub(crate) link: LinkState,
     /// What its decoder made of the frames.
     pub(crate) decoder: BusCounters,
+    /// How much it carries.
+    pub(crate) load: BusLoad,
 }
 
 impl Snapshot {
@@ -58,6 +67,7 @@ impl Snapshot {
         // Up to 10 s at two significant digits; longer times count as 10 s.
         let histogram = || Histogram::new_with_bounds(1, 10_000_000_000, 2).expect("bounds of a histogram");
         Self {
+            written: false,
             images: 0,
             overruns: 0,
             unpublished: 0,
@@ -66,6 +76,7 @@ impl Snapshot {
             lateness_ns: histogram(),
             buses: vec![BusSnapshot::default(); buses],
             boards: vec![BoardCounters::default(); boards],
+            findings: Vec::with_capacity(MOST_FINDINGS),
             force: ForceFrame {
                 calibrating: true,
                 ..ForceFrame::new(taxels)
@@ -76,6 +87,12 @@ impl Snapshot {
             paused: false,
             joints: JointsSnapshot::new(joints),
         }
+    }
+
+    /// Copies what the traffic shows, without allocating.
+    pub(crate) fn take_findings(&mut self, findings: &[Finding]) {
+        self.findings.clear();
+        self.findings.extend(findings.iter().take(MOST_FINDINGS));
     }
 
     /// Copies what the hand felt, and counts it.

@@ -5,11 +5,12 @@
 
 use crate::hand::Hand;
 use crate::joints::{Told, Weight};
+use crate::problems::News;
 use crate::snapshot::Snapshot;
 use sd_notify::NotifyState;
 use std::rc::Rc;
 use std::time::Duration;
-use taxel_can::{BusState, LinkState};
+use taxel_can::LinkState;
 use taxel_skin::{BoardState, Fault};
 use taxel_wire::{Event, EventKind};
 use tokio::time::{Instant, MissedTickBehavior, interval};
@@ -36,7 +37,11 @@ pub(crate) async fn watch(hand: Rc<Hand>) {
             .lock()
             .unwrap_or_else(|e| e.into_inner())
             .clone();
+        if !now.written {
+            continue;
+        }
         tell_changes(&hand, before.as_ref(), &now);
+        tell_problems(&hand, &now, roll_call_at.is_none());
         tell_joints(&hand, &now, &mut joints);
         before = Some(now);
         hand.profiles.tidy();
@@ -65,38 +70,13 @@ pub(crate) async fn watch(hand: Rc<Hand>) {
 fn tell_changes(hand: &Hand, before: Option<&Snapshot>, now: &Snapshot) {
     let layout = &hand.config.layout;
     for (i, bus) in now.buses.iter().enumerate() {
-        let name = &layout.buses[i];
-        let source = hand.config.sources[i].to_string();
-        let old = before.map(|b| &b.buses[i]);
-        if old.map_or(LinkState::default(), |o| o.link) != bus.link || before.is_none() {
-            match bus.link {
-                LinkState::Up => {
-                    tracing::info!(bus = name, source, reopens = bus.source.reopens, "bus is up")
-                }
-                link => tracing::warn!(bus = name, source, "bus is {link}; waiting for it"),
-            }
-        }
-        let old_state = old.map_or(BusState::ErrorActive, |o| o.source.bus_state);
-        if old_state != bus.source.bus_state {
-            match bus.source.bus_state {
-                BusState::ErrorActive => tracing::info!(bus = name, "controller is error-active again"),
-                BusState::BusOff => tracing::error!(
-                    bus = name,
-                    "controller is bus-off: check wiring, termination and bit rate; `ip link set {name} type can restart-ms 100` lets the kernel restart it"
-                ),
-                state => tracing::warn!(bus = name, "controller is {state}"),
-            }
-        }
-        let lost = bus.source.lost_in_kernel - old.map_or(0, |o| o.source.lost_in_kernel);
-        if lost > 0 {
-            tracing::warn!(
-                bus = name,
-                lost,
-                "frames lost in the kernel; `sysctl net.core.rmem_max=4194304` lets the queue be larger"
-            );
+        let was_up =
+            before.is_some_and(|b| b.buses[i].source.reopens > 0 || b.buses[i].link == LinkState::Up);
+        if bus.link == LinkState::Up && !was_up {
+            let source = hand.config.sources[i].to_string();
+            tracing::info!(bus = layout.buses[i], source, "bus is up");
         }
     }
-    tell_boards(hand, before, now);
     let Some(before) = before else { return };
     for (taxel, (old, new)) in before.force.faults.iter().zip(&now.force.faults).enumerate() {
         let newly: Vec<_> = new
@@ -166,52 +146,35 @@ fn tell_joints(hand: &Hand, now: &Snapshot, told: &mut Told) {
     }
 }
 
-/// Says which boards fell silent and which came back. Boards that speak up at the start are told of by the roll call.
-fn tell_boards(hand: &Hand, before: Option<&Snapshot>, now: &Snapshot) {
-    let Some(before) = before else { return };
-    let layout = &hand.config.layout;
-    for ((module, old), board) in layout.modules.iter().zip(&before.boards).zip(&now.boards) {
-        let bus = &layout.buses[usize::from(module.bus)];
-        if old.state != BoardState::Silent && board.state == BoardState::Silent {
-            tracing::warn!(
-                module = module.name,
-                bus,
-                board = module.board,
-                "board is silent; starting it again"
-            );
-        } else if old.state == BoardState::Silent && board.state != BoardState::Silent {
-            tracing::info!(
-                module = module.name,
-                bus,
-                board = module.board,
-                "board speaks again"
-            );
-        }
+/// Says which problems came and which are over, in the log and to every subscriber.
+fn tell_problems(hand: &Hand, now: &Snapshot, boards_due: bool) {
+    for news in hand.problems.borrow_mut().look(&hand.config, now, boards_due) {
+        let sentence = match news {
+            News::Came { severe, sentence } => {
+                match severe {
+                    true => tracing::error!("{sentence}"),
+                    false => tracing::warn!("{sentence}"),
+                }
+                sentence
+            }
+            News::Over { sentence } => {
+                tracing::info!("{sentence}");
+                sentence
+            }
+        };
+        let _ = hand.events.send(Event::new(EventKind::Notice, sentence));
     }
 }
 
-/// Says once, some time after the start, which boards were never heard.
+/// Says once, some time after the start, how many boards were heard.
 fn call_roll(hand: &Hand, now: Option<&Snapshot>) {
     let Some(now) = now else { return };
     let layout = &hand.config.layout;
-    let unheard: Vec<String> = (layout.modules.iter().zip(&now.boards))
-        .filter(|(_, board)| board.state == BoardState::Unheard)
-        .map(|(m, _)| {
-            format!(
-                "{} ({} board {})",
-                m.name,
-                layout.buses[usize::from(m.bus)],
-                m.board
-            )
-        })
-        .collect();
-    let (boards, heard) = (layout.modules.len(), layout.modules.len() - unheard.len());
-    if unheard.is_empty() {
-        tracing::info!("all {boards} boards speak");
-    } else {
-        tracing::warn!(
-            "{heard} of {boards} boards speak; not heard so far: {}. Check their power, their wiring and their addresses in the layout",
-            unheard.join(", ")
-        );
+    let heard = (now.boards.iter())
+        .filter(|board| board.state != BoardState::Unheard)
+        .count();
+    match layout.modules.len() {
+        boards if boards == heard => tracing::info!("all {boards} boards speak"),
+        boards => tracing::warn!("{heard} of {boards} boards speak so far"),
     }
 }

@@ -17,7 +17,7 @@ use std::os::fd::{AsFd, BorrowedFd};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, mpsc};
 use std::time::Duration;
-use taxel_can::{CanSource, LinkState, Received, monotonic_ns};
+use taxel_can::{BusState, CanSource, LinkState, Received, monotonic_ns};
 use taxel_skin::{BoardCounters, BoardSupervisor};
 use taxel_wire::Header;
 
@@ -92,8 +92,8 @@ pub(crate) struct TickThread {
     pub(crate) hand_bus: Option<usize>,
     /// When the fingers of an Allegro hand were heard last, and more, as of the last round.
     pub(crate) joints: JointsSnapshot,
-    /// State of each bus's link when it was last looked at.
-    pub(crate) links: Vec<LinkState>,
+    /// Whether each bus could be reached when it was last looked at: its link is up, its controller on the bus.
+    pub(crate) reached: Vec<bool>,
     pub(crate) displays: Displays,
     /// Raw frames, made only while somebody reads them.
     pub(crate) raw: Publisher,
@@ -270,15 +270,15 @@ impl TickThread {
             boards,
             sources,
             pipeline,
-            links,
+            reached,
             ..
         } = self;
-        for (bus, (source, before)) in sources.iter().zip(links).enumerate() {
-            let link = source.link();
-            if link == LinkState::Up && *before != LinkState::Up {
+        for (bus, (source, before)) in sources.iter().zip(reached).enumerate() {
+            let reached = source.link() == LinkState::Up && source.counters().bus_state != BusState::BusOff;
+            if reached && !*before {
                 boards.bus_restored(bus as u8, now_ns);
             }
-            *before = link;
+            *before = reached;
         }
         while let Some(command) = boards.poll(now_ns, |board| pipeline.sweep().last_heard_ns(board)) {
             if sources[usize::from(command.bus)].send(&command.frame()).is_err() {
@@ -320,6 +320,7 @@ impl TickThread {
         };
         let pipeline = &self.pipeline;
         let force = &pipeline.frames().force;
+        snapshot.written = true;
         snapshot.now_ns = now_ns;
         snapshot.overruns = overruns;
         snapshot.unpublished = self.displays.unpublished() + self.raw.unpublished();
@@ -332,7 +333,9 @@ impl TickThread {
             bus.source = *source.counters();
             bus.link = source.link();
             bus.decoder = *decoder.counters();
+            bus.load = pipeline.watch().load(decoder.bus());
         }
+        snapshot.take_findings(pipeline.watch().findings());
         for (module, board) in snapshot.boards.iter_mut().enumerate() {
             let (sweep, decoders) = (pipeline.sweep(), pipeline.decoders());
             *board = BoardCounters::gather(module as u16, sweep, decoders, Some(&self.boards));

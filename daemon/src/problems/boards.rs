@@ -1,0 +1,315 @@
+//! What is wrong with the boards, and what their traffic shows.
+
+use super::{Look, Place, Problem};
+use std::collections::VecDeque;
+use taxel_can::{BusState, LinkState};
+use taxel_skin::{BoardState, BoardsMode, Finding, Layout};
+
+/// A board that falls silent so often within so long is unsteady, until it was steady for a while.
+const SILENCES: usize = 3;
+const UNSTEADY_NS: u64 = 30_000_000_000;
+const STEADY_NS: u64 = 10_000_000_000;
+
+/// When each board fell silent of late.
+#[derive(Debug, Default)]
+pub(crate) struct Steadiness {
+    boards: Vec<(bool, VecDeque<u64>)>,
+}
+
+impl Steadiness {
+    /// Takes note whether a board is silent, and returns how often it fell silent, if that makes it unsteady.
+    fn look(&mut self, module: usize, silent: bool, now_ns: u64) -> Option<usize> {
+        if self.boards.len() <= module {
+            self.boards.resize(module + 1, (false, VecDeque::new()));
+        }
+        let (was_silent, silences) = &mut self.boards[module];
+        if silent && !*was_silent {
+            silences.push_back(now_ns);
+        }
+        *was_silent = silent;
+        while silences
+            .front()
+            .is_some_and(|t| now_ns.saturating_sub(*t) > UNSTEADY_NS)
+        {
+            silences.pop_front();
+        }
+        let last_ns = *silences.back()?;
+        (silences.len() >= SILENCES && now_ns.saturating_sub(last_ns) <= STEADY_NS).then_some(silences.len())
+    }
+}
+
+pub(super) fn judge(look: &Look<'_>, steadiness: &mut Steadiness, found: &mut Vec<Problem>) {
+    let layout = &look.config.layout;
+    for finding in &look.now.findings {
+        found.push(of_finding(look, finding));
+    }
+    let displaced = |module: usize| {
+        look.now.findings.iter().any(|finding| match finding {
+            Finding::OnOtherBus { module: m, .. } => usize::from(*m) == module,
+            Finding::BusesSwapped { buses, .. } => buses.contains(&layout.modules[module].bus),
+            _ => false,
+        })
+    };
+    for (index, bus) in look.now.buses.iter().enumerate() {
+        let boards = || (0..layout.modules.len()).filter(|m| usize::from(layout.modules[*m].bus) == index);
+        if bus.link != LinkState::Up || bus.source.bus_state == BusState::BusOff {
+            // Told of the bus; that its boards are silent says nothing of them.
+            continue;
+        }
+        let state = |m: usize| look.now.boards[m].state;
+        let quiet = |m: usize| match state(m) {
+            BoardState::Silent => true,
+            BoardState::Unheard => look.boards_due,
+            BoardState::Settling | BoardState::Living => false,
+        };
+        let all = boards().count() > 1 && boards().all(quiet);
+        if all {
+            found.push(silent_bus(look, index));
+        }
+        for module in boards() {
+            let unsteady = steadiness.look(
+                module,
+                state(module) == BoardState::Silent && !all,
+                look.now.now_ns,
+            );
+            if let Some(times) = unsteady {
+                found.push(unsteady_board(layout, module, times));
+            }
+            if !all && quiet(module) && !displaced(module) {
+                found.push(silent_board(look, module));
+            }
+        }
+    }
+}
+
+/// `index tip (can0 board 3)`.
+fn named(layout: &Layout, module: usize) -> String {
+    let m = &layout.modules[module];
+    format!(
+        "{} ({} board {})",
+        m.name,
+        layout.buses[usize::from(m.bus)],
+        m.board
+    )
+}
+
+fn what_is_done(look: &Look<'_>) -> &'static str {
+    match look.config.boards.mode {
+        BoardsMode::Passive => {
+            "Nothing is sent to boards in passive mode: whoever controls them has to start them"
+        }
+        _ => "It is told to start again and again",
+    }
+}
+
+fn silent_bus(look: &Look<'_>, bus: usize) -> Problem {
+    let name = &look.config.layout.buses[bus];
+    let finished = what_is_done(look).replace("It is", "They are");
+    Problem {
+        kind: "bus-silent",
+        place: Place::Bus(bus),
+        severe: true,
+        sentence: format!(
+            "{name}: no board speaks; check the hand's power, the cable and the bit rate. {finished}"
+        ),
+        over: format!("{name}: boards speak again"),
+    }
+}
+
+fn silent_board(look: &Look<'_>, module: usize) -> Problem {
+    let layout = &look.config.layout;
+    let name = named(layout, module);
+    let done = what_is_done(look);
+    let (kind, sentence) = match look.now.boards[module].state {
+        BoardState::Unheard => (
+            "board-unheard",
+            format!(
+                "{name} was not heard since the start; check its power, its cable and its address switches, which the layout has to match. {done}"
+            ),
+        ),
+        _ => (
+            "board-silent",
+            format!("{name} is silent; check its power and cable. {done}, and the rest goes on"),
+        ),
+    };
+    Problem {
+        kind,
+        place: Place::Module(module),
+        severe: false,
+        sentence,
+        over: format!("{name} speaks"),
+    }
+}
+
+fn unsteady_board(layout: &Layout, module: usize, times: usize) -> Problem {
+    let name = named(layout, module);
+    Problem {
+        kind: "board-unsteady",
+        place: Place::Module(module),
+        severe: false,
+        sentence: format!(
+            "{name} fell silent {times} times within half a minute: a loose plug, or a supply that sags so that it reboots"
+        ),
+        over: format!("{name} is steady again"),
+    }
+}
+
+fn of_finding(look: &Look<'_>, finding: &Finding) -> Problem {
+    let layout = &look.config.layout;
+    let bus_name = |bus: u8| &layout.buses[usize::from(bus)];
+    match *finding {
+        Finding::IdBabbles {
+            bus,
+            id,
+            extended,
+            module,
+            rate_hz,
+            share,
+        } => {
+            let name = bus_name(bus);
+            let id_name = if extended {
+                format!("{id:08X}")
+            } else {
+                format!("{id:03X}")
+            };
+            let loud = format!(
+                "{rate_hz:.0} frames/s, {:.0} % of a bus of 1 Mbit/s",
+                100.0 * share
+            );
+            let who = match module {
+                Some(m) => format!(
+                    "id {id_name} of {} babbles: {loud}. Its board, or another node that uses its id, is defective: unplug it",
+                    named(layout, usize::from(m))
+                ),
+                None => format!(
+                    "id {id_name}, which is nobody's in the layout, babbles: {loud}. Find the node that sends it (unplug one after the other) and stop it"
+                ),
+            };
+            Problem {
+                kind: "babbling",
+                place: Place::Stranger(bus.into(), id | u32::from(extended) << 31),
+                severe: false,
+                sentence: format!("{name}: {who}. Ids above it may starve; the rest goes on"),
+                over: format!("{name}: id {id_name} no longer babbles"),
+            }
+        }
+        Finding::BoardBabbles {
+            module,
+            rate_hz,
+            share,
+            sweeps_hz: [sweeps, usual],
+        } => {
+            let name = named(layout, module.into());
+            Problem {
+                kind: "board-babbling",
+                place: Place::Module(module.into()),
+                severe: false,
+                sentence: format!(
+                    "{name} sends {sweeps:.0} sweeps/s where others send {usual:.0}: {rate_hz:.0} frames/s, {:.0} % of a bus of 1 Mbit/s. Restart or unplug it; ids above its own may starve",
+                    100.0 * share
+                ),
+                over: format!("{name} no longer babbles"),
+            }
+        }
+        Finding::TwoBoards {
+            module,
+            sweeps_hz: [sweeps, usual],
+        } => {
+            let index = usize::from(module);
+            let m = &layout.modules[index];
+            let quiet: Vec<String> = (0..layout.modules.len())
+                .filter(|i| {
+                    let other = &layout.modules[*i];
+                    let state = look.now.boards[*i].state;
+                    (other.bus, other.protocol) == (m.bus, m.protocol)
+                        && matches!(state, BoardState::Silent | BoardState::Unheard)
+                })
+                .map(|i| named(layout, i))
+                .collect();
+            let hint = match quiet.as_slice() {
+                [] => "Set the address switches of one of them to another address".to_string(),
+                [one] => format!("{one} is silent and probably the other one: correct its address switches"),
+                several => format!(
+                    "One of {} is probably the other: correct its address switches",
+                    several.join(", ")
+                ),
+            };
+            let name = format!("board {} of {}", m.board, bus_name(m.bus));
+            Problem {
+                kind: "two-boards-one-address",
+                place: Place::Module(index),
+                severe: true,
+                sentence: format!(
+                    "two boards answer as {name} ({}): its values alternate, {sweeps:.0} sweeps/s where others send {usual:.0}. {hint}",
+                    m.name
+                ),
+                over: format!("one board alone answers as {name}"),
+            }
+        }
+        Finding::OnOtherBus { module, bus } => {
+            let index = usize::from(module);
+            let (name, other) = (named(layout, index), bus_name(bus));
+            Problem {
+                kind: "board-on-other-bus",
+                place: Place::Module(index),
+                severe: true,
+                sentence: format!(
+                    "{name} is silent, and a board of its address speaks on {other}: wire it to {}, or write `bus = \"{other}\"` into the layout",
+                    bus_name(layout.modules[index].bus)
+                ),
+                over: format!("no board of the address of {name} speaks on {other} any more"),
+            }
+        }
+        Finding::BusesSwapped {
+            buses,
+            module,
+            boards,
+        } => {
+            let [a, b] = buses.map(bus_name);
+            let index = usize::from(module);
+            let sources = buses.map(|bus| look.config.sources[usize::from(bus)].to_string());
+            let other = if layout.modules[index].bus == buses[0] {
+                b
+            } else {
+                a
+            };
+            let evidence = match boards {
+                1 => format!(
+                    "{} speaks on {other}, which has no such board in the layout. It may also be that only this board is on the wrong bus",
+                    named(layout, index)
+                ),
+                n => format!("{n} boards that only one of them has speak on the other"),
+            };
+            Problem {
+                kind: "buses-swapped",
+                place: Place::Stranger(buses[0].into(), 0x4000_0000 | u32::from(buses[1])),
+                severe: true,
+                sentence: format!(
+                    "{a} and {b} look swapped: {evidence}. Swap the two cables, or the two lines `source = \"{}\"` and `source = \"{}\"` of the configuration",
+                    sources[0], sources[1]
+                ),
+                over: format!("{a} and {b} no longer look swapped"),
+            }
+        }
+        Finding::NotInLayout {
+            bus,
+            protocol,
+            address,
+        } => {
+            let name = bus_name(bus);
+            Problem {
+                kind: "board-not-in-layout",
+                place: Place::Stranger(
+                    bus.into(),
+                    0x2000_0000 | (protocol as u32) << 8 | u32::from(address),
+                ),
+                severe: false,
+                sentence: format!(
+                    "{name}: a board answers as address {address} ({}), which the layout does not have there: correct its address switches, or add it to the layout",
+                    protocol.name()
+                ),
+                over: format!("{name}: no board answers as address {address} any more"),
+            }
+        }
+    }
+}

@@ -1,0 +1,187 @@
+//! What is wrong with a bus: its interface, its controller, its queues.
+
+use super::{Look, Place, Problem};
+use taxel_can::{BusState, LinkState, SourceAddress};
+
+/// Changes of the controller's state in the time looked at, from which it flaps, and down to which it goes on to.
+const FLAPS: u64 = 5;
+const FLAPS_ON: u64 = 2;
+/// Broken frames per second, and unacknowledged ones, from which they are worth a sentence.
+const BROKEN_HZ: f64 = 5.0;
+const UNACKNOWLEDGED_HZ: f64 = 2.0;
+
+pub(super) fn judge(look: &Look<'_>, index: usize, flapped: bool, found: &mut Vec<Problem>) {
+    let name = &look.config.layout.buses[index];
+    let address = &look.config.sources[index];
+    let now = &look.now.buses[index];
+    let (source, before) = (&now.source, &look.before[index]);
+    let since = |count: u64, before: u64| count.saturating_sub(before);
+    let per_second = |count: u64| count as f64 / look.seconds;
+    let mut tell = |kind, severe, sentence: String, over: String| {
+        found.push(Problem {
+            kind,
+            place: Place::Bus(index),
+            severe,
+            sentence: format!("{name}: {sentence}"),
+            over: format!("{name}: {over}"),
+        });
+    };
+
+    // With a link that is lost there is nothing else to say.
+    match (now.link, interface(address)) {
+        (LinkState::Up, _) => {}
+        (LinkState::Absent, Some(interface)) => {
+            return tell(
+                "link-absent",
+                true,
+                format!(
+                    "there is no interface {interface}; plug its adapter in, or see `ip link`. The rest goes on, and this bus will as soon as it is there"
+                ),
+                format!("the interface {interface} is there and up"),
+            );
+        }
+        (LinkState::Down, Some(interface)) => {
+            return tell(
+                "link-down",
+                true,
+                format!(
+                    "the interface {interface} is down; `ip link set {interface} up` (for good: systemd/80-can.network). The rest goes on"
+                ),
+                format!("the interface {interface} is up"),
+            );
+        }
+        (link, None) => {
+            let kind = if link == LinkState::Down {
+                "link-down"
+            } else {
+                "link-absent"
+            };
+            return tell(
+                kind,
+                true,
+                format!("{address} is {link}; waiting for it. The rest goes on"),
+                format!("{address} is up"),
+            );
+        }
+    }
+
+    let device = interface(address).unwrap_or(name);
+    let changes = since(source.state_changes, before.state_changes);
+    let flaps = changes >= if flapped { FLAPS_ON } else { FLAPS };
+    if flaps {
+        tell(
+            "flapping",
+            false,
+            format!(
+                "the controller changes its error state {:.0} times a second; look for a loose contact, missing termination (120 ohms at both ends), or a node with another bit rate",
+                per_second(changes)
+            ),
+            format!(
+                "the controller's error state is steady again: {}",
+                source.bus_state
+            ),
+        );
+    }
+    let [tx, rx] = source.error_counters;
+    match source.bus_state {
+        // While it flaps, each of its states is no news.
+        _ if flaps => {}
+        BusState::ErrorActive => {}
+        BusState::BusOff => tell(
+            "bus-off",
+            true,
+            format!(
+                "the controller is off the bus after too many errors, and hears nothing. Check wiring, termination and bit rate. If the kernel does not restart it by itself, let it: `ip link set {device} down && ip link set {device} type can restart-ms 100 && ip link set {device} up`"
+            ),
+            "the controller is on the bus again".into(),
+        ),
+        BusState::ErrorPassive => tell(
+            "error-passive",
+            false,
+            format!(
+                "the controller is error-passive (errors: {tx} sending, {rx} receiving); {}",
+                advice(tx, rx)
+            ),
+            "the controller is no longer error-passive".into(),
+        ),
+        BusState::ErrorWarning => tell(
+            "error-warning",
+            false,
+            format!(
+                "the controller sees many errors ({tx} sending, {rx} receiving); {}",
+                advice(tx, rx)
+            ),
+            "the controller no longer warns of errors".into(),
+        ),
+    }
+
+    let (errors, earlier) = (&source.errors, &before.errors);
+    let unacknowledged = per_second(since(errors.no_acknowledge, earlier.no_acknowledge));
+    if unacknowledged >= UNACKNOWLEDGED_HZ {
+        tell(
+            "no-acknowledge",
+            false,
+            "nobody acknowledges what is sent: the hand has no power, its cable is off, or its bit rate is another".into(),
+            "what is sent is acknowledged".into(),
+        );
+    }
+    let broken =
+        per_second(since(errors.protocol, earlier.protocol).max(since(errors.bus_error, earlier.bus_error)));
+    if broken >= BROKEN_HZ && unacknowledged < UNACKNOWLEDGED_HZ {
+        tell(
+            "bus-errors",
+            false,
+            format!(
+                "{broken:.0} broken frames a second; look for missing termination (120 ohms at both ends), a cable beside motor wires, or a node with another bit rate"
+            ),
+            "no more broken frames".into(),
+        );
+    }
+    let overflows = since(errors.controller_overflow, earlier.controller_overflow);
+    if overflows > 0 {
+        tell(
+            "controller-overflow",
+            false,
+            "the CAN adapter drops frames because the machine takes them too late: another USB port, less load on the machine, or a better adapter".into(),
+            "the CAN adapter drops no more frames".into(),
+        );
+    }
+    let lost = since(source.lost_in_kernel, before.lost_in_kernel);
+    if lost > 0 {
+        tell(
+            "frames-lost",
+            false,
+            format!(
+                "{lost} frames lost in the kernel because taxeld was held up; `sysctl net.core.rmem_max=4194304` lets the queue be larger"
+            ),
+            "no more frames lost in the kernel".into(),
+        );
+    }
+    let unsent = since(source.send_failures, before.send_failures);
+    if unsent > 0 && source.bus_state != BusState::BusOff {
+        tell(
+            "cannot-send",
+            false,
+            format!(
+                "commands to the boards cannot be sent: the transmit queue is full, since nobody acknowledges them or the bus is full. Check the hand's power; `ip link set {device} txqueuelen 100`"
+            ),
+            "commands to the boards are sent again".into(),
+        );
+    }
+}
+
+fn interface(address: &SourceAddress) -> Option<&str> {
+    match address {
+        SourceAddress::Can { interface, .. } => Some(interface),
+        _ => None,
+    }
+}
+
+/// What to look at, by which error counter is the higher.
+fn advice(tx: u8, rx: u8) -> &'static str {
+    if tx > rx {
+        "what it sends is not acknowledged or disturbed: check the hand's power and cable"
+    } else {
+        "what it hears is broken: check termination (120 ohms at both ends), bit rate and cable"
+    }
+}
