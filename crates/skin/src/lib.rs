@@ -16,6 +16,7 @@ mod layout_file;
 mod layout_tile;
 mod period;
 mod protocol;
+mod recognise;
 mod search;
 mod start;
 mod sweep;
@@ -45,6 +46,7 @@ pub use protocol::cyskin::{
 };
 pub use protocol::icub::{ICUB_NO_ACK, ICUB_NOT_CONNECTED, ICUB_OUT_OF_RANGE, IcubSetup, icub_triangle_data};
 pub use protocol::uskin::{STATUS_ERROR, STATUS_NO_ANSWER, status_is_error};
+pub use recognise::{CyskinGuess, RecognisedBoard, RecognisedBus, Recogniser, Recognition};
 pub use sweep::{Push, SweepAssembler};
 pub use sweep_config::SweepConfig;
 pub use watch::{BusLoad, Finding, TrafficWatch};

@@ -1,0 +1,310 @@
+//! The layout file that recognised buses propose, with comments on what is guessed in it.
+
+use super::uskin::expected;
+use super::{CyskinGuess, RecognisedBoard, Recognition};
+use crate::{ByteOrder, Checksum, Layout, Protocol};
+use std::collections::BTreeSet;
+use std::fmt::Write;
+
+/// Widest image that tiles are laid out in, pixels; a tile that is wider has its own row.
+const WIDTH: usize = 64;
+/// The pads of an iCub triangle as the iCub's own viewer draws it; 6 and 10 are thermal.
+const TRIANGLE: [[i16; 7]; 4] = [
+    [-1, -1, -1, 9, -1, -1, -1],
+    [-1, -1, 8, -1, 11, -1, -1],
+    [-1, 7, -1, 3, -1, 0, -1],
+    [5, -1, 4, -1, 2, -1, 1],
+];
+
+type Order = Vec<Vec<i16>>;
+
+impl Recognition {
+    /// The text of a layout file for what was recognised, which [`Layout::parse`] accepts as it is; `None` where no board
+    /// was recognised. `buses` are the names of the buses.
+    ///
+    /// Buses without boards are left out of the file.
+    pub fn layout_file(&self, name: &str, buses: &[&str]) -> Option<String> {
+        let named: Vec<(&str, &[RecognisedBoard])> = self
+            .buses
+            .iter()
+            .enumerate()
+            .map(|(i, bus)| (buses.get(i).copied().unwrap_or("bus"), &bus.boards[..]))
+            .filter(|(_, boards)| !boards.is_empty())
+            .collect();
+        if named.is_empty() {
+            return None;
+        }
+        let mut modules = String::new();
+        let mut tiles = Tiles::default();
+        for (bus, boards) in &named {
+            tiles.next_row();
+            for board in *boards {
+                let order = order(board);
+                let at = tiles.place(&order);
+                write_module(&mut modules, bus, board, &order, at);
+            }
+        }
+        let mut text = self.head(name, &named, tiles.size());
+        text += &modules;
+        Some(text)
+    }
+
+    /// The built-in hand with the same boards on as many buses, if there is one; its places are better than guesses.
+    pub fn builtin(&self) -> Option<&'static str> {
+        let mut found: Vec<BTreeSet<(&str, u8, usize)>> = self
+            .buses
+            .iter()
+            .filter(|bus| !bus.boards.is_empty())
+            .map(|bus| {
+                let boards = bus.boards.iter();
+                boards
+                    .map(|b| (b.protocol.name(), b.board, b.taxels.len()))
+                    .collect()
+            })
+            .collect();
+        found.sort();
+        Layout::builtin_names().find(|name| {
+            let Some(layout) = Layout::builtin(name) else {
+                return false;
+            };
+            let mut boards: Vec<BTreeSet<(&str, u8, usize)>> = vec![BTreeSet::new(); layout.buses.len()];
+            for module in &layout.modules {
+                if let Some(of_bus) = boards.get_mut(usize::from(module.bus)) {
+                    of_bus.insert((module.protocol.name(), module.board, usize::from(module.taxels)));
+                }
+            }
+            boards.sort();
+            !boards.is_empty() && boards == found
+        })
+    }
+
+    fn head(&self, name: &str, named: &[(&str, &[RecognisedBoard])], [width, height]: [usize; 2]) -> String {
+        let mut text = String::from(
+            "# Proposed by `taxel doctor --scan` from the traffic of the buses.\n#\n\
+             # KNOWN: bus, board, protocol and taxel numbers of each module, as they were heard.\n\
+             # GUESSED, since no frame tells: where a module sits (`at`, `rotation`), how its taxels are arranged\n\
+             # (`order`), and what belongs together (`part`: each board is a part of its own; actuators of different\n\
+             # parts are not neighbours). Press one taxel after the other with `taxel watch` open, and correct them.\n\
+             # Positions in millimetres (`pitch_mm`, `origin_mm`) are left out.\n",
+        );
+        if let Some(builtin) = self.builtin() {
+            let _ = writeln!(
+                text,
+                "#\n# These are the boards of the built-in hand {builtin}: if it is one, `layout = \"{builtin}\"` places them."
+            );
+        }
+        for (bus, doubts) in self.buses.iter().zip(bus_names(self, named)) {
+            for doubt in &bus.doubts {
+                for (i, line) in wrap(doubt, 100).iter().enumerate() {
+                    let head = if i == 0 {
+                        format!("#\n# DOUBT, {doubts}: ")
+                    } else {
+                        "# ".into()
+                    };
+                    let _ = writeln!(text, "{head}{line}");
+                }
+            }
+        }
+        let names: Vec<String> = named.iter().map(|(bus, _)| quoted(bus)).collect();
+        let _ = write!(
+            text,
+            "name = {}\nimage = {{ width = {width}, height = {height} }}\nbuses = [{}]\n",
+            quoted(name),
+            names.join(", ")
+        );
+        if let Some(guess) = &self.cyskin {
+            write_cyskin(&mut text, guess, named);
+        }
+        text
+    }
+}
+
+/// The name of each bus, boards or not.
+fn bus_names<'a>(found: &Recognition, named: &[(&'a str, &[RecognisedBoard])]) -> Vec<&'a str> {
+    let mut names = named.iter().map(|(name, _)| *name);
+    found
+        .buses
+        .iter()
+        .map(|bus| match bus.boards.is_empty() {
+            true => "a bus without boards",
+            false => names.next().unwrap_or("bus"),
+        })
+        .collect()
+}
+
+/// A text as a TOML string.
+fn quoted(text: &str) -> String {
+    let mut out = String::from("\"");
+    for c in text.chars() {
+        match c {
+            '"' | '\\' => out.extend(['\\', c]),
+            c if c.is_control() => {
+                let _ = write!(out, "\\u{:04X}", u32::from(c));
+            }
+            c => out.push(c),
+        }
+    }
+    out.push('"');
+    out
+}
+
+fn wrap(text: &str, width: usize) -> Vec<String> {
+    let mut lines = vec![String::new()];
+    for word in text.split_whitespace() {
+        let line = lines.last_mut().expect("one line at least");
+        if !line.is_empty() && line.len() + 1 + word.len() > width {
+            lines.push(word.to_string());
+        } else {
+            if !line.is_empty() {
+                line.push(' ');
+            }
+            line.push_str(word);
+        }
+    }
+    lines
+}
+
+fn hub_name(bus: &str, address: u32) -> String {
+    format!("{bus} hub {address:#x}")
+}
+
+fn write_cyskin(text: &mut String, guess: &CyskinGuess, named: &[(&str, &[RecognisedBoard])]) {
+    let byte_order = match guess.byte_order {
+        ByteOrder::Big => "big",
+        ByteOrder::Little => "little",
+    };
+    let checksum = match guess.checksum {
+        Checksum::Sum => "sum",
+        Checksum::SumToZero => "sum-to-zero",
+        Checksum::InvertedSum => "inverted-sum",
+        Checksum::Xor => "xor",
+        Checksum::Crc8 => "crc8",
+        Checksum::Unchecked => "unchecked",
+    };
+    let _ = write!(
+        text,
+        "\n# Not public: as the packets have it.\n[cyskin]\nbyte_order = \"{byte_order}\"\nchecksum = \"{checksum}\"\n\
+         sequence_bytes_above = {}\nsensors_per_module = {}\n",
+        guess.sequence_bytes_above, guess.sensors_per_module
+    );
+    for (bus, boards) in named {
+        let hubs: BTreeSet<u32> = boards.iter().filter_map(|b| b.hub).collect();
+        for address in hubs {
+            let _ = write!(
+                text,
+                "[[cyskin.hub]]\nname = {}\nbus = {}\naddress = {address:#x}\n",
+                quoted(&hub_name(bus, address)),
+                quoted(bus)
+            );
+        }
+    }
+}
+
+fn write_module(text: &mut String, bus: &str, board: &RecognisedBoard, order: &Order, [x, y]: [usize; 2]) {
+    let mut name = match board.hub {
+        Some(hub) => format!("{} module {}", hub_name(bus, hub), board.board),
+        None => format!("{bus} board {}", board.board),
+    };
+    if board.protocol == Protocol::UskinL3 {
+        // L3 controllers are numbered apart from MTBs.
+        name = format!("{bus} controller {}", board.board);
+    }
+    let rate = board
+        .rate_hz
+        .map_or(String::new(), |hz| format!(", {hz:.1} sweeps/s"));
+    let _ = write!(
+        text,
+        "\n# {} taxels{rate}\n[[module]]\nname = {}\npart = {}\nbus = {}\nboard = {}\nprotocol = \"{}\"\n",
+        board.taxels.len(),
+        quoted(&name),
+        quoted(&name),
+        quoted(bus),
+        board.board,
+        board.protocol.name()
+    );
+    if let Some(hub) = board.hub {
+        let _ = writeln!(text, "hub = {}", quoted(&hub_name(bus, hub)));
+    }
+    let _ = writeln!(text, "at = [{x}, {y}]    # guessed\norder = [    # guessed");
+    for row in order {
+        let row: Vec<String> = row.iter().map(|k| format!("{k:2}")).collect();
+        let _ = writeln!(text, "  [{}],", row.join(", "));
+    }
+    text.push_str("]\n");
+}
+
+/// The arrangement of a board's taxels on its tile, -1 for an empty cell: as the makers draw it where they do.
+fn order(board: &RecognisedBoard) -> Order {
+    let has = |k: u8| board.taxels.contains(&k);
+    let cell = |k: u8| if has(k) { i16::from(k) } else { -1 };
+    match board.protocol {
+        Protocol::UskinL1 | Protocol::UskinL2 => {
+            let lines = (expected(board.protocol, &board.taxels).len() / 4) as u8;
+            (0..lines)
+                .map(|sda| [0, 2, 1, 3].map(|chip| cell(sda << 2 | chip)).to_vec())
+                .collect()
+        }
+        Protocol::UskinL3 => {
+            let largest = board.taxels.iter().copied().max().unwrap_or(0);
+            let per_line = board.taxels.iter().map(|k| k & 15).max().unwrap_or(0);
+            (0..=largest >> 4)
+                .map(|sda| (0..=per_line).map(|taxel| cell(sda << 4 | taxel)).collect())
+                .collect()
+        }
+        Protocol::IcubMtb3 | Protocol::IcubMtb4 => {
+            let triangles: BTreeSet<u8> = board.taxels.iter().map(|k| k / 12).collect();
+            (0..4)
+                .map(|row| {
+                    triangles
+                        .iter()
+                        .flat_map(|triangle| {
+                            TRIANGLE[row].map(|pad| {
+                                if pad < 0 {
+                                    -1
+                                } else {
+                                    cell(triangle * 12 + pad as u8)
+                                }
+                            })
+                        })
+                        .collect()
+                })
+                .collect()
+        }
+        Protocol::CpmFinger => (0..4)
+            .map(|row| (0..4).map(|column| cell(4 * row + column)).collect())
+            .collect(),
+        Protocol::Cyskin | Protocol::Offline => vec![board.taxels.iter().map(|k| i16::from(*k)).collect()],
+    }
+}
+
+/// Tiles side by side, in rows.
+#[derive(Default)]
+struct Tiles {
+    x: usize,
+    y: usize,
+    row: usize,
+    width: usize,
+}
+
+impl Tiles {
+    fn next_row(&mut self) {
+        self.y += self.row;
+        (self.x, self.row) = (0, 0);
+    }
+
+    fn place(&mut self, order: &Order) -> [usize; 2] {
+        let (rows, columns) = (order.len(), order.first().map_or(0, Vec::len));
+        if self.x > 0 && self.x + columns > WIDTH {
+            self.next_row();
+        }
+        let at = [self.x, self.y];
+        self.x += columns;
+        self.row = self.row.max(rows);
+        self.width = self.width.max(self.x);
+        at
+    }
+
+    fn size(&self) -> [usize; 2] {
+        [self.width.max(1), (self.y + self.row).max(1)]
+    }
+}

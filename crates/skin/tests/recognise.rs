@@ -1,0 +1,391 @@
+//! From traffic to a layout file: every hand is recognised by what its boards send, and the proposed file takes every
+//! frame.
+
+mod support;
+
+use proptest::prelude::*;
+use std::collections::BTreeSet;
+use taxel_can::CanFrame;
+use taxel_skin::{
+    Decoded, Decoder, Layout, Protocol, Readings, Recogniser, Recognition, cyskin_frames, icub_triangle_data,
+};
+
+const SWEEPS: u64 = 6;
+
+/// Frames of one sweep of a hand, with small noise in the low byte.
+fn sweep(layout: &Layout, round: u64) -> Vec<(u8, CanFrame)> {
+    let mut frames = Vec::new();
+    let mut triangles = BTreeSet::new();
+    for (n, taxel) in layout.taxels.iter().enumerate() {
+        let module = layout.module_of(n);
+        let value = 12_000 + (n as u64 * 37 + round * 7) as u16 % 200;
+        match module.protocol {
+            Protocol::IcubMtb3 | Protocol::IcubMtb4 => {
+                triangles.insert((module.bus, module.board, taxel.k / 12));
+            }
+            Protocol::Cyskin => {
+                let setup = layout.cyskin.as_ref().unwrap();
+                let [high, low] = value.to_be_bytes();
+                let address = setup.hubs[usize::from(module.hub.unwrap())].address;
+                let packet =
+                    cyskin_frames(setup, address, 0x43, &[module.board, taxel.k, high, low]).unwrap();
+                frames.extend(packet.into_iter().map(|frame| (module.bus, frame)));
+            }
+            Protocol::CpmFinger => {
+                let id = module.protocol.frame_id(module.board, taxel.k).unwrap();
+                if taxel.k < 4 {
+                    let id = 0x405 + 2 * u16::from(taxel.k);
+                    frames.push((
+                        module.bus,
+                        CanFrame::standard(id, &[7, 1, 7, 1, 7, 1, 7, 1]).unwrap(),
+                    ));
+                }
+                assert!((0x405..=0x40B).contains(&id));
+            }
+            protocol => {
+                let frame = protocol.frame(module.board, taxel.k, [0x8000, 0x8000, value], 0x83);
+                frames.push((module.bus, frame.unwrap()));
+            }
+        }
+    }
+    for (bus, board, triangle) in triangles {
+        let id = 0x400 | u16::from(board) << 4 | u16::from(triangle);
+        for data in icub_triangle_data([240 + round as u8; 12], 0, 0) {
+            frames.push((bus, CanFrame::standard(id, &data).unwrap()));
+        }
+    }
+    frames
+}
+
+fn traffic(layout: &Layout) -> Vec<(u8, u64, CanFrame)> {
+    (0..SWEEPS)
+        .flat_map(|round| {
+            let frames = sweep(layout, round).into_iter().enumerate();
+            frames.map(move |(i, (bus, frame))| (bus, round * 20_000_000 + i as u64 * 10_000, frame))
+        })
+        .collect()
+}
+
+fn recognise(buses: usize, traffic: &[(u8, u64, CanFrame)]) -> Recognition {
+    let mut recogniser = Recogniser::new(buses);
+    for (bus, t_ns, frame) in traffic {
+        recogniser.hear(*bus, *t_ns, frame);
+    }
+    recogniser.finish()
+}
+
+fn names(layout: &Layout) -> Vec<&str> {
+    layout.buses.iter().map(String::as_str).collect()
+}
+
+/// Protocol, address, hub and taxel numbers of each board, by bus.
+type Boards = BTreeSet<(u8, &'static str, u8, Option<u32>, Vec<u8>)>;
+
+fn boards(layout: &Layout) -> Boards {
+    let each = layout.modules.iter().map(|module| {
+        let first = usize::from(module.first_taxel);
+        let taxels = &layout.taxels[first..first + usize::from(module.taxels)];
+        let hub = module
+            .hub
+            .map(|hub| layout.cyskin.as_ref().unwrap().hubs[usize::from(hub)].address);
+        let numbers = taxels.iter().map(|t| t.k).collect();
+        (module.bus, module.protocol.name(), module.board, hub, numbers)
+    });
+    each.collect()
+}
+
+/// The way there and back: traffic, recognition, file, layout, and again the traffic.
+fn comes_back(layout: &Layout) {
+    let traffic = traffic(layout);
+    let found = recognise(layout.buses.len(), &traffic);
+    let text = found
+        .layout_file("found", &names(layout))
+        .unwrap_or_else(|| panic!("nothing was recognised of {}", layout.name));
+    let proposed = Layout::parse(&text, "found.toml").unwrap_or_else(|e| panic!("{e}\n{text}"));
+    assert_eq!(boards(&proposed), boards(layout), "{text}");
+    assert_eq!(proposed.buses, layout.buses);
+    assert!(
+        found
+            .buses
+            .iter()
+            .all(|bus| bus.others.is_empty() && bus.allegro.is_none())
+    );
+    let mut decoders: Vec<Decoder> = (0..proposed.buses.len())
+        .map(|bus| Decoder::new(&proposed, bus as u8))
+        .collect();
+    let mut readings = Readings::new();
+    let mut seen = BTreeSet::new();
+    for (bus, t_ns, frame) in &traffic {
+        let decoded = decoders[usize::from(*bus)].decode_at(*t_ns, frame, &mut readings);
+        assert!(
+            matches!(decoded, Decoded::Readings | Decoded::Partial),
+            "{frame}: {decoded:?}"
+        );
+        seen.extend(readings.iter().map(|r| r.taxel));
+    }
+    assert_eq!(
+        seen.len(),
+        layout.len(),
+        "every taxel of {} was read",
+        layout.name
+    );
+}
+
+#[test]
+fn every_built_in_hand_with_boards_comes_back_from_its_traffic() {
+    let mut hands = 0;
+    for name in Layout::builtin_names() {
+        let layout = Layout::builtin(name).unwrap();
+        if layout.buses.is_empty() {
+            continue;
+        }
+        comes_back(&layout);
+        let found = recognise(layout.buses.len(), &traffic(&layout));
+        assert_eq!(found.builtin(), Some(name));
+        hands += 1;
+    }
+    assert_eq!(hands, 6);
+}
+
+#[test]
+fn cyskin_hubs_come_back_with_what_is_not_public_about_them() {
+    for (checksum, above) in [
+        ("sum", 5),
+        ("xor", 0),
+        ("crc8", 255),
+        ("inverted-sum", 5),
+        ("sum-to-zero", 8),
+    ] {
+        let parameters = format!(
+            "byte_order = \"big\"\nchecksum = \"{checksum}\"\nsequence_bytes_above = {above}\nsensors_per_module = 12\n"
+        );
+        comes_back(&support::cyskin(&parameters, 5));
+    }
+}
+
+#[test]
+fn the_parameters_of_long_cyskin_packets_are_found() {
+    for (order, above, sensors) in [("big", 0, 8), ("little", 255, 7), ("little", 12, 12)] {
+        let parameters = format!(
+            "byte_order = \"{order}\"\nchecksum = \"xor\"\nsequence_bytes_above = {above}\nsensors_per_module = {sensors}\n"
+        );
+        let layout = support::cyskin(&parameters, 4);
+        let setup = layout.cyskin.as_ref().unwrap();
+        let mut recogniser = Recogniser::new(1);
+        for round in 0..20u64 {
+            // Four modules, in packets of ten and of five values.
+            let (mut place, all) = (0usize, 4 * sensors);
+            while place < all {
+                let count = if (place + round as usize).is_multiple_of(2) {
+                    10
+                } else {
+                    5
+                }
+                .min(all - place);
+                let mut data = vec![(place / sensors) as u8, (place % sensors) as u8];
+                for n in place..place + count {
+                    let value = 9_000 + 300 * n as u16 + (round % 3) as u16;
+                    let bytes = if order == "big" {
+                        value.to_be_bytes()
+                    } else {
+                        value.to_le_bytes()
+                    };
+                    data.extend(bytes);
+                }
+                for frame in cyskin_frames(setup, 0x123, 0x43, &data).unwrap() {
+                    recogniser.hear(0, round * 50_000_000, &frame);
+                }
+                place += count;
+            }
+        }
+        let found = recogniser.finish();
+        let guess = found.cyskin.expect("packets of values");
+        assert_eq!(usize::from(guess.sensors_per_module), sensors, "{parameters}");
+        assert_eq!(format!("{:?}", guess.byte_order).to_lowercase(), order);
+        let modules = &found.buses[0].boards;
+        assert_eq!(modules.len(), 4);
+        assert_eq!(
+            modules[0].taxels.len(),
+            sensors - 1,
+            "sensor 0 is the temperature"
+        );
+        let text = found.layout_file("c", &["can0"]).unwrap();
+        Layout::parse(&text, "c.toml").unwrap_or_else(|e| panic!("{e}\n{text}"));
+    }
+}
+
+/// So many frames of these taxels of a board; `last` replaces byte 7.
+fn board(protocol: Protocol, board: u8, ks: &[u8], last: Option<u8>) -> Vec<(u8, u64, CanFrame)> {
+    (0..SWEEPS)
+        .flat_map(|round| {
+            ks.iter().map(move |k| {
+                let frame = protocol.frame(board, *k, [0x8000; 3], 0x83).unwrap();
+                let mut data: [u8; 8] = frame.data().try_into().unwrap();
+                data[7] = last.unwrap_or(data[7]);
+                let frame = CanFrame::standard(frame.standard_id().unwrap(), &data).unwrap();
+                (0, round * 20_000_000, frame)
+            })
+        })
+        .collect()
+}
+
+#[test]
+fn what_the_frames_do_not_decide_is_named() {
+    // Eight L2 boards are by their ids eight L3 controllers, too: byte 7 decides, and without it nothing does.
+    let hand = |last| -> Vec<_> {
+        let ks: Vec<u8> = (0..16).collect();
+        (0..8)
+            .flat_map(|b| board(Protocol::UskinL2, b, &ks, last))
+            .collect()
+    };
+    let decided = recognise(1, &hand(None));
+    assert!(
+        decided.buses[0]
+            .boards
+            .iter()
+            .all(|b| b.protocol == Protocol::UskinL2)
+    );
+    assert!(
+        decided.buses[0].doubts[0].contains("decides"),
+        "{:?}",
+        decided.buses[0].doubts
+    );
+    let guessed = recognise(1, &hand(Some(0)));
+    assert_eq!(guessed.buses[0].boards.len(), 8);
+    assert!(
+        guessed.buses[0].doubts[0].contains("is a guess"),
+        "{:?}",
+        guessed.buses[0].doubts
+    );
+    let text = guessed.layout_file("h", &["can0"]).unwrap();
+    assert!(
+        text.contains("# DOUBT, can0: the ids are those of 8 boards of uskin-l2"),
+        "{text}"
+    );
+}
+
+#[test]
+fn xela_controllers_whose_last_byte_is_unused_are_not_taken_for_mtbs() {
+    let four: Vec<u8> = (0..4).flat_map(|sda| (0..4).map(move |t| sda << 4 | t)).collect();
+    let traffic: Vec<_> = (1..4)
+        .flat_map(|c| board(Protocol::UskinL3, c, &four, Some(0)))
+        .collect();
+    let found = recognise(1, &traffic);
+    let addresses: Vec<(Protocol, u8)> = found.buses[0]
+        .boards
+        .iter()
+        .map(|b| (b.protocol, b.board))
+        .collect();
+    assert_eq!(addresses, [1, 2, 3].map(|c| (Protocol::UskinL3, c)));
+}
+
+#[test]
+fn a_taxel_that_never_speaks_and_one_that_speaks_once_are_told_from_a_board() {
+    let ks: Vec<u8> = (0..16).filter(|k| *k != 5).collect();
+    let mut traffic = board(Protocol::UskinL1, 3, &ks, None);
+    traffic.push((0, 0, CanFrame::standard(0x123, &[1; 8]).unwrap()));
+    let found = recognise(1, &traffic);
+    let bus = &found.buses[0];
+    assert_eq!(bus.boards[0].taxels.len(), 15);
+    assert!(bus.doubts.iter().any(|d| d.contains("k = 5")), "{:?}", bus.doubts);
+    assert_eq!(bus.others, [0x123]);
+    let text = found.layout_file("l", &["can0"]).unwrap();
+    assert_eq!(Layout::parse(&text, "l.toml").unwrap().len(), 15);
+}
+
+#[test]
+fn an_allegro_hand_is_recognised_and_is_no_skin() {
+    for (version, ids) in [
+        (3, [0x3D3, 0x3D4, 0x3D5, 0x3D6]),
+        (4, [0x080, 0x084, 0x088, 0x08C]),
+    ] {
+        let mut recogniser = Recogniser::new(1);
+        for round in 0..50u64 {
+            for id in ids {
+                recogniser.hear(
+                    0,
+                    round * 3_000_000,
+                    &CanFrame::standard(id, &[0, 1, 2, 3, 4, 5, 6, 7]).unwrap(),
+                );
+            }
+        }
+        let found = recogniser.finish();
+        assert_eq!(found.buses[0].allegro, Some(version));
+        assert!(found.buses[0].boards.is_empty() && found.buses[0].others.is_empty());
+        assert_eq!(found.layout_file("a", &["can0"]), None);
+    }
+}
+
+#[test]
+fn commands_and_answers_of_boards_are_no_strangers() {
+    let mut traffic = board(Protocol::UskinL1, 1, &(0..16).collect::<Vec<u8>>(), None);
+    for (id, data) in [
+        (0x201, &[0x07, 0x00][..]),
+        (0x70F, &[0xFF]),
+        (0x710, &[0xFF, 5, 2, 17, 0]),
+        (0x201, &[0x1C, 1, 0]),
+    ] {
+        traffic.insert(0, (0, 0, CanFrame::standard(id, data).unwrap()));
+    }
+    let found = recognise(1, &traffic);
+    assert_eq!(found.buses[0].boards.len(), 1);
+    assert!(found.buses[0].others.is_empty(), "{:?}", found.buses[0].others);
+}
+
+#[test]
+fn the_answer_to_a_discovery_tells_an_mtb4_from_an_mtb3() {
+    let layout = support::icub("icub-mtb4", "");
+    let mut with_answer = traffic(&layout);
+    assert!(recognise(1, &with_answer).buses[0].doubts[0].contains("MTB4"));
+    with_answer.insert(
+        0,
+        (0, 0, CanFrame::standard(0x710, &[0xFF, 11, 1, 2, 3]).unwrap()),
+    );
+    assert_eq!(
+        recognise(1, &with_answer).buses[0].boards[0].protocol,
+        Protocol::IcubMtb4
+    );
+}
+
+fn any_frame() -> impl Strategy<Value = CanFrame> {
+    let data = prop::collection::vec(any::<u8>(), 0..=8);
+    (any::<bool>(), 0u32..0x2000_0000, data).prop_map(|(extended, id, data)| {
+        let frame = match extended {
+            true => CanFrame::extended(id, &data),
+            false => CanFrame::standard((id % 0x800) as u16, &data),
+        };
+        frame.unwrap()
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// Whatever is heard, a proposed file is a layout.
+    #[test]
+    fn no_traffic_makes_a_file_that_is_refused(
+        frames in prop::collection::vec((0u8..3, any_frame(), 1usize..6), 0..400),
+        name in "[^\u{0}]{1,8}",
+    ) {
+        let mut recogniser = Recogniser::new(2);
+        for (t, (bus, frame, times)) in frames.iter().enumerate() {
+            for n in 0..*times {
+                recogniser.hear(*bus, (t + n) as u64 * 1000, frame);
+            }
+        }
+        let found = recogniser.finish();
+        if let Some(text) = found.layout_file(&name, &["a", "b"]) {
+            prop_assert!(Layout::parse(&text, "any.toml").is_ok(), "{}", text);
+        }
+    }
+
+    /// Frames of real boards in any order, with strangers in between.
+    #[test]
+    fn strangers_do_not_hide_a_board(noise in prop::collection::vec(any_frame(), 0..60), address in 0u8..8) {
+        let ks: Vec<u8> = (0..16).collect();
+        let mut traffic = board(Protocol::UskinL2, address, &ks, None);
+        traffic.extend(noise.iter().map(|frame| (0, 0, *frame)));
+        let found = recognise(1, &traffic);
+        prop_assert!(found.buses[0].boards.iter().any(|b| b.board == address && b.taxels == ks));
+    }
+}
