@@ -11,6 +11,7 @@ mod live;
 mod machine;
 mod picture;
 mod report;
+mod scan;
 mod servos;
 
 use crate::input::DEFAULT_LAYOUT;
@@ -53,7 +54,10 @@ Examples:
   taxel doctor --config hand.toml --json
   taxel doctor --layout uskin-module can:can0    one module on can0
   taxel doctor --listen-only                     send nothing at all
-  taxel doctor --joints dynamixel:/dev/ttyUSB0 --ids 1-16")]
+  taxel doctor --joints dynamixel:/dev/ttyUSB0 --ids 1-16
+  taxel doctor --scan can:can0 can:can1 --out hand.toml
+                                                 what speaks there, as a layout file
+  taxel doctor --scan log:candump.log            the same from a recording")]
 pub(crate) struct Args {
     /// Where the buses of the hand are, in the layout's order: can:INTERFACE, udp:GROUP:PORT, log:FILE or sim:SCENE
     /// [default: can: and the layout's names]
@@ -80,6 +84,15 @@ pub(crate) struct Args {
     /// Send nothing, neither to boards nor to servos
     #[arg(long)]
     listen_only: bool,
+    /// Recognise what speaks on the buses, and propose a layout file for it; it listens and sends nothing
+    #[arg(long, conflicts_with_all = ["layout", "joints", "config"])]
+    scan: bool,
+    /// With --scan: ask for boards on buses where nobody speaks, and start those that answer
+    #[arg(long, requires = "scan", conflicts_with = "listen_only")]
+    start: bool,
+    /// With --scan: write the proposed layout file there instead of to stdout
+    #[arg(long, value_name = "FILE", requires = "scan")]
+    out: Option<PathBuf>,
     /// Print one JSON object
     #[arg(long)]
     json: bool,
@@ -91,6 +104,16 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<bool> {
         bail!("--seconds {} is no time to listen", args.seconds);
     }
     let interrupt = Interrupt::install()?;
+    if args.scan {
+        let scan = scan::Scan {
+            sources: &args.sources,
+            seconds: args.seconds,
+            start: args.start,
+            out: args.out.as_deref(),
+            json: args.json,
+        };
+        return scan::run(&scan, Path::new("/"), interrupt);
+    }
     let (config, origin) = args.configuration()?;
     let mut doctor = Doctor {
         report: (!args.json).then(|| Report::new(io::stdout(), Style::of_stdout())),

@@ -302,3 +302,67 @@ fn wrong_usage_is_told_at_once() {
         assert!(said(&output).contains(words), "{args:?}: {}", said(&output));
     }
 }
+
+#[test]
+fn a_scan_of_a_recording_proposes_a_layout_that_the_daemon_takes() {
+    let dir = TempDir::new().unwrap();
+    let sim = ["sim", "ball-grasp", "--to", "log:grasp.log", "--seconds", "2"];
+    assert!(
+        taxel(&dir, &sim)
+            .stderr(Stdio::null())
+            .status()
+            .unwrap()
+            .success()
+    );
+    let output = taxel(
+        &dir,
+        &["doctor", "--scan", "log:grasp.log", "--out", "found.toml"],
+    )
+    .output()
+    .unwrap();
+    let text = said(&output);
+    assert!(output.status.success(), "{text}");
+    assert!(
+        text.contains("8 boards of uskin-l2") && text.contains("7 boards of uskin-l2"),
+        "{text}"
+    );
+    assert!(text.contains("built-in hand allegro-uskin-15"), "{text}");
+    let sources =
+        ["can0", "can1"].map(|bus| format!("log:{}/grasp.log?interface={bus}", dir.path().display()));
+    configure(&dir, "found.toml", &sources, "");
+    let config = taxeld::Config::load(&dir.path().join("hand.toml")).unwrap();
+    assert_eq!((config.layout.modules.len(), config.layout.len()), (15, 240));
+    let (_, checks) = doctor(&dir, &["--config", "hand.toml"]);
+    assert!(
+        bad(&checks, "board").is_empty() && bad(&checks, "unknown ids").is_empty(),
+        "{checks:?}"
+    );
+}
+
+#[test]
+fn a_scan_starts_silent_boards_only_where_it_is_told_to() {
+    let dir = TempDir::new().unwrap();
+    let (_hand, sources) = hand(&dir, "idle", &["--layout", "uskin-module"], 1);
+    let scan = |more: &[&str]| {
+        let mut command = taxel(
+            &dir,
+            &["doctor", "--scan", "--json", "--seconds", "1", &sources[0]],
+        );
+        let output = command.args(more).output().unwrap();
+        let found: Value =
+            serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{e}: {}", said(&output)));
+        (output.status.code(), found)
+    };
+    let (code, silent) = scan(&[]);
+    assert_eq!((code, &silent["layout"]), (Some(1), &Value::Null));
+    let (code, found) = scan(&["--start"]);
+    assert_eq!(code, Some(0));
+    let board = &found["buses"][0]["boards"][0];
+    assert_eq!(
+        (&board["protocol"], &board["board"]),
+        (&"uskin-l1".into(), &1.into())
+    );
+    assert_eq!(board["taxels"].as_array().unwrap().len(), 16);
+    let text = found["layout"].as_str().unwrap();
+    assert_eq!(taxel_skin::Layout::parse(text, "found.toml").unwrap().len(), 16);
+}

@@ -49,7 +49,17 @@ impl Ears {
         let mut sources = Vec::new();
         for (bus, address) in addresses.iter().enumerate() {
             let source = match address {
-                SourceAddress::Sim { scene } => simulate(scene, layout, bus, start_ns),
+                SourceAddress::Sim { scene } => {
+                    // Without a layout, a scene named several times is its buses one after the other.
+                    let bus = match layout {
+                        Some(_) => bus,
+                        None => addresses[..bus]
+                            .iter()
+                            .filter(|before| *before == address)
+                            .count(),
+                    };
+                    simulate(scene, layout, bus, start_ns)
+                }
                 address => {
                     let options = SourceOptions {
                         receive_buffer,

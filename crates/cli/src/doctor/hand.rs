@@ -180,7 +180,11 @@ fn object(layout: &Layout, module: &Module) -> String {
         .buses
         .get(usize::from(module.bus))
         .map_or("", String::as_str);
-    format!("{} ({bus} board {})", module.name, module.board)
+    let place = format!("{bus} board {}", module.board);
+    match module.name == place {
+        true => place,
+        false => format!("{} ({place})", module.name),
+    }
 }
 
 fn check_boards(layout: &Layout, bus: u8, boards: &BoardsConfig, facts: &HandFacts) -> Vec<Check> {

@@ -99,7 +99,8 @@ impl SysfsLink {
     }
 }
 
-fn can_interfaces(net: &Path) -> Vec<String> {
+/// The CAN interfaces in `/sys/class/net`.
+pub(super) fn can_interfaces(net: &Path) -> Vec<String> {
     let mut names: Vec<String> = std::fs::read_dir(net)
         .into_iter()
         .flatten()

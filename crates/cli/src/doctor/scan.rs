@@ -1,0 +1,413 @@
+//! `taxel doctor --scan`: what speaks on unknown buses, as a layout file.
+
+use super::capacity::plural;
+use super::ears::{Ears, Listener};
+use super::link;
+use super::report;
+use crate::input::interfaces;
+use crate::interrupt::Interrupt;
+use anyhow::{Context, bail};
+use serde_json::json;
+use std::io::{self, Write};
+use std::path::Path;
+use taxel_can::{CanFrame, EXTENDED_FLAG, LinkState, Received, SourceAddress};
+use taxel_skin::{Discovery, Layout, RecognisedBus, Recogniser, Recognition};
+
+const DISCOVERY_NS: u64 = 4_000_000_000;
+/// Between two commands to boards (protocols.md 1.9).
+const GAP: std::time::Duration = std::time::Duration::from_millis(10);
+const RECEIVE_BUFFER: usize = 4 << 20;
+
+/// What to scan, and how.
+#[derive(Debug)]
+pub(super) struct Scan<'a> {
+    pub(super) sources: &'a [SourceAddress],
+    pub(super) seconds: f64,
+    /// Ask silent buses for MTBs, and start those that answer.
+    pub(super) start: bool,
+    pub(super) out: Option<&'a Path>,
+    pub(super) json: bool,
+}
+
+/// A bus to listen to, and how it is called in the layout file.
+struct Bus {
+    name: String,
+    source: SourceAddress,
+}
+
+/// Listens, recognises, and writes the proposed file; says whether any board was recognised.
+pub(super) fn run(scan: &Scan<'_>, root: &Path, interrupt: Interrupt) -> anyhow::Result<bool> {
+    let buses = buses(scan.sources, root)?;
+    let sources: Vec<SourceAddress> = buses.iter().map(|bus| bus.source.clone()).collect();
+    let (mut ears, failures) = Ears::open(&sources, None, RECEIVE_BUFFER, interrupt);
+    if let Some((bus, error)) = failures.into_iter().next() {
+        return Err(error.context(buses[bus].source.to_string()));
+    }
+    for (number, bus) in buses.iter().enumerate() {
+        if let (SourceAddress::Can { interface }, LinkState::Down | LinkState::Absent) =
+            (&bus.source, ears.link(number))
+        {
+            bail!(
+                "{interface} is {}; `taxel doctor` says how to bring it up",
+                ears.link(number)
+            );
+        }
+    }
+    let mut recogniser = Recogniser::new(buses.len());
+    let mut started = Vec::new();
+    if scan.start && ears.is_live() {
+        started = start_boards(&mut ears, buses.len() as u8, &mut recogniser)?;
+    }
+    let length_ns = if ears.is_live() {
+        (scan.seconds * 1e9) as u64
+    } else {
+        u64::MAX / 2
+    };
+    let mut hearing = Hearing {
+        recogniser: &mut recogniser,
+    };
+    let go_on = ears.listen(length_ns, "ms, listening", &mut hearing);
+    for (bus, address) in started {
+        command(&mut ears, bus, address, true);
+    }
+    if !go_on {
+        bail!("stopped before anything was recognised");
+    }
+    tell(scan, &buses, &recogniser.finish())
+}
+
+/// The buses that are meant: a recording of several interfaces is several buses, and nothing named is every CAN
+/// interface there is.
+fn buses(sources: &[SourceAddress], root: &Path) -> anyhow::Result<Vec<Bus>> {
+    let mut found = Vec::new();
+    if sources.is_empty() {
+        let names = link::can_interfaces(&root.join("sys/class/net"));
+        if names.is_empty() {
+            bail!(
+                "this machine has no CAN interface; name a source, such as can:can0, udp::43113 or log:FILE"
+            );
+        }
+        found.extend(names.into_iter().map(|interface| Bus {
+            name: interface.clone(),
+            source: SourceAddress::Can { interface },
+        }));
+    }
+    for source in sources {
+        match source {
+            SourceAddress::Can { interface } => found.push(Bus {
+                name: interface.clone(),
+                source: source.clone(),
+            }),
+            SourceAddress::Log {
+                path,
+                interface: None,
+            } => {
+                let mut names = interfaces(path)?;
+                names.sort();
+                for interface in names {
+                    found.push(Bus {
+                        name: interface.clone(),
+                        source: SourceAddress::Log {
+                            path: path.clone(),
+                            interface: Some(interface),
+                        },
+                    });
+                }
+            }
+            SourceAddress::Log {
+                interface: Some(interface),
+                ..
+            } => found.push(Bus {
+                name: interface.clone(),
+                source: source.clone(),
+            }),
+            // A scene is a hand: all of its buses.
+            SourceAddress::Sim { scene } => {
+                let scene = taxel_sim::Scene::resolve(scene)?;
+                let layout = Layout::resolve(scene.layout())?;
+                found.extend(layout.buses.iter().map(|name| Bus {
+                    name: name.clone(),
+                    source: source.clone(),
+                }));
+            }
+            SourceAddress::Udp { .. } => found.push(Bus {
+                name: format!("can{}", found.len()),
+                source: source.clone(),
+            }),
+        }
+    }
+    for i in 0..found.len() {
+        let before = found[..i]
+            .iter()
+            .filter(|b: &&Bus| b.name == found[i].name)
+            .count();
+        if before > 0 {
+            found[i].name = format!("{}-{}", found[i].name, before + 1);
+        }
+    }
+    if found.len() > taxeld::config::MAX_BUSES {
+        bail!(
+            "{} buses are more than the {} of one hand",
+            found.len(),
+            taxeld::config::MAX_BUSES
+        );
+    }
+    Ok(found)
+}
+
+struct Hearing<'a> {
+    recogniser: &'a mut Recogniser,
+}
+
+impl Listener for Hearing<'_> {
+    fn hear(&mut self, bus: u8, received: &Received) {
+        self.recogniser.hear(bus, received.t_ns, &received.frame);
+    }
+
+    fn turn(&mut self, _: &mut Ears, _: u64) -> bool {
+        true
+    }
+}
+
+struct Asking(Discovery);
+
+impl Listener for Asking {
+    fn hear(&mut self, bus: u8, received: &Received) {
+        self.0.hear(bus, &received.frame, received.t_ns);
+    }
+
+    fn turn(&mut self, ears: &mut Ears, now_ns: u64) -> bool {
+        while let Some(command) = self.0.poll(now_ns) {
+            ears.send(command.bus, &command.frame);
+        }
+        !self.0.is_done()
+    }
+}
+
+/// Asks silent buses for MTBs and starts those that answer; returns them, by bus and address.
+fn start_boards(ears: &mut Ears, buses: u8, recogniser: &mut Recogniser) -> anyhow::Result<Vec<(u8, u8)>> {
+    let mut asking = Asking(Discovery::scan(buses));
+    if !ears.listen(DISCOVERY_NS, "ms, asking who is there", &mut asking) {
+        bail!("stopped before anything was recognised");
+    }
+    let (report, ()) = asking.0.finish();
+    let mut started = Vec::new();
+    for board in report.boards.iter().filter(|board| !board.in_bootloader) {
+        recogniser.is_known(board.bus, board.address, board.kind);
+        command(ears, board.bus, board.address, false);
+        started.push((board.bus, board.address));
+    }
+    Ok(started)
+}
+
+/// `SET_TXMODE` (protocols.md 1.4).
+fn command(ears: &mut Ears, bus: u8, address: u8, stop: bool) {
+    if let Ok(frame) = CanFrame::standard(0x200 | u16::from(address & 15), &[0x07, u8::from(stop)]) {
+        ears.send(bus, &frame);
+        std::thread::sleep(GAP);
+    }
+}
+
+fn tell(scan: &Scan<'_>, buses: &[Bus], found: &Recognition) -> anyhow::Result<bool> {
+    let names: Vec<&str> = buses.iter().map(|bus| bus.name.as_str()).collect();
+    let name = match scan.out.and_then(Path::file_stem) {
+        Some(stem) => stem.to_string_lossy().into_owned(),
+        None => "scanned".into(),
+    };
+    let text = found.layout_file(&name, &names);
+    if let (Some(path), Some(text)) = (scan.out, &text) {
+        std::fs::write(path, text).with_context(|| path.display().to_string())?;
+    }
+    let mut out = io::stdout();
+    if scan.json {
+        let buses: Vec<_> = buses
+            .iter()
+            .zip(&found.buses)
+            .map(|(bus, found)| json(bus, found))
+            .collect();
+        let object = json!({ "buses": buses, "builtin": found.builtin(), "layout": text });
+        writeln!(out, "{object}").context("stdout")?;
+        return Ok(text.is_some());
+    }
+    // The file goes to stdout, so that it can be redirected; what is said about it does not.
+    let mut said = Vec::new();
+    for (bus, found) in buses.iter().zip(&found.buses) {
+        said.extend(words(bus, found, scan));
+    }
+    if let Some(builtin) = found.builtin() {
+        said.push(format!("These are the boards of the built-in hand {builtin}."));
+    }
+    match (&text, scan.out) {
+        (None, _) => said.push("No board was recognised, so there is no layout to propose.".into()),
+        (Some(_), Some(path)) => said.push(format!(
+            "{} is written. Its comments say what is guessed; then try: taxel doctor --layout {} {}",
+            path.display(),
+            path.display(),
+            sources(buses, found)
+        )),
+        (Some(_), None) => {}
+    }
+    for line in said.iter().flat_map(|text| report::wrap(text, 80)) {
+        let _ = writeln!(io::stderr(), "{line}");
+    }
+    if let (Some(text), None) = (&text, scan.out) {
+        out.write_all(text.as_bytes())
+            .and_then(|()| out.flush())
+            .context("stdout")?;
+    }
+    Ok(text.is_some())
+}
+
+/// The sources of the buses that have boards.
+fn sources(buses: &[Bus], found: &Recognition) -> String {
+    let with_boards = buses
+        .iter()
+        .zip(&found.buses)
+        .filter(|(_, found)| !found.boards.is_empty());
+    let sources: Vec<String> = with_boards.map(|(bus, _)| bus.source.to_string()).collect();
+    sources.join(" ")
+}
+
+fn words(bus: &Bus, found: &RecognisedBus, scan: &Scan<'_>) -> Vec<String> {
+    let mut lines = Vec::new();
+    if found.frames == 0 {
+        let advice = match (&bus.source, scan.start) {
+            (SourceAddress::Log { .. }, _) => "",
+            (_, true) => " and no MTB answers: is it powered, and is this its bus and bit rate?",
+            (_, false) => "; MTBs wait to be started: --start asks for them and starts those that answer",
+        };
+        return vec![format!(
+            "{}: nothing was heard in {} s{advice}",
+            bus.name, scan.seconds
+        )];
+    }
+    let mut protocols: Vec<&str> = found.boards.iter().map(|b| b.protocol.name()).collect();
+    protocols.dedup();
+    let boards: Vec<String> = found
+        .boards
+        .iter()
+        .map(|b| match b.hub {
+            Some(hub) => format!("{hub:#x}/{} ({})", b.board, b.taxels.len()),
+            None => format!("{} ({})", b.board, b.taxels.len()),
+        })
+        .collect();
+    lines.push(match boards.is_empty() {
+        true => format!(
+            "{}: no board of a known skin in {} frames",
+            bus.name, found.frames
+        ),
+        false => format!(
+            "{}: {} of {}: {} (taxels)",
+            bus.name,
+            plural(
+                boards.len(),
+                if found.boards[0].hub.is_some() {
+                    "module"
+                } else {
+                    "board"
+                }
+            ),
+            protocols.join(" and "),
+            boards.join(", ")
+        ),
+    });
+    if let Some(version) = found.allegro {
+        let version = if version == 4 { "4" } else { "1, 2 or 3" };
+        lines.push(format!(
+            "{}: an Allegro hand of version {version} reports its joints; [joints] source = \"allegro:{}\"{}",
+            bus.name,
+            bus.source,
+            match found.boards.is_empty() {
+                true => "",
+                false => ". Hand and skin overlap in their ids and belong on different buses",
+            }
+        ));
+    }
+    if !found.others.is_empty() {
+        let ids: Vec<String> = found.others.iter().take(8).map(|id| id_text(*id)).collect();
+        let more = if found.others.len() > ids.len() {
+            ", ..."
+        } else {
+            ""
+        };
+        lines.push(format!(
+            "{}: {} of nobody known: {}{more}",
+            bus.name,
+            plural(found.others.len(), "id"),
+            ids.join(", ")
+        ));
+    }
+    lines.extend(
+        found
+            .doubts
+            .iter()
+            .map(|doubt| format!("{}: DOUBT: {doubt}", bus.name)),
+    );
+    lines
+}
+
+fn json(bus: &Bus, found: &RecognisedBus) -> serde_json::Value {
+    let boards: Vec<_> = found
+        .boards
+        .iter()
+        .map(|b| {
+            json!({
+                "protocol": b.protocol.name(),
+                "board": b.board,
+                "hub": b.hub,
+                "taxels": b.taxels,
+                "rate_hz": b.rate_hz,
+            })
+        })
+        .collect();
+    json!({
+        "name": bus.name,
+        "source": bus.source.to_string(),
+        "frames": found.frames,
+        "seconds": found.seconds,
+        "boards": boards,
+        "allegro": found.allegro,
+        "others": found.others.iter().map(|id| id_text(*id)).collect::<Vec<_>>(),
+        "doubts": found.doubts,
+    })
+}
+
+/// An id as candump writes it.
+fn id_text(id: u32) -> String {
+    match id & EXTENDED_FLAG {
+        0 => format!("{id:03X}"),
+        _ => format!("{:08X}", id & !EXTENDED_FLAG),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_recording_of_two_interfaces_and_a_scene_are_several_buses() {
+        let dir = tempfile::TempDir::new().unwrap();
+        let log = dir.path().join("two.log");
+        std::fs::write(&log, "(0.000000) can1 124#00\n(0.000001) can0 123#00\n").unwrap();
+        let source = |text: &str| text.parse::<SourceAddress>().unwrap();
+        let log = source(&format!("log:{}", log.display()));
+        let names = |sources: &[SourceAddress]| -> Vec<String> {
+            let buses = buses(sources, dir.path()).unwrap();
+            buses.into_iter().map(|bus| bus.name).collect()
+        };
+        assert_eq!(names(std::slice::from_ref(&log)), ["can0", "can1"]);
+        assert_eq!(names(&[source("sim:idle")]), ["can0", "can1"]);
+        assert_eq!(names(&[log, source("can:can0")]), ["can0", "can1", "can0-2"]);
+        assert_eq!(
+            names(&[source("udp::43113"), source("udp::43114")]),
+            ["can0", "can1"]
+        );
+        assert!(
+            buses(&[], dir.path())
+                .err()
+                .unwrap()
+                .to_string()
+                .contains("no CAN interface")
+        );
+    }
+}
