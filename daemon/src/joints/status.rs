@@ -131,7 +131,7 @@ fn fast_words(fast: FastState) -> &'static str {
         FastState::Off => "off",
         FastState::Probing => "being tried",
         FastState::On => "yes",
-        FastState::NotSupported => "no: tried, and not every servo knows it",
+        FastState::NotSupported => "no: tried, and not answered as it should be",
     }
 }
 
