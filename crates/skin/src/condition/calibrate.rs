@@ -19,6 +19,9 @@ const JUDGED_AT_LEAST: usize = 4;
 const STUCK_SAMPLES: u32 = 8;
 /// Times the noise limit, a step and its reversal are unsteady at run time.
 const UNSTEADY_NOISES: f64 = 3.0;
+/// Least threshold of a hand with taxels of eight bits: two steps of 16 counts, as the iCub's own skinManager has it
+/// ("safety threshold 2", protocols.md 6.1).
+const COARSE_LEAST_COUNTS: f64 = 32.0;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Phase {
@@ -379,7 +382,11 @@ impl Conditioner {
     }
 
     fn own_threshold(&self, peak: f64) -> f64 {
-        let least = self.config.threshold_min_counts;
+        let least = match self.config.threshold_min_counts {
+            // A value on the edge between two steps flickers without being touched.
+            least if least > 0.0 && self.coarse => least.max(COARSE_LEAST_COUNTS),
+            least => least,
+        };
         let least = if self.config.magnitude.is_squared() {
             least * least
         } else {

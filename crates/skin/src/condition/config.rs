@@ -29,7 +29,8 @@ pub struct ConditionConfig {
     pub threshold_margin: f64,
     /// A contact ends at this share of the threshold, 0 to 1; 1 is no hysteresis.
     pub threshold_release: f64,
-    /// The threshold is never below this, counts, 0 to 131,072 (squared in the squared magnitude modes).
+    /// The threshold is never below this, counts, 0 to 131,072 (squared in the squared magnitude modes). Unless it is 0,
+    /// the threshold of a hand with taxels of 8 bits (the iCub's) is not below two of their steps either: 32 counts.
     pub threshold_min_counts: f64,
     /// Each taxel has the threshold of its own idle noise instead of the hand's largest.
     pub threshold_per_taxel: bool,

@@ -61,6 +61,8 @@ pub struct Conditioner {
     health_limits: HealthLimits,
     drift_limits: DriftLimits,
     taxels: Vec<Taxel>,
+    /// Whether any taxel has eight bits only.
+    coarse: bool,
     baseline: Vec<[f64; 3]>,
     faults: Vec<Faults>,
     touched: Vec<bool>,
@@ -104,6 +106,7 @@ impl Conditioner {
                 config.drift_wait_ms,
                 config.drift_limit_counts,
             ),
+            coarse: false,
             taxels: standing.iter().map(|s| Taxel::new(*s)).collect(),
             baseline: vec![[0.0; 3]; taxels],
             faults: standing,
@@ -126,6 +129,7 @@ impl Conditioner {
         for (taxel, place) in conditioner.taxels.iter_mut().zip(&layout.taxels) {
             let protocol = layout.modules[usize::from(place.module)].protocol;
             (taxel.scalar, taxel.coarse) = (protocol.is_scalar(), protocol.is_coarse());
+            conditioner.coarse |= taxel.coarse;
         }
         Ok(conditioner)
     }
