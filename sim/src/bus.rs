@@ -1,12 +1,12 @@
 //! One simulated CAN bus: arbitration, bit timing, and what goes wrong between the bus and the host.
 
 use crate::bit_timing::{BIT_NS, frame_bits};
-use crate::board::Board;
+use crate::board::{Board, plans};
 use crate::clock::{SceneClock, Span};
 use crate::fault::{BoardFault, BusFault, FaultKind};
 use crate::random::{bits, happens};
 use crate::scene::{Scene, SceneError};
-use crate::skin_model::{SkinModel, modules_named, present_modules, taxels_of};
+use crate::skin_model::{SkinModel, modules_named, present_modules};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use taxel_can::{CanFrame, Received};
@@ -83,43 +83,12 @@ impl Bus {
     ) -> Result<Self, SceneError> {
         let present = present_modules(scene, layout)?;
         let clock = skin.clock();
-        let mut boards = Vec::new();
-        for (m, module) in layout.modules.iter().enumerate() {
-            if module.bus != index || !present[m] {
-                continue;
-            }
-            let mut faults = Vec::new();
-            for fault in &scene.faults {
-                let FaultKind::Board(kind) = fault.kind else {
-                    continue;
-                };
-                if let BoardFault::WrongId { board } = kind
-                    && module.protocol.can_id(board, 0).is_none()
-                {
-                    return Err(SceneError::Invalid {
-                        file: scene.file.clone(),
-                        line: fault.line,
-                        problem: format!("the protocol of `{}` has no board {board}", module.name),
-                    });
-                }
-                for name in &fault.on {
-                    if modules_named(scene, layout, fault.line, name)?.contains(&m) {
-                        faults.push((fault.span, kind));
-                    }
-                }
-            }
-            let taxels: Vec<_> = taxels_of(layout, m).map(|(i, k)| (k, i as u16)).collect();
-            let number = m as u64;
-            boards.push(Board::new(
-                number,
-                module.board,
-                module.protocol,
-                &taxels,
-                faults,
-                scene.boards,
-                seed,
-            ));
-        }
+        let faults_of = |m: usize| faults_of_module(scene, layout, m);
+        let plans = plans(scene, layout, seed, index, &present, faults_of)?;
+        let boards = plans
+            .into_iter()
+            .map(|plan| Board::new(plan, scene.boards, seed))
+            .collect();
         let mut faults = Vec::new();
         let mut injectors = Vec::new();
         for fault in &scene.faults {
@@ -314,7 +283,7 @@ impl Bus {
             if flight.sender == Sender::Board(i) {
                 board.sent();
             } else {
-                board.hear(&flight.frame, by_board, t_ns);
+                board.hear(&flight.frame, by_board, t_ns, &self.skin);
             }
         }
         match flight.sender {
@@ -408,6 +377,36 @@ impl Bus {
     fn clock(&self) -> SceneClock {
         self.skin.clock()
     }
+}
+
+/// What the scene has go wrong with the board of a module.
+fn faults_of_module(scene: &Scene, layout: &Layout, m: usize) -> Result<Vec<(Span, BoardFault)>, SceneError> {
+    let module = &layout.modules[m];
+    let mut faults = Vec::new();
+    for fault in &scene.faults {
+        let FaultKind::Board(kind) = fault.kind else {
+            continue;
+        };
+        let mut on_module = false;
+        for name in &fault.on {
+            on_module |= modules_named(scene, layout, fault.line, name)?.contains(&m);
+        }
+        if !on_module {
+            continue;
+        }
+        let addresses = module.protocol.first_address()..module.protocol.addresses();
+        if let BoardFault::WrongId { board } = kind
+            && !addresses.contains(&board)
+        {
+            return Err(SceneError::Invalid {
+                file: scene.file.clone(),
+                line: fault.line,
+                problem: format!("the protocol of `{}` has no board {board}", module.name),
+            });
+        }
+        faults.push((fault.span, kind));
+    }
+    Ok(faults)
 }
 
 /// Sorts frames as the bus does, lowest first.

@@ -15,7 +15,7 @@ pub(crate) struct Contact {
     pub(crate) on: Vec<String>,
     pub(crate) shape: Shape,
     pub(crate) footprint: Footprint,
-    /// Radius of the footprint; half the width of an edge; in pixels or mm, as the footprint.
+    /// Radius of the footprint; half the width of an edge; in pixels, mm or shares, as the footprint.
     pub(crate) radius: f64,
     /// Counts of z on a taxel of nominal gain under the middle of the contact.
     pub(crate) force: Keyframes<1>,
@@ -48,6 +48,8 @@ pub(crate) enum Footprint {
     Pixels(Keyframes<3>),
     /// Millimetres in the layout's coordinates of the hand.
     Millimetres(Keyframes<3>),
+    /// Shares of the width and height of each place named, 0 to 1, so that it fits any hand.
+    Shares(Keyframes<3>),
 }
 
 /// A contact as one taxel sees it.
@@ -55,10 +57,18 @@ pub(crate) enum Footprint {
 pub(crate) struct Seat {
     /// Index of the contact in the scene.
     pub(crate) contact: u16,
-    /// The taxel's place in the footprint's coordinates.
+    /// The taxel's place, pixels or mm.
     pub(crate) place: [f64; 3],
-    /// Middle of the place named, for [`Footprint::Middle`].
-    pub(crate) middle: [f64; 3],
+    /// From the first to the last pixel of the place named, for [`Footprint::Middle`] and [`Footprint::Shares`].
+    pub(crate) extent: [f64; 2],
+}
+
+impl Seat {
+    /// Pixels that a radius of 1 is, where it is given as a share: the side of a square as large as the place.
+    fn side(&self) -> f64 {
+        let [w, h] = self.extent.map(|side| side.max(1.0));
+        (w * h).sqrt()
+    }
 }
 
 impl Contact {
@@ -70,11 +80,16 @@ impl Contact {
         if force <= 0.0 {
             return [0.0; 3];
         }
-        let middle = match &self.footprint {
-            Footprint::Middle => seat.middle,
-            Footprint::Pixels(path) | Footprint::Millimetres(path) => path.at(scene_ns),
+        let [w, h] = seat.extent;
+        let (middle, radius) = match &self.footprint {
+            Footprint::Middle => ([w / 2.0, h / 2.0, 0.0], self.radius),
+            Footprint::Pixels(path) | Footprint::Millimetres(path) => (path.at(scene_ns), self.radius),
+            Footprint::Shares(path) => {
+                let [x, y, _] = path.at(scene_ns);
+                ([x * w, y * h, 0.0], self.radius * seat.side())
+            }
         };
-        let away: [f64; 3] = std::array::from_fn(|i| (seat.place[i] - middle[i]) / self.radius);
+        let away: [f64; 3] = std::array::from_fn(|i| (seat.place[i] - middle[i]) / radius);
         let share = self.shape.share(away);
         let bulge = match self.shape {
             Shape::Sphere | Shape::Bump => BULGE * force * share,

@@ -15,8 +15,11 @@ pub(crate) struct ContactToml {
     at_mm: Option<[f64; 3]>,
     path: Option<Vec<[f64; 3]>>,
     path_mm: Option<Vec<[f64; 4]>>,
+    at_share: Option<[f64; 2]>,
+    path_share: Option<Vec<[f64; 3]>>,
     radius: Option<f64>,
     radius_mm: Option<f64>,
+    radius_share: Option<f64>,
     along: Option<[f64; 2]>,
     force_n: Option<Vec<[f64; 2]>>,
     force_counts: Option<Vec<[f64; 2]>>,
@@ -55,13 +58,28 @@ impl ContactToml {
             (_, Some(_)) => return Err("only an edge has `along`".into()),
         };
         let in_mm = self.at_mm.is_some() || self.path_mm.is_some() || self.radius_mm.is_some();
-        if in_mm && (self.at.is_some() || self.path.is_some() || self.radius.is_some()) {
-            return Err("a contact is given in pixels or in mm, not in both".into());
+        let in_shares = self.at_share.is_some() || self.path_share.is_some() || self.radius_share.is_some();
+        let in_pixels = self.at.is_some() || self.path.is_some() || self.radius.is_some();
+        if [in_pixels, in_mm, in_shares]
+            .into_iter()
+            .filter(|given| *given)
+            .count()
+            > 1
+        {
+            return Err("a contact is given in pixels, in mm or in shares, not in two of them".into());
         }
-        if self.at.is_some() && self.path.is_some() || self.at_mm.is_some() && self.path_mm.is_some() {
+        if self.at.is_some() && self.path.is_some()
+            || self.at_mm.is_some() && self.path_mm.is_some()
+            || self.at_share.is_some() && self.path_share.is_some()
+        {
             return Err("a contact rests `at` a place or follows a `path`, not both".into());
         }
-        let radius = self.radius.or(self.radius_mm).unwrap_or(2.0);
+        let usual = if in_shares { 0.4 } else { 2.0 };
+        let radius = self
+            .radius
+            .or(self.radius_mm)
+            .or(self.radius_share)
+            .unwrap_or(usual);
         if !(0.01..=1e6).contains(&radius) {
             return Err(format!("the radius is {radius}; it must be 0.01 to 1000000"));
         }
@@ -80,6 +98,13 @@ impl ContactToml {
                 }
             };
             Footprint::Millimetres(path)
+        } else if in_shares {
+            let frames = match (self.at_share, self.path_share) {
+                (Some([x, y]), _) => vec![(0.0, [x, y, 0.0])],
+                (_, Some(p)) => p.into_iter().map(|[t, x, y]| (t, [x, y, 0.0])).collect(),
+                _ => vec![(0.0, [0.5, 0.5, 0.0])],
+            };
+            Footprint::Shares(path("path_share", frames)?)
         } else {
             match (self.at, self.path) {
                 (Some([x, y]), _) => Footprint::Pixels(path("at", vec![(0.0, [x, y, 0.0])])?),

@@ -32,6 +32,8 @@ pub(crate) enum FaultKind {
 pub(crate) enum TaxelFault {
     /// The chip does not answer: all axes read this, and the status byte is 0xFF.
     Dead { value: u16 },
+    /// The chip is not there; on an iCub board the whole triangle.
+    NotConnected,
     /// Keeps the value it had when the fault began.
     Stuck,
     /// Its noise is this many times as strong.
@@ -126,6 +128,7 @@ pub(crate) struct FaultToml {
 #[serde(rename_all = "kebab-case")]
 enum KindToml {
     Dead,
+    NotConnected,
     Stuck,
     Noisy,
     Wrapping,
@@ -149,7 +152,7 @@ impl KindToml {
     fn keys(self) -> &'static [&'static str] {
         match self {
             KindToml::Dead => &["on", "taxels", "value"],
-            KindToml::Stuck | KindToml::Status => &["on", "taxels"],
+            KindToml::Stuck | KindToml::Status | KindToml::NotConnected => &["on", "taxels"],
             KindToml::Noisy => &["on", "taxels", "factor"],
             KindToml::Wrapping => &["on", "taxels", "amplitude", "period_s"],
             KindToml::Glitch => &["on", "taxels", "probability"],
@@ -235,6 +238,7 @@ impl FaultToml {
             KindToml::Dead => FaultKind::Taxel(TaxelFault::Dead {
                 value: self.value.unwrap_or(0xFFFF),
             }),
+            KindToml::NotConnected => FaultKind::Taxel(TaxelFault::NotConnected),
             KindToml::Stuck => FaultKind::Taxel(TaxelFault::Stuck),
             KindToml::Noisy => FaultKind::Taxel(TaxelFault::Noisy {
                 factor: number("factor", self.factor, 40.0, 0.0, 10_000.0)?,

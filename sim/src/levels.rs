@@ -2,9 +2,26 @@
 
 use crate::random::{bell, between, bits};
 use serde::Deserialize;
+use taxel_skin::{Module, Protocol};
 
 /// Counts per newton of a uSPa46 at high range: x, y 1 / 0.000628 N, z 1 / 0.000729 N (protocols.md 2.6).
 const COUNTS_PER_NEWTON: [f64; 3] = [1592.0, 1592.0, 1372.0];
+/// Steps of eight bits that a newton moves a pad of the iCub's by, and z of a CySkin-type sensor. No source says; these
+/// are assumptions that make a firm press (6 N) reach the end of the iCub's range.
+const ICUB_STEPS_PER_NEWTON: f64 = 40.0;
+const CAPACITANCE_PER_NEWTON: f64 = 2000.0;
+/// Idle level and noise deviation of CySkin-type sensors; assumptions, too.
+const CAPACITANCE: Axis = Axis {
+    idle: [20_000.0, 26_000.0],
+    sd: [5.0, 12.0],
+};
+/// A pad of the iCub's after calibration, away from its no-load value, steps.
+const ICUB: Axis = Axis {
+    idle: [-0.3, 0.3],
+    sd: [0.1, 0.25],
+};
+/// Counts that the decoder makes of a step of the iCub's.
+const ICUB_COUNTS_PER_STEP: f64 = 16.0;
 /// How far a taxel's sensitivity is from the nominal one, at most.
 const GAIN_SPREAD: f64 = 0.15;
 
@@ -24,6 +41,7 @@ pub(crate) enum Levels {
 }
 
 /// Lowest and highest idle level and noise deviation of one axis, counts.
+#[derive(Clone, Copy)]
 struct Axis {
     idle: [f64; 2],
     sd: [f64; 2],
@@ -63,14 +81,31 @@ impl Levels {
         COUNTS_PER_NEWTON.map(|c| c * sensitivity)
     }
 
-    /// The properties of one taxel, drawn from the seed.
-    pub(crate) fn taxel(self, seed: u64, taxel: u16) -> Character {
-        let axes = self.axes();
+    /// The properties of one taxel of a module, drawn from the seed.
+    pub(crate) fn taxel(self, seed: u64, taxel: u16, module: &Module) -> Character {
+        const STILL: Axis = Axis {
+            idle: [0.0; 2],
+            sd: [0.0; 2],
+        };
+        let z_per_newton = self.counts_per_newton()[2];
+        let (axes, scale, decoded) = match module.protocol {
+            Protocol::IcubMtb3 | Protocol::IcubMtb4 => {
+                let scale = [0.0, 0.0, ICUB_STEPS_PER_NEWTON / z_per_newton];
+                ([STILL, STILL, ICUB], scale, ICUB_COUNTS_PER_STEP)
+            }
+            Protocol::Cyskin | Protocol::CpmFinger => {
+                let scale = [0.0, 0.0, CAPACITANCE_PER_NEWTON / z_per_newton];
+                ([STILL, STILL, CAPACITANCE], scale, 1.0)
+            }
+            _ => (self.axes(), [1.0; 3], 1.0),
+        };
         let draw = |what: u64, from, to| between(bits(seed, STREAM, u64::from(taxel) << 8 | what), from, to);
         Character {
             idle: std::array::from_fn(|a| draw(a as u64, axes[a].idle[0], axes[a].idle[1])),
             sd: std::array::from_fn(|a| draw(3 + a as u64, axes[a].sd[0], axes[a].sd[1])),
             gain: draw(6, 1.0 - GAIN_SPREAD, 1.0 + GAIN_SPREAD),
+            scale,
+            decoded,
         }
     }
 }
@@ -89,6 +124,10 @@ pub(crate) struct Character {
     pub(crate) sd: [f64; 3],
     /// How its sensitivity compares with the nominal one.
     pub(crate) gain: f64,
+    /// What a count of a contact on x, y, z is to it: 1 for uSkin, in whose counts contacts are.
+    pub(crate) scale: [f64; 3],
+    /// Counts that the decoder makes of one of its own.
+    pub(crate) decoded: f64,
 }
 
 /// White noise of unit deviation on one axis of a taxel at one instant.

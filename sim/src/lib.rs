@@ -1,4 +1,4 @@
-//! Scenes as CAN traffic: simulated uSkin boards that behave, and misbehave on request.
+//! Scenes as CAN traffic: simulated boards of every kind that `taxel-skin` reads, which behave, and misbehave on request.
 //!
 //! A [`Scene`] names what touches the hand and what breaks; nothing else is modelled. A [`Simulator`] plays it on
 //! every bus of a layout, with time as an argument; a [`SimSource`] plays one bus in real time behind
@@ -33,7 +33,9 @@ pub mod servo;
 mod simulator;
 mod skin_model;
 mod source;
+mod stand_in;
 
 pub use scene::{Scene, SceneError};
 pub use simulator::{BoardCounts, CommandError, Simulator};
 pub use source::{SimOptions, SimSource};
+pub use stand_in::with_stand_in_boards;

@@ -7,7 +7,15 @@ use crate::fault::{Fault, FaultToml};
 use crate::levels::Levels;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
+use taxel_skin::{Layout, Protocol};
 use toml::Spanned;
+
+/// Two buses do not carry eight uSkin boards each at the 100 Hz of their timers.
+const USKIN_HZ: u32 = 50;
+/// protocols.md 2.5.
+const XELA_HZ: u32 = 83;
+/// protocols.md 5.2: cycles of 50 ms.
+const CYSKIN_HZ: u32 = 20;
 
 /// What a simulated hand goes through: which of its modules are there, what touches them, and what breaks.
 ///
@@ -30,7 +38,8 @@ pub struct Scene {
 /// How the boards of a scene behave.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Boards {
-    pub(crate) rate_hz: u32,
+    /// Sweeps per second of boards that are not told their rate; `None`: what each kind usually has.
+    pub(crate) rate_hz: Option<u32>,
     pub(crate) drift_ppm: u32,
     pub(crate) class7_hazard: bool,
     pub(crate) boot_replies: bool,
@@ -72,7 +81,7 @@ pub enum SceneError {
     },
     /// A module or part that the layout does not have.
     #[error(
-        "{file}:{line}: the layout {layout} has no module or part `{place}`; it has {}",
+        "{file}:{line}: the layout {layout} has no module or part `{place}`; it has {}. The scenes `roll`, `idle` and `worst-case` fit every hand",
         known.join(", ")
     )]
     UnknownPlace {
@@ -103,8 +112,9 @@ pub enum SceneError {
     },
 }
 
-const BUILTIN: [(&str, &str); 6] = [
+const BUILTIN: [(&str, &str); 7] = [
     ("idle", include_str!("../scenes/idle.toml")),
+    ("roll", include_str!("../scenes/roll.toml")),
     ("tap", include_str!("../scenes/tap.toml")),
     ("ball-grasp", include_str!("../scenes/ball-grasp.toml")),
     ("slip", include_str!("../scenes/slip.toml")),
@@ -114,7 +124,7 @@ const BUILTIN: [(&str, &str); 6] = [
 
 impl Scene {
     /// The names of the built-in scenes.
-    pub fn names() -> [&'static str; 6] {
+    pub fn names() -> [&'static str; 7] {
         BUILTIN.map(|(name, _)| name)
     }
 
@@ -220,6 +230,11 @@ impl Scene {
         })
     }
 
+    /// Whether it can be played on this hand; why not, otherwise.
+    pub fn fits(&self, layout: &Layout) -> Result<(), SceneError> {
+        crate::Simulator::new(self, layout, self.seed).map(drop)
+    }
+
     /// The scene's name.
     pub fn name(&self) -> &str {
         &self.name
@@ -250,15 +265,26 @@ impl Scene {
         self.seed
     }
 
-    /// Nominal sweeps per second of each board.
-    pub fn rate_hz(&self) -> u32 {
-        self.boards.rate_hz
+    /// Nominal sweeps per second of each board of this protocol; iCub boards are told theirs when they are configured.
+    pub fn rate_hz(&self, protocol: Protocol) -> u32 {
+        self.boards.rate_of(protocol)
     }
 
     /// The same scene with another board rate, 1 to 1000 sweeps per second (clamped).
     pub fn with_rate_hz(mut self, rate_hz: u32) -> Self {
-        self.boards.rate_hz = rate_hz.clamp(1, 1000);
+        self.boards.rate_hz = Some(rate_hz.clamp(1, 1000));
         self
+    }
+}
+
+impl Boards {
+    /// Sweeps per second of boards of this protocol.
+    pub(crate) fn rate_of(&self, protocol: Protocol) -> u32 {
+        self.rate_hz.unwrap_or(match protocol {
+            Protocol::UskinL3 => XELA_HZ,
+            Protocol::Cyskin => CYSKIN_HZ,
+            _ => USKIN_HZ,
+        })
     }
 }
 
@@ -282,7 +308,7 @@ struct SceneToml {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields, default)]
 struct BoardsToml {
-    rate_hz: u32,
+    rate_hz: Option<u32>,
     drift_ppm: u32,
     class7_hazard: bool,
     boot_replies: bool,
@@ -294,7 +320,7 @@ struct BoardsToml {
 impl Default for BoardsToml {
     fn default() -> Self {
         Self {
-            rate_hz: 50,
+            rate_hz: None,
             drift_ppm: 100,
             class7_hazard: false,
             boot_replies: false,
@@ -307,8 +333,8 @@ impl Default for BoardsToml {
 
 impl BoardsToml {
     fn check(self) -> Result<Boards, String> {
-        if !(1..=1000).contains(&self.rate_hz) {
-            return Err(format!("`rate_hz` is {}; it must be 1 to 1000", self.rate_hz));
+        if let Some(rate_hz) = self.rate_hz.filter(|hz| !(1..=1000).contains(hz)) {
+            return Err(format!("`rate_hz` is {rate_hz}; it must be 1 to 1000"));
         }
         if self.drift_ppm > 10_000 {
             return Err(format!(

@@ -7,7 +7,7 @@ use crate::scene::{Scene, SceneError};
 use crate::skin_model::SkinModel;
 use std::sync::Arc;
 use taxel_can::{CanFrame, Received};
-use taxel_skin::{Layout, Module, Protocol};
+use taxel_skin::{Layout, Protocol};
 
 /// Plays a scene on every bus of a hand. It does no I/O and holds no clock: time is an argument, nanoseconds from the
 /// scene's beginning, and never turns back.
@@ -72,22 +72,6 @@ impl Simulator {
                 problem: format!("`{}` has no board; name a layout with boards", module.name),
             });
         }
-        let simulated = |m: &&Module| {
-            matches!(
-                m.protocol,
-                Protocol::UskinL1 | Protocol::UskinL2 | Protocol::UskinL3
-            )
-        };
-        if let Some(module) = layout.modules.iter().find(|m| !simulated(m)) {
-            return Err(SceneError::Layout {
-                layout: layout.name.clone(),
-                problem: format!(
-                    "`{}` speaks {}, and only uSkin boards can be simulated",
-                    module.name,
-                    module.protocol.name()
-                ),
-            });
-        }
         let clock = SceneClock {
             length_ns: scene.length_ns,
             looping,
@@ -145,6 +129,11 @@ impl Simulator {
     /// above 0. Taxels beyond the end of `force` are left out.
     pub fn truth(&self, t_ns: u64, force: &mut [f64]) -> usize {
         self.skin.truth(t_ns, force)
+    }
+
+    /// The same of one taxel: how far it is moved at `t_ns`; 0 where nothing touches it.
+    pub fn truth_of(&self, taxel: u16, t_ns: u64) -> f64 {
+        self.skin.truth_of(taxel, t_ns)
     }
 
     /// Whether the scene falsifies this taxel's values at `t_ns`; faults of boards and buses do not count.

@@ -33,6 +33,37 @@ struct TaxelModel {
     present: bool,
 }
 
+/// A taxel at one instant, before its board makes bits of it.
+enum Sample {
+    /// Its chip is not there.
+    NotConnected,
+    /// All it says is this.
+    Dead(u16),
+    Alive {
+        /// x, y, z in the counts of its board, neither rounded nor limited.
+        values: [f64; 3],
+        /// Its chip reports an error.
+        error: bool,
+        /// Bits of x, y, z that turn over on the way.
+        flipped: [u16; 3],
+    },
+}
+
+/// A pad of the iCub's at one instant.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum PadReading {
+    NotConnected,
+    Dead(u16),
+    Load {
+        /// How far it is pressed, steps of eight bits, neither rounded nor limited.
+        steps: f64,
+        /// Its chip does not acknowledge.
+        no_ack: bool,
+        /// Bits that turn over on the way.
+        flipped: u8,
+    },
+}
+
 impl SkinModel {
     pub(crate) fn new(
         scene: &Scene,
@@ -46,7 +77,10 @@ impl SkinModel {
             .iter()
             .enumerate()
             .map(|(i, t)| TaxelModel {
-                character: scene.boards.levels.taxel(seed, i as u16),
+                character: scene
+                    .boards
+                    .levels
+                    .taxel(seed, i as u16, &layout.modules[t.module as usize]),
                 seats: Vec::new(),
                 faults: Vec::new(),
                 present: present[t.module as usize],
@@ -99,19 +133,85 @@ impl SkinModel {
         self.clock
     }
 
-    /// Counts and status byte of a taxel read at this running time.
+    /// Counts and status byte of a uSkin taxel read at this running time. An overloaded axis wraps modulo 2^16, it does
+    /// not saturate (protocols.md 2.6).
     pub(crate) fn reading(&self, taxel: u16, t_ns: u64) -> ([u16; 3], u8) {
+        match self.sample(taxel, t_ns) {
+            Sample::NotConnected => ([0xFFFF; 3], 0xFF),
+            Sample::Dead(value) => ([value; 3], 0xFF),
+            Sample::Alive {
+                values,
+                error,
+                flipped,
+            } => {
+                let mut counts = values.map(|v| ((v + 0.5).floor() as i64 & 0xFFFF) as u16);
+                for (count, flipped) in counts.iter_mut().zip(flipped) {
+                    *count ^= flipped;
+                }
+                (counts, STATUS_STREAMING | if error { STATUS_ERROR } else { 0 })
+            }
+        }
+    }
+
+    /// A pad of the iCub's, in steps of eight bits.
+    pub(crate) fn pad(&self, taxel: u16, t_ns: u64) -> PadReading {
+        match self.sample(taxel, t_ns) {
+            Sample::NotConnected => PadReading::NotConnected,
+            Sample::Dead(value) => PadReading::Dead(value),
+            Sample::Alive {
+                values: [_, _, z],
+                error,
+                flipped,
+            } => PadReading::Load {
+                steps: z,
+                no_ack: error,
+                flipped: flipped.into_iter().fold(0, |all, f| all | (f | f >> 8) as u8),
+            },
+        }
+    }
+
+    /// What is on a pad for its calibration, steps.
+    pub(crate) fn pad_load(&self, taxel: u16, t_ns: u64) -> f64 {
+        match self.sample(taxel, t_ns) {
+            Sample::Alive { values, .. } => values[2],
+            Sample::Dead(_) | Sample::NotConnected => 0.0,
+        }
+    }
+
+    /// The value of a CySkin-type sensor. 0 and 65535 are no values (protocols.md 5.2): it saturates before them.
+    pub(crate) fn capacitance(&self, taxel: u16, t_ns: u64) -> u16 {
+        match self.sample(taxel, t_ns) {
+            Sample::NotConnected => 0xFFFF,
+            Sample::Dead(value) => value,
+            Sample::Alive {
+                values: [_, _, z],
+                error,
+                flipped,
+            } => match error {
+                // There is no status byte: an invalid value is what says so.
+                true => 0,
+                false => {
+                    let all = flipped.into_iter().fold(0, |all, f| all | f);
+                    (z + 0.5).clamp(1.0, 65_534.0) as u16 ^ all
+                }
+            },
+        }
+    }
+
+    /// A taxel at this running time, before its board makes bits of it.
+    fn sample(&self, taxel: u16, t_ns: u64) -> Sample {
         let model = &self.taxels[taxel as usize];
         let scene_ns = self.clock.scene_ns(t_ns);
         let active = || model.faults.iter().filter(|(span, _)| span.contains(scene_ns));
-        let mut status = STATUS_STREAMING;
+        let mut error = false;
         let mut noise_factor = self.noise;
         let mut read_ns = t_ns;
         let mut z_offset = 0.0;
         for (span, fault) in active() {
             let since = scene_ns - span.from_ns;
             match fault {
-                TaxelFault::Dead { value } => return ([*value; 3], 0xFF),
+                TaxelFault::Dead { value } => return Sample::Dead(*value),
+                TaxelFault::NotConnected => return Sample::NotConnected,
                 TaxelFault::Stuck => read_ns = t_ns - since,
                 TaxelFault::Noisy { factor } => noise_factor *= factor,
                 TaxelFault::Wrapping { amplitude, period_ns } => {
@@ -124,21 +224,22 @@ impl SkinModel {
                     z_offset += amplitude * triangle;
                 }
                 TaxelFault::Drift { counts_per_s } => z_offset += counts_per_s * (since as f64 / 1e9),
-                TaxelFault::Status => status |= STATUS_ERROR,
+                TaxelFault::Status => error = true,
                 TaxelFault::Glitch { .. } => {}
             }
         }
         let moved = self.displacement(model, self.clock.scene_ns(read_ns));
-        let mut counts: [u16; 3] = std::array::from_fn(|axis| {
+        let values = std::array::from_fn(|axis| {
             let c = &model.character;
             let offset = if axis == 2 && read_ns == t_ns {
-                z_offset
+                z_offset * c.scale[2]
             } else {
                 0.0
             };
             let noise = noise_factor * c.sd[axis] * noise(self.seed, taxel, axis, read_ns);
-            wrapped(c.idle[axis] + moved[axis] + offset + noise)
+            c.idle[axis] + moved[axis] + offset + noise
         });
+        let mut flipped = [0; 3];
         for (number, (span, fault)) in model.faults.iter().enumerate() {
             if let TaxelFault::Glitch { probability } = fault
                 && span.contains(scene_ns)
@@ -146,29 +247,35 @@ impl SkinModel {
                 let stream = GLITCH_STREAM << 32 | (number as u64) << 16 | u64::from(taxel);
                 if happens(bits(self.seed, stream, t_ns), *probability) {
                     let draw = bits(self.seed, stream | 1 << 63, t_ns);
-                    let flipped = 1 + (draw % 255) as u16;
-                    counts[(draw >> 32) as usize % 3] ^= if draw >> 62 & 1 == 1 {
-                        flipped << 8
-                    } else {
-                        flipped
-                    };
+                    let bits = 1 + (draw % 255) as u16;
+                    flipped[(draw >> 32) as usize % 3] ^= if draw >> 62 & 1 == 1 { bits << 8 } else { bits };
                 }
             }
         }
-        (counts, status)
+        Sample::Alive {
+            values,
+            error,
+            flipped,
+        }
     }
 
-    /// How far each taxel is moved from idle, counts, without noise, wraps or faults; zero where nothing touches it.
+    /// How far a taxel is moved from idle, decoded counts, without noise, wraps, ends of range or faults; zero where
+    /// nothing touches it.
+    pub(crate) fn truth_of(&self, taxel: u16, t_ns: u64) -> f64 {
+        match self.taxels.get(usize::from(taxel)) {
+            Some(model) if model.present => {
+                let [x, y, z] = self.displacement(model, self.clock.scene_ns(t_ns));
+                (x * x + y * y + z * z).sqrt() * model.character.decoded
+            }
+            _ => 0.0,
+        }
+    }
+
+    /// The same for every taxel; returns how many are touched.
     pub(crate) fn truth(&self, t_ns: u64, force: &mut [f64]) -> usize {
-        let scene_ns = self.clock.scene_ns(t_ns);
         let mut contacts = 0;
-        for (model, force) in self.taxels.iter().zip(force) {
-            let [x, y, z] = self.displacement(model, scene_ns);
-            *force = if model.present {
-                (x * x + y * y + z * z).sqrt()
-            } else {
-                0.0
-            };
+        for (taxel, force) in (0..self.taxels.len() as u16).zip(force) {
+            *force = self.truth_of(taxel, t_ns);
             contacts += usize::from(*force > 0.0);
         }
         contacts
@@ -189,17 +296,12 @@ impl SkinModel {
         let mut sum = [0.0; 3];
         for seat in &model.seats {
             let moved = self.contacts[seat.contact as usize].on_taxel(seat, scene_ns);
-            for (sum, moved) in sum.iter_mut().zip(moved) {
-                *sum += model.character.gain * moved;
+            for ((sum, moved), scale) in sum.iter_mut().zip(moved).zip(model.character.scale) {
+                *sum += model.character.gain * scale * moved;
             }
         }
         sum
     }
-}
-
-/// An overloaded axis wraps modulo 2^16, it does not saturate (protocols.md 2.6).
-fn wrapped(counts: f64) -> u16 {
-    ((counts + 0.5).floor() as i64 & 0xFFFF) as u16
 }
 
 /// Which modules of the layout the scene has, by index.
@@ -273,7 +375,7 @@ fn seat(
         (of().min().unwrap_or(0), of().max().unwrap_or(0))
     };
     let ((left, right), (top, bottom)) = (range(|t| t.x), range(|t| t.y));
-    let middle = [f64::from(right - left) / 2.0, f64::from(bottom - top) / 2.0, 0.0];
+    let extent = [f64::from(right - left), f64::from(bottom - top)];
     for i in members() {
         let taxel = &layout.taxels[i];
         let place = match (&contact.footprint, taxel.position_mm) {
@@ -293,7 +395,7 @@ fn seat(
         models[i].seats.push(Seat {
             contact: number as u16,
             place,
-            middle,
+            extent,
         });
     }
     Ok(())

@@ -41,6 +41,7 @@ pub use frame::{Fault, Faults, ForceFrame, Freshness, TactileFrame, TaxelReading
 pub use layout::{Layout, MAX_MODULES, MAX_PIXELS, MAX_TAXELS, Module, Taxel};
 pub use layout_error::{LayoutError, LayoutProblem};
 pub use protocol::Protocol;
+pub use protocol::cpm_finger::cpm_finger_frames;
 pub use protocol::cyskin::{
     ByteOrder, Checksum, CyskinHub, CyskinPacket, CyskinPacketError, CyskinSetup, cyskin_frames,
 };
