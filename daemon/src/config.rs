@@ -286,7 +286,7 @@ impl Config {
             message: e.message().to_string(),
         })?;
 
-        let layout = {
+        let mut layout = {
             let name = parsed.layout.get_ref();
             let beside = path.parent().unwrap_or(Path::new("")).join(name);
             let found = if Layout::builtin(name).is_none() && beside.is_file() {
@@ -305,6 +305,12 @@ impl Config {
                 .parse::<SourceAddress>()
                 .map_err(|e| refuse(source.span().start, e.to_string()))?;
             sources.push(address);
+        }
+        let scenes = sources.iter().all(|s| matches!(s, SourceAddress::Sim { .. }));
+        if layout.buses.is_empty() && scenes && !sources.is_empty() {
+            // A scene on a hand without boards is played on simulated ones.
+            layout = taxel_sim::with_stand_in_boards(&layout)
+                .map_err(|e| refuse(parsed.layout.span().start, e.to_string()))?;
         }
         if sources.len() != layout.buses.len() {
             let place = parsed.bus.last().map_or(text.len(), |b| b.span().start);

@@ -17,16 +17,20 @@ use std::sync::mpsc::{self, RecvTimeoutError};
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 use taxel_compress::Method;
-use taxel_sim::Scene;
+use taxel_sim::{Scene, with_stand_in_boards};
+use taxel_skin::Layout;
 use taxel_wire::{ReadError, Received, Subscriber};
 
+/// The scene of the default hand, and the one of any.
+const GRASP: &str = "ball-grasp";
+const ANY_HAND: &str = "roll";
 /// Time between two pictures on the terminal.
 const REDRAW: Duration = Duration::from_millis(33);
 
 /// A simulated hand, the real daemon and a live view of both, here and now: no hardware, no root.
 ///
-/// The simulator plays the scene as CAN traffic of 15 uSkin modules; the daemon reads it as it would read a bus and
-/// publishes tactile images on a socket in a temporary directory; the view subscribes to that socket as any display
+/// The simulator plays the scene as CAN traffic of the hand's boards (15 uSkin modules, unless --layout names another
+/// hand); the daemon starts them and reads them as it would on a bus and publishes tactile images on a socket in a temporary directory; the view subscribes to that socket as any display
 /// does. Left is what the skin feels, right is what a display with few actuators is given. Simulated servos on a pseudo
 /// terminal close the fingers as the scene has it; the daemon reads them as it would read a serial bus, and the angles
 /// that each image carries are the bars below the fingers.
@@ -38,12 +42,16 @@ const REDRAW: Duration = Duration::from_millis(33);
 Examples:
   taxel demo
   taxel demo --scene slip --actuators 6
+  taxel demo --layout icub-forearm     another hand, with the boards it has
   taxel demo --headless --seconds 10
   taxel sim --list                     the scenes there are")]
 pub(crate) struct Args {
-    /// A built-in scene, or a scene file
-    #[arg(long, value_name = "SCENE", default_value = "ball-grasp")]
-    pub(crate) scene: String,
+    /// A built-in scene, or a scene file [default: ball-grasp, or roll on hands that it does not fit]
+    #[arg(long, value_name = "SCENE")]
+    scene: Option<String>,
+    /// Another hand than the scene's own: a built-in name or a layout file
+    #[arg(long, value_name = "LAYOUT")]
+    layout: Option<String>,
     /// Stop after so long [default: never, or after the scene when headless]
     #[arg(long, value_name = "S")]
     seconds: Option<f64>,
@@ -65,9 +73,10 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         Some(s) if !(s > 0.0 && s < 1e9) => bail!("--seconds {s} is no time to run a demo"),
         seconds => seconds,
     };
-    let scene = Scene::resolve(&args.scene)?;
+    let (scene_name, layout) = scene_and_layout(args)?;
+    let scene = Scene::resolve(&scene_name)?;
     let interrupt = Interrupt::install()?;
-    let session = Session::start(args, &scene)?;
+    let session = Session::start(args, &scene_name, &scene, layout)?;
     let headless = args.headless || !std::io::stdout().is_terminal();
     let limit = match (seconds, headless) {
         (Some(seconds), _) => Some(Duration::from_secs_f64(seconds)),
@@ -110,6 +119,29 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         );
     }
     Ok(())
+}
+
+/// The scene's name and the hand it is played on.
+fn scene_and_layout(args: &Args) -> anyhow::Result<(String, Layout)> {
+    let named = args.layout.as_deref().map(Layout::resolve).transpose()?;
+    let fits =
+        |name: &str, layout: &Layout| Scene::builtin(name).is_ok_and(|scene| scene.fits(layout).is_ok());
+    let usual = match &named {
+        Some(layout) if !fits(GRASP, layout) => ANY_HAND,
+        _ => GRASP,
+    };
+    let name = args.scene.as_deref().unwrap_or(usual);
+    let layout = match named {
+        Some(layout) => layout,
+        None => Layout::resolve(Scene::resolve(name)?.layout())?,
+    };
+    if layout.buses.is_empty() {
+        eprintln!(
+            "{} has no boards on a bus; simulated ones stand in for them",
+            layout.name
+        );
+    }
+    Ok((name.into(), with_stand_in_boards(&layout)?))
 }
 
 fn lock(meter: &Mutex<Meter>) -> MutexGuard<'_, Meter> {

@@ -305,10 +305,11 @@ impl Meter {
         let (raw_bits, image_bits) = self.bits_per_frame();
         let _ = writeln!(
             text,
-            "{}: {name}, {} taxels on {} buses; method {method}, {levels} levels, {actuators} actuators",
+            "{}: {name}, {} taxels on {} {}; method {method}, {levels} levels, {actuators} actuators",
             self.scene,
             self.layout.len(),
             buses.len(),
+            if buses.len() == 1 { "bus" } else { "buses" },
         );
         let _ = writeln!(
             text,

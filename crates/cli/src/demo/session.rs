@@ -30,7 +30,7 @@ pub(super) struct Session {
     pub(super) began: Instant,
     pub(super) layout: Layout,
     /// The servos' serial port is gone when this is.
-    _servos: ServoPty,
+    _servos: Option<ServoPty>,
     /// Removed, with the sockets in it, when the session ends.
     _directory: TempDir,
 }
@@ -40,8 +40,12 @@ pub(super) struct Control(PathBuf);
 
 impl Session {
     /// Starts the daemon. Images are made as soon as a sweep is complete.
-    pub(super) fn start(args: &Args, scene: &Scene) -> anyhow::Result<Self> {
-        let layout = Layout::resolve(scene.layout())?;
+    pub(super) fn start(
+        args: &Args,
+        scene_name: &str,
+        scene: &Scene,
+        layout: Layout,
+    ) -> anyhow::Result<Self> {
         let directory = tempfile::Builder::new()
             .prefix("taxel-demo-")
             .tempdir()
@@ -50,7 +54,7 @@ impl Session {
             .buses
             .iter()
             .map(|_| SourceAddress::Sim {
-                scene: args.scene.clone(),
+                scene: scene_name.into(),
             })
             .collect();
         let mut config = Config::new(layout.clone(), sources);
@@ -64,18 +68,12 @@ impl Session {
         // The demo is a guest on this machine.
         config.realtime.priority = 0;
         let (images, control) = (config.socket.images.clone(), config.socket.control.clone());
-        let servos = servos_of_scene(scene, &layout, taxel_can::monotonic_ns());
-        let mut joints = JointsConfig::dynamixel("", servos.iter().map(|servo| servo.build.id));
-        for (joint, servo) in joints.servo.iter_mut().zip(&servos) {
-            joint.name.clone_from(&servo.name);
-        }
-        let bus = ServoBus::new(servos.into_iter().map(|servo| servo.build), SERVO_BAUD);
-        let servos = ServoPty::open(bus).context("a pseudo terminal for the servos")?;
-        joints.baud = SERVO_BAUD;
-        joints.source = JointSource::Dynamixel {
-            path: servos.path().into(),
+        // A hand with fingers has joints; a patch of skin has none.
+        let has_fingers = layout.modules.iter().any(|m| m.part != layout.modules[0].part);
+        let servos = match has_fingers {
+            true => Some(servos(scene, &layout, &mut config)?),
+            false => None,
         };
-        config.joints = Some(joints);
         let (scene_began_ns, began) = (taxel_can::monotonic_ns(), Instant::now());
         let daemon = Daemon::start(config)?;
         Ok(Self {
@@ -113,6 +111,23 @@ impl Control {
     pub(super) fn command(&self, command: &str) -> anyhow::Result<()> {
         request(&self.0, command)
     }
+}
+
+/// Simulated servos that close the fingers as the scene has it, and their configuration.
+fn servos(scene: &Scene, layout: &Layout, config: &mut Config) -> anyhow::Result<ServoPty> {
+    let servos = servos_of_scene(scene, layout, taxel_can::monotonic_ns());
+    let mut joints = JointsConfig::dynamixel("", servos.iter().map(|servo| servo.build.id));
+    for (joint, servo) in joints.servo.iter_mut().zip(&servos) {
+        joint.name.clone_from(&servo.name);
+    }
+    let bus = ServoBus::new(servos.into_iter().map(|servo| servo.build), SERVO_BAUD);
+    let servos = ServoPty::open(bus).context("a pseudo terminal for the servos")?;
+    joints.baud = SERVO_BAUD;
+    joints.source = JointSource::Dynamixel {
+        path: servos.path().into(),
+    };
+    config.joints = Some(joints);
+    Ok(servos)
 }
 
 fn request(path: &Path, command: &str) -> anyhow::Result<()> {
