@@ -1,7 +1,7 @@
 //! What the pipeline promises: the same frames give the same images, and each image is made at its own instant.
 
-use std::path::PathBuf;
-use taxel_can::Received;
+use std::path::{Path, PathBuf};
+use taxel_can::{CanFrame, Received};
 use taxel_sim::{Scene, Simulator};
 use taxel_skin::{Freshness, Layout};
 use taxeld::Config;
@@ -271,4 +271,54 @@ fn configuration_errors_name_file_and_line() {
         );
     }
     Config::parse(two, &path).unwrap();
+}
+
+/// A module and an Allegro hand on one bus: each frame is that of one of them, and a frame has the angles of its own instant.
+#[test]
+fn a_hand_on_the_skins_bus_gives_its_angles_and_nothing_to_the_skin() {
+    let text = "layout = \"uskin-module\"\n[tick]\nrate_hz = 100.0\n[[bus]]\nsource = \"can:can0\"\n\
+                [joints]\nsource = \"allegro:can0\"\nallegro.version = 4\nhold_ms = 50.0\n";
+    let config = Config::parse(text, Path::new("taxeld.toml")).unwrap();
+    let mut pipeline = Pipeline::new(&config, 0).unwrap();
+    const MS: u64 = 1_000_000;
+    let count_rad = (333.3_f64 / 65_536.0).to_radians();
+    let mut seen = Vec::new();
+    let mut emit = |frames: &Frames| {
+        let tactile = &frames.tactile;
+        seen.push((tactile.t_ns, tactile.joints.clone(), tactile.joint_age_ns.clone()));
+    };
+    // The index finger moves by 100 counts a millisecond and reports every 4 ms, until it falls silent at 100 ms.
+    for ms in 0..200_u64 {
+        let taxel = CanFrame::standard(0x710 | (ms % 16) as u16, &[0x80, 1, 2, 3, 4, 5, 6, 1]).unwrap();
+        let received = |frame, t_ns| Received { t_ns, frame };
+        if ms % 4 == 0 && ms < 100 {
+            let [lo, hi] = (100 * ms as i16).to_le_bytes();
+            let finger = CanFrame::standard(0x080, &[lo, hi, 0, 0, 0, 0, 0, 0]).unwrap();
+            pipeline.push(0, &received(finger, ms * MS), &mut emit);
+        }
+        pipeline.push(0, &received(taxel, ms * MS + 1), &mut emit);
+    }
+    let decoder = pipeline.decoders()[0].counters();
+    assert_eq!((decoder.unknown, decoder.not_data), (0, 0));
+    assert!(seen.len() >= 19, "{}", seen.len());
+    for (t_ns, joints, ages) in seen {
+        let ms = t_ns as f64 / MS as f64;
+        assert_eq!((joints.len(), ages.len()), (16, 16));
+        assert!(
+            joints[4].is_nan() && ages[4] == u64::MAX,
+            "a finger that was never heard"
+        );
+        if ms < 100.0 {
+            let truth = 100.0 * ms * count_rad;
+            assert!(
+                (f64::from(joints[0]) - truth).abs() < 1e-5,
+                "{} at {ms} ms",
+                joints[0]
+            );
+            assert!(ages[0] <= 4 * MS, "{}", ages[0]);
+        } else {
+            assert_eq!(ages[0], t_ns - 96 * MS);
+            assert_eq!(joints[0].is_nan(), ages[0] > 50 * MS, "{ms} ms");
+        }
+    }
 }
