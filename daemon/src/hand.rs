@@ -132,6 +132,10 @@ impl Hand {
             .clone();
         let layout = &self.config.layout;
         let problems = self.problems.borrow();
+        let hand_bus = crate::joints::hand_bus(&self.config);
+        let shared_with_hand = hand_bus
+            .filter(|bus| bus.shared)
+            .map(|bus| usize::from(bus.index));
         let buses: Vec<Value> = (layout.buses.iter().enumerate())
             .zip(&self.config.sources)
             .zip(&snapshot.buses)
@@ -156,6 +160,7 @@ impl Hand {
                     "unknown": bus.decoder.unknown,
                     "not_data": bus.decoder.not_data,
                     "commands": bus.decoder.commands,
+                    "joints": if shared_with_hand == Some(index) { snapshot.joints.of_hand() } else { 0 },
                     "partial": bus.decoder.partial,
                     "abandoned": bus.decoder.abandoned,
                     "malformed": sum(|b| b.malformed),
@@ -260,7 +265,7 @@ impl Hand {
 
     /// One line for `systemctl status` and the log.
     pub(crate) fn summary(&self) -> String {
-        let (images, overruns, missing, faulty, calibrating, p99, links, boards, lost) = {
+        let (images, overruns, missing, faulty, calibrating, p99, links, boards, lost, joints) = {
             let s = self.shared.snapshot.lock().unwrap_or_else(|e| e.into_inner());
             let links: Vec<String> = (self.config.layout.buses.iter().zip(&s.buses))
                 .map(|(name, bus)| match bus.link {
@@ -281,6 +286,7 @@ impl Hand {
                 links,
                 alive,
                 lost,
+                s.joints.summary(),
             )
         };
         let rate = self.rate_hz(images);
@@ -291,7 +297,7 @@ impl Hand {
         };
         format!(
             "{rate:.1} Hz ({mode}), tick p99 {:.2} ms, {overruns} overruns, {}, {lost} lost, {boards}/{} boards, \
-             {missing} missing, {faulty} faulty, {} subscribers{}{}",
+             {missing} missing, {faulty} faulty{joints}, {} subscribers{}{}",
             p99 as f64 / 1e6,
             links.join(", "),
             self.config.layout.modules.len(),

@@ -41,6 +41,9 @@ fn main() -> anyhow::Result<()> {
         for (bus, source) in layout.buses.iter().zip(&config.sources) {
             println!("  {bus}: {source}");
         }
+        if let Some(joints) = &config.joints {
+            println!("  {} joints: {}", joints.joint_names().len(), joints.source);
+        }
         return Ok(());
     }
 

@@ -63,7 +63,7 @@ fn drain(mut subscriber: Subscriber) {
     while subscriber.next().is_ok() {}
 }
 
-/// Waits until the subscriber has seen `images` images, and returns how many joint angles the last one knew.
+/// Waits until the subscriber has seen `images` images, and returns how many joint angles were known at most.
 fn watch(subscriber: &mut Subscriber, images: u64) -> usize {
     let deadline = Instant::now() + Duration::from_secs(30);
     let (mut seen, mut joints) = (0, 0);
@@ -74,7 +74,7 @@ fn watch(subscriber: &mut Subscriber, images: u64) -> usize {
         );
         if let Some(Received::Image(_, image)) = subscriber.next_timeout(Duration::from_secs(1)).unwrap() {
             seen += 1;
-            joints = image.joints().filter(|angle| angle.is_finite()).count();
+            joints = joints.max(image.joints().filter(|angle| angle.is_finite()).count());
         }
     }
     joints

@@ -36,17 +36,19 @@ def eventually(condition, what, seconds=10.0):
     return value
 
 
-def toml(value):
-    """A value, or a dict of tables and keys, as TOML."""
+def toml(value, within=""):
+    """A value, or a dict of tables and keys, as TOML; `within` names the table it stands in, with a dot."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, (str, Path)):
         return json.dumps(str(value))
+    if isinstance(value, (list, tuple)) and any(isinstance(v, dict) for v in value):
+        return "[" + ", ".join("{" + ", ".join(f"{k} = {toml(v)}" for k, v in row.items()) + "}" for row in value) + "]"
     if isinstance(value, (list, tuple)):
         return "[" + ", ".join(toml(v) for v in value) + "]"
     if isinstance(value, dict):
         keys = [f"{k} = {toml(v)}" for k, v in value.items() if not isinstance(v, dict)]
-        tables = [f"\n[{k}]\n{toml(v)}" for k, v in value.items() if isinstance(v, dict)]
+        tables = [f"\n[{within}{k}]\n{toml(v, f'{within}{k}.')}" for k, v in value.items() if isinstance(v, dict)]
         return "\n".join(keys + tables)
     return repr(value)
 

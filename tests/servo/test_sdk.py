@@ -2,19 +2,16 @@
 
 import json
 import math
-import subprocess
-from pathlib import Path
 
 import dynamixel_sdk as dxl
 import dynamixel_sdk.port_handler
 import pytest
 
-from harness.daemon import REPOSITORY, die_with_parent
+from harness.servos import BAUD, Servos, build_examples, example
 
 # The SDK waits for an answer for twice this, ms (16 if it is left alone); the machine that runs the tests may be busy.
 dynamixel_sdk.port_handler.LATENCY_TIMER = 150
 
-BAUD = 1_000_000
 IDS = range(1, 17)
 MODEL = 1030
 
@@ -24,48 +21,14 @@ PRESENT_PWM, PRESENT_POSITION, VOLTAGE, TEMPERATURE = 124, 132, 144, 146
 ALERT = 128
 
 
-def example(package, name, *arguments, **options):
-    """A built example of one of the crates, started."""
-    subprocess.run(
-        ["cargo", "build", "--quiet", "-p", package, "--example", name], cwd=REPOSITORY, check=True, timeout=900
-    )
-    metadata = subprocess.run(
-        ["cargo", "metadata", "--format-version=1", "--no-deps"], cwd=REPOSITORY, check=True, capture_output=True
-    )
-    path = Path(json.loads(metadata.stdout)["target_directory"]) / "debug" / "examples" / name
-    return subprocess.Popen(
-        [path, *map(str, arguments)], stdout=subprocess.PIPE, text=True, preexec_fn=die_with_parent, **options
-    )
-
-
-class Bus:
-    """The simulated servos behind a pseudo terminal, as a process."""
-
-    def __init__(self, *arguments):
-        self.process = example("taxel-sim", "servo_bus", "--baud", BAUD, *arguments, stdin=subprocess.PIPE)
-        self.path = self.process.stdout.readline().strip()
-
-    def tell(self, command):
-        self.process.stdin.write(command + "\n")
-        self.process.stdin.flush()
-        assert self.process.stdout.readline().strip() == "ok", command
-
-    def close(self):
-        self.process.stdin.close()
-        self.process.wait(10)
-        self.process.stdout.close()
-
-
 @pytest.fixture(scope="module", autouse=True)
 def examples_are_built():
-    """Before any test, so that a cold build is no hanging test."""
-    for package, name in [("taxel-sim", "servo_bus"), ("taxel-joints", "read_joints")]:
-        subprocess.run(["cargo", "build", "--quiet", "-p", package, "--example", name], cwd=REPOSITORY, check=True)
+    build_examples()
 
 
 @pytest.fixture
 def bus():
-    bus = Bus("--ids", "1-16")
+    bus = Servos("--ids", "1-16")
     yield bus
     bus.close()
 

@@ -1,6 +1,8 @@
 //! `taxel doctor`: what is wrong with this machine and this hand, and how to mend it.
 
 mod access;
+mod allegro;
+mod arguments;
 mod capacity;
 mod daemon;
 mod ears;
@@ -14,7 +16,8 @@ mod report;
 mod scan;
 mod servos;
 
-use crate::input::DEFAULT_LAYOUT;
+pub(crate) use arguments::Args;
+
 use crate::interrupt::Interrupt;
 use access::{FileFacts, PortFacts, User};
 use anyhow::{Context, bail};
@@ -26,77 +29,16 @@ use report::{Report, Style};
 use serde_json::json;
 use std::collections::BTreeSet;
 use std::io::{self, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use taxel_can::SourceAddress;
 use taxel_joints::{JointSource, JointsConfig};
 use taxel_skin::{Layout, Protocol};
 use taxeld::Config;
 
-/// Where the service has its configuration.
-const CONFIG: &str = "/etc/taxeld/taxeld.toml";
 /// Bit rates that servos may be set to, the likely ones first.
 const BAUDS: [u32; 7] = [
     57_600, 1_000_000, 3_000_000, 4_000_000, 2_000_000, 115_200, 4_500_000,
 ];
-
-/// Look at this machine and this hand, and say what is wrong and how to mend it.
-///
-/// Without options the configuration of the service is taken (/etc/taxeld/taxeld.toml), else the default hand on can0
-/// and can1. While a daemon runs, it is asked, and its buses are left alone. Otherwise the boards are asked who they
-/// are, started, listened to and stopped again, but only on buses where nobody else speaks; servos are pinged and
-/// read. The hand must not be touched meanwhile.
-///
-/// Exit code: 0 if nothing is an error, 1 otherwise.
-#[derive(Debug, clap::Args)]
-#[command(after_help = "\
-Examples:
-  taxel doctor                                   this machine, and the hand of the service
-  taxel doctor --config hand.toml --json
-  taxel doctor --layout uskin-module can:can0    one module on can0
-  taxel doctor --listen-only                     send nothing at all
-  taxel doctor --joints dynamixel:/dev/ttyUSB0 --ids 1-16
-  taxel doctor --scan can:can0 can:can1 --out hand.toml
-                                                 what speaks there, as a layout file
-  taxel doctor --scan log:candump.log            the same from a recording")]
-pub(crate) struct Args {
-    /// Where the buses of the hand are, in the layout's order: can:INTERFACE, udp:GROUP:PORT, log:FILE or sim:SCENE
-    /// [default: can: and the layout's names]
-    #[arg(value_name = "SOURCE", conflicts_with = "config")]
-    sources: Vec<SourceAddress>,
-    /// The daemon's configuration file
-    #[arg(long, value_name = "FILE", conflicts_with = "layout")]
-    config: Option<PathBuf>,
-    /// The hand: a built-in name or a layout file [default: allegro-uskin-15]
-    #[arg(long, value_name = "LAYOUT")]
-    layout: Option<String>,
-    /// Where joint angles come from: dynamixel:DEVICE or allegro:INTERFACE
-    #[arg(long, value_name = "SOURCE", conflicts_with = "config")]
-    joints: Option<JointSource>,
-    /// Ids of the servos, such as 1-16 or 1,2,11-14
-    #[arg(long, value_name = "IDS", requires = "joints")]
-    ids: Option<String>,
-    /// Bits per second of the servos
-    #[arg(long, value_name = "N", requires = "joints", default_value_t = 1_000_000)]
-    baud: u32,
-    /// How long to listen to the hand; below 2.5 s there is no verdict on its taxels
-    #[arg(long, value_name = "S", default_value_t = 4.0)]
-    seconds: f64,
-    /// Send nothing, neither to boards nor to servos
-    #[arg(long)]
-    listen_only: bool,
-    /// Recognise what speaks on the buses, and propose a layout file for it; it listens and sends nothing
-    #[arg(long, conflicts_with_all = ["layout", "joints", "config"])]
-    scan: bool,
-    /// With --scan: ask for boards on buses where nobody speaks, and start those that answer
-    #[arg(long, requires = "scan", conflicts_with = "listen_only")]
-    start: bool,
-    /// With --scan: write the proposed layout file there instead of to stdout
-    #[arg(long, value_name = "FILE", requires = "scan")]
-    out: Option<PathBuf>,
-    /// Print one JSON object
-    #[arg(long)]
-    json: bool,
-}
 
 /// Runs the checks; says whether there was no error.
 pub(crate) fn run(args: &Args) -> anyhow::Result<bool> {
@@ -126,8 +68,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<bool> {
     let links = doctor.look_at_machine(root, &config)?;
     let running = doctor.look_at_daemon(root, &config)?;
     if !running {
-        doctor.look_at_hand(args, &config, &links, interrupt)?;
-        doctor.look_at_servos(args, &config, root)?;
+        doctor.look_at_hand(args, &config, &links, interrupt.clone())?;
+        doctor.look_at_joints(args, &config, root, interrupt)?;
     }
     let healthy = doctor.checks.iter().all(|c| c.state != State::Error);
     if args.json {
@@ -142,97 +84,6 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<bool> {
         writeln!(io::stdout(), "\n{}", report::summary(&doctor.checks)).context("stdout")?;
     }
     Ok(healthy)
-}
-
-impl Args {
-    /// What the daemon would run, and where that comes from.
-    fn configuration(&self) -> anyhow::Result<(Config, String)> {
-        let named_here = self.layout.is_some() || !self.sources.is_empty() || self.joints.is_some();
-        let service = Path::new(CONFIG);
-        let file = match &self.config {
-            Some(file) => Some(file.as_path()),
-            None => (!named_here && service.is_file()).then_some(service),
-        };
-        if let Some(file) = file {
-            let config = Config::load(file)?;
-            let origin = format!("{}: {}", file.display(), describe(&config));
-            return Ok((config, origin));
-        }
-        let layout = Layout::resolve(self.layout.as_deref().unwrap_or(DEFAULT_LAYOUT))?;
-        let sources = match self.sources.is_empty() {
-            false => self.sources.clone(),
-            true => layout
-                .buses
-                .iter()
-                .map(|bus| format!("can:{bus}").parse())
-                .collect::<Result<_, _>>()?,
-        };
-        if sources.len() != layout.buses.len() {
-            bail!(
-                "layout {} needs a source for each of its buses ({}): {}, not {}",
-                layout.name,
-                layout.buses.join(", "),
-                layout.buses.len(),
-                sources.len()
-            );
-        }
-        let mut config = Config::new(layout, sources);
-        config.joints = self.joints()?;
-        let origin = format!("no configuration file: {}", describe(&config));
-        Ok((config, origin))
-    }
-
-    fn joints(&self) -> anyhow::Result<Option<JointsConfig>> {
-        let Some(source) = &self.joints else {
-            return Ok(None);
-        };
-        let JointSource::Dynamixel { path } = source else {
-            let mut config = JointsConfig::dynamixel("", []);
-            config.source = source.clone();
-            return Ok(Some(config));
-        };
-        let ids = self
-            .ids
-            .as_deref()
-            .context("--joints dynamixel: needs --ids, such as --ids 1-16")?;
-        let mut config = JointsConfig::dynamixel(path, parse_ids(ids)?);
-        config.baud = self.baud;
-        config.check()?;
-        Ok(Some(config))
-    }
-}
-
-fn describe(config: &Config) -> String {
-    let buses: Vec<String> = config
-        .layout
-        .buses
-        .iter()
-        .zip(&config.sources)
-        .map(|(bus, source)| {
-            let source = source.to_string();
-            if source == format!("can:{bus}") {
-                source
-            } else {
-                format!("{bus} = {source}")
-            }
-        })
-        .collect();
-    format!("hand {} on {}", config.layout.name, buses.join(", "))
-}
-
-/// Ids such as `1-16` or `1,2,11-14`.
-fn parse_ids(text: &str) -> anyhow::Result<Vec<u8>> {
-    let mut ids = Vec::new();
-    for part in text.split(',') {
-        let (first, last) = part.split_once('-').unwrap_or((part, part));
-        let id = |text: &str| {
-            text.trim()
-                .parse::<u8>()
-                .with_context(|| format!("--ids {text}: ids are 0 to 252, as in 1-16 or 1,2,11-14"))
-        };
-        ids.extend(id(first)?..=id(last)?);
-    }
-    Ok(ids)
 }
 
 /// Findings as they come: shown at once, kept for the summary.
@@ -439,14 +290,37 @@ impl Doctor {
         writeln!(io::stdout(), "\n{}", lines.join("\n")).context("stdout")
     }
 
-    fn look_at_servos(&mut self, args: &Args, config: &Config, root: &Path) -> anyhow::Result<()> {
-        const AREA: &str = "servos";
+    fn look_at_joints(
+        &mut self,
+        args: &Args,
+        config: &Config,
+        root: &Path,
+        interrupt: Interrupt,
+    ) -> anyhow::Result<()> {
         let Some(joints) = &config.joints else {
             return Ok(());
         };
-        let JointSource::Dynamixel { path } = &joints.source else {
-            return Ok(());
-        };
+        match &joints.source {
+            JointSource::Dynamixel { path } => self.look_at_servos(args, joints, path, root),
+            JointSource::Allegro { bus } => {
+                let object = bus.to_string();
+                let check = match allegro::listen(joints, bus, interrupt) {
+                    Ok(facts) => allegro::check(joints, &object, &facts),
+                    Err(error) => Check::error("joints", "Allegro hand", object, format!("{error:#}")),
+                };
+                self.tell(vec![check])
+            }
+        }
+    }
+
+    fn look_at_servos(
+        &mut self,
+        args: &Args,
+        joints: &JointsConfig,
+        path: &Path,
+        root: &Path,
+    ) -> anyhow::Result<()> {
+        const AREA: &str = "servos";
         let port = PortFacts::read(root, path);
         let checks = access::check_port(&port, &User::read(root));
         let usable = checks.iter().all(|c| c.state != State::Error);
@@ -533,16 +407,6 @@ fn check_folder(root: &Path, control: &Path) -> Check {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn ids_are_ranges_and_lists() {
-        assert_eq!(parse_ids("1-4").unwrap(), [1, 2, 3, 4]);
-        assert_eq!(parse_ids("1,2,11-13").unwrap(), [1, 2, 11, 12, 13]);
-        for text in ["", "a", "1-", "300", "1-300"] {
-            let error = parse_ids(text).unwrap_err();
-            assert!(error.to_string().contains("--ids"), "{text}: {error}");
-        }
-    }
 
     #[test]
     fn the_bit_rate_is_asked_of_those_boards_whose_it_is_public() {

@@ -118,13 +118,17 @@ fn describe(hello: &Hello) -> String {
         force_unit,
         ..
     } = hello;
+    let joints = match hello.joints.len() {
+        0 => String::new(),
+        joints => format!(", {joints} joints"),
+    };
     let rate = match rate.hz {
         Some(hz) => format!("{} {hz} Hz", rate.mode),
         None => rate.mode.clone(),
     };
     format!(
         "{daemon}: {layout}, {} taxels, {width}x{height} image, {} levels, {} actuators, method {}, {rate}, \
-         forces in {force_unit}",
+         forces in {force_unit}{joints}",
         hello.taxels.len(),
         profile.levels,
         profile.actuators,

@@ -40,6 +40,18 @@ fn said(output: &Output) -> String {
     )
 }
 
+/// Tries again where the machine may have been too busy to simulate a hand in real time.
+fn eventually<T>(mut attempt: impl FnMut() -> Result<T, String>) -> T {
+    let mut last = String::new();
+    for _ in 0..6 {
+        match attempt() {
+            Ok(done) => return done,
+            Err(why) => last = why,
+        }
+    }
+    panic!("never: {last}");
+}
+
 /// The checks of this name that are neither good nor skipped: object, state, found, mend.
 fn bad<'a>(checks: &'a [Value], name: &str) -> Vec<[&'a str; 4]> {
     let text = |value: &'a Value| value.as_str().unwrap_or("");
@@ -100,10 +112,10 @@ name = \"dead-board\"
 seconds = 60.0
 [[fault]]
 kind = \"silent\"
-on = [\"index distal\"]
+on = [\"tip end\"]
 [[fault]]
 kind = \"dead\"
-on = [\"thumb tip\"]
+on = [\"tip pad\"]
 taxels = [3]
 ";
 
@@ -111,52 +123,52 @@ taxels = [3]
 fn a_dead_board_and_a_dead_taxel_are_found_and_the_others_are_well() {
     let dir = TempDir::new().unwrap();
     std::fs::write(dir.path().join("scene.toml"), DEAD_BOARD).unwrap();
-    let (_hand, sources) = hand(&dir, "scene.toml", &[], 2);
-    configure(
-        &dir,
-        "allegro-uskin-15",
-        &sources,
-        "[boards]\nmode = \"triggered\"\n",
-    );
-    let (code, checks) = doctor(&dir, &["--config", "hand.toml"]);
-    assert_eq!(code, Some(1));
-    let boards = bad(&checks, "board");
-    let errors: Vec<_> = boards.iter().filter(|b| b[1] == "error").collect();
-    assert_eq!(errors.len(), 1, "{boards:?}");
-    assert_eq!(
-        errors[0][..3],
-        ["index distal (can0 board 1)", "error", "not heard"]
-    );
-    let taxels = bad(&checks, "taxels");
-    assert!(
-        taxels
+    let (_hand, sources) = hand(&dir, "scene.toml", &["--layout", "uskin-fingertip"], 1);
+    configure(&dir, "uskin-fingertip", &sources, "");
+    eventually(|| {
+        let (code, checks) = doctor(&dir, &["--config", "hand.toml"]);
+        let boards = bad(&checks, "board");
+        let dead = boards.iter().find(|b| b[0].starts_with("tip end"));
+        let dead = dead.unwrap_or_else(|| panic!("the board without power is not found: {boards:?}"));
+        assert_eq!((dead[1], dead[2], code), ("error", "not heard", Some(1)));
+        let living = boards
             .iter()
-            .any(|t| t[0].starts_with("thumb tip") && t[2].contains("k 3 dead")),
-        "{taxels:?}"
-    );
-    let well = checks
-        .iter()
-        .filter(|c| c["name"] == "firmware" && c["state"] == "ok");
-    assert_eq!(well.count(), 14, "every living board has told its firmware");
+            .all(|b| b[1] != "error" || b[0].starts_with("tip end"));
+        let taxel = bad(&checks, "taxels")
+            .iter()
+            .any(|t| t[0].starts_with("tip pad") && t[2].contains("k 3 dead"));
+        let told = checks
+            .iter()
+            .filter(|c| c["name"] == "firmware" && c["state"] == "ok")
+            .count()
+            == 1;
+        (living && taxel && told)
+            .then_some(())
+            .ok_or(format!("{checks:?}"))
+    });
     // In words, the hand is drawn with the dead taxel.
-    let output = taxel(&dir, &["doctor", "--config", "hand.toml"])
-        .output()
-        .unwrap();
-    let text = said(&output);
-    assert!(text.contains("D dead (1)") && text.contains("1 error"), "{text}");
-    assert!(!text.contains('\x1b'), "no colour where there is no terminal");
+    eventually(|| {
+        let output = taxel(&dir, &["doctor", "--config", "hand.toml"])
+            .output()
+            .unwrap();
+        let text = said(&output);
+        assert!(!text.contains('\x1b'), "no colour where there is no terminal");
+        (text.contains("D dead (1)") && text.contains("1 error,"))
+            .then_some(())
+            .ok_or(text)
+    });
 }
 
 #[test]
 fn listening_only_starts_nobody_and_says_so() {
     let dir = TempDir::new().unwrap();
-    let (_hand, sources) = hand(&dir, "idle", &[], 2);
-    configure(&dir, "allegro-uskin-15", &sources, "");
+    let (_hand, sources) = hand(&dir, "idle", &["--layout", "uskin-fingertip"], 1);
+    configure(&dir, "uskin-fingertip", &sources, "");
     let (_, checks) = doctor(
         &dir,
         &["--config", "hand.toml", "--listen-only", "--seconds", "0.5"],
     );
-    assert_eq!(bad(&checks, "board").len(), 15);
+    assert_eq!(bad(&checks, "board").len(), 2);
     assert!(bad(&checks, "firmware").is_empty());
 }
 
@@ -165,16 +177,13 @@ fn a_bus_on_which_others_speak_is_only_listened_to() {
     let dir = TempDir::new().unwrap();
     let (_hand, sources) = hand(&dir, "idle", &["--layout", "uskin-module", "--autostart"], 1);
     configure(&dir, "uskin-module", &sources, "");
-    let (_, checks) = doctor(&dir, &["--config", "hand.toml", "--seconds", "3"]);
-    let boards: Vec<&Value> = checks.iter().filter(|c| c["name"] == "board").collect();
-    assert_eq!(boards.len(), 1);
-    assert!(boards[0]["found"].as_str().unwrap().contains("Hz"), "{boards:?}");
-    assert!(
-        checks
-            .iter()
-            .all(|c| c["name"] != "firmware" || c["state"] == "skipped"),
-        "nobody was asked"
-    );
+    eventually(|| {
+        let (_, checks) = doctor(&dir, &["--config", "hand.toml", "--seconds", "3"]);
+        let of = |name: &str| checks.iter().find(|c| c["name"] == name);
+        let heard = of("board").is_some_and(|b| b["found"].as_str().unwrap().contains("Hz"));
+        let left_alone = of("start").is_some_and(|c| c["state"] == "skipped") && of("firmware").is_none();
+        (heard && left_alone).then_some(()).ok_or(format!("{checks:?}"))
+    });
 }
 
 #[test]
@@ -355,14 +364,15 @@ fn a_scan_starts_silent_boards_only_where_it_is_told_to() {
     };
     let (code, silent) = scan(&[]);
     assert_eq!((code, &silent["layout"]), (Some(1), &Value::Null));
-    let (code, found) = scan(&["--start"]);
-    assert_eq!(code, Some(0));
-    let board = &found["buses"][0]["boards"][0];
-    assert_eq!(
-        (&board["protocol"], &board["board"]),
-        (&"uskin-l1".into(), &1.into())
-    );
-    assert_eq!(board["taxels"].as_array().unwrap().len(), 16);
+    let found = eventually(|| {
+        let (code, found) = scan(&["--start"]);
+        let board = &found["buses"][0]["boards"][0];
+        let whole = board["taxels"].as_array().is_some_and(|t| t.len() == 16);
+        let is_it = (&board["protocol"], &board["board"]) == (&"uskin-l1".into(), &1.into());
+        (code == Some(0) && whole && is_it)
+            .then_some(found.clone())
+            .ok_or(found.to_string())
+    });
     let text = found["layout"].as_str().unwrap();
     assert_eq!(taxel_skin::Layout::parse(text, "found.toml").unwrap().len(), 16);
 }

@@ -106,6 +106,7 @@ struct Sums {
 struct Saved {
     x: Vec<f32>,
     y: Vec<f32>,
+    sums: Vec<Sums>,
 }
 
 /// The clusters of a frame.
@@ -150,6 +151,7 @@ impl Kmeans2d {
             saved: Saved {
                 x: vec![0.0; clusters],
                 y: vec![0.0; clusters],
+                sums: vec![Sums::default(); clusters],
             },
             stands: Stands::new(clusters),
             identity: identity::Matching::new(clusters),

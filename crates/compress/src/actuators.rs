@@ -261,11 +261,21 @@ impl Actuators {
     fn press(&mut self, profile: &Profile, contacts: &Contacts, levels: &Levels, out: &mut Vec<Actuator>) {
         out.clear();
         self.pressing.fill(Pressing::default());
-        for (cluster, &level) in self.cluster.iter().zip(&levels.level) {
-            let pressing = &mut self.pressing[usize::from(*cluster)];
-            pressing.highest = pressing.highest.max(level);
-            pressing.sum += levels.codebook[usize::from(level)];
-            pressing.count += 1;
+        let contacts_of = self.cluster.iter().zip(&levels.level);
+        match profile.actuator_force {
+            ActuatorForce::Max => {
+                for (cluster, &level) in contacts_of {
+                    let pressing = &mut self.pressing[usize::from(*cluster)];
+                    pressing.highest = pressing.highest.max(level);
+                }
+            }
+            ActuatorForce::Mean => {
+                for (cluster, &level) in contacts_of {
+                    let pressing = &mut self.pressing[usize::from(*cluster)];
+                    pressing.sum += levels.codebook[usize::from(level)];
+                    pressing.count += 1;
+                }
+            }
         }
         for (id, (member, pressing)) in self.member.iter().zip(&self.pressing).enumerate() {
             let Some(member) = *member else { continue };

@@ -144,6 +144,16 @@ impl FromStr for JointSource {
     }
 }
 
+impl std::fmt::Display for JointSource {
+    /// The form that `FromStr` reads back to the same value.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            JointSource::Dynamixel { path } => write!(f, "dynamixel:{}", path.display()),
+            JointSource::Allegro { bus } => write!(f, "allegro:{bus}"),
+        }
+    }
+}
+
 impl TryFrom<String> for JointSource {
     type Error = JointSourceError;
 
@@ -450,6 +460,20 @@ mod tests {
             let error = toml::from_str::<JointsConfig>(&text).unwrap_err().to_string();
             assert!(error.contains(words), "{error}");
         }
+    }
+
+    #[test]
+    fn a_source_is_written_as_it_is_read() {
+        for text in [
+            "dynamixel:/dev/ttyUSB0",
+            "allegro:can:can2",
+            "allegro:log:a.log?interface=can2",
+        ] {
+            let source: JointSource = text.parse().unwrap();
+            assert_eq!(source.to_string(), text);
+        }
+        let short: JointSource = "allegro:can2".parse().unwrap();
+        assert_eq!(short.to_string(), "allegro:can:can2");
     }
 
     #[test]

@@ -342,6 +342,28 @@ fn fast_sync_read_falls_back_when_it_is_not_known() {
 }
 
 #[test]
+fn fast_sync_read_that_has_worked_is_tried_again_after_a_bad_time() {
+    let mut w = World::of(4, FastSyncRead::Auto);
+    w.cycles(10);
+    assert_eq!(w.bus.fast_state(), FastState::On);
+    w.fault(1, ServoFault::Late { by_ns: 3 * MS });
+    for _ in 0..200 {
+        w.cycle(5 * MS);
+        if w.bus.fast_state() == FastState::NotSupported {
+            break;
+        }
+    }
+    assert_eq!(w.bus.fast_state(), FastState::NotSupported);
+    w.servos.set_fault(1, None, 1);
+    let tried = w.requests.len();
+    w.cycles(200);
+    assert!(w.requests[tried..].iter().all(|r| r[7] != 0x8A), "not at once");
+    w.now_ns += 10_000 * MS;
+    w.cycles(20);
+    assert_eq!(w.bus.fast_state(), FastState::On);
+}
+
+#[test]
 fn an_alert_leaves_the_reading_and_fetches_the_error() {
     for fast in [FastSyncRead::Off, FastSyncRead::On] {
         let mut w = World::of(3, fast);

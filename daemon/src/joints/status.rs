@@ -2,7 +2,6 @@
 
 use super::JointsSnapshot;
 use serde_json::{Value, json};
-use taxel_can::SourceAddress;
 use taxel_joints::bus::{FastState, ServoState};
 use taxel_joints::{JointSnapshot, JointSource, JointsConfig, PortState, PortStatus};
 
@@ -42,7 +41,7 @@ pub(crate) fn status(config: &JointsConfig, view: &JointsView, cycle_hz: f64) ->
         (JointSource::Dynamixel { .. }, Some((snapshot, port))) => {
             servos(config, view, snapshot, port, cycle_hz)
         }
-        (JointSource::Allegro { bus }, _) => hand(config, view, bus, cycle_hz),
+        (JointSource::Allegro { .. }, _) => hand(config, view, cycle_hz),
         (JointSource::Dynamixel { .. }, None) => Value::Null,
     }
 }
@@ -100,7 +99,7 @@ fn servos(
         })
         .collect::<Vec<_>>();
     json!({
-        "source": format!("dynamixel:{}", port.path.display()),
+        "source": config.source.to_string(),
         "state": state,
         "reason": reason,
         "device": port.device.as_ref().map(|device| device.display().to_string()),
@@ -131,11 +130,11 @@ fn fast_words(fast: FastState) -> &'static str {
         FastState::Off => "off",
         FastState::Probing => "being tried",
         FastState::On => "yes",
-        FastState::NotSupported => "no: tried, and not every servo knows it",
+        FastState::NotSupported => "no: tried, and not answered as it should be",
     }
 }
 
-fn hand(config: &JointsConfig, view: &JointsView, bus: &SourceAddress, cycle_hz: f64) -> Value {
+fn hand(config: &JointsConfig, view: &JointsView, cycle_hz: f64) -> Value {
     let tick = &view.tick;
     let heard = (0..4)
         .filter(|finger| view.finger_speaks(*finger) == Some(true))
@@ -159,7 +158,7 @@ fn hand(config: &JointsConfig, view: &JointsView, bus: &SourceAddress, cycle_hz:
         })
         .collect::<Vec<_>>();
     json!({
-        "source": format!("allegro:{bus}"),
+        "source": config.source.to_string(),
         "state": state,
         "version": config.allegro.as_ref().map(|hand| hand.version),
         "link": tick.link.to_string(),

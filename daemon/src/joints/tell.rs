@@ -29,6 +29,8 @@ pub(crate) struct Told {
     speaks: Vec<Option<bool>>,
     errors: Vec<HardwareError>,
     fast: Option<FastState>,
+    /// Whether it was said that fast sync read works, and that it does not.
+    fast_told: [bool; 2],
     delays: bool,
 }
 
@@ -53,8 +55,15 @@ impl Told {
             PortState::Away { reason, .. } => {
                 if self.up != Some(false) {
                     self.up = Some(false);
-                    let waits = "images go on, with unknown joint angles";
-                    news.push((Weight::Error, format!("joints: {reason}; {waits}")));
+                    // The newest reason is that it cannot be opened anew, which says nothing of how it went.
+                    let gone = match port.opened {
+                        0 => String::new(),
+                        _ => format!(
+                            "{path} is gone, unplugged or reset by its driver, and is used again as soon as it is back: "
+                        ),
+                    };
+                    let angles = "until then images go on with unknown joint angles";
+                    news.push((Weight::Error, format!("joints: {gone}{reason}. {angles}")));
                 }
                 return;
             }
@@ -110,17 +119,17 @@ impl Told {
             }
         }
         if self.fast != Some(snapshot.fast) && snapshot.fast != FastState::Probing {
-            let first = self.fast.replace(snapshot.fast).is_none();
+            self.fast = Some(snapshot.fast);
             match snapshot.fast {
-                FastState::On if first => {
+                FastState::On if !std::mem::replace(&mut self.fast_told[0], true) => {
                     news.push((
                         Weight::Info,
                         "joints: all servos answer in one packet (fast sync read)".into(),
                     ));
                 }
-                FastState::NotSupported => news.push((
+                FastState::NotSupported if !std::mem::replace(&mut self.fast_told[1], true) => news.push((
                     Weight::Info,
-                    "joints: not every servo knows fast sync read; each answers with its own packet".into(),
+                    "joints: fast sync read is not answered as it should be; each servo answers with its own packet".into(),
                 )),
                 _ => {}
             }
@@ -231,4 +240,192 @@ fn long_delays(names: &[String], servos: &[ServoState]) -> Option<(Weight, Strin
         );
         (Weight::Warn, text)
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::joints::JointsSnapshot;
+    use taxel_joints::bus::{BusCounters, NoReading, ServoIdentity};
+    use taxel_joints::{AllegroConfig, JointSnapshot, PortStatus};
+
+    const S: u64 = 1_000_000_000;
+
+    fn servos(n: u8) -> (JointsConfig, JointsView) {
+        let config = JointsConfig::dynamixel("/dev/servos", 1..=n);
+        let n = usize::from(n);
+        let snapshot = JointSnapshot {
+            results: vec![Err(NoReading::NotAsked); n],
+            servos: vec![ServoState::default(); n],
+            counters: BusCounters::default(),
+            fast: FastState::Off,
+        };
+        let port = PortStatus {
+            path: "/dev/servos".into(),
+            device: None,
+            state: PortState::Starting,
+            latency: None,
+            opened: 0,
+        };
+        let view = JointsView {
+            now_ns: S,
+            tick: JointsSnapshot::new(n),
+            servos: Some((snapshot, port)),
+        };
+        (config, view)
+    }
+
+    fn open(view: &mut JointsView, device: &str, latency_ms: u32) {
+        let (_, port) = view.servos.as_mut().unwrap();
+        port.state = PortState::Open;
+        port.device = Some(device.into());
+        port.latency = Some(PortLatency {
+            low_latency: true,
+            ftdi_timer_ms: Some(latency_ms),
+        });
+        port.opened += 1;
+    }
+
+    fn away(view: &mut JointsView) {
+        let (snapshot, port) = view.servos.as_mut().unwrap();
+        port.state = PortState::Away {
+            reason: "No such file".into(),
+            since_ns: 0,
+        };
+        for servo in &mut snapshot.servos {
+            servo.alive = false;
+        }
+    }
+
+    fn servo(view: &mut JointsView, joint: usize) -> &mut ServoState {
+        &mut view.servos.as_mut().unwrap().0.servos[joint]
+    }
+
+    /// What is said at this moment: each sentence must hold its words, in order, and there must be no other.
+    #[track_caller]
+    fn says(told: &mut Told, config: &JointsConfig, view: &JointsView, sentences: &[&[&str]]) {
+        let news = told.news(config, view);
+        assert_eq!(news.len(), sentences.len(), "{news:#?}");
+        for ((_, text), words) in news.iter().zip(sentences) {
+            for word in *words {
+                assert!(text.contains(word), "`{word}` in {text}");
+            }
+        }
+        assert_eq!(told.news(config, view), [], "said twice");
+    }
+
+    #[test]
+    fn a_port_that_goes_and_returns_and_those_behind_it_are_told_once() {
+        let (config, mut view) = servos(2);
+        let mut told = Told::default();
+        says(&mut told, &config, &view, &[]);
+        open(&mut view, "/dev/ttyUSB0", 16);
+        let slow = ["16 ms", "/sys/bus/usb-serial/devices/ttyUSB0/latency_timer"];
+        says(
+            &mut told,
+            &config,
+            &view,
+            &[
+                &["/dev/servos (now /dev/ttyUSB0) is open at 1000000 bit/s"],
+                &slow,
+            ],
+        );
+        servo(&mut view, 0).alive = true;
+        says(&mut told, &config, &view, &[]);
+        view.now_ns += 2 * S;
+        says(
+            &mut told,
+            &config,
+            &view,
+            &[&["1 of 2 servos answer", "not heard: servo 2 (id 2)"]],
+        );
+        servo(&mut view, 1).alive = true;
+        says(&mut told, &config, &view, &[&["servo 2 (id 2) answers again"]]);
+
+        // With the port all are gone; nobody wants sixteen sentences.
+        away(&mut view);
+        says(
+            &mut told,
+            &config,
+            &view,
+            &[&["/dev/servos is gone", "No such file", "images go on"]],
+        );
+        open(&mut view, "/dev/ttyUSB1", 1);
+        says(&mut told, &config, &view, &[&["(now /dev/ttyUSB1) is back"]]);
+        servo(&mut view, 0).alive = true;
+        servo(&mut view, 1).alive = true;
+        view.now_ns += 2 * S;
+        says(&mut told, &config, &view, &[&["all 2 servos answer"]]);
+    }
+
+    #[test]
+    fn errors_and_long_delays_are_told_with_their_servo() {
+        let (config, mut view) = servos(2);
+        let mut told = Told::default();
+        open(&mut view, "/dev/servos", 1);
+        says(&mut told, &config, &view, &[&["is open"]]);
+        for joint in 0..2 {
+            servo(&mut view, joint).alive = true;
+            servo(&mut view, joint).identity = Some(ServoIdentity {
+                model_number: 1030,
+                firmware: 46,
+                baud_register: 3,
+                return_delay_us: if joint == 1 { 500 } else { 0 },
+                drive_mode: 0,
+            });
+        }
+        view.now_ns += 2 * S;
+        let sentences: [&[&str]; 2] = [&["all 2"], &["servo 2 (id 2) 500 us", "address 9"]];
+        says(&mut told, &config, &view, &sentences);
+        servo(&mut view, 0).hardware_error = Some(HardwareError(0x24));
+        says(
+            &mut told,
+            &config,
+            &view,
+            &[&["servo 1 (id 1)", "overheating, overload"]],
+        );
+        servo(&mut view, 0).hardware_error = Some(HardwareError(0));
+        says(
+            &mut told,
+            &config,
+            &view,
+            &[&["servo 1 (id 1)", "no hardware error"]],
+        );
+    }
+
+    #[test]
+    fn a_finger_that_falls_silent_is_told_and_so_is_its_return() {
+        let (mut config, mut view) = servos(1);
+        config.source = "allegro:can2".parse().unwrap();
+        config.allegro = Some(AllegroConfig::new(4));
+        view.servos = None;
+        let mut told = Told::default();
+        says(&mut told, &config, &view, &[&["can:can2 is absent"]]);
+        view.tick.link = LinkState::Up;
+        view.tick.finger_ns = [Some(S), Some(S), Some(S), None];
+        says(&mut told, &config, &view, &[&["can:can2 is up"]]);
+        view.now_ns += 2 * S;
+        view.tick.finger_ns[..3].fill(Some(view.now_ns));
+        says(
+            &mut told,
+            &config,
+            &view,
+            &[&["3 of 4 fingers", "not heard: thumb"]],
+        );
+        view.tick.finger_ns[3] = Some(view.now_ns);
+        says(
+            &mut told,
+            &config,
+            &view,
+            &[&["thumb finger sends its angles again"]],
+        );
+        view.now_ns += S;
+        view.tick.finger_ns = [
+            Some(view.now_ns),
+            Some(view.now_ns - S),
+            Some(view.now_ns),
+            Some(view.now_ns),
+        ];
+        says(&mut told, &config, &view, &[&["middle finger sends no angles"]]);
+    }
 }

@@ -170,4 +170,20 @@ impl JointsSnapshot {
             ..Self::default()
         }
     }
+
+    /// Frames that were those of an Allegro hand, and so none of the skin's.
+    pub(crate) fn of_hand(&self) -> u64 {
+        self.hand.positions.iter().sum::<u64>() + self.hand.malformed
+    }
+
+    /// How many angles are known, for the line of `systemctl status`; empty where no joints are read.
+    pub(crate) fn summary(&self) -> String {
+        match self.angles.len() {
+            0 => String::new(),
+            all => {
+                let known = self.angles.iter().filter(|angle| angle.is_finite()).count();
+                format!(", {known}/{all} joints")
+            }
+        }
+    }
 }

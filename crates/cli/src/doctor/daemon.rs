@@ -144,6 +144,17 @@ pub(super) fn check(status: &Value) -> Vec<Check> {
             .advise("its supply, its plug, its address, or another bus"),
         });
     }
+    for problem in array(&status["problems"]) {
+        let object = match problem["module"].as_str() {
+            Some(module) => module.to_string(),
+            None => text(&problem["bus"]),
+        };
+        let sentence = text(&problem["sentence"]);
+        checks.push(match problem["severe"].as_bool() {
+            Some(true) => Check::error(AREA, "problem", object, sentence),
+            _ => Check::warning(AREA, "problem", object, sentence),
+        });
+    }
     if status["calibrating"] == true {
         checks.push(Check::warning(
             AREA,
@@ -219,12 +230,15 @@ mod tests {
         status["buses"][0]["lost_in_kernel"] = 4.into();
         status["boards"][0]["state"] = "silent".into();
         status["images"]["overruns"] = 2.into();
+        status["problems"] = json!([{ "kind": "board-silent", "bus": "can0", "module": "module", "severe": false,
+                                      "sentence": "module (can0 board 1) is silent; check its power and cable" }]);
         let checks = check(&status);
         for (name, state) in [
             ("bus", State::Error),
             ("counts", State::Warning),
             ("board", State::Error),
             ("overruns", State::Warning),
+            ("problem", State::Warning),
         ] {
             assert!(
                 checks.iter().any(|c| c.name == name && c.state == state),

@@ -6,15 +6,17 @@ use super::ears::{Ears, Listener};
 use super::hand::{BusFacts, HandFacts, Unclaimed};
 use taxel_can::{CanFrame, LinkState, Received};
 use taxel_skin::{
-    BoardCounters, BoardSupervisor, BoardsMode, Decoded, Decoder, Discovery, DiscoveryReport,
-    ICUB_OUT_OF_RANGE, Layout, Readings,
+    BoardCounters, BoardSupervisor, BoardsMode, Decoded, Decoder, Discovery, DiscoveryReport, Finding,
+    ICUB_OUT_OF_RANGE, Layout, Readings, TrafficWatch,
 };
 use taxeld::Config;
 use taxeld::pipeline::Pipeline;
 
 const MS: u64 = 1_000_000;
-/// How long is listened before anything is sent: two periods of the slowest iCub board.
-const OVERHEAR_NS: u64 = 450 * MS;
+/// How long is listened before anything is sent, and for how long a bus must be silent at the end of that: longer than the
+/// 209 ms that an iCub board may pause. What was on its way from before is let pass.
+const OVERHEAR_NS: u64 = 700 * MS;
+const SILENCE_NS: u64 = 300 * MS;
 /// A discovery is over after at most about 2.5 s.
 const DISCOVERY_NS: u64 = 4_000 * MS;
 /// Time to hand over the stop commands.
@@ -54,13 +56,16 @@ pub(super) fn examine(
     let may_send = ears.is_live() && !manners.listen_only && config.boards.mode != BoardsMode::Passive;
     if may_send {
         let mut overhear = Overhear {
-            ids: vec![None; buses.len()],
+            last: vec![None; buses.len()],
         };
         if !ears.listen(OVERHEAR_NS, "ms, whether others speak", &mut overhear) {
             return Ok(None);
         }
+        let quiet_from_ns = ears.now_ns().saturating_sub(SILENCE_NS);
         for (bus, facts) in buses.iter_mut().enumerate() {
-            facts.overheard = overhear.ids[bus];
+            facts.overheard = overhear.last[bus]
+                .filter(|(t_ns, _)| *t_ns >= quiet_from_ns)
+                .map(|(_, id)| id);
             facts.spoken_to = facts.overheard.is_none() && ears.link(bus) == LinkState::Up;
         }
     }
@@ -95,6 +100,8 @@ pub(super) fn examine(
             .map(|bus| Decoder::new(layout, bus as u8))
             .collect(),
         readings: Readings::new(),
+        watch: TrafficWatch::new(layout),
+        findings: Vec::new(),
         buses,
         extreme: vec![[0; 3]; layout.len()],
         is_scalar: layout.modules.iter().map(|m| m.protocol.is_scalar()).collect(),
@@ -127,14 +134,15 @@ fn only_asked(report: &mut DiscoveryReport, layout: &Layout, speakable: &[bool])
 }
 
 struct Overhear {
-    ids: Vec<Option<u32>>,
+    /// When the last frame of each bus came, and its id.
+    last: Vec<Option<(u64, u32)>>,
 }
 
 impl Listener for Overhear {
     fn hear(&mut self, bus: u8, received: &Received) {
         let frame = &received.frame;
         if !frame.is_error() {
-            self.ids[usize::from(bus)].get_or_insert(frame.id());
+            self.last[usize::from(bus)] = Some((received.t_ns, frame.id()));
         }
     }
 
@@ -168,6 +176,9 @@ struct Hearing {
     /// What a frame is; the pipeline's own decoders only count.
     decoders: Vec<Decoder>,
     readings: Readings,
+    watch: TrafficWatch,
+    /// What the watch found at any time, in its last figures.
+    findings: Vec<Finding>,
     buses: Vec<BusFacts>,
     /// By taxel: readings at the end of the range, dead ones, and all.
     extreme: Vec<[u32; 3]>,
@@ -183,6 +194,8 @@ impl Listener for Hearing {
     fn hear(&mut self, bus: u8, received: &Received) {
         let index = usize::from(bus);
         let frame = &received.frame;
+        self.watch.advance(received.t_ns);
+        self.watch.frame(bus, frame);
         let facts = &mut self.buses[index];
         if !frame.is_error() {
             facts.frames += 1;
@@ -193,6 +206,7 @@ impl Listener for Hearing {
             Decoded::Unknown => count_unclaimed(facts, frame),
             Decoded::Readings => {
                 for reading in self.readings.iter() {
+                    self.watch.reading(reading);
                     let taxel = usize::from(reading.taxel);
                     let module = self.module_of[taxel];
                     let at_end = |count: &u16| matches!(*count, 0 | u16::MAX);
@@ -218,6 +232,8 @@ impl Listener for Hearing {
 
     fn turn(&mut self, ears: &mut Ears, now_ns: u64) -> bool {
         self.pipeline.advance(now_ns, &mut |_| {});
+        self.watch.advance(now_ns);
+        self.note_findings();
         let Some(supervisor) = &mut self.supervisor else {
             return true;
         };
@@ -253,6 +269,15 @@ fn count_unclaimed(facts: &mut BusFacts, frame: &CanFrame) {
 }
 
 impl Hearing {
+    fn note_findings(&mut self) {
+        for finding in self.watch.findings() {
+            match self.findings.iter_mut().find(|known| is_same(known, finding)) {
+                Some(known) => *known = *finding,
+                None => self.findings.push(*finding),
+            }
+        }
+    }
+
     fn facts(
         &mut self,
         layout: &Layout,
@@ -286,6 +311,7 @@ impl Hearing {
                 })
                 .collect(),
             discovery,
+            findings: std::mem::take(&mut self.findings),
             faults: report.map_or(Vec::new(), |_| conditioner.faults().to_vec()),
             dead: mostly(&|[_, deads, all]: &[u32; 3]| deads * 2 > *all),
             saturated: mostly(&|[extremes, _, all]: &[u32; 3]| extremes * 2 > *all),
@@ -295,5 +321,16 @@ impl Hearing {
         // What still comes while the boards are stopped is not counted.
         self.buses = vec![BusFacts::default(); layout.buses.len()];
         facts
+    }
+}
+
+/// Whether two findings are one, in other figures.
+fn is_same(a: &Finding, b: &Finding) -> bool {
+    match (a, b) {
+        (Finding::IdBabbles { bus, id, .. }, Finding::IdBabbles { bus: b, id: i, .. }) => (bus, id) == (b, i),
+        (Finding::BoardBabbles { module, .. }, Finding::BoardBabbles { module: m, .. })
+        | (Finding::TwoBoards { module, .. }, Finding::TwoBoards { module: m, .. }) => module == m,
+        (Finding::BusesSwapped { buses, .. }, Finding::BusesSwapped { buses: b, .. }) => buses == b,
+        (a, b) => a == b,
     }
 }

@@ -32,6 +32,15 @@ pub(super) struct Assignment {
     /// Squared distance to the second nearest.
     next: Vec<[f32; LANES]>,
     label: Vec<u16>,
+    saved: Saved,
+}
+
+/// Labels and distances to go back to.
+#[derive(Debug)]
+struct Saved {
+    near: Vec<[f32; LANES]>,
+    next: Vec<[f32; LANES]>,
+    label: Vec<u16>,
 }
 
 impl Assignment {
@@ -46,6 +55,11 @@ impl Assignment {
             near: vec![[0.0; LANES]; steps],
             next: vec![[0.0; LANES]; steps],
             label: Vec::with_capacity(points),
+            saved: Saved {
+                near: Vec::with_capacity(steps),
+                next: Vec::with_capacity(steps),
+                label: Vec::with_capacity(points),
+            },
         }
     }
 
@@ -143,6 +157,23 @@ impl Assignment {
             }
         }
         changed != 0
+    }
+
+    /// Keeps labels and distances for [`Assignment::restore`].
+    pub(super) fn save(&mut self) {
+        let steps = self.x.len();
+        self.saved.near.clear();
+        self.saved.near.extend_from_slice(&self.near[..steps]);
+        self.saved.next.clear();
+        self.saved.next.extend_from_slice(&self.next[..steps]);
+        self.saved.label.clone_from(&self.label);
+    }
+
+    /// Labels and distances as they were last saved, of the same points.
+    pub(super) fn restore(&mut self) {
+        self.near[..self.saved.near.len()].copy_from_slice(&self.saved.near);
+        self.next[..self.saved.next.len()].copy_from_slice(&self.saved.next);
+        self.label.copy_from_slice(&self.saved.label);
     }
 
     /// Weighted sum of squared distances to the nearest centroids.

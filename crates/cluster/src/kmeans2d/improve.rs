@@ -49,14 +49,12 @@ impl Kmeans2d {
             self.stands.places(),
         );
         judge.gain *= QUIET_SHARE;
-        let swap = self.splits.ranked(
-            self.further,
-            &self.assignment,
-            &self.sums,
-            &self.x,
-            &self.y,
-            &judge,
-        );
+        if !self.splits.is_ranked() {
+            self.splits
+                .rank(&self.assignment, &self.sums, &self.x, &self.y, &judge);
+            return false;
+        }
+        let swap = self.splits.ranked(self.further, &self.sums, &judge);
         self.further += usize::from(swap.is_some());
         let made = swap.is_some_and(|swap| self.make(&swap));
         if made {
@@ -83,24 +81,28 @@ impl Kmeans2d {
     /// Makes a swap, and unmakes it unless it saves what it was asked to.
     fn make(&mut self, swap: &Swap) -> bool {
         let before = self.assignment.cost();
-        let Saved { x, y } = &mut self.saved;
+        let Saved { x, y, sums } = &mut self.saved;
         x.copy_from_slice(&self.x);
         y.copy_from_slice(&self.y);
+        sums.copy_from_slice(&self.sums);
+        self.assignment.save();
         let settled = self.settled;
         let moved = std::mem::replace(&mut self.moved[swap.dissolved], true);
         let [kept, other] = swap.halves;
         (self.x[swap.split], self.y[swap.split]) = kept;
         (self.x[swap.dissolved], self.y[swap.dissolved]) = other;
-        self.settle();
-        let after = self.assignment.cost();
-        if after < before && before - after > swap.asked {
-            return true;
+        let most = before - swap.asked;
+        if self.settle_below(most) {
+            let after = self.assignment.cost();
+            if after < before && after < most {
+                return true;
+            }
         }
         self.x.copy_from_slice(&self.saved.x);
         self.y.copy_from_slice(&self.saved.y);
+        self.sums.copy_from_slice(&self.saved.sums);
         self.moved[swap.dissolved] = moved;
-        self.assignment.assign(&self.x, &self.y);
-        self.add_up();
+        self.assignment.restore();
         self.settled = settled;
         false
     }

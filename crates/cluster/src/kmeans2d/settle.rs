@@ -2,6 +2,9 @@
 
 use super::{FAR, Kmeans2d, Sums};
 
+/// A swap that is settled goes on while falling so many times as far as in the last round would be enough.
+const FALLS: f64 = 16.0;
+
 impl Kmeans2d {
     /// Lloyd's iterations and Hartigan's moves until nothing changes, or as often as allowed. Afterwards labels, sums and distances belong
     /// to each other.
@@ -19,6 +22,31 @@ impl Kmeans2d {
         }
         self.settled = !self.assignment.assign(&self.x, &self.y);
         self.add_up();
+    }
+
+    /// The same, given up (`false`, with labels and centroids left in between) when the cost does not fall fast enough to get below `most`.
+    pub(super) fn settle_below(&mut self, most: f64) -> bool {
+        self.settled = true;
+        let mut before = f64::INFINITY;
+        for _ in 0..self.settings.iterations {
+            let changed = self.assignment.assign(&self.x, &self.y);
+            let cost = self.assignment.cost();
+            if cost - FALLS * (before - cost) >= most {
+                return false;
+            }
+            before = cost;
+            if changed {
+                self.add_up();
+                self.centre();
+            } else if !self.move_points() {
+                return true;
+            } else if self.settings.history > 0.0 {
+                self.centre();
+            }
+        }
+        self.settled = !self.assignment.assign(&self.x, &self.y);
+        self.add_up();
+        true
     }
 
     pub(super) fn add_up(&mut self) {

@@ -170,36 +170,47 @@ impl Splits {
         self.ranked.clear();
     }
 
-    /// The `n`-th best swap of the present clusters, whether or not it is judged to save anything. The clusters must not have changed since
-    /// the last call of [`Splits::forget`] with which the ranking began.
-    pub(super) fn ranked(
+    /// Whether there is a ranking of the present clusters.
+    pub(super) fn is_ranked(&self) -> bool {
+        !self.ranked.is_empty()
+    }
+
+    /// Ranks the swaps of the present clusters, whether or not they are judged to save anything.
+    pub(super) fn rank(
         &mut self,
-        n: usize,
         points: &Assignment,
         sums: &[Sums],
         x: &[f32],
         y: &[f32],
         judge: &Judge<'_>,
-    ) -> Option<Swap> {
-        if sums.len() > RANKED_CLUSTERS || n >= RANKED {
-            return None;
+    ) {
+        self.ranked.clear();
+        if sums.len() > RANKED_CLUSTERS {
+            return;
         }
-        if self.ranked.is_empty() {
-            self.measure(points, x, y);
-            self.merge(sums, x, y);
-            self.halve(points, x, y);
-            for split in 0..sums.len() {
-                let Some((gain, _)) = self.split(split, sums, judge) else {
-                    continue;
-                };
-                for dissolved in (0..sums.len()).filter(|d| *d != split) {
-                    let saving = gain - self.shape[dissolved].loss;
-                    self.ranked.push((saving, dissolved as u16, split as u16));
-                }
+        self.measure(points, x, y);
+        self.merge(sums, x, y);
+        self.halve(points, x, y);
+        for split in 0..sums.len() {
+            let Some((gain, _)) = self.split(split, sums, judge) else {
+                continue;
+            };
+            for dissolved in (0..sums.len()).filter(|d| *d != split) {
+                let saving = gain - self.shape[dissolved].loss;
+                self.ranked.push((saving, dissolved as u16, split as u16));
             }
-            self.ranked
-                .sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2))));
         }
+        let by_saving =
+            |a: &(f64, u16, u16), b: &(f64, u16, u16)| b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2)));
+        if self.ranked.len() > RANKED {
+            self.ranked.select_nth_unstable_by(RANKED - 1, by_saving);
+            self.ranked.truncate(RANKED);
+        }
+        self.ranked.sort_unstable_by(by_saving);
+    }
+
+    /// The `n`-th best swap by the ranking; the clusters must be those that were ranked.
+    pub(super) fn ranked(&self, n: usize, sums: &[Sums], judge: &Judge<'_>) -> Option<Swap> {
         let (_, dissolved, split) = *self.ranked.get(n)?;
         let (dissolved, split) = (usize::from(dissolved), usize::from(split));
         let (_, halves) = self.split(split, sums, judge)?;

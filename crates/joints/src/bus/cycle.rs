@@ -73,6 +73,8 @@ const SUSPICION_NS: u64 = 200_000_000;
 const LEADS: u16 = 8;
 /// Fast sync reads tried before it is given up, and those in a row that may fail later.
 const FAST_TRIES: u32 = 3;
+/// After a fast sync read that had worked was given up, it is tried again so much later.
+const FAST_AGAIN_NS: u64 = 10_000_000_000;
 /// Between two questions of the slow lane lies at least so many times the time of a cycle.
 const SLOW_SHARE: u64 = 4;
 /// Time for the operating system and the adapter on top of the time on the wire, unless [`Bus::set_margin_ns`] says
@@ -105,6 +107,9 @@ pub struct Bus {
     suspicious_ns: Option<u64>,
     fast: FastState,
     fast_failures: u32,
+    fast_worked: bool,
+    /// When fast sync read is tried again, where it has worked before.
+    fast_again_ns: Option<u64>,
     lane: SlowLane,
     allow_writes: bool,
     watchdog_steps: u8,
@@ -148,6 +153,8 @@ impl Bus {
                 FastSyncRead::Off => FastState::Off,
             },
             fast_failures: 0,
+            fast_worked: false,
+            fast_again_ns: None,
             lane: SlowLane::default(),
             allow_writes: config.allow_writes,
             watchdog_steps: u8::try_from(config.watchdog_ms / 20).unwrap_or(127).clamp(1, 127),
@@ -232,6 +239,7 @@ impl Bus {
             self.fast = FastState::Probing;
         }
         self.fast_failures = 0;
+        self.fast_worked = false;
     }
 
     /// No servo can be heard: the port is away.
@@ -272,6 +280,10 @@ impl Bus {
         }
         if self.pass.order.is_empty() {
             return;
+        }
+        if self.fast == FastState::NotSupported && self.fast_again_ns.take_if(|t| *t <= now_ns).is_some() {
+            self.fast = FastState::Probing;
+            self.fast_failures = 0;
         }
         let fast = match self.fast {
             FastState::On => true,

@@ -1,6 +1,6 @@
 //! Which request comes next, and what follows from a request that is over.
 
-use super::{Bus, FAST_TRIES, FastState, LEADS, PASSES, SLOW_SHARE, SUSPICION_NS};
+use super::{Bus, FAST_AGAIN_NS, FAST_TRIES, FastState, LEADS, PASSES, SLOW_SHARE, SUSPICION_NS};
 use crate::bus::pass::{Answer, Kind};
 use crate::bus::reading::PRESENT_BYTES;
 use crate::bus::writes::Write;
@@ -127,10 +127,13 @@ impl Bus {
         if whole {
             self.fast_failures = 0;
             self.fast = FastState::On;
+            self.fast_worked = true;
         } else if unanswered {
             self.fast_failures += 1;
             if self.pass.fast_refused || self.fast_failures >= FAST_TRIES {
                 self.fast = FastState::NotSupported;
+                // What has worked is known to all; a host that was held up may have missed it.
+                self.fast_again_ns = self.fast_worked.then_some(now_ns + FAST_AGAIN_NS);
             }
         }
         // The first one missing comes last, where it holds up nobody.

@@ -1,0 +1,143 @@
+//! An Allegro hand whose joints are to be read: whether its fingers report. Nothing is sent.
+
+use super::ears::{Ears, Listener};
+use super::finding::Check;
+use crate::interrupt::Interrupt;
+use taxel_can::{Received, SourceAddress};
+use taxel_joints::{AllegroConfig, AllegroDecoder, JointsConfig};
+
+const AREA: &str = "joints";
+/// Each finger reports every 3 ms.
+const LISTEN_NS: u64 = 500_000_000;
+const RECEIVE_BUFFER: usize = 4 << 20;
+const FINGERS: [&str; 4] = ["index", "middle", "ring", "thumb"];
+
+/// Position frames of each finger, as the frames of versions 1 to 3 and as those of version 4.
+#[derive(Debug, Default, Clone, Copy, PartialEq)]
+pub(super) struct AllegroFacts {
+    pub(super) positions: [[u64; 4]; 2],
+    pub(super) seconds: f64,
+}
+
+struct Hearing {
+    decoders: [AllegroDecoder; 2],
+}
+
+impl Listener for Hearing {
+    fn hear(&mut self, _: u8, received: &Received) {
+        for decoder in &mut self.decoders {
+            decoder.push(&received.frame, received.t_ns);
+        }
+    }
+
+    fn turn(&mut self, _: &mut Ears, _: u64) -> bool {
+        true
+    }
+}
+
+/// Listens to the bus of the hand.
+pub(super) fn listen(
+    config: &JointsConfig,
+    bus: &SourceAddress,
+    interrupt: Interrupt,
+) -> anyhow::Result<AllegroFacts> {
+    let decoder = |version| {
+        let of_this_hand = config
+            .allegro
+            .as_ref()
+            .filter(|c| (c.version == 4) == (version == 4));
+        AllegroDecoder::new(
+            &of_this_hand
+                .cloned()
+                .unwrap_or_else(|| AllegroConfig::new(version)),
+        )
+    };
+    let mut hearing = Hearing {
+        decoders: [decoder(3)?, decoder(4)?],
+    };
+    let (mut ears, failures) = Ears::open(std::slice::from_ref(bus), None, RECEIVE_BUFFER, interrupt);
+    if let Some((_, error)) = failures.into_iter().next() {
+        return Err(error);
+    }
+    let begin_ns = ears.now_ns();
+    ears.listen(LISTEN_NS, "ms of the Allegro hand", &mut hearing);
+    Ok(AllegroFacts {
+        positions: hearing.decoders.map(|decoder| decoder.counters().positions),
+        seconds: (ears.now_ns() - begin_ns) as f64 / 1e9,
+    })
+}
+
+/// What is to be said of the hand.
+pub(super) fn check(config: &JointsConfig, object: &str, facts: &AllegroFacts) -> Check {
+    let version = config.allegro.as_ref().map(|c| c.version);
+    let [older, four] = facts.positions;
+    let speaks = |fingers: [u64; 4]| fingers.iter().all(|n| *n > 0);
+    let (own, other) = if version == Some(4) {
+        (four, older)
+    } else {
+        (older, four)
+    };
+    if speaks(own) {
+        let hz = own[0] as f64 / facts.seconds.max(1e-3);
+        return Check::ok(
+            AREA,
+            "Allegro hand",
+            object,
+            format!("all fingers report, {hz:.0} times a second"),
+        );
+    }
+    if speaks(other) {
+        let is = if version == Some(4) { "1, 2 or 3" } else { "4" };
+        return Check::error(
+            AREA,
+            "Allegro hand",
+            object,
+            format!("a hand of version {is} reports"),
+        )
+        .wanted(version.map_or("a version".into(), |v| format!("version {v}")))
+        .advise(format!("write [joints.allegro] version = {is}"));
+    }
+    let silent: Vec<&str> = FINGERS
+        .into_iter()
+        .zip(own)
+        .filter(|(_, n)| *n == 0)
+        .map(|(f, _)| f)
+        .collect();
+    let found = match silent.len() {
+        4 => "does not report".to_string(),
+        _ => format!("no reports of: {}", silent.join(", ")),
+    };
+    Check::error(AREA, "Allegro hand", object, found)
+        .advise("is it powered, and does its own driver run? It reports only while that drives it, unless own_bus = true")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::finding::State;
+    use super::*;
+
+    #[test]
+    fn fingers_that_report_are_told_from_silent_ones_and_from_another_version() {
+        let mut config = JointsConfig::dynamixel("", []);
+        config.allegro = Some(AllegroConfig::new(4));
+        let all = [150; 4];
+        for (positions, state, words) in [
+            ([[0; 4], all], State::Ok, "300 times a second"),
+            ([all, [0; 4]], State::Error, "version 1, 2 or 3 reports"),
+            (
+                [[0; 4], [150, 0, 150, 0]],
+                State::Error,
+                "no reports of: middle, thumb",
+            ),
+            ([[0; 4], [0; 4]], State::Error, "does not report"),
+        ] {
+            let facts = AllegroFacts {
+                positions,
+                seconds: 0.5,
+            };
+            let check = check(&config, "can:can2", &facts);
+            assert_eq!(check.state, state, "{check:?}");
+            assert!(check.found.contains(words), "{check:?}");
+        }
+    }
+}

@@ -1,0 +1,90 @@
+//! Taxels that are dead, stuck, noisy or saturated.
+
+use super::{AREA, HandFacts, object};
+use crate::doctor::capacity::plural;
+use crate::doctor::finding::{Check, State};
+use taxel_skin::{BoardState, Fault, Layout};
+
+/// A module is called broken when more than this share of its taxels is.
+const BROKEN_SHARE: f64 = 0.25;
+
+pub(super) fn check(layout: &Layout, facts: &HandFacts) -> Vec<Check> {
+    let speaks = |module: usize| {
+        facts
+            .boards
+            .get(module)
+            .is_some_and(|b| matches!(b.state, BoardState::Living | BoardState::Settling))
+    };
+    if !(0..layout.modules.len()).any(speaks) {
+        return Vec::new();
+    }
+    if facts.faults.is_empty() {
+        return vec![
+            Check::skipped(
+                AREA,
+                "taxels",
+                "",
+                format!("no baseline in the {:.1} s that were listened to", facts.seconds),
+            )
+            .advise("give --seconds more"),
+        ];
+    }
+    let mut checks = Vec::new();
+    if facts.touched > 0 {
+        checks.push(
+            Check::warning(
+                AREA,
+                "touch",
+                "",
+                format!(
+                    "{} moved while the baseline was measured",
+                    plural(facts.touched as usize, "taxel")
+                ),
+            )
+            .wanted("an untouched hand: faults of touched taxels are doubtful"),
+        );
+    }
+    for (index, module) in layout.modules.iter().enumerate().filter(|(i, _)| speaks(*i)) {
+        let first = usize::from(module.first_taxel);
+        let range = first..first + usize::from(module.taxels);
+        let mut words = Vec::new();
+        let mut bad = 0;
+        for taxel in range {
+            let reasons: Vec<&str> = match facts.dead[taxel] {
+                // Whatever else is wrong with it follows from that.
+                true => vec!["dead"],
+                false => facts.faults[taxel]
+                    .iter()
+                    .filter(|f| *f != Fault::Masked)
+                    .map(Fault::name)
+                    .chain(facts.saturated[taxel].then_some("saturated"))
+                    .collect(),
+            };
+            if !reasons.is_empty() {
+                bad += 1;
+                words.push(format!("k {} {}", layout.taxels[taxel].k, reasons.join(" and ")));
+            }
+        }
+        let object = object(layout, &layout.modules[index]);
+        let broken = bad as f64 > BROKEN_SHARE * f64::from(module.taxels);
+        checks.push(match (bad, broken) {
+            (0, _) => Check::ok(AREA, "taxels", object, format!("{} healthy", module.taxels)),
+            (_, false) => Check::warning(
+                AREA,
+                "taxels",
+                object,
+                format!("{bad} of {}: {}", module.taxels, words.join(", ")),
+            ),
+            _ => Check::error(
+                AREA,
+                "taxels",
+                object,
+                format!("{bad} of {}: {}", module.taxels, words.join(", ")),
+            )
+            .advise("the module, its I2C cable, or its supply"),
+        });
+    }
+    // What is wrong first; the rest is then told in one.
+    checks.sort_by_key(|c| c.state == State::Ok);
+    checks
+}

@@ -1,0 +1,340 @@
+"""Joint angles: simulated servos on a pseudo terminal and Allegro hands, through the real taxeld, to `taxel watch`."""
+
+import json
+import math
+import subprocess
+import threading
+import time
+from contextlib import ExitStack
+from statistics import median
+
+import can
+import pytest
+from harness.bus import GROUP, free_udp_port
+from harness.daemon import Daemon, binary, die_with_parent, eventually
+from harness.servos import Servos, build_examples
+
+IDS = range(1, 17)
+PULSE_RAD = math.tau / 4096
+COUNT_RAD = math.radians(333.3 / 65536)
+SCENE = ["sim:idle", "sim:idle"]
+TICK = {"rate_hz": 50.0}
+FINGERS = ("index", "middle", "ring", "thumb")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def examples_are_built():
+    build_examples()
+
+
+def dynamixel(path, **more):
+    servos = [{"id": id, "name": f"joint {id}"} for id in IDS]
+    return {"source": f"dynamixel:{path}", **more, "servo": servos}
+
+
+class Watch:
+    """`taxel watch --json`, whose lines are collected from now on."""
+
+    def __init__(self, daemon):
+        self.lines = []
+        self.process = subprocess.Popen(
+            [binary("taxel"), "watch", "--json", "--socket", daemon.images],
+            stdout=subprocess.PIPE,
+            text=True,
+            preexec_fn=die_with_parent,
+        )
+        self.thread = threading.Thread(target=self._read, daemon=True)
+        self.thread.start()
+
+    def _read(self):
+        for line in self.process.stdout:
+            self.lines.append(json.loads(line))
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.process.kill()
+        self.process.wait()
+        self.thread.join()
+        self.process.stdout.close()
+
+    def more(self, count):
+        """The next `count` images."""
+        begin = len(self.lines)
+        eventually(lambda: len(self.lines) >= begin + count, f"{count} more images did not come")
+        return self.lines[begin : begin + count]
+
+    def until(self, condition, what, seconds=10.0):
+        """The first image from now on that meets the condition."""
+        at = len(self.lines)
+
+        def met():
+            nonlocal at
+            while at < len(self.lines):
+                at += 1
+                if condition(self.lines[at - 1]):
+                    return self.lines[at - 1]
+            return None
+
+        return eventually(met, lambda: f"{what}; last image: {json.dumps(self.lines[-1:])[:3000]}", seconds)
+
+
+def all_known(image):
+    return len(image["joints"]) == len(IDS) and None not in image["joints"]
+
+
+def joint_of(daemon, id):
+    return daemon.status()["joints"]["joints"][id - 1]
+
+
+def test_angles_are_those_of_the_images_own_instant(folder):
+    servos = Servos("--ids", "1-16", "--motion", "sine")
+    amplitude = 500 * PULSE_RAD
+    # A line through two readings 10 ms apart, carried on for 15 ms, misses a sine of 1 Hz by at most this; and rounding
+    # to whole pulses is carried on with it.
+    bound = amplitude * math.tau**2 / 2 * 0.015 * 0.025 + 2 * PULSE_RAD
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path)) as daemon, Watch(daemon) as watch:
+        watch.until(all_known, "not every angle became known")
+        errors, newest = [], []
+        for image in watch.more(150):
+            for id, angle in zip(IDS, image["joints"]):
+                at = lambda t_ns: amplitude * math.sin(math.tau * t_ns * 1e-9 + id)
+                errors.append(abs(angle - at(image["t_ns"])))
+                newest.append(abs(at(image["t_ns"] - 10_000_000) - at(image["t_ns"])))
+        print(f"median error {median(errors):.5f} rad, bound {bound:.5f}; of angles 10 ms old {median(newest):.5f}")
+        assert median(errors) < bound
+        # The bound is worth something: angles that are one cycle old would not meet it.
+        assert median(newest) > 2 * bound
+        joints = daemon.wait_status(lambda s: s["joints"]["cycle_hz"] > 10, "no cycles")["joints"]
+        assert joints["state"] == "connected" and joints["writes"] == "never"
+        assert joints["fast_sync_read"] != "off"
+        first = joints["joints"][0]
+        assert first["name"] == "joint 1" and first["state"] == "answers" and first["hardware_error"] is None
+        assert first["age_ms"] < 250 and first["temperature_c"] == 31 and first["model"] == "XM430-W210"
+        assert "all 16 servos answer" in eventually(lambda: "servos answer" in daemon.log and daemon.log, "no roll call")
+    servos.close()
+
+
+def test_a_dead_servo_is_unknown_and_named_and_the_others_go_on(folder):
+    servos = Servos("--ids", "1-16")
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path)) as daemon, Watch(daemon) as watch:
+        watch.until(all_known, "not every angle became known")
+        eventually(lambda: "all 16 servos answer" in daemon.log, "no roll call")
+        servos.tell("fault 5 silent")
+        watch.until(lambda image: image["joints"][4] is None, "a dead servo's angle stays known")
+        for image in watch.more(100):
+            assert [n for n, angle in enumerate(image["joints"]) if angle is None] == [4], "one servo hides others"
+            assert image["joints"][15] == pytest.approx(160 * PULSE_RAD, abs=1e-6)
+        dead = joint_of(daemon, 5)
+        assert dead["angle_rad"] is None and dead["age_ms"] > 250 and dead["timeouts"] >= 2
+        assert "silent" in dead["state"] or "no answer" in dead["state"]
+        assert joint_of(daemon, 6)["state"] == "answers"
+        eventually(lambda: "servo joint 5 (id 5) is silent" in daemon.log, "the log does not name it")
+
+        servos.tell("error 9 32")
+        eventually(lambda: joint_of(daemon, 9)["hardware_error"] == "overload", "no hardware error in the status")
+        eventually(lambda: "servo joint 9 (id 9) reports a hardware error: overload" in daemon.log, "nor in the log")
+        assert joint_of(daemon, 9)["angle_rad"] is not None and joint_of(daemon, 9)["alerts"] > 0
+
+        servos.tell("mend 5")
+        watch.until(all_known, "a mended servo's angle stays unknown")
+        eventually(lambda: "servo joint 5 (id 5) answers again" in daemon.log, "the log does not say that it is back")
+        assert daemon.log.count("is silent;") == 1 and daemon.log.count("answers again") == 1
+    servos.close()
+
+
+@pytest.mark.parametrize(
+    ("fault", "counter"),
+    [("truncated:9", "timeouts"), ("bad-crc", "bad_crc"), ("late:12", "late"), ("garbage:40", None), ("noise:30", None)],
+)
+@pytest.mark.parametrize("fast", ["off", "auto"])
+def test_damaged_and_late_answers_are_counted_and_never_become_wrong_angles(folder, fault, counter, fast):
+    servos = Servos("--ids", "1-16")
+    joints = dynamixel(servos.path, fast_sync_read=fast)
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon, Watch(daemon) as watch:
+        watch.until(all_known, "not every angle became known")
+        servos.tell(f"fault 3 {fault} 3")
+        for image in watch.more(100):
+            for id, angle in zip(IDS, image["joints"]):
+                assert angle is None or angle == pytest.approx(10 * id * PULSE_RAD, abs=1e-6), f"servo {id}"
+        others = watch.until(lambda image: all(a is not None for a in image["joints"][3:]), "one servo hides others")
+        assert others
+        joints = daemon.status()["joints"]
+        # In one packet for all, what is damaged of one is asked for again in the same cycle.
+        if counter and fast == "off":
+            assert joints[counter] > 0, joints
+        assert joints["readings"] > 100
+        servos.tell("mend 3")
+        watch.until(all_known, "a mended servo's angle stays unknown")
+    servos.close()
+
+
+def test_an_adapter_that_comes_back_under_another_number_is_found_by_its_stable_name(folder):
+    link = folder / "by-id"
+    servos = Servos("--ids", "1-16", "--link", link)
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(link)) as daemon, Watch(daemon) as watch:
+        watch.until(all_known, "not every angle became known")
+        first = daemon.status()["joints"]
+        assert (first["state"], first["device"]) == ("connected", servos.path)
+        # Whoever has the old terminal's number open keeps it from being given again.
+        held = open(servos.path)
+        servos.close()
+        away = watch.until(lambda image: set(image["joints"]) == {None}, "angles stay known without adapter")
+        daemon.wait_status(lambda s: s["joints"]["state"] == "gone", "the status does not say that it is gone")
+        eventually(lambda: f"{link} is gone, unplugged" in daemon.log, "nor does the log")
+        images = watch.more(60)
+        assert [image["seq"] for image in images] == list(range(images[0]["seq"], images[0]["seq"] + 60))
+
+        servos = Servos("--ids", "1-16", "--link", link)
+        back_ns = time.monotonic_ns()
+        image = watch.until(all_known, "it is not found again")
+        assert image["t_ns"] - back_ns < 1_000_000_000, "it takes longer than a second"
+        held.close()
+        status = daemon.wait_status(lambda s: s["joints"]["state"] == "connected", "the status says gone")
+        assert status["joints"]["device"] == servos.path != first["device"]
+        assert status["joints"]["opened"] == 2
+        assert away["missing"] == 0 == image["missing"]
+        eventually(lambda: f"(now {servos.path}) is back" in daemon.log, "the log does not say that it is back")
+        assert daemon.log.count("ERROR") == 1, "told more than once"
+    servos.close()
+
+
+def test_a_port_that_is_not_there_is_waited_for_and_told_what_to_do(folder):
+    link = folder / "by-id"
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(link)) as daemon, Watch(daemon) as watch:
+        eventually(lambda: "is the adapter plugged in?" in daemon.log, "the log does not say what to do")
+        assert daemon.status()["joints"]["state"] == "waiting"
+        assert set(watch.more(1)[0]["joints"]) == {None}
+        servos = Servos("--ids", "1-16", "--link", link)
+        watch.until(all_known, "it is not found")
+        servos.close()
+
+
+def allegro_frame(version, finger, counts):
+    """The position frame of a finger, at rest at these counts from the centre."""
+    if version == 4:
+        data = b"".join(c.to_bytes(2, "little", signed=True) for c in counts)
+        return 0x080 + 4 * finger, data
+    data = b"".join((c + 32768).to_bytes(2, "little") for c in counts)
+    return 0x3C0 | 2 << 3 | 3 + finger, data
+
+
+@pytest.mark.parametrize("version", [1, 2, 3, 4])
+def test_an_allegro_hand_is_listened_to_and_never_spoken_to(folder, version):
+    port = free_udp_port()
+    address = f"allegro:udp:{GROUP}:{port}?hops=0"
+    counts = [[1000 * finger + 100 * j - 2000 for j in range(4)] for finger in range(4)]
+    angles = [c * COUNT_RAD for finger in counts for c in finger]
+    stop = threading.Event()
+
+    def send(bus):
+        while not stop.wait(0.003):
+            for finger in range(4):
+                id, data = allegro_frame(version, finger, counts[finger])
+                bus.send(can.Message(arbitration_id=id, is_extended_id=False, data=data))
+
+    joints = {"source": address, "allegro": {"version": version}}
+    with (
+        can.Bus(GROUP, interface="udp_multicast", port=port, hop_limit=0) as bus,
+        can.Bus(GROUP, interface="udp_multicast", port=port, hop_limit=0) as ear,
+        Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon,
+        Watch(daemon) as watch,
+        ExitStack() as ends,
+    ):
+        assert daemon.status()["joints"]["state"] == "waiting"
+        assert set(watch.more(5)[-1]["joints"]) == {None}
+        hand = threading.Thread(target=send, args=(bus,))
+        hand.start()
+        ends.callback(hand.join)
+        ends.callback(stop.set)
+        image = watch.until(all_known, "the hand's angles stay unknown")
+        assert image["joints"] == pytest.approx(angles, abs=1e-6)
+        joints = daemon.wait_status(lambda s: s["joints"]["state"] == "connected", "not said to be connected")["joints"]
+        assert joints["writes"] == "never" and joints["sent"] == 0
+        assert [j["name"] for j in joints["joints"][::4]] == [f"{finger} 0" for finger in FINGERS]
+        stop.set()
+        hand.join()
+        watch.until(lambda image: set(image["joints"]) == {None}, "angles of a silent hand stay known")
+        daemon.wait_status(lambda s: s["joints"]["state"] == "gone", "the status does not say that it is silent")
+        daemon.stop()
+        heard = set()
+        while message := ear.recv(0.2):
+            heard.add(message.arbitration_id)
+        assert heard == {allegro_frame(version, finger, counts[finger])[0] for finger in range(4)}, "it sent something"
+
+
+@pytest.mark.parametrize(
+    ("version", "start", "end"),
+    [(3, [0x08A, 0x0CA, 0x14A, 0x04A, 0x38A], [0x08A]), (4, [0x204, 0x100], [0x104])],
+)
+def test_a_hand_of_its_own_bus_is_started_and_stopped(folder, version, start, end):
+    port = free_udp_port()
+    joints = {"source": f"allegro:udp:{GROUP}:{port}?hops=0", "allegro": {"version": version, "own_bus": True}}
+    with can.Bus(GROUP, interface="udp_multicast", port=port, hop_limit=0) as ear:
+        with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon:
+            heard = [ear.recv(5).arbitration_id for _ in start]
+            assert heard == start
+            assert "start" in daemon.status()["joints"]["writes"]
+        last = None
+        while message := ear.recv(0.2):
+            last = message.arbitration_id
+        assert [last] == end
+
+
+@pytest.mark.parametrize("version", [3, 4])
+def test_a_recording_has_the_hands_angles_in_its_own_time_live_and_offline(folder, version):
+    skin, log = folder / "skin.log", folder / "both.log"
+    subprocess.run([binary("taxel"), "sim", "tap", "--to", f"log:{skin}"], check=True, capture_output=True)
+    lines = skin.read_text().splitlines()
+    stamp = lambda line: float(line[1 : line.index(")")])
+    start, end = stamp(lines[0]), min(stamp(lines[-1]), stamp(lines[0]) + 4.0)
+    lines = [line for line in lines if stamp(line) <= end]
+    # One count a millisecond; the fingers report one after another, every 3 ms.
+    truth = lambda t_s, joint: (t_s * 1000 - 100 * joint) * COUNT_RAD
+    t = 0.0
+    while start + t <= end:
+        for finger in range(4):
+            at = t + 0.0005 * finger
+            counts = [round(at * 1000) - 100 * (4 * finger + j) for j in range(4)]
+            id, data = allegro_frame(version, finger, counts)
+            lines.append(f"({start + at:.6f}) hand {id:03X}#{data.hex().upper()}")
+        t += 0.003
+    log.write_text("\n".join(sorted(lines, key=stamp)) + "\n")
+
+    joints = {"source": f"allegro:log:{log}?interface=hand", "allegro": {"version": version}}
+    sources = [f"log:{log}?interface=can0", f"log:{log}?interface=can1"]
+    config = Daemon(folder / "d", sources, tick=TICK, joints=joints).config
+    out = folder / "images.jsonl"
+    subprocess.run([binary("taxel"), "compress", log, "--config", config, "--out", out], check=True)
+    offline = {image["seq"]: image for image in map(json.loads, out.read_text().splitlines())}
+    assert len(offline) > 100
+    for image in list(offline.values())[5:]:
+        for joint, angle in enumerate(image["joints"]):
+            assert angle == pytest.approx(truth(image["t_ns"] * 1e-9, joint), abs=2 * COUNT_RAD), (image["seq"], joint)
+
+    daemon = Daemon(folder / "live", sources, tick=TICK, joints=joints)
+    try:
+        daemon.start()
+        with Watch(daemon) as watch:
+            live = watch.more(50)
+    finally:
+        daemon.kill()
+    assert [image["joints"] for image in live] == [offline[image["seq"]]["joints"] for image in live]
+
+
+def refused(folder, sources, joints, **more):
+    daemon = Daemon(folder / "d", sources, joints=joints, **more).spawn()
+    assert daemon.process.wait(10) != 0
+    return daemon.log
+
+
+def test_a_hand_and_a_skin_with_the_same_ids_on_one_bus_are_refused_by_name(folder):
+    log = refused(folder, ["can:can0", "can:can1"], {"source": "allegro:can1", "allegro": {"version": 4}})
+    for part in ["taxeld.toml:", "can:can1", "204", "a bus of its own"]:
+        assert part in log, f"{part}: {log}"
+
+
+def test_servos_beside_a_recording_are_refused(folder):
+    log = refused(folder, ["log:a.log", "log:a.log"], dynamixel("/dev/ttyUSB0"))
+    assert "recording of another time" in log and "/dev/ttyUSB0" in log, log
