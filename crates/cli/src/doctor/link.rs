@@ -149,7 +149,11 @@ pub(super) fn parse(text: &str) -> Result<LinkDetails, String> {
     Ok(LinkDetails {
         kind: info["info_kind"].as_str().unwrap_or("").to_string(),
         state: data["state"].as_str().map(str::to_string),
-        bitrate: timing["bitrate"].as_u64().filter(|rate| *rate > 0),
+        // An adapter whose rates are a list has no bit timing.
+        bitrate: [&timing["bitrate"], &data["bittiming_bitrate"]]
+            .into_iter()
+            .find_map(Value::as_u64)
+            .filter(|rate| *rate > 0),
         sample_point,
         // A delay of 0 is left out where the controller is not restarted.
         restart_ms: (info["info_kind"] == "can").then(|| data["restart_ms"].as_u64().unwrap_or(0)),
@@ -489,6 +493,14 @@ mod tests {
         assert!(matches!(&can.mend[0], Mend::Do(text) if text.contains("can3")));
         assert!(command(&check(&facts("vcan1"), None)[0]).contains("ip link add vcan1 type vcan"));
         assert!(command(&check(&facts("slcan0"), None)[0]).starts_with("sudo slcand"));
+    }
+
+    #[test]
+    fn an_adapter_with_a_list_of_rates_has_a_bit_rate() {
+        let text = r#"[{"ifname":"can0","linkinfo":{"info_kind":"can","info_data":{"state":"ERROR-ACTIVE",
+            "restart_ms":100,"bittiming_bitrate":500000,"bitrate_const":[125000,500000,1000000]}}}]"#;
+        let details = parse(text).unwrap();
+        assert_eq!((details.bitrate, details.sample_point), (Some(500_000), None));
     }
 
     #[test]

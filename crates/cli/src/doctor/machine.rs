@@ -1,6 +1,7 @@
 //! This machine: CAN in the kernel, socket buffers, real-time limits, the processor's governor.
 
 use super::finding::Check;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use taxel_can::{OpenError, SourceAddress, SourceOptions};
 
@@ -89,8 +90,8 @@ impl MachineFacts {
             governor: word(&format!("{cpu}/scaling_governor")),
             scaling_driver: word(&format!("{cpu}/scaling_driver")),
             unit: unit.map(|path| {
-                let limit = std::fs::read_to_string(&path).ok().and_then(|t| limit_rtprio(&t));
-                (path, limit)
+                let text = unit_with_drop_ins(root, &path);
+                (path, limit_rtprio(&text))
             }),
         }
     }
@@ -129,6 +130,35 @@ fn soft_limit(limits: &str, name: &str) -> Option<u64> {
         "unlimited" => Some(u64::MAX),
         number => number.parse().ok(),
     }
+}
+
+/// A unit file and, after it, its drop-ins: what is said later counts. Drop-ins are taken by file name, one in a later
+/// folder in place of one of the same name before (systemd.unit(5)).
+fn unit_with_drop_ins(root: &Path, unit: &Path) -> String {
+    let folders = [
+        "lib/systemd/system",
+        "usr/lib/systemd/system",
+        "run/systemd/system",
+        "etc/systemd/system",
+    ];
+    let mut drop_ins = BTreeMap::new();
+    for folder in folders {
+        let folder = root.join(folder).join("taxeld.service.d");
+        for path in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+            let path = path.path();
+            if path.extension().is_some_and(|e| e == "conf")
+                && let Some(name) = path.file_name()
+            {
+                drop_ins.insert(name.to_os_string(), path);
+            }
+        }
+    }
+    let mut text = String::new();
+    for path in std::iter::once(unit).chain(drop_ins.values().map(PathBuf::as_path)) {
+        text.push_str(&std::fs::read_to_string(path).unwrap_or_default());
+        text.push('\n');
+    }
+    text
 }
 
 fn limit_rtprio(unit: &str) -> Option<u64> {
@@ -506,5 +536,31 @@ mod tests {
         ] {
             assert_eq!(limit_rtprio(unit), limit, "{unit}");
         }
+    }
+    #[test]
+    fn a_drop_in_of_the_unit_counts() {
+        let root = tempfile::TempDir::new().unwrap();
+        let write = |path: &str, text: &str| {
+            let path = root.path().join(path);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(path, text).unwrap();
+        };
+        let limit = || MachineFacts::read(root.path()).unit.unwrap().1;
+        write(
+            "usr/lib/systemd/system/taxeld.service",
+            "[Service]\nLimitRTPRIO=5",
+        );
+        assert_eq!(limit(), Some(5));
+        write(
+            "usr/lib/systemd/system/taxeld.service.d/rt.conf",
+            "[Service]\nLimitRTPRIO=7\n",
+        );
+        assert_eq!(limit(), Some(7));
+        write(
+            "etc/systemd/system/taxeld.service.d/rt.conf",
+            "[Service]\nLimitRTPRIO=9\n",
+        );
+        write("etc/systemd/system/taxeld.service.d/notes.txt", "LimitRTPRIO=1\n");
+        assert_eq!(limit(), Some(9));
     }
 }
