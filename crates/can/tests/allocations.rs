@@ -1,49 +1,18 @@
 //! No source allocates while frames come and go.
-#![allow(unsafe_code)] // a global allocator cannot be written without
-
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
 use std::io::Write;
 use std::net::IpAddr;
 use std::time::{Duration, Instant};
+use taxel_allocations::during;
 use taxel_can::{
     CanFrame, CanSource, LogSource, OpenError, Playback, Received, SocketCan, SocketCanOptions, UdpMulticast,
     UdpOptions, memory_bus, monotonic_ns,
 };
 
-struct Counting;
-
-thread_local! {
-    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
-}
-
-// SAFETY: everything is left to the system's allocator; counting touches nothing but a thread's own number.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
-        // SAFETY: the caller keeps the promises of `alloc`.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: the caller keeps the promises of `dealloc`.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-
-    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
-        // SAFETY: the caller keeps the promises of `realloc`.
-        unsafe { System.realloc(pointer, layout, size) }
-    }
-}
-
 #[global_allocator]
-static ALLOCATOR: Counting = Counting;
+static ALLOCATOR: taxel_allocations::Counting = taxel_allocations::Counting;
 
 fn allocations(work: impl FnOnce()) -> u64 {
-    let before = ALLOCATIONS.get();
-    work();
-    ALLOCATIONS.get() - before
+    during(work).1
 }
 
 fn frame(n: u32) -> CanFrame {
@@ -87,11 +56,6 @@ fn exchange(source: &mut dyn CanSource, peer: &mut dyn CanSource, batch: &mut Ve
         source.send(&frame(round)).unwrap();
         take(peer, 1, batch);
     }
-}
-
-#[test]
-fn counting_works() {
-    assert_eq!(allocations(|| drop(std::hint::black_box(Box::new(1)))), 1);
 }
 
 #[test]

@@ -1,41 +1,10 @@
 //! Compressing allocates nothing once the compressor and its image exist.
 
-#![allow(unsafe_code)] // A global allocator can only be counted by implementing `GlobalAlloc`.
-
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
-
 use taxel_compress::{CodebookLearning, Compressor, Grey, LevelSteps, Method, Profile};
 use taxel_skin::{ForceFrame, Layout as SkinLayout};
 
-struct Counting;
-
-thread_local! {
-    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
-}
-
-// SAFETY: every call goes to `System` unchanged; counting touches a plain thread-local cell that needs no allocation.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
-        // SAFETY: the caller's promises are passed on.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: the caller's promises are passed on.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-
-    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
-        // SAFETY: the caller's promises are passed on.
-        unsafe { System.realloc(pointer, layout, size) }
-    }
-}
-
 #[global_allocator]
-static COUNTING: Counting = Counting;
+static ALLOCATOR: taxel_allocations::Counting = taxel_allocations::Counting;
 
 #[test]
 fn no_frame_allocates() {
@@ -96,16 +65,16 @@ fn no_frame_allocates() {
     for profile in profiles {
         let mut compressor = Compressor::new(profile.clone(), &layout).expect("a valid profile");
         let mut image = compressor.new_image();
-        let before = ALLOCATIONS.get();
-        for contacts in [240, 0, 1, 15, 16, 17, 240, 3, 100] {
-            for n in 0..240 {
-                frame.contact[n] = n < contacts;
-                frame.force[n] = (n * 7919 % 240) as f64 + 0.5;
+        let ((), allocations) = taxel_allocations::during(|| {
+            for contacts in [240, 0, 1, 15, 16, 17, 240, 3, 100] {
+                for n in 0..240 {
+                    frame.contact[n] = n < contacts;
+                    frame.force[n] = (n * 7919 % 240) as f64 + 0.5;
+                }
+                compressor.compress(&frame, &mut image);
+                assert_eq!(usize::from(image.contacts), contacts);
             }
-            compressor.compress(&frame, &mut image);
-            assert_eq!(usize::from(image.contacts), contacts);
-        }
-        assert_eq!(ALLOCATIONS.get() - before, 0, "allocations with {profile:?}");
+        });
+        assert_eq!(allocations, 0, "allocations with {profile:?}");
     }
-    assert!(ALLOCATIONS.get() > 0, "the counter counts");
 }

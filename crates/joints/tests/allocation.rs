@@ -1,47 +1,16 @@
 //! A cycle allocates nothing, whatever its servos do.
 
-#![allow(unsafe_code)] // A global allocator can only be counted by implementing `GlobalAlloc`.
-
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
 use taxel_joints::bus::{Bus, Step};
 use taxel_joints::{FastSyncRead, JointsConfig};
 use taxel_sim::servo::{ServoBuild, ServoBus, ServoFault};
 
-struct Counting;
-
-thread_local! {
-    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
-}
-
-// SAFETY: every call goes to `System` unchanged; counting touches a plain thread-local cell that needs no allocation.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
-        // SAFETY: the caller's promises are passed on.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: the caller's promises are passed on.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-
-    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
-        // SAFETY: the caller's promises are passed on.
-        unsafe { System.realloc(pointer, layout, size) }
-    }
-}
-
 #[global_allocator]
-static COUNTING: Counting = Counting;
+static ALLOCATOR: taxel_allocations::Counting = taxel_allocations::Counting;
 
 /// Runs `f` and adds what it allocates to `count`.
 fn counted<T>(count: &mut u64, f: impl FnOnce() -> T) -> T {
-    let before = ALLOCATIONS.get();
-    let result = f();
-    *count += ALLOCATIONS.get() - before;
+    let (result, allocations) = taxel_allocations::during(f);
+    *count += allocations;
     result
 }
 

@@ -1,46 +1,16 @@
 //! No byte string on any bus makes a decoder panic, take memory, or give more than it may.
 
-#![allow(unsafe_code)] // A global allocator can only be counted by implementing `GlobalAlloc`.
-
 mod support;
 
 use proptest::prelude::*;
-use std::alloc::{GlobalAlloc, Layout as Memory, System};
-use std::cell::Cell;
 use std::sync::LazyLock;
 use taxel_can::CanFrame;
 use taxel_skin::{
     BoardSupervisor, BoardsConfig, Decoded, Decoder, Discovery, Layout, MAX_READINGS, Readings,
 };
 
-struct Counting;
-
-thread_local! {
-    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
-}
-
-// SAFETY: every call goes to `System` unchanged; counting touches a plain thread-local cell that needs no allocation.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Memory) -> *mut u8 {
-        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
-        // SAFETY: the caller's promises are passed on.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Memory) {
-        // SAFETY: the caller's promises are passed on.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-
-    unsafe fn realloc(&self, pointer: *mut u8, layout: Memory, size: usize) -> *mut u8 {
-        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
-        // SAFETY: the caller's promises are passed on.
-        unsafe { System.realloc(pointer, layout, size) }
-    }
-}
-
 #[global_allocator]
-static COUNTING: Counting = Counting;
+static ALLOCATOR: taxel_allocations::Counting = taxel_allocations::Counting;
 
 /// Every built-in hand, and what none of them has.
 static LAYOUTS: LazyLock<Vec<Layout>> = LazyLock::new(layouts);
@@ -96,15 +66,16 @@ proptest! {
             let mut decoder = Decoder::new(layout, 0);
             let mut readings = Readings::new();
             let (mut t_ns, mut most, mut wrong) = (0, 0, 0);
-            let before = ALLOCATIONS.get();
-            for (frame, step_ns) in &frames {
-                t_ns += step_ns;
-                let decoded = decoder.decode_at(t_ns, frame, &mut readings);
-                wrong += (decoded != Decoded::Readings && !readings.is_empty()) as u32;
-                wrong += readings.iter().filter(|r| r.taxel as usize >= layout.len()).count() as u32;
-                most = most.max(readings.len());
-            }
-            prop_assert_eq!(ALLOCATIONS.get() - before, 0, "{}", layout.name);
+            let ((), allocations) = taxel_allocations::during(|| {
+                for (frame, step_ns) in &frames {
+                    t_ns += step_ns;
+                    let decoded = decoder.decode_at(t_ns, frame, &mut readings);
+                    wrong += (decoded != Decoded::Readings && !readings.is_empty()) as u32;
+                    wrong += readings.iter().filter(|r| r.taxel as usize >= layout.len()).count() as u32;
+                    most = most.max(readings.len());
+                }
+            });
+            prop_assert_eq!(allocations, 0, "{}", layout.name);
             prop_assert!(most <= MAX_READINGS);
             prop_assert_eq!(wrong, 0, "readings only with Decoded::Readings, of taxels of the layout");
             let bus = *decoder.counters();
