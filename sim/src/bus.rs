@@ -3,7 +3,7 @@
 use crate::bit_timing::{BIT_NS, frame_bits};
 use crate::board::{Board, plans};
 use crate::clock::{SceneClock, Span};
-use crate::fault::{BoardFault, BusFault, FaultKind};
+use crate::fault::{BoardFault, BusFault, Fault, FaultKind};
 use crate::random::{bits, happens};
 use crate::scene::{Scene, SceneError};
 use crate::skin_model::{SkinModel, modules_named, present_modules};
@@ -64,6 +64,8 @@ struct Injector {
     span: Span,
     period_ns: u64,
     frame: CanFrame,
+    /// What it sends the next time.
+    next: CanFrame,
     next_ns: Option<u64>,
     /// Whether its frame waits for the bus; error frames never do.
     waiting: bool,
@@ -110,21 +112,24 @@ impl Bus {
             if fault.bus.is_some_and(|b| b != index) {
                 continue;
             }
-            let inject = |frame, period_ns| Injector {
+            let inject = |frame, next, period_ns| Injector {
                 span: fault.span,
                 period_ns,
                 frame,
+                next,
                 next_ns: clock.next_periodic(fault.span, period_ns, 0),
                 waiting: false,
             };
             match kind {
                 BusFault::ErrorFrames { error, period_ns } => {
-                    let (class, data) = error.frame();
-                    injectors.push(inject(CanFrame::error(class, data), period_ns));
+                    let [frame, next] = error.frames().map(|(class, data)| CanFrame::error(class, data));
+                    injectors.push(inject(frame, next, period_ns));
                 }
                 BusFault::Babble { id, period_ns } => {
-                    if let Ok(frame) = CanFrame::standard(id, &[0xBA; 8]) {
-                        injectors.push(inject(frame, period_ns));
+                    for id in babbling_ids(scene, layout, fault, index, id)? {
+                        if let Ok(frame) = CanFrame::standard(id, &[0xBA; 8]) {
+                            injectors.push(inject(frame, frame, period_ns));
+                        }
                     }
                 }
                 _ => faults.push((fault.span, kind)),
@@ -239,6 +244,7 @@ impl Bus {
             injector.next_ns = clock.next_periodic(injector.span, injector.period_ns, t_ns);
             let frame = injector.frame;
             injector.waiting = !frame.is_error();
+            std::mem::swap(&mut injector.frame, &mut injector.next);
             if frame.is_error() && !self.bus_off {
                 self.out.push_back(Received { t_ns, frame });
             }
@@ -407,6 +413,26 @@ fn faults_of_module(scene: &Scene, layout: &Layout, m: usize) -> Result<Vec<(Spa
         faults.push((fault.span, kind));
     }
     Ok(faults)
+}
+
+/// The ids that a babble floods this bus with: its own, or those of the first taxels of the boards it is on.
+fn babbling_ids(
+    scene: &Scene,
+    layout: &Layout,
+    fault: &Fault,
+    bus: u8,
+    id: Option<u16>,
+) -> Result<Vec<u16>, SceneError> {
+    let mut ids: Vec<u16> = id.into_iter().collect();
+    for name in &fault.on {
+        for m in modules_named(scene, layout, fault.line, name)? {
+            let module = &layout.modules[m];
+            let k = layout.taxels[usize::from(module.first_taxel)].k;
+            let own = module.protocol.frame_id(module.board, k);
+            ids.extend(own.filter(|_| module.bus == bus));
+        }
+    }
+    Ok(ids)
 }
 
 /// Sorts frames as the bus does, lowest first.

@@ -4,6 +4,9 @@ use crate::clock::{Span, ns_of_seconds};
 use crate::scene::span;
 use serde::Deserialize;
 
+/// How long a board that reboots is without power and in its start-up, seconds.
+const REBOOT_S: f64 = 0.15;
+
 /// One fault, its places still names.
 #[derive(Debug, Clone)]
 pub(crate) struct Fault {
@@ -66,8 +69,8 @@ pub(crate) enum BusFault {
     ErrorFrames { error: BusError, period_ns: u64 },
     /// The host's controller is off the bus: it says so, hears nothing, and says when it is back.
     BusOff,
-    /// A node floods the bus with this id.
-    Babble { id: u16, period_ns: u64 },
+    /// A node floods the bus with this id; without one, the boards named by the fault do with that of their first taxel.
+    Babble { id: Option<u16>, period_ns: u64 },
     /// Frames get lost between the bus and the host.
     Lost { probability: f64 },
     /// Frames reach the host twice.
@@ -87,18 +90,23 @@ pub(crate) enum BusError {
     ControllerOverflow,
     ErrorWarning,
     ErrorPassive,
+    /// Error-passive and error-active in turn.
+    Flapping,
 }
 
 impl BusError {
-    /// Error class and data bytes of the frame.
-    pub(crate) fn frame(self) -> (u32, [u8; 8]) {
-        match self {
+    /// Error class and data bytes of the frames that take turns.
+    pub(crate) fn frames(self) -> [(u32, [u8; 8]); 2] {
+        const ACTIVE: (u32, [u8; 8]) = (0x04, [0, 0x40, 0, 0, 0, 0, 0, 0]);
+        let frame = match self {
             BusError::NoAcknowledge => (0x20, [0; 8]),
             BusError::BitStuffing => (0x88, [0, 0, 0x04, 0, 0, 0, 0, 0]),
             BusError::ControllerOverflow => (0x04, [0, 0x01, 0, 0, 0, 0, 0, 0]),
             BusError::ErrorWarning => (0x04, [0, 0x04, 0, 0, 0, 0, 97, 0]),
             BusError::ErrorPassive => (0x04, [0, 0x10, 0, 0, 0, 0, 130, 0]),
-        }
+            BusError::Flapping => return [(0x04, [0, 0x10, 0, 0, 0, 0, 0, 130]), ACTIVE],
+        };
+        [frame, frame]
     }
 }
 
@@ -136,6 +144,7 @@ enum KindToml {
     Drift,
     Status,
     Silent,
+    Reboot,
     Overflow,
     WrongId,
     ErrorFrames,
@@ -157,11 +166,11 @@ impl KindToml {
             KindToml::Wrapping => &["on", "taxels", "amplitude", "period_s"],
             KindToml::Glitch => &["on", "taxels", "probability"],
             KindToml::Drift => &["on", "taxels", "counts_per_s"],
-            KindToml::Silent | KindToml::Overflow => &["on"],
+            KindToml::Silent | KindToml::Reboot | KindToml::Overflow => &["on"],
             KindToml::WrongId => &["on", "board"],
             KindToml::ErrorFrames => &["bus", "error", "rate_hz"],
             KindToml::BusOff => &["bus"],
-            KindToml::Babble => &["bus", "id", "rate_hz"],
+            KindToml::Babble => &["bus", "id", "on", "rate_hz"],
             KindToml::Lost | KindToml::Duplicate | KindToml::Reorder | KindToml::Short => {
                 &["bus", "probability"]
             }
@@ -194,19 +203,32 @@ impl FaultToml {
                 keys.join(", ")
             ));
         }
-        if keys.contains(&"on") && self.on.as_ref().is_none_or(Vec::is_empty) {
+        let babble = matches!(self.kind, KindToml::Babble);
+        if babble && self.on.is_some() && (self.id.is_some() || self.bus.is_some()) {
+            return Err(
+                "a fault of kind Babble has either `on`, the boards that babble, or `id` and `bus`".into(),
+            );
+        }
+        if !babble && keys.contains(&"on") && self.on.as_ref().is_none_or(Vec::is_empty) {
             return Err(format!(
                 "a fault of kind {:?} needs `on`: modules, parts, or \"all\"",
                 self.kind
             ));
         }
         let kind = self.kind()?;
+        let mut to = self.to;
+        if matches!(self.kind, KindToml::Reboot) {
+            if to.is_some() {
+                return Err("a fault of kind Reboot has no `to`: it happens at `from`".into());
+            }
+            to = Some((self.from.unwrap_or(0.0) + REBOOT_S).min(length_ns as f64 / 1e9));
+        }
         Ok(Fault {
             line,
             on: self.on.unwrap_or_default(),
             taxels: self.taxels,
             bus: self.bus,
-            span: span(self.from, self.to, length_ns)?,
+            span: span(self.from, to, length_ns)?,
             kind,
         })
     }
@@ -254,7 +276,7 @@ impl FaultToml {
                 counts_per_s: number("counts_per_s", self.counts_per_s, 20.0, -1e6, 1e6)?,
             }),
             KindToml::Status => FaultKind::Taxel(TaxelFault::Status),
-            KindToml::Silent => FaultKind::Board(BoardFault::Silent),
+            KindToml::Silent | KindToml::Reboot => FaultKind::Board(BoardFault::Silent),
             KindToml::Overflow => FaultKind::Board(BoardFault::Overflow),
             KindToml::WrongId => match small_id("board", self.board.map(u16::from), 15)? {
                 Some(board) => FaultKind::Board(BoardFault::WrongId { board: board as u8 }),
@@ -268,7 +290,10 @@ impl FaultToml {
             }),
             KindToml::BusOff => FaultKind::Bus(BusFault::BusOff),
             KindToml::Babble => FaultKind::Bus(BusFault::Babble {
-                id: small_id("id", self.id, 0x7FF)?.unwrap_or(0),
+                id: match self.on {
+                    Some(_) => None,
+                    None => Some(small_id("id", self.id, 0x7FF)?.unwrap_or(0)),
+                },
                 period_ns: period_ns(2000.0)?,
             }),
             KindToml::Lost => FaultKind::Bus(BusFault::Lost {

@@ -269,6 +269,57 @@ fn a_board_that_lost_power_comes_back_stopped() {
 }
 
 #[test]
+fn a_board_that_reboots_comes_back_unstarted() {
+    let layout = boards("uskin-l2", &[1, 2]);
+    let more = "[[fault]]\nkind = \"reboot\"\non = [\"m2\"]\nfrom = 1\n";
+    let mut bench = Bench::new(&scene(4, more), &layout);
+    for id in [0x201, 0x202] {
+        bench.command(0, id, &[0x07, 0x00]);
+    }
+    bench.until_ms(1030);
+    let gone = bench.until_ms(2000).to_vec();
+    assert_eq!(
+        (of_board(&layout, &gone, 2), of_board(&layout, &gone, 1) > 700),
+        (0, true)
+    );
+    bench.command(2000, 0x202, &[0x07, 0x00]);
+    let back = bench.until_ms(3000).to_vec();
+    assert!(of_board(&layout, &back, 2) > 760);
+}
+
+#[test]
+fn a_board_of_the_hand_can_babble_on_its_own_bus() {
+    let layout = boards("uskin-l2", &[1, 2]);
+    let more = "[[fault]]\nkind = \"babble\"\non = [\"m2\"]\nrate_hz = 3000\nfrom = 1\nto = 2\n";
+    let mut bench = Bench::streaming(&scene(4, more), &layout);
+    bench.until_ms(1000);
+    let frames = bench.until_ms(2000).to_vec();
+    let babble = frames.iter().filter(|f| f.frame.data() == [0xBA; 8]).count();
+    assert!((2700..=3000).contains(&babble), "{babble}");
+    let id = taxel_skin::Protocol::UskinL2.frame_id(2, 0);
+    assert!(
+        frames
+            .iter()
+            .filter(|f| f.frame.data() == [0xBA; 8])
+            .all(|f| f.frame.standard_id() == id)
+    );
+    assert!(of_board(&layout, &frames, 1) > 760, "the other board goes on");
+}
+
+#[test]
+fn a_controller_that_flaps_is_passive_and_active_in_turn() {
+    let layout = boards("uskin-l2", &[1]);
+    let more = "[[fault]]\nkind = \"error-frames\"\nerror = \"flapping\"\nrate_hz = 50\nfrom = 1\nto = 2\n";
+    let mut bench = Bench::new(&scene(4, more), &layout);
+    let states: Vec<u8> = bench.until_ms(3000).iter().map(|f| f.frame.data()[1]).collect();
+    assert!((49..=51).contains(&states.len()), "{states:?}");
+    assert!(
+        states.chunks(2).all(|pair| [0x10, 0x40].starts_with(pair)),
+        "{states:?}"
+    );
+}
+
+#[test]
 fn a_command_given_while_the_controller_is_off_the_bus_waits_until_it_is_back() {
     let layout = boards("uskin-l2", &[3]);
     let mut bench = Bench::new(

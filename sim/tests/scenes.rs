@@ -180,6 +180,16 @@ fn mistakes_are_refused_with_their_line() {
             "probability",
         ),
         (
+            "name = \"x\"\nseconds = 5\n[[fault]]\nkind = \"reboot\"\non = [\"index tip\"]\nfrom = 1\nto = 2\n".into(),
+            3,
+            "no `to`",
+        ),
+        (
+            "name = \"x\"\nseconds = 5\n[[fault]]\nkind = \"babble\"\non = [\"index tip\"]\nid = 5\n".into(),
+            3,
+            "either `on`",
+        ),
+        (
             "name = \"x\"\nseconds = 5\n\n[[fault]]\nkind = \"eaten\"\n".into(),
             5,
             "eaten",
