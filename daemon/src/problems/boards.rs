@@ -57,8 +57,14 @@ pub(super) fn judge(look: &Look<'_>, steadiness: &mut Steadiness, found: &mut Ve
             continue;
         }
         let state = |m: usize| look.now.boards[m].state;
+        // Between the first sweeps of a board that has just come up its state says silent, too.
+        let long = |m: usize| {
+            let last_ns = look.now.boards[m].last_ns;
+            let silence_ns = (look.config.boards.silence_ms * 1e6) as u64;
+            last_ns.is_none_or(|last| look.now.now_ns.saturating_sub(last) >= silence_ns)
+        };
         let quiet = |m: usize| match state(m) {
-            BoardState::Silent => true,
+            BoardState::Silent => long(m),
             BoardState::Unheard => look.boards_due,
             BoardState::Settling | BoardState::Living => false,
         };
@@ -67,11 +73,8 @@ pub(super) fn judge(look: &Look<'_>, steadiness: &mut Steadiness, found: &mut Ve
             found.push(silent_bus(look, index));
         }
         for module in boards() {
-            let unsteady = steadiness.look(
-                module,
-                state(module) == BoardState::Silent && !all,
-                look.now.now_ns,
-            );
+            let fell_silent = look.boards_due && !all && state(module) == BoardState::Silent;
+            let unsteady = steadiness.look(module, fell_silent, look.now.now_ns);
             if let Some(times) = unsteady {
                 found.push(unsteady_board(layout, module, times));
             }

@@ -1,0 +1,180 @@
+"""Buses that fail, over udp_multicast with the simulator's boards: each fault is named, the rest goes on, and it is over
+when its cause is.
+
+The same on real SocketCAN, with the kernel's own states, is in tests/vcan/test_faults.py.
+"""
+
+import subprocess
+import time
+
+import pytest
+from harness.daemon import binary, die_with_parent
+
+FREE_RUNNING = {"tick": {"mode": "timer", "rate_hz": 30.0}, "boards": {"mode": "free-running"}, "sweep": {}}
+
+
+@pytest.fixture
+def simulate(buses, folder):
+    """Starts `taxel sim` with these faults; the time it began. `order` says which of the buses are the hand's."""
+    running = []
+
+    def simulate(faults, seconds=60, order=(0, 1), boards=""):
+        text = f'name = "faults"\nseconds = {seconds}\n[boards]\nrate_hz = 25\n{boards}\n'
+        for fault in faults:
+            text += "\n[[fault]]\n" + "".join(f"{k} = {v!r}\n".replace("'", '"') for k, v in fault.items())
+        scene = folder / "faults.toml"
+        scene.write_text(text)
+        targets = [a for n in order for a in ("--to", buses.sources[n])]
+        with (folder / "sim.log").open("wb") as log:
+            command = [binary("taxel"), "sim", scene, *targets]
+            running.append(subprocess.Popen(command, stdout=log, stderr=log, preexec_fn=die_with_parent))
+        return time.monotonic()
+
+    yield simulate
+    for process in running:
+        process.kill()
+        process.wait()
+
+
+def kinds(status):
+    return sorted({p["kind"] for p in status["problems"]})
+
+
+def problem(status, kind):
+    return next((p for p in status["problems"] if p["kind"] == kind), None)
+
+
+def all_living(daemon, but=()):
+    def living(status):
+        return all(b["state"] == "living" for b in status["boards"] if b["module"] not in but)
+
+    return daemon.wait_status(living, "not every board speaks")
+
+
+def used_of_others(status, module):
+    return [b["used"] for b in status["boards"] if b["module"] != module]
+
+
+def passes(daemon, began, until_s, kind, place, words):
+    """The problem comes, with these words, while all else is fed; it is over soon after `until_s` of the scene."""
+    status = daemon.wait_status(lambda s: problem(s, kind), f"no problem {kind}")
+    found = problem(status, kind)
+    for word in words:
+        assert word in found["sentence"], found
+    bus = next(b for b in status["buses"] if b["name"] == found["bus"])
+    board = next((b for b in status["boards"] if b["module"] == found["module"]), bus)
+    assert kind in board["problems"] and found["bus"] == place, found
+    before = used_of_others(status, found["module"])
+    daemon.wait_status(
+        lambda s: all(a < b for a, b in zip(before, used_of_others(s, found["module"]))), "other boards are not fed"
+    )
+    daemon.wait_status(lambda s: not problem(s, kind), f"{kind} is never over", seconds=30)
+    over_s = time.monotonic() - began - until_s
+    assert found["sentence"] in daemon.log
+    print(f"{kind}: over {over_s:.2f} s after its cause (start of the simulator included)")
+    return found
+
+
+# Each: the faults, the kind, its bus, words of the sentence.
+CASES = {
+    "a node that is nobody's floods the bus": (
+        [{"kind": "babble", "bus": 1, "id": 0x005, "rate_hz": 3000.0}],
+        "babbling",
+        "can1",
+        ["id 005", "nobody's", "frames/s", "% of a bus"],
+    ),
+    "a board of the hand floods its bus": (
+        [{"kind": "babble", "on": ["index distal"], "rate_hz": 3000.0}],
+        "babbling",
+        "can0",
+        ["index distal (can0 board 1)", "frames/s"],
+    ),
+    "a board answers under the address of another": (
+        [{"kind": "wrong-id", "on": ["middle distal"], "board": 3}],
+        "two-boards-one-address",
+        "can0",
+        ["two boards answer as board 3 of can0", "middle distal (can0 board 5) is silent"],
+    ),
+    "the controller flaps": (
+        [{"kind": "error-frames", "bus": 0, "error": "flapping", "rate_hz": 100.0}],
+        "flapping",
+        "can0",
+        ["changes its error state", "times a second"],
+    ),
+    "the controller is off the bus": (
+        [{"kind": "bus-off", "bus": 1}],
+        "bus-off",
+        "can1",
+        ["off the bus", "restart-ms 100"],
+    ),
+    "frames are broken": (
+        [{"kind": "error-frames", "bus": 0, "error": "bit-stuffing", "rate_hz": 50.0}],
+        "bus-errors",
+        "can0",
+        ["broken frames a second", "termination"],
+    ),
+    "a board has no power": (
+        [{"kind": "silent", "on": ["thumb tip"]}],
+        "board-silent",
+        "can1",
+        ["thumb tip (can1 board 4) is silent", "told to start again"],
+    ),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_fault_is_named_and_over_when_its_cause_is(start, simulate, case):
+    faults, kind, place, words = CASES[case]
+    daemon = start(**FREE_RUNNING)
+    began = simulate([{**fault, "from": 2.5, "to": 4.5} for fault in faults])
+    all_living(daemon)
+    problem_sentence = passes(daemon, began, 4.5, kind, place, words)["sentence"]
+    all_living(daemon)
+    daemon.wait_status(lambda s: not s["problems"], "problems remain")
+    # Once when it came, once when it was over.
+    assert daemon.log.count(problem_sentence) == 1
+
+
+def test_a_healthy_hand_has_no_problems(start, simulate):
+    daemon = start(**FREE_RUNNING)
+    simulate([])
+    all_living(daemon)
+    daemon.wait_status(lambda s: not s["problems"], "a healthy hand has problems")
+    end = time.monotonic() + 3
+    while time.monotonic() < end:
+        assert kinds(daemon.status()) == []
+
+
+def test_a_board_that_reboots_is_started_again(start, simulate):
+    daemon = start(**FREE_RUNNING)
+    simulate([{"kind": "reboot", "on": ["index tip"], "from": at} for at in (2.5, 4.0, 5.5, 7.0)])
+    all_living(daemon)
+
+    def board(status):
+        return next(b for b in status["boards"] if b["module"] == "index tip")
+
+    restarts = board(daemon.status())["restarts"]
+    daemon.wait_status(lambda s: board(s)["restarts"] > restarts, "the board that came back is not started")
+    all_living(daemon)
+    # Again and again: that is a problem of its own.
+    status = daemon.wait_status(lambda s: problem(s, "board-unsteady"), "the board's falling silent is not counted", 20)
+    assert "loose plug" in problem(status, "board-unsteady")["sentence"]
+    all_living(daemon)
+
+
+def test_swapped_buses_are_recognised_by_the_board_that_only_one_of_them_has(start, simulate):
+    daemon = start(**FREE_RUNNING)
+    simulate([], order=(1, 0))
+    status = daemon.wait_status(lambda s: problem(s, "buses-swapped"), "the swap is not seen", seconds=20)
+    sentence = problem(status, "buses-swapped")["sentence"]
+    assert "can0 and can1 look swapped" in sentence and "source = " in sentence
+    # What only one bus has is silent where the layout wants it; the rest of the hand works, on the wrong fingers.
+    assert sum(b["state"] == "living" for b in status["boards"]) == 14
+    assert not problem(status, "board-not-in-layout")
+
+
+def test_a_board_with_an_address_of_the_other_bus_is_named(start, simulate):
+    daemon = start(**FREE_RUNNING)
+    simulate([{"kind": "wrong-id", "on": ["ring tip"], "board": 7}, {"kind": "silent", "on": ["middle proximal"]}])
+    status = daemon.wait_status(lambda s: problem(s, "buses-swapped"), "the displaced board is not seen", seconds=20)
+    assert "only this board is on the wrong bus" in problem(status, "buses-swapped")["sentence"]
