@@ -13,7 +13,7 @@ use std::collections::{HashMap, VecDeque};
 use taxel_can::SourceCounters;
 
 /// Counters are compared with those of this long ago, nanoseconds.
-const RECENT_NS: u64 = 700_000_000;
+const RECENT_NS: u64 = 500_000_000;
 /// So many sentences on one problem may follow each other; after that one per `SENTENCE_NS`.
 const SENTENCES: u64 = 4;
 const SENTENCE_NS: u64 = 10_000_000_000;

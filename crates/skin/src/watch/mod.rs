@@ -1,8 +1,9 @@
 //! What is wrong on the buses, as the traffic on them shows: a node that babbles, two boards with one address, boards on
 //! the wrong bus.
 //!
-//! Frames are counted per id over windows of a quarter of a second. What holds in two windows in a row is a finding,
-//! and what is absent from two in a row no longer is one; so a finding comes and goes within half a second and a window.
+//! Frames are counted per id over windows of a quarter of a second. What holds in two windows in a row is a finding, and
+//! what is absent from two in a row no longer is one (a board in the wrong place: from one window). So a finding comes
+//! and goes within half a second and a window.
 
 mod alternation;
 mod tally;
@@ -25,7 +26,7 @@ const BABBLE_LEAST_HZ: f64 = 300.0;
 /// A board that sends this many times as many sweeps as its like babbles, if it takes `BABBLE_SHARE` of the bus.
 const BOARD_TIMES: f64 = 3.0;
 /// Two boards with one address send twice as much as one, less what they lose to each other.
-const TWO_BOARDS_TIMES: f64 = 1.5;
+const TWO_BOARDS_TIMES: f64 = 1.4;
 /// Share of readings that swing, from which a board's values are those of two boards.
 const SWINGING: f64 = 0.5;
 
@@ -411,7 +412,10 @@ impl TrafficWatch {
                     .count()
             };
             let speaks = 2 * heard(stray.bus, &stray.ids) >= stray.ids.len();
-            stray.speaks.look(speaks.then_some(()));
+            if stray.speaks.look(speaks.then_some(())).is_some() && !speaks {
+                // One window without most of a board's ids is proof enough that it is gone.
+                stray.speaks = Held::default();
+            }
         }
         for pair in &self.pairs {
             let mut displaced = pair.strays.iter().map(|i| &self.strays[*i]);
