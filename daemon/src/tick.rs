@@ -271,6 +271,7 @@ impl TickThread {
             sources,
             pipeline,
             reached,
+            hand_bus,
             ..
         } = self;
         for (bus, (source, before)) in sources.iter().zip(reached).enumerate() {
@@ -279,6 +280,9 @@ impl TickThread {
                 boards.bus_restored(bus as u8, now_ns);
             }
             *before = reached;
+            let bus = bus as u8;
+            let alone = !pipeline.watch().strangers(bus) && *hand_bus != Some(usize::from(bus));
+            boards.allow_search(bus, alone);
         }
         while let Some(command) = boards.poll(now_ns, |board| pipeline.sweep().last_heard_ns(board)) {
             if sources[usize::from(command.bus)].send(&command.frame()).is_err() {

@@ -5,7 +5,7 @@
 //! [`BoardSupervisor::discover`] comes before.
 
 use crate::counters::{RangeError, check_ranges};
-use crate::search::Search;
+use crate::search::{BusSet, Search};
 use crate::start::{Order, Sequences};
 use crate::sweep_config::nanoseconds;
 use crate::{Layout, Protocol};
@@ -53,7 +53,7 @@ impl Default for BoardsConfig {
             trigger_hz: 30.0,
             silence_ms: 100.0,
             restart_first_ms: 100.0,
-            restart_longest_ms: 500.0,
+            restart_longest_ms: 250.0,
             command_gap_ms: 0.5,
         }
     }
@@ -116,8 +116,9 @@ impl Command {
 ///
 /// Boards that take no commands (L3, `cpm-finger`) are left alone in every mode.
 ///
-/// A uSkin board that was never heard is started on the other buses of the hand too, where these have no board of its
-/// address: wired to another bus it would otherwise stay silent, and [`crate::TrafficWatch`] could not say where it is.
+/// A uSkin board that was never heard is started on other buses of the hand too, if these have no board of its address
+/// and [`BoardSupervisor::allow_search`] was called: wired to another bus it would otherwise stay silent, and
+/// [`crate::TrafficWatch`] could not say where it is.
 ///
 /// ```
 /// use taxel_skin::{BoardSupervisor, BoardsConfig, Layout};
@@ -139,6 +140,8 @@ pub struct BoardSupervisor {
     bus_gap_ns: u64,
     pace: Pace,
     stopping: bool,
+    /// Buses on which boards of other buses may be looked for.
+    searched: BusSet,
     /// Whether any command was ever handed out.
     spoken: bool,
 }
@@ -248,6 +251,7 @@ impl BoardSupervisor {
                 longest_pause_ns: nanoseconds(config.restart_longest_ms),
             },
             stopping: false,
+            searched: BusSet::default(),
             spoken: false,
         }
     }
@@ -299,7 +303,7 @@ impl BoardSupervisor {
             match sequence {
                 Sequence::Stop => board.search.stop(order),
                 Sequence::Wake | Sequence::StartAgain if last_heard_ns(board.modules[0]).is_none() => {
-                    board.search.try_again(tries, order);
+                    board.search.try_again(tries, order, self.searched);
                 }
                 _ => {}
             }
@@ -364,6 +368,12 @@ impl BoardSupervisor {
         for board in self.boards.iter_mut().filter(|b| b.bus == bus) {
             board.start_at(now_ns);
         }
+    }
+
+    /// Says whether boards of other buses may be looked for on this one. Not where anything speaks that is not of the
+    /// hand: the command to a board has a meaning of its own to an Allegro hand (protocols.md 3.2).
+    pub fn allow_search(&mut self, bus: u8, allowed: bool) {
+        self.searched.set(bus, allowed);
     }
 
     /// Begins to stop every board: from now on `poll` gives stop commands, one for each board, until

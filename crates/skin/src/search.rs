@@ -11,11 +11,27 @@ const EVERY: u32 = 3;
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Search {
     /// Buses that have no board of its address.
-    buses: Vec<u8>,
-    /// The command to hand out, and the place in `buses` where it goes next.
-    next: Option<(TxMode, Order, usize)>,
-    /// Whether it was ever looked for.
-    begun: bool,
+    buses: BusSet,
+    /// Buses on which it was looked for.
+    asked: BusSet,
+    /// Where the command has still to go.
+    pending: BusSet,
+    command: Option<(TxMode, Order)>,
+}
+
+/// Some of the first 64 buses.
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct BusSet(u64);
+
+impl BusSet {
+    pub(crate) fn set(&mut self, bus: u8, there: bool) {
+        let bit = 1u64.checked_shl(bus.into()).unwrap_or(0);
+        self.0 = if there { self.0 | bit } else { self.0 & !bit };
+    }
+
+    fn first(self) -> Option<u8> {
+        (self.0 != 0).then(|| self.0.trailing_zeros() as u8)
+    }
 }
 
 impl Search {
@@ -25,46 +41,47 @@ impl Search {
             let mut others = layout.modules.iter().filter(|m| m.bus == bus);
             others.any(|m| m.board == module.board && m.protocol.has_addresses_of(module.protocol))
         };
-        Self {
-            buses: (0..layout.buses.len() as u8).filter(|bus| !has(*bus)).collect(),
-            ..Self::default()
+        let mut search = Self::default();
+        for bus in 0..layout.buses.len() as u8 {
+            search.buses.set(bus, !has(bus));
         }
+        search
     }
 
     /// An attempt to start the board was made, with this order. `tries` counts them.
-    pub(crate) fn try_again(&mut self, tries: u32, order: Order) {
-        if tries.is_multiple_of(EVERY) && !self.buses.is_empty() {
-            self.begun = true;
-            self.next = Some((TxMode::Start, order, 0));
+    pub(crate) fn try_again(&mut self, tries: u32, order: Order, allowed: BusSet) {
+        if tries.is_multiple_of(EVERY) {
+            self.pending = BusSet(self.buses.0 & allowed.0);
+            self.asked.0 |= self.pending.0;
+            self.command = Some((TxMode::Start, order));
         }
     }
 
     /// The board is stopped with this order: where it was looked for too.
     pub(crate) fn stop(&mut self, order: Order) {
-        if self.begun {
-            self.next = Some((TxMode::Stop, order, 0));
-        }
+        self.pending = self.asked;
+        self.command = Some((TxMode::Stop, order));
     }
 
     /// Forgets what was to be sent.
     pub(crate) fn give_up(&mut self) {
-        self.next = None;
+        self.pending = BusSet::default();
     }
 
     pub(crate) fn is_over(&self) -> bool {
-        self.next.is_none()
+        self.pending == BusSet::default()
     }
 
     /// When the next command may be handed out, given when each bus is free.
     pub(crate) fn at_ns(&self, bus_free_ns: &[u64]) -> Option<u64> {
-        let (_, _, place) = self.next?;
-        Some(bus_free_ns[usize::from(self.buses[place])])
+        bus_free_ns.get(usize::from(self.pending.first()?)).copied()
     }
 
     /// The bus and the command to hand out now.
     pub(crate) fn take(&mut self) -> Option<(u8, TxMode, Order)> {
-        let (mode, order, place) = self.next?;
-        self.next = (place + 1 < self.buses.len()).then_some((mode, order, place + 1));
-        Some((self.buses[place], mode, order))
+        let (mode, order) = self.command?;
+        let bus = self.pending.first()?;
+        self.pending.set(bus, false);
+        Some((bus, mode, order))
     }
 }

@@ -109,13 +109,13 @@ fn a_silent_board_is_started_again_after_growing_pauses_and_the_others_are_left_
 }
 
 #[test]
-fn a_board_that_comes_back_is_started_within_half_a_second_however_long_it_was_away() {
+fn a_board_that_comes_back_is_started_within_a_quarter_of_a_second_however_long_it_was_away() {
     let mut supervisor = BoardSupervisor::new(&hand(), &config(BoardsMode::FreeRunning));
     let sent = play(&mut supervisor, START, START + 60_000 * MS, |board, now, _| {
         (board != 0).then_some(now)
     });
     let times = times_ms(&sent, 0);
-    assert!(times.windows(2).all(|t| t[1] - t[0] <= 500), "{times:?}");
+    assert!(times.windows(2).all(|t| t[1] - t[0] <= 250), "{times:?}");
 }
 
 #[test]
@@ -129,6 +129,8 @@ fn a_board_that_was_never_heard_is_looked_for_on_buses_that_have_none_of_its_add
         .collect();
     assert_eq!(missing.len(), 3);
     let mut supervisor = BoardSupervisor::new(&hand, &config(BoardsMode::FreeRunning));
+    supervisor.allow_search(0, true);
+    supervisor.allow_search(1, true);
     let mut sent = play(&mut supervisor, START, START + 5_000 * MS, |board, now, _| {
         (!missing.contains(&board)).then_some(now)
     });
@@ -164,9 +166,24 @@ fn a_board_that_was_never_heard_is_looked_for_on_buses_that_have_none_of_its_add
 }
 
 #[test]
+fn nothing_is_sent_to_other_buses_where_that_was_not_allowed() {
+    let hand = hand();
+    let mut supervisor = BoardSupervisor::new(&hand, &config(BoardsMode::FreeRunning));
+    supervisor.allow_search(1, true);
+    supervisor.allow_search(1, false);
+    let sent = play(&mut supervisor, START, START + 5_000 * MS, |_, _, _| None);
+    assert!(
+        sent.iter()
+            .all(|(_, c)| c.bus == hand.modules[usize::from(c.board)].bus)
+    );
+}
+
+#[test]
 fn a_board_that_was_heard_is_not_looked_for_elsewhere() {
     let hand = hand();
     let mut supervisor = BoardSupervisor::new(&hand, &config(BoardsMode::FreeRunning));
+    supervisor.allow_search(0, true);
+    supervisor.allow_search(1, true);
     let sent = play(&mut supervisor, START, START + 5_000 * MS, |_, _, _| Some(START));
     assert!(
         sent.iter()

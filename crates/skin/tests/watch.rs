@@ -364,3 +364,29 @@ fn a_time_without_frames_ends_every_finding_at_once_however_long_it_was() {
     watch.advance(u64::MAX);
     assert_eq!(watch.load(0).frames_hz, 0.0);
 }
+
+#[test]
+fn what_could_not_be_a_board_of_the_hand_is_a_stranger() {
+    let layout = two_buses([&[0, 1], &[2, 3]]);
+    let heard = |frame: CanFrame| {
+        let mut watch = TrafficWatch::new(&layout);
+        watch.advance(0);
+        watch.frame(0, &frame);
+        watch.advance(300 * MS);
+        assert!(!watch.strangers(1));
+        watch.strangers(0)
+    };
+    let standard = |id| CanFrame::standard(id, &[0; 8]).expect("11 bits");
+    // Boards of this bus, of the other, of none; a command.
+    for id in [0x000, 0x133, 0x210, 0x301, 0x700, 0x204] {
+        assert!(!heard(standard(id)), "{id:03X}");
+    }
+    // Positions of an Allegro hand, v4 and v3; a servo of another kind.
+    for frame in [
+        standard(0x080),
+        standard(0x3D3),
+        CanFrame::extended(0x100, &[]).expect("29 bits"),
+    ] {
+        assert!(heard(frame), "{frame}");
+    }
+}

@@ -138,6 +138,8 @@ struct Bus {
     tally: Tally,
     /// Module of each standard id, `u16::MAX` for none.
     owners: Box<[u16; 0x800]>,
+    /// Whether a node that is nothing like the hand's ever spoke.
+    strangers: bool,
     load: BusLoad,
     babbles: Held<(bool, u32)>,
 }
@@ -298,6 +300,11 @@ impl TrafficWatch {
         &self.findings
     }
 
+    /// Whether a node ever spoke on a bus (index) that is neither a board of the hand nor could be one on the wrong bus.
+    pub fn strangers(&self, bus: u8) -> bool {
+        self.buses.get(usize::from(bus)).is_some_and(|b| b.strangers)
+    }
+
     /// What a bus (index) carries.
     pub fn load(&self, bus: u8) -> BusLoad {
         self.buses
@@ -320,6 +327,7 @@ impl TrafficWatch {
             self.look_at_sweeps(module);
         }
         self.look_for_strays();
+        self.look_for_strangers();
         for bus in &mut self.buses {
             bus.tally.clear();
         }
@@ -402,6 +410,23 @@ impl TrafficWatch {
         }
     }
 
+    /// What is no board's, by its id: extended ones, and those that are neither a module's nor a stray's nor a command.
+    fn look_for_strangers(&mut self) {
+        for (index, bus) in (0u8..).zip(&mut self.buses) {
+            if bus.strangers || bus.tally.all.frames == 0 {
+                continue;
+            }
+            let known = |id: u16| {
+                let mut strays = self.strays.iter().filter(|s| s.bus == index);
+                let command = matches!(id >> 4, 0x20 | 0x70);
+                command || bus.owners[usize::from(id)] != NOBODY || strays.any(|s| s.ids.contains(&id))
+            };
+            let heard = |id: &u16| bus.tally.ids[usize::from(*id)].frames > 0;
+            let standard: u32 = bus.tally.ids.iter().map(|of| of.frames).sum();
+            bus.strangers = standard < bus.tally.all.frames || (0..0x800).filter(heard).any(|id| !known(id));
+        }
+    }
+
     /// Boards that speak where the layout has none of their address.
     fn look_for_strays(&mut self) {
         for stray in &mut self.strays {
@@ -464,6 +489,7 @@ impl Bus {
         Self {
             tally: Tally::new(),
             owners: Box::new([NOBODY; 0x800]),
+            strangers: false,
             load: BusLoad::default(),
             babbles: Held::default(),
         }
