@@ -6,9 +6,11 @@ The same on real SocketCAN, with the kernel's own states, is in tests/vcan/test_
 
 import subprocess
 import time
+import tomllib
 
 import pytest
 from harness.daemon import binary, die_with_parent
+from harness.hand import LAYOUTS
 
 FREE_RUNNING = {"tick": {"mode": "timer", "rate_hz": 30.0}, "boards": {"mode": "free-running"}, "sweep": {}}
 
@@ -143,6 +145,28 @@ def test_a_healthy_hand_has_no_problems(start, simulate):
     end = time.monotonic() + 3
     while time.monotonic() < end:
         assert kinds(daemon.status()) == []
+
+
+@pytest.mark.parametrize(
+    "layout",
+    ["allegro-xela-18", "uskin-module", "uskin-fingertip", "icub-forearm", "cyskin-triangle", "cpm-finger", "schunk-sdh"],
+)
+def test_a_touched_hand_of_any_kind_has_no_problems(start, folder, layout):
+    """A ball rolls over every module: no touch is taken for a second board, no protocol for a babbling node."""
+    buses = hand_buses(layout)
+    daemon = start(["sim:roll"] * buses, layout=layout, **FREE_RUNNING)
+    seen = set()
+    daemon.wait_status(lambda s: all(b["state"] == "living" for b in s["boards"]), "not every board speaks", 20)
+    daemon.wait_status(lambda s: seen.update(p["sentence"] for p in s["problems"]) or not s["problems"], "problems remain", 20)
+    seen.clear()
+    end = time.monotonic() + 4
+    while time.monotonic() < end:
+        seen.update(p["sentence"] for p in daemon.status()["problems"])
+    assert not seen
+
+
+def hand_buses(layout):
+    return len(tomllib.loads((LAYOUTS / f"{layout}.toml").read_text()).get("buses", ["the only one"]))
 
 
 def test_a_board_that_reboots_is_started_again(start, simulate):

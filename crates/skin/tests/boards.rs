@@ -193,7 +193,11 @@ fn a_board_that_was_heard_is_not_looked_for_elsewhere() {
 
 #[test]
 fn a_board_that_was_heard_begins_with_the_first_pause_again() {
-    let mut supervisor = BoardSupervisor::new(&hand(), &config(BoardsMode::FreeRunning));
+    let config = BoardsConfig {
+        restart_longest_ms: 5000.0,
+        ..config(BoardsMode::FreeRunning)
+    };
+    let mut supervisor = BoardSupervisor::new(&hand(), &config);
     // Board 0 answers the fourth command for 300 ms, and then falls silent for good.
     let hear = |board: u16, now: u64, sent: &[(u64, Command)]| {
         if board != 0 {
