@@ -33,6 +33,13 @@ pub(crate) struct DisplayProfile {
     pub(crate) region: Option<Vec<String>>,
 }
 
+impl DisplayProfile {
+    /// Whether both give the same images, however they are written.
+    fn is(&self, other: &Self) -> bool {
+        self.region == other.region && self.profile.canonical() == other.profile.canonical()
+    }
+}
+
 /// A profile that the tick thread makes images for.
 #[derive(Debug)]
 pub(crate) struct Made {
@@ -342,7 +349,7 @@ impl Profiles {
     fn find(&self, wanted: &DisplayProfile) -> Option<Lease> {
         let made = self.made.borrow();
         made.iter()
-            .find(|made| made.wanted == *wanted)
+            .find(|made| made.wanted.is(wanted))
             .cloned()
             .map(Lease::new)
     }

@@ -149,11 +149,13 @@ impl Run {
             eprintln!("taxel: taxels are missing in {with_missing} images{hint}");
         }
         if let (Some(path), Some(frames)) = (&args.learn_codebook, self.frames) {
-            let codebook = learn_codebook(&frames, config.profile.levels);
+            let codebook = learn_codebook(&frames, config.profile.level_count());
             if codebook.is_empty() {
                 bail!("no codebook: nothing in the recording is in contact");
             }
             let profile = Profile {
+                levels: config.profile.level_count(),
+                jnd: None,
                 codebook,
                 ..config.profile.clone()
             };

@@ -4,7 +4,8 @@
 //! only because one actuator is nearest to both while another is free nearby. So contacts are gathered into *pieces*: contacts that
 //! touch (pixels side by side or corner to corner, on one part of the hand) and have the same nearest actuator. Pieces are matched with
 //! actuators one to one at the least total cost, where a piece of `n` contacts with its mean at distance `d` from an actuator costs `n d^2`. A piece may
-//! also share its nearest actuator; it then counts as farther away by half the display's spacing.
+//! also share its nearest actuator; it then counts as farther away by half the display's spacing. Any other actuator than the one that stood for a piece
+//! in the last frame counts as farther by an eighth of it, so that a piece half way between two does not go back and forth when others come and go.
 
 use taxel_cluster::Matching;
 use taxel_skin::Layout;
@@ -31,7 +32,12 @@ pub(crate) struct Fixed {
     piece_of: Vec<u32>,
     pieces: Vec<Piece>,
     matching: Matching,
+    /// Actuator of each taxel in the last frame, by raster order; [`NONE`] where it had none.
+    held: Vec<u16>,
 }
+
+/// No actuator.
+const NONE: u16 = u16::MAX;
 
 /// Contacts that touch and have the same nearest actuator.
 #[derive(Debug, Default, Clone, Copy)]
@@ -40,6 +46,8 @@ struct Piece {
     y: f64,
     contacts: f64,
     nearest: u16,
+    /// The actuator that stood for its first contact that had one, or [`NONE`].
+    held: u16,
     actuator: u16,
 }
 
@@ -81,6 +89,7 @@ impl Fixed {
             piece_of: Vec::with_capacity(taxels.len()),
             pieces: Vec::with_capacity(taxels.len()),
             matching: Matching::new(places.len(), 2 * places.len()),
+            held: vec![NONE; taxels.len()],
             places: places.to_vec(),
         }
     }
@@ -96,6 +105,10 @@ impl Fixed {
                 .iter()
                 .map(|piece| self.pieces[*piece as usize].actuator),
         );
+        self.held.fill(NONE);
+        for (rank, actuator) in contacts.rank.iter().zip(actuator) {
+            self.held[usize::from(*rank)] = *actuator;
+        }
     }
 
     /// Joins contacts that touch and have the same nearest actuator.
@@ -148,6 +161,7 @@ impl Fixed {
                 self.piece_of.push(self.pieces.len() as u32);
                 self.pieces.push(Piece {
                     nearest,
+                    held: NONE,
                     actuator: nearest,
                     ..Piece::default()
                 });
@@ -158,6 +172,9 @@ impl Fixed {
             piece.x += contacts.x[n];
             piece.y += contacts.y[n];
             piece.contacts += 1.0;
+            if piece.held == NONE {
+                piece.held = self.held[usize::from(contacts.rank[n])];
+            }
         }
         for piece in &mut self.pieces {
             piece.x /= piece.contacts;
@@ -211,13 +228,29 @@ impl Fixed {
 /// Cost of a piece at an actuator, or of sharing its nearest, which are the columns after all actuators.
 fn cost(piece: &Piece, places: &[[f64; 2]], spacing: f64, column: usize) -> f64 {
     let to = |place: [f64; 2]| squared([piece.x, piece.y], place);
-    match places.get(column) {
-        Some(place) => piece.contacts * to(*place),
-        None => {
-            let distance = to(places[usize::from(piece.nearest)]).sqrt() + 0.5 * spacing;
-            piece.contacts * (distance * distance)
+    let change = |id: usize| {
+        if piece.held == NONE || usize::from(piece.held) == id {
+            0.0
+        } else {
+            0.125 * spacing
         }
-    }
+    };
+    let farther = |square: f64, by: f64| {
+        if by > 0.0 {
+            let distance = square.sqrt() + by;
+            distance * distance
+        } else {
+            square
+        }
+    };
+    piece.contacts
+        * match places.get(column) {
+            Some(place) => farther(to(*place), change(column)),
+            None => {
+                let nearest = usize::from(piece.nearest);
+                farther(to(places[nearest]), 0.5 * spacing + change(nearest))
+            }
+        }
 }
 
 fn squared(a: [f64; 2], b: [f64; 2]) -> f64 {

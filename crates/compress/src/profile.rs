@@ -221,4 +221,104 @@ impl Profile {
         }
         count.max(1)
     }
+
+    /// The profile written in one way: settings that make no difference are at their defaults, and what the method or a JND implies is stated. Profiles
+    /// with the same canonical form give the same images. It is for comparing; [`Profile::check`] may refuse it.
+    pub fn canonical(&self) -> Self {
+        let default = Self::default();
+        let is_fixed = !self.fixed.is_empty();
+        let fits = self.codebook.is_empty()
+            && self.codebook_learning.is_none()
+            && self.level_steps == LevelSteps::Fitted;
+        let force_fit = fits.then(|| self.force_fit());
+        let placement = (!is_fixed).then(|| self.placement());
+        let follows = placement == Some(Placement::Follow);
+        let mut canonical = Self {
+            method: default.method,
+            levels: self.level_count(),
+            jnd: None,
+            force_fit,
+            placement,
+            ..self.clone()
+        };
+        if force_fit != Some(ForceFit::Lloyd) {
+            canonical.force_iterations = default.force_iterations;
+        }
+        if placement != Some(Placement::Lloyd) {
+            canonical.actuator_iterations = default.actuator_iterations;
+        }
+        if !follows {
+            (canonical.history, canonical.jump_gain) = (default.history, default.jump_gain);
+            canonical.parts_apart = default.parts_apart;
+        }
+        if is_fixed {
+            canonical.force_weighted = default.force_weighted;
+        }
+        if self.level_steps == LevelSteps::Fitted {
+            (canonical.force_min, canonical.force_max) = (None, None);
+        }
+        canonical
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn profile(text: &str) -> Profile {
+        let profile: Profile = toml::from_str(text).expect(text);
+        profile.check().expect(text);
+        profile
+    }
+
+    #[test]
+    fn profiles_that_mean_the_same_have_one_canonical_form() {
+        for (a, b, same) in [
+            (
+                "",
+                "method = 'optimal'\nforce_fit = 'exact'\nplacement = 'follow'",
+                true,
+            ),
+            ("force_iterations = 3\nactuator_iterations = 4", "", true),
+            (
+                "method = 'paper'\nforce_fit = 'exact'\nplacement = 'follow'",
+                "",
+                true,
+            ),
+            (
+                "method = 'paper'\njump_gain = 0.5\nhistory = 1.0\nparts_apart = true",
+                "method = 'paper'",
+                true,
+            ),
+            ("jnd = 0.5\nforce_min = 1.0\nforce_max = 3.0", "levels = 3", true),
+            (
+                "codebook = [1.0]\nforce_fit = 'lloyd'\nforce_iterations = 2",
+                "codebook = [1.0]",
+                true,
+            ),
+            (
+                "actuators = 1\nfixed = [[1.0, 2.0]]\njump_gain = 0.3",
+                "actuators = 1\nfixed = [[1.0, 2.0]]\nmethod = 'paper'\nforce_fit = 'exact'",
+                true,
+            ),
+            ("method = 'paper'", "", false),
+            ("jump_gain = 0.3", "", false),
+            (
+                "method = 'paper'\nforce_iterations = 3",
+                "method = 'paper'",
+                false,
+            ),
+            (
+                "level_steps = 'weber'\nforce_min = 1.0\nforce_max = 3.0",
+                "level_steps = 'weber'",
+                false,
+            ),
+        ] {
+            assert_eq!(
+                profile(a).canonical() == profile(b).canonical(),
+                same,
+                "{a:?} and {b:?}"
+            );
+        }
+    }
 }

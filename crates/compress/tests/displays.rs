@@ -107,6 +107,28 @@ fn regions_that_find_no_actuator_nearby_share_one() {
 }
 
 #[test]
+fn a_contact_half_way_between_fixed_actuators_stays_where_it_is_felt() {
+    let layout = Layout::grid(16, 16).expect("a grid that fits");
+    let profile = fixed(&[[2.0, 2.0], [12.0, 2.0]]);
+    let mut compressor = Compressor::new(profile, &layout).expect("a valid profile");
+    let mut image = compressor.new_image();
+    let mut felt_at = |contacts: &[[usize; 2]]| {
+        let mut frame = ForceFrame::new(256);
+        for [x, y] in contacts {
+            (frame.contact[y * 16 + x], frame.force[y * 16 + x]) = (true, 10.0);
+        }
+        compressor.compress(&frame, &mut image);
+        compressor.stages().actuator.to_vec()
+    };
+    let (half_way, at_first) = ([7, 2], [2, 2]);
+    assert_eq!(felt_at(&[half_way]), [0], "ties go to the first");
+    assert_eq!(felt_at(&[at_first, half_way]), [0, 1]);
+    assert_eq!(felt_at(&[half_way]), [1], "and stay where they are felt");
+    assert_eq!(felt_at(&[]), [] as [u16; 0]);
+    assert_eq!(felt_at(&[half_way]), [0], "unless let go");
+}
+
+#[test]
 fn fixed_actuators_are_painted_where_they_are() {
     let layout = grid(8, 8);
     let profile = fixed(&[[1.2, 0.9], [6.0, 6.0]]);

@@ -208,7 +208,7 @@ impl Sums {
     fn errors(mut self, sequence: &Sequence, method: &Method, in_mm: bool) -> Errors {
         let per_s = sequence.rate_hz() / self.frames.max(1) as f64;
         let bits = |values: u64| f64::from(values.max(1).next_power_of_two().trailing_zeros());
-        let per_actuator = bits(sequence.layout.len() as u64) + bits(u64::from(method.profile.levels));
+        let per_actuator = bits(sequence.layout.len() as u64) + bits(u64::from(method.profile.level_count()));
         let parts = self.cop_errors.len() as u64 + self.cop_missed;
         let [force_mean, force_p50, force_p95, force_max] = summary(&mut self.force_ratios);
         let [place_mean, _, place_p95, place_max] = summary(&mut self.place_ratios);
