@@ -66,7 +66,7 @@ impl Search {
         let wanted = clusters as f64;
         let mut few: Option<Found> = None;
         let mut many: Option<Found> = None;
-        let mut stride = 3;
+        let mut stride = 3u32;
         let mut penalty = self
             .guess(cost, clusters, hint)
             .or(hint)
@@ -185,8 +185,8 @@ impl Search {
 
     /// The next penalty to try after one that gave `found` clusters. With one cluster too few or too many, just beyond what would give one
     /// more by a split, or one less by a merger; else by the law that `c(k)` falls as `1 / k^2`.
-    fn next_penalty<C: Cost>(&self, cost: &C, found: &Found, clusters: usize, stride: i32) -> f64 {
-        let by_law = found.penalty * (found.clusters as f64 / clusters as f64).powi(stride);
+    fn next_penalty<C: Cost>(&self, cost: &C, found: &Found, clusters: usize, stride: u32) -> f64 {
+        let by_law = found.penalty * power(found.clusters as f64 / clusters as f64, stride);
         if stride > 6 || found.clusters.abs_diff(clusters) != 1 {
             return by_law;
         }
@@ -221,6 +221,11 @@ impl Search {
         self.starts.extend_from_slice(&self.few[..=t]);
         self.starts.extend_from_slice(&self.many[t + ahead + 1..]);
     }
+}
+
+/// `x^n`, multiplied one by one: what `powi` gives may differ from one platform to the next.
+fn power(x: f64, n: u32) -> f64 {
+    (0..n).fold(1.0, |product, _| product * x)
 }
 
 /// How many rows a pass treats together: short clusters are scanned row by row, long ones by halving. The longer clusters are, the more

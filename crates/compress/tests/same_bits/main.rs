@@ -1,0 +1,195 @@
+//! Images are the same to the bit wherever they are made: whatever the platform, the optimisation and the width of the machine's vectors.
+//!
+//! What is compressed is hashed and compared with numbers that were found once. `tests/widths/run` runs this built for every vector width that the
+//! machine has. After a deliberate change of results, take the new numbers from the message.
+
+// The recordings' other test uses more of it.
+#[allow(dead_code)]
+#[path = "../recordings/hands.rs"]
+mod hands;
+
+use taxel_compress::{CodebookLearning, Compressor, LevelSteps, Method, Profile, TactileImage};
+use taxel_skin::{ForceFrame, Layout};
+
+/// Frames of a session that are hashed.
+const FRAMES: usize = 250;
+
+/// FNV-1a over bytes.
+struct Hash(u64);
+
+impl Hash {
+    fn add(&mut self, bytes: &[u8]) {
+        for byte in bytes {
+            self.0 = (self.0 ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3);
+        }
+    }
+
+    fn add_image(&mut self, image: &TactileImage) {
+        self.add(&image.pixels);
+        for level in &image.levels {
+            self.add(&level.to_bits().to_le_bytes());
+        }
+        for actuator in &image.actuators {
+            for number in [actuator.id, actuator.x, actuator.y, actuator.level] {
+                self.add(&number.to_le_bytes());
+            }
+            self.add(&actuator.force.to_bits().to_le_bytes());
+        }
+    }
+}
+
+fn hash<'a>(profile: &Profile, layout: &Layout, frames: impl Iterator<Item = &'a ForceFrame>) -> u64 {
+    let mut compressor = Compressor::new(profile.clone(), layout).expect("a valid profile");
+    let mut image = compressor.new_image();
+    let mut hash = Hash(0xcbf2_9ce4_8422_2325);
+    for frame in frames {
+        compressor.compress(frame, &mut image);
+        hash.add_image(&image);
+    }
+    hash.0
+}
+
+/// Random contacts that come, stay and go, of forces with few digits and with many, made with operations that every platform rounds alike.
+fn made_up() -> Vec<ForceFrame> {
+    let mut state = 9u64;
+    let mut random = move || {
+        state = state
+            .wrapping_mul(6364136223846793005)
+            .wrapping_add(1442695040888963407);
+        state >> 33
+    };
+    let mut frame = ForceFrame::new(256);
+    (0..400)
+        .map(|t| {
+            // Held still for a while, then changed a little, much, or altogether.
+            let changes = [0, 0, 0, 0, 3, 0, 0, 20, 0, 200][t / 2 % 10];
+            for _ in 0..changes {
+                let n = (random() % 256) as usize;
+                frame.contact[n] = random() % 4 > 0;
+            }
+            for n in 0..256 {
+                let noise = random() as f64 / (1u64 << 31) as f64;
+                frame.force[n] = match t / 40 % 3 {
+                    0 => 50.0 + 500.0 * (1.0 / (1.0 - 0.99 * noise) - 1.0),
+                    1 => 1.0 + (random() % 40) as f64,
+                    _ => 60_000.0 + noise,
+                };
+            }
+            frame.clone()
+        })
+        .collect()
+}
+
+fn profiles() -> Vec<(&'static str, Profile)> {
+    let default = Profile::default;
+    let places = (0..16).map(|n| [f64::from(n % 4) * 4.0 + 1.5, f64::from(n / 4) * 4.0 + 1.5]);
+    vec![
+        (
+            "paper",
+            Profile {
+                method: Method::Paper,
+                ..default()
+            },
+        ),
+        ("optimal", default()),
+        (
+            "3 levels, 5 actuators",
+            Profile {
+                levels: 3,
+                actuators: 5,
+                ..default()
+            },
+        ),
+        (
+            "32 levels, 40 actuators",
+            Profile {
+                levels: 32,
+                actuators: 40,
+                ..default()
+            },
+        ),
+        (
+            "weighted, with history",
+            Profile {
+                force_weighted: true,
+                history: 0.3,
+                ..default()
+            },
+        ),
+        (
+            "hysteresis",
+            Profile {
+                level_hysteresis: 0.2,
+                ..default()
+            },
+        ),
+        (
+            "fixed",
+            Profile {
+                fixed: places.collect(),
+                ..default()
+            },
+        ),
+        (
+            "weber",
+            Profile {
+                level_steps: LevelSteps::Weber,
+                force_min: Some(1.0),
+                force_max: Some(3000.0),
+                ..default()
+            },
+        ),
+        (
+            "learned",
+            Profile {
+                codebook_learning: Some(CodebookLearning { forgetting: 0.01 }),
+                ..default()
+            },
+        ),
+    ]
+}
+
+#[test]
+fn made_up_frames_give_the_same_bits_everywhere() {
+    let layout = Layout::grid(16, 16).expect("a grid that fits");
+    let frames = made_up();
+    let got: Vec<(&str, u64)> = (profiles().iter())
+        .map(|(name, profile)| (*name, hash(profile, &layout, frames.iter())))
+        .collect();
+    let want = [
+        ("paper", 0x912c_ecc7_8a8a_6644),
+        ("optimal", 0xd77e_50d3_9b22_f4ee),
+        ("3 levels, 5 actuators", 0xbecb_12d9_e0bb_bb7d),
+        ("32 levels, 40 actuators", 0x236a_c3bb_34b9_ca67),
+        ("weighted, with history", 0x7a74_7888_3b74_9c04),
+        ("hysteresis", 0x3f57_d749_ede4_3bba),
+        ("fixed", 0xeee7_a1de_98b1_66ea),
+        ("weber", 0xf244_2d77_35e4_835d),
+        ("learned", 0x0bd2_41d7_6323_959b),
+    ];
+    assert!(got == want, "got {got:#x?}");
+}
+
+#[test]
+fn recorded_frames_give_the_same_bits_everywhere() {
+    // Not the made-up session among them, which needs sines: platforms round these differently.
+    let want = [
+        ("Waseda, shifted in time", 0x8e61_b027_bb2b_bb79),
+        ("pick and move", 0x7063_db46_87b4_a11b),
+        ("Schunk, 6 arrays, idle + 10", 0x757b_7202_c914_ed51),
+    ];
+    let sessions = hands::sessions();
+    let mut wrong = Vec::new();
+    for (name, want) in want {
+        let Some(session) = sessions.iter().find(|session| session.name == name) else {
+            println!("SKIPPED: {name}: not on this machine");
+            continue;
+        };
+        let frames = session.sequences.iter().flatten().take(FRAMES);
+        let got = hash(&Profile::default(), &session.layout, frames);
+        if got != want {
+            wrong.push(format!("{name}: {got:#x}"));
+        }
+    }
+    assert!(wrong.is_empty(), "got {wrong:?}");
+}
