@@ -140,6 +140,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             methods.truncate(2);
             for method in &mut methods {
                 (method.profile.levels, method.profile.actuators) = (size, size);
+                method.profile.jnd = None;
             }
             output.sweep.push(args.report(&frames, &methods)?.0);
         }
@@ -233,10 +234,10 @@ impl Args {
     fn report(&self, frames: &Frames, methods: &[Method]) -> anyhow::Result<(EvalReport, References)> {
         let sequence = &frames.sequence;
         let profile = &methods.first().context("no method to judge")?.profile;
-        let (levels, actuators) = (profile.levels, profile.actuators);
+        let (levels, actuators) = (profile.level_count(), profile.actuators);
         if let Some(other) = methods
             .iter()
-            .find(|m| (m.profile.levels, m.profile.actuators) != (levels, actuators))
+            .find(|m| (m.profile.level_count(), m.profile.actuators) != (levels, actuators))
         {
             bail!(
                 "`{}`: every method has the same levels and actuators here; give them with --levels and --actuators",
@@ -277,6 +278,7 @@ impl Args {
             actuators,
             raw_bits_per_s: sequence.rate_hz() * sequence.layout.len() as f64 * words * 16.0,
             restarts: self.restarts,
+            jump_bound_fraction: references.jump_bound,
             passes,
             conditioning_timed: sequence.conditioning.is_some(),
             contact_truth: frames.truth,

@@ -32,6 +32,10 @@ pub(crate) struct OfflineArgs {
     /// Magnitudes only: a taxel is in contact above this [default: 0]
     #[arg(long, value_name = "FORCE")]
     threshold: Option<f64>,
+    /// Magnitudes only: a taxel in contact stays in contact down to this, so that one at the threshold does not
+    /// flicker [default: the threshold]
+    #[arg(long, value_name = "FORCE")]
+    release: Option<f64>,
     /// Candump only: an interface of the log and the bus of the layout that it is, such as vcan0=can0; the
     /// bus of an Allegro hand is called joints
     #[arg(long, value_name = "NAME=BUS", value_parser = pair)]
@@ -93,6 +97,11 @@ impl OfflineArgs {
                 "--threshold {threshold} is for magnitudes; counts have their threshold measured in calibration"
             );
         }
+        if let Some(release) = self.release.filter(|_| !magnitudes) {
+            bail!(
+                "--release {release} is for magnitudes; counts have conditioning.threshold_release in a file for --config"
+            );
+        }
         if !matches!(input, Input::Log(_)) && !self.interface.is_empty() {
             bail!(
                 "--interface is for candump logs; {} has no interfaces",
@@ -152,6 +161,10 @@ impl OfflineArgs {
         if !(threshold.is_finite() && threshold >= 0.0) {
             bail!("--threshold {threshold} is no force; it is a number from 0 on");
         }
+        let release = self.release.unwrap_or(threshold);
+        if !(0.0..=threshold).contains(&release) {
+            bail!("--release {release} is not within 0 and --threshold {threshold}");
+        }
         let mut compressor = Compressor::new(config.profile.clone(), layout)?;
         let mut image = compressor.new_image();
         let mut force = ForceFrame::new(taxels);
@@ -164,7 +177,7 @@ impl OfflineArgs {
             for ((magnitude, force), contact) in
                 magnitudes.iter().zip(&mut force.force).zip(&mut force.contact)
             {
-                *contact = *magnitude > threshold;
+                *contact = *magnitude > if *contact { release } else { threshold };
                 *force = magnitude.max(0.0);
             }
             compressor.compress(&force, &mut image);

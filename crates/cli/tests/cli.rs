@@ -372,6 +372,38 @@ fn magnitudes_are_contacts_above_the_threshold() {
 }
 
 #[test]
+fn a_magnitude_in_contact_stays_so_down_to_the_release() {
+    let dir = TempDir::new().unwrap();
+    let mut frames = Array3::<f32>::zeros((5, 2, 2));
+    for (t, force) in [21.0, 15.0, 10.0, 15.0, 21.0].into_iter().enumerate() {
+        frames[[t, 0, 0]] = force;
+    }
+    ndarray_npy::write_npy(dir.path().join("grid.npy"), &frames).unwrap();
+    let compress = ["compress", "grid.npy", "--threshold", "20", "--out", "grid.jsonl"];
+    for (release, want) in [
+        (None, [1, 0, 0, 0, 1]),
+        (Some("10"), [1, 1, 0, 0, 1]),
+        (Some("20"), [1, 0, 0, 0, 1]),
+    ] {
+        let more: Vec<&str> = release.into_iter().flat_map(|r| ["--release", r]).collect();
+        succeeds(&dir, &[&compress[..], &more].concat());
+        let text = std::fs::read_to_string(dir.path().join("grid.jsonl")).unwrap();
+        let contacts = |line: &str| {
+            serde_json::from_str::<Value>(line).unwrap()["contacts"]
+                .as_u64()
+                .unwrap()
+        };
+        assert_eq!(
+            text.lines().map(contacts).collect::<Vec<_>>(),
+            want,
+            "{release:?}"
+        );
+    }
+    let err = fails(&dir, &[&compress[..], &["--release", "30"]].concat(), 1);
+    assert!(err.contains("--release 30"), "{err}");
+}
+
+#[test]
 fn a_learned_codebook_is_a_configuration() {
     let dir = TempDir::new().unwrap();
     succeeds(

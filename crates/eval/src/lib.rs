@@ -9,6 +9,7 @@ mod best_places;
 mod contact_truth;
 mod cost;
 mod judge;
+mod jump_bound;
 mod method;
 mod pressure;
 mod quantile;

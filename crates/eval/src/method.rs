@@ -112,6 +112,7 @@ pub fn standard_methods(base: &Profile) -> Result<Vec<Method>, MethodError> {
         "optimal parts_apart=true",
         "optimal level_hysteresis=0.2",
         "optimal actuator_force=mean",
+        "optimal codebook_learning={forgetting=0.001}",
     ]
     .into_iter()
     .map(|text| Method::parse(text, base))

@@ -28,6 +28,9 @@ pub struct EvalReport {
     pub raw_bits_per_s: f64,
     /// k-means++ runs per frame that the position ratio is against.
     pub restarts: u32,
+    /// Share of the actuators that must jump, whatever the method, if no frame's position error is more than 1.08 times the best known: a lower
+    /// bound, from the contacts alone.
+    pub jump_bound_fraction: f64,
     /// Passes that times are medians of.
     pub passes: usize,
     /// Whether a tick includes conditioning: not where the recording holds magnitudes.

@@ -2,6 +2,8 @@
 
 use crate::best_levels::least_level_error;
 use crate::best_places::least_place_error;
+use crate::jump_bound::unavoidable_jumps;
+use crate::tally::share;
 use std::collections::HashMap;
 use taxel_compress::{Compressor, Profile, ProfileError};
 use taxel_skin::{ConditionConfig, ForceFrame, Layout, TactileFrame};
@@ -63,6 +65,9 @@ pub struct References {
     pub levels: u16,
     /// `K_A`.
     pub actuators: u16,
+    /// Share of the actuators that must jump between consecutive frames with contacts, whatever the method, if no frame's position error is more than
+    /// 1.08 times the best known: a lower bound.
+    pub jump_bound: f64,
 }
 
 impl References {
@@ -89,7 +94,8 @@ impl References {
         let mut image = compressor.new_image();
         // Hands at rest and hands pressed all over have the same contacts frame after frame.
         let mut known: HashMap<Vec<[u16; 2]>, f64> = HashMap::new();
-        let mut frames = Vec::with_capacity(sequence.len());
+        let mut frames: Vec<Reference> = Vec::with_capacity(sequence.len());
+        let (mut jumps, mut kept) = (0, 0);
         for frame in &sequence.force {
             compressor.compress(frame, &mut image);
             let stages = compressor.stages();
@@ -98,6 +104,17 @@ impl References {
             let place_error = *known
                 .entry(pixel.clone())
                 .or_insert_with(|| least_place_error(&pixel, usize::from(actuators), restarts));
+            if let Some(before) = frames.last().filter(|f| !f.pixel.is_empty())
+                && !pixel.is_empty()
+            {
+                let most = usize::from(actuators);
+                let before = (&before.pixel[..], before.place_error);
+                // No more ids than that can be in both images.
+                kept += most.min(before.0.len()).min(pixel.len()) as u64;
+                if before.0 != &pixel[..] {
+                    jumps += unavoidable_jumps(before, (&pixel, place_error), most, restarts);
+                }
+            }
             frames.push(Reference {
                 level_error: least_level_error(&force, usize::from(levels)),
                 place_error,
@@ -110,6 +127,7 @@ impl References {
             frames,
             levels,
             actuators,
+            jump_bound: share(jumps, kept),
         })
     }
 

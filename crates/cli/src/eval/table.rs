@@ -130,6 +130,14 @@ pub(super) fn human(report: &EvalReport) -> String {
         },
         report.raw_bits_per_s / 1e3,
     );
+    if report.jump_bound_fraction > 0.0 {
+        let _ = writeln!(
+            text,
+            "Contacts come and go so far apart that at least {} of the actuators jump whatever the method, if place is to stay \
+             within 1.08 in every frame.",
+            percent(report.jump_bound_fraction)
+        );
+    }
     if let Some(t) = &report.contact_truth {
         let _ = writeln!(
             text,
