@@ -6,7 +6,7 @@ use proptest::prelude::*;
 use std::sync::LazyLock;
 use taxel_can::CanFrame;
 use taxel_skin::{
-    BoardSupervisor, BoardsConfig, Decoded, Decoder, Discovery, Layout, MAX_READINGS, Readings,
+    BoardSupervisor, BoardsConfig, Decoded, Decoder, Discovery, Layout, MAX_READINGS, Readings, TrafficWatch,
 };
 
 #[global_allocator]
@@ -65,11 +65,15 @@ proptest! {
         for layout in LAYOUTS.iter() {
             let mut decoder = Decoder::new(layout, 0);
             let mut readings = Readings::new();
+            let mut watch = TrafficWatch::new(layout);
             let (mut t_ns, mut most, mut wrong) = (0, 0, 0);
             let ((), allocations) = taxel_allocations::during(|| {
                 for (frame, step_ns) in &frames {
                     t_ns += step_ns;
+                    watch.advance(t_ns);
+                    watch.frame(0, frame);
                     let decoded = decoder.decode_at(t_ns, frame, &mut readings);
+                    readings.iter().for_each(|reading| watch.reading(reading));
                     wrong += (decoded != Decoded::Readings && !readings.is_empty()) as u32;
                     wrong += readings.iter().filter(|r| r.taxel as usize >= layout.len()).count() as u32;
                     most = most.max(readings.len());
@@ -132,4 +136,31 @@ proptest! {
             BoardSupervisor::new(&layout, &BoardsConfig::default());
         }
     }
+}
+
+#[test]
+fn findings_come_and_go_without_memory() {
+    let layout = Layout::builtin("allegro-uskin-15").unwrap();
+    let mut watch = TrafficWatch::new(&layout);
+    let protocol = taxel_skin::Protocol::UskinL2;
+    let mut most = 0;
+    let ((), allocations) = taxel_allocations::during(|| {
+        for second in 0..6u64 {
+            for n in 0..2_000u64 {
+                let t_ns = second * 1_000_000_000 + n * 500_000;
+                watch.advance(t_ns);
+                // Every other second: both buses babble, and every address is on both.
+                if second % 2 == 0 {
+                    for bus in 0..2 {
+                        watch.frame(bus, &CanFrame::standard(5, &[0; 8]).unwrap());
+                        let (board, k) = ((n % 8) as u8, (n / 8 % 16) as u8);
+                        watch.frame(bus, &protocol.frame(board, k, [0; 3], 0).unwrap());
+                    }
+                }
+                most = most.max(watch.findings().len());
+            }
+        }
+    });
+    assert_eq!((allocations, watch.findings().len()), (0, 0));
+    assert!(most >= 3, "{most}");
 }

@@ -158,7 +158,8 @@ pub(super) fn judge(look: &Look<'_>, index: usize, flapped: bool, found: &mut Ve
         );
     }
     let unsent = since(source.send_failures, before.send_failures);
-    if unsent > 0 && source.bus_state != BusState::BusOff {
+    // Off the bus, the queue fills of course.
+    if unsent > 0 && ![source.bus_state, before.bus_state].contains(&BusState::BusOff) {
         tell(
             "cannot-send",
             false,

@@ -6,10 +6,15 @@
 //! and goes within half a second and a window.
 
 mod alternation;
+mod finding;
+mod stray;
 mod tally;
+
+pub use finding::{BusLoad, Finding};
 
 use crate::{Layout, Protocol, TaxelReading};
 use alternation::Alternation;
+use stray::{Pair, Stray, ids_of, pairs, strays};
 use tally::Tally;
 use taxel_can::CanFrame;
 
@@ -29,79 +34,6 @@ const BOARD_TIMES: f64 = 3.0;
 const TWO_BOARDS_TIMES: f64 = 1.4;
 /// Share of readings that swing, from which a board's values are those of two boards.
 const SWINGING: f64 = 0.5;
-
-/// Something that is wrong on a bus. Rates and shares are of the newest window.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Finding {
-    /// One identifier takes so much of a bus that those behind it starve: a node babbles.
-    IdBabbles {
-        /// Index of the bus in [`Layout::buses`].
-        bus: u8,
-        /// The identifier.
-        id: u32,
-        /// Whether it has 29 bits.
-        extended: bool,
-        /// Module (index) whose board the identifier belongs to; `None` for a node that is not of the hand.
-        module: Option<u16>,
-        /// Frames per second.
-        rate_hz: f64,
-        /// Share of a bus of 1 Mbit/s, 0 to 1, stuff bits not counted.
-        share: f64,
-    },
-    /// A board sends its sweeps far more often than its like, and fills the bus.
-    BoardBabbles {
-        /// Its module (index).
-        module: u16,
-        /// Frames per second.
-        rate_hz: f64,
-        /// Share of a bus of 1 Mbit/s, 0 to 1, stuff bits not counted.
-        share: f64,
-        /// Sweeps per second of the board, and of its like.
-        sweeps_hz: [f64; 2],
-    },
-    /// Two boards answer under one address: its taxels come twice as often as they should and alternate between two
-    /// values.
-    TwoBoards {
-        /// The module (index) whose address it is.
-        module: u16,
-        /// Sweeps per second under that address, and what a board sends.
-        sweeps_hz: [f64; 2],
-    },
-    /// A board speaks on another bus than the layout says, and not on its own.
-    OnOtherBus {
-        /// Its module (index).
-        module: u16,
-        /// The bus (index) it speaks on.
-        bus: u8,
-    },
-    /// Every board that tells two buses apart speaks on the other one of them.
-    BusesSwapped {
-        /// The buses (indices), the lower first.
-        buses: [u8; 2],
-        /// Of the boards that are on the other bus, the first one's module (index).
-        module: u16,
-        /// How many such boards there are. One may as well be a single board on the wrong bus.
-        boards: u16,
-    },
-    /// A board speaks under an address that the layout does not have on this bus, nor on another one that lacks it.
-    NotInLayout {
-        /// The bus (index).
-        bus: u8,
-        /// The protocol it speaks.
-        protocol: Protocol,
-        /// Its address.
-        address: u8,
-    },
-}
-
-/// How much a bus carried in the newest window.
-#[derive(Debug, Default, Clone, Copy, PartialEq)]
-pub struct BusLoad {
-    /// Data and remote frames per second.
-    pub frames_hz: f64,
-    /// Share of a bus of 1 Mbit/s, 0 to 1, stuff bits not counted.
-    pub share: f64,
-}
 
 /// Watches the traffic of all buses of a hand. Its memory is allocated once; a frame and a reading take constant time.
 ///
@@ -138,6 +70,8 @@ struct Bus {
     tally: Tally,
     /// Module of each standard id, `u16::MAX` for none.
     owners: Box<[u16; 0x800]>,
+    /// Whether each standard id is a module's, a stray's, or a command.
+    familiar: Box<[bool; 0x800]>,
     /// Whether a node that is nothing like the hand's ever spoke.
     strangers: bool,
     load: BusLoad,
@@ -164,25 +98,6 @@ struct Module {
 struct Taxel {
     module: u16,
     alternation: Alternation,
-}
-
-/// An address that the layout does not have on this bus.
-#[derive(Debug, Clone)]
-struct Stray {
-    bus: u8,
-    protocol: Protocol,
-    address: u8,
-    ids: Vec<u16>,
-    /// The module that has this address, on another bus.
-    module: Option<u16>,
-    speaks: Held<()>,
-}
-
-/// Two buses that could be swapped, and the strays on either that are boards of the other.
-#[derive(Debug, Clone)]
-struct Pair {
-    buses: [u8; 2],
-    strays: Vec<usize>,
 }
 
 /// A condition that has to hold, or not to hold, twice in a row.
@@ -234,6 +149,16 @@ impl TrafficWatch {
             });
         }
         let strays = strays(layout, &buses);
+        for bus in &mut buses {
+            for (familiar, owner) in bus.familiar.iter_mut().zip(bus.owners.iter()) {
+                *familiar |= *owner != NOBODY;
+            }
+        }
+        for stray in &strays {
+            for id in &stray.ids {
+                buses[usize::from(stray.bus)].familiar[usize::from(*id)] = true;
+            }
+        }
         let pairs = pairs(layout, &strays);
         let most = buses.len() + 2 * modules.len() + strays.len() + pairs.len();
         let taxels = layout.taxels.iter().map(|t| Taxel {
@@ -323,8 +248,13 @@ impl TrafficWatch {
             module.sweeps_hz = per_second(sweeps);
         }
         self.look_for_babblers();
-        for module in 0..self.modules.len() {
-            self.look_at_sweeps(module);
+        for protocol in Protocol::BOARDS {
+            let usual_hz = self.usual_hz(protocol, None);
+            for module in 0..self.modules.len() {
+                if self.modules[module].protocol == protocol {
+                    self.look_at_sweeps(module, usual_hz);
+                }
+            }
         }
         self.look_for_strays();
         self.look_for_strangers();
@@ -366,15 +296,31 @@ impl TrafficWatch {
         }
     }
 
-    /// Whether a module's board sends too much, or more than one board does.
-    fn look_at_sweeps(&mut self, index: usize) {
-        let module = &self.modules[index];
+    /// Sweeps per second of the living boards of a protocol: the median, and how many boards there are.
+    fn usual_hz(&mut self, protocol: Protocol, but: Option<usize>) -> (Option<f64>, usize) {
         let like = (self.modules.iter().enumerate())
-            .filter(|(i, m)| *i != index && m.protocol == module.protocol && m.sweeps_hz > 0.0)
+            .filter(|(i, m)| Some(*i) != but && m.protocol == protocol && m.sweeps_hz > 0.0)
             .map(|(_, m)| m.sweeps_hz);
-        let usual_hz = median(&mut self.rates, like).or(module.usual_hz);
+        let median = median(&mut self.rates, like);
+        (median, self.rates.len())
+    }
+
+    /// Whether a module's board sends too much, or more than one board does. `usual` is the rate of all like it, and how
+    /// many these are: among few it would be a part of its own measure.
+    fn look_at_sweeps(&mut self, index: usize, usual: (Option<f64>, usize)) {
+        const FEW: usize = 8;
+        let (all_hz, boards) = usual;
+        let others_hz = if boards < FEW && self.modules[index].sweeps_hz > 0.0 {
+            self.usual_hz(self.modules[index].protocol, Some(index)).0
+        } else {
+            all_hz
+        };
+        let usual_hz = others_hz.or(self.modules[index].usual_hz);
         let module = &mut self.modules[index];
-        let bus = &self.buses[usize::from(module.bus)];
+        let Some(bus) = self.buses.get(usize::from(module.bus)) else {
+            // The modules of an array in a file are on no bus.
+            return;
+        };
         let own = (module.ids.iter()).fold((0, 0), |(frames, bits), id| {
             let of = bus.tally.ids[usize::from(*id)];
             (frames + of.frames, bits + of.bits)
@@ -412,18 +358,11 @@ impl TrafficWatch {
 
     /// What is no board's, by its id: extended ones, and those that are neither a module's nor a stray's nor a command.
     fn look_for_strangers(&mut self) {
-        for (index, bus) in (0u8..).zip(&mut self.buses) {
-            if bus.strangers || bus.tally.all.frames == 0 {
-                continue;
-            }
-            let known = |id: u16| {
-                let mut strays = self.strays.iter().filter(|s| s.bus == index);
-                let command = matches!(id >> 4, 0x20 | 0x70);
-                command || bus.owners[usize::from(id)] != NOBODY || strays.any(|s| s.ids.contains(&id))
-            };
-            let heard = |id: &u16| bus.tally.ids[usize::from(*id)].frames > 0;
+        for bus in self.buses.iter_mut().filter(|bus| !bus.strangers) {
             let standard: u32 = bus.tally.ids.iter().map(|of| of.frames).sum();
-            bus.strangers = standard < bus.tally.all.frames || (0..0x800).filter(heard).any(|id| !known(id));
+            let mut ids = bus.tally.ids.iter().zip(bus.familiar.iter());
+            bus.strangers =
+                standard < bus.tally.all.frames || ids.any(|(of, familiar)| of.frames > 0 && !familiar);
         }
     }
 
@@ -489,78 +428,12 @@ impl Bus {
         Self {
             tally: Tally::new(),
             owners: Box::new([NOBODY; 0x800]),
+            familiar: Box::new(std::array::from_fn(|id| matches!(id >> 4, 0x20 | 0x70))),
             strangers: false,
             load: BusLoad::default(),
             babbles: Held::default(),
         }
     }
-}
-
-/// The standard ids of a board's frames.
-fn ids_of(protocol: Protocol, address: u8, taxels: impl Iterator<Item = u8>) -> Vec<u16> {
-    let mut ids: Vec<u16> = taxels.filter_map(|k| protocol.frame_id(address, k)).collect();
-    ids.sort_unstable();
-    ids.dedup();
-    ids
-}
-
-/// Every address that a bus could have and does not, for the protocols of the hand that number their boards. A board is
-/// told by at least half of the ids that a module of its kind uses; addresses whose ids others on the bus use too cannot
-/// be told.
-fn strays(layout: &Layout, buses: &[Bus]) -> Vec<Stray> {
-    let mut strays: Vec<Stray> = Vec::new();
-    for (bus, traffic) in (0u8..).zip(buses) {
-        for like in &layout.modules {
-            let protocol = like.protocol;
-            if matches!(
-                protocol,
-                Protocol::Cyskin | Protocol::CpmFinger | Protocol::Offline
-            ) {
-                continue;
-            }
-            let first = usize::from(like.first_taxel);
-            let taxels = &layout.taxels[first..first + usize::from(like.taxels)];
-            for address in protocol.first_address()..protocol.addresses() {
-                let ids = ids_of(protocol, address, taxels.iter().map(|t| t.k));
-                let known = |id: &u16| traffic.owners[usize::from(*id)] != NOBODY;
-                let there = strays
-                    .iter()
-                    .any(|s| (s.bus, s.protocol, s.address) == (bus, protocol, address));
-                if there || ids.is_empty() || ids.iter().any(known) {
-                    continue;
-                }
-                let of_hand =
-                    |m: &&crate::Module| (m.protocol, m.board) == (protocol, address) && m.bus != bus;
-                let module = (0u16..).zip(&layout.modules).find(|(_, m)| of_hand(m));
-                strays.push(Stray {
-                    bus,
-                    protocol,
-                    address,
-                    ids,
-                    module: module.map(|(index, _)| index),
-                    speaks: Held::default(),
-                });
-            }
-        }
-    }
-    strays
-}
-
-fn pairs(layout: &Layout, strays: &[Stray]) -> Vec<Pair> {
-    let mut pairs: Vec<Pair> = Vec::new();
-    for (index, stray) in strays.iter().enumerate() {
-        let Some(module) = stray.module else { continue };
-        let own = layout.modules[usize::from(module)].bus;
-        let buses = [own.min(stray.bus), own.max(stray.bus)];
-        match pairs.iter_mut().find(|pair| pair.buses == buses) {
-            Some(pair) => pair.strays.push(index),
-            None => pairs.push(Pair {
-                buses,
-                strays: vec![index],
-            }),
-        }
-    }
-    pairs
 }
 
 /// Frames per second and share of a bus, of what came in a window.

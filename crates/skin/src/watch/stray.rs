@@ -1,0 +1,90 @@
+//! Addresses that the layout does not have on a bus: where boards on the wrong bus, or with a wrong address, would be.
+
+use super::{Bus, Held, NOBODY};
+use crate::{Layout, Protocol};
+
+/// An address that the layout does not have on this bus.
+#[derive(Debug, Clone)]
+pub(super) struct Stray {
+    pub(super) bus: u8,
+    pub(super) protocol: Protocol,
+    pub(super) address: u8,
+    pub(super) ids: Vec<u16>,
+    /// The module that has this address, on another bus.
+    pub(super) module: Option<u16>,
+    pub(super) speaks: Held<()>,
+}
+
+/// Two buses that could be swapped, and the strays on either that are boards of the other.
+#[derive(Debug, Clone)]
+pub(super) struct Pair {
+    pub(super) buses: [u8; 2],
+    pub(super) strays: Vec<usize>,
+}
+
+/// The standard ids of a board's frames.
+pub(super) fn ids_of(protocol: Protocol, address: u8, taxels: impl Iterator<Item = u8>) -> Vec<u16> {
+    let mut ids: Vec<u16> = taxels.filter_map(|k| protocol.frame_id(address, k)).collect();
+    ids.sort_unstable();
+    ids.dedup();
+    ids
+}
+
+/// Every address that a bus could have and does not, for the protocols of the hand that number their boards. A board is
+/// told by at least half of the ids that a module of its kind uses; addresses whose ids others on the bus use too cannot
+/// be told.
+pub(super) fn strays(layout: &Layout, buses: &[Bus]) -> Vec<Stray> {
+    let mut strays: Vec<Stray> = Vec::new();
+    for (bus, traffic) in (0u8..).zip(buses) {
+        for like in &layout.modules {
+            let protocol = like.protocol;
+            if matches!(
+                protocol,
+                Protocol::Cyskin | Protocol::CpmFinger | Protocol::Offline
+            ) {
+                continue;
+            }
+            let first = usize::from(like.first_taxel);
+            let taxels = &layout.taxels[first..first + usize::from(like.taxels)];
+            for address in protocol.first_address()..protocol.addresses() {
+                let ids = ids_of(protocol, address, taxels.iter().map(|t| t.k));
+                let known = |id: &u16| traffic.owners[usize::from(*id)] != NOBODY;
+                let there = strays
+                    .iter()
+                    .any(|s| (s.bus, s.protocol, s.address) == (bus, protocol, address));
+                if there || ids.is_empty() || ids.iter().any(known) {
+                    continue;
+                }
+                let of_hand =
+                    |m: &&crate::Module| (m.protocol, m.board) == (protocol, address) && m.bus != bus;
+                let module = (0u16..).zip(&layout.modules).find(|(_, m)| of_hand(m));
+                strays.push(Stray {
+                    bus,
+                    protocol,
+                    address,
+                    ids,
+                    module: module.map(|(index, _)| index),
+                    speaks: Held::default(),
+                });
+            }
+        }
+    }
+    strays
+}
+/// The buses that could be swapped.
+pub(super) fn pairs(layout: &Layout, strays: &[Stray]) -> Vec<Pair> {
+    let mut pairs: Vec<Pair> = Vec::new();
+    for (index, stray) in strays.iter().enumerate() {
+        let Some(module) = stray.module else { continue };
+        let own = layout.modules[usize::from(module)].bus;
+        let buses = [own.min(stray.bus), own.max(stray.bus)];
+        match pairs.iter_mut().find(|pair| pair.buses == buses) {
+            Some(pair) => pair.strays.push(index),
+            None => pairs.push(Pair {
+                buses,
+                strays: vec![index],
+            }),
+        }
+    }
+    pairs
+}
