@@ -1,7 +1,10 @@
 //! The fuzz targets on stable: regressions, seeds, and a fixed set of pseudo-random changes of them.
 
+use std::io::Write;
 use std::path::Path;
 use taxel_fuzz::TARGETS;
+use taxel_joints::protocol2::Encoder;
+use taxel_sim::{Scene, Simulator, with_stand_in_boards};
 use taxel_skin::{Layout, icub_triangle_data};
 
 /// SplitMix64.
@@ -27,6 +30,27 @@ fn raw(frames: &[(u32, Vec<u8>)]) -> Vec<u8> {
         bytes.push(data.len() as u8);
         bytes.extend(data);
     }
+    bytes
+}
+
+/// A msgpack map with these keys and encoded values.
+fn map(entries: &[(&str, &[u8])]) -> Vec<u8> {
+    let mut bytes = vec![0x80 | entries.len() as u8];
+    for (key, value) in entries {
+        bytes.push(0xA0 | key.len() as u8);
+        bytes.extend(key.bytes());
+        bytes.extend_from_slice(value);
+    }
+    bytes
+}
+
+/// An array file, version 1.0, with this in its header.
+fn npy(header: &str, data: &[u8]) -> Vec<u8> {
+    let header = format!("{{{header}}}\n");
+    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+    bytes.extend((header.len() as u16).to_le_bytes());
+    bytes.extend(header.bytes());
+    bytes.extend_from_slice(data);
     bytes
 }
 
@@ -57,6 +81,70 @@ fn seeds(target: &str) -> Vec<Vec<u8>> {
             packet.extend([4 | 8 << 3, 2, 12, 13, 14, 15, 16, 17, 18]);
             vec![packet]
         }
+        "python_can_datagram" => vec![
+            map(&[("arbitration_id", &[0xCD, 0x01, 0x23]), ("is_extended_id", &[0xC2]), ("data", &[0xC4, 2, 7, 0])]),
+            map(&[("arbitration_id", &[5]), ("is_remote_frame", &[0xC3]), ("dlc", &[8]), ("channel", &[0xC0])]),
+            map(&[("is_error_frame", &[0xC3]), ("arbitration_id", &[4]), ("dlc", &[3]), ("data", &[0x93, 1, 2, 3])]),
+            map(&[("x", &[0xDE, 0, 1, 0xA1, b'y', 0xDC, 0, 2, 1, 0xCB, 0, 0, 0, 0, 0, 0, 0, 0]), ("is_fd", &[0xC2])]),
+        ],
+        "subscribe_text" => vec![
+            b"{}".to_vec(),
+            br#"{"image":true,"raw":true,"status":false,"max_rate_hz":30.5,"region":["index","thumb"]}"#.to_vec(),
+            br#"{"profile":{"levels":8,"actuators":16,"method":"optimal"}}"#.to_vec(),
+            br#"{"event":"stopping","message":"bye"}"#.to_vec(),
+        ],
+        "recognise_frames" => Layout::builtin_names()
+            .map(|name| {
+                let layout = with_stand_in_boards(&Layout::builtin(name).expect("built in")).expect("boards");
+                let idle = Scene::builtin("idle").expect("built in");
+                let mut hand = Simulator::new(&idle, &layout, 1).expect("a hand");
+                hand.start_all();
+                let mut frames = Vec::new();
+                hand.advance(200_000_000, &mut frames);
+                let frames = frames.iter().filter(|(bus, _)| *bus == 0).take(150);
+                raw(&frames.map(|(_, r)| (r.frame.raw_id(), r.frame.data().to_vec())).collect::<Vec<_>>())
+            })
+            .collect(),
+        "dynamixel_stream" => {
+            let mut encoder = Encoder::with_capacity(64);
+            let mut stream = vec![0xF7];
+            stream.extend_from_slice(encoder.ping(1));
+            stream.extend_from_slice(encoder.status(1, 0, &[0xFF, 0xFF, 0xFD, 0, 6]).expect("a packet"));
+            stream.extend_from_slice(encoder.sync_read(126, 10, &[1, 2, 3]).expect("a packet"));
+            stream.extend_from_slice(encoder.fast_sync_read(126, 2, &[1, 2]).expect("a packet"));
+            vec![stream]
+        }
+        "allegro_frames" => vec![raw(&[
+            (0x3D3, vec![0, 128, 1, 128, 2, 128, 3, 128]),
+            (0x3D6, vec![0; 8]),
+            (0x080, vec![1; 8]),
+            (0x084, vec![1; 7]),
+            (0x3C4, vec![]),
+        ])],
+        "configuration" => vec![
+            b"[[bus]]\nsource = \"can:can0\"\n[[bus]]\nsource = \"udp:239.74.163.2:43113\"\n".to_vec(),
+            b"layout = \"icub-forearm\"\n[[bus]]\nsource = \"sim:roll\"\n[tick]\nmode = \"sweep\"\nrate_hz = 30.0\n\
+              [boards]\nmode = \"triggered\"\n[profile]\nlevels = 8\n[socket]\nimages = \"/run/x\"\n"
+                .to_vec(),
+        ],
+        "scene_file" => Scene::names()
+            .into_iter()
+            .filter_map(|name| Some(Scene::builtin_text(name)?.as_bytes().to_vec()))
+            .collect(),
+        "array_file" => {
+            let npy = npy("'descr': '<u2', 'fortran_order': False, 'shape': (2, 3, 3), ", &[1; 36]);
+            let mut zip = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
+            zip.start_file("a.npy", zip::write::SimpleFileOptions::default()).expect("a member");
+            zip.write_all(&npy).expect("memory");
+            let zip = zip.finish().expect("an archive").into_inner();
+            let magnitudes = self::npy("'descr': '>f4', 'fortran_order': True, 'shape': (3, 2), ", &[0; 24]);
+            vec![[&[0][..], &npy].concat(), [&[1][..], &zip].concat(), [&[2][..], &magnitudes].concat()]
+        }
+        "csv_file" => vec![
+            b"\x00time_s,a,b\n0.0,1,2\n0.1,3,4.5e3\n".to_vec(),
+            b"\x000F1B0X,0F1B0Y,0F1B0Z\n1,2,3\n".to_vec(),
+            b"\x0A5,1,2,3\n6,4,5,6\n".to_vec(),
+        ],
         "layout_file" => Layout::builtin_names()
             .filter_map(Layout::builtin_text)
             .flat_map(|text| [text.as_bytes().to_vec(), text.replace("#!", "").into_bytes()])
@@ -86,9 +174,21 @@ fn every_target_stands_its_regressions_seeds_and_their_changes() {
             run(&std::fs::read(file.path()).expect("a readable file"));
         }
         let seeds = seeds(target);
-        let rounds = if target == "layout_file" { 300 } else { 5_000 };
+        let rounds = match target {
+            "layout_file" | "configuration" | "recognise_frames" | "decoder_frames" => 300,
+            _ => 3_000,
+        };
         for seed in &seeds {
             run(seed);
+            // `fuzz/run` begins with these.
+            if let Some(corpus) = std::env::var_os("TAXEL_FUZZ_SEEDS") {
+                let folder = Path::new(&corpus).join(target);
+                std::fs::create_dir_all(&folder).expect("a folder for seeds");
+                let name = seed.iter().fold(seed.len() as u64, |h, b| {
+                    h.wrapping_mul(31).wrapping_add(u64::from(*b))
+                });
+                std::fs::write(folder.join(format!("seed-{name:016x}")), seed).expect("a file");
+            }
         }
         for _ in 0..rounds {
             let mut input = seeds[random.below(seeds.len())].clone();

@@ -30,6 +30,7 @@ pub use frame::{CanFrame, ERROR_FLAG, EXTENDED_FLAG, FrameError, REMOTE_FLAG};
 pub use log::{LogSource, Playback};
 pub use memory::{MemoryBus, MemorySource, memory_bus};
 pub use open::{OpenError, SourceOptions, open};
+pub use python_can::{Undecodable, decode as decode_python_can};
 pub use socketcan::{SocketCan, SocketCanOptions};
 pub use source::{BusState, CanSource, ErrorCauses, LinkState, Received, SendError, SourceCounters, Wakeup};
 pub use udp::{UdpMulticast, UdpOptions};

@@ -10,7 +10,7 @@ pub(crate) const LARGEST: usize = 192;
 
 /// Why a datagram is no classic CAN frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Undecodable {
+pub enum Undecodable {
     /// Not one complete msgpack map, or a key with a value of the wrong type.
     Malformed,
     /// The values contradict each other or are too large, by the rules of python-can's `Message`.
@@ -20,8 +20,8 @@ pub(crate) enum Undecodable {
 }
 
 /// Reads a datagram as python-can would: any subset of the keys in any order, with its defaults for the others.
-/// Other than python-can, unknown keys are skipped.
-pub(crate) fn decode(bytes: &[u8]) -> Result<CanFrame, Undecodable> {
+/// Other than python-can, unknown keys are skipped. [`crate::UdpMulticast`] does this with every datagram.
+pub fn decode(bytes: &[u8]) -> Result<CanFrame, Undecodable> {
     let mut input = Input { bytes };
     let mut id = 0;
     let mut is_extended = true;

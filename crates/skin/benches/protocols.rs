@@ -77,9 +77,10 @@ fn finger() -> (Layout, Vec<CanFrame>) {
     (layout, frames.to_vec())
 }
 
-#[divan::bench(args = ["uskin-l2", "uskin-l3", "icub-mtb3", "icub-mtb4", "cyskin sum", "cyskin crc8", "cpm-finger"])]
+#[divan::bench(args = ["uskin-l1", "uskin-l2", "uskin-l3", "icub-mtb3", "icub-mtb4", "cyskin sum", "cyskin crc8", "cpm-finger"])]
 fn decode(bencher: Bencher<'_, '_>, protocol: &str) {
     let (layout, sweep) = match protocol {
+        "uskin-l1" => uskin("uskin-module"),
         "uskin-l2" => uskin("allegro-uskin-15"),
         "uskin-l3" => uskin("allegro-xela-18"),
         "icub-mtb3" => icub("\"icub-mtb3\""),

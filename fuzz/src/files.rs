@@ -1,0 +1,108 @@
+//! Files that people write and programs leave behind.
+
+use std::path::Path;
+use taxel_record::{Columns, ReadOptions, Recording, TimeUnit};
+use taxel_sim::Scene;
+use taxel_skin::{Decoder, Layout};
+use taxeld::Config;
+
+/// The text of a layout file: a layout that can be used, or an error that can be printed.
+pub(crate) fn layout_file(data: &[u8]) {
+    let Ok(text) = std::str::from_utf8(data) else {
+        return;
+    };
+    match Layout::parse(text, "fuzz.toml") {
+        Ok(layout) => {
+            for bus in 0..layout.buses.len() {
+                Decoder::new(&layout, bus as u8);
+            }
+            for (n, taxel) in layout.taxels.iter().enumerate() {
+                assert_eq!(layout.taxel_at(taxel.x, taxel.y), Some(n));
+            }
+        }
+        Err(error) => assert!(error.to_string().starts_with("fuzz.toml:")),
+    }
+}
+
+/// The text of the daemon's configuration: one that is complete, or an error with a line. Layouts are looked for in an
+/// empty place.
+pub(crate) fn configuration(data: &[u8]) {
+    let Ok(text) = std::str::from_utf8(data) else {
+        return;
+    };
+    match Config::parse(text, Path::new("fuzz-has-no-such-folder/fuzz.toml")) {
+        Ok(config) => assert_eq!(config.sources.len(), config.layout.buses.len()),
+        Err(error) => assert!(error.to_string().contains("fuzz.toml"), "{error}"),
+    }
+}
+
+/// The text of a scene: one with a length, or an error with a line.
+pub(crate) fn scene_file(data: &[u8]) {
+    let Ok(text) = std::str::from_utf8(data) else {
+        return;
+    };
+    match Scene::parse(text, "fuzz.toml") {
+        Ok(scene) => assert!(scene.length_ns() > 0),
+        Err(error) => assert!(error.to_string().starts_with("fuzz.toml:"), "{error}"),
+    }
+}
+
+/// The first byte says whether the rest is a `.npy` or a `.npz`, and what its columns are.
+pub(crate) fn array_file(data: &[u8]) {
+    let Some((choice, bytes)) = data.split_first() else {
+        return;
+    };
+    let options = ReadOptions {
+        columns: columns(*choice),
+        ..ReadOptions::default()
+    };
+    check_recording(if choice & 1 == 0 { "npy" } else { "npz" }, bytes, &options);
+}
+
+/// The first byte says what the columns of the `.csv` are.
+pub(crate) fn csv_file(data: &[u8]) {
+    let Some((choice, bytes)) = data.split_first() else {
+        return;
+    };
+    let options = ReadOptions {
+        columns: columns(*choice),
+        time_column: (choice & 8 != 0).then_some(TimeUnit::Ms),
+        ..ReadOptions::default()
+    };
+    check_recording("csv", bytes, &options);
+}
+
+fn columns(choice: u8) -> Option<Columns> {
+    match choice >> 1 & 3 {
+        1 => Some(Columns::XyzInterleaved),
+        2 => Some(Columns::XyzBlocks),
+        _ => None,
+    }
+}
+
+/// A recording whose every frame is as large as it says, or an error that can be printed.
+fn check_recording(extension: &str, bytes: &[u8], options: &ReadOptions) {
+    // The readers take paths. A file in memory, one for each process.
+    let folder = if Path::new("/dev/shm").is_dir() {
+        "/dev/shm".into()
+    } else {
+        std::env::temp_dir()
+    };
+    let path = folder.join(format!("taxel-fuzz-{}.{extension}", std::process::id()));
+    std::fs::write(&path, bytes).expect("a place for files");
+    let read = Recording::open(&path, options);
+    std::fs::remove_file(&path).expect("the file is there");
+    match read {
+        Ok(recording) => {
+            assert!(!recording.is_empty() && recording.taxels() > 0);
+            let last = recording.len() - 1;
+            for frame in [0, last] {
+                let magnitudes = recording.magnitudes(frame).map(<[f64]>::len);
+                let counts = recording.counts(frame).map(<[_]>::len);
+                assert_eq!(magnitudes.or(counts), Some(recording.taxels()));
+            }
+            assert!(recording.t_ns(0) <= recording.t_ns(last));
+        }
+        Err(error) => assert!(!error.to_string().is_empty()),
+    }
+}
