@@ -123,9 +123,9 @@ fn nothing_lost(layout: &Layout, pipeline: &Pipeline) {
             (0, 0, 0, 0),
             "{case}"
         );
-        // Sweeps of boards on a full bus may overlap by a frame or two.
+        // Settling may end within a sweep, and sweeps of boards on a full bus overlap by a frame or two.
         let out_of_order = c.missed + c.late;
-        assert!(out_of_order <= c.used / 500, "{case}");
+        assert!(out_of_order <= c.used / 500 + u64::from(module.taxels), "{case}");
     }
 }
 
@@ -164,4 +164,65 @@ fn every_built_in_hand_feels_what_touches_it() {
         assert!(recall >= least_recall, "{name}: recall {recall}, {felt:?}");
         assert!(precision >= 0.999, "{name}: precision {precision}, {felt:?}");
     }
+}
+
+/// 1,000 modules of four protocols on 82 buses, 6,160 taxels.
+fn thousand_modules() -> Layout {
+    let buses: Vec<String> = (0..82).map(|i| format!("\"can{i}\"")).collect();
+    let mut text = format!(
+        "name = \"thousand\"\nimage = {{ width = 320, height = 50 }}\nbuses = [{}]\n[cyskin]\nbyte_order = \"little\"\n\
+         checksum = \"crc8\"\nsequence_bytes_above = 5\nsensors_per_module = 8\n\
+         start = [{{ command = 0x37, data = [1] }}]\n",
+        buses.join(", ")
+    );
+    for bus in 80..82 {
+        text += &format!("[[cyskin.hub]]\nname = \"h{bus}\"\nbus = \"can{bus}\"\naddress = {bus}\n");
+    }
+    let mut count = 0;
+    let mut add = |bus: usize, boards: std::ops::Range<usize>, protocol: &str, more: &str| {
+        for board in boards {
+            let at = [count % 40 * 8, count / 40 * 2];
+            text += &format!(
+                "[[module]]\nname = \"m{count}\"\npart = \"bus {bus}\"\nbus = \"can{bus}\"\nboard = {board}\n\
+                 protocol = \"{protocol}\"\nat = {at:?}\n{more}\n"
+            );
+            count += 1;
+        }
+    };
+    for bus in 0..50 {
+        add(bus, 0..8, "uskin-l2", "order = [[0, 1], [4, 5]]");
+    }
+    for bus in 50..70 {
+        let order = "order = [[0, 1, 2, 3, 4], [5, 7, 8, 9, 11]]";
+        add(bus, 1..15, "icub-mtb4", order);
+    }
+    for bus in 70..80 {
+        add(bus, 0..16, "uskin-l3", "order = [[0, 1], [16, 17]]");
+    }
+    for bus in 80..82 {
+        let more = format!("hub = \"h{bus}\"\norder = [[1, 2, 3, 4], [5, 6, 7, -1]]");
+        add(bus, 0..80, "cyskin", &more);
+    }
+    assert_eq!(count, 1000);
+    Layout::parse(&text, "thousand.toml").unwrap_or_else(|e| panic!("{e}"))
+}
+
+#[test]
+fn a_thousand_modules_feel_what_touches_them() {
+    let layout = thousand_modules();
+    assert_eq!(layout.len(), 400 * 4 + 280 * 10 + 160 * 4 + 160 * 7);
+    let scene = "name = \"press\"\nseconds = 4.0\n[boards]\nrate_hz = 20\n\
+                 [[contact]]\nshape = \"bump\"\non = [\"all\"]\nat_share = [0.4, 0.5]\nradius_share = 0.3\n\
+                 force_n = [[2.6, 0.0], [3.3, 3.0], [3.4, 3.0], [3.9, 0.0]]\n";
+    let scene = Scene::parse(scene, "press.toml").unwrap();
+    let (felt, pipeline) = play(&layout, &scene);
+    println!("{felt:?}");
+    nothing_lost(&layout, &pipeline);
+    assert!((68..=81).contains(&felt.images), "{felt:?}");
+    assert_eq!((felt.lacking, felt.faulty), (0, 0), "{felt:?}");
+    assert!(
+        felt.touched > 10_000 && felt.found * 1000 >= felt.touched * 999,
+        "{felt:?}"
+    );
+    assert!(felt.true_felt * 1000 >= felt.felt * 999, "{felt:?}");
 }
