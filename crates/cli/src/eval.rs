@@ -79,7 +79,7 @@ const SHAPES: [[u16; 2]; 7] = [
     [128, 128],
     [256, 255],
 ];
-const SCALING_FRAMES: usize = 30;
+const SCALING_FRAMES: usize = 120;
 const SCALING_PASSES: usize = 5;
 
 /// What `--json` prints.

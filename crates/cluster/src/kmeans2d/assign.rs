@@ -122,11 +122,11 @@ impl Assignment {
         self.label.resize(self.n, u16::MAX);
     }
 
-    /// Assigns every point to its nearest centroid, ties to the lowest id; says whether any label changed.
+    /// Assigns every point to its nearest centroid, ties to the lowest id; returns how many labels changed.
     ///
     /// The lowest bits of a squared distance make room for the id, so that the least of these numbers says both: distances count
     /// as equal if they agree to a part in `2^23 / clusters`.
-    pub(super) fn assign(&mut self, x: &[f32], y: &[f32]) -> bool {
+    pub(super) fn assign(&mut self, x: &[f32], y: &[f32]) -> usize {
         let ids = self.ids;
         let mut changed = 0;
         let steps = self
@@ -152,11 +152,11 @@ impl Assignment {
             }
             for (label, first) in labels.iter_mut().zip(first) {
                 let nearest = (first.to_bits() & ids) as u16;
-                changed |= *label ^ nearest;
+                changed += usize::from(*label != nearest);
                 *label = nearest;
             }
         }
-        changed != 0
+        changed
     }
 
     /// Keeps labels and distances for [`Assignment::restore`].

@@ -10,43 +10,56 @@ impl Kmeans2d {
     /// to each other.
     pub(super) fn settle(&mut self) {
         self.settled = true;
+        let few = self.few();
         for _ in 0..self.settings.iterations {
-            if self.assignment.assign(&self.x, &self.y) {
+            let changed = self.assignment.assign(&self.x, &self.y);
+            if changed > 0 {
                 self.add_up();
+            }
+            if changed > few {
                 self.centre();
-            } else if !self.move_points() {
+            } else if self.move_points() <= few {
                 return;
             } else if self.settings.history > 0.0 {
                 self.centre();
             }
         }
-        self.settled = !self.assignment.assign(&self.x, &self.y);
+        self.settled = self.assignment.assign(&self.x, &self.y) <= few;
         self.add_up();
     }
 
     /// The same, given up (`false`, with labels and centroids left in between) when the cost does not fall fast enough to get below `most`.
     pub(super) fn settle_below(&mut self, most: f64) -> bool {
         self.settled = true;
+        let few = self.few();
         let mut before = f64::INFINITY;
         for _ in 0..self.settings.iterations {
             let changed = self.assignment.assign(&self.x, &self.y);
+            if changed > 0 {
+                self.add_up();
+            }
             let cost = self.assignment.cost();
             if cost - FALLS * (before - cost) >= most {
                 return false;
             }
             before = cost;
-            if changed {
-                self.add_up();
+            if changed > few {
                 self.centre();
-            } else if !self.move_points() {
+            } else if self.move_points() <= few {
                 return true;
             } else if self.settings.history > 0.0 {
                 self.centre();
             }
         }
-        self.settled = !self.assignment.assign(&self.x, &self.y);
+        self.settled = self.assignment.assign(&self.x, &self.y) <= few;
         self.add_up();
         true
+    }
+
+    /// So many labels may change without a reason to go on: none of fewer than 4,096 points, and few enough of more not to be felt. With more points
+    /// the last ones take ever more rounds.
+    fn few(&self) -> usize {
+        self.assignment.len() / 4096
     }
 
     pub(super) fn add_up(&mut self) {
@@ -71,9 +84,9 @@ impl Kmeans2d {
         }
     }
 
-    /// Moves single points where that lowers the cost; says whether any moved.
-    fn move_points(&mut self) -> bool {
-        let mut moved = false;
+    /// Moves single points where that lowers the cost; returns how many moved.
+    fn move_points(&mut self) -> usize {
+        let mut moved = 0;
         self.ask();
         for n in 0..self.assignment.len() {
             let from = usize::from(self.assignment.labels()[n]);
@@ -108,7 +121,7 @@ impl Kmeans2d {
                 }
                 self.assignment.relabel(n, to.0);
                 self.ask();
-                moved = true;
+                moved += 1;
             }
         }
         moved

@@ -219,6 +219,52 @@ fn frames_that_do_not_change_change_nothing() {
     }
 }
 
+#[test]
+fn hard_cases_reach_the_exhaustive_optimum() {
+    let line = |n: u8| (0..n).map(|x| (f64::from(x), 3.0)).collect::<Vec<_>>();
+    let grid = |w: u8, h: u8| {
+        (0..w * h)
+            .map(|n| (f64::from(n % w), f64::from(n / w)))
+            .collect::<Vec<_>>()
+    };
+    let ring = [(2, 0), (4, 0), (6, 2), (6, 4), (4, 6), (2, 6), (0, 4), (0, 2)];
+    let ring = ring.map(|(x, y)| (f64::from(x), f64::from(y))).to_vec();
+    for (name, points, clusters) in [
+        ("one contact", vec![(5.0, 5.0)], 3),
+        ("as many contacts as actuators", grid(3, 1), 3),
+        ("one actuator", grid(3, 3), 1),
+        ("a line that divides evenly", line(9), 3),
+        ("a line that does not", line(10), 3),
+        ("a column", line(8).iter().map(|(x, y)| (*y, *x)).collect(), 3),
+        (
+            "a diagonal",
+            (0..9).map(|n| (f64::from(n), f64::from(n))).collect(),
+            3,
+        ),
+        ("a grid with ties everywhere", grid(3, 3), 3),
+        ("another", grid(4, 2), 4),
+        ("a ring, symmetric", ring.clone(), 4),
+        ("a ring that cannot be shared symmetrically", ring, 3),
+        (
+            "two pairs a pixel apart, one far away",
+            vec![(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0), (63.0, 63.0)],
+            3,
+        ),
+    ] {
+        let mut solver = Kmeans2d::new(KEYS, clusters, PLAIN);
+        // Some frames to look around in, as a hand that holds still has.
+        let mut labels = Vec::new();
+        for _ in 0..300 {
+            labels = follow(&mut solver, &points).labels.to_vec();
+        }
+        let (found, least) = (
+            error(&points, &labels, clusters),
+            exhaustive(&points, clusters as u16),
+        );
+        assert!((found - least).abs() < 1e-9, "{name}: {found} over {least}");
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(40))]
 
