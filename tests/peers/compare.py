@@ -1,6 +1,6 @@
-"""Runs `taxel eval`, the Rust kernels and the peers on the same frames and prints the tables of docs/benchmarks.md.
+"""Runs `taxel eval`, the Rust kernels and the peers on the same frames, and writes results.json and report.md.
 
-Called by tests/peers/run, which makes what it needs.
+Called by tests/peers/run, which makes what it needs. tables.py makes the tables of docs/benchmarks.md from results.json.
 """
 
 import argparse
@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+import tables
 from peers import Kmeans1d, Kmeans1dPython, OpenCv, ScikitLearn, overheads
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -24,6 +25,11 @@ HISTORIES = [0, 0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1, 1.5, 2]
 JUMP_GAINS = [0, 0.01, 0.02, 0.05, 0.1, 0.3]
 # Six pressure arrays of 14 or 13 rows of six, one below the other. Each taxel idles at a level of its own: forces are above the first frames' median.
 SCHUNK_LAYOUT, SCHUNK_IDLE_FRAMES, SCHUNK_THRESHOLD = "grid:81x6", 10, 10
+# 10 is within the noise, where contacts flicker. With hysteresis a contact begins well above it and ends at it.
+FLICKER = [("10", []), ("20", []), ("20, released at 10", ["--release", "10"])]
+# Switches on their own, beside those that `taxel eval` judges by default.
+PLACES = [[4 * (n % 4) + 1.5, 4 * (n // 4) + 1.5] for n in range(ACTUATORS)]
+FIXED = "optimal fixed=" + json.dumps(PLACES, separators=(",", ":"))
 
 
 def recordings(quick, folder):
@@ -146,78 +152,6 @@ def run_peer(peer, frames, most):
     return result
 
 
-def number(value, form=".2f"):
-    return "" if value is None else format(value, form)
-
-
-def percent(value):
-    return "" if value is None else f"{100 * value:.1f} %"
-
-
-def table_of(recording):
-    """Both stages: time and error beside `optimal`."""
-    rows = [
-        "| program | both stages, us p50 | p99 | times optimal's | less call overhead | force SSE p50 | mean | p95 | frames optimal | position SSE mean | p95 | jumps |",
-        "|---|---|---|---|---|---|---|---|---|---|---|---|",
-    ]
-    methods = recording["eval"]["methods"]
-    own = next(m for m in methods if m["name"] == "optimal")["compress_us"]["p50"]
-    for m in methods:
-        us = m["compress_us"]
-        rows.append(
-            f"| taxeld `{m['name']}` | {us['p50']:.1f} | {us['p99']:.1f} | {us['p50'] / own:.1f} | | {m['force_sse_ratio_p50']:.3f} |"
-            f" {m['force_sse_ratio_mean']:.3g} | {m['force_sse_ratio_p95']:.3g} | {percent(m['force_optimal_fraction'])} |"
-            f" {m['position_sse_ratio_mean']:.3f} | {m['position_sse_ratio_p95']:.3f} | {percent(m['jump_fraction'])} |"
-        )
-    for p in recording["peers"]:
-        if "both_us_p50" not in p:
-            continue
-        net = p["both_us_p50"] - sum(p["overhead_us"].values())
-        rows.append(
-            f"| {p['name']} | {p['both_us_p50']:.0f} | {p['both_us_p99']:.0f} | {p['both_us_p50'] / own:.0f} | {net:.0f} ({net / own:.0f} times) |"
-            f" {p['force_sse_ratio_p50']:.3f} | {p['force_sse_ratio_mean']:.3g} | {p['force_sse_ratio_p95']:.3g} | {percent(p['force_optimal_fraction'])} |"
-            f" {p['position_sse_ratio_mean']:.3f} | {p['position_sse_ratio_p95']:.3f} | {percent(p['jump_fraction'])} |"
-        )
-    return rows
-
-
-def kernel_table(recording):
-    rows = ["| one-dimensional kernel | us p50 | p99 | times Kmeans1d's | error over the least, max |", "|---|---|---|---|---|"]
-    kernels = recording["kernels"]
-    own = kernels["Kmeans1d, after the last frame"]["p50_us"]
-    for name, times in kernels.items():
-        if isinstance(times, dict):
-            worst = number(kernels["ckmeans_error_ratio_max"], ".9f") if name.startswith("ckmeans") else ""
-            rows.append(f"| {name} | {times['p50_us']:.2f} | {times['p99_us']:.2f} | {times['p50_us'] / own:.1f} | {worst} |")
-    for p in recording["peers"]:
-        if "both_us_p50" in p:
-            continue
-        net = p["levels_us_p50"] - p["overhead_us"]["levels"]
-        rows.append(
-            f"| {p['name']} | {p['levels_us_p50']:.1f} (less overhead {net:.1f}) | {p['levels_us_p99']:.1f} | {p['levels_us_p50'] / own:.1f} ({net / own:.1f}) |"
-            f" {p['force_sse_ratio_p95']:.9f} (p95) |"
-        )
-    return rows
-
-
-def summary(recordings):
-    """The method optimal on every recording."""
-    rows = [
-        "| recording | contacts | tick us p50 | p99 | p99.9 | every tick p99.9 | frames optimal | position SSE mean | p95 | jumps | in 7 % | centre of pressure | kbit/s | allocations |",
-        "|---|---|---|---|---|---|---|---|---|---|---|---|---|---|",
-    ]
-    for recording in recordings:
-        e = recording["eval"]
-        m = next(m for m in e["methods"] if m["name"] == "optimal")
-        place = [f"{m[key]:.3f}" if m["position_frames"] else "none" for key in ("position_sse_ratio_mean", "position_sse_ratio_p95")]
-        rows.append(
-            f"| {recording['name']} | {e['contacts_median']:.0f} | {m['tick_us_p50']:.1f} | {m['tick_us_p99']:.1f} | {m['tick_us_p999']:.1f} |"
-            f" {m['every_tick_us']['p999']:.0f} | {percent(m['force_optimal_fraction'])} | {place[0]} | {place[1]} | {percent(m['jump_fraction'])} |"
-            f" {percent(m['weber_share'])} | {m['cop_error_mean']:.1f} {m['cop_unit']} | {m['bits_per_s'] / 1e3:.1f} | {m['allocations_per_tick']:g} |"
-        )
-    return "\n".join(rows)
-
-
 def machine():
     model = "unknown processor"
     try:
@@ -232,6 +166,30 @@ def machine():
 
     versions = f"Python {platform.python_version()}, scikit-learn {sklearn.__version__}, OpenCV {cv2.__version__}, numpy {np.__version__}"
     return f"{model}, {os.cpu_count()} cores; {versions}"
+
+
+def switches(taxel, args):
+    """Every switch of the method on one recording, and a display with fixed actuators."""
+    standard = taxel_eval(taxel, args)
+    fixed = taxel_eval(taxel, args, "--method", FIXED)["methods"][0] | {"name": "optimal fixed=16 places, 4 x 4"}
+    return standard | {"methods": [*standard["methods"], fixed]}
+
+
+def flicker(taxel, inputs, measured):
+    """Recordings of magnitudes with several thresholds."""
+    found = []
+    methods = [a for m in (*METHODS, "optimal jump_gain=0.1", "optimal jump_gain=0.3") for a in ("--method", m)]
+    for name, args, _ in inputs:
+        if "--threshold" not in args:
+            continue
+        where = args.index("--threshold") + 1
+        runs = []
+        for label, more in FLICKER:
+            changed = [*args[:where], label.split(",")[0], *args[where + 1 :], *more]
+            runs.append({"threshold": label, "eval": taxel_eval(taxel, changed, *methods, "--passes", 1)})
+        peer = next((p for r in measured if r["name"] == name for p in r["peers"] if p["name"].startswith("OpenCV kmeans, 1 ")), {})
+        found.append({"name": name, "runs": runs, "opencv_jump_fraction": peer.get("jump_fraction")})
+    return found
 
 
 def main():
@@ -265,17 +223,7 @@ def main():
         kernels = json.loads(subprocess.check_output([options.kernels, file, str(LEVELS)]))
         recording = {"name": name, "real": real, "eval": report, "peers": measured, "kernels": kernels}
         results["recordings"].append(recording)
-        contacts = report["contacts_median"]
-        text = [
-            f"\n### {name}\n",
-            f"{report['frames']} frames of {report['taxels']} taxels, {report['contact_frames']} with contact, median {contacts:.0f} contacts;"
-            f" K_D = {LEVELS}, K_A = {ACTUATORS}.\n",
-            *table_of(recording),
-        ]
-        if kernels.get("frames"):
-            text += ["", *kernel_table(recording)]
-        recording["report"] = "\n".join(text)
-        print(recording["report"], flush=True)
+        print(f"\n### {name}\n\n{tables.peers(recording)}", flush=True)
 
     first = next(iter(recordings(True, frames_dir)))
     history = [a for h in HISTORIES for a in ("--method", f"optimal history={h}")]
@@ -288,9 +236,11 @@ def main():
     results["scaling"] = sizes["scaling"]
     results["kernel_scaling"] = json.loads(subprocess.check_output([options.kernels, "--made-up", str(LEVELS)]))
     results["sweep"] = taxel_eval(options.taxel, first[1], *methods, "--sweep-k")["sweep"]
+    results["switches"] = switches(options.taxel, first[1])
+    results["flicker"] = flicker(options.taxel, recordings(options.quick, frames_dir), results["recordings"])
     (options.out / "results.json").write_text(json.dumps(results, indent=1))
-    (options.out / "report.md").write_text("\n".join([results["machine"], "", summary(results["recordings"]), *(r["report"] for r in results["recordings"])]) + "\n")
-    print(f"\n{summary(results['recordings'])}")
+    (options.out / "report.md").write_text(tables.report(results))
+    print(f"\n{tables.summary(results)}\n\n{tables.figures(results)}")
     print(f"\n{options.out / 'results.json'} and report.md written", file=sys.stderr)
 
 
