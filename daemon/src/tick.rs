@@ -116,6 +116,24 @@ pub(crate) fn timer() -> nix::Result<TimerFd> {
 struct Batch {
     frames: Vec<Received>,
     next: usize,
+    /// Whether the bus has more frames than were taken.
+    more: bool,
+}
+
+impl Batch {
+    fn is_given(&self) -> bool {
+        self.next == self.frames.len()
+    }
+
+    /// Stamp up to which this bus has told everything, if it has told only a part. `live` says that a bus whose frames all
+    /// came to nothing must not hold up the others.
+    fn horizon_ns(&self, live: bool) -> Option<u64> {
+        let newest_ns = self.frames.iter().map(|r| r.t_ns).max();
+        match self.more {
+            true => newest_ns.or((!live).then_some(0)),
+            false => None,
+        }
+    }
 }
 
 impl TickThread {
@@ -127,6 +145,7 @@ impl TickThread {
             .map(|_| Batch {
                 frames: Vec::with_capacity(BATCH),
                 next: 0,
+                more: false,
             })
             .collect();
         let mut overruns = 0;
@@ -135,20 +154,26 @@ impl TickThread {
 
         while !self.shared.stop.load(Ordering::Relaxed) {
             self.shared.heartbeat.fetch_add(1, Ordering::Relaxed);
-            self.wait(quiet_until_ns);
+            if batches.iter().all(Batch::is_given) {
+                self.wait(quiet_until_ns);
+            }
             self.obey();
 
             let now_ns = self.clock.now_ns();
-            let mut more = false;
             let mut drained = false;
             if now_ns >= quiet_until_ns || self.pipeline.due_ns().is_some_and(|due| due <= now_ns) {
                 for (source, batch) in self.sources.iter_mut().zip(&mut batches) {
-                    batch.frames.clear();
-                    batch.next = 0;
-                    more |= source.receive(now_ns, &mut batch.frames);
+                    if batch.is_given() {
+                        batch.frames.clear();
+                        batch.next = 0;
+                        batch.more = source.receive(now_ns, &mut batch.frames);
+                    }
                 }
                 drained = true;
             }
+            let live = self.clock.live;
+            let horizon = horizon(&batches, live);
+            let more = batches.iter().any(|b| b.more);
             let finished = !more && self.sources.iter().all(|s| s.is_finished());
 
             if self.clock.live {
@@ -175,7 +200,9 @@ impl TickThread {
                 }
                 record_times(shared, frames, clock.now_ns());
             };
-            while let Some((bus, received)) = next_in_time(&mut batches) {
+            // What another bus has told beyond that waits: frames are given in the order of their stamps however late they
+            // are taken.
+            while let Some((bus, received)) = next_in_time(&mut batches, horizon) {
                 pipeline.push(bus, &received, &mut emit);
             }
             if !more {
@@ -373,12 +400,85 @@ fn record_times(shared: &Shared, frames: &Frames, now_ns: u64) {
     }
 }
 
-/// The oldest frame of all buses that was not yet taken.
-fn next_in_time(batches: &mut [Batch]) -> Option<(u8, Received)> {
+/// Stamp and bus up to which all buses have told everything.
+fn horizon(batches: &[Batch], live: bool) -> (u64, usize) {
+    (batches.iter().enumerate())
+        .filter_map(|(bus, b)| Some((b.horizon_ns(live)?, bus)))
+        .min()
+        .unwrap_or((u64::MAX, usize::MAX))
+}
+
+/// The oldest frame of all buses that was not yet taken, the first bus's first; none beyond the stamp and bus of
+/// `horizon`.
+fn next_in_time(batches: &mut [Batch], horizon: (u64, usize)) -> Option<(u8, Received)> {
     let (bus, batch) = (batches.iter_mut().enumerate())
-        .filter(|(_, b)| b.next < b.frames.len())
-        .min_by_key(|(_, b)| b.frames[b.next].t_ns)?;
+        .filter(|(_, b)| !b.is_given())
+        .min_by_key(|(bus, b)| (b.frames[b.next].t_ns, *bus))
+        .filter(|(bus, b)| (b.frames[b.next].t_ns, *bus) <= horizon)?;
     let received = batch.frames[batch.next];
     batch.next += 1;
     Some((bus as u8, received))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use taxel_can::CanFrame;
+
+    /// The order in which frames are given when each bus hands over at most `at_once` of those that came.
+    fn order(buses: &[Vec<u64>], at_once: usize, live: bool) -> Vec<(u8, u64)> {
+        let mut left: Vec<&[u64]> = buses.iter().map(Vec::as_slice).collect();
+        let batch = |_| Batch {
+            frames: Vec::new(),
+            next: 0,
+            more: false,
+        };
+        let mut batches: Vec<Batch> = buses.iter().map(batch).collect();
+        let mut given = Vec::new();
+        for _ in 0..1000 {
+            for (batch, left) in batches.iter_mut().zip(&mut left).filter(|(b, _)| b.is_given()) {
+                let (now, later) = left.split_at(at_once.min(left.len()));
+                batch.frames.clear();
+                batch.next = 0;
+                batch.frames.extend(now.iter().map(|t_ns| Received {
+                    t_ns: *t_ns,
+                    frame: CanFrame::standard(1, &[]).unwrap(),
+                }));
+                batch.more = !later.is_empty();
+                *left = later;
+            }
+            let horizon = horizon(&batches, live);
+            while let Some((bus, received)) = next_in_time(&mut batches, horizon) {
+                given.push((bus, received.t_ns));
+            }
+            if left.iter().all(|l| l.is_empty()) && batches.iter().all(Batch::is_given) {
+                return given;
+            }
+        }
+        panic!("stuck at {given:?}");
+    }
+
+    #[test]
+    fn frames_are_given_in_the_same_order_however_few_a_bus_hands_over_at_once() {
+        let buses = [
+            (0..60).map(|n| n / 3).collect(),
+            (0..20).map(|n| n * 2).collect(),
+            vec![5, 5, 5, 19],
+        ];
+        let together = order(&buses, 1000, true);
+        assert!(together.is_sorted_by_key(|(bus, t_ns)| (*t_ns, *bus)));
+        for at_once in [1, 2, 7, 30] {
+            for live in [true, false] {
+                assert_eq!(order(&buses, at_once, live), together, "{at_once} at once");
+            }
+        }
+    }
+
+    #[test]
+    fn stamps_that_go_back_hold_up_nobody() {
+        let buses = [vec![10, 30, 20, 5, 40], vec![15, 25, 1, 50]];
+        for at_once in [1, 2, 3] {
+            assert_eq!(order(&buses, at_once, true).len(), 9);
+        }
+    }
 }
