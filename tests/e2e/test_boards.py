@@ -1,0 +1,171 @@
+"""Hands of other boards than uSkin's: `taxel sim` plays them on the bus, and the real daemon has to configure and start
+them before they speak. Every image is then the publication's, made from the counts of its own tick."""
+
+import re
+import subprocess
+import tomllib
+
+import numpy as np
+import pytest
+import taxel_reader
+from conditioning import DAEMON_SETTINGS
+from harness.bus import MulticastBuses
+from harness.compare import Reference, assert_same
+from harness.daemon import binary, die_with_parent
+from harness.hand import LAYOUTS
+from sequential_clustering import Profile
+from test_scenes import pairs
+
+
+class Places:
+    """Pixels of the taxels of a layout file, in the layout's order, read from the file and not from the daemon."""
+
+    def __init__(self, text):
+        layout = tomllib.loads(text)
+        self.shape = (layout["image"]["height"], layout["image"]["width"])
+        self.xy = []
+        for module in layout["module"]:
+            x0, y0 = module["at"]
+            at = {k: (x0 + x, y0 + y) for y, ks in enumerate(module["order"]) for x, k in enumerate(ks) if k >= 0}
+            self.xy += [at[k] for k in sorted(at)]
+        self.xy = np.array(self.xy)
+
+    def __len__(self):
+        return len(self.xy)
+
+
+def cyskin_triangle():
+    """The built-in file with the lines for a hub filled in, as its head says."""
+    text = (LAYOUTS / "cyskin-triangle.toml").read_text()
+    offline = r'^protocol = "offline"\n|^order = \[\n(.*\n)*?^\]\n'
+    text = re.sub(offline, "", text, flags=re.M)
+    return re.sub(r"^#!", "", text, flags=re.M)
+
+
+TEXTS = {
+    "icub-forearm": (LAYOUTS / "icub-forearm.toml").read_text,
+    "cyskin-triangle": cyskin_triangle,
+}
+
+
+@pytest.fixture(params=TEXTS)
+def patch(request, folder):
+    """A layout file and what it says."""
+    text = TEXTS[request.param]()
+    path = folder / f"{request.param}.toml"
+    path.write_text(text)
+    return path, Places(text)
+
+
+@pytest.fixture
+def bus():
+    with MulticastBuses(1) as buses:
+        yield buses
+
+
+@pytest.fixture
+def simulate(bus, folder, patch):
+    running = []
+
+    def simulate(scene):
+        arguments = ["sim", scene, "--layout", patch[0], "--seed", "5", "--to", bus.sources[0]]
+        with (folder / "sim.log").open("wb") as log:
+            running.append(
+                subprocess.Popen([binary("taxel"), *arguments], stderr=log, preexec_fn=die_with_parent)
+            )
+        return running[-1]
+
+    yield simulate
+    for process in running:
+        process.kill()
+        process.wait()
+
+
+@pytest.fixture
+def buses():
+    """The daemon of these tests is given its sources."""
+    yield None
+
+
+def test_every_image_fits_the_counts_that_the_boards_sent(start, simulate, bus, patch):
+    path, places = patch
+    simulate("roll")
+    daemon = start(
+        sources=bus.sources,
+        layout=path,
+        # Half of the boards' rate: every tick has new values, as the publication's calibration on two frames wants it.
+        tick={"mode": "timer", "rate_hz": 10.0},
+        boards={"mode": "free-running"},
+        sweep={"stale_after_ms": 5000.0},
+        conditioning=DAEMON_SETTINGS,
+    )
+    reference = None
+    checked = touched = 0
+    with taxel_reader.connect(daemon.images, raw=True) as reader:
+        reader.receive(10)
+        for image, raw in pairs(reader, 120):
+            missing = np.array([t.freshness != 2 for t in raw.taxels])
+            if reference is None and missing.any():
+                continue  # the boards are being started, and the first frame is the first complete one
+            reference = reference or Reference(places, Profile())
+            expected = reference.image(np.array([t.counts for t in raw.taxels]), missing)
+            assert_same(image, expected, f"image {image.seq}")
+            assert [t.contact for t in raw.taxels] == list(reference.contact), f"contacts of frame {image.seq}"
+            checked += 1
+            touched += image.contacts > 0
+    assert checked > 80 and touched > 20
+    status = daemon.status()
+    assert [b["state"] for b in status["boards"]] == ["living"]
+
+
+def test_boards_come_up_feel_the_ball_and_nothing_is_misunderstood(start, simulate, bus, patch):
+    path, places = patch
+    simulate("roll")
+    daemon = start(
+        sources=bus.sources,
+        layout=path,
+        tick={"mode": "sweep"},
+        boards={"mode": "free-running"},
+        sweep={},
+        profile={"method": "optimal"},
+    )
+    contacts = []
+    with taxel_reader.connect(daemon.images) as reader:
+        # Half of the scene: the taps, and the ball on its way.
+        while len(contacts) < 11 * 20:
+            message = reader.receive(20)
+            assert message is not None, "the daemon sends nothing more"
+            if isinstance(message, taxel_reader.Image) and not message.calibrating:
+                contacts.append(message.contacts)
+    touched = sum(n > 0 for n in contacts)
+    assert 0.2 * len(contacts) < touched < 0.9 * len(contacts), f"touched in {touched} of {len(contacts)} images"
+    assert max(contacts) <= len(places)
+    status = daemon.status()
+    (board,) = status["boards"]
+    assert (board["state"], board["malformed"], board["queue_overflows"]) == ("living", 0, 0), board
+    (counts,) = status["buses"]
+    assert counts["unknown"] == 0, counts
+    assert abs(board["period_ms"] - 50) < 5, board
+    assert status["faults"] == [], status["faults"]
+
+
+def test_boards_that_are_gone_are_told_and_started_from_the_beginning_when_they_are_back(start, simulate, bus, patch):
+    path, _ = patch
+    first = simulate("idle")
+    daemon = start(
+        sources=bus.sources,
+        layout=path,
+        boards={"mode": "free-running", "restart_longest_ms": 1000.0},
+        sweep={},
+    )
+
+    def state(wanted):
+        return lambda status: [b["state"] for b in status["boards"]] == [wanted]
+
+    daemon.wait_status(state("living"), "the boards were not started", seconds=20)
+    first.kill()
+    first.wait()
+    daemon.wait_status(state("silent"), "boards that are gone are not told", seconds=20)
+    simulate("idle")
+    daemon.wait_status(state("living"), "boards that are back are not configured and started", seconds=20)
+    assert daemon.status()["boards"][0]["restarts"] > 0
