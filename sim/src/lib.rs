@@ -38,4 +38,4 @@ mod stand_in;
 pub use scene::{Scene, SceneError};
 pub use simulator::{BoardCounts, CommandError, Simulator};
 pub use source::{SimOptions, SimSource};
-pub use stand_in::with_stand_in_boards;
+pub use stand_in::{stand_in_layout_file, with_stand_in_boards};

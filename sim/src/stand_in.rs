@@ -1,6 +1,7 @@
 //! Boards for layouts that have none, so that a scene can be played on them.
 
 use crate::scene::SceneError;
+use std::fmt::Write;
 use taxel_skin::{ByteOrder, Checksum, CyskinHub, CyskinPacket, CyskinSetup, IcubSetup, Layout, Protocol};
 
 /// Pads of a triangle that are taxels.
@@ -73,6 +74,75 @@ pub fn with_stand_in_boards(layout: &Layout) -> Result<Layout, SceneError> {
     Ok(wired)
 }
 
+/// The layout file of [`with_stand_in_boards`], for a daemon at the other end of a bus: [`Layout::parse`] makes the same
+/// layout of it, so that what is simulated and what is read fit. For layouts without a board of their own.
+pub fn stand_in_layout_file(layout: &Layout) -> Result<String, SceneError> {
+    let wired = with_stand_in_boards(layout)?;
+    let name = &wired.name;
+    let mut text = format!(
+        "# {name} with the simulated boards of taxel sim; no real hand is wired so.\nname = {name:?}\n\
+         image = {{ width = {}, height = {} }}\nbuses = {:?}\n",
+        wired.width, wired.height, wired.buses
+    );
+    if let Some(setup) = &wired.cyskin {
+        let packets = |packets: &[CyskinPacket]| {
+            let packet = |p: &CyskinPacket| format!("{{ command = {:#x}, data = {:?} }}", p.command, p.data);
+            packets.iter().map(packet).collect::<Vec<_>>().join(", ")
+        };
+        let _ = write!(
+            text,
+            "\n[cyskin]\nbyte_order = \"big\"\nchecksum = \"sum\"\nsequence_bytes_above = {}\nsensors_per_module = {}\n\
+             timeout_ms = {}\nstart = [{}]\nstop = [{}]\n",
+            setup.sequence_bytes_above,
+            setup.sensors_per_module,
+            setup.timeout_ms,
+            packets(&setup.start),
+            packets(&setup.stop)
+        );
+        for hub in &setup.hubs {
+            let bus = &wired.buses[usize::from(hub.bus)];
+            let _ = write!(
+                text,
+                "\n[[cyskin.hub]]\nname = {:?}\nbus = {bus:?}\naddress = {}\n",
+                hub.name, hub.address
+            );
+        }
+    }
+    for module in &wired.modules {
+        let first = usize::from(module.first_taxel);
+        let taxels = &wired.taxels[first..first + usize::from(module.taxels)];
+        let range = |axis: fn(&taxel_skin::Taxel) -> u16| {
+            let least = taxels.iter().map(axis).min().unwrap_or(0);
+            (
+                least,
+                usize::from(taxels.iter().map(axis).max().unwrap_or(0) - least) + 1,
+            )
+        };
+        let ((x0, width), (y0, height)) = (range(|t| t.x), range(|t| t.y));
+        let mut order = vec![vec![-1; width]; height];
+        for taxel in taxels {
+            order[usize::from(taxel.y - y0)][usize::from(taxel.x - x0)] = i16::from(taxel.k);
+        }
+        let _ = write!(
+            text,
+            "\n[[module]]\nname = {:?}\npart = {:?}\nbus = {:?}\nboard = {}\nprotocol = {:?}\nat = [{x0}, {y0}]\norder = {order:?}\n",
+            module.name,
+            module.part,
+            wired.buses[usize::from(module.bus)],
+            module.board,
+            module.protocol.name()
+        );
+        if let (Some(hub), Some(setup)) = (module.hub, &wired.cyskin) {
+            let _ = writeln!(text, "hub = {:?}", setup.hubs[usize::from(hub)].name);
+        }
+        let places: Option<Vec<[f32; 3]>> = taxels.iter().map(|t| t.position_mm).collect();
+        if let Some(places) = places {
+            let _ = writeln!(text, "positions_mm = {places:?}");
+        }
+    }
+    Ok(text)
+}
+
 fn stand_in_hub(bus: u8) -> CyskinSetup {
     let packet = |command, data: &[u8]| CyskinPacket {
         command,
@@ -92,5 +162,31 @@ fn stand_in_hub(bus: u8) -> CyskinSetup {
         }],
         start: vec![packet(0x38, &[50]), packet(0x37, &[1])],
         stop: vec![packet(0x37, &[0])],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_file_of_a_stand_in_is_the_stand_in() {
+        for name in ["schunk-sdh", "cyskin-triangle", "grid:9x12"] {
+            let layout = Layout::resolve(name).unwrap();
+            let text = stand_in_layout_file(&layout).unwrap();
+            let parsed = Layout::parse(&text, "x.toml").unwrap_or_else(|e| panic!("{e}\n{text}"));
+            assert_eq!(parsed, with_stand_in_boards(&layout).unwrap(), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_hand_with_boards_stays_as_it_is_and_a_great_array_is_refused() {
+        let hand = Layout::builtin("icub-forearm").unwrap();
+        assert_eq!(with_stand_in_boards(&hand).unwrap(), hand);
+        let error = with_stand_in_boards(&Layout::grid(40, 40).unwrap()).unwrap_err();
+        assert!(
+            error.to_string().contains("1600 taxels are more than the 160"),
+            "{error}"
+        );
     }
 }

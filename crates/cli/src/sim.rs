@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use taxel_can::Received;
 use taxel_sim::servo::{ServoBus, ServoPty, StableLink, servo_clock_ns, servos_of_scene};
-use taxel_sim::{Scene, Simulator};
+use taxel_sim::{Scene, Simulator, stand_in_layout_file, with_stand_in_boards};
 use taxel_skin::Layout;
 
 /// The longest that a command on a bus waits to be heard.
@@ -28,6 +28,8 @@ Examples:
   taxel sim ball-grasp --to can:vcan0 --to can:vcan1
   taxel sim slip --to udp::43113 --to udp::43114 --seconds 60
   taxel sim tap --to log:tap.log
+  taxel sim roll --layout icub-forearm --to udp:           any other hand; roll fits all of them
+  taxel sim roll --layout schunk-sdh --show > sdh.toml     the layout file, with boards, of a hand that has none
   taxel sim ball-grasp --to udp: --servos /tmp/servos   and in taxeld.toml dynamixel:/tmp/servos
   taxel sim ball-grasp --show > mine.toml     a scene file to start one's own from")]
 pub(crate) struct Args {
@@ -54,7 +56,7 @@ pub(crate) struct Args {
     /// pseudo terminal to be read as their serial port
     #[arg(long, value_name = "LINK")]
     servos: Option<PathBuf>,
-    /// Print the text of a built-in scene
+    /// Print the text of a built-in scene; with --layout, that of the layout that is simulated
     #[arg(long, conflicts_with_all = ["to", "list"])]
     show: bool,
     /// List the built-in scenes
@@ -70,6 +72,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         .scene
         .as_deref()
         .context("name a scene; `taxel sim --list` lists them")?;
+    if let (true, Some(layout)) = (args.show, args.layout.as_deref()) {
+        return show_layout(layout);
+    }
     if args.show {
         let text = Scene::builtin_text(name);
         print(text.with_context(|| format!("{name} is not built in; `taxel sim --list` lists what is"))?)?;
@@ -77,6 +82,14 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     }
     let scene = Scene::resolve(name)?;
     let layout = Layout::resolve(args.layout.as_deref().unwrap_or(scene.layout()))?;
+    if layout.buses.is_empty() {
+        eprintln!(
+            "{0} has no boards on a bus; simulated ones stand in for them. Their layout file for who reads the bus: \
+             taxel sim {name} --layout {0} --show",
+            layout.name
+        );
+    }
+    let layout = with_stand_in_boards(&layout)?;
     let seed = args.seed.unwrap_or(scene.seed());
     let named = of_buses(&args.to, &layout)?;
     refuse_shared_ids(&named, &layout)?;
@@ -118,6 +131,16 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         }
     );
     targets.check()
+}
+
+fn show_layout(name: &str) -> anyhow::Result<()> {
+    let layout = Layout::resolve(name)?;
+    let text = match Layout::builtin_text(name) {
+        _ if layout.buses.is_empty() => stand_in_layout_file(&layout)?,
+        Some(text) => text.into(),
+        None => std::fs::read_to_string(name).with_context(|| name.to_string())?,
+    };
+    print(&text)
 }
 
 fn list() -> anyhow::Result<()> {

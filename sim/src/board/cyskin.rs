@@ -2,6 +2,7 @@
 //! starts when it has heard every packet of the layout's `start`, in that order.
 
 use super::firmware::{Effect, Firmware, Look};
+use super::queue::Queue;
 use crate::random::{bell, bits};
 use taxel_can::CanFrame;
 use taxel_skin::{CyskinPacketError, CyskinSetup, cyskin_frames};
@@ -149,6 +150,11 @@ impl Firmware for Hub {
         if packed > 0 {
             self.send_packet(&data, send);
         }
+    }
+
+    /// A sweep of 248 modules fits in.
+    fn queue(&self) -> Queue {
+        Queue::ring(1024)
     }
 
     fn hear(&mut self, frame: &CanFrame) -> Effect {

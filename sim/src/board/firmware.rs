@@ -23,9 +23,9 @@ pub(super) trait Firmware: Debug + Send {
         None
     }
 
-    /// The queue its frames wait in.
+    /// The queue its frames wait in: two sweeps of most boards.
     fn queue(&self) -> Queue {
-        Queue::ring()
+        Queue::ring(64)
     }
 
     /// Frames it sends when it gets power.

@@ -178,7 +178,11 @@ impl Firmware for Icub {
     }
 
     fn queue(&self) -> Queue {
-        if self.mtb4 { Queue::ring() } else { Queue::stack() }
+        if self.mtb4 {
+            Queue::ring(64)
+        } else {
+            Queue::stack()
+        }
     }
 
     fn configure(&mut self, data: &[u8], t_ns: u64, skin: &SkinModel) -> Effect {

@@ -5,8 +5,6 @@ use taxel_can::CanFrame;
 
 /// Entries of an MTB3's transmit stack (`can_interface.h`, protocols.md 1.9).
 const STACK: usize = 20;
-/// Frames other boards keep. No source says how many; one sweep of a whole CySkin hub fits in.
-const RING: usize = 1024;
 
 /// The frame in the controller, and those behind it.
 #[derive(Debug)]
@@ -26,9 +24,10 @@ impl Queue {
         Self::new(STACK, true)
     }
 
-    /// A queue that is sent in order; what finds it full is lost.
-    pub(super) fn ring() -> Self {
-        Self::new(RING, false)
+    /// A queue that is sent in order; what finds it full is lost. How many frames boards other than the MTB3 keep, no
+    /// source says.
+    pub(super) fn ring(room: usize) -> Self {
+        Self::new(room, false)
     }
 
     fn new(room: usize, stack: bool) -> Self {

@@ -65,7 +65,11 @@ impl Firmware for Uskin {
     }
 
     fn queue(&self) -> Queue {
-        Queue::stack()
+        if self.protocol.takes_commands() {
+            Queue::stack()
+        } else {
+            Queue::ring(64)
+        }
     }
 
     /// Replies to the configuration of the sensor chips, one per chip of a line, in frames that look like data.
