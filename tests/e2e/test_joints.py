@@ -161,9 +161,10 @@ def test_damaged_and_late_answers_are_counted_and_never_become_wrong_angles(fold
         others = watch.until(lambda image: all(a is not None for a in image["joints"][3:]), "one servo hides others")
         assert others
         joints = daemon.status()["joints"]
+        # The rest of half a packet is missed, or the next servo's bytes are taken for it.
         # In one packet for all, what is damaged of one is asked for again in the same cycle.
         if counter and fast == "off":
-            assert joints[counter] > 0, joints
+            assert sum(joints[name] for name in counter.split()) > 0, joints
         assert joints["readings"] > 100
         servos.tell("mend 3")
         watch.until(all_known, "a mended servo's angle stays unknown")
