@@ -28,7 +28,8 @@ def assert_same(image, expected, where):
     assert not (image.calibrating and expected.contacts), where
     assert list(image.levels) == [float(np.float32(f)) for f in expected.levels], where
     got = [(a.id, a.x, a.y, a.level, a.force) for a in image.actuators]
-    assert got == [(*a[:4], float(np.float32(a[4]))) for a in expected.actuators], where
+    want = [(*a[:4], float(np.float32(a[4]))) for a in expected.actuators]
+    assert got == want, f"{where}: actuators are {sorted({*got} - {*want})}, not {sorted({*want} - {*got})}"
     assert np.array_equal(pixels, expected.pixels), f"{where}: pixels differ at {np.argwhere(pixels != expected.pixels)}"
 
 
