@@ -29,6 +29,19 @@ pub const TARGETS: [Target; 14] = [
     ("csv_file", files::csv_file),
 ];
 
+/// A target with a bug, to see that fuzzing finds bugs: it panics on what begins with `TAXELBUG`. Coverage leads there byte by
+/// byte; chance would need 2^64 inputs.
+pub fn planted(data: &[u8]) {
+    let mut right = 0;
+    for (byte, wanted) in data.iter().zip(b"TAXELBUG") {
+        if byte != wanted {
+            break;
+        }
+        right += 1;
+        assert!(right < 8, "the planted bug");
+    }
+}
+
 /// Runs the target of this name.
 ///
 /// # Panics

@@ -163,50 +163,105 @@ fn seeds(target: &str) -> Vec<Vec<u8>> {
     }
 }
 
-#[test]
-fn every_target_stands_its_regressions_seeds_and_their_changes() {
-    for (target, run) in TARGETS {
-        let mut random = Random(7);
-        let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
-            .join("regressions")
-            .join(target);
-        for file in std::fs::read_dir(folder).into_iter().flatten().flatten() {
-            run(&std::fs::read(file.path()).expect("a readable file"));
-        }
-        let seeds = seeds(target);
-        let rounds = match target {
-            "layout_file" | "configuration" | "recognise_frames" | "decoder_frames" => 300,
-            _ => 3_000,
-        };
-        for seed in &seeds {
-            run(seed);
-            // `fuzz/run` begins with these.
-            if let Some(corpus) = std::env::var_os("TAXEL_FUZZ_SEEDS") {
-                let folder = Path::new(&corpus).join(target);
-                std::fs::create_dir_all(&folder).expect("a folder for seeds");
-                let name = seed.iter().fold(seed.len() as u64, |h, b| {
-                    h.wrapping_mul(31).wrapping_add(u64::from(*b))
-                });
-                std::fs::write(folder.join(format!("seed-{name:016x}")), seed).expect("a file");
+/// What the target makes of the input; what fails is shown so that it can be kept.
+fn check(target: &str, what: &str, input: &[u8]) {
+    let failed = std::panic::catch_unwind(|| taxel_fuzz::run(target, input)).is_err();
+    assert!(!failed, "{target} fails on {what}: b\"{}\"", input.escape_ascii());
+}
+
+/// Up to seven bytes or pieces changed, cut off, put in or repeated.
+fn change(random: &mut Random, input: &mut Vec<u8>) {
+    for _ in 0..=random.below(6) {
+        let at = random.below(input.len());
+        match random.below(4) {
+            0 => input.truncate(at),
+            1 => input.insert(at, random.next() as u8),
+            2 if !input.is_empty() => input[at] = random.next() as u8,
+            _ => {
+                let part: Vec<u8> = input[at..].iter().take(random.below(64)).copied().collect();
+                input.extend(part);
             }
-        }
-        for _ in 0..rounds {
-            let mut input = seeds[random.below(seeds.len())].clone();
-            for _ in 0..=random.below(6) {
-                let at = random.below(input.len());
-                match random.below(4) {
-                    0 => input.truncate(at),
-                    1 => input.insert(at, random.next() as u8),
-                    2 if !input.is_empty() => input[at] = random.next() as u8,
-                    _ => {
-                        let part: Vec<u8> = input[at..].iter().take(random.below(64)).copied().collect();
-                        input.extend(part);
-                    }
-                }
-            }
-            run(&input);
-            let noise: Vec<u8> = (0..random.below(200)).map(|_| random.next() as u8).collect();
-            run(&noise);
         }
     }
+}
+
+/// Runs the target on its regressions, its seeds, changes of them, and noise.
+fn stands(target: &str, rounds: usize) {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("regressions")
+        .join(target);
+    for file in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        let input = std::fs::read(file.path()).expect("a readable file");
+        check(target, &file.path().display().to_string(), &input);
+    }
+    let seeds = seeds(target);
+    for seed in &seeds {
+        check(target, "a seed", seed);
+        // `fuzz/run` begins with these.
+        if let Some(corpus) = std::env::var_os("TAXEL_FUZZ_SEEDS") {
+            let folder = Path::new(&corpus).join(target);
+            std::fs::create_dir_all(&folder).expect("a folder for seeds");
+            let name = seed.iter().fold(seed.len() as u64, |h, b| {
+                h.wrapping_mul(31).wrapping_add(u64::from(*b))
+            });
+            std::fs::write(folder.join(format!("seed-{name:016x}")), seed).expect("a file");
+        }
+    }
+    let mut random = Random(7);
+    for _ in 0..rounds {
+        let mut input = seeds[random.below(seeds.len())].clone();
+        change(&mut random, &mut input);
+        check(target, "a changed seed", &input);
+        let noise: Vec<u8> = (0..random.below(200)).map(|_| random.next() as u8).collect();
+        check(target, "noise", &noise);
+    }
+}
+
+macro_rules! targets {
+    ($($name:ident: $rounds:literal,)*) => {
+        const TESTED: [&str; TARGETS.len()] = [$(stringify!($name)),*];
+        $(
+            #[test]
+            fn $name() {
+                stands(stringify!($name), $rounds);
+            }
+        )*
+    };
+}
+
+targets! {
+    candump_line: 3_000,
+    python_can_datagram: 3_000,
+    wire_decode: 3_000,
+    subscribe_text: 3_000,
+    decoder_frames: 300,
+    cyskin_reassembly: 3_000,
+    recognise_frames: 300,
+    dynamixel_stream: 3_000,
+    allegro_frames: 3_000,
+    layout_file: 300,
+    configuration: 300,
+    scene_file: 3_000,
+    array_file: 3_000,
+    csv_file: 3_000,
+}
+
+#[test]
+fn every_target_is_tested_and_built_for_the_fuzzer() {
+    let manifest = include_str!("../Cargo.toml");
+    for (target, _) in TARGETS {
+        assert!(TESTED.contains(&target), "{target}");
+        assert!(
+            manifest.contains(&format!("path = \"fuzz_targets/{target}.rs\"")),
+            "{target}"
+        );
+    }
+}
+
+/// `fuzz/check` runs the fuzzer on it.
+#[test]
+fn the_planted_bug_is_a_bug() {
+    taxel_fuzz::planted(b"TAXELBU");
+    taxel_fuzz::planted(b"taxelbug");
+    assert!(std::panic::catch_unwind(|| taxel_fuzz::planted(b"TAXELBUGS")).is_err());
 }
