@@ -186,6 +186,7 @@ impl TickThread {
                 .max();
             let Self {
                 pipeline,
+                boards,
                 displays,
                 raw,
                 clock,
@@ -203,6 +204,7 @@ impl TickThread {
             // What another bus has told beyond that waits: frames are given in the order of their stamps however late they
             // are taken.
             while let Some((bus, received)) = next_in_time(&mut batches, horizon) {
+                boards.hear(bus, &received.frame, received.t_ns);
                 pipeline.push(bus, &received, &mut emit);
             }
             if !more {

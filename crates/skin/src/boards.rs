@@ -4,11 +4,15 @@
 //! of every board that takes it for its own (protocols.md 1.9, 2.4), so none is sent once boards have been started;
 //! [`BoardSupervisor::discover`] comes before.
 
+mod board;
+
 use crate::counters::{RangeError, check_ranges};
+use crate::protocol::mtb;
 use crate::search::{BusSet, Search};
 use crate::start::{Order, Sequences};
 use crate::sweep_config::nanoseconds;
 use crate::{Layout, Protocol};
+use board::{Board, Look, Pace, Sequence};
 use serde::{Deserialize, Serialize};
 use taxel_can::CanFrame;
 
@@ -99,7 +103,7 @@ pub struct Command {
     pub board: u16,
     /// What the sequence it belongs to is for.
     pub mode: TxMode,
-    /// Whether it is sent because the board was silent.
+    /// Whether it is sent to start a board because it was silent.
     pub restart: bool,
     order: Order,
 }
@@ -115,6 +119,9 @@ impl Command {
 /// [`BoardSupervisor::poll`] until it has no command, then again at [`BoardSupervisor::next_at_ns`].
 ///
 /// Boards that take no commands (L3, `cpm-finger`) are left alone in every mode.
+///
+/// An iCub board takes half a second to start, so a silent one is asked whether it is there, and started when it answers:
+/// give what is heard to [`BoardSupervisor::hear`]. One that never answers is started blindly now and then.
 ///
 /// A uSkin board that was never heard is started on other buses of the hand too, if these have no board of its address
 /// and [`BoardSupervisor::allow_search`] was called: wired to another bus it would otherwise stay silent, and
@@ -144,62 +151,6 @@ pub struct BoardSupervisor {
     searched: BusSet,
     /// Whether any command was ever handed out.
     spoken: bool,
-}
-
-#[derive(Debug, Clone)]
-struct Pace {
-    /// Period of the triggers, and the time of the first; later ones are whole periods after it.
-    trigger: Option<(u64, Option<u64>)>,
-    silence_ns: u64,
-    first_pause_ns: u64,
-    longest_pause_ns: u64,
-}
-
-#[derive(Debug, Clone)]
-struct Board {
-    /// Its module; of a hub, all its modules.
-    modules: Vec<u16>,
-    bus: u8,
-    sequences: Sequences,
-    /// The sequence under way, of more than one step.
-    under_way: Option<UnderWay>,
-    /// When it is to be looked at again.
-    due_ns: u64,
-    /// When the last command to it was handed out.
-    sent_ns: Option<u64>,
-    /// When it was started, other than for its silence: silence is not counted from before.
-    started_ns: Option<u64>,
-    /// It is silent: when to try again, and the pause after that.
-    retry: Option<Retry>,
-    stopped: bool,
-    restarts: u64,
-    search: Search,
-}
-
-#[derive(Debug, Clone, Copy)]
-struct Retry {
-    at_ns: u64,
-    pause_ns: u64,
-    /// How often it was tried.
-    tries: u32,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Sequence {
-    Start,
-    /// A restart because of silence, of a board that may still be configured.
-    Wake,
-    /// ... of one that seems not to be.
-    StartAgain,
-    Stop,
-}
-
-#[derive(Debug, Clone, Copy)]
-struct UnderWay {
-    sequence: Sequence,
-    /// The step that comes next, and when.
-    step: usize,
-    at_ns: u64,
 }
 
 impl BoardSupervisor {
@@ -283,6 +234,9 @@ impl BoardSupervisor {
                 .filter(|b| b.ready_ns(bus_free_ns).is_some_and(|ready| ready <= now_ns))
                 .min_by_key(|b| b.under_way.map_or(b.due_ns, |u| u.at_ns))?;
             let (sequence, step) = if let Some(under_way) = board.under_way {
+                if board.leaves_out(&under_way) {
+                    continue;
+                }
                 (under_way.sequence, under_way.step)
             } else if self.stopping {
                 if board.sequences.stop.is_empty() {
@@ -294,8 +248,7 @@ impl BoardSupervisor {
                 let heard_ns = board.modules.iter().filter_map(|m| last_heard_ns(*m)).max();
                 match board.look(now_ns, heard_ns, &mut self.pace) {
                     Look::Wait => continue,
-                    Look::Start { restart: false } => (Sequence::Start, 0),
-                    Look::Start { restart: true } => (board.restart_sequence(), 0),
+                    Look::Start(sequence) => (sequence, 0),
                 }
             };
             let order = board.take_step(sequence, step, now_ns, &self.pace);
@@ -319,6 +272,23 @@ impl BoardSupervisor {
                 restart: matches!(sequence, Sequence::Wake | Sequence::StartAgain),
                 order,
             });
+        }
+    }
+
+    /// Takes a frame that was received, whatever it is: an answer of a board that was asked whether it is there.
+    #[inline]
+    pub fn hear(&mut self, bus: u8, frame: &CanFrame, t_ns: u64) {
+        if let Some(address) = mtb::answering(frame) {
+            self.take_answer(bus, address, t_ns);
+        }
+    }
+
+    #[cold]
+    fn take_answer(&mut self, bus: u8, address: u8, t_ns: u64) {
+        let asked =
+            |b: &&mut Board| b.bus == bus && b.sequences.ask.first().is_some_and(|s| s.order.is_to(address));
+        if let Some(board) = self.boards.iter_mut().find(asked) {
+            board.answers(t_ns);
         }
     }
 
@@ -398,142 +368,5 @@ impl BoardSupervisor {
             .iter()
             .find(|b| b.modules.contains(&board))
             .map_or(0, |b| b.restarts)
-    }
-}
-
-enum Look {
-    Wait,
-    Start { restart: bool },
-}
-
-impl Pace {
-    /// When to look at a board again after `now_ns` if nothing else is due: at the next trigger, or after the silence
-    /// that is allowed.
-    fn next_look_ns(&mut self, now_ns: u64, triggered: bool, silence_ns: u64) -> u64 {
-        match &mut self.trigger {
-            Some((period_ns, first_ns)) if triggered => {
-                let first_ns = *first_ns.get_or_insert(now_ns);
-                let periods = now_ns.saturating_sub(first_ns) / *period_ns + 1;
-                first_ns + periods * *period_ns
-            }
-            _ => now_ns + silence_ns,
-        }
-    }
-}
-
-impl Board {
-    fn new(modules: Vec<u16>, bus: u8, sequences: Sequences) -> Self {
-        Self {
-            modules,
-            bus,
-            sequences,
-            under_way: None,
-            due_ns: 0,
-            sent_ns: None,
-            started_ns: None,
-            retry: None,
-            stopped: false,
-            restarts: 0,
-            search: Search::default(),
-        }
-    }
-
-    /// When the next command can be handed out, given what was sent before; `None` once it is stopped.
-    fn ready_ns(&self, bus_free_ns: &[u64]) -> Option<u64> {
-        let due_ns = self.under_way.map_or(self.due_ns, |u| u.at_ns);
-        let gap_ends_ns = self.sent_ns.map_or(0, |sent| sent + self.sequences.gap_ns);
-        (!self.stopped).then(|| due_ns.max(bus_free_ns[self.bus as usize]).max(gap_ends_ns))
-    }
-
-    /// With which sequence a silent board is tried: it is woken first, and started from the beginning from then on.
-    fn restart_sequence(&self) -> Sequence {
-        if self.retry.is_some_and(|retry| retry.tries > 1) {
-            Sequence::StartAgain
-        } else {
-            Sequence::Wake
-        }
-    }
-
-    /// Hands out a step of a sequence, and notes what comes after it.
-    fn take_step(&mut self, sequence: Sequence, step: usize, now_ns: u64, pace: &Pace) -> Order {
-        let steps = match sequence {
-            Sequence::Start | Sequence::StartAgain => &self.sequences.start,
-            Sequence::Wake => &self.sequences.wake,
-            Sequence::Stop => &self.sequences.stop,
-        };
-        let (order, pause_ns) = (steps[step].order, steps[step].pause_ns);
-        let ends = step + 1 == steps.len();
-        let long = steps.len() > 1;
-        self.sent_ns = Some(now_ns);
-        self.under_way = (!ends).then(|| UnderWay {
-            sequence,
-            step: step + 1,
-            at_ns: now_ns + pause_ns,
-        });
-        if ends && sequence == Sequence::Stop {
-            self.stopped = true;
-        } else if ends && long {
-            // Silence counts from the end of the sequence.
-            let look_ns = now_ns + self.silence_ns(pace);
-            self.started_ns = Some(now_ns);
-            if let Some(retry) = &mut self.retry {
-                retry.at_ns = retry.at_ns.max(look_ns);
-            }
-            self.due_ns = look_ns;
-        }
-        order
-    }
-
-    fn silence_ns(&self, pace: &Pace) -> u64 {
-        pace.silence_ns.max(self.sequences.silence_ns)
-    }
-
-    /// Decides whether a start is due now, and sets when to look again.
-    fn look(&mut self, now_ns: u64, heard_ns: Option<u64>, pace: &mut Pace) -> Look {
-        let silence_ns = self.silence_ns(pace);
-        let triggered = pace.trigger.is_some() && self.sequences.triggered;
-        let next_look_ns = pace.next_look_ns(now_ns, triggered, silence_ns);
-        let Some(started_ns) = self.started_ns else {
-            self.started_ns = Some(now_ns);
-            self.due_ns = next_look_ns;
-            return Look::Start { restart: false };
-        };
-        if heard_ns > self.sent_ns {
-            self.retry = None;
-        }
-        let quiet_from_ns = heard_ns.unwrap_or(0).max(started_ns);
-        if self.retry.is_none() && now_ns.saturating_sub(quiet_from_ns) < silence_ns {
-            if triggered {
-                self.due_ns = next_look_ns;
-                return Look::Start { restart: false };
-            }
-            self.due_ns = quiet_from_ns + silence_ns;
-            return Look::Wait;
-        }
-        let retry = self.retry.get_or_insert(Retry {
-            at_ns: now_ns,
-            pause_ns: pace.first_pause_ns,
-            tries: 0,
-        });
-        let due = now_ns >= retry.at_ns;
-        if due {
-            retry.at_ns = now_ns + retry.pause_ns;
-            retry.pause_ns = (2 * retry.pause_ns).min(pace.longest_pause_ns);
-            retry.tries = retry.tries.saturating_add(1);
-            self.restarts += 1;
-        }
-        self.due_ns = retry.at_ns.min(next_look_ns);
-        if due {
-            Look::Start { restart: true }
-        } else {
-            Look::Wait
-        }
-    }
-
-    fn start_at(&mut self, t_ns: u64) {
-        self.started_ns = None;
-        self.retry = None;
-        self.under_way = None;
-        self.due_ns = t_ns;
     }
 }

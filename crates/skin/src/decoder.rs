@@ -89,7 +89,7 @@ pub enum Decoded {
         board: u16,
     },
     /// A command to a board: of another reader on the bus, of whoever made the recording, or our own where the source
-    /// hears itself. Also a CySkin packet that carries no values.
+    /// hears itself. Also an iCub board's answer to a question, and a CySkin packet that carries no values.
     Command,
     /// A standard or extended data frame that is nothing of this hand's.
     Unknown,
@@ -108,7 +108,7 @@ pub struct BusCounters {
     pub unknown: u64,
     /// Remote and error frames.
     pub not_data: u64,
-    /// Commands to boards, and CySkin packets without values.
+    /// Commands to boards, their answers, and CySkin packets without values.
     pub commands: u64,
     /// Frames that are the beginning or the middle of a packet.
     pub partial: u64,
@@ -203,6 +203,10 @@ impl Decoder {
                 let address = (module.board & 15) as usize;
                 decoder.mtb[address] = board as u16;
                 decoder.icub[address] = module.protocol.is_icub();
+                if module.protocol.is_icub() {
+                    let answer = 0x200 | u16::from(module.board & 15) << 4;
+                    decoder.filters.push(IdFilter::standard(answer, 0x7FF));
+                }
             }
             let first = module.first_taxel as usize;
             for (i, taxel) in layout
@@ -407,6 +411,11 @@ impl Decoder {
         let start_or_stop = matches!(data, [SET_TXMODE, 0 | 1]);
         let to_icub = self.icub[(id & 15) as usize] || (id & 15 == 15 && self.icub.contains(&true));
         if id & 0x7F0 == 0x200 && (start_or_stop || (to_icub && mtb::is_command(data))) {
+            self.counters.commands += 1;
+            return Decoded::Command;
+        }
+        let answer = data.len() == 8 && data[0] == mtb::GET_FW_VERSION;
+        if id & 0x70F == 0x200 && answer && self.icub[(id >> 4 & 15) as usize] {
             self.counters.commands += 1;
             return Decoded::Command;
         }

@@ -12,6 +12,14 @@ const USKIN_GAP_NS: u64 = 2_000_000;
 const ICUB_GAP_NS: u64 = 10_000_000;
 /// Pause after the triangles of an iCub board were configured: they are calibrated.
 const ICUB_CALIBRATION_NS: u64 = 500_000_000;
+/// An iCub board is asked so often whether it is there while it is configured, until it answers. With the start at the
+/// end of the pause that leaves room in its receive buffer of five (protocols.md 1.9).
+const QUESTIONS: u64 = 3;
+/// How long after its answer an iCub board is given to be heard by itself, beyond its period; and at most at all.
+const GRACE_NS: u64 = 20_000_000;
+const LONGEST_GRACE_NS: u64 = 100_000_000;
+/// What is asked for in a question; every board answers, whatever its own version.
+const CAN_PROTOCOL: [u8; 2] = [1, 0];
 /// A board that was told to start is given at least so many of its periods to be heard.
 const PERIODS: u64 = 3;
 /// CySkin's usual period is 50 ms.
@@ -36,6 +44,16 @@ impl Order {
             Order::Hub(HubFrame(frame)) => *frame,
         }
     }
+
+    /// Whether it is for the MTB of this address.
+    pub(crate) fn is_to(&self, address: u8) -> bool {
+        matches!(self, Order::Mtb(command) if command.address() == address)
+    }
+
+    /// Whether it only asks who is there.
+    pub(crate) fn is_question(&self) -> bool {
+        matches!(self, Order::Mtb(command) if command.is_question())
+    }
 }
 
 /// An order, and how long nothing else is sent to the board after it while the sequence goes on.
@@ -48,11 +66,16 @@ pub(crate) struct Step {
 /// The sequences of one board.
 #[derive(Debug, Clone)]
 pub(crate) struct Sequences {
-    /// From power-up to sending.
+    /// From power-up to sending. Questions in it are left out once the board has answered.
     pub(crate) start: Vec<Step>,
     /// For a board that was started and fell silent; tried once before it is started from the beginning, since
     /// configuration calibrates the skin and so loses what touches it.
     pub(crate) wake: Vec<Step>,
+    /// Whether a silent board is there at all; empty where it cannot be asked. Starting an iCub board takes more than half a
+    /// second, so one without power would often come back in the middle of it and hear only its end.
+    pub(crate) ask: Vec<Step>,
+    /// How long after its answer it is configured anew, unless it is heard.
+    pub(crate) grace_ns: u64,
     pub(crate) stop: Vec<Step>,
     /// Least time between two commands that are not of one sequence.
     pub(crate) gap_ns: u64,
@@ -76,26 +99,48 @@ impl Sequences {
             USKIN_GAP_NS
         };
         let go = step(MtbCommand::tx_mode(address, false), gap_ns);
-        let mut start = match &module.icub {
-            Some(setup) => configuration(address, layout.triangles(module), setup)
-                .into_iter()
-                .map(|command| step(command, gap_ns))
-                .collect(),
-            None => Vec::new(),
+        let ask = step(MtbCommand::firmware_version(address, CAN_PROTOCOL), gap_ns);
+        let Some(setup) = &module.icub else {
+            return Self {
+                start: vec![go],
+                wake: vec![go],
+                ask: Vec::new(),
+                grace_ns: 0,
+                stop: vec![step(MtbCommand::tx_mode(address, true), gap_ns)],
+                gap_ns,
+                silence_ns: 0,
+                triggered: true,
+            };
         };
+        let mut start = vec![ask];
+        let commands = configuration(address, layout.triangles(module), setup);
+        start.extend(commands.into_iter().map(|command| step(command, gap_ns)));
+        let part_ns = ICUB_CALIBRATION_NS / QUESTIONS;
         if let Some(last) = start.last_mut() {
-            last.pause_ns = ICUB_CALIBRATION_NS;
+            last.pause_ns = part_ns;
         }
+        for _ in 2..QUESTIONS {
+            start.push(Step {
+                pause_ns: part_ns,
+                ..ask
+            });
+        }
+        let left_ns = ICUB_CALIBRATION_NS - (QUESTIONS - 1) * part_ns;
+        start.push(Step {
+            pause_ns: left_ns,
+            ..ask
+        });
         start.push(go);
+        let period_ns = u64::from(setup.period_ms) * 1_000_000;
         Self {
             start,
-            wake: vec![go],
+            wake: vec![go, ask],
+            ask: vec![ask],
+            grace_ns: (period_ns + GRACE_NS).min(LONGEST_GRACE_NS),
             stop: vec![step(MtbCommand::tx_mode(address, true), gap_ns)],
             gap_ns,
-            silence_ns: module
-                .icub
-                .map_or(0, |setup| PERIODS * u64::from(setup.period_ms) * 1_000_000),
-            triggered: module.icub.is_none(),
+            silence_ns: PERIODS * period_ns,
+            triggered: false,
         }
     }
 
@@ -118,6 +163,8 @@ impl Sequences {
         Self {
             wake: start.clone(),
             start,
+            ask: Vec::new(),
+            grace_ns: 0,
             stop: steps(&setup.stop),
             gap_ns: ICUB_GAP_NS,
             silence_ns: CYSKIN_SILENCE_NS,

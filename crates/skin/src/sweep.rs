@@ -110,7 +110,6 @@ pub struct SweepAssembler {
     hand_period_ns: u64,
     configured_deadline_ns: Option<u64>,
     configured_stale_ns: Option<u64>,
-    settle_ns: u64,
     silent_after: u8,
     /// Awaited taxels that the hand sweep under way lacks.
     pending: usize,
@@ -153,10 +152,20 @@ impl SweepAssembler {
             })
             .collect();
         let period_ns = config.board_period_ms.map(nanoseconds);
+        let settle_ns = nanoseconds(config.settle_ms);
         let boards = layout
             .modules
             .iter()
-            .map(|module| Board::new(module.first_taxel as usize, module.taxels as usize, period_ns))
+            .map(|module| {
+                // An iCub board is calibrated for half a second before it may speak.
+                let settle_ns = if module.protocol.is_icub() { 0 } else { settle_ns };
+                Board::new(
+                    module.first_taxel as usize,
+                    module.taxels as usize,
+                    period_ns,
+                    settle_ns,
+                )
+            })
             .collect();
         Self {
             pending: slots.len(),
@@ -166,7 +175,6 @@ impl SweepAssembler {
             hand_period_ns: config.board_period_ns(),
             configured_deadline_ns: config.deadline_ms.map(nanoseconds),
             configured_stale_ns: config.stale_after_ms.map(nanoseconds),
-            settle_ns: nanoseconds(config.settle_ms),
             silent_after: config.silent_after_sweeps,
             first_ns: None,
             newest_ns: None,
@@ -218,7 +226,7 @@ impl SweepAssembler {
         {
             board.measure(t_ns - heard_ns);
         }
-        if board.is_settling(t_ns, self.settle_ns) {
+        if board.is_settling(t_ns) {
             board.counters.settling += 1;
             return Push::Settling;
         }

@@ -18,6 +18,8 @@ pub(crate) struct Board {
     pub(crate) seen: usize,
     /// The sweep that was under way and incomplete when the last frame was taken; 0 for none.
     pub(crate) sweep_at_take: u64,
+    /// How long what it says is thrown away after it has come up.
+    settle_ns: u64,
     settled_at_ns: u64,
     /// Since when it is living; 0 if it never was.
     pub(crate) living_since_ns: u64,
@@ -32,7 +34,7 @@ pub(crate) struct Board {
 }
 
 impl Board {
-    pub(crate) fn new(first: usize, taxels: usize, configured_ns: Option<u64>) -> Self {
+    pub(crate) fn new(first: usize, taxels: usize, configured_ns: Option<u64>, settle_ns: u64) -> Self {
         Self {
             first,
             taxels,
@@ -40,6 +42,7 @@ impl Board {
             sweep_start_ns: 0,
             seen: 0,
             sweep_at_take: 0,
+            settle_ns,
             settled_at_ns: 0,
             living_since_ns: 0,
             heard: false,
@@ -63,7 +66,8 @@ impl Board {
     }
 
     /// Takes note that it speaks, and returns whether what it says is to be thrown away because it has just come up.
-    pub(crate) fn is_settling(&mut self, t_ns: u64, settle_ns: u64) -> bool {
+    pub(crate) fn is_settling(&mut self, t_ns: u64) -> bool {
+        let settle_ns = self.settle_ns;
         let silence_ns = SETTLE_AGAIN_NS.max(10 * self.period_ns());
         let came_up = match self.counters.last_ns {
             None => true,

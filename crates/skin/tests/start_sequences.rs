@@ -3,16 +3,28 @@
 mod support;
 
 use support::{CYSKIN, cyskin, cyskin_text, icub};
+use taxel_can::CanFrame;
 use taxel_skin::{BoardSupervisor, BoardsConfig, BoardsMode, Layout, TxMode};
 
 const MS: u64 = 1_000_000;
 
 /// Commands handed out from 0 to `until_ms` as (ms, frame), with `hear` saying when a board was last heard, given the
-/// time and the commands so far.
+/// time and the commands so far. Questions are answered.
 fn play(
     supervisor: &mut BoardSupervisor,
     from_ms: u64,
     until_ms: u64,
+    hear: impl Fn(u16, u64, &[(u64, String)]) -> Option<u64>,
+) -> Vec<(u64, String)> {
+    play_with(supervisor, from_ms, until_ms, |_| true, hear)
+}
+
+/// The same; questions are answered at once at the times, ms, that `answers` says.
+fn play_with(
+    supervisor: &mut BoardSupervisor,
+    from_ms: u64,
+    until_ms: u64,
+    answers: impl Fn(u64) -> bool,
     hear: impl Fn(u16, u64, &[(u64, String)]) -> Option<u64>,
 ) -> Vec<(u64, String)> {
     let mut sent: Vec<(u64, String)> = Vec::new();
@@ -26,6 +38,11 @@ fn play(
                 "{frame} must not be sent while boards stream"
             );
             sent.push((now / MS, frame.to_string()));
+            if frame.data()[0] == 0x1C && answers(now / MS) {
+                let id = 0x200 | (frame.id() as u16 & 15) << 4;
+                let answer = CanFrame::standard(id, &[0x1C, 5, 2, 17, 4, 1, 0, 1]).unwrap();
+                supervisor.hear(command.bus, &answer, now);
+            }
         }
         let Some(next) = supervisor.next_at_ns() else {
             break;
@@ -40,13 +57,20 @@ fn text(sent: &[(u64, String)]) -> Vec<(u64, &str)> {
     sent.iter().map(|(t, f)| (*t, f.as_str())).collect()
 }
 
-const CONFIGURATION: [(u64, &str); 5] = [
-    (0, "201#4D0032F5"),
-    (10, "201#50000F02000022"),
-    (20, "201#50000002010022"),
-    (30, "201#50030302010022"),
-    (530, "201#0700"),
+const QUESTION: &str = "201#1C0100";
+const CONFIGURATION: [(u64, &str); 6] = [
+    (0, QUESTION),
+    (10, "201#4D0032F5"),
+    (20, "201#50000F02000022"),
+    (30, "201#50000002010022"),
+    (40, "201#50030302010022"),
+    (540, "201#0700"),
 ];
+
+/// The configuration without its question, so many ms later.
+fn configuration_after(ms: u64) -> Vec<(u64, &'static str)> {
+    CONFIGURATION[1..].iter().map(|(t, f)| (ms + t, *f)).collect()
+}
 
 #[test]
 fn an_icub_board_is_configured_in_order_with_pauses_and_started_last() {
@@ -58,7 +82,7 @@ fn an_icub_board_is_configured_in_order_with_pauses_and_started_last() {
         };
         let mut supervisor = BoardSupervisor::new(&layout, &config);
         let sent = play(&mut supervisor, 0, 3_000, |_, now, sent| {
-            (sent.len() >= 5).then_some(now)
+            (sent.len() >= 6).then_some(now)
         });
         assert_eq!(text(&sent), CONFIGURATION, "{mode:?}: it sends on its own timer");
         assert_eq!(supervisor.restarts(0), 0);
@@ -73,10 +97,10 @@ fn an_icub_board_is_configured_in_order_with_pauses_and_started_last() {
 fn the_commands_carry_what_the_layout_says() {
     let setup = "icub = { period_ms = 100, noload = 240, skin_type = 8, shift = 3, cdc_offset = 0x1234 }";
     let mut supervisor = BoardSupervisor::new(&icub("icub-mtb4", setup), &BoardsConfig::default());
-    let sent = play(&mut supervisor, 0, 530, |_, _, _| None);
+    let sent = play(&mut supervisor, 0, 540, |_, _, _| None);
     let frames: Vec<&str> = sent.iter().map(|(_, f)| f.as_str()).collect();
     assert_eq!(
-        frames[..3],
+        frames[1..4],
         ["201#4D0864F0", "201#50000F03003412", "201#50000003013412"]
     );
 
@@ -104,37 +128,118 @@ fn the_commands_carry_what_the_layout_says() {
     }
 }
 
+/// Pauses are those of protocols.md 1.4: 10 ms between commands, half a second from the triangles to the start.
+#[track_caller]
+fn keeps_its_pauses(sent: &[(u64, String)]) {
+    let mut configured_ms = None;
+    for (before, now) in sent.iter().zip(&sent[1..]) {
+        assert!(now.0 >= before.0 + 10, "{before:?} {now:?}");
+        if before.1.starts_with("201#50") {
+            configured_ms = Some(before.0);
+        }
+        if now.1 == "201#0700" {
+            assert!(
+                configured_ms.is_none_or(|t| now.0 >= t + 500),
+                "{now:?} of {sent:?}"
+            );
+        }
+    }
+}
+
 #[test]
 fn a_silent_icub_board_is_woken_first_and_configured_anew_only_if_that_does_not_help() {
     let layout = icub("icub-mtb3", "");
     let mut supervisor = BoardSupervisor::new(&layout, &BoardsConfig::default());
-    let sent = play(&mut supervisor, 0, 2_000, |_, _, _| None);
-    assert_eq!(text(&sent)[..5], CONFIGURATION);
-    // Three of its periods of 50 ms after the start; then the first pause of 100 ms.
-    let second: Vec<(u64, &str)> = CONFIGURATION.iter().map(|(t, f)| (780 + t, *f)).collect();
+    let sent = play(&mut supervisor, 0, 1_400, |_, _, _| None);
+    assert_eq!(text(&sent)[..6], CONFIGURATION);
+    // Three of its periods of 50 ms after the start.
     assert_eq!(
-        text(&sent)[5],
-        (680, "201#0700"),
+        text(&sent)[6..8],
+        [(690, "201#0700"), (700, QUESTION)],
         "configuration would calibrate the skin, whatever touches it"
     );
-    assert_eq!(text(&sent)[6..11], second);
-    assert_eq!(supervisor.restarts(0), 2 + (sent.len() > 11) as u64);
+    // It is there and does not speak within its period and 20 ms.
+    assert_eq!(text(&sent)[8], (770, QUESTION));
+    assert_eq!(text(&sent)[9..14], configuration_after(770));
+    keeps_its_pauses(&sent);
+    assert_eq!(supervisor.restarts(0), 2);
 
     // A board that answers the waking is left alone.
     let mut supervisor = BoardSupervisor::new(&layout, &BoardsConfig::default());
     let sent = play(&mut supervisor, 0, 5_000, |_, now, sent| {
-        (sent.len() >= 6).then_some(now)
+        (sent.len() >= 7).then_some(now)
     });
-    assert_eq!(text(&sent)[5..], [(680, "201#0700")]);
+    assert_eq!(text(&sent)[6..], [(690, "201#0700"), (700, QUESTION)]);
+}
+
+#[test]
+fn an_icub_board_without_power_is_asked_and_configured_as_soon_as_it_answers() {
+    let layout = icub("icub-mtb4", "");
+    let mut slowest_ms = 0;
+    // Heard until 1 s, without power until then; power comes back in every phase of the questions.
+    for back_ms in (2_000..2_300).step_by(7) {
+        let mut supervisor = BoardSupervisor::new(&layout, &BoardsConfig::default());
+        let answers = |ms| !(1_000..back_ms).contains(&ms);
+        let hear = |_, now: u64, _: &[(u64, String)]| (now > 545 * MS).then_some(now.min(1_000 * MS));
+        let sent = play_with(&mut supervisor, 0, back_ms + 1_000, answers, hear);
+        keeps_its_pauses(&sent);
+        let away = sent.iter().filter(|(t, _)| (1_000..back_ms).contains(t));
+        let questions = away.clone().filter(|(_, f)| f == QUESTION).count();
+        assert_eq!(
+            questions + 1,
+            away.count(),
+            "nothing but a waking and questions: {sent:?}"
+        );
+        let started = sent
+            .iter()
+            .find(|(t, f)| *t > back_ms && f == "201#0700")
+            .unwrap();
+        slowest_ms = slowest_ms.max(started.0 - back_ms);
+        assert_eq!(
+            supervisor.restarts(0),
+            2 + u64::from(started.0 + 150 < back_ms + 1_000)
+        );
+    }
+    // A question within 100 ms, its period and 20 ms to be heard, then the configuration.
+    assert!((700..=100 + 70 + 540).contains(&slowest_ms), "{slowest_ms} ms");
+}
+
+#[test]
+fn a_board_that_comes_up_while_it_is_configured_is_configured_from_the_beginning() {
+    let layout = icub("icub-mtb3", "");
+    for (up_ms, begin_ms) in [(5, 206), (100, 206), (300, 373)] {
+        let mut supervisor = BoardSupervisor::new(&layout, &BoardsConfig::default());
+        let sent = play_with(&mut supervisor, 0, 1_000, |ms| ms >= up_ms, |_, _, _| None);
+        let start = sent
+            .iter()
+            .position(|(t, f)| *t > 40 && f == "201#4D0032F5")
+            .unwrap();
+        let begun_ms = sent[start].0;
+        assert!(begun_ms.abs_diff(begin_ms + 10) <= 1, "{up_ms}: {sent:?}");
+        let again: Vec<(u64, &str)> = configuration_after(begun_ms - 10);
+        assert_eq!(text(&sent)[start..start + 5], again, "{up_ms}");
+        keeps_its_pauses(&sent);
+    }
+}
+
+#[test]
+fn a_board_that_knows_no_questions_is_started_all_the_same() {
+    let layout = icub("icub-mtb3", "");
+    let mut supervisor = BoardSupervisor::new(&layout, &BoardsConfig::default());
+    let sent = play_with(&mut supervisor, 0, 10_000, |_| false, |_, _, _| None);
+    keeps_its_pauses(&sent);
+    let starts: Vec<u64> = (sent.iter().filter(|(_, f)| f == "201#0700").map(|(t, _)| *t)).collect();
+    assert_eq!(starts[0], 540);
+    assert!(starts.len() >= 4, "{starts:?}");
 }
 
 #[test]
 fn a_stop_during_the_configuration_ends_it() {
     let mut supervisor = BoardSupervisor::new(&icub("icub-mtb3", ""), &BoardsConfig::default());
-    play(&mut supervisor, 0, 35, |_, _, _| None);
+    play(&mut supervisor, 0, 45, |_, _, _| None);
     supervisor.stop();
-    let sent = play(&mut supervisor, 36, 2_000, |_, _, _| None);
-    assert_eq!(text(&sent), [(40, "201#0701")], "10 ms after the last command");
+    let sent = play(&mut supervisor, 46, 2_000, |_, _, _| None);
+    assert_eq!(text(&sent), [(50, "201#0701")], "10 ms after the last command");
     assert!(supervisor.is_stopped());
 }
 
@@ -174,7 +279,7 @@ fn boards_are_configured_side_by_side() {
             .collect();
         assert_eq!(
             mine,
-            [0, 10, 20, 520],
+            [0, 10, 20, 30, 530],
             "board {address}: all its triangles are one run"
         );
     }

@@ -227,6 +227,9 @@ impl Listener for Hearing {
             }
             _ => {}
         }
+        if let Some(supervisor) = &mut self.supervisor {
+            supervisor.hear(bus, &received.frame, received.t_ns);
+        }
         self.pipeline.push(bus, received, &mut |_| {});
     }
 

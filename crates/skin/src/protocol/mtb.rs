@@ -29,6 +29,12 @@ pub(crate) fn is_command(data: &[u8]) -> bool {
         .is_some_and(|first| COMMANDS.contains(&(first & 0x7F, data.len())))
 }
 
+/// The board that answers a question of ours, by the answer: `0x200 | address << 4`, eight bytes.
+pub(crate) fn answering(frame: &CanFrame) -> Option<u8> {
+    let id = frame.standard_id().filter(|id| id & 0x70F == 0x200)?;
+    (frame.data().len() == 8 && frame.data()[0] == GET_FW_VERSION).then_some((id >> 4 & 15) as u8)
+}
+
 /// A command to one MTB. Its frame is of class 2 by construction, whatever the address and the data: a class-7 frame
 /// would stop the sampling of every board that takes it for its own (protocols.md 1.9).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -75,6 +81,16 @@ impl MtbCommand {
     /// `GET_FW_VERSION`, with the version of the protocol that is asked for.
     pub(crate) fn firmware_version(address: u8, [major, minor]: [u8; 2]) -> Self {
         Self::new(address, &[GET_FW_VERSION, major, minor])
+    }
+
+    /// Whom it is for.
+    pub(crate) fn address(&self) -> u8 {
+        self.address
+    }
+
+    /// Whether it is a question, which the board answers and which changes nothing.
+    pub(crate) fn is_question(&self) -> bool {
+        self.data[0] == GET_FW_VERSION
     }
 
     /// The frame to send: id `0x200 | address`, source 0.

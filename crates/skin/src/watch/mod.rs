@@ -132,8 +132,14 @@ impl TrafficWatch {
             let first = usize::from(module.first_taxel);
             let taxels = &layout.taxels[first..first + usize::from(module.taxels)];
             let ids = ids_of(module.protocol, module.board, taxels.iter().map(|t| t.k));
-            for id in &ids {
-                buses[usize::from(module.bus)].owners[usize::from(*id)] = index;
+            if let Some(bus) = buses.get_mut(usize::from(module.bus)) {
+                for id in &ids {
+                    bus.owners[usize::from(*id)] = index;
+                }
+                if module.protocol.is_icub() {
+                    // Its answer when it is asked whether it is there.
+                    bus.familiar[0x200 | usize::from(module.board & 15) << 4] = true;
+                }
             }
             modules.push(Module {
                 bus: module.bus,
