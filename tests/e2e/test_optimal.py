@@ -1,0 +1,126 @@
+"""The method `optimal`: every level is the exact optimum's, to the byte, and places are no worse than the publication's."""
+
+import subprocess
+
+import numpy as np
+import pytest
+import taxel_reader
+from conditioning import DAEMON_SETTINGS, Conditioner
+from harness.candump import sweep_times_ns, write_candump
+from harness.compare_optimal import Frame
+from harness.daemon import Daemon, binary
+from harness.recordings import module_counts, tiled
+from harness.touches import Touches, edges, grasp
+from robust_conditioning import SETTINGS, RobustConditioner
+from sequential_clustering import Profile
+
+PROFILES = {
+    "default": Profile(),
+    "few of each": Profile(levels=3, actuators=4),
+    "one of each": Profile(levels=1, actuators=1),
+    "more than taxels": Profile(levels=255, actuators=255),
+    "force weighted": Profile(levels=16, actuators=5, force_weighted=True),
+}
+NOT_OF_OPTIMAL = ("force_iterations", "actuator_iterations")
+
+
+def in_config(profile, **more):
+    keys = {key: value for key, value in vars(profile).items() if key not in NOT_OF_OPTIMAL}
+    return {**keys, "codebook": [], "method": "optimal", **more}
+
+
+def check_every_image(driver, hand, profile, frames, parts=None):
+    """Plays the frames and checks; returns how many images had contacts."""
+    conditioner = Conditioner()
+    touched, costs = 0, []
+    for i, counts in enumerate(frames):
+        frame = Frame(hand, profile, *conditioner.feed(counts))
+        image = driver.step(counts)
+        if image.calibrating:  # which taxels are faulty is told when the calibration is done
+            assert image.contacts == 0 and len(frame.rho) == 0
+            continue
+        frame.check(image, f"frame {i}")
+        touched += image.contacts > 0
+        costs.append(frame.costs(image, parts))
+    assert_no_dearer(costs)
+    return touched
+
+
+def assert_no_dearer(costs):
+    costs = np.array([c for c in costs if c is not None]).reshape(-1, 2)
+    ours, papers = costs.sum(axis=0)
+    assert ours <= 1.03 * papers, f"places cost {ours:.1f}, the publication's {papers:.1f}: {costs.tolist()}"
+
+
+@pytest.mark.parametrize("scene", [grasp, edges])
+@pytest.mark.parametrize("name", PROFILES)
+def test_every_image_of_a_scene_has_the_least_force_error(start, lockstep, hand, scene, name):
+    profile = PROFILES[name]
+    daemon = start(conditioning=DAEMON_SETTINGS, profile=in_config(profile))
+    assert check_every_image(lockstep(daemon), hand, profile, scene(Touches.even(hand))) >= 6
+
+
+def test_each_finger_has_actuators_of_its_own(start, lockstep, hand):
+    profile = Profile(actuators=9)
+    daemon = start(conditioning=DAEMON_SETTINGS, profile=in_config(profile, parts_apart=True))
+    fingers = lambda xy: xy[:, 0] // 4
+    assert check_every_image(lockstep(daemon), hand, profile, grasp(Touches.even(hand)), fingers) >= 10
+
+
+def test_a_recorded_trial_on_the_whole_hand_has_the_least_force_error(start, lockstep, hand):
+    frames = tiled(module_counts("uskin_pick_and_move.npz", "trial05"), hand)[:250:5]
+    daemon = start(conditioning=DAEMON_SETTINGS, profile=in_config(Profile()))
+    assert check_every_image(lockstep(daemon), hand, Profile(), frames) > len(frames) // 2
+
+
+def robust_frames(touches):
+    """Rest, a grasp, drift at rest for longer than the daemon waits for, and another grasp."""
+    drifting = Touches(touches.hand, touches.at_rest)
+    yield from touches.resting(16, seed=8)
+    yield from grasp(touches)
+    for i in range(60):
+        living = ~np.all(touches.at_rest == 65535, axis=1)
+        drifting.at_rest[living] = touches.at_rest[living] + i // 10
+        yield from drifting.resting(1, seed=100 + i)
+    yield from grasp(drifting)
+
+
+def test_the_daemons_own_conditioning_is_the_references(folder, hand):
+    # Times matter to this conditioning, so it is given a recording, which `taxel compress` plays as the daemon does
+    # (test_recordings.py).
+    touches = Touches.uneven(hand, seed=3, dead=[17, 200])
+    frames = list(robust_frames(touches))
+    log, out = folder / "hand.log", folder / "images.bin"
+    write_candump(log, hand, frames, start_s=0.55)
+    daemon = Daemon(
+        folder / "d",
+        [f"log:{log}?interface={bus}" for bus in hand.buses],
+        tick={"mode": "sweep"},
+        sweep={"board_period_ms": 33.0, "settle_ms": 0.0, "silent_after_sweeps": 250},
+        conditioning=SETTINGS,
+        profile=in_config(Profile()),
+    )
+    compress = [binary("taxel"), "compress", log, "--config", daemon.config, "--out", out]
+    subprocess.run(compress, check=True, capture_output=True)
+    data, images = out.read_bytes(), []
+    while data:
+        image, length = taxel_reader.decode(data)
+        data = data[length:]
+        if image.missing == 0:
+            images.append(image)
+    assert len(images) == len(frames)
+
+    conditioner, costs, touched = RobustConditioner(len(hand)), [], 0
+    for i, (image, counts) in enumerate(zip(images, frames)):
+        felt = conditioner.feed(counts, *sweep_times_ns(hand, i, start_s=0.55))
+        assert image.calibrating == (felt is None), f"frame {i}"
+        if felt is None:
+            continue
+        frame = Frame(hand, Profile(), *felt)
+        frame.check(image, f"frame {i}")
+        touched += image.contacts > 0
+        costs.append(frame.costs(image))
+    assert set(np.flatnonzero(conditioner.faulty)) == {17, 200}
+    assert np.any(conditioner.baseline != conditioner.rested_at), "nothing drifted"
+    assert touched >= 20
+    assert_no_dearer(costs)

@@ -1,0 +1,134 @@
+"""The daemon's own conditioning in numpy: a baseline and a threshold that are measured, faults that stand out.
+
+What the publication's section IV-B becomes when a hand has offsets that are far apart, taxels that are dead, and
+noise (`conditioning.py` has the publication's). The repair of single samples is left out: `SETTINGS` switch it off.
+Times are in nanoseconds. Medians of an even number of counts are the mean of the middle two; those of a hand's taxels are
+the upper one.
+"""
+
+import math
+
+import numpy as np
+
+# What the daemon's configuration has to say for this to be its reference.
+SETTINGS = {"calibration_ms": 300, "repair_wraps": False, "reject_glitches": False}
+
+MS = 1_000_000
+SIGMAS_PER_MAD = 1.4826
+WINDOW_NS, LEAST_FRAMES = 300 * MS, 10
+OUTLIER_SIGMAS = 5.0
+TOUCH_COUNTS, TOUCH_SIGMAS = 60.0, 4.0
+NOISE_SIGMAS, NOISE_FLOOR = 8.0, 150.0
+MARGIN, RELEASE, LEAST_THRESHOLD = 1.5, 0.8, 10.0
+DRIFT_WAIT_NS, DRIFT_TIME_CONSTANT_MS, DRIFT_QUIET, DRIFT_LIMIT = 1000 * MS, 30_000, 0.5, 1000.0
+JUDGING_NS = 50 * MS
+DEAD_SAMPLES = 3
+
+
+def magnitude(counts, baseline):
+    """Distance of (..., 3) counts from the baseline."""
+    d = np.asarray(counts, dtype=np.float64) - baseline
+    x, y, z = d[..., 0], d[..., 1], d[..., 2]
+    return np.sqrt(x * x + y * y + z * z)
+
+
+def upper_spread(values):
+    """Upper median and 1.4826 times the upper median of the distances from it."""
+    middle = len(values) // 2
+    centre = np.sort(values)[middle]
+    return centre, SIGMAS_PER_MAD * np.sort(np.abs(values - centre))[middle]
+
+
+class Rest:
+    """What a taxel's (T, 3) samples at rest say of it."""
+
+    def __init__(self, samples):
+        samples = np.asarray(samples, dtype=np.float64)
+        centre = np.median(samples, axis=0)
+        sigma = SIGMAS_PER_MAD * np.median(np.abs(samples - centre), axis=0)
+        kept = np.all(np.abs(samples - centre) <= OUTLIER_SIGMAS * np.maximum(sigma, 0.5), axis=1)
+        self.constant = bool(np.all(samples == samples[0]))
+        self.baseline = samples[kept].sum(axis=0) / np.sum(kept) if np.any(kept) else centre
+        # Noise from sample to sample, so that slow motion is none; an outlier interrupts.
+        neighbours = kept[1:] & kept[:-1]
+        steps = np.diff(samples, axis=0)[neighbours]
+        variance = np.sum(steps * steps / 2.0, axis=0) / max(1, len(steps))
+        self.noise = math.sqrt(variance[0] + variance[1] + variance[2])
+        self.peak = float(magnitude(samples[kept], self.baseline).max(initial=0.0))
+        n = len(samples)
+        quarters = [np.median(samples[q * n // 4 : (q + 1) * n // 4], axis=0) for q in range(4)] if n >= 8 else [centre]
+        shift = np.max(quarters, axis=0) - np.min(quarters, axis=0)
+        self.touched = bool(np.any(shift > np.maximum(TOUCH_COUNTS, TOUCH_SIGMAS * np.sqrt(variance))))
+
+
+class RobustConditioner:
+    """Complete frames in, (force, contact, faulty) out; None while it calibrates."""
+
+    def __init__(self, taxels):
+        self.frames = []
+        self.calibrated = False
+        self.judged = None  # how many taxels, once the window is over
+        self.contact = np.zeros(taxels, dtype=bool)
+        self.dead_run = np.zeros(taxels, dtype=int)
+
+    def feed(self, counts, t_ns, frame_ns):
+        """counts: (N, 3); t_ns: (N,) when each was measured; frame_ns: when the frame was complete."""
+        counts, t_ns = np.asarray(counts, dtype=np.int64), np.asarray(t_ns, dtype=np.int64)
+        self.dead_run = np.where(np.all((counts == 0) | (counts == 65535), axis=1), self.dead_run + 1, 0)
+        felt = self.feel(counts, t_ns) if self.calibrated else None
+        if self.judged is not None and not self.calibrated:
+            # Judging is spread over the frames of 50 ms.
+            self.judged += max(4, math.ceil(len(counts) * min(1.0, (frame_ns - self.last_ns) / JUDGING_NS)))
+            self.calibrated = self.judged >= len(counts)
+        elif self.judged is None:
+            self.frames.append((counts, frame_ns))
+            if len(self.frames) >= LEAST_FRAMES and frame_ns - self.frames[0][1] >= WINDOW_NS:
+                self.calibrate()
+                self.judged = 0
+        self.last_ns = frame_ns
+        self.last_t_ns = t_ns
+        return felt
+
+    def calibrate(self):
+        samples = np.stack([counts for counts, _ in self.frames])
+        assert len(samples) <= 128, "longer windows are thinned out"
+        taxels = samples.shape[1]
+        alive = ~np.all((samples == 0) | (samples == 65535), axis=(0, 2))
+        rest = [Rest(samples[:, n]) for n in range(taxels)]
+        usable = alive & ~np.array([r.constant for r in rest])
+        noise = np.array([r.noise for r in rest])
+        median, sigma = upper_spread(noise[usable])
+        noisy = noise > max(median + NOISE_SIGMAS * sigma, NOISE_FLOOR)
+        # There is no way back from these here: the tests' frames have none.
+        self.faulty = ~usable | noisy
+        self.baseline = np.array([r.baseline for r in rest])
+        self.rested_at = self.baseline.copy()
+        healthy = ~self.faulty
+        untouched = healthy & ~np.array([r.touched for r in rest])
+        peaks = np.array([r.peak for r in rest])[untouched if np.any(untouched) else healthy]
+        median, sigma = upper_spread(peaks)
+        theta = min(peaks.max(), median + NOISE_SIGMAS * max(sigma, median / 4.0))
+        self.threshold = max(theta * MARGIN, LEAST_THRESHOLD)
+        self.quiet_since = np.full(taxels, -1, dtype=np.int64)
+        self.level = np.zeros(taxels)
+
+    def feel(self, counts, t_ns):
+        faulty = self.faulty | (self.dead_run >= DEAD_SAMPLES)
+        force = np.where(faulty, 0.0, magnitude(counts, self.baseline))
+        self.contact = ~faulty & (force > np.where(self.contact, self.threshold * RELEASE, self.threshold))
+        self.follow(counts, force, t_ns, ~faulty & ~self.contact)
+        return force, self.contact, faulty
+
+    def follow(self, counts, force, t_ns, quiet):
+        """The baseline follows slow drift of taxels that are untouched for long."""
+        dt = (t_ns - self.last_t_ns).astype(np.float64)
+        begins = quiet & (self.quiet_since < 0)
+        smoothed = self.level + (force - self.level) * np.minimum(dt * (1e-6 / (DRIFT_WAIT_NS // MS)), 1.0)
+        self.level = np.where(begins, force, np.where(quiet, smoothed, self.level))
+        self.quiet_since = np.where(quiet, np.where(begins, t_ns, self.quiet_since), -1)
+        waited = quiet & (t_ns - self.quiet_since >= DRIFT_WAIT_NS)
+        moves = waited & (self.level < DRIFT_QUIET * self.threshold)
+        share = np.minimum(dt * (1e-6 / DRIFT_TIME_CONSTANT_MS), 1.0)[:, None]
+        moved = self.baseline + (counts - self.baseline) * share
+        assert np.all(np.abs(moved - self.rested_at) <= DRIFT_LIMIT), "the tests' frames do not drift that far"
+        self.baseline = np.where(moves[:, None], moved, self.baseline)

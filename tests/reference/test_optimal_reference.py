@@ -1,0 +1,94 @@
+"""The references of exact levels and of the daemon's own conditioning against cases computed by hand."""
+
+import itertools
+
+import numpy as np
+import pytest
+from exact_levels import Forces, optimal_levels
+from robust_conditioning import MS, Rest, RobustConditioner, upper_spread
+
+
+def test_the_levels_are_the_means_of_the_cut_with_the_least_error():
+    # {0} {9 10 11 12} {20}: 2.25 + 0.25 + 0.25 + 2.25 = 5.
+    (levels, numbers), = optimal_levels([0, 9, 10, 11, 12, 20], 3)
+    assert levels == [0.0, 10.5, 20.0]
+    assert numbers.tolist() == [1, 2, 2, 2, 2, 3]
+
+
+def test_contacts_keep_their_order_and_equal_forces_stay_together():
+    (levels, numbers), = optimal_levels([7.0, 1.0, 7.0, 2.0], 2)
+    assert levels == [1.5, 7.0]
+    assert numbers.tolist() == [2, 1, 2, 1]
+
+
+def test_there_are_no_more_levels_than_different_forces():
+    assert optimal_levels([3.0, 3.0, 5.0], 8)[0][0] == [3.0, 5.0]
+    assert optimal_levels([3.0, 3.0], 8)[0][0] == [3.0]
+
+
+def test_partitions_of_equal_error_are_all_told():
+    assert sorted(levels for levels, _ in optimal_levels([1.0, 2.0, 3.0], 2)) == [[1.0, 2.5], [1.5, 3.0]]
+
+
+def test_a_difference_that_doubles_cannot_hold_decides():
+    # Squares of these need 107 bits, and their errors differ by 6. The mean, 2^53 + 1, rounds to even.
+    base = 2.0**53
+    (levels, numbers), = optimal_levels([base, base + 2, base + 6], 2)
+    assert levels == [base, base + 6] and numbers.tolist() == [1, 1, 2]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_no_other_way_of_cutting_has_less_error(seed):
+    random = np.random.default_rng(seed)
+    forces = np.sort(random.integers(0, 40, 9) / 8.0)
+    n, k = len(forces), 4
+
+    def error(cuts):
+        parts = [forces[i:j] for i, j in zip((0, *cuts), (*cuts, n))]
+        return sum(np.sum((p - p.mean()) ** 2) for p in parts)
+
+    least = min(error(cuts) for cuts in itertools.combinations(range(1, n), k - 1))
+    of = Forces(forces)
+    found = [error(p[1:]) for p in of.partitions(k)]
+    assert found and found == pytest.approx([least] * len(found), abs=1e-9)
+
+
+def test_an_outlier_moves_neither_baseline_nor_noise():
+    samples = [[100, 200, 300], [102, 200, 300]] * 6
+    clean, spiked = Rest(samples), Rest(samples[:6] + [[9000, 200, 300]] + samples[6:])
+    assert clean.baseline.tolist() == spiked.baseline.tolist() == [101.0, 200.0, 300.0]
+    assert clean.noise == pytest.approx(2**0.5) and spiked.noise == clean.noise
+    assert clean.peak == spiked.peak == 1.0
+    assert not clean.touched and not clean.constant
+
+
+def test_a_level_that_moves_is_a_touch():
+    assert Rest([[100 + i % 2, 200, 300 + (70 if i > 9 else 0)] for i in range(16)]).touched
+    assert not Rest([[100 + i % 2, 200, 300 + (50 if i > 9 else 0)] for i in range(16)]).touched
+
+
+def test_the_spread_of_a_hand_is_that_of_its_upper_median():
+    assert upper_spread(np.array([1.0, 2.0, 4.0, 100.0])) == (4.0, 1.4826 * 3.0)
+
+
+def at_rest(i):
+    # Noise of one count on an axis; taxel 2 reads dead.
+    return np.array([[100 + i % 2, 200, 300], [400, 500 + i % 2, 600], [65535] * 3])
+
+
+def test_a_contact_begins_above_the_threshold_and_ends_at_its_release():
+    conditioner = RobustConditioner(3)
+    times = lambda i: (np.full(3, i * 33 * MS), i * 33 * MS)
+    felt = [conditioner.feed(at_rest(i), *times(i)) for i in range(13)]
+    # Eleven frames until 300 ms are over, then 33 of 50 ms for judging (two of three taxels, at least four): all.
+    assert [f is None for f in felt] == [True] * 12 + [False]
+    assert conditioner.threshold == 10.0  # 1.5 times half a count is less
+    assert conditioner.faulty.tolist() == [False, False, True]
+    contacts = []
+    for i, z in enumerate((300, 309, 311, 309, 307, 309), start=13):
+        counts = at_rest(0)
+        counts[0, 2] = z
+        force, contact, faulty = conditioner.feed(counts, *times(i))
+        contacts.append(bool(contact[0]))
+        assert faulty.tolist() == [False, False, True] and not contact[2] and force[2] == 0.0
+    assert contacts == [False, False, True, True, False, False]
