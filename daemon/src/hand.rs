@@ -33,7 +33,7 @@ pub(crate) struct Hand {
     pub(crate) events: broadcast::Sender<Event>,
     /// Where subscriptions are received into, one at a time; one byte longer than the longest, to tell one too long.
     pub(crate) subscription: RefCell<Box<[u8]>>,
-    /// What is wrong with buses and boards.
+    /// What is wrong with buses, boards and joints.
     pub(crate) problems: RefCell<Problems>,
     commands: mpsc::SyncSender<Command>,
     /// The thread that reads servos, where there are any.
@@ -230,7 +230,8 @@ impl Hand {
             .collect();
         let joints = (self.config.joints.as_ref().zip(self.joints(&snapshot))).map(|(config, view)| {
             let hz = Rate::update(&self.joint_rate, view.cycles());
-            crate::joints::status(config, &view, hz)
+            let kinds = |joint: Option<usize>| problems.kinds(joint.map_or(Place::Joints, Place::Joint));
+            crate::joints::status(config, &view, hz, &kinds)
         });
         json!({
             "version": env!("CARGO_PKG_VERSION"),

@@ -4,7 +4,7 @@
 //! The tick thread itself never logs, so that a slow terminal or journal cannot hold up an image.
 
 use crate::hand::Hand;
-use crate::joints::{Told, Weight};
+use crate::joints::{JointsView, Told, Weight};
 use crate::problems::News;
 use crate::snapshot::Snapshot;
 use sd_notify::NotifyState;
@@ -41,8 +41,9 @@ pub(crate) async fn watch(hand: Rc<Hand>) {
             continue;
         }
         tell_changes(&hand, before.as_ref(), &now);
-        tell_problems(&hand, &now, roll_call_at.is_none());
-        tell_joints(&hand, &now, &mut joints);
+        let view = hand.joints(&now);
+        tell_problems(&hand, &now, view.as_ref(), roll_call_at.is_none());
+        tell_joints(&hand, view.as_ref(), &mut joints);
         before = Some(now);
         hand.profiles.tidy();
 
@@ -132,23 +133,23 @@ fn tell_changes(hand: &Hand, before: Option<&Snapshot>, now: &Snapshot) {
 }
 
 /// Says what is new of the joints.
-fn tell_joints(hand: &Hand, now: &Snapshot, told: &mut Told) {
-    let (Some(config), Some(view)) = (&hand.config.joints, hand.joints(now)) else {
+fn tell_joints(hand: &Hand, view: Option<&JointsView>, told: &mut Told) {
+    let (Some(config), Some(view)) = (&hand.config.joints, view) else {
         return;
     };
-    hand.count_joints(&view);
-    for (weight, text) in told.news(config, &view) {
+    hand.count_joints(view);
+    for (weight, text) in told.news(config, view) {
         match weight {
             Weight::Info => tracing::info!("{text}"),
             Weight::Warn => tracing::warn!("{text}"),
-            Weight::Error => tracing::error!("{text}"),
         }
     }
 }
 
 /// Says which problems came and which are over, in the log and to every subscriber.
-fn tell_problems(hand: &Hand, now: &Snapshot, boards_due: bool) {
-    for news in hand.problems.borrow_mut().look(&hand.config, now, boards_due) {
+fn tell_problems(hand: &Hand, now: &Snapshot, joints: Option<&JointsView>, boards_due: bool) {
+    let mut problems = hand.problems.borrow_mut();
+    for news in problems.look(&hand.config, now, joints, boards_due) {
         let sentence = match news {
             News::Came { severe, sentence } => {
                 match severe {

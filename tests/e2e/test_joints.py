@@ -37,9 +37,12 @@ class Watch:
 
     def __init__(self, daemon):
         self.lines = []
+        self.folder = daemon.folder
+        self.told = (self.folder / "watch.log").open("wb")
         self.process = subprocess.Popen(
             [binary("taxel"), "watch", "--json", "--socket", daemon.images],
             stdout=subprocess.PIPE,
+            stderr=self.told,
             text=True,
             preexec_fn=die_with_parent,
         )
@@ -50,6 +53,11 @@ class Watch:
         for line in self.process.stdout:
             self.lines.append(json.loads(line))
 
+    @property
+    def notices(self):
+        """What taxeld told beside images."""
+        return (self.folder / "watch.log").read_text()
+
     def __enter__(self):
         return self
 
@@ -58,6 +66,7 @@ class Watch:
         self.process.wait()
         self.thread.join()
         self.process.stdout.close()
+        self.told.close()
 
     def more(self, count):
         """The next `count` images."""
@@ -171,6 +180,73 @@ def test_damaged_and_late_answers_are_counted_and_never_become_wrong_angles(fold
     servos.close()
 
 
+def comes(daemon, kind, joint, *words):
+    """Waits for a problem, and gives it back."""
+    found = lambda s: [p for p in s["problems"] if (p["kind"], p["joint"]) == (kind, joint)]
+    status = daemon.wait_status(found, f"no problem {kind} of {joint}")
+    (problem,) = found(status)
+    for word in words:
+        assert word in problem["sentence"], problem
+    return problem
+
+
+@pytest.mark.parametrize(
+    ("kind", "fault", "mend", "words", "over"),
+    [
+        ("servo-silent", "fault 5 silent", "mend 5", ["joint 5 (id 5) is silent", "power and cable"], "joint 5 (id 5) answers again"),
+        ("servo-late", "fault 5 late:45", "mend 5", ["joint 5 (id 5)", "after its deadline", "answer_margin_ms"], "answers in time"),
+        ("servo-damaged", "fault 5 bad-crc", "mend 5", ["joint 5 (id 5)", "damaged (CRC)", "two servos with one id"], "are whole"),
+        ("servo-error", "error 5 4", "error 5 0", ["joint 5 (id 5)", "overheating", "Let it cool down"], "no hardware error any more"),
+    ],
+)
+def test_what_is_wrong_with_a_servo_is_a_problem_in_words_and_is_over_when_it_is_mended(folder, kind, fault, mend, words, over):
+    servos = Servos("--ids", "1-16")
+    # So that a busy machine makes nobody late.
+    joints = dynamixel(servos.path, fast_sync_read="off", answer_margin_ms=30.0)
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon, Watch(daemon) as watch:
+        watch.until(all_known, "not every angle became known")
+        daemon.wait_status(lambda s: s["problems"] == [], "there are problems")
+        servos.tell(fault)
+        problem = comes(daemon, kind, "joint 5", *words)
+        assert (problem["bus"], problem["module"], problem["severe"]) == (None, None, False)
+        status = daemon.status()["joints"]
+        assert status["joints"][4]["problems"] == [kind] and status["joints"][3]["problems"] == []
+        # A servo whose every answer is late answers now and then in the end; its silence is not told beside.
+        time.sleep(0.5)
+        assert {p["kind"] for p in daemon.status()["problems"]} == {kind}
+        for image in watch.more(50):
+            assert None not in image["joints"][:4] + image["joints"][5:], "one servo hides others"
+        doctor = subprocess.run(
+            [binary("taxel"), "doctor", "--json", "--config", daemon.config], capture_output=True, text=True, timeout=60
+        )
+        found = [c for c in json.loads(doctor.stdout)["checks"] if c["name"] == "problem"]
+        assert [(c["object"], c["found"]) for c in found] == [("joint 5", daemon.status()["problems"][0]["sentence"])]
+        servos.tell(mend)
+        mended = time.monotonic()
+        daemon.wait_status(lambda s: s["problems"] == [], "it is never over")
+        print(f"RECOVERY {kind}: {time.monotonic() - mended:.2f} s")
+        eventually(lambda: over in daemon.log, "the log does not say that it is over")
+        assert daemon.log.count(problem["sentence"].split(";")[0].split(",")[0]) == 1, "told more than once"
+        eventually(lambda: over in watch.notices, "taxel watch does not say so")
+    servos.close()
+
+
+def test_a_supply_that_is_off_is_one_problem_and_not_sixteen(folder):
+    servos = Servos("--ids", "1-16")
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path)) as daemon, Watch(daemon) as watch:
+        watch.until(all_known, "not every angle became known")
+        for id in IDS:
+            servos.tell(f"fault {id} silent")
+        assert comes(daemon, "servos-silent", None, "no servo answers", "baud = 1000000")["severe"]
+        time.sleep(0.5)
+        assert [p["kind"] for p in daemon.status()["problems"]] == ["servos-silent"]
+        for id in IDS:
+            servos.tell(f"mend {id}")
+        daemon.wait_status(lambda s: s["problems"] == [], "it is never over")
+        watch.until(all_known, "not every angle is known again")
+    servos.close()
+
+
 def test_an_adapter_that_comes_back_under_another_number_is_found_by_its_stable_name(folder):
     link = folder / "by-id"
     servos = Servos("--ids", "1-16", "--link", link)
@@ -183,6 +259,7 @@ def test_an_adapter_that_comes_back_under_another_number_is_found_by_its_stable_
         servos.close()
         away = watch.until(lambda image: set(image["joints"]) == {None}, "angles stay known without adapter")
         daemon.wait_status(lambda s: s["joints"]["state"] == "gone", "the status does not say that it is gone")
+        comes(daemon, "serial-absent", None, f"{link} is gone, unplugged")
         eventually(lambda: f"{link} is gone, unplugged" in daemon.log, "nor does the log")
         images = watch.more(60)
         assert [image["seq"] for image in images] == list(range(images[0]["seq"], images[0]["seq"] + 60))
@@ -258,6 +335,7 @@ def test_an_allegro_hand_is_listened_to_and_never_spoken_to(folder, version):
         hand.join()
         watch.until(lambda image: set(image["joints"]) == {None}, "angles of a silent hand stay known")
         daemon.wait_status(lambda s: s["joints"]["state"] == "gone", "the status does not say that it is silent")
+        comes(daemon, "hand-silent", None, "sends no angles", "taxeld only listens")
         daemon.stop()
         heard = set()
         while message := ear.recv(0.2):

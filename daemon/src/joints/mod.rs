@@ -6,6 +6,8 @@
 mod hand;
 mod status;
 mod tell;
+#[cfg(test)]
+pub(crate) mod test_views;
 mod tick;
 
 pub(crate) use hand::OwnHand;

@@ -36,7 +36,27 @@ impl JointsView {
 }
 
 /// The `joints` object; `cycle_hz` is the rate of [`JointsView::cycles`].
-pub(crate) fn status(config: &JointsConfig, view: &JointsView, cycle_hz: f64) -> Value {
+///
+/// `problems` tells the kinds of problems of a joint, or of the joints as a whole.
+pub(crate) fn status(
+    config: &JointsConfig,
+    view: &JointsView,
+    cycle_hz: f64,
+    problems: &dyn Fn(Option<usize>) -> Vec<&'static str>,
+) -> Value {
+    let mut status = of_source(config, view, cycle_hz);
+    if let Some(object) = status.as_object_mut() {
+        object.insert("problems".into(), json!(problems(None)));
+    }
+    if let Some(joints) = status.get_mut("joints").and_then(Value::as_array_mut) {
+        for (index, joint) in joints.iter_mut().filter_map(Value::as_object_mut).enumerate() {
+            joint.insert("problems".into(), json!(problems(Some(index))));
+        }
+    }
+    status
+}
+
+fn of_source(config: &JointsConfig, view: &JointsView, cycle_hz: f64) -> Value {
     match (&config.source, &view.servos) {
         (JointSource::Dynamixel { .. }, Some((snapshot, port))) => {
             servos(config, view, snapshot, port, cycle_hz)

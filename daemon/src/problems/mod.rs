@@ -1,16 +1,19 @@
-//! What is wrong with the hand now, in words that a user can act on, and what of it is new.
+//! What is wrong with the hand and its joints now, in words that a user can act on, and what of it is new.
 //!
 //! Problems are looked for on the socket thread, ten times a second, in what the tick thread has counted. Each is told
 //! once when it comes and once when it is over; one that comes and goes is told less and less often.
 
 mod boards;
 mod bus;
+mod joints;
 
 use crate::config::Config;
+use crate::joints::JointsView;
 use crate::snapshot::Snapshot;
 use serde_json::{Value, json};
 use std::collections::{HashMap, VecDeque};
 use taxel_can::SourceCounters;
+use taxel_joints::JointsConfig;
 
 /// Counters are compared with those of this long ago, nanoseconds.
 const RECENT_NS: u64 = 500_000_000;
@@ -28,6 +31,10 @@ pub(crate) enum Place {
     Bus(usize),
     /// The board of a module, by its index in the layout.
     Module(usize),
+    /// The joints as a whole: the servos' port, an Allegro hand.
+    Joints,
+    /// A joint, by its index; of an Allegro hand, the first of a finger.
+    Joint(usize),
     /// Something on a bus that is not of the hand: an identifier, an address, another bus.
     Stranger(usize, u32),
 }
@@ -57,8 +64,9 @@ pub(crate) enum News {
 pub(crate) struct Problems {
     current: Vec<(Problem, u64)>,
     told: HashMap<(Kind, Place), Told>,
-    recent: VecDeque<(u64, Vec<SourceCounters>)>,
+    recent: VecDeque<(u64, Vec<SourceCounters>, joints::Counts)>,
     steadiness: boards::Steadiness,
+    patience: joints::Patience,
     now_ns: u64,
 }
 
@@ -85,14 +93,21 @@ pub(crate) struct Look<'a> {
 
 impl Problems {
     /// Looks at the hand, and returns what is new.
-    pub(crate) fn look(&mut self, config: &Config, now: &Snapshot, boards_due: bool) -> Vec<News> {
+    pub(crate) fn look(
+        &mut self,
+        config: &Config,
+        now: &Snapshot,
+        joints: Option<&JointsView>,
+        boards_due: bool,
+    ) -> Vec<News> {
         self.now_ns = now.now_ns;
         let counters: Vec<SourceCounters> = now.buses.iter().map(|b| b.source).collect();
-        self.recent.push_back((now.now_ns, counters));
+        self.recent
+            .push_back((now.now_ns, counters, joints::Counts::of(joints)));
         while self.recent.len() > 2 && now.now_ns.saturating_sub(self.recent[1].0) >= RECENT_NS {
             self.recent.pop_front();
         }
-        let (then_ns, before) = &self.recent[0];
+        let (then_ns, before, joints_before) = &self.recent[0];
         let look = Look {
             config,
             now,
@@ -106,6 +121,17 @@ impl Problems {
             bus::judge(&look, index, flaps, &mut found);
         }
         boards::judge(&look, &mut self.steadiness, &mut found);
+        if let (Some(config), Some(view)) = (&config.joints, joints) {
+            let current = &self.current;
+            let judge = joints::Judge {
+                config,
+                view,
+                before: joints_before,
+                look: &look,
+                has: &|kind, place| is_among(current, kind, place),
+            };
+            judge.judge(&mut self.patience, &mut found);
+        }
         self.replace(found)
     }
 
@@ -171,9 +197,7 @@ impl Problems {
     }
 
     fn has(&self, kind: Kind, place: Place) -> bool {
-        self.current
-            .iter()
-            .any(|(p, _)| p.kind == kind && p.place == place)
+        is_among(&self.current, kind, place)
     }
 
     /// The kinds of problems of one bus or board.
@@ -200,19 +224,29 @@ impl Problems {
     /// All of them, as the status report has them.
     pub(crate) fn status(&self, config: &Config) -> Vec<Value> {
         let layout = &config.layout;
+        let names = config
+            .joints
+            .as_ref()
+            .map_or_else(Vec::new, JointsConfig::joint_names);
         let of = |(problem, since_ns): &(Problem, u64)| {
             let (bus, module) = match problem.place {
-                Place::Bus(bus) | Place::Stranger(bus, _) => (bus, None),
+                Place::Bus(bus) | Place::Stranger(bus, _) => (Some(bus), None),
                 Place::Module(module) => (
-                    usize::from(layout.modules[module].bus),
+                    Some(usize::from(layout.modules[module].bus)),
                     Some(&layout.modules[module]),
                 ),
+                Place::Joints | Place::Joint(_) => (None, None),
+            };
+            let joint = match problem.place {
+                Place::Joint(joint) => names.get(joint),
+                _ => None,
             };
             json!({
                 "kind": problem.kind,
-                "bus": layout.buses[bus],
+                "bus": bus.map(|bus| &layout.buses[bus]),
                 "board": module.map(|m| m.board),
                 "module": module.map(|m| &m.name),
+                "joint": joint,
                 "severe": problem.severe,
                 "sentence": problem.sentence,
                 "since_s": self.now_ns.saturating_sub(*since_ns) as f64 / 1e9,
@@ -220,6 +254,10 @@ impl Problems {
         };
         self.current.iter().map(of).collect()
     }
+}
+
+fn is_among(problems: &[(Problem, u64)], kind: Kind, place: Place) -> bool {
+    problems.iter().any(|(p, _)| p.kind == kind && p.place == place)
 }
 
 #[cfg(test)]

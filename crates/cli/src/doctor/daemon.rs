@@ -147,7 +147,10 @@ pub(super) fn check(status: &Value) -> Vec<Check> {
     for problem in array(&status["problems"]) {
         let object = match problem["module"].as_str() {
             Some(module) => module.to_string(),
-            None => text(&problem["bus"]),
+            None => match problem["bus"].as_str() {
+                Some(bus) => bus.to_string(),
+                None => problem["joint"].as_str().unwrap_or("joints").to_string(),
+            },
         };
         let sentence = text(&problem["sentence"]);
         checks.push(match problem["severe"].as_bool() {

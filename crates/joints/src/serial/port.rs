@@ -86,6 +86,16 @@ impl Port {
         self.latency
     }
 
+    /// Reads the adapter's timer anew; whether it has changed.
+    pub(crate) fn look_at_latency(&mut self) -> bool {
+        let Some(before) = self.latency.ftdi_timer_ms else {
+            return false;
+        };
+        let now = ftdi_timer_ms(&self.device).unwrap_or(before);
+        self.latency.ftdi_timer_ms = Some(now);
+        now != before
+    }
+
     pub(crate) fn device(&self) -> &Path {
         &self.device
     }

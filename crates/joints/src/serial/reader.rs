@@ -24,6 +24,8 @@ const FIRST_PAUSE: Duration = Duration::from_millis(50);
 const LONGEST_PAUSE: Duration = Duration::from_millis(500);
 /// How often a sleeping thread looks whether it shall end.
 const LOOK_NS: u64 = 20_000_000;
+/// How often the adapter's latency timer is looked at.
+const LATENCY_NS: u64 = 1_000_000_000;
 /// Readings kept per joint: a third of a second at 100 Hz.
 const HISTORY: usize = 32;
 
@@ -295,9 +297,16 @@ impl Thread {
     /// Cycle after cycle until the port is lost or the thread shall end.
     fn cycles(&mut self, port: &mut SerialBus) -> Result<(), PortError> {
         let mut next_ns = now_ns();
+        let mut latency_due_ns = next_ns + LATENCY_NS;
         while !self.stopped() {
             port.cycle(&mut self.bus)?;
             self.publish();
+            let now = now_ns();
+            if now >= latency_due_ns {
+                latency_due_ns = now + LATENCY_NS;
+                let latency = port.look_at_latency(&mut self.bus);
+                lock(&self.shared).port.latency = Some(latency);
+            }
             // A bus that is slower than its rate does not catch up.
             next_ns = (next_ns + self.period_ns).max(now_ns());
             self.sleep_until(next_ns);

@@ -15,6 +15,7 @@ const FTDI_MARGIN_NS: u64 = 2_000_000;
 #[derive(Debug)]
 pub struct SerialBus {
     port: Port,
+    margin_ns: Option<u64>,
 }
 
 impl SerialBus {
@@ -23,14 +24,25 @@ impl SerialBus {
     pub fn open(path: &Path, baud: u32, margin_ns: Option<u64>, bus: &mut Bus) -> Result<Self, PortError> {
         let port = Port::open(path, baud)?;
         bus.port_opened();
-        let by_timer = port
-            .latency()
-            .ftdi_timer_ms
-            .map(|ms| FTDI_MARGIN_NS + 2_000_000 * u64::from(ms));
-        if let Some(margin_ns) = margin_ns.or(by_timer) {
+        let serial = Self { port, margin_ns };
+        serial.set_margin(bus);
+        Ok(serial)
+    }
+
+    fn set_margin(&self, bus: &mut Bus) {
+        let timer_ms = self.port.latency().ftdi_timer_ms;
+        let by_timer = timer_ms.map(|ms| FTDI_MARGIN_NS + 2_000_000 * u64::from(ms));
+        if let Some(margin_ns) = self.margin_ns.or(by_timer) {
             bus.set_margin_ns(margin_ns);
         }
-        Ok(Self { port })
+    }
+
+    /// Looks at the adapter's timer anew: somebody may have set it meanwhile.
+    pub fn look_at_latency(&mut self, bus: &mut Bus) -> PortLatency {
+        if self.port.look_at_latency() {
+            self.set_margin(bus);
+        }
+        self.port.latency()
     }
 
     /// How fast the port hands over what it has received.

@@ -1,0 +1,69 @@
+//! Views of joints for tests.
+
+use super::{JointsSnapshot, JointsView};
+use taxel_joints::bus::{BusCounters, FastState, NoReading, ServoState};
+use taxel_joints::{AllegroConfig, JointSnapshot, JointsConfig, PortLatency, PortState, PortStatus};
+
+pub(crate) const S: u64 = 1_000_000_000;
+
+/// So many servos behind a port that is not open yet.
+pub(crate) fn servos(n: u8) -> (JointsConfig, JointsView) {
+    let config = JointsConfig::dynamixel("/dev/servos", 1..=n);
+    let n = usize::from(n);
+    let snapshot = JointSnapshot {
+        results: vec![Err(NoReading::NotAsked); n],
+        servos: vec![ServoState::default(); n],
+        counters: BusCounters::default(),
+        fast: FastState::Off,
+    };
+    let port = PortStatus {
+        path: "/dev/servos".into(),
+        device: None,
+        state: PortState::Starting,
+        latency: None,
+        opened: 0,
+    };
+    let view = JointsView {
+        now_ns: S,
+        tick: JointsSnapshot::new(n),
+        servos: Some((snapshot, port)),
+    };
+    (config, view)
+}
+
+/// An Allegro hand on a bus that is not there.
+pub(crate) fn allegro() -> (JointsConfig, JointsView) {
+    let (mut config, mut view) = servos(1);
+    config.source = "allegro:can2".parse().expect("a source");
+    config.allegro = Some(AllegroConfig::new(4));
+    config.servo.clear();
+    view.servos = None;
+    view.tick = JointsSnapshot::new(16);
+    (config, view)
+}
+
+pub(crate) fn open(view: &mut JointsView, device: &str, latency_ms: u32) {
+    let (_, port) = view.servos.as_mut().expect("servos");
+    port.state = PortState::Open;
+    port.device = Some(device.into());
+    port.latency = Some(PortLatency {
+        low_latency: true,
+        ftdi_timer_ms: Some(latency_ms),
+    });
+    port.opened += 1;
+}
+
+pub(crate) fn away(view: &mut JointsView) {
+    let (snapshot, port) = view.servos.as_mut().expect("servos");
+    port.state = PortState::Away {
+        reason: "No such file".into(),
+        since_ns: 0,
+    };
+    for servo in &mut snapshot.servos {
+        servo.alive = false;
+    }
+}
+
+pub(crate) fn servo(view: &mut JointsView, joint: usize) -> &mut ServoState {
+    &mut view.servos.as_mut().expect("servos").0.servos[joint]
+}
