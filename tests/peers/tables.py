@@ -155,10 +155,12 @@ def sweep(results):
 
 
 def switches(results):
-    head = ["method and switch", "force SSE p50", "frames optimal", "position SSE mean", "p95", "jumps", "in 7 %", "both stages us p50", "p99"]
+    head = ["method and switch", "force SSE p50", "frames optimal", "position SSE mean", "p95", "jumps", "in 7 %"]
+    head += ["force NRMSE", "levels changing", "both stages us p50", "p99"]
     rows = [
         [f"`{m['name']}`", f"{m['force_sse_ratio_p50']:.3f}", percent(m["force_optimal_fraction"])]
         + [place(m, "position_sse_ratio_mean"), place(m, "position_sse_ratio_p95"), percent(m["jump_fraction"]), percent(m["weber_share"])]
+        + [f"{m['force_nrmse']:.3f}", percent(m["level_change_fraction"])]
         + [f"{m['compress_us']['p50']:.1f}", f"{m['compress_us']['p99']:.1f}"]
         for m in results["switches"]["methods"]
     ]

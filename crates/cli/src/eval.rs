@@ -36,7 +36,7 @@ pub(crate) struct Args {
     #[command(flatten)]
     offline: OfflineArgs,
     /// A method to judge: paper or optimal, then settings of the profile as key=value; may be repeated [default: paper, optimal and
-    /// the switches between them]
+    /// the switches between them]; codebook=learned is the best constant codebook for the frames
     #[arg(long, value_name = "METHOD [KEY=VALUE]..")]
     method: Vec<String>,
     /// A scene to judge on besides INPUT: built-in or a file; may be repeated
@@ -170,12 +170,22 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         .context("stdout")
 }
 
+/// The methods with the codebooks that they learn from the frames.
+fn learned(methods: &[Method], sequence: &Sequence) -> Vec<Method> {
+    let mut methods = methods.to_vec();
+    for method in &mut methods {
+        method.learn_from(&sequence.force);
+    }
+    methods
+}
+
 /// Times both stages on hands of every size.
 fn scaling(methods: &[Method]) -> anyhow::Result<Vec<ScalingReport>> {
     let progress = Progress::new(SHAPES.len() as u64, "sizes");
     let of_shape = |[width, height]: [u16; 2]| -> anyhow::Result<ScalingReport> {
         let sequence = synthetic(width, height, SCALING_FRAMES)?;
-        let timings = time(&sequence, methods, SCALING_PASSES, None, || ());
+        let methods = learned(methods, &sequence);
+        let timings = time(&sequence, &methods, SCALING_PASSES, None, || ());
         progress.advance(1);
         Ok(ScalingReport {
             taxels: sequence.layout.len(),
@@ -244,6 +254,7 @@ impl Args {
                 other.name
             );
         }
+        let methods = &learned(methods, sequence)[..];
         let passes = self.passes.map_or(20_000 / sequence.len().max(1), |n| n as usize);
         let passes = if self.passes.is_some() {
             passes

@@ -1,6 +1,7 @@
 //! The methods that are judged: profiles by name.
 
-use taxel_compress::{Profile, ProfileError};
+use taxel_compress::{Profile, ProfileError, learn_codebook};
+use taxel_skin::ForceFrame;
 
 /// A way to compress frames, and what it is called in reports.
 #[derive(Debug, Clone, PartialEq)]
@@ -9,6 +10,8 @@ pub struct Method {
     pub name: String,
     /// The profile.
     pub profile: Profile,
+    /// Whether the profile's codebook is still to be learned from the frames, by [`learn_from`](Self::learn_from).
+    pub learned: bool,
 }
 
 /// Why a text names no method.
@@ -42,7 +45,8 @@ pub enum MethodError {
 
 impl Method {
     /// Reads a method: `paper` or `optimal`, then settings as `key=value` with spaces between them, which take the place of those in `base`.
-    /// Values are those of the configuration's `[profile]` table; quotes around words may be left out.
+    /// Values are those of the configuration's `[profile]` table; quotes around words may be left out. `codebook=learned` stands for the
+    /// constant codebook with the least squared error over all frames that the method will be judged on.
     ///
     /// ```
     /// use taxel_compress::Profile;
@@ -64,8 +68,13 @@ impl Method {
         let method = words.next().filter(|word| !word.contains('=')).ok_or_else(form)?;
         let mut table = toml::Table::try_from(base).map_err(|e| setting(e.to_string()))?;
         table.insert("method".into(), method.into());
+        let mut learned = false;
         for word in words {
             let (key, value) = word.split_once('=').ok_or_else(form)?;
+            if (key, value) == ("codebook", "learned") {
+                learned = true;
+                continue;
+            }
             let line = format!("{key} = {value}");
             let read = line
                 .parse::<toml::Table>()
@@ -88,7 +97,16 @@ impl Method {
         Ok(Self {
             name: text.split_whitespace().collect::<Vec<_>>().join(" "),
             profile,
+            learned,
         })
+    }
+
+    /// Learns the codebook from frames where it says `codebook=learned`; otherwise does nothing. Without any contact there is nothing to
+    /// learn, and levels are fitted to each frame.
+    pub fn learn_from(&mut self, frames: &[ForceFrame]) {
+        if std::mem::take(&mut self.learned) {
+            self.profile.codebook = learn_codebook(frames, self.profile.level_count());
+        }
     }
 }
 
@@ -112,7 +130,9 @@ pub fn standard_methods(base: &Profile) -> Result<Vec<Method>, MethodError> {
         "optimal parts_apart=true",
         "optimal level_hysteresis=0.2",
         "optimal actuator_force=mean",
+        "optimal codebook=learned",
         "optimal codebook_learning={forgetting=0.001}",
+        "optimal codebook_learning={forgetting=0.1}",
     ]
     .into_iter()
     .map(|text| Method::parse(text, base))
@@ -154,8 +174,31 @@ mod tests {
     }
 
     #[test]
+    fn a_codebook_is_learned_from_the_frames_once() {
+        let mut frame = ForceFrame::new(4);
+        frame.force.copy_from_slice(&[10.0, 12.0, 100.0, 102.0]);
+        frame.contact.fill(true);
+        let base = Profile {
+            levels: 2,
+            ..Profile::default()
+        };
+        let mut method = Method::parse("optimal codebook=learned", &base).unwrap();
+        assert!(method.profile.codebook.is_empty());
+        method.learn_from(&[frame]);
+        assert_eq!(method.profile.codebook, [11.0, 101.0]);
+        method.learn_from(&[ForceFrame::new(4)]);
+        assert_eq!(method.profile.codebook, [11.0, 101.0]);
+    }
+
+    #[test]
     fn the_standard_methods_differ() {
-        let methods = standard_methods(&Profile::default()).unwrap();
+        let mut frame = ForceFrame::new(1);
+        frame.force[0] = 1.0;
+        frame.contact[0] = true;
+        let mut methods = standard_methods(&Profile::default()).unwrap();
+        methods
+            .iter_mut()
+            .for_each(|method| method.learn_from(&[frame.clone()]));
         for (n, method) in methods.iter().enumerate() {
             assert!(
                 methods[..n].iter().all(|m| m.profile != method.profile),

@@ -4,6 +4,9 @@ use serde_json::Value;
 use std::fmt::Write;
 use taxel_eval::{EvalReport, ScalingReport};
 
+/// Longer names stand on a line of their own.
+const WIDEST_NAME: usize = 44;
+
 /// Two tables, errors and cost, below a line of what was measured.
 pub(super) fn human(report: &EvalReport) -> String {
     let EvalReport {
@@ -27,12 +30,15 @@ pub(super) fn human(report: &EvalReport) -> String {
         .methods
         .iter()
         .map(|m| m.name.len())
+        .filter(|width| *width <= WIDEST_NAME)
         .max()
         .unwrap_or(0)
-        .max(6);
+        .max(8);
     let mut line = |cells: &[String]| {
         for (n, cell) in cells.iter().enumerate() {
-            let _ = if n == 0 {
+            let _ = if n == 0 && cell.len() > width {
+                write!(text, "{cell}\n{:width$}", "")
+            } else if n == 0 {
                 write!(text, "{cell:width$}")
             } else {
                 write!(text, "  {cell:>9}")
