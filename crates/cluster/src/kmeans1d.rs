@@ -11,6 +11,8 @@
 //! - Where no penalty gives `K` (several numbers of clusters cost the same for the decisive penalty, as on evenly spaced values),
 //!   a path with fewer edges and one with more can be spliced into one with exactly `K` ([`search`]).
 //!
+//! A few dozen values are solved by the plain recurrence instead ([`band`]), which is less work then.
+//!
 //! # Exactness
 //!
 //! Values are moved to their median, which is exact in the sense that matters (equal values stay equal, order is kept), and put on
@@ -24,11 +26,13 @@
 //! ([`cost::Exact`]): each is then off by no more than two units in its own last place, and so is their sum, since nothing is subtracted any
 //! more.
 
+mod band;
 mod cost;
 mod grid;
 mod penalised;
 mod search;
 
+use band::Band;
 use cost::{Exact, Fast};
 use grid::Grid;
 use penalised::Pass;
@@ -49,6 +53,7 @@ use search::Search;
 /// ```
 #[derive(Debug)]
 pub struct Kmeans1d {
+    band: Band,
     grid: Grid,
     pass: Pass,
     search: Search,
@@ -125,6 +130,7 @@ impl Kmeans1d {
     /// Memory for up to `points` values and `clusters` clusters.
     pub fn new(points: usize, clusters: usize) -> Self {
         Self {
+            band: Band::new(points),
             grid: Grid::new(points),
             pass: Pass::new(points),
             search: Search::new(points),
@@ -165,7 +171,9 @@ impl Kmeans1d {
                 weights: weights.len(),
             });
         }
-        if let Some(index) = weights.iter().position(|w| *w == 0) {
+        if weights.contains(&0)
+            && let Some(index) = weights.iter().position(|w| *w == 0)
+        {
             return Err(Kmeans1dError::ZeroWeight { index });
         }
         self.run(values, Some(weights), clusters)
@@ -182,6 +190,11 @@ impl Kmeans1d {
         if distinct_ascending(values, clusters + 1) <= clusters {
             let starts = (0..values.len()).filter(|n| *n == 0 || values[*n] != values[n - 1]);
             self.search.take(starts.map(|n| n as u32), values.len());
+        } else if let Some(starts) = self.band.solve(values, weights, clusters)
+            && !splits_equals(values, starts)
+        {
+            self.search.take(starts.iter().copied(), values.len());
+            self.penalty = None;
         } else {
             self.grid.place(values, weights);
             self.partition(values, clusters);
@@ -261,11 +274,19 @@ const LARGEST: f64 = 1e300;
 
 /// Refuses values that are not finite and ascending.
 fn check(values: &[f64]) -> Result<(), Kmeans1dError> {
+    // Without a branch for each value: they are hardly ever wrong.
+    let finite = |value: &f64| value.abs() <= LARGEST;
+    let ascend = |pair: &[f64]| pair[0] <= pair[1];
+    let fine = values.iter().fold(true, |fine, value| fine & finite(value))
+        & values.windows(2).fold(true, |fine, pair| fine & ascend(pair));
+    if fine {
+        return Ok(());
+    }
     for (index, value) in values.iter().enumerate() {
-        if value.is_nan() || value.abs() > LARGEST {
+        if !finite(value) {
             return Err(Kmeans1dError::NotFinite { index });
         }
-        if index > 0 && *value < values[index - 1] {
+        if index > 0 && !ascend(&values[index - 1..=index]) {
             return Err(Kmeans1dError::NotAscending { index });
         }
     }

@@ -267,6 +267,55 @@ proptest! {
     }
 }
 
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(400))]
+
+    #[test]
+    fn few_values_cost_the_same_by_the_recurrence_and_by_the_search(
+        mut values in prop::collection::vec(prop_oneof![0.5..100.0f64, 60_000.0..65_535.0f64, (0u32..40).prop_map(f64::from)], 3..=64),
+        weights in prop::collection::vec(prop_oneof![1u32..4, 1u32..900], 64),
+        is_weighted in any::<bool>(),
+        clusters in 2usize..=40,
+    ) {
+        values.sort_unstable_by(f64::total_cmp);
+        values.dedup();
+        prop_assume!(values.len() > clusters);
+        let weights = is_weighted.then_some(&weights[..values.len()]);
+        let mut solver = Kmeans1d::new(64, 40);
+        let starts = solver.band.solve(&values, weights, clusters).map(<[u32]>::to_vec);
+        solver.grid.place(&values, weights);
+        solver.partition(&values, clusters);
+        let searched = solver.describe(&values, weights);
+        let Some(starts) = starts else { return Ok(()) };
+        prop_assert_eq!(starts.len(), clusters);
+        solver.search.take(starts.into_iter(), values.len());
+        let direct = solver.describe(&values, weights);
+        let allowed = 2f64.powi(-32) * searched;
+        prop_assert!((direct - searched).abs() <= allowed, "{direct} by the recurrence, {searched} by the search");
+    }
+}
+
+#[test]
+fn what_the_recurrence_would_get_wrong_or_do_slowly_is_left_to_the_search() {
+    let even: Vec<f64> = (0..64).map(f64::from).collect();
+    let by = |unit: f64| even.iter().map(|v| v * unit).collect::<Vec<_>>();
+    let heavy = [1, 1, 1 << 16, 1, 1];
+    for (name, values, weights, clusters, direct) in [
+        ("few values", &even[..20], None, 8, true),
+        ("many clusters of hardly more values", &even[..44], None, 40, true),
+        ("many values", &even[..], None, 8, false),
+        ("one cluster", &even[..20], None, 1, false),
+        ("weights", &even[..5], Some(&[1; 5]), 3, true),
+        ("very different weights", &even[..5], Some(&heavy), 3, false),
+        ("squares that underflow", &by(1e-150)[..5], None, 3, false),
+        ("squares that overflow", &by(1e200)[..5], None, 3, false),
+    ] {
+        let mut band = Band::new(64);
+        let solved = band.solve(values, weights.map(|w| &w[..]), clusters);
+        assert_eq!(solved.is_some(), direct, "{name}");
+    }
+}
+
 /// Ten million random small instances; run it with `cargo test --release -p taxel-cluster -- --ignored`.
 #[test]
 #[ignore = "minutes; part of the nightly profile"]
