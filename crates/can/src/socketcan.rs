@@ -258,9 +258,7 @@ impl SocketCan {
                 let _ = self.open_socket();
             }
             Some(open) => {
-                if if_nametoindex(self.interface.as_str()) != Ok(open.ifindex) {
-                    open.is_dead = true;
-                }
+                open.is_dead |= is_another(if_nametoindex(self.interface.as_str()), open.ifindex);
                 open.drops.ask(&open.socket, &mut self.counters.lost_in_kernel);
                 self.look_at_flags();
             }
@@ -345,6 +343,16 @@ impl SocketCan {
             self.next_check_ns = self.next_check_ns.min(now_ns.saturating_add(CHECK_BUS_OFF_NS));
         }
         false
+    }
+}
+
+/// Whether a name that led to the interface of index `ifindex` leads to another one now, or to none. A failure that says
+/// nothing of the interface does not count: the C library opens a socket to look, and may find the process out of file
+/// descriptors.
+fn is_another(looked_up: nix::Result<u32>, ifindex: u32) -> bool {
+    match looked_up {
+        Ok(index) => index != ifindex,
+        Err(e) => matches!(e, Errno::ENODEV | Errno::ENXIO),
     }
 }
 
@@ -502,6 +510,21 @@ mod tests {
         let mut over_long = [0; 16];
         over_long[4] = 9;
         assert_eq!(decode(&over_long), None);
+    }
+
+    #[test]
+    fn a_process_out_of_file_descriptors_does_not_lose_its_interface() {
+        for (looked_up, another) in [
+            (Ok(3), false),
+            (Ok(4), true),
+            (Err(Errno::ENODEV), true),
+            (Err(Errno::ENXIO), true),
+            (Err(Errno::EMFILE), false),
+            (Err(Errno::ENFILE), false),
+            (Err(Errno::ENOMEM), false),
+        ] {
+            assert_eq!(is_another(looked_up, 3), another, "{looked_up:?}");
+        }
     }
 
     #[test]
