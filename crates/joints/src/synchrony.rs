@@ -24,8 +24,11 @@ pub struct JointHistory {
     extrapolate_ns: u64,
 }
 
-/// How far beyond the newest reading a movement is carried on, nanoseconds: twice a cycle at 100 Hz.
+/// How far beyond the newest reading a movement is carried on at most, nanoseconds: twice a cycle at 100 Hz.
 pub const EXTRAPOLATE_NS: u64 = 20_000_000;
+/// ... and at most so many times as far as the two newest readings are apart. Two that came in one burst, or of which one
+/// was stamped late, lie close together, and the line through them tells next to nothing of the time after them.
+const EXTRAPOLATE_SPACINGS: u64 = 2;
 
 impl JointHistory {
     /// Room for `depth` readings (at least 2) of each of `joints` joints.
@@ -73,17 +76,21 @@ impl JointHistory {
     }
 
     /// The joint's angle at `t_ns`: on the line between the readings around it; after the newest on the line through the
-    /// last two, carried on for a bounded time and held from there; before the oldest that is kept, the oldest.
+    /// last two, carried on for a bounded time (at most [`EXTRAPOLATE_NS`], and twice the time between the two) and held from there; before the oldest that is kept, the oldest.
     /// `None` if there is no reading.
     pub fn at(&self, joint: usize, t_ns: u64) -> Option<AngleAt> {
         let (newest_ns, newest) = self.reading(joint, 0)?;
         if t_ns >= newest_ns {
             let after = t_ns - newest_ns;
-            let slope = self
-                .reading(joint, 1)
-                .map_or(0.0, |(t, angle)| (newest - angle) / (newest_ns - t) as f64);
+            let carried_on = self.reading(joint, 1).map_or(0.0, |(t, angle)| {
+                let spacing = newest_ns - t;
+                let ahead = after
+                    .min(self.extrapolate_ns)
+                    .min(spacing.saturating_mul(EXTRAPOLATE_SPACINGS));
+                (newest - angle) / spacing as f64 * ahead as f64
+            });
             return Some(AngleAt {
-                angle_rad: newest + slope * after.min(self.extrapolate_ns) as f64,
+                angle_rad: newest + carried_on,
                 age_ns: after,
                 extrapolated: after > 0,
             });
@@ -160,6 +167,21 @@ mod tests {
             let at = h.at(1, t * MS).unwrap();
             assert!((at.angle_rad - angle).abs() < 1e-12, "at {t}: {at:?}");
             assert_eq!((at.age_ns, at.extrapolated), (age * MS, extrapolated), "at {t}");
+        }
+    }
+
+    #[test]
+    fn two_readings_close_together_are_not_carried_on_far() {
+        // A finger at 1 rad/s, read every 3 ms; an adapter that was held up hands the last two over in one burst.
+        let mut h = JointHistory::new(1, 8);
+        for t in [0, 3, 6] {
+            h.push(0, t * MS, 0.001 * t as f64);
+        }
+        h.push(0, 12 * MS, 0.009);
+        h.push(0, 12 * MS + 10_000, 0.012);
+        for after in [0, 1, 5, 20, 100] {
+            let at = h.at(0, (12 + after) * MS).unwrap();
+            assert!((at.angle_rad - 0.012).abs() < 0.01, "{after} ms after: {at:?}");
         }
     }
 
