@@ -21,6 +21,8 @@ pub(crate) struct Feed {
     last: u64,
     /// When the subscriber's highest rate allows the next message.
     not_before: Instant,
+    /// Nothing will ever come: what made the messages is gone.
+    is_over: bool,
 }
 
 impl Feed {
@@ -32,6 +34,7 @@ impl Feed {
             newest,
             last: 0,
             not_before: Instant::now(),
+            is_over: false,
         }
     }
 
@@ -48,18 +51,27 @@ impl Feed {
         self.not_before = Instant::now();
     }
 
-    /// Waits until there is a message to send and the time for it has come. Fails when the daemon ends.
+    /// Waits until there is a message to send and the time for it has come. Fails when there is none and none will ever
+    /// come; see [`Feed::is_over`].
     pub(crate) async fn ready(&mut self) -> Result<(), RecvError> {
         if self.not_before > Instant::now() {
             sleep_until(self.not_before).await;
         }
         loop {
-            self.newest.changed().await?;
+            let changed = self.newest.changed().await;
+            self.is_over = changed.is_err();
+            changed?;
             // A message may have been sent already that came while the one before it waited for the socket.
             if self.newest.borrow().tick > self.last {
                 return Ok(());
             }
         }
+    }
+
+    /// Whether [`Feed::ready`] has failed: the profile it is of is no longer made. So it is for a moment where a
+    /// subscriber that was shown the daemon's own profile waits for one of its own, and the daemon's own changes.
+    pub(crate) fn is_over(&self) -> bool {
+        self.is_over
     }
 
     /// Whether [`Feed::ready`] would not wait.

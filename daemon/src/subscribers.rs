@@ -265,8 +265,11 @@ impl<'a> Subscriber<'a> {
                     status_at = Instant::now() + STATUS_PERIOD;
                     self.send_status().await?;
                 }
-                ready = self.images.ready(), if self.wants.image => {
-                    ready.map_err(|_| Farewell::Closed)?;
+                ready = self.images.ready(), if self.wants.image && !self.images.is_over() => {
+                    if ready.is_err() {
+                        // Another profile is on its way, or the daemon ends, and with it this.
+                        continue;
+                    }
                     self.send_newest(Stream::Image).await?;
                     // Or a subscriber whose socket is always full would be sent images alone.
                     if self.wants.raw && self.raw.is_ready() {

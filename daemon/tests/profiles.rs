@@ -568,3 +568,47 @@ fn a_reader_that_takes_nothing_disturbs_no_other_of_its_profile_or_another() {
         "{before:?} {after:?}"
     );
 }
+
+/// Displays that take long to measure and are unlike each other.
+fn slow_to_measure(nth: u16) -> Profile {
+    Profile {
+        method: Method::Optimal,
+        ..of(8, 20 + nth)
+    }
+}
+
+#[test]
+fn who_waits_for_a_profile_is_not_let_go_when_the_daemons_own_changes_meanwhile() {
+    let (_folder, config) = config("sim:worst-case");
+    let _daemon = Daemon::start(config.clone()).unwrap();
+    let mut holder = connect(&config);
+    state(&mut holder, Some(of(3, 5)), None).unwrap();
+    // All of these wait for their turn, and are shown the daemon's own profile until then.
+    let mut waiting: Vec<Subscriber> = (0..6)
+        .map(|nth| {
+            let mut subscriber = connect(&config);
+            let wanted = Subscribe {
+                profile: Some(slow_to_measure(nth)),
+                ..Subscribe::default()
+            };
+            subscriber.subscribe(&wanted).unwrap();
+            subscriber
+        })
+        .collect();
+    // That one is there already, so the one before it goes at once.
+    let reply = control(&config, json!({ "cmd": "profile", "profile": of(3, 5) }));
+    assert_eq!(reply, json!({ "ok": true }));
+    eventually("the profile at the start is gone", || {
+        profiles(&config).iter().all(|profile| profile["id"] != 0)
+    });
+    for subscriber in &mut waiting {
+        loop {
+            match next(subscriber) {
+                Told::Hello(_) | Told::Refused(_) => break,
+                Told::Gone => panic!("let go while it waited for its profile"),
+                Told::Image { .. } | Told::Other => {}
+            }
+        }
+        next_image(subscriber);
+    }
+}
