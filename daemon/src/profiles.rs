@@ -69,8 +69,8 @@ pub(crate) struct Lease(Rc<Made>);
 pub(crate) struct Profiles {
     made: RefCell<Vec<Rc<Made>>>,
     own: watch::Sender<Rc<Made>>,
-    /// One candidate is measured at a time.
-    admission: tokio::sync::Mutex<()>,
+    /// One candidate is measured at a time, also where nobody waits for the result any more.
+    admission: Arc<tokio::sync::Mutex<()>>,
     free_slots: RefCell<Vec<usize>>,
     next_id: Cell<u32>,
     max: usize,
@@ -174,7 +174,7 @@ impl Profiles {
         Self {
             made: RefCell::new(vec![own.clone()]),
             own: watch::channel(own).0,
-            admission: tokio::sync::Mutex::default(),
+            admission: Arc::default(),
             free_slots: RefCell::new((1..slots(config)).rev().collect()),
             next_id: Cell::new(1),
             max: config.profiles.max.into(),
@@ -238,7 +238,7 @@ impl Profiles {
         if let Some(lease) = self.find(&wanted) {
             return Ok(lease);
         }
-        let _turn = self.admission.lock().await;
+        let turn = self.admission.clone().lock_owned().await;
         // It may have been admitted while this one waited for its turn.
         if let Some(lease) = self.find(&wanted) {
             return Ok(lease);
@@ -255,7 +255,8 @@ impl Profiles {
             snapshot.force.clone()
         };
         let hopeless_ns = HOPELESS * self.budget_ns;
-        let reserved = tokio::task::spawn_blocking(move || measure(candidate, newest, hopeless_ns))
+        let measured = move || (measure(candidate, newest, hopeless_ns), turn);
+        let (reserved, _turn) = tokio::task::spawn_blocking(measured)
             .await
             .map_err(|e| format!("its cost could not be measured: {e}"))?;
         // Others may have left meanwhile, and none can have come.

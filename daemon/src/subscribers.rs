@@ -189,6 +189,13 @@ struct Asked {
     lease: JoinHandle<Result<Lease, String>>,
 }
 
+impl Drop for Asked {
+    /// Who is gone must not be in the way of those that ask now.
+    fn drop(&mut self) {
+        self.lease.abort();
+    }
+}
+
 /// Which of a subscriber's feeds.
 #[derive(Clone, Copy)]
 enum Stream {
@@ -339,7 +346,7 @@ impl<'a> Subscriber<'a> {
         match answer {
             Ok(lease) => {
                 let made = lease.made().clone();
-                self.wants(asked.wants)?;
+                self.wants(asked.wants.clone())?;
                 self.give_up_lease();
                 self.lease = Some(lease);
                 self.show(made).await

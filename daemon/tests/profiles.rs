@@ -612,3 +612,24 @@ fn who_waits_for_a_profile_is_not_let_go_when_the_daemons_own_changes_meanwhile(
         next_image(subscriber);
     }
 }
+
+#[test]
+fn who_left_before_its_profile_was_measured_is_in_nobodys_way() {
+    let (_folder, mut config) = config("sim:worst-case");
+    config.tick.rate_hz = 10.0;
+    let _daemon = Daemon::start(config.clone()).unwrap();
+    let leavers = 20;
+    for nth in 0..leavers {
+        let mut subscriber = connect(&config);
+        let wanted = Subscribe {
+            profile: Some(of(8, 20 + nth)),
+            ..Subscribe::default()
+        };
+        subscriber.subscribe(&wanted).unwrap();
+    }
+    let mut stays = connect(&config);
+    state(&mut stays, Some(of(3, 5)), None).unwrap();
+    let id = profiles(&config).last().unwrap()["id"].as_u64().unwrap();
+    // Numbers are given in the order in which profiles are made: all who left would have been served before.
+    assert!(id <= u64::from(leavers) / 2, "profile {id}");
+}
