@@ -416,3 +416,64 @@ fn open_sources(config: &Config, start_ns: u64) -> Result<Vec<Box<dyn CanSource>
     })
     .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fmt::Write;
+    use std::path::Path;
+    use std::time::{Duration, Instant};
+    use taxel_joints::{AllegroConfig, JointsConfig};
+
+    const PATIENCE: Duration = Duration::from_secs(20);
+
+    fn config(folder: &Path, skin: &str) -> Config {
+        let layout = Layout::builtin("allegro-uskin-15").unwrap();
+        let sources = layout.buses.iter().map(|_| skin.parse().unwrap()).collect();
+        let mut config = Config::new(layout, sources);
+        config.socket.images = folder.join("images.sock");
+        config.socket.control = folder.join("control.sock");
+        config
+    }
+
+    /// A recording of one finger of an Allegro hand with a frame per millisecond.
+    fn recorded_hand(folder: &Path, ms: u32) -> String {
+        let mut text = String::new();
+        for t_ms in 0..ms {
+            let (s, ms) = (t_ms / 1000, t_ms % 1000);
+            writeln!(text, "({s}.{ms:03}000) can2 080#0000000000000000").unwrap();
+        }
+        let path = folder.join("hand.log");
+        std::fs::write(&path, text).unwrap();
+        format!("log:{}", path.display())
+    }
+
+    #[test]
+    fn a_hand_whose_frames_are_due_during_a_pause_does_not_keep_the_tick_thread_spinning() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut config = config(folder.path(), "sim:idle");
+        let mut joints = JointsConfig::dynamixel("", []);
+        let source = format!("allegro:{}", recorded_hand(folder.path(), 60_000));
+        joints.source = source.parse().unwrap();
+        joints.allegro = Some(AllegroConfig::new(4));
+        config.joints = Some(joints);
+        let rate_hz = config.tick.rate_hz;
+        let daemon = Daemon::start(config).unwrap();
+        let seen = || {
+            let images = daemon.shared.snapshot.lock().unwrap().images;
+            (images, daemon.shared.heartbeat.load(Ordering::Relaxed))
+        };
+        let (first, rounds) = seen();
+        let deadline = Instant::now() + PATIENCE;
+        while seen().0 < first + 30 {
+            assert!(Instant::now() < deadline, "{:?} images", seen());
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        let (images, after) = seen();
+        // Pauses are 5 ms, so that there are 7 to an image, and two rounds to a pause are plenty.
+        let per_image = (after - rounds) as f64 / (images - first) as f64;
+        let most = 4.0 * 200.0 / rate_hz;
+        assert!(per_image < most, "{per_image} rounds per image");
+        daemon.stop().unwrap();
+    }
+}

@@ -253,8 +253,9 @@ impl TickThread {
         fds[1] = Some(self.shared.wake.as_fd());
         let skin = self.pipeline.decoders().len();
         if let Some(hand) = self.sources.get(skin) {
-            // Nothing is due with a hand's own frame: those that came are taken with the next of the skin.
-            sooner(hand.wakeup().at_ns);
+            // Nothing is due with a hand's own frame: those that came are taken with the next of the skin. Nor is its bus
+            // looked at during a pause, so that waking up for it would only be to wake up again at once.
+            sooner(hand.wakeup().at_ns.map(|at| at.max(quiet_until_ns)));
         }
         for (slot, source) in fds[2..].iter_mut().zip(&self.sources[..skin]) {
             let wakeup = source.wakeup();
