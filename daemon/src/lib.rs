@@ -279,10 +279,13 @@ impl Daemon {
         Ok(daemon)
     }
 
-    /// Whether it still works: false once every recording has been played to its end, or a thread has died.
+    /// Whether it still works: false once every recording has been played to its end and the last image was sent, or a
+    /// thread has died.
     pub fn is_running(&self) -> bool {
-        !self.shared.finished.load(Ordering::Acquire)
-            && self.tick.as_ref().is_some_and(|t| !t.is_finished())
+        // At the end of the recordings the tick thread ends first, and the socket thread when images have reached their
+        // subscribers.
+        let finished = self.shared.finished.load(Ordering::Acquire);
+        (finished || self.tick.as_ref().is_some_and(|t| !t.is_finished()))
             && self.sockets.as_ref().is_some_and(|s| !s.is_finished())
     }
 
@@ -474,6 +477,21 @@ mod tests {
         let per_image = (after - rounds) as f64 / (images - first) as f64;
         let most = 4.0 * 200.0 / rate_hz;
         assert!(per_image < most, "{per_image} rounds per image");
+        daemon.stop().unwrap();
+    }
+
+    #[test]
+    fn a_daemon_runs_until_subscribers_had_their_time_to_take_the_last_image() {
+        let folder = tempfile::tempdir().unwrap();
+        let recording = recorded_hand(folder.path(), 50);
+        let daemon = Daemon::start(config(folder.path(), &recording)).unwrap();
+        let deadline = Instant::now() + PATIENCE;
+        while daemon.is_running() {
+            assert!(Instant::now() < deadline, "still running");
+            std::thread::yield_now();
+        }
+        assert!(daemon.shared.finished.load(Ordering::Acquire));
+        assert!(daemon.sockets.as_ref().unwrap().is_finished());
         daemon.stop().unwrap();
     }
 }
