@@ -62,7 +62,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<bool> {
         checks: Vec::new(),
     };
     if !args.json {
-        println!("{origin}\n");
+        println!("{}\n", report::wrap(&origin, 80).join("\n"));
     }
     let root = Path::new("/");
     let links = doctor.look_at_machine(root, &config)?;
@@ -81,7 +81,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<bool> {
         )
         .context("stdout")?;
     } else {
-        writeln!(io::stdout(), "\n{}", report::summary(&doctor.checks)).context("stdout")?;
+        let summary = report::summary(&doctor.checks, Style::of_stdout());
+        writeln!(io::stdout(), "\n{summary}").context("stdout")?;
     }
     Ok(healthy)
 }

@@ -15,6 +15,11 @@ impl Progress {
         )
     }
 
+    /// Of something that takes `total_ms` milliseconds, or less.
+    pub(crate) fn waiting(total_ms: u64, what: &str) -> Self {
+        Self::with(Some(total_ms), &format!("{{bar:40}} {what}, {{eta}} left"))
+    }
+
     /// Of a job whose size is not known.
     pub(crate) fn counting(what: &str) -> Self {
         Self::with(None, &format!("{{spinner}} {{pos}} {what}, {{elapsed}}"))

@@ -58,10 +58,13 @@ struct Request {
 }
 
 impl ServoBus {
-    /// Servos on a wire of so many bits per second.
+    /// Servos on a wire of so many bits per second, which their Baud Rate registers say too where there is a value for it.
     pub fn new(servos: impl IntoIterator<Item = ServoBuild>, baud: u32) -> Self {
         Self {
-            servos: servos.into_iter().map(SimServo::new).collect(),
+            servos: servos
+                .into_iter()
+                .map(|build| SimServo::new(build, baud))
+                .collect(),
             baud: baud.max(1),
             after_silence: AfterSilence::default(),
             parser: Parser::new(LONGEST),

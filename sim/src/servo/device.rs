@@ -4,7 +4,7 @@ use super::fault::ServoFault;
 use super::motion::{Drive, Motion};
 use super::table::{ControlTable, TRIPPED};
 use taxel_joints::protocol2::{Instruction, StatusError};
-use taxel_joints::registers::address;
+use taxel_joints::registers::{address, baud_of};
 
 /// A servo to be built.
 #[derive(Debug, Clone, PartialEq)]
@@ -60,9 +60,12 @@ const VELOCITY_LIMIT: u16 = 44;
 pub(crate) type Reply = (u8, Vec<u8>);
 
 impl SimServo {
-    pub(crate) fn new(build: ServoBuild) -> Self {
+    pub(crate) fn new(build: ServoBuild, baud: u32) -> Self {
         let mut table = ControlTable::new(build.id);
         table.put(address::RETURN_DELAY_TIME, 1, i32::from(build.return_delay));
+        if let Some(value) = (0..=u8::MAX).find(|value| baud_of(*value) == Some(baud)) {
+            table.put(address::BAUD_RATE, 1, i32::from(value));
+        }
         Self {
             table,
             build,

@@ -60,7 +60,7 @@ pub(super) fn listen(
         return Err(error);
     }
     let begin_ns = ears.now_ns();
-    ears.listen(LISTEN_NS, "ms of the Allegro hand", &mut hearing);
+    ears.listen(LISTEN_NS, "listening to the Allegro hand", &mut hearing);
     Ok(AllegroFacts {
         positions: hearing.decoders.map(|decoder| decoder.counters().positions),
         seconds: (ears.now_ns() - begin_ns) as f64 / 1e9,

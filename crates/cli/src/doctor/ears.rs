@@ -117,7 +117,7 @@ impl Ears {
     /// Listens for `length_ns`, or to the end of a recording. Returns false if the user asked to stop.
     pub(super) fn listen(&mut self, length_ns: u64, what: &str, listener: &mut dyn Listener) -> bool {
         let progress = match self.live {
-            true => Progress::new(length_ns / 1_000_000, what),
+            true => Progress::waiting(length_ns / 1_000_000, what),
             false => Progress::counting("ms of the recording"),
         };
         self.run(length_ns, true, &progress, listener)
@@ -125,7 +125,7 @@ impl Ears {
 
     /// The same for what has to be done even if the user asked to stop, such as stopping boards.
     pub(super) fn finish(&mut self, length_ns: u64, listener: &mut dyn Listener) {
-        let progress = Progress::new(length_ns / 1_000_000, "ms, stopping the boards");
+        let progress = Progress::waiting(length_ns / 1_000_000, "stopping the boards");
         self.run(length_ns, false, &progress, listener);
     }
 

@@ -58,7 +58,7 @@ pub(super) fn examine(
         let mut overhear = Overhear {
             last: vec![None; buses.len()],
         };
-        if !ears.listen(OVERHEAR_NS, "ms, whether others speak", &mut overhear) {
+        if !ears.listen(OVERHEAR_NS, "hearing whether others speak", &mut overhear) {
             return Ok(None);
         }
         let quiet_from_ns = ears.now_ns().saturating_sub(SILENCE_NS);
@@ -80,7 +80,7 @@ pub(super) fn examine(
             discovery: asking,
             speakable: &speakable,
         };
-        let go_on = ears.listen(DISCOVERY_NS, "ms, asking who is there", &mut asking);
+        let go_on = ears.listen(DISCOVERY_NS, "asking who is there", &mut asking);
         let (mut report, back) = asking.discovery.finish();
         supervisor = back;
         only_asked(&mut report, layout, &speakable);
@@ -114,7 +114,7 @@ pub(super) fn examine(
     let length_ns = (manners.seconds * 1e9) as u64;
     // A recording is heard to its end.
     let length_ns = if ears.is_live() { length_ns } else { u64::MAX / 2 };
-    let go_on = ears.listen(length_ns, "ms of the hand", &mut hearing);
+    let go_on = ears.listen(length_ns, "listening to the hand", &mut hearing);
     let seconds = (ears.now_ns() - begin_ns) as f64 / 1e9;
     let facts = hearing.facts(layout, ears, seconds, discovery);
     if let Some(supervisor) = &mut hearing.supervisor {

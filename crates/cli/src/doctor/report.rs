@@ -6,7 +6,9 @@ use std::io::{self, IsTerminal, Write};
 const WIDTH: usize = 80;
 /// Columns of a line before what was found.
 const INDENT: usize = 10;
-/// More good findings of one kind than this are put together.
+/// Stands for a blank at which no line is broken.
+const GLUE: &str = "\u{1f}";
+/// More findings than this are put together, if they are good ones of one kind or say the same.
 const FEW: usize = 2;
 
 /// How the findings are written.
@@ -37,13 +39,17 @@ impl Style {
     }
 
     fn state(self, state: State) -> String {
-        let code = match state {
-            State::Ok => "32",
-            State::Warning => "33",
-            State::Error => "1;31",
-            State::Skipped => "2",
-        };
-        self.paint(code, &format!("{:7}", state.name()))
+        self.paint(code(state), &format!("{:7}", state.name()))
+    }
+}
+
+/// The colour of a state, as the terminal is told it.
+fn code(state: State) -> &'static str {
+    match state {
+        State::Ok => "32",
+        State::Warning => "33",
+        State::Error => "1;31",
+        State::Skipped => "2",
     }
 }
 
@@ -69,12 +75,17 @@ impl<W: Write> Report<W> {
                 self.area = first.area;
             }
             let alike = rest.iter().take_while(|c| is_alike(first, c)).count();
+            let count = alike.max(1);
             if alike > FEW {
                 self.together(&rest[..alike])?;
             } else {
-                rest[..alike.max(1)].iter().try_for_each(|c| self.one(c))?;
+                rest[..count].iter().try_for_each(|c| self.one(c))?;
             }
-            rest = &rest[alike.max(1)..];
+            // What mends the next ones as well is told after the last of them.
+            if rest.get(count).is_none_or(|next| !is_mended_alike(first, next)) {
+                self.mend(first)?;
+            }
+            rest = &rest[count..];
         }
         self.out.flush()
     }
@@ -92,11 +103,11 @@ impl<W: Write> Report<W> {
         if !check.object.is_empty() {
             text += &format!("{} ", check.object);
         }
-        text += &format!("{}: {}", check.name, check.found);
-        if check.state != State::Ok && !check.wanted.is_empty() {
-            text += &format!("; wanted {}", check.wanted);
-        }
-        self.item(check.state, &text)?;
+        text += &format!("{}: {}", check.name, found(check));
+        self.item(check.state, &text)
+    }
+
+    fn mend(&mut self, check: &Check) -> io::Result<()> {
         for mend in &check.mend {
             match mend {
                 Mend::Run(command) => {
@@ -115,26 +126,22 @@ impl<W: Write> Report<W> {
     }
 
     fn together(&mut self, checks: &[Check]) -> io::Result<()> {
-        let same = checks.iter().all(|c| c.found == checks[0].found);
+        let first = &checks[0];
+        let same = checks.iter().all(|c| c.found == first.found);
         let each: Vec<String> = checks
             .iter()
             .map(|c| match same {
-                true => c.object.clone(),
-                false => format!("{} {}", c.object, c.found),
+                true => c.object.replace(' ', GLUE),
+                false => format!("{} {}", c.object, c.found).replace(' ', GLUE),
             })
             .collect();
         let found = if same {
-            format!(" {}", checks[0].found)
+            format!(" {}", found(first))
         } else {
             String::new()
         };
-        let text = format!(
-            "{} ({}){found}: {}",
-            checks[0].name,
-            checks.len(),
-            each.join(", ")
-        );
-        self.item(checks[0].state, &text)
+        let text = format!("{} ({}){found}: {}", first.name, checks.len(), each.join(", "));
+        self.item(first.state, &text)
     }
 
     fn item(&mut self, state: State, text: &str) -> io::Result<()> {
@@ -145,15 +152,30 @@ impl<W: Write> Report<W> {
             } else {
                 " ".repeat(INDENT)
             };
-            writeln!(self.out, "{head}{line}")?;
+            writeln!(self.out, "{head}{}", line.replace(GLUE, " "))?;
         }
         Ok(())
     }
 }
 
+/// What was found and what should have been.
+fn found(check: &Check) -> String {
+    match check.state == State::Ok || check.wanted.is_empty() {
+        true => check.found.clone(),
+        false => format!("{}; wanted {}", check.found, check.wanted),
+    }
+}
+
+fn is_mended_alike(a: &Check, b: &Check) -> bool {
+    (a.state, a.area, a.name, &a.mend) == (b.state, b.area, b.name, &b.mend)
+}
+
+/// Whether findings can be put together: good ones of one kind, bad ones only if nothing but the object differs.
 fn is_alike(a: &Check, b: &Check) -> bool {
     let good = |c: &Check| matches!(c.state, State::Ok | State::Skipped) && c.mend.is_empty();
-    good(a) && a.state == b.state && good(b) && (a.area, a.name) == (b.area, b.name) && !b.object.is_empty()
+    let of_one_kind = (a.state, a.area, a.name) == (b.state, b.area, b.name) && !b.object.is_empty();
+    let same = (&a.found, &a.wanted, &a.mend) == (&b.found, &b.wanted, &b.mend);
+    of_one_kind && (same || good(a) && good(b))
 }
 
 /// Breaks a text into lines of at most `width` characters, at blanks where there are any.
@@ -174,7 +196,7 @@ pub(super) fn wrap(text: &str, width: usize) -> Vec<String> {
 }
 
 /// The last line: how many of each.
-pub(super) fn summary(checks: &[Check]) -> String {
+pub(super) fn summary(checks: &[Check], style: Style) -> String {
     let count = |state: State| checks.iter().filter(|c| c.state == state).count();
     let (errors, warnings) = (count(State::Error), count(State::Warning));
     let plural = |n: usize, word: &str| format!("{n} {word}{}", if n == 1 { "" } else { "s" });
@@ -182,12 +204,16 @@ pub(super) fn summary(checks: &[Check]) -> String {
         0 => String::new(),
         n => format!(", {n} skipped"),
     };
-    format!(
-        "{}, {}, {} ok{skipped}",
-        plural(errors, "error"),
-        plural(warnings, "warning"),
-        count(State::Ok)
-    )
+    let lit = |state: State, n: usize| {
+        let text = plural(n, state.name());
+        if n == 0 {
+            text
+        } else {
+            style.paint(code(state), &text)
+        }
+    };
+    let bad = [lit(State::Error, errors), lit(State::Warning, warnings)].join(", ");
+    format!("{bad}, {} ok{skipped}", count(State::Ok))
 }
 
 #[cfg(test)]
@@ -217,13 +243,59 @@ mod tests {
     }
 
     #[test]
-    fn good_findings_of_one_kind_are_put_together_and_bad_ones_never() {
-        let ok = |object: &str| Check::ok("hand", "board", object, "50.0 Hz");
-        let bad = Check::error("hand", "board", "e", "not heard");
-        let text = written(&[ok("a"), ok("b"), ok("c"), bad, ok("f")]);
-        assert!(text.contains("board (3) 50.0 Hz: a, b, c"), "{text}");
-        assert!(text.contains("error   e board: not heard"), "{text}");
-        assert!(text.contains("f board: 50.0 Hz"), "{text}");
+    fn good_findings_of_one_kind_are_put_together_and_bad_ones_if_they_say_the_same() {
+        let ok = |object: &str, found: &str| Check::ok("hand", "board", object, found);
+        let bad = |object: &str, found: &str| {
+            Check::error("hand", "board", object, found)
+                .wanted("it")
+                .advise("plug")
+        };
+        for (checks, lines) in [
+            (
+                vec![
+                    ok("a", "50 Hz"),
+                    ok("b", "50 Hz"),
+                    ok("c", "50 Hz"),
+                    bad("e", "silent"),
+                ],
+                &[
+                    "  ok      board (3) 50 Hz: a, b, c",
+                    "  error   e board: silent; wanted it",
+                    "          > plug",
+                ][..],
+            ),
+            (
+                vec![ok("a", "50 Hz"), ok("b", "51 Hz"), ok("c", "52 Hz")],
+                &["  ok      board (3): a 50 Hz, b 51 Hz, c 52 Hz"],
+            ),
+            (
+                vec![
+                    bad("a", "silent"),
+                    bad("b", "silent"),
+                    bad("c", "silent"),
+                    bad("d", "late"),
+                ],
+                &[
+                    "  error   board (3) silent; wanted it: a, b, c",
+                    "  error   d board: late; wanted it",
+                    "          > plug",
+                ],
+            ),
+            (
+                (1..=4)
+                    .map(|n| bad(&format!("index middle (can0 board {n})"), "silent"))
+                    .collect(),
+                &[
+                    "  error   board (4) silent; wanted it: index middle (can0 board 1),",
+                    "          index middle (can0 board 2), index middle (can0 board 3),",
+                    "          index middle (can0 board 4)",
+                    "          > plug",
+                ],
+            ),
+        ] {
+            let text = written(&checks);
+            assert_eq!(text.lines().skip(1).collect::<Vec<_>>(), lines);
+        }
     }
 
     #[test]
@@ -235,6 +307,13 @@ mod tests {
             Check::warning("a", "b", "", ""),
             Check::skipped("a", "b", "", ""),
         ];
-        assert_eq!(summary(&checks), "1 error, 2 warnings, 1 ok, 1 skipped");
+        assert_eq!(
+            summary(&checks, Style::PLAIN),
+            "1 error, 2 warnings, 1 ok, 1 skipped"
+        );
+        assert_eq!(
+            summary(&checks[..2], Style { colour: true }),
+            "\x1b[1;31m1 error\x1b[0m, 0 warnings, 1 ok"
+        );
     }
 }

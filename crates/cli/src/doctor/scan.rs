@@ -66,7 +66,7 @@ pub(super) fn run(scan: &Scan<'_>, root: &Path, interrupt: Interrupt) -> anyhow:
     let mut hearing = Hearing {
         recogniser: &mut recogniser,
     };
-    let go_on = ears.listen(length_ns, "ms, listening", &mut hearing);
+    let go_on = ears.listen(length_ns, "listening", &mut hearing);
     for (bus, address) in started {
         command(&mut ears, bus, address, true);
     }
@@ -187,7 +187,7 @@ impl Listener for Asking {
 /// Asks silent buses for MTBs and starts those that answer; returns them, by bus and address.
 fn start_boards(ears: &mut Ears, buses: u8, recogniser: &mut Recogniser) -> anyhow::Result<Vec<(u8, u8)>> {
     let mut asking = Asking(Discovery::scan(buses));
-    if !ears.listen(DISCOVERY_NS, "ms, asking who is there", &mut asking) {
+    if !ears.listen(DISCOVERY_NS, "asking who is there", &mut asking) {
         bail!("stopped before anything was recognised");
     }
     let (report, ()) = asking.0.finish();

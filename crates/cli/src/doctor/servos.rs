@@ -1,6 +1,6 @@
 //! The servos: who answers, how they are set, what they complain of.
 
-use super::finding::Check;
+use super::finding::{Check, State};
 use std::collections::BTreeSet;
 use std::path::Path;
 use taxel_joints::bus::wire_ns;
@@ -68,15 +68,21 @@ pub(super) fn check(config: &JointsConfig, path: &Path, facts: &ServoFacts) -> V
                 .advise("two servos with one id that answer at once, a bad connector, or a missing ground"),
         );
     }
+    let mut of_servos = Vec::new();
     for wanted in &config.servo {
-        let object = format!("servo {} ({})", wanted.id, wanted.name);
+        let number = format!("servo {}", wanted.id);
+        let object = match wanted.name == number {
+            true => number,
+            false => format!("{number} ({})", wanted.name),
+        };
         match survey.servos.iter().find(|s| s.id == wanted.id) {
-            None => checks.push(Check::error(AREA, "answers", object, "does not answer").advise(
-                "its supply, its place in the chain of cables, its id; `taxel doctor` lists unexpected ids",
+            None => of_servos.push(Check::error(AREA, "answers", object, "does not answer").advise(
+                "its supply, its place in the chain of cables, or its id: one that is in no table is told below",
             )),
-            Some(servo) => checks.extend(check_servo(servo, object, config, &write)),
+            Some(servo) => of_servos.extend(check_servo(servo, object, config, &write)),
         }
     }
+    checks.extend(by_name(of_servos));
     let expected: BTreeSet<u8> = config.servo.iter().map(|s| s.id).collect();
     for servo in survey.servos.iter().filter(|s| !expected.contains(&s.id)) {
         let model = Model::of(servo.model_number).map_or("of an unknown model", |m| m.name);
@@ -106,13 +112,7 @@ fn check_servo(
         Some(model) => model.name.to_string(),
         None => format!("model {}", servo.model_number),
     };
-    let mut found = format!("{model}, firmware {}", servo.firmware);
-    if let Some(volts) = servo.voltage_v {
-        found += &format!(", {volts:.1} V");
-    }
-    if let Some(celsius) = servo.temperature_c {
-        found += &format!(", {celsius} degrees");
-    }
+    let found = format!("{model}, firmware {}", servo.firmware);
     if servo.answers > 1 {
         checks.push(
             Check::error(
@@ -168,7 +168,7 @@ fn check_servo(
                 "baud rate",
                 &object,
                 format!(
-                    "answers at {}, and its Baud Rate register says {}: it will be at that after a restart",
+                    "answers at {}, and its Baud Rate register says {}, at which it will be after a restart",
                     config.baud,
                     baud_of(identity.baud_register).unwrap_or(0)
                 ),
@@ -188,21 +188,42 @@ fn check_servo(
             .run(write(id, "reboot(p, ID)")),
         );
     }
-    if let Some(volts) = servo.voltage_v.filter(|v| !SUPPLY_V.contains(v)) {
-        checks.push(
-            Check::warning(AREA, "supply", &object, format!("{volts:.1} V")).wanted(format!(
+    if let Some(volts) = servo.voltage_v {
+        let found = format!("{volts:.1} V");
+        checks.push(match SUPPLY_V.contains(&volts) {
+            true => Check::ok(AREA, "supply", &object, found),
+            false => Check::warning(AREA, "supply", &object, found).wanted(format!(
                 "{} to {} V",
                 SUPPLY_V.start(),
                 SUPPLY_V.end()
             )),
-        );
+        });
     }
-    if let Some(celsius) = servo.temperature_c.filter(|c| *c >= HOT_C) {
-        checks.push(
-            Check::warning(AREA, "temperature", &object, format!("{celsius} degrees"))
+    if let Some(celsius) = servo.temperature_c {
+        let found = format!("{celsius} degrees");
+        checks.push(match celsius < HOT_C {
+            true => Check::ok(AREA, "temperature", &object, found),
+            false => Check::warning(AREA, "temperature", &object, found)
                 .wanted(format!("below {HOT_C}; it switches its motor off at 80")),
-        );
+        });
     }
+    checks
+}
+
+/// The same findings, those of one name together and the good ones of each last, so that what many servos have in common is told once.
+fn by_name(mut checks: Vec<Check>) -> Vec<Check> {
+    let mut names: Vec<&str> = Vec::new();
+    for check in &checks {
+        if !names.contains(&check.name) {
+            names.push(check.name);
+        }
+    }
+    checks.sort_by_key(|c| {
+        (
+            names.iter().position(|name| *name == c.name),
+            c.state == State::Ok,
+        )
+    });
     checks
 }
 
@@ -245,7 +266,7 @@ fn list(ids: &[u8]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::finding::{Mend, State};
+    use super::super::finding::Mend;
     use super::*;
     use taxel_joints::PortLatency;
     use taxel_joints::bus::ServoIdentity;
@@ -306,7 +327,20 @@ mod tests {
     fn healthy_servos_are_told_with_what_they_are() {
         let checks = changed(|_| {});
         assert!(checks.iter().all(|c| c.state == State::Ok), "{checks:?}");
-        assert_eq!(checks[0].found, "XM430-W210, firmware 46, 12.0 V, 31 degrees");
+        let told: Vec<(&str, &str)> = checks
+            .iter()
+            .map(|c| (c.name, c.found.as_str()))
+            .step_by(2)
+            .collect();
+        assert_eq!(
+            told[..4],
+            [
+                ("answers", "XM430-W210, firmware 46"),
+                ("return delay time", "0 us"),
+                ("supply", "12.0 V"),
+                ("temperature", "31 degrees"),
+            ]
+        );
         // protocols.md 4.2: two servos at 1 Mbit/s take 0.62 ms.
         assert!(checks.last().unwrap().found.starts_with("a cycle takes 0.62 ms"));
     }

@@ -47,7 +47,7 @@ pub(super) fn check(layout: &Layout, facts: &HandFacts) -> Vec<Check> {
     for (index, module) in layout.modules.iter().enumerate().filter(|(i, _)| speaks(*i)) {
         let first = usize::from(module.first_taxel);
         let range = first..first + usize::from(module.taxels);
-        let mut words = Vec::new();
+        let mut faults: Vec<(String, Vec<u8>)> = Vec::new();
         let mut bad = 0;
         for taxel in range {
             let reasons: Vec<&str> = match facts.dead[taxel] {
@@ -62,9 +62,17 @@ pub(super) fn check(layout: &Layout, facts: &HandFacts) -> Vec<Check> {
             };
             if !reasons.is_empty() {
                 bad += 1;
-                words.push(format!("k {} {}", layout.taxels[taxel].k, reasons.join(" and ")));
+                let (reasons, k) = (reasons.join(" and "), layout.taxels[taxel].k);
+                match faults.iter_mut().find(|(known, _)| *known == reasons) {
+                    Some((_, numbers)) => numbers.push(k),
+                    None => faults.push((reasons, vec![k])),
+                }
             }
         }
+        let words: Vec<String> = faults
+            .into_iter()
+            .map(|(reasons, numbers)| format!("k {} {reasons}", ranges(numbers)))
+            .collect();
         let object = object(layout, &layout.modules[index]);
         let broken = bad as f64 > BROKEN_SHARE * f64::from(module.taxels);
         checks.push(match (bad, broken) {
@@ -73,13 +81,13 @@ pub(super) fn check(layout: &Layout, facts: &HandFacts) -> Vec<Check> {
                 AREA,
                 "taxels",
                 object,
-                format!("{bad} of {}: {}", module.taxels, words.join(", ")),
+                format!("{bad} of {}: {}", module.taxels, words.join("; ")),
             ),
             _ => Check::error(
                 AREA,
                 "taxels",
                 object,
-                format!("{bad} of {}: {}", module.taxels, words.join(", ")),
+                format!("{bad} of {}: {}", module.taxels, words.join("; ")),
             )
             .advise("the module, its I2C cable, or its supply"),
         });
@@ -87,4 +95,16 @@ pub(super) fn check(layout: &Layout, facts: &HandFacts) -> Vec<Check> {
     // What is wrong first; the rest is then told in one.
     checks.sort_by_key(|c| c.state == State::Ok);
     checks
+}
+
+/// Numbers in ascending order, three or more that follow one another as a range: `1, 4-7`.
+fn ranges(mut numbers: Vec<u8>) -> String {
+    numbers.sort_unstable();
+    let runs = numbers
+        .chunk_by(|a, b| a.checked_add(1) == Some(*b))
+        .map(|run| match run {
+            [first, _, .., last] => format!("{first}-{last}"),
+            few => few.iter().map(u8::to_string).collect::<Vec<_>>().join(", "),
+        });
+    runs.collect::<Vec<_>>().join(", ")
 }

@@ -210,14 +210,16 @@ fn each_thing_that_is_wrong_is_found_where_it_is() {
             State::Error,
             "taxels",
             "index tip (can0 board 0)",
-            "5 of 16: k 0 stuck",
+            "5 of 16: k 0-4 stuck",
         ),
         (
-            found(|f| f.saturated[2] = true),
+            found(|f| {
+                (f.saturated[2], f.saturated[3], f.dead[9]) = (true, true, true);
+            }),
             State::Warning,
             "taxels",
             "index tip (can0 board 0)",
-            "k 2 saturated",
+            "3 of 16: k 2, 3 saturated; k 9 dead",
         ),
         (
             found(|f| f.buses[1].unclaimed = unclaimed(&[0x700, 0x701, 0x702, 0x703])),
