@@ -1,5 +1,8 @@
 //! `taxeld`: from a robot hand's skin to tactile displays, in real time.
 
+mod log;
+
+use crate::log::{Flush, Log};
 use anyhow::Context;
 use clap::Parser;
 use nix::sys::signal::{SigSet, Signal};
@@ -26,7 +29,7 @@ struct Arguments {
 
 fn main() -> anyhow::Result<()> {
     let arguments = Arguments::parse();
-    log_to_stderr();
+    let _flush = log_to_stderr().context("cannot start the thread that writes the log")?;
     let config = Config::load(&arguments.config)?;
     if arguments.check {
         let layout = &config.layout;
@@ -83,11 +86,12 @@ fn main() -> anyhow::Result<()> {
 }
 
 /// Plain lines under systemd, which stamps them itself; with times and colours in a terminal.
-fn log_to_stderr() {
+fn log_to_stderr() -> std::io::Result<Flush> {
+    let (log, flush) = Log::start(std::io::stderr())?;
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
     let builder = tracing_subscriber::fmt()
         .with_env_filter(filter)
-        .with_writer(std::io::stderr)
+        .with_writer(log)
         .with_target(false);
     if std::env::var_os("JOURNAL_STREAM").is_some() {
         builder.without_time().with_ansi(false).init();
@@ -96,4 +100,5 @@ fn log_to_stderr() {
             .with_ansi(std::io::IsTerminal::is_terminal(&std::io::stderr()))
             .init();
     }
+    Ok(flush)
 }

@@ -1,0 +1,83 @@
+//! That the log, wherever it goes, is in nobody's way.
+
+use std::fs::OpenOptions;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+use taxel_wire::{Received, Subscriber};
+
+const PATIENCE: Duration = Duration::from_secs(20);
+
+/// A daemon as a process of its own, ended with the test.
+struct Running(Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+fn start(folder: &Path, stderr: Stdio) -> Running {
+    let path = |name: &str| folder.join(name).display().to_string();
+    let text = format!(
+        "layout = 'allegro-uskin-15'\n\
+         [[bus]]\nsource = 'sim:idle'\n[[bus]]\nsource = 'sim:idle'\n\
+         [socket]\nimages = '{}'\ncontrol = '{}'\n",
+        path("images.sock"),
+        path("control.sock")
+    );
+    std::fs::write(folder.join("taxeld.toml"), text).unwrap();
+    let daemon = Command::new(env!("CARGO_BIN_EXE_taxeld"))
+        .args(["--config", &path("taxeld.toml")])
+        .stderr(stderr)
+        .spawn()
+        .unwrap();
+    Running(daemon)
+}
+
+/// Connects as soon as the daemon is there.
+fn connect(daemon: &mut Running, folder: &Path) -> Subscriber {
+    let deadline = Instant::now() + PATIENCE;
+    loop {
+        if let Ok(subscriber) = Subscriber::connect(folder.join("images.sock")) {
+            return subscriber;
+        }
+        if let Some(status) = daemon.0.try_wait().unwrap() {
+            panic!("taxeld has ended: {status}");
+        }
+        assert!(Instant::now() < deadline, "nobody listens");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+#[test]
+fn a_log_on_a_full_disk_does_not_end_the_daemon() {
+    let folder = tempfile::tempdir().unwrap();
+    let full = OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let mut daemon = start(folder.path(), full.into());
+    let mut subscriber = connect(&mut daemon, folder.path());
+    for _ in 0..5 {
+        subscriber.next_image().unwrap();
+    }
+}
+
+#[test]
+fn a_log_that_nobody_reads_holds_up_no_subscriber() {
+    let folder = tempfile::tempdir().unwrap();
+    let (unread, stderr) = std::io::pipe().unwrap();
+    let mut daemon = start(folder.path(), stderr.into());
+    let mut stays = connect(&mut daemon, folder.path());
+    // Two lines each: far more than a pipe holds.
+    for nth in 0..1500 {
+        let mut subscriber = connect(&mut daemon, folder.path());
+        match subscriber.next_timeout(PATIENCE) {
+            Ok(Some(Received::Hello(_))) => {}
+            other => panic!("subscriber {nth} was sent {other:?}"),
+        }
+    }
+    for _ in 0..5 {
+        assert!(stays.next_timeout(PATIENCE).unwrap().is_some());
+    }
+    drop(unread);
+}
