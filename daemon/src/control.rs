@@ -1,6 +1,7 @@
 //! The control socket: one JSON request per line, one JSON reply per line.
 
 use crate::hand::Hand;
+use crate::joints::ServoRequest;
 use serde::Deserialize;
 use serde_json::{Value, json};
 use std::rc::Rc;
@@ -25,6 +26,7 @@ enum Request {
     Pause {},
     Resume {},
     Profile { profile: Option<Profile> },
+    Servo(ServoRequest),
 }
 
 /// Serves control connections until the daemon ends.
@@ -95,7 +97,7 @@ async fn answer(line: &[u8], hand: &Hand) -> Value {
         Ok(request) => request,
         Err(error) => {
             return refusal(format!(
-                "{error}; a request is one line such as {{\"cmd\":\"status\"}}, and cmd is one of status, rezero, pause, resume, profile"
+                "{error}; a request is one line such as {{\"cmd\":\"status\"}}, and cmd is one of status, rezero, pause, resume, profile, servo"
             ));
         }
     };
@@ -105,6 +107,7 @@ async fn answer(line: &[u8], hand: &Hand) -> Value {
         Request::Profile {
             profile: Some(profile),
         } => hand.profiles.set_own(profile).await,
+        Request::Servo(request) => hand.write(&request).await,
         Request::Rezero {} => hand.rezero(),
         Request::Pause {} => hand.pause(true),
         Request::Resume {} => hand.pause(false),

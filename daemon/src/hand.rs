@@ -3,7 +3,7 @@
 use crate::config::{Config, TickMode};
 use crate::displays::Returned;
 use crate::hub::Newest;
-use crate::joints::JointsView;
+use crate::joints::{JointsView, ServoRequest};
 use crate::problems::{Place, Problems};
 use crate::profiles::{Own, Profiles};
 use crate::snapshot::Snapshot;
@@ -103,6 +103,11 @@ impl Hand {
     /// The daemon's own display profile.
     pub(crate) fn profile(&self) -> Profile {
         self.profiles.own().wanted.profile.clone()
+    }
+
+    /// Has a servo told something.
+    pub(crate) async fn write(&self, request: &ServoRequest) -> Result<(), String> {
+        crate::joints::write(self.config.joints.as_ref(), self.servos.as_deref(), request).await
     }
 
     fn command(&self, command: Command) -> Result<(), String> {

@@ -7,6 +7,7 @@ use anyhow::Context;
 use clap::Parser;
 use nix::sys::signal::{SigSet, Signal};
 use sd_notify::NotifyState;
+use signal_hook::iterator::Signals;
 use std::path::PathBuf;
 use std::time::Duration;
 use taxeld::{Config, Daemon};
@@ -50,12 +51,13 @@ fn main() -> anyhow::Result<()> {
         return Ok(());
     }
 
-    // Blocked before any thread starts, so that all of them inherit it and only this one takes the signals.
-    let mut signals = SigSet::empty();
-    for signal in [Signal::SIGTERM, Signal::SIGINT, Signal::SIGHUP] {
-        signals.add(signal);
-    }
-    signals.thread_block().context("cannot block signals")?;
+    // Blocked while threads start, so that all of them inherit it and only this one is interrupted. It takes handlers as
+    // well: a library that waits for a device unblocks every signal meanwhile, and an unhandled one would kill taxeld
+    // with its boards and motors running.
+    const SIGNALS: [Signal; 3] = [Signal::SIGTERM, Signal::SIGINT, Signal::SIGHUP];
+    let mut signals = Signals::new(SIGNALS.map(|signal| signal as i32)).context("cannot handle signals")?;
+    let blocked = SigSet::from_iter(SIGNALS);
+    blocked.thread_block().context("cannot block signals")?;
     let images = config.socket.images.clone();
     let daemon = Daemon::start(config)?;
     tracing::info!(images = %images.display(), "ready");
@@ -63,12 +65,13 @@ fn main() -> anyhow::Result<()> {
 
     let (sender, stop) = std::sync::mpsc::channel();
     std::thread::spawn(move || {
-        while let Ok(signal) = signals.wait() {
-            if sender.send(signal).is_err() {
+        for signal in signals.forever() {
+            if Signal::try_from(signal).is_ok_and(|signal| sender.send(signal).is_err()) {
                 return;
             }
         }
     });
+    blocked.thread_unblock().context("cannot take signals")?;
     while daemon.is_running() {
         match stop.recv_timeout(Duration::from_millis(200)) {
             Ok(Signal::SIGHUP) => {

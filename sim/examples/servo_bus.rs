@@ -4,7 +4,7 @@
 //!
 //! prints the path of the terminal and runs until its standard input ends. Lines of standard input break and mend
 //! servos: `fault ID silent|bad-crc|truncated:BYTES|late:MS|garbage:BYTES|noise:BYTES [EVERY]`, `mend ID`,
-//! `error ID BITS`. Options: `--return-delay STEPS` (of 2 us), `--motion still|sine`, `--no-fast`,
+//! `error ID BITS`; `register ID ADDRESS BYTES` prints what stands in a servo's table. Options: `--return-delay STEPS` (of 2 us), `--motion still|sine`, `--no-fast`,
 //! `--stop-after-silence`, `--link PATH` (a stable name that points to the terminal).
 
 use std::error::Error;
@@ -62,14 +62,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     for line in std::io::stdin().lock().lines() {
         let line = line?;
         match command(&pty, &line) {
-            Ok(()) => println!("ok"),
+            Ok(answer) => println!("{answer}"),
             Err(problem) => println!("`{line}`: {problem}"),
         }
     }
     Ok(())
 }
 
-fn command(pty: &ServoPty, line: &str) -> Result<(), Box<dyn Error>> {
+fn command(pty: &ServoPty, line: &str) -> Result<String, Box<dyn Error>> {
     let words: Vec<&str> = line.split_whitespace().collect();
     let mut bus = pty.bus();
     let known = match words[..] {
@@ -81,10 +81,14 @@ fn command(pty: &ServoPty, line: &str) -> Result<(), Box<dyn Error>> {
             servo.set_hardware_error(bits.parse()?);
             true
         }
-        _ => return Err("commands are fault, mend and error".into()),
+        ["register", id, at, bytes] => {
+            let servo = bus.servo_mut(id.parse()?).ok_or("no such servo")?;
+            return Ok(servo.register(at.parse()?, bytes.parse()?).to_string());
+        }
+        _ => return Err("commands are fault, mend, error and register".into()),
     };
     if known {
-        Ok(())
+        Ok("ok".into())
     } else {
         Err("no such servo".into())
     }

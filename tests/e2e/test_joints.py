@@ -247,6 +247,87 @@ def test_a_supply_that_is_off_is_one_problem_and_not_sixteen(folder):
     servos.close()
 
 
+def servo(daemon, *arguments):
+    """`taxel servo`: its exit status and what it says."""
+    done = subprocess.run(
+        [binary("taxel"), "servo", *arguments, "--socket", daemon.control_path], capture_output=True, text=True, timeout=30
+    )
+    return done.returncode, done.stderr
+
+
+WATCHDOG, TORQUE, GOAL_PWM = (98, 1), (64, 1), (100, 2)
+
+
+def test_nothing_is_written_unless_the_configuration_says_so(folder):
+    servos = Servos("--ids", "1-16")
+    before = [servos.register(5, *at) for at in (WATCHDOG, TORQUE, GOAL_PWM)]
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path)) as daemon:
+        assert daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")["joints"]["writes"] == "never"
+        for arguments in [("--torque", "on"), ("--torque", "off"), ("--pwm", "10")]:
+            status, said = servo(daemon, "joint 5", *arguments)
+            assert status == 1 and "joints.allow_writes = true" in said, said
+    assert [servos.register(5, *at) for at in (WATCHDOG, TORQUE, GOAL_PWM)] == before
+    servos.close()
+    with Daemon(folder / "none", SCENE, tick=TICK) as daemon:
+        assert "no table [joints]" in daemon.control("servo", joint="joint 5", torque=True)["error"]
+
+
+def test_torque_and_pwm_are_written_on_request_with_the_watchdog_armed(folder):
+    servos = Servos("--ids", "1-16")
+    joints = dynamixel(servos.path, allow_writes=True, watchdog_ms=400)
+    joints["servo"][5]["direction"] = -1
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon, Watch(daemon) as watch:
+        watch.until(all_known, "not every angle became known")
+        assert (daemon.status()["joints"]["writes"], daemon.status()["joints"]["watchdog_ms"]) == ("allowed", 400)
+        refusals = [
+            (("joint 5", "--pwm", "10"), "enable its torque first"),
+            (("thumb", "--torque", "on"), "no joint is called thumb; there are joint 1, joint 2"),
+            (("joint 5", "--pwm", "-101"), "outside -100 to 100"),
+        ]
+        for arguments, words in refusals:
+            status, said = servo(daemon, *arguments)
+            assert status == 1 and words in said, said
+        assert servos.register(5, *TORQUE) == 0
+
+        for name, id, goal in [("joint 5", 5, -177), ("joint 6", 6, 177)]:
+            assert servo(daemon, name, "--torque", "on") == (0, "")
+            assert (servos.register(id, *WATCHDOG), servos.register(id, *TORQUE)) == (20, 1)
+            assert servo(daemon, name, "--pwm", "-20") == (0, "")
+            assert servos.register(id, *GOAL_PWM) == goal
+        assert [servos.register(id, *TORQUE) for id in (4, 7)] == [0, 0]
+        enabled = lambda s: [j["torque_enabled"] for j in s["joints"]["joints"][3:7]] == [False, True, True, False]
+        status = daemon.wait_status(enabled, "the status does not say whose torque is on")["joints"]
+        assert (status["writes_ok"], status["writes_failed"]) == (8, 0)
+        assert "torque of joint 5 is on" in daemon.log
+
+        servos.tell("fault 6 silent")
+        status, said = servo(daemon, "joint 6", "--pwm", "1")
+        assert status == 1 and "joint 6: the servo does not answer" in said, said
+        servos.tell("mend 6")
+        assert servo(daemon, "joint 5", "--torque", "off") == (0, "")
+        assert (servos.register(5, *WATCHDOG), servos.register(5, *TORQUE)) == (0, 0)
+        assert all_known(watch.more(30)[-1]), "writing hides angles"
+    # The daemon has ended, and with it all that it had switched on.
+    assert (servos.register(6, *WATCHDOG), servos.register(6, *TORQUE)) == (0, 0)
+
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon:
+        daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+        assert servo(daemon, "joint 5", "--torque", "on") == (0, "")
+        daemon.kill()
+    time.sleep(0.5)
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon:
+        # A servo that has heard nothing for so long has stopped its motor, and takes no goal.
+        daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+        assert servos.register(5, *WATCHDOG) % 256 == 255
+        assert servo(daemon, "joint 5", "--pwm", "10")[0] == 1
+        assert servo(daemon, "joint 5", "--torque", "on") == (0, "")
+        assert servos.register(5, *WATCHDOG) == 20
+        servos.close()
+        daemon.wait_status(lambda s: s["joints"]["state"] == "gone", "the status does not say that it is gone")
+        status, said = servo(daemon, "joint 5", "--torque", "off")
+        assert status == 1 and servos.path in said, said
+
+
 def test_an_adapter_that_comes_back_under_another_number_is_found_by_its_stable_name(folder):
     link = folder / "by-id"
     servos = Servos("--ids", "1-16", "--link", link)

@@ -83,7 +83,8 @@ class Daemon:
         if kind is not None:
             print(f"--- log of {self.config}\n{self.log}", flush=True)
         if self.process and self.process.poll() is None:
-            self.stop()
+            status = self.stop()
+            assert kind is not None or status == 0, f"taxeld ended with {status}:\n{self.log}"
 
     def spawn(self):
         """Starts the process and does not wait for its sockets."""

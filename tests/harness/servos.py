@@ -41,6 +41,12 @@ class Servos:
         self.process.stdin.flush()
         assert self.process.stdout.readline().strip() == "ok", command
 
+    def register(self, id, address, size):
+        """What stands in a servo's table."""
+        self.process.stdin.write(f"register {id} {address} {size}\n")
+        self.process.stdin.flush()
+        return int(self.process.stdout.readline())
+
     def close(self):
         if self.process.poll() is None:
             self.process.stdin.close()

@@ -2,6 +2,7 @@
 
 mod allocations;
 mod compress;
+mod control;
 mod demo;
 mod doctor;
 mod eval;
@@ -13,6 +14,7 @@ mod offline;
 mod progress;
 mod raw_line;
 mod replay;
+mod servo;
 mod sim;
 mod sweep;
 mod target;
@@ -51,6 +53,7 @@ enum Command {
     Eval(Box<eval::Args>),
     Sim(sim::Args),
     Doctor(Box<doctor::Args>),
+    Servo(servo::Args),
 }
 
 fn main() -> ExitCode {
@@ -61,6 +64,7 @@ fn main() -> ExitCode {
         Command::Compress(args) => compress::run(&args),
         Command::Eval(args) => eval::run(&args),
         Command::Sim(args) => sim::run(&args),
+        Command::Servo(args) => servo::run(&args),
         Command::Doctor(args) => match doctor::run(&args) {
             Ok(true) => Ok(()),
             // What is wrong was said already.

@@ -215,6 +215,16 @@ pub enum JointsConfigError {
     /// The bus watchdog counts in steps of 20 ms.
     #[error("joints.watchdog_ms = {0} is no multiple of 20, the step of the servo's bus watchdog")]
     WatchdogStep(u16),
+    /// Servos that would stop between two cycles.
+    #[error(
+        "joints.watchdog_ms = {watchdog_ms} is shorter than two cycles at rate_hz = {rate_hz}: motors would stop by themselves; make it longer, or read faster"
+    )]
+    WatchdogShort {
+        /// The watchdog's time.
+        watchdog_ms: u16,
+        /// Cycles per second.
+        rate_hz: f64,
+    },
     /// A table for the other kind of source.
     #[error("joints: {table} has no meaning with source {source_kind}; leave it out")]
     WrongTable {
@@ -323,6 +333,12 @@ impl JointsConfig {
         range("hold_ms".into(), self.hold_ms, 10.0, 60_000.0, "ms")?;
         if !self.watchdog_ms.is_multiple_of(20) {
             return Err(JointsConfigError::WatchdogStep(self.watchdog_ms));
+        }
+        if self.allow_writes && f64::from(self.watchdog_ms) * self.rate_hz < 2000.0 {
+            return Err(JointsConfigError::WatchdogShort {
+                watchdog_ms: self.watchdog_ms,
+                rate_hz: self.rate_hz,
+            });
         }
         if let JointSource::Allegro { .. } = self.source {
             if !self.servo.is_empty() {

@@ -476,6 +476,27 @@ fn a_motor_whose_watchdog_cannot_be_armed_stays_off() {
 }
 
 #[test]
+fn a_motor_that_runs_is_switched_off_when_its_watchdog_cannot_be_armed_anew() {
+    let mut w = writable(1);
+    w.bus.command(0, WriteCommand::Torque(true)).unwrap();
+    w.cycles(3);
+    let register = |w: &World, at| w.servos.servo(1).unwrap().register(at, 1);
+    assert_eq!([register(&w, 64), register(&w, 98)], [1, 5]);
+    // It obeys, and nobody can read that it does: the watchdog counts as not armed.
+    w.fault(1, ServoFault::BadCrc);
+    w.bus.command(0, WriteCommand::Torque(true)).unwrap();
+    w.bus.command(0, WriteCommand::GoalPwm(100)).unwrap();
+    w.cycles(3);
+    assert_eq!(register(&w, 64), 0, "it runs without anybody watching");
+    let goals = w.requests.iter().filter(|r| r[7] == 3 && r[8] == 100).count();
+    assert_eq!(goals, 0, "nor is it given a goal");
+    assert_eq!(
+        w.bus.command(0, WriteCommand::GoalPwm(1)),
+        Err(WriteRefused::MotorOff(0))
+    );
+}
+
+#[test]
 fn commands_that_cannot_be_are_refused() {
     let mut w = writable(2);
     assert_eq!(
@@ -486,6 +507,12 @@ fn commands_that_cannot_be_are_refused() {
         w.bus.command(0, WriteCommand::GoalPwm(886)),
         Err(WriteRefused::Range(886))
     );
+    assert_eq!(
+        w.bus.command(0, WriteCommand::GoalPwm(1)),
+        Err(WriteRefused::MotorOff(0)),
+        "nobody has armed its watchdog"
+    );
+    w.bus.command(0, WriteCommand::Torque(true)).unwrap();
     let full = (0..1000).find_map(|_| w.bus.command(0, WriteCommand::GoalPwm(1)).err());
     assert!(matches!(full, Some(WriteRefused::QueueFull(_))));
 }

@@ -4,7 +4,7 @@
 
 use std::path::Path;
 use std::time::{Duration, Instant};
-use taxel_joints::bus::{FastState, NoReading, WriteCommand, WriteRefused};
+use taxel_joints::bus::{FastState, NoReading, WriteCommand, WriteError, WriteRefused, Written};
 use taxel_joints::{
     AngleAt, FastSyncRead, JointReader, JointSnapshot, JointsConfig, PortState, StartError, scan, survey,
 };
@@ -188,9 +188,27 @@ fn commands_need_the_configuration_s_consent() {
         reader.command(2, WriteCommand::Torque(true)),
         Err(WriteRefused::NoSuchJoint(2))
     );
-    reader.command(1, WriteCommand::Torque(true)).unwrap();
+    let early = reader.command(1, WriteCommand::GoalPwm(5)).unwrap();
+    eventually(&reader, "answered", |s| s.servos[1].written.is_some());
+    let off = Err(WriteError::NotTaken(WriteRefused::MotorOff(1)));
+    assert_eq!(
+        reader.written(1),
+        Some(Written {
+            number: early,
+            result: off
+        })
+    );
+    let number = reader.command(1, WriteCommand::Torque(true)).unwrap();
     let s = eventually(&reader, "written", |s| s.counters.writes_ok == 3);
     assert_eq!(s.counters.writes_failed, 0);
+    assert_eq!(
+        reader.written(1),
+        Some(Written {
+            number,
+            result: Ok(())
+        })
+    );
+    assert_eq!(reader.written(0), None);
     assert_eq!(pty.bus().servo(2).unwrap().register(64, 1), 1);
     // Ending the daemon lets the motor go.
     drop(reader);

@@ -9,11 +9,13 @@ mod tell;
 #[cfg(test)]
 pub(crate) mod test_views;
 mod tick;
+mod write;
 
 pub(crate) use hand::OwnHand;
 pub(crate) use status::{JointsView, status};
 pub(crate) use tell::{Told, Weight};
 pub(crate) use tick::{JointFeed, JointsSnapshot};
+pub(crate) use write::{ServoRequest, write};
 
 use crate::config::Config;
 use taxel_can::SourceAddress;

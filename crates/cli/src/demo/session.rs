@@ -1,12 +1,11 @@
 //! The demo's own daemon, its subscriber and its control socket.
 
 use super::Args;
+use crate::control;
 use crate::sim::SERVO_BAUD;
-use anyhow::{Context, bail};
-use std::io::{BufRead, BufReader, Write};
-use std::os::unix::net::UnixStream;
-use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use anyhow::Context;
+use std::path::PathBuf;
+use std::time::Instant;
 use taxel_can::SourceAddress;
 use taxel_joints::{JointSource, JointsConfig};
 use taxel_sim::Scene;
@@ -16,9 +15,6 @@ use taxel_wire::{Subscribe, Subscriber};
 use taxeld::config::TickMode;
 use taxeld::{Config, Daemon};
 use tempfile::TempDir;
-
-/// How long the daemon may take to answer a command.
-const PATIENCE: Duration = Duration::from_secs(2);
 
 /// A running daemon on simulated buses, with its sockets in a directory of its own.
 pub(super) struct Session {
@@ -109,7 +105,7 @@ impl Session {
 impl Control {
     /// Gives the daemon a command that has no arguments.
     pub(super) fn command(&self, command: &str) -> anyhow::Result<()> {
-        request(&self.0, command)
+        control::request(&self.0, &serde_json::json!({ "cmd": command }))
     }
 }
 
@@ -128,19 +124,4 @@ fn servos(scene: &Scene, layout: &Layout, config: &mut Config) -> anyhow::Result
     };
     config.joints = Some(joints);
     Ok(servos)
-}
-
-fn request(path: &Path, command: &str) -> anyhow::Result<()> {
-    let mut stream = UnixStream::connect(path).context("the control socket")?;
-    stream.set_read_timeout(Some(PATIENCE))?;
-    writeln!(stream, "{}", serde_json::json!({ "cmd": command })).context("the control socket")?;
-    let mut reply = String::new();
-    BufReader::new(stream)
-        .read_line(&mut reply)
-        .context("no answer from the daemon")?;
-    let reply: serde_json::Value = serde_json::from_str(&reply).context("the daemon's answer")?;
-    match reply["ok"].as_bool() {
-        Some(true) => Ok(()),
-        _ => bail!("{}", reply["error"].as_str().unwrap_or("refused")),
-    }
 }

@@ -8,9 +8,9 @@ use super::reading::{JointReading, NoReading, PRESENT_BYTES};
 use super::servo::{Servo, ServoState};
 use super::slow::SlowLane;
 use super::wire_ns;
-use super::writes::{QUEUE, Write, WriteCommand, WriteRefused};
+use super::writes::{QUEUE, Write, WriteCommand, WriteError, WriteRefused, Written};
 use crate::config::{FastSyncRead, JointsConfig, ServoConfig};
-use crate::protocol2::{Encoder, FAST_BLOCK_OVERHEAD, Parser};
+use crate::protocol2::{Encoder, FAST_BLOCK_OVERHEAD, Parser, StatusError};
 use std::collections::VecDeque;
 
 /// What [`Bus::step`] wants from its caller.
@@ -114,6 +114,8 @@ pub struct Bus {
     allow_writes: bool,
     watchdog_steps: u8,
     writes: VecDeque<Write>,
+    /// What the servo says against the write that is out.
+    write_refused: Option<StatusError>,
     motors_on: Vec<bool>,
     begun_ns: u64,
     counters: BusCounters,
@@ -159,6 +161,7 @@ impl Bus {
             allow_writes: config.allow_writes,
             watchdog_steps: u8::try_from(config.watchdog_ms / 20).unwrap_or(127).clamp(1, 127),
             writes: VecDeque::with_capacity(QUEUE),
+            write_refused: None,
             motors_on: vec![false; n],
             begun_ns: 0,
             counters: BusCounters::default(),
@@ -197,15 +200,32 @@ impl Bus {
 
     /// Has a servo told something, after the next cycle's positions.
     pub fn command(&mut self, servo: usize, command: WriteCommand) -> Result<(), WriteRefused> {
+        self.numbered_command(0, servo, command)
+    }
+
+    /// The same; [`ServoState::written`] tells under this number what became of it.
+    pub(crate) fn numbered_command(
+        &mut self,
+        number: u64,
+        servo: usize,
+        command: WriteCommand,
+    ) -> Result<(), WriteRefused> {
         if !self.allow_writes {
             return Err(WriteRefused::ReadOnly);
         }
         command.check(servo, self.servos.len())?;
-        let writes = Write::of(servo, command, self.watchdog_steps);
+        if matches!(command, WriteCommand::GoalPwm(_)) && !self.motors_on[servo] {
+            return Err(WriteRefused::MotorOff(servo));
+        }
         if self.writes.len() + 3 > QUEUE {
             return Err(WriteRefused::QueueFull(self.writes.len()));
         }
-        self.writes.extend(writes);
+        let writes = Write::of(servo, command, self.watchdog_steps, number);
+        let motor_was_on = self.motors_on[servo];
+        self.writes.extend(writes.map(|write| Write {
+            motor_was_on,
+            ..write
+        }));
         if let WriteCommand::Torque(on) = command {
             self.motors_on[servo] = on;
         }
@@ -217,9 +237,23 @@ impl Bus {
         for servo in 0..self.servos.len() {
             if self.motors_on[servo] {
                 self.motors_on[servo] = false;
-                let off = Write::of(servo, WriteCommand::Torque(false), self.watchdog_steps);
+                let off = Write::of(servo, WriteCommand::Torque(false), self.watchdog_steps, 0);
                 self.writes.extend(off);
             }
+        }
+    }
+
+    /// Tells what became of a command. One of several writes that fails is a command that failed.
+    pub(crate) fn note(&mut self, servo: usize, number: u64, result: Result<(), WriteError>) {
+        let written = &mut self.servos[servo].state.written;
+        if number > written.map_or(0, |w| w.number) {
+            *written = Some(Written { number, result });
+        }
+    }
+
+    fn forget_writes(&mut self) {
+        while let Some(write) = self.writes.pop_front() {
+            self.note(write.servo, write.number, Err(WriteError::PortLost));
         }
     }
 
@@ -232,7 +266,7 @@ impl Bus {
     pub fn port_opened(&mut self) {
         self.parser.clear();
         self.pass_active = false;
-        self.writes.clear();
+        self.forget_writes();
         self.suspicious_ns = None;
         self.results.fill(Err(NoReading::NotAsked));
         if self.fast == FastState::NotSupported {
@@ -245,7 +279,7 @@ impl Bus {
     /// No servo can be heard: the port is away.
     pub fn port_lost(&mut self) {
         self.pass_active = false;
-        self.writes.clear();
+        self.forget_writes();
         self.results.fill(Err(NoReading::NotAsked));
         for servo in &mut self.servos {
             servo.state.alive = false;

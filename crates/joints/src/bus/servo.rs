@@ -1,5 +1,6 @@
 //! What is known of one servo, and how often it is asked.
 
+use super::writes::Written;
 use crate::registers::{HardwareError, Model};
 
 /// How often each thing happened to one servo.
@@ -53,6 +54,8 @@ pub struct ServoState {
     pub temperature_c: Option<u8>,
     /// Whether it answered when it was last asked.
     pub alive: bool,
+    /// What became of the newest command to it; `None` before any.
+    pub written: Option<Written>,
 }
 
 impl ServoIdentity {

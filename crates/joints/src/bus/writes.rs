@@ -1,5 +1,6 @@
 //! The little that is ever written to a servo, and only if the configuration allows it.
 
+use crate::protocol2::StatusError;
 use crate::registers::address;
 
 /// What a servo can be told.
@@ -8,7 +9,8 @@ pub enum WriteCommand {
     /// Switch the motor on or off. Before it is switched on, the servo's bus watchdog is armed: a servo that hears
     /// nothing for the configured time stops its motor and refuses goals until torque is enabled anew.
     Torque(bool),
-    /// Goal PWM (address 100), counts of 0.113 %, -885 to 885.
+    /// Goal PWM (address 100), counts of 0.113 %, -885 to 885, in the servo's own direction; only of a motor that was
+    /// switched on with `Torque`, so that its watchdog is armed.
     GoalPwm(i16),
 }
 
@@ -24,19 +26,56 @@ pub enum WriteRefused {
     /// Out of range.
     #[error("goal PWM {0} is outside -885 to 885")]
     Range(i16),
+    /// A goal for a motor that was not switched on here, whose watchdog is not armed therefore.
+    #[error("its motor was not switched on here; enable its torque first, which arms its watchdog")]
+    MotorOff(usize),
     /// Too many commands wait.
     #[error("{0} commands wait to be sent; the bus is slower than they come, or away")]
     QueueFull(usize),
 }
 
+/// Why a servo did not do what it was told.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum WriteError {
+    /// No answer.
+    #[error("the servo does not answer: check its power and cable")]
+    Silent,
+    /// The answer had a wrong CRC, so that nobody knows what it said.
+    #[error("the servo's answer came damaged: check its cable, and tell it again")]
+    Damaged,
+    /// It says no.
+    #[error(
+        "the servo refuses: {0}. A goal is refused beyond its PWM Limit, and after its watchdog has stopped it until torque is enabled anew"
+    )]
+    Servo(StatusError),
+    /// Not taken at all.
+    #[error(transparent)]
+    NotTaken(WriteRefused),
+    /// The port was lost before it was sent.
+    #[error("the port was lost before it was sent")]
+    PortLost,
+}
+
+/// What became of the newest command to a servo.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Written {
+    /// The number that [`crate::JointReader::command`] gave it.
+    pub number: u64,
+    /// Whether the servo has confirmed all of it.
+    pub result: Result<(), WriteError>,
+}
+
 impl WriteCommand {
+    /// Full PWM in one direction, counts.
+    pub const PWM_COUNTS: i16 = 885;
+
     /// Refuses a joint that is not there and a value that cannot be.
     pub(crate) fn check(self, joint: usize, joints: usize) -> Result<(), WriteRefused> {
         if joint >= joints {
             return Err(WriteRefused::NoSuchJoint(joint));
         }
         match self {
-            WriteCommand::GoalPwm(counts) if !(-PWM_COUNTS..=PWM_COUNTS).contains(&counts) => {
+            WriteCommand::GoalPwm(counts) if !(-Self::PWM_COUNTS..=Self::PWM_COUNTS).contains(&counts) => {
                 Err(WriteRefused::Range(counts))
             }
             _ => Ok(()),
@@ -44,8 +83,6 @@ impl WriteCommand {
     }
 }
 
-/// Goal PWM's largest count.
-const PWM_COUNTS: i16 = 885;
 /// Most writes that wait.
 pub(crate) const QUEUE: usize = 256;
 
@@ -56,42 +93,62 @@ pub(crate) struct Write {
     pub(crate) address: u16,
     pub(crate) data: [u8; 2],
     pub(crate) len: usize,
+    /// Of which command it is, and whether that is done with it.
+    pub(crate) number: u64,
+    pub(crate) last: bool,
+    /// Whether the motor had been switched on before that command.
+    pub(crate) motor_was_on: bool,
 }
 
 impl Write {
-    fn byte(servo: usize, address: u16, value: u8) -> Self {
+    fn new<const N: usize>(servo: usize, address: u16, value: [u8; N]) -> Self {
+        let mut data = [0; 2];
+        data[..N].copy_from_slice(&value);
         Self {
             servo,
             address,
-            data: [value, 0],
-            len: 1,
+            data,
+            len: N,
+            number: 0,
+            last: false,
+            motor_was_on: false,
         }
     }
 
+    /// Switches a motor off, for no command.
+    pub(crate) fn motor_off(servo: usize) -> Self {
+        Self::new(servo, address::TORQUE_ENABLE, [0])
+    }
+
     /// The writes that a command takes, in order; a watchdog that has tripped is cleared before it is armed.
-    pub(crate) fn of(servo: usize, command: WriteCommand, watchdog_steps: u8) -> impl Iterator<Item = Write> {
+    pub(crate) fn of(
+        servo: usize,
+        command: WriteCommand,
+        watchdog_steps: u8,
+        number: u64,
+    ) -> impl Iterator<Item = Write> {
         let writes = match command {
             WriteCommand::Torque(true) => [
-                Some(Self::byte(servo, address::BUS_WATCHDOG, 0)),
-                Some(Self::byte(servo, address::BUS_WATCHDOG, watchdog_steps)),
-                Some(Self::byte(servo, address::TORQUE_ENABLE, 1)),
+                Some(Self::new(servo, address::BUS_WATCHDOG, [0])),
+                Some(Self::new(servo, address::BUS_WATCHDOG, [watchdog_steps])),
+                Some(Self::new(servo, address::TORQUE_ENABLE, [1])),
             ],
             WriteCommand::Torque(false) => [
-                Some(Self::byte(servo, address::TORQUE_ENABLE, 0)),
-                Some(Self::byte(servo, address::BUS_WATCHDOG, 0)),
+                Some(Self::motor_off(servo)),
+                Some(Self::new(servo, address::BUS_WATCHDOG, [0])),
                 None,
             ],
             WriteCommand::GoalPwm(counts) => [
-                Some(Self {
-                    servo,
-                    address: address::GOAL_PWM,
-                    data: counts.to_le_bytes(),
-                    len: 2,
-                }),
+                Some(Self::new(servo, address::GOAL_PWM, counts.to_le_bytes())),
                 None,
                 None,
             ],
         };
-        writes.into_iter().flatten()
+        let count = writes.iter().flatten().count();
+        (writes.into_iter().flatten().enumerate()).map(move |(i, write)| Write {
+            number,
+            last: i + 1 == count,
+            ..write
+        })
     }
 }

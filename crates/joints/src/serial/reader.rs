@@ -4,7 +4,8 @@ use super::now_ns;
 use super::port::{PortError, PortLatency};
 use super::serial_bus::SerialBus;
 use crate::bus::{
-    Bus, BusCounters, FastState, JointReading, NoReading, ServoState, WriteCommand, WriteRefused,
+    Bus, BusCounters, FastState, JointReading, NoReading, ServoState, WriteCommand, WriteError, WriteRefused,
+    Written,
 };
 use crate::config::{JointSource, JointsConfig, JointsConfigError};
 use crate::synchrony::{AngleAt, JointHistory};
@@ -92,7 +93,9 @@ struct Shared {
     snapshot: JointSnapshot,
     history: JointHistory,
     port: PortStatus,
-    commands: Vec<(usize, WriteCommand)>,
+    commands: Vec<(u64, usize, WriteCommand)>,
+    /// Commands so far.
+    numbers: u64,
 }
 
 /// Reads joints from a serial port in a thread of its own, for ever: a port that goes away is opened again.
@@ -144,6 +147,7 @@ impl JointReader {
                 opened: 0,
             },
             commands: Vec::with_capacity(COMMANDS),
+            numbers: 0,
         }));
         let stop = Arc::new(AtomicBool::new(false));
         let thread = Thread {
@@ -218,18 +222,27 @@ impl JointReader {
     }
 
     /// Has a servo told something after the next cycle; refused unless the configuration allows writing. Commands that
-    /// wait when the port is lost are forgotten.
-    pub fn command(&self, joint: usize, command: WriteCommand) -> Result<(), WriteRefused> {
+    /// wait when the port is lost are forgotten. Returns the number under which [`JointReader::written`] tells what
+    /// became of it.
+    pub fn command(&self, joint: usize, command: WriteCommand) -> Result<u64, WriteRefused> {
         if !self.allow_writes {
             return Err(WriteRefused::ReadOnly);
         }
         command.check(joint, self.names.len())?;
-        let commands = &mut lock(&self.shared).commands;
-        if commands.len() >= COMMANDS {
-            return Err(WriteRefused::QueueFull(commands.len()));
+        let mut shared = lock(&self.shared);
+        if shared.commands.len() >= COMMANDS {
+            return Err(WriteRefused::QueueFull(shared.commands.len()));
         }
-        commands.push((joint, command));
-        Ok(())
+        shared.numbers += 1;
+        let number = shared.numbers;
+        shared.commands.push((number, joint, command));
+        Ok(number)
+    }
+
+    /// What became of the newest command to a servo that is done with; commands to one servo end in the order in which
+    /// they were given.
+    pub fn written(&self, joint: usize) -> Option<Written> {
+        lock(&self.shared).snapshot.servos.get(joint)?.written
     }
 }
 
@@ -263,7 +276,7 @@ struct Thread {
     period_ns: u64,
     shared: Arc<Mutex<Shared>>,
     stop: Arc<AtomicBool>,
-    commands: Vec<(usize, WriteCommand)>,
+    commands: Vec<(u64, usize, WriteCommand)>,
 }
 
 impl Thread {
@@ -337,9 +350,10 @@ impl Thread {
                 }
             }
         }
-        for (joint, command) in self.commands.drain(..) {
-            // Checked when it was taken; only a full queue can refuse it here, and the counters say so.
-            let _ = self.bus.command(joint, command);
+        for (number, joint, command) in self.commands.drain(..) {
+            if let Err(refused) = self.bus.numbered_command(number, joint, command) {
+                self.bus.note(joint, number, Err(WriteError::NotTaken(refused)));
+            }
         }
     }
 

@@ -89,23 +89,7 @@ impl Bus {
                     task.take(&mut self.servos[servo], data);
                 }
             }
-            Kind::Write => {
-                if status.error().is_some() {
-                    self.counters.writes_failed += 1;
-                    self.call_off_torque_of_current();
-                } else {
-                    self.counters.writes_ok += 1;
-                }
-            }
-        }
-    }
-
-    /// The write that has just been refused stands at the front; those that build on it follow.
-    fn call_off_torque_of_current(&mut self) {
-        if let Some(refused) = self.writes.pop_front() {
-            self.call_off_torque(Some(refused));
-            // Ended by `end_pass`, which takes the front away.
-            self.writes.push_front(refused);
+            Kind::Write => self.write_refused = status.error(),
         }
     }
 

@@ -3,7 +3,7 @@
 use super::{Bus, FAST_AGAIN_NS, FAST_TRIES, FastState, LEADS, PASSES, SLOW_SHARE, SUSPICION_NS};
 use crate::bus::pass::{Answer, Kind};
 use crate::bus::reading::PRESENT_BYTES;
-use crate::bus::writes::Write;
+use crate::bus::writes::{Write, WriteError, WriteRefused};
 use crate::protocol2::STATUS_OVERHEAD;
 use crate::registers::address;
 
@@ -95,10 +95,15 @@ impl Bus {
         }
         match self.pass.kind {
             Kind::Write => {
-                let write = self.writes.pop_front();
-                if unanswered {
-                    self.counters.writes_failed += 1;
-                    self.call_off_torque(write);
+                let refused = self.write_refused.take();
+                let result = match (self.pass.answers[0], refused) {
+                    (Answer::Got, None) => Ok(()),
+                    (Answer::Got, Some(error)) => Err(WriteError::Servo(error)),
+                    (Answer::Damaged, _) => Err(WriteError::Damaged),
+                    (Answer::Awaited, _) => Err(WriteError::Silent),
+                };
+                if let Some(write) = self.writes.pop_front() {
+                    self.end_write(&write, result);
                 }
             }
             Kind::Slow(_) => self.counters.slow_unanswered += u64::from(unanswered),
@@ -155,20 +160,45 @@ impl Bus {
         self.again.extend(first);
     }
 
-    /// A motor whose watchdog could not be armed is not switched on.
-    pub(super) fn call_off_torque(&mut self, failed: Option<Write>) {
-        let Some(failed) = failed.filter(|w| w.address == address::BUS_WATCHDOG) else {
+    fn end_write(&mut self, write: &Write, result: Result<(), WriteError>) {
+        if result.is_ok() {
+            self.counters.writes_ok += 1;
+            if write.last {
+                self.note(write.servo, write.number, result);
+            }
             return;
-        };
-        while let Some(next) = self.writes.front() {
-            let same_command = next.servo == failed.servo
-                && (next.address == address::BUS_WATCHDOG
-                    || (next.address == address::TORQUE_ENABLE && next.data[0] == 1));
-            if !same_command {
+        }
+        self.counters.writes_failed += 1;
+        self.note(write.servo, write.number, result);
+        if write.address == address::BUS_WATCHDOG {
+            self.call_off_torque(write);
+        }
+    }
+
+    /// A motor whose watchdog could not be armed is not switched on; one that runs is switched off.
+    fn call_off_torque(&mut self, failed: &Write) {
+        let mut torque = false;
+        let mut i = 0;
+        while let Some(next) = self.writes.get(i).copied() {
+            if next.servo != failed.servo {
+                i += 1;
+                continue;
+            }
+            if next.number != failed.number && next.address != address::GOAL_PWM {
                 break;
             }
-            self.writes.pop_front();
+            torque |= next.address == address::TORQUE_ENABLE && next.data[0] == 1;
+            self.writes.remove(i);
             self.counters.writes_failed += 1;
+            let off = WriteError::NotTaken(WriteRefused::MotorOff(next.servo));
+            self.note(next.servo, next.number, Err(off));
+        }
+        if !torque {
+            return;
+        }
+        self.motors_on[failed.servo] = false;
+        if failed.motor_was_on || self.servos[failed.servo].state.torque_enabled == Some(true) {
+            self.writes.push_front(Write::motor_off(failed.servo));
         }
     }
 }

@@ -1,0 +1,28 @@
+//! A daemon's control socket: one request, one reply.
+
+use anyhow::{Context, bail};
+use serde_json::Value;
+use std::io::{BufRead, BufReader, Write};
+use std::os::unix::net::UnixStream;
+use std::path::Path;
+use std::time::Duration;
+
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// Has the daemon do something; an error is its own words why not.
+pub(crate) fn request(socket: &Path, request: &Value) -> anyhow::Result<()> {
+    let connect = || format!("cannot reach taxeld at {}", socket.display());
+    let mut stream = UnixStream::connect(socket).with_context(connect)?;
+    stream.set_read_timeout(Some(PATIENCE))?;
+    stream.set_write_timeout(Some(PATIENCE))?;
+    writeln!(stream, "{request}").context("the control socket")?;
+    let mut reply = String::new();
+    BufReader::new(stream)
+        .read_line(&mut reply)
+        .context("no answer from the daemon")?;
+    let reply: Value = serde_json::from_str(&reply).context("the daemon's answer")?;
+    match reply["ok"].as_bool() {
+        Some(true) => Ok(()),
+        _ => bail!("{}", reply["error"].as_str().unwrap_or("refused")),
+    }
+}

@@ -1,0 +1,54 @@
+//! `taxel servo`: torque and PWM of one servo, through the daemon.
+
+use crate::control;
+use serde_json::json;
+use std::path::PathBuf;
+
+/// Switch a servo's motor on or off, or give it a PWM, through the running daemon.
+///
+/// Refused unless `allow_writes = true` in `[joints]`. Torque arms the servo's bus watchdog first: it stops by itself
+/// when taxeld ends, hangs or loses the port for `watchdog_ms`. What it was told holds as long as taxeld reads it.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+PWM turns the motor in operating mode 16 (PWM control) and limits it in the others; the mode is set
+with ROBOTIS's tools.
+
+Examples:
+  taxel servo \"index 0\" --torque on
+  taxel servo \"index 0\" --pwm -12.5
+  taxel servo \"index 0\" --torque off")]
+#[command(group(clap::ArgGroup::new("what").required(true).args(["torque", "pwm"])))]
+pub(crate) struct Args {
+    /// The joint's name in the configuration
+    joint: String,
+    /// Switch its motor on or off
+    #[arg(long, value_name = "WHICH")]
+    torque: Option<Switch>,
+    /// Percent of full PWM, -100 to 100, positive the way in which the joint's angle grows; after --torque on
+    #[arg(long, value_name = "PERCENT", allow_negative_numbers = true)]
+    pwm: Option<f64>,
+    /// The daemon's control socket [default: where the daemon of this user, or of the system, puts it]
+    #[arg(long, value_name = "PATH")]
+    socket: Option<PathBuf>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Switch {
+    On,
+    Off,
+}
+
+pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    let socket = args
+        .socket
+        .clone()
+        .unwrap_or_else(|| taxeld::config::default_directory().join("control.sock"));
+    let mut request = json!({ "cmd": "servo", "joint": args.joint });
+    if let Some(torque) = args.torque {
+        request["torque"] = (torque == Switch::On).into();
+    }
+    if let Some(percent) = args.pwm {
+        request["pwm_percent"] = percent.into();
+    }
+    control::request(&socket, &request)
+}
