@@ -1,4 +1,4 @@
-"""The method `optimal`: every level is the exact optimum's, to the byte, and places are no worse than the publication's."""
+"""The method `optimal`: every level is the exact optimum's and every actuator where the recipe puts it; places are no worse than the publication's."""
 
 import subprocess
 
@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import taxel_reader
 from conditioning import DAEMON_SETTINGS, Conditioner
+from following_actuators import Follower
 from harness.candump import sweep_times_ns, write_candump
 from harness.compare_optimal import Frame
 from harness.daemon import Daemon, binary
@@ -73,6 +74,30 @@ def test_a_recorded_trial_on_the_whole_hand_has_the_least_force_error(start, loc
     assert check_every_image(lockstep(daemon), hand, Profile(), frames) > len(frames) // 2
 
 
+def compressed(folder, hand, frames, conditioning, profile, **more):
+    """The image of each frame of a recording, which `taxel compress` plays as the daemon does (test_recordings.py)."""
+    log, out = folder / "hand.log", folder / "images.bin"
+    write_candump(log, hand, frames, start_s=0.55)
+    daemon = Daemon(
+        folder / "d",
+        [f"log:{log}?interface={bus}" for bus in hand.buses],
+        tick={"mode": "sweep"},
+        sweep={"board_period_ms": 33.0, "settle_ms": 0.0, "silent_after_sweeps": 250},
+        conditioning=conditioning,
+        profile=in_config(profile, **more),
+    )
+    compress = [binary("taxel"), "compress", log, "--config", daemon.config, "--out", out]
+    subprocess.run(compress, check=True, capture_output=True)
+    data, images = out.read_bytes(), []
+    while data:
+        image, length = taxel_reader.decode(data)
+        data = data[length:]
+        if image.missing == 0:
+            images.append(image)
+    assert len(images) == len(frames)
+    return images
+
+
 def robust_frames(touches):
     """Rest, a grasp, drift at rest for longer than the daemon waits for, and another grasp."""
     drifting = Touches(touches.hand, touches.at_rest)
@@ -86,29 +111,10 @@ def robust_frames(touches):
 
 
 def test_the_daemons_own_conditioning_is_the_references(folder, hand):
-    # Times matter to this conditioning, so it is given a recording, which `taxel compress` plays as the daemon does
-    # (test_recordings.py).
+    # Times matter to this conditioning, so it is given a recording.
     touches = Touches.uneven(hand, seed=3, dead=[17, 200])
     frames = list(robust_frames(touches))
-    log, out = folder / "hand.log", folder / "images.bin"
-    write_candump(log, hand, frames, start_s=0.55)
-    daemon = Daemon(
-        folder / "d",
-        [f"log:{log}?interface={bus}" for bus in hand.buses],
-        tick={"mode": "sweep"},
-        sweep={"board_period_ms": 33.0, "settle_ms": 0.0, "silent_after_sweeps": 250},
-        conditioning=SETTINGS,
-        profile=in_config(Profile()),
-    )
-    compress = [binary("taxel"), "compress", log, "--config", daemon.config, "--out", out]
-    subprocess.run(compress, check=True, capture_output=True)
-    data, images = out.read_bytes(), []
-    while data:
-        image, length = taxel_reader.decode(data)
-        data = data[length:]
-        if image.missing == 0:
-            images.append(image)
-    assert len(images) == len(frames)
+    images = compressed(folder, hand, frames, SETTINGS, Profile())
 
     conditioner, costs, touched = RobustConditioner(len(hand)), [], 0
     for i, (image, counts) in enumerate(zip(images, frames)):
@@ -124,3 +130,59 @@ def test_the_daemons_own_conditioning_is_the_references(folder, hand):
     assert np.any(conditioner.baseline != conditioner.rested_at), "nothing drifted"
     assert touched >= 20
     assert_no_dearer(costs)
+
+
+def restless_frames(touches):
+    """Contacts that grow, slide, flicker, jump, hold still for long, go and come back. Starts with two frames at rest."""
+    random = np.random.default_rng(5)
+    yield touches.frame()
+    yield touches.breath()
+    one = lambda x, y: np.all(touches.hand.xy == (x, y), axis=1) * 900
+    for press in (one(5, 5), one(5, 6), one(5, 6) * 0, one(8, 6), one(13, 6), one(13, 6) + one(9, 6)):
+        yield touches.frame(press)
+    yield from grasp(touches)
+    for step in range(12):  # two balls pass each other
+        yield touches.frame(touches.dome(2 + step, 6, 4.0, 900) + touches.dome(14 - step, 11, 3.0, 500))
+    held = touches.dome(5, 5, 4.5, 900) + touches.dome(12, 9, 4.0, 700)
+    for _ in range(40):
+        yield touches.frame(held)
+    for _ in range(12):  # taxels at the edge of the threshold
+        yield touches.frame(np.where(random.random(len(held)) < 0.1, 0, held))
+    for x in (1.5, 13.5, 1.5):  # another finger
+        yield touches.frame(touches.dome(x, 3, 3.5, 800))
+    for count in (20, 3, 0, 16, 17, 60, 17, 5, 200, 12):  # scattered, more and fewer than there are actuators
+        press = np.zeros(len(held), dtype=int)
+        press[random.choice(len(held), count, replace=False)] = random.integers(200, 2000, count)
+        yield touches.frame(press)
+        yield touches.frame(press)
+    yield from edges(touches)
+
+
+@pytest.mark.parametrize(
+    "profile, gain",
+    [
+        (Profile(), 0.02),
+        (Profile(levels=3, actuators=4), 0.0),
+        (Profile(actuators=1), 0.02),
+        (Profile(actuators=31), 1.0),
+        (Profile(actuators=80), 0.02),
+        (Profile(actuators=9, force_weighted=True), 0.02),
+    ],
+    ids=lambda value: f"{value.actuators} actuators" if isinstance(value, Profile) else f"gain {value}",
+)
+def test_every_actuator_is_where_the_recipe_puts_it(folder, hand, profile, gain):
+    frames = list(restless_frames(Touches.even(hand)))
+    images = compressed(folder, hand, frames, DAEMON_SETTINGS, profile, jump_gain=gain)
+    conditioner, follower = Conditioner(), Follower(profile.actuators, gain)
+    clustered = 0
+    for i, (image, counts) in enumerate(zip(images, frames)):
+        frame = Frame(hand, profile, *conditioner.feed(counts))
+        ids, member = follower.follow(frame.xy, frame.rho if profile.force_weighted else None)
+        wanted = [(k, *frame.xy[n]) for k, n in sorted(member.items())]
+        assert [(a.id, a.x, a.y) for a in image.actuators] == wanted, f"frame {i}"
+        if image.contacts:
+            levels = frame.check_levels(image, f"frame {i}")
+            strongest = [int(levels[ids == k].max()) for k, *_ in wanted]
+            assert [a.level for a in image.actuators] == strongest, f"frame {i}"
+        clustered += image.contacts > profile.actuators
+    assert clustered > 20

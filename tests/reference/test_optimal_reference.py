@@ -1,10 +1,11 @@
-"""The references of exact levels and of the daemon's own conditioning against cases computed by hand."""
+"""The references of exact levels, of actuators that follow, and of the daemon's own conditioning against cases computed by hand."""
 
 import itertools
 
 import numpy as np
 import pytest
 from exact_levels import Forces, optimal_levels
+from following_actuators import Follower
 from robust_conditioning import MS, Rest, RobustConditioner, upper_spread
 
 
@@ -51,6 +52,43 @@ def test_no_other_way_of_cutting_has_less_error(seed):
     of = Forces(forces)
     found = [error(p[1:]) for p in of.partitions(k)]
     assert found and found == pytest.approx([least] * len(found), abs=1e-9)
+
+
+def stands(follower, *xy):
+    """Where each id stands, after a frame with these contacts."""
+    _, member = follower.follow(xy)
+    return {i: xy[n] for i, n in member.items()}
+
+
+def test_an_actuator_goes_with_its_contact_within_reach_and_another_takes_what_is_farther():
+    follower = Follower(3)
+    assert stands(follower, (0, 0), (9, 0)) == {0: (0, 0), 1: (9, 0)}
+    assert stands(follower, (2, 0), (9, 1)) == {0: (2, 0), 1: (9, 1)}
+    assert stands(follower, (5, 0), (9, 1)) == {2: (5, 0), 1: (9, 1)}
+    # It rests where it stood, and returns when a contact comes within twice the reach of that.
+    assert stands(follower, (9, 1)) == {1: (9, 1)}
+    assert stands(follower, (0, 3), (9, 1)) == {0: (0, 3), 1: (9, 1)}
+
+
+def test_groups_of_contacts_have_an_actuator_each_in_their_middle():
+    row = [(x, 0) for x in (0, 1, 2, 10, 11, 12)]
+    follower = Follower(2)
+    assert sorted(stands(follower, *row).values()) == [(1, 0), (11, 0)]
+    # To stay where they stood is worth half a square pixel (an eighth of 2 x 2) to them, and would cost a whole one.
+    before = stands(follower, *row)
+    aside = stands(follower, *[(x + 1, y) for x, y in row])
+    assert aside == {i: (x + 1, y) for i, (x, y) in before.items()}
+
+
+def test_a_contact_among_many_costs_a_jump_only_if_that_saves_enough():
+    # All three are in use when a contact comes far from them: one of them has to be dissolved and jump there.
+    near = [(0, 0), (3, 0), (20, 0), (23, 0)]
+    for gain, other, jumps in ((0.02, (20, 9), True), (1.0, (20, 9), False)):
+        follower = Follower(3, jump_gain=gain)
+        first = stands(follower, (0, 0), (3, 0), (20, 0))
+        assert first == {0: (0, 0), 1: (3, 0), 2: (20, 0)}
+        after = stands(follower, *near, other)
+        assert (other in after.values()) == jumps, (gain, after)
 
 
 def test_an_outlier_moves_neither_baseline_nor_noise():

@@ -1,0 +1,344 @@
+"""Actuators that follow the contacts, in numpy: the position stage of the method `optimal`.
+
+An implementation of `docs/algorithm.md`, "Actuators: `follow`", without history, budgets and more than 4,095 contacts. There is no optimum to compare the
+daemon's places with, but there is a recipe, which says which of the nearly equal arrangements a frame ends in, and which id stands where.
+Everything is remembered under names, with no thought of speed; distances are computed anew for each contact.
+
+Places are single precision, sums double, in the order of the contact list; `np.cumsum` and `np.bincount` add in order.
+"""
+
+import numpy as np
+
+F = np.float32
+NOWHERE = F(1e17)  # where an id is that was never anywhere
+ROUNDS, SWAPS, FALLS = 6, 4, 16.0
+LEAST_SHARE, QUIET_SHARE, QUIET_FRAMES, RANKED = 0.002, 0.25, 4, 64
+
+
+def in_order(terms):
+    """A sum from the first term to the last."""
+    return float(np.cumsum(np.asarray(terms, dtype=np.float64))[-1]) if len(terms) else 0.0
+
+
+def squared(a, b):
+    """Squared distance of two places in single precision."""
+    dx, dy = F(a[0]) - F(b[0]), F(a[1]) - F(b[1])
+    return dx * dx + dy * dy
+
+
+class Follower:
+    """Frames in, actuators out."""
+
+    def __init__(self, actuators, jump_gain=0.02, reach=2.0):
+        self.k, self.jump_gain, self.reach = actuators, jump_gain, F(reach)
+        self.id_bits = np.uint32((1 << (actuators - 1).bit_length()) - 1)
+        self.at = np.full((actuators, 2), NOWHERE, dtype=F)
+        self.stood = [None] * actuators  # where each id stood when it last pressed
+        self.pressed = np.zeros(actuators, dtype=bool)
+        self.id_of = {}  # of the last frame's contacts, by place
+        self.done = False  # the last frame left nothing to do
+        self.judged = None  # cost at which no swap paid
+        self.changes = self.tried = self.quiet = 0
+        self.ranking = None
+        self.member = {}
+        self.label = np.zeros(0, dtype=int)
+
+    def follow(self, xy, weight=None):
+        """xy: (N, 2), in the order of the contact list. Returns each contact's id, and for each id that presses its contact."""
+        places = [(float(x), float(y)) for x, y in xy]
+        if self.done and weight is None and places == list(self.id_of):
+            if self.look_further():
+                self.ranking = None
+                self.finish()
+        else:
+            self.ranking = None
+            self.changes += len(set(places) ^ set(self.id_of))
+            self.bound = self.pressed.copy()
+            self.xy = np.asarray(xy, dtype=F).reshape(-1, 2)
+            self.weighted = weight is not None
+            self.weight = np.ones(len(xy)) if weight is None else np.asarray(weight, dtype=F).astype(np.float64)
+            adopted = [self.id_of.get(place) for place in places]
+            self.pass_through(adopted) if len(xy) <= self.k else self.gather(adopted)
+        self.id_of = dict(zip(places, self.label.tolist()))
+        return self.label, self.member
+
+    # N_C <= K_A
+
+    def pass_through(self, adopted):
+        label = [
+            i if i is not None and self.bound[i] and self.stood[i] == tuple(p) else None
+            for i, p in zip(adopted, self.xy.tolist())
+        ]
+        near = sorted(
+            (squared(p, self.stood[i]), n, i)
+            for n, p in enumerate(self.xy)
+            for i in range(self.k)
+            if label[n] is None and self.bound[i] and i not in label
+        )
+        for distance, n, i in near:
+            if distance <= self.reach * self.reach and label[n] is None and i not in label:
+                label[n] = i
+        for n, p in enumerate(self.xy):
+            if label[n] is None:
+                label[n] = min((i for i in range(self.k) if i not in label), key=lambda i: (*self.rank_of_unused(i, p), i))
+        self.label = np.array(label, dtype=int)
+        self.at[self.label] = self.xy
+        self.pressed[:] = False
+        self.pressed[self.label] = True
+        self.member = {int(i): n for n, i in enumerate(label)}
+        for i, n in self.member.items():
+            self.stood[i] = tuple(self.xy[n].tolist())
+        self.done, self.judged, self.quiet = True, None, 0
+
+    def rank_of_unused(self, i, place):
+        if self.stood[i] is None:
+            return (1, 0.0)
+        distance = squared(place, self.stood[i])
+        if self.bound[i]:
+            return (3, distance)
+        return (0 if distance <= F(4) * self.reach * self.reach else 2, distance)
+
+    # N_C > K_A
+
+    def gather(self, adopted):
+        self.moved = np.zeros(self.k, dtype=bool)
+        if np.all(self.at[:, 0] == NOWHERE):
+            self.at[0] = self.xy[0]
+        been = [i for i in range(self.k) if self.at[i, 0] != NOWHERE]
+        nearest = lambda p: min(been, key=lambda i: squared(p, self.at[i]))
+        self.label = np.array([nearest(p) if i is None else i for i, p in zip(adopted, self.xy)])
+        self.add_up()
+        self.centre()
+        self.settle()
+        if self.wake():
+            self.settle()
+        self.improve()
+        self.finish()
+
+    def assign(self):
+        """To the nearest centroids; the lowest bits of a distance say whose it is. Returns whether a label changed."""
+        d = self.xy[:, None, :] - self.at[None, :, :]
+        d = d * d
+        bits = (d[:, :, 0] + d[:, :, 1]).view(np.uint32)
+        tagged = np.sort(bits & ~self.id_bits | np.arange(self.k, dtype=np.uint32), axis=1)
+        label = (tagged[:, 0] & self.id_bits).astype(int)
+        changed = bool(np.any(label != self.label))
+        second = tagged[:, 1] if self.k > 1 else np.full(len(label), np.finfo(F).max, dtype=F).view(np.uint32)
+        self.label = label
+        self.near, self.next = ((t & ~self.id_bits).view(F) for t in (tagged[:, 0].copy(), second.copy()))
+        return changed
+
+    def add_up(self):
+        sums = lambda w: np.bincount(self.label, weights=w, minlength=self.k)
+        w, (x, y) = self.weight, self.xy.T.astype(np.float64)
+        self.sums = np.column_stack([sums(w * x), sums(w * y), sums(w)])
+
+    def centre(self, ids=None):
+        for i in range(self.k) if ids is None else ids:
+            if self.sums[i, 2] > 0:
+                self.at[i] = self.sums[i, :2] / self.sums[i, 2]
+
+    def cost(self):
+        return in_order(self.weight * self.near.astype(np.float64))
+
+    def settle(self, most=None):
+        """Until nothing changes. With `most`: returns False when the cost does not fall fast enough to come below it."""
+        self.done, before = True, np.inf
+        for _ in range(ROUNDS):
+            changed = self.assign()
+            if changed:
+                self.add_up()
+            cost = self.cost()
+            if most is not None and cost - FALLS * (before - cost) >= most:
+                return False
+            before = cost
+            if changed:
+                self.centre()
+            elif not self.move_single_contacts():
+                return True
+        self.done = not self.assign()
+        self.add_up()
+        return True
+
+    def move_single_contacts(self):
+        """Distances to the own and the second nearest centroid are those of the assignment, to the others as they are by now."""
+        moved = False
+        for n, (x, y) in enumerate(self.xy.astype(np.float64)):
+            own, w = self.label[n], self.weight[n]
+            left = self.sums[own, 2] - w
+            if self.stays(n) or left <= 0:
+                continue
+            to, least = own, float(self.near[n]) * self.sums[own, 2] / left
+            for i in range(self.k):
+                if i != own and self.sums[i, 2] > 0:
+                    dx, dy = x - float(self.at[i, 0]), y - float(self.at[i, 1])
+                    cost = (dx * dx + dy * dy) * self.sums[i, 2] / (self.sums[i, 2] + w)
+                    if cost < least * 0.999_999:
+                        to, least = i, cost
+            if to != own:
+                for i, sign in ((own, -1.0), (to, 1.0)):
+                    self.sums[i] += sign * w * np.array([x, y, 1.0])
+                self.centre((own, to))
+                self.label[n] = to
+                moved = True
+        return moved
+
+    def stays(self, n):
+        """Whether a contact stays whatever the weights of the others, as far as the two nearest centroids say."""
+        heavy, most = self.sums[self.label[n], 2], self.weight.max()
+        if heavy - most <= 0:
+            return not self.weighted
+        lightest = self.sums[self.sums[:, 2] > 0, 2].min()
+        times = F(heavy / (heavy - most) * (lightest + most) / lightest) * F(1.000_01)
+        return self.near[n] * times <= self.next[n]
+
+    def wake(self):
+        woke = False
+        for jumps in (False, True):
+            for i in range(self.k):
+                if self.sums[i, 2] > 0 or self.moved[i] or self.bound[i] != jumps:
+                    continue
+                n = int(np.argmax(self.near))
+                if self.near[n] == 0:
+                    return woke
+                if jumps and self.weight[n] * float(self.near[n]) <= self.jump_gain * self.cost():
+                    return woke
+                self.at[i] = self.xy[n]
+                self.moved[i] = woke = True
+                self.near = np.minimum(self.near, [squared(p, self.xy[n]) for p in self.xy])
+        return woke
+
+    # Swaps
+
+    def improve(self):
+        cost = self.cost()
+        if self.judged is not None and 16 * self.changes < len(self.xy):
+            if abs(cost - self.judged) <= 0.5 * self.jump_gain * self.judged:
+                return
+        made = 0
+        while made < SWAPS and self.make(self.best_swap()):
+            made += 1
+        self.changes = self.tried = 0
+        self.judged = self.cost() if made < SWAPS else None
+
+    def look_further(self):
+        """In a frame like the last. Returns whether a swap was made."""
+        if self.jump_gain >= 1 or len(self.xy) <= self.k:
+            return False
+        self.quiet += 1
+        if self.quiet % QUIET_FRAMES:
+            return False
+        self.bound = self.pressed.copy()
+        self.moved = np.zeros(self.k, dtype=bool)
+        if not self.ranking:
+            losses, splits = self.losses(), self.splits()
+            pairs = [(-(gain - losses[d]), d, s) for s, (gain, _) in splits.items() for d in range(self.k) if d != s]
+            self.ranking = sorted(pairs)[:RANKED] if self.k <= RANKED else []
+            return False
+        if self.tried >= len(self.ranking):
+            return False
+        _, dissolved, split = self.ranking[self.tried]
+        self.tried += 1
+        halves = self.splits()[split][1]
+        made = self.make((dissolved, split, halves, self.asked(dissolved, split, halves[0], QUIET_SHARE)))
+        if made:
+            self.tried = 0
+        return made
+
+    def is_bound(self, i):
+        return self.bound[i] and not self.moved[i]
+
+    def way(self, i, to):
+        """Squared distance of a place from where a bound id stood."""
+        if not self.is_bound(i):
+            return 0.0
+        dx, dy = (float(F(b) - F(a)) for a, b in zip(self.stood[i], to))
+        return dx * dx + dy * dy
+
+    def asked(self, dissolved, split, kept, share=1.0):
+        jumps = int(self.is_bound(dissolved)) + int(self.way(split, kept) > float(self.reach) ** 2)
+        cost = self.cost()
+        return max(LEAST_SHARE * cost, jumps * (self.jump_gain * cost * share))
+
+    def losses(self):
+        """What it costs to dissolve each cluster: its contacts go to their second nearest centroids, or it merges with another."""
+        apart = self.next - self.near
+        loss = np.bincount(self.label, weights=self.weight * apart.astype(np.float64), minlength=self.k)
+        for a in range(self.k):
+            for b in range(a):
+                n, m = self.sums[a, 2], self.sums[b, 2]
+                if n > 0 and m > 0:
+                    dx, dy = (self.at[a] - self.at[b]).astype(np.float64)
+                    merged = n * m / (n + m) * (dx * dx + dy * dy)
+                    loss[a], loss[b] = min(loss[a], merged), min(loss[b], merged)
+        return loss
+
+    def splits(self):
+        """What each cluster gains by being halved across its principal axis, and its halves, that nearer to where it stood first."""
+        found = {}
+        w, x, y = self.weight, *self.xy.T.astype(np.float64)
+        cx, cy = self.at.T.astype(np.float64)
+        dx, dy = x - cx[self.label], y - cy[self.label]
+        moments = [np.bincount(self.label, weights=m, minlength=self.k) for m in (w * dx * dx, w * dx * dy, w * dy * dy)]
+        for i, (xx, xy, yy) in enumerate(zip(*moments)):
+            half = 0.5 * (xx - yy)
+            root = np.sqrt(half * half + xy * xy)
+            axis = (half + root, xy) if half >= 0 else (xy, root - half)
+            side = (self.label == i) & (dx * axis[0] + dy * axis[1] > 0)
+            one = np.array([in_order((w * v)[side]) for v in (x, y, np.ones(len(x)))])
+            other = self.sums[i] - one
+            if one[2] <= 0 or other[2] <= 0:
+                continue
+            a, b = one[:2] / one[2], other[:2] / other[2]
+            gain = one[2] * other[2] / self.sums[i, 2] * ((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]))
+            a, b = a.astype(F), b.astype(F)
+            found[i] = (gain, (b, a) if self.way(i, b) < self.way(i, a) else (a, b))
+        return found
+
+    def best_swap(self):
+        """(dissolved, split, halves, what it is asked to save); None where none is judged to save that."""
+        losses, best = self.losses(), (0.0, None)
+        for split, (gain, halves) in self.splits().items():
+            for bound in (False, True):
+                others = [i for i in range(self.k) if i != split and self.is_bound(i) == bound]
+                if others:
+                    dissolved = min(others, key=lambda i: losses[i])
+                    asked = self.asked(dissolved, split, halves[0])
+                    beyond = gain - losses[dissolved] - asked
+                    if beyond > best[0]:
+                        best = (beyond, (dissolved, split, halves, asked))
+        return best[1]
+
+    def make(self, swap):
+        """Makes a swap, and unmakes it unless it saves what it is asked to."""
+        if swap is None:
+            return False
+        dissolved, split, halves, asked = swap
+        kept = ("at", "sums", "near", "next", "label", "moved", "done")
+        before, saved = self.cost(), {name: np.copy(getattr(self, name)) for name in kept}
+        self.moved[dissolved] = True
+        self.at[split], self.at[dissolved] = halves
+        most = before - asked
+        if self.settle(most) and self.cost() < min(before, most):
+            return True
+        for name, value in saved.items():
+            setattr(self, name, value)
+        self.done = bool(self.done)
+        return False
+
+    # Where they stand
+
+    def finish(self):
+        self.pressed = self.sums[:, 2] > 0
+        self.done = self.done and bool(np.all(self.pressed))
+        step = F(0.125) * self.reach * self.reach
+        least, self.member = {}, {}
+        for n, i in enumerate(self.label.tolist()):
+            distance = self.near[n]
+            if self.bound[i]:
+                way = squared(self.xy[n], self.stood[i])
+                distance = distance + step * F(int(way > 0) + int(way > self.reach * self.reach))
+            if i not in least or distance < least[i]:
+                least[i], self.member[i] = distance, n
+        for i, n in self.member.items():
+            self.stood[i] = tuple(self.xy[n].tolist())
