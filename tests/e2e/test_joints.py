@@ -274,11 +274,11 @@ def test_nothing_is_written_unless_the_configuration_says_so(folder):
 
 def test_torque_and_pwm_are_written_on_request_with_the_watchdog_armed(folder):
     servos = Servos("--ids", "1-16")
-    joints = dynamixel(servos.path, allow_writes=True, watchdog_ms=400)
+    joints = dynamixel(servos.path, allow_writes=True, watchdog_ms=1000)
     joints["servo"][5]["direction"] = -1
     with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon, Watch(daemon) as watch:
         watch.until(all_known, "not every angle became known")
-        assert (daemon.status()["joints"]["writes"], daemon.status()["joints"]["watchdog_ms"]) == ("allowed", 400)
+        assert (daemon.status()["joints"]["writes"], daemon.status()["joints"]["watchdog_ms"]) == ("allowed", 1000)
         refusals = [
             (("joint 5", "--pwm", "10"), "enable its torque first"),
             (("thumb", "--torque", "on"), "no joint is called thumb; there are joint 1, joint 2"),
@@ -291,7 +291,7 @@ def test_torque_and_pwm_are_written_on_request_with_the_watchdog_armed(folder):
 
         for name, id, goal in [("joint 5", 5, -177), ("joint 6", 6, 177)]:
             assert servo(daemon, name, "--torque", "on") == (0, "")
-            assert (servos.register(id, *WATCHDOG), servos.register(id, *TORQUE)) == (20, 1)
+            assert (servos.register(id, *WATCHDOG), servos.register(id, *TORQUE)) == (50, 1)
             assert servo(daemon, name, "--pwm", "-20") == (0, "")
             assert servos.register(id, *GOAL_PWM) == goal
         assert [servos.register(id, *TORQUE) for id in (4, 7)] == [0, 0]
@@ -314,14 +314,14 @@ def test_torque_and_pwm_are_written_on_request_with_the_watchdog_armed(folder):
         daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
         assert servo(daemon, "joint 5", "--torque", "on") == (0, "")
         daemon.kill()
-    time.sleep(0.5)
+    time.sleep(1.3)
     with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon:
         # A servo that has heard nothing for so long has stopped its motor, and takes no goal.
         daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
         assert servos.register(5, *WATCHDOG) % 256 == 255
         assert servo(daemon, "joint 5", "--pwm", "10")[0] == 1
         assert servo(daemon, "joint 5", "--torque", "on") == (0, "")
-        assert servos.register(5, *WATCHDOG) == 20
+        assert servos.register(5, *WATCHDOG) == 50
         servos.close()
         daemon.wait_status(lambda s: s["joints"]["state"] == "gone", "the status does not say that it is gone")
         status, said = servo(daemon, "joint 5", "--torque", "off")

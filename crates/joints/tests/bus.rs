@@ -486,7 +486,7 @@ fn a_motor_that_runs_is_switched_off_when_its_watchdog_cannot_be_armed_anew() {
     w.fault(1, ServoFault::BadCrc);
     w.bus.command(0, WriteCommand::Torque(true)).unwrap();
     w.bus.command(0, WriteCommand::GoalPwm(100)).unwrap();
-    w.cycles(3);
+    w.cycles(4);
     assert_eq!(register(&w, 64), 0, "it runs without anybody watching");
     let goals = w.requests.iter().filter(|r| r[7] == 3 && r[8] == 100).count();
     assert_eq!(goals, 0, "nor is it given a goal");
@@ -494,6 +494,21 @@ fn a_motor_that_runs_is_switched_off_when_its_watchdog_cannot_be_armed_anew() {
         w.bus.command(0, WriteCommand::GoalPwm(1)),
         Err(WriteRefused::MotorOff(0))
     );
+}
+
+#[test]
+fn a_write_whose_answer_is_missed_is_sent_again() {
+    let mut w = writable(2);
+    w.cycles(3);
+    w.servos.set_fault(2, Some(ServoFault::BadCrc), 3);
+    w.bus.command(1, WriteCommand::Torque(true)).unwrap();
+    w.cycles(9);
+    let register = |at| w.servos.servo(2).unwrap().register(at, 1);
+    assert_eq!([register(98), register(64)], [5, 1]);
+    let counters = w.bus.counters();
+    assert_eq!((counters.writes_ok, counters.writes_failed), (3, 0));
+    let sent = w.requests.iter().filter(|r| r[4] == 2 && r[7] == 3).count();
+    assert!(sent > 3, "none was missed: {sent}");
 }
 
 #[test]

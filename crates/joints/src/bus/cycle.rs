@@ -75,6 +75,8 @@ const LEADS: u16 = 8;
 const FAST_TRIES: u32 = 3;
 /// After a fast sync read that had worked was given up, it is tried again so much later.
 const FAST_AGAIN_NS: u64 = 10_000_000_000;
+/// A write to a servo that lives is sent so many times until it is confirmed: a busy host can miss an answer.
+const WRITE_TRIES: u32 = 3;
 /// Between two questions of the slow lane lies at least so many times the time of a cycle.
 const SLOW_SHARE: u64 = 4;
 /// Time for the operating system and the adapter on top of the time on the wire, unless [`Bus::set_margin_ns`] says
@@ -114,6 +116,9 @@ pub struct Bus {
     allow_writes: bool,
     watchdog_steps: u8,
     writes: VecDeque<Write>,
+    /// How often the write at the front was sent in vain, and whether no more are sent in this cycle.
+    write_tries: u32,
+    writes_done: bool,
     /// What the servo says against the write that is out.
     write_refused: Option<StatusError>,
     motors_on: Vec<bool>,
@@ -161,6 +166,8 @@ impl Bus {
             allow_writes: config.allow_writes,
             watchdog_steps: u8::try_from(config.watchdog_ms / 20).unwrap_or(127).clamp(1, 127),
             writes: VecDeque::with_capacity(QUEUE),
+            write_tries: 0,
+            writes_done: false,
             write_refused: None,
             motors_on: vec![false; n],
             begun_ns: 0,
@@ -252,6 +259,7 @@ impl Bus {
     }
 
     fn forget_writes(&mut self) {
+        self.write_tries = 0;
         while let Some(write) = self.writes.pop_front() {
             self.note(write.servo, write.number, Err(WriteError::PortLost));
         }
@@ -292,6 +300,7 @@ impl Bus {
         self.counters.cycles += 1;
         self.passes = 0;
         self.slow_done = false;
+        self.writes_done = false;
         self.pass_active = false;
         let due = (0..self.servos.len())
             .filter(|i| self.servos[*i].ask_again_ns.is_some_and(|t| t <= now_ns))

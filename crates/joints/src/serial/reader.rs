@@ -27,6 +27,8 @@ const LONGEST_PAUSE: Duration = Duration::from_millis(500);
 const LOOK_NS: u64 = 20_000_000;
 /// How often the adapter's latency timer is looked at.
 const LATENCY_NS: u64 = 1_000_000_000;
+/// Most time that switching the motors off may take at the end; after it their watchdogs do.
+const RELEASE_NS: u64 = 500_000_000;
 /// Readings kept per joint: a third of a second at 100 Hz.
 const HISTORY: usize = 32;
 
@@ -325,7 +327,8 @@ impl Thread {
             self.sleep_until(next_ns);
         }
         self.bus.release_motors();
-        if self.bus.has_writes() {
+        let until_ns = now_ns() + RELEASE_NS;
+        while self.bus.has_writes() && now_ns() < until_ns {
             port.cycle(&mut self.bus)?;
         }
         Ok(())

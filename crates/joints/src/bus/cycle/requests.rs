@@ -1,6 +1,8 @@
 //! Which request comes next, and what follows from a request that is over.
 
-use super::{Bus, FAST_AGAIN_NS, FAST_TRIES, FastState, LEADS, PASSES, SLOW_SHARE, SUSPICION_NS};
+use super::{
+    Bus, FAST_AGAIN_NS, FAST_TRIES, FastState, LEADS, PASSES, SLOW_SHARE, SUSPICION_NS, WRITE_TRIES,
+};
 use crate::bus::pass::{Answer, Kind};
 use crate::bus::reading::PRESENT_BYTES;
 use crate::bus::writes::{Write, WriteError, WriteRefused};
@@ -43,7 +45,7 @@ impl Bus {
             self.ask_positions(Kind::Plain, now_ns);
             return true;
         }
-        if let Some(write) = self.writes.front() {
+        if let Some(write) = self.writes.front().filter(|_| !self.writes_done) {
             self.pass.order.clear();
             self.pass.order.push(write.servo);
             let packet = self.encoder.write(
@@ -102,9 +104,7 @@ impl Bus {
                     (Answer::Damaged, _) => Err(WriteError::Damaged),
                     (Answer::Awaited, _) => Err(WriteError::Silent),
                 };
-                if let Some(write) = self.writes.pop_front() {
-                    self.end_write(&write, result);
-                }
+                self.end_write(result);
             }
             Kind::Slow(_) => self.counters.slow_unanswered += u64::from(unanswered),
             Kind::Plain => self.end_plain(now_ns),
@@ -160,7 +160,20 @@ impl Bus {
         self.again.extend(first);
     }
 
-    fn end_write(&mut self, write: &Write, result: Result<(), WriteError>) {
+    fn end_write(&mut self, result: Result<(), WriteError>) {
+        let Some(write) = self.writes.pop_front() else {
+            return;
+        };
+        if matches!(result, Err(WriteError::Silent | WriteError::Damaged)) {
+            // Not in this cycle: an answer that is still to come would be taken for one to the next write.
+            self.writes_done = true;
+            self.write_tries += 1;
+            if self.write_tries < WRITE_TRIES && self.servos[write.servo].state.alive {
+                self.writes.push_front(write);
+                return;
+            }
+        }
+        self.write_tries = 0;
         if result.is_ok() {
             self.counters.writes_ok += 1;
             if write.last {
@@ -171,7 +184,7 @@ impl Bus {
         self.counters.writes_failed += 1;
         self.note(write.servo, write.number, result);
         if write.address == address::BUS_WATCHDOG {
-            self.call_off_torque(write);
+            self.call_off_torque(&write);
         }
     }
 
