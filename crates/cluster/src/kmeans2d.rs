@@ -101,6 +101,16 @@ struct Sums {
     weight: f64,
 }
 
+impl Sums {
+    /// Adds a point; with a negative weight, takes it away.
+    #[inline]
+    fn add(&mut self, x: f32, y: f32, weight: f64) {
+        self.x += weight * f64::from(x);
+        self.y += weight * f64::from(y);
+        self.weight += weight;
+    }
+}
+
 /// Clusters as they were before a swap.
 #[derive(Debug)]
 struct Saved {
@@ -269,7 +279,7 @@ impl Kmeans2d {
             (self.x[0], self.y[0]) = (x, y);
         }
         self.assignment.label_new(&self.x, &self.y);
-        self.add_up();
+        self.assignment.add_up(&mut self.sums);
         self.centre();
         self.settle();
         if self.wake() {

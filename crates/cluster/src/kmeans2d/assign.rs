@@ -122,11 +122,12 @@ impl Assignment {
         self.label.resize(self.n, u16::MAX);
     }
 
-    /// Assigns every point to its nearest centroid, ties to the lowest id; returns how many labels changed.
+    /// Assigns every point to its nearest centroid, ties to the lowest id; returns how many labels changed. `sums`, what the points of each id
+    /// add up to, follows; every point must have a label.
     ///
     /// The lowest bits of a squared distance make room for the id, so that the least of these numbers says both: distances count
     /// as equal if they agree to a part in `2^23 / clusters`.
-    pub(super) fn assign(&mut self, x: &[f32], y: &[f32]) -> usize {
+    pub(super) fn assign(&mut self, x: &[f32], y: &[f32], sums: &mut [Sums]) -> usize {
         let ids = self.ids;
         let mut changed = 0;
         let steps = self
@@ -150,11 +151,21 @@ impl Assignment {
                 near[lane] = f32::from_bits(first[lane].to_bits() & !ids);
                 next[lane] = f32::from_bits(second[lane].to_bits() & !ids);
             }
-            for (label, first) in labels.iter_mut().zip(first) {
-                let nearest = (first.to_bits() & ids) as u16;
-                changed += usize::from(*label != nearest);
-                *label = nearest;
+            let nearest = first.map(|first| (first.to_bits() & ids) as u16);
+            if nearest[..labels.len()] == *labels {
+                continue;
             }
+            for (lane, label) in labels.iter_mut().enumerate() {
+                if *label != nearest[lane] {
+                    sums[usize::from(*label)].add(px[lane], py[lane], -1.0);
+                    sums[usize::from(nearest[lane])].add(px[lane], py[lane], 1.0);
+                    *label = nearest[lane];
+                    changed += 1;
+                }
+            }
+        }
+        if changed > 0 && self.is_weighted() {
+            self.add_up(sums);
         }
         changed
     }
@@ -179,8 +190,14 @@ impl Assignment {
     /// Weighted sum of squared distances to the nearest centroids.
     pub(super) fn cost(&self) -> f64 {
         if self.weight.is_empty() {
-            let near = self.near.as_flattened();
-            return near[..self.n].iter().map(|near| f64::from(*near)).sum();
+            let (steps, rest) = self.near.as_flattened()[..self.n].as_chunks::<LANES>();
+            let mut sums = [0.0; LANES];
+            for step in steps {
+                for lane in 0..LANES {
+                    sums[lane] += f64::from(step[lane]);
+                }
+            }
+            return sums.iter().sum::<f64>() + rest.iter().map(|near| f64::from(*near)).sum::<f64>();
         }
         let near = self.near.as_flattened().iter().zip(&self.weight);
         near.map(|(near, weight)| f64::from(*weight) * f64::from(*near))
@@ -248,21 +265,15 @@ impl Assignment {
 
     /// Adds the points of each cluster up.
     pub(super) fn add_up(&self, sums: &mut [Sums]) {
+        sums.fill(Sums::default());
         let places = self.x.as_flattened().iter().zip(self.y.as_flattened());
         if self.weight.is_empty() {
             for ((x, y), label) in places.zip(&self.label) {
-                let sums = &mut sums[usize::from(*label)];
-                sums.x += f64::from(*x);
-                sums.y += f64::from(*y);
-                sums.weight += 1.0;
+                sums[usize::from(*label)].add(*x, *y, 1.0);
             }
         } else {
             for (((x, y), label), weight) in places.zip(&self.label).zip(&self.weight) {
-                let sums = &mut sums[usize::from(*label)];
-                let weight = f64::from(*weight);
-                sums.x += weight * f64::from(*x);
-                sums.y += weight * f64::from(*y);
-                sums.weight += weight;
+                sums[usize::from(*label)].add(*x, *y, f64::from(*weight));
             }
         }
     }

@@ -1,6 +1,6 @@
 //! Lloyd's iterations and Hartigan's moves.
 
-use super::{FAR, Kmeans2d, Sums};
+use super::{FAR, Kmeans2d};
 
 /// A swap that is settled goes on while falling so many times as far as in the last round would be enough.
 const FALLS: f64 = 16.0;
@@ -12,10 +12,7 @@ impl Kmeans2d {
         self.settled = true;
         let few = self.few();
         for _ in 0..self.settings.iterations {
-            let changed = self.assignment.assign(&self.x, &self.y);
-            if changed > 0 {
-                self.add_up();
-            }
+            let changed = self.assignment.assign(&self.x, &self.y, &mut self.sums);
             if changed > few {
                 self.centre();
             } else if self.move_points() <= few {
@@ -24,8 +21,7 @@ impl Kmeans2d {
                 self.centre();
             }
         }
-        self.settled = self.assignment.assign(&self.x, &self.y) <= few;
-        self.add_up();
+        self.settled = self.assignment.assign(&self.x, &self.y, &mut self.sums) <= few;
     }
 
     /// The same, given up (`false`, with labels and centroids left in between) when the cost does not fall fast enough to get below `most`.
@@ -34,10 +30,7 @@ impl Kmeans2d {
         let few = self.few();
         let mut before = f64::INFINITY;
         for _ in 0..self.settings.iterations {
-            let changed = self.assignment.assign(&self.x, &self.y);
-            if changed > 0 {
-                self.add_up();
-            }
+            let changed = self.assignment.assign(&self.x, &self.y, &mut self.sums);
             let cost = self.assignment.cost();
             if cost - FALLS * (before - cost) >= most {
                 return false;
@@ -51,8 +44,7 @@ impl Kmeans2d {
                 self.centre();
             }
         }
-        self.settled = self.assignment.assign(&self.x, &self.y) <= few;
-        self.add_up();
+        self.settled = self.assignment.assign(&self.x, &self.y, &mut self.sums) <= few;
         true
     }
 
@@ -60,11 +52,6 @@ impl Kmeans2d {
     /// the last ones take ever more rounds.
     fn few(&self) -> usize {
         self.assignment.len() / 4096
-    }
-
-    pub(super) fn add_up(&mut self) {
-        self.sums.fill(Sums::default());
-        self.assignment.add_up(&mut self.sums);
     }
 
     /// Moves every centroid to the mean of its points, drawn towards where it was.
@@ -100,22 +87,19 @@ impl Kmeans2d {
             if left <= 0.0 {
                 continue;
             }
-            let mut to = (from, f64::from(near) * heavy / left);
+            let mut to = (from, f64::from(near) * heavy / left * 0.999_999);
             for (id, sums) in self.sums.iter().enumerate() {
-                if id != from && sums.weight > 0.0 {
-                    let (dx, dy) = (x - f64::from(self.x[id]), y - f64::from(self.y[id]));
-                    let cost = (dx * dx + dy * dy) * sums.weight / (sums.weight + weight);
-                    if cost < to.1 * 0.999_999 {
-                        to = (id, cost);
-                    }
+                let (dx, dy) = (x - f64::from(self.x[id]), y - f64::from(self.y[id]));
+                let (cost, share) = ((dx * dx + dy * dy) * sums.weight, sums.weight + weight);
+                // A division for those only that are nearer than any before.
+                if cost < to.1 * share && id != from && sums.weight > 0.0 {
+                    to = (id, cost / share * 0.999_999);
                 }
             }
             if to.0 != from {
-                for (id, sign) in [(from, -1.0), (to.0, 1.0)] {
+                for (id, weight) in [(from, -weight), (to.0, weight)] {
                     let sums = &mut self.sums[id];
-                    sums.x += sign * weight * x;
-                    sums.y += sign * weight * y;
-                    sums.weight += sign * weight;
+                    sums.add(x as f32, y as f32, weight);
                     self.x[id] = (sums.x / sums.weight) as f32;
                     self.y[id] = (sums.y / sums.weight) as f32;
                 }

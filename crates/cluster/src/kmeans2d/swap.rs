@@ -256,11 +256,14 @@ impl Splits {
                 }
                 let (dx, dy) = (f64::from(x[a] - x[b]), f64::from(y[a] - y[b]));
                 let (n, m) = (sums[a].weight, sums[b].weight);
-                let cost = n * m / (n + m) * (dx * dx + dy * dy);
+                let most = self.shape[a].loss.max(self.shape[b].loss);
+                let product = n * m * (dx * dx + dy * dy);
+                if product >= most * (n + m) {
+                    continue;
+                }
+                let cost = product / (n + m);
                 for id in [a, b] {
-                    if cost < self.shape[id].loss {
-                        self.shape[id].loss = cost;
-                    }
+                    self.shape[id].loss = self.shape[id].loss.min(cost);
                 }
             }
         }
