@@ -489,10 +489,74 @@ def refused(folder, sources, joints, **more):
     return daemon.log
 
 
-def test_a_hand_and_a_skin_with_the_same_ids_on_one_bus_are_refused_by_name(folder):
-    log = refused(folder, ["can:can0", "can:can1"], {"source": "allegro:can1", "allegro": {"version": 4}})
-    for part in ["taxeld.toml:", "can:can1", "204", "a bus of its own"]:
+@pytest.mark.parametrize(
+    ("version", "ids"),
+    # Positions of a finger against taxels of boards 4 and 5; commands to the hand against taxels of boards 1 and 2 and
+    # the start of board 4.
+    [(3, "403, 413, 423, 433, 503, 513, 523, 533"), (4, "100, 200, 204, 220")],
+)
+def test_a_hand_and_a_skin_with_the_same_ids_on_one_bus_are_refused_by_name(folder, version, ids):
+    log = refused(folder, ["can:can0", "can:can1"], {"source": "allegro:can1", "allegro": {"version": version}})
+    for part in ["taxeld.toml:", "can:can1 (bus can1)", f"the CAN ids {ids};", "a bus of its own"]:
         assert part in log, f"{part}: {log}"
+
+
+@pytest.mark.parametrize("version", [3, 4])
+def test_a_hand_on_the_skins_bus_is_read_beside_it_and_either_goes_on_without_the_other(folder, version):
+    port = free_udp_port()
+    address = f"udp:{GROUP}:{port}?hops=0"
+    counts = [[900 * finger - 120 * j for j in range(4)] for finger in range(4)]
+    angles = [c * COUNT_RAD for finger in counts for c in finger]
+    hand_ids = {allegro_frame(version, finger, counts[finger])[0] for finger in range(4)}
+    stop = threading.Event()
+
+    def send(bus):
+        while not stop.wait(0.003):
+            for finger in range(4):
+                id, data = allegro_frame(version, finger, counts[finger])
+                bus.send(can.Message(arbitration_id=id, is_extended_id=False, data=data))
+
+    joints = {"source": f"allegro:{address}", "allegro": {"version": version}}
+    with (
+        can.Bus(GROUP, interface="udp_multicast", port=port, hop_limit=0) as bus,
+        can.Bus(GROUP, interface="udp_multicast", port=port, hop_limit=0) as ear,
+        Daemon(folder / "d", [address], layout="uskin-module", tick=TICK, joints=joints) as daemon,
+        Watch(daemon) as watch,
+        ExitStack() as ends,
+    ):
+        hand = threading.Thread(target=send, args=(bus,))
+        hand.start()
+        ends.callback(hand.join)
+        ends.callback(stop.set)
+        # The hand alone: its skin is missed, its joints are not.
+        watch.until(all_known, "the hand's angles stay unknown without the skin")
+        heard = {ear.recv(5).arbitration_id for _ in range(400)}
+        assert heard == hand_ids | {0x201}, "something else than the start of the skin's board was sent"
+
+        with (folder / "sim.log").open("wb") as log:
+            skin = subprocess.Popen(
+                [binary("taxel"), "sim", "roll", "--layout", "uskin-module", "--to", address],
+                stderr=log,
+                preexec_fn=die_with_parent,
+            )
+        ends.callback(skin.kill)
+        image = watch.until(lambda image: image["missing"] == 0 and image["contacts"] > 0, "no touch is seen")
+        assert image["joints"] == pytest.approx(angles, abs=1e-6)
+        status = daemon.wait_status(lambda s: s["problems"] == [], "there are problems")
+        (skin_bus,), (board,) = status["buses"], status["boards"]
+        assert board["state"] == "living" and status["joints"]["state"] == "connected"
+        assert skin_bus["joints"] > 400 and skin_bus["unknown"] == 0, skin_bus
+        accounted = [
+            "used", "unknown", "not_data", "commands", "malformed", "queue_overflows", "duplicate", "late", "settling", "joints"
+        ]  # fmt: skip
+        assert sum(skin_bus[kind] for kind in accounted) == skin_bus["received"]
+
+        skin.kill()
+        comes(daemon, "board-silent", None, "silent")
+        assert all_known(watch.more(20)[-1]), "a silent skin hides the hand"
+        stop.set()
+        hand.join()
+        comes(daemon, "hand-silent", None, "sends no angles")
 
 
 def test_servos_beside_a_recording_are_refused(folder):
