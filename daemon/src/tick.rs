@@ -207,11 +207,15 @@ impl TickThread {
                 boards.hear(bus, &received.frame, received.t_ns);
                 pipeline.push(bus, &received, &mut emit);
             }
-            if !more {
-                // A recording ends with its last frame, so that it gives the same images however late its end is seen.
-                let until_ns = if finished { newest_ns.unwrap_or(0) } else { now_ns };
-                pipeline.advance(until_ns, &mut emit);
-            }
+            // A recording ends with its last frame, so that it gives the same images however late its end is seen. Where a
+            // bus has more than could be taken, ticks are made up to what all buses have told: one that is flooded must not
+            // hold them up.
+            let until_ns = match (finished, more) {
+                (true, _) => newest_ns.unwrap_or(0),
+                (false, true) => now_ns.min(horizon.0.saturating_sub(1)),
+                (false, false) => now_ns,
+            };
+            pipeline.advance(until_ns, &mut emit);
 
             if drained {
                 let skin = batches.iter().take(self.pipeline.decoders().len());
@@ -475,6 +479,75 @@ mod tests {
                 assert_eq!(order(&buses, at_once, live), together, "{at_once} at once");
             }
         }
+    }
+
+    /// A bus that always has more, and never a frame.
+    #[derive(Default)]
+    struct Flooded(taxel_can::SourceCounters);
+
+    impl CanSource for Flooded {
+        fn wakeup(&self) -> taxel_can::Wakeup<'_> {
+            taxel_can::Wakeup::default()
+        }
+
+        fn receive(&mut self, _now_ns: u64, _batch: &mut Vec<Received>) -> bool {
+            true
+        }
+
+        fn send(&mut self, _frame: &CanFrame) -> Result<(), taxel_can::SendError> {
+            Ok(())
+        }
+
+        fn counters(&self) -> &taxel_can::SourceCounters {
+            &self.0
+        }
+
+        fn link(&self) -> LinkState {
+            LinkState::Up
+        }
+    }
+
+    #[test]
+    fn a_bus_flooded_with_what_is_no_frame_does_not_hold_up_the_images() {
+        let layout = taxel_skin::Layout::builtin("uskin-module").unwrap();
+        let config = crate::Config::new(layout, vec!["sim:idle".parse().unwrap()]);
+        let shared = Arc::new(Shared {
+            stop: false.into(),
+            heartbeat: 0.into(),
+            finished: false.into(),
+            snapshot: Mutex::new(Snapshot::new(1, 1, config.layout.len(), 0)),
+            wake: EventFd::from_flags(nix::sys::eventfd::EfdFlags::EFD_NONBLOCK).unwrap(),
+        });
+        let now_ns = monotonic_ns();
+        let thread = TickThread {
+            sources: vec![Box::new(Flooded::default())],
+            pipeline: Pipeline::new(&config, now_ns).unwrap(),
+            boards: BoardSupervisor::new(&config.layout, &config.boards),
+            hand: None,
+            hand_bus: None,
+            joints: JointsSnapshot::new(0),
+            reached: vec![false],
+            displays: Displays::new(1).0,
+            raw: crate::hub::channel(0).0,
+            clock: PipelineClock {
+                offset_ns: 0,
+                live: true,
+            },
+            commands: mpsc::sync_channel(1).1,
+            shared: shared.clone(),
+            timer: timer().unwrap(),
+            gather: Gather::new(&config.tick),
+        };
+        let thread = std::thread::spawn(move || thread.run());
+        let deadline = std::time::Instant::now() + Duration::from_secs(20);
+        let images = || shared.snapshot.lock().unwrap().images;
+        while images() < 5 && std::time::Instant::now() < deadline {
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        let made = images();
+        shared.stop.store(true, Ordering::Relaxed);
+        thread.join().unwrap();
+        assert!(made >= 5, "{made} images");
     }
 
     #[test]

@@ -279,13 +279,14 @@ impl CanSource for UdpMulticast {
             self.drops.ask(&self.receiver, &mut self.counters.lost_in_kernel);
             self.next_check_ns = now_ns.saturating_add(CHECK_NS);
         }
+        // Anybody may send anything to a group. What is no frame takes no room in the batch, so it is bounded here.
+        let mut left = batch.capacity() - batch.len();
         loop {
-            let room = batch.capacity() - batch.len();
-            if room == 0 {
+            if left == 0 {
                 return true;
             }
             let before_ns = monotonic_ns();
-            let datagrams = match self.reader.read(self.receiver.as_fd(), room) {
+            let datagrams = match self.reader.read(self.receiver.as_fd(), left) {
                 Ok(datagrams) => datagrams,
                 Err(Errno::EINTR) => continue,
                 Err(_) => {
@@ -295,6 +296,7 @@ impl CanSource for UdpMulticast {
             };
             self.stamps.sample();
             let read_ns = monotonic_ns();
+            left -= datagrams.len();
             for datagram in datagrams {
                 if let Some(drops) = datagram.drops() {
                     self.drops.take(drops, &mut self.counters.lost_in_kernel);

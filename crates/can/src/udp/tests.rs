@@ -203,3 +203,25 @@ fn an_address_that_is_no_group_is_refused() {
     let error = UdpMulticast::open("127.0.0.1".parse().unwrap(), 1).err().unwrap();
     assert!(error.to_string().contains("not a multicast group"));
 }
+
+#[test]
+fn a_flood_of_what_is_no_frame_does_not_keep_its_reader_for_ever() {
+    stay_on_one_cpu();
+    let mut source = UdpMulticast::with_options(&options(50124)).unwrap();
+    let flood = UdpMulticast::with_options(&options(50124)).unwrap();
+    for _ in 0..500 {
+        send(flood.sender.as_raw_fd(), b"nonsense", MsgFlags::empty()).unwrap();
+    }
+    let mut batch = Vec::with_capacity(16);
+    let mut calls = 0;
+    let started = Instant::now();
+    while source.counters().undecodable < 500 {
+        assert!(started.elapsed() < HANGS_AFTER, "{:?}", source.counters());
+        let before = source.counters().undecodable;
+        source.receive(monotonic_ns(), &mut batch);
+        let read = source.counters().undecodable - before;
+        assert!(read <= 16, "{read} in one call");
+        calls += u64::from(read > 0);
+    }
+    assert!(calls >= 500 / 16);
+}
