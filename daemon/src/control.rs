@@ -32,12 +32,14 @@ enum Request {
 /// Serves control connections until the daemon ends.
 pub(crate) async fn serve(listener: UnixListener, hand: Rc<Hand>) {
     let places = std::sync::Arc::new(Semaphore::new(MAX_CONNECTIONS));
+    let mut failing = false;
     loop {
         let Ok(place) = places.clone().acquire_owned().await else {
             return;
         };
         match listener.accept().await {
             Ok((stream, _)) => {
+                failing = false;
                 let hand = hand.clone();
                 tokio::task::spawn_local(async move {
                     let _place = place;
@@ -46,8 +48,10 @@ pub(crate) async fn serve(listener: UnixListener, hand: Rc<Hand>) {
                 });
             }
             Err(error) => {
-                // Out of file descriptors, most likely: try again when some are free.
-                tracing::warn!(%error, "cannot accept a control connection");
+                // Out of file descriptors, most likely: try again when some are free. Said once, however long it lasts.
+                if !std::mem::replace(&mut failing, true) {
+                    tracing::warn!(%error, "cannot accept a control connection");
+                }
                 tokio::time::sleep(Duration::from_millis(100)).await;
             }
         }

@@ -107,12 +107,18 @@ impl Registry {
 
 /// Serves subscribers until the daemon ends.
 pub(crate) async fn serve(mut listener: UnixSeqpacketListener, hand: Rc<Hand>) {
+    let mut failing = false;
     loop {
         match listener.accept().await {
-            Ok(socket) => drop(tokio::task::spawn_local(welcome(socket, hand.clone()))),
+            Ok(socket) => {
+                failing = false;
+                drop(tokio::task::spawn_local(welcome(socket, hand.clone())));
+            }
             Err(error) => {
-                // Out of file descriptors, most likely: try again when some are free.
-                tracing::warn!(%error, "cannot accept a subscriber");
+                // Out of file descriptors, most likely: try again when some are free. Said once, however long it lasts.
+                if !std::mem::replace(&mut failing, true) {
+                    tracing::warn!(%error, "cannot accept a subscriber");
+                }
                 tokio::time::sleep(Duration::from_millis(100)).await;
             }
         }

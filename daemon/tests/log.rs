@@ -19,6 +19,11 @@ impl Drop for Running {
 }
 
 fn start(folder: &Path, stderr: Stdio) -> Running {
+    start_with(folder, stderr, "")
+}
+
+/// The same, after a command of the shell.
+fn start_with(folder: &Path, stderr: Stdio, before: &str) -> Running {
     let path = |name: &str| folder.join(name).display().to_string();
     let text = format!(
         "layout = 'allegro-uskin-15'\n\
@@ -28,8 +33,10 @@ fn start(folder: &Path, stderr: Stdio) -> Running {
         path("control.sock")
     );
     std::fs::write(folder.join("taxeld.toml"), text).unwrap();
-    let daemon = Command::new(env!("CARGO_BIN_EXE_taxeld"))
-        .args(["--config", &path("taxeld.toml")])
+    let daemon = Command::new("sh")
+        .arg("-c")
+        .arg(format!("{before}\nexec \"$0\" --config \"$1\""))
+        .args([env!("CARGO_BIN_EXE_taxeld"), &path("taxeld.toml")])
         .stderr(stderr)
         .spawn()
         .unwrap();
@@ -80,4 +87,35 @@ fn a_log_that_nobody_reads_holds_up_no_subscriber() {
         assert!(stays.next_timeout(PATIENCE).unwrap().is_some());
     }
     drop(unread);
+}
+
+#[test]
+fn a_daemon_out_of_file_descriptors_says_so_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log");
+    let log = std::fs::File::create(&path).unwrap();
+    let mut daemon = start_with(folder.path(), log.into(), "ulimit -n 32");
+    let mut stays = connect(&mut daemon, folder.path());
+    let connected: Vec<_> = (0..40).map(|_| connect(&mut daemon, folder.path())).collect();
+    let complaints = || {
+        let log = std::fs::read_to_string(&path).unwrap();
+        log.matches("cannot accept a subscriber").count()
+    };
+    let deadline = Instant::now() + PATIENCE;
+    while complaints() == 0 {
+        assert!(Instant::now() < deadline, "all were accepted");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    // It tries again ten times a second; these take two.
+    for _ in 0..60 {
+        stays.next_image().unwrap();
+    }
+    assert_eq!(complaints(), 1);
+    drop(connected);
+    // And it goes on when there are some.
+    let mut late = connect(&mut daemon, folder.path());
+    assert!(matches!(
+        late.next_timeout(PATIENCE),
+        Ok(Some(Received::Hello(_)))
+    ));
 }
