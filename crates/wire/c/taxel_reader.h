@@ -450,9 +450,12 @@ static inline enum taxel_result taxel_receive(int fd, uint8_t *packet, size_t si
     if (ready < 0)
         return TAXEL_SOCKET;
     len = recv(fd, packet, size, 0);
-    if (len < 0)
-        return errno == EINTR ? TAXEL_TIMEOUT : TAXEL_SOCKET;
-    if (len == 0)
+    if (len < 0 && errno == EINTR)
+        return TAXEL_TIMEOUT;
+    /* The reset tells that the daemon left with our subscription unread. */
+    if (len < 0 && errno != ECONNRESET)
+        return TAXEL_SOCKET;
+    if (len <= 0)
         return TAXEL_CLOSED;
     return taxel_decode_packet(packet, (size_t)len, message);
 }

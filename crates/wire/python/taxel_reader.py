@@ -369,7 +369,7 @@ class Reader:
         deadline = None if timeout is None else time.monotonic() + timeout
         while True:
             wait = None if deadline is None else max(0.0, deadline - time.monotonic())
-            if not select.select([self.socket], [], [], wait)[0]:
+            if not self._wait(wait):
                 return None
             try:
                 length = self.socket.recv_into(self._buffer)
@@ -381,6 +381,13 @@ class Reader:
             message = self._assemble(decode_packet(memoryview(self._buffer)[:length]))
             if message is not None:
                 return message
+
+    def _wait(self, seconds: Optional[float]) -> bool:
+        """Waits until something can be read. Not `select`, which takes no descriptor above 1023."""
+        waiting = select.poll()
+        waiting.register(self.socket, select.POLLIN)
+        # Rounded up, so that the last wait does not spin.
+        return bool(waiting.poll(None if seconds is None else math.ceil(1000 * seconds)))
 
     def subscribe(self, **wanted: Any) -> None:
         """Asks for other things than every image: image, raw, status (bool), max_rate_hz.

@@ -177,3 +177,48 @@ fn the_python_reader_prints_a_line_per_image_and_the_reason_of_the_end() {
     assert!(said.contains("the hand was unplugged"), "{said}");
     assert_eq!(driver.child.wait().unwrap().code(), Some(1));
 }
+
+#[test]
+fn the_python_reader_waits_in_a_process_with_many_open_files() {
+    let Some(mut python) = python() else {
+        println!("SKIPPED: no python3 on this machine; taxel_reader.py was NOT run");
+        return;
+    };
+    let daemon = FakeDaemon::new();
+    let script = "import os, resource, sys, taxel_reader\n\
+                  _, most = resource.getrlimit(resource.RLIMIT_NOFILE)\n\
+                  if most < 1100:\n    print('SKIPPED'); sys.exit()\n\
+                  resource.setrlimit(resource.RLIMIT_NOFILE, (1100, most))\n\
+                  held = [os.open(os.devnull, os.O_RDONLY) for _ in range(1030)]\n\
+                  with taxel_reader.connect(sys.argv[1]) as reader:\n\
+                  \x20   assert reader.fileno() > 1023\n\
+                  \x20   print(reader.receive(0.001), flush=True)\n\
+                  \x20   print(reader.receive(20).seq)\n";
+    python.args(["-c", script]).arg(daemon.path());
+    let mut driver = Driver::start(python);
+    let nothing = driver.line();
+    if nothing == "SKIPPED" {
+        println!("SKIPPED: this machine lets no process have 1100 open files");
+        return;
+    }
+    assert_eq!(nothing, "None");
+    let client = daemon.accept();
+    client.send(&image(7, &[(0, 1)]));
+    assert_eq!(driver.line(), "7");
+}
+
+#[test]
+fn a_daemon_that_leaves_with_a_subscription_unread_has_closed_the_connection_in_c_too() {
+    let dir = tempfile::tempdir().unwrap();
+    let program = dir.path().join("leaves");
+    if c_program::compile("tests/leaves.c", &program).is_none() {
+        return;
+    }
+    let daemon = FakeDaemon::new();
+    let mut leaves = Command::new(program);
+    leaves.arg(daemon.path());
+    let mut driver = Driver::start(leaves);
+    assert_eq!(driver.line(), "subscribed");
+    drop(daemon.accept());
+    assert_eq!(driver.line(), "closed");
+}
