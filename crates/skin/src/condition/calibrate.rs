@@ -120,11 +120,11 @@ impl Conditioner {
             self.taxels[n].repair.reset();
             self.taxels[n].health.recalibrate();
             self.taxels[n].standing.remove(Fault::PaperRule);
-            self.taxels[n].drift.disturb();
+            self.motion.rest(n);
+            self.drift[n].disturb();
+            self.tracks[n].start_anew();
         }
-        for taxel in &mut self.taxels {
-            taxel.contact = false;
-        }
+        self.contact.fill(false);
         let floor = self.config.noise_floor_counts;
         self.health_limits.unsteady_counts = (UNSTEADY_NOISES * floor.max(1.0)) as i32;
     }
@@ -187,10 +187,10 @@ impl Conditioner {
         calibration.frames += 1;
         calibration.last_ns = frame.t_ns;
         if needs_pair && !calibration.pair.is_done() {
-            let taxels = &self.taxels;
+            let (tracks, counts) = (&self.tracks, self.motion.counts());
             calibration.pair.take(|n| {
-                let heard = frame.freshness[n] == Freshness::Fresh && taxels[n].last_ns != NEVER;
-                heard.then(|| (frame.counts[n], taxels[n].repair.counts()))
+                let heard = frame.freshness[n] == Freshness::Fresh && tracks[n].last_ns != NEVER;
+                heard.then(|| (frame.counts[n], counts[n]))
             });
         }
         let pair_done = !needs_pair || self.calibration.pair.is_done();
@@ -248,7 +248,7 @@ impl Conditioner {
         };
         calibration.idle[n] = idle;
         calibration.report.outliers += u64::from(idle.outliers);
-        let stuck = idle.constant && !self.taxels[n].coarse;
+        let stuck = idle.constant && !self.tracks[n].coarse;
         if self.config.fault_rule.is_robust() && stuck && samples >= STUCK_SAMPLES {
             self.taxels[n].health.judge_stuck();
             calibration.windows.clear(n);
@@ -260,10 +260,8 @@ impl Conditioner {
     }
 
     fn take_baseline(&mut self, n: usize, baseline: [f64; 3]) {
-        let taxel = &mut self.taxels[n];
-        taxel.has_baseline = true;
-        taxel.repair.calibrated(&baseline);
-        taxel.drift.calibrated(baseline);
+        self.taxels[n].has_baseline = true;
+        self.drift[n].calibrated(baseline);
         self.baseline[n] = baseline;
     }
 
@@ -424,7 +422,7 @@ impl Conditioner {
             .judge(n, None, self.config.magnitude, self.config.outlier_sigmas);
         calibration.windows.clear(n);
         let Some(idle) = idle else { return };
-        if robust && idle.constant && !self.taxels[n].coarse {
+        if robust && idle.constant && !self.tracks[n].coarse {
             self.taxels[n].health.judge_stuck();
             return;
         }

@@ -39,11 +39,25 @@ impl Thresholds {
         self.per_taxel.as_ref().map_or(self.theta, |p| p[taxel])
     }
 
-    /// Whether `force` is a contact: strictly greater than the threshold, or than its release share while in contact.
-    #[inline]
-    pub(super) fn is_contact(&self, taxel: usize, force: f64, was: bool) -> bool {
-        let theta = self.of(taxel);
-        force > if was { theta * self.release } else { theta }
+    /// Updates which taxels are in contact: force strictly greater than the threshold, or than its release share while in
+    /// contact.
+    pub(super) fn judge(&self, force: &[f64], contact: &mut [bool]) {
+        // The release share is no more than 1, so that what begins a contact also holds it.
+        let is_contact =
+            |force: f64, was: bool, theta: f64, release: f64| (force > theta) | (was & (force > release));
+        match &self.per_taxel {
+            None => {
+                let (theta, release) = (self.theta, self.theta * self.release);
+                for (force, contact) in force.iter().zip(contact) {
+                    *contact = is_contact(*force, *contact, theta, release);
+                }
+            }
+            Some(per_taxel) => {
+                for ((force, contact), theta) in force.iter().zip(contact).zip(per_taxel) {
+                    *contact = is_contact(*force, *contact, *theta, theta * self.release);
+                }
+            }
+        }
     }
 }
 
@@ -62,11 +76,9 @@ mod tests {
             (90.0, true, true),
             (80.0, true, false),
         ] {
-            assert_eq!(
-                t.is_contact(0, force, was),
-                expected,
-                "force {force}, in contact before: {was}"
-            );
+            let mut contact = [was];
+            t.judge(&[force], &mut contact);
+            assert_eq!(contact, [expected], "force {force}, in contact before: {was}");
         }
     }
 
@@ -76,7 +88,8 @@ mod tests {
         t.set_theta(100.0);
         t.set_taxel(0, 10.0);
         t.set_taxel(1, 100.0);
-        assert!(t.is_contact(0, 11.0, false));
-        assert!(!t.is_contact(1, 11.0, false));
+        let mut contact = [false; 2];
+        t.judge(&[11.0; 2], &mut contact);
+        assert_eq!(contact, [true, false]);
     }
 }

@@ -47,13 +47,52 @@ impl HealthLimits {
     }
 }
 
+/// Since when a taxel has not changed by one count.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Stillness {
+    since_ns: u64,
+    samples: u32,
+}
+
+impl Stillness {
+    /// Before the first sample.
+    pub(super) const UNKNOWN: Self = Self {
+        since_ns: u64::MAX,
+        samples: 0,
+    };
+
+    /// After a sample at `t_ns`.
+    #[inline(always)]
+    pub(super) fn after(self, changed: bool, t_ns: u64) -> Self {
+        if changed || self.since_ns > t_ns {
+            Self {
+                since_ns: t_ns,
+                samples: 0,
+            }
+        } else {
+            Self {
+                since_ns: self.since_ns,
+                samples: self.samples.saturating_add(1),
+            }
+        }
+    }
+
+    /// Whether the last sample was a change.
+    pub(super) fn is_over(self) -> bool {
+        self.samples == 0
+    }
+
+    /// Whether that is too long at `t_ns`, a time after the last sample's.
+    #[inline(always)]
+    pub(super) fn is_stuck(self, t_ns: u64, limits: &HealthLimits) -> bool {
+        self.samples >= STUCK_SAMPLES && t_ns - self.since_ns >= limits.stuck_ns
+    }
+}
+
 /// One taxel's health under the robust rule.
 #[derive(Debug, Default, Clone)]
 pub(super) struct Health {
     faults: Faults,
-    last_raw: [u16; 3],
-    same_run: u32,
-    same_since_ns: u64,
     dead_run: u32,
     good_run: u32,
     unsteady: u32,
@@ -66,6 +105,12 @@ impl Health {
     #[inline]
     pub(super) fn faults(&self) -> Faults {
         self.faults
+    }
+
+    /// Whether the taxel owes nothing for unsteadiness or wraps, so that an ordinary step changes nothing.
+    #[inline]
+    pub(super) fn is_square(&self) -> bool {
+        self.unsteady == 0 && self.wraps == 0.0
     }
 
     /// Samples in a row that read dead.
@@ -81,12 +126,6 @@ impl Health {
             self.faults.insert(Fault::Dead);
         }
         (self.unsteady, self.noisy_at_rest, self.wraps) = (0, false, 0.0);
-        (self.same_run, self.same_since_ns) = (0, u64::MAX);
-    }
-
-    /// The time base started again.
-    pub(super) fn restart_clock(&mut self) {
-        (self.same_run, self.same_since_ns) = (0, u64::MAX);
     }
 
     /// A sample that reads dead.
@@ -103,49 +142,27 @@ impl Health {
         self.good_run = 0;
     }
 
-    /// A good sample: watches for counts that never change, unless the taxel is `coarse`, and lets a dead taxel live
-    /// again, if it has a baseline.
-    #[inline(always)]
-    pub(super) fn hear(
-        &mut self,
-        raw: [u16; 3],
-        t_ns: u64,
-        has_baseline: bool,
-        coarse: bool,
-        limits: &HealthLimits,
-    ) {
+    /// A good sample. A taxel with a baseline is no longer stuck once it moves, and lives again after enough of them.
+    pub(super) fn hear(&mut self, moving: bool, stuck: bool, has_baseline: bool, limits: &HealthLimits) {
         self.dead_run = 0;
         self.good_run = self.good_run.saturating_add(1);
         if self.good_run >= limits.recover_samples && has_baseline {
             self.faults.remove(Fault::Dead);
         }
-        if raw != self.last_raw || self.same_since_ns > t_ns {
-            (self.last_raw, self.same_run, self.same_since_ns) = (raw, 0, t_ns);
-            if has_baseline {
-                self.faults.remove(Fault::Stuck);
-            }
-        } else {
-            self.same_run = self.same_run.saturating_add(1);
-            let long = t_ns - self.same_since_ns >= limits.stuck_ns;
-            if self.same_run >= STUCK_SAMPLES && long && !coarse {
-                self.faults.insert(Fault::Stuck);
-            }
+        if moving && has_baseline {
+            self.faults.remove(Fault::Stuck);
+        }
+        if stuck {
+            self.faults.insert(Fault::Stuck);
         }
     }
 
     /// An accepted step after the one before, over `dt_ns`.
-    #[inline(always)]
     pub(super) fn moved(&mut self, step: [i32; 3], before: [i32; 3], dt_ns: u64, limits: &HealthLimits) {
-        let largest = step[0].abs().max(step[1].abs()).max(step[2].abs());
-        if largest <= limits.unsteady_counts && self.unsteady == 0 && self.wraps == 0.0 {
-            return;
-        }
         let reversed = |step: i32, before: i32| {
             (step < 0) != (before < 0) && step.abs().min(before.abs()) > limits.unsteady_counts
         };
-        let unsteady =
-            reversed(step[0], before[0]) || reversed(step[1], before[1]) || reversed(step[2], before[2]);
-        if unsteady {
+        if (0..3).any(|a| reversed(step[a], before[a])) {
             self.add_unsteady(UNSTEADY_EVENT);
         } else if self.unsteady > 0 {
             self.unsteady -= 1;

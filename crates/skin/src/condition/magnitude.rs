@@ -39,8 +39,9 @@ impl MagnitudeMode {
     }
 }
 
+/// `||s - s_0||_2^2`, counts squared.
 #[inline]
-fn distance_squared(counts: [i32; 3], baseline: [f64; 3]) -> f64 {
+pub(super) fn distance_squared(counts: [i32; 3], baseline: [f64; 3]) -> f64 {
     let [x, y, z] = counts;
     let (x, y, z) = (
         f64::from(x) - baseline[0],

@@ -10,7 +10,9 @@ mod config;
 mod contact;
 mod drift;
 mod faults;
+mod feel;
 mod magnitude;
+mod motion;
 mod pair;
 mod repair;
 mod report;
@@ -21,14 +23,14 @@ pub use magnitude::MagnitudeMode;
 pub use report::{CalibrationReport, ConditionCounters};
 
 use crate::Layout;
-use crate::frame::{Fault, Faults, ForceFrame, Freshness, TactileFrame};
-use crate::uskin::status_is_error;
+use crate::frame::{Fault, Faults, ForceFrame, TactileFrame};
 use calibrate::Calibration;
 use contact::Thresholds;
-use drift::DriftLimits;
+use drift::{DriftLimits, DriftState};
 use faults::HealthLimits;
+use motion::Motion;
 use repair::RepairLimits;
-use taxel::{Rules, Taxel};
+use taxel::{Taxel, Track};
 
 /// Sample time of a taxel that was never heard.
 const NEVER: u64 = u64::MAX;
@@ -60,12 +62,18 @@ pub struct Conditioner {
     repair_limits: RepairLimits,
     health_limits: HealthLimits,
     drift_limits: DriftLimits,
+    motion: Motion,
+    tracks: Vec<Track>,
     taxels: Vec<Taxel>,
+    contact: Vec<bool>,
+    drift: Vec<DriftState>,
     /// Whether any taxel has eight bits only.
     coarse: bool,
     baseline: Vec<[f64; 3]>,
     faults: Vec<Faults>,
     touched: Vec<bool>,
+    /// Taxels of the frame at work that call for a closer look.
+    unusual: Vec<usize>,
     thresholds: Thresholds,
     calibration: Calibration,
     counters: ConditionCounters,
@@ -87,18 +95,12 @@ impl Conditioner {
         for t in &config.masked_taxels {
             standing[usize::from(*t)].insert(Fault::Masked);
         }
-        let (glitch, jump) = (config.glitch_counts as i32, config.jump_counts as i32);
         let mut conditioner = Self {
             repair_limits: RepairLimits {
                 unwrap: config.repair_wraps,
                 reject: config.reject_glitches,
-                glitch_counts: glitch,
-                jump_counts: jump,
-                calm_counts: if config.reject_glitches {
-                    glitch.min(jump)
-                } else {
-                    i32::MAX
-                },
+                glitch_counts: config.glitch_counts as i32,
+                jump_counts: config.jump_counts as i32,
             },
             health_limits: HealthLimits::new(&config),
             drift_limits: DriftLimits::new(
@@ -107,6 +109,11 @@ impl Conditioner {
                 config.drift_limit_counts,
             ),
             coarse: false,
+            motion: Motion::new(taxels),
+            tracks: vec![Track::new(); taxels],
+            contact: vec![false; taxels],
+            unusual: Vec::with_capacity(taxels),
+            drift: vec![DriftState::default(); taxels],
             taxels: standing.iter().map(|s| Taxel::new(*s)).collect(),
             baseline: vec![[0.0; 3]; taxels],
             faults: standing,
@@ -126,10 +133,11 @@ impl Conditioner {
     /// taxel that keeps one value is not stuck.
     pub fn for_layout(layout: &Layout, config: ConditionConfig) -> Result<Self, ConditionError> {
         let mut conditioner = Self::new(layout.len(), config)?;
-        for (taxel, place) in conditioner.taxels.iter_mut().zip(&layout.taxels) {
+        for (n, place) in layout.taxels.iter().enumerate() {
             let protocol = layout.modules[usize::from(place.module)].protocol;
-            (taxel.scalar, taxel.coarse) = (protocol.is_scalar(), protocol.is_coarse());
-            conditioner.coarse |= taxel.coarse;
+            conditioner.taxels[n].scalar = protocol.is_scalar();
+            conditioner.tracks[n].coarse = protocol.is_coarse();
+            conditioner.coarse |= protocol.is_coarse();
         }
         Ok(conditioner)
     }
@@ -152,7 +160,7 @@ impl Conditioner {
     /// Repaired counts of a taxel: its raw counts plus a multiple of 65536 on each axis; the last good ones while a sample is
     /// held back. Zeros for a taxel the hand does not have.
     pub fn repaired_counts(&self, taxel: usize) -> [i32; 3] {
-        self.taxels.get(taxel).map_or([0; 3], |t| t.repair.counts())
+        self.motion.counts().get(taxel).copied().unwrap_or_default()
     }
 
     /// The contact threshold `theta`, in the unit of force; zero before the first calibration has ended.
@@ -191,7 +199,7 @@ impl Conditioner {
 
     /// How many taxels have drifted to the limit, so that their baseline follows no further: a re-zero is due.
     pub fn drifted(&self) -> usize {
-        self.taxels.iter().filter(|t| t.drift.is_at_limit()).count()
+        self.drift.iter().filter(|d| d.is_at_limit()).count()
     }
 
     /// Takes a frame in and writes what the skin feels into `out`, which is given the right length if it has another.
@@ -230,100 +238,15 @@ impl Conditioner {
         self.calibrate(frame, heard, tick_ns);
     }
 
-    /// Takes every taxel of a frame through repair, faults, magnitude, contact and drift.
-    fn feel(&mut self, frame: &TactileFrame, out: &mut ForceFrame) {
-        let taxels = self.taxels.len();
-        let rules = Rules {
-            robust: self.config.fault_rule.is_robust(),
-            calibrating: self.calibration.is_running(),
-            dead_samples: self.config.dead_samples,
-            repair: self.repair_limits,
-            scalar_repair: RepairLimits {
-                unwrap: false,
-                reject: false,
-                calm_counts: i32::MAX,
-                ..self.repair_limits
-            },
-            health: self.health_limits,
-        };
-        let mode = self.config.magnitude;
-        let quiet_share = self.config.drift_quiet_share;
-        let (follow_drift, drift_limits) = (self.config.follow_drift, self.drift_limits);
-        let mut counters = self.counters;
-        // Slices of one length, so that no index below needs a check.
-        let (counts, status) = (&frame.counts[..taxels], &frame.status[..taxels]);
-        let (age_ns, freshness) = (&frame.age_ns[..taxels], &frame.freshness[..taxels]);
-        let (force_out, contact_out) = (&mut out.force[..taxels], &mut out.contact[..taxels]);
-        let (faults_out, repaired_out) = (&mut out.faults[..taxels], &mut out.repaired[..taxels]);
-        let (baselines, known_faults) = (&mut self.baseline[..taxels], &mut self.faults[..taxels]);
-        for (n, taxel) in self.taxels.iter_mut().enumerate() {
-            let baseline = &mut baselines[n];
-            let mut faults;
-            let (mut force, mut contact, mut repaired) = (0.0, false, false);
-            if freshness[n] == Freshness::Fresh {
-                let status_error = rules.robust && status_is_error(status[n]);
-                let t_ns = frame.t_ns.saturating_sub(age_ns[n]);
-                let is_new = taxel.last_ns == NEVER || t_ns > taxel.last_ns;
-                let (dt_ns, accepted, repaired_counts);
-                if is_new {
-                    counters.samples += 1;
-                    (dt_ns, accepted, repaired_counts) =
-                        taxel.hear(counts[n], t_ns, status_error, baseline, &rules, &mut counters);
-                    if accepted && self.calibration.collects(taxel.has_baseline) {
-                        self.calibration.collect(n, repaired_counts, t_ns);
-                    }
-                } else {
-                    (dt_ns, accepted, repaired_counts) = (0, false, taxel.repair.counts());
-                }
-                faults = taxel.faults(rules.robust);
-                if status_error {
-                    faults.insert(Fault::Status);
-                }
-                if !taxel.has_baseline && !rules.calibrating && faults.is_empty() {
-                    faults.insert(Fault::Missing);
-                }
-                repaired = taxel.repair.is_repaired(repaired_counts);
-                let mut quiet = false;
-                if faults.is_empty() && !rules.calibrating {
-                    force = mode.of(repaired_counts, *baseline);
-                    contact = self.thresholds.is_contact(n, force, taxel.contact);
-                    quiet = !contact;
-                    if quiet && follow_drift && accepted {
-                        let (sample, times) = ((force, repaired_counts), (t_ns, dt_ns));
-                        let quiet_force = quiet_share * self.thresholds.of(n);
-                        let limited = taxel
-                            .drift
-                            .follow(baseline, sample, times, quiet_force, &drift_limits);
-                        counters.drift_limited += u64::from(limited);
-                    }
-                }
-                if !quiet {
-                    taxel.drift.disturb();
-                }
-            } else {
-                faults = taxel.faults(rules.robust);
-                faults.insert(Fault::Missing);
-                taxel.drift.disturb();
-            }
-            taxel.contact = contact;
-            known_faults[n] = faults;
-            force_out[n] = force;
-            contact_out[n] = contact;
-            faults_out[n] = faults;
-            repaired_out[n] = repaired;
-        }
-        self.counters = counters;
-    }
-
     /// No taxel has a usable value in this frame.
     fn miss_all(&mut self, out: &mut ForceFrame) {
         let robust = self.config.fault_rule.is_robust();
-        for (taxel, known) in self.taxels.iter_mut().zip(&mut self.faults) {
-            *known = taxel.faults(robust);
+        for (n, known) in self.faults.iter_mut().enumerate() {
+            *known = self.taxels[n].faults(robust);
             known.insert(Fault::Missing);
-            taxel.contact = false;
-            taxel.drift.disturb();
+            self.drift[n].disturb();
         }
+        self.contact.fill(false);
         out.force.fill(0.0);
         out.contact.fill(false);
         out.faults.copy_from_slice(&self.faults);
@@ -334,8 +257,9 @@ impl Conditioner {
     fn restart_clock(&mut self) {
         self.counters.clock_restarts += 1;
         self.frame_ns = 0;
-        for taxel in &mut self.taxels {
-            taxel.restart_clock();
+        for (track, drift) in self.tracks.iter_mut().zip(&mut self.drift) {
+            track.restart_clock();
+            drift.disturb();
         }
         self.calibration.restart_clock();
     }

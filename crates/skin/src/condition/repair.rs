@@ -7,6 +7,8 @@
 //! or a frame have been lost around a wrap, the taxel comes to rest a multiple of 65536 from its baseline, and is pulled
 //! back there.
 
+use super::motion::Place;
+
 const TURN: i32 = 1 << 16;
 /// From here on the direction of a step modulo 2^16 is in doubt.
 const AMBIGUOUS_COUNTS: i32 = TURN / 4;
@@ -58,14 +60,10 @@ impl Verdict {
     }
 }
 
-/// One taxel's repaired counts and what is known of its motion.
+/// What is pending about one taxel's samples.
 #[derive(Debug, Default, Clone)]
 pub(super) struct RepairState {
-    /// Repaired counts.
-    counts: [i32; 3],
-    /// The last accepted step.
-    step: [i32; 3],
-    /// The sample held back.
+    /// The last sample that was held back.
     pending: [u16; 3],
     /// Axes on which it was suspect, as bits; zero while nothing is held.
     suspect: u8,
@@ -73,8 +71,8 @@ pub(super) struct RepairState {
     known: bool,
     /// The last sample was not used, or not yet.
     held: bool,
-    /// The baseline itself lies beyond the border of 2^16, so that counts within it may be on the wrong turn.
-    outside: bool,
+    /// No sample was accepted since the pending one.
+    waiting: bool,
 }
 
 /// Thresholds of the repair, in counts.
@@ -84,27 +82,27 @@ pub(super) struct RepairLimits {
     pub(super) reject: bool,
     pub(super) glitch_counts: i32,
     pub(super) jump_counts: i32,
-    /// A step up to this on every axis is below all thresholds.
-    pub(super) calm_counts: i32,
 }
 
 impl RepairState {
-    /// Repaired counts; raw counts plus a multiple of 65536 on each axis.
+    /// Whether the last sample was held back or not used, so that the counts are older.
     #[inline]
-    pub(super) fn counts(&self) -> [i32; 3] {
-        self.counts
+    pub(super) fn is_held(&self) -> bool {
+        self.held
     }
 
-    /// The last accepted step on each axis, counts.
-    #[inline]
-    pub(super) fn step(&self) -> [i32; 3] {
-        self.step
+    /// Whether nothing is pending, so that a sample is taken as it is where [`Motion::is_clear`](super::motion::Motion::is_clear).
+    pub(super) fn is_settled(&self) -> bool {
+        self.known && !self.held && self.suspect == 0 && self.rest == 0
     }
 
-    /// Whether its repaired `counts` differ from the raw ones: a sample is held back, or an axis is a multiple of 65536 away.
-    #[inline]
-    pub(super) fn is_repaired(&self, counts: [i32; 3]) -> bool {
-        self.held || (counts[0] | counts[1] | counts[2]) >> 16 != 0
+    /// The last sample that was a measurement, whether the counts moved to it or not.
+    pub(super) fn newest(&self, place: &Place) -> [u16; 3] {
+        if self.waiting {
+            self.pending
+        } else {
+            place.counts.map(|c| c as u16)
+        }
     }
 
     /// The last sample is no measurement: the counts stay.
@@ -112,136 +110,78 @@ impl RepairState {
         (self.suspect, self.rest, self.held) = (0, 0, true);
     }
 
-    /// Takes note of a new baseline.
-    pub(super) fn calibrated(&mut self, baseline: &[f64; 3]) {
-        self.outside = !baseline.iter().all(|b| (0.0..f64::from(TURN)).contains(b));
-    }
-
     /// Forgets everything; the next sample is taken as it is.
     pub(super) fn reset(&mut self) {
-        *self = Self {
-            counts: self.counts,
-            ..Self::default()
-        };
+        *self = Self::default();
     }
 
     /// Takes a sample as it is, on the turn nearest to the baseline where there is one: after a gap too long to unwrap.
-    #[cold]
     pub(super) fn anchor(
         &mut self,
+        place: &mut Place,
         raw: [u16; 3],
         baseline: Option<&[f64; 3]>,
         limits: &RepairLimits,
     ) -> Verdict {
         let counts = raw.map(i32::from);
-        self.counts = match baseline {
+        place.counts = match baseline {
             Some(b) if limits.unwrap => std::array::from_fn(|a| nearest(counts[a], b[a].round() as i32)),
             _ => counts,
         };
-        (self.step, self.suspect, self.rest) = ([0; 3], 0, 0);
-        (self.known, self.held) = (true, false);
+        place.step = [0; 3];
+        *self = Self {
+            known: true,
+            pending: self.pending,
+            ..Self::default()
+        };
         Verdict::ACCEPTED
     }
 
-    /// Takes the next sample. `baseline` where it is known. Also returns the repaired counts and the last accepted step, so that
-    /// the next stage need not read back what was just written.
-    #[inline(always)]
+    /// Takes the next sample. `baseline` where it is known.
     pub(super) fn push(
         &mut self,
-        raw: [u16; 3],
-        baseline: Option<&[f64; 3]>,
-        limits: &RepairLimits,
-    ) -> (Verdict, [i32; 3], [i32; 3]) {
-        // Written out: an array filled in a loop goes through memory, and waits there.
-        let [x, y, z] = self.counts;
-        let step = [
-            self.step_to(raw[0], 0, limits),
-            self.step_to(raw[1], 1, limits),
-            self.step_to(raw[2], 2, limits),
-        ];
-        let to = [x + step[0], y + step[1], z + step[2]];
-        let largest = step[0].abs().max(step[1].abs()).max(step[2].abs());
-        // Small steps between small counts, nothing held: no rule below can have anything to say.
-        let within = (x | y | z | to[0] | to[1] | to[2]) >> 16 == 0;
-        if largest <= limits.calm_counts && within && self.suspect == 0 && self.known && !self.outside {
-            (self.counts, self.step, self.held, self.rest) = (to, step, false, 0);
-            return (Verdict::ACCEPTED, to, step);
-        }
-        let verdict = self.push_with_care(raw, baseline, limits);
-        (verdict, self.counts, self.step)
-    }
-
-    /// A sample that may be suspect, confirm one, wrap, or lie on another turn.
-    #[inline(never)]
-    fn push_with_care(
-        &mut self,
+        place: &mut Place,
         raw: [u16; 3],
         baseline: Option<&[f64; 3]>,
         limits: &RepairLimits,
     ) -> Verdict {
         if !self.known {
-            return self.anchor(raw, None, limits);
+            return self.anchor(place, raw, None, limits);
         }
-        let step: [i32; 3] = std::array::from_fn(|a| self.step_to(raw[a], a, limits));
+        let step: [i32; 3] = std::array::from_fn(|a| step_to(raw[a], place.counts[a], limits));
         let mut verdict = Verdict::default();
         if self.suspect != 0 {
             let step = if self.confirms(raw, step, limits) {
-                self.resolve(raw, step, baseline, limits, &mut verdict)
+                self.resolve(place, raw, step, baseline, limits, &mut verdict)
             } else {
                 verdict.insert(Verdict::GLITCH, true);
                 step
             };
             self.suspect = 0;
-            self.accept(step, &mut verdict);
+            self.accept(place, step, &mut verdict);
         } else {
             let suspect = if limits.reject {
-                self.suspicion(step, limits)
+                suspicion(step, place.step, limits)
             } else {
                 0
             };
             if suspect != 0 {
-                (self.suspect, self.pending, self.held) = (suspect, raw, true);
+                (self.suspect, self.pending) = (suspect, raw);
+                (self.held, self.waiting) = (true, true);
                 return verdict;
             }
-            self.accept(step, &mut verdict);
+            self.accept(place, step, &mut verdict);
         }
         if limits.unwrap {
             if let Some(baseline) = baseline {
-                self.come_to_rest(baseline, &mut verdict);
+                self.come_to_rest(place, baseline, &mut verdict);
             }
-            if self.counts.iter().any(|c| (c >> 16).abs() > MAX_TURNS) {
-                self.anchor(raw, baseline, limits);
+            if place.counts.iter().any(|c| (c >> 16).abs() > MAX_TURNS) {
+                self.anchor(place, raw, baseline, limits);
                 verdict.insert(Verdict::RAN_AWAY, true);
             }
         }
         verdict
-    }
-
-    /// Step from the accepted counts to `raw` on one axis.
-    #[inline(always)]
-    fn step_to(&self, raw: u16, axis: usize, limits: &RepairLimits) -> i32 {
-        if limits.unwrap {
-            i32::from(raw.wrapping_sub(self.counts[axis] as u16).cast_signed())
-        } else {
-            i32::from(raw) - self.counts[axis]
-        }
-    }
-
-    /// The axes whose step motion does not explain. What counts is the part of the step that neither standing still nor
-    /// going on as before predicts; it must stand out from the other axes and from the axis's own last step.
-    #[inline]
-    fn suspicion(&self, step: [i32; 3], limits: &RepairLimits) -> u8 {
-        let odd: [i32; 3] = std::array::from_fn(|a| step[a].abs().min((step[a] - self.step[a]).abs()));
-        let mut suspect = 0;
-        for a in 0..3 {
-            let others = odd[(a + 1) % 3].max(odd[(a + 2) % 3]);
-            let usual = others.max(self.step[a].abs());
-            let alone = odd[a] > limits.glitch_counts && odd[a] > 4 * usual;
-            if alone || odd[a] > limits.jump_counts {
-                suspect |= 1 << a;
-            }
-        }
-        suspect
     }
 
     /// Whether `raw` is nearer to the held sample than to the last good one, on every suspect axis.
@@ -259,6 +199,7 @@ impl RepairState {
     /// The step from the last good sample over the held one to `raw`, where the direction of the first may be in doubt.
     fn resolve(
         &self,
+        place: &Place,
         raw: [u16; 3],
         step: [i32; 3],
         baseline: Option<&[f64; 3]>,
@@ -269,15 +210,15 @@ impl RepairState {
             return step;
         }
         std::array::from_fn(|a| {
-            let near = self.step_to(self.pending[a], a, limits);
+            let near = step_to(self.pending[a], place.counts[a], limits);
             let onward = i32::from(raw[a].wrapping_sub(self.pending[a]).cast_signed());
             let far = near - TURN * if near < 0 { -1 } else { 1 };
             if near.abs() < AMBIGUOUS_COUNTS {
                 return near + onward;
             }
-            let rest = baseline.map_or(f64::from(self.counts[a]), |b| b[a]);
+            let rest = baseline.map_or(f64::from(place.counts[a]), |b| b[a]);
             let cost = |held: i32| {
-                let offset = f64::from(self.counts[a] + held + onward) - rest;
+                let offset = f64::from(place.counts[a] + held + onward) - rest;
                 f64::from(held).powi(2) + offset * offset
             };
             if cost(far) < cost(near) {
@@ -289,41 +230,64 @@ impl RepairState {
         })
     }
 
-    #[inline]
-    fn accept(&mut self, step: [i32; 3], verdict: &mut Verdict) {
+    fn accept(&mut self, place: &mut Place, step: [i32; 3], verdict: &mut Verdict) {
         verdict.insert(Verdict::ACCEPTED, true);
-        self.held = false;
-        for (count, step) in self.counts.iter_mut().zip(step) {
+        (self.held, self.waiting) = (false, false);
+        for (count, step) in place.counts.iter_mut().zip(step) {
             let before = *count >> 16;
             *count += step;
             let wrapped = *count >> 16 != before;
             verdict.insert(Verdict::WRAPPED, wrapped);
             verdict.insert(Verdict::COARSE_WRAP, wrapped && step.abs() > COARSE_WRAP_COUNTS);
         }
-        self.step = step;
+        place.step = step;
     }
 
     /// Pulls a resting taxel back when it lies a multiple of 65536 from its baseline.
-    #[inline]
-    fn come_to_rest(&mut self, baseline: &[f64; 3], verdict: &mut Verdict) {
-        let offset: [i32; 3] = std::array::from_fn(|a| self.counts[a] - baseline[a] as i32);
+    fn come_to_rest(&mut self, place: &mut Place, baseline: &[f64; 3], verdict: &mut Verdict) {
+        let offset: [i32; 3] = std::array::from_fn(|a| place.counts[a] - baseline[a] as i32);
         if offset.iter().all(|o| o.abs() < TURN / 2) {
             self.rest = 0;
             return;
         }
         let rests = (0..3).all(|a| {
             let residue = (offset[a] as u16).cast_signed();
-            i32::from(residue).abs() < REST_TOLERANCE_COUNTS && self.step[a].abs() < REST_STEP_COUNTS
+            i32::from(residue).abs() < REST_TOLERANCE_COUNTS && place.step[a].abs() < REST_STEP_COUNTS
         });
         self.rest = if rests { self.rest + 1 } else { 0 };
         if self.rest >= REST_SAMPLES {
-            for (count, base) in self.counts.iter_mut().zip(baseline) {
+            for (count, base) in place.counts.iter_mut().zip(baseline) {
                 *count = nearest(*count, base.round() as i32);
             }
             self.rest = 0;
             verdict.insert(Verdict::RECOVERED, true);
         }
     }
+}
+
+/// Step from accepted counts to `raw` on one axis.
+fn step_to(raw: u16, counts: i32, limits: &RepairLimits) -> i32 {
+    if limits.unwrap {
+        i32::from(raw.wrapping_sub(counts as u16).cast_signed())
+    } else {
+        i32::from(raw) - counts
+    }
+}
+
+/// The axes whose step motion does not explain. What counts is the part of the step that neither standing still nor
+/// going on as `before` predicts; it must stand out from the other axes and from the axis's own last step.
+fn suspicion(step: [i32; 3], before: [i32; 3], limits: &RepairLimits) -> u8 {
+    let odd: [i32; 3] = std::array::from_fn(|a| step[a].abs().min((step[a] - before[a]).abs()));
+    let mut suspect = 0;
+    for a in 0..3 {
+        let others = odd[(a + 1) % 3].max(odd[(a + 2) % 3]);
+        let usual = others.max(before[a].abs());
+        let alone = odd[a] > limits.glitch_counts && odd[a] > 4 * usual;
+        if alone || odd[a] > limits.jump_counts {
+            suspect |= 1 << a;
+        }
+    }
+    suspect
 }
 
 /// The value that equals `count` modulo 2^16 and is nearest to `to`.

@@ -1,33 +1,54 @@
-//! One taxel's state, side by side in memory, and the path every sample takes through it.
+//! One taxel's state, and the path through it of a sample that calls for a closer look.
 
 use super::NEVER;
-use super::drift::DriftState;
-use super::faults::{Health, HealthLimits, is_dead_sample};
+use super::faults::{Health, HealthLimits, Stillness, is_dead_sample};
+use super::motion::Place;
 use super::repair::{RepairLimits, RepairState, Verdict};
 use super::report::ConditionCounters;
 use crate::frame::Faults;
 
 /// After a silence this long, and of more than four intervals, counts are anchored to the baseline instead of unwrapped.
 const GAP_NS: u64 = 500_000_000;
+/// Nearer to its baseline than this, counts squared, a taxel cannot be at rest on a wrong turn.
+const NEARLY_A_TURN_SQUARED: f64 = 64_000.0 * 64_000.0;
 
-/// What is known of one taxel, apart from its baseline.
+/// What every sample of a taxel is compared with: little, since each frame goes through all of it.
 #[derive(Debug, Clone)]
-pub(super) struct Taxel {
+pub(super) struct Track {
     /// Time of its newest sample, or [`NEVER`].
     pub(super) last_ns: u64,
     /// Time between its last two samples.
     interval_ns: u64,
+    stillness: Stillness,
+    /// Nothing is pending about the taxel or held against it.
+    settled: bool,
+    /// It is still paying for unsteadiness or wraps.
+    pub(super) owes: bool,
+    /// The counts moved to the newest sample, and that came with this frame.
+    pub(super) accepted: bool,
+    /// Its steps are so coarse that keeping one value for long is no fault.
+    pub(super) coarse: bool,
+}
+
+/// The rest of what is known of one taxel, apart from its place, baseline and drift.
+#[derive(Debug, Clone)]
+pub(super) struct Taxel {
     pub(super) repair: RepairState,
     pub(super) health: Health,
-    pub(super) drift: DriftState,
     /// Reasons that stay until the next calibration: masked, and the publication's rule.
     pub(super) standing: Faults,
     pub(super) has_baseline: bool,
-    pub(super) contact: bool,
     /// Measures one axis, whose counts neither wrap nor are lost byte by byte: they are taken as they come.
     pub(super) scalar: bool,
-    /// Its steps are so coarse that keeping one value for long is no fault.
-    pub(super) coarse: bool,
+}
+
+/// A new sample of a taxel.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Sample {
+    pub(super) raw: [u16; 3],
+    pub(super) t_ns: u64,
+    /// The board's status byte reports an error.
+    pub(super) status_error: bool,
 }
 
 /// What a sample is judged by; the same for all taxels of a frame.
@@ -42,27 +63,64 @@ pub(super) struct Rules {
     pub(super) health: HealthLimits,
 }
 
-impl Taxel {
-    pub(super) fn new(standing: Faults) -> Self {
+impl Track {
+    /// A taxel that was never heard.
+    pub(super) fn new() -> Self {
         Self {
             last_ns: NEVER,
             interval_ns: 0,
-            repair: RepairState::default(),
-            health: Health::default(),
-            drift: DriftState::default(),
-            standing,
-            has_baseline: false,
-            contact: false,
-            scalar: false,
+            stillness: Stillness::UNKNOWN,
+            settled: false,
+            owes: false,
+            accepted: false,
             coarse: false,
         }
+    }
+
+    /// Takes a sample of time `t_ns` whose step is clear, at this squared `distance` from the baseline, if no rule can have
+    /// anything to say about it. Otherwise nothing has changed, and [`Taxel::hear`] has to look.
+    #[inline(always)]
+    pub(super) fn follow(&mut self, t_ns: u64, moved: bool, distance: f64, limits: &HealthLimits) -> bool {
+        let dt_ns = t_ns.wrapping_sub(self.last_ns);
+        // Of the same time, or older, wraps to beyond any gap.
+        let in_time = dt_ns.wrapping_sub(1) < GAP_NS - 1;
+        let stillness = self.stillness.after(moved, t_ns);
+        let stuck = stillness.is_stuck(t_ns, limits) & !self.coarse;
+        let ordinary = self.settled & in_time & !stuck & (distance < NEARLY_A_TURN_SQUARED);
+        if ordinary {
+            (self.last_ns, self.interval_ns) = (t_ns, dt_ns);
+            (self.stillness, self.accepted) = (stillness, true);
+        }
+        ordinary
+    }
+
+    /// Time of the newest sample, and since the one before.
+    #[inline(always)]
+    pub(super) fn times(&self) -> (u64, u64) {
+        (self.last_ns, self.interval_ns)
+    }
+
+    /// A new calibration begins.
+    pub(super) fn start_anew(&mut self) {
+        (self.stillness, self.settled) = (Stillness::UNKNOWN, false);
     }
 
     /// The time base started again: sample times mean nothing any more.
     pub(super) fn restart_clock(&mut self) {
         (self.last_ns, self.interval_ns) = (NEVER, 0);
-        self.health.restart_clock();
-        self.drift.disturb();
+        (self.stillness, self.settled) = (Stillness::UNKNOWN, false);
+    }
+}
+
+impl Taxel {
+    pub(super) fn new(standing: Faults) -> Self {
+        Self {
+            repair: RepairState::default(),
+            health: Health::default(),
+            standing,
+            has_baseline: false,
+            scalar: false,
+        }
     }
 
     /// The reasons that hold now, apart from those of the frame.
@@ -75,65 +133,88 @@ impl Taxel {
         }
     }
 
-    /// Takes a new sample of time `t_ns`. Returns the time since the last one, whether the counts moved to it,
-    /// and the repaired counts.
-    #[inline(always)]
+    /// Whether an ordinary sample, one that [`Track::follow`] takes, needs no rule but what it owes.
+    fn is_settled(&self) -> bool {
+        self.has_baseline && self.faults(true).is_empty() && self.repair.is_settled()
+    }
+
+    /// A sample that [`Track::follow`] took pays for what is owed.
+    #[cold]
+    pub(super) fn pay(&mut self, track: &mut Track, step: [i32; 3], before: [i32; 3], rules: &Rules) {
+        self.health.moved(step, before, track.interval_ns, &rules.health);
+        track.owes = !self.health.is_square();
+    }
+
+    /// Takes a new sample of any kind by every rule. `track` then says whether the counts moved to it.
     pub(super) fn hear(
         &mut self,
-        raw: [u16; 3],
-        t_ns: u64,
-        status_error: bool,
+        sample: &Sample,
+        track: &mut Track,
+        place: &mut Place,
         baseline: &[f64; 3],
         rules: &Rules,
         counters: &mut ConditionCounters,
-    ) -> (u64, bool, [i32; 3]) {
-        let first = self.last_ns == NEVER;
-        let dt_ns = if first { 0 } else { t_ns - self.last_ns };
-        self.last_ns = t_ns;
-        if status_error {
+    ) {
+        track.accepted = self.judge(sample, track, place, baseline, rules, counters);
+        track.settled = !rules.calibrating && self.is_settled() && place.is_within_reach();
+        track.owes = !self.health.is_square();
+    }
+
+    fn judge(
+        &mut self,
+        sample: &Sample,
+        track: &mut Track,
+        place: &mut Place,
+        baseline: &[f64; 3],
+        rules: &Rules,
+        counters: &mut ConditionCounters,
+    ) -> bool {
+        let Sample { raw, t_ns, .. } = *sample;
+        let first = track.last_ns == NEVER;
+        let dt_ns = if first { 0 } else { t_ns - track.last_ns };
+        track.last_ns = t_ns;
+        if sample.status_error {
             counters.status_errors += 1;
             self.health.hear_nothing();
             self.repair.hold();
-            return (dt_ns, false, self.repair.counts());
+            return false;
         }
         let was_dead = self.health.dead_run() >= rules.dead_samples;
         if is_dead_sample(raw) && (rules.robust || (rules.repair.reject && !was_dead)) {
             counters.dead_samples += 1;
             self.health.hear_dead(&rules.health);
             self.repair.hold();
-            return (dt_ns, false, self.repair.counts());
+            return false;
         }
-        self.health
-            .hear(raw, t_ns, self.has_baseline, self.coarse, &rules.health);
+        track.stillness = track.stillness.after(raw != self.repair.newest(place), t_ns);
+        let moving = track.stillness.is_over();
+        let stuck = !track.coarse && track.stillness.is_stuck(t_ns, &rules.health);
+        self.health.hear(moving, stuck, self.has_baseline, &rules.health);
 
-        let gap = dt_ns >= GAP_NS && dt_ns > 4 * self.interval_ns.max(1);
+        let gap = dt_ns >= GAP_NS && dt_ns > 4 * track.interval_ns.max(1);
         if !first {
-            self.interval_ns = dt_ns;
+            track.interval_ns = dt_ns;
         }
         let baseline = (self.has_baseline && !rules.calibrating).then_some(baseline);
-        let before = self.repair.step();
+        let before = place.step;
         let limits = if self.scalar {
             &rules.scalar_repair
         } else {
             &rules.repair
         };
-        let (verdict, counts, step) = if first || was_dead || gap {
-            (
-                self.repair.anchor(raw, baseline, limits),
-                self.repair.counts(),
-                [0; 3],
-            )
+        let verdict = if first || was_dead || gap {
+            self.repair.anchor(place, raw, baseline, limits)
         } else {
-            self.repair.push(raw, baseline, limits)
+            self.repair.push(place, raw, baseline, limits)
         };
         if verdict.is_eventful() {
             self.note(verdict, rules, counters);
         }
         let accepted = verdict.contains(Verdict::ACCEPTED);
         if accepted {
-            self.health.moved(step, before, dt_ns, &rules.health);
+            self.health.moved(place.step, before, dt_ns, &rules.health);
         }
-        (dt_ns, accepted, counts)
+        accepted
     }
 
     /// Counts what a sample brought besides its value.

@@ -180,6 +180,29 @@ fn a_wrong_turn_is_put_right_when_the_taxel_comes_to_rest_and_is_counted() {
 }
 
 #[test]
+fn a_wrong_turn_is_put_right_also_where_the_counts_are_within_the_border() {
+    let config = ConditionConfig {
+        reject_glitches: false,
+        threshold_min_counts: 100.0,
+        ..ConditionConfig::robust()
+    };
+    let mut skin = Skin::new(1, 100, config);
+    skin.noise = vec![[2, 2, 2]];
+    skin.truth[0][2] = 65_530;
+    skin.calibrate();
+    // Up by more than half a turn at once, which is taken for down, and back in two steps: a turn below the baseline. The taxel rests a
+    // few counts above where it did, so that neither its counts nor the baseline are beyond the border.
+    for z in [105_530, 85_530, 65_540] {
+        skin.truth[0][2] = z;
+        skin.step();
+    }
+    assert!(skin.out.contact[0], "{:?}", skin.conditioner.repaired_counts(0));
+    skin.run_ms(100);
+    assert!(!skin.out.contact[0], "{:?}", skin.conditioner.repaired_counts(0));
+    assert_eq!(skin.conditioner.counters().recoveries, 1);
+}
+
+#[test]
 fn noise_around_the_border_of_2_to_the_16_is_neither_force_nor_fault() {
     let mut skin = Skin::new(3, 100, ConditionConfig::robust());
     skin.truth[1][2] = 65_536;
