@@ -1,23 +1,8 @@
 //! The real recordings, where they are: in `$TAXEL_DATA` or beside the repository.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use taxel_record::{Columns, ReadOptions, Recording};
-
-fn data(file: &str) -> Option<PathBuf> {
-    let folder = std::env::var_os("TAXEL_DATA").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"),
-        PathBuf::from,
-    );
-    let path = folder.join(file);
-    if !path.exists() {
-        eprintln!(
-            "SKIPPED: {} is absent; point TAXEL_DATA at the folder of recordings",
-            path.display()
-        );
-        return None;
-    }
-    Some(path)
-}
+use taxel_recordings::find;
 
 fn open(path: &Path, array: &str, columns: Option<Columns>) -> Recording {
     let options = ReadOptions {
@@ -30,7 +15,7 @@ fn open(path: &Path, array: &str, columns: Option<Columns>) -> Recording {
 
 #[test]
 fn the_dead_taxel_of_log4_reads_65535_on_every_axis() {
-    let Some(path) = data("uskin_waseda.npz") else {
+    let Some(path) = find("uskin_waseda.npz") else {
         return;
     };
     let log4 = open(&path, "LOG4", Some(Columns::XyzInterleaved));
@@ -41,7 +26,7 @@ fn the_dead_taxel_of_log4_reads_65535_on_every_axis() {
 
 #[test]
 fn idle_levels_of_log7_are_those_of_the_data_sheet() {
-    let Some(path) = data("uskin_waseda.npz") else {
+    let Some(path) = find("uskin_waseda.npz") else {
         return;
     };
     let log7 = open(&path, "LOG7", Some(Columns::XyzInterleaved));
@@ -69,7 +54,7 @@ fn idle_levels_of_log7_are_those_of_the_data_sheet() {
 
 #[test]
 fn the_pick_and_move_trials_have_blocks_of_axes() {
-    let Some(path) = data("uskin_pick_and_move.npz") else {
+    let Some(path) = find("uskin_pick_and_move.npz") else {
         return;
     };
     // In blocks, neighbouring taxels of one axis idle near each other; read interleaved, the axes mix.
@@ -84,7 +69,7 @@ fn the_pick_and_move_trials_have_blocks_of_axes() {
 
 #[test]
 fn the_grasps_of_the_schunk_hand_are_magnitudes() {
-    let Some(path) = data("schunk_sdh_grasps.npz") else {
+    let Some(path) = find("schunk_sdh_grasps.npz") else {
         return;
     };
     let message = Recording::open(&path, &ReadOptions::default())

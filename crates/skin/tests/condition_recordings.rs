@@ -1,59 +1,13 @@
 //! Conditioning on real uSkin recordings. `cargo test -p taxel-skin --release --test condition_recordings -- --nocapture`
 //! prints the tables.
 
-use std::fs::File;
-use std::path::PathBuf;
-
-use ndarray::Array2;
-use ndarray_npy::NpzReader;
+use taxel_recordings::{Counts, array, by_axis, interleaved, open};
 use taxel_skin::{ConditionConfig, Conditioner, Fault, FaultRule, ForceFrame, Freshness, TactileFrame};
 
 /// About the rate of the recordings.
 const FRAME_NS: u64 = 33_333_333;
 const TAXELS: usize = 16;
 const COLUMNS: usize = 3 * TAXELS;
-
-type Counts = [[u16; 3]; TAXELS];
-
-/// The arrays of a recording, or `None` with a loud line where the data is not on this machine.
-fn open(file: &str) -> Option<NpzReader<File>> {
-    let root = std::env::var_os("TAXEL_DATA").map_or_else(
-        || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"),
-        PathBuf::from,
-    );
-    let path = root.join(file);
-    match File::open(&path) {
-        Ok(f) => Some(NpzReader::new(f).expect("an npz file")),
-        Err(e) => {
-            println!(
-                "SKIPPED: {}: {e}; set TAXEL_DATA to the folder of recordings",
-                path.display()
-            );
-            None
-        }
-    }
-}
-
-fn array(npz: &mut NpzReader<File>, name: &str) -> Array2<u16> {
-    npz.by_name(&format!("{name}.npy"))
-        .unwrap_or_else(|e| panic!("{name}: {e}"))
-}
-
-/// Columns x1, y1, z1, x2, ...
-fn interleaved(a: &Array2<u16>) -> Vec<Counts> {
-    a.rows()
-        .into_iter()
-        .map(|r| std::array::from_fn(|n| std::array::from_fn(|axis| r[3 * n + axis])))
-        .collect()
-}
-
-/// Columns 16 x, 16 y, 16 z.
-fn by_axis(a: &Array2<u16>) -> Vec<Counts> {
-    a.rows()
-        .into_iter()
-        .map(|r| std::array::from_fn(|n| std::array::from_fn(|axis| r[TAXELS * axis + n])))
-        .collect()
-}
 
 /// Plays frames at 30 Hz; calls `each` after every frame.
 fn play(

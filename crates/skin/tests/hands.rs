@@ -2,9 +2,9 @@
 
 mod support;
 
-use ndarray::{Array2, Axis};
 use std::collections::{HashMap, HashSet};
 use taxel_can::CanFrame;
+use taxel_recordings::schunk_grasps;
 use taxel_skin::{
     ConditionConfig, Conditioner, Decoded, Decoder, Fault, ForceFrame, Freshness, Layout, Protocol, Readings,
     SweepAssembler, SweepConfig, TactileFrame, cyskin_frames, icub_triangle_data,
@@ -252,35 +252,13 @@ fn the_template_in_the_cyskin_file_is_a_layout_once_it_is_filled_in() {
     assert!(error.contains("lacks checksum"), "{error}");
 }
 
-fn schunk() -> Option<Vec<(String, Array2<u16>)>> {
-    let root = std::env::var("TAXEL_DATA")
-        .unwrap_or_else(|_| format!("{}/../../../shared/data", env!("CARGO_MANIFEST_DIR")));
-    let Ok(file) = std::fs::File::open(format!("{root}/schunk_sdh_grasps.npz")) else {
-        println!("SKIPPED: no schunk_sdh_grasps.npz in {root}; set TAXEL_DATA");
-        return None;
-    };
-    let mut npz = ndarray_npy::NpzReader::new(file).unwrap();
-    let names: Vec<String> = npz
-        .names()
-        .unwrap()
-        .into_iter()
-        .filter(|n| !n.contains("joints"))
-        .collect();
-    Some(
-        names
-            .into_iter()
-            .map(|name| (name.clone(), npz.by_name::<_, _>(&name).unwrap()))
-            .collect(),
-    )
-}
-
 #[test]
 fn the_cells_of_a_schunk_hand_that_are_always_0_are_the_corners_of_its_tips() {
     let layout = Layout::builtin("schunk-sdh").unwrap();
-    let Some(grasps) = schunk() else { return };
+    let Some(grasps) = schunk_grasps() else { return };
     let mut most = vec![0; 486];
     for (_, grasp) in &grasps {
-        for row in grasp.axis_iter(Axis(0)) {
+        for row in grasp.rows() {
             most.iter_mut().zip(row).for_each(|(m, v)| *m = (*m).max(*v));
         }
     }
@@ -297,14 +275,14 @@ fn the_cells_of_a_schunk_hand_that_are_always_0_are_the_corners_of_its_tips() {
 #[test]
 fn a_recorded_schunk_grasp_is_conditioned_with_its_void_cells_dead_and_the_rest_alive() {
     let layout = Layout::builtin("schunk-sdh").unwrap();
-    let Some(grasps) = schunk() else { return };
+    let Some(grasps) = schunk_grasps() else { return };
     let (name, grasp) = &grasps[0];
     let mut conditioner = Conditioner::for_layout(&layout, ConditionConfig::robust()).unwrap();
     let (mut tactile, mut force) = (TactileFrame::new(486), ForceFrame::new(486));
     tactile.freshness.fill(Freshness::Fresh);
     tactile.age_ns.fill(0);
     let mut most_contacts = 0;
-    for (i, row) in grasp.axis_iter(Axis(0)).enumerate() {
+    for (i, row) in grasp.rows().into_iter().enumerate() {
         tactile.t_ns = i as u64 * 66_000_000;
         tactile
             .counts

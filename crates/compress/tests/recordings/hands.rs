@@ -1,10 +1,7 @@
 //! Recordings as the hands they would come from, conditioned into forces and contacts.
 
-use std::fs::File;
-use std::path::PathBuf;
-
 use ndarray::Array2;
-use ndarray_npy::NpzReader;
+use taxel_recordings::{Counts, Npz, array, by_axis, interleaved, open, schunk_grasps};
 use taxel_skin::{ConditionConfig, Conditioner, ForceFrame, Freshness, Layout, TactileFrame};
 
 /// Force frames of a hand, in sequences that begin without contact.
@@ -25,40 +22,18 @@ pub(crate) fn sessions() -> Vec<Session> {
     if let Some(mut npz) = open("uskin_pick_and_move.npz") {
         sessions.push(pick_and_move(&mut npz));
     }
-    if let Some(mut npz) = open("schunk_sdh_grasps.npz") {
-        sessions.extend(schunk(&mut npz));
+    if let Some(grasps) = schunk_grasps() {
+        let grasps: Vec<_> = grasps.into_iter().map(|(_, grasp)| grasp).collect();
+        sessions.extend(schunk(&grasps));
     }
     sessions
-}
-
-fn open(file: &str) -> Option<NpzReader<File>> {
-    let root = std::env::var_os("TAXEL_DATA").map_or_else(
-        || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"),
-        PathBuf::from,
-    );
-    let path = root.join(file);
-    match File::open(&path) {
-        Ok(file) => Some(NpzReader::new(file).expect("an npz file")),
-        Err(error) => {
-            println!(
-                "SKIPPED: {}: {error}; set TAXEL_DATA to the folder of recordings",
-                path.display()
-            );
-            None
-        }
-    }
-}
-
-fn array(npz: &mut NpzReader<File>, name: &str) -> Array2<u16> {
-    npz.by_name(&format!("{name}.npy"))
-        .unwrap_or_else(|error| panic!("{name}: {error}"))
 }
 
 /// What one module of 16 taxels feels, from the calibration on; force and contact by the module's own taxel number.
 type Felt = Vec<[(f64, bool); 16]>;
 
 /// Conditions the counts of one module, at about the recordings' rate.
-fn feel(counts: impl Iterator<Item = [[u16; 3]; 16]>) -> Felt {
+fn feel(counts: &[Counts]) -> Felt {
     let mut conditioner = Conditioner::new(16, ConditionConfig::robust()).expect("a valid configuration");
     let (mut frame, mut out) = (TactileFrame::new(16), ForceFrame::new(16));
     frame.freshness.fill(Freshness::Fresh);
@@ -66,7 +41,7 @@ fn feel(counts: impl Iterator<Item = [[u16; 3]; 16]>) -> Felt {
     let mut felt = Vec::new();
     for counts in counts {
         frame.t_ns += 33_333_333;
-        frame.counts.copy_from_slice(&counts);
+        frame.counts.copy_from_slice(counts);
         conditioner.process(&frame, &mut out);
         if !out.calibrating {
             felt.push(std::array::from_fn(|n| {
@@ -75,16 +50,6 @@ fn feel(counts: impl Iterator<Item = [[u16; 3]; 16]>) -> Felt {
         }
     }
     felt
-}
-
-fn interleaved(a: &Array2<u16>) -> Felt {
-    feel((a.rows().into_iter()).map(|r| std::array::from_fn(|n| std::array::from_fn(|axis| r[3 * n + axis]))))
-}
-
-fn by_axis(a: &Array2<u16>) -> Felt {
-    feel(
-        (a.rows().into_iter()).map(|r| std::array::from_fn(|n| std::array::from_fn(|axis| r[16 * axis + n]))),
-    )
 }
 
 /// A hand whose modules feel what was recorded, each from its own time on (around to the beginning again).
@@ -109,8 +74,8 @@ fn hand(name: &'static str, modules: &[(&Felt, usize)]) -> Session {
     }
 }
 
-fn waseda(npz: &mut NpzReader<File>) -> Vec<Session> {
-    let [a, b] = ["debug_0B0Z_raw", "debug_0B2Z_raw"].map(|name| interleaved(&array(npz, name)));
+fn waseda(npz: &mut Npz) -> Vec<Session> {
+    let [a, b] = ["debug_0B0Z_raw", "debug_0B2Z_raw"].map(|name| feel(&interleaved(&array(npz, name))));
     let shifted: Vec<_> = (0..15)
         .map(|m| (if m % 2 == 0 { &a } else { &b }, m * 131))
         .collect();
@@ -120,23 +85,16 @@ fn waseda(npz: &mut NpzReader<File>) -> Vec<Session> {
     ]
 }
 
-fn pick_and_move(npz: &mut NpzReader<File>) -> Session {
+fn pick_and_move(npz: &mut Npz) -> Session {
     let trials: Vec<_> = (0..12)
-        .map(|n| by_axis(&array(npz, &format!("trial{n:02}"))))
+        .map(|n| feel(&by_axis(&array(npz, &format!("trial{n:02}")))))
         .collect();
     let modules: Vec<_> = (0..15).map(|m| (&trials[m % 12], 40 * m)).collect();
     hand("pick and move", &modules)
 }
 
 /// Magnitudes above idle with a threshold and hysteresis, and raw values above a threshold without.
-fn schunk(npz: &mut NpzReader<File>) -> Vec<Session> {
-    let mut names: Vec<String> = npz.names().expect("a readable npz");
-    names.retain(|name| !name.contains("_joints"));
-    names.sort_unstable();
-    let grasps: Vec<Array2<u16>> = names
-        .iter()
-        .map(|n| array(npz, n.trim_end_matches(".npy")))
-        .collect();
+fn schunk(grasps: &[Array2<u16>]) -> Vec<Session> {
     // Fingers side by side, each a proximal array of 14 x 6 below a distal one of 13 x 6.
     let starts = [0, 84, 162, 246, 324, 408];
     let side_by_side: Vec<Option<usize>> = (0..28 * 18)

@@ -83,3 +83,19 @@ impl Skin {
         );
     }
 }
+
+pub(crate) fn robust(taxels: usize) -> Skin {
+    Skin::new(taxels, 100, ConditionConfig::robust())
+}
+
+pub(crate) fn calibrated(taxels: usize) -> Skin {
+    let mut skin = robust(taxels);
+    skin.calibrate();
+    skin
+}
+
+pub(crate) fn press(skin: &mut Skin, taxel: usize, counts: i32) {
+    skin.truth[taxel][0] += counts / 3;
+    skin.truth[taxel][1] += counts / 3;
+    skin.truth[taxel][2] -= counts;
+}

@@ -1,0 +1,273 @@
+//! `taxel compress`: recordings into images, the same bytes as the daemon's.
+
+use crate::{config, fails, succeeds};
+use ndarray::{Array2, Array3};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use taxel_can::SourceAddress;
+use taxel_wire::{Body, HEADER_LEN, ImageView, ReadError, Subscriber, decode};
+use taxeld::Daemon;
+use tempfile::TempDir;
+
+#[test]
+fn compress_writes_every_format_and_the_same_bytes_each_time() {
+    let dir = TempDir::new().unwrap();
+    succeeds(
+        &dir,
+        &["sim", "ball-grasp", "--to", "log:grasp.log", "--seconds", "4"],
+    );
+    let mut images = 0;
+    for out in ["a.npz", "a.npy", "a.csv", "a.jsonl", "a.bin"] {
+        let (_, err) = succeeds(&dir, &["compress", "grasp.log", "--out", out, "--actuators", "6"]);
+        assert!(
+            err.contains("images of 16x16") && err.contains("while calibrating"),
+            "{err}"
+        );
+    }
+    let read = |file: &str| std::fs::read(dir.path().join(file)).unwrap();
+    let stack: Array3<u8> = ndarray_npy::read_npy(dir.path().join("a.npy")).unwrap();
+    let lines = String::from_utf8(read("a.jsonl")).unwrap();
+    assert_eq!(lines.lines().count(), stack.dim().0);
+    let bytes = read("a.bin");
+    let mut rest = bytes.as_slice();
+    for (index, line) in lines.lines().enumerate() {
+        let line: Value = serde_json::from_str(line).unwrap();
+        let (message, used) = decode(rest).unwrap();
+        let Body::Image(image) = message.body else {
+            panic!("not an image")
+        };
+        rest = &rest[used..];
+        assert_eq!(
+            image.pixels(),
+            stack.index_axis(ndarray::Axis(0), index).as_slice().unwrap()
+        );
+        assert_eq!(line["seq"], message.header.seq);
+        assert_eq!(line["latency_us"], Value::Null);
+        assert!(image.actuators().len() <= 6);
+        images += usize::from(image.contacts > 0);
+    }
+    assert!(rest.is_empty() && images > 0, "{images} images with contact");
+    succeeds(
+        &dir,
+        &["compress", "grasp.log", "--out", "b.bin", "--actuators", "6"],
+    );
+    assert_eq!(read("b.bin"), bytes);
+}
+
+#[test]
+fn the_daemon_playing_a_recording_publishes_the_bytes_that_compress_writes() {
+    let dir = TempDir::new().unwrap();
+    succeeds(
+        &dir,
+        &["sim", "ball-grasp", "--to", "log:grasp.log", "--seconds", "4"],
+    );
+    succeeds(&dir, &["compress", "grasp.log", "--out", "offline.bin"]);
+    let bytes = std::fs::read(dir.path().join("offline.bin")).unwrap();
+    let mut rest = bytes.as_slice();
+    let mut offline = std::collections::HashMap::new();
+    while !rest.is_empty() {
+        let (message, used) = decode(rest).unwrap();
+        offline.insert(message.header.seq, &rest[HEADER_LEN..used]);
+        rest = &rest[used..];
+    }
+    let log = |bus: &str| SourceAddress::Log {
+        path: dir.path().join("grasp.log"),
+        interface: Some(bus.into()),
+    };
+    let daemon = Daemon::start(config(dir.path(), [log("can0"), log("can1")])).unwrap();
+    let mut subscriber = Subscriber::connect(dir.path().join("images.sock")).unwrap();
+    let mut with_contact = 0;
+    loop {
+        let (header, image) = match subscriber.next_image() {
+            Ok(message) => message,
+            // The recording has ended.
+            Err(ReadError::Closed) => break,
+            Err(error) => panic!("{error}"),
+        };
+        with_contact += usize::from(image.contacts > 0);
+        let expected = ImageView::decode(offline[&header.seq]).unwrap();
+        assert_eq!(image, expected, "image {}", header.seq);
+    }
+    assert!(with_contact > 0);
+    daemon.stop().unwrap();
+}
+
+/// Counts of one module that is still for 2 s and then pressed.
+fn module_counts(path: &Path) {
+    let counts = Array2::from_shape_fn((90, 48), |(t, column)| {
+        let (taxel, axis) = (column / 3, column % 3);
+        let noise = (t * 7 + column * 5) % 4;
+        let press = if t > 60 && axis == 2 { 40 * taxel } else { 0 };
+        (20_000 + noise + press) as u16
+    });
+    ndarray_npy::write_npy(path, &counts).unwrap();
+}
+
+#[test]
+fn counts_compress_alike_from_the_array_and_from_the_traffic_they_become() {
+    let dir = TempDir::new().unwrap();
+    module_counts(&dir.path().join("module.npy"));
+    let tiled = ["module.npy", "--columns", "xyz-interleaved", "--tile"];
+    let (_, err) = succeeds(
+        &dir,
+        &[&["compress"], &tiled[..], &["--out", "direct.npy"]].concat(),
+    );
+    assert!(err.contains("90 images"), "{err}");
+    let (_, err) = succeeds(
+        &dir,
+        &[&["replay"], &tiled[..], &["--to", "log:module.log"]].concat(),
+    );
+    assert!(err.contains("21600 frames sent"), "{err}");
+    let settings = "[[bus]]\nsource = \"can:can0\"\n[[bus]]\nsource = \"can:can1\"\n[tick]\nmode = \"sweep\"\n\
+                    [sweep]\nboard_period_ms = 33.333333\nsettle_ms = 0.0\n";
+    std::fs::write(dir.path().join("taxeld.toml"), settings).unwrap();
+    succeeds(
+        &dir,
+        &[
+            "compress",
+            "module.log",
+            "--config",
+            "taxeld.toml",
+            "--out",
+            "traffic.npy",
+        ],
+    );
+    let read = |file: &str| -> Array3<u8> { ndarray_npy::read_npy(dir.path().join(file)).unwrap() };
+    let (direct, traffic) = (read("direct.npy"), read("traffic.npy"));
+    assert_eq!(direct, traffic);
+    assert!(direct.iter().any(|pixel| *pixel > 0));
+}
+
+#[test]
+fn magnitudes_are_contacts_above_the_threshold() {
+    let dir = TempDir::new().unwrap();
+    let mut frames = Array3::<f32>::from_elem((2, 4, 5), 10.0);
+    frames[[1, 2, 3]] = 50.0;
+    ndarray_npy::write_npy(dir.path().join("grid.npy"), &frames).unwrap();
+    let (_, err) = succeeds(
+        &dir,
+        &["compress", "grid.npy", "--threshold", "20", "--out", "grid.jsonl"],
+    );
+    assert!(err.contains("2 images of 5x4, 1 with contact"), "{err}");
+    let text = std::fs::read_to_string(dir.path().join("grid.jsonl")).unwrap();
+    let last: Value = serde_json::from_str(text.lines().last().unwrap()).unwrap();
+    assert_eq!(last["levels"], serde_json::json!([50.0]));
+    assert_eq!(
+        (
+            last["actuators"][0]["x"].as_u64(),
+            last["actuators"][0]["y"].as_u64()
+        ),
+        (Some(3), Some(2))
+    );
+    let err = fails(&dir, &["compress", "grid.npy", "--out", "grid.npy"], 1);
+    assert!(err.contains("overwrite"), "{err}");
+    let err = fails(
+        &dir,
+        &["compress", "grid.npy", "--layout", "grid:3x3", "--out", "a.npy"],
+        1,
+    );
+    assert!(err.contains("20 taxels") && err.contains("grid:HxW"), "{err}");
+    let err = fails(
+        &dir,
+        &["compress", "grid.npy", "--levels", "0", "--out", "a.npy"],
+        1,
+    );
+    assert!(err.contains("levels"), "{err}");
+}
+
+#[test]
+fn a_magnitude_in_contact_stays_so_down_to_the_release() {
+    let dir = TempDir::new().unwrap();
+    let mut frames = Array3::<f32>::zeros((5, 2, 2));
+    for (t, force) in [21.0, 15.0, 10.0, 15.0, 21.0].into_iter().enumerate() {
+        frames[[t, 0, 0]] = force;
+    }
+    ndarray_npy::write_npy(dir.path().join("grid.npy"), &frames).unwrap();
+    let compress = ["compress", "grid.npy", "--threshold", "20", "--out", "grid.jsonl"];
+    for (release, want) in [
+        (None, [1, 0, 0, 0, 1]),
+        (Some("10"), [1, 1, 0, 0, 1]),
+        (Some("20"), [1, 0, 0, 0, 1]),
+    ] {
+        let more: Vec<&str> = release.into_iter().flat_map(|r| ["--release", r]).collect();
+        succeeds(&dir, &[&compress[..], &more].concat());
+        let text = std::fs::read_to_string(dir.path().join("grid.jsonl")).unwrap();
+        let contacts = |line: &str| {
+            serde_json::from_str::<Value>(line).unwrap()["contacts"]
+                .as_u64()
+                .unwrap()
+        };
+        assert_eq!(
+            text.lines().map(contacts).collect::<Vec<_>>(),
+            want,
+            "{release:?}"
+        );
+    }
+    let err = fails(&dir, &[&compress[..], &["--release", "30"]].concat(), 1);
+    assert!(err.contains("--release 30"), "{err}");
+}
+
+#[test]
+fn a_learned_codebook_is_a_configuration() {
+    let dir = TempDir::new().unwrap();
+    succeeds(
+        &dir,
+        &["sim", "ball-grasp", "--to", "log:grasp.log", "--seconds", "4"],
+    );
+    let learn = [
+        "compress",
+        "grasp.log",
+        "--out",
+        "a.npy",
+        "--levels",
+        "4",
+        "--learn-codebook",
+        "book.toml",
+    ];
+    succeeds(&dir, &learn);
+    let book = std::fs::read_to_string(dir.path().join("book.toml")).unwrap();
+    let settings = format!("[[bus]]\nsource = \"can:can0\"\n[[bus]]\nsource = \"can:can1\"\n{book}");
+    std::fs::write(dir.path().join("taxeld.toml"), settings).unwrap();
+    succeeds(
+        &dir,
+        &[
+            "compress",
+            "grasp.log",
+            "--config",
+            "taxeld.toml",
+            "--out",
+            "b.jsonl",
+        ],
+    );
+    let text = std::fs::read_to_string(dir.path().join("b.jsonl")).unwrap();
+    let levels = |line: &str| serde_json::from_str::<Value>(line).unwrap()["levels"].clone();
+    let constant: Vec<Value> = text
+        .lines()
+        .map(levels)
+        .filter(|l| *l != serde_json::json!([]))
+        .collect();
+    assert!(constant.len() > 1);
+    assert!(constant.iter().all(|l| *l == constant[0]), "{constant:?}");
+}
+
+#[test]
+fn input_that_cannot_be_read_says_what_to_do() {
+    let dir = TempDir::new().unwrap();
+    let path = |name: &str| -> PathBuf { dir.path().join(name) };
+    std::fs::write(path("empty.log"), "").unwrap();
+    std::fs::write(path("words.log"), "hello\n").unwrap();
+    std::fs::write(path("other.log"), "(1.0) vcan7 123#00\n").unwrap();
+    std::fs::write(path("bad.npy"), "hello").unwrap();
+    for (input, wanted) in [
+        ("absent.npz", "absent.npz"),
+        ("empty.log", "no CAN frame"),
+        ("words.log", "line 1"),
+        ("other.log", "--interface vcan7=can0"),
+        ("bad.npy", "signature"),
+        ("grasp.mcap", "MCAP"),
+        ("grasp.h5", ".npz"),
+    ] {
+        let err = fails(&dir, &["compress", input, "--out", "out.npz"], 1);
+        assert!(err.contains(wanted), "{input}: {err}");
+    }
+}

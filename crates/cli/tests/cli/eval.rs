@@ -1,0 +1,169 @@
+//! `taxel eval`: speed and error of every method on the same frames.
+
+use crate::{fails, succeeds};
+use ndarray::{Array2, Array3};
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// Counts of a module: at rest, then pressed here and there.
+fn pressed_counts(frames: usize, taxels: usize) -> Array3<u16> {
+    Array3::from_shape_fn((frames, taxels, 3), |(t, n, axis)| {
+        let idle = [31_000, 32_000, 9_000][axis] + ((t * 7 + n * 3 + axis) % 5) as u16;
+        let pressed = t > 60 && (n + t / 4) % 3 != 0;
+        idle + if pressed && axis == 2 {
+            (300 + n * n * 37 % 900 + t) as u16
+        } else {
+            0
+        }
+    })
+}
+
+#[test]
+fn eval_prints_the_object_of_the_contract() {
+    let dir = TempDir::new().unwrap();
+    ndarray_npy::write_npy(dir.path().join("module.npy"), &pressed_counts(120, 16)).unwrap();
+    let small = ["--restarts", "4", "--passes", "1", "--tile"];
+    let args = [
+        "eval",
+        "module.npy",
+        "--levels",
+        "4",
+        "--actuators",
+        "8",
+        "--json",
+        "--export",
+        "frames.npz",
+    ];
+    let (out, _) = succeeds(&dir, &[&args[..], &small].concat());
+    let report: Value = serde_json::from_str(&out).unwrap();
+    for (key, want) in [("frames", 120), ("taxels", 240), ("levels", 4), ("actuators", 8)] {
+        assert_eq!(report[key], want, "{key}");
+    }
+    let contact_frames = report["contact_frames"].as_u64().unwrap();
+    assert!((40..80).contains(&contact_frames), "{contact_frames}");
+    let methods = report["methods"].as_array().unwrap();
+    let names: Vec<&str> = methods.iter().map(|m| m["name"].as_str().unwrap()).collect();
+    assert_eq!(names[..2], ["paper", "optimal"]);
+    assert!(names.contains(&"paper force_fit=exact") && names.contains(&"optimal history=0.5"));
+    for method in methods {
+        for key in [
+            "force_sse_ratio_mean",
+            "force_sse_ratio_p95",
+            "force_optimal_fraction",
+            "position_sse_ratio_mean",
+            "position_sse_ratio_p95",
+            "jump_fraction",
+            "tick_us_p50",
+            "tick_us_p99",
+            "tick_us_p999",
+            "allocations_per_tick",
+        ] {
+            assert!(
+                method[key].as_f64().is_some_and(f64::is_finite),
+                "{key} of {method}"
+            );
+        }
+        assert!(method["tick_us_p50"].as_f64().unwrap() > 0.0);
+        assert_eq!(method["allocations_per_tick"], 0.0, "{}", method["name"]);
+    }
+    assert_eq!(methods[1]["force_optimal_fraction"], 1.0);
+    assert!(methods[0]["force_sse_ratio_mean"].as_f64() >= methods[1]["force_sse_ratio_mean"].as_f64());
+    let mut frames =
+        ndarray_npy::NpzReader::new(std::fs::File::open(dir.path().join("frames.npz")).unwrap()).unwrap();
+    let contact: Array2<u8> = frames.by_name("contact").unwrap();
+    let in_contact = contact
+        .rows()
+        .into_iter()
+        .filter(|frame| frame.iter().any(|c| *c > 0))
+        .count();
+    assert_eq!((contact.dim(), in_contact as u64), ((120, 240), contact_frames));
+}
+
+#[test]
+fn eval_takes_magnitudes_and_scenes_and_methods_and_writes_tables() {
+    let dir = TempDir::new().unwrap();
+    let forces = Array2::from_shape_fn((6, 40), |(t, n)| (n * n * 31 % 97 + t) as f64);
+    ndarray_npy::write_npy(dir.path().join("forces.npy"), &forces).unwrap();
+    let args = [
+        "eval",
+        "forces.npy",
+        "--layout",
+        "grid:5x8",
+        "--threshold",
+        "20",
+        "--restarts",
+        "4",
+        "--passes",
+        "1",
+    ];
+    let methods = [
+        "--method",
+        "optimal",
+        "--method",
+        "optimal history=0.3",
+        "--csv",
+        "all.csv",
+        "--sweep-k",
+    ];
+    let (out, _) = succeeds(&dir, &[&args[..], &methods].concat());
+    assert!(
+        out.contains("6 frames of 40 taxels") && out.contains("optimal history=0.3"),
+        "{out}"
+    );
+    let csv = std::fs::read_to_string(dir.path().join("all.csv")).unwrap();
+    // Two methods, at the size asked for and at five more.
+    assert_eq!(csv.lines().count(), 1 + 2 * 6, "{csv}");
+    let columns = csv.lines().next().unwrap().split(',').count();
+    assert!(
+        csv.lines().all(|line| line.split(',').count() == columns),
+        "{csv}"
+    );
+
+    let scene = [
+        "eval",
+        "sim:tap",
+        "--method",
+        "optimal",
+        "--json",
+        "--restarts",
+        "1",
+        "--passes",
+        "1",
+    ];
+    let (out, _) = succeeds(&dir, &scene);
+    let report: Value = serde_json::from_str(&out).unwrap();
+    assert!(
+        report["contact_truth"]["precision"].as_f64().unwrap() > 0.9,
+        "{out}"
+    );
+}
+
+#[test]
+fn eval_refuses_what_it_cannot_judge() {
+    let dir = TempDir::new().unwrap();
+    ndarray_npy::write_npy(dir.path().join("forces.npy"), &Array2::from_elem((2, 16), 1.0)).unwrap();
+    for (args, wanted) in [
+        (
+            &["eval", "forces.npy", "--layout", "grid:4x4", "--method", "best"][..],
+            "best",
+        ),
+        (
+            &[
+                "eval",
+                "forces.npy",
+                "--layout",
+                "grid:4x4",
+                "--method",
+                "paper",
+                "--method",
+                "optimal levels=3",
+            ],
+            "--levels",
+        ),
+        (&["eval", "sim:nowhere"], "nowhere"),
+        (&["eval", "sim:tap", "--tile"], "--tile"),
+    ] {
+        let err = fails(&dir, args, 1);
+        assert!(err.contains(wanted), "{args:?}: {err}");
+    }
+}

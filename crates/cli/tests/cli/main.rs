@@ -1,0 +1,99 @@
+//! The `taxel` command as a user runs it.
+
+mod compress;
+mod eval;
+mod replay;
+mod sim;
+mod watch;
+
+use std::path::Path;
+use std::process::{Command, Output};
+use taxel_can::SourceAddress;
+use taxel_skin::Layout;
+use taxeld::{Config, Daemon};
+use tempfile::TempDir;
+
+pub(crate) fn taxel(dir: &TempDir, args: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_taxel"));
+    command.args(args).current_dir(dir.path()).output().unwrap()
+}
+
+/// Runs and expects success; returns stdout and stderr.
+pub(crate) fn succeeds(dir: &TempDir, args: &[&str]) -> (String, String) {
+    let output = taxel(dir, args);
+    let (out, err) = texts(&output);
+    assert!(
+        output.status.success(),
+        "taxel {args:?}: {}\n{out}{err}",
+        output.status
+    );
+    (out, err)
+}
+
+/// Runs and expects failure with this exit code; returns stderr.
+pub(crate) fn fails(dir: &TempDir, args: &[&str], code: i32) -> String {
+    let output = taxel(dir, args);
+    let (out, err) = texts(&output);
+    assert_eq!(output.status.code(), Some(code), "taxel {args:?}\n{out}{err}");
+    err
+}
+
+pub(crate) fn texts(output: &Output) -> (String, String) {
+    (
+        String::from_utf8_lossy(&output.stdout).into(),
+        String::from_utf8_lossy(&output.stderr).into(),
+    )
+}
+
+pub(crate) fn config(dir: &Path, sources: [SourceAddress; 2]) -> Config {
+    let mut config = Config::new(Layout::builtin("allegro-uskin-15").unwrap(), sources.into());
+    config.socket.images = dir.join("images.sock");
+    config.socket.control = dir.join("control.sock");
+    config.realtime.priority = 0;
+    config
+}
+
+pub(crate) fn simulated(dir: &Path, scene: &str) -> Daemon {
+    let source = || SourceAddress::Sim { scene: scene.into() };
+    Daemon::start(config(dir, [source(), source()])).unwrap()
+}
+
+#[test]
+fn wrong_usage_is_told_from_failure_by_the_exit_code() {
+    let dir = TempDir::new().unwrap();
+    let (out, _) = succeeds(&dir, &["--help"]);
+    for command in ["demo", "watch", "replay", "compress", "eval", "sim"] {
+        assert!(out.contains(command), "{out}");
+    }
+    fails(&dir, &["wach"], 2);
+    fails(&dir, &["watch", "--count", "0"], 2);
+    fails(&dir, &["sim"], 2);
+    let err = fails(&dir, &["replay", "a.log", "--to", "vcan0"], 2);
+    assert!(err.contains("can:INTERFACE"), "{err}");
+}
+
+#[test]
+fn the_demo_without_a_terminal_prints_a_summary() {
+    let dir = TempDir::new().unwrap();
+    let (out, _) = succeeds(
+        &dir,
+        &[
+            "demo",
+            "--scene",
+            "worst-case",
+            "--seconds",
+            "4",
+            "--actuators",
+            "9",
+        ],
+    );
+    for part in [
+        "worst-case: allegro-uskin-15, 240 taxels",
+        "9 actuators",
+        "images",
+        "latency",
+        "240 taxels",
+    ] {
+        assert!(out.contains(part), "{part}: {out}");
+    }
+}

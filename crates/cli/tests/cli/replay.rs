@@ -1,0 +1,63 @@
+//! `taxel replay`: recordings back onto a bus.
+
+use crate::{fails, succeeds};
+use taxel_can::{CanSource, UdpMulticast, UdpOptions};
+use tempfile::TempDir;
+
+#[test]
+fn replay_cuts_a_piece_out_and_tells_what_it_leaves_out() {
+    let dir = TempDir::new().unwrap();
+    let log = "(10.000000) can0 001#01\n(10.500000) can1 002#02\n(11.000000) can0 20000080#0000000000000000\n\
+               nonsense\n(11.250000) can0 003#03\n(12.000000) can1 004#04\n";
+    std::fs::write(dir.path().join("in.log"), log).unwrap();
+    let (out, err) = succeeds(
+        &dir,
+        &["replay", "in.log", "--to", "-", "--start", "0.5", "--end", "2"],
+    );
+    assert_eq!(
+        out,
+        "(0000000000.500000) can1 002#02\n(0000000001.250000) can0 003#03\n"
+    );
+    assert!(
+        err.contains("2 frames sent") && err.contains("2 left out"),
+        "{err}"
+    );
+    let err = fails(&dir, &["replay", "in.log", "--to", "-", "--start", "5"], 1);
+    assert!(err.contains("no frame between"), "{err}");
+    let err = fails(&dir, &["replay", "in.log", "--interface", "can0=-"], 1);
+    assert!(err.contains("nowhere to send can1"), "{err}");
+    let err = fails(
+        &dir,
+        &["replay", "in.log", "--to", "-", "--interface", "can7=-"],
+        1,
+    );
+    assert!(err.contains("can0, can1"), "{err}");
+}
+
+#[test]
+fn replay_puts_frames_on_a_bus_in_their_order() {
+    let dir = TempDir::new().unwrap();
+    let port = 20_000 + (std::process::id() % 20_000) as u16;
+    let options = UdpOptions {
+        port,
+        hop_limit: 0,
+        ..UdpOptions::default()
+    };
+    let mut bus = match UdpMulticast::with_options(&options) {
+        Ok(bus) => bus,
+        Err(error) => {
+            return eprintln!("SKIPPED: replay onto a bus: no UDP multicast on this machine: {error}");
+        }
+    };
+    let lines: String = (0..20)
+        .map(|i| format!("({:.6}) can0 {i:03X}#{i:02X}\n", 5.0 + 0.01 * i as f64))
+        .collect();
+    std::fs::write(dir.path().join("in.log"), lines).unwrap();
+    let to = format!("udp:{}:{port}?hops=0", options.group);
+    let (_, err) = succeeds(&dir, &["replay", "in.log", "--to", &to, "--speed", "2"]);
+    assert!(err.contains("20 frames sent"), "{err}");
+    let mut received = Vec::with_capacity(64);
+    bus.receive(taxel_can::monotonic_ns(), &mut received);
+    let ids: Vec<u32> = received.iter().map(|r| r.frame.id()).collect();
+    assert_eq!(ids, (0..20).collect::<Vec<_>>());
+}

@@ -1,0 +1,48 @@
+//! `taxel sim`: scenes onto buses and into logs.
+
+use crate::{fails, succeeds};
+use tempfile::TempDir;
+
+#[test]
+fn the_same_scene_and_seed_give_the_same_log_and_another_seed_another() {
+    let dir = TempDir::new().unwrap();
+    let write = |file: &str, seed: &str| {
+        let to = format!("log:{file}");
+        succeeds(
+            &dir,
+            &["sim", "tap", "--to", &to, "--seconds", "0.5", "--seed", seed],
+        );
+        std::fs::read(dir.path().join(file)).unwrap()
+    };
+    let first = write("a.log", "7");
+    assert!(first.len() > 10_000);
+    assert_eq!(first, write("b.log", "7"));
+    assert_ne!(first, write("c.log", "8"));
+    let (out, _) = succeeds(
+        &dir,
+        &["sim", "tap", "--to", "-", "--seconds", "0.5", "--seed", "7"],
+    );
+    assert_eq!(out.as_bytes(), first);
+}
+
+#[test]
+fn scenes_are_listed_and_shown_and_an_unknown_one_is_refused() {
+    let dir = TempDir::new().unwrap();
+    let (out, _) = succeeds(&dir, &["sim", "--list"]);
+    assert!(out.contains("ball-grasp") && out.contains("faulty-hand"), "{out}");
+    let (shown, _) = succeeds(&dir, &["sim", "tap", "--show"]);
+    std::fs::write(dir.path().join("mine.toml"), shown).unwrap();
+    succeeds(
+        &dir,
+        &["sim", "mine.toml", "--to", "log:mine.log", "--seconds", "0.1"],
+    );
+    let err = fails(&dir, &["sim", "football", "--to", "-"], 1);
+    assert!(err.contains("ball-grasp"), "{err}");
+}
+
+#[test]
+fn two_buses_with_the_same_ids_are_not_put_on_one() {
+    let dir = TempDir::new().unwrap();
+    let err = fails(&dir, &["sim", "tap", "--to", "udp:"], 1);
+    assert!(err.contains("would both send id"), "{err}");
+}

@@ -1,0 +1,98 @@
+//! `taxel watch`: what a daemon publishes, line by line.
+
+use crate::{fails, simulated, succeeds, texts};
+use serde_json::Value;
+use std::io::{BufRead, BufReader};
+use std::process::{Command, Stdio};
+use tempfile::TempDir;
+
+#[test]
+fn without_a_daemon_watch_says_where_it_looked() {
+    let dir = TempDir::new().unwrap();
+    let err = fails(&dir, &["watch", "--socket", "nowhere.sock"], 1);
+    assert!(
+        err.contains("nowhere.sock") && err.contains("is taxeld running"),
+        "{err}"
+    );
+}
+
+#[test]
+fn watch_prints_one_object_per_image_with_the_keys_of_the_contract() {
+    let dir = TempDir::new().unwrap();
+    let _daemon = simulated(dir.path(), "worst-case");
+    let (out, _) = succeeds(
+        &dir,
+        &["watch", "--socket", "images.sock", "--json", "--count", "3"],
+    );
+    let lines: Vec<Value> = out
+        .lines()
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect();
+    assert_eq!(lines.len(), 3);
+    let mut keys: Vec<&str> = lines[0].as_object().unwrap().keys().map(String::as_str).collect();
+    keys.sort_unstable();
+    let mut contract = [
+        "seq",
+        "t_ns",
+        "latency_us",
+        "width",
+        "height",
+        "image",
+        "levels",
+        "actuators",
+        "contacts",
+        "faulty",
+        "missing",
+        "joints",
+    ];
+    contract.sort_unstable();
+    assert_eq!(keys, contract);
+    assert_eq!(lines[0]["image"].as_array().unwrap().len(), 256);
+    assert!(lines[0]["latency_us"].as_f64().unwrap() > 0.0);
+    assert!(lines[2]["seq"].as_u64() > lines[0]["seq"].as_u64());
+}
+
+#[test]
+fn watch_prints_words_and_raw_frames_on_request() {
+    let dir = TempDir::new().unwrap();
+    let _daemon = simulated(dir.path(), "idle");
+    let (out, err) = succeeds(&dir, &["watch", "--socket", "images.sock", "--count", "2"]);
+    assert_eq!(out.lines().count(), 2);
+    assert!(out.contains("contacts") && out.contains("ms"), "{out}");
+    assert!(err.contains("allegro-uskin-15, 240 taxels, 16x16"), "{err}");
+    let (out, _) = succeeds(
+        &dir,
+        &[
+            "watch",
+            "--socket",
+            "images.sock",
+            "--raw",
+            "--json",
+            "--count",
+            "1",
+        ],
+    );
+    let raw: Value = serde_json::from_str(&out).unwrap();
+    assert_eq!(raw["taxels"].as_array().unwrap().len(), 240);
+    assert_eq!(raw["taxels"][0]["counts"].as_array().unwrap().len(), 3);
+}
+
+#[test]
+fn a_reader_that_has_seen_enough_is_no_failure() {
+    let dir = TempDir::new().unwrap();
+    let _daemon = simulated(dir.path(), "idle");
+    let mut child = Command::new(env!("CARGO_BIN_EXE_taxel"))
+        .args(["watch", "--socket", "images.sock"])
+        .current_dir(dir.path())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut line = String::new();
+    BufReader::new(child.stdout.take().unwrap())
+        .read_line(&mut line)
+        .unwrap();
+    let output = child.wait_with_output().unwrap();
+    assert!(output.status.success(), "{}: {:?}", output.status, texts(&output));
+    assert!(!texts(&output).1.contains("pipe"), "{:?}", texts(&output));
+}
