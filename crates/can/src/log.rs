@@ -1,7 +1,7 @@
 //! A recording as a CAN source.
 
 use crate::{
-    CanFrame, CanSource, LinkState, LogError, LogFrame, LogReader, OpenError, Received, SendError,
+    CanFrame, CanSource, LinkState, LogClock, LogError, LogFrame, LogReader, OpenError, Received, SendError,
     SourceCounters, Wakeup,
 };
 use std::fs::File;
@@ -36,13 +36,14 @@ impl Default for Playback {
 ///
 /// Times are shifted so that the first frame of the file, on whatever interface, is due at
 /// [`Playback::start_ns`]; two sources over one file with the same playback therefore keep the two buses in step.
-/// A frame that was recorded earlier than the one before it is due together with that one. Lines that hold no
+/// A frame that was recorded earlier than the one before it is due together with that one, and time goes on where the clock
+/// was set ([`LogClock`]). Lines that hold no
 /// classic frame are counted as `undecodable` and stop nothing. There is nobody to send to.
 pub struct LogSource {
     reader: LogReader<BufReader<File>>,
     interface: Option<Arc<str>>,
     playback: Playback,
-    first_ns: u64,
+    clock: LogClock,
     newest_ns: u64,
     next: Option<Received>,
     counters: SourceCounters,
@@ -67,7 +68,7 @@ impl LogSource {
             reader: LogReader::new(BufReader::with_capacity(64 * 1024, file)),
             interface: interface.map(Arc::from),
             playback,
-            first_ns: 0,
+            clock: LogClock::default(),
             newest_ns: playback.start_ns,
             next: None,
             counters: SourceCounters::default(),
@@ -97,9 +98,9 @@ impl LogSource {
                 }
             }
         };
-        source.first_ns = first.t_ns;
+        let since_first_ns = source.clock.since_first_ns(first.t_ns);
         if source.is_wanted(&first) {
-            source.schedule(&first);
+            source.schedule(&first, since_first_ns);
         } else {
             source.advance();
         }
@@ -117,12 +118,11 @@ impl LogSource {
             .is_none_or(|wanted| *wanted == frame.interface)
     }
 
-    fn schedule(&mut self, frame: &LogFrame) {
-        let since_first = frame.t_ns.saturating_sub(self.first_ns);
+    fn schedule(&mut self, frame: &LogFrame, since_first_ns: u64) {
         let since_start = if self.playback.speed == 1.0 {
-            since_first
+            since_first_ns
         } else {
-            (since_first as f64 / self.playback.speed) as u64
+            (since_first_ns as f64 / self.playback.speed) as u64
         };
         self.newest_ns = self
             .newest_ns
@@ -138,8 +138,12 @@ impl LogSource {
         self.next = None;
         loop {
             match self.reader.next() {
-                Some(Ok(frame)) if self.is_wanted(&frame) => return self.schedule(&frame),
-                Some(Ok(_)) => {}
+                Some(Ok(frame)) => {
+                    let since_first_ns = self.clock.since_first_ns(frame.t_ns);
+                    if self.is_wanted(&frame) {
+                        return self.schedule(&frame, since_first_ns);
+                    }
+                }
                 Some(Err(LogError::Line { .. })) => self.counters.undecodable += 1,
                 Some(Err(failure)) => {
                     self.failure = Some(failure);
@@ -257,6 +261,19 @@ mod tests {
         assert_eq!(frames("can0"), [(500_000, 2), (900_000, 4), (2_000_000, 5)]);
         assert_eq!(frames("can1"), [(0, 1), (1_000_000, 3)]);
         assert_eq!(frames("can7"), []);
+    }
+
+    #[test]
+    fn two_buses_stay_in_step_where_the_clock_was_set_while_they_were_recorded() {
+        // Set forward by decades with a frame of can1, and back by a minute with one of can0.
+        let log = "(100.000000) can0 001#\n\
+                   (1795000000.000000) can1 002#\n\
+                   (1795000000.010000) can0 003#\n\
+                   (1794999940.000000) can0 004#\n\
+                   (1794999940.020000) can1 005#\n";
+        let frames = |interface| play(&mut open(log, Some(interface), Playback::default()));
+        assert_eq!(frames("can0"), [(0, 1), (10_000_000, 3), (10_000_000, 4)]);
+        assert_eq!(frames("can1"), [(0, 2), (30_000_000, 5)]);
     }
 
     #[test]

@@ -11,7 +11,7 @@ use std::io::BufReader;
 use std::ops::Range;
 use std::path::Path;
 use std::time::{Duration, Instant};
-use taxel_can::{LogError, LogReader, Received};
+use taxel_can::{LogClock, LogError, LogReader, Received};
 use taxel_skin::Layout;
 
 /// From the last frame of one pass to the first of the next, with --loop.
@@ -150,13 +150,10 @@ fn log_frames<'a>(
     names: &'a [String],
 ) -> anyhow::Result<impl Iterator<Item = anyhow::Result<Line>> + use<'a>> {
     let file = File::open(path).with_context(|| path.display().to_string())?;
-    let (mut first_ns, mut newest_ns) = (None, 0);
+    let (mut clock, mut newest_ns) = (LogClock::default(), 0);
     Ok(LogReader::new(BufReader::new(file)).map(move |line| match line {
         Ok(line) => {
-            newest_ns = line
-                .t_ns
-                .saturating_sub(*first_ns.get_or_insert(line.t_ns))
-                .max(newest_ns);
+            newest_ns = clock.since_first_ns(line.t_ns).max(newest_ns);
             match names.iter().position(|n| **n == *line.interface) {
                 Some(name) if !line.frame.is_error() => Ok(Line::Frame(
                     name,
