@@ -28,6 +28,8 @@ const SEND_BUFFER: usize = 4608;
 const MAX_REFUSALS: u32 = 8;
 /// Status reports to subscribers that asked for them.
 const STATUS_PERIOD: Duration = Duration::from_secs(1);
+/// A client that tries again and again to get in is told of in the log no more often.
+const TURNED_AWAY_PERIOD: Duration = Duration::from_secs(10);
 
 /// Who is connected.
 #[derive(Debug)]
@@ -35,6 +37,10 @@ pub(crate) struct Registry {
     entries: RefCell<Vec<Rc<Entry>>>,
     max: usize,
     stall: Duration,
+    /// When the log was told last that one was turned away.
+    told_turned_away: Cell<Option<Instant>>,
+    /// How many were turned away since.
+    turned_away: Cell<u64>,
 }
 
 /// What is known of one subscriber.
@@ -73,7 +79,22 @@ impl Registry {
             entries: RefCell::default(),
             max: config.max_subscribers.into(),
             stall: Duration::from_millis(config.stall_ms.into()),
+            told_turned_away: Cell::default(),
+            turned_away: Cell::default(),
         }
+    }
+
+    /// Says in the log, now and then, that clients were turned away.
+    fn tell_turned_away(&self, pid: Option<i32>, farewell: &Farewell) {
+        let clients = self.turned_away.get() + 1;
+        let told = self.told_turned_away.get();
+        if told.is_some_and(|at| at.elapsed() < TURNED_AWAY_PERIOD) {
+            self.turned_away.set(clients);
+            return;
+        }
+        self.turned_away.set(0);
+        self.told_turned_away.set(Some(Instant::now()));
+        tracing::warn!(pid, clients, "turned away: {farewell}");
     }
 
     /// How many subscribers are connected.
@@ -139,7 +160,7 @@ async fn welcome(socket: UnixSeqpacket, hand: Rc<Hand>) {
     let registry = &hand.subscribers;
     if registry.len() >= registry.max {
         let farewell = Farewell::TooMany(registry.len());
-        tracing::warn!(pid = entry.pid, "subscriber turned away: {farewell}");
+        registry.tell_turned_away(entry.pid, &farewell);
         tell_disconnect(&socket, &farewell).await;
         return;
     }

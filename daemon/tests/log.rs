@@ -4,7 +4,7 @@ use std::fs::OpenOptions;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
-use taxel_wire::{Received, Subscriber};
+use taxel_wire::{EventKind, Received, Subscriber};
 
 const PATIENCE: Duration = Duration::from_secs(20);
 
@@ -58,6 +58,16 @@ fn connect(daemon: &mut Running, folder: &Path) -> Subscriber {
     }
 }
 
+/// Connects, and waits until the daemon has said what hand it is.
+fn served(daemon: &mut Running, folder: &Path) -> Subscriber {
+    let mut subscriber = connect(daemon, folder);
+    match subscriber.next_timeout(PATIENCE) {
+        Ok(Some(Received::Hello(_))) => {}
+        other => panic!("a subscriber was sent {other:?}"),
+    }
+    subscriber
+}
+
 #[test]
 fn a_log_on_a_full_disk_does_not_end_the_daemon() {
     let folder = tempfile::tempdir().unwrap();
@@ -76,17 +86,34 @@ fn a_log_that_nobody_reads_holds_up_no_subscriber() {
     let mut daemon = start(folder.path(), stderr.into());
     let mut stays = connect(&mut daemon, folder.path());
     // Two lines each: far more than a pipe holds.
-    for nth in 0..1500 {
-        let mut subscriber = connect(&mut daemon, folder.path());
-        match subscriber.next_timeout(PATIENCE) {
-            Ok(Some(Received::Hello(_))) => {}
-            other => panic!("subscriber {nth} was sent {other:?}"),
-        }
+    for _ in 0..1500 {
+        served(&mut daemon, folder.path());
     }
     for _ in 0..5 {
         assert!(stays.next_timeout(PATIENCE).unwrap().is_some());
     }
     drop(unread);
+}
+
+#[test]
+fn a_client_that_is_turned_away_again_and_again_does_not_fill_the_log() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log");
+    let log = std::fs::File::create(&path).unwrap();
+    let mut daemon = start(folder.path(), log.into());
+    let _full: Vec<_> = (0..128).map(|_| served(&mut daemon, folder.path())).collect();
+    let begun = Instant::now();
+    for _ in 0..200 {
+        let mut late = connect(&mut daemon, folder.path());
+        match late.next_timeout(PATIENCE) {
+            Ok(Some(Received::Event(event))) => assert_eq!(event.event, EventKind::Disconnect),
+            other => panic!("{other:?}"),
+        }
+    }
+    let log = std::fs::read_to_string(&path).unwrap();
+    let lines = log.matches("turned away").count() as u64;
+    let most = 1 + begun.elapsed().as_secs() / 10;
+    assert!((1..=most).contains(&lines), "{lines} lines, at most {most}");
 }
 
 #[test]
@@ -113,9 +140,5 @@ fn a_daemon_out_of_file_descriptors_says_so_once() {
     assert_eq!(complaints(), 1);
     drop(connected);
     // And it goes on when there are some.
-    let mut late = connect(&mut daemon, folder.path());
-    assert!(matches!(
-        late.next_timeout(PATIENCE),
-        Ok(Some(Received::Hello(_)))
-    ));
+    served(&mut daemon, folder.path());
 }
