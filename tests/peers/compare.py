@@ -1,13 +1,12 @@
 """Runs `taxel eval`, the Rust kernels and the peers on the same frames, and writes results.json and report.md.
 
-Called by tests/peers/run, which makes what it needs. tables.py makes the tables of docs/benchmarks.md from results.json.
+Whatever is timed is timed in each of several rounds; see rounds.py. Called by tests/peers/run, which makes what it needs. tables.py makes the tables of docs/benchmarks.md from results.json.
 """
 
 import argparse
 import json
 import os
 import platform
-import subprocess
 import sys
 from pathlib import Path
 
@@ -16,12 +15,16 @@ from scipy.optimize import linear_sum_assignment
 
 import tables
 from peers import Kmeans1d, Kmeans1dPython, OpenCv, ScikitLearn, overheads
+from rounds import Eval, Kernels, Scaling, at, least, output
 
 ROOT = Path(__file__).resolve().parents[2]
 DATA = Path(os.environ.get("TAXEL_DATA", ROOT.parent / "shared/data"))
 LEVELS, ACTUATORS = 8, 16
 METHODS = ["paper", "optimal"]
 HISTORIES = [0, 0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1, 1.5, 2]
+SWEEP = [2, 4, 8, 16, 32]
+# What a user might pick instead, and on how many frames of an input at most.
+PEERS = [(OpenCv(1), 10**9), (OpenCv(10), 120), (ScikitLearn(1), 100), (ScikitLearn(10), 20), (Kmeans1d(), 300), (Kmeans1dPython(), 100)]
 JUMP_GAINS = [0, 0.01, 0.02, 0.05, 0.1, 0.3]
 # Six pressure arrays of 14 or 13 rows of six, one below the other. Each taxel idles at a level of its own: forces are above the first frames' median.
 SCHUNK_LAYOUT, SCHUNK_IDLE_FRAMES, SCHUNK_THRESHOLD = "grid:81x6", 10, 10
@@ -63,10 +66,15 @@ def recordings(quick, folder):
     return found
 
 
-def taxel_eval(taxel, args, *more):
-    command = [taxel, "eval", *args, "--levels", LEVELS, "--actuators", ACTUATORS, "--json", *more]
-    result = subprocess.run([str(c) for c in command], stdout=subprocess.PIPE, check=True)
-    return json.loads(result.stdout)
+def sized(levels, actuators):
+    return ["--levels", levels, "--actuators", actuators]
+
+
+SIZE = sized(LEVELS, ACTUATORS)
+
+
+def untimed(taxel, args, *more):
+    return output([taxel, "eval", *args, *SIZE, "--json", *more, "--passes", 1])
 
 
 def squared_error(a, b):
@@ -97,59 +105,116 @@ def has_work(forces):
     return len(forces) > ACTUATORS and len(np.unique(forces)) > LEVELS
 
 
-def run_peer(peer, frames, most):
+class Peer:
     """A peer on frames with more contacts than actuators and more different forces than levels: on all of them, or on `most` evenly spread
-    ones. Jumps are counted where all are run."""
-    times, level_times, force_ratios, place_ratios, jumped, kept = [], [], [], [], 0, 0
-    before = None
-    places = hasattr(peer, "places")
-    contact = frames["contact"].astype(bool)
-    xy = np.stack([frames["x"], frames["y"]], axis=1).astype(np.float64)
-    hard = sum(1 for t in range(len(contact)) if has_work(frames["force"][t][contact[t]]))
-    step = max(1, -(-hard // most))
-    done = 0
-    for t in range(len(contact)):
-        forces, pixels = frames["force"][t][contact[t]], np.ascontiguousarray(xy[contact[t]])
-        if not has_work(forces):
-            before = None
-            continue
-        done += 1
-        if done % step:
-            continue
-        shown, us = peer.levels(forces, LEVELS, t)
-        level_times.append(us)
-        force_ratios.append(squared_error(forces, shown) / frames["level_error"][t])
-        if places:
-            labels, place_us = peer.places(pixels, ACTUATORS, t)
-            us += place_us
-            error, now = place_error(pixels, labels)
-            place_ratios.append(error / frames["place_error"][t])
-            if step == 1:
-                j, k = jumps(before, now)
-                jumped, kept, before = jumped + j, kept + k, now
-        times.append(us)
-    if not times:
-        return None
-    at = lambda values, q: float(np.quantile(values, q, method="inverted_cdf"))
-    result = {
-        "name": peer.name,
-        "frames": len(times),
-        "levels_us_p50": at(level_times, 0.5),
-        "levels_us_p99": at(level_times, 0.99),
-        "force_sse_ratio_mean": float(np.mean(force_ratios)),
-        "force_sse_ratio_p50": at(force_ratios, 0.5),
-        "force_sse_ratio_p95": at(force_ratios, 0.95),
-        "force_optimal_fraction": float(np.mean(np.array(force_ratios) <= 1 + 1e-9)),
-    }
-    if places:
-        result |= {
-            "both_us_p50": at(times, 0.5),
-            "both_us_p99": at(times, 0.99),
-            "position_sse_ratio_mean": float(np.mean(place_ratios)),
-            "position_sse_ratio_p95": at(place_ratios, 0.95),
-            "jump_fraction": jumped / kept if kept else None,
+    ones. Jumps are counted where all are run. In a round, the time of a frame is the best of a few calls."""
+
+    def __init__(self, peer, most):
+        self.peer, self.most = peer, most
+        self.errors, self.level_times, self.times = None, [], []
+
+    def measure(self, frames):
+        times, level_times, force_ratios, place_ratios, jumped, kept = [], [], [], [], 0, 0
+        before = None
+        places = hasattr(self.peer, "places")
+        contact = frames["contact"].astype(bool)
+        xy = np.stack([frames["x"], frames["y"]], axis=1).astype(np.float64)
+        hard = sum(1 for t in range(len(contact)) if has_work(frames["force"][t][contact[t]]))
+        step = max(1, -(-hard // self.most))
+        done = 0
+        for t in range(len(contact)):
+            forces, pixels = frames["force"][t][contact[t]], np.ascontiguousarray(xy[contact[t]])
+            if not has_work(forces):
+                before = None
+                continue
+            done += 1
+            if done % step:
+                continue
+            shown, us = self.peer.levels(forces, LEVELS, t)
+            level_times.append(us)
+            force_ratios.append(squared_error(forces, shown) / frames["level_error"][t])
+            if places:
+                labels, place_us = self.peer.places(pixels, ACTUATORS, t)
+                us += place_us
+                error, now = place_error(pixels, labels)
+                place_ratios.append(error / frames["place_error"][t])
+                if step == 1:
+                    j, k = jumps(before, now)
+                    jumped, kept, before = jumped + j, kept + k, now
+            times.append(us)
+        self.times.append(times)
+        self.level_times.append(level_times)
+        if not times or self.errors is not None:
+            return
+        self.errors = {
+            "name": self.peer.name,
+            "frames": len(times),
+            "force_sse_ratio_mean": float(np.mean(force_ratios)),
+            "force_sse_ratio_p50": at(force_ratios, 0.5),
+            "force_sse_ratio_p95": at(force_ratios, 0.95),
+            "force_optimal_fraction": float(np.mean(np.array(force_ratios) <= 1 + 1e-9)),
         }
-    return result
+        if places:
+            self.errors |= {
+                "position_sse_ratio_mean": float(np.mean(place_ratios)),
+                "position_sse_ratio_p95": at(place_ratios, 0.95),
+                "jump_fraction": jumped / kept if kept else None,
+            }
+
+    def result(self):
+        """Nothing where no frame had work."""
+        if self.errors is None:
+            return None
+        level_times, times = least(self.level_times), least(self.times)
+        result = self.errors | {
+            "levels_us_p50": at(level_times, 0.5),
+            "levels_us_p99": at(level_times, 0.99),
+        }
+        if hasattr(self.peer, "places"):
+            result |= {"both_us_p50": at(times, 0.5), "both_us_p99": at(times, 0.99)}
+        return result
+
+
+class Overheads:
+    """What a call of each peer costs that has nothing to do."""
+
+    def __init__(self):
+        self.rounds = []
+
+    def measure(self):
+        self.rounds.append({peer.name: overheads(peer) for peer, _ in PEERS})
+
+    def result(self):
+        return {name: {stage: min(r[name][stage] for r in self.rounds) for stage in first} for name, first in self.rounds[0].items()}
+
+
+class Recording:
+    """One input with all that runs on its frames."""
+
+    def __init__(self, name, args, real, options, folder):
+        self.name, self.real = name, real
+        self.file = folder / (name.replace(" ", "_").replace(",", "") + ".npz")
+        methods = [a for m in METHODS for a in ("--method", m)]
+        self.eval = Eval(options.taxel, args, *SIZE, *methods, export=self.file, times=folder / "times.npz")
+        self.kernels = Kernels(options.kernels, self.file, LEVELS)
+        self.peers = [Peer(peer, most) for peer, most in PEERS]
+
+    def has_contacts(self):
+        return self.eval.report["contact_frames"] > 0
+
+    def measure(self):
+        self.eval.measure()
+        if not self.has_contacts():
+            print(f"\n{self.name}: no contact in any of {self.eval.report['frames']} frames")
+            return
+        frames = dict(np.load(self.file))
+        for peer in self.peers:
+            peer.measure(frames)
+        self.kernels.measure()
+
+    def result(self, overheads):
+        peers = [result | {"overhead_us": overheads[result["name"]]} for peer in self.peers if (result := peer.result())]
+        return {"name": self.name, "real": self.real, "eval": self.eval.result(), "peers": peers, "kernels": self.kernels.result()}
 
 
 def machine():
@@ -168,13 +233,6 @@ def machine():
     return f"{model}, {os.cpu_count()} cores; {versions}"
 
 
-def switches(taxel, args):
-    """Every switch of the method on one recording, and a display with fixed actuators."""
-    standard = taxel_eval(taxel, args)
-    fixed = taxel_eval(taxel, args, "--method", FIXED)["methods"][0] | {"name": "optimal fixed=16 places, 4 x 4"}
-    return standard | {"methods": [*standard["methods"], fixed]}
-
-
 def flicker(taxel, inputs, measured):
     """Recordings of magnitudes with several thresholds."""
     found = []
@@ -186,10 +244,18 @@ def flicker(taxel, inputs, measured):
         runs = []
         for label, more in FLICKER:
             changed = [*args[:where], label.split(",")[0], *args[where + 1 :], *more]
-            runs.append({"threshold": label, "eval": taxel_eval(taxel, changed, *methods, "--passes", 1)})
+            runs.append({"threshold": label, "eval": untimed(taxel, changed, *methods)})
         peer = next((p for r in measured if r["name"] == name for p in r["peers"] if p["name"].startswith("OpenCV kmeans, 1 ")), {})
         found.append({"name": name, "runs": runs, "opencv_jump_fraction": peer.get("jump_fraction")})
     return found
+
+
+def history(taxel, inputs, first):
+    """Error against movement."""
+    chosen = (first, "Schunk ORANGE_FRESH_1300205837, six arrays", "scene ball-grasp", "scene slip")
+    methods = [f"optimal history={h}" for h in HISTORIES] + ["paper"] + [f"optimal jump_gain={g}" for g in JUMP_GAINS]
+    more = [a for m in methods for a in ("--method", m)]
+    return [{"name": name, "eval": untimed(taxel, args, *more)} for name, args, _ in inputs if name in chosen]
 
 
 def main():
@@ -198,46 +264,44 @@ def main():
     parser.add_argument("--kernels", required=True)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--rounds", type=int, help="how often everything is timed, one round after the other (3; 1 with --quick)")
     options = parser.parse_args()
+    rounds = options.rounds or (1 if options.quick else 3)
     frames_dir = options.out / "frames"
     frames_dir.mkdir(parents=True, exist_ok=True)
+    times = frames_dir / "times.npz"
     methods = [a for m in METHODS for a in ("--method", m)]
-    results = {"machine": machine(), "levels": LEVELS, "actuators": ACTUATORS, "recordings": []}
-    print(results["machine"])
-    overhead = {}
-    for name, args, real in recordings(options.quick, frames_dir):
-        file = frames_dir / (name.replace(" ", "_").replace(",", "") + ".npz")
-        report = taxel_eval(options.taxel, args, *methods, "--export", file)
-        if report["contact_frames"] == 0:
-            print(f"\n{name}: no contact in any of {report['frames']} frames")
-            continue
-        frames = dict(np.load(file))
-        every = 10**9
-        peers = [(OpenCv(1), every), (OpenCv(10), 120), (ScikitLearn(1), 100), (ScikitLearn(10), 20), (Kmeans1d(), 300), (Kmeans1dPython(), 100)]
-        measured = []
-        for peer, most in peers:
-            overhead.setdefault(peer.name, overheads(peer))
-            result = run_peer(peer, frames, most)
-            if result:
-                measured.append(result | {"overhead_us": overhead[peer.name]})
-        kernels = json.loads(subprocess.check_output([options.kernels, file, str(LEVELS)]))
-        recording = {"name": name, "real": real, "eval": report, "peers": measured, "kernels": kernels}
-        results["recordings"].append(recording)
-        print(f"\n### {name}\n\n{tables.peers(recording)}", flush=True)
+    inputs = recordings(options.quick, frames_dir)
+    first = inputs[0]
 
-    first = next(iter(recordings(True, frames_dir)))
-    history = [a for h in HISTORIES for a in ("--method", f"optimal history={h}")]
-    baseline = ["--method", "paper", *(a for g in JUMP_GAINS for a in ("--method", f"optimal jump_gain={g}"))]
-    results["history"] = []
-    for name, args, _ in recordings(False, frames_dir):
-        if name in (first[0], "Schunk ORANGE_FRESH_1300205837, six arrays", "scene ball-grasp", "scene slip"):
-            results["history"].append({"name": name, "eval": taxel_eval(options.taxel, args, *history, *baseline, "--passes", 1)})
-    sizes = taxel_eval(options.taxel, ["sim:tap"], *methods, "--scaling", "--passes", 1)
-    results["scaling"] = sizes["scaling"]
-    results["kernel_scaling"] = json.loads(subprocess.check_output([options.kernels, "--made-up", str(LEVELS)]))
-    results["sweep"] = taxel_eval(options.taxel, first[1], *methods, "--sweep-k")["sweep"]
-    results["switches"] = switches(options.taxel, first[1])
-    results["flicker"] = flicker(options.taxel, recordings(options.quick, frames_dir), results["recordings"])
+    measured = [Recording(name, args, real, options, frames_dir) for name, args, real in inputs]
+    # Every switch of the method on one recording, and a display with fixed actuators.
+    standard = Eval(options.taxel, first[1], *SIZE, times=times)
+    fixed = Eval(options.taxel, first[1], *SIZE, "--method", FIXED, times=times)
+    sweep = [Eval(options.taxel, first[1], *sized(k, k), *methods, times=times) for k in SWEEP]
+    scaling = Scaling(options.taxel, *SIZE, *methods)
+    kernel_scaling = Kernels(options.kernels, "--made-up", LEVELS)
+    calls = Overheads()
+    others = [("calls of peers", [calls]), ("switches", [standard, fixed]), ("sweep", sweep), ("scaling", [scaling, kernel_scaling])]
+    for n in range(rounds):
+        for name, each in [*((r.name, [r]) for r in measured), *others]:
+            print(f"round {n + 1} of {rounds}: {name}", file=sys.stderr, flush=True)
+            for timed in each:
+                timed.measure()
+        measured = [r for r in measured if r.has_contacts()]
+
+    results = {"machine": machine(), "rounds": rounds, "levels": LEVELS, "actuators": ACTUATORS}
+    print(results["machine"])
+    results["recordings"] = [recording.result(calls.result()) for recording in measured]
+    for recording in results["recordings"]:
+        print(f"\n### {recording['name']}\n\n{tables.peers(recording)}", flush=True)
+    results["switches"] = standard.result()
+    results["switches"]["methods"].append(fixed.result()["methods"][0] | {"name": "optimal fixed=16 places, 4 x 4"})
+    results["sweep"] = [size.result() for size in sweep]
+    results["scaling"] = scaling.result()
+    results["kernel_scaling"] = kernel_scaling.result()
+    results["history"] = history(options.taxel, recordings(False, frames_dir), first[0])
+    results["flicker"] = flicker(options.taxel, inputs, results["recordings"])
     (options.out / "results.json").write_text(json.dumps(results, indent=1))
     (options.out / "report.md").write_text(tables.report(results))
     print(f"\n{tables.summary(results)}\n\n{tables.figures(results)}")

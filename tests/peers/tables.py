@@ -317,7 +317,7 @@ TABLES = {
 
 
 def report(results):
-    parts = [results["machine"], summary(results), *(f"### {r['name']}\n\n{peers(r)}" for r in results["recordings"])]
+    parts = [f"{results['machine']}; least of {results['rounds']} rounds", summary(results), *(f"### {r['name']}\n\n{peers(r)}" for r in results["recordings"])]
     return "\n\n".join(parts) + "\n"
 
 

@@ -12,8 +12,8 @@ use serde::Serialize;
 use std::io::{self, Write};
 use std::path::PathBuf;
 use taxel_eval::{
-    ContactTruth, EvalReport, Method, MethodReport, References, ScalingReport, Sequence, judge, quantile,
-    standard_methods, synthetic, time,
+    ContactTruth, EvalReport, Method, MethodReport, References, ScalingReport, Sequence, Timings, judge,
+    quantile, standard_methods, synthetic, time,
 };
 use taxeld::Config;
 
@@ -64,6 +64,9 @@ pub(crate) struct Args {
     /// level_error and place_error (T)
     #[arg(long, value_name = "FILE")]
     export: Option<PathBuf>,
+    /// Write every time of INPUT as .npz: condition_us and compress_us (methods x frames with contact x passes)
+    #[arg(long, value_name = "FILE")]
+    times: Option<PathBuf>,
 }
 
 /// Levels and actuators of `--sweep-k`.
@@ -115,9 +118,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         bail!("{path}: no frame: it ends before its first tick or sweep is complete");
     }
     let base = config.profile;
-    let (input, references) = args.report(&frames, &args.methods(&base)?)?;
+    let (input, references, timings) = args.report(&frames, &args.methods(&base)?)?;
     if let Some(file) = &args.export {
         export::write(file, &frames.sequence, &references).with_context(|| file.display().to_string())?;
+    }
+    if let Some(file) = &args.times {
+        export::write_times(file, &timings).with_context(|| file.display().to_string())?;
     }
     if input.contact_frames == 0 {
         eprintln!("taxel: {path}: nothing is in contact in any frame, so there is nothing to judge");
@@ -241,7 +247,11 @@ impl Args {
         Ok(parsed.collect::<Result<_, _>>()?)
     }
 
-    fn report(&self, frames: &Frames, methods: &[Method]) -> anyhow::Result<(EvalReport, References)> {
+    fn report(
+        &self,
+        frames: &Frames,
+        methods: &[Method],
+    ) -> anyhow::Result<(EvalReport, References, Vec<Timings>)> {
         let sequence = &frames.sequence;
         let profile = &methods.first().context("no method to judge")?.profile;
         let (levels, actuators) = (profile.level_count(), profile.actuators);
@@ -295,6 +305,6 @@ impl Args {
             contact_truth: frames.truth,
             methods: reports.collect(),
         };
-        Ok((report, references))
+        Ok((report, references, timings))
     }
 }

@@ -37,11 +37,13 @@ pub struct Cost {
     pub allocations_per_tick: Option<f64>,
 }
 
-/// One measurement, microseconds.
-#[derive(Debug, Clone, Copy)]
-struct Lap {
-    condition_us: f32,
-    compress_us: f32,
+/// One tick as measured, microseconds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lap {
+    /// Conditioning; zero where the recording holds magnitudes.
+    pub condition_us: f32,
+    /// Both stages.
+    pub compress_us: f32,
 }
 
 /// Measurements of one method.
@@ -53,6 +55,11 @@ pub struct Timings {
 }
 
 impl Timings {
+    /// Every measurement: of each frame with contacts, in the order of the frames, that of each pass.
+    pub fn laps(&self) -> &[Vec<Lap>] {
+        &self.laps
+    }
+
     /// The quantiles over frames of the time of both stages, each frame's the least of its passes: for few passes.
     pub fn least_compress_us(&self) -> Quantiles {
         let of_frame = |laps: &Vec<Lap>| {

@@ -21,7 +21,7 @@ mod tally;
 pub use best_levels::least_level_error;
 pub use best_places::{RESTARTS, least_place_error};
 pub use contact_truth::{ContactTruth, contact_truth};
-pub use cost::{Allocations, Cost, Timings, time};
+pub use cost::{Allocations, Cost, Lap, Timings, time};
 pub use judge::{Errors, judge};
 pub use method::{Method, MethodError, standard_methods};
 pub use quantile::{Quantiles, quantile};

@@ -1,12 +1,12 @@
-//! Conditioned frames for other programs to judge.
+//! Conditioned frames and measured times for other programs to judge.
 
 use anyhow::Context;
-use ndarray::{Array1, Array2};
+use ndarray::{Array1, Array2, Array3};
 use ndarray_npy::NpzWriter;
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
-use taxel_eval::{References, Sequence};
+use taxel_eval::{Lap, References, Sequence, Timings};
 
 /// Writes `force` (f64) and `contact` (u8) `T x N`, 0 where a taxel has a fault; `x`, `y` (u16) `N`; `t_ns` (u64) `T`; and
 /// what a method's errors are divided by: `level_error`, `place_error` (f64) `T`.
@@ -34,5 +34,16 @@ pub(super) fn write(path: &Path, sequence: &Sequence, references: &References) -
         "place_error",
         &best.iter().map(|f| f.place_error).collect::<Array1<f64>>(),
     )?;
+    npz.finish()?.flush().context("writing")
+}
+
+/// Writes `condition_us`, `compress_us` (f32) `M x T x P`: of each method, each frame with contacts, each pass.
+pub(super) fn write_times(path: &Path, timings: &[Timings]) -> anyhow::Result<()> {
+    let frames = timings.first().map_or(&[][..], Timings::laps);
+    let shape = (timings.len(), frames.len(), frames.first().map_or(0, Vec::len));
+    let times = |of: fn(&Lap) -> f32| Array3::from_shape_fn(shape, |(m, t, p)| of(&timings[m].laps()[t][p]));
+    let mut npz = NpzWriter::new_compressed(BufWriter::new(File::create(path)?));
+    npz.add_array("condition_us", &times(|lap| lap.condition_us))?;
+    npz.add_array("compress_us", &times(|lap| lap.compress_us))?;
     npz.finish()?.flush().context("writing")
 }
