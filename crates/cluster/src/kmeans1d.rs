@@ -211,12 +211,14 @@ impl Kmeans1d {
     fn partition(&mut self, values: &[f64], clusters: usize) {
         let unit = self.grid.step() * self.grid.step();
         let last = self.penalty.map(|p| p / unit).filter(|p| p.is_normal());
-        let mut penalty = self
-            .search
-            .run(&Fast::new(&self.grid), &mut self.pass, clusters, last);
-        let allowed = self.grid.cost(&self.search.starts) * 2f64.powi(-32);
-        let sure = penalty.is_some() && 2.0 * self.grid.uncertainty(clusters) <= allowed;
-        if !sure || splits_equals(values, &self.search.starts) {
+        let fast = Fast::new(&self.grid);
+        let mut penalty = self.search.run(&fast, &mut self.pass, clusters, last);
+        let may_hide = |cost: f64| 2.0 * self.grid.uncertainty(clusters) > cost * 2f64.powi(-32);
+        // Mostly the least that the cost can be is enough to tell.
+        let starts = &self.search.starts;
+        let is_sure =
+            penalty.is_some() && (!may_hide(fast.least_cost(starts)) || !may_hide(self.grid.cost(starts)));
+        if !is_sure || splits_equals(values, &self.search.starts) {
             self.grid.place_squares();
             penalty = self
                 .search

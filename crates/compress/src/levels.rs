@@ -109,24 +109,26 @@ impl Levels {
         self.sorted.clear();
         self.sorted.extend_from_slice(forces);
         self.sorted.sort_unstable_by_key(|force| force.to_bits());
-        self.values.clear();
-        self.counts.clear();
-        for equal in self.sorted.chunk_by(|a, b| a == b) {
-            self.values.push(equal[0]);
-            self.counts.push(equal.len() as u32);
-        }
         let levels = usize::from(profile.levels);
-        let found = if self.values.len() == self.sorted.len() {
-            self.solver.solve(&self.values, levels)
+        let all_differ = self.sorted.windows(2).all(|pair| pair[0] != pair[1]);
+        let (values, found) = if all_differ {
+            (&self.sorted, self.solver.solve(&self.sorted, levels))
         } else {
-            self.solver.solve_weighted(&self.values, &self.counts, levels)
+            self.values.clear();
+            self.counts.clear();
+            for equal in self.sorted.chunk_by(|a, b| a == b) {
+                self.values.push(equal[0]);
+                self.counts.push(equal.len() as u32);
+            }
+            let found = self.solver.solve_weighted(&self.values, &self.counts, levels);
+            (&self.values, found)
         };
         self.codebook.clear();
         match found {
             Ok(found) => {
                 self.codebook.extend_from_slice(found.centroids);
                 for start in found.starts.iter().skip(1) {
-                    let border = self.values[*start as usize];
+                    let border = values[*start as usize];
                     for (level, force) in self.level.iter_mut().zip(forces) {
                         *level += u16::from(*force >= border);
                     }

@@ -70,6 +70,13 @@ impl<'a> Fast<'a> {
     }
 }
 
+impl Fast<'_> {
+    /// What a partition costs at least, whatever the rounding; it may be negative.
+    pub(super) fn least_cost(&self, starts: &[u32]) -> f64 {
+        self.of_partition(starts) + self.offset(self.grid.n) - self.slack
+    }
+}
+
 /// Values side by side in one step of a scan.
 const LANES: usize = 4;
 

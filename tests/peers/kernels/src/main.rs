@@ -146,15 +146,16 @@ impl Kernel {
 
     fn cost(&mut self, values: &[f64], clusters: u8) -> f64 {
         self.sort(values);
-        self.values.clear();
-        self.counts.clear();
-        for equal in self.sorted.chunk_by(|a, b| a == b) {
-            self.values.push(equal[0]);
-            self.counts.push(equal.len() as u32);
-        }
-        let solved = if self.values.len() == self.sorted.len() {
-            self.solver.solve(&self.values, clusters.into())
+        let all_differ = self.sorted.windows(2).all(|pair| pair[0] != pair[1]);
+        let solved = if all_differ {
+            self.solver.solve(&self.sorted, clusters.into())
         } else {
+            self.values.clear();
+            self.counts.clear();
+            for equal in self.sorted.chunk_by(|a, b| a == b) {
+                self.values.push(equal[0]);
+                self.counts.push(equal.len() as u32);
+            }
             self.solver
                 .solve_weighted(&self.values, &self.counts, clusters.into())
         };
