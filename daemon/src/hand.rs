@@ -149,7 +149,6 @@ impl Hand {
                     .filter(|(module, _)| usize::from(module.bus) == index)
                     .map(|(_, counters)| counters);
                 let sum = |count: fn(&BoardCounters) -> u64| boards.clone().map(count).sum::<u64>();
-                let errors = &bus.source.errors;
                 json!({
                     "name": name,
                     "source": source.to_string(),
@@ -159,6 +158,7 @@ impl Hand {
                     "error_counters": { "tx": bus.source.error_counters[0], "rx": bus.source.error_counters[1] },
                     "frames_hz": bus.load.frames_hz,
                     "load_percent": 100.0 * bus.load.share,
+                    "load_percent_most": 100.0 * bus.load.share_most,
                     "problems": problems.kinds(Place::Bus(index)),
                     "received": bus.source.received,
                     "used": sum(|b| b.used),
@@ -180,19 +180,7 @@ impl Hand {
                     "sent": bus.source.sent,
                     "send_failures": bus.source.send_failures,
                     "remote": bus.source.remote,
-                    "errors": {
-                        "frames": errors.frames,
-                        "tx_timeout": errors.tx_timeout,
-                        "lost_arbitration": errors.lost_arbitration,
-                        "controller": errors.controller,
-                        "controller_overflow": errors.controller_overflow,
-                        "protocol": errors.protocol,
-                        "transceiver": errors.transceiver,
-                        "no_acknowledge": errors.no_acknowledge,
-                        "bus_off": errors.bus_off,
-                        "bus_error": errors.bus_error,
-                        "restarted": errors.restarted,
-                    },
+                    "errors": error_frames(&bus.source.errors),
                 })
             })
             .collect();
@@ -330,6 +318,23 @@ impl Hand {
     pub(crate) fn heartbeat(&self) -> u64 {
         self.shared.heartbeat.load(Ordering::Relaxed)
     }
+}
+
+/// What a bus's error frames told, of one bus in the `status` reply.
+fn error_frames(errors: &taxel_can::ErrorCauses) -> Value {
+    json!({
+        "frames": errors.frames,
+        "tx_timeout": errors.tx_timeout,
+        "lost_arbitration": errors.lost_arbitration,
+        "controller": errors.controller,
+        "controller_overflow": errors.controller_overflow,
+        "protocol": errors.protocol,
+        "transceiver": errors.transceiver,
+        "no_acknowledge": errors.no_acknowledge,
+        "bus_off": errors.bus_off,
+        "bus_error": errors.bus_error,
+        "restarted": errors.restarted,
+    })
 }
 
 impl Rate {

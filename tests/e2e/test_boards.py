@@ -118,6 +118,65 @@ def test_every_image_fits_the_counts_that_the_boards_sent(start, simulate, bus, 
     assert [b["state"] for b in status["boards"]] == ["living"]
 
 
+def two_hubs():
+    """The triangle twice, on a bus and a hub each."""
+    text = cyskin_triangle()
+    head, rest = text.split("[[cyskin.hub]]", 1)
+    hub, module = rest.split("[[module]]", 1)
+    width = tomllib.loads(text)["image"]["width"]
+    second = {'"can0"': '"can1"', '"hub"': '"second"', "0x000001": "0x000002", "at = [0, 0]": f"at = [{width}, 0]"}
+    name = tomllib.loads(text)["module"][0]["name"]
+
+    def other(part):
+        for old, new in second.items():
+            part = part.replace(old, new)
+        return part.replace(f'name = "{name}"', f'name = "{name} 2"')
+
+    head = head.replace('["can0"]', '["can0", "can1"]').replace(f"width = {width}", f"width = {2 * width}")
+    return "".join([head, "[[cyskin.hub]]", hub, "[[cyskin.hub]]", other(hub), "[[module]]", module, "\n[[module]]", other(module)])
+
+
+def test_cyskin_hubs_on_each_others_bus_are_started_there_and_told_of(start, folder):
+    layout = folder / "two-hubs.toml"
+    layout.write_text(two_hubs())
+    with MulticastBuses(2) as buses:
+
+        def plug(order):
+            to = [argument for bus in order for argument in ("--to", buses.sources[bus])]
+            with (folder / "sim.log").open("ab") as log:
+                return subprocess.Popen(
+                    [binary("taxel"), "sim", "idle", "--layout", layout, *to], stderr=log, preexec_fn=die_with_parent
+                )
+
+        daemon = start(
+            sources=buses.sources,
+            layout=layout,
+            tick={"mode": "timer", "rate_hz": 20.0},
+            boards={"mode": "free-running"},
+            sweep={},
+        )
+        swapped = plug([1, 0])
+        try:
+            status = daemon.wait_status(
+                lambda s: [p["kind"] for p in s["problems"]] == ["buses-swapped"], "swapped hubs are not told of"
+            )
+            (problem,) = status["problems"]
+            assert "can0 and can1 look swapped: 2 boards that only one of them has" in problem["sentence"], problem
+            assert buses.sources[0] in problem["sentence"] and problem["severe"]
+        finally:
+            swapped.kill()
+            swapped.wait()
+        right = plug([0, 1])
+        try:
+            status = daemon.wait_status(
+                lambda s: not s["problems"] and {b["state"] for b in s["boards"]} == {"living"}, "it is never over"
+            )
+            assert all(0 < b["load_percent"] < b["load_percent_most"] < 1.25 * b["load_percent"] for b in status["buses"])
+        finally:
+            right.kill()
+            right.wait()
+
+
 def test_boards_come_up_feel_the_ball_and_nothing_is_misunderstood(start, simulate, bus, patch):
     path, places = patch
     simulate("roll")

@@ -31,6 +31,20 @@ class Board:
         self.sweeps += 1
 
 
+class AllegroFingers:
+    """An Allegro hand of version 3 that another program has started: each finger's angles, `counts` from the centre."""
+
+    def __init__(self, bus, counts):
+        self.bus = bus
+        self.counts = counts
+        self.address = None  # nothing that a skin's board is told is for it
+        self.powered = self.started = True
+
+    def frames(self):
+        for finger, counts in enumerate(self.counts):
+            yield FRAME.pack(0x3C0 | 2 << 3 | 3 + finger, 8, struct.pack("<4H", *(32768 + c for c in counts)))
+
+
 class BoardsOnTheBus:
     """Plays boards in a thread of its own. `boards` may be changed at any time."""
 

@@ -3,11 +3,12 @@
 Each test says how long after the end of its cause the daemon was well again; only that it becomes so is asserted.
 """
 
+import math
 import time
 
 import can
 import pytest
-from harness.boards import Babbler, Board, BoardsOnTheBus
+from harness.boards import AllegroFingers, Babbler, Board, BoardsOnTheBus
 from harness.daemon import eventually
 from harness.slcan import SlcanAdapter
 
@@ -58,9 +59,9 @@ def play(start, layout, buses):
     """A daemon and its boards, on the buses of the test or the interfaces given."""
     playing = []
 
-    def play(boards, names=None, living=len(MODULES)):
+    def play(boards, names=None, living=len(MODULES), **tables):
         names = names or buses.names
-        daemon = start(sources=[f"can:{name}" for name in names], layout=str(layout), **FREE_RUNNING)
+        daemon = start(sources=[f"can:{name}" for name in names], layout=str(layout), **FREE_RUNNING, **tables)
         playing.append(BoardsOnTheBus(names, boards).__enter__())
         if living:
             daemon.wait_status(lambda s: count_living(s) == living, "not every board speaks", 20)
@@ -264,6 +265,37 @@ def test_a_hand_without_power_is_one_problem(play):
     for board in boards[:3]:
         board.powered = True
     is_well_again(daemon, since, "a bus without power")
+
+
+def test_a_hand_on_the_bus_of_its_skin_comes_back_with_it(play, buses):
+    counts = [[500 * finger + 40 * j for j in range(4)] for finger in range(4)]
+    angles = [math.radians(333.3 / 65536) * c for finger in counts for c in finger]
+    fingers = AllegroFingers(0, counts)
+    joints = {"source": f"allegro:can:{buses.names[0]}", "allegro": {"version": 3}}
+    daemon = play([*boards_of(), fingers], joints=joints)
+
+    def angles_of(status):
+        return [joint["angle_rad"] for joint in status["joints"]["joints"]]
+
+    status = daemon.wait_status(lambda s: None not in angles_of(s), "the hand is not heard")
+    assert angles_of(status) == pytest.approx(angles, abs=1e-6)
+    assert status["buses"][0]["unknown"] == 0 and status["buses"][0]["joints"] > 0 == status["buses"][1]["joints"]
+
+    fingers.powered = False
+    found = comes(daemon, "hand-silent", f"the Allegro hand on can:{buses.names[0]} sends no angles", "power and cable")
+    assert found["severe"] and set(angles_of(daemon.status())) == {None}
+    others_go_on(daemon)
+    fingers.powered = True
+    is_well_again(daemon, time.monotonic(), "an Allegro hand without power")
+
+    buses.set(0, "down")
+    comes(daemon, "link-down")
+    daemon.wait_status(lambda s: set(angles_of(s)) == {None}, "angles stay known without their bus")
+    # Told of the bus, not of the hand or the boards on it.
+    assert kinds(daemon.status()) == ["link-down"]
+    buses.set(0, "up")
+    is_well_again(daemon, time.monotonic(), "the bus of hand and skin")
+    assert angles_of(daemon.status()) == pytest.approx(angles, abs=1e-6)
 
 
 @pytest.fixture

@@ -123,7 +123,7 @@ impl Command {
 /// An iCub board takes half a second to start, so a silent one is asked whether it is there, and started when it answers:
 /// give what is heard to [`BoardSupervisor::hear`]. One that never answers is started blindly now and then.
 ///
-/// A uSkin board that was never heard is started on other buses of the hand too, if these have no board of its address
+/// A uSkin board or CySkin hub that was never heard is started on other buses of the hand too, if these have no board of its address
 /// and [`BoardSupervisor::allow_search`] was called: wired to another bus it would otherwise stay silent, and
 /// [`crate::TrafficWatch`] could not say where it is.
 ///
@@ -187,7 +187,9 @@ impl BoardSupervisor {
                     .collect();
                 let sequences = Sequences::of_hub(setup, hub.address);
                 if !modules.is_empty() && !sequences.start.is_empty() {
-                    boards.push(Board::new(modules, hub.bus, sequences));
+                    let mut board = Board::new(modules, hub.bus, sequences);
+                    board.search = Search::of_hub(setup, hub.address, layout.buses.len() as u8);
+                    boards.push(board);
                 }
             }
         }

@@ -2,7 +2,7 @@
 
 use crate::boards::TxMode;
 use crate::start::Order;
-use crate::{Layout, Module};
+use crate::{CyskinSetup, Layout, Module};
 
 /// Of the attempts to start a board that was never heard, every so manieth is made on the other buses too.
 const EVERY: u32 = 3;
@@ -44,6 +44,19 @@ impl Search {
         let mut search = Self::default();
         for bus in 0..layout.buses.len() as u8 {
             search.buses.set(bus, !has(bus));
+        }
+        search
+    }
+
+    /// The search for a CySkin hub: on every bus without a hub of its address.
+    pub(crate) fn of_hub(setup: &CyskinSetup, address: u32, buses: u8) -> Self {
+        let mut search = Self::default();
+        for bus in 0..buses {
+            let has = setup
+                .hubs
+                .iter()
+                .any(|hub| (hub.bus, hub.address) == (bus, address));
+            search.buses.set(bus, !has);
         }
         search
     }

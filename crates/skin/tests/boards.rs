@@ -166,6 +166,68 @@ fn a_board_that_was_never_heard_is_looked_for_on_buses_that_have_none_of_its_add
 }
 
 #[test]
+fn a_hub_that_was_never_heard_is_looked_for_with_all_its_commands() {
+    let text = r#"
+name = "hubs"
+image = { width = 7, height = 2 }
+buses = ["left", "right"]
+[cyskin]
+byte_order = "big"
+checksum = "sum"
+sequence_bytes_above = 5
+sensors_per_module = 12
+start = [{ command = 0x38, data = [50] }, { command = 0x37, data = [1] }]
+stop = [{ command = 0x37, data = [0] }]
+[[cyskin.hub]]
+name = "a"
+bus = "left"
+address = 1
+[[cyskin.hub]]
+name = "b"
+bus = "right"
+address = 2
+[[module]]
+name = "ma"
+part = "p"
+bus = "left"
+hub = "a"
+board = 0
+protocol = "cyskin"
+at = [0, 0]
+order = [[1, 2, 3, 4, 5, 6, 7]]
+[[module]]
+name = "mb"
+part = "p"
+bus = "right"
+hub = "b"
+board = 0
+protocol = "cyskin"
+at = [0, 1]
+order = [[1, 2, 3, 4, 5, 6, 7]]
+"#;
+    let layout = Layout::parse(text, "hubs").unwrap_or_else(|e| panic!("{e}"));
+    let mut supervisor = BoardSupervisor::new(&layout, &config(BoardsMode::FreeRunning));
+    supervisor.allow_search(0, true);
+    supervisor.allow_search(1, true);
+    let sent = play(&mut supervisor, START, START + 2_000 * MS, |board, now, _| {
+        (board == 1).then_some(now)
+    });
+    let of_a: Vec<(u8, String)> = (sent.iter().filter(|(_, c)| c.board == 0))
+        .map(|(_, c)| (c.bus, c.frame().to_string()))
+        .collect();
+    let on = |bus: u8| -> Vec<&str> {
+        let there = of_a.iter().filter(|(b, _)| *b == bus);
+        there.map(|(_, frame)| frame.as_str()).collect()
+    };
+    let (own, other) = (on(0), on(1));
+    assert!(other.len() >= 2 && other.len().is_multiple_of(2), "{other:?}");
+    for there in other.chunks(2) {
+        assert_eq!(there, &own[..2], "the commands in their order");
+    }
+    assert_spaced(&sent, MS / 2);
+}
+
+#[test]
 fn nothing_is_sent_to_other_buses_where_that_was_not_allowed() {
     let hand = hand();
     let mut supervisor = BoardSupervisor::new(&hand, &config(BoardsMode::FreeRunning));

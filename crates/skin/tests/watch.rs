@@ -327,6 +327,97 @@ fn one_board_of_several_on_the_other_bus_is_not_called_a_swap() {
     assert_eq!(last(&found), [Finding::OnOtherBus { module: 1, bus: 1 }]);
 }
 
+/// Two buses with a hub each, or with more; the hub of a module is its index.
+fn two_buses_of_hubs(hubs: [&[u32]; 2]) -> Layout {
+    let mut text =
+        "name = \"hubs\"\nbuses = [\"left\", \"right\"]\nimage = { width = 40, height = 8 }\n[cyskin]\n\
+         byte_order = \"big\"\nchecksum = \"sum\"\nsequence_bytes_above = 5\nsensors_per_module = 12\n"
+            .to_string();
+    let mut modules = String::new();
+    for (bus, addresses) in hubs.iter().enumerate() {
+        for (n, address) in addresses.iter().enumerate() {
+            let (name, side) = (format!("h{bus}{n}"), ["left", "right"][bus]);
+            text += &format!("[[cyskin.hub]]\nname = \"{name}\"\nbus = \"{side}\"\naddress = {address}\n");
+            modules += &format!(
+                "[[module]]\nname = \"m{name}\"\npart = \"p\"\nbus = \"{side}\"\nhub = \"{name}\"\nboard = 2\n\
+                 protocol = \"cyskin\"\nat = [{}, {bus}]\norder = [[1, 2, 3, 4, 5, 6, 7]]\n",
+                7 * n
+            );
+        }
+    }
+    text += &modules;
+    Layout::parse(&text, "hubs.toml").unwrap_or_else(|e| panic!("{e}\n{text}"))
+}
+
+/// The packets of values of a hub on a bus, fifty times a second.
+fn hub(layout: &Layout, bus: u8, address: u32, command: u8) -> Traffic {
+    let setup = layout.cyskin.as_ref().expect("hubs");
+    let mut data = vec![2, 1];
+    data.extend((0..7).flat_map(|k| [0x20, k]));
+    let frames = taxel_skin::cyskin_frames(setup, address, command, &data).expect("a packet");
+    let sent = (0..75u64).flat_map(|sweep| (0u64..).zip(&frames).map(move |(i, frame)| (sweep, i, *frame)));
+    sent.map(|(sweep, i, frame)| {
+        let t_ns = 20 * MS * sweep + u64::from(bus) * MS + 100_000 * i + u64::from(address % 7) * 1_000_000;
+        (bus, Received { t_ns, frame })
+    })
+    .collect()
+}
+
+#[test]
+fn cyskin_hubs_on_the_wrong_bus_are_told_by_their_addresses() {
+    type Hubs = [&'static [u32]; 2];
+    type Speak = &'static [(u8, u32, u8)];
+    const VALUES: u8 = 0x43;
+    let cases: [(&str, Hubs, Speak, &[Finding]); 6] = [
+        ("well", [&[1], &[2]], &[(0, 1, VALUES), (1, 2, VALUES)], &[]),
+        (
+            "swapped",
+            [&[1], &[2]],
+            &[(1, 1, VALUES), (0, 2, VALUES)],
+            &[Finding::BusesSwapped {
+                buses: [0, 1],
+                module: 1,
+                boards: 2,
+            }],
+        ),
+        (
+            "one of two",
+            [&[1, 3], &[2]],
+            &[(0, 1, VALUES), (1, 3, VALUES), (1, 2, VALUES)],
+            &[Finding::OnOtherBus { module: 1, bus: 1 }],
+        ),
+        (
+            "here and there",
+            [&[1], &[2]],
+            &[(0, 1, VALUES), (1, 2, VALUES), (1, 1, VALUES)],
+            &[Finding::NotInLayout {
+                bus: 1,
+                protocol: Protocol::Cyskin,
+                address: 1,
+            }],
+        ),
+        (
+            "the same addresses",
+            [&[1], &[1]],
+            &[(0, 1, VALUES), (1, 1, VALUES)],
+            &[],
+        ),
+        (
+            "told to start",
+            [&[1], &[2]],
+            &[(1, 2, VALUES), (1, 1, 0x44)],
+            &[],
+        ),
+    ];
+    for (what, hubs, speak, wanted) in cases {
+        let layout = two_buses_of_hubs(hubs);
+        let traffic = speak
+            .iter()
+            .flat_map(|(bus, address, command)| hub(&layout, *bus, *address, *command));
+        assert_eq!(last(&found(&layout, traffic.collect(), 1400)), wanted, "{what}");
+    }
+}
+
 #[test]
 fn a_board_that_the_layout_does_not_have_is_named_by_its_address() {
     let layout = two_buses([&[0, 1], &[2, 3]]);

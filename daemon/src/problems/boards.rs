@@ -3,7 +3,7 @@
 use super::{Look, Place, Problem};
 use std::collections::VecDeque;
 use taxel_can::{BusState, LinkState};
-use taxel_skin::{BoardState, BoardsMode, Finding, Layout};
+use taxel_skin::{BoardState, BoardsMode, Finding, Layout, Protocol};
 
 /// A board that falls silent so often within so long is unsteady, until it was steady for a while.
 const SILENCES: usize = 3;
@@ -45,7 +45,7 @@ pub(super) fn judge(look: &Look<'_>, steadiness: &mut Steadiness, found: &mut Ve
     }
     let displaced = |module: usize| {
         look.now.findings.iter().any(|finding| match finding {
-            Finding::OnOtherBus { module: m, .. } => usize::from(*m) == module,
+            Finding::OnOtherBus { module: m, .. } => is_of_board(layout, usize::from(*m), module),
             Finding::BusesSwapped { buses, .. } => buses.contains(&layout.modules[module].bus),
             _ => false,
         })
@@ -85,15 +85,34 @@ pub(super) fn judge(look: &Look<'_>, steadiness: &mut Steadiness, found: &mut Ve
     }
 }
 
-/// `index tip (can0 board 3)`.
+/// Whether two modules are on one board: on one hub, or the same.
+fn is_of_board(layout: &Layout, module: usize, other: usize) -> bool {
+    let hub = |module: usize| layout.modules[module].hub;
+    module == other || (hub(module).is_some() && hub(module) == hub(other))
+}
+
+/// `index tip (can0 board 3)`; `palm (can0 hub left, board 3)`.
 fn named(layout: &Layout, module: usize) -> String {
     let m = &layout.modules[module];
-    format!(
-        "{} ({} board {})",
-        m.name,
-        layout.buses[usize::from(m.bus)],
-        m.board
-    )
+    let hub = hub_of(layout, module).map_or_else(String::new, |hub| format!("hub {hub}, "));
+    let bus = &layout.buses[usize::from(m.bus)];
+    format!("{} ({bus} {hub}board {})", m.name, m.board)
+}
+
+/// What is plugged into a bus with a module: its hub, or its board.
+fn plugged(layout: &Layout, module: usize) -> String {
+    match hub_of(layout, module) {
+        Some(hub) => format!(
+            "hub {hub} ({})",
+            layout.buses[usize::from(layout.modules[module].bus)]
+        ),
+        None => named(layout, module),
+    }
+}
+
+fn hub_of(layout: &Layout, module: usize) -> Option<&str> {
+    let hub = layout.modules[module].hub?;
+    Some(&layout.cyskin.as_ref()?.hubs.get(usize::from(hub))?.name)
 }
 
 fn what_is_done(look: &Look<'_>) -> &'static str {
@@ -176,7 +195,7 @@ fn of_finding(look: &Look<'_>, finding: &Finding) -> Problem {
                 format!("{id:03X}")
             };
             let loud = format!(
-                "{rate_hz:.0} frames/s, {:.0} % of a bus of 1 Mbit/s",
+                "{rate_hz:.0} frames/s, at least {:.0} % of a bus of 1 Mbit/s",
                 100.0 * share
             );
             let who = match module {
@@ -208,7 +227,7 @@ fn of_finding(look: &Look<'_>, finding: &Finding) -> Problem {
                 place: Place::Module(module.into()),
                 severe: false,
                 sentence: format!(
-                    "{name} sends {sweeps:.0} sweeps/s where others send {usual:.0}: {rate_hz:.0} frames/s, {:.0} % of a bus of 1 Mbit/s. Restart or unplug it; ids above its own may starve",
+                    "{name} sends {sweeps:.0} sweeps/s where others send {usual:.0}: {rate_hz:.0} frames/s, at least {:.0} % of a bus of 1 Mbit/s. Restart or unplug it; ids above its own may starve",
                     100.0 * share
                 ),
                 over: format!("{name} no longer babbles"),
@@ -251,7 +270,7 @@ fn of_finding(look: &Look<'_>, finding: &Finding) -> Problem {
         }
         Finding::OnOtherBus { module, bus } => {
             let index = usize::from(module);
-            let (name, other) = (named(layout, index), bus_name(bus));
+            let (name, other) = (plugged(layout, index), bus_name(bus));
             Problem {
                 kind: "board-on-other-bus",
                 place: Place::Module(index),
@@ -279,7 +298,7 @@ fn of_finding(look: &Look<'_>, finding: &Finding) -> Problem {
             let evidence = match boards {
                 1 => format!(
                     "{} speaks on {other}, which has no such board in the layout. It may also be that only this board is on the wrong bus",
-                    named(layout, index)
+                    plugged(layout, index)
                 ),
                 n => format!("{n} boards that only one of them has speak on the other"),
             };
@@ -300,18 +319,19 @@ fn of_finding(look: &Look<'_>, finding: &Finding) -> Problem {
             address,
         } => {
             let name = bus_name(bus);
+            let number = match protocol {
+                Protocol::Cyskin => format!("{address:#X}"),
+                _ => address.to_string(),
+            };
             Problem {
                 kind: "board-not-in-layout",
-                place: Place::Stranger(
-                    bus.into(),
-                    0x2000_0000 | (protocol as u32) << 8 | u32::from(address),
-                ),
+                place: Place::Stranger(bus.into(), 0x2000_0000 | (protocol as u32) << 26 | address),
                 severe: false,
                 sentence: format!(
-                    "{name}: a board answers as address {address} ({}), which the layout does not have there: correct its address switches, or add it to the layout",
+                    "{name}: a board answers as address {number} ({}), which the layout does not have there: correct its address switches, or add it to the layout",
                     protocol.name()
                 ),
-                over: format!("{name}: no board answers as address {address} any more"),
+                over: format!("{name}: no board answers as address {number} any more"),
             }
         }
     }

@@ -173,7 +173,7 @@ fn findings_are_told_with_their_figures_and_what_to_do() {
                 share: 0.444,
             },
             "babbling",
-            ["id 005", "4000 frames/s, 44 %"],
+            ["id 005", "4000 frames/s, at least 44 %"],
         ),
         (
             Finding::TwoBoards {

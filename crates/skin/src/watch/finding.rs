@@ -62,7 +62,7 @@ pub enum Finding {
         /// The protocol it speaks.
         protocol: Protocol,
         /// Its address.
-        address: u8,
+        address: u32,
     },
 }
 
@@ -71,6 +71,8 @@ pub enum Finding {
 pub struct BusLoad {
     /// Data and remote frames per second.
     pub frames_hz: f64,
-    /// Share of a bus of 1 Mbit/s, 0 to 1, stuff bits not counted.
+    /// Share of a bus of 1 Mbit/s, without stuff bits.
     pub share: f64,
+    /// The same with as many stuff bits as there can be; what it really was lies between the two (protocols.md 2.5).
+    pub share_most: f64,
 }

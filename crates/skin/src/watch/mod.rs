@@ -126,7 +126,7 @@ impl<T: Copy + PartialEq> Held<T> {
 impl TrafficWatch {
     /// A watch for the buses of a layout.
     pub fn new(layout: &Layout) -> Self {
-        let mut buses: Vec<Bus> = layout.buses.iter().map(|_| Bus::new()).collect();
+        let mut buses: Vec<Bus> = layout.buses.iter().map(|_| Bus::new(layout)).collect();
         let mut modules = Vec::new();
         for (index, module) in (0u16..).zip(&layout.modules) {
             let first = usize::from(module.first_taxel);
@@ -247,7 +247,12 @@ impl TrafficWatch {
         self.findings.clear();
         for bus in &mut self.buses {
             let (frames_hz, share) = figures(bus.tally.all.frames, bus.tally.all.bits);
-            bus.load = BusLoad { frames_hz, share };
+            let (_, share_most) = figures(bus.tally.all.frames, bus.tally.all.most_bits);
+            bus.load = BusLoad {
+                frames_hz,
+                share,
+                share_most,
+            };
         }
         for module in &mut self.modules {
             let sweeps = f64::from(module.readings) / f64::from(module.taxels.max(1));
@@ -362,13 +367,11 @@ impl TrafficWatch {
         }
     }
 
-    /// What is no board's, by its id: extended ones, and those that are neither a module's nor a stray's nor a command.
+    /// What is no board's, by its id: extended ones of no hub, and those that are neither a module's nor a stray's nor a command.
     fn look_for_strangers(&mut self) {
         for bus in self.buses.iter_mut().filter(|bus| !bus.strangers) {
-            let standard: u32 = bus.tally.ids.iter().map(|of| of.frames).sum();
             let mut ids = bus.tally.ids.iter().zip(bus.familiar.iter());
-            bus.strangers =
-                standard < bus.tally.all.frames || ids.any(|(of, familiar)| of.frames > 0 && !familiar);
+            bus.strangers = bus.tally.of_no_hub() > 0 || ids.any(|(of, familiar)| of.frames > 0 && !familiar);
         }
     }
 
@@ -381,7 +384,16 @@ impl TrafficWatch {
                     .filter(|id| tally.ids[usize::from(**id)].frames > 0)
                     .count()
             };
-            let speaks = 2 * heard(stray.bus, &stray.ids) >= stray.ids.len();
+            let speaks = match stray.protocol {
+                Protocol::Cyskin => {
+                    self.buses[usize::from(stray.bus)]
+                        .tally
+                        .hub(stray.address)
+                        .packets
+                        > 0
+                }
+                _ => 2 * heard(stray.bus, &stray.ids) >= stray.ids.len(),
+            };
             if stray.speaks.look(speaks.then_some(())).is_some() && !speaks {
                 // One window without most of a board's ids is proof enough that it is gone.
                 stray.speaks = Held::default();
@@ -430,9 +442,10 @@ impl TrafficWatch {
 const NOBODY: u16 = u16::MAX;
 
 impl Bus {
-    fn new() -> Self {
+    fn new(layout: &Layout) -> Self {
+        let hubs = layout.cyskin.iter().flat_map(|setup| &setup.hubs);
         Self {
-            tally: Tally::new(),
+            tally: Tally::new(hubs.map(|hub| hub.address)),
             owners: Box::new([NOBODY; 0x800]),
             familiar: Box::new(std::array::from_fn(|id| matches!(id >> 4, 0x20 | 0x70))),
             strangers: false,

@@ -8,7 +8,8 @@ use crate::{Layout, Protocol};
 pub(super) struct Stray {
     pub(super) bus: u8,
     pub(super) protocol: Protocol,
-    pub(super) address: u8,
+    pub(super) address: u32,
+    /// Its standard ids; none for a CySkin hub, which is told by its address.
     pub(super) ids: Vec<u16>,
     /// The module that has this address, on another bus.
     pub(super) module: Option<u16>,
@@ -51,7 +52,7 @@ pub(super) fn strays(layout: &Layout, buses: &[Bus]) -> Vec<Stray> {
                 let known = |id: &u16| traffic.owners[usize::from(*id)] != NOBODY;
                 let there = strays
                     .iter()
-                    .any(|s| (s.bus, s.protocol, s.address) == (bus, protocol, address));
+                    .any(|s| (s.bus, s.protocol, s.address) == (bus, protocol, address.into()));
                 if there || ids.is_empty() || ids.iter().any(known) {
                     continue;
                 }
@@ -61,7 +62,7 @@ pub(super) fn strays(layout: &Layout, buses: &[Bus]) -> Vec<Stray> {
                 strays.push(Stray {
                     bus,
                     protocol,
-                    address,
+                    address: address.into(),
                     ids,
                     module: module.map(|(index, _)| index),
                     speaks: Held::default(),
@@ -69,8 +70,33 @@ pub(super) fn strays(layout: &Layout, buses: &[Bus]) -> Vec<Stray> {
             }
         }
     }
+    for bus in 0..buses.len() as u8 {
+        strays.extend(stray_hubs(layout, bus));
+    }
     strays
 }
+
+/// The hubs of other buses, whose address no hub of this bus has.
+fn stray_hubs(layout: &Layout, bus: u8) -> impl Iterator<Item = Stray> {
+    let hubs = || layout.cyskin.iter().flat_map(|setup| &setup.hubs);
+    let elsewhere = (0u8..).zip(hubs()).filter(move |(_, hub)| {
+        let here = |other: &crate::CyskinHub| (other.bus, other.address) == (bus, hub.address);
+        hub.bus != bus && !hubs().any(here)
+    });
+    elsewhere.filter_map(move |(number, hub)| {
+        let of_hub = |m: &crate::Module| m.protocol == Protocol::Cyskin && m.hub == Some(number);
+        let module = (0u16..).zip(&layout.modules).find(|(_, m)| of_hub(m));
+        module.map(|(index, _)| Stray {
+            bus,
+            protocol: Protocol::Cyskin,
+            address: hub.address,
+            ids: Vec::new(),
+            module: Some(index),
+            speaks: Held::default(),
+        })
+    })
+}
+
 /// The buses that could be swapped.
 pub(super) fn pairs(layout: &Layout, strays: &[Stray]) -> Vec<Pair> {
     let mut pairs: Vec<Pair> = Vec::new();

@@ -1,10 +1,13 @@
 //! Who sent how much on one bus since a window began.
 
+use crate::protocol::cyskin::{LARGEST_ADDRESS, SENSOR_DATA};
 use taxel_can::CanFrame;
 
 /// Bits of a frame beside its data, the pause after it included, without stuff bits (ISO 11898-1).
 const STANDARD_BITS: u32 = 47;
 const EXTENDED_BITS: u32 = 67;
+/// Of these, the last ones, which are never stuffed.
+const UNSTUFFED_BITS: u32 = 13;
 /// Different extended ids that are told apart within one window; further ones are only counted to the whole.
 const EXTENDED_IDS: usize = 16;
 
@@ -13,13 +16,25 @@ const EXTENDED_IDS: usize = 16;
 pub(crate) struct OfId {
     pub(crate) frames: u32,
     pub(crate) bits: u32,
+    /// With as many stuff bits as there can be.
+    pub(crate) most_bits: u32,
 }
 
 impl OfId {
     fn add(&mut self, bits: u32) {
         self.frames += 1;
         self.bits += bits;
+        self.most_bits += bits + (bits - UNSTUFFED_BITS - 1) / 4;
     }
+}
+
+/// What came under the address of a CySkin hub.
+#[derive(Debug, Default, Clone, Copy)]
+pub(crate) struct OfHub {
+    pub(crate) address: u32,
+    pub(crate) frames: u32,
+    /// Those that can begin a packet of values, as no command to the hub does.
+    pub(crate) packets: u32,
 }
 
 /// Constant time and memory per frame.
@@ -27,12 +42,24 @@ impl OfId {
 pub(crate) struct Tally {
     pub(crate) ids: Box<[OfId; 0x800]>,
     extended: [(u32, OfId); EXTENDED_IDS],
+    /// By address.
+    hubs: Vec<OfHub>,
     pub(crate) all: OfId,
 }
 
 impl Tally {
-    pub(crate) fn new() -> Self {
+    /// A tally that tells hubs of these addresses apart.
+    pub(crate) fn new(hubs: impl Iterator<Item = u32>) -> Self {
+        let mut hubs: Vec<OfHub> = hubs
+            .map(|address| OfHub {
+                address,
+                ..OfHub::default()
+            })
+            .collect();
+        hubs.sort_unstable_by_key(|hub| hub.address);
+        hubs.dedup_by_key(|hub| hub.address);
         Self {
+            hubs,
             ids: Box::new([OfId::default(); 0x800]),
             extended: [(0, OfId::default()); EXTENDED_IDS],
             all: OfId::default(),
@@ -50,6 +77,12 @@ impl Tally {
             let bits = EXTENDED_BITS + data_bits;
             self.all.add(bits);
             let id = frame.id();
+            let address = id & (LARGEST_ADDRESS | 1);
+            if let Ok(hub) = self.hubs.binary_search_by_key(&address, |hub| hub.address) {
+                let hub = &mut self.hubs[hub];
+                hub.frames += 1;
+                hub.packets += u32::from(frame.data().first() == Some(&SENSOR_DATA));
+            }
             let known = self
                 .extended
                 .iter_mut()
@@ -73,7 +106,23 @@ impl Tally {
         spoken.max_by_key(|(_, _, of)| of.bits)
     }
 
+    /// What came of a hub; nothing of one that is not the hand's.
+    pub(crate) fn hub(&self, address: u32) -> OfHub {
+        let hub = self.hubs.binary_search_by_key(&address, |hub| hub.address);
+        hub.map_or_else(|_| OfHub::default(), |hub| self.hubs[hub])
+    }
+
+    /// Extended frames that are of none of the hand's hubs.
+    pub(crate) fn of_no_hub(&self) -> u32 {
+        let standard: u32 = self.ids.iter().map(|of| of.frames).sum();
+        let hubs: u32 = self.hubs.iter().map(|hub| hub.frames).sum();
+        self.all.frames.saturating_sub(standard + hubs)
+    }
+
     pub(crate) fn clear(&mut self) {
+        for hub in &mut self.hubs {
+            (hub.frames, hub.packets) = (0, 0);
+        }
         self.ids.fill(OfId::default());
         self.extended.fill((0, OfId::default()));
         self.all = OfId::default();
@@ -86,20 +135,38 @@ mod tests {
 
     #[test]
     fn frames_count_with_their_bits_under_their_id_and_error_frames_not_at_all() {
-        let mut tally = Tally::new();
+        let mut tally = Tally::new([].into_iter());
         tally.count(&CanFrame::standard(0x123, &[0; 8]).unwrap());
         tally.count(&CanFrame::standard(0x123, &[]).unwrap());
         tally.count(&CanFrame::extended(0x123, &[0; 8]).unwrap());
         tally.count(&CanFrame::error(0x123, [0; 8]));
         assert_eq!((tally.ids[0x123].frames, tally.ids[0x123].bits), (2, 111 + 47));
         assert_eq!((tally.all.frames, tally.all.bits), (3, 111 + 47 + 131));
+        // protocols.md 2.5: 135 bits at worst for eight bytes.
+        assert_eq!(tally.ids[0x123].most_bits, 135 + 47 + 33 / 4);
+        assert_eq!(tally.all.most_bits, 135 + 47 + 33 / 4 + 131 + 117 / 4);
         let (extended, id, of) = tally.loudest().unwrap();
         assert_eq!((extended, id, of.frames), (false, 0x123, 2));
     }
 
     #[test]
+    fn hubs_are_told_by_their_address_and_their_values_from_commands_to_them() {
+        let mut tally = Tally::new([0x2_0001, 0x123].into_iter());
+        tally.count(&CanFrame::extended(0x123, &[0x43, 4]).unwrap());
+        tally.count(&CanFrame::extended(1 << 26 | 0x123, &[1, 2]).unwrap());
+        tally.count(&CanFrame::extended(0x2_0001, &[0x44, 0]).unwrap());
+        tally.count(&CanFrame::extended(0x124, &[0x43]).unwrap());
+        tally.count(&CanFrame::standard(0x123, &[0x43]).unwrap());
+        let of = |address| (tally.hub(address).frames, tally.hub(address).packets);
+        assert_eq!([of(0x123), of(0x2_0001), of(0x124)], [(2, 1), (1, 0), (0, 0)]);
+        assert_eq!(tally.of_no_hub(), 1);
+        tally.clear();
+        assert_eq!((tally.hub(0x123).frames, tally.of_no_hub()), (0, 0));
+    }
+
+    #[test]
     fn more_extended_ids_than_there_is_room_for_still_count_to_the_whole() {
-        let mut tally = Tally::new();
+        let mut tally = Tally::new([].into_iter());
         for id in 0..100 {
             tally.count(&CanFrame::extended(id, &[]).unwrap());
         }

@@ -25,7 +25,7 @@ pub(super) fn check(layout: &Layout, facts: &HandFacts) -> Vec<Check> {
                     Some(module) => format!("of {}", board(module)),
                     None => "of a node that is not of the hand".into(),
                 };
-                let found = format!("id {id} {whose} comes {rate_hz:.0} times a second, {:.0} % of the bus", share * 100.0);
+                let found = format!("id {id} {whose} comes {rate_hz:.0} times a second, at least {:.0} % of the bus", share * 100.0);
                 let check = Check::error(AREA, "babbling", bus_name(bus), found);
                 Some(check.advise("unplug the nodes one after the other until it stops: ids behind it starve"))
             }
@@ -36,7 +36,7 @@ pub(super) fn check(layout: &Layout, facts: &HandFacts) -> Vec<Check> {
                 ..
             } => {
                 let found = format!(
-                    "sends {its:.0} sweeps/s where its like send {usual:.0}, {:.0} % of the bus",
+                    "sends {its:.0} sweeps/s where its like send {usual:.0}, at least {:.0} % of the bus",
                     share * 100.0
                 );
                 Some(Check::error(AREA, "babbling", board(module), found).advise("switch its power off and on"))
@@ -76,12 +76,18 @@ pub(super) fn check(layout: &Layout, facts: &HandFacts) -> Vec<Check> {
 pub(super) fn elsewhere(layout: &Layout, facts: &HandFacts, module: usize) -> Option<u8> {
     let own = layout.modules[module].bus;
     facts.findings.iter().find_map(|finding| match *finding {
-        Finding::OnOtherBus { module: m, bus } if usize::from(m) == module => Some(bus),
+        Finding::OnOtherBus { module: m, bus } if is_of_board(layout, usize::from(m), module) => Some(bus),
         Finding::BusesSwapped { buses: [a, b], .. } if own == a || own == b => {
             Some(if own == a { b } else { a })
         }
         _ => None,
     })
+}
+
+/// Whether two modules are on one board: on one hub, or the same.
+fn is_of_board(layout: &Layout, module: usize, other: usize) -> bool {
+    let hub = |module: usize| layout.modules[module].hub;
+    module == other || (hub(module).is_some() && hub(module) == hub(other))
 }
 
 /// Whether it is known whose board speaks on a bus under an address that the bus does not have.
