@@ -213,6 +213,8 @@ struct Subscriber<'a> {
 /// A subscription that waits for its profile.
 struct Asked {
     wants: Subscribe,
+    /// Whether the client asked; otherwise the daemon's own profile has changed, of which it is shown a region.
+    by_client: bool,
     lease: JoinHandle<Result<Lease, String>>,
 }
 
@@ -328,7 +330,7 @@ impl<'a> Subscriber<'a> {
     /// Takes a subscription; tells the client what is wrong with one that is refused.
     async fn obey(&mut self, packet: &[u8]) -> Result<(), Farewell> {
         match Subscribe::from_packet(packet) {
-            Ok(wants) => self.ask(wants).await,
+            Ok(wants) => self.ask(wants, true).await,
             Err(
                 error @ (SubscribeError::Json(_) | SubscribeError::Rate { .. } | SubscribeError::Profile(_)),
             ) if self.refusals < MAX_REFUSALS => self.refuse(error.to_string()).await,
@@ -337,7 +339,7 @@ impl<'a> Subscriber<'a> {
     }
 
     /// Puts a subscription into effect, or asks for its profile first.
-    async fn ask(&mut self, wants: Subscribe) -> Result<(), Farewell> {
+    async fn ask(&mut self, wants: Subscribe, by_client: bool) -> Result<(), Farewell> {
         let region = match self.hand.profiles.region(wants.region.as_deref()) {
             Ok(region) => region,
             Err(reason) => return self.refuse(reason).await,
@@ -361,7 +363,11 @@ impl<'a> Subscriber<'a> {
         let hand = self.hand.clone();
         let instead_of = self.lease.as_ref().map(|lease| lease.made().clone());
         let lease = tokio::task::spawn_local(async move { hand.profiles.lease(wanted, instead_of).await });
-        self.asked = Some(Asked { wants, lease });
+        self.asked = Some(Asked {
+            wants,
+            by_client,
+            lease,
+        });
         Ok(())
     }
 
@@ -378,14 +384,16 @@ impl<'a> Subscriber<'a> {
                 self.lease = Some(lease);
                 self.show(made).await
             }
-            Err(reason) => self.refuse(reason).await,
+            Err(reason) if asked.by_client => self.refuse(reason).await,
+            // It goes on with what it is shown, and is not to blame.
+            Err(reason) => self.tell(&Event::new(EventKind::Refused, reason)).await,
         }
     }
 
     /// Goes on with the daemon's own profile after that has changed.
     async fn follow(&mut self) -> Result<(), Farewell> {
         if self.wants.region.is_some() {
-            return self.ask(self.wants.clone()).await;
+            return self.ask(self.wants.clone(), false).await;
         }
         let own = self.own.borrow_and_update().clone();
         self.show(own).await

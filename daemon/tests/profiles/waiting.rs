@@ -70,3 +70,35 @@ fn who_left_before_its_profile_was_measured_is_in_nobodys_way() {
     // Numbers are given in the order in which profiles are made: all who left would have been served before.
     assert!(id <= u64::from(leavers) / 2, "profile {id}");
 }
+
+#[test]
+fn a_region_that_cannot_follow_the_daemons_own_profile_is_not_held_against_its_subscriber() {
+    let (_folder, mut config) = config("sim:worst-case");
+    config.profiles.max = 2;
+    let _daemon = Daemon::start(config.clone()).unwrap();
+    let mut thumbs = [connect(&config), connect(&config)];
+    for thumb in &mut thumbs {
+        state(thumb, None, Some(&["thumb"])).unwrap();
+    }
+    // Each holds the place that the other would need.
+    for levels in 3..15 {
+        let reply = control(
+            &config,
+            json!({ "cmd": "profile", "profile": { "levels": levels, "actuators": 5 } }),
+        );
+        assert_eq!(reply, json!({ "ok": true }));
+        for thumb in &mut thumbs {
+            loop {
+                match next(thumb) {
+                    Told::Refused(_) => break,
+                    Told::Gone => panic!("let go at {levels} levels"),
+                    Told::Hello(_) => panic!("there was room"),
+                    Told::Image { .. } | Told::Other => {}
+                }
+            }
+        }
+    }
+    for thumb in &mut thumbs {
+        next_image(thumb);
+    }
+}
