@@ -140,14 +140,14 @@ def test_error_passive_flapping_is_counted_and_said_once(play, buses):
     daemon = play(boards_of())
     began = time.monotonic()
     changes = 0
-    while time.monotonic() < began + 3:
+    while time.monotonic() < began + 1.5:
         buses.send([(0, error_frame(CRTL | COUNTERS, bytes([0, PASSIVE, 0, 0, 0, 0, 0, 130])))])
         buses.send([(0, error_frame(CRTL | COUNTERS, bytes([0, ACTIVE, 0, 0, 0, 0, 0, 0])))])
         changes += 2
         time.sleep(0.004)
     since = time.monotonic()
     found = comes(daemon, "flapping", "left: the controller changes its error state", "termination")
-    is_well_again(daemon, since, f"flapping, {changes / 3:.0f} changes a second")
+    is_well_again(daemon, since, f"flapping, {changes / 1.5:.0f} changes a second")
     bus = daemon.bus(0)
     assert bus["state_changes"] == changes and bus["errors"]["frames"] == changes
     assert daemon.log.count("changes its error state") == 1
@@ -183,7 +183,7 @@ def test_a_board_of_the_hand_that_babbles_is_named(play, buses):
 def test_a_board_without_power_comes_back_unstarted_and_is_started(play):
     boards = boards_of()
     daemon = play(boards)
-    for away_s in (0.4, 2.5):
+    for away_s in (0.4, 1.2):
         boards[1].powered = False
         boards[1].reboot()
         if away_s > 1:
@@ -233,11 +233,11 @@ def test_an_interface_that_vanishes_and_returns_with_another_index(play, buses):
     before = index()
     buses.delete(1)
     found = comes(daemon, "link-absent", f"right: there is no interface {buses.names[1]}")
-    assert kinds(daemon.status()) == ["link-absent"]
+    daemon.wait_status(lambda s: kinds(s) == ["link-absent"], "its boards are told of as well")
     others_go_on(daemon, but=("right 0", "right 1"))
     for board in boards[3:]:
         board.reboot()  # an adapter that is pulled takes the power with it
-    time.sleep(1)
+    time.sleep(0.3)
     buses.create(1)
     since = time.monotonic()
     is_well_again(daemon, since, "an interface that vanished")
@@ -246,7 +246,6 @@ def test_an_interface_that_vanishes_and_returns_with_another_index(play, buses):
 
     buses.set(1, "down")
     comes(daemon, "link-down", f"`ip link set {buses.names[1]} up`")
-    time.sleep(1)
     buses.set(1, "up")
     is_well_again(daemon, time.monotonic(), "an interface that was down")
 
@@ -260,7 +259,6 @@ def test_a_hand_without_power_is_one_problem(play):
     comes(daemon, "bus-silent", "left: no board speaks")
     daemon.wait_status(lambda s: kinds(s) == ["bus-silent"], "its boards are told of as well")
     others_go_on(daemon, but=("left 0", "left 1", "left 2"))
-    time.sleep(1.5)
     since = time.monotonic()
     for board in boards[:3]:
         board.powered = True
@@ -291,8 +289,7 @@ def test_a_hand_on_the_bus_of_its_skin_comes_back_with_it(play, buses):
     buses.set(0, "down")
     comes(daemon, "link-down")
     daemon.wait_status(lambda s: set(angles_of(s)) == {None}, "angles stay known without their bus")
-    # Told of the bus, not of the hand or the boards on it.
-    assert kinds(daemon.status()) == ["link-down"]
+    daemon.wait_status(lambda s: kinds(s) == ["link-down"], "hand or boards are told of as well")
     buses.set(0, "up")
     is_well_again(daemon, time.monotonic(), "the bus of hand and skin")
     assert angles_of(daemon.status()) == pytest.approx(angles, abs=1e-6)
@@ -373,7 +370,6 @@ def test_an_adapter_unplugged_and_back_as_another_device(play, buses, adapter):
     slcan.unplug()
     comes(daemon, "link-absent", "left: there is no interface adapter0")
     others_go_on(daemon, but=("left 0", "left 1", "left 2"))
-    time.sleep(1)
     again = adapter("adapter0")
     again.up()
     since = time.monotonic()
