@@ -48,10 +48,10 @@ impl Kmeans2d {
         true
     }
 
-    /// So many labels may change without a reason to go on: none of fewer than 4,096 points, and few enough of more not to be felt. With more points
+    /// So many labels may change without a reason to go on: none of fewer than 1,024 points, and few enough of more not to be felt. With more points
     /// the last ones take ever more rounds.
     fn few(&self) -> usize {
-        self.assignment.len() / 4096
+        self.assignment.len() / 1024
     }
 
     /// Moves every centroid to the mean of its points, drawn towards where it was.
