@@ -9,8 +9,9 @@ use nix::sys::signal::{SigSet, Signal};
 use sd_notify::NotifyState;
 use signal_hook::iterator::Signals;
 use std::path::PathBuf;
+use std::process::ExitCode;
 use std::time::Duration;
-use taxeld::{Config, Daemon};
+use taxeld::{Config, ConfigError, Daemon};
 use tracing_subscriber::EnvFilter;
 
 /// Reads a robot hand's skin from CAN and gives tactile images to display drivers.
@@ -28,8 +29,24 @@ struct Arguments {
     check: bool,
 }
 
-fn main() -> anyhow::Result<()> {
-    let arguments = Arguments::parse();
+/// The exit status where the configuration is at fault: `EX_CONFIG` of sysexits(3). To start again would not help.
+const BAD_CONFIG: u8 = 78;
+
+fn main() -> ExitCode {
+    match run(&Arguments::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("Error: {error:?}");
+            if error.is::<ConfigError>() {
+                ExitCode::from(BAD_CONFIG)
+            } else {
+                ExitCode::FAILURE
+            }
+        }
+    }
+}
+
+fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let _flush = log_to_stderr().context("cannot start the thread that writes the log")?;
     let config = Config::load(&arguments.config)?;
     if arguments.check {
