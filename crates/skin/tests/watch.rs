@@ -368,7 +368,36 @@ fn cyskin_hubs_on_the_wrong_bus_are_told_by_their_addresses() {
     type Hubs = [&'static [u32]; 2];
     type Speak = &'static [(u8, u32, u8)];
     const VALUES: u8 = 0x43;
-    let cases: [(&str, Hubs, Speak, &[Finding]); 6] = [
+    let foreign = |bus, address| Finding::NotInLayout {
+        bus,
+        protocol: Protocol::Cyskin,
+        address,
+    };
+    let (of_no_layout, two_of_no_layout) = ([foreign(0, 9)], [foreign(0, 0x1234), foreign(1, 9)]);
+    let cases: [(&str, Hubs, Speak, &[Finding]); 9] = [
+        (
+            "of no layout",
+            [&[1], &[2]],
+            &[(0, 9, VALUES), (1, 2, VALUES)],
+            &of_no_layout,
+        ),
+        (
+            "two of no layout",
+            [&[1], &[2]],
+            &[
+                (0, 1, VALUES),
+                (1, 2, VALUES),
+                (0, 0x1234, VALUES),
+                (1, 9, VALUES),
+            ],
+            &two_of_no_layout,
+        ),
+        (
+            "a node with extended ids that says other things",
+            [&[1], &[2]],
+            &[(0, 1, VALUES), (1, 2, VALUES), (0, 9, 0x51), (0, 9, VALUES)],
+            &[],
+        ),
         ("well", [&[1], &[2]], &[(0, 1, VALUES), (1, 2, VALUES)], &[]),
         (
             "swapped",

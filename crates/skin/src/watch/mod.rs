@@ -15,7 +15,7 @@ pub use finding::{BusLoad, Finding};
 use crate::{Layout, Protocol, TaxelReading};
 use alternation::Alternation;
 use stray::{Pair, Stray, ids_of, pairs, strays};
-use tally::Tally;
+use tally::{FOREIGN_HUBS, Tally};
 use taxel_can::CanFrame;
 
 /// Length of a window.
@@ -34,6 +34,9 @@ const BOARD_TIMES: f64 = 3.0;
 const TWO_BOARDS_TIMES: f64 = 1.4;
 /// Share of readings that swing, from which a board's values are those of two boards.
 const SWINGING: f64 = 0.5;
+
+/// So many packets of values in a window make a hub of what is not the hand's; hubs send twenty in a second.
+const FOREIGN_PACKETS: u32 = 2;
 
 /// Watches the traffic of all buses of a hand. Its memory is allocated once; a frame and a reading take constant time.
 ///
@@ -76,6 +79,14 @@ struct Bus {
     strangers: bool,
     load: BusLoad,
     babbles: Held<(bool, u32)>,
+    /// Hubs whose address no hub of the hand has.
+    foreign_hubs: Vec<ForeignHub>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct ForeignHub {
+    address: u32,
+    speaks: Held<()>,
 }
 
 #[derive(Debug, Clone)]
@@ -166,7 +177,7 @@ impl TrafficWatch {
             }
         }
         let pairs = pairs(layout, &strays);
-        let most = buses.len() + 2 * modules.len() + strays.len() + pairs.len();
+        let most = (1 + FOREIGN_HUBS) * buses.len() + 2 * modules.len() + strays.len() + pairs.len();
         let taxels = layout.taxels.iter().map(|t| Taxel {
             module: t.module,
             alternation: Alternation::default(),
@@ -436,6 +447,15 @@ impl TrafficWatch {
                 }),
             }
         }
+        for (index, bus) in (0u8..).zip(&mut self.buses) {
+            bus.look_for_foreign_hubs();
+            let speaking = bus.foreign_hubs.iter().filter(|hub| hub.speaks.is.is_some());
+            self.findings.extend(speaking.map(|hub| Finding::NotInLayout {
+                bus: index,
+                protocol: Protocol::Cyskin,
+                address: hub.address,
+            }));
+        }
     }
 }
 
@@ -451,7 +471,29 @@ impl Bus {
             strangers: false,
             load: BusLoad::default(),
             babbles: Held::default(),
+            foreign_hubs: Vec::with_capacity(FOREIGN_HUBS),
         }
+    }
+
+    /// A hub of no layout speaks if most of what begins a packet under its address begins one of values: other nodes with
+    /// extended ids do so by chance only.
+    fn look_for_foreign_hubs(&mut self) {
+        for heard in self.tally.foreign_hubs() {
+            let known = self.foreign_hubs.iter().any(|hub| hub.address == heard.address);
+            if !known && heard.packets > 0 && self.foreign_hubs.len() < FOREIGN_HUBS {
+                self.foreign_hubs.push(ForeignHub {
+                    address: heard.address,
+                    speaks: Held::default(),
+                });
+            }
+        }
+        let tally = &self.tally;
+        self.foreign_hubs.retain_mut(|hub| {
+            let mut heard = tally.foreign_hubs().filter(|of| of.address == hub.address);
+            let speaks = heard.any(|of| of.packets >= FOREIGN_PACKETS && 2 * of.packets > of.begun);
+            hub.speaks.look(speaks.then_some(()));
+            hub.speaks.is.is_some() || hub.speaks.next.is_some()
+        });
     }
 }
 

@@ -1,6 +1,6 @@
 //! Who sent how much on one bus since a window began.
 
-use crate::protocol::cyskin::{LARGEST_ADDRESS, SENSOR_DATA};
+use crate::protocol::cyskin::{LARGEST_ADDRESS, begins_packet, begins_with_values};
 use taxel_can::CanFrame;
 
 /// Bits of a frame beside its data, the pause after it included, without stuff bits (ISO 11898-1).
@@ -10,6 +10,8 @@ const EXTENDED_BITS: u32 = 67;
 const UNSTUFFED_BITS: u32 = 13;
 /// Different extended ids that are told apart within one window; further ones are only counted to the whole.
 const EXTENDED_IDS: usize = 16;
+/// Addresses of hubs that are not the hand's, told apart within one window; further ones are not seen.
+pub(crate) const FOREIGN_HUBS: usize = 8;
 
 /// Frames and bits of one id.
 #[derive(Debug, Default, Clone, Copy)]
@@ -33,8 +35,10 @@ impl OfId {
 pub(crate) struct OfHub {
     pub(crate) address: u32,
     pub(crate) frames: u32,
-    /// Those that can begin a packet of values, as no command to the hub does.
+    /// Those that begin a packet of values, as no command to the hub does.
     pub(crate) packets: u32,
+    /// Those that begin any packet.
+    pub(crate) begun: u32,
 }
 
 /// Constant time and memory per frame.
@@ -44,6 +48,8 @@ pub(crate) struct Tally {
     extended: [(u32, OfId); EXTENDED_IDS],
     /// By address.
     hubs: Vec<OfHub>,
+    /// In the order in which they were heard.
+    foreign: [OfHub; FOREIGN_HUBS],
     pub(crate) all: OfId,
 }
 
@@ -60,6 +66,7 @@ impl Tally {
         hubs.dedup_by_key(|hub| hub.address);
         Self {
             hubs,
+            foreign: [OfHub::default(); FOREIGN_HUBS],
             ids: Box::new([OfId::default(); 0x800]),
             extended: [(0, OfId::default()); EXTENDED_IDS],
             all: OfId::default(),
@@ -78,10 +85,17 @@ impl Tally {
             self.all.add(bits);
             let id = frame.id();
             let address = id & (LARGEST_ADDRESS | 1);
-            if let Ok(hub) = self.hubs.binary_search_by_key(&address, |hub| hub.address) {
-                let hub = &mut self.hubs[hub];
+            let hub = match self.hubs.binary_search_by_key(&address, |hub| hub.address) {
+                Ok(hub) => self.hubs.get_mut(hub),
+                // No hub has address 0, nor the one of commands to all of them.
+                Err(_) if self.hubs.is_empty() || !(1..=LARGEST_ADDRESS).contains(&address) => None,
+                Err(_) => (self.foreign.iter_mut()).find(|hub| hub.address == address || hub.frames == 0),
+            };
+            if let Some(hub) = hub {
+                hub.address = address;
                 hub.frames += 1;
-                hub.packets += u32::from(frame.data().first() == Some(&SENSOR_DATA));
+                hub.packets += u32::from(begins_with_values(frame));
+                hub.begun += u32::from(begins_packet(frame));
             }
             let known = self
                 .extended
@@ -112,6 +126,11 @@ impl Tally {
         hub.map_or_else(|_| OfHub::default(), |hub| self.hubs[hub])
     }
 
+    /// What came under addresses of hubs that the hand does not have; nothing where it has no hubs at all.
+    pub(crate) fn foreign_hubs(&self) -> impl Iterator<Item = &OfHub> {
+        self.foreign.iter().filter(|hub| hub.frames > 0)
+    }
+
     /// Extended frames that are of none of the hand's hubs.
     pub(crate) fn of_no_hub(&self) -> u32 {
         let standard: u32 = self.ids.iter().map(|of| of.frames).sum();
@@ -121,8 +140,9 @@ impl Tally {
 
     pub(crate) fn clear(&mut self) {
         for hub in &mut self.hubs {
-            (hub.frames, hub.packets) = (0, 0);
+            (hub.frames, hub.packets, hub.begun) = (0, 0, 0);
         }
+        self.foreign.fill(OfHub::default());
         self.ids.fill(OfId::default());
         self.extended.fill((0, OfId::default()));
         self.all = OfId::default();
@@ -152,15 +172,21 @@ mod tests {
     #[test]
     fn hubs_are_told_by_their_address_and_their_values_from_commands_to_them() {
         let mut tally = Tally::new([0x2_0001, 0x123].into_iter());
-        tally.count(&CanFrame::extended(0x123, &[0x43, 4]).unwrap());
-        tally.count(&CanFrame::extended(1 << 26 | 0x123, &[1, 2]).unwrap());
-        tally.count(&CanFrame::extended(0x2_0001, &[0x44, 0]).unwrap());
-        tally.count(&CanFrame::extended(0x124, &[0x43]).unwrap());
+        const FIRST: u32 = 1 << 26;
+        const SINGLE: u32 = FIRST | 1 << 28;
+        let extended = |id, data: &[u8]| CanFrame::extended(id, data).unwrap();
+        tally.count(&extended(FIRST | 0x123, &[0x43, 16, 2, 1, 0, 9, 0, 9]));
+        tally.count(&extended(1 << 27 | 0x123, &[0x43, 16, 2, 1, 0, 9, 0, 9]));
+        tally.count(&extended(SINGLE | 0x2_0001, &[0x44, 0, 0x44]));
+        tally.count(&extended(SINGLE | 0x124, &[0x43, 4, 2, 1, 0, 9, 0]));
         tally.count(&CanFrame::standard(0x123, &[0x43]).unwrap());
         let of = |address| (tally.hub(address).frames, tally.hub(address).packets);
         assert_eq!([of(0x123), of(0x2_0001), of(0x124)], [(2, 1), (1, 0), (0, 0)]);
         assert_eq!(tally.of_no_hub(), 1);
+        let foreign: Vec<(u32, u32)> = tally.foreign_hubs().map(|h| (h.address, h.packets)).collect();
+        assert_eq!(foreign, [(0x124, 1)]);
         tally.clear();
+        assert_eq!(tally.foreign_hubs().count(), 0);
         assert_eq!((tally.hub(0x123).frames, tally.of_no_hub()), (0, 0));
     }
 

@@ -5,6 +5,7 @@ mod packet;
 
 pub(crate) use hub::{Heard, Hub};
 pub use packet::{CyskinPacketError, cyskin_frames};
+pub(crate) use packet::{begins_packet, begins_with_values};
 
 use serde::Deserialize;
 

@@ -1,6 +1,6 @@
 //! Packets over one or more extended frames: `p[0]` command, `p[1]` size, data, checksum.
 
-use super::{Checksum, CyskinSetup};
+use super::{Checksum, CyskinSetup, SENSOR_DATA};
 use taxel_can::CanFrame;
 
 /// The three assembly bits of an id.
@@ -68,6 +68,26 @@ pub fn cyskin_frames(
         frames.push(frame(assembly, &bytes));
     }
     Ok(frames)
+}
+
+/// Whether a frame is the first, or the only, of any packet.
+pub(crate) fn begins_packet(frame: &CanFrame) -> bool {
+    frame.is_extended() && matches!(frame.id() & ASSEMBLY, FIRST | SINGLE)
+}
+
+/// Whether a frame is the first, or the only, of a packet of values, by its assembly bits, its command and its size: the
+/// place of the first value, and one value at least.
+pub(crate) fn begins_with_values(frame: &CanFrame) -> bool {
+    let &[SENSOR_DATA, size, ..] = frame.data() else {
+        return false;
+    };
+    let packet = usize::from(size) + 3;
+    let fits = match frame.id() & ASSEMBLY {
+        SINGLE => frame.data().len() == packet,
+        FIRST => frame.data().len() == 8 && packet > 8,
+        _ => false,
+    };
+    frame.is_extended() && fits && size >= 4 && size.is_multiple_of(2)
 }
 
 /// A packet under assembly: a buffer of fixed size, whatever the bus carries.
