@@ -125,7 +125,7 @@ impl Command {
 ///
 /// A uSkin board or CySkin hub that was never heard is started on other buses of the hand too, if these have no board of its address
 /// and [`BoardSupervisor::allow_search`] was called: wired to another bus it would otherwise stay silent, and
-/// [`crate::TrafficWatch`] could not say where it is.
+/// [`crate::TrafficWatch`] could not say where it is. An iCub board is only asked there whether it is there.
 ///
 /// ```
 /// use taxel_skin::{BoardSupervisor, BoardsConfig, Layout};
@@ -168,9 +168,11 @@ impl BoardSupervisor {
                 if module.protocol.takes_commands() {
                     let sequences = Sequences::of_mtb(layout, module);
                     let mut board = Board::new(vec![index as u16], module.bus, sequences);
-                    if !module.protocol.is_icub() {
-                        board.search = Search::of(layout, module);
-                    }
+                    board.search = if module.protocol.is_icub() {
+                        Search::by_question(layout, module)
+                    } else {
+                        Search::of(layout, module)
+                    };
                     boards.push(board);
                 }
             }
@@ -257,7 +259,9 @@ impl BoardSupervisor {
             let tries = board.retry.map_or(0, |retry| retry.tries);
             match sequence {
                 Sequence::Stop => board.search.stop(order),
-                Sequence::Wake | Sequence::StartAgain if last_heard_ns(board.modules[0]).is_none() => {
+                Sequence::Wake | Sequence::StartAgain | Sequence::Ask
+                    if board.answered_ns.is_none() && last_heard_ns(board.modules[0]).is_none() =>
+                {
                     board.search.try_again(tries, order, self.searched);
                 }
                 _ => {}

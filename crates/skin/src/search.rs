@@ -17,6 +17,8 @@ pub(crate) struct Search {
     /// Where the command has still to go.
     pending: BusSet,
     command: Option<(TxMode, Order)>,
+    /// Whether it is asked for only: nothing else is sent to a bus on which it does not belong.
+    asks_only: bool,
 }
 
 /// Some of the first 64 buses.
@@ -48,6 +50,14 @@ impl Search {
         search
     }
 
+    /// The search for an iCub board: the same, but it is asked whether it is there and never configured or started.
+    pub(crate) fn by_question(layout: &Layout, module: &Module) -> Self {
+        Self {
+            asks_only: true,
+            ..Self::of(layout, module)
+        }
+    }
+
     /// The search for a CySkin hub: on every bus without a hub of its address.
     pub(crate) fn of_hub(setup: &CyskinSetup, address: u32, buses: u8) -> Self {
         let mut search = Self::default();
@@ -63,7 +73,7 @@ impl Search {
 
     /// An attempt to start the board was made, with this order. `tries` counts them.
     pub(crate) fn try_again(&mut self, tries: u32, order: Order, allowed: BusSet) {
-        if tries.is_multiple_of(EVERY) {
+        if tries.is_multiple_of(EVERY) && (order.is_question() || !self.asks_only) {
             self.pending = BusSet(self.buses.0 & allowed.0);
             self.asked.0 |= self.pending.0;
             self.command = Some((TxMode::Start, order));
@@ -72,6 +82,9 @@ impl Search {
 
     /// The board is stopped with this order: where it was looked for too.
     pub(crate) fn stop(&mut self, order: Order) {
+        if self.asks_only {
+            return;
+        }
         self.pending = self.asked;
         self.command = Some((TxMode::Stop, order));
     }

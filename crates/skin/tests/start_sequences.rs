@@ -4,7 +4,7 @@ mod support;
 
 use support::{CYSKIN, cyskin, cyskin_text, icub};
 use taxel_can::CanFrame;
-use taxel_skin::{BoardSupervisor, BoardsConfig, BoardsMode, Layout, TxMode};
+use taxel_skin::{BoardSupervisor, BoardsConfig, BoardsMode, Finding, Layout, TrafficWatch, TxMode};
 
 const MS: u64 = 1_000_000;
 
@@ -360,4 +360,88 @@ fn no_order_to_any_board_of_any_built_in_hand_is_of_class_7() {
             assert!(supervisor.is_stopped());
         }
     }
+}
+
+/// Two buses, with one iCub board each: addresses 3 and 5.
+fn icub_on_two_buses() -> Layout {
+    let mut text =
+        "name = \"two\"\nbuses = [\"left\", \"right\"]\nimage = { width = 5, height = 4 }\n".to_string();
+    for (n, (bus, board)) in [("left", 3), ("right", 5)].into_iter().enumerate() {
+        text += &format!(
+            "[[module]]\nname = \"m{board}\"\npart = \"p{board}\"\nbus = \"{bus}\"\nboard = {board}\n\
+             protocol = \"icub-mtb4\"\nat = [0, {}]\norder = [[0, 1, 2, 3, 4], [5, 7, 8, 9, 11]]\n",
+            2 * n
+        );
+    }
+    Layout::parse(&text, "two.toml").unwrap_or_else(|e| panic!("{e}\n{text}"))
+}
+
+/// Board 5 streams on its own bus, board 3 sits on that bus too and answers questions as `kind`. What is sent to the second bus
+/// for board 3, and what is found, looked at every 100 ms.
+fn board_3_on_the_second_bus(kind: u8, stranger: bool) -> (Vec<String>, Vec<Vec<Finding>>) {
+    let layout = icub_on_two_buses();
+    let mut supervisor = BoardSupervisor::new(&layout, &BoardsConfig::default());
+    let mut watch = TrafficWatch::new(&layout);
+    let (mut sent, mut found) = (Vec::new(), Vec::new());
+    for ms in 0..6000u64 {
+        let now = ms * MS;
+        watch.advance(now);
+        for bus in 0..2 {
+            supervisor.allow_search(bus, !watch.strangers(bus));
+        }
+        if stranger && ms % 3 == 0 {
+            watch.frame(1, &CanFrame::standard(0x083, &[0; 8]).unwrap());
+        }
+        // Until 4 s; then somebody plugs it in where it belongs, without power.
+        while let Some(command) = supervisor.poll(now, |board| (board == 1).then_some(now)) {
+            if (command.bus, command.board) != (1, 0) {
+                continue;
+            }
+            let frame = command.frame();
+            sent.push(frame.to_string());
+            if frame.to_string() == "203#1C0100" && ms < 4000 {
+                let answer = CanFrame::standard(0x230, &[0x1C, kind, 2, 17, 0, 1, 0, 1]).unwrap();
+                supervisor.hear(1, &answer, now);
+                watch.frame(1, &answer);
+            }
+        }
+        if ms % 100 == 99 {
+            found.push(watch.findings().to_vec());
+        }
+    }
+    supervisor.stop();
+    while let Some(command) = supervisor.poll(7000 * MS, |_| None) {
+        if (command.bus, command.board) == (1, 0) {
+            sent.push(command.frame().to_string());
+        }
+    }
+    (sent, found)
+}
+
+#[test]
+fn an_icub_board_on_another_bus_is_asked_for_there_and_found_and_told_nothing_else() {
+    let (sent, found) = board_3_on_the_second_bus(11, false);
+    assert!(
+        sent.len() > 10 && sent.iter().all(|frame| frame == "203#1C0100"),
+        "{sent:?}"
+    );
+    let on_other_bus = vec![Finding::OnOtherBus { module: 0, bus: 1 }];
+    assert!(found[20..40].iter().all(|f| *f == on_other_bus), "{found:?}");
+    assert!(
+        found[..3].iter().chain(&found[55..]).all(|f| f.is_empty()),
+        "{found:?}"
+    );
+
+    // A board of another kind is not taken for it.
+    let (_, found) = board_3_on_the_second_bus(5, false);
+    assert!(found.iter().all(|f| f.is_empty()), "{found:?}");
+}
+
+#[test]
+fn no_icub_board_is_asked_for_where_anything_foreign_speaks() {
+    let (sent, found) = board_3_on_the_second_bus(11, true);
+    assert!(
+        sent.is_empty() && found.iter().all(|f| f.is_empty()),
+        "{sent:?}, {found:?}"
+    );
 }

@@ -12,7 +12,8 @@ mod tally;
 
 pub use finding::{BusLoad, Finding};
 
-use crate::{Layout, Protocol, TaxelReading};
+use crate::protocol::mtb;
+use crate::{BoardKind, Layout, Protocol, TaxelReading};
 use alternation::Alternation;
 use stray::{Pair, Stray, ids_of, pairs, strays};
 use tally::{FOREIGN_HUBS, Tally};
@@ -37,6 +38,9 @@ const SWINGING: f64 = 0.5;
 
 /// So many packets of values in a window make a hub of what is not the hand's; hubs send twenty in a second.
 const FOREIGN_PACKETS: u32 = 2;
+/// An iCub board that answers on the wrong bus is taken to be there for so many windows more. It is asked every 300 ms, and
+/// not for 0.9 s while it is configured blindly on its own bus.
+const ANSWER_WINDOWS: u8 = 5;
 
 /// Watches the traffic of all buses of a hand. Its memory is allocated once; a frame and a reading take constant time.
 ///
@@ -79,6 +83,8 @@ struct Bus {
     strangers: bool,
     load: BusLoad,
     babbles: Held<(bool, u32)>,
+    /// What each address answered to be in this window.
+    answers: [Option<BoardKind>; 16],
     /// Hubs whose address no hub of the hand has.
     foreign_hubs: Vec<ForeignHub>,
 }
@@ -172,8 +178,12 @@ impl TrafficWatch {
             }
         }
         for stray in &strays {
+            let familiar = &mut buses[usize::from(stray.bus)].familiar;
             for id in &stray.ids {
-                buses[usize::from(stray.bus)].familiar[usize::from(*id)] = true;
+                familiar[usize::from(*id)] = true;
+            }
+            if stray.protocol.is_icub() && stray.module.is_some() {
+                familiar[0x200 | (stray.address as usize & 15) << 4] = true;
             }
         }
         let pairs = pairs(layout, &strays);
@@ -210,8 +220,8 @@ impl TrafficWatch {
     #[cold]
     fn end_windows(&mut self, ends_ns: u64, now_ns: u64) {
         let windows = 1 + (now_ns - ends_ns) / WINDOW_NS;
-        // After two windows without a frame nothing changes any more.
-        for _ in 0..windows.min(3) {
+        // After so many windows without a frame nothing changes any more.
+        for _ in 0..windows.min(u64::from(ANSWER_WINDOWS) + 1) {
             self.end_window();
         }
         self.window_ends_ns = Some(ends_ns.saturating_add(windows.saturating_mul(WINDOW_NS)));
@@ -222,6 +232,9 @@ impl TrafficWatch {
     pub fn frame(&mut self, bus: u8, frame: &CanFrame) {
         if let Some(bus) = self.buses.get_mut(usize::from(bus)) {
             bus.tally.count(frame);
+            if let Some(address) = mtb::answering(frame) {
+                bus.answers[usize::from(address)] = Some(BoardKind::of(frame.data()[1]));
+            }
         }
     }
 
@@ -282,6 +295,7 @@ impl TrafficWatch {
         self.look_for_strangers();
         for bus in &mut self.buses {
             bus.tally.clear();
+            bus.answers = [None; 16];
         }
         for module in &mut self.modules {
             (module.readings, module.swings) = (0, 0);
@@ -409,12 +423,22 @@ impl TrafficWatch {
                 // One window without most of a board's ids is proof enough that it is gone.
                 stray.speaks = Held::default();
             }
+            if let Some(module) = stray.module.filter(|_| stray.protocol.is_icub()) {
+                let answer = self.buses[usize::from(stray.bus)].answers[stray.address as usize & 15];
+                stray.answered = if self.modules[usize::from(module)].readings > 0 {
+                    0
+                } else if answer.is_some_and(|kind| kind.speaks(stray.protocol)) {
+                    ANSWER_WINDOWS
+                } else {
+                    stray.answered.saturating_sub(1)
+                };
+            }
         }
         for pair in &self.pairs {
             let mut displaced = pair.strays.iter().map(|i| &self.strays[*i]);
             let all = displaced.clone().all(|stray| {
                 let own = stray.module.map(|m| &self.modules[usize::from(m)]);
-                stray.speaks.is.is_some() && own.is_some_and(|own| own.readings == 0)
+                stray.is_there() && own.is_some_and(|own| own.readings == 0)
             });
             if let Some(module) = displaced.next().filter(|_| all).and_then(|stray| stray.module) {
                 self.findings.push(Finding::BusesSwapped {
@@ -424,7 +448,7 @@ impl TrafficWatch {
                 });
             }
         }
-        for stray in self.strays.iter().filter(|stray| stray.speaks.is.is_some()) {
+        for stray in self.strays.iter().filter(|stray| stray.is_there()) {
             let elsewhere = stray
                 .module
                 .filter(|m| self.modules[usize::from(*m)].readings == 0);
@@ -471,6 +495,7 @@ impl Bus {
             strangers: false,
             load: BusLoad::default(),
             babbles: Held::default(),
+            answers: [None; 16],
             foreign_hubs: Vec::with_capacity(FOREIGN_HUBS),
         }
     }

@@ -14,6 +14,15 @@ pub(super) struct Stray {
     /// The module that has this address, on another bus.
     pub(super) module: Option<u16>,
     pub(super) speaks: Held<()>,
+    /// It answered a question within so many windows to come.
+    pub(super) answered: u8,
+}
+
+impl Stray {
+    /// Whether a board is there.
+    pub(super) fn is_there(&self) -> bool {
+        self.speaks.is.is_some() || self.answered > 0
+    }
 }
 
 /// Two buses that could be swapped, and the strays on either that are boards of the other.
@@ -66,6 +75,7 @@ pub(super) fn strays(layout: &Layout, buses: &[Bus]) -> Vec<Stray> {
                     ids,
                     module: module.map(|(index, _)| index),
                     speaks: Held::default(),
+                    answered: 0,
                 });
             }
         }
@@ -93,6 +103,7 @@ fn stray_hubs(layout: &Layout, bus: u8) -> impl Iterator<Item = Stray> {
             ids: Vec::new(),
             module: Some(index),
             speaks: Held::default(),
+            answered: 0,
         })
     })
 }
