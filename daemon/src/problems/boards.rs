@@ -1,7 +1,7 @@
 //! What is wrong with the boards, and what their traffic shows.
 
-use super::{Look, Place, Problem};
-use std::collections::VecDeque;
+use super::{Kind, Look, Place, Problem};
+use std::collections::{HashMap, VecDeque};
 use taxel_can::{BusState, LinkState};
 use taxel_skin::{BoardState, BoardsMode, Finding, Layout, Protocol};
 
@@ -9,6 +9,12 @@ use taxel_skin::{BoardState, BoardsMode, Finding, Layout, Protocol};
 const SILENCES: usize = 3;
 const UNSTEADY_NS: u64 = 30_000_000_000;
 const STEADY_NS: u64 = 10_000_000_000;
+
+/// So many modules of a hub are named; further ones are counted.
+const NAMED: usize = 3;
+
+/// The modules that a problem of a hub is about.
+pub(super) type OfHubs = HashMap<(Kind, Place), Vec<usize>>;
 
 /// When each board fell silent of late.
 #[derive(Debug, Default)]
@@ -38,7 +44,8 @@ impl Steadiness {
     }
 }
 
-pub(super) fn judge(look: &Look<'_>, steadiness: &mut Steadiness, found: &mut Vec<Problem>) {
+pub(super) fn judge(look: &Look<'_>, steadiness: &mut Steadiness, found: &mut Vec<Problem>) -> OfHubs {
+    let mut of_hubs = OfHubs::new();
     let layout = &look.config.layout;
     for finding in &look.now.findings {
         found.push(of_finding(look, finding));
@@ -72,17 +79,48 @@ pub(super) fn judge(look: &Look<'_>, steadiness: &mut Steadiness, found: &mut Ve
         if all {
             found.push(silent_bus(look, index));
         }
+        let (mut silent, mut unsteady) = (Vec::new(), Vec::new());
         for module in boards() {
             let fell_silent = look.boards_due && !all && state(module) == BoardState::Silent;
-            let unsteady = steadiness.look(module, fell_silent, look.now.now_ns);
-            if let Some(times) = unsteady {
-                found.push(unsteady_board(layout, module, times));
+            if let Some(times) = steadiness.look(module, fell_silent, look.now.now_ns) {
+                unsteady.push((module, times));
             }
             if !all && quiet(module) && !displaced(module) {
-                found.push(silent_board(look, module));
+                silent.push((module, state(module)));
             }
         }
+        let mut say = |problem: Problem, modules: Vec<usize>| {
+            if let Place::Hub(_) = problem.place {
+                of_hubs.insert((problem.kind, problem.place), modules);
+            }
+            found.push(problem);
+        };
+        for (modules, times) in by_board(layout, &unsteady, |_, _| true) {
+            say(unsteady_board(layout, &modules, times), modules);
+        }
+        for (modules, state) in by_board(layout, &silent, |a, b| a == b) {
+            say(silent_board(look, &modules, state), modules);
+        }
     }
+    of_hubs
+}
+
+/// The modules of one hub, of which the same is said, together: each list with what was noted of its first.
+fn by_board<T: Copy>(
+    layout: &Layout,
+    modules: &[(usize, T)],
+    same: impl Fn(&T, &T) -> bool,
+) -> Vec<(Vec<usize>, T)> {
+    let mut boards: Vec<(Vec<usize>, T)> = Vec::new();
+    for (module, of) in modules {
+        let board = (boards.iter_mut())
+            .find(|(board, other)| is_of_board(layout, board[0], *module) && same(other, of));
+        match board {
+            Some((board, _)) => board.push(*module),
+            None => boards.push((vec![*module], *of)),
+        }
+    }
+    boards
 }
 
 /// Whether two modules are on one board: on one hub, or the same.
@@ -138,11 +176,45 @@ fn silent_bus(look: &Look<'_>, bus: usize) -> Problem {
     }
 }
 
-fn silent_board(look: &Look<'_>, module: usize) -> Problem {
+/// Whose problem it is if it is of these modules of one board.
+fn place(layout: &Layout, modules: &[usize]) -> Place {
+    let module = modules[0];
+    layout.modules[module]
+        .hub
+        .map_or(Place::Module(module), Place::Hub)
+}
+
+/// `index tip (can0 board 3)`; `hub left (can0) with all its modules (palm, heel, wrist and 4 more)`; `a part of hub left (can0), 2 of
+/// its 7 modules (palm, heel),`.
+fn named_all(layout: &Layout, modules: &[usize]) -> String {
+    let hub = layout.modules[modules[0]].hub;
+    if hub.is_none() || modules.len() == 1 {
+        return named(layout, modules[0]);
+    }
+    let names: Vec<&str> = (modules.iter().take(NAMED))
+        .map(|m| layout.modules[*m].name.as_str())
+        .collect();
+    let list = match modules.len().saturating_sub(NAMED) {
+        0 => names.join(", "),
+        more => format!("{} and {more} more", names.join(", ")),
+    };
+    let hub_name = plugged(layout, modules[0]);
+    if layout.modules.iter().filter(|m| m.hub == hub).count() == modules.len() {
+        format!("{hub_name} with all its modules ({list})")
+    } else {
+        let (some, all) = (
+            modules.len(),
+            layout.modules.iter().filter(|m| m.hub == hub).count(),
+        );
+        format!("a part of {hub_name}, {some} of its {all} modules ({list}),")
+    }
+}
+
+fn silent_board(look: &Look<'_>, modules: &[usize], state: BoardState) -> Problem {
     let layout = &look.config.layout;
-    let name = named(layout, module);
+    let name = named_all(layout, modules);
     let done = what_is_done(look);
-    let (kind, sentence) = match look.now.boards[module].state {
+    let (kind, sentence) = match state {
         BoardState::Unheard => (
             "board-unheard",
             format!(
@@ -156,23 +228,23 @@ fn silent_board(look: &Look<'_>, module: usize) -> Problem {
     };
     Problem {
         kind,
-        place: Place::Module(module),
+        place: place(layout, modules),
         severe: false,
         sentence,
-        over: format!("{name} speaks"),
+        over: format!("{} speaks", name.trim_end_matches(',')),
     }
 }
 
-fn unsteady_board(layout: &Layout, module: usize, times: usize) -> Problem {
-    let name = named(layout, module);
+fn unsteady_board(layout: &Layout, modules: &[usize], times: usize) -> Problem {
+    let name = named_all(layout, modules);
     Problem {
         kind: "board-unsteady",
-        place: Place::Module(module),
+        place: place(layout, modules),
         severe: false,
         sentence: format!(
             "{name} fell silent {times} times within half a minute: a loose plug, or a supply that sags so that it reboots"
         ),
-        over: format!("{name} is steady again"),
+        over: format!("{} is steady again", name.trim_end_matches(',')),
     }
 }
 

@@ -31,6 +31,8 @@ pub(crate) enum Place {
     Bus(usize),
     /// The board of a module, by its index in the layout.
     Module(usize),
+    /// A CySkin hub, by its index in the layout; [`Problems`] knows which of its modules.
+    Hub(u8),
     /// The joints as a whole: the servos' port, an Allegro hand.
     Joints,
     /// A joint, by its index; of an Allegro hand, the first of a finger.
@@ -66,6 +68,8 @@ pub(crate) struct Problems {
     told: HashMap<(Kind, Place), Told>,
     recent: VecDeque<(u64, Vec<SourceCounters>, joints::Counts)>,
     steadiness: boards::Steadiness,
+    /// The modules that each problem of a hub is about.
+    of_hubs: boards::OfHubs,
     patience: joints::Patience,
     now_ns: u64,
 }
@@ -120,7 +124,7 @@ impl Problems {
             let flaps = self.has("flapping", Place::Bus(index));
             bus::judge(&look, index, flaps, &mut found);
         }
-        boards::judge(&look, &mut self.steadiness, &mut found);
+        self.of_hubs = boards::judge(&look, &mut self.steadiness, &mut found);
         if let (Some(config), Some(view)) = (&config.joints, joints) {
             let current = &self.current;
             let judge = joints::Judge {
@@ -204,12 +208,20 @@ impl Problems {
     pub(crate) fn kinds(&self, place: Place) -> Vec<Kind> {
         let of_place = |p: &Problem| match (p.place, place) {
             (Place::Stranger(bus, _), Place::Bus(index)) => bus == index,
+            (Place::Hub(_), Place::Module(index)) => self.modules_of(p).contains(&index),
             (own, asked) => own == asked,
         };
         (self.current.iter())
             .filter(|(p, _)| of_place(p))
             .map(|(p, _)| p.kind)
             .collect()
+    }
+
+    /// The modules of a problem of a hub, one at least.
+    fn modules_of(&self, problem: &Problem) -> &[usize] {
+        self.of_hubs
+            .get(&(problem.kind, problem.place))
+            .map_or(&[], |modules| modules)
     }
 
     /// How many there are, and of which kinds.
@@ -224,21 +236,24 @@ impl Problems {
     /// All of them, as the status report has them.
     pub(crate) fn status(&self, config: &Config) -> Vec<Value> {
         let layout = &config.layout;
-        let names = config
+        let joints = config
             .joints
             .as_ref()
             .map_or_else(Vec::new, JointsConfig::joint_names);
         let of = |(problem, since_ns): &(Problem, u64)| {
-            let (bus, module) = match problem.place {
-                Place::Bus(bus) | Place::Stranger(bus, _) => (Some(bus), None),
-                Place::Module(module) => (
-                    Some(usize::from(layout.modules[module].bus)),
-                    Some(&layout.modules[module]),
-                ),
-                Place::Joints | Place::Joint(_) => (None, None),
+            let modules = match &problem.place {
+                Place::Module(module) => std::slice::from_ref(module),
+                Place::Hub(_) => self.modules_of(problem),
+                _ => &[],
             };
+            let module = modules.first().map(|module| &layout.modules[*module]);
+            let bus = match problem.place {
+                Place::Bus(bus) | Place::Stranger(bus, _) => Some(bus),
+                _ => module.map(|m| usize::from(m.bus)),
+            };
+            let names: Vec<&String> = modules.iter().map(|m| &layout.modules[*m].name).collect();
             let joint = match problem.place {
-                Place::Joint(joint) => names.get(joint),
+                Place::Joint(joint) => joints.get(joint),
                 _ => None,
             };
             json!({
@@ -246,6 +261,7 @@ impl Problems {
                 "bus": bus.map(|bus| &layout.buses[bus]),
                 "board": module.map(|m| m.board),
                 "module": module.map(|m| &m.name),
+                "modules": names,
                 "joint": joint,
                 "severe": problem.severe,
                 "sentence": problem.sentence,

@@ -32,7 +32,10 @@ struct Bench {
 
 impl Bench {
     fn new() -> Self {
-        let config = config();
+        Self::of(config())
+    }
+
+    fn of(config: Config) -> Self {
         let snapshot = well(&config);
         let mut bench = Self {
             config,
@@ -158,6 +161,84 @@ fn a_bus_on_which_nobody_speaks_is_one_problem_and_one_silent_board_another() {
     let status = bench.problems.status(&bench.config);
     assert_eq!(status[1]["bus"], "can1");
     assert_eq!(status[1]["module"], bench.config.layout.modules[9].name);
+}
+
+/// A bus with a hub of five modules and one of one.
+fn two_hubs() -> Config {
+    let mut text = "name = \"hubs\"\nbuses = [\"can0\"]\nimage = { width = 42, height = 1 }\n[cyskin]\n\
+         byte_order = \"big\"\nchecksum = \"sum\"\nsequence_bytes_above = 5\nsensors_per_module = 12\n\
+         [[cyskin.hub]]\nname = \"left\"\nbus = \"can0\"\naddress = 1\n\
+         [[cyskin.hub]]\nname = \"right\"\nbus = \"can0\"\naddress = 2\n"
+        .to_string();
+    for n in 0..6 {
+        let hub = if n < 5 { "left" } else { "right" };
+        text += &format!(
+            "[[module]]\nname = \"m{n}\"\npart = \"p\"\nbus = \"can0\"\nhub = \"{hub}\"\nboard = {n}\n\
+             protocol = \"cyskin\"\nat = [{}, 0]\norder = [[1, 2, 3, 4, 5, 6, 7]]\n",
+            7 * n
+        );
+    }
+    let layout = taxel_skin::Layout::parse(&text, "hubs.toml").unwrap_or_else(|e| panic!("{e}"));
+    Config::new(layout, vec!["can:can0".parse().expect("a source")])
+}
+
+#[test]
+fn a_silent_hub_is_one_problem_with_its_modules_named() {
+    let cases: [(&[usize], &str, &str); 4] = [
+        (
+            &[0, 1, 2, 3, 4],
+            "hub left (can0) with all its modules (m0, m1, m2 and 2 more) is silent; ",
+            "hub left (can0) with all its modules (m0, m1, m2 and 2 more) speaks (",
+        ),
+        (
+            &[1, 3],
+            "a part of hub left (can0), 2 of its 5 modules (m1, m3), is silent; ",
+            "a part of hub left (can0), 2 of its 5 modules (m1, m3) speaks (",
+        ),
+        (
+            &[2],
+            "m2 (can0 hub left, board 2) is silent; ",
+            "m2 (can0 hub left, board 2) speaks (",
+        ),
+        (
+            &[5],
+            "m5 (can0 hub right, board 5) is silent; ",
+            "m5 (can0 hub right, board 5) speaks (",
+        ),
+    ];
+    for (silent, came, over) in cases {
+        let mut bench = Bench::of(two_hubs());
+        bench.pass(1000, |s| {
+            silent
+                .iter()
+                .for_each(|m| s.boards[*m].state = BoardState::Silent)
+        });
+        assert_eq!(bench.kinds(), ["board-silent"]);
+        for module in 0..6 {
+            let wanted: &[Kind] = if silent.contains(&module) {
+                &["board-silent"]
+            } else {
+                &[]
+            };
+            assert_eq!(bench.problems.kinds(Place::Module(module)), wanted, "{module}");
+        }
+        let status = bench.problems.status(&bench.config);
+        let names: Vec<String> = silent.iter().map(|m| format!("m{m}")).collect();
+        assert_eq!(
+            (&status[0]["bus"], &status[0]["module"], &status[0]["modules"]),
+            (&json!("can0"), &json!(names[0]), &json!(names))
+        );
+        bench.pass(1000, |s| {
+            silent
+                .iter()
+                .for_each(|m| s.boards[*m].state = BoardState::Living)
+        });
+        let [News::Came { sentence, .. }, News::Over { sentence: end }] = &bench.said[..] else {
+            panic!("{:?}", bench.said);
+        };
+        assert!(sentence.starts_with(came), "{sentence}");
+        assert!(end.starts_with(over), "{end}");
+    }
 }
 
 #[test]
