@@ -1,6 +1,7 @@
 //! Every built-in hand through the whole way: simulated boards that the supervisor starts as it starts real ones,
 //! decoders, sweep assembly, conditioning, compression.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
 use taxel_can::Received;
 use taxel_compress::Compressor;
 use taxel_sim::{Scene, Simulator, with_stand_in_boards};
@@ -67,6 +68,21 @@ fn config(layout: &Layout) -> Config {
     let mut config = Config::new(layout.clone(), sources.collect());
     config.tick.mode = TickMode::Sweep;
     config
+}
+
+/// Does the same for each of the cases, on as many threads as there are processors; a panic in one is the test's.
+fn at_once<T: Sync>(cases: &[T], each: impl Fn(&T) + Sync) {
+    let next = AtomicUsize::new(0);
+    let processors = std::thread::available_parallelism().map_or(1, usize::from);
+    std::thread::scope(|scope| {
+        for _ in 0..processors.min(cases.len()) {
+            scope.spawn(|| {
+                while let Some(case) = cases.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    each(case);
+                }
+            });
+        }
+    });
 }
 
 /// Plays a scene to its end; `each_ms` looks at the pipeline after every millisecond.
@@ -184,7 +200,7 @@ fn every_built_in_hand_feels_what_touches_it() {
     let mut names: Vec<&str> = Layout::builtin_names().collect();
     names.sort_unstable();
     assert_eq!(names, HANDS.map(|(name, ..)| name), "hands without a case here");
-    for (name, images, heard_ms, least_recall) in HANDS {
+    at_once(&HANDS, |&(name, ref images, heard_ms, least_recall)| {
         let layout = with_stand_in_boards(&Layout::builtin(name).unwrap()).unwrap();
         let (felt, pipeline) = play(&layout, &Scene::builtin("roll").unwrap());
         let recall = felt.found as f64 / felt.touched as f64;
@@ -200,7 +216,7 @@ fn every_built_in_hand_feels_what_touches_it() {
         assert_eq!(felt.ever, layout.len(), "{name}: taxels that felt the ball");
         assert!(recall >= least_recall, "{name}: recall {recall}, {felt:?}");
         assert!(precision >= 0.999, "{name}: precision {precision}, {felt:?}");
-    }
+    });
 }
 
 /// 1,000 modules of four protocols on 82 buses, 6,160 taxels.
@@ -248,14 +264,15 @@ fn thousand_modules() -> Layout {
 fn a_thousand_modules_feel_what_touches_them() {
     let layout = thousand_modules();
     assert_eq!(layout.len(), 400 * 4 + 280 * 10 + 160 * 4 + 160 * 7);
-    let scene = "name = \"press\"\nseconds = 4.0\n[boards]\nrate_hz = 20\n\
+    // The boards are whole after 0.7 s, and calibrated 1.5 s later.
+    let scene = "name = \"press\"\nseconds = 3.5\n[boards]\nrate_hz = 20\n\
                  [[contact]]\nshape = \"bump\"\non = [\"all\"]\nat_share = [0.4, 0.5]\nradius_share = 0.3\n\
-                 force_n = [[2.6, 0.0], [3.3, 3.0], [3.4, 3.0], [3.9, 0.0]]\n";
+                 force_n = [[2.3, 0.0], [2.9, 3.0], [3.0, 3.0], [3.4, 0.0]]\n";
     let scene = Scene::parse(scene, "press.toml").unwrap();
     let (felt, pipeline) = play(&layout, &scene);
     println!("{felt:?}");
     nothing_lost(&layout, &pipeline);
-    assert!((68..=81).contains(&felt.images), "{felt:?}");
+    assert!((58..=71).contains(&felt.images), "{felt:?}");
     assert_eq!((felt.lacking, felt.faulty), (0, 0), "{felt:?}");
     assert!(
         felt.touched > 10_000 && felt.found * 1000 >= felt.touched * 999,
@@ -290,12 +307,13 @@ fn a_hand_of_every_kind_of_board_gets_over_its_faults() {
         ("schunk-sdh", [900, 800, 300]),
         ("uskin-fingertip", [500, 300, 300]),
     ];
-    for (name, limits_ms) in hands {
+    at_once(&hands, |&(name, limits_ms)| {
         let layout = with_stand_in_boards(&Layout::builtin(name).unwrap()).unwrap();
         for (number, fault) in faults.into_iter().enumerate() {
-            let scene = format!("name = \"f\"\nseconds = 6\n[[fault]]\n{fault}from = 3.0\nto = 4.0\n");
+            // The boards are whole, and the hand calibrated, 2.2 s after the start at the latest.
+            let scene = format!("name = \"f\"\nseconds = 4.5\n[[fault]]\n{fault}from = 2.5\nto = 3.5\n");
             let scene = Scene::parse(&scene, "f.toml").unwrap();
-            let (whole_ns, hurt, pipeline) = whole_after(&layout, &scene, [3000 * MS, 4000 * MS]);
+            let (whole_ns, hurt, pipeline) = whole_after(&layout, &scene, [2500 * MS, 3500 * MS]);
             let case = format!("{name}, {}", fault.replace('\n', " "));
             println!("{case} {:?} ms", whole_ns.map(|t| t / MS));
             let limit_ms = limits_ms[number.min(2)];
@@ -313,7 +331,7 @@ fn a_hand_of_every_kind_of_board_gets_over_its_faults() {
                 assert_eq!(decoder.counters().unknown, 0, "{case}");
             }
         }
-    }
+    });
 }
 
 /// When, after the end of a fault, the hand is whole for good; and whether anything was missing meanwhile.
@@ -342,7 +360,7 @@ fn whole_after(layout: &Layout, scene: &Scene, [from_ns, to_ns]: [u64; 2]) -> (O
 /// back: well within a second.
 #[test]
 fn boards_that_lost_their_power_are_back_within_a_second_of_it() {
-    for name in ["cyskin-triangle", "icub-forearm", "uskin-fingertip"] {
+    at_once(&["cyskin-triangle", "icub-forearm", "uskin-fingertip"], |name| {
         let layout = with_stand_in_boards(&Layout::builtin(name).unwrap()).unwrap();
         let mut slowest_ms = 0;
         for away_ms in [60, 300, 1010, 1040, 1070, 1100] {
@@ -360,5 +378,5 @@ fn boards_that_lost_their_power_are_back_within_a_second_of_it() {
             assert_eq!(pipeline.sweep().board(0).state, BoardState::Living, "{case}");
         }
         println!("{name}: {slowest_ms} ms at most");
-    }
+    });
 }
