@@ -14,6 +14,8 @@ const TIMES: &str = "t_ns";
 
 /// Headers longer than numpy itself accepts are not read.
 const MAX_HEADER_BYTES: usize = 10_000;
+/// Bytes of the widest elements there are in a recording.
+const WIDEST: usize = 8;
 /// Brackets in a header; a recording's has three. The parser of the header recurses on them.
 const MAX_HEADER_BRACKETS: usize = 16;
 
@@ -46,6 +48,15 @@ pub(crate) fn read_npz(path: &Path, array: Option<&str>) -> Result<Table, Record
             });
         }
         (None, [only]) => (*only).clone(),
+        (None, []) => {
+            return Err(RecordError::BadNpz {
+                path: path.into(),
+                reason: format!(
+                    "it holds no array{}",
+                    if npz.names.is_empty() { "" } else { " but t_ns" }
+                ),
+            });
+        }
         (None, _) => {
             let arrays = npz.list();
             return Err(RecordError::WhichArray {
@@ -96,7 +107,22 @@ impl<'a> Npz<'a> {
         Ok(Self { path, zip, names })
     }
 
+    /// An array's bytes: no more of them than its header promises, and one to tell that there are more.
     fn member(&mut self, name: &str) -> Result<Vec<u8>, RecordError> {
+        self.beginning(name, |bytes| {
+            let promised = header(name, bytes).ok().and_then(|(header, data)| {
+                let values = header
+                    .shape
+                    .iter()
+                    .try_fold(WIDEST, |bytes, &n| bytes.checked_mul(n))?;
+                values.checked_add(bytes.len() - data.len())
+            });
+            promised.unwrap_or(0)
+        })
+    }
+
+    /// The first bytes of an array, enough for its header, and then up to so many as `most` tells from them.
+    fn beginning(&mut self, name: &str, most: impl Fn(&[u8]) -> usize) -> Result<Vec<u8>, RecordError> {
         let bad = |reason: String| RecordError::BadNpz {
             path: self.path.into(),
             reason: format!("array {name}: {reason}"),
@@ -111,13 +137,20 @@ impl<'a> Npz<'a> {
             .zip
             .by_index(index.ok_or_else(|| bad("gone".into()))?)
             .map_err(|e| bad(e.to_string()))?;
-        member.read_to_end(&mut bytes).map_err(|e| bad(e.to_string()))?;
+        let mut read = |bytes: &mut Vec<u8>, most: usize| {
+            let more = most.saturating_sub(bytes.len());
+            let took = member.by_ref().take(more as u64).read_to_end(bytes);
+            took.map_err(|e| bad(e.to_string()))
+        };
+        read(&mut bytes, MAX_HEADER_BYTES + 12)?;
+        let most = most(&bytes).saturating_add(1);
+        read(&mut bytes, most)?;
         Ok(bytes)
     }
 
     fn list(&mut self) -> ArrayList {
         let describe = |npz: &mut Self, name: &str| {
-            let bytes = npz.member(name).map_err(|e| e.to_string())?;
+            let bytes = npz.beginning(name, |_| 0).map_err(|e| e.to_string())?;
             let header = header(name, &bytes).map_err(|e| e.to_string())?.0;
             Ok(format!("{} {}", show_shape(&header.shape), dtype(&header)))
         };
@@ -274,6 +307,7 @@ mod tests {
     use ndarray::{Array1, Array2, Array3, ShapeBuilder};
     use ndarray_npy::{NpzWriter, WritableElement, write_npy};
     use proptest::prelude::*;
+    use std::io::Write;
     use tempfile::TempDir;
 
     fn open(path: &Path) -> Result<Recording, RecordError> {
@@ -467,6 +501,55 @@ mod tests {
                 "{name}: {message}"
             );
         }
+    }
+
+    #[test]
+    fn a_member_that_is_longer_than_its_header_says_is_not_unpacked_to_its_end() {
+        let dir = TempDir::new().unwrap();
+        let path = dir.path().join("bomb.npz");
+        let mut zip = zip::ZipWriter::new(File::create(&path).unwrap());
+        let deflated = zip::write::SimpleFileOptions::default();
+        for (name, shape) in [("x", "(2, 3)"), ("y", "(4000, 5000)")] {
+            zip.start_file(format!("{name}.npy"), deflated).unwrap();
+            let text = format!("{{'descr': '|u1', 'fortran_order': False, 'shape': {shape}}}");
+            let header = [
+                b"\x93NUMPY\x01\x00\x76\x00".to_vec(),
+                format!("{text:117}\n").into_bytes(),
+            ]
+            .concat();
+            zip.write_all(&header).unwrap();
+            zip.write_all(&vec![0; 20_000_000]).unwrap();
+        }
+        zip.finish().unwrap();
+        let mut npz = Npz::open(&path).unwrap();
+        assert!(npz.member("x").unwrap().len() <= MAX_HEADER_BYTES + 12 + 1);
+        assert_eq!(npz.member("y").unwrap().len(), 20_000_128);
+        assert!(npz.beginning("y", |_| 0).unwrap().len() <= MAX_HEADER_BYTES + 12);
+        let array = |name: &str| ReadOptions {
+            array: Some(name.into()),
+            ..Default::default()
+        };
+        let message = Recording::open(&path, &array("x")).unwrap_err().to_string();
+        assert!(message.contains("does not fit"), "{message}");
+        assert!(
+            npz.list().to_string().contains("y  4000 x 5000 u8"),
+            "{}",
+            npz.list()
+        );
+    }
+
+    #[test]
+    fn an_npz_without_frames_says_so() {
+        let dir = TempDir::new().unwrap();
+        let path = dir.path().join("none.npz");
+        NpzWriter::new(File::create(&path).unwrap()).finish().unwrap();
+        let message = open(&path).unwrap_err().to_string();
+        assert!(message.contains("holds no array"), "{message}");
+        let mut writer = NpzWriter::new(File::create(&path).unwrap());
+        writer.add_array("t_ns", &Array1::<u64>::zeros(3)).unwrap();
+        writer.finish().unwrap();
+        let message = open(&path).unwrap_err().to_string();
+        assert!(message.contains("no array but t_ns"), "{message}");
     }
 
     proptest! {
