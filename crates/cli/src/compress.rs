@@ -1,9 +1,11 @@
 //! `taxel compress`: the daemon's compression, offline.
 
 use crate::image_output::{ImageOutput, OutputFormat};
+use crate::interrupt::Interrupt;
 use crate::offline::OfflineArgs;
+use crate::output_file::{OutputFile, refuse_overlap};
 use anyhow::{Context, bail};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use taxel_compress::{Method, Profile, learn_codebook};
 use taxel_skin::{ForceFrame, TactileFrame};
 use taxel_wire::Flags;
@@ -61,9 +63,12 @@ pub(crate) fn method(name: &str) -> Result<Method, String> {
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let format = OutputFormat::of(&args.out)?;
-    if args.out == args.offline.input.path {
-        bail!("{}: the output would overwrite the input", args.out.display());
-    }
+    let outputs: Vec<&Path> = [&args.out]
+        .into_iter()
+        .chain(&args.learn_codebook)
+        .map(PathBuf::as_path)
+        .collect();
+    refuse_overlap(&outputs, &args.offline.inputs())?;
     let input = args.offline.input.open()?;
     let mut config = args.offline.configure(&input)?;
     config.profile.method = args.method.unwrap_or(config.profile.method);
@@ -76,7 +81,11 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         with_contact: 0,
         with_missing: 0,
     };
+    let interrupt = Interrupt::install()?;
     args.offline.run(&input, &config, &mut |tactile, force, image| {
+        if interrupt.is_set() {
+            bail!("stopped; {} was not written", args.out.display());
+        }
         run.take(tactile, force, image)
     })?;
     run.finish(args, &config)
@@ -167,7 +176,7 @@ impl Run {
     }
 }
 
-fn write_codebook(path: &std::path::Path, args: &Args, profile: &Profile) -> anyhow::Result<()> {
+fn write_codebook(path: &Path, args: &Args, profile: &Profile) -> anyhow::Result<()> {
     let levels: Vec<String> = profile
         .codebook
         .iter()
@@ -180,7 +189,9 @@ fn write_codebook(path: &std::path::Path, args: &Args, profile: &Profile) -> any
         profile.levels,
         levels.join(", "),
     );
-    std::fs::write(path, text).with_context(|| path.display().to_string())
+    let mut file = OutputFile::begin(path)?;
+    std::fs::write(file.path(), text).with_context(|| path.display().to_string())?;
+    file.finish()
 }
 
 #[cfg(test)]

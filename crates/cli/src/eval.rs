@@ -6,11 +6,12 @@ mod table;
 
 use crate::allocations::COUNTER;
 use crate::offline::OfflineArgs;
+use crate::output_file::{OutputFile, refuse_overlap};
 use crate::progress::Progress;
 use anyhow::{Context, bail};
 use serde::Serialize;
 use std::io::{self, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use taxel_eval::{
     ContactTruth, EvalReport, Method, MethodReport, References, ScalingReport, Sequence, Timings, judge,
     quantile, standard_methods, synthetic, time,
@@ -106,6 +107,12 @@ struct Frames {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    let outputs = [&args.csv, &args.export, &args.times];
+    let outputs: Vec<&Path> = outputs.into_iter().flatten().map(PathBuf::as_path).collect();
+    refuse_overlap(&outputs, &args.offline.inputs())?;
+    // Before the work, which is long, shows that they cannot be written.
+    let begin = |path: &Option<PathBuf>| path.as_deref().map(OutputFile::begin).transpose();
+    let (mut csv, mut export, mut times) = (begin(&args.csv)?, begin(&args.export)?, begin(&args.times)?);
     let path = args.offline.input.path.display().to_string();
     let (frames, config) = match path.strip_prefix("sim:") {
         Some(scene) => {
@@ -119,11 +126,14 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     }
     let base = config.profile;
     let (input, references, timings) = args.report(&frames, &args.methods(&base)?)?;
-    if let Some(file) = &args.export {
-        export::write(file, &frames.sequence, &references).with_context(|| file.display().to_string())?;
+    if let Some(file) = &mut export {
+        export::write(file.path(), &frames.sequence, &references)
+            .with_context(|| file.path().display().to_string())?;
+        file.finish()?;
     }
-    if let Some(file) = &args.times {
-        export::write_times(file, &timings).with_context(|| file.display().to_string())?;
+    if let Some(file) = &mut times {
+        export::write_times(file.path(), &timings).with_context(|| file.path().display().to_string())?;
+        file.finish()?;
     }
     if input.contact_frames == 0 {
         eprintln!("taxel: {path}: nothing is in contact in any frame, so there is nothing to judge");
@@ -160,8 +170,10 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             .chain(&output.scenes)
             .chain(&output.sweep)
     };
-    if let Some(file) = &args.csv {
-        std::fs::write(file, table::csv(reports())?).with_context(|| file.display().to_string())?;
+    if let Some(file) = &mut csv {
+        std::fs::write(file.path(), table::csv(reports())?)
+            .with_context(|| file.path().display().to_string())?;
+        file.finish()?;
     }
     let mut text = String::new();
     if args.json {

@@ -1,10 +1,11 @@
 //! Where compressed images go: a file, in the format its name tells.
 
 use crate::image_line;
+use crate::output_file::OutputFile;
 use anyhow::{Context, bail};
 use std::fs::File;
 use std::io::{BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use taxel_compress::{Profile, TactileImage};
 use taxel_record::ImageStack;
 use taxel_skin::Layout;
@@ -50,7 +51,7 @@ impl OutputFormat {
 /// A file that images are written to, one after another.
 #[derive(Debug)]
 pub(crate) struct ImageOutput {
-    path: PathBuf,
+    whole: OutputFile,
     format: OutputFormat,
     file: Option<BufWriter<File>>,
     stack: ImageStack,
@@ -65,15 +66,16 @@ impl ImageOutput {
         layout: &Layout,
         profile: &Profile,
     ) -> anyhow::Result<Self> {
+        let whole = OutputFile::begin(path)?;
         let file = match format {
             OutputFormat::Jsonl | OutputFormat::Bin => {
-                let file = File::create(path).with_context(|| path.display().to_string())?;
+                let file = File::create(whole.path()).with_context(|| path.display().to_string())?;
                 Some(BufWriter::new(file))
             }
             _ => None,
         };
         Ok(Self {
-            path: path.into(),
+            whole,
             format,
             file,
             stack: ImageStack::new(
@@ -105,20 +107,21 @@ impl ImageOutput {
                 writeln!(file, "{}", image_line::json(&header, &view, None))
             }
         };
-        written.with_context(|| self.path.display().to_string())
+        written.with_context(|| self.whole.path().display().to_string())
     }
 
-    /// Writes what is left.
+    /// Writes what is left. Without it there is no file.
     pub(crate) fn finish(&mut self) -> anyhow::Result<()> {
+        let path = self.whole.path();
         match self.format {
-            OutputFormat::Npz => self.stack.write_npz(&self.path)?,
-            OutputFormat::Npy => self.stack.write_npy(&self.path)?,
-            OutputFormat::Csv => self.stack.write_csv(&self.path)?,
+            OutputFormat::Npz => self.stack.write_npz(path)?,
+            OutputFormat::Npy => self.stack.write_npy(path)?,
+            OutputFormat::Csv => self.stack.write_csv(path)?,
             OutputFormat::Jsonl | OutputFormat::Bin => {
                 let flushed = self.file.as_mut().map_or(Ok(()), Write::flush);
-                flushed.with_context(|| self.path.display().to_string())?;
+                flushed.with_context(|| path.display().to_string())?;
             }
         }
-        Ok(())
+        self.whole.finish()
     }
 }

@@ -11,6 +11,7 @@ mod image_output;
 mod input;
 mod interrupt;
 mod offline;
+mod output_file;
 mod progress;
 mod raw_line;
 mod replay;

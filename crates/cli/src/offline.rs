@@ -4,6 +4,7 @@ use crate::input::{DEFAULT_LAYOUT, Input, InputArgs, interfaces, interfaces_of_b
 use crate::progress::Progress;
 use crate::sweep::Sweeps;
 use anyhow::{Context, bail};
+use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use taxel_can::{CanSource, LogSource, Playback, Received, SourceAddress};
 use taxel_compress::{Compressor, TactileImage};
@@ -47,6 +48,16 @@ pub(crate) type Emit<'a> =
     dyn FnMut(Option<&TactileFrame>, &ForceFrame, &TactileImage) -> anyhow::Result<()> + 'a;
 
 impl OfflineArgs {
+    /// The files that are read, as they were named.
+    pub(crate) fn inputs(&self) -> Vec<&Path> {
+        let layout = self.input.layout.as_deref().map(Path::new);
+        let recording = Some(self.input.path.as_path());
+        [recording, self.config.as_deref(), layout]
+            .into_iter()
+            .flatten()
+            .collect()
+    }
+
     /// The configuration named, or the defaults, without the hand of a recording.
     pub(crate) fn configure_for(&self, default_layout: &str) -> anyhow::Result<Config> {
         let configured = self.config.as_deref().map(Config::load).transpose()?;
@@ -252,19 +263,26 @@ fn grid_of(recording: &Recording) -> anyhow::Result<Layout> {
     Layout::grid(width_px, height_px).with_context(too_large)
 }
 
-/// Takes CAN frames, in the order of their times, through the daemon's pipeline; stops showing what comes out after a failure.
+/// Takes CAN frames, in the order of their times, through the daemon's pipeline; stops at a failure to show what comes out.
 pub(crate) fn pipeline(
     config: &Config,
     frames: impl Iterator<Item = (u8, Received)>,
     emit: &mut Emit<'_>,
 ) -> anyhow::Result<()> {
-    let mut failure = None;
-    run_recorded(config, frames, None, |_, outputs: &Outputs| {
-        if failure.is_none() {
-            failure = emit(Some(outputs.tactile), outputs.force, outputs.image).err();
-        }
-    })?;
-    failure.map_or(Ok(()), Err)
+    let failure = RefCell::new(None);
+    let failed = || failure.borrow().is_some();
+    run_recorded(
+        config,
+        frames.take_while(|_| !failed()),
+        None,
+        |_, outputs: &Outputs| {
+            if !failed() {
+                let result = emit(Some(outputs.tactile), outputs.force, outputs.image);
+                *failure.borrow_mut() = result.err();
+            }
+        },
+    )?;
+    failure.into_inner().map_or(Ok(()), Err)
 }
 
 /// The frames of several recorded buses in the order of their times, as the daemon takes them.
@@ -282,7 +300,7 @@ impl BusFrames {
     /// Whether every source came to its end.
     fn check(&self, path: &std::path::Path) -> anyhow::Result<()> {
         match self.sources.iter().find_map(LogSource::failure) {
-            Some(failure) => bail!("{}: {failure}; what came before was compressed", path.display()),
+            Some(failure) => bail!("{}: {failure}", path.display()),
             None => {
                 let undecodable: u64 = self
                     .sources

@@ -2,6 +2,7 @@
 
 use crate::input::{DEFAULT_LAYOUT, Input, InputArgs, interfaces, pair};
 use crate::interrupt::Interrupt;
+use crate::output_file::refuse_overlap;
 use crate::progress::Progress;
 use crate::sweep::Sweeps;
 use crate::target::{TargetAddress, Targets, refuse_shared_ids};
@@ -62,6 +63,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         Input::Log(path) => {
             let names = interfaces(&path)?;
             let named = args.route(&names, "interface of the log")?;
+            refuse_overlap(&logs(&named), &[&path])?;
             Player::new(args, window, &named)?.play(|| log_frames(&path, &names))
         }
         Input::Frames(recording) => {
@@ -72,6 +74,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             let sweeps = Sweeps::new(&recording, &layout, args.input.tile)?;
             let named = args.route(&layout.buses, "bus of the layout")?;
             refuse_shared_ids(&named, &layout)?;
+            refuse_overlap(&logs(&named), &[&args.input.path])?;
             let frames = || {
                 sweeps
                     .frames()
@@ -134,6 +137,19 @@ impl Args {
             .map(|name| Ok((name.clone(), target(name)?)))
             .collect()
     }
+}
+
+/// The logs that are written, each once.
+fn logs(named: &[(String, TargetAddress)]) -> Vec<&Path> {
+    let mut logs: Vec<&Path> = Vec::new();
+    for (_, target) in named {
+        if let TargetAddress::Log(path) = target
+            && !logs.contains(&path.as_path())
+        {
+            logs.push(path);
+        }
+    }
+    logs
 }
 
 /// What a recording holds at one place.

@@ -4,7 +4,7 @@ use crate::error::RecordError;
 use ndarray::{ArrayView1, ArrayView2, ArrayView3};
 use ndarray_npy::{NpzWriter, WriteNpyExt, WriteNpzError};
 use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, Cursor, Write};
 use std::path::Path;
 use taxel_compress::TactileImage;
 
@@ -127,9 +127,9 @@ impl ImageStack {
     /// `T x J` f32, radians. Levels and actuators that a frame does not have, and unknown angles, are NaN.
     pub fn write_npz(&self, path: &Path) -> Result<(), RecordError> {
         let frames = self.len();
-        let write = || -> Result<(), WriteNpzError> {
-            let file = File::create(path).map_err(|e| WriteNpzError::Zip(e.into()))?;
-            let mut npz = NpzWriter::new_compressed(BufWriter::new(file));
+        // In memory first: a writer of zip files that meets a full disk says so on stderr by itself, unasked.
+        let archive = || -> Result<Vec<u8>, WriteNpzError> {
+            let mut npz = NpzWriter::new_compressed(Cursor::new(Vec::new()));
             npz.add_array("images", &self.images())?;
             let levels = ArrayView2::from_shape((frames, self.max_levels), &self.levels);
             npz.add_array("levels", &levels.expect("push keeps the shape"))?;
@@ -145,11 +145,13 @@ impl ImageStack {
                 let joints = ArrayView2::from_shape((frames, self.joints.len() / frames), &self.joints);
                 npz.add_array("joints", &joints.expect("push keeps the shape"))?;
             }
-            npz.finish()?.flush().map_err(|e| WriteNpzError::Zip(e.into()))
+            Ok(npz.finish()?.into_inner())
         };
-        write().map_err(|e| RecordError::Io {
+        let bytes = archive().map_err(io::Error::other);
+        let written = bytes.and_then(|bytes| std::fs::write(path, bytes));
+        written.map_err(|source| RecordError::Io {
             path: path.into(),
-            source: io::Error::other(e),
+            source,
         })
     }
 

@@ -1,10 +1,8 @@
 //! Conditioned frames and measured times for other programs to judge.
 
-use anyhow::Context;
 use ndarray::{Array1, Array2, Array3};
 use ndarray_npy::NpzWriter;
-use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::Cursor;
 use std::path::Path;
 use taxel_eval::{Lap, References, Sequence, Timings};
 
@@ -16,7 +14,7 @@ pub(super) fn write(path: &Path, sequence: &Sequence, references: &References) -
     let contact = Array2::from_shape_fn(shape, |(t, n)| u8::from(usable(t, n)));
     let force = Array2::from_shape_fn(shape, |(t, n)| sequence.force[t].force[n]);
     let taxels = &sequence.layout.taxels;
-    let mut npz = NpzWriter::new_compressed(BufWriter::new(File::create(path)?));
+    let mut npz = NpzWriter::new_compressed(Cursor::new(Vec::new()));
     npz.add_array("force", &force)?;
     npz.add_array("contact", &contact)?;
     npz.add_array("x", &taxels.iter().map(|t| t.x).collect::<Array1<u16>>())?;
@@ -34,7 +32,7 @@ pub(super) fn write(path: &Path, sequence: &Sequence, references: &References) -
         "place_error",
         &best.iter().map(|f| f.place_error).collect::<Array1<f64>>(),
     )?;
-    npz.finish()?.flush().context("writing")
+    Ok(std::fs::write(path, npz.finish()?.into_inner())?)
 }
 
 /// Writes `condition_us`, `compress_us` (f32) `M x T x P`: of each method, each frame with contacts, each pass.
@@ -42,8 +40,8 @@ pub(super) fn write_times(path: &Path, timings: &[Timings]) -> anyhow::Result<()
     let frames = timings.first().map_or(&[][..], Timings::laps);
     let shape = (timings.len(), frames.len(), frames.first().map_or(0, Vec::len));
     let times = |of: fn(&Lap) -> f32| Array3::from_shape_fn(shape, |(m, t, p)| of(&timings[m].laps()[t][p]));
-    let mut npz = NpzWriter::new_compressed(BufWriter::new(File::create(path)?));
+    let mut npz = NpzWriter::new_compressed(Cursor::new(Vec::new()));
     npz.add_array("condition_us", &times(|lap| lap.condition_us))?;
     npz.add_array("compress_us", &times(|lap| lap.compress_us))?;
-    npz.finish()?.flush().context("writing")
+    Ok(std::fs::write(path, npz.finish()?.into_inner())?)
 }

@@ -271,3 +271,85 @@ fn input_that_cannot_be_read_says_what_to_do() {
         assert!(err.contains(wanted), "{input}: {err}");
     }
 }
+
+#[test]
+fn no_output_overwrites_what_it_is_made_of() {
+    let dir = TempDir::new().unwrap();
+    succeeds(&dir, &["sim", "tap", "--to", "log:tap.log", "--seconds", "2"]);
+    ndarray_npy::write_npy(dir.path().join("press.npy"), &Array3::<f32>::ones((5, 4, 4))).unwrap();
+    std::os::unix::fs::symlink("press.npy", dir.path().join("link.npy")).unwrap();
+    let read = |file: &str| std::fs::read(dir.path().join(file)).unwrap();
+    let (log, frames) = (read("tap.log"), read("press.npy"));
+    for args in [
+        &["compress", "press.npy", "--out", "./press.npy"][..],
+        &["compress", "press.npy", "--out", "link.npy"],
+        &[
+            "compress",
+            "press.npy",
+            "--out",
+            "o.npz",
+            "--learn-codebook",
+            "press.npy",
+        ],
+        &[
+            "compress",
+            "press.npy",
+            "--out",
+            "o.npz",
+            "--learn-codebook",
+            "o.npz",
+        ],
+        &["eval", "press.npy", "--csv", "press.npy"],
+        &["eval", "press.npy", "--export", "new.npz", "--times", "./new.npz"],
+        &["replay", "tap.log", "--to", "log:tap.log"],
+        &[
+            "replay",
+            "tap.log",
+            "--interface",
+            "can0=log:a.log",
+            "--interface",
+            "can1=log:./a.log",
+        ],
+    ] {
+        let err = fails(&dir, args, 1);
+        assert!(
+            err.contains("overwrite the input") || err.contains("the same file"),
+            "{err}"
+        );
+    }
+    assert_eq!((read("tap.log"), read("press.npy")), (log, frames));
+}
+
+#[test]
+fn what_cannot_be_written_whole_is_not_there() {
+    let dir = TempDir::new().unwrap();
+    ndarray_npy::write_npy(dir.path().join("press.npy"), &Array3::<f32>::ones((5, 4, 4))).unwrap();
+    for out in ["o.npz", "o.npy", "o.csv", "o.jsonl", "o.bin"] {
+        let err = fails(
+            &dir,
+            &["compress", "press.npy", "--out", &format!("none/{out}")],
+            1,
+        );
+        assert!(err.contains("No such file"), "{err}");
+        std::os::unix::fs::symlink("/dev/full", dir.path().join(out)).unwrap();
+        let err = fails(&dir, &["compress", "press.npy", "--out", out], 1);
+        assert!(
+            err.starts_with("taxel: ") && err.contains("No space left"),
+            "{err}"
+        );
+    }
+    // The process dies of the limit on the size of files as it would of Ctrl-C twice, or of the lack of memory.
+    std::fs::write(dir.path().join("images.jsonl"), "before").unwrap();
+    ndarray_npy::write_npy(dir.path().join("long.npy"), &Array3::<f32>::ones((900, 8, 8))).unwrap();
+    let killed = std::process::Command::new("sh")
+        .args([
+            "-c",
+            "ulimit -f 64; exec \"$0\" compress long.npy --out images.jsonl",
+        ])
+        .arg(env!("CARGO_BIN_EXE_taxel"))
+        .current_dir(dir.path())
+        .output()
+        .unwrap();
+    assert!(!killed.status.success());
+    assert_eq!(std::fs::read(dir.path().join("images.jsonl")).unwrap(), b"before");
+}

@@ -1,0 +1,181 @@
+//! Files that hold a result: written whole or not at all, and never over what the result is made of.
+
+use anyhow::{Context, bail};
+use std::fs::{self, File, OpenOptions};
+use std::io;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+
+/// Refuses outputs that would overwrite one of the inputs, or each other.
+pub(crate) fn refuse_overlap(outputs: &[&Path], inputs: &[&Path]) -> anyhow::Result<()> {
+    for (n, output) in outputs.iter().enumerate() {
+        if let Some(input) = inputs.iter().find(|input| is_same(output, input)) {
+            bail!(
+                "{}: the output would overwrite the input {}",
+                output.display(),
+                input.display()
+            );
+        }
+        if let Some(other) = outputs[..n].iter().find(|other| is_same(output, other)) {
+            bail!(
+                "{} and {} are the same file; give each output its own",
+                other.display(),
+                output.display()
+            );
+        }
+    }
+    Ok(())
+}
+
+/// Whether two names, of which one or both may not exist yet, are those of one regular file.
+fn is_same(a: &Path, b: &Path) -> bool {
+    match (fs::metadata(a), fs::metadata(b)) {
+        (Ok(a), Ok(b)) => a.is_file() && (a.dev(), a.ino()) == (b.dev(), b.ino()),
+        (Err(_), Err(_)) => place(a).is_some_and(|place| Some(place) == self::place(b)),
+        _ => false,
+    }
+}
+
+/// Where a file will be: its folder without links and dots, and its name.
+fn place(path: &Path) -> Option<PathBuf> {
+    let folder = match path.parent()? {
+        folder if folder.as_os_str().is_empty() => Path::new("."),
+        folder => folder,
+    };
+    Some(folder.canonicalize().ok()?.join(path.file_name()?))
+}
+
+/// A file that has its name only once it is whole. Until then it is called `NAME.part`; what is given up is removed, and a
+/// file of that name from before stays.
+///
+/// What is no regular file, such as a device or a pipe, is written as it is.
+#[derive(Debug)]
+pub(crate) struct OutputFile {
+    path: PathBuf,
+    part: Option<PathBuf>,
+}
+
+impl OutputFile {
+    /// Makes sure that the file can be written, before there is anything to write.
+    pub(crate) fn begin(path: &Path) -> anyhow::Result<Self> {
+        Self::prepare(path).with_context(|| path.display().to_string())
+    }
+
+    fn prepare(path: &Path) -> io::Result<Self> {
+        let before = match fs::metadata(path) {
+            Ok(before) if before.is_dir() => return Err(io::ErrorKind::IsADirectory.into()),
+            Ok(before) if !before.is_file() => {
+                let path = path.into();
+                return Ok(Self { path, part: None });
+            }
+            Ok(before) => {
+                OpenOptions::new().write(true).open(path)?;
+                Some(before)
+            }
+            Err(_) => None,
+        };
+        // Behind a link is the file that is meant.
+        let path = path.canonicalize().unwrap_or_else(|_| path.into());
+        let mut part = path.clone().into_os_string();
+        part.push(".part");
+        let part = PathBuf::from(part);
+        match File::create(&part) {
+            Ok(file) => {
+                let permissions = before.map(|b| file.set_permissions(b.permissions()));
+                permissions.unwrap_or(Ok(()))?;
+            }
+            // A folder of others, and a file of one's own in it.
+            Err(_) if before.is_some() => return Ok(Self { path, part: None }),
+            Err(error) => return Err(error),
+        }
+        Ok(Self {
+            path,
+            part: Some(part),
+        })
+    }
+
+    /// Where to write.
+    pub(crate) fn path(&self) -> &Path {
+        self.part.as_deref().unwrap_or(&self.path)
+    }
+
+    /// The file is whole: gives it its name.
+    pub(crate) fn finish(&mut self) -> anyhow::Result<()> {
+        let Some(part) = &self.part else { return Ok(()) };
+        let named = File::open(part)
+            .and_then(|file| file.sync_all())
+            .and_then(|()| fs::rename(part, &self.path));
+        named.with_context(|| self.path.display().to_string())?;
+        self.part = None;
+        Ok(())
+    }
+}
+
+impl Drop for OutputFile {
+    fn drop(&mut self) {
+        if let Some(part) = &self.part {
+            let _ = fs::remove_file(part);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::os::unix::fs::symlink;
+    use tempfile::TempDir;
+
+    #[test]
+    fn a_file_has_its_name_only_once_it_is_whole() {
+        let dir = TempDir::new().unwrap();
+        let path = dir.path().join("images.bin");
+        let names = || fs::read_dir(dir.path()).unwrap().count();
+        fs::write(&path, "before").unwrap();
+        let given_up = OutputFile::begin(&path).unwrap();
+        fs::write(given_up.path(), "half").unwrap();
+        drop(given_up);
+        assert_eq!((fs::read(&path).unwrap(), names()), (b"before".to_vec(), 1));
+        let mut whole = OutputFile::begin(&path).unwrap();
+        fs::write(whole.path(), "whole").unwrap();
+        whole.finish().unwrap();
+        drop(whole);
+        assert_eq!((fs::read(&path).unwrap(), names()), (b"whole".to_vec(), 1));
+    }
+
+    #[test]
+    fn links_and_devices_stay_what_they_are() {
+        let dir = TempDir::new().unwrap();
+        let (file, link) = (dir.path().join("file"), dir.path().join("link"));
+        fs::write(&file, "before").unwrap();
+        symlink(&file, &link).unwrap();
+        let mut output = OutputFile::begin(&link).unwrap();
+        fs::write(output.path(), "after").unwrap();
+        output.finish().unwrap();
+        assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+        assert_eq!(fs::read(&file).unwrap(), b"after");
+        let device = OutputFile::begin(Path::new("/dev/null")).unwrap();
+        assert_eq!(device.path(), Path::new("/dev/null"));
+        assert!(OutputFile::begin(dir.path()).is_err());
+        assert!(OutputFile::begin(&dir.path().join("none/file")).is_err());
+    }
+
+    #[test]
+    fn one_file_is_known_by_all_its_names() {
+        let dir = TempDir::new().unwrap();
+        let path = |name: &str| dir.path().join(name);
+        fs::write(path("a"), "").unwrap();
+        symlink(path("a"), path("link")).unwrap();
+        let overlap = |outputs: &[&str], inputs: &[&str]| {
+            let [outputs, inputs] =
+                [outputs, inputs].map(|names| names.iter().map(|n| path(n)).collect::<Vec<_>>());
+            let outputs: Vec<&Path> = outputs.iter().map(PathBuf::as_path).collect();
+            let inputs: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
+            refuse_overlap(&outputs, &inputs).is_err()
+        };
+        assert!(overlap(&["a"], &["./a"]));
+        assert!(overlap(&["link"], &["a"]));
+        assert!(overlap(&["new", "./new"], &["a"]));
+        assert!(!overlap(&["b", "c"], &["a"]));
+        assert!(refuse_overlap(&[Path::new("/dev/null"); 2], &[Path::new("/dev/null")]).is_ok());
+    }
+}
