@@ -9,6 +9,8 @@ use taxel_skin::Layout;
 const FRAME_NS: u64 = 125_000;
 /// Status of a sensor that streams and has no error: burst mode, eight reply bytes (protocols.md 2.2).
 const STATUS: u8 = 0x83;
+/// A longer pause is none: the recorder's clock was set, as in a candump log ([`taxel_can::LogClock`]).
+const LONGEST_PAUSE_NS: u64 = 24 * 3600 * 1_000_000_000;
 
 /// Turns each frame of a recording into one sweep of every board of a hand.
 #[derive(Debug)]
@@ -17,6 +19,8 @@ pub(crate) struct Sweeps<'a> {
     layout: &'a Layout,
     /// For each place in the sweep, one taxel per bus as long as the bus has any: bus, taxel, recorded taxel.
     order: Vec<(u8, usize, usize)>,
+    /// When each sweep begins, nanoseconds after the first.
+    begins_ns: Vec<u64>,
     /// Frames that one sweep puts on the fullest bus.
     longest: usize,
 }
@@ -85,6 +89,7 @@ impl<'a> Sweeps<'a> {
             recording,
             layout,
             order,
+            begins_ns: begins_ns(recording, longest),
             longest,
         })
     }
@@ -92,11 +97,11 @@ impl<'a> Sweeps<'a> {
     /// Time between two frames of a bus during sweep `index`: as close as a bus allows, and closer where the next
     /// sweep would otherwise begin before this one ends.
     fn spacing_ns(&self, index: usize) -> u64 {
-        let begins = |i: usize| self.recording.t_ns(i);
-        let period = match self.recording.len() {
+        let begins = &self.begins_ns;
+        let period = match begins.len() {
             1 => return FRAME_NS,
-            len if index + 1 < len => begins(index + 1) - begins(index),
-            _ => begins(index) - begins(index - 1),
+            len if index + 1 < len => begins[index + 1] - begins[index],
+            _ => begins[index] - begins[index - 1],
         };
         FRAME_NS.min(period / self.longest as u64)
     }
@@ -109,7 +114,7 @@ impl<'a> Sweeps<'a> {
     /// The frames of one sweep.
     pub(crate) fn sweep(&self, index: usize) -> impl Iterator<Item = (u8, Received)> + '_ {
         let counts = self.recording.counts(index).unwrap_or_default();
-        let begin_ns = self.recording.t_ns(index) - self.recording.t_ns(0);
+        let begin_ns = self.begins_ns[index];
         let spacing_ns = self.spacing_ns(index);
         let mut sent = vec![0u64; self.layout.buses.len()];
         self.order.iter().map(move |&(bus, taxel, recorded)| {
@@ -133,6 +138,30 @@ impl<'a> Sweeps<'a> {
             .frame(module.board, self.layout.taxels[taxel].k, counts, STATUS);
         frame.expect("every taxel was found to have an id")
     }
+}
+
+/// When each sweep begins: as recorded, but where the clock was set the next one follows after the usual time.
+fn begins_ns(recording: &Recording, longest: usize) -> Vec<u64> {
+    let usual_ns = recording.period_ns();
+    let usual_ns = if usual_ns > LONGEST_PAUSE_NS {
+        FRAME_NS * longest as u64
+    } else {
+        usual_ns
+    };
+    let mut begins = Vec::with_capacity(recording.len());
+    let mut now_ns = 0;
+    for index in 0..recording.len() {
+        if index > 0 {
+            let pause_ns = recording.t_ns(index) - recording.t_ns(index - 1);
+            now_ns += if pause_ns > LONGEST_PAUSE_NS {
+                usual_ns
+            } else {
+                pause_ns
+            };
+        }
+        begins.push(now_ns);
+    }
+    begins
 }
 
 #[cfg(test)]
@@ -193,6 +222,30 @@ mod tests {
             assert!(times.is_sorted(), "{rate_hz} Hz");
             assert_eq!(times[240], recording.t_ns(1));
             assert!(times[239] < times[240]);
+        }
+    }
+
+    #[test]
+    fn sweeps_go_on_where_the_recorder_s_clock_was_set() {
+        const YEAR_NS: u64 = 365 * 24 * 3600 * 1_000_000_000;
+        for (times_ns, begins_ns) in [
+            (
+                vec![0, 10_000_000, 20_000_000, YEAR_NS, YEAR_NS + 10_000_000],
+                vec![0, 10_000_000, 20_000_000, 30_000_000, 40_000_000],
+            ),
+            (vec![5, YEAR_NS], vec![0, 16 * FRAME_NS]),
+        ] {
+            let dir = tempfile::TempDir::new().unwrap();
+            let path = dir.path().join("counts.npz");
+            let mut npz = ndarray_npy::NpzWriter::new(std::fs::File::create(&path).unwrap());
+            npz.add_array("counts", &Array3::<u16>::zeros((times_ns.len(), 16, 3)))
+                .unwrap();
+            npz.add_array("t_ns", &ndarray::Array1::from(times_ns)).unwrap();
+            npz.finish().unwrap();
+            let recording = Recording::open(&path, &ReadOptions::default()).unwrap();
+            let layout = Layout::builtin("uskin-module").unwrap();
+            let sweeps = Sweeps::new(&recording, &layout, false).unwrap();
+            assert_eq!(sweeps.begins_ns, begins_ns);
         }
     }
 
