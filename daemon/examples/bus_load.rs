@@ -93,13 +93,13 @@ fn send(
     seconds: f64,
     rate: f64,
 ) -> Result<(u64, Duration), Problem> {
-    let frames: Vec<CanFrame> = (layout.taxels.iter())
-        .map(|taxel| (&layout.modules[usize::from(taxel.module)], taxel.k))
-        .filter(|(module, _)| module.bus == bus)
-        .filter_map(|(module, k)| {
-            module
+    let frames: Vec<CanFrame> = (0..layout.len())
+        .map(|taxel| (layout.wiring_of(taxel), layout.k[taxel]))
+        .filter(|(wiring, _)| wiring.bus == bus)
+        .filter_map(|(wiring, k)| {
+            wiring
                 .protocol
-                .frame(module.board, k, [32_768, 32_700, 13_000], 0x80)
+                .frame(wiring.board, k, [32_768, 32_700, 13_000], 0x80)
         })
         .collect();
     let mut sender: Box<dyn CanSource> = taxel_can::open(source, &SourceOptions::default())?;

@@ -106,16 +106,16 @@ fn main() -> Result<(), Problem> {
 
 /// Every taxel once, as the boards would send it; half of the hand is pressed.
 fn frames(layout: &Layout, sweep: u64, press: u16) -> Result<Vec<(u8, CanFrame)>, Problem> {
-    (layout.taxels.iter().enumerate())
-        .map(|(taxel, place)| {
-            let module = layout.module_of(taxel);
+    (0..layout.len())
+        .map(|taxel| {
+            let board = layout.wiring_of(taxel);
             // Idle noise of a few counts, without which the taxel would be called stuck.
             let noise = ((sweep * 7 + taxel as u64 * 13) % 9) as u16;
             let press = if taxel % 2 == 0 { press } else { 0 };
             // Shear beside the normal force: a jump of one axis alone would be held back as a glitch.
             let counts = [32_768 + noise, 32_700 + noise + press / 2, 13_000 + noise + press];
-            let frame = module.protocol.frame(module.board, place.k, counts, 0x80);
-            Ok((module.bus, frame.ok_or("a taxel without an id")?))
+            let frame = board.protocol.frame(board.board, layout.k[taxel], counts, 0x80);
+            Ok((board.bus, frame.ok_or("a taxel without an id")?))
         })
         .collect()
 }

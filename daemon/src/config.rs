@@ -4,7 +4,7 @@ use crate::joints;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use taxel_can::SourceAddress;
-use taxel_compress::Profile;
+use taxel_hand::Profile;
 use taxel_joints::JointsConfig;
 use taxel_skin::{BoardsConfig, ConditionConfig, Layout, SweepConfig};
 use toml::Spanned;

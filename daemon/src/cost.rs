@@ -4,7 +4,7 @@ use crate::display::Display;
 use crate::pipeline::Frames;
 use nix::time::{ClockId, clock_gettime};
 use std::time::Duration;
-use taxel_skin::ForceFrame;
+use taxel_hand::ForceFrame;
 
 /// How often each kind of frame is compressed, at most.
 const RUNS: usize = 9;
@@ -89,7 +89,7 @@ fn thread_ns() -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use taxel_compress::Profile;
+    use taxel_hand::Profile;
     use taxel_skin::Layout;
 
     fn cost(profile: Profile, hopeless_ns: u64) -> Cost {

@@ -2,9 +2,10 @@
 
 use crate::pipeline::Frames;
 use std::ops::Range;
-use taxel_compress::{Compressor, Profile, ProfileError, TactileImage};
+use taxel_compress::Compressor;
+use taxel_hand::{ForceFrame, Profile, ProfileError, TactileImage};
 use taxel_joints::MAX_JOINTS;
-use taxel_skin::{ForceFrame, Layout};
+use taxel_skin::Layout;
 use taxel_wire::{EncodeError, Flags, Header};
 
 /// A compressor, the part of the hand it is shown, and the image it fills.
@@ -142,7 +143,7 @@ pub(crate) fn resolve_region(names: &[String], layout: &Layout) -> Result<Option
 #[cfg(test)]
 mod tests {
     use super::*;
-    use taxel_skin::{Fault, Faults, Freshness};
+    use taxel_hand::{Fault, Faults, Freshness};
 
     fn hand() -> Layout {
         Layout::builtin("allegro-uskin-15").unwrap()
@@ -201,7 +202,7 @@ mod tests {
         assert_eq!((usize::from(image.contacts), image.faulty), (inside, 0));
         assert_eq!(image.levels, [100.0]);
         for actuator in &image.actuators {
-            let under = |t: &&taxel_skin::Taxel| (t.x, t.y) == (actuator.x, actuator.y);
+            let under = |t: &&taxel_hand::Taxel| (t.x, t.y) == (actuator.x, actuator.y);
             let taxel = layout.taxels.iter().find(under).unwrap();
             assert_eq!(layout.modules[usize::from(taxel.module)].part, "thumb");
         }

@@ -15,9 +15,9 @@ use std::cell::{Cell, RefCell};
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, mpsc};
 use std::time::Instant;
-use taxel_compress::Profile;
+use taxel_hand::{Fault, Profile};
 use taxel_joints::{JointReader, JointsConfig};
-use taxel_skin::{BoardCounters, BoardState, Fault};
+use taxel_skin::{BoardCounters, BoardState};
 use taxel_wire::{Clock, Event, Hello, HelloRate, MAX_SUBSCRIBE};
 use tokio::sync::broadcast;
 
@@ -145,8 +145,8 @@ impl Hand {
             .zip(&self.config.sources)
             .zip(&snapshot.buses)
             .map(|(((index, name), source), bus)| {
-                let boards = (layout.modules.iter().zip(&snapshot.boards))
-                    .filter(|(module, _)| usize::from(module.bus) == index)
+                let boards = (layout.wiring.iter().zip(&snapshot.boards))
+                    .filter(|(wiring, _)| usize::from(wiring.bus) == index)
                     .map(|(_, counters)| counters);
                 let sum = |count: fn(&BoardCounters) -> u64| boards.clone().map(count).sum::<u64>();
                 json!({
@@ -184,15 +184,14 @@ impl Hand {
                 })
             })
             .collect();
-        let boards: Vec<Value> = (layout.modules.iter().zip(&snapshot.boards))
-            .enumerate()
-            .map(|(index, (module, b))| {
+        let boards: Vec<Value> = (layout.boards().zip(&snapshot.boards))
+            .map(|((index, module, wiring), b)| {
                 json!({
                     "module": module.name,
-                    "bus": layout.buses[usize::from(module.bus)],
-                    "board": module.board,
+                    "bus": layout.buses[usize::from(wiring.bus)],
+                    "board": wiring.board,
                     "state": b.state.name(),
-                    "problems": problems.kinds(Place::Module(index)),
+                    "problems": problems.kinds(Place::Module(index.into())),
                     "used": b.used,
                     "malformed": b.malformed,
                     "queue_overflows": b.queue_overflows,
@@ -216,7 +215,7 @@ impl Hand {
                 json!({
                     "taxel": taxel,
                     "module": module.name,
-                    "k": layout.taxels[taxel].k,
+                    "k": layout.k[taxel],
                     "reasons": faults.iter().map(Fault::name).collect::<Vec<_>>(),
                 })
             })

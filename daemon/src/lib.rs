@@ -38,7 +38,7 @@ use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, mpsc};
 use std::thread::JoinHandle;
 use taxel_can::{CanSource, Playback, SourceAddress, SourceOptions, monotonic_ns};
-use taxel_compress::Profile;
+use taxel_hand::Profile;
 use taxel_joints::{JointReader, JointSource, MAX_JOINTS};
 use taxel_sim::{Scene, SimOptions, SimSource};
 use taxel_skin::{BoardSupervisor, Layout};

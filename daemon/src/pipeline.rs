@@ -9,11 +9,10 @@ use crate::display::Display;
 use crate::joints::{JointFeed, JointsError, JointsSnapshot};
 use std::sync::Arc;
 use taxel_can::Received;
-use taxel_compress::{ProfileError, TactileImage};
+use taxel_hand::{ForceFrame, ProfileError, TactileFrame, TactileImage};
 use taxel_joints::JointReader;
 use taxel_skin::{
-    ConditionError, Conditioner, Decoded, Decoder, ForceFrame, Layout, Readings, SweepAssembler,
-    TactileFrame, TrafficWatch,
+    ConditionError, Conditioner, Decoded, Decoder, Layout, Readings, SweepAssembler, TrafficWatch,
 };
 
 /// Decoders, assembly and conditioning of one hand, and the decision when an image is due.

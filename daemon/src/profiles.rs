@@ -14,7 +14,7 @@ use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 use std::sync::{Arc, mpsc};
 use std::time::{Duration, Instant};
-use taxel_compress::Profile;
+use taxel_hand::Profile;
 use taxel_skin::Layout;
 use taxel_wire::Hello;
 use tokio::sync::watch;
@@ -99,10 +99,10 @@ pub(crate) struct Own {
 }
 
 /// Makes the stream of the daemon's own profile, and what the socket thread has to know of it.
-pub(crate) fn own_stream(config: &Config) -> Result<(Box<Stream>, Own), taxel_compress::ProfileError> {
+pub(crate) fn own_stream(config: &Config) -> Result<(Box<Stream>, Own), taxel_hand::ProfileError> {
     let layout = &config.layout;
     let display = || Display::new(config.profile.clone(), None, layout);
-    let untouched = taxel_skin::ForceFrame::new(layout.len());
+    let untouched = taxel_hand::ForceFrame::new(layout.len());
     let reserved = measure(display()?, untouched, HOPELESS * budget_ns(config));
     let (stream, newest, cost_ns) = stream(display()?, layout, &config.profile);
     let own = Own {

@@ -3,7 +3,8 @@
 use crate::joints::JointsSnapshot;
 use hdrhistogram::Histogram;
 use taxel_can::{LinkState, SourceCounters};
-use taxel_skin::{BoardCounters, BusCounters, BusLoad, Fault, Finding, ForceFrame};
+use taxel_hand::{Fault, ForceFrame};
+use taxel_skin::{BoardCounters, BusCounters, BusLoad, Finding};
 
 /// Findings that are reported at once.
 const MOST_FINDINGS: usize = 64;

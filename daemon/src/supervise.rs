@@ -11,7 +11,8 @@ use sd_notify::NotifyState;
 use std::rc::Rc;
 use std::time::Duration;
 use taxel_can::LinkState;
-use taxel_skin::{BoardState, Fault};
+use taxel_hand::Fault;
+use taxel_skin::BoardState;
 use taxel_wire::{Event, EventKind};
 use tokio::time::{Instant, MissedTickBehavior, interval};
 
@@ -87,7 +88,7 @@ fn tell_changes(hand: &Hand, before: Option<&Snapshot>, now: &Snapshot) {
             .collect();
         if !newly.is_empty() {
             let module = layout.module_of(taxel);
-            let k = layout.taxels[taxel].k;
+            let k = layout.k[taxel];
             tracing::warn!(
                 taxel,
                 module = module.name,

@@ -161,7 +161,7 @@ fn nothing_lost(layout: &Layout, pipeline: &Pipeline) {
         );
         // An iCub board says once that it is there.
         let asked = layout
-            .modules
+            .wiring
             .iter()
             .filter(|m| m.protocol.is_icub() && m.bus == decoder.bus())
             .count();

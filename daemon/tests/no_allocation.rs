@@ -7,7 +7,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
-use taxel_compress::{Method, Profile};
+use taxel_hand::{Method, Profile};
 use taxel_joints::{AllegroConfig, JointsConfig};
 use taxel_sim::servo::{ServoBuild, ServoBus, ServoPty};
 use taxel_wire::{Received, Subscribe, Subscriber};

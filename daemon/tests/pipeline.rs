@@ -2,8 +2,9 @@
 
 use std::path::{Path, PathBuf};
 use taxel_can::{CanFrame, Received};
+use taxel_hand::Freshness;
 use taxel_sim::{Scene, Simulator};
-use taxel_skin::{Freshness, Layout};
+use taxel_skin::Layout;
 use taxeld::Config;
 use taxeld::config::TickMode;
 use taxeld::pipeline::{Frames, Pipeline, run_recorded};
@@ -89,11 +90,11 @@ fn timer_ticks_fall_on_whole_periods_and_a_frame_at_the_tick_belongs_to_it() {
     let mut config = config(TickMode::Timer, 100.0);
     config.sweep.settle_ms = 0.0;
     let mut pipeline = Pipeline::new(&config, 1_000).unwrap();
-    let module = &config.layout.modules[0];
+    let wiring = &config.layout.wiring[0];
     let frame = |z| {
-        module
+        wiring
             .protocol
-            .frame(module.board, 0, [32_000, 32_000, z], 0x80)
+            .frame(wiring.board, 0, [32_000, 32_000, z], 0x80)
             .unwrap()
     };
     let mut ticks = Vec::new();

@@ -387,7 +387,7 @@ impl Bus {
 
 /// What the scene has go wrong with the board of a module.
 fn faults_of_module(scene: &Scene, layout: &Layout, m: usize) -> Result<Vec<(Span, BoardFault)>, SceneError> {
-    let module = &layout.modules[m];
+    let (module, protocol) = (&layout.modules[m], layout.wiring[m].protocol);
     let mut faults = Vec::new();
     for fault in &scene.faults {
         let FaultKind::Board(kind) = fault.kind else {
@@ -400,7 +400,7 @@ fn faults_of_module(scene: &Scene, layout: &Layout, m: usize) -> Result<Vec<(Spa
         if !on_module {
             continue;
         }
-        let addresses = module.protocol.first_address()..module.protocol.addresses();
+        let addresses = protocol.first_address()..protocol.addresses();
         if let BoardFault::WrongId { board } = kind
             && !addresses.contains(&board)
         {
@@ -426,10 +426,10 @@ fn babbling_ids(
     let mut ids: Vec<u16> = id.into_iter().collect();
     for name in &fault.on {
         for m in modules_named(scene, layout, fault.line, name)? {
-            let module = &layout.modules[m];
-            let k = layout.taxels[usize::from(module.first_taxel)].k;
-            let own = module.protocol.frame_id(module.board, k);
-            ids.extend(own.filter(|_| module.bus == bus));
+            let wiring = &layout.wiring[m];
+            let k = layout.k[usize::from(layout.modules[m].first_taxel)];
+            let own = wiring.protocol.frame_id(wiring.board, k);
+            ids.extend(own.filter(|_| wiring.bus == bus));
         }
     }
     Ok(ids)

@@ -2,7 +2,7 @@
 
 use crate::random::{bell, between, bits};
 use serde::Deserialize;
-use taxel_skin::{Module, Protocol};
+use taxel_skin::Protocol;
 
 /// Counts per newton of a uSPa46 at high range: x, y 1 / 0.000628 N, z 1 / 0.000729 N (protocols.md 2.6).
 const COUNTS_PER_NEWTON: [f64; 3] = [1592.0, 1592.0, 1372.0];
@@ -81,14 +81,14 @@ impl Levels {
         COUNTS_PER_NEWTON.map(|c| c * sensitivity)
     }
 
-    /// The properties of one taxel of a module, drawn from the seed.
-    pub(crate) fn taxel(self, seed: u64, taxel: u16, module: &Module) -> Character {
+    /// The properties of one taxel of a board that speaks `protocol`, drawn from the seed.
+    pub(crate) fn taxel(self, seed: u64, taxel: u16, protocol: Protocol) -> Character {
         const STILL: Axis = Axis {
             idle: [0.0; 2],
             sd: [0.0; 2],
         };
         let z_per_newton = self.counts_per_newton()[2];
-        let (axes, scale, decoded) = match module.protocol {
+        let (axes, scale, decoded) = match protocol {
             Protocol::IcubMtb3 | Protocol::IcubMtb4 => {
                 let scale = [0.0, 0.0, ICUB_STEPS_PER_NEWTON / z_per_newton];
                 ([STILL, STILL, ICUB], scale, ICUB_COUNTS_PER_STEP)

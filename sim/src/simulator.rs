@@ -66,7 +66,10 @@ impl Simulator {
         looping: bool,
         buses: impl Iterator<Item = u8>,
     ) -> Result<Self, SceneError> {
-        if let Some(module) = layout.modules.iter().find(|m| m.protocol == Protocol::Offline) {
+        if let Some((_, module, _)) = layout
+            .boards()
+            .find(|(_, _, wiring)| wiring.protocol == Protocol::Offline)
+        {
             return Err(SceneError::Layout {
                 layout: layout.name.clone(),
                 problem: format!("`{}` has no board; name a layout with boards", module.name),

@@ -6,7 +6,8 @@ use crate::fault::{FaultKind, TaxelFault};
 use crate::levels::{Character, noise};
 use crate::random::{bits, happens};
 use crate::scene::{Scene, SceneError};
-use taxel_skin::{Layout, Module};
+use taxel_hand::Module;
+use taxel_skin::Layout;
 
 /// Status byte of an MLX90393 that streams without trouble (protocols.md 2.2).
 const STATUS_STREAMING: u8 = 0x83;
@@ -80,7 +81,7 @@ impl SkinModel {
                 character: scene
                     .boards
                     .levels
-                    .taxel(seed, i as u16, &layout.modules[t.module as usize]),
+                    .taxel(seed, i as u16, layout.wiring_of(i).protocol),
                 seats: Vec::new(),
                 faults: Vec::new(),
                 present: present[t.module as usize],
@@ -355,9 +356,7 @@ pub(crate) fn modules_named(
 
 /// Numbers of a module's taxels in the layout, with the board's own numbers.
 pub(crate) fn taxels_of(layout: &Layout, module: usize) -> impl Iterator<Item = (usize, u8)> {
-    let m = &layout.modules[module];
-    let first = m.first_taxel as usize;
-    (first..first + m.taxels as usize).map(|i| (i, layout.taxels[i].k))
+    layout.modules[module].taxel_range().map(|i| (i, layout.k[i]))
 }
 
 /// Places a contact on modules that form one surface.
@@ -370,7 +369,7 @@ fn seat(
     models: &mut [TaxelModel],
 ) -> Result<(), SceneError> {
     let members = || modules.iter().flat_map(|m| taxels_of(layout, *m)).map(|(i, _)| i);
-    let range = |axis: fn(&taxel_skin::Taxel) -> u16| {
+    let range = |axis: fn(&taxel_hand::Taxel) -> u16| {
         let of = || members().map(|i| axis(&layout.taxels[i]));
         (of().min().unwrap_or(0), of().max().unwrap_or(0))
     };

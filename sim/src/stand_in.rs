@@ -2,7 +2,9 @@
 
 use crate::scene::SceneError;
 use std::fmt::Write;
-use taxel_skin::{ByteOrder, Checksum, CyskinHub, CyskinPacket, CyskinSetup, IcubSetup, Layout, Protocol};
+use taxel_skin::{
+    ByteOrder, Checksum, CyskinHub, CyskinPacket, CyskinSetup, IcubSetup, Layout, Protocol, Wiring,
+};
 
 /// Pads of a triangle that are taxels.
 const TAXEL_PADS: [u8; 10] = [0, 1, 2, 3, 4, 5, 7, 8, 9, 11];
@@ -22,7 +24,7 @@ const BUS_BOARDS: usize = 14;
 /// What such boards are and how they speak is the simulation's own affair: no real hand is wired so.
 /// [`SceneError::Layout`] where an array has more than 160 taxels.
 pub fn with_stand_in_boards(layout: &Layout) -> Result<Layout, SceneError> {
-    let offline = |m: &usize| layout.modules[*m].protocol == Protocol::Offline;
+    let offline = |m: &usize| layout.wiring[*m].protocol == Protocol::Offline;
     let arrays: Vec<usize> = (0..layout.modules.len()).filter(offline).collect();
     if let Some(&m) = arrays
         .iter()
@@ -47,21 +49,24 @@ pub fn with_stand_in_boards(layout: &Layout) -> Result<Layout, SceneError> {
         if bus == wired.buses.len() {
             wired.buses.push(format!("sim{}", place / on_bus));
         }
-        let module = &mut wired.modules[m];
-        module.bus = bus as u8;
-        if as_cyskin {
-            module.protocol = Protocol::Cyskin;
-            module.board = place as u8;
-            module.hub = Some(0);
-        } else {
-            module.protocol = Protocol::IcubMtb4;
-            module.board = (place % on_bus) as u8 + 1;
-            module.icub = Some(IcubSetup::default());
-        }
-        let first = usize::from(module.first_taxel);
-        let taxels = &mut wired.taxels[first..first + usize::from(module.taxels)];
-        for (i, taxel) in (0..).zip(taxels) {
-            taxel.k = if as_cyskin {
+        wired.wiring[m] = Wiring {
+            bus: bus as u8,
+            board: if as_cyskin {
+                place as u8
+            } else {
+                (place % on_bus) as u8 + 1
+            },
+            protocol: if as_cyskin {
+                Protocol::Cyskin
+            } else {
+                Protocol::IcubMtb4
+            },
+            icub: (!as_cyskin).then(IcubSetup::default),
+            hub: as_cyskin.then_some(0),
+        };
+        let taxels = &mut wired.k[layout.modules[m].taxel_range()];
+        for (i, k) in (0..).zip(taxels) {
+            *k = if as_cyskin {
                 i + 1
             } else {
                 i / 10 * 12 + TAXEL_PADS[usize::from(i % 10)]
@@ -108,10 +113,9 @@ pub fn stand_in_layout_file(layout: &Layout) -> Result<String, SceneError> {
             );
         }
     }
-    for module in &wired.modules {
-        let first = usize::from(module.first_taxel);
-        let taxels = &wired.taxels[first..first + usize::from(module.taxels)];
-        let range = |axis: fn(&taxel_skin::Taxel) -> u16| {
+    for (_, module, wiring) in wired.boards() {
+        let taxels = &wired.taxels[module.taxel_range()];
+        let range = |axis: fn(&taxel_hand::Taxel) -> u16| {
             let least = taxels.iter().map(axis).min().unwrap_or(0);
             (
                 least,
@@ -120,19 +124,19 @@ pub fn stand_in_layout_file(layout: &Layout) -> Result<String, SceneError> {
         };
         let ((x0, width), (y0, height)) = (range(|t| t.x), range(|t| t.y));
         let mut order = vec![vec![-1; width]; height];
-        for taxel in taxels {
-            order[usize::from(taxel.y - y0)][usize::from(taxel.x - x0)] = i16::from(taxel.k);
+        for (taxel, k) in taxels.iter().zip(wired.k_of(module)) {
+            order[usize::from(taxel.y - y0)][usize::from(taxel.x - x0)] = i16::from(*k);
         }
         let _ = write!(
             text,
             "\n[[module]]\nname = {:?}\npart = {:?}\nbus = {:?}\nboard = {}\nprotocol = {:?}\nat = [{x0}, {y0}]\norder = {order:?}\n",
             module.name,
             module.part,
-            wired.buses[usize::from(module.bus)],
-            module.board,
-            module.protocol.name()
+            wired.buses[usize::from(wiring.bus)],
+            wiring.board,
+            wiring.protocol.name()
         );
-        if let (Some(hub), Some(setup)) = (module.hub, &wired.cyskin) {
+        if let (Some(hub), Some(setup)) = (wiring.hub, &wired.cyskin) {
             let _ = writeln!(text, "hub = {:?}", setup.hubs[usize::from(hub)].name);
         }
         let places: Option<Vec<[f32; 3]>> = taxels.iter().map(|t| t.position_mm).collect();

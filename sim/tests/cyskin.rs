@@ -144,10 +144,7 @@ fn faults_of_values_are_what_these_boards_can_say() {
         let mut readings = Readings::new();
         for received in bench.until_ms(100).to_vec() {
             decoder.decode(&received.frame, &mut readings);
-            for reading in readings
-                .iter()
-                .filter(|r| layout.taxels[usize::from(r.taxel)].k == 5)
-            {
+            for reading in readings.iter().filter(|r| layout.k[usize::from(r.taxel)] == 5) {
                 assert_eq!(reading.counts[2], value, "{kind}");
             }
         }

@@ -6,8 +6,8 @@ use crate::offline::OfflineArgs;
 use crate::output_file::{OutputFile, refuse_overlap};
 use anyhow::{Context, bail};
 use std::path::{Path, PathBuf};
-use taxel_compress::{Method, Profile, learn_codebook};
-use taxel_skin::{ForceFrame, TactileFrame};
+use taxel_compress::learn_codebook;
+use taxel_hand::{ForceFrame, Method, Profile, TactileFrame};
 use taxel_wire::Flags;
 use taxeld::Config;
 
@@ -108,7 +108,7 @@ impl Run {
         &mut self,
         tactile: Option<&TactileFrame>,
         force: &ForceFrame,
-        image: &taxel_compress::TactileImage,
+        image: &taxel_hand::TactileImage,
     ) -> anyhow::Result<()> {
         self.images += 1;
         self.calibrating += u64::from(image.calibrating);

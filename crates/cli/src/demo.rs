@@ -16,7 +16,7 @@ use std::io::{IsTerminal, Write};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
-use taxel_compress::Method;
+use taxel_hand::Method;
 use taxel_sim::{Scene, with_stand_in_boards};
 use taxel_skin::Layout;
 use taxel_wire::{ReadError, Received, Subscriber};

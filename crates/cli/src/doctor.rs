@@ -272,7 +272,7 @@ impl Doctor {
             .all(|s| matches!(s, SourceAddress::Log { .. }));
         let commanded = config
             .layout
-            .modules
+            .wiring
             .iter()
             .any(|m| m.protocol.takes_commands() || m.hub.is_some());
         let text = match (recorded, args.listen_only || !commanded) {
@@ -369,7 +369,7 @@ fn bitrate_of(config: &Config, interface: &str) -> Option<u64> {
         // Only the Allegro hand's.
         return Some(link::BITRATE);
     };
-    let mut modules = config.layout.modules.iter().filter(|m| usize::from(m.bus) == bus);
+    let mut modules = config.layout.wiring.iter().filter(|m| usize::from(m.bus) == bus);
     modules
         .any(|m| m.protocol != Protocol::Cyskin)
         .then_some(link::BITRATE)

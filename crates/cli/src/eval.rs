@@ -250,7 +250,7 @@ fn empty(config: &Config) -> Sequence {
 }
 
 impl Args {
-    fn methods(&self, base: &taxel_compress::Profile) -> anyhow::Result<Vec<Method>> {
+    fn methods(&self, base: &taxel_hand::Profile) -> anyhow::Result<Vec<Method>> {
         base.check()?;
         if self.method.is_empty() {
             return Ok(standard_methods(base)?);

@@ -118,7 +118,7 @@ pub(crate) fn remarks(header: &Header) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use taxel_compress::{Actuator, TactileImage};
+    use taxel_hand::{Actuator, TactileImage};
     use taxel_wire::{Body, decode_packet, encode_image_payload};
 
     fn lines(image: &TactileImage, latency_ns: Option<i64>, skipped: u32) -> (String, String) {

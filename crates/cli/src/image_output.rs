@@ -6,7 +6,7 @@ use anyhow::{Context, bail};
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
-use taxel_compress::{Profile, TactileImage};
+use taxel_hand::{Profile, TactileImage};
 use taxel_record::ImageStack;
 use taxel_skin::Layout;
 use taxel_wire::{Flags, Header, ImageView, encode_image_payload};

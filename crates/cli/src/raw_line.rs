@@ -3,7 +3,7 @@
 use crate::image_line::{joints, remarks, start};
 use serde::Serialize;
 use std::fmt::Write;
-use taxel_skin::Freshness;
+use taxel_hand::Freshness;
 use taxel_wire::{Header, Hello, RawTaxel, RawView};
 
 #[derive(Debug, Serialize)]
@@ -40,7 +40,7 @@ pub(crate) fn json(header: &Header, raw: &RawView<'_>, latency_ns: Option<i64>) 
         repaired: t.repaired,
         age_us: (t.freshness != Freshness::Missing).then_some(t.age_us),
         status: t.status,
-        faults: t.faults().map(taxel_skin::Fault::name).collect(),
+        faults: t.faults().map(taxel_hand::Fault::name).collect(),
     };
     let line = RawLine {
         seq: header.seq,
@@ -105,7 +105,7 @@ pub(crate) fn words(header: &Header, raw: &RawView<'_>, latency_ns: Option<i64>,
 #[cfg(test)]
 mod tests {
     use super::*;
-    use taxel_skin::{Fault, ForceFrame, TactileFrame};
+    use taxel_hand::{Fault, ForceFrame, TactileFrame};
     use taxel_wire::{Body, decode_packet, encode_raw_payload};
 
     #[test]

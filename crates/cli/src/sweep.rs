@@ -79,7 +79,8 @@ impl<'a> Sweeps<'a> {
             } else {
                 taxel
             };
-            buses[usize::from(module.bus)].push((module.bus, taxel, recorded));
+            let bus = layout.wiring_of(taxel).bus;
+            buses[usize::from(bus)].push((bus, taxel, recorded));
         }
         let longest = buses.iter().map(Vec::len).max().unwrap_or(0);
         let order = (0..longest)
@@ -132,10 +133,10 @@ impl<'a> Sweeps<'a> {
     }
 
     fn frame(&self, taxel: usize, counts: [u16; 3]) -> CanFrame {
-        let module = self.layout.module_of(taxel);
-        let frame = module
+        let wiring = self.layout.wiring_of(taxel);
+        let frame = wiring
             .protocol
-            .frame(module.board, self.layout.taxels[taxel].k, counts, STATUS);
+            .frame(wiring.board, self.layout.k[taxel], counts, STATUS);
         frame.expect("every taxel was found to have an id")
     }
 }

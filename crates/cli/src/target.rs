@@ -262,7 +262,7 @@ pub(crate) fn of_buses(
 pub(crate) fn refuse_shared_ids(named: &[(String, TargetAddress)], layout: &Layout) -> anyhow::Result<()> {
     let mut senders: HashMap<(&TargetAddress, u16), &str> = HashMap::new();
     for taxel in 0..layout.len() {
-        let (name, address) = &named[usize::from(layout.module_of(taxel).bus)];
+        let (name, address) = &named[usize::from(layout.wiring_of(taxel).bus)];
         let (Some(id), TargetAddress::Bus(_)) = (layout.can_id(taxel), address) else {
             continue;
         };

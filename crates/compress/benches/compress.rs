@@ -1,8 +1,9 @@
 //! Cost of a tick: `cargo bench -p taxel-compress`.
 
 use divan::Bencher;
-use taxel_compress::{Compressor, Method, Profile};
-use taxel_skin::{ForceFrame, Layout};
+use taxel_compress::Compressor;
+use taxel_hand::{ForceFrame, Method, Profile};
+use taxel_skin::Layout;
 
 fn main() {
     divan::main();

@@ -1,13 +1,12 @@
 //! Actuator quantisation, eqs (8) to (12): where the display presses, and how hard.
 
 use taxel_cluster::{Kmeans2d, Kmeans2dSettings, Plane, lloyd2d, maximin, medoids, nearest1d};
-use taxel_skin::Layout;
+use taxel_hand::{Actuator, ActuatorForce, Geometry, Placement, Profile, ProfileError};
 
+use crate::actuator_groups;
 use crate::contacts::Contacts;
 use crate::fixed::Fixed;
-use crate::hand;
 use crate::levels::Levels;
-use crate::{Actuator, ActuatorForce, Placement, Profile, ProfileError};
 
 /// The actuator stage and its memory.
 #[derive(Debug)]
@@ -67,23 +66,23 @@ struct Pressing {
 }
 
 impl Actuators {
-    /// Memory for every taxel of the layout.
+    /// Memory for every taxel of the geometry.
     pub(crate) fn new(
         profile: &Profile,
-        layout: &Layout,
+        geometry: &Geometry,
         places: &[[f64; 2]],
         contacts: &Contacts,
     ) -> Result<Self, ProfileError> {
-        let taxels = layout.taxels.len();
+        let taxels = geometry.taxels.len();
         let most = usize::from(profile.actuators);
         let settings = Kmeans2dSettings {
             history: profile.history,
             swap_gain: profile.jump_gain,
             swaps: 4,
             iterations: 6,
-            reach: hand::reach(layout, places),
+            reach: actuator_groups::reach(geometry, places),
         };
-        let (sizes, group_of_part) = hand::groups(layout, profile)?;
+        let (sizes, group_of_part) = actuator_groups::groups(geometry, profile)?;
         let mut first_id = 0;
         let mut groups = Vec::new();
         for size in sizes {
@@ -91,7 +90,7 @@ impl Actuators {
             first_id += size;
         }
         let fixed = (!profile.fixed.is_empty())
-            .then(|| Fixed::new(&profile.fixed, layout, places, &contacts.raster()));
+            .then(|| Fixed::new(&profile.fixed, geometry, places, &contacts.raster()));
         Ok(Self {
             x: vec![0.0; most],
             y: vec![0.0; most],

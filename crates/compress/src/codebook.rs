@@ -1,12 +1,12 @@
 //! A codebook for a whole session, learned from recordings: mark (*) of Table I.
 
 use taxel_cluster::Kmeans1d;
-use taxel_skin::ForceFrame;
+use taxel_hand::ForceFrame;
 
 use crate::contacts::is_force;
 
 /// Learns at most `levels` force levels from the contacts of recorded frames, to be kept constant as
-/// [`Profile::codebook`](crate::Profile::codebook).
+/// [`Profile::codebook`](taxel_hand::Profile::codebook).
 ///
 /// They are the levels with the least squared error over all contacts of all frames at once. There are fewer where there are fewer different
 /// forces, and none without contact. Ascending, in the unit of [`ForceFrame::force`].
@@ -42,7 +42,7 @@ pub fn learn_codebook<'a>(frames: impl IntoIterator<Item = &'a ForceFrame>, leve
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Profile;
+    use taxel_hand::Profile;
 
     fn frame(forces: &[f64]) -> ForceFrame {
         let mut frame = ForceFrame::new(forces.len());
@@ -62,7 +62,7 @@ mod tests {
         let mut released = frame(&[500.0, 10.0]);
         released.contact[0] = false;
         let mut broken = frame(&[700.0, 10.0]);
-        broken.faults[0].insert(taxel_skin::Fault::Noisy);
+        broken.faults[0].insert(taxel_hand::Fault::Noisy);
         let mut calibrating = frame(&[900.0]);
         calibrating.calibrating = true;
         let frames = [

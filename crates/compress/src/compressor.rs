@@ -1,22 +1,21 @@
 //! A force frame in, a tactile image out.
 
-use taxel_skin::{ForceFrame, Layout};
+use taxel_hand::{ForceFrame, Geometry, Grey, Profile, ProfileError, TactileImage};
 
 use crate::actuators::Actuators;
 use crate::contacts::Contacts;
 use crate::levels::Levels;
-use crate::{Grey, Profile, ProfileError, TactileImage};
 
 /// Compresses the force frames of one hand for one display profile.
 ///
 /// The same frames in the same order give the same images, to the bit, on every platform.
 ///
 /// ```
-/// use taxel_compress::{Compressor, Profile};
-/// use taxel_skin::{ForceFrame, Layout};
+/// use taxel_hand::{ForceFrame, Geometry, Profile};
+/// use taxel_compress::Compressor;
 ///
-/// let layout = Layout::grid(4, 1)?;
-/// let mut compressor = Compressor::new(Profile { levels: 2, ..Profile::default() }, &layout)?;
+/// let geometry = Geometry::grid(4, 1)?;
+/// let mut compressor = Compressor::new(Profile { levels: 2, ..Profile::default() }, &geometry)?;
 /// let mut image = compressor.new_image();
 ///
 /// let mut frame = ForceFrame::new(4);
@@ -56,22 +55,22 @@ impl Compressor {
     ///
     /// # Errors
     ///
-    /// A profile that describes no display ([`Profile::check`]) or asks for what the layout does not have (parts, places in millimetres); a
-    /// layout whose taxels do not each have a pixel of their own inside its image.
-    pub fn new(profile: Profile, layout: &Layout) -> Result<Self, ProfileError> {
+    /// A profile that describes no display ([`Profile::check`]) or asks for what the geometry does not have (parts, places in millimetres); a
+    /// geometry whose taxels do not each have a pixel of their own inside its image.
+    pub fn new(profile: Profile, geometry: &Geometry) -> Result<Self, ProfileError> {
         profile.check()?;
-        check_pixels(layout)?;
-        let taxels = layout.taxels.len();
-        let places = crate::hand::places(layout, profile.coordinates)?;
-        let contacts = Contacts::new(layout, &places);
-        let actuators = Actuators::new(&profile, layout, &places, &contacts)?;
+        check_pixels(geometry)?;
+        let taxels = geometry.taxels.len();
+        let places = crate::actuator_groups::places(geometry, profile.coordinates)?;
+        let contacts = Contacts::new(geometry, &places);
+        let actuators = Actuators::new(&profile, geometry, &places, &contacts)?;
         let profile = Profile {
             levels: profile.level_count(),
             ..profile
         };
         Ok(Self {
-            width: layout.width,
-            height: layout.height,
+            width: geometry.width,
+            height: geometry.height,
             contacts,
             levels: Levels::new(&profile, taxels),
             actuators,
@@ -98,7 +97,7 @@ impl Compressor {
     }
 
     /// Forces refused since the start: not a number, infinite, or a contact with a force that is not in
-    /// `0 < force <= `[`FORCE_MAX`](crate::FORCE_MAX). Each is treated as no contact and counted in
+    /// `0 < force <= `[`FORCE_MAX`](taxel_hand::FORCE_MAX). Each is treated as no contact and counted in
     /// [`TactileImage::faulty`].
     pub fn refused(&self) -> u64 {
         self.refused
@@ -108,7 +107,7 @@ impl Compressor {
     ///
     /// Everything in the image is overwritten except `joints`, which belong to the caller. An image from
     /// [`Compressor::new_image`], or one used before, is filled without allocating. Taxels that the frame lacks count as
-    /// missing, taxels that the layout lacks are ignored.
+    /// missing, taxels that the geometry lacks are ignored.
     pub fn compress(&mut self, frame: &ForceFrame, image: &mut TactileImage) {
         self.contacts.collect(frame);
         self.refused += self.contacts.refused as u64;
@@ -179,11 +178,11 @@ fn saturate(count: usize) -> u16 {
     u16::try_from(count).unwrap_or(u16::MAX)
 }
 
-/// Refuses a layout in which a taxel lies outside the image or two share a pixel.
-fn check_pixels(layout: &Layout) -> Result<(), ProfileError> {
-    let (width, height) = (layout.width, layout.height);
+/// Refuses a geometry in which a taxel lies outside the image or two share a pixel.
+fn check_pixels(geometry: &Geometry) -> Result<(), ProfileError> {
+    let (width, height) = (geometry.width, geometry.height);
     let mut taken = vec![None; usize::from(width) * usize::from(height)];
-    for (taxel, place) in layout.taxels.iter().enumerate() {
+    for (taxel, place) in geometry.taxels.iter().enumerate() {
         let (x, y) = (place.x, place.y);
         if x >= width || y >= height {
             return Err(ProfileError::TaxelOutsideImage {

@@ -1,21 +1,17 @@
 //! Which taxels take part: the contact list.
 
-use taxel_skin::{ForceFrame, Layout};
-
-/// The greatest force taken, in the unit of [`ForceFrame::force`]; squares and sums of such forces stay finite. The skin's
-/// own greatest are 113,509 counts, or 1.3e10 squared.
-pub const FORCE_MAX: f64 = 1e100;
+use taxel_hand::{ForceFrame, Geometry};
 
 /// The contacts of a frame in raster order (row by row, left to right), as columns.
 #[derive(Debug)]
 pub(crate) struct Contacts {
-    /// Every taxel of the layout in raster order.
+    /// Every taxel of the geometry in raster order.
     raster: Vec<Place>,
     /// First coordinates of the places: columns of pixels, or millimetres.
     pub(crate) x: Vec<f64>,
     /// Second coordinates.
     pub(crate) y: Vec<f64>,
-    /// Forces, in `0 < force <= FORCE_MAX`.
+    /// Forces, in `0 < force <= taxel_hand::FORCE_MAX`.
     pub(crate) force: Vec<f64>,
     /// The pixels themselves.
     pub(crate) pixel: Vec<[u16; 2]>,
@@ -37,14 +33,14 @@ struct Place {
 }
 
 impl Contacts {
-    /// An empty list with memory for every taxel of the layout. `places` are where the taxels are in the coordinates asked for.
-    pub(crate) fn new(layout: &Layout, places: &[[f64; 2]]) -> Self {
-        let parts = crate::hand::parts(layout);
+    /// An empty list with memory for every taxel of the geometry. `places` are where the taxels are in the coordinates asked for.
+    pub(crate) fn new(geometry: &Geometry, places: &[[f64; 2]]) -> Self {
+        let parts = crate::actuator_groups::parts(geometry);
         let part_of = |module: u16| {
-            let module = layout.modules.get(usize::from(module))?;
+            let module = geometry.modules.get(usize::from(module))?;
             parts.binary_search(&module.part.as_str()).ok()
         };
-        let mut raster: Vec<Place> = (layout.taxels.iter().zip(places).enumerate())
+        let mut raster: Vec<Place> = (geometry.taxels.iter().zip(places).enumerate())
             .map(|(taxel, (t, at))| Place {
                 taxel,
                 pixel: [t.x, t.y],
@@ -111,7 +107,7 @@ impl Contacts {
         self.force.len()
     }
 
-    /// Number of taxels of the layout.
+    /// Number of taxels of the geometry.
     pub(crate) fn taxels(&self) -> usize {
         self.raster.len()
     }
@@ -120,7 +116,7 @@ impl Contacts {
 /// Whether a taxel's force can be used: a finite number, and in range where the taxel is in contact.
 pub(crate) fn is_force(force: f64, contact: bool) -> bool {
     if contact {
-        force > 0.0 && force <= FORCE_MAX
+        force > 0.0 && force <= taxel_hand::FORCE_MAX
     } else {
         force.is_finite()
     }

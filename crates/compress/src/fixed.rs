@@ -8,7 +8,7 @@
 //! in the last frame counts as farther by an eighth of it, so that a piece half way between two does not go back and forth when others come and go.
 
 use taxel_cluster::Matching;
-use taxel_skin::Layout;
+use taxel_hand::Geometry;
 
 use crate::contacts::Contacts;
 
@@ -52,8 +52,13 @@ struct Piece {
 }
 
 impl Fixed {
-    pub(crate) fn new(places: &[[f64; 2]], layout: &Layout, taxels: &[[f64; 2]], raster: &[usize]) -> Self {
-        let pixels = usize::from(layout.width) * usize::from(layout.height);
+    pub(crate) fn new(
+        places: &[[f64; 2]],
+        geometry: &Geometry,
+        taxels: &[[f64; 2]],
+        raster: &[usize],
+    ) -> Self {
+        let pixels = usize::from(geometry.width) * usize::from(geometry.height);
         let mut taken = vec![false; taxels.len()];
         let pixel = places
             .iter()
@@ -63,7 +68,7 @@ impl Fixed {
                 let taxel = taxel.or_else(|| nearest_of(*place, raster.iter().map(|t| (*t, taxels[*t]))));
                 let taxel = taxel.unwrap_or(0);
                 taken[taxel] = true;
-                [layout.taxels[taxel].x, layout.taxels[taxel].y]
+                [geometry.taxels[taxel].x, geometry.taxels[taxel].y]
             })
             .collect();
         let mut gaps: Vec<f64> = (0..places.len())
@@ -83,8 +88,8 @@ impl Fixed {
             spacing: gaps.get(gaps.len() / 2).copied().unwrap_or(0.0).sqrt(),
             nearest: raster.iter().map(nearest).collect(),
             at: vec![0; pixels],
-            width: layout.width.into(),
-            height: layout.height.into(),
+            width: geometry.width.into(),
+            height: geometry.height.into(),
             parent: Vec::with_capacity(taxels.len()),
             piece_of: Vec::with_capacity(taxels.len()),
             pieces: Vec::with_capacity(taxels.len()),

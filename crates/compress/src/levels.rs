@@ -5,7 +5,7 @@ use taxel_cluster::{Kmeans1d, assign1d, distinct_up_to, lloyd1d, uniform};
 use crate::contacts::Contacts;
 use crate::session::Session;
 use crate::steps::{nearest_in_ratio, steps};
-use crate::{ForceFit, LevelSteps, Profile};
+use taxel_hand::{ForceFit, LevelSteps, Profile};
 
 /// The force stage: its codebook and the level of each contact.
 #[derive(Debug)]
@@ -217,12 +217,13 @@ mod tests {
     use super::*;
 
     fn quantise(profile: &Profile, forces: &[f64]) -> (Vec<f64>, Vec<u16>) {
-        let layout = taxel_skin::Layout::grid(forces.len().max(1) as u16, 1).expect("a grid that fits");
-        let mut frame = taxel_skin::ForceFrame::new(layout.taxels.len());
+        let geometry = taxel_hand::Geometry::grid(forces.len().max(1) as u16, 1).expect("a grid that fits");
+        let mut frame = taxel_hand::ForceFrame::new(geometry.taxels.len());
         frame.contact[..forces.len()].fill(true);
         frame.force[..forces.len()].copy_from_slice(forces);
-        let places = crate::hand::places(&layout, crate::Coordinates::Pixels).expect("pixels");
-        let mut contacts = Contacts::new(&layout, &places);
+        let places =
+            crate::actuator_groups::places(&geometry, taxel_hand::Coordinates::Pixels).expect("pixels");
+        let mut contacts = Contacts::new(&geometry, &places);
         contacts.collect(&frame);
         let mut stage = Levels::new(profile, forces.len());
         stage.quantise(profile, &contacts);

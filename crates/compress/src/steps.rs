@@ -1,6 +1,6 @@
 //! Codebooks in equal steps: of force, or of its logarithm.
 
-use crate::LevelSteps;
+use taxel_hand::LevelSteps;
 
 /// Fills a codebook with the middles of equal steps from `least` to `greatest`, both positive: `least + (k - 1/2) (greatest - least) / K`
 /// of force, or `least * r^(2k - 1)` with `r = (greatest / least)^(1 / 2K)` of its logarithm.

@@ -1,7 +1,8 @@
 //! Compressing allocates nothing once the compressor and its image exist.
 
-use taxel_compress::{CodebookLearning, Compressor, Grey, LevelSteps, Method, Profile};
-use taxel_skin::{ForceFrame, Layout as SkinLayout};
+use taxel_compress::Compressor;
+use taxel_hand::{CodebookLearning, ForceFrame, Grey, LevelSteps, Method, Profile};
+use taxel_skin::Layout as SkinLayout;
 
 #[global_allocator]
 static ALLOCATOR: taxel_allocations::Counting = taxel_allocations::Counting;

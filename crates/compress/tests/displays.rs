@@ -3,11 +3,12 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use proptest::prelude::*;
-use taxel_compress::{
-    CodebookLearning, Compressor, Coordinates, LevelSteps, Method, Placement, Profile, ProfileError,
+use taxel_compress::Compressor;
+use taxel_hand::{
+    CodebookLearning, Coordinates, ForceFrame, LevelSteps, Method, Placement, Profile, ProfileError,
     TactileImage,
 };
-use taxel_skin::{ForceFrame, Layout};
+use taxel_skin::Layout;
 
 fn hand() -> Layout {
     Layout::builtin("allegro-uskin-15").expect("built in")

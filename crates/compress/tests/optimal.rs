@@ -1,10 +1,9 @@
 //! What the method `optimal` promises: the least force error there is, and actuators that hold still.
 
 use proptest::prelude::*;
-use taxel_compress::{
-    Actuator, Compressor, ForceFit, Method, Placement, Profile, ProfileError, TactileImage,
-};
-use taxel_skin::{ForceFrame, Layout};
+use taxel_compress::Compressor;
+use taxel_hand::{Actuator, ForceFit, ForceFrame, Method, Placement, Profile, ProfileError, TactileImage};
+use taxel_skin::Layout;
 
 fn grid(width: u16, height: u16) -> Layout {
     Layout::grid(width, height).expect("a grid that fits")

@@ -1,18 +1,18 @@
 //! The compressor's promises, on frames of every kind.
 
 use proptest::prelude::*;
-use taxel_compress::{
-    Actuator, ActuatorForce, Compressor, ForceFit, Grey, Method, Placement, Profile, ProfileError,
-    TactileImage,
+use taxel_compress::Compressor;
+use taxel_hand::{
+    Actuator, ActuatorForce, Fault, ForceFit, ForceFrame, Geometry, Grey, Method, Placement, Profile,
+    ProfileError, TactileImage,
 };
-use taxel_skin::{Fault, ForceFrame, Layout};
 
-fn grid(width: u16, height: u16) -> Layout {
-    Layout::grid(width, height).expect("a grid that fits")
+fn grid(width: u16, height: u16) -> Geometry {
+    Geometry::grid(width, height).expect("a grid that fits")
 }
 
 /// A grid with its taxels moved to other pixels.
-fn layout(width: u16, height: u16, pixels: &[(u16, u16)]) -> Layout {
+fn layout(width: u16, height: u16, pixels: &[(u16, u16)]) -> Geometry {
     let mut layout = grid(width, height);
     layout.taxels.truncate(pixels.len());
     for (taxel, (x, y)) in layout.taxels.iter_mut().zip(pixels) {
@@ -40,7 +40,7 @@ fn profile(levels: u16, actuators: u16) -> Profile {
     }
 }
 
-fn compress(profile: Profile, layout: &Layout, frame: &ForceFrame) -> TactileImage {
+fn compress(profile: Profile, layout: &Geometry, frame: &ForceFrame) -> TactileImage {
     let mut compressor = Compressor::new(profile, layout).expect("a valid profile");
     let mut image = compressor.new_image();
     compressor.compress(frame, &mut image);

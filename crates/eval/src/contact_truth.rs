@@ -47,7 +47,8 @@ pub fn contact_truth(sequence: &Sequence, mut truth: impl FnMut(usize, usize) ->
 #[cfg(test)]
 mod tests {
     use super::*;
-    use taxel_skin::{Fault, ForceFrame, Layout};
+    use taxel_hand::{Fault, ForceFrame};
+    use taxel_skin::Layout;
 
     #[test]
     fn precision_and_recall_count_taxels_over_all_frames() {

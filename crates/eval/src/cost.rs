@@ -7,7 +7,8 @@ use serde::Serialize;
 use std::hint::black_box;
 use std::time::Instant;
 use taxel_compress::Compressor;
-use taxel_skin::{Conditioner, ForceFrame};
+use taxel_hand::ForceFrame;
+use taxel_skin::Conditioner;
 
 /// Counts the allocations of the calling thread; the program that owns the allocator provides it.
 #[derive(Debug, Clone, Copy)]
@@ -151,7 +152,7 @@ struct Run<'a> {
     conditioner: Option<Conditioner>,
     conditioned: ForceFrame,
     compressor: Compressor,
-    image: taxel_compress::TactileImage,
+    image: taxel_hand::TactileImage,
 }
 
 impl<'a> Run<'a> {

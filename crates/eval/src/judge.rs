@@ -6,7 +6,8 @@ use crate::quantile::{mean, quantile};
 use crate::sequence::{Reference, References, Sequence};
 use crate::tally::{Tally, share};
 use serde::Serialize;
-use taxel_compress::{Compressor, ProfileError, TactileImage};
+use taxel_compress::Compressor;
+use taxel_hand::{ProfileError, TactileImage};
 use taxel_wire::{HEADER_LEN, image_payload_len};
 
 /// Force levels count as optimal up to this share above the least error: rounding of sums in another order.
@@ -275,8 +276,9 @@ fn summary(ratios: &mut [f64]) -> [f64; 4] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use taxel_compress::Profile;
-    use taxel_skin::{ForceFrame, Layout};
+    use taxel_hand::ForceFrame;
+    use taxel_hand::Profile;
+    use taxel_skin::Layout;
 
     /// Frames of a row of taxels; force 0 is no contact.
     fn sequence(frames: &[&[f64]]) -> Sequence {

@@ -1,7 +1,7 @@
 //! The methods that are judged: profiles by name.
 
-use taxel_compress::{Profile, ProfileError, learn_codebook};
-use taxel_skin::ForceFrame;
+use taxel_compress::learn_codebook;
+use taxel_hand::{ForceFrame, Profile, ProfileError};
 
 /// A way to compress frames, and what it is called in reports.
 #[derive(Debug, Clone, PartialEq)]
@@ -49,7 +49,7 @@ impl Method {
     /// constant codebook with the least squared error over all frames that the method will be judged on.
     ///
     /// ```
-    /// use taxel_compress::Profile;
+    /// use taxel_hand::Profile;
     /// let method = taxel_eval::Method::parse("optimal history=0.5 placement=lloyd", &Profile::default())?;
     /// assert_eq!(method.profile.history, 0.5);
     /// # Ok::<(), taxel_eval::MethodError>(())
@@ -142,7 +142,7 @@ pub fn standard_methods(base: &Profile) -> Result<Vec<Method>, MethodError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use taxel_compress::{ForceFit, Placement};
+    use taxel_hand::{ForceFit, Placement};
 
     #[test]
     fn settings_take_the_place_of_the_base() {

@@ -1,6 +1,6 @@
 //! Where the force acts: the centre of pressure of each part of the hand, felt and displayed.
 
-use taxel_compress::TactileImage;
+use taxel_hand::TactileImage;
 use taxel_skin::Layout;
 
 /// Where every pixel is, and to which part of the hand it belongs.
@@ -99,7 +99,7 @@ impl Places {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use taxel_compress::Actuator;
+    use taxel_hand::Actuator;
 
     fn image(actuators: &[(u16, u16, f64)]) -> TactileImage {
         TactileImage {

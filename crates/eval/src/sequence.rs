@@ -5,8 +5,9 @@ use crate::best_places::least_place_error;
 use crate::jump_bound::unavoidable_jumps;
 use crate::tally::share;
 use std::collections::HashMap;
-use taxel_compress::{Compressor, Profile, ProfileError};
-use taxel_skin::{ConditionConfig, ForceFrame, Layout, TactileFrame};
+use taxel_compress::Compressor;
+use taxel_hand::{ForceFrame, Profile, ProfileError, TactileFrame};
+use taxel_skin::{ConditionConfig, Layout};
 
 /// Frames in the order of their times.
 #[derive(Debug, Clone)]

@@ -1,6 +1,6 @@
 //! What changes from one image to the next.
 
-use taxel_compress::TactileImage;
+use taxel_hand::TactileImage;
 
 /// A move beyond this, pixels, is a jump.
 const JUMP_PX: f64 = 2.0;
@@ -75,7 +75,7 @@ pub(crate) fn share(part: u64, whole: u64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use taxel_compress::Actuator;
+    use taxel_hand::Actuator;
 
     fn image(actuators: &[(u16, u16, u16)]) -> TactileImage {
         let actuators = actuators.iter().map(|&(id, x, y)| Actuator {

@@ -286,15 +286,15 @@ fn is_hand_id(config: &AllegroConfig, id: u16) -> bool {
 /// CySkin's ids are extended and never overlap. Hand and skin are best on different buses (protocols.md 0, fact 10).
 pub fn overlapping_ids(layout: &Layout, bus: u8, config: &AllegroConfig) -> Vec<u16> {
     let mut ids: Vec<u16> = (0..layout.len())
-        .filter(|taxel| layout.module_of(*taxel).bus == bus)
+        .filter(|taxel| layout.wiring_of(*taxel).bus == bus)
         .flat_map(|taxel| {
-            let module = layout.module_of(taxel);
-            let frame = module.protocol.frame_id(module.board, layout.taxels[taxel].k);
+            let wiring = layout.wiring_of(taxel);
+            let frame = wiring.protocol.frame_id(wiring.board, layout.k[taxel]);
             let is_mtb = matches!(
-                module.protocol,
+                wiring.protocol,
                 Protocol::UskinL1 | Protocol::UskinL2 | Protocol::IcubMtb3 | Protocol::IcubMtb4
             );
-            [frame, is_mtb.then_some(0x200 | u16::from(module.board))]
+            [frame, is_mtb.then_some(0x200 | u16::from(wiring.board))]
         })
         .flatten()
         .filter(|id| is_hand_id(config, *id))

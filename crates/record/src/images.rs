@@ -6,7 +6,7 @@ use ndarray_npy::{NpzWriter, WriteNpyExt, WriteNpzError};
 use std::fs::File;
 use std::io::{self, BufWriter, Cursor, Write};
 use std::path::Path;
-use taxel_compress::TactileImage;
+use taxel_hand::TactileImage;
 
 /// Fields of one actuator in the `actuators` array: id, x, y, level, force.
 const ACTUATOR_FIELDS: usize = 5;
@@ -192,7 +192,7 @@ mod tests {
     use crate::{ReadOptions, Recording};
     use ndarray::{Array2, Array3};
     use ndarray_npy::NpzReader;
-    use taxel_compress::Actuator;
+    use taxel_hand::Actuator;
     use tempfile::TempDir;
 
     fn stack() -> ImageStack {

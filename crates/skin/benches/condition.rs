@@ -1,7 +1,8 @@
 //! Cost of conditioning one frame. `cargo bench -p taxel-skin --bench condition`
 
 use divan::{Bencher, black_box};
-use taxel_skin::{ConditionConfig, Conditioner, ForceFrame, Freshness, MagnitudeMode, TactileFrame};
+use taxel_hand::{ForceFrame, Freshness, TactileFrame};
+use taxel_skin::{ConditionConfig, Conditioner, MagnitudeMode};
 
 /// Shows that a frame costs no allocation.
 #[global_allocator]

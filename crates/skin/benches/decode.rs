@@ -5,7 +5,8 @@
 use divan::counter::ItemsCount;
 use divan::{Bencher, black_box};
 use taxel_can::Received;
-use taxel_skin::{Decoded, Decoder, Layout, Readings, SweepAssembler, SweepConfig, TactileFrame};
+use taxel_hand::TactileFrame;
+use taxel_skin::{Decoded, Decoder, Layout, Readings, SweepAssembler, SweepConfig};
 
 const PERIOD_NS: u64 = 10_000_000;
 const SWEEPS: u64 = 100;
@@ -18,12 +19,12 @@ fn main() {
 fn traffic(layout: &Layout) -> Vec<(u8, Received)> {
     let mut frames = Vec::new();
     for sweep in 0..SWEEPS {
-        for (i, taxel) in layout.taxels.iter().enumerate().rev() {
-            let module = layout.module_of(i);
+        for i in (0..layout.len()).rev() {
+            let (module, k) = (layout.wiring_of(i), layout.k[i]);
             let counts = [32_768 + sweep as u16, 32_700, 12_300 + i as u16];
             let frame = module
                 .protocol
-                .frame(module.board, taxel.k, counts, 0x82)
+                .frame(module.board, k, counts, 0x82)
                 .expect("a taxel of the layout");
             let t_ns = 1_000_000_000 + sweep * PERIOD_NS + frames.len() as u64 % 240 * 30_000;
             frames.push((module.bus, Received { t_ns, frame }));

@@ -15,13 +15,12 @@ fn main() {
 /// One sweep of the built-in hand or layout file, bus 0 only.
 fn uskin(name: &str) -> (Layout, Vec<CanFrame>) {
     let layout = Layout::builtin(name).expect("built in");
-    let taxels = layout.taxels.iter().enumerate();
-    let frames = taxels
-        .filter(|(n, _)| layout.module_of(*n).bus == 0)
-        .map(|(n, taxel)| {
-            let module = layout.module_of(n);
+    let frames = (0..layout.len())
+        .filter(|n| layout.wiring_of(*n).bus == 0)
+        .map(|n| {
+            let (module, k) = (layout.wiring_of(n), layout.k[n]);
             let counts = [32_768, 32_700, 12_300 + n as u16];
-            let frame = module.protocol.frame(module.board, taxel.k, counts, 0x82);
+            let frame = module.protocol.frame(module.board, k, counts, 0x82);
             frame.expect("a taxel of the layout")
         });
     let frames = frames.collect();

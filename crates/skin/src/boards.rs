@@ -164,14 +164,14 @@ impl BoardSupervisor {
         };
         let mut boards = Vec::new();
         if config.mode != BoardsMode::Passive {
-            for (index, module) in layout.modules.iter().enumerate() {
-                if module.protocol.takes_commands() {
-                    let sequences = Sequences::of_mtb(layout, module);
-                    let mut board = Board::new(vec![index as u16], module.bus, sequences);
-                    board.search = if module.protocol.is_icub() {
-                        Search::by_question(layout, module)
+            for (index, module, wiring) in layout.boards() {
+                if wiring.protocol.takes_commands() {
+                    let sequences = Sequences::of_mtb(wiring, layout.triangles(module));
+                    let mut board = Board::new(vec![index], wiring.bus, sequences);
+                    board.search = if wiring.protocol.is_icub() {
+                        Search::by_question(layout, wiring)
                     } else {
-                        Search::of(layout, module)
+                        Search::of(layout, wiring)
                     };
                     boards.push(board);
                 }
@@ -181,9 +181,9 @@ impl BoardSupervisor {
                 .iter()
                 .flat_map(|setup| setup.hubs.iter().map(move |hub| (setup, hub)));
             for (number, (setup, hub)) in (0u8..).zip(hubs) {
-                let of_hub = |m: &crate::Module| m.protocol == Protocol::Cyskin && m.hub == Some(number);
+                let of_hub = |m: &crate::Wiring| m.protocol == Protocol::Cyskin && m.hub == Some(number);
                 let modules: Vec<u16> = (0..)
-                    .zip(&layout.modules)
+                    .zip(&layout.wiring)
                     .filter(|(_, m)| of_hub(m))
                     .map(|(i, _)| i)
                     .collect();

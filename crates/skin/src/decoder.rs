@@ -194,34 +194,24 @@ impl Decoder {
                 }
             }
         }
-        for (board, module) in layout.modules.iter().enumerate() {
-            if module.bus != bus || module.protocol == Protocol::Offline {
+        for (board, module, wiring) in layout.boards() {
+            if wiring.bus != bus || wiring.protocol == Protocol::Offline {
                 continue;
             }
-            decoder.filters.extend(module.protocol.filter(module.board));
-            if module.protocol.takes_commands() {
-                let address = (module.board & 15) as usize;
-                decoder.mtb[address] = board as u16;
-                decoder.icub[address] = module.protocol.is_icub();
-                if module.protocol.is_icub() {
-                    let answer = 0x200 | u16::from(module.board & 15) << 4;
+            decoder.filters.extend(wiring.protocol.filter(wiring.board));
+            if wiring.protocol.takes_commands() {
+                let address = (wiring.board & 15) as usize;
+                decoder.mtb[address] = board;
+                decoder.icub[address] = wiring.protocol.is_icub();
+                if wiring.protocol.is_icub() {
+                    let answer = 0x200 | u16::from(wiring.board & 15) << 4;
                     decoder.filters.push(IdFilter::standard(answer, 0x7FF));
                 }
             }
-            let first = module.first_taxel as usize;
-            for (i, taxel) in layout
-                .taxels
-                .iter()
-                .enumerate()
-                .skip(first)
-                .take(module.taxels as usize)
-            {
-                let (board, taxel_number, k) = (board as u16, i as u16, taxel.k);
-                match module.hub {
-                    Some(hub) => {
-                        decoder.hubs[hub_of[hub as usize]].add_taxel(board, module.board, k, taxel_number);
-                    }
-                    None => decoder.add_taxel(module.protocol, board, module.board, k, taxel_number),
+            for (taxel, &k) in (module.first_taxel..).zip(layout.k_of(module)) {
+                match wiring.hub {
+                    Some(hub) => decoder.hubs[hub_of[hub as usize]].add_taxel(board, wiring.board, k, taxel),
+                    None => decoder.add_taxel(wiring.protocol, board, wiring.board, k, taxel),
                 }
             }
         }
@@ -457,13 +447,13 @@ impl Decoder {
     /// 0 to 255), the temperature of a CySkin module (0), the proximity values of a `cpm-finger` (16 and 17). iCub pads
     /// that are taxels can be asked for too. `None` where nothing was heard, and for other channels.
     pub fn auxiliary(&self, layout: &Layout, board: u16, channel: u8) -> Option<u16> {
-        let module = layout.modules.get(board as usize)?;
-        if module.bus != self.bus {
+        let wiring = layout.wiring.get(board as usize)?;
+        if wiring.bus != self.bus {
             return None;
         }
-        match module.protocol {
+        match wiring.protocol {
             Protocol::IcubMtb3 | Protocol::IcubMtb4 => {
-                let id = module.protocol.frame_id(module.board, channel)?;
+                let id = wiring.protocol.frame_id(wiring.board, channel)?;
                 let entry = self.ids[id as usize & 0x7FF];
                 let own = entry.kind == Kind::Triangle && entry.board == board;
                 let triangle = own.then(|| &self.triangles[entry.index as usize])?;

@@ -124,7 +124,7 @@ impl DiscoveryReport {
     ) -> impl Iterator<Item = (u16, Protocol, &'a FoundBoard)> + 'a {
         self.boards.iter().filter_map(|found| {
             let module = found.module?;
-            let protocol = layout.modules.get(module as usize)?.protocol;
+            let protocol = layout.wiring.get(module as usize)?.protocol;
             (!found.kind.speaks(protocol)).then_some((module, protocol, found))
         })
     }
@@ -235,7 +235,7 @@ impl BoardSupervisor {
                     buses.len() - 1
                 });
             buses[place].stops.extend(stops.map(|order| order.frame()));
-            expected.push((number, layout.modules[module as usize].board & 15, module));
+            expected.push((number, layout.wiring[module as usize].board & 15, module));
         }
         Ok(Discovery {
             buses,

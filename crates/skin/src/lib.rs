@@ -8,14 +8,10 @@ mod condition;
 mod counters;
 mod decoder;
 mod discovery;
-mod frame;
 mod layout;
-mod layout_board;
-mod layout_error;
-mod layout_file;
-mod layout_tile;
 mod period;
 mod protocol;
+mod reading;
 mod recognise;
 mod search;
 mod start;
@@ -37,9 +33,7 @@ pub use decoder::{BusCounters, Decoded, Decoder, MAX_READINGS, Readings};
 pub use discovery::{
     AlreadyStarted, BoardKind, BusTraffic, Discovery, DiscoveryCommand, DiscoveryReport, Firmware, FoundBoard,
 };
-pub use frame::{Fault, Faults, ForceFrame, Freshness, TactileFrame, TaxelReading};
-pub use layout::{Layout, MAX_MODULES, MAX_PIXELS, MAX_TAXELS, Module, Taxel};
-pub use layout_error::{LayoutError, LayoutProblem};
+pub use layout::{Layout, LayoutError, LayoutProblem, Wiring};
 pub use protocol::Protocol;
 pub use protocol::cpm_finger::cpm_finger_frames;
 pub use protocol::cyskin::{
@@ -47,6 +41,7 @@ pub use protocol::cyskin::{
 };
 pub use protocol::icub::{ICUB_NO_ACK, ICUB_NOT_CONNECTED, ICUB_OUT_OF_RANGE, IcubSetup, icub_triangle_data};
 pub use protocol::uskin::{STATUS_ERROR, STATUS_NO_ANSWER, status_is_error};
+pub use reading::TaxelReading;
 pub use recognise::{CyskinGuess, RecognisedBoard, RecognisedBus, Recogniser, Recognition};
 pub use sweep::{Push, SweepAssembler};
 pub use sweep_config::SweepConfig;

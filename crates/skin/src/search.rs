@@ -2,7 +2,7 @@
 
 use crate::boards::TxMode;
 use crate::start::Order;
-use crate::{CyskinSetup, Layout, Module};
+use crate::{CyskinSetup, Layout, Wiring};
 
 /// Of the attempts to start a board that was never heard, every so manieth is made on the other buses too.
 const EVERY: u32 = 3;
@@ -37,11 +37,11 @@ impl BusSet {
 }
 
 impl Search {
-    /// The search for the board of a module: on every bus without a board of its address.
-    pub(crate) fn of(layout: &Layout, module: &Module) -> Self {
+    /// The search for a board: on every bus without a board of its address.
+    pub(crate) fn of(layout: &Layout, board: &Wiring) -> Self {
         let has = |bus: u8| {
-            let mut others = layout.modules.iter().filter(|m| m.bus == bus);
-            others.any(|m| m.board == module.board && m.protocol.has_addresses_of(module.protocol))
+            let mut others = layout.wiring.iter().filter(|other| other.bus == bus);
+            others.any(|other| other.board == board.board && other.protocol.has_addresses_of(board.protocol))
         };
         let mut search = Self::default();
         for bus in 0..layout.buses.len() as u8 {
@@ -51,10 +51,10 @@ impl Search {
     }
 
     /// The search for an iCub board: the same, but it is asked whether it is there and never configured or started.
-    pub(crate) fn by_question(layout: &Layout, module: &Module) -> Self {
+    pub(crate) fn by_question(layout: &Layout, board: &Wiring) -> Self {
         Self {
             asks_only: true,
-            ..Self::of(layout, module)
+            ..Self::of(layout, board)
         }
     }
 

@@ -1,9 +1,9 @@
 //! What each kind of board is sent to start, wake and stop it: short lists of frames with pauses.
 
+use crate::Wiring;
 use crate::protocol::cyskin::{CyskinPacket, CyskinSetup, cyskin_frames};
 use crate::protocol::icub::IcubSetup;
 use crate::protocol::mtb::MtbCommand;
-use crate::{Layout, Module};
 use taxel_can::CanFrame;
 
 /// Least time between two commands to a uSkin board.
@@ -86,21 +86,21 @@ pub(crate) struct Sequences {
 }
 
 impl Sequences {
-    /// Of the MTB of a module.
-    pub(crate) fn of_mtb(layout: &Layout, module: &Module) -> Self {
-        let address = module.board;
+    /// Of an MTB; an iCub's has these triangles, a bit each.
+    pub(crate) fn of_mtb(wiring: &Wiring, triangles: u16) -> Self {
+        let address = wiring.board;
         let step = |command, pause_ns| Step {
             order: Order::Mtb(command),
             pause_ns,
         };
-        let gap_ns = if module.icub.is_some() {
+        let gap_ns = if wiring.icub.is_some() {
             ICUB_GAP_NS
         } else {
             USKIN_GAP_NS
         };
         let go = step(MtbCommand::tx_mode(address, false), gap_ns);
         let ask = step(MtbCommand::firmware_version(address, CAN_PROTOCOL), gap_ns);
-        let Some(setup) = &module.icub else {
+        let Some(setup) = &wiring.icub else {
             return Self {
                 start: vec![go],
                 wake: vec![go],
@@ -113,7 +113,7 @@ impl Sequences {
             };
         };
         let mut start = vec![ask];
-        let commands = configuration(address, layout.triangles(module), setup);
+        let commands = configuration(address, triangles, setup);
         start.extend(commands.into_iter().map(|command| step(command, gap_ns)));
         let part_ns = ICUB_CALIBRATION_NS / QUESTIONS;
         if let Some(last) = start.last_mut() {

@@ -23,7 +23,8 @@ use crate::counters::{BoardCounters, BoardState};
 use crate::sweep_board::{Board, slowest_ns};
 use crate::sweep_config::{SweepConfig, nanoseconds};
 use crate::uskin::status_is_error;
-use crate::{Freshness, Layout, TactileFrame, TaxelReading};
+use crate::{Layout, TaxelReading};
+use taxel_hand::{Freshness, TactileFrame};
 
 /// What became of one reading.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -80,7 +81,8 @@ impl Slot {
 ///
 /// ```
 /// use taxel_can::CanFrame;
-/// use taxel_skin::{Decoder, Layout, Readings, SweepAssembler, SweepConfig, TactileFrame};
+/// use taxel_hand::TactileFrame;
+/// use taxel_skin::{Decoder, Layout, Readings, SweepAssembler, SweepConfig};
 ///
 /// let hand = Layout::builtin("uskin-module").expect("built in");
 /// let config = SweepConfig { settle_ms: 0.0, ..SweepConfig::default() };
@@ -154,11 +156,10 @@ impl SweepAssembler {
         let period_ns = config.board_period_ms.map(nanoseconds);
         let settle_ns = nanoseconds(config.settle_ms);
         let boards = layout
-            .modules
-            .iter()
-            .map(|module| {
+            .boards()
+            .map(|(_, module, wiring)| {
                 // An iCub board is calibrated for half a second before it may speak.
-                let settle_ns = if module.protocol.is_icub() { 0 } else { settle_ns };
+                let settle_ns = if wiring.protocol.is_icub() { 0 } else { settle_ns };
                 Board::new(
                     module.first_taxel as usize,
                     module.taxels as usize,

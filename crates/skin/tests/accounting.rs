@@ -3,10 +3,8 @@
 use proptest::prelude::*;
 use std::collections::HashSet;
 use taxel_can::CanFrame;
-use taxel_skin::{
-    BoardCounters, Decoded, Decoder, Freshness, Layout, Push, Readings, SweepAssembler, SweepConfig,
-    TactileFrame,
-};
+use taxel_hand::{Freshness, TactileFrame};
+use taxel_skin::{BoardCounters, Decoded, Decoder, Layout, Push, Readings, SweepAssembler, SweepConfig};
 
 const MS: u64 = 1_000_000;
 const START: u64 = 1_000 * MS;

@@ -123,7 +123,7 @@ fn a_board_that_was_never_heard_is_looked_for_on_buses_that_have_none_of_its_add
     let hand = hand();
     // Board 7 of the first bus and board 6 of both: only the first can be told on the other bus.
     let missing: Vec<u16> = (0u16..)
-        .zip(&hand.modules)
+        .zip(&hand.wiring)
         .filter(|(_, m)| m.board == 7 || m.board == 6)
         .map(|(i, _)| i)
         .collect();
@@ -137,7 +137,7 @@ fn a_board_that_was_never_heard_is_looked_for_on_buses_that_have_none_of_its_add
     let elsewhere = |sent: &[(u64, Command)]| -> Vec<(u64, u8, String)> {
         let on_other = sent
             .iter()
-            .filter(|(_, c)| c.bus != hand.modules[usize::from(c.board)].bus);
+            .filter(|(_, c)| c.bus != hand.wiring[usize::from(c.board)].bus);
         on_other
             .map(|(t, c)| ((t - START) / MS, c.bus, c.frame().to_string()))
             .collect()
@@ -236,7 +236,7 @@ fn nothing_is_sent_to_other_buses_where_that_was_not_allowed() {
     let sent = play(&mut supervisor, START, START + 5_000 * MS, |_, _, _| None);
     assert!(
         sent.iter()
-            .all(|(_, c)| c.bus == hand.modules[usize::from(c.board)].bus)
+            .all(|(_, c)| c.bus == hand.wiring[usize::from(c.board)].bus)
     );
 }
 
@@ -249,7 +249,7 @@ fn a_board_that_was_heard_is_not_looked_for_elsewhere() {
     let sent = play(&mut supervisor, START, START + 5_000 * MS, |_, _, _| Some(START));
     assert!(
         sent.iter()
-            .all(|(_, c)| c.bus == hand.modules[usize::from(c.board)].bus)
+            .all(|(_, c)| c.bus == hand.wiring[usize::from(c.board)].bus)
     );
 }
 
@@ -379,7 +379,7 @@ fn stopping_tells_every_board_once_and_then_nothing() {
             .collect();
         frames.sort();
         let expected: Vec<(u8, String)> = hand()
-            .modules
+            .wiring
             .iter()
             .map(|m| (m.bus, format!("20{}#0701", m.board)))
             .collect();
@@ -447,7 +447,7 @@ fn no_command_is_of_class_7_on_any_board_of_any_layout() {
     ));
     for (_, command) in sent {
         let frame = command.frame();
-        let board = layout.modules[command.board as usize].board as u16;
+        let board = layout.wiring[command.board as usize].board as u16;
         assert_eq!(frame.standard_id(), Some(0x200 | board));
         assert_eq!(frame.data(), [7, (command.mode == TxMode::Stop) as u8]);
     }

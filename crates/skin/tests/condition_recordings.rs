@@ -1,8 +1,9 @@
 //! Conditioning on real uSkin recordings. `cargo test -p taxel-skin --release --test condition_recordings -- --nocapture`
 //! prints the tables.
 
+use taxel_hand::{Fault, ForceFrame, Freshness, TactileFrame};
 use taxel_recordings::{Counts, array, by_axis, interleaved, open};
-use taxel_skin::{ConditionConfig, Conditioner, Fault, FaultRule, ForceFrame, Freshness, TactileFrame};
+use taxel_skin::{ConditionConfig, Conditioner, FaultRule};
 
 /// About the rate of the recordings.
 const FRAME_NS: u64 = 33_333_333;

@@ -28,7 +28,7 @@ fn play(decoder: &mut Decoder, layout: &Layout, frames: &[CanFrame]) -> (Vec<Dec
             .iter()
             .map(|r| {
                 let taxel = r.taxel as usize;
-                let name = format!("{}.{}", layout.module_of(taxel).name, layout.taxels[taxel].k);
+                let name = format!("{}.{}", layout.module_of(taxel).name, layout.k[taxel]);
                 (name, r.counts[2])
             })
             .collect();
@@ -436,7 +436,7 @@ proptest! {
             .collect();
         let read: Vec<(u8, u8, u16)> = readings
             .iter()
-            .map(|r| (layout.module_of(r.taxel.into()).board, layout.taxels[r.taxel as usize].k, r.counts[2]))
+            .map(|r| (layout.wiring_of(r.taxel.into()).board, layout.k[r.taxel as usize], r.counts[2]))
             .collect();
         prop_assert_eq!(read, expected);
     }

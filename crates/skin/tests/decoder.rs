@@ -52,13 +52,10 @@ const VALUE: [u8; 8] = [0x82, 0x80, 0x01, 0x7F, 0xFE, 0x30, 0x39, 1];
 fn every_taxel_of_every_protocol_is_read_back_from_its_frame() {
     let layout = layout();
     let mut readings = Readings::new();
-    for (i, taxel) in layout.taxels.iter().enumerate() {
-        let module = layout.module_of(i);
+    for i in 0..layout.len() {
+        let (module, k) = (layout.wiring_of(i), layout.k[i]);
         let counts = [i as u16, 0x8000 + i as u16, 0xFFFF - i as u16];
-        let frame = module
-            .protocol
-            .frame(module.board, taxel.k, counts, 0x93)
-            .unwrap();
+        let frame = module.protocol.frame(module.board, k, counts, 0x93).unwrap();
         for bus in 0..3 {
             let mut decoder = Decoder::new(&layout, bus);
             let decoded = decoder.decode(&frame, &mut readings);

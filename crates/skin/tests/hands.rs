@@ -4,10 +4,11 @@ mod support;
 
 use std::collections::{HashMap, HashSet};
 use taxel_can::CanFrame;
+use taxel_hand::{Fault, ForceFrame, Freshness, TactileFrame};
 use taxel_recordings::schunk_grasps;
 use taxel_skin::{
-    ConditionConfig, Conditioner, Decoded, Decoder, Fault, ForceFrame, Freshness, Layout, Protocol, Readings,
-    SweepAssembler, SweepConfig, TactileFrame, cyskin_frames, icub_triangle_data,
+    ConditionConfig, Conditioner, Decoded, Decoder, Layout, Protocol, Readings, SweepAssembler, SweepConfig,
+    cyskin_frames, icub_triangle_data,
 };
 
 /// Every frame of one sweep of a hand, by bus, in which taxel `n` has the value `value(n)` (z; 12 bits for the iCub).
@@ -15,33 +16,29 @@ fn sweep_of(layout: &Layout, value: impl Fn(usize) -> u16) -> Vec<(u8, CanFrame)
     let mut frames = Vec::new();
     let mut triangles: HashMap<(u16, u8), [u8; 12]> = HashMap::new();
     for (n, taxel) in layout.taxels.iter().enumerate() {
-        let module = layout.module_of(n);
+        let (module, k) = (layout.wiring_of(n), layout.k[n]);
         match module.protocol {
             Protocol::IcubMtb3 | Protocol::IcubMtb4 => {
-                let pads = triangles.entry((taxel.module, taxel.k / 12)).or_insert([245; 12]);
-                pads[taxel.k as usize % 12] = (value(n) >> 4) as u8;
+                let pads = triangles.entry((taxel.module, k / 12)).or_insert([245; 12]);
+                pads[k as usize % 12] = (value(n) >> 4) as u8;
             }
             Protocol::Cyskin => {
                 let setup = layout.cyskin.as_ref().unwrap();
                 let [high, low] = value(n).to_be_bytes();
                 let address = setup.hubs[module.hub.unwrap() as usize].address;
-                let packet =
-                    cyskin_frames(setup, address, 0x43, &[module.board, taxel.k, high, low]).unwrap();
+                let packet = cyskin_frames(setup, address, 0x43, &[module.board, k, high, low]).unwrap();
                 frames.extend(packet.into_iter().map(|frame| (module.bus, frame)));
             }
             protocol => {
                 let counts = [0x8000, 0x8000, value(n)];
-                frames.push((
-                    module.bus,
-                    protocol.frame(module.board, taxel.k, counts, 0x82).unwrap(),
-                ));
+                frames.push((module.bus, protocol.frame(module.board, k, counts, 0x82).unwrap()));
             }
         }
     }
     let mut triangles: Vec<_> = triangles.into_iter().collect();
     triangles.sort();
     for ((m, triangle), pads) in triangles {
-        let module = &layout.modules[m as usize];
+        let module = &layout.wiring[m as usize];
         let id = 0x400 | u16::from(module.board) << 4 | u16::from(triangle);
         for data in icub_triangle_data(pads, 0, 0) {
             frames.push((module.bus, CanFrame::standard(id, &data).unwrap()));
@@ -79,7 +76,7 @@ fn comes_through(layout: &Layout) {
         sweep.take(t_ns + 1_000_000, &mut tactile);
         for n in 0..layout.len() {
             assert_eq!(tactile.freshness[n], Freshness::Fresh);
-            let expected = if layout.module_of(n).protocol.is_icub() {
+            let expected = if layout.wiring_of(n).protocol.is_icub() {
                 value(n) & !15 | 8
             } else {
                 value(n)
@@ -244,7 +241,7 @@ fn the_template_in_the_cyskin_file_is_a_layout_once_it_is_filled_in() {
         skip &= line != "]";
     }
     let layout = Layout::parse(&filled, "filled.toml").unwrap_or_else(|e| panic!("{e}\n{filled}"));
-    assert_eq!(layout.modules[0].protocol, Protocol::Cyskin);
+    assert_eq!(layout.wiring[0].protocol, Protocol::Cyskin);
     comes_through(&layout);
     let error = Layout::parse(&filled.replace("checksum =", "#"), "filled.toml")
         .unwrap_err()

@@ -38,9 +38,8 @@ fn the_default_hand_is_the_one_of_the_design() {
     assert_eq!(hand.buses, ["can0", "can1"]);
     assert_eq!((hand.frames_per_sweep(0), hand.frames_per_sweep(1)), (128, 112));
     let places: Vec<(&str, u8, u8)> = hand
-        .modules
-        .iter()
-        .map(|m| (m.part.as_str(), m.bus, m.board))
+        .boards()
+        .map(|(_, m, wiring)| (m.part.as_str(), wiring.bus, wiring.board))
         .collect();
     let mut expected = Vec::new();
     for (part, bus, boards) in [
@@ -52,7 +51,7 @@ fn the_default_hand_is_the_one_of_the_design() {
         expected.extend(boards.map(|board| (part, bus, board)));
     }
     assert_eq!(places, expected);
-    assert!(hand.modules.iter().all(|m| m.protocol == Protocol::UskinL2));
+    assert!(hand.wiring.iter().all(|m| m.protocol == Protocol::UskinL2));
     assert!(hand.taxels.iter().all(|t| t.position_mm.is_some()));
 
     for y in 0..16 {
@@ -85,11 +84,7 @@ fn every_built_in_hand_parses_under_its_own_name() {
 fn a_phalange_is_drawn_with_its_middle_columns_swapped() {
     let module = Layout::builtin("uskin-module").unwrap();
     let drawn: Vec<Vec<u8>> = (0..4)
-        .map(|y| {
-            (0..4)
-                .map(|x| module.taxels[module.taxel_at(x, y).unwrap()].k)
-                .collect()
-        })
+        .map(|y| (0..4).map(|x| module.k[module.taxel_at(x, y).unwrap()]).collect())
         .collect();
     assert_eq!(
         drawn,
@@ -122,7 +117,7 @@ fn rotation_turns_the_tile_clockwise() {
             for (column, &k) in cells.iter().enumerate() {
                 let taxel = hand.taxel_at(2 + column as u16, 3 + row as u16).unwrap();
                 assert_eq!(
-                    hand.taxels[taxel].k as i32, k,
+                    hand.k[taxel] as i32, k,
                     "{degrees} degrees, row {row}, column {column}"
                 );
             }

@@ -1,8 +1,7 @@
 //! Boards as they behave on a bus: bursts and their phase, free running, rates that must be measured.
 
-use taxel_skin::{
-    BoardCounters, BoardState, Freshness, Layout, SweepAssembler, SweepConfig, TactileFrame, TaxelReading,
-};
+use taxel_hand::{Freshness, TactileFrame};
+use taxel_skin::{BoardCounters, BoardState, Layout, SweepAssembler, SweepConfig, TaxelReading};
 
 const MS: u64 = 1_000_000;
 /// Not zero, as a monotonic clock never is.

@@ -3,10 +3,10 @@
 mod support;
 
 use taxel_can::CanFrame;
+use taxel_hand::{Fault, ForceFrame, Freshness, TactileFrame};
 use taxel_skin::{
-    BoardCounters, ConditionConfig, Conditioner, Decoded, Decoder, Fault, ForceFrame, Freshness, ICUB_NO_ACK,
-    ICUB_NOT_CONNECTED, ICUB_OUT_OF_RANGE, Layout, Readings, STATUS_ERROR, SweepAssembler, SweepConfig,
-    TactileFrame, icub_triangle_data,
+    BoardCounters, ConditionConfig, Conditioner, Decoded, Decoder, ICUB_NO_ACK, ICUB_NOT_CONNECTED,
+    ICUB_OUT_OF_RANGE, Layout, Readings, STATUS_ERROR, SweepAssembler, SweepConfig, icub_triangle_data,
 };
 
 fn frame(text: &str) -> CanFrame {
@@ -25,7 +25,7 @@ fn decode(decoder: &mut Decoder, layout: &Layout, text: &str) -> (Decoded, Vec<(
         .iter()
         .map(|r| {
             assert_eq!(r.counts[..2], [0, 0]);
-            (layout.taxels[r.taxel as usize].k, r.counts[2], r.status)
+            (layout.k[r.taxel as usize], r.counts[2], r.status)
         })
         .collect();
     (decoded, values)
@@ -117,7 +117,7 @@ fn the_status_of_the_second_frame_says_which_values_must_not_be_used() {
         for data in [second, first] {
             decoder.decode(&CanFrame::standard(0x410, &data).unwrap(), &mut readings);
             for reading in readings.iter() {
-                let expected = match layout.taxels[reading.taxel as usize].k {
+                let expected = match layout.k[reading.taxel as usize] {
                     0 => of_pad_0,
                     7 => of_pad_7,
                     _ => continue,

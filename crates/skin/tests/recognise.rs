@@ -16,25 +16,24 @@ const SWEEPS: u64 = 6;
 fn sweep(layout: &Layout, round: u64) -> Vec<(u8, CanFrame)> {
     let mut frames = Vec::new();
     let mut triangles = BTreeSet::new();
-    for (n, taxel) in layout.taxels.iter().enumerate() {
-        let module = layout.module_of(n);
+    for n in 0..layout.len() {
+        let (module, k) = (layout.wiring_of(n), layout.k[n]);
         let value = 12_000 + (n as u64 * 37 + round * 7) as u16 % 200;
         match module.protocol {
             Protocol::IcubMtb3 | Protocol::IcubMtb4 => {
-                triangles.insert((module.bus, module.board, taxel.k / 12));
+                triangles.insert((module.bus, module.board, k / 12));
             }
             Protocol::Cyskin => {
                 let setup = layout.cyskin.as_ref().unwrap();
                 let [high, low] = value.to_be_bytes();
                 let address = setup.hubs[usize::from(module.hub.unwrap())].address;
-                let packet =
-                    cyskin_frames(setup, address, 0x43, &[module.board, taxel.k, high, low]).unwrap();
+                let packet = cyskin_frames(setup, address, 0x43, &[module.board, k, high, low]).unwrap();
                 frames.extend(packet.into_iter().map(|frame| (module.bus, frame)));
             }
             Protocol::CpmFinger => {
-                let id = module.protocol.frame_id(module.board, taxel.k).unwrap();
-                if taxel.k < 4 {
-                    let id = 0x405 + 2 * u16::from(taxel.k);
+                let id = module.protocol.frame_id(module.board, k).unwrap();
+                if k < 4 {
+                    let id = 0x405 + 2 * u16::from(k);
                     frames.push((
                         module.bus,
                         CanFrame::standard(id, &[7, 1, 7, 1, 7, 1, 7, 1]).unwrap(),
@@ -43,7 +42,7 @@ fn sweep(layout: &Layout, round: u64) -> Vec<(u8, CanFrame)> {
                 assert!((0x405..=0x40B).contains(&id));
             }
             protocol => {
-                let frame = protocol.frame(module.board, taxel.k, [0x8000, 0x8000, value], 0x83);
+                let frame = protocol.frame(module.board, k, [0x8000, 0x8000, value], 0x83);
                 frames.push((module.bus, frame.unwrap()));
             }
         }
@@ -82,14 +81,12 @@ fn names(layout: &Layout) -> Vec<&str> {
 type Boards = BTreeSet<(u8, &'static str, u8, Option<u32>, Vec<u8>)>;
 
 fn boards(layout: &Layout) -> Boards {
-    let each = layout.modules.iter().map(|module| {
-        let first = usize::from(module.first_taxel);
-        let taxels = &layout.taxels[first..first + usize::from(module.taxels)];
-        let hub = module
+    let each = layout.boards().map(|(_, module, wiring)| {
+        let hub = wiring
             .hub
             .map(|hub| layout.cyskin.as_ref().unwrap().hubs[usize::from(hub)].address);
-        let numbers = taxels.iter().map(|t| t.k).collect();
-        (module.bus, module.protocol.name(), module.board, hub, numbers)
+        let numbers = layout.k_of(module).to_vec();
+        (wiring.bus, wiring.protocol.name(), wiring.board, hub, numbers)
     });
     each.collect()
 }

@@ -1,8 +1,7 @@
 //! When a tactile frame is complete, late or due, and what is fresh in it.
 
-use taxel_skin::{
-    BoardState, Freshness, Layout, Push, SweepAssembler, SweepConfig, TactileFrame, TaxelReading,
-};
+use taxel_hand::{Freshness, TactileFrame};
+use taxel_skin::{BoardState, Layout, Push, SweepAssembler, SweepConfig, TaxelReading};
 
 const MS: u64 = 1_000_000;
 /// Not zero, as a monotonic clock never is.

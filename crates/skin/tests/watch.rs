@@ -1,7 +1,7 @@
 //! What the traffic on the buses shows: babbling nodes, two boards with one address, boards on the wrong bus.
 
 use taxel_can::{CanFrame, Received};
-use taxel_skin::{Decoded, Decoder, Finding, Layout, Module, Protocol, Readings, TrafficWatch};
+use taxel_skin::{Decoded, Decoder, Finding, Layout, Protocol, Readings, TrafficWatch, Wiring};
 
 const MS: u64 = 1_000_000;
 
@@ -13,7 +13,7 @@ fn hand() -> Layout {
 }
 
 /// The sweeps of a board that speaks as `address` on `bus`, from `from_ms` to `to_ms`; its taxels rest around `rest`.
-fn board(module: &Module, bus: u8, address: u8, rate_hz: u64, span_ms: [u64; 2], rest: u16) -> Traffic {
+fn board(module: &Wiring, bus: u8, address: u8, rate_hz: u64, span_ms: [u64; 2], rest: u16) -> Traffic {
     let period_ns = 1_000_000_000 / rate_hz;
     let phase_ns = u64::from(rest) * 7919 % period_ns;
     let mut traffic = Traffic::new();
@@ -36,7 +36,7 @@ fn board(module: &Module, bus: u8, address: u8, rate_hz: u64, span_ms: [u64; 2],
 
 /// Every board of the hand as the layout has it, but for those left out.
 fn healthy(hand: &Layout, span_ms: [u64; 2], without: &[usize]) -> Traffic {
-    let boards = (hand.modules.iter().enumerate()).filter(|(i, _)| !without.contains(i));
+    let boards = (hand.wiring.iter().enumerate()).filter(|(i, _)| !without.contains(i));
     boards
         .flat_map(|(i, m)| board(m, m.bus, m.board, 50, span_ms, 9_000 + 613 * i as u16))
         .collect()
@@ -94,7 +94,7 @@ fn last(found: &[(u64, Vec<Finding>)]) -> &[Finding] {
 fn a_healthy_hand_has_no_findings_at_any_rate() {
     let hand = hand();
     for rate_hz in [10, 30, 50, 100] {
-        let traffic: Traffic = (hand.modules.iter().enumerate())
+        let traffic: Traffic = (hand.wiring.iter().enumerate())
             .flat_map(|(i, m)| board(m, m.bus, m.board, rate_hz, [0, 2000], 9_000 + 613 * i as u16))
             .collect();
         let found = found(&hand, traffic, 2500);
@@ -157,7 +157,7 @@ fn extended_ids_babble_too() {
 #[test]
 fn a_known_boards_id_that_repeats_is_named_with_its_module() {
     let hand = hand();
-    let module = &hand.modules[2];
+    let module = &hand.wiring[2];
     let frame = module.protocol.frame(module.board, 5, [1, 2, 3], 0).unwrap();
     for (rate_hz, babbles) in [(3000, true), (500, true), (100, false)] {
         let mut traffic = healthy(&hand, [0, 1500], &[]);
@@ -177,7 +177,7 @@ fn a_known_boards_id_that_repeats_is_named_with_its_module() {
 #[test]
 fn a_board_that_sweeps_without_pause_is_named() {
     let hand = hand();
-    let m = &hand.modules[4];
+    let m = &hand.wiring[4];
     let mut traffic = healthy(&hand, [0, 1500], &[4]);
     traffic.extend(board(m, m.bus, m.board, 400, [0, 1500], 10_000));
     let found = found(&hand, traffic, 1400);
@@ -206,7 +206,7 @@ fn a_board_that_sweeps_without_pause_is_named() {
 fn two_boards_with_one_address_are_told_from_one_that_is_fast_or_noisy() {
     let hand = hand();
     // Board 5 of the first bus answers as board 3 from one second on.
-    let (wrong, right) = (&hand.modules[5], &hand.modules[3]);
+    let (wrong, right) = (&hand.wiring[5], &hand.wiring[3]);
     assert_eq!((wrong.bus, right.bus), (0, 0));
     let mut traffic = healthy(&hand, [0, 4000], &[5]);
     traffic.extend(board(wrong, 0, wrong.board, 50, [0, 1000], 12_065));
@@ -236,7 +236,7 @@ fn two_boards_with_one_address_are_told_from_one_that_is_fast_or_noisy() {
 #[test]
 fn a_hand_of_one_board_is_compared_with_what_it_used_to_send() {
     let hand = Layout::builtin("uskin-module").expect("built in");
-    let m = &hand.modules[0];
+    let m = &hand.wiring[0];
     let mut traffic = board(m, 0, m.board, 50, [0, 3000], 9_000);
     traffic.extend(board(m, 0, m.board, 50, [1500, 3000], 12_000));
     let found = found(&hand, traffic, 3000);
@@ -263,8 +263,8 @@ fn two_buses(boards: [&[u8]; 2]) -> Layout {
 }
 
 /// The boards of `layout` as if its buses were swapped where `on_other` says so.
-fn displaced(layout: &Layout, on_other: impl Fn(&Module) -> bool) -> Traffic {
-    (layout.modules.iter().enumerate())
+fn displaced(layout: &Layout, on_other: impl Fn(&Wiring) -> bool) -> Traffic {
+    (layout.wiring.iter().enumerate())
         .flat_map(|(i, m)| {
             let bus = if on_other(m) { 1 - m.bus } else { m.bus };
             board(m, bus, m.board, 50, [0, 1500], 9_000 + 613 * i as u16)
@@ -316,7 +316,7 @@ fn the_default_hand_has_one_board_that_tells_its_buses_apart() {
     else {
         panic!("{:?}", last(&found));
     };
-    let module = &hand.modules[usize::from(module)];
+    let module = &hand.wiring[usize::from(module)];
     assert_eq!((module.bus, module.board), (0, 7));
 }
 
@@ -451,7 +451,7 @@ fn cyskin_hubs_on_the_wrong_bus_are_told_by_their_addresses() {
 fn a_board_that_the_layout_does_not_have_is_named_by_its_address() {
     let layout = two_buses([&[0, 1], &[2, 3]]);
     let mut traffic = displaced(&layout, |_| false);
-    traffic.extend(board(&layout.modules[1], 0, 6, 50, [0, 1500], 9_000));
+    traffic.extend(board(&layout.wiring[1], 0, 6, 50, [0, 1500], 9_000));
     let stray = Finding::NotInLayout {
         bus: 0,
         protocol: Protocol::UskinL2,

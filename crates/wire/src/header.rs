@@ -3,8 +3,7 @@
 use crate::error::DecodeError;
 use crate::fields::{u16_at, u32_at, u64_at};
 use std::ops::{BitOr, BitOrAssign};
-use taxel_compress::TactileImage;
-use taxel_skin::{Fault, ForceFrame, Freshness, TactileFrame};
+use taxel_hand::{Fault, ForceFrame, Freshness, TactileFrame, TactileImage};
 
 /// The first four bytes of every message.
 pub const MAGIC: [u8; 4] = *b"TCT1";

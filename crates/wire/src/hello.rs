@@ -3,8 +3,7 @@
 use crate::header::{MAJOR, MINOR};
 use crate::text::{split_json, to_json};
 use serde::{Deserialize, Serialize};
-use taxel_compress::Profile;
-use taxel_skin::Layout;
+use taxel_hand::{Geometry, Profile};
 
 /// The self-description that each reader gets first, and again whenever it changes.
 ///
@@ -159,15 +158,15 @@ impl Hello {
     /// Describes a hand and a display; forces in counts.
     pub fn new(
         daemon: impl Into<String>,
-        layout: &Layout,
+        geometry: &Geometry,
         profile: &Profile,
         rate: HelloRate,
         clock: Clock,
     ) -> Self {
-        let (width, height) = (layout.width, layout.height);
+        let (width, height) = (geometry.width, geometry.height);
         let pixel = |x: u16, y: u16| usize::from(y) * usize::from(width) + usize::from(x);
         let mut present = vec![false; usize::from(width) * usize::from(height)];
-        for taxel in &layout.taxels {
+        for taxel in &geometry.taxels {
             if let Some(present) = present.get_mut(pixel(taxel.x, taxel.y)) {
                 *present = true;
             }
@@ -182,10 +181,10 @@ impl Hello {
                 minor: MINOR,
             },
             daemon: daemon.into(),
-            layout: layout.name.clone(),
+            layout: geometry.name.clone(),
             width,
             height,
-            modules: layout
+            modules: geometry
                 .modules
                 .iter()
                 .map(|module| HelloModule {
@@ -195,7 +194,7 @@ impl Hello {
                     taxels: module.taxels,
                 })
                 .collect(),
-            taxels: layout
+            taxels: geometry
                 .taxels
                 .iter()
                 .zip(0..)

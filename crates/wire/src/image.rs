@@ -3,7 +3,7 @@
 use crate::error::{DecodeError, EncodeError};
 use crate::fields::{f32_at, u16_at, u32_at};
 use crate::header::{Flags, HEADER_LEN, Header, MAX_MESSAGE};
-use taxel_compress::{Actuator, TactileImage};
+use taxel_hand::{Actuator, TactileImage};
 
 const FIXED_LEN: usize = 24;
 const ACTUATOR_LEN: usize = 12;

@@ -12,7 +12,7 @@
 //! ```
 //! use taxel_wire::{Body, Header, Kind, decode_packet, encode_image_payload};
 //!
-//! let image = taxel_compress::TactileImage { width: 2, height: 1, pixels: vec![0, 255], ..Default::default() };
+//! let image = taxel_hand::TactileImage { width: 2, height: 1, pixels: vec![0, 255], ..Default::default() };
 //! let mut payload = Vec::new();
 //! encode_image_payload(&image, &mut payload).unwrap();
 //! let mut packet = Header::new(Kind::Image, payload.len()).to_bytes().to_vec();

@@ -3,7 +3,7 @@
 use crate::error::{DecodeError, EncodeError};
 use crate::fields::{f32_at, u16_at, u32_at};
 use crate::header::{HEADER_LEN, MAX_MESSAGE};
-use taxel_skin::{Fault, ForceFrame, Freshness, TactileFrame};
+use taxel_hand::{Fault, ForceFrame, Freshness, TactileFrame};
 
 const FIXED_LEN: usize = 16;
 const RECORD_LEN: usize = 20;
@@ -102,7 +102,7 @@ pub struct RawView<'a> {
 pub struct RawTaxel {
     /// Raw counts of x, y, z; zeros where the value is missing.
     pub counts: [u16; 3],
-    /// Why the taxel is not used, as the bits of [`taxel_skin::Faults`]; 0 where it is.
+    /// Why the taxel is not used, as the bits of [`taxel_hand::Faults`]; 0 where it is.
     pub faults: u16,
     /// Magnitude above baseline, in HELLO's unit of force.
     pub force: f32,

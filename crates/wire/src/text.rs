@@ -4,7 +4,7 @@ use crate::error::DecodeError;
 use crate::header::{Flags, HEADER_LEN, Header, Kind, MAX_MESSAGE};
 use crate::message::{Body, decode_packet};
 use serde::{Deserialize, Serialize};
-use taxel_compress::{Profile, ProfileError};
+use taxel_hand::{Profile, ProfileError};
 
 /// The most bytes a SUBSCRIBE packet may have: room for a profile with a long codebook, or with a place for each actuator.
 pub const MAX_SUBSCRIBE: usize = 65_536;

@@ -8,7 +8,7 @@ use fake_daemon::FakeDaemon;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdout, Command, Stdio};
-use taxel_compress::{Actuator, TactileImage};
+use taxel_hand::{Actuator, TactileImage};
 use taxel_wire::{Event, EventKind};
 
 fn here(path: &str) -> PathBuf {

@@ -4,7 +4,7 @@ mod vectors;
 
 use std::fs;
 use std::path::Path;
-use taxel_skin::Fault;
+use taxel_hand::Fault;
 use taxel_wire::{
     Flags, HEADER_LEN, Hello, MAX_MESSAGE, MAX_SUBSCRIBE, TEXT_PART, image_payload_len, raw_payload_len,
 };

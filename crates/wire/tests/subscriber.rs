@@ -5,7 +5,7 @@ mod vectors;
 
 use fake_daemon::{Client, FakeDaemon};
 use std::time::Duration;
-use taxel_compress::TactileImage;
+use taxel_hand::TactileImage;
 use taxel_wire::{
     DecodeError, Event, EventKind, Flags, Header, Kind, ReadError, Received, Subscribe, Subscriber,
     split_text,
@@ -133,7 +133,7 @@ fn raw_counts_status_and_events_come_decoded() {
             assert_eq!(taxels[0].age_us, 1500);
             assert_eq!(taxels[1].age_us, u32::MAX);
             let faults: Vec<_> = taxels[1].faults().collect();
-            assert_eq!(faults, [taxel_skin::Fault::Missing]);
+            assert_eq!(faults, [taxel_hand::Fault::Missing]);
         }
         other => panic!("{other:?}"),
     }

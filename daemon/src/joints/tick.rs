@@ -4,10 +4,10 @@ use super::hand_bus;
 use crate::config::Config;
 use std::sync::Arc;
 use taxel_can::{LinkState, Received, SourceCounters};
+use taxel_hand::TactileFrame;
 use taxel_joints::{
     AllegroCounters, AllegroDecoder, AllegroFrame, JointHistory, JointReader, JointSource, JointsConfigError,
 };
-use taxel_skin::TactileFrame;
 
 /// Readings kept of an Allegro hand's joints: a fifth of a second at 333 Hz.
 const HISTORY: usize = 64;

@@ -53,12 +53,12 @@ pub(super) fn judge(look: &Look<'_>, steadiness: &mut Steadiness, found: &mut Ve
     let displaced = |module: usize| {
         look.now.findings.iter().any(|finding| match finding {
             Finding::OnOtherBus { module: m, .. } => is_of_board(layout, usize::from(*m), module),
-            Finding::BusesSwapped { buses, .. } => buses.contains(&layout.modules[module].bus),
+            Finding::BusesSwapped { buses, .. } => buses.contains(&layout.wiring[module].bus),
             _ => false,
         })
     };
     for (index, bus) in look.now.buses.iter().enumerate() {
-        let boards = || (0..layout.modules.len()).filter(|m| usize::from(layout.modules[*m].bus) == index);
+        let boards = || (0..layout.modules.len()).filter(|m| usize::from(layout.wiring[*m].bus) == index);
         if bus.link != LinkState::Up || bus.source.bus_state == BusState::BusOff {
             // Told of the bus; that its boards are silent says nothing of them.
             continue;
@@ -125,16 +125,16 @@ fn by_board<T: Copy>(
 
 /// Whether two modules are on one board: on one hub, or the same.
 fn is_of_board(layout: &Layout, module: usize, other: usize) -> bool {
-    let hub = |module: usize| layout.modules[module].hub;
+    let hub = |module: usize| layout.wiring[module].hub;
     module == other || (hub(module).is_some() && hub(module) == hub(other))
 }
 
 /// `index tip (can0 board 3)`; `palm (can0 hub left, board 3)`.
 fn named(layout: &Layout, module: usize) -> String {
-    let m = &layout.modules[module];
+    let (name, wiring) = (&layout.modules[module].name, &layout.wiring[module]);
     let hub = hub_of(layout, module).map_or_else(String::new, |hub| format!("hub {hub}, "));
-    let bus = &layout.buses[usize::from(m.bus)];
-    format!("{} ({bus} {hub}board {})", m.name, m.board)
+    let bus = &layout.buses[usize::from(wiring.bus)];
+    format!("{name} ({bus} {hub}board {})", wiring.board)
 }
 
 /// What is plugged into a bus with a module: its hub, or its board.
@@ -142,14 +142,14 @@ fn plugged(layout: &Layout, module: usize) -> String {
     match hub_of(layout, module) {
         Some(hub) => format!(
             "hub {hub} ({})",
-            layout.buses[usize::from(layout.modules[module].bus)]
+            layout.buses[usize::from(layout.wiring[module].bus)]
         ),
         None => named(layout, module),
     }
 }
 
 fn hub_of(layout: &Layout, module: usize) -> Option<&str> {
-    let hub = layout.modules[module].hub?;
+    let hub = layout.wiring[module].hub?;
     Some(&layout.cyskin.as_ref()?.hubs.get(usize::from(hub))?.name)
 }
 
@@ -179,7 +179,7 @@ fn silent_bus(look: &Look<'_>, bus: usize) -> Problem {
 /// Whose problem it is if it is of these modules of one board.
 fn place(layout: &Layout, modules: &[usize]) -> Place {
     let module = modules[0];
-    layout.modules[module]
+    layout.wiring[module]
         .hub
         .map_or(Place::Module(module), Place::Hub)
 }
@@ -187,7 +187,7 @@ fn place(layout: &Layout, modules: &[usize]) -> Place {
 /// `index tip (can0 board 3)`; `hub left (can0) with all its modules (palm, heel, wrist and 4 more)`; `a part of hub left (can0), 2 of
 /// its 7 modules (palm, heel),`.
 fn named_all(layout: &Layout, modules: &[usize]) -> String {
-    let hub = layout.modules[modules[0]].hub;
+    let hub = layout.wiring[modules[0]].hub;
     if hub.is_none() || modules.len() == 1 {
         return named(layout, modules[0]);
     }
@@ -199,12 +199,12 @@ fn named_all(layout: &Layout, modules: &[usize]) -> String {
         more => format!("{} and {more} more", names.join(", ")),
     };
     let hub_name = plugged(layout, modules[0]);
-    if layout.modules.iter().filter(|m| m.hub == hub).count() == modules.len() {
+    if layout.wiring.iter().filter(|m| m.hub == hub).count() == modules.len() {
         format!("{hub_name} with all its modules ({list})")
     } else {
         let (some, all) = (
             modules.len(),
-            layout.modules.iter().filter(|m| m.hub == hub).count(),
+            layout.wiring.iter().filter(|m| m.hub == hub).count(),
         );
         format!("a part of {hub_name}, {some} of its {all} modules ({list}),")
     }
@@ -310,10 +310,10 @@ fn of_finding(look: &Look<'_>, finding: &Finding) -> Problem {
             sweeps_hz: [sweeps, usual],
         } => {
             let index = usize::from(module);
-            let m = &layout.modules[index];
+            let m = &layout.wiring[index];
             let quiet: Vec<String> = (0..layout.modules.len())
                 .filter(|i| {
-                    let other = &layout.modules[*i];
+                    let other = &layout.wiring[*i];
                     let state = look.now.boards[*i].state;
                     (other.bus, other.protocol) == (m.bus, m.protocol)
                         && matches!(state, BoardState::Silent | BoardState::Unheard)
@@ -335,7 +335,7 @@ fn of_finding(look: &Look<'_>, finding: &Finding) -> Problem {
                 severe: true,
                 sentence: format!(
                     "two boards answer as {name} ({}): its values alternate, {sweeps:.0} sweeps/s where others send {usual:.0}. {hint}",
-                    m.name
+                    layout.modules[index].name
                 ),
                 over: format!("one board alone answers as {name}"),
             }
@@ -349,7 +349,7 @@ fn of_finding(look: &Look<'_>, finding: &Finding) -> Problem {
                 severe: true,
                 sentence: format!(
                     "{name} is silent, and a board of its address speaks on {other}: wire it to {}, or write `bus = \"{other}\"` into the layout",
-                    bus_name(layout.modules[index].bus)
+                    bus_name(layout.wiring[index].bus)
                 ),
                 over: format!("no board of the address of {name} speaks on {other} any more"),
             }
@@ -362,7 +362,7 @@ fn of_finding(look: &Look<'_>, finding: &Finding) -> Problem {
             let [a, b] = buses.map(bus_name);
             let index = usize::from(module);
             let sources = buses.map(|bus| look.config.sources[usize::from(bus)].to_string());
-            let other = if layout.modules[index].bus == buses[0] {
+            let other = if layout.wiring[index].bus == buses[0] {
                 b
             } else {
                 a

@@ -246,10 +246,10 @@ impl Problems {
                 Place::Hub(_) => self.modules_of(problem),
                 _ => &[],
             };
-            let module = modules.first().map(|module| &layout.modules[*module]);
+            let wiring = modules.first().map(|module| &layout.wiring[*module]);
             let bus = match problem.place {
                 Place::Bus(bus) | Place::Stranger(bus, _) => Some(bus),
-                _ => module.map(|m| usize::from(m.bus)),
+                _ => wiring.map(|w| usize::from(w.bus)),
             };
             let names: Vec<&String> = modules.iter().map(|m| &layout.modules[*m].name).collect();
             let joint = match problem.place {
@@ -259,8 +259,8 @@ impl Problems {
             json!({
                 "kind": problem.kind,
                 "bus": bus.map(|bus| &layout.buses[bus]),
-                "board": module.map(|m| m.board),
-                "module": module.map(|m| &m.name),
+                "board": wiring.map(|w| w.board),
+                "module": names.first(),
                 "modules": names,
                 "joint": joint,
                 "severe": problem.severe,

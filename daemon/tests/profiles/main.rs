@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Write};
 use std::os::unix::net::UnixStream;
 use std::time::{Duration, Instant};
-use taxel_compress::{Method, Profile};
+use taxel_hand::{Method, Profile};
 use taxel_skin::Layout;
 use taxel_wire::{Event, EventKind, Hello, ReadError, Subscribe, Subscriber};
 use taxeld::Config;

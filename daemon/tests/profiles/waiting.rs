@@ -2,7 +2,7 @@
 
 use crate::{Told, config, connect, control, eventually, next, next_image, of, profiles, state};
 use serde_json::json;
-use taxel_compress::{Method, Profile};
+use taxel_hand::{Method, Profile};
 use taxel_wire::{Subscribe, Subscriber};
 use taxeld::Daemon;
 

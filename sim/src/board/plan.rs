@@ -10,7 +10,8 @@ use crate::clock::Span;
 use crate::fault::BoardFault;
 use crate::scene::{Scene, SceneError};
 use crate::skin_model::taxels_of;
-use taxel_skin::{CyskinSetup, Layout, Module, Protocol};
+use taxel_hand::Module;
+use taxel_skin::{CyskinSetup, Layout, Protocol};
 
 /// What a board is made from.
 pub(crate) struct Plan {
@@ -31,25 +32,25 @@ pub(crate) fn plans(
 ) -> Result<Vec<Plan>, SceneError> {
     let mut plans = Vec::new();
     let mut hubs_done = Vec::new();
-    for (m, module) in layout.modules.iter().enumerate() {
-        if module.bus != bus || !present[m] {
+    for (m, (module, wiring)) in layout.modules.iter().zip(&layout.wiring).enumerate() {
+        if wiring.bus != bus || !present[m] {
             continue;
         }
-        let period_ns = 1_000_000_000 / u64::from(scene.boards.rate_of(module.protocol));
+        let period_ns = 1_000_000_000 / u64::from(scene.boards.rate_of(wiring.protocol));
         let taxels: Vec<(u8, u16)> = taxels_of(layout, m).map(|(i, k)| (k, i as u16)).collect();
         let mut plan = Plan {
             number: m as u64,
             modules: vec![ModuleOfBoard {
-                address: module.board,
+                address: wiring.board,
                 faults: faults(m)?,
             }],
             period_ns,
-            firmware: match (module.protocol, module.icub, &layout.cyskin, module.hub) {
+            firmware: match (wiring.protocol, wiring.icub, &layout.cyskin, wiring.hub) {
                 (Protocol::UskinL1 | Protocol::UskinL2 | Protocol::UskinL3, ..) => {
-                    Box::new(Uskin::new(module.protocol, &taxels, scene.boards.boot_replies))
+                    Box::new(Uskin::new(wiring.protocol, &taxels, scene.boards.boot_replies))
                 }
                 (Protocol::IcubMtb3 | Protocol::IcubMtb4, Some(setup), ..) => {
-                    Box::new(Icub::new(module.protocol, setup, &taxels, seed))
+                    Box::new(Icub::new(wiring.protocol, setup, &taxels, seed))
                 }
                 (Protocol::CpmFinger, ..) => Box::new(Finger::new(&taxels)),
                 (Protocol::Cyskin, _, Some(setup), Some(hub)) => {
@@ -69,7 +70,7 @@ pub(crate) fn plans(
                 _ => return Err(not_simulated(layout, module, "it has no board")),
             },
         };
-        if let Some(setup) = module.icub {
+        if let Some(setup) = wiring.icub {
             plan.period_ns = u64::from(setup.period_ms.max(1)) * 1_000_000;
         }
         plans.push(plan);
@@ -86,14 +87,14 @@ fn plan_of_hub(
     faults: &mut impl FnMut(usize) -> Result<Vec<(Span, BoardFault)>, SceneError>,
 ) -> Result<Plan, SceneError> {
     let of_hub = |m: &usize| {
-        let module = &layout.modules[*m];
-        module.protocol == Protocol::Cyskin && module.hub == Some(hub) && present[*m]
+        let wiring = &layout.wiring[*m];
+        wiring.protocol == Protocol::Cyskin && wiring.hub == Some(hub) && present[*m]
     };
     let numbers: Vec<usize> = (0..layout.modules.len()).filter(of_hub).collect();
     let mut on_hub = Vec::new();
     let mut modules = Vec::new();
     for (index, &m) in numbers.iter().enumerate() {
-        let module = &layout.modules[m];
+        let address = layout.wiring[m].board;
         let mut taxels = [None; 12];
         for (i, k) in taxels_of(layout, m) {
             if k >= setup.sensors_per_module {
@@ -101,17 +102,17 @@ fn plan_of_hub(
                     "it has sensor {k}, and hubs send {} values of a module",
                     setup.sensors_per_module
                 );
-                return Err(not_simulated(layout, module, &problem));
+                return Err(not_simulated(layout, &layout.modules[m], &problem));
             }
             taxels[usize::from(k)] = Some(i as u16);
         }
         on_hub.push(HubModule {
             index,
             taxels,
-            number: module.board,
+            number: address,
         });
         modules.push(ModuleOfBoard {
-            address: module.board,
+            address,
             faults: faults(m)?,
         });
     }

@@ -66,7 +66,7 @@ impl Bench {
 
 /// Taxel frames of one board among these.
 pub(crate) fn of_board(layout: &Layout, frames: &[Received], board: u8) -> usize {
-    let protocol = layout.modules[0].protocol;
+    let protocol = layout.wiring[0].protocol;
     let ids: Vec<u16> = (0..16).filter_map(|k| protocol.can_id(board, k)).collect();
     let taxel =
         |f: &&Received| f.frame.dlc() == 8 && f.frame.standard_id().is_some_and(|id| ids.contains(&id));

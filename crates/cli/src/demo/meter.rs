@@ -3,8 +3,9 @@
 use hdrhistogram::Histogram;
 use std::collections::VecDeque;
 use std::fmt::Write;
+use taxel_hand::Freshness;
 use taxel_sim::Scene;
-use taxel_skin::{Freshness, Layout};
+use taxel_skin::Layout;
 use taxel_wire::{Event, EventKind, Flags, Header, Hello, ImageView, RawView, WireActuator};
 
 /// The rate is measured over this time.
@@ -301,7 +302,7 @@ impl Meter {
             Some(h) => (h.profile.levels, h.profile.actuators, h.profile.method.as_str()),
             None => (0, 0, "unknown"),
         };
-        let Layout { name, buses, .. } = &self.layout;
+        let (name, buses) = (&self.layout.name, &self.layout.buses);
         let (raw_bits, image_bits) = self.bits_per_frame();
         let _ = writeln!(
             text,
@@ -379,7 +380,7 @@ fn bits_per_s(bits: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use taxel_compress::{Actuator, TactileImage};
+    use taxel_hand::{Actuator, TactileImage};
     use taxel_wire::encode_image_payload;
 
     const SECOND_NS: u64 = 1_000_000_000;

@@ -2,7 +2,7 @@
 
 use super::finding::Check;
 use taxel_can::CanFrame;
-use taxel_skin::{BoardsConfig, BoardsMode, Layout, Module, Protocol};
+use taxel_skin::{BoardsConfig, BoardsMode, Layout, Protocol, Wiring};
 
 /// Bits of a standard frame of eight bytes, interframe space included, without stuffing and with the most of it.
 const FRAME_BITS: [u64; 2] = [111, 135];
@@ -20,9 +20,9 @@ pub(super) fn frame_bits(frame: &CanFrame) -> [u64; 2] {
     [least, least + (head + data - 1) / 4]
 }
 
-/// How often a module's board sends its sweep, by what is public of it; `None` where nothing is.
-fn nominal_hz(module: &Module, boards: &BoardsConfig) -> Option<f64> {
-    match module.protocol {
+/// How often a board sends its sweep, by what is public of it; `None` where nothing is.
+fn nominal_hz(wiring: &Wiring, boards: &BoardsConfig) -> Option<f64> {
+    match wiring.protocol {
         Protocol::UskinL1 | Protocol::UskinL2 if boards.mode == BoardsMode::Triggered => {
             Some(boards.trigger_hz)
         }
@@ -31,7 +31,7 @@ fn nominal_hz(module: &Module, boards: &BoardsConfig) -> Option<f64> {
         // The manual of 2023.
         Protocol::UskinL3 => Some(83.0),
         Protocol::IcubMtb3 | Protocol::IcubMtb4 => {
-            module.icub.map(|setup| 1000.0 / f64::from(setup.period_ms))
+            wiring.icub.map(|setup| 1000.0 / f64::from(setup.period_ms))
         }
         Protocol::Cyskin | Protocol::CpmFinger | Protocol::Offline => None,
     }
@@ -47,10 +47,10 @@ pub(super) fn check(
 ) -> Option<Check> {
     const AREA: &str = "hand";
     const NAME: &str = "bus capacity";
-    let modules: Vec<&Module> = layout.modules.iter().filter(|m| m.bus == bus).collect();
-    let rates: Vec<f64> = modules.iter().filter_map(|m| nominal_hz(m, boards)).collect();
+    let wired: Vec<&Wiring> = layout.wiring.iter().filter(|m| m.bus == bus).collect();
+    let rates: Vec<f64> = wired.iter().filter_map(|m| nominal_hz(m, boards)).collect();
     let wanted_hz = rates.iter().copied().fold(0.0, f64::max);
-    if rates.len() < modules.len() || wanted_hz == 0.0 {
+    if rates.len() < wired.len() || wanted_hz == 0.0 {
         return None;
     }
     let frames = layout.frames_per_sweep(bus) as f64;
@@ -60,7 +60,7 @@ pub(super) fn check(
     let [slow, fast] = [least / frames, most / frames];
     let load = format!(
         "{} at {wanted_hz:.0} Hz: {needed:.0} frames/s, {low:.0} to {high:.0} % of {} Mbit/s",
-        plural(modules.len(), "board"),
+        plural(wired.len(), "board"),
         bitrate as f64 / 1e6
     );
     if high <= 100.0 {
@@ -73,7 +73,7 @@ pub(super) fn check(
         ),
         false => format!("{load}: at the limit, {slow:.0} to {fast:.0} Hz can be reached"),
     };
-    let triggered = modules
+    let triggered = wired
         .iter()
         .all(|m| matches!(m.protocol, Protocol::UskinL1 | Protocol::UskinL2));
     let check = Check::warning(AREA, NAME, object, found).wanted("at most 100 %");

@@ -8,7 +8,8 @@ use std::io::{BufRead, BufReader, ErrorKind, Write};
 use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::time::Duration;
-use taxel_skin::{Fault, Faults, Layout};
+use taxel_hand::{Fault, Faults};
+use taxel_skin::Layout;
 
 const AREA: &str = "daemon";
 const PATIENCE: Duration = Duration::from_secs(3);

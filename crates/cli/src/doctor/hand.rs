@@ -10,7 +10,8 @@ use super::finding::Check;
 use super::picture;
 use std::collections::BTreeMap;
 use taxel_can::{CanFrame, LinkState, SourceCounters};
-use taxel_skin::{BoardCounters, BoardsConfig, DiscoveryReport, Faults, Finding, Layout, Module};
+use taxel_hand::Faults;
+use taxel_skin::{BoardCounters, BoardsConfig, DiscoveryReport, Finding, Layout};
 
 const AREA: &str = "hand";
 /// A bus that is busier than this has no room for a lost arbitration.
@@ -179,15 +180,16 @@ fn check_traffic(bus: &BusFacts, seconds: f64) -> Vec<Check> {
 }
 
 /// A board as people find it.
-fn object(layout: &Layout, module: &Module) -> String {
+fn object(layout: &Layout, module: usize) -> String {
+    let (name, wiring) = (&layout.modules[module].name, &layout.wiring[module]);
     let bus = layout
         .buses
-        .get(usize::from(module.bus))
+        .get(usize::from(wiring.bus))
         .map_or("", String::as_str);
-    let place = format!("{bus} board {}", module.board);
-    match module.name == place {
+    let place = format!("{bus} board {}", wiring.board);
+    match *name == place {
         true => place,
-        false => format!("{} ({place})", module.name),
+        false => format!("{name} ({place})"),
     }
 }
 

@@ -104,8 +104,8 @@ pub(super) fn examine(
         findings: Vec::new(),
         buses,
         extreme: vec![[0; 3]; layout.len()],
-        is_scalar: layout.modules.iter().map(|m| m.protocol.is_scalar()).collect(),
-        is_icub: layout.modules.iter().map(|m| m.protocol.is_icub()).collect(),
+        is_scalar: layout.wiring.iter().map(|m| m.protocol.is_scalar()).collect(),
+        is_icub: layout.wiring.iter().map(|m| m.protocol.is_icub()).collect(),
         module_of: layout.taxels.iter().map(|t| usize::from(t.module)).collect(),
         supervisor: speaks.then_some(supervisor),
         speakable,
@@ -130,7 +130,7 @@ fn only_asked(report: &mut DiscoveryReport, layout: &Layout, speakable: &[bool])
     let asked = |bus: u8| speakable.get(usize::from(bus)).copied().unwrap_or(false);
     report
         .missing
-        .retain(|module| asked(layout.modules[usize::from(*module)].bus));
+        .retain(|module| asked(layout.wiring[usize::from(*module)].bus));
 }
 
 struct Overhear {

@@ -1,6 +1,7 @@
 //! The hand drawn in letters, with its faulty taxels marked.
 
-use taxel_skin::{Fault, Faults, Layout};
+use taxel_hand::{Fault, Faults};
+use taxel_skin::Layout;
 
 /// Widest drawing, columns.
 const WIDTH: usize = 68;

@@ -1,8 +1,9 @@
 //! Recordings as the hands they would come from, conditioned into forces and contacts.
 
 use ndarray::Array2;
+use taxel_hand::{ForceFrame, Freshness, TactileFrame};
 use taxel_recordings::{Counts, Npz, array, by_axis, interleaved, open, schunk_grasps};
-use taxel_skin::{ConditionConfig, Conditioner, ForceFrame, Freshness, Layout, TactileFrame};
+use taxel_skin::{ConditionConfig, Conditioner, Layout};
 
 /// Force frames of a hand, in sequences that begin without contact.
 pub(crate) struct Session {
@@ -60,7 +61,7 @@ fn hand(name: &'static str, modules: &[(&Felt, usize)]) -> Session {
         let mut frame = ForceFrame::new(layout.len());
         for (n, taxel) in layout.taxels.iter().enumerate() {
             let (felt, shift) = modules[usize::from(taxel.module)];
-            let (force, contact) = felt[(t + shift) % felt.len()][usize::from(taxel.k)];
+            let (force, contact) = felt[(t + shift) % felt.len()][usize::from(layout.k[n])];
             (frame.force[n], frame.contact[n]) = (force, contact);
         }
         frame

@@ -9,7 +9,8 @@ use std::collections::HashMap;
 
 use hands::Session;
 use restarts::best_of_restarts;
-use taxel_compress::{Actuator, Compressor, Method, Profile};
+use taxel_compress::Compressor;
+use taxel_hand::{Actuator, Method, Profile};
 
 /// One in so many frames is compared with the best of 64 restarts, which takes long.
 const EVERY: usize = if cfg!(debug_assertions) { 97 } else { 7 };

@@ -8,8 +8,9 @@
 #[path = "../recordings/hands.rs"]
 mod hands;
 
-use taxel_compress::{CodebookLearning, Compressor, LevelSteps, Method, Profile, TactileImage};
-use taxel_skin::{ForceFrame, Layout};
+use taxel_compress::Compressor;
+use taxel_hand::{CodebookLearning, ForceFrame, LevelSteps, Method, Profile, TactileImage};
+use taxel_skin::Layout;
 
 /// Frames of a session that are hashed.
 const FRAMES: usize = 250;

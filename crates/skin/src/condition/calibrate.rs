@@ -9,7 +9,7 @@ use super::faults::paper_rule;
 use super::pair::FirstPair;
 use super::report::CalibrationReport;
 use super::{Conditioner, MS, NEVER};
-use crate::frame::{Fault, Faults, Freshness, TactileFrame};
+use taxel_hand::{Fault, Faults, Freshness, TactileFrame};
 
 /// Judging all taxels is spread over this much time.
 const JUDGING_NS: u64 = 50 * MS;

@@ -1,7 +1,7 @@
 //! Which taxels are faulty and why, in calibration and at run time.
 
 use super::config::ConditionConfig;
-use crate::frame::{Fault, Faults};
+use taxel_hand::{Fault, Faults};
 
 /// Samples without change before a taxel is called stuck, whatever the time says.
 const STUCK_SAMPLES: u32 = 16;

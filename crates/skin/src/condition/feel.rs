@@ -6,8 +6,8 @@ use super::motion::StepLimits;
 use super::repair::RepairLimits;
 use super::taxel::{Rules, Sample};
 use super::{Conditioner, NEVER};
-use crate::frame::{Fault, Faults, ForceFrame, Freshness, TactileFrame};
 use crate::uskin::status_is_error;
+use taxel_hand::{Fault, Faults, ForceFrame, Freshness, TactileFrame};
 
 impl Conditioner {
     /// Takes every taxel of a frame through repair, faults, magnitude, contact and drift.

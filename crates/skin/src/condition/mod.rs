@@ -23,7 +23,6 @@ pub use magnitude::MagnitudeMode;
 pub use report::{CalibrationReport, ConditionCounters};
 
 use crate::Layout;
-use crate::frame::{Fault, Faults, ForceFrame, TactileFrame};
 use calibrate::Calibration;
 use contact::Thresholds;
 use drift::{DriftLimits, DriftState};
@@ -31,6 +30,7 @@ use faults::HealthLimits;
 use motion::Motion;
 use repair::RepairLimits;
 use taxel::{Taxel, Track};
+use taxel_hand::{Fault, Faults, ForceFrame, TactileFrame};
 
 /// Sample time of a taxel that was never heard.
 const NEVER: u64 = u64::MAX;
@@ -41,7 +41,8 @@ const MS: u64 = 1_000_000;
 /// the same frames give the same results to the bit. Cost is linear in the number of taxels.
 ///
 /// ```
-/// use taxel_skin::{ConditionConfig, Conditioner, ForceFrame, Freshness, TactileFrame};
+/// use taxel_hand::{ForceFrame, Freshness, TactileFrame};
+/// use taxel_skin::{ConditionConfig, Conditioner};
 ///
 /// let mut conditioner = Conditioner::new(2, ConditionConfig { calibration_ms: 100, ..ConditionConfig::robust() })?;
 /// let (mut frame, mut force) = (TactileFrame::new(2), ForceFrame::new(2));
@@ -133,8 +134,8 @@ impl Conditioner {
     /// taxel that keeps one value is not stuck.
     pub fn for_layout(layout: &Layout, config: ConditionConfig) -> Result<Self, ConditionError> {
         let mut conditioner = Self::new(layout.len(), config)?;
-        for (n, place) in layout.taxels.iter().enumerate() {
-            let protocol = layout.modules[usize::from(place.module)].protocol;
+        for n in 0..layout.len() {
+            let protocol = layout.wiring_of(n).protocol;
             conditioner.taxels[n].scalar = protocol.is_scalar();
             conditioner.tracks[n].coarse = protocol.is_coarse();
             conditioner.coarse |= protocol.is_coarse();

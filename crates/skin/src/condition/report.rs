@@ -1,6 +1,6 @@
 //! What a calibration found, and what conditioning has counted since the start.
 
-use crate::frame::{Fault, Faults};
+use taxel_hand::{Fault, Faults};
 
 /// What a calibration window found, kept for status until the next one ends.
 #[derive(Debug, Default, Clone, PartialEq)]

@@ -5,7 +5,7 @@ use super::faults::{Health, HealthLimits, Stillness, is_dead_sample};
 use super::motion::Place;
 use super::repair::{RepairLimits, RepairState, Verdict};
 use super::report::ConditionCounters;
-use crate::frame::Faults;
+use taxel_hand::Faults;
 
 /// After a silence this long, and of more than four intervals, counts are anchored to the baseline instead of unwrapped.
 const GAP_NS: u64 = 500_000_000;

@@ -68,9 +68,9 @@ impl Recognition {
                 return false;
             };
             let mut boards: Vec<BTreeSet<(&str, u8, usize)>> = vec![BTreeSet::new(); layout.buses.len()];
-            for module in &layout.modules {
-                if let Some(of_bus) = boards.get_mut(usize::from(module.bus)) {
-                    of_bus.insert((module.protocol.name(), module.board, usize::from(module.taxels)));
+            for (_, module, wiring) in layout.boards() {
+                if let Some(of_bus) = boards.get_mut(usize::from(wiring.bus)) {
+                    of_bus.insert((wiring.protocol.name(), wiring.board, usize::from(module.taxels)));
                 }
             }
             boards.sort();

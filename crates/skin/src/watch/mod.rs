@@ -145,22 +145,20 @@ impl TrafficWatch {
     pub fn new(layout: &Layout) -> Self {
         let mut buses: Vec<Bus> = layout.buses.iter().map(|_| Bus::new(layout)).collect();
         let mut modules = Vec::new();
-        for (index, module) in (0u16..).zip(&layout.modules) {
-            let first = usize::from(module.first_taxel);
-            let taxels = &layout.taxels[first..first + usize::from(module.taxels)];
-            let ids = ids_of(module.protocol, module.board, taxels.iter().map(|t| t.k));
-            if let Some(bus) = buses.get_mut(usize::from(module.bus)) {
+        for (index, module, wiring) in layout.boards() {
+            let ids = ids_of(wiring.protocol, wiring.board, layout.k_of(module));
+            if let Some(bus) = buses.get_mut(usize::from(wiring.bus)) {
                 for id in &ids {
                     bus.owners[usize::from(*id)] = index;
                 }
-                if module.protocol.is_icub() {
+                if wiring.protocol.is_icub() {
                     // Its answer when it is asked whether it is there.
-                    bus.familiar[0x200 | usize::from(module.board & 15) << 4] = true;
+                    bus.familiar[0x200 | usize::from(wiring.board & 15) << 4] = true;
                 }
             }
             modules.push(Module {
-                bus: module.bus,
-                protocol: module.protocol,
+                bus: wiring.bus,
+                protocol: wiring.protocol,
                 ids,
                 taxels: module.taxels,
                 readings: 0,

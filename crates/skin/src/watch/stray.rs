@@ -1,7 +1,7 @@
 //! Addresses that the layout does not have on a bus: where boards on the wrong bus, or with a wrong address, would be.
 
 use super::{Bus, Held, NOBODY};
-use crate::{Layout, Protocol};
+use crate::{Layout, Protocol, Wiring};
 
 /// An address that the layout does not have on this bus.
 #[derive(Debug, Clone)]
@@ -33,8 +33,8 @@ pub(super) struct Pair {
 }
 
 /// The standard ids of a board's frames.
-pub(super) fn ids_of(protocol: Protocol, address: u8, taxels: impl Iterator<Item = u8>) -> Vec<u16> {
-    let mut ids: Vec<u16> = taxels.filter_map(|k| protocol.frame_id(address, k)).collect();
+pub(super) fn ids_of(protocol: Protocol, address: u8, k: &[u8]) -> Vec<u16> {
+    let mut ids: Vec<u16> = k.iter().filter_map(|k| protocol.frame_id(address, *k)).collect();
     ids.sort_unstable();
     ids.dedup();
     ids
@@ -46,7 +46,7 @@ pub(super) fn ids_of(protocol: Protocol, address: u8, taxels: impl Iterator<Item
 pub(super) fn strays(layout: &Layout, buses: &[Bus]) -> Vec<Stray> {
     let mut strays: Vec<Stray> = Vec::new();
     for (bus, traffic) in (0u8..).zip(buses) {
-        for like in &layout.modules {
+        for (_, module, like) in layout.boards() {
             let protocol = like.protocol;
             if matches!(
                 protocol,
@@ -54,10 +54,8 @@ pub(super) fn strays(layout: &Layout, buses: &[Bus]) -> Vec<Stray> {
             ) {
                 continue;
             }
-            let first = usize::from(like.first_taxel);
-            let taxels = &layout.taxels[first..first + usize::from(like.taxels)];
             for address in protocol.first_address()..protocol.addresses() {
-                let ids = ids_of(protocol, address, taxels.iter().map(|t| t.k));
+                let ids = ids_of(protocol, address, layout.k_of(module));
                 let known = |id: &u16| traffic.owners[usize::from(*id)] != NOBODY;
                 let there = strays
                     .iter()
@@ -65,9 +63,8 @@ pub(super) fn strays(layout: &Layout, buses: &[Bus]) -> Vec<Stray> {
                 if there || ids.is_empty() || ids.iter().any(known) {
                     continue;
                 }
-                let of_hand =
-                    |m: &&crate::Module| (m.protocol, m.board) == (protocol, address) && m.bus != bus;
-                let module = (0u16..).zip(&layout.modules).find(|(_, m)| of_hand(m));
+                let of_hand = |m: &&Wiring| (m.protocol, m.board) == (protocol, address) && m.bus != bus;
+                let module = (0u16..).zip(&layout.wiring).find(|(_, m)| of_hand(m));
                 strays.push(Stray {
                     bus,
                     protocol,
@@ -94,8 +91,8 @@ fn stray_hubs(layout: &Layout, bus: u8) -> impl Iterator<Item = Stray> {
         hub.bus != bus && !hubs().any(here)
     });
     elsewhere.filter_map(move |(number, hub)| {
-        let of_hub = |m: &crate::Module| m.protocol == Protocol::Cyskin && m.hub == Some(number);
-        let module = (0u16..).zip(&layout.modules).find(|(_, m)| of_hub(m));
+        let of_hub = |m: &Wiring| m.protocol == Protocol::Cyskin && m.hub == Some(number);
+        let module = (0u16..).zip(&layout.wiring).find(|(_, m)| of_hub(m));
         module.map(|(index, _)| Stray {
             bus,
             protocol: Protocol::Cyskin,
@@ -113,7 +110,7 @@ pub(super) fn pairs(layout: &Layout, strays: &[Stray]) -> Vec<Pair> {
     let mut pairs: Vec<Pair> = Vec::new();
     for (index, stray) in strays.iter().enumerate() {
         let Some(module) = stray.module else { continue };
-        let own = layout.modules[usize::from(module)].bus;
+        let own = layout.wiring[usize::from(module)].bus;
         let buses = [own.min(stray.bus), own.max(stray.bus)];
         match pairs.iter_mut().find(|pair| pair.buses == buses) {
             Some(pair) => pair.strays.push(index),

@@ -1,7 +1,8 @@
 //! Faults that come and go.
 
 use crate::skin::{Skin, calibrated, press, robust};
-use taxel_skin::{ConditionConfig, Fault, Freshness};
+use taxel_hand::{Fault, Freshness};
+use taxel_skin::ConditionConfig;
 
 #[test]
 fn a_taxel_that_dies_is_flagged_after_three_samples_and_recovers_when_it_speaks() {

@@ -1,7 +1,8 @@
 //! A hand's life: calibration, touch, drift, re-zero.
 
 use crate::skin::{MS, Skin, calibrated, press, robust};
-use taxel_skin::{ConditionConfig, Fault, ForceFrame, TactileFrame};
+use taxel_hand::{Fault, ForceFrame, TactileFrame};
+use taxel_skin::ConditionConfig;
 
 #[test]
 fn calibration_takes_its_time_at_every_rate_and_feels_nothing_meanwhile() {

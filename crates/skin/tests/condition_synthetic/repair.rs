@@ -1,7 +1,8 @@
 //! Wraps and glitches put into signals whose truth is known.
 
 use proptest::prelude::*;
-use taxel_skin::{ConditionConfig, Fault, Freshness};
+use taxel_hand::{Fault, Freshness};
+use taxel_skin::ConditionConfig;
 
 use crate::skin::Skin;
 

@@ -1,6 +1,7 @@
 //! A skin to condition: idle levels and noise as recorded hands have them, and whatever a test does to it.
 
-use taxel_skin::{ConditionConfig, Conditioner, ForceFrame, Freshness, TactileFrame};
+use taxel_hand::{ForceFrame, Freshness, TactileFrame};
+use taxel_skin::{ConditionConfig, Conditioner};
 
 pub(crate) const MS: u64 = 1_000_000;
 

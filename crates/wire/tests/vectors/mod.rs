@@ -1,8 +1,7 @@
 //! The messages that every reader is checked against.
 #![allow(dead_code, reason = "each test binary uses its part")]
 
-use taxel_compress::{Actuator, TactileImage};
-use taxel_skin::{Fault, Faults, ForceFrame, Freshness, TactileFrame};
+use taxel_hand::{Actuator, Fault, Faults, ForceFrame, Freshness, TactileFrame, TactileImage};
 use taxel_wire::{
     Clock, Event, EventKind, Flags, Header, Hello, HelloModule, HelloProfile, HelloProtocol, HelloRate,
     HelloTaxel, Kind, MAX_MESSAGE, Subscribe, encode_image_payload, encode_raw_payload, split_text,

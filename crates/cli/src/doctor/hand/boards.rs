@@ -3,7 +3,7 @@
 use super::{AREA, BusFacts, HandFacts, findings, object};
 use crate::doctor::finding::Check;
 use taxel_skin::{
-    BoardCounters, BoardKind, BoardState, BoardsConfig, BoardsMode, FoundBoard, Layout, Module, Protocol,
+    BoardCounters, BoardKind, BoardState, BoardsConfig, BoardsMode, FoundBoard, Layout, Protocol, Wiring,
 };
 
 /// A board that leaves out more than this share of its readings is told.
@@ -12,14 +12,14 @@ const MISSED_PERCENT: f64 = 1.0;
 pub(super) fn check(layout: &Layout, bus: u8, boards: &BoardsConfig, facts: &HandFacts) -> Vec<Check> {
     let mut checks = Vec::new();
     let of_bus = &facts.buses[usize::from(bus)];
-    for (index, module) in layout.modules.iter().enumerate() {
-        let Some(counters) = facts.boards.get(index).filter(|_| module.bus == bus) else {
+    for (index, wiring) in layout.wiring.iter().enumerate() {
+        let Some(counters) = facts.boards.get(index).filter(|_| wiring.bus == bus) else {
             continue;
         };
-        if module.protocol == Protocol::Offline {
+        if wiring.protocol == Protocol::Offline {
             continue;
         }
-        let object = object(layout, module);
+        let object = object(layout, index);
         let other = findings::elsewhere(layout, facts, index);
         if let (Some(other), BoardState::Unheard) = (other, counters.state) {
             let found = format!("not heard; it speaks on {}", layout.buses[usize::from(other)]);
@@ -31,7 +31,7 @@ pub(super) fn check(layout: &Layout, bus: u8, boards: &BoardsConfig, facts: &Han
                 checks.push(Check::error(AREA, "board", object, "not heard"));
             }
             BoardState::Unheard => {
-                checks.push(unheard(object, module, boards, of_bus, found_of(facts, index)))
+                checks.push(unheard(object, wiring, boards, of_bus, found_of(facts, index)))
             }
             BoardState::Silent => checks.push(
                 Check::error(AREA, "board", object, "spoke and fell silent").advise(
@@ -51,7 +51,7 @@ fn found_of(facts: &HandFacts, module: usize) -> Option<&FoundBoard> {
 
 fn unheard(
     object: String,
-    module: &Module,
+    wiring: &Wiring,
     boards: &BoardsConfig,
     bus: &BusFacts,
     found: Option<&FoundBoard>,
@@ -64,7 +64,7 @@ fn unheard(
         };
     }
     let check = Check::error(AREA, "board", object, "not heard");
-    let may_speak = bus.spoken_to || !module.protocol.takes_commands();
+    let may_speak = bus.spoken_to || !wiring.protocol.takes_commands();
     if may_speak {
         return check.advise(
             "its supply, its plug, its address (`taxel doctor --scan` shows which addresses speak), or another bus",
@@ -166,7 +166,7 @@ pub(super) fn check_discovery(layout: &Layout, bus: u8, facts: &HandFacts) -> Ve
             );
             continue;
         };
-        let object = object(layout, &layout.modules[usize::from(module)]);
+        let object = object(layout, module.into());
         if found.answers > 1 {
             checks.push(
                 Check::error(

@@ -7,7 +7,7 @@ use taxel_skin::{Finding, Layout};
 /// What is to be said of findings. Boards beyond the layout are told with the ids they send.
 pub(super) fn check(layout: &Layout, facts: &HandFacts) -> Vec<Check> {
     let bus_name = |bus: u8| layout.buses[usize::from(bus)].as_str();
-    let board = |module: u16| object(layout, &layout.modules[usize::from(module)]);
+    let board = |module: u16| object(layout, module.into());
     facts
         .findings
         .iter()
@@ -53,7 +53,7 @@ pub(super) fn check(layout: &Layout, facts: &HandFacts) -> Vec<Check> {
             }
             Finding::OnOtherBus { module, bus } => {
                 let found = format!("speaks on {}", bus_name(bus));
-                let own = bus_name(layout.modules[usize::from(module)].bus);
+                let own = bus_name(layout.wiring[usize::from(module)].bus);
                 let check = Check::error(AREA, "wrong bus", board(module), found).wanted(own);
                 Some(check.advise("plug it into its own bus, or write the other one into the layout file"))
             }
@@ -74,7 +74,7 @@ pub(super) fn check(layout: &Layout, facts: &HandFacts) -> Vec<Check> {
 
 /// The bus on which a board (module index) was found to speak instead of its own.
 pub(super) fn elsewhere(layout: &Layout, facts: &HandFacts, module: usize) -> Option<u8> {
-    let own = layout.modules[module].bus;
+    let own = layout.wiring[module].bus;
     facts.findings.iter().find_map(|finding| match *finding {
         Finding::OnOtherBus { module: m, bus } if is_of_board(layout, usize::from(m), module) => Some(bus),
         Finding::BusesSwapped { buses: [a, b], .. } if own == a || own == b => {
@@ -86,15 +86,15 @@ pub(super) fn elsewhere(layout: &Layout, facts: &HandFacts, module: usize) -> Op
 
 /// Whether two modules are on one board: on one hub, or the same.
 fn is_of_board(layout: &Layout, module: usize, other: usize) -> bool {
-    let hub = |module: usize| layout.modules[module].hub;
+    let hub = |module: usize| layout.wiring[module].hub;
     module == other || (hub(module).is_some() && hub(module) == hub(other))
 }
 
 /// Whether it is known whose board speaks on a bus under an address that the bus does not have.
 pub(super) fn is_displaced(layout: &Layout, facts: &HandFacts, bus: u8, address: u8) -> bool {
     layout
-        .modules
+        .wiring
         .iter()
         .enumerate()
-        .any(|(index, module)| module.board == address && elsewhere(layout, facts, index) == Some(bus))
+        .any(|(index, wiring)| wiring.board == address && elsewhere(layout, facts, index) == Some(bus))
 }

@@ -37,7 +37,7 @@ pub(super) fn check(layout: &Layout, bus: u8, hand: &HandFacts) -> Vec<Check> {
             );
         }
     }
-    let modules = || layout.modules.iter().filter(|m| m.bus == bus);
+    let modules = || layout.wiring.iter().filter(|m| m.bus == bus);
     for protocol in Protocol::BOARDS {
         if !modules().any(|m| m.protocol == protocol) {
             continue;

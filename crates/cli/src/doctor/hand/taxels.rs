@@ -3,7 +3,8 @@
 use super::{AREA, HandFacts, object};
 use crate::doctor::capacity::plural;
 use crate::doctor::finding::{Check, State};
-use taxel_skin::{BoardState, Fault, Layout};
+use taxel_hand::Fault;
+use taxel_skin::{BoardState, Layout};
 
 /// A module is called broken when more than this share of its taxels is.
 const BROKEN_SHARE: f64 = 0.25;
@@ -62,7 +63,7 @@ pub(super) fn check(layout: &Layout, facts: &HandFacts) -> Vec<Check> {
             };
             if !reasons.is_empty() {
                 bad += 1;
-                let (reasons, k) = (reasons.join(" and "), layout.taxels[taxel].k);
+                let (reasons, k) = (reasons.join(" and "), layout.k[taxel]);
                 match faults.iter_mut().find(|(known, _)| *known == reasons) {
                     Some((_, numbers)) => numbers.push(k),
                     None => faults.push((reasons, vec![k])),
@@ -73,7 +74,7 @@ pub(super) fn check(layout: &Layout, facts: &HandFacts) -> Vec<Check> {
             .into_iter()
             .map(|(reasons, numbers)| format!("k {} {reasons}", ranges(numbers)))
             .collect();
-        let object = object(layout, &layout.modules[index]);
+        let object = object(layout, index);
         let broken = bad as f64 > BROKEN_SHARE * f64::from(module.taxels);
         checks.push(match (bad, broken) {
             (0, _) => Check::ok(AREA, "taxels", object, format!("{} healthy", module.taxels)),

@@ -2,8 +2,9 @@
 
 use super::super::finding::{Mend, State};
 use super::*;
+use taxel_hand::Fault;
 use taxel_skin::{BoardKind, BusTraffic, Firmware};
-use taxel_skin::{BoardState, BoardsMode, Fault, FoundBoard};
+use taxel_skin::{BoardState, BoardsMode, FoundBoard};
 
 fn layout() -> Layout {
     Layout::builtin("allegro-uskin-15").unwrap()

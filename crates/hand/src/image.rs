@@ -1,6 +1,6 @@
 //! What a display is given: the tactile image.
 
-use taxel_skin::Faults;
+use crate::{Fault, Faults};
 
 /// A force frame compressed to what a display can render: `K_D` force levels at no more than `K_A` places.
 #[derive(Debug, Default, Clone, PartialEq)]
@@ -15,7 +15,7 @@ pub struct TactileImage {
     pub height: u16,
     /// The 8-bit image, row by row from the top left; 0 is no contact. Shape `height x width`.
     pub pixels: Vec<u8>,
-    /// The force codebook: the force of each level, ascending, in the unit of [`taxel_skin::ForceFrame::force`].
+    /// The force codebook: the force of each level, ascending, in the unit of [`crate::ForceFrame::force`].
     /// At most `K_D` entries; fewer where the frame has fewer distinct forces.
     pub levels: Vec<f64>,
     /// The actuators that press, in the order of their ids. At most `K_A`.
@@ -52,10 +52,7 @@ pub struct Actuator {
 impl TactileImage {
     /// Counts the taxels that a set of faults takes out: those without a value, and those broken otherwise.
     pub fn count_faults(&mut self, faults: &[Faults]) {
-        let missing = faults
-            .iter()
-            .filter(|f| f.contains(taxel_skin::Fault::Missing))
-            .count();
+        let missing = faults.iter().filter(|f| f.contains(Fault::Missing)).count();
         let faulty = faults.iter().filter(|f| !f.is_empty()).count() - missing;
         self.missing = missing as u16;
         self.faulty = faulty as u16;

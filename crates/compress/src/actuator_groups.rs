@@ -1,27 +1,25 @@
 //! Where taxels are for the placement of actuators, and which parts of the hand have how many.
 
-use taxel_skin::Layout;
-
-use crate::{Coordinates, Profile, ProfileError};
+use taxel_hand::{Coordinates, Geometry, Profile, ProfileError};
 
 /// Place of each taxel in the coordinates of a profile.
-pub(crate) fn places(layout: &Layout, coordinates: Coordinates) -> Result<Vec<[f64; 2]>, ProfileError> {
-    let place = |(taxel, t): (usize, &taxel_skin::Taxel)| match (coordinates, t.position_mm) {
+pub(crate) fn places(geometry: &Geometry, coordinates: Coordinates) -> Result<Vec<[f64; 2]>, ProfileError> {
+    let place = |(taxel, t): (usize, &taxel_hand::Taxel)| match (coordinates, t.position_mm) {
         (Coordinates::Pixels, _) => Ok([f64::from(t.x), f64::from(t.y)]),
         (Coordinates::Hand, Some([x, y, _])) => Ok([f64::from(x), f64::from(y)]),
         (Coordinates::Hand, None) => Err(ProfileError::NoPosition { taxel }),
     };
-    layout.taxels.iter().enumerate().map(place).collect()
+    geometry.taxels.iter().enumerate().map(place).collect()
 }
 
 /// How far an actuator may go between two images without jumping: 2 pixels, or twice the median distance of neighbours in a module.
-pub(crate) fn reach(layout: &Layout, places: &[[f64; 2]]) -> f64 {
+pub(crate) fn reach(geometry: &Geometry, places: &[[f64; 2]]) -> f64 {
     let neighbour = |taxel: usize, x: u16, y: u16| {
-        let other = layout.taxel_at(x, y)?;
-        (layout.taxels[other].module == layout.taxels[taxel].module).then_some(other)
+        let other = geometry.taxel_at(x, y)?;
+        (geometry.taxels[other].module == geometry.taxels[taxel].module).then_some(other)
     };
     let mut distances = Vec::new();
-    for (taxel, t) in layout.taxels.iter().enumerate() {
+    for (taxel, t) in geometry.taxels.iter().enumerate() {
         let right = t.x.checked_add(1).and_then(|x| neighbour(taxel, x, t.y));
         let below = t.y.checked_add(1).and_then(|y| neighbour(taxel, t.x, y));
         for other in right.into_iter().chain(below) {
@@ -37,8 +35,8 @@ pub(crate) fn reach(layout: &Layout, places: &[[f64; 2]]) -> f64 {
 }
 
 /// Names of the hand's parts, sorted; a part's number is its place here.
-pub(crate) fn parts(layout: &Layout) -> Vec<&str> {
-    let mut parts: Vec<&str> = layout.modules.iter().map(|m| m.part.as_str()).collect();
+pub(crate) fn parts(geometry: &Geometry) -> Vec<&str> {
+    let mut parts: Vec<&str> = geometry.modules.iter().map(|m| m.part.as_str()).collect();
     parts.sort_unstable();
     parts.dedup();
     parts
@@ -46,8 +44,8 @@ pub(crate) fn parts(layout: &Layout) -> Vec<&str> {
 
 /// Number of actuators of each group of parts, and the group of each part: a part with a budget is a group of its own, in the order of
 /// names; the others are one group, the last.
-pub(crate) fn groups(layout: &Layout, profile: &Profile) -> Result<(Vec<u16>, Vec<usize>), ProfileError> {
-    let parts = parts(layout);
+pub(crate) fn groups(geometry: &Geometry, profile: &Profile) -> Result<(Vec<u16>, Vec<usize>), ProfileError> {
+    let parts = parts(geometry);
     for (part, &value) in &profile.budgets {
         if !parts.contains(&part.as_str()) {
             return Err(ProfileError::UnknownPart {

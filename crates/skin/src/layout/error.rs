@@ -1,7 +1,7 @@
 //! What can be wrong with a layout, in words that name the place.
 
 use crate::Protocol;
-use crate::layout::{MAX_PIXELS, MAX_TAXELS};
+use taxel_hand::{MAX_PIXELS, MAX_TAXELS};
 
 /// Why there is no layout.
 #[derive(Debug, thiserror::Error)]

@@ -1,15 +1,16 @@
 //! The layout file: its TOML shape, and every check between the text and a [`Layout`].
 
-use crate::layout::{MAX_MODULES, MAX_PIXELS, MAX_TAXELS};
-use crate::layout_board::accept_board;
-use crate::layout_error::{LayoutError, LayoutProblem};
-use crate::layout_tile::{check_order, check_positions, check_rotation, turn};
+use super::board::accept_board;
+use super::error::{LayoutError, LayoutProblem};
+use super::tile::{check_order, check_positions, check_rotation, turn};
+use super::{Layout, Wiring};
+use crate::Protocol;
 use crate::protocol::cyskin::{CyskinSetup, FileCyskin};
 use crate::protocol::icub::IcubSetup;
-use crate::{Layout, Module, Protocol, Taxel};
 use serde::Deserialize;
 use std::collections::HashMap;
 use std::ops::Range;
+use taxel_hand::{Geometry, MAX_MODULES, MAX_PIXELS, MAX_TAXELS, Module, Taxel};
 use toml::Spanned;
 
 #[derive(Deserialize)]
@@ -99,7 +100,9 @@ impl Source<'_> {
 pub(crate) struct Accepted {
     pub(crate) spans: Vec<Range<usize>>,
     pub(crate) modules: Vec<Module>,
+    pub(crate) wiring: Vec<Wiring>,
     taxels: Vec<Taxel>,
+    k: Vec<u8>,
     pixels: HashMap<(u16, u16), usize>,
     ids: HashMap<(u8, u16), usize>,
 }
@@ -155,15 +158,23 @@ pub(crate) fn parse(text: &str, file: &str) -> Result<Layout, LayoutError> {
     for module in &parsed.module {
         accept_module(&source, module, &head, &mut accepted)?;
     }
-    let Accepted { modules, taxels, .. } = accepted;
-    Ok(Layout::assemble(
-        parsed.name.into_inner(),
-        head.size,
-        head.buses,
+    let Accepted {
         modules,
+        wiring,
         taxels,
-        head.cyskin,
-    ))
+        k,
+        ..
+    } = accepted;
+    let name = parsed.name;
+    let geometry = Geometry::new(name.get_ref(), head.size, modules, taxels)
+        .or_else(|error| source.refuse(&name.span(), LayoutProblem::Syntax(error.to_string())))?;
+    Ok(Layout {
+        geometry,
+        buses: head.buses,
+        wiring,
+        k,
+        cyskin: head.cyskin,
+    })
 }
 
 fn check_image(source: &Source<'_>, image: &Spanned<FileImage>) -> Result<[u16; 2], LayoutError> {
@@ -245,9 +256,9 @@ fn accept_module(
         );
     }
 
-    let place = accept_board(source, module, &span, head, accepted)?;
-    let (bus, protocol, board) = (place.bus, place.protocol, place.board);
-    let ([rows, columns], cells) = check_order(source, module, protocol, place.icub.as_ref(), &span)?;
+    let (wiring, board_span) = accept_board(source, module, &span, head, accepted)?;
+    let (bus, protocol, board) = (wiring.bus, wiring.protocol, wiring.board);
+    let ([rows, columns], cells) = check_order(source, module, protocol, wiring.icub.as_ref(), &span)?;
     let taxels = accepted.taxels.len() + cells.len();
     if taxels > MAX_TAXELS {
         let problem = LayoutProblem::TooManyTaxels {
@@ -279,9 +290,13 @@ fn accept_module(
         let (x, y) = (x as u16, y as u16);
         let taxel = accepted.taxels.len();
         let describe = |other: usize| {
-            let Taxel { module, k, .. } = accepted.taxels[other];
-            let other_name = accepted.modules[module as usize].name.clone();
-            (other_name, k, source.line(&accepted.spans[module as usize]))
+            let module = usize::from(accepted.taxels[other].module);
+            let other_name = accepted.modules[module].name.clone();
+            (
+                other_name,
+                accepted.k[other],
+                source.line(&accepted.spans[module]),
+            )
         };
         if let Some(&other) = accepted.pixels.get(&(x, y)) {
             let (other, other_k, other_line) = describe(other);
@@ -310,29 +325,25 @@ fn accept_module(
                     other_k,
                     other_line,
                 };
-                return source.refuse(&place.board_span, problem);
+                return source.refuse(&board_span, problem);
             }
             accepted.ids.insert((bus, id), taxel);
         }
         accepted.pixels.insert((x, y), taxel);
         let module = accepted.modules.len() as u16;
+        accepted.k.push(k);
         accepted.taxels.push(Taxel {
             module,
-            k,
             x,
             y,
             position_mm,
         });
     }
     accepted.spans.push(span);
+    accepted.wiring.push(wiring);
     accepted.modules.push(Module {
         name: name(),
         part: module.part.clone(),
-        bus,
-        board,
-        protocol,
-        icub: place.icub,
-        hub: place.hub,
         first_taxel: first_taxel as u16,
         taxels: cells.len() as u16,
     });

@@ -1,8 +1,8 @@
 //! One module's tile: the order of its taxels, its rotation, and its place on the hand.
 
+use super::error::{LayoutError, LayoutProblem};
+use super::file::{FileModule, Source};
 use crate::Protocol;
-use crate::layout_error::{LayoutError, LayoutProblem};
-use crate::layout_file::{FileModule, Source};
 use crate::protocol::icub::IcubSetup;
 use std::ops::Range;
 use toml::Spanned;

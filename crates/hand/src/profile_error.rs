@@ -1,7 +1,6 @@
 //! What makes no display, and why.
 
-use crate::contacts::FORCE_MAX;
-use crate::{CodebookLearning, Coordinates, LevelSteps, Placement, Profile};
+use crate::{CodebookLearning, Coordinates, FORCE_MAX, LevelSteps, Placement, Profile};
 
 /// Why a profile describes no display.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

@@ -1,31 +1,23 @@
 //! A module's board: its protocol, and where on which bus it is.
 
-use crate::layout_error::{LayoutError, LayoutProblem};
-use crate::layout_file::{Accepted, FileModule, Head, Source};
+use super::Wiring;
+use super::error::{LayoutError, LayoutProblem};
+use super::file::{Accepted, FileModule, Head, Source};
+use crate::Protocol;
 use crate::protocol::cyskin;
 use crate::protocol::icub::IcubSetup;
-use crate::{Module, Protocol};
 use std::ops::Range;
 use toml::Spanned;
 
-/// A board that no module before it has.
-pub(crate) struct BoardPlace {
-    pub(crate) bus: u8,
-    pub(crate) protocol: Protocol,
-    pub(crate) board: u8,
-    pub(crate) icub: Option<IcubSetup>,
-    pub(crate) hub: Option<u8>,
-    pub(crate) board_span: Range<usize>,
-}
-
-/// Checks the keys `protocol`, `bus`, `board`, `icub` and `hub` of a module.
+/// Checks the keys `protocol`, `bus`, `board`, `icub` and `hub` of a module, and returns the wiring of its board, which no
+/// module before it has, with the place of its address in the file.
 pub(crate) fn accept_board(
     source: &Source<'_>,
     module: &FileModule,
     module_span: &Range<usize>,
     head: &Head,
     accepted: &Accepted,
-) -> Result<BoardPlace, LayoutError> {
+) -> Result<(Wiring, Range<usize>), LayoutError> {
     let name = || module.name.clone();
     let Some(protocol) = Protocol::from_name(module.protocol.get_ref()) else {
         let problem = LayoutProblem::UnknownProtocol {
@@ -60,14 +52,16 @@ pub(crate) fn accept_board(
     if protocol == Protocol::Offline {
         return match bus_span.or(board_span) {
             Some(span) => refuse(&span, "has neither bus nor board; remove the key"),
-            None => Ok(BoardPlace {
-                bus: 0,
-                protocol,
-                board: 0,
-                icub: None,
-                hub: None,
-                board_span: module_span.clone(),
-            }),
+            None => {
+                let wiring = Wiring {
+                    bus: 0,
+                    board: 0,
+                    protocol,
+                    icub: None,
+                    hub: None,
+                };
+                Ok((wiring, module_span.clone()))
+            }
         };
     }
 
@@ -99,10 +93,10 @@ pub(crate) fn accept_board(
         Protocol::Cyskin => Some(find_hub(source, module, module_span, bus, head)?),
         _ => None,
     };
-    let same = |m: &Module| {
+    let same = |m: &Wiring| {
         m.bus == bus && m.board == board && m.hub == hub && m.protocol.has_addresses_of(protocol)
     };
-    if let Some(other) = accepted.modules.iter().position(same) {
+    if let Some(other) = accepted.wiring.iter().position(same) {
         let problem = LayoutProblem::SameBoard {
             module: name(),
             bus: head.buses[bus as usize].clone(),
@@ -121,14 +115,14 @@ pub(crate) fn accept_board(
         }
         _ => protocol.is_icub().then(IcubSetup::default),
     };
-    Ok(BoardPlace {
+    let wiring = Wiring {
         bus,
-        protocol,
         board,
+        protocol,
         icub,
         hub,
-        board_span,
-    })
+    };
+    Ok((wiring, board_span))
 }
 
 /// The hub of a CySkin module, which must be on the module's bus.

@@ -1,15 +1,8 @@
-//! What flows through the skin: a reading, a tactile frame, a force frame.
+//! What a skin gives: a tactile frame of raw counts, and the force frame made of it.
 
-/// One taxel's value, as a board sent it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct TaxelReading {
-    /// Index of the taxel in the layout, `0..N`.
-    pub taxel: u16,
-    /// Raw counts of x, y, z; 0 to 65535, on an arbitrary offset.
-    pub counts: [u16; 3],
-    /// The status byte the board sent with the value (for uSkin the MLX90393's, protocols.md 2.2).
-    pub status: u8,
-}
+/// The greatest force taken, in the unit of [`ForceFrame::force`]; squares and sums of such forces stay finite. The skin's
+/// own greatest are 113,509 counts, or 1.3e10 squared.
+pub const FORCE_MAX: f64 = 1e100;
 
 /// How a taxel's value got into a tactile frame.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]

@@ -1,0 +1,19 @@
+//! What every part of taxeld shares: the frames that a hand's skin gives, where its taxels sit, the tactile image that
+//! a display is given, and the profile that says what the display can do.
+//!
+//! Only data: nothing here decodes, computes an image or does I/O. How the boards of a hand are wired is no concern of
+//! this crate; that is the layout of `taxel-skin`.
+
+mod frame;
+mod geometry;
+mod image;
+mod profile;
+mod profile_error;
+
+pub use frame::{FORCE_MAX, Fault, Faults, ForceFrame, Freshness, TactileFrame};
+pub use geometry::{Geometry, GeometryError, MAX_MODULES, MAX_PIXELS, MAX_TAXELS, Module, Taxel};
+pub use image::{Actuator, TactileImage};
+pub use profile::{
+    ActuatorForce, CodebookLearning, Coordinates, ForceFit, Grey, LevelSteps, Method, Placement, Profile,
+};
+pub use profile_error::ProfileError;
