@@ -1,11 +1,10 @@
 //! The daemon's one configuration file.
 
-use crate::joints;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use taxel_can::SourceAddress;
 use taxel_hand::Profile;
-use taxel_joints::JointsConfig;
+use taxel_joints::{JointsBus, JointsConfig};
 use taxel_skin::{BoardsConfig, ConditionConfig, Layout, SweepConfig};
 use toml::Spanned;
 
@@ -257,6 +256,11 @@ impl Config {
         }
     }
 
+    /// The CAN bus that joint angles come over; `None` where none do.
+    pub fn joints_bus(&self) -> Option<JointsBus> {
+        self.joints.as_ref()?.can_bus(&self.layout, &self.sources)
+    }
+
     /// Reads and checks a configuration file. A layout file named in it is looked for beside it.
     pub fn load(path: &Path) -> Result<Self, ConfigError> {
         let text = std::fs::read_to_string(path).map_err(|error| ConfigError::Read {
@@ -339,7 +343,9 @@ impl Config {
             Some(table) => {
                 let offset = table.span().start;
                 let joints = table.into_inner();
-                joints::check(&joints, &layout, &sources).map_err(|e| refuse(offset, e.to_string()))?;
+                joints
+                    .check_beside(&layout, &sources)
+                    .map_err(|e| refuse(offset, e.to_string()))?;
                 Some(joints)
             }
             None => None,

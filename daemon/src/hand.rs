@@ -36,8 +36,8 @@ pub(crate) struct Hand {
     /// What is wrong with buses, boards and joints.
     pub(crate) problems: RefCell<Problems>,
     commands: mpsc::SyncSender<Command>,
-    /// The thread that reads servos, where there are any.
-    servos: Option<Arc<JointReader>>,
+    /// The thread that reads joints, where there is one.
+    joint_reader: Option<JointReader>,
     started: Instant,
     rate: Cell<Rate>,
     joint_rate: Cell<Rate>,
@@ -50,7 +50,7 @@ pub(crate) struct Reach {
     pub(crate) own: Own,
     pub(crate) commands: mpsc::SyncSender<Command>,
     pub(crate) returned: Returned,
-    pub(crate) servos: Option<Arc<JointReader>>,
+    pub(crate) joint_reader: Option<JointReader>,
 }
 
 /// Images, or cycles of the joints, per second over the last second or so.
@@ -69,7 +69,7 @@ impl Hand {
             own,
             commands,
             returned,
-            servos,
+            joint_reader,
         } = reach;
         let hello = describe(&config, clock.live);
         let profiles = Profiles::new(&config, own, hello, commands.clone(), returned, shared.clone());
@@ -82,7 +82,7 @@ impl Hand {
             subscription: RefCell::new(vec![0; MAX_SUBSCRIBE + 1].into()),
             problems: RefCell::default(),
             commands,
-            servos,
+            joint_reader,
             started: Instant::now(),
             rate: Cell::new(Rate::new()),
             joint_rate: Cell::new(Rate::new()),
@@ -107,7 +107,7 @@ impl Hand {
 
     /// Has a servo told something.
     pub(crate) async fn write(&self, request: &ServoRequest) -> Result<(), String> {
-        crate::joints::write(self.config.joints.as_ref(), self.servos.as_deref(), request).await
+        crate::joints::write(self.config.joints.as_ref(), self.joint_reader.as_ref(), request).await
     }
 
     fn command(&self, command: Command) -> Result<(), String> {
@@ -120,10 +120,10 @@ impl Hand {
         Some(JointsView {
             now_ns: snapshot.now_ns,
             tick: snapshot.joints.clone(),
-            servos: self
-                .servos
-                .as_ref()
-                .map(|servos| (servos.snapshot(), servos.port())),
+            source: snapshot.joints_source,
+            link: snapshot.joints_link,
+            servos: (self.joint_reader.as_ref())
+                .map(|JointReader::Servos(servos)| (servos.snapshot(), servos.port())),
         })
     }
 
@@ -137,8 +137,7 @@ impl Hand {
             .clone();
         let layout = &self.config.layout;
         let problems = self.problems.borrow();
-        let hand_bus = crate::joints::hand_bus(&self.config);
-        let shared_with_hand = hand_bus
+        let shared_with_joints = (self.config.joints_bus())
             .filter(|bus| bus.shared)
             .map(|bus| usize::from(bus.index));
         let buses: Vec<Value> = (layout.buses.iter().enumerate())
@@ -165,7 +164,7 @@ impl Hand {
                     "unknown": bus.decoder.unknown,
                     "not_data": bus.decoder.not_data,
                     "commands": bus.decoder.commands,
-                    "joints": if shared_with_hand == Some(index) { snapshot.joints.of_hand() } else { 0 },
+                    "joints": if shared_with_joints == Some(index) { snapshot.joints.frames } else { 0 },
                     "partial": bus.decoder.partial,
                     "abandoned": bus.decoder.abandoned,
                     "malformed": sum(|b| b.malformed),
@@ -279,7 +278,7 @@ impl Hand {
                 links,
                 alive,
                 lost,
-                s.joints.summary(),
+                crate::joints::summary(&s.joints),
             )
         };
         let rate = self.rate_hz(images);

@@ -12,7 +12,7 @@ mod feed;
 mod gather;
 mod hand;
 mod hub;
-pub mod joints;
+mod joints;
 mod listener;
 pub mod pipeline;
 mod problems;
@@ -28,7 +28,6 @@ pub use listener::SocketPathError;
 
 use crate::displays::Displays;
 use crate::hand::{Hand, Reach};
-use crate::joints::{JointsSnapshot, OwnHand};
 use crate::listener::SocketPath;
 use crate::pipeline::{Pipeline, PipelineError};
 use crate::snapshot::Snapshot;
@@ -39,7 +38,7 @@ use std::sync::{Arc, Mutex, mpsc};
 use std::thread::JoinHandle;
 use taxel_can::{CanSource, Playback, SourceAddress, SourceOptions, monotonic_ns};
 use taxel_hand::Profile;
-use taxel_joints::{JointReader, JointSource, MAX_JOINTS};
+use taxel_joints::{JointReader, MAX_JOINTS};
 use taxel_sim::{Scene, SimOptions, SimSource};
 use taxel_skin::{BoardSupervisor, Layout};
 use tokio::sync::oneshot;
@@ -159,20 +158,16 @@ impl Daemon {
             .map_err(system("make an eventfd"))?,
         });
         let mut pipeline = Pipeline::new(&config, start_ns)?;
-        let servos = start_servos(&config)?;
-        if let (Some(reader), Some(joints)) = (&servos, &config.joints) {
-            pipeline = pipeline.with_servos(reader.clone(), joints.hold_ms);
+        let joint_reader = start_joint_reader(&config)?;
+        if joint_reader.is_some() {
+            pipeline = pipeline.with_read_joints(&config)?;
         }
-        let hand_bus = joints::hand_bus(&config);
-        let allegro = config.joints.as_ref().and_then(|joints| joints.allegro.as_ref());
         let thread = TickThread {
             pipeline,
             boards: BoardSupervisor::new(layout, &config.boards),
-            hand: (hand_bus.zip(allegro))
-                .filter(|(_, hand)| hand.own_bus)
-                .map(|(bus, hand)| OwnHand::new(bus.index, hand)),
-            hand_bus: hand_bus.map(|bus| bus.index.into()),
-            joints: JointsSnapshot::new(taxel_joints::ALLEGRO_JOINTS),
+            joints_bus: config.joints_bus().map(|bus| bus.index.into()),
+            joint_reader: joint_reader.clone(),
+            joints_seen: 0,
             reached: vec![false; layout.buses.len()],
             displays,
             raw,
@@ -249,7 +244,7 @@ impl Daemon {
                             own,
                             commands,
                             returned,
-                            servos,
+                            joint_reader,
                         };
                         let hand = Rc::new(Hand::new(config, reach, clock));
                         tokio::task::spawn_local(subscribers::serve(images, hand.clone()));
@@ -339,11 +334,9 @@ fn check_message_size(layout: &Layout, profile: &Profile) -> Result<(), StartErr
 
 /// Recordings bring their own time, which starts at zero; anything else runs on the machine's.
 fn clock(config: &Config) -> PipelineClock {
-    let hand = config.joints.as_ref().and_then(|joints| match &joints.source {
-        JointSource::Allegro { bus } => Some(bus),
-        JointSource::Dynamixel { .. } => None,
-    });
-    let mut sources = config.sources.iter().chain(hand);
+    let joints = config.joints.as_ref();
+    let joints_bus = joints.and_then(|joints| joints.source.config().can_bus());
+    let mut sources = config.sources.iter().chain(joints_bus);
     let recorded = sources.all(|s| matches!(s, SourceAddress::Log { .. }));
     PipelineClock {
         offset_ns: if recorded { monotonic_ns() } else { 0 },
@@ -351,37 +344,28 @@ fn clock(config: &Config) -> PipelineClock {
     }
 }
 
-/// Starts the thread that reads servos, one step of priority below the tick thread, where the configuration has servos.
-fn start_servos(config: &Config) -> Result<Option<Arc<JointReader>>, StartError> {
+/// Starts the thread that reads joints, one step of priority below the tick thread, where their source needs one.
+fn start_joint_reader(config: &Config) -> Result<Option<JointReader>, StartError> {
     let Some(joints) = &config.joints else {
         return Ok(None);
     };
-    if !matches!(joints.source, JointSource::Dynamixel { .. }) {
-        return Ok(None);
-    }
     let priority = config.realtime.priority.saturating_sub(1);
-    let reader = JointReader::start_with(joints, move || {
+    Ok(JointReader::start(joints, move || {
         // The tick thread has said why, if it is refused.
         if priority > 0 {
             let _ = realtime::set_fifo(priority);
         }
-    })?;
-    Ok(Some(Arc::new(reader)))
+    })?)
 }
 
 fn open_sources(config: &Config, start_ns: u64) -> Result<Vec<Box<dyn CanSource>>, StartError> {
     let layout = &config.layout;
-    let hand_bus = joints::hand_bus(config);
-    let joints = config.joints.as_ref();
-    let hand = joints.and_then(|joints| match &joints.source {
-        JointSource::Allegro { bus } => Some((bus, joints.allegro.as_ref()?)),
-        JointSource::Dynamixel { .. } => None,
-    });
-    let own = hand.filter(|_| hand_bus.is_some_and(|bus| !bus.shared));
+    let own = config.joints_bus().filter(|bus| !bus.shared);
+    let own = own.as_ref();
     let joints_name = "joints".to_string();
     let skin = config.sources.iter().zip(&layout.buses);
     (skin
-        .chain(own.map(|(address, _)| (address, &joints_name)))
+        .chain(own.map(|bus| (&bus.address, &joints_name)))
         .enumerate())
     .map(|(bus, (address, name))| {
         let fail = |error| StartError::Source {
@@ -402,9 +386,9 @@ fn open_sources(config: &Config, start_ns: u64) -> Result<Vec<Box<dyn CanSource>
             }
             address => {
                 // Of a bus of the skin everything: a node that babbles is to be seen, and what is nobody's counted.
-                let filters = hand
+                let filters = own
                     .filter(|_| usize::from(bus) >= layout.buses.len())
-                    .map(|(_, hand)| hand.filter());
+                    .and_then(|own| own.filter);
                 let options = SourceOptions {
                     filters: filters.into_iter().collect(),
                     receive_buffer: config.can.receive_buffer_kib as usize * 1024,
@@ -426,7 +410,7 @@ mod tests {
     use std::fmt::Write;
     use std::path::Path;
     use std::time::{Duration, Instant};
-    use taxel_joints::{AllegroConfig, JointsConfig};
+    use taxel_joints::{AllegroConfig, AllegroSource, JointSource, JointsConfig};
 
     const PATIENCE: Duration = Duration::from_secs(20);
 
@@ -455,11 +439,10 @@ mod tests {
     fn a_hand_whose_frames_are_due_during_a_pause_does_not_keep_the_tick_thread_spinning() {
         let folder = tempfile::tempdir().unwrap();
         let mut config = config(folder.path(), "sim:idle");
-        let mut joints = JointsConfig::dynamixel("", []);
-        let source = format!("allegro:{}", recorded_hand(folder.path(), 60_000));
-        joints.source = source.parse().unwrap();
-        joints.allegro = Some(AllegroConfig::new(4));
-        config.joints = Some(joints);
+        config.joints = Some(JointsConfig::new(JointSource::Allegro(AllegroSource {
+            bus: recorded_hand(folder.path(), 60_000).parse().unwrap(),
+            hand: Some(AllegroConfig::new(4)),
+        })));
         let rate_hz = config.tick.rate_hz;
         let daemon = Daemon::start(config).unwrap();
         let seen = || {

@@ -6,11 +6,9 @@
 
 use crate::config::{Config, TickMode};
 use crate::display::Display;
-use crate::joints::{JointFeed, JointsError, JointsSnapshot};
-use std::sync::Arc;
 use taxel_can::Received;
 use taxel_hand::{ForceFrame, ProfileError, TactileFrame, TactileImage};
-use taxel_joints::JointReader;
+use taxel_joints::{JointFeed, JointHistory, JointsError, JointsSnapshot};
 use taxel_skin::{
     ConditionError, Conditioner, Decoded, Decoder, Layout, Readings, SweepAssembler, TrafficWatch,
 };
@@ -92,9 +90,9 @@ impl Pipeline {
             }
         };
         if let Some(joints) = &config.joints {
-            crate::joints::check(joints, layout, &config.sources)?;
+            joints.check_beside(layout, &config.sources)?;
         }
-        let joints = JointFeed::new(config).map_err(JointsError::from)?;
+        let joints = joint_feed(config, false)?;
         let mut frames = Frames {
             due_ns: origin_ns,
             ..Frames::new(layout.len())
@@ -115,21 +113,25 @@ impl Pipeline {
         })
     }
 
-    /// Has every frame carry the angles of these servos at its own instant. An angle further than `hold_ms` from its
-    /// nearest reading is unknown.
-    #[must_use]
-    pub fn with_servos(mut self, reader: Arc<JointReader>, hold_ms: f64) -> Self {
-        self.joints = JointFeed::servos(reader, hold_ms);
+    /// Has every frame carry the angles that a thread reads as well; [`Pipeline::handle_joints`] brings them.
+    pub fn with_read_joints(mut self, config: &Config) -> Result<Self, PipelineError> {
+        self.joints = joint_feed(config, true)?;
         self.joints.prepare(&mut self.frames.tactile);
-        self
+        Ok(self)
     }
 
-    /// Takes one CAN frame of bus number `bus` (an Allegro hand's own bus has the number after the skin's last), after making the frames of every tick that was due before it arrived.
+    /// Has the readings of the joints that a thread reads brought up to date: `update` is given those known so far.
+    pub fn handle_joints(&mut self, update: impl FnOnce(&mut JointHistory)) {
+        self.joints.handle_joints(0, update);
+    }
+
+    /// Takes one CAN frame of bus number `bus` (that of the joints alone has the number after
+    /// the skin's last), after making the frames of every tick that was due before it arrived.
     /// CAN frames of all buses come in the order of their times.
     pub fn push(&mut self, bus: u8, received: &Received, emit: &mut impl FnMut(&Frames)) {
         self.advance(received.t_ns.saturating_sub(1), emit);
         self.watch.frame(bus, &received.frame);
-        if self.joints.push(bus, received) {
+        if self.joints.handle_frame(bus, received) {
             return;
         }
         let Some(decoder) = self.decoders.get_mut(bus as usize) else {
@@ -221,8 +223,13 @@ impl Pipeline {
         &self.frames
     }
 
+    /// The joints, with the commands that their sources are to be sent.
+    pub fn joints(&mut self) -> &mut JointFeed {
+        &mut self.joints
+    }
+
     /// Copies what is known of the joints.
-    pub(crate) fn joints(&self, into: &mut JointsSnapshot) {
+    pub fn joints_snapshot(&self, into: &mut JointsSnapshot) {
         self.joints.snapshot(&self.frames.tactile, into);
     }
 
@@ -248,6 +255,15 @@ impl Pipeline {
     /// The conditioning, with its baseline and faults.
     pub fn conditioner(&self) -> &Conditioner {
         &self.conditioner
+    }
+}
+
+/// The joints of a configuration; `is_read` says that a thread reads those that do not come over CAN.
+fn joint_feed(config: &Config, is_read: bool) -> Result<JointFeed, JointsError> {
+    let bus = config.joints_bus().map(|bus| bus.index);
+    match &config.joints {
+        Some(joints) => Ok(JointFeed::new(joints, bus, is_read)?),
+        None => Ok(JointFeed::none()),
     }
 }
 

@@ -1,9 +1,9 @@
 //! What the daemon knows of itself, copied out of the tick thread for the status report.
 
-use crate::joints::JointsSnapshot;
 use hdrhistogram::Histogram;
 use taxel_can::{LinkState, SourceCounters};
 use taxel_hand::{Fault, ForceFrame};
+use taxel_joints::JointsSnapshot;
 use taxel_skin::{BoardCounters, BusCounters, BusLoad, Finding};
 
 /// Findings that are reported at once.
@@ -45,8 +45,12 @@ pub(crate) struct Snapshot {
     pub(crate) faulty: usize,
     /// Whether images are paused.
     pub(crate) paused: bool,
-    /// Joint angles, and what an Allegro hand has delivered.
+    /// Joint angles, and what each joint has delivered.
     pub(crate) joints: JointsSnapshot,
+    /// What the bus that joint angles come over has seen.
+    pub(crate) joints_source: SourceCounters,
+    /// Whether that bus can be reached.
+    pub(crate) joints_link: LinkState,
 }
 
 /// What one bus has delivered.
@@ -87,6 +91,8 @@ impl Snapshot {
             faulty: 0,
             paused: false,
             joints: JointsSnapshot::new(joints),
+            joints_source: SourceCounters::default(),
+            joints_link: LinkState::default(),
         }
     }
 

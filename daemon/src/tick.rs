@@ -6,7 +6,6 @@
 use crate::displays::{Displays, Stream};
 use crate::gather::Gather;
 use crate::hub::Publisher;
-use crate::joints::{JointsSnapshot, OwnHand};
 use crate::pipeline::{Frames, Pipeline};
 use crate::snapshot::Snapshot;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
@@ -18,6 +17,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, mpsc};
 use std::time::Duration;
 use taxel_can::{BusState, CanSource, LinkState, Received, monotonic_ns};
+use taxel_joints::JointReader;
 use taxel_skin::{BoardCounters, BoardSupervisor};
 use taxel_wire::Header;
 
@@ -83,15 +83,15 @@ impl PipelineClock {
 }
 
 pub(crate) struct TickThread {
-    /// Those of the skin in the layout's order, then that of an Allegro hand on a bus of its own.
+    /// Those of the skin in the layout's order, then that of joints on a bus of their own.
     pub(crate) sources: Vec<Box<dyn CanSource>>,
     pub(crate) pipeline: Pipeline,
     pub(crate) boards: BoardSupervisor,
-    pub(crate) hand: Option<OwnHand>,
-    /// Number of the bus that an Allegro hand is on.
-    pub(crate) hand_bus: Option<usize>,
-    /// When the fingers of an Allegro hand were heard last, and more, as of the last round.
-    pub(crate) joints: JointsSnapshot,
+    /// Number of the bus that joint angles come over.
+    pub(crate) joints_bus: Option<usize>,
+    /// The thread that reads joints, where there is one, and which of its readings were taken.
+    pub(crate) joint_reader: Option<JointReader>,
+    pub(crate) joints_seen: u64,
     /// Whether each bus could be reached when it was last looked at: its link is up, its controller on the bus.
     pub(crate) reached: Vec<bool>,
     pub(crate) displays: Displays,
@@ -191,8 +191,15 @@ impl TickThread {
                 raw,
                 clock,
                 shared,
+                joint_reader,
+                joints_seen,
                 ..
             } = &mut self;
+            if let Some(reader) = joint_reader {
+                pipeline.handle_joints(|history| {
+                    *joints_seen = reader.try_history_since(*joints_seen, history);
+                });
+            }
             let mut emit = |frames: &Frames| {
                 let tick = frames.tactile.seq + 1;
                 displays.publish(tick, frames);
@@ -227,6 +234,7 @@ impl TickThread {
             }
 
             self.command_boards(now_ns);
+            self.command_joints(now_ns);
             if now_ns >= snapshot_due_ns {
                 snapshot_due_ns = now_ns + HEARTBEAT_NS / 2;
                 self.update_snapshot(now_ns, overruns);
@@ -241,12 +249,13 @@ impl TickThread {
     }
 
     /// Waits for the next thing to do: a frame, a tick, a command to a board, or another thread.
-    fn wait(&self, quiet_until_ns: u64) {
+    fn wait(&mut self, quiet_until_ns: u64) {
         let now_ns = self.clock.now_ns();
         let mut until_ns = now_ns + HEARTBEAT_NS;
         let mut sooner = |at_ns: Option<u64>| until_ns = at_ns.map_or(until_ns, |at| until_ns.min(at));
         sooner(self.pipeline.due_ns());
         sooner(self.boards.next_at_ns());
+        sooner(self.pipeline.joints().poll_due_ns());
         let quiet = quiet_until_ns > now_ns;
         if quiet {
             sooner(Some(quiet_until_ns));
@@ -256,10 +265,10 @@ impl TickThread {
         fds[0] = Some(self.timer.as_fd());
         fds[1] = Some(self.shared.wake.as_fd());
         let skin = self.pipeline.decoders().len();
-        if let Some(hand) = self.sources.get(skin) {
-            // Nothing is due with a hand's own frame: those that came are taken with the next of the skin. Nor is its bus
+        if let Some(joints) = self.sources.get(skin) {
+            // Nothing is due with a joint's frame: those that came are taken with the next of the skin. Nor is their bus
             // looked at during a pause, so that waking up for it would only be to wake up again at once.
-            sooner(hand.wakeup().at_ns.map(|at| at.max(quiet_until_ns)));
+            sooner(joints.wakeup().at_ns.map(|at| at.max(quiet_until_ns)));
         }
         for (slot, source) in fds[2..].iter_mut().zip(&self.sources[..skin]) {
             let wakeup = source.wakeup();
@@ -305,7 +314,7 @@ impl TickThread {
             sources,
             pipeline,
             reached,
-            hand_bus,
+            joints_bus,
             ..
         } = self;
         for (bus, (source, before)) in sources.iter().zip(reached).enumerate() {
@@ -315,7 +324,7 @@ impl TickThread {
             }
             *before = reached;
             let bus = bus as u8;
-            let alone = !pipeline.watch().strangers(bus) && *hand_bus != Some(usize::from(bus));
+            let alone = !pipeline.watch().strangers(bus) && *joints_bus != Some(usize::from(bus));
             boards.allow_search(bus, alone);
         }
         while let Some(command) = boards.poll(now_ns, |board| pipeline.sweep().last_heard_ns(board)) {
@@ -323,21 +332,27 @@ impl TickThread {
                 boards.not_sent(&command, now_ns);
             }
         }
-        if let Some(hand) = &mut self.hand {
-            self.pipeline.joints(&mut self.joints);
-            hand.poll(
-                now_ns,
-                self.joints.finger_ns.iter().copied().flatten().max(),
-                &mut self.sources,
-            );
+    }
+
+    fn command_joints(&mut self, now_ns: u64) {
+        let joints = self.pipeline.joints();
+        for (bus, source) in self.sources.iter().enumerate() {
+            joints.handle_link(bus as u8, source.link() == LinkState::Up);
+        }
+        while let Some(command) = joints.poll_command(now_ns) {
+            if self.sources[usize::from(command.bus)]
+                .send(&command.frame)
+                .is_err()
+            {
+                joints.command_not_sent(&command);
+            }
         }
     }
 
-    /// Leaves the boards as they were found: silent. Bounded in time, since a bus may be gone.
+    /// Leaves the boards, and a hand that was started, as they were found: silent. Bounded in time, since a bus may be gone.
     fn stop_boards(&mut self) {
-        if let Some(mut hand) = self.hand.take() {
-            hand.stop(&mut self.sources);
-        }
+        self.pipeline.joints().stop();
+        self.command_joints(self.clock.now_ns());
         let deadline_ns = self.clock.now_ns() + 500_000_000;
         self.boards.stop();
         loop {
@@ -380,10 +395,10 @@ impl TickThread {
         }
         snapshot.take_force(force);
         snapshot.paused = pipeline.is_paused();
-        pipeline.joints(&mut snapshot.joints);
-        if let Some(source) = self.hand_bus.and_then(|bus| self.sources.get(bus)) {
-            snapshot.joints.source = *source.counters();
-            snapshot.joints.link = source.link();
+        pipeline.joints_snapshot(&mut snapshot.joints);
+        if let Some(source) = self.joints_bus.and_then(|bus| self.sources.get(bus)) {
+            snapshot.joints_source = *source.counters();
+            snapshot.joints_link = source.link();
         }
     }
 }
@@ -523,9 +538,9 @@ mod tests {
             sources: vec![Box::new(Flooded::default())],
             pipeline: Pipeline::new(&config, now_ns).unwrap(),
             boards: BoardSupervisor::new(&config.layout, &config.boards),
-            hand: None,
-            hand_bus: None,
-            joints: JointsSnapshot::new(0),
+            joints_bus: None,
+            joint_reader: None,
+            joints_seen: 0,
             reached: vec![false],
             displays: Displays::new(1).0,
             raw: crate::hub::channel(0).0,

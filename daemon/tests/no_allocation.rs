@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 use taxel_hand::{Method, Profile};
-use taxel_joints::{AllegroConfig, JointsConfig};
+use taxel_joints::{AllegroConfig, AllegroSource, JointSource, JointsConfig};
 use taxel_sim::servo::{ServoBuild, ServoBus, ServoPty};
 use taxel_wire::{Received, Subscribe, Subscriber};
 use taxeld::{Config, Daemon, config::TickMode};
@@ -171,10 +171,11 @@ fn the_tick_thread_allocates_nothing() {
     assert_eq!(allocated, 0, "timer mode, with servos");
 
     let folder = tempfile::tempdir().unwrap();
-    let mut joints = JointsConfig::dynamixel("", []);
-    let source = format!("allegro:log:{}", recorded_hand(folder.path()).display());
-    joints.source = source.parse().unwrap();
-    joints.allegro = Some(AllegroConfig::new(4));
+    let recording = format!("log:{}", recorded_hand(folder.path()).display());
+    let joints = JointsConfig::new(JointSource::Allegro(AllegroSource {
+        bus: recording.parse().unwrap(),
+        hand: Some(AllegroConfig::new(4)),
+    }));
     let allocated = allocations_per_run(TickMode::Sweep, 30.0, joints);
     assert_eq!(allocated, 0, "sweep mode, with an Allegro hand");
 }

@@ -31,7 +31,7 @@ use std::collections::BTreeSet;
 use std::io::{self, Write};
 use std::path::Path;
 use taxel_can::SourceAddress;
-use taxel_joints::{JointSource, JointsConfig};
+use taxel_joints::{DynamixelConfig, JointSource};
 use taxel_skin::{Layout, Protocol};
 use taxeld::Config;
 
@@ -111,17 +111,12 @@ impl Doctor {
 
     /// The machine and its CAN interfaces; returns what was read of those.
     fn look_at_machine(&mut self, root: &Path, config: &Config) -> anyhow::Result<Vec<link::LinkFacts>> {
-        let allegro = match &config.joints {
-            Some(JointsConfig {
-                source: JointSource::Allegro { bus },
-                ..
-            }) => Some(bus),
-            _ => None,
-        };
+        let joints = config.joints.as_ref();
+        let joints_bus = joints.and_then(|joints| joints.source.config().can_bus());
         let interfaces: BTreeSet<&str> = config
             .sources
             .iter()
-            .chain(allegro)
+            .chain(joints_bus)
             .filter_map(|source| match source {
                 SourceAddress::Can { interface } => Some(interface.as_str()),
                 _ => None,
@@ -302,26 +297,23 @@ impl Doctor {
             return Ok(());
         };
         match &joints.source {
-            JointSource::Dynamixel { path } => self.look_at_servos(args, joints, path, root),
-            JointSource::Allegro { bus } => {
-                let object = bus.to_string();
-                let check = match allegro::listen(joints, bus, interrupt) {
-                    Ok(facts) => allegro::check(joints, &object, &facts),
-                    Err(error) => Check::error("joints", "Allegro hand", object, format!("{error:#}")),
+            JointSource::Dynamixel(servos) => self.look_at_servos(args, servos, root),
+            JointSource::Allegro(hand) => {
+                let check = match allegro::listen(hand, interrupt) {
+                    Ok(facts) => allegro::check(hand, &facts),
+                    Err(error) => {
+                        let object = hand.bus.to_string();
+                        Check::error("joints", "Allegro hand", object, format!("{error:#}"))
+                    }
                 };
                 self.tell(vec![check])
             }
         }
     }
 
-    fn look_at_servos(
-        &mut self,
-        args: &Args,
-        joints: &JointsConfig,
-        path: &Path,
-        root: &Path,
-    ) -> anyhow::Result<()> {
+    fn look_at_servos(&mut self, args: &Args, servos: &DynamixelConfig, root: &Path) -> anyhow::Result<()> {
         const AREA: &str = "servos";
+        let path = servos.path.as_path();
         let port = PortFacts::read(root, path);
         let checks = access::check_port(&port, &User::read(root));
         let usable = checks.iter().all(|c| c.state != State::Error);
@@ -334,8 +326,8 @@ impl Doctor {
             let why = "not asked: servos speak only when they are spoken to (--listen-only)";
             return self.tell(vec![Check::skipped(AREA, "bus", name, why)]);
         }
-        let expected: Vec<u8> = joints.servo.iter().map(|s| s.id).collect();
-        let survey = match taxel_joints::survey(path, joints.baud, &expected) {
+        let expected: Vec<u8> = servos.servo.iter().map(|s| s.id).collect();
+        let survey = match taxel_joints::survey(path, servos.baud, &expected) {
             Ok(survey) => survey,
             Err(error) => {
                 return self
@@ -346,7 +338,7 @@ impl Doctor {
         };
         let mut elsewhere = Vec::new();
         if survey.servos.is_empty() {
-            for baud in BAUDS.into_iter().filter(|baud| *baud != joints.baud) {
+            for baud in BAUDS.into_iter().filter(|baud| *baud != servos.baud) {
                 let found = taxel_joints::scan(path, baud).unwrap_or_default();
                 if !found.is_empty() {
                     elsewhere.push((baud, found.iter().map(|s| s.id).collect()));
@@ -355,7 +347,7 @@ impl Doctor {
             }
         }
         let facts = servos::ServoFacts { survey, elsewhere };
-        self.tell(servos::check(joints, path, &facts))
+        self.tell(servos::check(servos, &facts))
     }
 }
 
@@ -366,7 +358,7 @@ fn bitrate_of(config: &Config, interface: &str) -> Option<u64> {
         .iter()
         .position(|s| matches!(s, SourceAddress::Can { interface: i } if i == interface));
     let Some(bus) = bus else {
-        // Only the Allegro hand's.
+        // Only the joints'.
         return Some(link::BITRATE);
     };
     let mut modules = config.layout.wiring.iter().filter(|m| usize::from(m.bus) == bus);

@@ -9,12 +9,10 @@ use std::path::{Path, PathBuf};
 use taxel_can::{CanSource, LogSource, Playback, Received, SourceAddress};
 use taxel_compress::Compressor;
 use taxel_hand::{ForceFrame, TactileFrame, TactileImage};
-use taxel_joints::JointSource;
 use taxel_record::Recording;
 use taxel_skin::Layout;
 use taxeld::Config;
 use taxeld::config::TickMode;
-use taxeld::joints::hand_bus;
 use taxeld::pipeline::{Outputs, run_recorded};
 
 /// A recording, and how its frames are conditioned and compressed.
@@ -134,13 +132,13 @@ impl OfflineArgs {
                 pipeline(config, sweeps.frames().inspect(|_| progress.advance(1)), emit)
             }
             Input::Log(path) => {
-                let (hand, skin): (Vec<_>, Vec<_>) = self
+                let (joints, skin): (Vec<_>, Vec<_>) = self
                     .interface
                     .iter()
                     .cloned()
-                    .partition(|(_, bus)| bus == HAND_BUS);
+                    .partition(|(_, bus)| bus == JOINTS_BUS);
                 let mut interfaces = interfaces_of_buses(path, &config.layout, &skin)?;
-                interfaces.extend(interface_of_hand(path, config, &hand)?);
+                interfaces.extend(interface_of_joints(path, config, &joints)?);
                 let open = |name: &String| LogSource::open(path, Some(name), Playback::default());
                 let sources = interfaces.iter().map(open).collect::<Result<Vec<_>, _>>()?;
                 let progress = Progress::counting("CAN frames");
@@ -200,33 +198,33 @@ impl OfflineArgs {
     }
 }
 
-/// What `--interface` calls the bus of an Allegro hand.
-const HAND_BUS: &str = "joints";
+/// What `--interface` calls the bus that joint angles come over.
+const JOINTS_BUS: &str = "joints";
 
-/// The interface of a log that an Allegro hand was recorded on, where the configuration gives it a bus of its own.
-fn interface_of_hand(
+/// The interface of a log that joints were recorded on, where the configuration gives them a bus of their own.
+fn interface_of_joints(
     path: &Path,
     config: &Config,
     pairs: &[(String, String)],
 ) -> anyhow::Result<Option<String>> {
-    let bus = match config.joints.as_ref().map(|joints| &joints.source) {
-        Some(JointSource::Allegro { bus }) if hand_bus(config).is_some_and(|bus| !bus.shared) => bus,
-        source => {
-            if let Some((interface, _)) = pairs.first() {
-                bail!(
-                    "--interface {interface}={HAND_BUS}: the configuration (--config) has no [joints] with an Allegro hand on a bus of its own"
-                );
-            }
-            if let Some(JointSource::Dynamixel { .. }) = source {
-                eprintln!(
-                    "taxel: {}: servos on a serial port are not in a CAN recording; its images carry no joint angles",
-                    path.display()
-                );
-            }
-            return Ok(None);
+    let source = config.joints.as_ref().map(|joints| joints.source.config());
+    let own = config.joints_bus().filter(|bus| !bus.shared);
+    let (Some(source), Some(bus)) = (source, own.map(|own| own.address)) else {
+        if let Some((interface, _)) = pairs.first() {
+            bail!(
+                "--interface {interface}={JOINTS_BUS}: the configuration (--config) has no [joints] with an Allegro hand on a bus of its own"
+            );
         }
+        if let Some(source) = source.filter(|source| source.serial_device().is_some()) {
+            eprintln!(
+                "taxel: {}: {} on a serial port are not in a CAN recording; its images carry no joint angles",
+                path.display(),
+                source.device()
+            );
+        }
+        return Ok(None);
     };
-    let named = match (pairs.first(), bus) {
+    let named = match (pairs.first(), &bus) {
         (Some((interface, _)), _) => Some(interface.clone()),
         (None, SourceAddress::Can { interface }) => Some(interface.clone()),
         (None, SourceAddress::Log { interface, .. }) => interface.clone(),
@@ -242,13 +240,14 @@ fn interface_of_hand(
             present.join(", ")
         ),
         None => eprintln!(
-            "taxel: {}: nothing of the Allegro hand on {bus}; its angles will be unknown. --interface NAME={HAND_BUS} says where it is among {}",
+            "taxel: {}: nothing of the {} on {bus}; its angles will be unknown. --interface NAME={JOINTS_BUS} says where it is among {}",
             path.display(),
+            source.device(),
             present.join(", ")
         ),
     }
     // A name that no interface has: the bus stays silent.
-    Ok(Some(named.unwrap_or_else(|| HAND_BUS.into())))
+    Ok(Some(named.unwrap_or_else(|| JOINTS_BUS.into())))
 }
 
 fn grid_of(recording: &Recording) -> anyhow::Result<Layout> {

@@ -4,7 +4,7 @@
 
 use std::error::Error;
 use taxel_joints::bus::{Bus, wire_ns};
-use taxel_joints::{FastSyncRead, JointsConfig, SerialBus};
+use taxel_joints::{DynamixelConfig, FastSyncRead, SerialBus};
 use taxel_sim::servo::{ServoBuild, ServoBus, ServoPty};
 
 const SERVOS: usize = 16;
@@ -21,7 +21,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     ] {
         let ids = 1..=SERVOS as u8;
         let pty = ServoPty::open(ServoBus::new(ids.clone().map(ServoBuild::new), baud))?;
-        let mut config = JointsConfig::dynamixel(pty.path(), ids);
+        let mut config = DynamixelConfig::new(pty.path(), ids);
         config.baud = baud;
         config.fast_sync_read = fast;
         let mut bus = Bus::new(&config);

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use std::error::Error;
 use std::path::Path;
 use taxel_joints::bus::Bus;
-use taxel_joints::{FastSyncRead, JointsConfig, SerialBus, scan};
+use taxel_joints::{DynamixelConfig, FastSyncRead, SerialBus, scan};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
@@ -45,7 +45,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
         return Ok(());
     }
-    let mut config = JointsConfig::dynamixel(&path, ids);
+    let mut config = DynamixelConfig::new(&path, ids);
     config.baud = baud;
     config.fast_sync_read = fast;
     config.check()?;

@@ -1,13 +1,12 @@
-//! The `[joints]` table of the configuration file.
+//! The `[joints]` table of the configuration file, and the list of the kinds of sources.
 
-use crate::allegro::AllegroConfig;
+use crate::allegro::{AllegroConfig, AllegroSource};
+use crate::dynamixel::{DynamixelConfig, FastSyncRead, ServoConfig};
+use crate::error::{JointSourceError, JointsConfigError, check_range};
+use crate::source::SourceConfig;
 use serde::Deserialize;
 use std::path::PathBuf;
 use std::str::FromStr;
-use taxel_can::{AddressError, SourceAddress};
-
-/// Most joints one daemon reads.
-pub const MAX_JOINTS: usize = 64;
 
 /// Where joint angles come from, and how the joints are called.
 ///
@@ -27,101 +26,83 @@ pub const MAX_JOINTS: usize = 64;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(try_from = "Table")]
 pub struct JointsConfig {
-    /// `dynamixel:DEVICE` or `allegro:INTERFACE`.
+    /// `dynamixel:DEVICE` or `allegro:INTERFACE`, with what the table says of it.
     pub source: JointSource,
-    /// Dynamixel: bits per second, 9600 to 10,000,000; what the servos are set to.
-    #[serde(default = "default_baud")]
-    pub baud: u32,
-    /// Dynamixel: cycles per second, 1 to 2000 Hz. A bus that is slower than that runs as fast as it can.
-    #[serde(default = "default_rate_hz")]
-    pub rate_hz: f64,
-    /// Dynamixel: whether all servos answer in one packet.
-    #[serde(default)]
-    pub fast_sync_read: FastSyncRead,
-    /// Dynamixel: whether torque and PWM may be written. Without it nothing but reads and pings is ever sent.
-    #[serde(default)]
-    pub allow_writes: bool,
-    /// Dynamixel with `allow_writes`: a servo that hears nothing for this long stops its motor, ms, 20 to 2540 in
-    /// steps of 20 (Bus Watchdog, address 98).
-    #[serde(default = "default_watchdog_ms")]
-    pub watchdog_ms: u16,
-    /// Dynamixel: how long an answer may take beyond its time on the wire, ms, 0.5 to 100. Without it 4 ms, or for an
-    /// FTDI adapter 2 ms and twice its latency timer.
-    #[serde(default)]
-    pub answer_margin_ms: Option<f64>,
     /// An angle whose nearest reading is further than this from a frame's instant is given as unknown, ms, 10 to 60,000.
-    #[serde(default = "default_hold_ms")]
     pub hold_ms: f64,
-    /// Dynamixel: the joints, in the order in which their angles are given.
-    #[serde(default)]
-    pub servo: Vec<ServoConfig>,
-    /// Allegro: which hand it is.
-    #[serde(default)]
-    pub allegro: Option<AllegroConfig>,
 }
 
-/// One joint that a Dynamixel servo drives.
+/// Where joint angles come from. As text it is `dynamixel:DEVICE` or `allegro:INTERFACE`.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ServoConfig {
-    /// The servo's id on the bus, 0 to 252.
-    pub id: u8,
-    /// The joint's name.
-    pub name: String,
-    /// The servo's angle at which the joint is at 0, radians (the servo's own 0 is position 2048).
-    #[serde(default)]
-    pub homing_rad: f64,
-    /// 1 if the joint turns as the servo does, -1 if against it.
-    #[serde(default = "default_direction")]
-    pub direction: i8,
-}
-
-/// Whether all servos are asked to answer in one packet (fast sync read), which needs recent firmware.
-#[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum FastSyncRead {
-    /// Tried once the servos answer; if they do not answer that, each answers with its own packet.
-    #[default]
-    Auto,
-    /// Always.
-    On,
-    /// Never.
-    Off,
-}
-
-/// Where joint angles come from: `dynamixel:DEVICE` or `allegro:INTERFACE`.
-#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(try_from = "String")]
 pub enum JointSource {
-    /// Servos on a serial port. A name under `/dev/serial/by-id` stays the same when the adapter is unplugged and
-    /// comes back under another number.
-    Dynamixel {
-        /// The device.
-        path: PathBuf,
-    },
+    /// Servos on a serial port.
+    Dynamixel(DynamixelConfig),
     /// An Allegro hand on a CAN bus: `allegro:can2`, or `allegro:` before any CAN source (`allegro:udp:...`).
-    Allegro {
-        /// The bus.
-        bus: SourceAddress,
-    },
+    Allegro(AllegroSource),
 }
 
-/// Why a text names no source of joint angles.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum JointSourceError {
-    /// Neither of the known beginnings.
-    #[error(
-        "`{0}` is no source of joint angles: write dynamixel:DEVICE, such as dynamixel:/dev/ttyUSB0, or allegro:INTERFACE, such as allegro:can2"
-    )]
-    Unknown(String),
-    /// `dynamixel:` alone.
-    #[error("`dynamixel:` needs the serial device behind it, such as dynamixel:/dev/ttyUSB0")]
-    NoDevice,
-    /// What stands behind `allegro:` is no CAN source.
-    #[error("behind `allegro:` {0}")]
-    Bus(#[from] AddressError),
+/// The table as it is written: the keys of all kinds of sources side by side.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Table {
+    source: JointSource,
+    hold_ms: Option<f64>,
+    baud: Option<u32>,
+    rate_hz: Option<f64>,
+    #[serde(default)]
+    fast_sync_read: FastSyncRead,
+    #[serde(default)]
+    allow_writes: bool,
+    watchdog_ms: Option<u16>,
+    answer_margin_ms: Option<f64>,
+    #[serde(default)]
+    servo: Vec<ServoConfig>,
+    allegro: Option<AllegroConfig>,
+}
+
+const DEFAULT_HOLD_MS: f64 = 250.0;
+
+impl TryFrom<Table> for JointsConfig {
+    type Error = JointsConfigError;
+
+    /// Gives each source its keys, and refuses those of another.
+    fn try_from(table: Table) -> Result<Self, JointsConfigError> {
+        let wrong = |table, source_kind| Err(JointsConfigError::WrongTable { table, source_kind });
+        let defaults = DynamixelConfig::new(PathBuf::new(), []);
+        let servos = DynamixelConfig {
+            baud: table.baud.unwrap_or(defaults.baud),
+            rate_hz: table.rate_hz.unwrap_or(defaults.rate_hz),
+            fast_sync_read: table.fast_sync_read,
+            allow_writes: table.allow_writes,
+            watchdog_ms: table.watchdog_ms.unwrap_or(defaults.watchdog_ms),
+            answer_margin_ms: table.answer_margin_ms,
+            servo: table.servo,
+            ..defaults
+        };
+        servos.check_numbers()?;
+        let source = match table.source {
+            JointSource::Dynamixel(_) if table.allegro.is_some() => {
+                return wrong("[joints.allegro]", "dynamixel");
+            }
+            JointSource::Dynamixel(DynamixelConfig { path, .. }) => {
+                JointSource::Dynamixel(DynamixelConfig { path, ..servos })
+            }
+            JointSource::Allegro(_) if !servos.servo.is_empty() => {
+                return wrong("[[joints.servo]]", "allegro");
+            }
+            JointSource::Allegro(AllegroSource { bus, .. }) => JointSource::Allegro(AllegroSource {
+                bus,
+                hand: table.allegro,
+            }),
+        };
+        Ok(Self {
+            source,
+            hold_ms: table.hold_ms.unwrap_or(DEFAULT_HOLD_MS),
+        })
+    }
 }
 
 impl FromStr for JointSource {
@@ -129,27 +110,19 @@ impl FromStr for JointSource {
 
     fn from_str(text: &str) -> Result<Self, JointSourceError> {
         match text.split_once(':') {
-            Some(("dynamixel", "")) => Err(JointSourceError::NoDevice),
-            Some(("dynamixel", path)) => Ok(JointSource::Dynamixel { path: path.into() }),
-            Some(("allegro", bus)) => {
-                let address = if bus.contains(':') {
-                    bus.parse()?
-                } else {
-                    format!("can:{bus}").parse()?
-                };
-                Ok(JointSource::Allegro { bus: address })
-            }
+            Some(("dynamixel", device)) => DynamixelConfig::at(device).map(Self::Dynamixel),
+            Some(("allegro", bus)) => AllegroSource::at(bus).map(Self::Allegro),
             _ => Err(JointSourceError::Unknown(text.into())),
         }
     }
 }
 
 impl std::fmt::Display for JointSource {
-    /// The form that `FromStr` reads back to the same value.
+    /// The form that `FromStr` reads back to the same source.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            JointSource::Dynamixel { path } => write!(f, "dynamixel:{}", path.display()),
-            JointSource::Allegro { bus } => write!(f, "allegro:{bus}"),
+            Self::Dynamixel(servos) => write!(f, "dynamixel:{}", servos.path.display()),
+            Self::Allegro(hand) => write!(f, "allegro:{}", hand.bus),
         }
     }
 }
@@ -162,234 +135,51 @@ impl TryFrom<String> for JointSource {
     }
 }
 
-/// A value of the `[joints]` table that makes no sense.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum JointsConfigError {
-    /// A number outside its range.
-    #[error("joints.{key} = {value} is outside {low} to {high} {unit}")]
-    Range {
-        /// The key.
-        key: String,
-        /// What it is set to.
-        value: f64,
-        /// The smallest value allowed.
-        low: f64,
-        /// The largest value allowed.
-        high: f64,
-        /// Their unit.
-        unit: &'static str,
-    },
-    /// No servo, or too many.
-    #[error(
-        "joints has {0} [[joints.servo]] tables; source dynamixel needs 1 to {MAX_JOINTS}, one per joint with its id and name"
-    )]
-    ServoCount(usize),
-    /// Two servos with one id.
-    #[error("joints: servo id {id} is given to both {first} and {second}; each servo on a bus needs its own")]
-    SameId {
-        /// The id.
-        id: u8,
-        /// A joint.
-        first: String,
-        /// Another joint.
-        second: String,
-    },
-    /// A joint without name, or two with one.
-    #[error("joints: servo {id} has the name \"{name}\", which is empty or taken; each joint needs its own")]
-    Name {
-        /// The servo.
-        id: u8,
-        /// Its name.
-        name: String,
-    },
-    /// Not a direction.
-    #[error(
-        "joints: servo {id} has direction = {direction}; write 1, or -1 if the joint turns the other way"
-    )]
-    Direction {
-        /// The servo.
-        id: u8,
-        /// What it says.
-        direction: i8,
-    },
-    /// The bus watchdog counts in steps of 20 ms.
-    #[error("joints.watchdog_ms = {0} is no multiple of 20, the step of the servo's bus watchdog")]
-    WatchdogStep(u16),
-    /// Servos that would stop between two cycles.
-    #[error(
-        "joints.watchdog_ms = {watchdog_ms} is shorter than two cycles at rate_hz = {rate_hz}: motors would stop by themselves; make it longer, or read faster"
-    )]
-    WatchdogShort {
-        /// The watchdog's time.
-        watchdog_ms: u16,
-        /// Cycles per second.
-        rate_hz: f64,
-    },
-    /// A table for the other kind of source.
-    #[error("joints: {table} has no meaning with source {source_kind}; leave it out")]
-    WrongTable {
-        /// The table.
-        table: &'static str,
-        /// The kind of source.
-        source_kind: &'static str,
-    },
-    /// An Allegro hand whose version is not said.
-    #[error("joints: source allegro needs a table [joints.allegro] with version = 1, 2, 3 or 4")]
-    NoAllegro,
-    /// Not a version of the hand.
-    #[error("joints.allegro.version = {0}; there are versions 1, 2, 3 and 4")]
-    AllegroVersion(u8),
-    /// Not a direction.
-    #[error("joints.allegro.enc_dir[{joint}] = {value}; write 1 or -1")]
-    EncoderDirection {
-        /// The joint, 0 to 15.
-        joint: usize,
-        /// What it says.
-        value: i8,
-    },
-}
-
-fn default_baud() -> u32 {
-    1_000_000
-}
-
-fn default_rate_hz() -> f64 {
-    100.0
-}
-
-fn default_watchdog_ms() -> u16 {
-    200
-}
-
-fn default_hold_ms() -> f64 {
-    250.0
-}
-
-fn default_direction() -> i8 {
-    1
+impl JointSource {
+    /// What every kind of source can be asked.
+    pub fn config(&self) -> &dyn SourceConfig {
+        match self {
+            Self::Dynamixel(servos) => servos,
+            Self::Allegro(hand) => hand,
+        }
+    }
 }
 
 impl JointsConfig {
-    /// A read-only configuration for these servo ids, with names `servo 1`, `servo 2`, ... and everything else at its
-    /// default.
-    pub fn dynamixel(path: impl Into<PathBuf>, ids: impl IntoIterator<Item = u8>) -> Self {
+    /// This source, with everything else at its default.
+    pub fn new(source: JointSource) -> Self {
         Self {
-            source: JointSource::Dynamixel { path: path.into() },
-            baud: default_baud(),
-            rate_hz: default_rate_hz(),
-            fast_sync_read: FastSyncRead::Auto,
-            allow_writes: false,
-            watchdog_ms: default_watchdog_ms(),
-            answer_margin_ms: None,
-            hold_ms: default_hold_ms(),
-            servo: ids
-                .into_iter()
-                .map(|id| ServoConfig {
-                    id,
-                    name: format!("servo {id}"),
-                    homing_rad: 0.0,
-                    direction: 1,
-                })
-                .collect(),
-            allegro: None,
+            source,
+            hold_ms: DEFAULT_HOLD_MS,
         }
+    }
+
+    /// Servos of these ids that are only read, with names `servo 1`, `servo 2`, ... and everything else at its default.
+    pub fn dynamixel(path: impl Into<PathBuf>, ids: impl IntoIterator<Item = u8>) -> Self {
+        Self::new(JointSource::Dynamixel(DynamixelConfig::new(path, ids)))
     }
 
     /// Names of the joints, in the order in which their angles are given.
     pub fn joint_names(&self) -> Vec<String> {
-        match self.source {
-            JointSource::Dynamixel { .. } => self.servo.iter().map(|s| s.name.clone()).collect(),
-            JointSource::Allegro { .. } => crate::allegro::joint_names(),
-        }
+        self.source.config().joint_names()
     }
 
     /// Refuses what cannot be.
     pub fn check(&self) -> Result<(), JointsConfigError> {
-        let range = |key: String, value: f64, low: f64, high: f64, unit: &'static str| {
-            if (low..=high).contains(&value) {
-                Ok(())
-            } else {
-                Err(JointsConfigError::Range {
-                    key,
-                    value,
-                    low,
-                    high,
-                    unit,
-                })
-            }
-        };
-        range("baud".into(), f64::from(self.baud), 9600.0, 1e7, "bit/s")?;
-        range("rate_hz".into(), self.rate_hz, 1.0, 2000.0, "Hz")?;
-        range(
-            "watchdog_ms".into(),
-            f64::from(self.watchdog_ms),
-            20.0,
-            2540.0,
-            "ms",
-        )?;
-        if let Some(ms) = self.answer_margin_ms {
-            range("answer_margin_ms".into(), ms, 0.5, 100.0, "ms")?;
-        }
-        range("hold_ms".into(), self.hold_ms, 10.0, 60_000.0, "ms")?;
-        if !self.watchdog_ms.is_multiple_of(20) {
-            return Err(JointsConfigError::WatchdogStep(self.watchdog_ms));
-        }
-        if self.allow_writes && f64::from(self.watchdog_ms) * self.rate_hz < 2000.0 {
-            return Err(JointsConfigError::WatchdogShort {
-                watchdog_ms: self.watchdog_ms,
-                rate_hz: self.rate_hz,
-            });
-        }
-        if let JointSource::Allegro { .. } = self.source {
-            if !self.servo.is_empty() {
-                return Err(JointsConfigError::WrongTable {
-                    table: "[[joints.servo]]",
-                    source_kind: "allegro",
-                });
-            }
-            return self.allegro.as_ref().ok_or(JointsConfigError::NoAllegro)?.check();
-        }
-        if self.allegro.is_some() {
-            return Err(JointsConfigError::WrongTable {
-                table: "[joints.allegro]",
-                source_kind: "dynamixel",
-            });
-        }
-        if !(1..=MAX_JOINTS).contains(&self.servo.len()) {
-            return Err(JointsConfigError::ServoCount(self.servo.len()));
-        }
-        for (i, servo) in self.servo.iter().enumerate() {
-            let key = |name: &str| format!("servo[{i}].{name}");
-            range(key("id"), f64::from(servo.id), 0.0, 252.0, "(a servo's id)")?;
-            range(key("homing_rad"), servo.homing_rad, -1608.0, 1608.0, "rad")?;
-            if servo.direction != 1 && servo.direction != -1 {
-                return Err(JointsConfigError::Direction {
-                    id: servo.id,
-                    direction: servo.direction,
-                });
-            }
-            let before = &self.servo[..i];
-            if let Some(other) = before.iter().find(|s| s.id == servo.id) {
-                return Err(JointsConfigError::SameId {
-                    id: servo.id,
-                    first: other.name.clone(),
-                    second: servo.name.clone(),
-                });
-            }
-            if servo.name.trim().is_empty() || before.iter().any(|s| s.name == servo.name) {
-                return Err(JointsConfigError::Name {
-                    id: servo.id,
-                    name: servo.name.clone(),
-                });
-            }
-        }
-        Ok(())
+        check_range("hold_ms", self.hold_ms, 10.0..=60_000.0, "ms")?;
+        self.source.config().check()
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn read(text: &str) -> Result<JointsConfig, String> {
+        let config: JointsConfig = toml::from_str(text).map_err(|e| e.message().to_string())?;
+        config.check().map_err(|e| e.to_string())?;
+        Ok(config)
+    }
 
     const TWO: &str = r#"
         source = "dynamixel:/dev/ttyUSB0"
@@ -403,8 +193,10 @@ mod tests {
 
     #[test]
     fn a_short_table_is_read_only_at_1_mbit_s() {
-        let config: JointsConfig = toml::from_str(TWO).unwrap();
-        config.check().unwrap();
+        let config = read(TWO).unwrap();
+        let JointSource::Dynamixel(config) = config.source else {
+            panic!("{config:?}");
+        };
         assert_eq!((config.baud, config.allow_writes), (1_000_000, false));
         assert_eq!(config.fast_sync_read, FastSyncRead::Auto);
         assert_eq!((config.servo[1].direction, config.servo[1].homing_rad), (1, 0.0));
@@ -446,8 +238,7 @@ mod tests {
             } else {
                 text
             };
-            let config: JointsConfig = toml::from_str(&text).unwrap_or_else(|e| panic!("{text}: {e}"));
-            let message = config.check().unwrap_err().to_string();
+            let message = read(&text).unwrap_err();
             assert!(message.contains(words), "{to}: {message}");
         }
     }

@@ -1,26 +1,32 @@
 //! The joint angles of a robot hand: Dynamixel servos on a serial bus, and the Allegro hand on CAN.
 //!
-//! [`protocol2`] is Dynamixel Protocol 2.0 as bytes, [`bus`] decides what is asked when; neither does I/O or holds a
-//! clock. [`JointReader`] runs a bus on a real serial port in a thread of its own. [`JointHistory`] gives the angles at
-//! the instant of a tactile frame. [`AllegroDecoder`] listens to an Allegro hand.
+//! Each kind of source is a folder behind one seam ([`SourceConfig`], [`CanJoints`]); [`JointSource`] is their list.
+//! [`JointFeed`] puts their angles into tactile frames, each at the frame's own instant ([`JointHistory`]): without I/O
+//! and without a clock. [`JointReader`] is the thread that a source on a serial port is read by.
 
 mod allegro;
-pub mod bus;
+mod buses;
 mod config;
-pub mod protocol2;
-pub mod registers;
-mod serial;
+mod dynamixel;
+mod error;
+mod feed;
+mod reader;
+mod source;
 mod synchrony;
 
 pub use allegro::{
-    ALLEGRO_JOINTS, AllegroConfig, AllegroCounters, AllegroDecoder, AllegroFrame, overlapping_ids,
-    start_commands, stop_commands,
+    ALLEGRO_FINGERS, ALLEGRO_JOINTS, AllegroConfig, AllegroCounters, AllegroDecoder, AllegroFrame,
+    AllegroSource, AllegroStarter, overlapping_ids,
 };
-pub use config::{
-    FastSyncRead, JointSource, JointSourceError, JointsConfig, JointsConfigError, MAX_JOINTS, ServoConfig,
+pub use buses::{JointsBus, JointsError};
+pub use config::{JointSource, JointsConfig};
+pub use dynamixel::{
+    BusSurvey, DynamixelConfig, FastSyncRead, FoundServo, PortError, PortLatency, PortState, PortStatus,
+    SerialBus, ServoConfig, ServoReader, ServoSnapshot, StartError, SurveyedServo, bus, protocol2, registers,
+    scan, survey,
 };
-pub use serial::{
-    BusSurvey, FoundServo, JointReader, JointSnapshot, PortError, PortLatency, PortState, PortStatus,
-    SerialBus, StartError, SurveyedServo, scan, survey,
-};
+pub use error::{JointSourceError, JointsConfigError, MAX_JOINTS};
+pub use feed::{JointCommand, JointFeed, JointsSnapshot};
+pub use reader::JointReader;
+pub use source::{CanJoints, JointCount, JointReadings, SourceConfig};
 pub use synchrony::{AngleAt, EXTRAPOLATE_NS, JointHistory, interpolation_bound_rad};

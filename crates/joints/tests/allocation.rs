@@ -1,7 +1,7 @@
 //! A cycle allocates nothing, whatever its servos do.
 
 use taxel_joints::bus::{Bus, Step};
-use taxel_joints::{FastSyncRead, JointsConfig};
+use taxel_joints::{DynamixelConfig, FastSyncRead};
 use taxel_sim::servo::{ServoBuild, ServoBus, ServoFault};
 
 #[global_allocator]
@@ -17,7 +17,7 @@ fn counted<T>(count: &mut u64, f: impl FnOnce() -> T) -> T {
 #[test]
 fn no_cycle_allocates() {
     for fast in [FastSyncRead::Off, FastSyncRead::Auto] {
-        let mut config = JointsConfig::dynamixel("none", 1..=16);
+        let mut config = DynamixelConfig::new("none", 1..=16);
         config.fast_sync_read = fast;
         let mut bus = Bus::new(&config);
         let mut servos = ServoBus::new((1..=16).map(ServoBuild::new), 1_000_000);

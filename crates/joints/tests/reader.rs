@@ -6,7 +6,8 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 use taxel_joints::bus::{FastState, NoReading, WriteCommand, WriteError, WriteRefused, Written};
 use taxel_joints::{
-    AngleAt, FastSyncRead, JointReader, JointSnapshot, JointsConfig, PortState, StartError, scan, survey,
+    AngleAt, DynamixelConfig, FastSyncRead, JointHistory, JointReader, JointsConfig, PortState, ServoReader,
+    ServoSnapshot, StartError, scan, survey,
 };
 use taxel_sim::servo::{Motion, ServoBuild, ServoBus, ServoFault, ServoPty, servo_clock_ns};
 
@@ -16,15 +17,15 @@ fn pty(n: u8) -> ServoPty {
     ServoPty::open(ServoBus::new((1..=n).map(ServoBuild::new), BAUD)).unwrap()
 }
 
-fn config(path: &Path, n: u8) -> JointsConfig {
-    let mut config = JointsConfig::dynamixel(path, 1..=n);
+fn config(path: &Path, n: u8) -> DynamixelConfig {
+    let mut config = DynamixelConfig::new(path, 1..=n);
     config.rate_hz = 500.0;
     // The machine that runs the tests may be busy.
     config.answer_margin_ms = Some(50.0);
     config
 }
 
-fn eventually(reader: &JointReader, what: &str, done: impl Fn(&JointSnapshot) -> bool) -> JointSnapshot {
+fn eventually(reader: &ServoReader, what: &str, done: impl Fn(&ServoSnapshot) -> bool) -> ServoSnapshot {
     let end = Instant::now() + Duration::from_secs(20);
     loop {
         let snapshot = reader.snapshot();
@@ -40,14 +41,14 @@ fn eventually(reader: &JointReader, what: &str, done: impl Fn(&JointSnapshot) ->
     }
 }
 
-fn all_read(s: &JointSnapshot) -> bool {
+fn all_read(s: &ServoSnapshot) -> bool {
     s.results.iter().all(Result::is_ok)
 }
 
 #[test]
 fn all_joints_are_read_and_known() {
     let pty = pty(16);
-    let reader = JointReader::start(&config(pty.path(), 16)).unwrap();
+    let reader = ServoReader::start(&config(pty.path(), 16)).unwrap();
     assert_eq!(reader.names()[15], "servo 16");
     let s = eventually(&reader, "known", |s| {
         all_read(s)
@@ -72,7 +73,7 @@ fn all_joints_are_read_and_known() {
 #[test]
 fn a_servo_that_dies_and_comes_back_is_seen_as_that() {
     let pty = pty(4);
-    let reader = JointReader::start(&config(pty.path(), 4)).unwrap();
+    let reader = ServoReader::start(&config(pty.path(), 4)).unwrap();
     eventually(&reader, "read", all_read);
     pty.bus().set_fault(2, Some(ServoFault::Silent), 1);
     let s = eventually(&reader, "resting", |s| s.results[1] == Err(NoReading::Resting));
@@ -87,7 +88,7 @@ fn an_adapter_that_comes_back_under_another_number_is_found_by_its_stable_name()
     let name = folder.path().join("usb-FTDI-if00-port0");
     let first = pty(2);
     std::os::unix::fs::symlink(first.path(), &name).unwrap();
-    let reader = JointReader::start(&config(&name, 2)).unwrap();
+    let reader = ServoReader::start(&config(&name, 2)).unwrap();
     let before = eventually(&reader, "read", all_read).counters.cycles;
     // Unplugged. Another terminal takes a number first, so that the old one is not used again.
     let old = first.path().to_path_buf();
@@ -118,7 +119,7 @@ fn an_adapter_that_comes_back_under_another_number_is_found_by_its_stable_name()
 fn a_port_that_is_not_there_yet_is_opened_when_it_comes() {
     let folder = tempfile::tempdir().unwrap();
     let name = folder.path().join("later");
-    let reader = JointReader::start(&config(&name, 1)).unwrap();
+    let reader = ServoReader::start(&config(&name, 1)).unwrap();
     let pty = pty(1);
     std::os::unix::fs::symlink(pty.path(), &name).unwrap();
     eventually(&reader, "read", all_read);
@@ -139,7 +140,7 @@ fn angles_are_given_for_the_instant_that_is_asked_for() {
     let pty = ServoPty::open(ServoBus::new([build], BAUD)).unwrap();
     let mut config = config(pty.path(), 1);
     config.rate_hz = 100.0;
-    let reader = JointReader::start(&config).unwrap();
+    let reader = ServoReader::start(&config).unwrap();
     eventually(&reader, "read often", |s| {
         s.servos[0].counters.ok > 60 && s.servos[0].identity.is_some()
     });
@@ -174,7 +175,7 @@ fn commands_need_the_configuration_s_consent() {
     let pty = pty(2);
     let mut config = config(pty.path(), 2);
     {
-        let reader = JointReader::start(&config).unwrap();
+        let reader = ServoReader::start(&config).unwrap();
         assert_eq!(
             reader.command(0, WriteCommand::Torque(true)),
             Err(WriteRefused::ReadOnly)
@@ -182,7 +183,7 @@ fn commands_need_the_configuration_s_consent() {
     }
     config.allow_writes = true;
     config.watchdog_ms = 2000;
-    let reader = JointReader::start(&config).unwrap();
+    let reader = ServoReader::start(&config).unwrap();
     eventually(&reader, "read", all_read);
     assert_eq!(
         reader.command(2, WriteCommand::Torque(true)),
@@ -231,17 +232,40 @@ fn clients_come_and_go() {
     for fast in [FastSyncRead::Off, FastSyncRead::On, FastSyncRead::Auto] {
         let mut config = config(pty.path(), 2);
         config.fast_sync_read = fast;
-        let reader = JointReader::start(&config).unwrap();
+        let reader = ServoReader::start(&config).unwrap();
         eventually(&reader, "read", all_read);
     }
 }
 
 #[test]
-fn what_cannot_be_started_says_why() {
-    let config: JointsConfig = toml::from_str("source = \"allegro:can2\"\nallegro.version = 4").unwrap();
-    assert!(matches!(JointReader::start(&config), Err(StartError::NotSerial)));
+fn readings_are_copied_when_there_are_others_than_before() {
+    let pty = pty(2);
+    let reader = ServoReader::start(&config(pty.path(), 2)).unwrap();
+    eventually(&reader, "all read", all_read);
+    let mut history = JointHistory::new(2, 32);
+    let mut seen = 0;
+    while seen == 0 {
+        seen = reader.try_history_since(0, &mut history);
+    }
+    assert!(history.at(0, 0).is_some() && history.at(1, 0).is_some());
+    for _ in 0..100 {
+        let mut nothing_yet = JointHistory::new(2, 32);
+        let now = reader.try_history_since(seen, &mut nothing_yet);
+        assert_eq!(nothing_yet.at(0, 0).is_some(), now > seen);
+    }
+}
+
+#[test]
+fn what_needs_no_thread_gets_none_and_what_cannot_be_started_says_why() {
+    let hand: JointsConfig = toml::from_str("source = \"allegro:can2\"\nallegro.version = 4").unwrap();
+    assert!(JointReader::start(&hand, || {}).unwrap().is_none());
     let none = JointsConfig::dynamixel("/dev/null", []);
-    assert!(matches!(JointReader::start(&none), Err(StartError::Config(_))));
+    assert!(matches!(
+        JointReader::start(&none, || {}),
+        Err(StartError::Config(_))
+    ));
+    let none = DynamixelConfig::new("/dev/null", []);
+    assert!(matches!(ServoReader::start(&none), Err(StartError::Config(_))));
 }
 
 #[test]

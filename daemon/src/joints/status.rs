@@ -1,37 +1,21 @@
 //! The joints in the `status` reply.
 
-use super::JointsSnapshot;
+use super::{JointsView, SourceView};
 use serde_json::{Value, json};
 use taxel_joints::bus::{FastState, ServoState};
-use taxel_joints::{JointSnapshot, JointSource, JointsConfig, PortState, PortStatus};
+use taxel_joints::{
+    ALLEGRO_FINGERS, AllegroSource, DynamixelConfig, JointsConfig, JointsSnapshot, PortState, PortStatus,
+    ServoSnapshot,
+};
 
-/// A finger that is silent for so long counts as gone, nanoseconds.
-pub(crate) const FINGER_SILENT_NS: u64 = 500_000_000;
-
-/// What is known of the joints at one instant.
-#[derive(Debug, Clone)]
-pub(crate) struct JointsView {
-    /// The pipeline's clock, nanoseconds.
-    pub(crate) now_ns: u64,
-    /// From the tick thread.
-    pub(crate) tick: JointsSnapshot,
-    /// From the thread that reads servos, where there are any.
-    pub(crate) servos: Option<(JointSnapshot, PortStatus)>,
-}
-
-impl JointsView {
-    /// Cycles of the servos, or position frames of the hand's finger that has sent most.
-    pub(crate) fn cycles(&self) -> u64 {
-        match &self.servos {
-            Some((snapshot, _)) => snapshot.counters.cycles,
-            None => self.tick.hand.positions.into_iter().max().unwrap_or(0),
+/// How many angles are known, for the line of `systemctl status`; empty where no joints are read.
+pub(crate) fn summary(joints: &JointsSnapshot) -> String {
+    match joints.angles.len() {
+        0 => String::new(),
+        all => {
+            let known = joints.angles.iter().filter(|angle| angle.is_finite()).count();
+            format!(", {known}/{all} joints")
         }
-    }
-
-    /// Whether a finger of an Allegro hand (0 to 3) was heard lately; `None` if it never was.
-    pub(crate) fn finger_speaks(&self, finger: usize) -> Option<bool> {
-        let heard_ns = self.tick.finger_ns[finger]?;
-        Some(self.now_ns.saturating_sub(heard_ns) < FINGER_SILENT_NS)
     }
 }
 
@@ -57,13 +41,17 @@ pub(crate) fn status(
 }
 
 fn of_source(config: &JointsConfig, view: &JointsView, cycle_hz: f64) -> Value {
-    match (&config.source, &view.servos) {
-        (JointSource::Dynamixel { .. }, Some((snapshot, port))) => {
-            servos(config, view, snapshot, port, cycle_hz)
-        }
-        (JointSource::Allegro { .. }, _) => hand(config, view, cycle_hz),
-        (JointSource::Dynamixel { .. }, None) => Value::Null,
-    }
+    let mut status = match view.of(config) {
+        Some(SourceView::Servos {
+            config,
+            snapshot,
+            port,
+        }) => servos(config, view, snapshot, port, cycle_hz),
+        Some(SourceView::Hand(source)) => hand(source, &config.joint_names(), view, cycle_hz),
+        None => return Value::Null,
+    };
+    status["source"] = json!(config.source.to_string());
+    status
 }
 
 /// An angle of the newest frame and its age; null where unknown.
@@ -74,9 +62,9 @@ fn angle(view: &JointsView, joint: usize) -> (Option<f32>, Option<f64>) {
 }
 
 fn servos(
-    config: &JointsConfig,
+    config: &DynamixelConfig,
     view: &JointsView,
-    snapshot: &JointSnapshot,
+    snapshot: &ServoSnapshot,
     port: &PortStatus,
     cycle_hz: f64,
 ) -> Value {
@@ -119,7 +107,6 @@ fn servos(
         })
         .collect::<Vec<_>>();
     json!({
-        "source": config.source.to_string(),
         "state": state,
         "reason": reason,
         "device": port.device.as_ref().map(|device| device.display().to_string()),
@@ -157,19 +144,19 @@ fn fast_words(fast: FastState) -> &'static str {
     }
 }
 
-fn hand(config: &JointsConfig, view: &JointsView, cycle_hz: f64) -> Value {
-    let tick = &view.tick;
-    let heard = (0..4)
+fn hand(source: &AllegroSource, names: &[String], view: &JointsView, cycle_hz: f64) -> Value {
+    let counts = &view.tick.counts;
+    let heard = (0..ALLEGRO_FINGERS.len())
         .filter(|finger| view.finger_speaks(*finger) == Some(true))
         .count();
-    let state = match (tick.link, heard) {
-        (taxel_can::LinkState::Up, 0) if tick.finger_ns.iter().all(Option::is_none) => "waiting",
+    let state = match (view.link, heard) {
+        (taxel_can::LinkState::Up, 0) if counts.iter().all(|count| count.heard_ns.is_none()) => "waiting",
         (taxel_can::LinkState::Up, 0) => "gone",
         (taxel_can::LinkState::Up, _) => "connected",
         _ => "gone",
     };
-    let own_bus = config.allegro.as_ref().is_some_and(|hand| hand.own_bus);
-    let joints = (config.joint_names().iter().enumerate())
+    let own_bus = source.hand.as_ref().is_some_and(|hand| hand.own_bus);
+    let joints = (names.iter().enumerate())
         .map(|(i, name)| {
             let (angle_rad, age_ms) = angle(view, i);
             let state = match view.finger_speaks(i / 4) {
@@ -181,19 +168,18 @@ fn hand(config: &JointsConfig, view: &JointsView, cycle_hz: f64) -> Value {
         })
         .collect::<Vec<_>>();
     json!({
-        "source": config.source.to_string(),
         "state": state,
-        "version": config.allegro.as_ref().map(|hand| hand.version),
-        "link": tick.link.to_string(),
+        "version": source.hand.as_ref().map(|hand| hand.version),
+        "link": view.link.to_string(),
         "cycle_hz": cycle_hz,
         "writes": if own_bus { "start and stop of the hand" } else { "never" },
-        "positions": tick.hand.positions,
-        "malformed": tick.hand.malformed,
-        "received": tick.source.received,
-        "lost_in_kernel": tick.source.lost_in_kernel,
-        "undecodable": tick.source.undecodable,
-        "reopens": tick.source.reopens,
-        "sent": tick.source.sent,
+        "positions": counts.iter().step_by(4).map(|count| count.readings).collect::<Vec<_>>(),
+        "malformed": view.tick.malformed,
+        "received": view.source.received,
+        "lost_in_kernel": view.source.lost_in_kernel,
+        "undecodable": view.source.undecodable,
+        "reopens": view.source.reopens,
+        "sent": view.source.sent,
         "joints": joints,
     })
 }

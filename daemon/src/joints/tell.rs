@@ -1,10 +1,10 @@
 //! What the log says of the joints while all is well: a port that is open, who answers, how they answer. What is wrong is
 //! among the problems.
 
-use super::JointsView;
+use super::{JointsView, SourceView};
 use taxel_can::LinkState;
 use taxel_joints::bus::{FastState, ServoState};
-use taxel_joints::{JointSource, JointsConfig, PortState};
+use taxel_joints::{ALLEGRO_FINGERS, DynamixelConfig, JointsConfig, PortState, PortStatus, ServoSnapshot};
 
 /// How long after a port or a link came up every joint should have been heard, nanoseconds.
 const ROLL_CALL_NS: u64 = 2_000_000_000;
@@ -34,17 +34,26 @@ impl Told {
     /// What is new since the last call.
     pub(crate) fn news(&mut self, config: &JointsConfig, view: &JointsView) -> Vec<(Weight, String)> {
         let mut news = Vec::new();
-        match &config.source {
-            JointSource::Dynamixel { .. } => self.of_servos(config, view, &mut news),
-            JointSource::Allegro { bus } => self.of_hand(&bus.to_string(), view, &mut news),
+        match view.of(config) {
+            Some(SourceView::Servos {
+                config,
+                snapshot,
+                port,
+            }) => self.of_servos(config, snapshot, port, view.now_ns, &mut news),
+            Some(SourceView::Hand(hand)) => self.of_hand(&hand.bus.to_string(), view, &mut news),
+            None => {}
         }
         news
     }
 
-    fn of_servos(&mut self, config: &JointsConfig, view: &JointsView, news: &mut Vec<(Weight, String)>) {
-        let Some((snapshot, port)) = &view.servos else {
-            return;
-        };
+    fn of_servos(
+        &mut self,
+        config: &DynamixelConfig,
+        snapshot: &ServoSnapshot,
+        port: &PortStatus,
+        now_ns: u64,
+        news: &mut Vec<(Weight, String)>,
+    ) {
         let path = port.path.display();
         if port.state != PortState::Open {
             self.roll_call_ns = None;
@@ -60,10 +69,10 @@ impl Told {
                 format!("joints: {path}{device} {verb} at {baud} bit/s"),
             ));
             self.opened = port.opened;
-            self.roll_call_ns = Some(view.now_ns + ROLL_CALL_NS);
+            self.roll_call_ns = Some(now_ns + ROLL_CALL_NS);
         }
         let answer = snapshot.servos.iter().filter(|s| s.alive).count();
-        self.call_roll(answer, snapshot.servos.len(), "servos answer", view.now_ns, news);
+        self.call_roll(answer, snapshot.servos.len(), "servos answer", now_ns, news);
         if self.fast != Some(snapshot.fast) && snapshot.fast != FastState::Probing {
             self.fast = Some(snapshot.fast);
             match snapshot.fast {
@@ -90,7 +99,7 @@ impl Told {
     }
 
     fn of_hand(&mut self, bus: &str, view: &JointsView, news: &mut Vec<(Weight, String)>) {
-        let up = view.tick.link == LinkState::Up;
+        let up = view.link == LinkState::Up;
         if up && !self.up {
             news.push((Weight::Info, format!("joints: the hand's bus {bus} is up")));
             self.roll_call_ns = Some(view.now_ns + ROLL_CALL_NS);
@@ -100,8 +109,11 @@ impl Told {
             self.roll_call_ns = None;
             return;
         }
-        let speak = (0..4).filter(|f| view.finger_speaks(*f) == Some(true)).count();
-        self.call_roll(speak, 4, "fingers send their angles", view.now_ns, news);
+        let fingers = ALLEGRO_FINGERS.len();
+        let speak = (0..fingers)
+            .filter(|f| view.finger_speaks(*f) == Some(true))
+            .count();
+        self.call_roll(speak, fingers, "fingers send their angles", view.now_ns, news);
     }
 
     /// Says, some time after a port or a bus came up, how many are heard.
@@ -140,7 +152,7 @@ fn long_delays(names: &[String], servos: &[ServoState]) -> Option<(Weight, Strin
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::joints::test_views::{S, allegro, away, open, servo, servos};
+    use crate::joints::test_views::{S, allegro, away, finger, open, servo, servos};
     use taxel_joints::bus::ServoIdentity;
 
     /// What is said at this moment: each sentence must hold its words, in order, and there must be no other.
@@ -205,10 +217,10 @@ mod tests {
         let (config, mut view) = allegro();
         let mut told = Told::default();
         says(&mut told, &config, &view, &[]);
-        view.tick.link = LinkState::Up;
+        view.link = LinkState::Up;
         says(&mut told, &config, &view, &[&["can:can2 is up"]]);
         view.now_ns += 2 * S;
-        view.tick.finger_ns[..3].fill(Some(view.now_ns));
+        (0..3).for_each(|f| finger(&mut view, f));
         says(
             &mut told,
             &config,

@@ -1,8 +1,12 @@
 //! Views of joints for tests.
 
-use super::{JointsSnapshot, JointsView};
+use super::JointsView;
+use taxel_can::{LinkState, SourceCounters};
 use taxel_joints::bus::{BusCounters, FastState, NoReading, ServoState};
-use taxel_joints::{AllegroConfig, JointSnapshot, JointsConfig, PortLatency, PortState, PortStatus};
+use taxel_joints::{
+    AllegroConfig, AllegroSource, JointSource, JointsConfig, JointsSnapshot, PortLatency, PortState,
+    PortStatus, ServoSnapshot,
+};
 
 pub(crate) const S: u64 = 1_000_000_000;
 
@@ -10,7 +14,7 @@ pub(crate) const S: u64 = 1_000_000_000;
 pub(crate) fn servos(n: u8) -> (JointsConfig, JointsView) {
     let config = JointsConfig::dynamixel("/dev/servos", 1..=n);
     let n = usize::from(n);
-    let snapshot = JointSnapshot {
+    let snapshot = ServoSnapshot {
         results: vec![Err(NoReading::NotAsked); n],
         servos: vec![ServoState::default(); n],
         counters: BusCounters::default(),
@@ -26,6 +30,8 @@ pub(crate) fn servos(n: u8) -> (JointsConfig, JointsView) {
     let view = JointsView {
         now_ns: S,
         tick: JointsSnapshot::new(n),
+        source: SourceCounters::default(),
+        link: LinkState::default(),
         servos: Some((snapshot, port)),
     };
     (config, view)
@@ -33,10 +39,11 @@ pub(crate) fn servos(n: u8) -> (JointsConfig, JointsView) {
 
 /// An Allegro hand on a bus that is not there.
 pub(crate) fn allegro() -> (JointsConfig, JointsView) {
-    let (mut config, mut view) = servos(1);
-    config.source = "allegro:can2".parse().expect("a source");
-    config.allegro = Some(AllegroConfig::new(4));
-    config.servo.clear();
+    let (_, mut view) = servos(1);
+    let config = JointsConfig::new(JointSource::Allegro(AllegroSource {
+        bus: "can:can2".parse().expect("a bus"),
+        hand: Some(AllegroConfig::new(4)),
+    }));
     view.servos = None;
     view.tick = JointsSnapshot::new(16);
     (config, view)
@@ -66,4 +73,12 @@ pub(crate) fn away(view: &mut JointsView) {
 
 pub(crate) fn servo(view: &mut JointsView, joint: usize) -> &mut ServoState {
     &mut view.servos.as_mut().expect("servos").0.servos[joint]
+}
+
+/// A finger of an Allegro hand sends its angles now.
+pub(crate) fn finger(view: &mut JointsView, finger: usize) {
+    for count in &mut view.tick.counts[4 * finger..4 * finger + 4] {
+        count.readings += 1;
+        count.heard_ns = Some(view.now_ns);
+    }
 }

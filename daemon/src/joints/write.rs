@@ -3,7 +3,7 @@
 use serde::Deserialize;
 use std::time::Duration;
 use taxel_joints::bus::{WriteCommand, WriteError, WriteRefused};
-use taxel_joints::{JointReader, JointSource, JointsConfig, PortState};
+use taxel_joints::{DynamixelConfig, JointReader, JointSource, JointsConfig, PortState};
 
 /// What a servo is to do; one of both.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -23,13 +23,16 @@ const LOOK: Duration = Duration::from_millis(2);
 /// Has a servo told something, and waits until it has confirmed it; says why if not.
 pub(crate) async fn write(
     config: Option<&JointsConfig>,
-    servos: Option<&JointReader>,
+    reader: Option<&JointReader>,
     request: &ServoRequest,
 ) -> Result<(), String> {
-    let (config, servos) = match (config, servos) {
-        (Some(config), Some(servos)) => (config, servos),
-        (Some(config), None) if matches!(config.source, JointSource::Allegro { .. }) => {
-            return Err("an Allegro hand is listened to only; torque is its own driver's".into());
+    let (config, servos) = match (config.map(|config| &config.source), reader) {
+        (Some(JointSource::Dynamixel(config)), Some(JointReader::Servos(servos))) => (config, servos),
+        (Some(source), None) => {
+            let what = source.config().device();
+            return Err(format!(
+                "an {what} is listened to only; torque is its own driver's"
+            ));
         }
         _ => return Err("there are no servos; the configuration has no table [joints]".into()),
     };
@@ -71,7 +74,7 @@ pub(crate) async fn write(
 }
 
 /// Which servo, by its index, and what it is told.
-fn command(config: &JointsConfig, request: &ServoRequest) -> Result<(usize, WriteCommand), String> {
+fn command(config: &DynamixelConfig, request: &ServoRequest) -> Result<(usize, WriteCommand), String> {
     let name = &request.joint;
     let Some(joint) = config.servo.iter().position(|servo| servo.name == *name) else {
         let names = config.joint_names().join(", ");
@@ -103,7 +106,7 @@ mod tests {
 
     #[test]
     fn a_request_becomes_a_command_in_the_servo_s_own_direction() {
-        let mut config = JointsConfig::dynamixel("/dev/servos", [7, 9]);
+        let mut config = DynamixelConfig::new("/dev/servos", [7, 9]);
         config.servo[1].direction = -1;
         let cases = [
             (

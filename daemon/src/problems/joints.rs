@@ -1,11 +1,14 @@
 //! What is wrong with the joints: the serial port, each servo, an Allegro hand.
 
 use super::{Kind, Look, Place, Problem};
-use crate::joints::JointsView;
+use crate::joints::{JointsView, SourceView};
 use taxel_can::{BusState, LinkState};
 use taxel_joints::bus::{ServoCounters, ServoState};
 use taxel_joints::registers::HardwareError;
-use taxel_joints::{JointSnapshot, JointSource, JointsConfig, PortLatency, PortState, PortStatus};
+use taxel_joints::{
+    ALLEGRO_FINGERS, AllegroSource, DynamixelConfig, JointsConfig, PortLatency, PortState, PortStatus,
+    ServoSnapshot,
+};
 
 /// A servo that does not answer for so long is silent; one that was not heard since the port was opened is given longer.
 const SILENT_NS: u64 = 200_000_000;
@@ -20,8 +23,6 @@ const SHARE: u64 = 5;
 /// Degrees Celsius from which a servo is too hot, and down to which it stays so. It switches itself off at 80.
 const HOT_C: u8 = 70;
 const HOT_ON_C: u8 = 65;
-
-const FINGERS: [&str; 4] = ["index", "middle", "ring", "thumb"];
 
 /// How often each thing happened to servos, at one look.
 #[derive(Debug, Default, Clone)]
@@ -117,18 +118,21 @@ pub(super) struct Judge<'a> {
 impl Judge<'_> {
     pub(super) fn judge(&self, patience: &mut Patience, found: &mut Vec<Problem>) {
         let unknown = patience.unknown(self.view);
-        match (&self.config.source, &self.view.servos) {
-            (JointSource::Dynamixel { .. }, Some((snapshot, port))) => {
-                self.servos(snapshot, port, &unknown, patience, found);
-            }
-            (JointSource::Dynamixel { .. }, None) => {}
-            (JointSource::Allegro { bus }, _) => self.hand(&bus.to_string(), patience, found),
+        match self.view.of(self.config) {
+            Some(SourceView::Servos {
+                config,
+                snapshot,
+                port,
+            }) => self.servos(config, snapshot, port, &unknown, patience, found),
+            Some(SourceView::Hand(hand)) => self.hand(hand, patience, found),
+            None => {}
         }
     }
 
     fn servos(
         &self,
-        snapshot: &JointSnapshot,
+        config: &DynamixelConfig,
+        snapshot: &ServoSnapshot,
         port: &PortStatus,
         unknown: &[bool],
         patience: &mut Patience,
@@ -152,16 +156,18 @@ impl Judge<'_> {
         let mut own: Vec<Problem> = Vec::new();
         let all = silent.len() > 1 && silent.iter().all(|silent| *silent);
         if all {
-            found.push(self.silent_servos());
+            found.push(self.silent_servos(config.baud));
         }
         for (joint, servo) in snapshot.servos.iter().enumerate() {
+            let name =
+                (config.servo.get(joint)).map_or_else(String::new, |s| format!("{} (id {})", s.name, s.id));
             let quiet = Quiet {
                 silent: silent[joint],
                 told: all,
                 heard: patience.heard[joint],
                 unknown: unknown[joint] && patience.heard[joint] && late_fast == 0,
             };
-            self.one_servo(joint, servo, &quiet, port, &mut own);
+            self.one_servo(joint, &name, servo, &quiet, port, &mut own);
         }
         for problem in own.iter().filter(|p| p.kind != "joint-stale") {
             if let Place::Joint(joint) = problem.place {
@@ -202,12 +208,13 @@ impl Judge<'_> {
     fn one_servo(
         &self,
         joint: usize,
+        name: &str,
         servo: &ServoState,
         quiet: &Quiet,
         port: &PortStatus,
         found: &mut Vec<Problem>,
     ) {
-        let (name, place) = (self.named(joint), Place::Joint(joint));
+        let place = Place::Joint(joint);
         let before = self.before.servos.get(joint).copied().unwrap_or(servo.counters);
         let since = |count: fn(&ServoCounters) -> u64| count(&servo.counters).saturating_sub(count(&before));
         let (late, damaged) = (since(|c| c.late), since(|c| c.bad_crc));
@@ -253,7 +260,7 @@ impl Judge<'_> {
         if quiet.unknown && !quiet.silent && found.len() == count {
             found.push(self.stale(joint));
         }
-        found.extend(of_state(&name, place, servo, (self.has)("servo-hot", place)));
+        found.extend(of_state(name, place, servo, (self.has)("servo-hot", place)));
     }
 
     /// How many there must be of something for a problem: one is enough to keep it up.
@@ -265,21 +272,15 @@ impl Judge<'_> {
         }
     }
 
-    /// `joint 5 (id 5)`.
-    fn named(&self, joint: usize) -> String {
-        let servo = self.config.servo.get(joint);
-        servo.map_or_else(String::new, |s| format!("{} (id {})", s.name, s.id))
-    }
-
-    fn silent_servos(&self) -> Problem {
+    fn silent_servos(&self, baud: u32) -> Problem {
         Problem {
             severe: true,
             ..of_joints(
                 "servos-silent",
                 Place::Joints,
                 format!(
-                    "no servo answers; check their supply and the cable, and that they are set to baud = {} (`taxel doctor --joints {}` looks for others). They are asked again twice a second",
-                    self.config.baud, self.config.source
+                    "no servo answers; check their supply and the cable, and that they are set to baud = {baud} (`taxel doctor --joints {}` looks for others). They are asked again twice a second",
+                    self.config.source
                 ),
                 "servos answer".into(),
             )
@@ -306,11 +307,11 @@ impl Judge<'_> {
         )
     }
 
-    fn hand(&self, bus: &str, patience: &mut Patience, found: &mut Vec<Problem>) {
-        let view = self.view;
-        let shared = crate::joints::hand_bus(self.look.config).is_some_and(|bus| bus.shared);
-        let link = view.tick.link;
-        let off = view.tick.source.bus_state == BusState::BusOff;
+    fn hand(&self, hand: &AllegroSource, patience: &mut Patience, found: &mut Vec<Problem>) {
+        let (view, bus) = (self.view, &hand.bus.to_string());
+        let shared = self.look.config.joints_bus().is_some_and(|bus| bus.shared);
+        let link = view.link;
+        let off = view.source.bus_state == BusState::BusOff;
         if link != LinkState::Up || off {
             patience.there_ns = None;
             // That of a skin's bus is told of the bus.
@@ -319,11 +320,11 @@ impl Judge<'_> {
             }
             return;
         }
-        patience.begin(0, FINGERS.len(), view.now_ns);
-        let silent: Vec<bool> = (0..FINGERS.len())
+        patience.begin(0, ALLEGRO_FINGERS.len(), view.now_ns);
+        let silent: Vec<bool> = (0..ALLEGRO_FINGERS.len())
             .map(|f| patience.is_silent(f, view.finger_speaks(f) == Some(true), view.now_ns))
             .collect();
-        let own = self.config.allegro.as_ref().is_some_and(|hand| hand.own_bus);
+        let own = hand.hand.as_ref().is_some_and(|hand| hand.own_bus);
         let what = if own {
             "check its power, cable and version. It is started again every second"
         } else {
@@ -341,7 +342,11 @@ impl Judge<'_> {
             });
             return;
         }
-        for (finger, name) in FINGERS.iter().enumerate().filter(|(finger, _)| silent[*finger]) {
+        for (finger, name) in ALLEGRO_FINGERS
+            .iter()
+            .enumerate()
+            .filter(|(finger, _)| silent[*finger])
+        {
             found.push(of_joints(
                 "finger-silent",
                 Place::Joint(4 * finger),

@@ -330,7 +330,7 @@ fn errors_on_the_bus_are_told_with_what_to_look_at() {
 
 mod joints {
     use super::*;
-    use crate::joints::test_views::{S, allegro, away, open, servo, servos};
+    use crate::joints::test_views::{S, allegro, away, finger, open, servo, servos};
     use taxel_joints::JointsConfig;
     use taxel_joints::registers::HardwareError;
 
@@ -564,7 +564,7 @@ mod joints {
         let mut bench = JointsBench::new(allegro());
         bench.pass(500, |_| {});
         bench.said(&[&["the hand's bus can:can2 is not there", "unknown joint angles"]]);
-        bench.pass(900, |view| view.tick.link = LinkState::Up);
+        bench.pass(900, |view| view.link = LinkState::Up);
         bench.said(&[&["can:can2 is up"]]);
         bench.pass(500, |_| {});
         bench.said(&[&[
@@ -573,9 +573,7 @@ mod joints {
         ]]);
         let speak = |view: &mut JointsView, fingers: &[usize]| {
             view.tick.angles.fill(0.0);
-            fingers
-                .iter()
-                .for_each(|f| view.tick.finger_ns[*f] = Some(view.now_ns));
+            fingers.iter().for_each(|f| finger(view, *f));
         };
         bench.pass(1500, |view| speak(view, &[0, 1, 2, 3]));
         bench.said(&[&["can:can2 sends its angles"]]);

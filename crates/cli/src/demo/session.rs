@@ -7,7 +7,7 @@ use anyhow::Context;
 use std::path::PathBuf;
 use std::time::Instant;
 use taxel_can::SourceAddress;
-use taxel_joints::{JointSource, JointsConfig};
+use taxel_joints::{DynamixelConfig, JointSource, JointsConfig};
 use taxel_sim::Scene;
 use taxel_sim::servo::{ServoBus, ServoPty, servos_of_scene};
 use taxel_skin::Layout;
@@ -112,16 +112,14 @@ impl Control {
 /// Simulated servos that close the fingers as the scene has it, and their configuration.
 fn servos(scene: &Scene, layout: &Layout, config: &mut Config) -> anyhow::Result<ServoPty> {
     let servos = servos_of_scene(scene, layout, taxel_can::monotonic_ns());
-    let mut joints = JointsConfig::dynamixel("", servos.iter().map(|servo| servo.build.id));
+    let mut joints = DynamixelConfig::new("", servos.iter().map(|servo| servo.build.id));
     for (joint, servo) in joints.servo.iter_mut().zip(&servos) {
         joint.name.clone_from(&servo.name);
     }
     let bus = ServoBus::new(servos.into_iter().map(|servo| servo.build), SERVO_BAUD);
     let servos = ServoPty::open(bus).context("a pseudo terminal for the servos")?;
     joints.baud = SERVO_BAUD;
-    joints.source = JointSource::Dynamixel {
-        path: servos.path().into(),
-    };
-    config.joints = Some(joints);
+    joints.path = servos.path().into();
+    config.joints = Some(JointsConfig::new(JointSource::Dynamixel(joints)));
     Ok(servos)
 }

@@ -3,14 +3,13 @@
 use super::ears::{Ears, Listener};
 use super::finding::Check;
 use crate::interrupt::Interrupt;
-use taxel_can::{Received, SourceAddress};
-use taxel_joints::{AllegroConfig, AllegroDecoder, JointsConfig};
+use taxel_can::Received;
+use taxel_joints::{ALLEGRO_FINGERS, AllegroConfig, AllegroDecoder, AllegroSource};
 
 const AREA: &str = "joints";
 /// Each finger reports every 3 ms.
 const LISTEN_NS: u64 = 500_000_000;
 const RECEIVE_BUFFER: usize = 4 << 20;
-const FINGERS: [&str; 4] = ["index", "middle", "ring", "thumb"];
 
 /// Position frames of each finger, as the frames of versions 1 to 3 and as those of version 4.
 #[derive(Debug, Default, Clone, Copy, PartialEq)]
@@ -36,14 +35,10 @@ impl Listener for Hearing {
 }
 
 /// Listens to the bus of the hand.
-pub(super) fn listen(
-    config: &JointsConfig,
-    bus: &SourceAddress,
-    interrupt: Interrupt,
-) -> anyhow::Result<AllegroFacts> {
+pub(super) fn listen(source: &AllegroSource, interrupt: Interrupt) -> anyhow::Result<AllegroFacts> {
     let decoder = |version| {
-        let of_this_hand = config
-            .allegro
+        let of_this_hand = source
+            .hand
             .as_ref()
             .filter(|c| (c.version == 4) == (version == 4));
         AllegroDecoder::new(
@@ -55,7 +50,7 @@ pub(super) fn listen(
     let mut hearing = Hearing {
         decoders: [decoder(3)?, decoder(4)?],
     };
-    let (mut ears, failures) = Ears::open(std::slice::from_ref(bus), None, RECEIVE_BUFFER, interrupt);
+    let (mut ears, failures) = Ears::open(std::slice::from_ref(&source.bus), None, RECEIVE_BUFFER, interrupt);
     if let Some((_, error)) = failures.into_iter().next() {
         return Err(error);
     }
@@ -68,8 +63,9 @@ pub(super) fn listen(
 }
 
 /// What is to be said of the hand.
-pub(super) fn check(config: &JointsConfig, object: &str, facts: &AllegroFacts) -> Check {
-    let version = config.allegro.as_ref().map(|c| c.version);
+pub(super) fn check(source: &AllegroSource, facts: &AllegroFacts) -> Check {
+    let object = &source.bus.to_string();
+    let version = source.hand.as_ref().map(|hand| hand.version);
     let [older, four] = facts.positions;
     let speaks = |fingers: [u64; 4]| fingers.iter().all(|n| *n > 0);
     let (own, other) = if version == Some(4) {
@@ -97,7 +93,7 @@ pub(super) fn check(config: &JointsConfig, object: &str, facts: &AllegroFacts) -
         .wanted(version.map_or("a version".into(), |v| format!("version {v}")))
         .advise(format!("write [joints.allegro] version = {is}"));
     }
-    let silent: Vec<&str> = FINGERS
+    let silent: Vec<&str> = ALLEGRO_FINGERS
         .into_iter()
         .zip(own)
         .filter(|(_, n)| *n == 0)
@@ -118,8 +114,10 @@ mod tests {
 
     #[test]
     fn fingers_that_report_are_told_from_silent_ones_and_from_another_version() {
-        let mut config = JointsConfig::dynamixel("", []);
-        config.allegro = Some(AllegroConfig::new(4));
+        let source = AllegroSource {
+            bus: "can:can2".parse().unwrap(),
+            hand: Some(AllegroConfig::new(4)),
+        };
         let all = [150; 4];
         for (positions, state, words) in [
             ([[0; 4], all], State::Ok, "300 times a second"),
@@ -135,7 +133,7 @@ mod tests {
                 positions,
                 seconds: 0.5,
             };
-            let check = check(&config, "can:can2", &facts);
+            let check = check(&source, &facts);
             assert_eq!(check.state, state, "{check:?}");
             assert!(check.found.contains(words), "{check:?}");
         }

@@ -4,7 +4,7 @@ use crate::input::DEFAULT_LAYOUT;
 use anyhow::{Context, bail};
 use std::path::{Path, PathBuf};
 use taxel_can::SourceAddress;
-use taxel_joints::{JointSource, JointsConfig};
+use taxel_joints::{DynamixelConfig, JointSource, JointsConfig};
 use taxel_skin::Layout;
 use taxeld::Config;
 
@@ -112,17 +112,17 @@ impl Args {
         let Some(source) = &self.joints else {
             return Ok(None);
         };
-        let JointSource::Dynamixel { path } = source else {
-            let mut config = JointsConfig::dynamixel("", []);
-            config.source = source.clone();
-            return Ok(Some(config));
+        let JointSource::Dynamixel(servos) = source else {
+            return Ok(Some(JointsConfig::new(source.clone())));
         };
         let ids = self
             .ids
             .as_deref()
             .context("--joints dynamixel: needs --ids, such as --ids 1-16")?;
-        let mut config = JointsConfig::dynamixel(path, parse_ids(ids)?);
-        config.baud = self.baud;
+        let config = JointsConfig::new(JointSource::Dynamixel(DynamixelConfig {
+            baud: self.baud,
+            ..DynamixelConfig::new(&servos.path, parse_ids(ids)?)
+        }));
         config.check()?;
         Ok(Some(config))
     }

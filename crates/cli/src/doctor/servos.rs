@@ -2,10 +2,9 @@
 
 use super::finding::{Check, State};
 use std::collections::BTreeSet;
-use std::path::Path;
 use taxel_joints::bus::wire_ns;
 use taxel_joints::registers::{Model, baud_of};
-use taxel_joints::{BusSurvey, JointsConfig, SurveyedServo};
+use taxel_joints::{BusSurvey, DynamixelConfig, SurveyedServo};
 
 const AREA: &str = "servos";
 /// A servo that waits longer than this before it answers was never set up for being asked often.
@@ -26,9 +25,9 @@ pub(super) struct ServoFacts {
 }
 
 /// What is to be said of the servos.
-pub(super) fn check(config: &JointsConfig, path: &Path, facts: &ServoFacts) -> Vec<Check> {
+pub(super) fn check(config: &DynamixelConfig, facts: &ServoFacts) -> Vec<Check> {
     let survey = &facts.survey;
-    let port = path.display().to_string();
+    let port = config.path.display().to_string();
     let write = |id: u8, call: &str| {
         format!(
             "python3 -c \"from dynamixel_sdk import *; p = PortHandler('{port}'); p.openPort(); \
@@ -103,7 +102,7 @@ pub(super) fn check(config: &JointsConfig, path: &Path, facts: &ServoFacts) -> V
 fn check_servo(
     servo: &SurveyedServo,
     object: String,
-    config: &JointsConfig,
+    config: &DynamixelConfig,
     write: &impl Fn(u8, &str) -> String,
 ) -> Vec<Check> {
     let id = servo.id;
@@ -228,7 +227,7 @@ fn by_name(mut checks: Vec<Check>) -> Vec<Check> {
 }
 
 /// Whether the servos can be read as often as the configuration wants.
-fn check_cycle(config: &JointsConfig, port: &str, survey: &BusSurvey) -> Check {
+fn check_cycle(config: &DynamixelConfig, port: &str, survey: &BusSurvey) -> Check {
     let n = config.servo.len();
     let bytes = 14 + n + n * (11 + CYCLE_BYTES);
     let delays_us: u64 = survey
@@ -294,17 +293,13 @@ mod tests {
     }
 
     fn checks(servos: Vec<SurveyedServo>, elsewhere: Vec<(u32, Vec<u8>)>) -> Vec<Check> {
-        let config = JointsConfig::dynamixel("/dev/ttyUSB0", 1..=2);
+        let config = DynamixelConfig::new("/dev/ttyUSB0", 1..=2);
         let survey = BusSurvey {
             servos,
             damaged: 0,
             latency: PortLatency::default(),
         };
-        check(
-            &config,
-            Path::new("/dev/ttyUSB0"),
-            &ServoFacts { survey, elsewhere },
-        )
+        check(&config, &ServoFacts { survey, elsewhere })
     }
 
     fn changed(change: impl FnOnce(&mut SurveyedServo)) -> Vec<Check> {
@@ -424,7 +419,7 @@ mod tests {
 
     #[test]
     fn a_cycle_that_is_too_long_for_the_rate_is_told() {
-        let mut config = JointsConfig::dynamixel("p", 1..=16);
+        let mut config = DynamixelConfig::new("p", 1..=16);
         config.baud = 57_600;
         let slow: Vec<SurveyedServo> = (1..=16)
             .map(|id| {

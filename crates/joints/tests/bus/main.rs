@@ -6,7 +6,7 @@ mod writes;
 use taxel_joints::bus::{Bus, FastState, NoReading, Step, wire_ns};
 use taxel_joints::protocol2::StatusError;
 use taxel_joints::registers::{HardwareError, angle_rad};
-use taxel_joints::{FastSyncRead, JointsConfig};
+use taxel_joints::{DynamixelConfig, FastSyncRead};
 use taxel_sim::servo::{AfterSilence, Motion, ServoBuild, ServoBus, ServoFault};
 
 const BAUD: u32 = 1_000_000;
@@ -23,7 +23,7 @@ struct World {
 }
 
 impl World {
-    fn new(config: &JointsConfig, builds: impl IntoIterator<Item = ServoBuild>) -> Self {
+    fn new(config: &DynamixelConfig, builds: impl IntoIterator<Item = ServoBuild>) -> Self {
         config.check().unwrap();
         Self {
             bus: Bus::new(config),
@@ -35,7 +35,7 @@ impl World {
     }
 
     fn of(n: u8, fast: FastSyncRead) -> Self {
-        let mut config = JointsConfig::dynamixel("none", 1..=n);
+        let mut config = DynamixelConfig::new("none", 1..=n);
         config.fast_sync_read = fast;
         Self::new(&config, (1..=n).map(ServoBuild::new))
     }
@@ -274,7 +274,7 @@ fn a_late_answer_is_never_taken_for_a_new_one() {
     for fast in [FastSyncRead::Off, FastSyncRead::Auto] {
         for n in [1, 2, 5] {
             for by_us in (500..30_000).step_by(370) {
-                let mut config = JointsConfig::dynamixel("none", 1..=n);
+                let mut config = DynamixelConfig::new("none", 1..=n);
                 config.fast_sync_read = fast;
                 let mut w = World::new(&config, clocks(n));
                 w.cycles(3);
@@ -308,7 +308,7 @@ fn a_late_answer_is_never_taken_for_a_new_one() {
 
 #[test]
 fn readings_carry_the_time_of_their_servo() {
-    let mut w = World::new(&JointsConfig::dynamixel("none", 1..=8), clocks(8));
+    let mut w = World::new(&DynamixelConfig::new("none", 1..=8), clocks(8));
     for _ in 0..300 {
         w.cycle(1_234_567);
         for (i, result) in w.bus.results().iter().enumerate() {
@@ -326,7 +326,7 @@ fn readings_carry_the_time_of_their_servo() {
 
 #[test]
 fn fast_sync_read_falls_back_when_it_is_not_known() {
-    let config = JointsConfig::dynamixel("none", 1..=4);
+    let config = DynamixelConfig::new("none", 1..=4);
     let old = |id| ServoBuild {
         fast: id != 3,
         ..ServoBuild::new(id)
@@ -387,10 +387,7 @@ fn an_alert_leaves_the_reading_and_fetches_the_error() {
 
 #[test]
 fn a_servo_with_another_id_is_counted_and_changes_nothing() {
-    let mut w = World::new(
-        &JointsConfig::dynamixel("none", 1..=2),
-        (1..=3).map(ServoBuild::new),
-    );
+    let mut w = World::new(&DynamixelConfig::new("none", 1..=2), (1..=3).map(ServoBuild::new));
     // Something else on the wire makes servo 3 talk.
     let ping = taxel_joints::protocol2::Encoder::default().ping(3).to_vec();
     for _ in 0..5 {
@@ -423,7 +420,7 @@ fn a_servo_that_refuses_is_told_from_one_that_is_silent() {
 
 #[test]
 fn angles_are_homed_and_turned() {
-    let mut config = JointsConfig::dynamixel("none", [1, 2]);
+    let mut config = DynamixelConfig::new("none", [1, 2]);
     config.servo[1].direction = -1;
     config.servo[1].homing_rad = 0.1;
     let mut w = World::new(&config, (1..=2).map(ServoBuild::new));

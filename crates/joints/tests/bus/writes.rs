@@ -2,7 +2,7 @@
 
 use crate::{MS, World};
 use taxel_joints::bus::{WriteCommand, WriteRefused};
-use taxel_joints::{FastSyncRead, JointsConfig};
+use taxel_joints::{DynamixelConfig, FastSyncRead};
 use taxel_sim::servo::{ServoBuild, ServoFault};
 
 #[test]
@@ -28,7 +28,7 @@ fn read_only_means_that_nothing_but_reads_is_sent() {
 }
 
 fn writable(n: u8) -> World {
-    let mut config = JointsConfig::dynamixel("none", 1..=n);
+    let mut config = DynamixelConfig::new("none", 1..=n);
     config.allow_writes = true;
     config.watchdog_ms = 100;
     World::new(&config, (1..=n).map(ServoBuild::new))

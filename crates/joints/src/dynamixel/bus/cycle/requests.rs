@@ -3,11 +3,11 @@
 use super::{
     Bus, FAST_AGAIN_NS, FAST_TRIES, FastState, LEADS, PASSES, SLOW_SHARE, SUSPICION_NS, WRITE_TRIES,
 };
-use crate::bus::pass::{Answer, Kind};
-use crate::bus::reading::PRESENT_BYTES;
-use crate::bus::writes::{Write, WriteError, WriteRefused};
-use crate::protocol2::STATUS_OVERHEAD;
-use crate::registers::address;
+use crate::dynamixel::bus::pass::{Answer, Kind};
+use crate::dynamixel::bus::reading::PRESENT_BYTES;
+use crate::dynamixel::bus::writes::{Write, WriteError, WriteRefused};
+use crate::dynamixel::protocol2::STATUS_OVERHEAD;
+use crate::dynamixel::registers::address;
 
 impl Bus {
     /// Prepares a request for the positions of the servos in `pass.order`.
@@ -224,5 +224,5 @@ fn load(request: &mut Vec<u8>, packet: Option<&[u8]>) {
 
 const _: () = assert!(
     STATUS_OVERHEAD + PRESENT_BYTES == 23,
-    "the reply of protocols.md 4.2"
+    "a status packet with the twelve bytes from Present PWM to Present Position"
 );

@@ -1,11 +1,11 @@
 //! Which servos are on a bus.
 
-use super::now_ns;
 use super::port::{Port, PortError};
-use crate::bus::wire_ns;
-use crate::protocol2::{BROADCAST_ID, Encoder, Instruction, MAX_ID, Parser, StatusByte};
+use crate::dynamixel::bus::wire_ns;
+use crate::dynamixel::protocol2::{BROADCAST_ID, Encoder, Instruction, MAX_ID, Parser, StatusByte};
 use std::path::Path;
 use std::time::Duration;
+use taxel_can::monotonic_ns;
 
 /// A servo that answered a ping.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -30,11 +30,11 @@ pub fn scan(path: &Path, baud: u32) -> Result<Vec<FoundServo>, PortError> {
     let mut port = Port::open(path, baud)?;
     port.write(Encoder::default().ping(BROADCAST_ID))?;
     let answers = usize::from(MAX_ID) + 1;
-    let end_ns = now_ns() + answers as u64 * PER_ID_NS + wire_ns(answers * ANSWER_BYTES, baud);
+    let end_ns = monotonic_ns() + answers as u64 * PER_ID_NS + wire_ns(answers * ANSWER_BYTES, baud);
     let mut parser = Parser::new(64);
     let mut found: Vec<FoundServo> = Vec::new();
     loop {
-        let left_ns = end_ns.saturating_sub(now_ns());
+        let left_ns = end_ns.saturating_sub(monotonic_ns());
         if left_ns == 0 {
             break;
         }

@@ -9,8 +9,8 @@ use super::servo::{Servo, ServoState};
 use super::slow::SlowLane;
 use super::wire_ns;
 use super::writes::{QUEUE, Write, WriteCommand, WriteError, WriteRefused, Written};
-use crate::config::{FastSyncRead, JointsConfig, ServoConfig};
-use crate::protocol2::{Encoder, FAST_BLOCK_OVERHEAD, Parser, StatusError};
+use crate::dynamixel::config::{DynamixelConfig, FastSyncRead, ServoConfig};
+use crate::dynamixel::protocol2::{Encoder, FAST_BLOCK_OVERHEAD, Parser, StatusError};
 use std::collections::VecDeque;
 
 /// What [`Bus::step`] wants from its caller.
@@ -128,7 +128,7 @@ pub struct Bus {
 
 impl Bus {
     /// A bus for the servos of a configuration that has been checked. Nothing is asked yet.
-    pub fn new(config: &JointsConfig) -> Self {
+    pub fn new(config: &DynamixelConfig) -> Self {
         let n = config.servo.len();
         let mut by_id = [None; 256];
         for (i, servo) in config.servo.iter().enumerate() {

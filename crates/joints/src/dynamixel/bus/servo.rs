@@ -1,7 +1,7 @@
 //! What is known of one servo, and how often it is asked.
 
 use super::writes::Written;
-use crate::registers::{HardwareError, Model};
+use crate::dynamixel::registers::{HardwareError, Model};
 
 /// How often each thing happened to one servo.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
@@ -29,7 +29,7 @@ pub struct ServoIdentity {
     pub model_number: u16,
     /// Firmware Version.
     pub firmware: u8,
-    /// Baud Rate, as the register has it ([`crate::registers::baud_of`]).
+    /// Baud Rate, as the register has it ([`crate::dynamixel::registers::baud_of`]).
     pub baud_register: u8,
     /// Return Delay Time, microseconds. More than a few make a cycle long.
     pub return_delay_us: u16,

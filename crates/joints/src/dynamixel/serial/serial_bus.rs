@@ -1,17 +1,17 @@
 //! A [`Bus`] on a serial port.
 
-use super::now_ns;
 use super::port::{Port, PortError, PortLatency};
-use crate::bus::{Bus, Step};
+use crate::dynamixel::bus::{Bus, Step};
 use std::path::Path;
 use std::time::Duration;
+use taxel_can::monotonic_ns;
 
 /// Most bytes that are thrown away before a request; a bus that babbles on is asked all the same.
 const DRAIN_BYTES: usize = 4096;
 /// On top of twice an FTDI adapter's timer.
 const FTDI_MARGIN_NS: u64 = 2_000_000;
 
-/// An open port with the servos behind it. It blocks; [`crate::JointReader`] gives it a thread.
+/// An open port with the servos behind it. It blocks; [`crate::ServoReader`] gives it a thread.
 #[derive(Debug)]
 pub struct SerialBus {
     port: Port,
@@ -57,19 +57,19 @@ impl SerialBus {
 
     /// Runs one cycle. The results are in [`Bus::results`]; the only error is a port that is gone.
     pub fn cycle(&mut self, bus: &mut Bus) -> Result<(), PortError> {
-        bus.begin(now_ns());
+        bus.begin(monotonic_ns());
         loop {
-            match bus.step(now_ns()) {
+            match bus.step(monotonic_ns()) {
                 Step::Send => {
                     self.drain(bus)?;
                     self.port.write(bus.request())?;
-                    bus.sent(now_ns());
+                    bus.sent(monotonic_ns());
                 }
                 Step::Wait { until_ns } => {
-                    let timeout = Duration::from_nanos(until_ns.saturating_sub(now_ns()));
+                    let timeout = Duration::from_nanos(until_ns.saturating_sub(monotonic_ns()));
                     let n = self.port.read(bus.space(), timeout)?;
                     if n > 0 {
-                        bus.filled(n, now_ns());
+                        bus.filled(n, monotonic_ns());
                     }
                 }
                 Step::Done => return Ok(()),
@@ -85,7 +85,7 @@ impl SerialBus {
             if n == 0 {
                 break;
             }
-            bus.filled(n, now_ns());
+            bus.filled(n, monotonic_ns());
             left = left.saturating_sub(n);
         }
         Ok(())

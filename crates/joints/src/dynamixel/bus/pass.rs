@@ -1,6 +1,6 @@
 //! One request and the answers to it.
 
-use crate::protocol2::{FAST_BLOCK_OVERHEAD, PREFIX_BYTES, STATUS_OVERHEAD};
+use crate::dynamixel::protocol2::{FAST_BLOCK_OVERHEAD, PREFIX_BYTES, STATUS_OVERHEAD};
 
 /// What a request asks for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,7 +1,7 @@
 //! The little that is ever written to a servo, and only if the configuration allows it.
 
-use crate::protocol2::StatusError;
-use crate::registers::address;
+use crate::dynamixel::protocol2::StatusError;
+use crate::dynamixel::registers::address;
 
 /// What a servo can be told.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -59,7 +59,7 @@ pub enum WriteError {
 /// What became of the newest command to a servo.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Written {
-    /// The number that [`crate::JointReader::command`] gave it.
+    /// The number that [`crate::ServoReader::command`] gave it.
     pub number: u64,
     /// Whether the servo has confirmed all of it.
     pub result: Result<(), WriteError>,

@@ -1,12 +1,12 @@
 //! What every servo on a bus says of itself: pings and reads, nothing is written.
 
-use super::now_ns;
 use super::port::{Port, PortError, PortLatency};
-use crate::bus::{ServoIdentity, wire_ns};
-use crate::protocol2::{BROADCAST_ID, Encoder, Instruction, MAX_ID, Parser, StatusByte};
-use crate::registers::{HardwareError, address, volts};
+use crate::dynamixel::bus::{ServoIdentity, wire_ns};
+use crate::dynamixel::protocol2::{BROADCAST_ID, Encoder, Instruction, MAX_ID, Parser, StatusByte};
+use crate::dynamixel::registers::{HardwareError, address, volts};
 use std::path::Path;
 use std::time::Duration;
+use taxel_can::monotonic_ns;
 
 /// How long each id may take to answer a broadcast ping, as in ROBOTIS's SDK.
 const PER_ID_NS: u64 = 3_000_000;
@@ -103,9 +103,9 @@ impl Surveyor {
             MARGIN_NS
         };
         self.port.write(self.encoder.ping(id))?;
-        let end_ns = now_ns() + slack_ns + wire_ns(answers * PING_ANSWER_BYTES, self.baud);
+        let end_ns = monotonic_ns() + slack_ns + wire_ns(answers * PING_ANSWER_BYTES, self.baud);
         let mut damaged_ids = Vec::new();
-        while let Some(left_ns) = end_ns.checked_sub(now_ns()).filter(|left| *left > 0) {
+        while let Some(left_ns) = end_ns.checked_sub(monotonic_ns()).filter(|left| *left > 0) {
             let n = self
                 .port
                 .read(self.parser.space(), Duration::from_nanos(left_ns))?;
@@ -181,8 +181,8 @@ impl Surveyor {
             self.parser.clear();
             self.port.write(self.encoder.read(id, at, length))?;
             let bytes = usize::from(length) + PING_ANSWER_BYTES * 2;
-            let end_ns = now_ns() + MARGIN_NS + wire_ns(bytes, self.baud);
-            while let Some(left_ns) = end_ns.checked_sub(now_ns()).filter(|left| *left > 0) {
+            let end_ns = monotonic_ns() + MARGIN_NS + wire_ns(bytes, self.baud);
+            while let Some(left_ns) = end_ns.checked_sub(monotonic_ns()).filter(|left| *left > 0) {
                 let n = self
                     .port
                     .read(self.parser.space(), Duration::from_nanos(left_ns))?;

@@ -1,8 +1,7 @@
 //! Dynamixel Protocol 2.0 as bytes: packets written, read from a stream, and taken apart. No I/O, no clock.
 //!
 //! A packet is `FF FF FD 00 ID LEN LEN INST [ERR] parameters CRC CRC`; LEN counts everything after itself, and each
-//! `FF FF FD` from INST to the last parameter is written as `FF FF FD FD` (protocols.md 4.1; ROBOTIS e-Manual,
-//! "Protocol 2.0").
+//! `FF FF FD` from INST to the last parameter is written as `FF FF FD FD` (ROBOTIS e-Manual, "Protocol 2.0").
 
 mod crc;
 mod encode;

@@ -1,13 +1,13 @@
-//! The thread that reads joints, and what it shows.
+//! The thread that reads servos, and what it shows.
 
-use super::now_ns;
 use super::port::{PortError, PortLatency};
 use super::serial_bus::SerialBus;
-use crate::bus::{
+use crate::dynamixel::bus::{
     Bus, BusCounters, FastState, JointReading, NoReading, ServoState, WriteCommand, WriteError, WriteRefused,
     Written,
 };
-use crate::config::{JointSource, JointsConfig, JointsConfigError};
+use crate::dynamixel::config::{DynamixelConfig, READINGS_KEPT};
+use crate::error::JointsConfigError;
 use crate::synchrony::{AngleAt, JointHistory};
 use nix::errno::Errno;
 use nix::sys::prctl;
@@ -15,10 +15,11 @@ use nix::sys::time::TimeSpec;
 use nix::time::{ClockId, ClockNanosleepFlags, clock_nanosleep};
 use std::io;
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::thread::JoinHandle;
 use std::time::Duration;
+use taxel_can::monotonic_ns;
 
 /// Pause before a port is opened again, first and longest.
 const FIRST_PAUSE: Duration = Duration::from_millis(50);
@@ -29,8 +30,6 @@ const LOOK_NS: u64 = 20_000_000;
 const LATENCY_NS: u64 = 1_000_000_000;
 /// Most time that switching the motors off may take at the end; after it their watchdogs do.
 const RELEASE_NS: u64 = 500_000_000;
-/// Readings kept per joint: a third of a second at 100 Hz.
-const HISTORY: usize = 32;
 
 /// Whether the serial port is there.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -65,7 +64,7 @@ pub struct PortStatus {
 
 /// The newest cycle and what is known of the servos, one entry per joint in the order of the configuration.
 #[derive(Debug, Clone, PartialEq)]
-pub struct JointSnapshot {
+pub struct ServoSnapshot {
     /// Readings of the newest cycle, or why there is none.
     pub results: Vec<Result<JointReading, NoReading>>,
     /// Counters, voltage, temperature and hardware error of each servo.
@@ -82,9 +81,6 @@ pub enum StartError {
     /// The configuration makes no sense.
     #[error(transparent)]
     Config(#[from] JointsConfigError),
-    /// The configuration is for an Allegro hand, whose frames come over CAN ([`crate::AllegroDecoder`]).
-    #[error("source allegro has no serial port")]
-    NotSerial,
     /// No thread.
     #[error("cannot start the thread that reads joints: {0}")]
     Thread(io::Error),
@@ -92,7 +88,7 @@ pub enum StartError {
 
 #[derive(Debug)]
 struct Shared {
-    snapshot: JointSnapshot,
+    snapshot: ServoSnapshot,
     history: JointHistory,
     port: PortStatus,
     commands: Vec<(u64, usize, WriteCommand)>,
@@ -100,13 +96,15 @@ struct Shared {
     numbers: u64,
 }
 
-/// Reads joints from a serial port in a thread of its own, for ever: a port that goes away is opened again.
+/// Reads servos on a serial port in a thread of its own, for ever: a port that goes away is opened again.
 ///
 /// Nothing here waits for the thread longer than it takes to copy a few hundred bytes, and nothing allocates per
 /// cycle. Dropping it ends the thread; motors it has switched on are switched off.
 #[derive(Debug)]
-pub struct JointReader {
+pub struct ServoReader {
     shared: Arc<Mutex<Shared>>,
+    /// Cycles whose readings are in the history. It grows while `shared` is locked.
+    published: Arc<AtomicU64>,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
     names: Vec<String>,
@@ -116,33 +114,30 @@ pub struct JointReader {
 /// Most commands that wait for the thread.
 const COMMANDS: usize = 64;
 
-impl JointReader {
+impl ServoReader {
     /// Starts the thread. A port that is not there yet is no error: it is opened when it comes.
-    pub fn start(config: &JointsConfig) -> Result<Self, StartError> {
+    pub fn start(config: &DynamixelConfig) -> Result<Self, StartError> {
         Self::start_with(config, || {})
     }
 
     /// The same, and the thread calls `first` before anything else: to take a real-time priority, for example.
     pub fn start_with(
-        config: &JointsConfig,
+        config: &DynamixelConfig,
         first: impl FnOnce() + Send + 'static,
     ) -> Result<Self, StartError> {
         config.check()?;
-        let JointSource::Dynamixel { path } = &config.source else {
-            return Err(StartError::NotSerial);
-        };
         let bus = Bus::new(config);
         let n = config.servo.len();
         let shared = Arc::new(Mutex::new(Shared {
-            snapshot: JointSnapshot {
+            snapshot: ServoSnapshot {
                 results: bus.results().to_vec(),
                 servos: vec![ServoState::default(); n],
                 counters: bus.counters(),
                 fast: bus.fast_state(),
             },
-            history: JointHistory::new(n, HISTORY),
+            history: JointHistory::new(n, READINGS_KEPT),
             port: PortStatus {
-                path: path.clone(),
+                path: config.path.clone(),
                 device: None,
                 state: PortState::Starting,
                 latency: None,
@@ -152,13 +147,15 @@ impl JointReader {
             numbers: 0,
         }));
         let stop = Arc::new(AtomicBool::new(false));
+        let published = Arc::new(AtomicU64::new(0));
         let thread = Thread {
             bus,
-            path: path.clone(),
+            path: config.path.clone(),
             baud: config.baud,
             margin_ns: config.answer_margin_ms.map(|ms| (ms * 1e6) as u64),
             period_ns: (1e9 / config.rate_hz) as u64,
             shared: shared.clone(),
+            published: published.clone(),
             stop: stop.clone(),
             commands: Vec::with_capacity(COMMANDS),
         };
@@ -171,6 +168,7 @@ impl JointReader {
             .map_err(StartError::Thread)?;
         Ok(Self {
             shared,
+            published,
             stop,
             thread: Some(handle),
             names: config.joint_names(),
@@ -184,12 +182,12 @@ impl JointReader {
     }
 
     /// A copy of the newest cycle and of what is known of the servos.
-    pub fn snapshot(&self) -> JointSnapshot {
+    pub fn snapshot(&self) -> ServoSnapshot {
         lock(&self.shared).snapshot.clone()
     }
 
-    /// The same into memory that is there already; allocates nothing if it came from [`JointReader::snapshot`].
-    pub fn snapshot_into(&self, into: &mut JointSnapshot) {
+    /// The same into memory that is there already; allocates nothing if it came from [`ServoReader::snapshot`].
+    pub fn snapshot_into(&self, into: &mut ServoSnapshot) {
         into.clone_from_snapshot(&lock(&self.shared).snapshot);
     }
 
@@ -202,20 +200,20 @@ impl JointReader {
         }
     }
 
-    /// A history that [`JointReader::try_history_into`] fills without allocating.
-    pub fn new_history(&self) -> JointHistory {
-        JointHistory::new(self.names.len(), HISTORY)
-    }
-
-    /// Copies the readings that are kept, unless somebody else is at them just now: says whether it did. Never waits.
-    pub fn try_history_into(&self, into: &mut JointHistory) -> bool {
+    /// Copies the readings that are kept, if there were cycles after the first `seen` of them. Returns how many cycles
+    /// they are of, which is `seen` where nothing was copied. Never waits: while the thread is at its readings nothing is
+    /// copied. Allocates nothing where `into` has the memory for them ([`crate::SourceConfig::readings_kept`]).
+    pub fn try_history_since(&self, seen: u64, into: &mut JointHistory) -> u64 {
+        if self.published.load(Ordering::Acquire) == seen {
+            return seen;
+        }
         let shared = match self.shared.try_lock() {
             Ok(shared) => shared,
             Err(TryLockError::Poisoned(poisoned)) => poisoned.into_inner(),
-            Err(TryLockError::WouldBlock) => return false,
+            Err(TryLockError::WouldBlock) => return seen,
         };
         into.copy_from(&shared.history);
-        true
+        self.published.load(Ordering::Acquire)
     }
 
     /// What is known of the serial port.
@@ -224,7 +222,7 @@ impl JointReader {
     }
 
     /// Has a servo told something after the next cycle; refused unless the configuration allows writing. Commands that
-    /// wait when the port is lost are forgotten. Returns the number under which [`JointReader::written`] tells what
+    /// wait when the port is lost are forgotten. Returns the number under which [`ServoReader::written`] tells what
     /// became of it.
     pub fn command(&self, joint: usize, command: WriteCommand) -> Result<u64, WriteRefused> {
         if !self.allow_writes {
@@ -248,7 +246,7 @@ impl JointReader {
     }
 }
 
-impl Drop for JointReader {
+impl Drop for ServoReader {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {
@@ -257,8 +255,8 @@ impl Drop for JointReader {
     }
 }
 
-impl JointSnapshot {
-    fn clone_from_snapshot(&mut self, from: &JointSnapshot) {
+impl ServoSnapshot {
+    fn clone_from_snapshot(&mut self, from: &ServoSnapshot) {
         self.results.clone_from(&from.results);
         self.servos.clone_from(&from.servos);
         self.counters = from.counters;
@@ -277,6 +275,7 @@ struct Thread {
     margin_ns: Option<u64>,
     period_ns: u64,
     shared: Arc<Mutex<Shared>>,
+    published: Arc<AtomicU64>,
     stop: Arc<AtomicBool>,
     commands: Vec<(u64, usize, WriteCommand)>,
 }
@@ -304,31 +303,31 @@ impl Thread {
                 }
                 Err(error) => self.away(&error),
             }
-            self.sleep_until(now_ns() + pause.as_nanos() as u64);
+            self.sleep_until(monotonic_ns() + pause.as_nanos() as u64);
             pause = (2 * pause).min(LONGEST_PAUSE);
         }
     }
 
     /// Cycle after cycle until the port is lost or the thread shall end.
     fn cycles(&mut self, port: &mut SerialBus) -> Result<(), PortError> {
-        let mut next_ns = now_ns();
+        let mut next_ns = monotonic_ns();
         let mut latency_due_ns = next_ns + LATENCY_NS;
         while !self.stopped() {
             port.cycle(&mut self.bus)?;
             self.publish();
-            let now = now_ns();
+            let now = monotonic_ns();
             if now >= latency_due_ns {
                 latency_due_ns = now + LATENCY_NS;
                 let latency = port.look_at_latency(&mut self.bus);
                 lock(&self.shared).port.latency = Some(latency);
             }
             // A bus that is slower than its rate does not catch up.
-            next_ns = (next_ns + self.period_ns).max(now_ns());
+            next_ns = (next_ns + self.period_ns).max(monotonic_ns());
             self.sleep_until(next_ns);
         }
         self.bus.release_motors();
-        let until_ns = now_ns() + RELEASE_NS;
-        while self.bus.has_writes() && now_ns() < until_ns {
+        let until_ns = monotonic_ns() + RELEASE_NS;
+        while self.bus.has_writes() && monotonic_ns() < until_ns {
             port.cycle(&mut self.bus)?;
         }
         Ok(())
@@ -352,6 +351,7 @@ impl Thread {
                     shared.history.push(joint, reading.t_ns, reading.angle_rad);
                 }
             }
+            self.published.fetch_add(1, Ordering::Release);
         }
         for (number, joint, command) in self.commands.drain(..) {
             if let Err(refused) = self.bus.numbered_command(number, joint, command) {
@@ -366,7 +366,7 @@ impl Thread {
         let mut shared = lock(&self.shared);
         let since_ns = match shared.port.state {
             PortState::Away { since_ns, .. } => since_ns,
-            _ => now_ns(),
+            _ => monotonic_ns(),
         };
         shared.port.state = PortState::Away {
             reason: error.to_string(),
@@ -380,7 +380,7 @@ impl Thread {
 
     fn sleep_until(&self, until_ns: u64) {
         while !self.stopped() {
-            let now = now_ns();
+            let now = monotonic_ns();
             if now >= until_ns {
                 return;
             }

@@ -1,6 +1,6 @@
 //! The control table of the XM430-W210, as its data sheet has it, and what its numbers mean.
 //!
-//! Source: ROBOTIS e-Manual, "XM430-W210-T/R", control table of the EEPROM and of the RAM area (protocols.md 4.2). All
+//! Source: ROBOTIS e-Manual, "XM430-W210-T/R", control table of the EEPROM and of the RAM area. All
 //! registers are little-endian, signed ones in two's complement. EEPROM (addresses below 64) can be written only
 //! while torque is off. The other X-series servos named in [`Model`] have the same registers from Model Number to
 //! Present Temperature at the same addresses, apart from the unit of the current and, on XL430, a load in its place.

@@ -1,7 +1,7 @@
 //! The slow lane: what is asked of one servo at a time, between two cycles.
 
 use super::servo::{Servo, ServoIdentity};
-use crate::registers::{HardwareError, address, volts};
+use crate::dynamixel::registers::{HardwareError, address, volts};
 
 /// What is asked. Each has a length that nothing else has, so that an answer says what it answers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

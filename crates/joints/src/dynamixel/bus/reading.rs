@@ -1,8 +1,8 @@
 //! What a servo said in a cycle, or why it said nothing.
 
-use crate::config::ServoConfig;
-use crate::protocol2::StatusError;
-use crate::registers::{angle_rad, pwm_share, velocity_rad_s};
+use crate::dynamixel::config::ServoConfig;
+use crate::dynamixel::protocol2::StatusError;
+use crate::dynamixel::registers::{angle_rad, pwm_share, velocity_rad_s};
 
 /// One joint in one cycle.
 #[derive(Debug, Default, Clone, Copy, PartialEq)]

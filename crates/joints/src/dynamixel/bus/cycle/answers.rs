@@ -1,10 +1,10 @@
 //! What becomes of the answers.
 
 use super::Bus;
-use crate::bus::pass::{Answer, Kind};
-use crate::bus::reading::{JointReading, NoReading, PRESENT_BYTES};
-use crate::bus::wire_ns;
-use crate::protocol2::{
+use crate::dynamixel::bus::pass::{Answer, Kind};
+use crate::dynamixel::bus::reading::{JointReading, NoReading, PRESENT_BYTES};
+use crate::dynamixel::bus::wire_ns;
+use crate::dynamixel::protocol2::{
     BROADCAST_ID, BadCrc, FAST_BLOCK_OVERHEAD, FastBlock, FastBlocks, Instruction, Packet, Parser, StatusByte,
 };
 

@@ -1,0 +1,82 @@
+//! The CAN ids of an Allegro hand, and which of them the boards of a skin use as well.
+
+use super::config::AllegroConfig;
+use taxel_can::IdFilter;
+use taxel_skin::{Layout, Protocol};
+
+/// QUERY_CONTROL_DATA of versions 1 to 3: a finger's position report.
+pub(super) const V3_POSITION: u16 = 0x0F;
+/// FINGER_POSE_1 of version 4.
+pub(super) const V4_POSITION: u16 = 0x20;
+
+impl AllegroConfig {
+    /// What a CAN source has to let through for [`crate::AllegroDecoder`].
+    pub fn filter(&self) -> IdFilter {
+        if self.version == 4 {
+            // Four fingers, bits 2 and 3, of one device, bits 0 and 1.
+            IdFilter::standard(V4_POSITION << 2 | u16::from(self.device), 0x7F3)
+        } else {
+            IdFilter::standard(V3_POSITION << 6, 0x7C0)
+        }
+    }
+}
+
+/// Whether a standard id belongs to this hand: what it sends, and what its controller sends to it.
+fn is_hand_id(config: &AllegroConfig, id: u16) -> bool {
+    if config.version == 4 {
+        let known = matches!(id >> 2,
+            0x20..=0x23 | 0x30 | 0x38..=0x3B | 0x40 | 0x41 | 0x60..=0x63 | 0x68 | 0x80 | 0x81 | 0x88 | 0xE0..=0xE3);
+        known && id & 3 == u16::from(config.device)
+    } else {
+        let (cmd, dst, src) = (id >> 6, id >> 3 & 7, id & 7);
+        let from_host = src == 2 && dst == 1 && (0x01..=0x11).contains(&cmd);
+        let from_hand = (3..=6).contains(&src) && (0x0E..=0x15).contains(&cmd);
+        from_host || from_hand
+    }
+}
+
+/// The standard ids that both this hand and the skin's boards on bus `bus` (index into [`Layout::buses`]) use, in
+/// order; empty if they may share the bus.
+///
+/// A board uses the ids of its taxels' frames and, if it is an MTB, the one by which it is started, `0x200 | board`;
+/// CySkin's ids are extended and never overlap. Hand and skin are best on different buses.
+pub fn overlapping_ids(layout: &Layout, bus: u8, config: &AllegroConfig) -> Vec<u16> {
+    let mut ids: Vec<u16> = (0..layout.len())
+        .filter(|taxel| layout.wiring_of(*taxel).bus == bus)
+        .flat_map(|taxel| {
+            let wiring = layout.wiring_of(taxel);
+            let frame = wiring.protocol.frame_id(wiring.board, layout.k[taxel]);
+            let is_mtb = matches!(
+                wiring.protocol,
+                Protocol::UskinL1 | Protocol::UskinL2 | Protocol::IcubMtb3 | Protocol::IcubMtb4
+            );
+            [frame, is_mtb.then_some(0x200 | u16::from(wiring.board))]
+        })
+        .flatten()
+        .filter(|id| is_hand_id(config, *id))
+        .collect();
+    ids.sort_unstable();
+    ids.dedup();
+    ids
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_hand_and_a_skin_that_share_ids_are_told() {
+        let layout = Layout::builtin("allegro-uskin-15").unwrap();
+        for version in [3, 4] {
+            let config = AllegroConfig::new(version);
+            let ids = overlapping_ids(&layout, 0, &config);
+            assert!(!ids.is_empty());
+            assert!(ids.windows(2).all(|w| w[0] < w[1]));
+            assert!(ids.iter().all(|id| is_hand_id(&config, *id)));
+            // A bus the layout does not have carries nothing.
+            assert!(overlapping_ids(&layout, 200, &config).is_empty());
+        }
+        // Version 4's set-period is the start command of board 4.
+        assert!(overlapping_ids(&layout, 0, &AllegroConfig::new(4)).contains(&0x204));
+    }
+}

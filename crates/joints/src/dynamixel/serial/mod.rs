@@ -1,0 +1,14 @@
+//! A bus on a real serial port, and the thread that runs it.
+
+mod low_latency;
+mod port;
+mod scan;
+mod serial_bus;
+mod servo_reader;
+mod survey;
+
+pub use port::{PortError, PortLatency};
+pub use scan::{FoundServo, scan};
+pub use serial_bus::SerialBus;
+pub use servo_reader::{PortState, PortStatus, ServoReader, ServoSnapshot, StartError};
+pub use survey::{BusSurvey, SurveyedServo, survey};

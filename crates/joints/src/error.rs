@@ -1,0 +1,130 @@
+//! What is wrong with a `[joints]` table, told with the key and the numbers.
+
+use std::ops::RangeInclusive;
+use taxel_can::AddressError;
+
+/// Most joints one daemon reads.
+pub const MAX_JOINTS: usize = 64;
+
+/// Why a text names no source of joint angles.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum JointSourceError {
+    /// Neither of the known beginnings.
+    #[error(
+        "`{0}` is no source of joint angles: write dynamixel:DEVICE, such as dynamixel:/dev/ttyUSB0, or allegro:INTERFACE, such as allegro:can2"
+    )]
+    Unknown(String),
+    /// `dynamixel:` alone.
+    #[error("`dynamixel:` needs the serial device behind it, such as dynamixel:/dev/ttyUSB0")]
+    NoDevice,
+    /// What stands behind `allegro:` is no CAN source.
+    #[error("behind `allegro:` {0}")]
+    Bus(#[from] AddressError),
+}
+
+/// A value of the `[joints]` table that makes no sense.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum JointsConfigError {
+    /// A number outside its range.
+    #[error("joints.{key} = {value} is outside {low} to {high} {unit}")]
+    Range {
+        /// The key.
+        key: String,
+        /// What it is set to.
+        value: f64,
+        /// The smallest value allowed.
+        low: f64,
+        /// The largest value allowed.
+        high: f64,
+        /// Their unit.
+        unit: &'static str,
+    },
+    /// No servo, or too many.
+    #[error(
+        "joints has {0} [[joints.servo]] tables; source dynamixel needs 1 to {MAX_JOINTS}, one per joint with its id and name"
+    )]
+    ServoCount(usize),
+    /// Two servos with one id.
+    #[error("joints: servo id {id} is given to both {first} and {second}; each servo on a bus needs its own")]
+    SameId {
+        /// The id.
+        id: u8,
+        /// A joint.
+        first: String,
+        /// Another joint.
+        second: String,
+    },
+    /// A joint without name, or two with one.
+    #[error("joints: servo {id} has the name \"{name}\", which is empty or taken; each joint needs its own")]
+    Name {
+        /// The servo.
+        id: u8,
+        /// Its name.
+        name: String,
+    },
+    /// Not a direction.
+    #[error(
+        "joints: servo {id} has direction = {direction}; write 1, or -1 if the joint turns the other way"
+    )]
+    Direction {
+        /// The servo.
+        id: u8,
+        /// What it says.
+        direction: i8,
+    },
+    /// The bus watchdog counts in steps of 20 ms.
+    #[error("joints.watchdog_ms = {0} is no multiple of 20, the step of the servo's bus watchdog")]
+    WatchdogStep(u16),
+    /// Servos that would stop between two cycles.
+    #[error(
+        "joints.watchdog_ms = {watchdog_ms} is shorter than two cycles at rate_hz = {rate_hz}: motors would stop by themselves; make it longer, or read faster"
+    )]
+    WatchdogShort {
+        /// The watchdog's time.
+        watchdog_ms: u16,
+        /// Cycles per second.
+        rate_hz: f64,
+    },
+    /// A table for the other kind of source.
+    #[error("joints: {table} has no meaning with source {source_kind}; leave it out")]
+    WrongTable {
+        /// The table.
+        table: &'static str,
+        /// The kind of source.
+        source_kind: &'static str,
+    },
+    /// An Allegro hand whose version is not said.
+    #[error("joints: source allegro needs a table [joints.allegro] with version = 1, 2, 3 or 4")]
+    NoAllegro,
+    /// Not a version of the hand.
+    #[error("joints.allegro.version = {0}; there are versions 1, 2, 3 and 4")]
+    AllegroVersion(u8),
+    /// Not a direction.
+    #[error("joints.allegro.enc_dir[{joint}] = {value}; write 1 or -1")]
+    EncoderDirection {
+        /// The joint, 0 to 15.
+        joint: usize,
+        /// What it says.
+        value: i8,
+    },
+}
+
+/// Refuses a number outside its range; `key` is relative to the `[joints]` table.
+pub(crate) fn check_range(
+    key: impl Into<String>,
+    value: impl Into<f64>,
+    range: RangeInclusive<f64>,
+    unit: &'static str,
+) -> Result<(), JointsConfigError> {
+    let value = value.into();
+    if range.contains(&value) {
+        return Ok(());
+    }
+    Err(JointsConfigError::Range {
+        key: key.into(),
+        value,
+        low: *range.start(),
+        high: *range.end(),
+        unit,
+    })
+}
