@@ -10,8 +10,9 @@
 
 use std::time::{Duration, Instant};
 use taxel_can::{CanFrame, CanSource, SourceAddress, SourceOptions};
+use taxel_engine::TickMode;
 use taxel_skin::Layout;
-use taxeld::{Config, Daemon, config::TickMode};
+use taxeld::{Config, Daemon};
 
 /// Frames of this much time are sent at once.
 const COALESCE: Duration = Duration::from_millis(1);

@@ -11,9 +11,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 use taxel_can::{CanFrame, SourceAddress, monotonic_ns};
+use taxel_engine::TickMode;
 use taxel_skin::Layout;
 use taxel_wire::{Received, Subscriber};
-use taxeld::{Config, Daemon, config::TickMode};
+use taxeld::{Config, Daemon};
 
 type Problem = Box<dyn std::error::Error + Send + Sync>;
 

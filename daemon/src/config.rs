@@ -3,8 +3,10 @@
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use taxel_can::SourceAddress;
+use taxel_engine::{EngineConfig, EngineJoints, TickConfig, TickMode};
 use taxel_hand::Profile;
-use taxel_joints::{JointsBus, JointsConfig};
+use taxel_joints::{JointsBus, JointsConfig, JointsError};
+use taxel_serve::ProfilesConfig;
 use taxel_skin::{BoardsConfig, ConditionConfig, Layout, SweepConfig};
 use toml::Spanned;
 
@@ -38,42 +40,6 @@ pub struct Config {
     pub can: CanConfig,
     /// Where the joint angles come from, if any are read.
     pub joints: Option<JointsConfig>,
-}
-
-/// When images are made.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct TickConfig {
-    /// `timer`: at a fixed rate. `sweep`: as soon as every taxel of a sweep has arrived, or at its deadline.
-    pub mode: TickMode,
-    /// Images per second in `timer` mode, 1 to 1000 Hz.
-    pub rate_hz: f64,
-    /// `sweep` mode: while no reading comes, an image that says so is made this often, 10 to 60,000 ms, or every two
-    /// sweeps of the slowest board where these take longer.
-    pub silent_ms: u32,
-}
-
-/// When an image is made.
-#[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum TickMode {
-    /// At a fixed rate.
-    #[default]
-    Timer,
-    /// As soon as the sweep is complete, or at its deadline.
-    Sweep,
-}
-
-/// How many display profiles are made at once, and what they may cost. A subscriber that states a profile beyond these
-/// limits is refused.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct ProfilesConfig {
-    /// Share of the time between two images that all profiles together may take, above 0 to 100 %. In `sweep` mode that
-    /// time is `sweep.board_period_ms`.
-    pub budget_percent: f64,
-    /// Most different profiles at once, the daemon's own among them, 1 to 256.
-    pub max: u16,
 }
 
 /// Where subscribers connect, and who may.
@@ -111,25 +77,6 @@ pub struct CanConfig {
     /// Receive buffer asked of the kernel per bus, KiB, 64 to 65,536. Without `CAP_NET_ADMIN` the kernel caps it at
     /// `net.core.rmem_max`.
     pub receive_buffer_kib: u32,
-}
-
-impl Default for TickConfig {
-    fn default() -> Self {
-        Self {
-            mode: TickMode::Timer,
-            rate_hz: 30.0,
-            silent_ms: 100,
-        }
-    }
-}
-
-impl Default for ProfilesConfig {
-    fn default() -> Self {
-        Self {
-            budget_percent: 50.0,
-            max: 16,
-        }
-    }
 }
 
 impl Default for SocketConfig {
@@ -261,6 +208,34 @@ impl Config {
         self.joints.as_ref()?.can_bus(&self.layout, &self.sources)
     }
 
+    /// The engine's part of it; `is_read` says that somebody reads the joints that come over no CAN bus. Refuses joints
+    /// that cannot be read beside this skin.
+    pub fn engine(&self, is_read: bool) -> Result<EngineConfig, JointsError> {
+        if let Some(joints) = &self.joints {
+            joints.check_beside(&self.layout, &self.sources)?;
+        }
+        Ok(EngineConfig {
+            layout: self.layout.clone(),
+            tick: self.tick,
+            boards: self.boards.clone(),
+            sweep: self.sweep.clone(),
+            conditioning: self.conditioning.clone(),
+            joints: self.joints.clone().map(|config| EngineJoints {
+                bus: self.joints_bus().map(|bus| bus.index),
+                config,
+                is_read,
+            }),
+        })
+    }
+
+    /// Time between two images, nanoseconds: in `sweep` mode a sweep of the boards.
+    pub fn period_ns(&self) -> u64 {
+        match self.tick.mode {
+            TickMode::Timer => self.tick.period_ns(),
+            TickMode::Sweep => self.sweep.board_period_ns(),
+        }
+    }
+
     /// Reads and checks a configuration file. A layout file named in it is looked for beside it.
     pub fn load(path: &Path) -> Result<Self, ConfigError> {
         let text = std::fs::read_to_string(path).map_err(|error| ConfigError::Read {
@@ -313,8 +288,7 @@ impl Config {
         let scenes = sources.iter().all(|s| matches!(s, SourceAddress::Sim { .. }));
         if layout.buses.is_empty() && scenes && !sources.is_empty() {
             // A scene on a hand without boards is played on simulated ones.
-            layout = taxel_sim::with_stand_in_boards(&layout)
-                .map_err(|e| refuse(parsed.layout.span().start, e.to_string()))?;
+            layout = with_boards(layout).map_err(|message| refuse(parsed.layout.span().start, message))?;
         }
         if sources.len() != layout.buses.len() {
             let place = parsed.bus.last().map_or(text.len(), |b| b.span().start);
@@ -382,39 +356,15 @@ impl Config {
     }
 }
 
-impl TickConfig {
-    fn check(&self) -> Result<(), String> {
-        if !(self.rate_hz.is_finite() && (1.0..=1000.0).contains(&self.rate_hz)) {
-            return Err(format!("tick.rate_hz = {} is outside 1 to 1000 Hz", self.rate_hz));
-        }
-        if !(10..=60_000).contains(&self.silent_ms) {
-            return Err(format!(
-                "tick.silent_ms = {} is outside 10 to 60,000 ms",
-                self.silent_ms
-            ));
-        }
-        Ok(())
-    }
-
-    /// Time between two ticks in `timer` mode, nanoseconds.
-    pub fn period_ns(&self) -> u64 {
-        (1e9 / self.rate_hz).round() as u64
-    }
+#[cfg(feature = "sim")]
+fn with_boards(layout: Layout) -> Result<Layout, String> {
+    taxel_sim::with_stand_in_boards(&layout).map_err(|e| e.to_string())
 }
 
-impl ProfilesConfig {
-    fn check(&self) -> Result<(), String> {
-        if !(self.budget_percent > 0.0 && self.budget_percent <= 100.0) {
-            return Err(format!(
-                "profiles.budget_percent = {} is not above 0 and at most 100 %",
-                self.budget_percent
-            ));
-        }
-        if !(1..=256).contains(&self.max) {
-            return Err(format!("profiles.max = {} is outside 1 to 256", self.max));
-        }
-        Ok(())
-    }
+/// Refused when its scenes are opened.
+#[cfg(not(feature = "sim"))]
+fn with_boards(layout: Layout) -> Result<Layout, String> {
+    Ok(layout)
 }
 
 impl SocketConfig {

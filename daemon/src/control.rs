@@ -1,7 +1,7 @@
 //! The control socket: one JSON request per line, one JSON reply per line.
 
-use crate::hand::Hand;
 use crate::joints::ServoRequest;
+use crate::state::State;
 use serde::Deserialize;
 use serde_json::{Value, json};
 use std::rc::Rc;
@@ -30,7 +30,7 @@ enum Request {
 }
 
 /// Serves control connections until the daemon ends.
-pub(crate) async fn serve(listener: UnixListener, hand: Rc<Hand>) {
+pub(crate) async fn serve(listener: UnixListener, state: Rc<State>) {
     let places = std::sync::Arc::new(Semaphore::new(MAX_CONNECTIONS));
     let mut failing = false;
     loop {
@@ -40,11 +40,11 @@ pub(crate) async fn serve(listener: UnixListener, hand: Rc<Hand>) {
         match listener.accept().await {
             Ok((stream, _)) => {
                 failing = false;
-                let hand = hand.clone();
+                let state = state.clone();
                 tokio::task::spawn_local(async move {
                     let _place = place;
                     // A client that goes away in the middle of a request is no news.
-                    let _ = converse(stream, &hand).await;
+                    let _ = converse(stream, &state).await;
                 });
             }
             Err(error) => {
@@ -58,7 +58,7 @@ pub(crate) async fn serve(listener: UnixListener, hand: Rc<Hand>) {
     }
 }
 
-async fn converse(stream: UnixStream, hand: &Hand) -> std::io::Result<()> {
+async fn converse(stream: UnixStream, state: &State) -> std::io::Result<()> {
     let (read, mut write) = stream.into_split();
     let mut read = BufReader::new(read);
     let mut line = Vec::new();
@@ -78,7 +78,7 @@ async fn converse(stream: UnixStream, hand: &Hand) -> std::io::Result<()> {
         let reply = if too_long {
             refusal(format!("a request has at most {MAX_REQUEST} bytes"))
         } else {
-            answer(&line, hand).await
+            answer(&line, state).await
         };
         let mut text = reply.to_string();
         text.push('\n');
@@ -96,7 +96,7 @@ fn refusal(error: String) -> Value {
     json!({ "ok": false, "error": error })
 }
 
-async fn answer(line: &[u8], hand: &Hand) -> Value {
+async fn answer(line: &[u8], state: &State) -> Value {
     let request = match serde_json::from_slice::<Request>(line) {
         Ok(request) => request,
         Err(error) => {
@@ -106,15 +106,17 @@ async fn answer(line: &[u8], hand: &Hand) -> Value {
         }
     };
     let done = match request {
-        Request::Status {} => return json!({ "ok": true, "status": hand.status() }),
-        Request::Profile { profile: None } => return json!({ "ok": true, "profile": hand.profile() }),
+        Request::Status {} => return json!({ "ok": true, "status": state.status() }),
+        Request::Profile { profile: None } => {
+            return json!({ "ok": true, "profile": state.server.own_profile() });
+        }
         Request::Profile {
             profile: Some(profile),
-        } => hand.profiles.set_own(profile).await,
-        Request::Servo(request) => hand.write(&request).await,
-        Request::Rezero {} => hand.rezero(),
-        Request::Pause {} => hand.pause(true),
-        Request::Resume {} => hand.pause(false),
+        } => state.server.set_own_profile(profile).await,
+        Request::Servo(request) => state.write(&request).await,
+        Request::Rezero {} => state.rezero(),
+        Request::Pause {} => state.pause(true),
+        Request::Resume {} => state.pause(false),
     };
     match done {
         Ok(()) => json!({ "ok": true }),

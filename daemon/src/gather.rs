@@ -6,7 +6,7 @@
 //! A quarter of it can be slept through, and a quarter of the rest after that; the last frames are waited for one by
 //! one. However wrong the guess is, an image is never late by more than half a millisecond.
 
-use crate::config::{TickConfig, TickMode};
+use taxel_engine::{TickConfig, TickMode};
 
 /// Longest pause in `timer` mode, nanoseconds. A bus at full load, 9,000 frames/s, brings 45 frames meanwhile; the
 /// smallest queue that a kernel gives holds 278.

@@ -1,46 +1,37 @@
-//! The taxeld daemon as a library: configuration, pipeline, tick thread and sockets.
+//! The taxeld daemon as a library: configuration, tick thread and sockets around an engine.
 //!
 //! `taxeld` is this and a `main`; `taxel demo` runs the same daemon inside its own process, and `taxel compress` runs
-//! the same [`pipeline`] without any of the rest.
+//! the same [`taxel_engine::Engine`] without any of the rest.
 
 pub mod config;
 mod control;
-mod cost;
-mod display;
-mod displays;
-mod feed;
 mod gather;
-mod hand;
-mod hub;
+mod image_maker;
 mod joints;
-mod listener;
-pub mod pipeline;
 mod problems;
-mod profiles;
 mod realtime;
 mod snapshot;
-mod subscribers;
+mod sources;
+mod state;
 mod supervise;
 mod tick;
 
 pub use config::{Config, ConfigError};
-pub use listener::SocketPathError;
+pub use taxel_serve::SocketPathError;
 
-use crate::displays::Displays;
-use crate::hand::{Hand, Reach};
-use crate::listener::SocketPath;
-use crate::pipeline::{Pipeline, PipelineError};
+use crate::image_maker::ImageMaker;
 use crate::snapshot::Snapshot;
+use crate::state::State;
 use crate::tick::{PipelineClock, Shared, TickThread};
 use std::rc::Rc;
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, mpsc};
 use std::thread::JoinHandle;
-use taxel_can::{CanSource, Playback, SourceAddress, SourceOptions, monotonic_ns};
-use taxel_hand::Profile;
-use taxel_joints::{JointReader, MAX_JOINTS};
-use taxel_sim::{Scene, SimOptions, SimSource};
-use taxel_skin::{BoardSupervisor, Layout};
+use taxel_can::monotonic_ns;
+use taxel_engine::{Engine, EngineError};
+use taxel_joints::{JointReader, JointsError};
+use taxel_serve::{Limits, ServerSeed, SocketPath};
+use taxel_wire::Clock;
 use tokio::sync::oneshot;
 use tokio_seqpacket::UnixSeqpacketListener;
 
@@ -79,21 +70,15 @@ pub enum StartError {
     /// Joints could not be read.
     #[error(transparent)]
     Joints(#[from] taxel_joints::StartError),
-    /// Hand and display do not fit together.
+    /// The joints do not fit the skin.
     #[error(transparent)]
-    Pipeline(#[from] PipelineError),
-    /// The hand is too large for the wire format.
-    #[error(
-        "layout {layout}: a message of {bytes} bytes is over the {max} that a subscriber's socket carries"
-    )]
-    TooLarge {
-        /// Name of the layout.
-        layout: String,
-        /// Bytes of the largest message.
-        bytes: usize,
-        /// The most a message may have.
-        max: usize,
-    },
+    JointsBeside(#[from] JointsError),
+    /// The hand cannot be read as configured.
+    #[error(transparent)]
+    Engine(#[from] EngineError),
+    /// The daemon's own display profile cannot be served.
+    #[error("{0}")]
+    Profile(String),
     /// The operating system refused something the daemon cannot do without.
     #[error("cannot {what}: {error}")]
     System {
@@ -111,7 +96,6 @@ impl Daemon {
     /// can connect.
     pub fn start(config: Config) -> Result<Self, StartError> {
         let layout = &config.layout;
-        check_message_size(layout, &config.profile)?;
         let system = |what| {
             move |error: nix::Error| StartError::System {
                 what,
@@ -130,15 +114,15 @@ impl Daemon {
             .map_err(|e| listen(&control_path, e))?;
         control_path.set_permissions(mode, &config.socket.group)?;
 
-        let clock = clock(&config);
+        let recorded = sources::are_recorded(&config);
+        let clock = PipelineClock {
+            offset_ns: if recorded { monotonic_ns() } else { 0 },
+            live: !recorded,
+        };
         // A recording's time starts at exactly zero, or its images would bear other times in every run.
-        let start_ns = if clock.live { monotonic_ns() } else { 0 };
-        let sources = open_sources(&config, start_ns)?;
+        let start_ns = if recorded { 0 } else { monotonic_ns() };
+        let sources = sources::open(&config, start_ns)?;
         let (commands, obeyed) = mpsc::sync_channel(tick::COMMANDS);
-        let (raw, newest_raw) = hub::channel(payload_lens(layout, &config.profile).1);
-        let (mut displays, returned) = Displays::new(profiles::slots(&config));
-        let (stream, own) = profiles::own_stream(&config).map_err(PipelineError::from)?;
-        displays.insert(0, stream);
         let shared = Arc::new(Shared {
             stop: false.into(),
             heartbeat: 0.into(),
@@ -157,20 +141,31 @@ impl Daemon {
             )
             .map_err(system("make an eventfd"))?,
         });
-        let mut pipeline = Pipeline::new(&config, start_ns)?;
         let joint_reader = start_joint_reader(&config)?;
-        if joint_reader.is_some() {
-            pipeline = pipeline.with_read_joints(&config)?;
-        }
+        let engine = Engine::new(&config.engine(joint_reader.is_some())?, start_ns)?;
+        let live = if recorded {
+            Clock::Recording
+        } else {
+            Clock::Monotonic
+        };
+        let limits = Limits {
+            max_subscribers: config.socket.max_subscribers.into(),
+            stall_ms: config.socket.stall_ms,
+        };
+        let maker = ImageMaker::new(&config, live, shared.clone());
+        let wake = {
+            let shared = shared.clone();
+            move || {
+                let _ = shared.wake.write(1);
+            }
+        };
+        let (seed, outputs) = ServerSeed::new(maker, limits, config.profiles, config.profile.clone(), wake)
+            .map_err(StartError::Profile)?;
         let thread = TickThread {
-            pipeline,
-            boards: BoardSupervisor::new(layout, &config.boards),
-            joints_bus: config.joints_bus().map(|bus| bus.index.into()),
+            engine,
             joint_reader: joint_reader.clone(),
             joints_seen: 0,
-            reached: vec![false; layout.buses.len()],
-            displays,
-            raw,
+            outputs,
             clock,
             commands: obeyed,
             shared: shared.clone(),
@@ -238,21 +233,13 @@ impl Daemon {
                                 return;
                             }
                         };
-                        let reach = Reach {
-                            shared,
-                            raw: newest_raw,
-                            own,
-                            commands,
-                            returned,
-                            joint_reader,
-                        };
-                        let hand = Rc::new(Hand::new(config, reach, clock));
-                        tokio::task::spawn_local(subscribers::serve(images, hand.clone()));
-                        tokio::task::spawn_local(control::serve(control, hand.clone()));
+                        let state = Rc::new(State::new(config, seed, shared, commands, joint_reader));
+                        tokio::task::spawn_local(state.server.clone().serve(images));
+                        tokio::task::spawn_local(control::serve(control, state.clone()));
                         let _ = ready.send(Ok(()));
                         tokio::select! {
                             _ = stopped => {}
-                            _ = supervise::watch(hand) => {}
+                            _ = supervise::watch(state) => {}
                         }
                     }));
                 })
@@ -311,39 +298,6 @@ impl Drop for Daemon {
     }
 }
 
-/// Bytes of the largest IMAGE and RAW payload of a hand and display.
-fn payload_lens(layout: &Layout, profile: &Profile) -> (usize, usize) {
-    let (levels, actuators) = (profile.level_count().into(), profile.actuators.into());
-    let image = taxel_wire::image_payload_len(layout.width, layout.height, levels, actuators, MAX_JOINTS);
-    (image, taxel_wire::raw_payload_len(layout.len(), MAX_JOINTS))
-}
-
-/// Refuses a hand and display whose messages no subscriber's socket carries.
-fn check_message_size(layout: &Layout, profile: &Profile) -> Result<(), StartError> {
-    let (image, raw) = payload_lens(layout, profile);
-    let (bytes, max) = (taxel_wire::HEADER_LEN + image.max(raw), taxel_wire::MAX_MESSAGE);
-    if bytes <= max {
-        return Ok(());
-    }
-    Err(StartError::TooLarge {
-        layout: layout.name.clone(),
-        bytes,
-        max,
-    })
-}
-
-/// Recordings bring their own time, which starts at zero; anything else runs on the machine's.
-fn clock(config: &Config) -> PipelineClock {
-    let joints = config.joints.as_ref();
-    let joints_bus = joints.and_then(|joints| joints.source.config().can_bus());
-    let mut sources = config.sources.iter().chain(joints_bus);
-    let recorded = sources.all(|s| matches!(s, SourceAddress::Log { .. }));
-    PipelineClock {
-        offset_ns: if recorded { monotonic_ns() } else { 0 },
-        live: !recorded,
-    }
-}
-
 /// Starts the thread that reads joints, one step of priority below the tick thread, where their source needs one.
 fn start_joint_reader(config: &Config) -> Result<Option<JointReader>, StartError> {
     let Some(joints) = &config.joints else {
@@ -358,52 +312,6 @@ fn start_joint_reader(config: &Config) -> Result<Option<JointReader>, StartError
     })?)
 }
 
-fn open_sources(config: &Config, start_ns: u64) -> Result<Vec<Box<dyn CanSource>>, StartError> {
-    let layout = &config.layout;
-    let own = config.joints_bus().filter(|bus| !bus.shared);
-    let own = own.as_ref();
-    let joints_name = "joints".to_string();
-    let skin = config.sources.iter().zip(&layout.buses);
-    (skin
-        .chain(own.map(|bus| (&bus.address, &joints_name)))
-        .enumerate())
-    .map(|(bus, (address, name))| {
-        let fail = |error| StartError::Source {
-            bus: name.clone(),
-            error,
-        };
-        let bus = bus as u8;
-        match address {
-            SourceAddress::Sim { scene } => {
-                let options = SimOptions {
-                    start_ns,
-                    ..SimOptions::default()
-                };
-                Scene::resolve(scene)
-                    .and_then(|scene| SimSource::new(&scene, layout, bus, options))
-                    .map(|source| Box::new(source) as Box<dyn CanSource>)
-                    .map_err(|e| fail(e.into()))
-            }
-            address => {
-                // Of a bus of the skin everything: a node that babbles is to be seen, and what is nobody's counted.
-                let filters = own
-                    .filter(|_| usize::from(bus) >= layout.buses.len())
-                    .and_then(|own| own.filter);
-                let options = SourceOptions {
-                    filters: filters.into_iter().collect(),
-                    receive_buffer: config.can.receive_buffer_kib as usize * 1024,
-                    playback: Playback {
-                        start_ns,
-                        ..Playback::default()
-                    },
-                };
-                taxel_can::open(address, &options).map_err(|e| fail(e.into()))
-            }
-        }
-    })
-    .collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -411,6 +319,7 @@ mod tests {
     use std::path::Path;
     use std::time::{Duration, Instant};
     use taxel_joints::{AllegroConfig, AllegroSource, JointSource, JointsConfig};
+    use taxel_skin::Layout;
 
     const PATIENCE: Duration = Duration::from_secs(20);
 

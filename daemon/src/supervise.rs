@@ -3,10 +3,10 @@
 //!
 //! The tick thread itself never logs, so that a slow terminal or journal cannot hold up an image.
 
-use crate::hand::Hand;
 use crate::joints::{JointsView, Told, Weight};
 use crate::problems::News;
 use crate::snapshot::Snapshot;
+use crate::state::State;
 use sd_notify::NotifyState;
 use std::rc::Rc;
 use std::time::Duration;
@@ -22,17 +22,18 @@ const ROLL_CALL: Duration = Duration::from_secs(2);
 const STATUS: Duration = Duration::from_secs(1);
 
 /// Runs until every recording has been played to its end, and images have reached their subscribers.
-pub(crate) async fn watch(hand: Rc<Hand>) {
+pub(crate) async fn watch(state: Rc<State>) {
     let mut look = interval(LOOK);
     look.set_missed_tick_behavior(MissedTickBehavior::Delay);
     let mut before: Option<Snapshot> = None;
     let mut joints = Told::default();
     let mut last_heartbeat = 0;
     let mut status_at = Instant::now();
+    let mut reports = Reports::default();
     let mut roll_call_at = Some(Instant::now() + ROLL_CALL);
     loop {
         look.tick().await;
-        let now = hand
+        let now = state
             .shared
             .snapshot
             .lock()
@@ -41,26 +42,27 @@ pub(crate) async fn watch(hand: Rc<Hand>) {
         if !now.written {
             continue;
         }
-        tell_changes(&hand, before.as_ref(), &now);
-        let view = hand.joints(&now);
-        tell_problems(&hand, &now, view.as_ref(), roll_call_at.is_none());
-        tell_joints(&hand, view.as_ref(), &mut joints);
+        tell_changes(&state, before.as_ref(), &now);
+        let view = state.joints(&now);
+        tell_problems(&state, &now, view.as_ref(), roll_call_at.is_none());
+        tell_joints(&state, view.as_ref(), &mut joints);
+        reports.publish(&state, &now);
         before = Some(now);
-        hand.profiles.tidy();
+        state.server.tidy();
 
-        let heartbeat = hand.heartbeat();
+        let heartbeat = state.heartbeat();
         if heartbeat != last_heartbeat {
             last_heartbeat = heartbeat;
             let _ = sd_notify::notify(&[NotifyState::Watchdog]);
         }
         if status_at <= Instant::now() {
             status_at += STATUS;
-            let _ = sd_notify::notify(&[NotifyState::Status(&hand.summary())]);
+            let _ = sd_notify::notify(&[NotifyState::Status(&state.summary())]);
         }
         if roll_call_at.take_if(|at| *at <= Instant::now()).is_some() {
-            call_roll(&hand, before.as_ref());
+            call_roll(&state, before.as_ref());
         }
-        if hand.shared.finished.load(std::sync::atomic::Ordering::Acquire) {
+        if state.shared.finished.load(std::sync::atomic::Ordering::Acquire) {
             tracing::info!("every recording has been played to its end");
             tokio::time::sleep(LOOK).await;
             return;
@@ -68,14 +70,36 @@ pub(crate) async fn watch(hand: Rc<Hand>) {
     }
 }
 
+/// The status reports that subscribers are given: made once for all of them, and at once where one asks.
+#[derive(Default)]
+struct Reports {
+    next_at: Option<Instant>,
+}
+
+impl Reports {
+    fn publish(&mut self, state: &State, now: &Snapshot) {
+        if !state.server.wants_status() {
+            self.next_at = None;
+            return;
+        }
+        if self.next_at.is_none_or(|at| at <= Instant::now()) {
+            self.next_at = Some(Instant::now() + STATUS);
+            let text = state.status().to_string();
+            state
+                .server
+                .set_status(text.as_bytes(), now.force.seq, now.force.t_ns);
+        }
+    }
+}
+
 /// Says what is different between two looks at the hand.
-fn tell_changes(hand: &Hand, before: Option<&Snapshot>, now: &Snapshot) {
-    let layout = &hand.config.layout;
+fn tell_changes(state: &State, before: Option<&Snapshot>, now: &Snapshot) {
+    let layout = &state.config.layout;
     for (i, bus) in now.buses.iter().enumerate() {
         let was_up =
             before.is_some_and(|b| b.buses[i].source.reopens > 0 || b.buses[i].link == LinkState::Up);
         if bus.link == LinkState::Up && !was_up {
-            let source = hand.config.sources[i].to_string();
+            let source = state.config.sources[i].to_string();
             tracing::info!(bus = layout.buses[i], source, "bus is up");
         }
     }
@@ -117,7 +141,7 @@ fn tell_changes(hand: &Hand, before: Option<&Snapshot>, now: &Snapshot) {
             )
         };
         tracing::info!("{text}");
-        let _ = hand.events.send(Event::new(kind, text));
+        state.server.announce(Event::new(kind, text));
     }
     if now.paused != before.paused {
         let (kind, text) = if now.paused {
@@ -129,16 +153,16 @@ fn tell_changes(hand: &Hand, before: Option<&Snapshot>, now: &Snapshot) {
             (EventKind::Resumed, "images show contacts again")
         };
         tracing::info!("{text}");
-        let _ = hand.events.send(Event::new(kind, text));
+        state.server.announce(Event::new(kind, text));
     }
 }
 
 /// Says what is new of the joints.
-fn tell_joints(hand: &Hand, view: Option<&JointsView>, told: &mut Told) {
-    let (Some(config), Some(view)) = (&hand.config.joints, view) else {
+fn tell_joints(state: &State, view: Option<&JointsView>, told: &mut Told) {
+    let (Some(config), Some(view)) = (&state.config.joints, view) else {
         return;
     };
-    hand.count_joints(view);
+    state.count_joints(view);
     for (weight, text) in told.news(config, view) {
         match weight {
             Weight::Info => tracing::info!("{text}"),
@@ -148,9 +172,9 @@ fn tell_joints(hand: &Hand, view: Option<&JointsView>, told: &mut Told) {
 }
 
 /// Says which problems came and which are over, in the log and to every subscriber.
-fn tell_problems(hand: &Hand, now: &Snapshot, joints: Option<&JointsView>, boards_due: bool) {
-    let mut problems = hand.problems.borrow_mut();
-    for news in problems.look(&hand.config, now, joints, boards_due) {
+fn tell_problems(state: &State, now: &Snapshot, joints: Option<&JointsView>, boards_due: bool) {
+    let mut problems = state.problems.borrow_mut();
+    for news in problems.look(&state.config, now, joints, boards_due) {
         let sentence = match news {
             News::Came { severe, sentence } => {
                 match severe {
@@ -164,14 +188,14 @@ fn tell_problems(hand: &Hand, now: &Snapshot, joints: Option<&JointsView>, board
                 sentence
             }
         };
-        let _ = hand.events.send(Event::new(EventKind::Notice, sentence));
+        state.server.announce(Event::new(EventKind::Notice, sentence));
     }
 }
 
 /// Says once, some time after the start, how many boards were heard.
-fn call_roll(hand: &Hand, now: Option<&Snapshot>) {
+fn call_roll(state: &State, now: Option<&Snapshot>) {
     let Some(now) = now else { return };
-    let layout = &hand.config.layout;
+    let layout = &state.config.layout;
     let heard = (now.boards.iter())
         .filter(|board| board.state != BoardState::Unheard)
         .count();

@@ -1,12 +1,9 @@
-//! The tick thread: waits for the buses and the clock, drives the pipeline, and hands images over.
+//! The tick thread: waits for the buses and the clock, drives the engine, and hands images over.
 //!
 //! It is the only thread that touches a bus. It never waits for another thread, never allocates after its start,
 //! and never logs; what it has to say goes into the shared [`Snapshot`].
 
-use crate::displays::{Displays, Stream};
 use crate::gather::Gather;
-use crate::hub::Publisher;
-use crate::pipeline::{Frames, Pipeline};
 use crate::snapshot::Snapshot;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use nix::sys::eventfd::EventFd;
@@ -17,9 +14,9 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, mpsc};
 use std::time::Duration;
 use taxel_can::{BusState, CanSource, LinkState, Received, monotonic_ns};
+use taxel_engine::{Engine, Frames};
 use taxel_joints::JointReader;
-use taxel_skin::{BoardCounters, BoardSupervisor};
-use taxel_wire::Header;
+use taxel_serve::OutputSlots;
 
 /// Frames taken from a bus at once.
 const BATCH: usize = 1024;
@@ -32,10 +29,6 @@ pub(crate) enum Command {
     Rezero,
     /// Make images without contacts, or go on.
     Pause(bool),
-    /// Compress for another display from now on, in this empty slot.
-    Insert(usize, Box<Stream>),
-    /// Give the display in this slot back.
-    Remove(usize),
 }
 
 /// Commands that may wait to be obeyed. The queue has its memory from the start, so that taking one frees nothing.
@@ -85,18 +78,12 @@ impl PipelineClock {
 pub(crate) struct TickThread {
     /// Those of the skin in the layout's order, then that of joints on a bus of their own.
     pub(crate) sources: Vec<Box<dyn CanSource>>,
-    pub(crate) pipeline: Pipeline,
-    pub(crate) boards: BoardSupervisor,
-    /// Number of the bus that joint angles come over.
-    pub(crate) joints_bus: Option<usize>,
+    pub(crate) engine: Engine,
     /// The thread that reads joints, where there is one, and which of its readings were taken.
     pub(crate) joint_reader: Option<JointReader>,
     pub(crate) joints_seen: u64,
-    /// Whether each bus could be reached when it was last looked at: its link is up, its controller on the bus.
-    pub(crate) reached: Vec<bool>,
-    pub(crate) displays: Displays,
-    /// Raw frames, made only while somebody reads them.
-    pub(crate) raw: Publisher,
+    /// What is made of each tick.
+    pub(crate) outputs: OutputSlots<Frames>,
     pub(crate) clock: PipelineClock,
     pub(crate) commands: mpsc::Receiver<Command>,
     pub(crate) shared: Arc<Shared>,
@@ -157,11 +144,11 @@ impl TickThread {
             if batches.iter().all(Batch::is_given) {
                 self.wait(quiet_until_ns);
             }
-            self.obey();
+            self.handle_commands();
 
             let now_ns = self.clock.now_ns();
             let mut drained = false;
-            if now_ns >= quiet_until_ns || self.pipeline.due_ns().is_some_and(|due| due <= now_ns) {
+            if now_ns >= quiet_until_ns || self.engine.output_due_ns().is_some_and(|due| due <= now_ns) {
                 for (source, batch) in self.sources.iter_mut().zip(&mut batches) {
                     if batch.is_given() {
                         batch.frames.clear();
@@ -177,7 +164,7 @@ impl TickThread {
             let finished = !more && self.sources.iter().all(|s| s.is_finished());
 
             if self.clock.live {
-                overruns += self.pipeline.skip_overdue(now_ns);
+                overruns += self.engine.skip_overdue(now_ns);
             }
             let newest_ns = batches
                 .iter()
@@ -185,10 +172,8 @@ impl TickThread {
                 .map(|r| r.t_ns)
                 .max();
             let Self {
-                pipeline,
-                boards,
-                displays,
-                raw,
+                engine,
+                outputs,
                 clock,
                 shared,
                 joint_reader,
@@ -196,23 +181,19 @@ impl TickThread {
                 ..
             } = &mut self;
             if let Some(reader) = joint_reader {
-                pipeline.handle_joints(|history| {
+                engine.handle_joints(|history| {
                     *joints_seen = reader.try_history_since(*joints_seen, history);
                 });
             }
             let mut emit = |frames: &Frames| {
-                let tick = frames.tactile.seq + 1;
-                displays.publish(tick, frames);
-                if raw.is_read() {
-                    raw.publish(tick, |payload| encode_raw(frames, payload));
-                }
+                outputs.publish(frames.tick(), frames);
                 record_times(shared, frames, clock.now_ns());
             };
             // What another bus has told beyond that waits: frames are given in the order of their stamps however late they
             // are taken.
             while let Some((bus, received)) = next_in_time(&mut batches, horizon) {
-                boards.hear(bus, &received.frame, received.t_ns);
-                pipeline.push(bus, &received, &mut emit);
+                engine.handle_frame(bus, &received);
+                engine.drain(&mut emit);
             }
             // A recording ends with its last frame, so that it gives the same images however late its end is seen. Where a
             // bus has more than could be taken, ticks are made up to what all buses have told: one that is flooded must not
@@ -222,19 +203,19 @@ impl TickThread {
                 (false, true) => now_ns.min(horizon.0.saturating_sub(1)),
                 (false, false) => now_ns,
             };
-            pipeline.advance(until_ns, &mut emit);
+            engine.handle_time(until_ns);
+            engine.drain(&mut emit);
 
             if drained {
-                let skin = batches.iter().take(self.pipeline.decoders().len());
+                let skin = batches.iter().take(self.engine.skin_buses());
                 let frames = skin.map(|b| b.frames.len()).sum();
                 let pause_ns = self
                     .gather
-                    .pause_ns(now_ns, frames, self.pipeline.sweep().awaited());
+                    .pause_ns(now_ns, frames, self.engine.sweep().awaited());
                 quiet_until_ns = if more { 0 } else { now_ns + pause_ns };
             }
 
-            self.command_boards(now_ns);
-            self.command_joints(now_ns);
+            self.send_commands(now_ns);
             if now_ns >= snapshot_due_ns {
                 snapshot_due_ns = now_ns + HEARTBEAT_NS / 2;
                 self.update_snapshot(now_ns, overruns);
@@ -245,17 +226,15 @@ impl TickThread {
                 break;
             }
         }
-        self.stop_boards();
+        self.stop_hand();
     }
 
     /// Waits for the next thing to do: a frame, a tick, a command to a board, or another thread.
-    fn wait(&mut self, quiet_until_ns: u64) {
+    fn wait(&self, quiet_until_ns: u64) {
         let now_ns = self.clock.now_ns();
         let mut until_ns = now_ns + HEARTBEAT_NS;
         let mut sooner = |at_ns: Option<u64>| until_ns = at_ns.map_or(until_ns, |at| until_ns.min(at));
-        sooner(self.pipeline.due_ns());
-        sooner(self.boards.next_at_ns());
-        sooner(self.pipeline.joints().poll_due_ns());
+        sooner(self.engine.poll_due_ns());
         let quiet = quiet_until_ns > now_ns;
         if quiet {
             sooner(Some(quiet_until_ns));
@@ -264,7 +243,7 @@ impl TickThread {
         let mut fds: [Option<BorrowedFd<'_>>; 2 + crate::config::MAX_BUSES] = Default::default();
         fds[0] = Some(self.timer.as_fd());
         fds[1] = Some(self.shared.wake.as_fd());
-        let skin = self.pipeline.decoders().len();
+        let skin = self.engine.skin_buses();
         if let Some(joints) = self.sources.get(skin) {
             // Nothing is due with a joint's frame: those that came are taken with the next of the skin. Nor is their bus
             // looked at during a pause, so that waking up for it would only be to wake up again at once.
@@ -296,69 +275,40 @@ impl TickThread {
         let _ = poll(&mut polled, PollTimeout::NONE);
     }
 
-    fn obey(&mut self) {
+    fn handle_commands(&mut self) {
         let _ = self.shared.wake.read();
         while let Ok(command) = self.commands.try_recv() {
             match command {
-                Command::Rezero => self.pipeline.rezero(),
-                Command::Pause(paused) => self.pipeline.set_paused(paused),
-                Command::Insert(slot, stream) => self.displays.insert(slot, stream),
-                Command::Remove(slot) => self.displays.remove(slot),
+                Command::Rezero => self.engine.rezero(),
+                Command::Pause(paused) => self.engine.set_paused(paused),
             }
         }
+        self.outputs.handle_changes();
     }
 
-    fn command_boards(&mut self, now_ns: u64) {
-        let Self {
-            boards,
-            sources,
-            pipeline,
-            reached,
-            joints_bus,
-            ..
-        } = self;
-        for (bus, (source, before)) in sources.iter().zip(reached).enumerate() {
-            let reached = source.link() == LinkState::Up && source.counters().bus_state != BusState::BusOff;
-            if reached && !*before {
-                boards.bus_restored(bus as u8, now_ns);
-            }
-            *before = reached;
-            let bus = bus as u8;
-            let alone = !pipeline.watch().strangers(bus) && *joints_bus != Some(usize::from(bus));
-            boards.allow_search(bus, alone);
-        }
-        while let Some(command) = boards.poll(now_ns, |board| pipeline.sweep().last_heard_ns(board)) {
-            if sources[usize::from(command.bus)].send(&command.frame()).is_err() {
-                boards.not_sent(&command, now_ns);
-            }
-        }
-    }
-
-    fn command_joints(&mut self, now_ns: u64) {
-        let joints = self.pipeline.joints();
+    /// Sends what boards and joints are to be told now.
+    fn send_commands(&mut self, now_ns: u64) {
         for (bus, source) in self.sources.iter().enumerate() {
-            joints.handle_link(bus as u8, source.link() == LinkState::Up);
+            let is_up = source.link() == LinkState::Up;
+            let is_active = source.counters().bus_state != BusState::BusOff;
+            self.engine.handle_link(bus as u8, is_up, is_active, now_ns);
         }
-        while let Some(command) = joints.poll_command(now_ns) {
-            if self.sources[usize::from(command.bus)]
-                .send(&command.frame)
-                .is_err()
-            {
-                joints.command_not_sent(&command);
+        while let Some(command) = self.engine.poll_command(now_ns) {
+            let sent = self.sources[usize::from(command.bus)].send(&command.frame);
+            if sent.is_err() {
+                self.engine.handle_unsent(&command, now_ns);
             }
         }
     }
 
     /// Leaves the boards, and a hand that was started, as they were found: silent. Bounded in time, since a bus may be gone.
-    fn stop_boards(&mut self) {
-        self.pipeline.joints().stop();
-        self.command_joints(self.clock.now_ns());
+    fn stop_hand(&mut self) {
         let deadline_ns = self.clock.now_ns() + 500_000_000;
-        self.boards.stop();
+        self.engine.stop();
         loop {
             let now_ns = self.clock.now_ns();
-            self.command_boards(now_ns);
-            match self.boards.next_at_ns() {
+            self.send_commands(now_ns);
+            match self.engine.command_due_ns() {
                 Some(at_ns) if at_ns < deadline_ns => {
                     std::thread::sleep(Duration::from_nanos(at_ns.saturating_sub(now_ns)));
                 }
@@ -371,48 +321,41 @@ impl TickThread {
         let Ok(mut snapshot) = self.shared.snapshot.try_lock() else {
             return;
         };
-        let pipeline = &self.pipeline;
-        let force = &pipeline.frames().force;
+        let engine = &self.engine;
         snapshot.written = true;
         snapshot.now_ns = now_ns;
         snapshot.overruns = overruns;
-        snapshot.unpublished = self.displays.unpublished() + self.raw.unpublished();
+        snapshot.unpublished = self.outputs.unpublished();
         for ((bus, source), decoder) in snapshot
             .buses
             .iter_mut()
             .zip(&self.sources)
-            .zip(pipeline.decoders())
+            .zip(engine.decoders())
         {
             bus.source = *source.counters();
             bus.link = source.link();
             bus.decoder = *decoder.counters();
-            bus.load = pipeline.watch().load(decoder.bus());
+            bus.load = engine.watch().load(decoder.bus());
         }
-        snapshot.take_findings(pipeline.watch().findings());
+        snapshot.take_findings(engine.watch().findings());
         for (module, board) in snapshot.boards.iter_mut().enumerate() {
-            let (sweep, decoders) = (pipeline.sweep(), pipeline.decoders());
-            *board = BoardCounters::gather(module as u16, sweep, decoders, Some(&self.boards));
+            *board = engine.board(module as u16);
         }
-        snapshot.take_force(force);
-        snapshot.paused = pipeline.is_paused();
-        pipeline.joints_snapshot(&mut snapshot.joints);
-        if let Some(source) = self.joints_bus.and_then(|bus| self.sources.get(bus)) {
+        snapshot.take_force(&engine.frames().force);
+        snapshot.paused = engine.is_paused();
+        engine.joints_into(&mut snapshot.joints);
+        let joints_bus = engine.joints_bus().map(usize::from);
+        if let Some(source) = joints_bus.and_then(|bus| self.sources.get(bus)) {
             snapshot.joints_source = *source.counters();
             snapshot.joints_link = source.link();
         }
     }
 }
 
-fn encode_raw(frames: &Frames, payload: &mut Vec<u8>) -> Result<Header, taxel_wire::EncodeError> {
-    let Frames { tactile, force, .. } = frames;
-    taxel_wire::encode_raw_payload(tactile, force, payload)?;
-    Ok(Header::of_frame(tactile, force, payload.len()))
-}
-
 /// Notes how long a tick's images took, until the last of them was handed over. A status report being written at this moment loses one sample of many.
 fn record_times(shared: &Shared, frames: &Frames, now_ns: u64) {
     if let Ok(mut snapshot) = shared.snapshot.try_lock() {
-        snapshot.images = frames.tactile.seq + 1;
+        snapshot.images = frames.tick();
         snapshot
             .latency_ns
             .saturating_record(now_ns.saturating_sub(frames.tactile.t_ns).max(1));
@@ -534,16 +477,21 @@ mod tests {
             wake: EventFd::from_flags(nix::sys::eventfd::EfdFlags::EFD_NONBLOCK).unwrap(),
         });
         let now_ns = monotonic_ns();
+        let maker =
+            crate::image_maker::ImageMaker::new(&config, taxel_wire::Clock::Monotonic, shared.clone());
+        let limits = taxel_serve::Limits {
+            max_subscribers: 1,
+            stall_ms: 1000,
+        };
+        let (_seed, outputs) =
+            taxel_serve::ServerSeed::new(maker, limits, config.profiles, config.profile.clone(), || {})
+                .unwrap();
         let thread = TickThread {
             sources: vec![Box::new(Flooded::default())],
-            pipeline: Pipeline::new(&config, now_ns).unwrap(),
-            boards: BoardSupervisor::new(&config.layout, &config.boards),
-            joints_bus: None,
+            engine: Engine::new(&config.engine(false).unwrap(), now_ns).unwrap(),
             joint_reader: None,
             joints_seen: 0,
-            reached: vec![false],
-            displays: Displays::new(1).0,
-            raw: crate::hub::channel(0).0,
+            outputs,
             clock: PipelineClock {
                 offset_ns: 0,
                 live: true,

@@ -7,11 +7,12 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
+use taxel_engine::TickMode;
 use taxel_hand::{Method, Profile};
 use taxel_joints::{AllegroConfig, AllegroSource, JointSource, JointsConfig};
 use taxel_sim::servo::{ServoBuild, ServoBus, ServoPty};
 use taxel_wire::{Received, Subscribe, Subscriber};
-use taxeld::{Config, Daemon, config::TickMode};
+use taxeld::{Config, Daemon};
 
 /// Allocations per thread, by the lower bits of its id.
 static ALLOCATIONS: [AtomicU64; 1 << 16] = [const { AtomicU64::new(0) }; 1 << 16];

@@ -8,12 +8,11 @@ use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use taxel_can::{CanSource, LogSource, Playback, Received, SourceAddress};
 use taxel_compress::Compressor;
+use taxel_engine::{Display, Frames, TickMode, run_recorded};
 use taxel_hand::{ForceFrame, TactileFrame, TactileImage};
 use taxel_record::Recording;
 use taxel_skin::Layout;
 use taxeld::Config;
-use taxeld::config::TickMode;
-use taxeld::pipeline::{Outputs, run_recorded};
 
 /// A recording, and how its frames are conditioned and compressed.
 #[derive(Debug, clap::Args)]
@@ -271,13 +270,15 @@ pub(crate) fn pipeline(
 ) -> anyhow::Result<()> {
     let failure = RefCell::new(None);
     let failed = || failure.borrow().is_some();
+    let display = Display::new(config.profile.clone(), None, &config.layout)?;
     run_recorded(
-        config,
+        &config.engine(false)?,
+        display,
         frames.take_while(|_| !failed()),
         None,
-        |_, outputs: &Outputs| {
+        |frames: &Frames, image| {
             if !failed() {
-                let result = emit(Some(outputs.tactile), outputs.force, outputs.image);
+                let result = emit(Some(&frames.tactile), &frames.force, image);
                 *failure.borrow_mut() = result.err();
             }
         },

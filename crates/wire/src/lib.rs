@@ -23,6 +23,7 @@
 //! assert_eq!(view.pixels(), [0, 255]);
 //! ```
 
+mod encode;
 mod error;
 mod fields;
 mod header;
@@ -33,6 +34,7 @@ mod raw;
 pub mod reader;
 mod text;
 
+pub use encode::Encode;
 pub use error::{DecodeError, EncodeError};
 pub use header::{Flags, HEADER_LEN, Header, Kind, MAGIC, MAJOR, MAX_MESSAGE, MINOR};
 pub use hello::{Clock, Hello, HelloModule, HelloProfile, HelloProtocol, HelloRate, HelloTaxel};

@@ -27,6 +27,9 @@ pub struct Subscribe {
     pub status: bool,
     /// The most images, and the most raw frames, per second, above 0; absent or null for every one.
     pub max_rate_hz: Option<f64>,
+    /// Every image and raw frame in order, none passed over for a newer one, as far as the daemon keeps them.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub every: bool,
     /// What this subscriber's display can do; absent or null for the daemon's own profile.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub profile: Option<Profile>,
@@ -42,6 +45,7 @@ impl Default for Subscribe {
             raw: false,
             status: false,
             max_rate_hz: None,
+            every: false,
             profile: None,
             region: None,
         }

@@ -6,11 +6,11 @@ use std::collections::BTreeMap;
 use std::io::BufWriter;
 use taxel_can::{LogWriter, Received};
 use taxel_compress::Compressor;
+use taxel_engine::{Engine, Frames};
 use taxel_hand::{Faults, ForceFrame, Grey, Method, Profile, TactileImage};
 use taxel_sim::{Scene, Simulator};
 use taxel_skin::Layout;
 use taxel_wire::{Header, ImageView, ReadError};
-use taxeld::pipeline::{Frames, Pipeline};
 use taxeld::{Config, Daemon};
 use tempfile::TempDir;
 
@@ -130,7 +130,7 @@ fn offline(config: &Config, frames: &[(u8, Received)]) -> Vec<Images> {
         .map(|profile| Compressor::new(profile.clone(), layout).unwrap())
         .collect();
     let mut images = vec![Images::new(); displays.len()];
-    let mut pipeline = Pipeline::new(config, 0).unwrap();
+    let mut engine = Engine::new(&config.engine(false).unwrap(), 0).unwrap();
     let mut emit = |frames: &Frames| {
         for (((_, region), compressor), images) in displays.iter().zip(&mut compressors).zip(&mut images) {
             let force = match region {
@@ -146,7 +146,8 @@ fn offline(config: &Config, frames: &[(u8, Received)]) -> Vec<Images> {
         }
     };
     for (bus, received) in frames {
-        pipeline.push(*bus, received, &mut emit);
+        engine.handle_frame(*bus, received);
+        engine.drain(&mut emit);
     }
     images
 }

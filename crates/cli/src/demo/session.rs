@@ -7,12 +7,12 @@ use anyhow::Context;
 use std::path::PathBuf;
 use std::time::Instant;
 use taxel_can::SourceAddress;
+use taxel_engine::TickMode;
 use taxel_joints::{DynamixelConfig, JointSource, JointsConfig};
 use taxel_sim::Scene;
 use taxel_sim::servo::{ServoBus, ServoPty, servos_of_scene};
 use taxel_skin::Layout;
 use taxel_wire::{Subscribe, Subscriber};
-use taxeld::config::TickMode;
 use taxeld::{Config, Daemon};
 use tempfile::TempDir;
 

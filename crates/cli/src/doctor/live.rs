@@ -5,12 +5,11 @@ use super::capacity::frame_bits;
 use super::ears::{Ears, Listener};
 use super::hand::{BusFacts, HandFacts, Unclaimed};
 use taxel_can::{CanFrame, LinkState, Received};
+use taxel_engine::Engine;
 use taxel_skin::{
-    BoardCounters, BoardSupervisor, BoardsMode, Decoded, Decoder, Discovery, DiscoveryReport, Finding,
-    ICUB_OUT_OF_RANGE, Layout, Readings, TrafficWatch,
+    BoardSupervisor, BoardsMode, Decoded, Discovery, DiscoveryReport, Finding, ICUB_OUT_OF_RANGE, Layout,
 };
 use taxeld::Config;
-use taxeld::pipeline::Pipeline;
 
 const MS: u64 = 1_000_000;
 /// How long is listened before anything is sent, and for how long a bus must be silent at the end of that: longer than the
@@ -95,19 +94,14 @@ pub(super) fn examine(
     let mut skin = config.clone();
     skin.joints = None;
     let mut hearing = Hearing {
-        pipeline: Pipeline::new(&skin, begin_ns)?,
-        decoders: (0..layout.buses.len())
-            .map(|bus| Decoder::new(layout, bus as u8))
-            .collect(),
-        readings: Readings::new(),
-        watch: TrafficWatch::new(layout),
+        engine: Engine::new(&skin.engine(false)?, begin_ns)?.with_boards(supervisor),
+        speaks,
         findings: Vec::new(),
         buses,
         extreme: vec![[0; 3]; layout.len()],
         is_scalar: layout.wiring.iter().map(|m| m.protocol.is_scalar()).collect(),
         is_icub: layout.wiring.iter().map(|m| m.protocol.is_icub()).collect(),
         module_of: layout.taxels.iter().map(|t| usize::from(t.module)).collect(),
-        supervisor: speaks.then_some(supervisor),
         speakable,
         stopping: false,
     };
@@ -117,8 +111,8 @@ pub(super) fn examine(
     let go_on = ears.listen(length_ns, "listening to the hand", &mut hearing);
     let seconds = (ears.now_ns() - begin_ns) as f64 / 1e9;
     let facts = hearing.facts(layout, ears, seconds, discovery);
-    if let Some(supervisor) = &mut hearing.supervisor {
-        supervisor.stop();
+    if speaks {
+        hearing.engine.stop();
         hearing.stopping = true;
         ears.finish(STOP_NS, &mut hearing);
     }
@@ -172,11 +166,9 @@ impl Listener for Asking<'_> {
 }
 
 struct Hearing {
-    pipeline: Pipeline,
-    /// What a frame is; the pipeline's own decoders only count.
-    decoders: Vec<Decoder>,
-    readings: Readings,
-    watch: TrafficWatch,
+    engine: Engine,
+    /// Whether any bus is spoken to.
+    speaks: bool,
     /// What the watch found at any time, in its last figures.
     findings: Vec<Finding>,
     buses: Vec<BusFacts>,
@@ -185,7 +177,6 @@ struct Hearing {
     is_scalar: Vec<bool>,
     is_icub: Vec<bool>,
     module_of: Vec<usize>,
-    supervisor: Option<BoardSupervisor>,
     speakable: Vec<bool>,
     stopping: bool,
 }
@@ -194,19 +185,18 @@ impl Listener for Hearing {
     fn hear(&mut self, bus: u8, received: &Received) {
         let index = usize::from(bus);
         let frame = &received.frame;
-        self.watch.advance(received.t_ns);
-        self.watch.frame(bus, frame);
+        self.engine.handle_frame(bus, received);
+        self.engine.drain(&mut |_| {});
         let facts = &mut self.buses[index];
         if !frame.is_error() {
             facts.frames += 1;
             let [least, most] = frame_bits(frame);
             facts.bits = [facts.bits[0] + least, facts.bits[1] + most];
         }
-        match self.decoders[index].decode_at(received.t_ns, frame, &mut self.readings) {
-            Decoded::Unknown => count_unclaimed(facts, frame),
-            Decoded::Readings => {
-                for reading in self.readings.iter() {
-                    self.watch.reading(reading);
+        match self.engine.last_frame() {
+            Some((Decoded::Unknown, _)) => count_unclaimed(facts, frame),
+            Some((Decoded::Readings, readings)) => {
+                for reading in readings {
                     let taxel = usize::from(reading.taxel);
                     let module = self.module_of[taxel];
                     let at_end = |count: &u16| matches!(*count, 0 | u16::MAX);
@@ -227,26 +217,21 @@ impl Listener for Hearing {
             }
             _ => {}
         }
-        if let Some(supervisor) = &mut self.supervisor {
-            supervisor.hear(bus, &received.frame, received.t_ns);
-        }
-        self.pipeline.push(bus, received, &mut |_| {});
     }
 
     fn turn(&mut self, ears: &mut Ears, now_ns: u64) -> bool {
-        self.pipeline.advance(now_ns, &mut |_| {});
-        self.watch.advance(now_ns);
+        self.engine.handle_time(now_ns);
+        self.engine.drain(&mut |_| {});
         self.note_findings();
-        let Some(supervisor) = &mut self.supervisor else {
+        if !self.speaks {
             return true;
-        };
-        let sweep = self.pipeline.sweep();
-        while let Some(command) = supervisor.poll(now_ns, |board| sweep.last_heard_ns(board)) {
-            if self.speakable[usize::from(command.bus)] && !ears.send(command.bus, &command.frame()) {
-                supervisor.not_sent(&command, now_ns);
+        }
+        while let Some(command) = self.engine.poll_command(now_ns) {
+            if self.speakable[usize::from(command.bus)] && !ears.send(command.bus, &command.frame) {
+                self.engine.handle_unsent(&command, now_ns);
             }
         }
-        !(self.stopping && supervisor.is_stopped())
+        !(self.stopping && self.engine.boards().is_stopped())
     }
 }
 
@@ -273,7 +258,7 @@ fn count_unclaimed(facts: &mut BusFacts, frame: &CanFrame) {
 
 impl Hearing {
     fn note_findings(&mut self) {
-        for finding in self.watch.findings() {
+        for finding in self.engine.watch().findings() {
             match self.findings.iter_mut().find(|known| is_same(known, finding)) {
                 Some(known) => *known = *finding,
                 None => self.findings.push(*finding),
@@ -298,20 +283,13 @@ impl Hearing {
                 LinkState::Up
             };
         }
-        let conditioner = self.pipeline.conditioner();
+        let conditioner = self.engine.conditioner();
         let report = conditioner.report().filter(|_| !conditioner.is_calibrating());
         let mostly = |of: &dyn Fn(&[u32; 3]) -> bool| -> Vec<bool> { self.extreme.iter().map(of).collect() };
         let facts = HandFacts {
             seconds,
             boards: (0..layout.modules.len())
-                .map(|board| {
-                    BoardCounters::gather(
-                        board as u16,
-                        self.pipeline.sweep(),
-                        self.pipeline.decoders(),
-                        self.supervisor.as_ref(),
-                    )
-                })
+                .map(|board| self.engine.board(board as u16))
                 .collect(),
             discovery,
             findings: std::mem::take(&mut self.findings),

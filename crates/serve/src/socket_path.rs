@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 
 /// The right to bind a socket path, held until dropped; dropping removes the socket.
 #[derive(Debug)]
-pub(crate) struct SocketPath {
+pub struct SocketPath {
     path: PathBuf,
     _lock: Flock<File>,
 }
@@ -55,7 +55,7 @@ pub enum SocketPathError {
 
 impl SocketPath {
     /// Takes the path, removing a socket left behind by a dead daemon. Creates the folder if it is missing.
-    pub(crate) fn take(path: &Path) -> Result<Self, SocketPathError> {
+    pub fn take(path: &Path) -> Result<Self, SocketPathError> {
         let fail = |what, path: &Path, error| SocketPathError::Io {
             what,
             path: path.display().to_string(),
@@ -96,12 +96,12 @@ impl SocketPath {
     }
 
     /// The path.
-    pub(crate) fn path(&self) -> &Path {
+    pub fn path(&self) -> &Path {
         &self.path
     }
 
     /// Sets mode and group of the bound socket; an empty group keeps the daemon's own.
-    pub(crate) fn set_permissions(&self, mode: u32, group: &str) -> Result<(), SocketPathError> {
+    pub fn set_permissions(&self, mode: u32, group: &str) -> Result<(), SocketPathError> {
         let fail = |what, error| SocketPathError::Io {
             what,
             path: self.path.display().to_string(),

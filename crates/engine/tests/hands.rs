@@ -4,11 +4,10 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 use taxel_can::Received;
 use taxel_compress::Compressor;
+use taxel_engine::{Engine, EngineConfig, Frames, TickMode};
+use taxel_hand::Profile;
 use taxel_sim::{Scene, Simulator, with_stand_in_boards};
-use taxel_skin::{BoardState, BoardSupervisor, BoardsConfig, Layout};
-use taxeld::Config;
-use taxeld::config::TickMode;
-use taxeld::pipeline::{Frames, Pipeline};
+use taxel_skin::{BoardState, Layout};
 
 const MS: u64 = 1_000_000;
 /// A touch weaker than this many thresholds may go unnoticed.
@@ -35,15 +34,14 @@ struct Felt {
 }
 
 /// Plays a scene of the layout as `taxel demo` does, without waiting, and judges what is felt.
-fn play(layout: &Layout, scene: &Scene) -> (Felt, Pipeline) {
-    let config = config(layout);
-    let mut compressor = Compressor::new(config.profile, layout).unwrap();
+fn play(layout: &Layout, scene: &Scene) -> (Felt, Engine) {
+    let mut compressor = Compressor::new(Profile::default(), layout).unwrap();
     let mut image = compressor.new_image();
     let truth_of = Simulator::new(scene, layout, 1).unwrap();
     let mut ever = vec![false; layout.len()];
     let mut felt = Felt::default();
     let mut all_heard_ns = None;
-    let pipeline = play_with(
+    let engine = play_with(
         layout,
         scene,
         |frames| {
@@ -51,21 +49,20 @@ fn play(layout: &Layout, scene: &Scene) -> (Felt, Pipeline) {
             judge(&mut felt, frames, &truth_of, &mut ever);
             assert_eq!(image.contacts as usize, frames.force.contacts());
         },
-        |now_ns, pipeline| {
+        |now_ns, engine| {
             let mut modules = 0..layout.modules.len() as u16;
-            if all_heard_ns.is_none() && modules.all(|m| pipeline.sweep().last_heard_ns(m).is_some()) {
+            if all_heard_ns.is_none() && modules.all(|m| engine.sweep().last_heard_ns(m).is_some()) {
                 all_heard_ns = Some(now_ns);
             }
         },
     );
     felt.ever = ever.iter().filter(|e| **e).count();
     felt.all_heard_ns = all_heard_ns;
-    (felt, pipeline)
+    (felt, engine)
 }
 
-fn config(layout: &Layout) -> Config {
-    let sources = layout.buses.iter().map(|_| "sim:roll".parse().unwrap());
-    let mut config = Config::new(layout.clone(), sources.collect());
+fn config(layout: &Layout) -> EngineConfig {
+    let mut config = EngineConfig::new(layout.clone());
     config.tick.mode = TickMode::Sweep;
     config
 }
@@ -90,31 +87,31 @@ fn play_with(
     layout: &Layout,
     scene: &Scene,
     mut emit: impl FnMut(&Frames),
-    mut each_ms: impl FnMut(u64, &Pipeline),
-) -> Pipeline {
+    mut each_ms: impl FnMut(u64, &Engine),
+) -> Engine {
     let mut hand = Simulator::new(scene, layout, 1).unwrap_or_else(|e| panic!("{e}"));
-    let mut pipeline = Pipeline::new(&config(layout), 0).unwrap();
-    let mut supervisor = BoardSupervisor::new(layout, &BoardsConfig::default());
+    let mut engine = Engine::new(&config(layout), 0).unwrap();
     let mut frames: Vec<(u8, Received)> = Vec::new();
     let mut now_ns = 0;
     while now_ns < scene.length_ns() {
-        while let Some(command) = supervisor.poll(now_ns, |m| pipeline.sweep().last_heard_ns(m)) {
-            // A queue that is full, because the bus is off: the daemon says so to the supervisor.
-            if hand.command(command.bus, &command.frame(), now_ns).is_err() {
-                supervisor.not_sent(&command, now_ns);
+        while let Some(command) = engine.poll_command(now_ns) {
+            // A queue that is full, because the bus is off.
+            if hand.command(command.bus, &command.frame, now_ns).is_err() {
+                engine.handle_unsent(&command, now_ns);
             }
         }
         now_ns += MS;
         frames.clear();
         hand.advance(now_ns, &mut frames);
         for (bus, received) in &frames {
-            supervisor.hear(*bus, &received.frame, received.t_ns);
-            pipeline.push(*bus, received, &mut emit);
+            engine.handle_frame(*bus, received);
+            engine.drain(&mut emit);
         }
-        pipeline.advance(now_ns, &mut emit);
-        each_ms(now_ns, &pipeline);
+        engine.handle_time(now_ns);
+        engine.drain(&mut emit);
+        each_ms(now_ns, &engine);
     }
-    pipeline
+    engine
 }
 
 /// Compares what an image felt with the scene at the instant of each value.
@@ -148,8 +145,8 @@ fn judge(felt: &mut Felt, frames: &Frames, sim: &Simulator, ever: &mut [bool]) {
 }
 
 /// Nothing was lost, misunderstood or taken for something else, and every board lives.
-fn nothing_lost(layout: &Layout, pipeline: &Pipeline) {
-    for (bus, decoder) in layout.buses.iter().zip(pipeline.decoders()) {
+fn nothing_lost(layout: &Layout, engine: &Engine) {
+    for (bus, decoder) in layout.buses.iter().zip(engine.decoders()) {
         let c = decoder.counters();
         let strange = c.unknown + c.not_data + c.abandoned;
         assert_eq!(strange, 0, "{}, {bus}: {c:?}", layout.name);
@@ -168,7 +165,7 @@ fn nothing_lost(layout: &Layout, pipeline: &Pipeline) {
         assert_eq!(c.commands, asked as u64, "{}, {bus}: {c:?}", layout.name);
     }
     for (m, module) in layout.modules.iter().enumerate() {
-        let c = pipeline.sweep().board(m as u16);
+        let c = engine.sweep().board(m as u16);
         let case = format!("{}, {}: {c:?}", layout.name, module.name);
         assert_eq!(c.state, BoardState::Living, "{case}");
         assert_eq!(
@@ -202,11 +199,11 @@ fn every_built_in_hand_feels_what_touches_it() {
     assert_eq!(names, HANDS.map(|(name, ..)| name), "hands without a case here");
     at_once(&HANDS, |&(name, ref images, heard_ms, least_recall)| {
         let layout = with_stand_in_boards(&Layout::builtin(name).unwrap()).unwrap();
-        let (felt, pipeline) = play(&layout, &Scene::builtin("roll").unwrap());
+        let (felt, engine) = play(&layout, &Scene::builtin("roll").unwrap());
         let recall = felt.found as f64 / felt.touched as f64;
         let precision = felt.true_felt as f64 / felt.felt as f64;
         println!("{name:17} {felt:?} recall {recall:.5} precision {precision:.5}");
-        nothing_lost(&layout, &pipeline);
+        nothing_lost(&layout, &engine);
         assert!(images.contains(&felt.images), "{name}: {felt:?}");
         assert_eq!((felt.lacking, felt.faulty), (0, 0), "{name}: {felt:?}");
         assert!(
@@ -269,9 +266,9 @@ fn a_thousand_modules_feel_what_touches_them() {
                  [[contact]]\nshape = \"bump\"\non = [\"all\"]\nat_share = [0.4, 0.5]\nradius_share = 0.3\n\
                  force_n = [[2.3, 0.0], [2.9, 3.0], [3.0, 3.0], [3.4, 0.0]]\n";
     let scene = Scene::parse(scene, "press.toml").unwrap();
-    let (felt, pipeline) = play(&layout, &scene);
+    let (felt, engine) = play(&layout, &scene);
     println!("{felt:?}");
-    nothing_lost(&layout, &pipeline);
+    nothing_lost(&layout, &engine);
     assert!((58..=71).contains(&felt.images), "{felt:?}");
     assert_eq!((felt.lacking, felt.faulty), (0, 0), "{felt:?}");
     assert!(
@@ -313,7 +310,7 @@ fn a_hand_of_every_kind_of_board_gets_over_its_faults() {
             // The boards are whole, and the hand calibrated, 2.2 s after the start at the latest.
             let scene = format!("name = \"f\"\nseconds = 4.5\n[[fault]]\n{fault}from = 2.5\nto = 3.5\n");
             let scene = Scene::parse(&scene, "f.toml").unwrap();
-            let (whole_ns, hurt, pipeline) = whole_after(&layout, &scene, [2500 * MS, 3500 * MS]);
+            let (whole_ns, hurt, engine) = whole_after(&layout, &scene, [2500 * MS, 3500 * MS]);
             let case = format!("{name}, {}", fault.replace('\n', " "));
             println!("{case} {:?} ms", whole_ns.map(|t| t / MS));
             let limit_ms = limits_ms[number.min(2)];
@@ -325,9 +322,9 @@ fn a_hand_of_every_kind_of_board_gets_over_its_faults() {
                 assert!(hurt, "{case}: nothing was missing");
             }
             for m in 0..layout.modules.len() as u16 {
-                assert_eq!(pipeline.sweep().board(m).state, BoardState::Living, "{case}");
+                assert_eq!(engine.sweep().board(m).state, BoardState::Living, "{case}");
             }
-            for decoder in pipeline.decoders() {
+            for decoder in engine.decoders() {
                 assert_eq!(decoder.counters().unknown, 0, "{case}");
             }
         }
@@ -335,15 +332,15 @@ fn a_hand_of_every_kind_of_board_gets_over_its_faults() {
 }
 
 /// When, after the end of a fault, the hand is whole for good; and whether anything was missing meanwhile.
-fn whole_after(layout: &Layout, scene: &Scene, [from_ns, to_ns]: [u64; 2]) -> (Option<u64>, bool, Pipeline) {
+fn whole_after(layout: &Layout, scene: &Scene, [from_ns, to_ns]: [u64; 2]) -> (Option<u64>, bool, Engine) {
     let mut whole_ns = None;
     let mut hurt = false;
-    let pipeline = play_with(
+    let engine = play_with(
         layout,
         scene,
         |_| {},
-        |now_ns, pipeline| {
-            let Frames { tactile, force, .. } = pipeline.frames();
+        |now_ns, engine| {
+            let Frames { tactile, force, .. } = engine.frames();
             let whole = tactile.missing() == 0 && force.faults.iter().all(|f| f.is_empty());
             if now_ns < to_ns || !whole {
                 whole_ns = None;
@@ -353,7 +350,7 @@ fn whole_after(layout: &Layout, scene: &Scene, [from_ns, to_ns]: [u64; 2]) -> (O
             hurt |= now_ns >= from_ns && !whole;
         },
     );
-    (whole_ns, hurt, pipeline)
+    (whole_ns, hurt, engine)
 }
 
 /// Whatever kind of board it is, however long its power was away, and whatever the supervisor was doing when it came
@@ -369,13 +366,13 @@ fn boards_that_lost_their_power_are_back_within_a_second_of_it() {
             let scene =
                 format!("name = \"p\"\nseconds = 5\n[[fault]]\nkind = \"silent\"\non = [\"all\"]\n{fault}");
             let scene = Scene::parse(&scene, "p.toml").unwrap();
-            let (whole_ns, _, pipeline) = whole_after(&layout, &scene, [2500 * MS, to_ms * MS]);
+            let (whole_ns, _, engine) = whole_after(&layout, &scene, [2500 * MS, to_ms * MS]);
             let whole_ms = whole_ns.map(|t| t / MS);
             let case = format!("{name}, {away_ms} ms without power: whole again after {whole_ms:?} ms");
             println!("{case}");
             assert!(whole_ms.is_some_and(|ms| ms <= 900), "{case}");
             slowest_ms = slowest_ms.max(whole_ms.unwrap_or(u64::MAX));
-            assert_eq!(pipeline.sweep().board(0).state, BoardState::Living, "{case}");
+            assert_eq!(engine.sweep().board(0).state, BoardState::Living, "{case}");
         }
         println!("{name}: {slowest_ms} ms at most");
     });

@@ -1,14 +1,14 @@
 //! Simulated hands through the pipeline in `sweep` mode, with nothing said about their rate.
 
+use taxel_engine::{Engine, EngineConfig, TickMode};
 use taxel_sim::{Scene, Simulator};
 use taxel_skin::{BoardState, Layout};
-use taxeld::{Config, config::TickMode, pipeline::Pipeline};
 
 const SECOND: u64 = 1_000_000_000;
 
 /// What became of a scene. Images of the first second, in which boards settle, are not in `lacking` and `oldest_ns`.
 struct Played {
-    pipeline: Pipeline,
+    engine: Engine,
     /// Times of images.
     images: Vec<u64>,
     /// Images that lacked a taxel.
@@ -22,17 +22,17 @@ fn play(scene: &str, layout: &Layout, rate_hz: u32, seconds: u64) -> Played {
     let scene = Scene::builtin(scene).unwrap().with_rate_hz(rate_hz);
     let mut hand = Simulator::looping(&scene, layout, 1).unwrap();
     hand.start_all();
-    let sources = layout.buses.iter().map(|_| "sim:idle".parse().unwrap()).collect();
-    let mut config = Config::new(layout.clone(), sources);
+    let mut config = EngineConfig::new(layout.clone());
     config.tick.mode = TickMode::Sweep;
-    let mut pipeline = Pipeline::new(&config, 0).unwrap();
+    let mut engine = Engine::new(&config, 0).unwrap();
     let (mut images, mut lacking, mut oldest_ns) = (Vec::new(), 0, 0);
     let mut frames = Vec::new();
     for second in 1..=seconds {
         frames.clear();
         hand.advance(second * SECOND, &mut frames);
         for (bus, received) in &frames {
-            pipeline.push(*bus, received, &mut |outputs| {
+            engine.handle_frame(*bus, received);
+            engine.drain(&mut |outputs| {
                 images.push(outputs.due_ns);
                 if outputs.due_ns > SECOND {
                     lacking += usize::from(outputs.tactile.missing() > 0);
@@ -42,7 +42,7 @@ fn play(scene: &str, layout: &Layout, rate_hz: u32, seconds: u64) -> Played {
         }
     }
     Played {
-        pipeline,
+        engine,
         images,
         lacking,
         oldest_ns,
@@ -54,7 +54,7 @@ fn a_hand_whose_buses_are_full_loses_nothing_and_gives_an_image_per_sweep() {
     let layout = Layout::builtin("allegro-uskin-15").unwrap();
     for scene in ["ball-grasp", "worst-case"] {
         let Played {
-            pipeline,
+            engine,
             images,
             lacking,
             ..
@@ -66,7 +66,7 @@ fn a_hand_whose_buses_are_full_loses_nothing_and_gives_an_image_per_sweep() {
             images.len()
         );
         for board in 0..layout.modules.len() as u16 {
-            let counters = pipeline.sweep().board(board);
+            let counters = engine.sweep().board(board);
             let case = format!(
                 "{scene}, {}: {counters:?}",
                 layout.modules[usize::from(board)].name
@@ -89,7 +89,7 @@ fn a_single_board_gives_every_image_at_the_end_of_its_burst() {
     let layout = Layout::builtin("uskin-module").unwrap();
     for rate_hz in [10, 50, 100] {
         let Played {
-            pipeline,
+            engine,
             images,
             lacking,
             oldest_ns,
@@ -107,7 +107,7 @@ fn a_single_board_gives_every_image_at_the_end_of_its_burst() {
                 .windows(2)
                 .all(|pair| (pair[1] - pair[0]).abs_diff(period_ns) < period_ns / 20)
         );
-        let counters = pipeline.sweep().board(0);
+        let counters = engine.sweep().board(0);
         assert_eq!(
             (counters.duplicate, counters.late, counters.missed < 16),
             (0, 0, true),

@@ -1,16 +1,15 @@
 //! What one display is given of a tick: the force frame, or the part of it that the display shows, compressed.
 
-use crate::pipeline::Frames;
+use crate::frames::Frames;
 use std::ops::Range;
 use taxel_compress::Compressor;
-use taxel_hand::{ForceFrame, Profile, ProfileError, TactileImage};
+use taxel_hand::{ForceFrame, Geometry, Module, Profile, ProfileError, TactileImage};
 use taxel_joints::MAX_JOINTS;
-use taxel_skin::Layout;
-use taxel_wire::{EncodeError, Flags, Header};
+use taxel_wire::{Encode, EncodeError, Flags, Header};
 
 /// A compressor, the part of the hand it is shown, and the image it fills.
 #[derive(Debug)]
-pub(crate) struct Display {
+pub struct Display {
     compressor: Compressor,
     region: Option<Mask>,
     image: TactileImage,
@@ -27,23 +26,19 @@ struct Mask {
 impl Display {
     /// Takes all the memory that frames of this hand will need. `region` names parts of the layout, as
     /// [`resolve_region`] returns them; `None` is the whole hand.
-    pub(crate) fn new(
-        profile: Profile,
-        region: Option<&[String]>,
-        layout: &Layout,
-    ) -> Result<Self, ProfileError> {
-        let compressor = Compressor::new(profile, layout)?;
+    pub fn new(profile: Profile, region: Option<&[String]>, hand: &Geometry) -> Result<Self, ProfileError> {
+        let compressor = Compressor::new(profile, hand)?;
         let mut image = compressor.new_image();
         image.joints.reserve_exact(MAX_JOINTS);
         Ok(Self {
-            region: region.map(|parts| Mask::new(parts, layout)),
+            region: region.map(|parts| Mask::new(parts, hand)),
             compressor,
             image,
         })
     }
 
     /// Compresses what a tick felt. Allocates nothing.
-    pub(crate) fn compress(&mut self, frames: &Frames) -> &TactileImage {
+    pub fn compress(&mut self, frames: &Frames) -> &TactileImage {
         let force = match &mut self.region {
             Some(mask) => mask.apply(&frames.force),
             None => &frames.force,
@@ -51,17 +46,6 @@ impl Display {
         self.compressor.compress(force, &mut self.image);
         self.image.joints.clone_from(&frames.tactile.joints);
         &self.image
-    }
-
-    /// Compresses what a tick felt into the payload of an IMAGE message, and returns its header.
-    pub(crate) fn encode(&mut self, frames: &Frames, payload: &mut Vec<u8>) -> Result<Header, EncodeError> {
-        let image = self.compress(frames);
-        taxel_wire::encode_image_payload(image, payload)?;
-        let header = Header::of_image(image, payload.len());
-        Ok(Header {
-            flags: header.flags | self.saturation(frames),
-            ..header
-        })
     }
 
     fn saturation(&self, frames: &Frames) -> Flags {
@@ -78,18 +62,28 @@ impl Display {
     }
 }
 
+impl Encode<Frames> for Display {
+    /// Compresses what a tick felt into the payload of an IMAGE message.
+    fn encode(&mut self, frames: &Frames, payload: &mut Vec<u8>) -> Result<Header, EncodeError> {
+        let image = self.compress(frames);
+        taxel_wire::encode_image_payload(image, payload)?;
+        let header = Header::of_image(image, payload.len());
+        Ok(Header {
+            flags: header.flags | self.saturation(frames),
+            ..header
+        })
+    }
+}
+
 impl Mask {
-    fn new(parts: &[String], layout: &Layout) -> Self {
-        let taxels = (layout.modules.iter())
+    fn new(parts: &[String], hand: &Geometry) -> Self {
+        let taxels = (hand.modules.iter())
             .filter(|module| parts.contains(&module.part))
-            .map(|module| {
-                let first = usize::from(module.first_taxel);
-                first..first + usize::from(module.taxels)
-            })
+            .map(Module::taxel_range)
             .collect();
         Self {
             taxels,
-            force: ForceFrame::new(layout.len()),
+            force: ForceFrame::new(hand.len()),
         }
     }
 
@@ -113,17 +107,27 @@ impl Mask {
 
 /// Why a region is none.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
-pub(crate) enum RegionError {
+pub enum RegionError {
+    /// The hand has no part of this name.
     #[error("region: the hand has no part `{name}`; it has {}", parts.join(", "))]
-    NoSuchPart { name: String, parts: Vec<String> },
+    NoSuchPart {
+        /// The name given, cut to 64 characters.
+        name: String,
+        /// The parts that the hand has.
+        parts: Vec<String>,
+    },
+    /// No part is named.
     #[error("region: no part is named; leave it out for the whole hand, which has {}", parts.join(", "))]
-    Empty { parts: Vec<String> },
+    Empty {
+        /// The parts that the hand has.
+        parts: Vec<String>,
+    },
 }
 
 /// The parts of a region, each once, in the order of the layout; `None` where they are the whole hand.
-pub(crate) fn resolve_region(names: &[String], layout: &Layout) -> Result<Option<Vec<String>>, RegionError> {
+pub fn resolve_region(names: &[String], hand: &Geometry) -> Result<Option<Vec<String>>, RegionError> {
     let mut parts: Vec<String> = Vec::new();
-    for module in &layout.modules {
+    for module in &hand.modules {
         if !parts.contains(&module.part) {
             parts.push(module.part.clone());
         }
@@ -144,6 +148,7 @@ pub(crate) fn resolve_region(names: &[String], layout: &Layout) -> Result<Option
 mod tests {
     use super::*;
     use taxel_hand::{Fault, Faults, Freshness};
+    use taxel_skin::Layout;
 
     fn hand() -> Layout {
         Layout::builtin("allegro-uskin-15").unwrap()

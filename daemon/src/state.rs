@@ -1,38 +1,30 @@
 //! What the socket thread knows of the hand, and what can be asked of the tick thread.
 
-use crate::config::{Config, TickMode};
-use crate::displays::Returned;
-use crate::hub::Newest;
+use crate::config::Config;
+use crate::image_maker::ImageMaker;
 use crate::joints::{JointsView, ServoRequest};
 use crate::problems::{Place, Problems};
-use crate::profiles::{Own, Profiles};
 use crate::snapshot::Snapshot;
-use crate::subscribers::Registry;
 use crate::tick::{Command, Shared};
 use hdrhistogram::Histogram;
 use serde_json::{Value, json};
 use std::cell::{Cell, RefCell};
+use std::rc::Rc;
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, mpsc};
 use std::time::Instant;
-use taxel_hand::{Fault, Profile};
-use taxel_joints::{JointReader, JointsConfig};
+use taxel_engine::TickMode;
+use taxel_hand::Fault;
+use taxel_joints::JointReader;
+use taxel_serve::{Server, ServerSeed};
 use taxel_skin::{BoardCounters, BoardState};
-use taxel_wire::{Clock, Event, Hello, HelloRate, MAX_SUBSCRIBE};
-use tokio::sync::broadcast;
 
 /// The hand as the socket thread sees it. Lives on that thread alone.
-pub(crate) struct Hand {
+pub(crate) struct State {
     pub(crate) config: Config,
     pub(crate) shared: Arc<Shared>,
-    /// The newest raw frame.
-    pub(crate) raw: Newest,
-    pub(crate) profiles: Profiles,
-    pub(crate) subscribers: Registry,
-    /// What subscribers are told beside images.
-    pub(crate) events: broadcast::Sender<Event>,
-    /// Where subscriptions are received into, one at a time; one byte longer than the longest, to tell one too long.
-    pub(crate) subscription: RefCell<Box<[u8]>>,
+    /// Subscribers, and what they are given.
+    pub(crate) server: Rc<Server<ImageMaker>>,
     /// What is wrong with buses, boards and joints.
     pub(crate) problems: RefCell<Problems>,
     commands: mpsc::SyncSender<Command>,
@@ -43,16 +35,6 @@ pub(crate) struct Hand {
     joint_rate: Cell<Rate>,
 }
 
-/// What reaches from the tick thread to the socket thread.
-pub(crate) struct Reach {
-    pub(crate) shared: Arc<Shared>,
-    pub(crate) raw: Newest,
-    pub(crate) own: Own,
-    pub(crate) commands: mpsc::SyncSender<Command>,
-    pub(crate) returned: Returned,
-    pub(crate) joint_reader: Option<JointReader>,
-}
-
 /// Images, or cycles of the joints, per second over the last second or so.
 #[derive(Debug, Clone, Copy)]
 struct Rate {
@@ -61,25 +43,17 @@ struct Rate {
     hz: f64,
 }
 
-impl Hand {
-    pub(crate) fn new(config: Config, reach: Reach, clock: crate::tick::PipelineClock) -> Self {
-        let Reach {
-            shared,
-            raw,
-            own,
-            commands,
-            returned,
-            joint_reader,
-        } = reach;
-        let hello = describe(&config, clock.live);
-        let profiles = Profiles::new(&config, own, hello, commands.clone(), returned, shared.clone());
+impl State {
+    pub(crate) fn new(
+        config: Config,
+        seed: ServerSeed<ImageMaker>,
+        shared: Arc<Shared>,
+        commands: mpsc::SyncSender<Command>,
+        joint_reader: Option<JointReader>,
+    ) -> Self {
         Self {
             shared,
-            raw,
-            profiles,
-            subscribers: Registry::new(&config.socket),
-            events: broadcast::channel(16).0,
-            subscription: RefCell::new(vec![0; MAX_SUBSCRIBE + 1].into()),
+            server: Server::new(seed),
             problems: RefCell::default(),
             commands,
             joint_reader,
@@ -98,11 +72,6 @@ impl Hand {
     /// Lets every display go, or takes up again.
     pub(crate) fn pause(&self, paused: bool) -> Result<(), String> {
         self.command(Command::Pause(paused))
-    }
-
-    /// The daemon's own display profile.
-    pub(crate) fn profile(&self) -> Profile {
-        self.profiles.own().wanted.profile.clone()
     }
 
     /// Has a servo told something.
@@ -243,15 +212,15 @@ impl Hand {
             "contacts": snapshot.contacts,
             "missing": snapshot.missing,
             "faulty": snapshot.faulty,
-            "profile": self.profile(),
-            "profiles": self.profiles.status(|id| self.subscribers.shown(id)),
-            "profile_budget": self.profiles.budget(),
+            "profile": self.server.own_profile(),
+            "profiles": self.server.profile_status(),
+            "profile_budget": self.server.profile_budget(),
             "problems": problems.status(&self.config),
             "buses": buses,
             "boards": boards,
             "joints": joints,
             "faults": faults,
-            "subscribers": self.subscribers.status(),
+            "subscribers": self.server.subscriber_status(),
         })
     }
 
@@ -293,7 +262,7 @@ impl Hand {
             p99 as f64 / 1e6,
             links.join(", "),
             self.config.layout.modules.len(),
-            self.subscribers.len(),
+            self.server.subscribers(),
             (self.problems.borrow().summary()).map_or(String::new(), |problems| format!(", {problems}")),
             if calibrating {
                 ", calibrating: do not touch the hand"
@@ -358,38 +327,6 @@ impl Rate {
             hz,
         });
         hz
-    }
-}
-
-/// HELLO without a display: what is the same for every subscriber.
-fn describe(config: &Config, clock_live: bool) -> Hello {
-    let (mode, hz) = match config.tick.mode {
-        TickMode::Timer => ("timer", Some(config.tick.rate_hz)),
-        TickMode::Sweep => ("sweep", None),
-    };
-    let rate = HelloRate {
-        mode: mode.into(),
-        hz,
-    };
-    let clock = if clock_live {
-        Clock::Monotonic
-    } else {
-        Clock::Recording
-    };
-    let daemon = concat!("taxeld ", env!("CARGO_PKG_VERSION"));
-    let force_unit = if config.conditioning.magnitude.is_squared() {
-        "counts^2"
-    } else {
-        "counts"
-    };
-    Hello {
-        force_unit: force_unit.into(),
-        joints: config
-            .joints
-            .as_ref()
-            .map(JointsConfig::joint_names)
-            .unwrap_or_default(),
-        ..Hello::new(daemon, &config.layout, &config.profile, rate, clock)
     }
 }
 

@@ -1,21 +1,22 @@
 //! What the pipeline promises: the same frames give the same images, and each image is made at its own instant.
 
-use std::path::{Path, PathBuf};
 use taxel_can::{CanFrame, Received};
-use taxel_hand::Freshness;
+use taxel_engine::{Display, Engine, EngineConfig, EngineJoints, Frames, TickMode, run_recorded};
+use taxel_hand::{Freshness, Profile};
 use taxel_sim::{Scene, Simulator};
 use taxel_skin::Layout;
-use taxeld::Config;
-use taxeld::config::TickMode;
-use taxeld::pipeline::{Frames, Pipeline, run_recorded};
 
-fn config(mode: TickMode, rate_hz: f64) -> Config {
+fn config(mode: TickMode, rate_hz: f64) -> EngineConfig {
     let layout = Layout::builtin("allegro-uskin-15").unwrap();
-    let sources = layout.buses.iter().map(|_| "sim:tap".parse().unwrap()).collect();
-    let mut config = Config::new(layout, sources);
+    let mut config = EngineConfig::new(layout);
     config.tick.mode = mode;
     config.tick.rate_hz = rate_hz;
     config
+}
+
+/// The default display of a hand.
+fn display(config: &EngineConfig) -> Display {
+    Display::new(Profile::default(), None, &config.layout).unwrap()
 }
 
 fn scene(name: &str) -> Vec<(u8, Received)> {
@@ -29,16 +30,22 @@ fn scene(name: &str) -> Vec<(u8, Received)> {
 }
 
 /// The bytes that subscribers are given, one after the other.
-fn bytes(config: &Config, frames: &[(u8, Received)]) -> Vec<u8> {
+fn bytes(config: &EngineConfig, frames: &[(u8, Received)]) -> Vec<u8> {
     let mut bytes = Vec::new();
     let mut payload = Vec::new();
-    run_recorded(config, frames.iter().copied(), None, |_, outputs| {
-        taxel_wire::encode_image_payload(outputs.image, &mut payload).unwrap();
-        bytes.extend(taxel_wire::Header::of_image(outputs.image, payload.len()).to_bytes());
-        bytes.extend(&payload);
-        taxel_wire::encode_raw_payload(outputs.tactile, outputs.force, &mut payload).unwrap();
-        bytes.extend(&payload);
-    })
+    run_recorded(
+        config,
+        display(config),
+        frames.iter().copied(),
+        None,
+        |frames, image| {
+            taxel_wire::encode_image_payload(image, &mut payload).unwrap();
+            bytes.extend(taxel_wire::Header::of_image(image, payload.len()).to_bytes());
+            bytes.extend(&payload);
+            taxel_wire::encode_raw_payload(&frames.tactile, &frames.force, &mut payload).unwrap();
+            bytes.extend(&payload);
+        },
+    )
     .unwrap();
     bytes
 }
@@ -61,7 +68,7 @@ fn frames_do_not_depend_on_how_often_the_pipeline_is_called() {
     let frames = scene("tap");
     let config = config(TickMode::Timer, 30.0);
     let collect = |step_ns: u64| {
-        let mut pipeline = Pipeline::new(&config, 0).unwrap();
+        let mut engine = Engine::new(&config, 0).unwrap();
         let mut felt = Vec::new();
         let mut emit = |frames: &Frames| felt.push(frames.clone());
         let mut now_ns = 0;
@@ -71,10 +78,12 @@ fn frames_do_not_depend_on_how_often_the_pipeline_is_called() {
             while let Some(((bus, received), after)) =
                 rest.split_first().filter(|((_, r), _)| r.t_ns <= now_ns)
             {
-                pipeline.push(*bus, received, &mut emit);
+                engine.handle_frame(*bus, received);
+                engine.drain(&mut emit);
                 rest = after;
             }
-            pipeline.advance(now_ns, &mut emit);
+            engine.handle_time(now_ns);
+            engine.drain(&mut emit);
         }
         felt
     };
@@ -89,7 +98,7 @@ fn frames_do_not_depend_on_how_often_the_pipeline_is_called() {
 fn timer_ticks_fall_on_whole_periods_and_a_frame_at_the_tick_belongs_to_it() {
     let mut config = config(TickMode::Timer, 100.0);
     config.sweep.settle_ms = 0.0;
-    let mut pipeline = Pipeline::new(&config, 1_000).unwrap();
+    let mut engine = Engine::new(&config, 1_000).unwrap();
     let wiring = &config.layout.wiring[0];
     let frame = |z| {
         wiring
@@ -100,35 +109,37 @@ fn timer_ticks_fall_on_whole_periods_and_a_frame_at_the_tick_belongs_to_it() {
     let mut ticks = Vec::new();
     let mut emit = |frames: &Frames| ticks.push((frames.due_ns, frames.tactile.counts[0][2]));
     let tick_ns = 1_000 + 10_000_000;
-    pipeline.push(
+    engine.handle_frame(
         0,
         &Received {
             t_ns: tick_ns,
             frame: frame(1),
         },
-        &mut emit,
     );
-    pipeline.push(
+    engine.drain(&mut emit);
+    engine.handle_frame(
         0,
         &Received {
             t_ns: tick_ns + 1,
             frame: frame(2),
         },
-        &mut emit,
     );
-    pipeline.advance(tick_ns + 10_000_000, &mut emit);
+    engine.drain(&mut emit);
+    engine.handle_time(tick_ns + 10_000_000);
+    engine.drain(&mut emit);
     assert_eq!(ticks, [(tick_ns, 1), (tick_ns + 10_000_000, 2)]);
 }
 
 #[test]
 fn a_daemon_that_was_held_up_gives_up_old_ticks_and_counts_them() {
     let config = config(TickMode::Timer, 100.0);
-    let mut pipeline = Pipeline::new(&config, 0).unwrap();
+    let mut engine = Engine::new(&config, 0).unwrap();
     let mut images = 0;
     let mut emit = |_: &Frames| images += 1;
-    assert_eq!(pipeline.skip_overdue(10_000_000), 0);
-    assert_eq!(pipeline.skip_overdue(55_000_000), 4);
-    pipeline.advance(55_000_000, &mut emit);
+    assert_eq!(engine.skip_overdue(10_000_000), 0);
+    assert_eq!(engine.skip_overdue(55_000_000), 4);
+    engine.handle_time(55_000_000);
+    engine.drain(&mut emit);
     assert_eq!(images, 1, "only the newest of the five ticks");
 }
 
@@ -137,8 +148,8 @@ fn a_silent_hand_still_gives_images_that_say_so() {
     for mode in [TickMode::Timer, TickMode::Sweep] {
         let config = config(mode, 30.0);
         let mut missing = Vec::new();
-        run_recorded(&config, [], Some(1_000_000_000), |_, outputs| {
-            missing.push(outputs.image.missing)
+        run_recorded(&config, display(&config), [], Some(1_000_000_000), |_, image| {
+            missing.push(image.missing)
         })
         .unwrap();
         assert!(
@@ -160,27 +171,30 @@ fn a_board_that_falls_silent_is_missing_and_never_repeated() {
     for mode in [TickMode::Timer, TickMode::Sweep] {
         let mut after = 0;
         let mut most_contacts = 0;
+        let config = config(mode, 30.0);
+        let layout = &config.layout;
         run_recorded(
-            &config(mode, 30.0),
+            &config,
+            display(&config),
             frames.iter().copied(),
             None,
-            |layout, outputs| {
-                if outputs.due_ns > half_ns + 200_000_000 {
+            |frames, image| {
+                if frames.due_ns > half_ns + 200_000_000 {
                     after += 1;
                     for taxel in silent.clone() {
                         assert_eq!(layout.module_of(taxel).name, "index distal");
                         assert_ne!(
-                            outputs.tactile.freshness[taxel],
+                            frames.tactile.freshness[taxel],
                             Freshness::Fresh,
                             "{mode:?} taxel {taxel}"
                         );
                         assert!(
-                            !outputs.force.contact[taxel],
+                            !frames.force.contact[taxel],
                             "{mode:?}: a stale taxel is no contact"
                         );
                     }
-                    assert_eq!(outputs.image.missing, 16, "{mode:?}");
-                    most_contacts = most_contacts.max(outputs.image.contacts);
+                    assert_eq!(image.missing, 16, "{mode:?}");
+                    most_contacts = most_contacts.max(image.contacts);
                 }
             },
         )
@@ -196,91 +210,39 @@ fn a_board_that_falls_silent_is_missing_and_never_repeated() {
 fn a_paused_hand_presses_nothing_and_a_rezeroed_hand_starts_anew() {
     let frames = scene("worst-case");
     let config = config(TickMode::Timer, 30.0);
-    let mut pipeline = Pipeline::new(&config, 0).unwrap();
-    let contacts = |pipeline: &Pipeline| pipeline.frames().force.contact.iter().filter(|c| **c).count();
+    let mut engine = Engine::new(&config, 0).unwrap();
+    let contacts = |engine: &Engine| engine.frames().force.contact.iter().filter(|c| **c).count();
     let mut rest = frames.iter();
-    let mut play = |pipeline: &mut Pipeline, until: &dyn Fn(&Pipeline) -> bool| {
-        while !until(pipeline) {
+    let mut play = |engine: &mut Engine, until: &dyn Fn(&Engine) -> bool| {
+        while !until(engine) {
             let (bus, received) = rest.next().expect("the scene ends too soon");
-            pipeline.push(*bus, received, &mut |_| ());
+            engine.handle_frame(*bus, received);
+            engine.drain(&mut |_| ());
         }
     };
-    play(&mut pipeline, &|pipeline| contacts(pipeline) == 240);
-    pipeline.set_paused(true);
-    play(&mut pipeline, &|pipeline| contacts(pipeline) == 0);
-    assert!(!pipeline.frames().force.calibrating);
-    pipeline.set_paused(false);
-    play(&mut pipeline, &|pipeline| contacts(pipeline) == 240);
-    pipeline.rezero();
-    play(&mut pipeline, &|pipeline| pipeline.frames().force.calibrating);
-    assert_eq!(contacts(&pipeline), 0);
-}
-
-#[test]
-fn configuration_errors_name_file_and_line() {
-    let path = PathBuf::from("hand.toml");
-    let two = "[[bus]]\nsource = \"udp:\"\n[[bus]]\nsource = \"udp:\"\n";
-    let cases = [
-        ("layout = 3\n", "hand.toml:1: "),
-        ("layout = \"no-such-hand\"\n", "hand.toml:1: "),
-        (
-            "[[bus]]\nsource = \"udp:\"\n",
-            "hand.toml:1: layout allegro-uskin-15 has 2 buses (can0, can1)",
-        ),
-        (
-            "[[bus]]\nsource = \"usb:3\"\n",
-            "hand.toml:2: `usb:3` is not a CAN source",
-        ),
-        (
-            &format!("{two}[tick]\nrate_hz = 2000.0\n"),
-            "hand.toml:5: tick.rate_hz = 2000",
-        ),
-        (
-            &format!("{two}[tick]\nmode = \"when\"\n"),
-            "hand.toml:6: unknown variant `when`",
-        ),
-        (
-            &format!("{two}[profile]\nlevels = 0\n"),
-            "hand.toml:5: profile: levels = 0",
-        ),
-        (
-            &format!("{two}[profiles]\nmax = 0\n"),
-            "hand.toml:5: profiles.max = 0",
-        ),
-        (
-            &format!("{two}[profiles]\nbudget_percent = 120.0\n"),
-            "hand.toml:5: profiles.budget_percent = 120",
-        ),
-        (
-            &format!("{two}[socket]\nmode = \"0999\"\n"),
-            "hand.toml:5: socket.mode",
-        ),
-        (
-            &format!("{two}\n\nspeed = 3\n"),
-            "hand.toml:7: unknown field `speed`",
-        ),
-        (
-            &format!("{two}[conditioning]\nwindow = 3\n"),
-            "hand.toml:6: unknown field `window`",
-        ),
-    ];
-    for (text, expected) in cases {
-        let error = Config::parse(text, &path).expect_err(text).to_string();
-        assert!(
-            error.starts_with(expected),
-            "{text:?}\n  gave     {error}\n  expected {expected}"
-        );
-    }
-    Config::parse(two, &path).unwrap();
+    play(&mut engine, &|engine| contacts(engine) == 240);
+    engine.set_paused(true);
+    play(&mut engine, &|engine| contacts(engine) == 0);
+    assert!(!engine.frames().force.calibrating);
+    engine.set_paused(false);
+    play(&mut engine, &|engine| contacts(engine) == 240);
+    engine.rezero();
+    play(&mut engine, &|engine| engine.frames().force.calibrating);
+    assert_eq!(contacts(&engine), 0);
 }
 
 /// A module and an Allegro hand on one bus: each frame is that of one of them, and a frame has the angles of its own instant.
 #[test]
 fn a_hand_on_the_skins_bus_gives_its_angles_and_nothing_to_the_skin() {
-    let text = "layout = \"uskin-module\"\n[tick]\nrate_hz = 100.0\n[[bus]]\nsource = \"can:can0\"\n\
-                [joints]\nsource = \"allegro:can0\"\nallegro.version = 4\nhold_ms = 50.0\n";
-    let config = Config::parse(text, Path::new("taxeld.toml")).unwrap();
-    let mut pipeline = Pipeline::new(&config, 0).unwrap();
+    let mut config = EngineConfig::new(Layout::builtin("uskin-module").unwrap());
+    config.tick.rate_hz = 100.0;
+    let joints = "source = \"allegro:can0\"\nallegro.version = 4\nhold_ms = 50.0\n";
+    config.joints = Some(EngineJoints {
+        config: toml::from_str(joints).unwrap(),
+        bus: Some(0),
+        is_read: false,
+    });
+    let mut engine = Engine::new(&config, 0).unwrap();
     const MS: u64 = 1_000_000;
     let count_rad = (333.3_f64 / 65_536.0).to_radians();
     let mut seen = Vec::new();
@@ -295,11 +257,13 @@ fn a_hand_on_the_skins_bus_gives_its_angles_and_nothing_to_the_skin() {
         if ms % 4 == 0 && ms < 100 {
             let [lo, hi] = (100 * ms as i16).to_le_bytes();
             let finger = CanFrame::standard(0x080, &[lo, hi, 0, 0, 0, 0, 0, 0]).unwrap();
-            pipeline.push(0, &received(finger, ms * MS), &mut emit);
+            engine.handle_frame(0, &received(finger, ms * MS));
+            engine.drain(&mut emit);
         }
-        pipeline.push(0, &received(taxel, ms * MS + 1), &mut emit);
+        engine.handle_frame(0, &received(taxel, ms * MS + 1));
+        engine.drain(&mut emit);
     }
-    let decoder = pipeline.decoders()[0].counters();
+    let decoder = engine.decoders()[0].counters();
     assert_eq!((decoder.unknown, decoder.not_data), (0, 0));
     assert!(seen.len() >= 19, "{}", seen.len());
     for (t_ns, joints, ages) in seen {

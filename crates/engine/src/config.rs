@@ -1,0 +1,103 @@
+//! What an engine has to know, checked.
+
+use serde::{Deserialize, Serialize};
+use taxel_joints::JointsConfig;
+use taxel_skin::{BoardsConfig, ConditionConfig, Layout, SweepConfig};
+
+/// A hand, and how its frames become tactile frames.
+#[derive(Debug, Clone)]
+pub struct EngineConfig {
+    /// The hand.
+    pub layout: Layout,
+    /// When frames are made.
+    pub tick: TickConfig,
+    /// How boards are started and watched.
+    pub boards: BoardsConfig,
+    /// How sweeps are assembled.
+    pub sweep: SweepConfig,
+    /// Baseline, contact threshold, faults and repair.
+    pub conditioning: ConditionConfig,
+    /// Where joint angles come from, if any are read.
+    pub joints: Option<EngineJoints>,
+}
+
+/// The joints of a hand.
+#[derive(Debug, Clone)]
+pub struct EngineJoints {
+    /// Their source.
+    pub config: JointsConfig,
+    /// Number of the CAN bus that their angles come over: that of a bus of the skin, or the one after the last of these;
+    /// `None` where they come over none.
+    pub bus: Option<u8>,
+    /// Whether somebody reads those that come over no CAN bus, and calls [`crate::Engine::handle_joints`].
+    pub is_read: bool,
+}
+
+/// When frames are made.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TickConfig {
+    /// `timer`: at a fixed rate. `sweep`: as soon as every taxel of a sweep has arrived, or at its deadline.
+    pub mode: TickMode,
+    /// Images per second in `timer` mode, 1 to 1000 Hz.
+    pub rate_hz: f64,
+    /// `sweep` mode: while no reading comes, an image that says so is made this often, 10 to 60,000 ms, or every two
+    /// sweeps of the slowest board where these take longer.
+    pub silent_ms: u32,
+}
+
+/// When an image is made.
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum TickMode {
+    /// At a fixed rate.
+    #[default]
+    Timer,
+    /// As soon as the sweep is complete, or at its deadline.
+    Sweep,
+}
+
+impl Default for TickConfig {
+    fn default() -> Self {
+        Self {
+            mode: TickMode::Timer,
+            rate_hz: 30.0,
+            silent_ms: 100,
+        }
+    }
+}
+
+impl TickConfig {
+    /// Refuses what makes no sense, with a sentence that names key and range.
+    pub fn check(&self) -> Result<(), String> {
+        if !(self.rate_hz.is_finite() && (1.0..=1000.0).contains(&self.rate_hz)) {
+            return Err(format!("tick.rate_hz = {} is outside 1 to 1000 Hz", self.rate_hz));
+        }
+        if !(10..=60_000).contains(&self.silent_ms) {
+            return Err(format!(
+                "tick.silent_ms = {} is outside 10 to 60,000 ms",
+                self.silent_ms
+            ));
+        }
+        Ok(())
+    }
+
+    /// Time between two ticks in `timer` mode, nanoseconds.
+    pub fn period_ns(&self) -> u64 {
+        (1e9 / self.rate_hz).round() as u64
+    }
+}
+
+impl EngineConfig {
+    /// Everything at its default, for this hand.
+    pub fn new(layout: Layout) -> Self {
+        Self {
+            layout,
+            tick: TickConfig::default(),
+            boards: BoardsConfig::default(),
+            sweep: SweepConfig::default(),
+            conditioning: ConditionConfig::default(),
+            joints: None,
+        }
+    }
+}

@@ -1,0 +1,34 @@
+//! What one tick felt.
+
+use taxel_hand::{ForceFrame, TactileFrame};
+
+/// What one tick felt. The buffers are used again at the next tick.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Frames {
+    /// The instant the tick was due: the timer tick, the frame that completed the sweep or began the one after it, or
+    /// its deadline. Nanoseconds.
+    pub due_ns: u64,
+    /// Raw counts with their ages, and the joint angles of the same instant.
+    pub tactile: TactileFrame,
+    /// Force above baseline, contacts and faults. Without contacts while the engine is paused.
+    pub force: ForceFrame,
+    /// Baseline of each taxel, counts x, y, z. It means nothing while [`ForceFrame::calibrating`].
+    pub baseline: Vec<[f32; 3]>,
+}
+
+impl Frames {
+    /// Empty frames of `taxels` taxels, with all their memory.
+    pub fn new(taxels: usize) -> Self {
+        Self {
+            due_ns: 0,
+            tactile: TactileFrame::new(taxels),
+            force: ForceFrame::new(taxels),
+            baseline: vec![[0.0; 3]; taxels],
+        }
+    }
+
+    /// Number of the tick, from 1.
+    pub fn tick(&self) -> u64 {
+        self.tactile.seq + 1
+    }
+}

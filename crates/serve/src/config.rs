@@ -1,0 +1,49 @@
+//! What a program that serves says of its socket: the `[socket]` and `[profiles]` tables of its configuration.
+
+use serde::{Deserialize, Serialize};
+
+/// How many subscribers there may be, and how patient the program is with them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Limits {
+    /// Most subscribers at once.
+    pub max_subscribers: usize,
+    /// A subscriber that takes nothing for this long is disconnected, ms.
+    pub stall_ms: u32,
+}
+
+/// How many display profiles are made at once, and what they may cost. A subscriber that states a profile beyond these
+/// limits is refused.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ProfilesConfig {
+    /// Share of the time between two images that all profiles together may take, above 0 to 100 %. In `sweep` mode that
+    /// time is `sweep.board_period_ms`.
+    pub budget_percent: f64,
+    /// Most different profiles at once, the program's own among them, 1 to 256.
+    pub max: u16,
+}
+
+impl Default for ProfilesConfig {
+    fn default() -> Self {
+        Self {
+            budget_percent: 50.0,
+            max: 16,
+        }
+    }
+}
+
+impl ProfilesConfig {
+    /// Refuses what makes no sense, with a sentence that names key and range.
+    pub fn check(&self) -> Result<(), String> {
+        if !(self.budget_percent > 0.0 && self.budget_percent <= 100.0) {
+            return Err(format!(
+                "profiles.budget_percent = {} is not above 0 and at most 100 %",
+                self.budget_percent
+            ));
+        }
+        if !(1..=256).contains(&self.max) {
+            return Err(format!("profiles.max = {} is outside 1 to 256", self.max));
+        }
+        Ok(())
+    }
+}

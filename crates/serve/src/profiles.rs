@@ -1,0 +1,530 @@
+//! The display profiles at work: who asks for which, whether it can be afforded, and when it is no longer needed.
+//!
+//! Lives on the serving thread. A profile that several ask for is made once; the thread that has the frames knows
+//! nothing of who reads.
+
+use crate::config::ProfilesConfig;
+use crate::output_slots::{CostPerTick, Output, SlotControl, cost_per_tick};
+use crate::stream::{Stream, stream};
+use serde::Serialize;
+use std::cell::{Cell, RefCell};
+use std::rc::Rc;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use taxel_hand::Profile;
+use taxel_wire::{Encode, Hello};
+use tokio::sync::watch;
+
+/// A profile goes on being made for this long after its last reader left without a word, so that a driver that
+/// reconnects finds its actuators where they were.
+const GRACE: Duration = Duration::from_secs(2);
+/// A candidate whose first image takes this many times what is set aside for all is not measured further.
+const HOPELESS: u64 = 4;
+
+/// What makes a profile distinct: two displays that state the same are given the same bytes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DisplayProfile {
+    /// What the display can do.
+    pub profile: Profile,
+    /// Parts of the hand, each once and in the layout's order; `None` for all of it.
+    pub region: Option<Vec<String>>,
+}
+
+impl DisplayProfile {
+    /// Whether both give the same images, however they are written.
+    fn gives_what(&self, other: &Self) -> bool {
+        self.region == other.region && self.profile.canonical() == other.profile.canonical()
+    }
+}
+
+/// Time on a processor that one image takes, compressed and encoded, nanoseconds.
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
+pub struct Cost {
+    /// With every taxel in contact, each with a force of its own that changes at random from frame to frame.
+    pub worst_ns: u64,
+    /// With the forces that the hand feels at the moment.
+    pub newest_ns: u64,
+}
+
+impl Cost {
+    /// What is set aside for it.
+    pub fn reserved_ns(&self) -> u64 {
+        self.worst_ns.max(self.newest_ns)
+    }
+}
+
+/// An encoder, and the bytes of its longest payload.
+pub type MadeOutput<F> = (Box<dyn Encode<F> + Send>, usize);
+
+/// The measurement of a profile's cost, which takes a while; it is run on a thread of its own.
+pub type Measurement = Box<dyn FnOnce() -> Cost + Send>;
+
+/// How a program makes messages for a display profile.
+pub trait ProfileMaker: 'static {
+    /// What messages are made of.
+    type Frames: 'static;
+
+    /// The description that subscribers of this profile get.
+    fn hello(&self, wanted: &DisplayProfile) -> Hello;
+
+    /// The encoder of this profile's images, with all its memory; `None` where no images are made at all. The error is
+    /// fit for an EVENT.
+    fn output(&self, wanted: &DisplayProfile) -> Result<Option<MadeOutput<Self::Frames>>, String>;
+
+    /// What measures the cost of this profile. One whose first image takes longer than `hopeless_ns` need not be
+    /// measured further.
+    fn measurement(&self, wanted: &DisplayProfile, hopeless_ns: u64) -> Result<Measurement, String>;
+
+    /// The encoder of raw frames; `None` where there are none.
+    fn raw(&self) -> Option<MadeOutput<Self::Frames>>;
+
+    /// The parts of a stated region as a [`DisplayProfile`] has them. The error is fit for an EVENT.
+    fn region(&self, names: &[String]) -> Result<Option<Vec<String>>, String>;
+
+    /// Time between two images, nanoseconds.
+    fn period_ns(&self) -> u64;
+
+    /// Messages per second.
+    fn rate_hz(&self) -> f64 {
+        1e9 / self.period_ns().max(1) as f64
+    }
+}
+
+/// A profile that images are made for.
+#[derive(Debug)]
+pub(crate) struct ActiveProfile {
+    /// Number for the status report, never used twice.
+    pub(crate) id: u32,
+    pub(crate) wanted: DisplayProfile,
+    pub(crate) stream: Rc<Stream>,
+    /// The packets of its HELLO message.
+    pub(crate) hello: Vec<Vec<u8>>,
+    /// Its slot in the table; `None` where no images are made at all.
+    slot: Option<usize>,
+    reserved: Cost,
+    cost_ns: CostPerTick,
+    /// Subscribers that stated it.
+    readers: Cell<usize>,
+    /// Whether it is that of whoever states none.
+    own: Cell<bool>,
+    /// Since when nobody has needed it.
+    idle_since: Cell<Option<Instant>>,
+}
+
+/// A profile that a subscriber stated; it is made at least as long as this lives.
+#[derive(Debug)]
+pub(crate) struct Lease(Rc<ActiveProfile>);
+
+/// One profile, as a status report has it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ProfileStatus {
+    /// Its number, never used twice.
+    pub id: u32,
+    /// Whether it is that of whoever states none.
+    pub own: bool,
+    /// What the display can do.
+    pub profile: Profile,
+    /// The parts of the hand it shows; null for all.
+    pub region: Option<Vec<String>>,
+    /// How many are shown it.
+    pub subscribers: usize,
+    /// Images made.
+    pub images: u64,
+    /// What an image takes.
+    pub cost_us: CostStatus,
+}
+
+/// Time that a profile's images take, microseconds.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct CostStatus {
+    /// Median.
+    pub p50: f64,
+    /// 99 of 100 take less.
+    pub p99: f64,
+    /// What is set aside.
+    pub reserved: f64,
+}
+
+/// What is set aside for all profiles and what they take of it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct ProfilesBudget {
+    /// Most profiles at once.
+    pub max: usize,
+    /// Time between two images, microseconds.
+    pub tick_us: f64,
+    /// What is set aside of it, microseconds.
+    pub budget_us: f64,
+    /// What the profiles there are take, microseconds.
+    pub spent_us: f64,
+}
+
+/// The table of profiles.
+pub(crate) struct Profiles<M: ProfileMaker> {
+    pub(crate) maker: M,
+    pub(crate) slots: SlotControl<M::Frames>,
+    active: RefCell<Vec<Rc<ActiveProfile>>>,
+    own: watch::Sender<Rc<ActiveProfile>>,
+    /// One candidate is measured at a time, also where nobody waits for the result any more.
+    admission: Arc<tokio::sync::Mutex<()>>,
+    next_id: Cell<u32>,
+    max: usize,
+    budget_ns: u64,
+    percent: f64,
+}
+
+impl<M: ProfileMaker> Profiles<M> {
+    /// The table with the profile of whoever states none in it.
+    pub(crate) fn new(
+        maker: M,
+        slots: SlotControl<M::Frames>,
+        config: ProfilesConfig,
+        wanted: DisplayProfile,
+        own: Started,
+    ) -> Self {
+        let budget_ns = budget_ns(&maker, &config);
+        let own = Rc::new(own.activate(&maker, wanted, 0));
+        own.own.set(true);
+        let reserved_ns = own.reserved.reserved_ns();
+        if reserved_ns > budget_ns {
+            tracing::warn!(
+                "the daemon's own profile takes {:.1} us of each tick with every taxel in contact, and {:.1} us are set \
+                 aside for all profiles; no subscriber can have one of its own unless [profiles] budget_percent is raised",
+                us(reserved_ns),
+                us(budget_ns)
+            );
+        }
+        Self {
+            maker,
+            slots,
+            active: RefCell::new(vec![own.clone()]),
+            own: watch::channel(own).0,
+            admission: Arc::default(),
+            next_id: Cell::new(1),
+            max: config.max.into(),
+            budget_ns,
+            percent: config.budget_percent,
+        }
+    }
+
+    /// The profile of whoever states none.
+    pub(crate) fn own(&self) -> Rc<ActiveProfile> {
+        self.own.borrow().clone()
+    }
+
+    /// Tells when the profile of whoever states none is another.
+    pub(crate) fn follow_own(&self) -> watch::Receiver<Rc<ActiveProfile>> {
+        self.own.subscribe()
+    }
+
+    /// Makes this the profile of whoever states none, from the next tick on.
+    pub(crate) async fn set_own(&self, profile: Profile) -> Result<(), String> {
+        let wanted = DisplayProfile {
+            profile,
+            region: None,
+        };
+        let lease = self.lease(wanted, Some(self.own())).await?;
+        let before = self.own();
+        before.own.set(false);
+        lease.0.own.set(true);
+        self.own.send_replace(lease.0.clone());
+        drop(lease);
+        before.idle_since.set(Some(Instant::now()));
+        if !before.is_needed() {
+            self.remove(&before);
+        }
+        Ok(())
+    }
+
+    /// The parts of a stated region, as a [`DisplayProfile`] has them.
+    pub(crate) fn region(&self, stated: Option<&[String]>) -> Result<Option<Vec<String>>, String> {
+        stated.map_or(Ok(None), |names| self.maker.region(names))
+    }
+
+    /// The profile that is wanted, from the next tick on if nobody has it yet.
+    ///
+    /// `instead_of` is what whoever asks will give up for it; its cost and place are counted as free if nobody else needs
+    /// them. The error is fit for an EVENT.
+    pub(crate) async fn lease(
+        &self,
+        wanted: DisplayProfile,
+        instead_of: Option<Rc<ActiveProfile>>,
+    ) -> Result<Lease, String> {
+        if let Some(lease) = self.find(&wanted) {
+            return Ok(lease);
+        }
+        let turn = self.admission.clone().lock_owned().await;
+        // It may have been admitted while this one waited for its turn.
+        if let Some(lease) = self.find(&wanted) {
+            return Ok(lease);
+        }
+        let measurement = self.maker.measurement(&wanted, HOPELESS * self.budget_ns)?;
+        self.find_place(instead_of.as_ref(), 0)
+            .map_err(|taken| self.refuse_place(taken))?;
+        let measured = move || (measurement(), turn);
+        let (reserved, _turn) = tokio::task::spawn_blocking(measured)
+            .await
+            .map_err(|e| format!("its cost could not be measured: {e}"))?;
+        // Others may have left meanwhile, and none can have come.
+        self.find_place(instead_of.as_ref(), reserved.reserved_ns())
+            .map_err(|taken| self.refuse_cost(taken, reserved))?;
+
+        let id = self.next_id.get();
+        let started =
+            start(&self.maker, &self.slots, &wanted, reserved)?.ok_or("this program makes no images")?;
+        let active = Rc::new(started.activate(&self.maker, wanted, id));
+        self.next_id.set(id.wrapping_add(1));
+        tracing::info!(
+            profile = id,
+            reserved_us = us(reserved.reserved_ns()),
+            "another display profile: {}",
+            serde_json::json!(active.wanted.profile)
+        );
+        self.active.borrow_mut().push(active.clone());
+        Ok(Lease::new(active))
+    }
+
+    /// Gives a profile up for another: it is not kept in case its reader comes back.
+    pub(crate) fn give_up(&self, lease: Lease) {
+        let active = lease.0.clone();
+        drop(lease);
+        if !active.is_needed() {
+            self.remove(&active);
+        }
+    }
+
+    /// Removes what nobody has needed for a while, and frees what has come back.
+    pub(crate) fn tidy(&self) {
+        self.slots.take_back();
+        for idle in self.idle(GRACE) {
+            self.remove(&idle);
+        }
+    }
+
+    /// The profiles, for a status report; `subscribers` tells how many are shown a profile.
+    pub(crate) fn status(&self, subscribers: impl Fn(u32) -> usize) -> Vec<ProfileStatus> {
+        let status = |active: &Rc<ActiveProfile>| {
+            let cost_ns = active.cost_ns.lock().unwrap_or_else(|e| e.into_inner());
+            ProfileStatus {
+                id: active.id,
+                own: active.own.get(),
+                profile: active.wanted.profile.clone(),
+                region: active.wanted.region.clone(),
+                subscribers: subscribers(active.id),
+                images: cost_ns.len(),
+                cost_us: CostStatus {
+                    p50: us(cost_ns.value_at_quantile(0.5)),
+                    p99: us(cost_ns.value_at_quantile(0.99)),
+                    reserved: us(active.reserved.reserved_ns()),
+                },
+            }
+        };
+        self.active.borrow().iter().map(status).collect()
+    }
+
+    /// What is set aside for all profiles and what they take of it, for a status report.
+    pub(crate) fn budget(&self) -> ProfilesBudget {
+        ProfilesBudget {
+            max: self.max,
+            tick_us: us(self.maker.period_ns()),
+            budget_us: us(self.budget_ns),
+            spent_us: us(self.active.borrow().iter().map(|active| active.cost_ns()).sum()),
+        }
+    }
+
+    fn find(&self, wanted: &DisplayProfile) -> Option<Lease> {
+        let active = self.active.borrow();
+        active
+            .iter()
+            .find(|active| active.wanted.gives_what(wanted))
+            .cloned()
+            .map(Lease::new)
+    }
+
+    /// Makes room for one more profile of this cost, by removing idle ones. The error is how many profiles are
+    /// needed, and what they cost together.
+    fn find_place(&self, instead_of: Option<&Rc<ActiveProfile>>, cost_ns: u64) -> Result<(), (usize, u64)> {
+        let stays = |active: &Rc<ActiveProfile>| {
+            let leaves = instead_of.is_some_and(|leaving| {
+                Rc::ptr_eq(leaving, active) && active.readers.get() + usize::from(active.own.get()) <= 1
+            });
+            active.is_needed() && !leaves
+        };
+        let needed: Vec<Rc<ActiveProfile>> = self
+            .active
+            .borrow()
+            .iter()
+            .filter(|m| stays(m))
+            .cloned()
+            .collect();
+        let needed_ns = needed.iter().map(|active| active.cost_ns()).sum::<u64>();
+        if needed.len() >= self.max || (cost_ns > 0 && needed_ns.saturating_add(cost_ns) > self.budget_ns) {
+            return Err((needed.len(), needed_ns));
+        }
+        for idle in self.idle(Duration::ZERO) {
+            let active_ns = self
+                .active
+                .borrow()
+                .iter()
+                .map(|active| active.cost_ns())
+                .sum::<u64>();
+            if self.active.borrow().len() < self.max && active_ns.saturating_add(cost_ns) <= self.budget_ns {
+                break;
+            }
+            self.remove(&idle);
+        }
+        Ok(())
+    }
+
+    fn refuse_place(&self, (needed, _): (usize, u64)) -> String {
+        format!(
+            "{needed} different profiles are in use, and [profiles] max = {}; ask for one of those in use, or raise it",
+            self.max
+        )
+    }
+
+    fn refuse_cost(&self, (needed, needed_ns): (usize, u64), cost: Cost) -> String {
+        format!(
+            "the profile costs too much: {:.1} us per tick with every taxel in contact ({:.1} us with what the hand feels now), \
+             beside {:.1} us for the {needed} in use. Together that may be {:.1} us, {} % of a tick of {:.1} us; ask for \
+             fewer levels, actuators or iterations, or raise [profiles] budget_percent",
+            us(cost.worst_ns),
+            us(cost.newest_ns),
+            us(needed_ns),
+            us(self.budget_ns),
+            self.percent,
+            us(self.maker.period_ns()),
+        )
+    }
+
+    /// Profiles that nobody has needed for at least this long, the longest idle first.
+    fn idle(&self, at_least: Duration) -> Vec<Rc<ActiveProfile>> {
+        let idle_for = |active: &Rc<ActiveProfile>| active.idle_since.get().map(|since| since.elapsed());
+        let mut idle: Vec<Rc<ActiveProfile>> = (self.active.borrow().iter())
+            .filter(|active| !active.is_needed() && idle_for(active).is_some_and(|idle| idle >= at_least))
+            .cloned()
+            .collect();
+        idle.sort_by_key(|active| std::cmp::Reverse(idle_for(active)));
+        idle
+    }
+
+    fn remove(&self, active: &Rc<ActiveProfile>) {
+        // Kept where the table cannot be changed now; `tidy` tries again.
+        if active.slot.is_none_or(|slot| self.slots.remove(slot).is_ok()) {
+            tracing::info!(profile = active.id, "display profile no longer needed");
+            self.active
+                .borrow_mut()
+                .retain(|other| !Rc::ptr_eq(other, active));
+        }
+    }
+}
+
+impl ActiveProfile {
+    fn is_needed(&self) -> bool {
+        self.own.get() || self.readers.get() > 0
+    }
+
+    /// What it takes of each tick: what was set aside for it, or what it has turned out to take if that is more.
+    fn cost_ns(&self) -> u64 {
+        let measured = self.cost_ns.lock().unwrap_or_else(|e| e.into_inner());
+        self.reserved.reserved_ns().max(measured.value_at_quantile(0.5))
+    }
+}
+
+impl Lease {
+    fn new(active: Rc<ActiveProfile>) -> Self {
+        active.readers.set(active.readers.get() + 1);
+        active.idle_since.set(None);
+        Self(active)
+    }
+
+    pub(crate) fn profile(&self) -> &Rc<ActiveProfile> {
+        &self.0
+    }
+}
+
+impl Drop for Lease {
+    fn drop(&mut self) {
+        let readers = self.0.readers.get() - 1;
+        self.0.readers.set(readers);
+        if readers == 0 {
+            self.0.idle_since.set(Some(Instant::now()));
+        }
+    }
+}
+
+/// An output that is made from the next tick on; it may be sent to another thread.
+pub(crate) struct Started {
+    slot: Option<usize>,
+    stream: Stream,
+    cost_ns: CostPerTick,
+    reserved: Cost,
+}
+
+/// Has the images of a profile made from the next tick on; `None` where no images are made at all.
+fn start<M: ProfileMaker>(
+    maker: &M,
+    slots: &SlotControl<M::Frames>,
+    wanted: &DisplayProfile,
+    reserved: Cost,
+) -> Result<Option<Started>, String> {
+    let Some((encoder, payload_len)) = maker.output(wanted)? else {
+        return Ok(None);
+    };
+    let (publisher, stream) = stream(payload_len, maker.rate_hz());
+    let cost_ns = cost_per_tick();
+    let output = Output {
+        encoder,
+        publisher,
+        cost_ns: cost_ns.clone(),
+    };
+    let slot = slots.insert(Box::new(output)).map_err(|e| e.to_string())?;
+    Ok(Some(Started {
+        slot: Some(slot),
+        stream,
+        cost_ns,
+        reserved,
+    }))
+}
+
+/// Measures the profile of whoever states none and has it made, before anything else is.
+pub(crate) fn start_own<M: ProfileMaker>(
+    maker: &M,
+    slots: &SlotControl<M::Frames>,
+    config: &ProfilesConfig,
+    wanted: &DisplayProfile,
+) -> Result<Started, String> {
+    let reserved = maker.measurement(wanted, HOPELESS * budget_ns(maker, config))?();
+    let started = start(maker, slots, wanted, reserved)?;
+    Ok(started.unwrap_or_else(|| Started {
+        slot: None,
+        stream: Stream::silent(),
+        cost_ns: cost_per_tick(),
+        reserved,
+    }))
+}
+
+impl Started {
+    fn activate<M: ProfileMaker>(self, maker: &M, wanted: DisplayProfile, id: u32) -> ActiveProfile {
+        ActiveProfile {
+            id,
+            hello: maker.hello(&wanted).to_packets(0, 0),
+            wanted,
+            stream: Rc::new(self.stream),
+            slot: self.slot,
+            reserved: self.reserved,
+            cost_ns: self.cost_ns,
+            readers: Cell::new(0),
+            own: Cell::new(false),
+            idle_since: Cell::new(None),
+        }
+    }
+}
+
+/// Time of each tick that is set aside for all profiles.
+fn budget_ns<M: ProfileMaker>(maker: &M, config: &ProfilesConfig) -> u64 {
+    (maker.period_ns() as f64 * config.budget_percent / 100.0) as u64
+}
+
+fn us(ns: u64) -> f64 {
+    ns as f64 / 1000.0
+}

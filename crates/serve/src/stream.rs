@@ -1,0 +1,267 @@
+//! A stream of messages: from the thread that makes them to the thread that serves readers, each encoded once, without
+//! waiting and without allocating.
+//!
+//! Readers are given the newest message, or every one: the latter are kept in a backlog of bounded length on the
+//! serving thread, beyond which the oldest are lost.
+
+use std::cell::{Cell, RefCell};
+use std::collections::VecDeque;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, mpsc};
+use taxel_wire::{EncodeError, Header};
+use tokio::sync::watch;
+
+/// The message that one tick made for a stream. Shared by all its readers; only the header's count of skipped messages
+/// is their own.
+#[derive(Debug, Default)]
+pub(crate) struct Message {
+    /// Number of the tick, from 1; the difference between two is what a reader skipped. All streams count the same
+    /// ticks, so a reader that changes from one to another goes on counting.
+    pub(crate) tick: u64,
+    /// The header of a reader that skipped nothing; `None` where there is no message.
+    pub(crate) header: Option<Header>,
+    /// The payload.
+    pub(crate) payload: Vec<u8>,
+}
+
+/// The end of a stream on the thread that makes its messages.
+#[derive(Debug)]
+pub(crate) struct Publisher {
+    newest: watch::Sender<Arc<Message>>,
+    /// Messages on their way to the backlog.
+    every: mpsc::SyncSender<Arc<Message>>,
+    /// Buffers to encode into: more than readers can hold.
+    pool: Vec<Arc<Message>>,
+    /// Where the next free buffer is looked for.
+    next: usize,
+    unpublished: u64,
+    every_readers: Arc<AtomicUsize>,
+}
+
+/// The end of a stream on the serving thread, where every reader of it looks.
+#[derive(Debug)]
+pub(crate) struct Stream {
+    pub(crate) newest: watch::Receiver<Arc<Message>>,
+    every: mpsc::Receiver<Arc<Message>>,
+    every_readers: Arc<AtomicUsize>,
+    /// The last messages, oldest first, while there are readers of every one.
+    backlog: RefCell<VecDeque<Arc<Message>>>,
+    depth: usize,
+    payload_len: Cell<usize>,
+}
+
+/// Buffers beside those of the backlog: one is the newest, one may be being sent.
+const SPARE: usize = 4;
+/// Most bytes that the messages of a backlog may have together.
+const BACKLOG_BYTES: usize = 4 << 20;
+
+/// How many messages a backlog holds: about a second of them, no more than 4 MiB, and eight in any case.
+pub(crate) fn backlog_depth(payload_len: usize, rate_hz: f64) -> usize {
+    let fit = BACKLOG_BYTES / payload_len.max(1);
+    (rate_hz.ceil() as usize).clamp(16, 1024).min(fit).max(8)
+}
+
+/// Both ends of a stream, empty, with room for payloads of `payload_len` bytes, of which `rate_hz` come in a second.
+pub(crate) fn stream(payload_len: usize, rate_hz: f64) -> (Publisher, Stream) {
+    let depth = backlog_depth(payload_len, rate_hz);
+    let empty = || Message {
+        payload: Vec::with_capacity(payload_len),
+        ..Message::default()
+    };
+    // A backlog full, and as many on their way to it.
+    let pool: Vec<_> = (0..2 * depth + SPARE).map(|_| Arc::new(empty())).collect();
+    // One of the pool, so that the publisher frees nothing when it puts the first message in its place.
+    let (newest, receiver) = watch::channel(pool[0].clone());
+    let (every, backlog) = mpsc::sync_channel(depth);
+    let every_readers = Arc::new(AtomicUsize::new(0));
+    let publisher = Publisher {
+        newest,
+        every,
+        pool,
+        next: 0,
+        unpublished: 0,
+        every_readers: every_readers.clone(),
+    };
+    let stream = Stream {
+        newest: receiver,
+        every: backlog,
+        every_readers,
+        backlog: RefCell::new(VecDeque::with_capacity(depth + 1)),
+        depth,
+        payload_len: Cell::new(payload_len),
+    };
+    (publisher, stream)
+}
+
+impl Publisher {
+    /// Encodes the message of a tick and puts it where readers take the newest from, and every one.
+    pub(crate) fn publish(
+        &mut self,
+        tick: u64,
+        encode: impl FnOnce(&mut Vec<u8>) -> Result<Header, EncodeError>,
+    ) {
+        let buffers = self.pool.len();
+        let free = (self.next..self.next + buffers)
+            .map(|at| at % buffers)
+            .find(|at| Arc::strong_count(&self.pool[*at]) == 1);
+        let published = free.and_then(|at| {
+            self.next = at + 1;
+            let message = Arc::get_mut(&mut self.pool[at])?;
+            message.tick = tick;
+            message.header = encode(&mut message.payload).ok();
+            message.header.is_some().then(|| self.pool[at].clone())
+        });
+        let Some(message) = published else {
+            self.unpublished += 1;
+            return;
+        };
+        if self.every_readers.load(Ordering::Relaxed) > 0 {
+            // Full only where the serving thread does not run; readers count what they miss by the ticks.
+            let _ = self.every.try_send(message.clone());
+        }
+        drop(self.newest.send_replace(message));
+    }
+
+    /// Messages that could not be handed over: every reader skipped them. Zero unless the program is wrong, since there
+    /// are more buffers than readers hold, and what is too large to encode is refused beforehand.
+    pub(crate) fn unpublished(&self) -> u64 {
+        self.unpublished
+    }
+}
+
+impl Stream {
+    /// A stream that never has a message.
+    pub(crate) fn silent() -> Self {
+        stream(0, 0.0).1
+    }
+
+    /// Bytes of the longest payload.
+    pub(crate) fn payload_len(&self) -> usize {
+        self.payload_len.get()
+    }
+
+    /// Bytes of a full backlog.
+    pub(crate) fn backlog_bytes(&self) -> usize {
+        self.depth * self.payload_len.get()
+    }
+
+    /// Another reader wants every message from now on.
+    pub(crate) fn keep(&self) {
+        if self.every_readers.fetch_add(1, Ordering::Relaxed) == 0 {
+            // What was on its way when the last such reader left.
+            self.forget();
+        }
+    }
+
+    /// A reader that called [`Stream::keep`] is gone.
+    pub(crate) fn release(&self) {
+        if self.every_readers.fetch_sub(1, Ordering::Relaxed) == 1 {
+            self.forget();
+        }
+    }
+
+    fn forget(&self) {
+        while self.every.try_recv().is_ok() {}
+        self.backlog.borrow_mut().clear();
+    }
+
+    /// The oldest message that is kept of those after this tick.
+    pub(crate) fn after(&self, tick: u64) -> Option<Arc<Message>> {
+        let mut backlog = self.backlog.borrow_mut();
+        while let Ok(message) = self.every.try_recv() {
+            if backlog.len() == self.depth {
+                backlog.pop_front();
+            }
+            backlog.push_back(message);
+        }
+        let at = backlog.partition_point(|message| message.tick <= tick);
+        backlog.get(at).cloned()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use taxel_wire::Kind;
+
+    fn publish(publisher: &mut Publisher, tick: u64) {
+        publisher.publish(tick, |payload| {
+            payload.clear();
+            payload.extend_from_slice(&tick.to_le_bytes());
+            Ok(Header::new(Kind::Image, payload.len()))
+        });
+    }
+
+    #[test]
+    fn every_message_is_kept_in_order_up_to_the_depth_and_the_oldest_are_lost() {
+        let (mut publisher, stream) = stream(8, 20.0);
+        publish(&mut publisher, 1);
+        stream.keep();
+        for tick in 2..=31 {
+            publish(&mut publisher, tick);
+            // The serving thread looks now and then.
+            if tick % 10 == 0 {
+                assert_eq!(stream.after(0).unwrap().tick, 2.max(tick.saturating_sub(19)));
+            }
+        }
+        let mut last = 0;
+        let mut seen = Vec::new();
+        while let Some(message) = stream.after(last) {
+            assert_eq!(message.payload, message.tick.to_le_bytes());
+            last = message.tick;
+            seen.push(last);
+        }
+        assert_eq!(seen, (12..=31).collect::<Vec<_>>());
+        assert_eq!(publisher.unpublished(), 0);
+    }
+
+    #[test]
+    fn a_serving_thread_that_sleeps_costs_the_newest_readers_nothing() {
+        let (mut publisher, stream) = stream(8, 16.0);
+        stream.keep();
+        // A full backlog, and then a sleep.
+        for tick in 1..=16 {
+            publish(&mut publisher, tick);
+        }
+        assert_eq!(stream.after(0).unwrap().tick, 1);
+        for tick in 17..=1000 {
+            publish(&mut publisher, tick);
+            assert_eq!(stream.newest.borrow().tick, tick);
+        }
+        assert_eq!(publisher.unpublished(), 0);
+        // What was on its way is there; what found no room is missing, and the ticks tell.
+        assert_eq!(stream.after(16).unwrap().tick, 17);
+        assert!(stream.after(32).is_none());
+    }
+
+    #[test]
+    fn nothing_is_kept_where_nobody_wants_every_message() {
+        let (mut publisher, stream) = stream(8, 16.0);
+        stream.keep();
+        publish(&mut publisher, 1);
+        stream.release();
+        publish(&mut publisher, 2);
+        assert!(stream.after(0).is_none());
+        stream.keep();
+        publish(&mut publisher, 3);
+        assert_eq!(stream.after(0).unwrap().tick, 3);
+    }
+
+    #[test]
+    fn a_backlog_is_a_second_long_and_bounded_in_bytes() {
+        for (payload_len, rate_hz, depth) in [
+            (608, 30.0, 30),
+            (608, 1.0, 16),
+            (608, 1000.0, 1000),
+            (4_920, 1000.0, 852),
+            (320_164, 100.0, 13),
+            (0, 0.0, 16),
+        ] {
+            assert_eq!(
+                backlog_depth(payload_len, rate_hz),
+                depth,
+                "{payload_len} {rate_hz}"
+            );
+        }
+    }
+}

@@ -1,0 +1,462 @@
+//! One subscriber: it gets the description of the hand, then the newest image whenever it can take one, or every one.
+//!
+//! A subscriber that is slow is given the newest image when it can take it, and told how many it missed. It holds
+//! up neither the tick nor another subscriber: all it can block is its own task.
+
+use crate::feed::Feed;
+use crate::profiles::{ActiveProfile, DisplayProfile, Lease, ProfileMaker};
+use crate::registry::Entry;
+use crate::server::{Announcement, Packets, Server};
+use std::cell::Cell;
+use std::collections::VecDeque;
+use std::future::poll_fn;
+use std::io;
+use std::rc::Rc;
+use std::task::{Poll, ready};
+use std::time::Duration;
+use taxel_wire::{Event, EventKind, Subscribe, SubscribeError};
+use tokio::sync::{broadcast, watch};
+use tokio::task::JoinHandle;
+use tokio::time::timeout;
+use tokio_seqpacket::UnixSeqpacket;
+
+/// Least send buffer of a subscriber's socket, bytes; the kernel doubles it. It holds a part of a HELLO, and little
+/// more than two images, since every image in it is one that gets old there.
+const SEND_BUFFER: usize = 4608;
+/// Most send buffer of a subscriber that is sent every message: the usual limit for programs without privileges.
+const EVERY_BUFFER: usize = 212_992;
+/// Subscriptions a client may have refused before it is disconnected.
+const MAX_REFUSALS: u32 = 8;
+
+/// Why a subscriber was let go.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum Farewell {
+    #[error("it closed the connection")]
+    Closed,
+    #[error("its connection failed: {0}")]
+    Failed(#[from] io::Error),
+    #[error("it took no message for {0:?}")]
+    Stalled(Duration),
+    #[error("it sent what is no subscription: {0}")]
+    Nonsense(SubscribeError),
+    #[error("it asked too often for what it cannot have: {0}")]
+    Insists(String),
+    #[error("{0} subscribers are connected already")]
+    TooMany(usize),
+}
+
+/// Serves one client until it goes or has to go.
+pub(crate) async fn welcome<M: ProfileMaker>(socket: UnixSeqpacket, server: Rc<Server<M>>) {
+    let peer = socket.peer_cred().ok();
+    let entry = Rc::new(Entry {
+        pid: peer.as_ref().and_then(|p| p.pid()),
+        uid: peer.as_ref().map(|p| p.uid()),
+        since: std::time::Instant::now(),
+        images: Cell::new(0),
+        skipped: Cell::new(0),
+        raw_frames: Cell::new(0),
+        raw_skipped: Cell::new(0),
+        raw: Cell::new(false),
+        status: Cell::new(false),
+        every: Cell::new(false),
+        profile: Cell::new(server.profiles.own().id),
+    });
+    let registry = &server.registry;
+    if registry.len() >= registry.max {
+        let farewell = Farewell::TooMany(registry.len());
+        registry.report_turned_away(entry.pid, &farewell);
+        send_disconnect(&socket, &farewell).await;
+        return;
+    }
+    registry.add(&entry);
+    tracing::info!(pid = entry.pid, uid = entry.uid, "subscriber connected");
+    let farewell = match Subscriber::new(socket, server.clone(), &entry) {
+        Ok(mut subscriber) => {
+            let farewell = subscriber.attend().await;
+            if let Farewell::Nonsense(_) | Farewell::Insists(_) = farewell {
+                send_disconnect(&subscriber.socket, &farewell).await;
+            }
+            farewell
+        }
+        Err(error) => Farewell::Failed(error),
+    };
+    registry.remove(&entry);
+    tracing::info!(
+        pid = entry.pid,
+        images = entry.images.get(),
+        skipped = entry.skipped.get(),
+        "subscriber gone: {farewell}"
+    );
+}
+
+/// Tells a client why it is let go, if it takes the message at once.
+async fn send_disconnect(socket: &UnixSeqpacket, why: &Farewell) {
+    let packet = Event::new(EventKind::Disconnect, why.to_string()).to_packet(0, 0);
+    let _ = timeout(Duration::from_millis(100), socket.send(&packet)).await;
+}
+
+struct Subscriber<'a, M: ProfileMaker> {
+    socket: UnixSeqpacket,
+    server: Rc<Server<M>>,
+    entry: &'a Entry,
+    wants: Subscribe,
+    /// The profile it is shown.
+    shown: Rc<ActiveProfile>,
+    /// Holds that profile where it stated one.
+    lease: Option<Lease>,
+    /// The profile of whoever states none, to follow it.
+    own: watch::Receiver<Rc<ActiveProfile>>,
+    /// A subscription whose profile is being looked at. Nothing more is taken from the client meanwhile.
+    asked: Option<Asked>,
+    images: Feed,
+    raw: Option<Feed>,
+    status: watch::Receiver<Packets>,
+    /// Announcements that come behind messages still to be sent: the tick, and the packets.
+    held: VecDeque<(u64, Packets)>,
+    refusals: u32,
+}
+
+/// A subscription that waits for its profile.
+struct Asked {
+    wants: Subscribe,
+    /// Whether the client asked; otherwise the profile of whoever states none has changed, of which it is shown a region.
+    by_client: bool,
+    lease: JoinHandle<Result<Lease, String>>,
+}
+
+impl Drop for Asked {
+    /// Who is gone must not be in the way of those that ask now.
+    fn drop(&mut self) {
+        self.lease.abort();
+    }
+}
+
+/// Which of a subscriber's feeds.
+#[derive(Clone, Copy)]
+enum Which {
+    Image,
+    Raw,
+}
+
+impl<'a, M: ProfileMaker> Subscriber<'a, M> {
+    fn new(socket: UnixSeqpacket, server: Rc<Server<M>>, entry: &'a Entry) -> io::Result<Self> {
+        let mut own = server.profiles.follow_own();
+        let shown = own.borrow_and_update().clone();
+        let subscriber = Self {
+            socket,
+            entry,
+            wants: Subscribe::default(),
+            images: Feed::new(&shown.stream, false),
+            raw: None,
+            status: server.status.subscribe(),
+            held: VecDeque::new(),
+            shown,
+            lease: None,
+            own,
+            asked: None,
+            refusals: 0,
+            server,
+        };
+        subscriber.size_send_buffer()?;
+        Ok(subscriber)
+    }
+
+    /// Room for about two messages: a queue in the kernel would be latency that nobody sees. Who wants every message
+    /// has no use for freshness, and is woken less often.
+    fn size_send_buffer(&self) -> io::Result<()> {
+        let raw = self.raw.as_ref().map_or(0, |feed| feed.stream().payload_len());
+        let newest = SEND_BUFFER.max(self.shown.stream.payload_len() + raw + 2048);
+        let bytes = match self.wants.every {
+            true => newest.max(EVERY_BUFFER.min(self.shown.stream.backlog_bytes())),
+            false => newest,
+        };
+        nix::sys::socket::setsockopt(&self.socket, nix::sys::socket::sockopt::SndBuf, &bytes)?;
+        Ok(())
+    }
+
+    /// Serves this subscriber until it goes or has to go.
+    async fn attend(&mut self) -> Farewell {
+        match self.serve().await {
+            Ok(never) => match never {},
+            Err(farewell) => farewell,
+        }
+    }
+
+    async fn serve(&mut self) -> Result<std::convert::Infallible, Farewell> {
+        let mut announcements = self.server.announcements.subscribe();
+        self.send_hello().await?;
+        loop {
+            tokio::select! {
+                biased;
+                answer = answer(&mut self.asked), if self.asked.is_some() => {
+                    self.handle_answer(answer).await?;
+                }
+                _ = self.own.changed(), if self.wants.profile.is_none() && self.asked.is_none() => {
+                    self.follow().await?;
+                }
+                packet = receive(&self.socket, &self.server), if self.asked.is_none() => {
+                    match packet? {
+                        packet if packet.is_empty() => return Err(Farewell::Closed),
+                        packet => self.handle_packet(&packet).await?,
+                    }
+                }
+                announcement = announcements.recv() => {
+                    // A subscriber that missed announcements missed only news of what the images themselves show.
+                    match announcement {
+                        Ok(Announcement::Event(event)) => self.send_event(&event).await?,
+                        Ok(Announcement::Stamped(tick, packets)) => {
+                            self.held.push_back((tick, packets));
+                            self.send_held().await?;
+                        }
+                        Err(broadcast::error::RecvError::Closed) => return Err(Farewell::Closed),
+                        Err(broadcast::error::RecvError::Lagged(_)) => {}
+                    }
+                }
+                changed = self.status.changed(), if self.wants.status => {
+                    changed.map_err(|_| Farewell::Closed)?;
+                    let packets = self.status.borrow_and_update().clone();
+                    self.send_packets(&packets).await?;
+                }
+                ready = self.images.ready(), if self.wants.image && !self.images.is_over() => {
+                    if ready.is_err() {
+                        // Another profile is on its way, or the program ends, and with it this.
+                        continue;
+                    }
+                    self.send_next(Which::Image).await?;
+                    // Or a subscriber whose socket is always full would be sent images alone.
+                    if self.raw.as_ref().is_some_and(Feed::is_ready) {
+                        self.send_next(Which::Raw).await?;
+                    }
+                    self.send_held().await?;
+                }
+                ready = raw_ready(&mut self.raw), if self.raw.is_some() => {
+                    ready.map_err(|_| Farewell::Closed)?;
+                    self.send_next(Which::Raw).await?;
+                    self.send_held().await?;
+                }
+            }
+        }
+    }
+
+    /// Sequence number and time of the newest image.
+    fn now(&self) -> (u64, u64) {
+        let newest = |active: &ActiveProfile| active.stream.newest.borrow().header;
+        let header = newest(&self.shown).or_else(|| newest(&self.own.borrow()));
+        header.map_or((0, 0), |h| (h.seq, h.t_ns))
+    }
+
+    /// Takes a subscription; tells the client what is wrong with one that is refused.
+    async fn handle_packet(&mut self, packet: &[u8]) -> Result<(), Farewell> {
+        match Subscribe::from_packet(packet) {
+            Ok(wants) => self.ask(wants, true).await,
+            Err(
+                error @ (SubscribeError::TooLong { .. }
+                | SubscribeError::Decode(_)
+                | SubscribeError::WrongKind { .. }),
+            ) => Err(Farewell::Nonsense(error)),
+            Err(error) if self.refusals >= MAX_REFUSALS => Err(Farewell::Nonsense(error)),
+            Err(error) => self.refuse(error.to_string()).await,
+        }
+    }
+
+    /// Puts a subscription into effect, or asks for its profile first.
+    async fn ask(&mut self, wants: Subscribe, by_client: bool) -> Result<(), Farewell> {
+        let region = match self.server.profiles.region(wants.region.as_deref()) {
+            Ok(region) => region,
+            Err(reason) => return self.refuse(reason).await,
+        };
+        if wants.profile.is_none() && region.is_none() {
+            let stated = wants.region.is_some();
+            let own = self.own.borrow_and_update().clone();
+            let is_shown = Rc::ptr_eq(&own, &self.shown);
+            if let Err(reason) = self.subscribe(wants)? {
+                return self.refuse(reason).await;
+            }
+            self.give_up_lease();
+            return match (is_shown, stated) {
+                (true, false) => Ok(()),
+                _ => self.show(own).await,
+            };
+        }
+        let profile = wants.profile.clone();
+        let wanted = DisplayProfile {
+            profile: profile.unwrap_or_else(|| self.own.borrow_and_update().wanted.profile.clone()),
+            region,
+        };
+        let server = self.server.clone();
+        let instead_of = self.lease.as_ref().map(|lease| lease.profile().clone());
+        let lease = tokio::task::spawn_local(async move { server.profiles.lease(wanted, instead_of).await });
+        self.asked = Some(Asked {
+            wants,
+            by_client,
+            lease,
+        });
+        Ok(())
+    }
+
+    /// Puts the subscription that was asked for into effect, now that its profile is there; or says why not.
+    async fn handle_answer(&mut self, answer: Result<Lease, String>) -> Result<(), Farewell> {
+        let Some(asked) = self.asked.take() else {
+            return Ok(());
+        };
+        match answer {
+            Ok(lease) => {
+                let shown = lease.profile().clone();
+                if let Err(reason) = self.subscribe(asked.wants.clone())? {
+                    return self.refuse(reason).await;
+                }
+                self.give_up_lease();
+                self.lease = Some(lease);
+                self.show(shown).await
+            }
+            Err(reason) if asked.by_client => self.refuse(reason).await,
+            // It goes on with what it is shown, and is not to blame.
+            Err(reason) => self.send_event(&Event::new(EventKind::Refused, reason)).await,
+        }
+    }
+
+    /// Goes on with the profile of whoever states none after that has changed.
+    async fn follow(&mut self) -> Result<(), Farewell> {
+        if self.wants.region.is_some() {
+            return self.ask(self.wants.clone(), false).await;
+        }
+        let own = self.own.borrow_and_update().clone();
+        self.show(own).await
+    }
+
+    /// Takes what is wanted but for the profile. The inner error says why it cannot be had, and nothing has changed then.
+    fn subscribe(&mut self, wants: Subscribe) -> Result<Result<(), String>, Farewell> {
+        let changed = wants.every != self.wants.every;
+        if !wants.raw {
+            self.raw = None;
+        } else if changed || self.raw.is_none() {
+            let profiles = &self.server.profiles;
+            match self.server.raw.open(&profiles.maker, &profiles.slots) {
+                Ok(stream) => self.raw = Some(Feed::new(&stream, wants.every)),
+                Err(reason) => return Ok(Err(reason)),
+            }
+        }
+        if wants.image != self.wants.image || changed {
+            self.images = Feed::new(&self.shown.stream, wants.every);
+        }
+        if wants.status && !self.wants.status {
+            self.status.mark_unchanged();
+        }
+        self.entry.raw.set(wants.raw);
+        self.entry.status.set(wants.status);
+        self.entry.every.set(wants.every);
+        self.images.hold_back_no_longer();
+        if let Some(raw) = &mut self.raw {
+            raw.hold_back_no_longer();
+        }
+        self.wants = wants;
+        self.size_send_buffer()?;
+        Ok(Ok(()))
+    }
+
+    fn give_up_lease(&mut self) {
+        if let Some(lease) = self.lease.take() {
+            self.server.profiles.give_up(lease);
+        }
+    }
+
+    /// Shows another profile, and says so. Ticks go on being counted across the change.
+    async fn show(&mut self, shown: Rc<ActiveProfile>) -> Result<(), Farewell> {
+        self.images = self.images.go_on_with(&shown.stream);
+        self.entry.profile.set(shown.id);
+        self.shown = shown;
+        self.size_send_buffer()?;
+        self.send_hello().await
+    }
+
+    async fn refuse(&mut self, reason: String) -> Result<(), Farewell> {
+        if self.refusals >= MAX_REFUSALS {
+            return Err(Farewell::Insists(reason));
+        }
+        self.refusals += 1;
+        self.send_event(&Event::new(EventKind::Refused, reason)).await
+    }
+
+    async fn send_event(&self, event: &Event) -> Result<(), Farewell> {
+        let (seq, t_ns) = self.now();
+        self.send(&event.to_packet(seq, t_ns)).await
+    }
+
+    async fn send_hello(&self) -> Result<(), Farewell> {
+        self.send_packets(&self.shown.hello).await
+    }
+
+    async fn send_packets(&self, packets: &[Vec<u8>]) -> Result<(), Farewell> {
+        for packet in packets {
+            self.send(packet).await?;
+        }
+        Ok(())
+    }
+
+    /// Sends the announcements whose turn has come: those behind no message that is still to be sent. Whoever is sent
+    /// the newest message alone is told at once.
+    async fn send_held(&mut self) -> Result<(), Farewell> {
+        while let Some((tick, _)) = self.held.front() {
+            let owes = |feed: &Feed| self.wants.every && feed.owes(*tick);
+            if (self.wants.image && owes(&self.images)) || self.raw.as_ref().is_some_and(owes) {
+                break;
+            }
+            if let Some((_, packets)) = self.held.pop_front() {
+                self.send_packets(&packets).await?;
+            }
+        }
+        Ok(())
+    }
+
+    async fn send(&self, packet: &[u8]) -> Result<(), Farewell> {
+        let stall = self.server.registry.stall;
+        match timeout(stall, self.socket.send(packet)).await {
+            Ok(sent) => Ok(sent.map(drop)?),
+            Err(_) => Err(Farewell::Stalled(stall)),
+        }
+    }
+
+    /// Sends the image or raw frame whose turn it is at the moment when the socket takes it.
+    async fn send_next(&mut self, which: Which) -> Result<(), Farewell> {
+        let stall = self.server.registry.stall;
+        let (feed, sent, skipped) = match (which, &mut self.raw) {
+            (Which::Raw, Some(raw)) => (raw, &self.entry.raw_frames, &self.entry.raw_skipped),
+            _ => (&mut self.images, &self.entry.images, &self.entry.skipped),
+        };
+        match timeout(stall, feed.send(&self.socket, self.wants.max_rate_hz)).await {
+            Ok(Ok(Some(passed_over))) => {
+                sent.set(sent.get() + 1);
+                skipped.set(skipped.get() + passed_over);
+                Ok(())
+            }
+            Ok(nothing) => Ok(nothing.map(drop)?),
+            Err(_) => Err(Farewell::Stalled(stall)),
+        }
+    }
+}
+
+/// Waits for the next raw frame.
+async fn raw_ready(raw: &mut Option<Feed>) -> Result<(), watch::error::RecvError> {
+    match raw {
+        Some(feed) => feed.ready().await,
+        None => std::future::pending().await,
+    }
+}
+
+/// What the client sent: a packet, or nothing where it has gone.
+async fn receive<M: ProfileMaker>(socket: &UnixSeqpacket, server: &Server<M>) -> io::Result<Vec<u8>> {
+    poll_fn(|cx| {
+        let mut buffer = server.subscription.borrow_mut();
+        let received = ready!(socket.poll_recv(cx, &mut buffer))?;
+        Poll::Ready(Ok(buffer[..received.bytes_read()].to_vec()))
+    })
+    .await
+}
+
+/// What became of the profile that was asked for.
+async fn answer(asked: &mut Option<Asked>) -> Result<Lease, String> {
+    match asked {
+        Some(asked) => (&mut asked.lease).await.unwrap_or_else(|e| Err(e.to_string())),
+        None => std::future::pending().await,
+    }
+}

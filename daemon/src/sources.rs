@@ -1,0 +1,69 @@
+//! The buses of a configuration, opened.
+
+use crate::StartError;
+use crate::config::Config;
+use taxel_can::{CanSource, Playback, SourceAddress, SourceOptions};
+
+/// Whether every bus is a recording: then time is the recordings' own and starts at zero.
+pub(crate) fn are_recorded(config: &Config) -> bool {
+    let joints = config.joints.as_ref();
+    let joints_bus = joints.and_then(|joints| joints.source.config().can_bus());
+    let mut sources = config.sources.iter().chain(joints_bus);
+    sources.all(|s| matches!(s, SourceAddress::Log { .. }))
+}
+
+/// Opens the buses of the skin in the layout's order, then that of joints on a bus of their own. Scenes and recordings
+/// begin at `start_ns`.
+pub(crate) fn open(config: &Config, start_ns: u64) -> Result<Vec<Box<dyn CanSource>>, StartError> {
+    let own = config.joints_bus().filter(|bus| !bus.shared);
+    let own = own.as_ref();
+    let joints_name = "joints".to_string();
+    let skin = config.sources.iter().zip(&config.layout.buses);
+    (skin
+        .chain(own.map(|bus| (&bus.address, &joints_name)))
+        .enumerate())
+    .map(|(bus, (address, name))| {
+        let fail = |error| StartError::Source {
+            bus: name.clone(),
+            error,
+        };
+        if let SourceAddress::Sim { scene } = address {
+            return open_scene(scene, config, bus as u8, start_ns).map_err(fail);
+        }
+        // Of a bus of the skin everything: a node that babbles is to be seen, and what is nobody's counted.
+        let filters = own
+            .filter(|_| bus >= config.layout.buses.len())
+            .and_then(|own| own.filter);
+        let options = SourceOptions {
+            filters: filters.into_iter().collect(),
+            receive_buffer: config.can.receive_buffer_kib as usize * 1024,
+            playback: Playback {
+                start_ns,
+                ..Playback::default()
+            },
+        };
+        taxel_can::open(address, &options).map_err(|e| fail(e.into()))
+    })
+    .collect()
+}
+
+type OpenError = Box<dyn std::error::Error + Send + Sync>;
+
+#[cfg(feature = "sim")]
+fn open_scene(scene: &str, config: &Config, bus: u8, start_ns: u64) -> Result<Box<dyn CanSource>, OpenError> {
+    use taxel_sim::{Scene, SimOptions, SimSource};
+    let options = SimOptions {
+        start_ns,
+        ..SimOptions::default()
+    };
+    let scene = Scene::resolve(scene)?;
+    Ok(Box::new(SimSource::new(&scene, &config.layout, bus, options)?))
+}
+
+#[cfg(not(feature = "sim"))]
+fn open_scene(scene: &str, _: &Config, _: u8, _: u64) -> Result<Box<dyn CanSource>, OpenError> {
+    Err(
+        format!("sim:{scene} needs the simulator, which this taxeld was built without; `taxel demo` has it")
+            .into(),
+    )
+}
