@@ -17,7 +17,7 @@ pub type Npz = NpzReader<File>;
 /// Where a recording is, or `None` after a loud line where it is not on this machine.
 pub fn find(file: &str) -> Option<PathBuf> {
     let folder = std::env::var_os("TAXEL_DATA").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"),
+        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../../shared/data"),
         PathBuf::from,
     );
     let path = folder.join(file);
