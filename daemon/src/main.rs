@@ -16,7 +16,7 @@ use tracing_subscriber::EnvFilter;
 
 /// Reads a robot hand's skin from CAN and gives tactile images to display drivers.
 ///
-/// The configuration is one TOML file; docs/guide.md describes every key. Display drivers connect to the images
+/// The configuration is one TOML file; docs/guide.md says what is in it. Display drivers connect to the images
 /// socket (docs/wire.md); `taxel watch` shows what they are given. RUST_LOG=debug says more.
 #[derive(Parser)]
 #[command(version, after_help = "Example:\n  taxeld --config /etc/taxeld/taxeld.toml")]

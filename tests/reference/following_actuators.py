@@ -1,6 +1,6 @@
 """Actuators that follow the contacts, in numpy: the position stage of the method `optimal`.
 
-An implementation of `docs/algorithm.md`, "Actuators: `follow`", without history, budgets and more than 4,095 contacts. There is no optimum to compare the
+An implementation of `docs/algorithm.md`, "Actuators: `follow`", without history, budgets and more than 1,023 contacts. There is no optimum to compare the
 daemon's places with, but there is a recipe, which says which of the nearly equal arrangements a frame ends in, and which id stands where.
 Everything is remembered under names, with no thought of speed; distances are computed anew for each contact.
 

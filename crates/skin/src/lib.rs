@@ -1,7 +1,7 @@
 //! The robot hand's skin: its layout, the boards' protocols, sweep assembly and conditioning.
 //!
-//! Nothing here does I/O or holds a clock: frames and times come in as arguments, so that a recording replays to
-//! the bit.
+//! Nothing here holds a clock, and nothing does I/O but [`Layout::load`] and [`Layout::resolve`], which read a layout
+//! file: frames and times come in as arguments, so that a recording replays to the bit.
 
 mod boards;
 mod condition;

@@ -48,8 +48,8 @@ impl Kmeans2d {
         true
     }
 
-    /// So many labels may change without a reason to go on: none of fewer than 1,024 points, and few enough of more not to be felt. With more points
-    /// the last ones take ever more rounds.
+    /// How many labels may change, or points move, without a reason to go on: none of fewer than 1,024 points, and one for
+    /// each 1,024 of more, which is too few to be felt. With more points the last ones take ever more rounds.
     fn few(&self) -> usize {
         self.assignment.len() / 1024
     }
