@@ -106,7 +106,7 @@ fn a_client_that_is_turned_away_again_and_again_does_not_fill_the_log() {
     for _ in 0..200 {
         let mut late = connect(&mut daemon, folder.path());
         match late.next_timeout(PATIENCE) {
-            Ok(Some(Received::Event(event))) => assert_eq!(event.event, EventKind::Disconnect),
+            Ok(Some(Received::Event(_, event))) => assert_eq!(event.event, EventKind::Disconnect),
             other => panic!("{other:?}"),
         }
     }

@@ -19,6 +19,11 @@ pub(crate) fn layout_file(data: &[u8]) {
             for (n, taxel) in layout.taxels.iter().enumerate() {
                 assert_eq!(layout.taxel_at(taxel.x, taxel.y), Some(n));
             }
+            for pose in layout.modules.iter().filter_map(|module| module.pose) {
+                let length: f32 = pose.orientation.iter().map(|v| v * v).sum();
+                assert!((length - 1.0).abs() < 1e-5, "{pose:?}");
+                assert!(pose.position_mm.iter().all(|v| v.is_finite()), "{pose:?}");
+            }
         }
         Err(error) => assert!(error.to_string().starts_with("fuzz.toml:")),
     }

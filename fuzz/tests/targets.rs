@@ -91,6 +91,8 @@ fn seeds(target: &str) -> Vec<Vec<u8>> {
             b"{}".to_vec(),
             br#"{"image":true,"raw":true,"status":false,"max_rate_hz":30.5,"region":["index","thumb"]}"#.to_vec(),
             br#"{"profile":{"levels":8,"actuators":16,"method":"optimal"}}"#.to_vec(),
+            br#"{"raw":true,"every":true}"#.to_vec(),
+            br#"{"event":"mark","message":"squeeze 3"}"#.to_vec(),
             br#"{"event":"stopping","message":"bye"}"#.to_vec(),
         ],
         "recognise_frames" => Layout::builtin_names()
@@ -147,9 +149,15 @@ fn seeds(target: &str) -> Vec<Vec<u8>> {
         ],
         "layout_file" => Layout::builtin_names()
             .filter_map(Layout::builtin_text)
-            .flat_map(|text| [text.as_bytes().to_vec(), text.replace("#!", "").into_bytes()])
+            .flat_map(|text| {
+                let posed = text.replace(
+                    "\n[[module]]\n",
+                    "\n[[module]]\njoint = \"index 3\"\npose = { position_mm = [1, -2, 30.5], orientation = [0.6, 0, 0.8, 0] }\n",
+                );
+                [text.into(), text.replace("#!", ""), posed].map(String::into_bytes)
+            })
             .collect(),
-        _ => (0..5u8)
+        _ => (0..9u8)
             .map(|kind| {
                 // Magic, version, length of the header, kind; then a payload.
                 let mut message = taxel_wire::MAGIC.to_vec();
@@ -157,6 +165,13 @@ fn seeds(target: &str) -> Vec<Vec<u8>> {
                 message.extend(60u32.to_le_bytes());
                 message.resize(taxel_wire::HEADER_LEN, 0);
                 message.extend([1, 0, 0, 0].repeat(15));
+                if kind == 8 {
+                    // RAW of one taxel and one joint, with every section.
+                    (message[8], message[12]) = (5, 72);
+                    let raw = [1, 0, 0, 0, 20, 0, 20, 0, 0, 0, 32, 66, 1, 0, 0, 0, 15, 0, 0, 0];
+                    message[taxel_wire::HEADER_LEN..][..raw.len()].copy_from_slice(&raw);
+                    message.extend([0; 12]);
+                }
                 message
             })
             .collect(),

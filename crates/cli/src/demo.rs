@@ -159,7 +159,7 @@ fn read(mut subscriber: Subscriber, meter: &Mutex<Meter>) {
                 lock(meter).image(&header, &image, now_ns);
             }
             Ok(Received::Raw(header, raw)) => lock(meter).raw(&header, &raw),
-            Ok(Received::Event(event)) => lock(meter).event(event),
+            Ok(Received::Event(_, event)) => lock(meter).event(event),
             Ok(_) => {}
             Err(error) => {
                 let mut meter = lock(meter);

@@ -121,7 +121,7 @@ mod tests {
         force.faults[0].insert(Fault::Missing);
         force.threshold = 10.0;
         let mut payload = Vec::new();
-        encode_raw_payload(&frame, &force, &mut payload).unwrap();
+        encode_raw_payload(&frame, &force, None, &mut payload).unwrap();
         let packet = [
             &Header::of_frame(&frame, &force, payload.len()).to_bytes()[..],
             &payload,

@@ -82,7 +82,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
                 }
                 continue;
             }
-            Received::Event(event) => {
+            Received::Event(_, event) => {
                 eprintln!("taxeld: {}", event.message);
                 continue;
             }

@@ -9,8 +9,13 @@ pub struct RawFrames;
 
 impl Encode<Frames> for RawFrames {
     fn encode(&mut self, frames: &Frames, payload: &mut Vec<u8>) -> Result<Header, EncodeError> {
-        let Frames { tactile, force, .. } = frames;
-        taxel_wire::encode_raw_payload(tactile, force, payload)?;
+        let Frames {
+            tactile,
+            force,
+            baseline,
+            ..
+        } = frames;
+        taxel_wire::encode_raw_payload(tactile, force, Some(baseline), payload)?;
         Ok(Header::of_frame(tactile, force, payload.len()))
     }
 }

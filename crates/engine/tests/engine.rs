@@ -42,7 +42,7 @@ fn bytes(config: &EngineConfig, frames: &[(u8, Received)]) -> Vec<u8> {
             taxel_wire::encode_image_payload(image, &mut payload).unwrap();
             bytes.extend(taxel_wire::Header::of_image(image, payload.len()).to_bytes());
             bytes.extend(&payload);
-            taxel_wire::encode_raw_payload(&frames.tactile, &frames.force, &mut payload).unwrap();
+            taxel_wire::encode_raw_payload(&frames.tactile, &frames.force, None, &mut payload).unwrap();
             bytes.extend(&payload);
         },
     )

@@ -35,6 +35,12 @@ pub struct TactileFrame {
     pub joints: Vec<f32>,
     /// Time from `t_ns` to the reading nearest to it of each joint, nanoseconds; `u64::MAX` where there is none.
     pub joint_age_ns: Vec<u64>,
+    /// Angular velocity of each joint, radians per second, positive the way in which its angle grows; not a number where
+    /// unknown, empty where no joint's is known.
+    pub joint_velocity_rad_s: Vec<f32>,
+    /// Current that each joint's motor takes, amperes, with the sign that the servo reports; not a number where unknown,
+    /// empty where no joint's is known.
+    pub joint_current_a: Vec<f32>,
 }
 
 /// Why a taxel is not used. A set, since a taxel can be broken in several ways.
@@ -172,6 +178,8 @@ impl TactileFrame {
             freshness: vec![Freshness::Missing; taxels],
             joints: Vec::new(),
             joint_age_ns: Vec::new(),
+            joint_velocity_rad_s: Vec::new(),
+            joint_current_a: Vec::new(),
         }
     }
 

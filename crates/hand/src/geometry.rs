@@ -1,5 +1,7 @@
 //! Where the taxels of a hand sit: on which module, at which pixel of the tactile image, where in millimetres.
 
+use crate::Pose;
+
 /// Most modules of a hand.
 pub const MAX_MODULES: usize = 1000;
 /// Most taxels of a hand: their numbers fit in 16 bits with one left over for "none".
@@ -29,7 +31,7 @@ pub struct Geometry {
 }
 
 /// One board's patch of taxels.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Module {
     /// Name for people, such as `index tip`.
     pub name: String,
@@ -39,6 +41,11 @@ pub struct Module {
     pub first_taxel: u16,
     /// How many taxels it has.
     pub taxels: u16,
+    /// Where it sits on its link, where known.
+    pub pose: Option<Pose>,
+    /// Name of the joint that moves its link; `None` where it sits on the hand's base, or nobody knows. Nothing here checks
+    /// that a joint of this name is read.
+    pub joint: Option<String>,
 }
 
 /// One taxel's place.
@@ -135,6 +142,8 @@ impl Geometry {
             part: "grid".into(),
             first_taxel: 0,
             taxels: count as u16,
+            pose: None,
+            joint: None,
         };
         let taxel = |y| {
             move |x| Taxel {
@@ -198,6 +207,8 @@ mod tests {
             part: "index".into(),
             first_taxel: 0,
             taxels: places.len() as u16,
+            pose: None,
+            joint: None,
         };
         let taxels = places.iter().map(|&[module, x, y]| Taxel {
             module,

@@ -7,12 +7,14 @@
 mod frame;
 mod geometry;
 mod image;
+mod pose;
 mod profile;
 mod profile_error;
 
 pub use frame::{FORCE_MAX, Fault, Faults, ForceFrame, Freshness, TactileFrame};
 pub use geometry::{Geometry, GeometryError, MAX_MODULES, MAX_PIXELS, MAX_TAXELS, Module, Taxel};
 pub use image::{Actuator, TactileImage};
+pub use pose::Pose;
 pub use profile::{
     ActuatorForce, CodebookLearning, Coordinates, ForceFit, Grey, LevelSteps, Method, Placement, Profile,
 };

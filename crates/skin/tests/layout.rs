@@ -166,6 +166,29 @@ fn positions_follow_pitch_and_axes_or_a_list_and_do_not_turn_with_the_image() {
 }
 
 #[test]
+fn a_module_has_a_pose_and_a_joint_where_they_are_given() {
+    let text = HEAD.to_string()
+        + &module(
+            "a",
+            &[
+                "joint = \"index 3\"",
+                "pose = { position_mm = [0, -1.5, 30], orientation = [0.7071, 0, 0.7071, 0] }",
+            ],
+        )
+        + &module("b", &["board = 1", "at = [4, 0]", "joint = \"index 2\""])
+        + &module("c", &["board = 2", "at = [4, 4]"]);
+    let hand = Layout::parse(&text, "hand.toml").unwrap();
+    let pose = hand.modules[0].pose.unwrap();
+    assert_eq!(pose.position_mm, [0.0, -1.5, 30.0]);
+    // 0.7071 is not quite one half's root: the quaternion is made one of length 1.
+    let half = std::f32::consts::FRAC_1_SQRT_2;
+    assert_eq!(pose.orientation, [half, 0.0, half, 0.0]);
+    let joints: Vec<_> = hand.modules.iter().map(|m| m.joint.as_deref()).collect();
+    assert_eq!(joints, [Some("index 3"), Some("index 2"), None]);
+    assert_eq!((hand.modules[1].pose, hand.modules[2].pose), (None, None));
+}
+
+#[test]
 fn what_cannot_be_is_refused_with_file_and_line() {
     let l1 = "protocol = \"uskin-l1\"";
     let l3 = "protocol = \"uskin-l3\"";
@@ -307,6 +330,46 @@ fn what_cannot_be_is_refused_with_file_and_line() {
         (
             first(&["order = [[0]]", "positions_mm = [[0, 0, 0]]", "pitch_mm = 1"]),
             &["hand.toml:12:", "not both"],
+        ),
+        (
+            first(&["joint = \" \""]),
+            &["hand.toml:11:", "module \"a\"", "joint is empty"],
+        ),
+        (
+            first(&["pose = { position_mm = [0, 0, 0] }"]),
+            &["hand.toml:11:", "orientation"],
+        ),
+        (
+            first(&["pose = { position_mm = [0, 0, 0], orientation = [1, 0, 0, 0], frame = 1 }"]),
+            &["hand.toml:11:", "frame"],
+        ),
+        (
+            first(&["pose = { position_mm = [0, 0], orientation = [1, 0, 0, 0] }"]),
+            &["hand.toml:11:", "3"],
+        ),
+        (
+            first(&["pose = { position_mm = [0, nan, 0], orientation = [1, 0, 0, 0] }"]),
+            &["hand.toml:11:", "module \"a\"", "position_mm of its pose"],
+        ),
+        (
+            first(&["pose = { position_mm = [0, 0, 2e6], orientation = [1, 0, 0, 0] }"]),
+            &["hand.toml:11:", "1e6 mm"],
+        ),
+        (
+            first(&["pose = { position_mm = [0, 0, 0], orientation = [1, 0, 0.05, 0] }"]),
+            &["hand.toml:11:", "length 1.001249", "1 within 0.001"],
+        ),
+        (
+            first(&["pose = { position_mm = [0, 0, 0], orientation = [0, 0, 0, 0] }"]),
+            &["hand.toml:11:", "length 0"],
+        ),
+        (
+            first(&["pose = { position_mm = [0, 0, 0], orientation = [inf, 0, 0, 0] }"]),
+            &["hand.toml:11:", "length inf"],
+        ),
+        (
+            first(&["pose = { position_mm = [0, 0, 0], orientation = [nan, 0, 0, 0] }"]),
+            &["hand.toml:11:", "length NaN"],
         ),
         (HEAD.to_string(), &["hand.toml:", "module"]),
         (

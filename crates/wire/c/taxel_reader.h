@@ -25,6 +25,7 @@
 #include <string.h>
 
 #define TAXEL_MAJOR 1
+#define TAXEL_MINOR 1
 #define TAXEL_HEADER_LEN 40
 #define TAXEL_MAX_MESSAGE 409600  /* bytes, header included */
 #define TAXEL_MAX_SUBSCRIBE 65536 /* bytes, header included: the most a client may send */
@@ -36,6 +37,8 @@ enum taxel_type {
     TAXEL_STATUS = 3,    /* text, JSON; only where subscribed */
     TAXEL_EVENT = 4,     /* text, JSON */
     TAXEL_RAW = 5,       /* taxel_decode_raw; only where subscribed */
+    TAXEL_TOUCH = 6,     /* text, JSON: a completed touch; from programs beside the daemon */
+    TAXEL_ESTIMATE = 7,  /* text, JSON: where on the forearm; from programs beside the daemon */
     TAXEL_SUBSCRIBE = 16 /* client to daemon: text, JSON */
 };
 
@@ -48,6 +51,14 @@ enum taxel_flag {
     TAXEL_FLAG_GAP = 1 << 4,         /* this reader was not given some messages: see skipped */
     TAXEL_FLAG_SATURATED = 1 << 5,   /* a usable taxel reads 0 or 65535 */
     TAXEL_FLAG_MORE = 1 << 15        /* the text goes on in the next message */
+};
+
+/* Bits of taxel_raw.sections: what comes behind the joint angles. Ignore the bits you do not know. */
+enum taxel_raw_section {
+    TAXEL_RAW_JOINT_AGES = 1 << 0,       /* taxel_raw_joint_age_us */
+    TAXEL_RAW_JOINT_VELOCITIES = 1 << 1, /* taxel_raw_joint_velocity */
+    TAXEL_RAW_JOINT_CURRENTS = 1 << 2,   /* taxel_raw_joint_current */
+    TAXEL_RAW_BASELINES = 1 << 3         /* taxel_raw_baseline */
 };
 
 /* What a call has to say. Everything from TAXEL_SHORT_HEADER on is about the bytes. */
@@ -106,8 +117,9 @@ struct taxel_raw {
     uint32_t taxels;   /* number of entries */
     uint16_t joints;   /* number of entries */
     float threshold;   /* contact threshold, HELLO's unit of force */
-    size_t record_len; /* for the accessors */
-    const uint8_t *record_bytes, *joint_bytes;
+    uint32_t sections; /* enum taxel_raw_section: what else there is */
+    size_t record_len; /* for the accessors; a section that is not there is a null pointer */
+    const uint8_t *record_bytes, *joint_bytes, *age_bytes, *velocity_bytes, *current_bytes, *baseline_bytes;
 };
 
 /* One taxel of a RAW message. */
@@ -144,6 +156,12 @@ static inline float taxel_f32(const uint8_t *p)
     float value;
     memcpy(&value, &bits, sizeof value);
     return value;
+}
+
+static inline float taxel_nan(void)
+{
+    static const uint8_t bytes[4] = {0, 0, 0xc0, 0x7f};
+    return taxel_f32(bytes);
 }
 
 /* Finite and not negative, told from the bits so that no compiler option changes it. Minus zero passes. */
@@ -302,12 +320,24 @@ static inline enum taxel_result taxel_decode_image(const uint8_t *packet, size_t
 
 /* ---- raw counts ------------------------------------------------------------------------------------- */
 
+/* The len bytes at *at, if that section is there, and *at moved behind them. */
+static inline const uint8_t *taxel_take_section(const uint8_t **at, size_t len, uint32_t is_there)
+{
+    const uint8_t *section = *at;
+    if (!is_there)
+        return NULL;
+    *at += len;
+    return section;
+}
+
 /* Decodes a RAW payload. */
 static inline enum taxel_result taxel_decode_raw_payload(const uint8_t *payload, size_t len,
                                                          struct taxel_raw *raw)
 {
-    uint64_t records, needed;
+    uint64_t records, joints, baselines, needed;
+    uint32_t sections, i;
     uint16_t fixed_len, record_len;
+    const uint8_t *at;
     memset(raw, 0, sizeof *raw);
     if (len < 16)
         return TAXEL_SECTION_SHORT;
@@ -316,15 +346,26 @@ static inline enum taxel_result taxel_decode_raw_payload(const uint8_t *payload,
     if (fixed_len < 16 || fixed_len % 4 != 0 || record_len < 20 || record_len % 4 != 0)
         return TAXEL_FIXED_LEN;
     records = (uint64_t)taxel_u32(payload) * record_len;
-    needed = fixed_len + records + 4u * (uint64_t)taxel_u16(payload + 12);
+    sections = fixed_len >= 20 && len >= 20 ? taxel_u32(payload + 16) & 15u : 0;
+    joints = 4u * (uint64_t)taxel_u16(payload + 12);
+    baselines = sections & TAXEL_RAW_BASELINES ? 12u * (uint64_t)taxel_u32(payload) : 0;
+    needed = fixed_len + records + joints + baselines;
+    for (i = TAXEL_RAW_JOINT_AGES; i <= TAXEL_RAW_JOINT_CURRENTS; i <<= 1)
+        needed += sections & i ? joints : 0;
     if (needed > len)
         return TAXEL_SECTION_SHORT;
     raw->taxels = taxel_u32(payload);
     raw->joints = taxel_u16(payload + 12);
     raw->threshold = taxel_f32(payload + 8);
+    raw->sections = sections;
     raw->record_len = record_len;
-    raw->record_bytes = payload + fixed_len;
-    raw->joint_bytes = raw->record_bytes + (size_t)records;
+    at = payload + fixed_len;
+    raw->record_bytes = taxel_take_section(&at, (size_t)records, 1);
+    raw->joint_bytes = taxel_take_section(&at, (size_t)joints, 1);
+    raw->age_bytes = taxel_take_section(&at, (size_t)joints, sections & TAXEL_RAW_JOINT_AGES);
+    raw->velocity_bytes = taxel_take_section(&at, (size_t)joints, sections & TAXEL_RAW_JOINT_VELOCITIES);
+    raw->current_bytes = taxel_take_section(&at, (size_t)joints, sections & TAXEL_RAW_JOINT_CURRENTS);
+    raw->baseline_bytes = taxel_take_section(&at, (size_t)baselines, sections & TAXEL_RAW_BASELINES);
     return TAXEL_OK;
 }
 
@@ -364,6 +405,54 @@ static inline int taxel_raw_taxel(const struct taxel_raw *raw, size_t index, str
 static inline float taxel_raw_joint(const struct taxel_raw *raw, size_t index)
 {
     return index < raw->joints ? taxel_f32(raw->joint_bytes + 4 * index) : 0.0f;
+}
+
+/* Time from the frame's to that joint's nearest reading, microseconds; UINT32_MAX where unknown. */
+static inline uint32_t taxel_raw_joint_age_us(const struct taxel_raw *raw, size_t index)
+{
+    return raw->age_bytes && index < raw->joints ? taxel_u32(raw->age_bytes + 4 * index) : UINT32_MAX;
+}
+
+/* That joint's angular velocity, radians per second; not a number where unknown. */
+static inline float taxel_raw_joint_velocity(const struct taxel_raw *raw, size_t index)
+{
+    return raw->velocity_bytes && index < raw->joints ? taxel_f32(raw->velocity_bytes + 4 * index) : taxel_nan();
+}
+
+/* The present current of that joint's servo, amperes; not a number where unknown. */
+static inline float taxel_raw_joint_current(const struct taxel_raw *raw, size_t index)
+{
+    return raw->current_bytes && index < raw->joints ? taxel_f32(raw->current_bytes + 4 * index) : taxel_nan();
+}
+
+/*
+ * The value at rest of that taxel, counts x, y, z, for taxel_press; not a number while calibrating, and where
+ * unknown. Returns 0, and leaves baseline alone, where the message has none.
+ */
+static inline int taxel_raw_baseline(const struct taxel_raw *raw, size_t index, float baseline[3])
+{
+    int axis;
+    if (!raw->baseline_bytes || index >= raw->taxels)
+        return 0;
+    for (axis = 0; axis < 3; axis++)
+        baseline[axis] = taxel_f32(raw->baseline_bytes + 12 * index + 4 * axis);
+    return 1;
+}
+
+/*
+ * The signed press on one axis: how far the count is from the baseline, -32768 to 32768, since counts wrap around
+ * modulo 65536. Not a number where the baseline is none.
+ */
+static inline float taxel_press(uint16_t count, float baseline)
+{
+    double difference = (double)count - (double)baseline;
+    if (!(difference > -16777216.0 && difference < 16777216.0))
+        return taxel_nan();
+    difference += 32768.0;
+    difference -= 65536.0 * (int32_t)(difference / 65536.0);
+    if (difference < 0)
+        difference += 65536.0;
+    return (float)(difference - 32768.0);
 }
 
 /* ---- the connection --------------------------------------------------------------------------------- */
@@ -466,7 +555,8 @@ static inline enum taxel_result taxel_receive(int fd, uint8_t *packet, size_t si
  *
  *     taxel_subscribe(fd, "{\"profile\": {\"levels\": 4, \"actuators\": 5}, \"region\": [\"index\", \"thumb\"]}");
  *
- * The answer is a HELLO, after which the images are as asked for, or an EVENT that says why not.
+ * The answer is a HELLO, after which the images are as asked for, or an EVENT that says why not. A recorder that wants
+ * every raw frame in order, not the newest: "{\"image\": false, \"raw\": true, \"every\": true}".
  */
 static inline enum taxel_result taxel_subscribe(int fd, const char *json)
 {
@@ -480,6 +570,7 @@ static inline enum taxel_result taxel_subscribe(int fd, const char *json)
     memset(header, 0, sizeof header);
     memcpy(header, "TCT1", 4);
     header[4] = TAXEL_MAJOR;
+    header[5] = TAXEL_MINOR;
     header[6] = TAXEL_HEADER_LEN;
     header[8] = TAXEL_SUBSCRIBE;
     header[12] = (uint8_t)(len & 0xff);

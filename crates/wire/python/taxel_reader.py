@@ -27,13 +27,14 @@ from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Tuple, Union
 
 MAGIC = b"TCT1"
 MAJOR = 1
+MINOR = 1
 HEADER_LEN = 40
 MAX_MESSAGE = 409_600
 """The most bytes a message may have, header included."""
 MAX_TEXT = 8 << 20
 """The most bytes of text put together from several messages."""
 
-HELLO, IMAGE, STATUS, EVENT, RAW, SUBSCRIBE = 1, 2, 3, 4, 5, 16
+HELLO, IMAGE, STATUS, EVENT, RAW, TOUCH, ESTIMATE, SUBSCRIBE = 1, 2, 3, 4, 5, 6, 7, 16
 
 FLAG_MISSING = 1 << 0
 FLAG_FAULTY = 1 << 1
@@ -52,7 +53,9 @@ _HEADER = struct.Struct("<4sBBHHHIQQII")
 _IMAGE_FIXED = struct.Struct("<6H3I")
 _ACTUATOR = struct.Struct("<4Hf")
 _RAW_FIXED = struct.Struct("<IHHfHH")
+_RAW_SECTIONS = struct.Struct("<I")
 _RAW_TAXEL = struct.Struct("<4HfI4B")
+_JOINT_AGES, _JOINT_VELOCITIES, _JOINT_CURRENTS, _BASELINES = 1, 2, 4, 8
 
 Bytes = Union[bytes, bytearray, memoryview]
 
@@ -173,6 +176,15 @@ class RawTaxel(NamedTuple):
     contact: bool
     repaired: bool
 
+    def press(self, baseline: Tuple[float, float, float]) -> Tuple[float, float, float]:
+        """How far the counts x, y, z are from this baseline: the signed press.
+
+        Counts wrap around modulo 65536, so each difference is taken into -32768 to 32768. Not a number where the
+        baseline is none.
+        """
+        x, y, z = (_press(count, rest) for count, rest in zip(self.counts, baseline))
+        return x, y, z
+
 
 class Raw(NamedTuple):
     """The raw counts of a tactile frame."""
@@ -183,10 +195,20 @@ class Raw(NamedTuple):
     taxels: Tuple[RawTaxel, ...]
     """In the order of the taxels' numbers."""
     joints: Tuple[float, ...]
+    """Joint angles, radians; not a number where an angle could not be read."""
+    joint_ages_us: Optional[Tuple[int, ...]] = None
+    """Time from the frame's to each joint's nearest reading, microseconds; 4294967295 where unknown."""
+    joint_velocities: Optional[Tuple[float, ...]] = None
+    """Radians per second; not a number where unknown, None where the message has none."""
+    joint_currents: Optional[Tuple[float, ...]] = None
+    """Present currents of the joints' servos, amperes; not a number where unknown, None where there are none."""
+    baselines: Optional[Tuple[Tuple[float, float, float], ...]] = None
+    """The value at rest of each taxel, counts x, y, z, for `RawTaxel.press`; not a number while calibrating, and where
+    unknown. None where the message has none."""
 
 
 class Text(NamedTuple):
-    """A message whose payload is JSON: HELLO, STATUS, EVENT or SUBSCRIBE. Not parsed yet."""
+    """A message whose payload is JSON: HELLO, STATUS, EVENT, TOUCH, ESTIMATE or SUBSCRIBE. Not parsed yet."""
 
     header: Header
     text: bytes
@@ -237,7 +259,7 @@ def decode(data: Bytes) -> Tuple[Message, int]:
         return _decode_image(header, payload), expected
     if header.type == RAW:
         return _decode_raw(header, payload), expected
-    if header.type in (HELLO, STATUS, EVENT, SUBSCRIBE):
+    if header.type in (HELLO, STATUS, EVENT, TOUCH, ESTIMATE, SUBSCRIBE):
         return Text(header, payload), expected
     return Unknown(header, payload), expected
 
@@ -290,16 +312,40 @@ def _decode_raw(header: Header, payload: bytes) -> Raw:
     taxels, record_len, fixed_len, threshold, joints, _reserved = _RAW_FIXED.unpack_from(payload)
     _check_len("fixed_len", fixed_len, _RAW_FIXED.size)
     _check_len("record_len", record_len, _RAW_TAXEL.size)
+    known = 0
+    if fixed_len >= _RAW_FIXED.size + _RAW_SECTIONS.size <= len(payload):
+        (known,) = _RAW_SECTIONS.unpack_from(payload, _RAW_FIXED.size)
     joints_at = fixed_len + record_len * taxels
-    end = joints_at + 4 * joints
+    # Where each section starts, in the order of the bits; those not there have no length.
+    ages_at = joints_at + 4 * joints
+    velocities_at = ages_at + (4 * joints if known & _JOINT_AGES else 0)
+    currents_at = velocities_at + (4 * joints if known & _JOINT_VELOCITIES else 0)
+    baselines_at = currents_at + (4 * joints if known & _JOINT_CURRENTS else 0)
+    end = baselines_at + (12 * taxels if known & _BASELINES else 0)
     if end > len(payload):
         raise DecodeError("section_short", f"{len(payload)} bytes, and the sections need {end}")
+
+    def of_joints(bit: int, form: str, at: int) -> Any:
+        return struct.unpack_from(f"<{joints}{form}", payload, at) if known & bit else None
+
     return Raw(
         header=header,
         threshold=threshold,
         taxels=tuple(_raw_taxel(payload, at) for at in range(fixed_len, joints_at, record_len)),
         joints=struct.unpack_from(f"<{joints}f", payload, joints_at),
+        joint_ages_us=of_joints(_JOINT_AGES, "I", ages_at),
+        joint_velocities=of_joints(_JOINT_VELOCITIES, "f", velocities_at),
+        joint_currents=of_joints(_JOINT_CURRENTS, "f", currents_at),
+        baselines=tuple(struct.iter_unpack("<3f", payload[baselines_at:end])) if known & _BASELINES else None,
     )
+
+
+def _press(count: int, rest: float) -> float:
+    difference = count - rest
+    # Counts and baselines are within a few turns of each other; what is farther away is no baseline.
+    if not abs(difference) < 16_777_216:
+        return math.nan
+    return (difference + 32768) % 65536 - 32768
 
 
 def _raw_taxel(payload: bytes, offset: int) -> RawTaxel:
@@ -322,7 +368,7 @@ def _check_force(section: str, index: int, force: float) -> None:
 def encode_subscribe(wanted: Dict[str, Any]) -> bytes:
     """The packet that asks for other things than every image; keys as for `Reader.subscribe`."""
     text = json.dumps(wanted).encode()
-    return _HEADER.pack(MAGIC, MAJOR, 0, HEADER_LEN, SUBSCRIBE, 0, len(text), 0, 0, 0, 0) + text
+    return _HEADER.pack(MAGIC, MAJOR, MINOR, HEADER_LEN, SUBSCRIBE, 0, len(text), 0, 0, 0, 0) + text
 
 
 class Reader:
@@ -392,6 +438,8 @@ class Reader:
     def subscribe(self, **wanted: Any) -> None:
         """Asks for other things than every image: image, raw, status (bool), max_rate_hz.
 
+        `every=True` is for recorders and analyses: every image and raw frame in order, instead of the newest; what
+        was lost all the same is counted in `skipped`. It goes with no max_rate_hz.
         `profile={"levels": 4, "actuators": 5}` says what the display can do and `region=["index", "thumb"]` which parts
         of the hand it shows. The answer to these is a HELLO, after which the images are as asked for, or an event
         "refused" that says why not.

@@ -1,6 +1,6 @@
 //! Why bytes are not a message, or values cannot become one.
 
-use crate::header::{HEADER_LEN, MAJOR, MAX_MESSAGE};
+use crate::format::{HEADER_LEN, MAJOR, MAX_MESSAGE};
 
 /// Why bytes are not a message this reader can use. The checks are made in the order of the variants.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]

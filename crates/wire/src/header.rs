@@ -2,22 +2,9 @@
 
 use crate::error::DecodeError;
 use crate::fields::{u16_at, u32_at, u64_at};
+use crate::format::{HEADER_LEN, MAGIC, MAJOR, MAX_MESSAGE, MINOR};
 use std::ops::{BitOr, BitOrAssign};
 use taxel_hand::{Fault, ForceFrame, Freshness, TactileFrame, TactileImage};
-
-/// The first four bytes of every message.
-pub const MAGIC: [u8; 4] = *b"TCT1";
-/// Major version: readers refuse any other.
-pub const MAJOR: u8 = 1;
-/// Minor version: grows when fields are added behind the known ones.
-pub const MINOR: u8 = 0;
-/// Length of this version's header in bytes, and the least a header may have.
-pub const HEADER_LEN: usize = 40;
-/// The most bytes a message may have, header included.
-///
-/// A Linux Unix socket carries it with `SO_SNDBUF` set to 212992, the default `net.core.wmem_max`. It is
-/// enough for the raw counts of 20,000 taxels.
-pub const MAX_MESSAGE: usize = 409_600;
 
 /// What a message is about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -32,6 +19,10 @@ pub enum Kind {
     Event,
     /// Raw counts of every taxel ([`crate::RawView`]); only where subscribed.
     Raw,
+    /// A completed touch and its category, JSON; from programs beside the daemon.
+    Touch,
+    /// An estimate of where on the forearm the hand holds, JSON; from programs beside the daemon.
+    Estimate,
     /// From client to daemon: what to send, JSON ([`crate::Subscribe`]).
     Subscribe,
     /// A type of a later version; skipped.
@@ -47,6 +38,8 @@ impl Kind {
             Self::Status => 3,
             Self::Event => 4,
             Self::Raw => 5,
+            Self::Touch => 6,
+            Self::Estimate => 7,
             Self::Subscribe => 16,
             Self::Other(number) => number,
         }
@@ -60,6 +53,8 @@ impl Kind {
             3 => Self::Status,
             4 => Self::Event,
             5 => Self::Raw,
+            6 => Self::Touch,
+            7 => Self::Estimate,
             16 => Self::Subscribe,
             other => Self::Other(other),
         }

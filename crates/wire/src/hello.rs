@@ -1,9 +1,9 @@
 //! HELLO: what hand and which display the images are of.
 
-use crate::header::{MAJOR, MINOR};
+use crate::format::{MAJOR, MINOR};
 use crate::text::{split_json, to_json};
 use serde::{Deserialize, Serialize};
-use taxel_hand::{Geometry, Profile};
+use taxel_hand::{Geometry, Pose, Profile};
 
 /// The self-description that each reader gets first, and again whenever it changes.
 ///
@@ -52,7 +52,7 @@ pub struct HelloProtocol {
 }
 
 /// One board's patch of taxels.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct HelloModule {
     /// Name for people, such as `index tip`.
     pub name: String,
@@ -62,6 +62,13 @@ pub struct HelloModule {
     pub first_taxel: u16,
     /// How many taxels it has.
     pub taxels: u16,
+    /// Where it sits on the link that `joint` moves, or on the hand's base without one; absent where unknown.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pose: Option<Pose>,
+    /// Name of the joint that moves its link, as the layout names it; absent on the hand's base, and where unknown. It may
+    /// be missing from [`Hello::joints`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub joint: Option<String>,
 }
 
 /// One taxel's place; in JSON the row `[taxel, x, y, module, [x_mm, y_mm, z_mm] or null]`.
@@ -192,6 +199,8 @@ impl Hello {
                     part: module.part.clone(),
                     first_taxel: module.first_taxel,
                     taxels: module.taxels,
+                    pose: module.pose,
+                    joint: module.joint.clone(),
                 })
                 .collect(),
             taxels: geometry

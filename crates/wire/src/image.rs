@@ -2,7 +2,8 @@
 
 use crate::error::{DecodeError, EncodeError};
 use crate::fields::{f32_at, u16_at, u32_at};
-use crate::header::{Flags, HEADER_LEN, Header, MAX_MESSAGE};
+use crate::format::{HEADER_LEN, MAX_MESSAGE};
+use crate::header::{Flags, Header};
 use taxel_hand::{Actuator, TactileImage};
 
 const FIXED_LEN: usize = 24;

@@ -26,6 +26,7 @@
 mod encode;
 mod error;
 mod fields;
+mod format;
 mod header;
 mod hello;
 mod image;
@@ -36,12 +37,14 @@ mod text;
 
 pub use encode::Encode;
 pub use error::{DecodeError, EncodeError};
-pub use header::{Flags, HEADER_LEN, Header, Kind, MAGIC, MAJOR, MAX_MESSAGE, MINOR};
+pub use format::{HEADER_LEN, MAGIC, MAJOR, MAX_MESSAGE, MINOR};
+pub use header::{Flags, Header, Kind};
 pub use hello::{Clock, Hello, HelloModule, HelloProfile, HelloProtocol, HelloRate, HelloTaxel};
 pub use image::{ImageView, WireActuator, encode_image_payload, image_payload_len};
 pub use message::{Body, Message, decode, decode_packet};
 pub use raw::{RawTaxel, RawView, encode_raw_payload, raw_payload_len};
 pub use reader::{ReadError, Received, Subscriber};
 pub use text::{
-    Event, EventKind, MAX_SUBSCRIBE, MAX_TEXT, Subscribe, SubscribeError, TEXT_PART, TextParts, split_text,
+    Event, EventKind, MAX_MARK, MAX_SUBSCRIBE, MAX_TEXT, Subscribe, SubscribeError, TEXT_PART, TextParts,
+    split_text,
 };

@@ -27,6 +27,10 @@ pub enum Body<'a> {
     Event(&'a [u8]),
     /// Raw counts.
     Raw(RawView<'a>),
+    /// Text of a completed touch.
+    Touch(&'a [u8]),
+    /// Text of an estimate.
+    Estimate(&'a [u8]),
     /// Text of a subscription; see [`crate::Subscribe::parse`].
     Subscribe(&'a [u8]),
     /// Payload of a type that a later version defines.
@@ -53,6 +57,8 @@ pub fn decode(bytes: &[u8]) -> Result<(Message<'_>, usize), DecodeError> {
         Kind::Status => Body::Status(payload),
         Kind::Event => Body::Event(payload),
         Kind::Raw => Body::Raw(RawView::decode(payload)?),
+        Kind::Touch => Body::Touch(payload),
+        Kind::Estimate => Body::Estimate(payload),
         Kind::Subscribe => Body::Subscribe(payload),
         Kind::Other(_) => Body::Unknown(payload),
     };

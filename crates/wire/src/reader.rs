@@ -1,7 +1,8 @@
 //! A blocking reader of a running daemon's images.
 
 use crate::error::DecodeError;
-use crate::header::{Flags, Header, Kind, MAX_MESSAGE};
+use crate::format::MAX_MESSAGE;
+use crate::header::{Flags, Header, Kind};
 use crate::hello::{Clock, Hello};
 use crate::image::ImageView;
 use crate::message::{Body, decode_packet};
@@ -36,7 +37,8 @@ pub struct Subscriber {
     hello: Option<Hello>,
 }
 
-/// What came from the daemon, borrowed from the subscriber until it is asked for the next.
+/// What came from the daemon, borrowed from the subscriber until it is asked for the next. The header of a text in several
+/// parts is that of its last.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Received<'a> {
     /// The description of hand and display; comes first, and again when it changes.
@@ -46,9 +48,13 @@ pub enum Received<'a> {
     /// Raw counts, where subscribed.
     Raw(Header, RawView<'a>),
     /// A status report, where subscribed.
-    Status(serde_json::Value),
+    Status(Header, serde_json::Value),
     /// Something to tell people.
-    Event(Event),
+    Event(Header, Event),
+    /// A completed touch and its category, from programs that publish such; keys as in `docs/wire.md`.
+    Touch(Header, serde_json::Value),
+    /// An estimate of where on the forearm the hand holds, from programs that publish such.
+    Estimate(Header, serde_json::Value),
     /// A message of a later version.
     Other(Header),
 }
@@ -95,7 +101,7 @@ pub enum ReadError {
 /// A message that is wholly there.
 enum Ready {
     Packet(usize),
-    Text(Kind),
+    Text(Header),
 }
 
 impl Subscriber {
@@ -224,9 +230,9 @@ impl Subscriber {
             }
             let header = Header::decode(&self.buffer[..len])?;
             match header.kind {
-                Kind::Hello | Kind::Status | Kind::Event => {
+                Kind::Hello | Kind::Status | Kind::Event | Kind::Touch | Kind::Estimate => {
                     if self.add_text(len, header.kind)? {
-                        return Ok(Some(Ready::Text(header.kind)));
+                        return Ok(Some(Ready::Text(header)));
                     }
                 }
                 _ => {
@@ -240,7 +246,12 @@ impl Subscriber {
     /// Adds a packet's text to what came before; returns whether it is whole.
     fn add_text(&mut self, len: usize, kind: Kind) -> Result<bool, ReadError> {
         let message = decode_packet(&self.buffer[..len])?;
-        let (Body::Hello(part) | Body::Status(part) | Body::Event(part)) = message.body else {
+        let (Body::Hello(part)
+        | Body::Status(part)
+        | Body::Event(part)
+        | Body::Touch(part)
+        | Body::Estimate(part)) = message.body
+        else {
             unreachable!("a {kind:?} message has text");
         };
         if self.unfinished_text != Some(kind) {
@@ -287,13 +298,16 @@ impl Subscriber {
                     _ => Received::Other(message.header),
                 })
             }
-            Ready::Text(kind) => {
-                let text = &self.text;
+            Ready::Text(header) => {
+                let (kind, text) = (header.kind, &self.text);
                 let json = |source| ReadError::Json { kind, source };
+                let value = || serde_json::from_slice(text).map_err(json);
                 Ok(match kind {
                     Kind::Hello => Received::Hello(self.hello.insert(Hello::parse(text).map_err(json)?)),
-                    Kind::Status => Received::Status(serde_json::from_slice(text).map_err(json)?),
-                    _ => Received::Event(Event::parse(text).map_err(json)?),
+                    Kind::Status => Received::Status(header, value()?),
+                    Kind::Touch => Received::Touch(header, value()?),
+                    Kind::Estimate => Received::Estimate(header, value()?),
+                    _ => Received::Event(header, Event::parse(text).map_err(json)?),
                 })
             }
         }

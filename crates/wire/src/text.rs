@@ -1,7 +1,8 @@
 //! Messages in JSON: what a client asks for, what it is told, and long texts in several packets.
 
 use crate::error::DecodeError;
-use crate::header::{Flags, HEADER_LEN, Header, Kind, MAX_MESSAGE};
+use crate::format::{HEADER_LEN, MAX_MESSAGE};
+use crate::header::{Flags, Header, Kind};
 use crate::message::{Body, decode_packet};
 use serde::{Deserialize, Serialize};
 use taxel_hand::{Profile, ProfileError};
@@ -13,6 +14,8 @@ pub const MAX_TEXT: usize = 8 << 20;
 /// Bytes of text in one packet, unless told otherwise: so few that it fits a socket whose send buffer was made
 /// as small as Linux allows, for the sake of fresh images.
 pub const TEXT_PART: usize = 8000;
+/// The most bytes of text in a mark.
+pub const MAX_MARK: usize = 500;
 
 /// What a client wants to be sent. Without a subscription it is sent every image; a later one replaces the one
 /// before.
@@ -25,11 +28,12 @@ pub struct Subscribe {
     pub raw: bool,
     /// STATUS messages.
     pub status: bool,
+    /// Every image and raw frame that is asked for, in order, from a queue, instead of the newest; for recorders and
+    /// analyses. It goes with no `max_rate_hz`. Daemons of version 1.0 refuse the key, so it is not sent where false.
+    #[serde(skip_serializing_if = "is_false")]
+    pub every: bool,
     /// The most images, and the most raw frames, per second, above 0; absent or null for every one.
     pub max_rate_hz: Option<f64>,
-    /// Every image and raw frame in order, none passed over for a newer one, as far as the daemon keeps them.
-    #[serde(skip_serializing_if = "std::ops::Not::not")]
-    pub every: bool,
     /// What this subscriber's display can do; absent or null for the daemon's own profile.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub profile: Option<Profile>,
@@ -44,8 +48,8 @@ impl Default for Subscribe {
             image: true,
             raw: false,
             status: false,
-            max_rate_hz: None,
             every: false,
+            max_rate_hz: None,
             profile: None,
             region: None,
         }
@@ -81,6 +85,14 @@ pub enum SubscribeError {
         /// The rate asked for.
         max_rate_hz: f64,
     },
+    /// Every frame, and at most some of them.
+    #[error(
+        "subscription: every = true asks for all frames and max_rate_hz = {max_rate_hz} for fewer; leave one of them out"
+    )]
+    EveryAtRate {
+        /// The rate asked for.
+        max_rate_hz: f64,
+    },
     /// A profile that describes no display.
     #[error("subscription: {0}")]
     Profile(#[from] ProfileError),
@@ -110,6 +122,7 @@ impl Subscribe {
             Some(max_rate_hz) if !(max_rate_hz.is_finite() && max_rate_hz > 0.0) => {
                 Err(SubscribeError::Rate { max_rate_hz })
             }
+            Some(max_rate_hz) if subscribe.every => Err(SubscribeError::EveryAtRate { max_rate_hz }),
             _ => Ok(subscribe),
         }
     }
@@ -118,6 +131,10 @@ impl Subscribe {
     pub fn to_packet(&self) -> Vec<u8> {
         packet(Header::new(Kind::Subscribe, 0), &to_json(self))
     }
+}
+
+fn is_false(value: &bool) -> bool {
+    !value
 }
 
 /// Something the daemon tells people: why it disconnects, what happens to the hand.
@@ -145,6 +162,9 @@ pub enum EventKind {
     Paused,
     /// Images show what the hand feels again.
     Resumed,
+    /// A mark that somebody made: the sentence is its text, at most [`MAX_MARK`] bytes; `t_ns` and `seq` of the header say
+    /// when.
+    Mark,
     /// Anything else worth showing.
     Notice,
     /// A kind of a later version.
@@ -161,8 +181,8 @@ impl Event {
         }
     }
 
-    /// The packet to send; `seq` and `t_ns` are those of the newest frame. A sentence longer than
-    /// 1000 bytes is cut.
+    /// The packet to send; `seq` and `t_ns` are those of the newest frame, and of a mark `t_ns` is the instant it was made.
+    /// A sentence longer than 1000 bytes is cut.
     pub fn to_packet(&self, seq: u64, t_ns: u64) -> Vec<u8> {
         // JSON escapes a byte to at most six.
         let mut cut = self.message.len().min(TEXT_PART / 8);
@@ -184,7 +204,7 @@ impl Event {
     }
 }
 
-/// Cuts the text of a HELLO, STATUS or EVENT into messages of at most `part_len` bytes of text each.
+/// Cuts the text of a HELLO, STATUS, EVENT, TOUCH or ESTIMATE into messages of at most `part_len` bytes of text each.
 ///
 /// All but the last carry [`Flags::MORE`]; they are sent with nothing in between. An empty text makes one
 /// message. A `part_len` of 0, or one too long for a message, is corrected to the nearest that works.

@@ -1,6 +1,7 @@
 //! The readers of all three languages agree on the committed byte vectors and on mutations of them.
 //!
-//! `TAXEL_WIRE_REGENERATE=1 cargo test -p taxel-wire --test conformance` writes `vectors/` anew.
+//! `TAXEL_WIRE_REGENERATE=1 cargo test -p taxel-wire --test conformance` writes `vectors/` anew, but for the files of
+//! version 1.0, which never change.
 
 mod c_program;
 mod vectors;
@@ -25,6 +26,7 @@ fn the_committed_vectors_are_what_the_encoder_makes() {
         name,
         description,
         packet,
+        is_1_0,
     } in vectors::all()
     {
         let (bin, json) = (
@@ -32,7 +34,7 @@ fn the_committed_vectors_are_what_the_encoder_makes() {
             here(&format!("vectors/{name}.json")),
         );
         let expected = dump(&packet);
-        if regenerate {
+        if regenerate && !is_1_0 {
             fs::write(&bin, &packet).unwrap();
             let text = format!(
                 "{{\n  \"description\": {},\n  \"expected\": {expected}\n}}\n",
@@ -67,6 +69,28 @@ fn the_committed_vectors_are_what_the_encoder_makes() {
     files.dedup();
     names.sort();
     assert_eq!(files, names, "files in vectors/ that no vector makes");
+}
+
+/// FNV-1a over names and bytes: the files of version 1.0 as they were when 1.1 was made.
+const FILES_OF_1_0: u64 = 0x0fd4_78f4_ffcf_e8f3;
+
+#[test]
+fn the_vectors_of_version_1_0_are_what_they_were() {
+    let mut names: Vec<&str> = vectors::all()
+        .iter()
+        .filter(|v| v.is_1_0)
+        .map(|v| v.name)
+        .collect();
+    names.sort();
+    let mut hash = 0xcbf2_9ce4_8422_2325_u64;
+    for name in names {
+        let (bin, json) = (format!("vectors/{name}.bin"), format!("vectors/{name}.json"));
+        let files = [fs::read(here(&bin)).unwrap(), fs::read(here(&json)).unwrap()];
+        for byte in name.bytes().chain(files.into_iter().flatten()) {
+            hash = (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3);
+        }
+    }
+    assert_eq!(hash, FILES_OF_1_0, "{hash:#x}");
 }
 
 #[test]
@@ -204,10 +228,28 @@ fn dump(packet: &[u8]) -> Value {
                 })
             });
             out.insert("taxels".into(), taxels.collect());
+            let floats = |values: &mut dyn Iterator<Item = f32>| values.map(float).collect::<Value>();
+            if let Some(ages) = raw.joint_ages_us() {
+                out.insert("joint_ages_us".into(), ages.collect());
+            }
+            if let Some(mut velocities) = raw.joint_velocities_rad_s() {
+                out.insert("joint_velocities".into(), floats(&mut velocities));
+            }
+            if let Some(mut currents) = raw.joint_currents_a() {
+                out.insert("joint_currents".into(), floats(&mut currents));
+            }
+            if let (Some(baselines), Some(rest)) = (raw.baselines(), raw.baselines()) {
+                let presses = raw.taxels().zip(rest).map(|(taxel, rest)| taxel.press(rest));
+                let of_taxel = |values: [f32; 3]| floats(&mut values.into_iter());
+                out.insert("baselines".into(), baselines.map(of_taxel).collect());
+                out.insert("presses".into(), presses.map(of_taxel).collect());
+            }
         }
         Body::Hello(bytes)
         | Body::Status(bytes)
         | Body::Event(bytes)
+        | Body::Touch(bytes)
+        | Body::Estimate(bytes)
         | Body::Subscribe(bytes)
         | Body::Unknown(bytes) => {
             out.insert("payload".into(), hex(bytes).into());

@@ -6,7 +6,8 @@ use std::fs;
 use std::path::Path;
 use taxel_hand::Fault;
 use taxel_wire::{
-    Flags, HEADER_LEN, Hello, MAX_MESSAGE, MAX_SUBSCRIBE, TEXT_PART, image_payload_len, raw_payload_len,
+    Flags, HEADER_LEN, Hello, Kind, MAX_MARK, MAX_MESSAGE, MAX_SUBSCRIBE, TEXT_PART, image_payload_len,
+    raw_payload_len,
 };
 
 fn page() -> String {
@@ -40,6 +41,8 @@ fn the_annotated_hexdump_is_the_example_image() {
         bytes.extend(hex.split(' ').map(|byte| u8::from_str_radix(byte, 16).unwrap()));
     }
     assert_eq!(bytes, vectors::image_packet(&vectors::example(), 0));
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("vectors/image_minor_1.bin");
+    assert_eq!(bytes, fs::read(file).unwrap());
 }
 
 #[test]
@@ -73,6 +76,13 @@ fn every_error_flag_and_fault_is_explained() {
     ] {
         assert!(page.contains(&format!("| 0x{:04x} | {name} |", flag.0)), "{name}");
     }
+    for kind in (0..32).map(Kind::from_number) {
+        let Kind::Other(_) = kind else {
+            let row = format!("| {} | {} |", kind.number(), format!("{kind:?}").to_uppercase());
+            assert!(page.contains(&row), "{row}");
+            continue;
+        };
+    }
     for fault in Fault::ALL {
         let row = format!("| {} | {}:", (fault as u16).trailing_zeros(), fault.name());
         assert!(page.contains(&row), "{row}");
@@ -100,4 +110,5 @@ fn the_sizes_are_those_of_the_encoder() {
         assert!(page.contains(&text), "docs/wire.md does not say `{text}`");
     }
     assert!(page.contains(&format!("at most {} bytes", with_commas(MAX_SUBSCRIBE))));
+    assert!(page.contains(&format!("a text of 1 to {MAX_MARK} bytes")));
 }

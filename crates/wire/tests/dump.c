@@ -22,10 +22,10 @@ static void print_hex(const char *key, const uint8_t *bytes, size_t len)
     printf("\"");
 }
 
-static void print_joints(float (*joint)(const void *, size_t), const void *from, size_t len)
+static void print_joints(const char *key, float (*joint)(const void *, size_t), const void *from, size_t len)
 {
     size_t i;
-    printf(",\"joints\":[");
+    printf(",\"%s\":[", key);
     for (i = 0; i < len; i++) {
         printf("%s", i ? "," : "");
         print_float(joint(from, i));
@@ -41,6 +41,16 @@ static float image_joint(const void *image, size_t i)
 static float raw_joint(const void *raw, size_t i)
 {
     return taxel_raw_joint(raw, i);
+}
+
+static float raw_velocity(const void *raw, size_t i)
+{
+    return taxel_raw_joint_velocity(raw, i);
+}
+
+static float raw_current(const void *raw, size_t i)
+{
+    return taxel_raw_joint_current(raw, i);
 }
 
 static void print_header(const struct taxel_message *m)
@@ -72,12 +82,50 @@ static void print_image(const struct taxel_image *image)
         printf("]");
     }
     printf("]");
-    print_joints(image_joint, image, image->joints);
+    print_joints("joints", image_joint, image, image->joints);
     printf(",\"pixels\":\"");
     for (y = 0; y < image->height; y++)
         for (x = 0; x < image->width; x++)
             printf("%02x", (unsigned)taxel_image_pixel(image, x, y));
     printf("\"}\n");
+}
+
+/* The baseline of each taxel, or how far its counts are from it. */
+static void print_axes(const char *key, const struct taxel_raw *raw, int press)
+{
+    struct taxel_raw_taxel t;
+    float axes[3];
+    size_t i;
+    int axis;
+    printf(",\"%s\":[", key);
+    for (i = 0; taxel_raw_baseline(raw, i, axes) && taxel_raw_taxel(raw, i, &t); i++) {
+        printf("%s[", i ? "," : "");
+        for (axis = 0; axis < 3; axis++) {
+            printf("%s", axis ? "," : "");
+            print_float(press ? taxel_press(t.counts[axis], axes[axis]) : axes[axis]);
+        }
+        printf("]");
+    }
+    printf("]");
+}
+
+static void print_sections(const struct taxel_raw *raw)
+{
+    size_t i;
+    if (raw->sections & TAXEL_RAW_JOINT_AGES) {
+        printf(",\"joint_ages_us\":[");
+        for (i = 0; i < raw->joints; i++)
+            printf("%s%lu", i ? "," : "", (unsigned long)taxel_raw_joint_age_us(raw, i));
+        printf("]");
+    }
+    if (raw->sections & TAXEL_RAW_JOINT_VELOCITIES)
+        print_joints("joint_velocities", raw_velocity, raw, raw->joints);
+    if (raw->sections & TAXEL_RAW_JOINT_CURRENTS)
+        print_joints("joint_currents", raw_current, raw, raw->joints);
+    if (raw->sections & TAXEL_RAW_BASELINES) {
+        print_axes("baselines", raw, 0);
+        print_axes("presses", raw, 1);
+    }
 }
 
 static void print_raw(const struct taxel_raw *raw)
@@ -86,7 +134,7 @@ static void print_raw(const struct taxel_raw *raw)
     size_t i;
     printf(",\"threshold\":");
     print_float(raw->threshold);
-    print_joints(raw_joint, raw, raw->joints);
+    print_joints("joints", raw_joint, raw, raw->joints);
     printf(",\"taxels\":[");
     for (i = 0; taxel_raw_taxel(raw, i, &t); i++) {
         printf("%s{\"counts\":[%u,%u,%u],\"faults\":%u,\"force\":", i ? "," : "", (unsigned)t.counts[0],
@@ -96,7 +144,9 @@ static void print_raw(const struct taxel_raw *raw)
                (unsigned long)t.age_us, (unsigned)t.freshness, (unsigned)t.status, (unsigned)t.contact,
                (unsigned)t.repaired);
     }
-    printf("]}\n");
+    printf("]");
+    print_sections(raw);
+    printf("}\n");
 }
 
 static void dump(const uint8_t *packet, size_t len)

@@ -37,6 +37,16 @@ def dump(packet):
             row = taxel._asdict()
             row.update(force=finite(taxel.force), contact=int(taxel.contact), repaired=int(taxel.repaired))
             out["taxels"].append(row)
+        if message.joint_ages_us is not None:
+            out["joint_ages_us"] = list(message.joint_ages_us)
+        if message.joint_velocities is not None:
+            out["joint_velocities"] = [finite(velocity) for velocity in message.joint_velocities]
+        if message.joint_currents is not None:
+            out["joint_currents"] = [finite(current) for current in message.joint_currents]
+        if message.baselines is not None:
+            presses = [taxel.press(rest) for taxel, rest in zip(message.taxels, message.baselines)]
+            out["baselines"] = [[finite(value) for value in axes] for axes in message.baselines]
+            out["presses"] = [[finite(value) for value in axes] for axes in presses]
     elif isinstance(message, taxel_reader.Text):
         out["payload"] = message.text.hex()
     else:

@@ -4,11 +4,14 @@ mod vectors;
 
 use proptest::collection::vec;
 use proptest::prelude::*;
-use taxel_hand::{Actuator, Fault, Faults, Freshness, Geometry, Module, Profile, TactileImage, Taxel};
+use taxel_hand::{
+    Actuator, Fault, Faults, ForceFrame, Freshness, Geometry, Module, Pose, Profile, TactileFrame,
+    TactileImage, Taxel,
+};
 use taxel_wire::{
     Body, Clock, DecodeError, EncodeError, Event, EventKind, Flags, HEADER_LEN, Header, Hello, HelloRate,
-    Kind, MAX_MESSAGE, MAX_SUBSCRIBE, Subscribe, SubscribeError, decode, decode_packet, encode_image_payload,
-    encode_raw_payload, image_payload_len, raw_payload_len, split_text,
+    Kind, MAX_MESSAGE, MAX_SUBSCRIBE, RawTaxel, RawView, Subscribe, SubscribeError, decode, decode_packet,
+    encode_image_payload, encode_raw_payload, image_payload_len, raw_payload_len, split_text,
 };
 
 /// Forces that survive a 32-bit float.
@@ -60,7 +63,12 @@ fn image() -> impl Strategy<Value = TactileImage> {
 
 /// Bytes that look like a message of some type for as long as possible.
 fn almost_a_message() -> impl Strategy<Value = Vec<u8>> {
-    (0u16..18, vec(any::<u8>(), 0..200), 0u32..400).prop_map(|(kind, payload, other_len)| {
+    (0u16..18, vec(any::<u8>(), 0..200), 0u32..400).prop_map(|(kind, mut payload, other_len)| {
+        if kind == 5 && payload.len() >= 60 {
+            // Few taxels and joints, and any sections.
+            payload[..8].copy_from_slice(&[1, 0, 0, 0, 20, 0, 20, 0]);
+            payload[12..14].copy_from_slice(&[2, 0]);
+        }
         let payload_len = if other_len < 200 {
             other_len as usize
         } else {
@@ -118,7 +126,16 @@ proptest! {
                         prop_assert!(image.pixel(actuator.x, actuator.y).is_some());
                     }
                 }
-                Body::Raw(raw) => prop_assert!(raw_payload_len(raw.taxels().len(), raw.joints().len()) <= len),
+                Body::Raw(raw) => {
+                    let (taxels, joints) = (raw.taxels().len(), raw.joints().len());
+                    let of_joints = 1
+                        + usize::from(raw.joint_ages_us().is_some_and(|ages| ages.len() == joints))
+                        + usize::from(raw.joint_velocities_rad_s().is_some_and(|v| v.len() == joints))
+                        + usize::from(raw.joint_currents_a().is_some_and(|c| c.len() == joints));
+                    let baselines = raw.baselines().map_or(0, |baselines| baselines.len());
+                    prop_assert!(baselines == 0 || baselines == taxels);
+                    prop_assert!(56 + 20 * taxels + 4 * joints * of_joints + 12 * baselines <= len);
+                }
                 _ => {}
             }
         }
@@ -185,18 +202,29 @@ fn an_image_that_contradicts_itself_is_refused_and_leaves_nothing() {
     ));
 }
 
+/// The frame, with velocities and currents.
+fn known(frame: TactileFrame) -> TactileFrame {
+    TactileFrame {
+        joint_velocity_rad_s: vec![1.0; frame.joints.len()],
+        joint_current_a: vec![2.0; frame.joints.len()],
+        ..frame
+    }
+}
+
 #[test]
 fn encoding_again_needs_no_new_memory() {
     let image = vectors::example();
     let (frame, force) = vectors::frame();
     let (mut out, mut raw) = (Vec::new(), Vec::new());
     encode_image_payload(&image, &mut out).unwrap();
-    encode_raw_payload(&frame, &force, &mut raw).unwrap();
+    encode_raw_payload(&frame, &force, None, &mut raw).unwrap();
     assert_eq!(out.len(), image_payload_len(4, 3, 2, 2, 1));
-    assert_eq!(raw.len(), raw_payload_len(2, 2));
     let memory = (out.as_ptr(), out.capacity(), raw.as_ptr(), raw.capacity());
     encode_image_payload(&image, &mut out).unwrap();
-    encode_raw_payload(&frame, &force, &mut raw).unwrap();
+    // What was unknown at first is known now: velocities, currents and baselines.
+    let frame = known(frame);
+    encode_raw_payload(&frame, &force, Some(&[[1.0; 3]; 2]), &mut raw).unwrap();
+    assert_eq!(raw.len(), raw_payload_len(2, 2));
     assert_eq!(
         memory,
         (out.as_ptr(), out.capacity(), raw.as_ptr(), raw.capacity())
@@ -210,18 +238,108 @@ fn a_hand_of_a_thousand_modules_fits() {
 }
 
 #[test]
+fn sections_are_left_out_where_the_message_would_be_too_long_and_the_bits_tell() {
+    for (taxels, joints, expected) in [
+        (12_784, 27, [true, true]),
+        (12_785, 27, [true, false]),
+        (16_000, 27, [true, false]),
+        (20_450, 27, [true, false]),
+        (20_471, 27, [false, false]),
+    ] {
+        let frame = TactileFrame {
+            joints: vec![0.5; joints],
+            joint_age_ns: vec![7000; joints],
+            ..TactileFrame::new(taxels)
+        };
+        let (frame, force) = (known(frame), ForceFrame::new(taxels));
+        let mut payload = Vec::new();
+        encode_raw_payload(&frame, &force, Some(&vec![[3.0; 3]; taxels]), &mut payload).unwrap();
+        assert_eq!(payload.len(), raw_payload_len(taxels, joints));
+        assert!(HEADER_LEN + payload.len() <= MAX_MESSAGE);
+        let raw = RawView::decode(&payload).unwrap();
+        let ages = raw.joint_ages_us().map(|ages| ages.collect());
+        assert_eq!(ages, expected[0].then(|| vec![7; joints]), "{taxels}");
+        let velocities = raw.joint_velocities_rad_s().map(|v| v.collect());
+        assert_eq!(velocities, expected[0].then(|| vec![1.0; joints]), "{taxels}");
+        let currents = raw.joint_currents_a().map(|c| c.collect());
+        assert_eq!(currents, expected[0].then(|| vec![2.0; joints]), "{taxels}");
+        let baselines = raw.baselines().map(|mut b| b.all(|b| b == [3.0; 3]));
+        assert_eq!(baselines, expected[1].then_some(true), "{taxels}");
+    }
+    let (frame, force) = (TactileFrame::new(20_477), ForceFrame::new(20_477));
+    assert!(encode_raw_payload(&frame, &force, None, &mut Vec::new()).is_ok());
+    let (frame, force) = (TactileFrame::new(20_478), ForceFrame::new(20_478));
+    let error = encode_raw_payload(&frame, &force, None, &mut Vec::new()).unwrap_err();
+    assert_eq!(error, EncodeError::TooLong { len: 409_620 });
+}
+
+#[test]
+fn the_press_is_signed_and_wraps_with_the_counts() {
+    let taxel = |counts: u16| RawTaxel {
+        counts: [counts; 3],
+        faults: 0,
+        force: 0.0,
+        age_us: 0,
+        freshness: Freshness::Fresh,
+        status: 0,
+        contact: false,
+        repaired: false,
+    };
+    for (counts, baseline, press) in [
+        (1000, 900.5, 99.5),
+        (900, 1000.0, -100.0),
+        (65_535, 0.0, -1.0),
+        (0, 65_535.0, 1.0),
+        (3, 65_540.5, -1.5),
+        (65_530, -2.0, -4.0),
+        (40_000, 7_232.0, -32_768.0),
+        (40_000, 7_232.5, 32_767.5),
+        (10, 131_072.0, 10.0),
+    ] {
+        assert_eq!(
+            taxel(counts).press([baseline; 3]),
+            [press; 3],
+            "{counts} - {baseline}"
+        );
+    }
+    for none in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX] {
+        assert!(
+            taxel(7).press([none; 3]).iter().all(|press| press.is_nan()),
+            "{none}"
+        );
+    }
+}
+
+#[test]
 fn a_frame_whose_parts_differ_in_length_is_refused() {
-    let (frame, mut force) = vectors::frame();
-    force.repaired.pop();
-    let error = encode_raw_payload(&frame, &force, &mut Vec::new()).unwrap_err();
+    let (frame, force) = vectors::frame();
+    let refused = |frame: &TactileFrame, force: &ForceFrame, baseline: Option<&[[f32; 3]]>| {
+        let mut out = vec![1, 2, 3];
+        let error = encode_raw_payload(frame, force, baseline, &mut out).unwrap_err();
+        assert!(out.is_empty());
+        error
+    };
+    let length = |section, len| EncodeError::Length {
+        section,
+        len,
+        expected: 2,
+    };
+    let mut shorter = force.clone();
+    shorter.repaired.pop();
+    assert_eq!(refused(&frame, &shorter, None), length("repaired", 1));
     assert_eq!(
-        error,
-        EncodeError::Length {
-            section: "repaired",
-            len: 1,
-            expected: 2
-        }
+        refused(&frame, &force, Some(&[[0.0; 3]; 3])),
+        length("baseline", 3)
     );
+    for section in ["joint_age_ns", "joint_velocity_rad_s", "joint_current_a"] {
+        let mut shorter = known(frame.clone());
+        match section {
+            "joint_age_ns" => drop(shorter.joint_age_ns.pop()),
+            "joint_velocity_rad_s" => drop(shorter.joint_velocity_rad_s.pop()),
+            _ => drop(shorter.joint_current_a.pop()),
+        }
+        assert_eq!(refused(&shorter, &force, None), length(section, 1));
+    }
 }
 
 #[test]
@@ -267,6 +385,11 @@ fn hand() -> Geometry {
         part: name.into(),
         first_taxel,
         taxels: 2,
+        pose: (first_taxel == 2).then_some(Pose {
+            position_mm: [0.0, 1.5, -2.0],
+            orientation: [1.0, 0.0, 0.0, 0.0],
+        }),
+        joint: (first_taxel == 2).then(|| "thumb 3".into()),
     };
     let taxel = |(x, module)| Taxel {
         module,
@@ -293,6 +416,9 @@ fn a_hello_describes_the_hand() {
     let hello = Hello::new("taxeld 9", &layout, &profile, rate, Clock::Recording);
     assert_eq!(Hello::parse(&hello.to_json()).unwrap(), hello);
     assert_eq!((hello.width, hello.height), (5, 1));
+    for (said, module) in hello.modules.iter().zip(&layout.modules) {
+        assert_eq!((said.pose, &said.joint), (module.pose, &module.joint));
+    }
     assert_eq!(hello.profile.levels, 5);
     assert_ne!(hello.profile.method, "unknown");
     assert_eq!(hello.profile.grey, "level");
@@ -336,6 +462,7 @@ fn a_subscription_says_what_it_wants_or_is_refused() {
         image: false,
         raw: true,
         status: true,
+        every: false,
         max_rate_hz: Some(0.5),
         every: false,
         profile: Some(Profile {
@@ -350,6 +477,23 @@ fn a_subscription_says_what_it_wants_or_is_refused() {
     for rate in ["0", "-1", "1e999"] {
         assert!(parse(&format!(r#"{{"max_rate_hz": {rate}}}"#)).is_err(), "{rate}");
     }
+    let every = Subscribe {
+        every: true,
+        ..Subscribe::default()
+    };
+    assert_eq!(Subscribe::from_packet(&every.to_packet()).unwrap(), every);
+    assert_eq!(parse(r#"{"every": true, "max_rate_hz": null}"#).unwrap(), every);
+    assert_eq!(parse(r#"{"every": false}"#).unwrap(), Subscribe::default());
+    let both = parse(r#"{"every": true, "max_rate_hz": 30}"#).unwrap_err();
+    assert!(
+        both.to_string().contains("leave one of them out"),
+        "every frame, and at most 30 a second: {both}"
+    );
+    let old_daemon = String::from_utf8(Subscribe::default().to_packet().split_off(HEADER_LEN)).unwrap();
+    assert!(
+        !old_daemon.contains("every"),
+        "daemons of 1.0 refuse the key: {old_daemon}"
+    );
     let image = vectors::image_packet(&vectors::example(), 0);
     assert!(matches!(
         Subscribe::from_packet(&image),

@@ -122,7 +122,16 @@ fn a_subscription_reaches_the_daemon() {
 #[test]
 fn raw_counts_status_and_events_come_decoded() {
     let (mut subscriber, client) = connected();
-    for name in ["raw_two_taxels", "status", "event_disconnect"] {
+    let names = [
+        "raw_two_taxels",
+        "status",
+        "event_disconnect",
+        "raw_sections",
+        "event_mark",
+        "touch",
+        "estimate",
+    ];
+    for name in names {
         let all = vectors::all();
         client.send(&all.iter().find(|v| v.name == name).unwrap().packet);
     }
@@ -138,11 +147,40 @@ fn raw_counts_status_and_events_come_decoded() {
         other => panic!("{other:?}"),
     }
     match subscriber.next().unwrap() {
-        Received::Status(status) => assert_eq!(status["uptime_s"], 12),
+        Received::Status(_, status) => assert_eq!(status["uptime_s"], 12),
         other => panic!("{other:?}"),
     }
     match subscriber.next().unwrap() {
-        Received::Event(event) => assert_eq!(event.event, EventKind::Disconnect),
+        Received::Event(_, event) => assert_eq!(event.event, EventKind::Disconnect),
+        other => panic!("{other:?}"),
+    }
+    match subscriber.next().unwrap() {
+        Received::Raw(_, raw) => {
+            assert_eq!(raw.joint_ages_us().unwrap().collect::<Vec<_>>(), [1000, u32::MAX]);
+            assert_eq!(raw.joint_velocities_rad_s().unwrap().next(), Some(-0.5));
+            assert_eq!(raw.joint_currents_a().unwrap().next(), Some(0.125));
+            let (taxel, rest) = (
+                raw.taxels().next().unwrap(),
+                raw.baselines().unwrap().next().unwrap(),
+            );
+            // A press of -33000 is beyond half a turn and reads as 32536.
+            assert_eq!(taxel.press(rest), [1000.5, 32_536.0, -5.25]);
+        }
+        other => panic!("{other:?}"),
+    }
+    match subscriber.next().unwrap() {
+        Received::Event(header, event) => {
+            assert_eq!(event, Event::new(EventKind::Mark, "squeeze 3 begins"));
+            assert_eq!((header.seq, header.t_ns), (1300, 5_123_456_789));
+        }
+        other => panic!("{other:?}"),
+    }
+    match subscriber.next().unwrap() {
+        Received::Touch(header, touch) => assert_eq!((header.seq, &touch["category"]), (75, &2.into())),
+        other => panic!("{other:?}"),
+    }
+    match subscriber.next().unwrap() {
+        Received::Estimate(_, estimate) => assert_eq!(estimate["source"], "fused"),
         other => panic!("{other:?}"),
     }
 }
@@ -185,6 +223,22 @@ fn a_bad_message_is_an_error_and_the_next_is_read() {
         })
     ));
     assert!(matches!(subscriber.next(), Ok(Received::Image(..))));
+}
+
+#[test]
+fn a_touch_in_parts_comes_as_one_with_the_header_of_its_last() {
+    let (mut subscriber, client) = connected();
+    let text = br#"{"category": 0, "label": null, "distances": [1.5]}"#;
+    for (header, part) in split_text(Kind::Touch, text, 20, 8, 9) {
+        client.send(&[&header.to_bytes()[..], part].concat());
+    }
+    match subscriber.next().unwrap() {
+        Received::Touch(header, touch) => {
+            assert_eq!(touch["distances"], serde_json::json!([1.5]));
+            assert_eq!((header.seq, header.t_ns, header.flags), (8, 9, Flags::NONE));
+        }
+        other => panic!("{other:?}"),
+    }
 }
 
 #[test]

@@ -70,10 +70,13 @@ pub(crate) enum Told {
 pub(crate) fn next(subscriber: &mut Subscriber) -> Told {
     match subscriber.next_timeout(PATIENCE) {
         Ok(Some(taxel_wire::Received::Hello(hello))) => Told::Hello(Box::new(hello.clone())),
-        Ok(Some(taxel_wire::Received::Event(Event {
-            event: EventKind::Refused,
-            message,
-        }))) => Told::Refused(message),
+        Ok(Some(taxel_wire::Received::Event(
+            _,
+            Event {
+                event: EventKind::Refused,
+                message,
+            },
+        ))) => Told::Refused(message),
         Ok(Some(taxel_wire::Received::Image(header, image))) => Told::Image {
             seq: header.seq,
             levels: image.levels().count(),

@@ -284,4 +284,12 @@ pub enum LayoutProblem {
         /// What does not add up.
         why: String,
     },
+    /// A pose that is none, or a joint without a name.
+    #[error("module {module:?}: {why}")]
+    Place {
+        /// The module.
+        module: String,
+        /// What is wrong.
+        why: String,
+    },
 }

@@ -2,6 +2,7 @@
 
 use super::board::accept_board;
 use super::error::{LayoutError, LayoutProblem};
+use super::pose::{FilePose, check_place};
 use super::tile::{check_order, check_positions, check_rotation, turn};
 use super::{Layout, Wiring};
 use crate::Protocol;
@@ -48,6 +49,8 @@ pub(crate) struct FileModule {
     pub(crate) origin_mm: Option<Spanned<[f64; 3]>>,
     pub(crate) axes: Option<Spanned<[[f64; 3]; 2]>>,
     pub(crate) positions_mm: Option<Spanned<Vec<[f64; 3]>>>,
+    pose: Option<Spanned<FilePose>>,
+    joint: Option<Spanned<String>>,
 }
 
 /// The text, to turn the offsets of spans into lines.
@@ -269,6 +272,8 @@ fn accept_module(
     }
     let rotation = check_rotation(source, module)?;
     let positions = check_positions(source, module, &cells)?;
+    let (pose, joint) = check_place(module.pose.as_ref(), module.joint.as_ref())
+        .or_else(|(span, why)| source.refuse(&span, LayoutProblem::Place { module: name(), why }))?;
 
     let first_taxel = accepted.taxels.len();
     let [left, top] = *module.at.get_ref();
@@ -346,6 +351,8 @@ fn accept_module(
         part: module.part.clone(),
         first_taxel: first_taxel as u16,
         taxels: cells.len() as u16,
+        pose,
+        joint,
     });
     Ok(())
 }

@@ -3,6 +3,7 @@
 mod board;
 mod error;
 mod file;
+mod pose;
 mod tile;
 
 pub use error::{LayoutError, LayoutProblem};
