@@ -19,3 +19,8 @@ pub use profile::{
     ActuatorForce, CodebookLearning, Coordinates, ForceFit, Grey, LevelSteps, Method, Placement, Profile,
 };
 pub use profile_error::ProfileError;
+
+/// The examples of the README compile, and those that can run do.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

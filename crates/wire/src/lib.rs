@@ -48,3 +48,8 @@ pub use text::{
     Event, EventKind, MAX_MARK, MAX_SUBSCRIBE, MAX_TEXT, Subscribe, SubscribeError, TEXT_PART, TextParts,
     split_text,
 };
+
+/// The examples of the README compile, and those that can run do.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

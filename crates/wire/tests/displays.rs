@@ -130,6 +130,21 @@ fn the_display_in_c_lets_go_when_images_stop() {
 }
 
 #[test]
+fn the_display_in_rust_lets_go_when_images_stop() {
+    // Examples are built with the tests, beside the folder of these.
+    let tests = std::env::current_exe().unwrap();
+    let program = tests.parent().unwrap().with_file_name("examples").join("display");
+    assert!(
+        program.exists(),
+        "cargo build -p taxel-wire --examples makes {program:?}"
+    );
+    let daemon = FakeDaemon::new();
+    let mut display = Command::new(program);
+    display.arg(daemon.path());
+    behaves(&daemon, Driver::start(display));
+}
+
+#[test]
 fn the_display_in_python_lets_go_when_images_stop() {
     let Some(mut display) = python() else {
         println!("SKIPPED: no python3 on this machine; examples/display.py was NOT run");
