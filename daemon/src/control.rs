@@ -27,6 +27,7 @@ enum Request {
     Resume {},
     Profile { profile: Option<Profile> },
     Servo(ServoRequest),
+    Mark { text: String },
 }
 
 /// Serves control connections until the daemon ends.
@@ -101,7 +102,7 @@ async fn answer(line: &[u8], state: &State) -> Value {
         Ok(request) => request,
         Err(error) => {
             return refusal(format!(
-                "{error}; a request is one line such as {{\"cmd\":\"status\"}}, and cmd is one of status, rezero, pause, resume, profile, servo"
+                "{error}; a request is one line such as {{\"cmd\":\"status\"}}, and cmd is one of status, rezero, pause, resume, profile, servo, mark"
             ));
         }
     };
@@ -114,6 +115,12 @@ async fn answer(line: &[u8], state: &State) -> Value {
             profile: Some(profile),
         } => state.server.set_own_profile(profile).await,
         Request::Servo(request) => state.write(&request).await,
+        Request::Mark { text } => {
+            return match state.mark(&text) {
+                Ok((seq, t_ns)) => json!({ "ok": true, "mark": { "seq": seq, "t_ns": t_ns } }),
+                Err(error) => refusal(error),
+            };
+        }
         Request::Rezero {} => state.rezero(),
         Request::Pause {} => state.pause(true),
         Request::Resume {} => state.pause(false),

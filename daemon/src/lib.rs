@@ -233,7 +233,7 @@ impl Daemon {
                                 return;
                             }
                         };
-                        let state = Rc::new(State::new(config, seed, shared, commands, joint_reader));
+                        let state = Rc::new(State::new(config, seed, shared, clock, commands, joint_reader));
                         tokio::task::spawn_local(state.server.clone().serve(images));
                         tokio::task::spawn_local(control::serve(control, state.clone()));
                         let _ = ready.send(Ok(()));

@@ -5,7 +5,7 @@ use crate::image_maker::ImageMaker;
 use crate::joints::{JointsView, ServoRequest};
 use crate::problems::{Place, Problems};
 use crate::snapshot::Snapshot;
-use crate::tick::{Command, Shared};
+use crate::tick::{Command, PipelineClock, Shared};
 use hdrhistogram::Histogram;
 use serde_json::{Value, json};
 use std::cell::{Cell, RefCell};
@@ -18,6 +18,7 @@ use taxel_hand::Fault;
 use taxel_joints::JointReader;
 use taxel_serve::{Server, ServerSeed};
 use taxel_skin::{BoardCounters, BoardState};
+use taxel_wire::{Event, EventKind, MAX_MARK};
 
 /// The hand as the socket thread sees it. Lives on that thread alone.
 pub(crate) struct State {
@@ -27,6 +28,7 @@ pub(crate) struct State {
     pub(crate) server: Rc<Server<ImageMaker>>,
     /// What is wrong with buses, boards and joints.
     pub(crate) problems: RefCell<Problems>,
+    clock: PipelineClock,
     commands: mpsc::SyncSender<Command>,
     /// The thread that reads joints, where there is one.
     joint_reader: Option<JointReader>,
@@ -48,10 +50,12 @@ impl State {
         config: Config,
         seed: ServerSeed<ImageMaker>,
         shared: Arc<Shared>,
+        clock: PipelineClock,
         commands: mpsc::SyncSender<Command>,
         joint_reader: Option<JointReader>,
     ) -> Self {
         Self {
+            clock,
             shared,
             server: Server::new(seed),
             problems: RefCell::default(),
@@ -77,6 +81,24 @@ impl State {
     /// Has a servo told something.
     pub(crate) async fn write(&self, request: &ServoRequest) -> Result<(), String> {
         crate::joints::write(self.config.joints.as_ref(), self.joint_reader.as_ref(), request).await
+    }
+
+    /// Tells every subscriber what somebody marks at this instant, and returns the number of the newest frame and the
+    /// instant, nanoseconds.
+    pub(crate) fn mark(&self, text: &str) -> Result<(u64, u64), String> {
+        if text.is_empty() || text.len() > MAX_MARK {
+            return Err(format!(
+                "a mark has 1 to {MAX_MARK} bytes of text; this one has {}",
+                text.len()
+            ));
+        }
+        let images = {
+            let snapshot = self.shared.snapshot.lock().unwrap_or_else(|e| e.into_inner());
+            snapshot.images
+        };
+        let (seq, t_ns) = (images.saturating_sub(1), self.clock.now_ns());
+        self.server.announce_at(&Event::new(EventKind::Mark, text), seq, t_ns);
+        Ok((seq, t_ns))
     }
 
     fn command(&self, command: Command) -> Result<(), String> {

@@ -70,7 +70,7 @@ pub(crate) struct PipelineClock {
 }
 
 impl PipelineClock {
-    fn now_ns(&self) -> u64 {
+    pub(crate) fn now_ns(&self) -> u64 {
         monotonic_ns().saturating_sub(self.offset_ns)
     }
 }

@@ -247,8 +247,11 @@ impl Engine {
         self.sweep.take(now_ns, tactile);
         self.joints.fill(tactile);
         self.conditioner.process(tactile, force);
-        for (baseline, known) in baseline.iter_mut().zip(self.conditioner.baseline()) {
-            *baseline = known.map(|counts| counts as f32);
+        for (taxel, (baseline, known)) in baseline.iter_mut().zip(self.conditioner.baseline()).enumerate() {
+            *baseline = match self.conditioner.has_baseline(taxel) {
+                true => known.map(|counts| counts as f32),
+                false => [f32::NAN; 3],
+            };
         }
         if self.paused {
             force.contact.fill(false);

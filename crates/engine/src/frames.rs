@@ -3,7 +3,7 @@
 use taxel_hand::{ForceFrame, TactileFrame};
 
 /// What one tick felt. The buffers are used again at the next tick.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct Frames {
     /// The instant the tick was due: the timer tick, the frame that completed the sweep or began the one after it, or
     /// its deadline. Nanoseconds.
@@ -12,7 +12,8 @@ pub struct Frames {
     pub tactile: TactileFrame,
     /// Force above baseline, contacts and faults. Without contacts while the engine is paused.
     pub force: ForceFrame,
-    /// Baseline of each taxel, counts x, y, z. It means nothing while [`ForceFrame::calibrating`].
+    /// Baseline of each taxel, counts x, y, z; not a number where it has none. It means nothing while
+    /// [`ForceFrame::calibrating`].
     pub baseline: Vec<[f32; 3]>,
 }
 

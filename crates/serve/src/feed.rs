@@ -4,7 +4,7 @@
 use crate::stream::{Message, Stream};
 use std::future::poll_fn;
 use std::io::{self, IoSlice};
-use std::rc::Rc;
+use std::rc::{Rc, Weak};
 use std::sync::Arc;
 use std::task::{Poll, ready};
 use std::time::Duration;
@@ -38,8 +38,8 @@ impl Feed {
         let mut newest = stream.newest.clone();
         newest.mark_unchanged();
         let before = newest.borrow().tick;
-        if every {
-            stream.keep();
+        if every && stream.keep() {
+            tokio::task::spawn_local(fill_backlog(Rc::downgrade(stream), newest.clone()));
         }
         Self {
             stream: stream.clone(),
@@ -143,6 +143,15 @@ impl Feed {
             Poll::Ready(Ok(Some(skipped)))
         })
         .await
+    }
+}
+
+/// Takes every message into the backlog as it comes, however long its readers' sockets are full.
+async fn fill_backlog(stream: Weak<Stream>, mut newest: watch::Receiver<Arc<Message>>) {
+    while newest.changed().await.is_ok() {
+        if !stream.upgrade().is_some_and(|stream| stream.collect()) {
+            return;
+        }
     }
 }
 

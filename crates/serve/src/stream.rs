@@ -46,8 +46,10 @@ pub(crate) struct Stream {
     every_readers: Arc<AtomicUsize>,
     /// The last messages, oldest first, while there are readers of every one.
     backlog: RefCell<VecDeque<Arc<Message>>>,
+    /// Whether somebody calls [`Stream::collect`] after each message.
+    is_collected: Cell<bool>,
     depth: usize,
-    payload_len: Cell<usize>,
+    payload_len: usize,
 }
 
 /// Buffers beside those of the backlog: one is the newest, one may be being sent.
@@ -87,8 +89,9 @@ pub(crate) fn stream(payload_len: usize, rate_hz: f64) -> (Publisher, Stream) {
         every: backlog,
         every_readers,
         backlog: RefCell::new(VecDeque::with_capacity(depth + 1)),
+        is_collected: Cell::new(false),
         depth,
-        payload_len: Cell::new(payload_len),
+        payload_len,
     };
     (publisher, stream)
 }
@@ -137,20 +140,36 @@ impl Stream {
 
     /// Bytes of the longest payload.
     pub(crate) fn payload_len(&self) -> usize {
-        self.payload_len.get()
+        self.payload_len
     }
 
     /// Bytes of a full backlog.
     pub(crate) fn backlog_bytes(&self) -> usize {
-        self.depth * self.payload_len.get()
+        self.depth * self.payload_len
     }
 
-    /// Another reader wants every message from now on.
-    pub(crate) fn keep(&self) {
+    /// Another reader wants every message from now on. Returns whether the caller has to see to it that
+    /// [`Stream::collect`] is called after each message, until that says that nobody wants them.
+    pub(crate) fn keep(&self) -> bool {
         if self.every_readers.fetch_add(1, Ordering::Relaxed) == 0 {
             // What was on its way when the last such reader left.
             self.forget();
         }
+        !self.is_collected.replace(true)
+    }
+
+    /// Moves what has come into the backlog; says whether anybody wants it.
+    pub(crate) fn collect(&self) -> bool {
+        let mut backlog = self.backlog.borrow_mut();
+        while let Ok(message) = self.every.try_recv() {
+            if backlog.len() == self.depth {
+                backlog.pop_front();
+            }
+            backlog.push_back(message);
+        }
+        let is_wanted = self.every_readers.load(Ordering::Relaxed) > 0;
+        self.is_collected.set(is_wanted && self.is_collected.get());
+        is_wanted
     }
 
     /// A reader that called [`Stream::keep`] is gone.
@@ -167,13 +186,8 @@ impl Stream {
 
     /// The oldest message that is kept of those after this tick.
     pub(crate) fn after(&self, tick: u64) -> Option<Arc<Message>> {
-        let mut backlog = self.backlog.borrow_mut();
-        while let Ok(message) = self.every.try_recv() {
-            if backlog.len() == self.depth {
-                backlog.pop_front();
-            }
-            backlog.push_back(message);
-        }
+        self.collect();
+        let backlog = self.backlog.borrow();
         let at = backlog.partition_point(|message| message.tick <= tick);
         backlog.get(at).cloned()
     }

@@ -464,7 +464,6 @@ fn a_subscription_says_what_it_wants_or_is_refused() {
         status: true,
         every: false,
         max_rate_hz: Some(0.5),
-        every: false,
         profile: Some(Profile {
             levels: 4,
             ..Profile::default()

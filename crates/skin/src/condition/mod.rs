@@ -158,6 +158,12 @@ impl Conditioner {
         &self.baseline
     }
 
+    /// Whether a taxel's baseline is known; never so before the first calibration has ended, nor for a taxel the hand does
+    /// not have.
+    pub fn has_baseline(&self, taxel: usize) -> bool {
+        self.taxels.get(taxel).is_some_and(|t| t.has_baseline)
+    }
+
     /// Repaired counts of a taxel: its raw counts plus a multiple of 65536 on each axis; the last good ones while a sample is
     /// held back. Zeros for a taxel the hand does not have.
     pub fn repaired_counts(&self, taxel: usize) -> [i32; 3] {
