@@ -97,7 +97,8 @@ impl State {
             snapshot.images
         };
         let (seq, t_ns) = (images.saturating_sub(1), self.clock.now_ns());
-        self.server.announce_at(&Event::new(EventKind::Mark, text), seq, t_ns);
+        self.server
+            .announce_at(&Event::new(EventKind::Mark, text), seq, t_ns);
         Ok((seq, t_ns))
     }
 

@@ -70,7 +70,8 @@ fn frames_do_not_depend_on_how_often_the_pipeline_is_called() {
     let collect = |step_ns: u64| {
         let mut engine = Engine::new(&config, 0).unwrap();
         let mut felt = Vec::new();
-        let mut emit = |frames: &Frames| felt.push((frames.due_ns, frames.tactile.clone(), frames.force.clone()));
+        let mut emit =
+            |frames: &Frames| felt.push((frames.due_ns, frames.tactile.clone(), frames.force.clone()));
         let mut now_ns = 0;
         let mut rest = frames.as_slice();
         while !rest.is_empty() {

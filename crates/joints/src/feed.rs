@@ -4,7 +4,7 @@
 use crate::config::JointsConfig;
 use crate::error::JointsConfigError;
 use crate::source::{CanJoints, JointCount, JointReadings};
-use crate::synchrony::JointHistory;
+use crate::synchrony::{JointHistory, JointMotion};
 use taxel_can::{CanFrame, Received};
 use taxel_hand::TactileFrame;
 
@@ -82,6 +82,11 @@ impl JointFeed {
     pub fn prepare(&self, frame: &mut TactileFrame) {
         frame.joints = vec![f32::NAN; self.joints()];
         frame.joint_age_ns = vec![u64::MAX; self.joints()];
+        // CAN sources tell angles alone.
+        if self.sources.iter().any(|source| source.can.is_none()) {
+            frame.joint_velocity_rad_s = vec![f32::NAN; self.joints()];
+            frame.joint_current_a = vec![f32::NAN; self.joints()];
+        }
     }
 
     /// Takes a CAN frame of a bus; says whether it was one of a source, which is nothing to the skin.
@@ -143,8 +148,8 @@ impl JointFeed {
         }
     }
 
-    /// Writes the angles at the frame's own instant, and their ages, into it. An angle whose nearest reading is further
-    /// than `hold_ms` away is unknown.
+    /// Writes the angles at the frame's own instant, and their ages, into it; and, where it has room for them, velocity
+    /// and current of the newest readings. What is further than `hold_ms` from its nearest reading is unknown.
     pub fn fill(&self, frame: &mut TactileFrame) {
         let t_ns = frame.t_ns;
         let joints = self.sources.iter().flat_map(|source| {
@@ -158,6 +163,22 @@ impl JointFeed {
                 Some(at) if at.age_ns <= self.hold_ns => at.angle_rad as f32,
                 _ => f32::NAN,
             };
+        }
+        let motion = self
+            .sources
+            .iter()
+            .flat_map(|source| source.readings.history.motion());
+        let places = frame
+            .joint_velocity_rad_s
+            .iter_mut()
+            .zip(&mut frame.joint_current_a);
+        for ((motion, angle), (velocity, current)) in motion.zip(&frame.joints).zip(places) {
+            let known = if angle.is_finite() {
+                *motion
+            } else {
+                JointMotion::UNKNOWN
+            };
+            (*velocity, *current) = (known.velocity_rad_s, known.current_a);
         }
     }
 
@@ -239,13 +260,22 @@ mod tests {
         let table = "source = \"dynamixel:/dev/x\"\nhold_ms = 10.0\n[[servo]]\nid = 1\nname = \"a\"";
         assert_eq!(feed(table, None, false).1.joints.len(), 0);
         let (mut feed, mut frame) = feed(table, None, true);
-        feed.handle_joints(0, |history| history.push(0, MS, 0.5));
+        let motion = JointMotion {
+            velocity_rad_s: 1.5,
+            current_a: f32::NAN,
+        };
+        feed.handle_joints(0, |history| {
+            history.push(0, MS, 0.5);
+            history.set_motion(0, motion);
+        });
         feed.handle_joints(1, |_| panic!("there is no second source"));
         for (t_ns, known) in [(MS, true), (11 * MS, true), (11 * MS + 1, false)] {
             frame.t_ns = t_ns;
             feed.fill(&mut frame);
             assert_eq!(frame.joints[0].is_finite(), known, "{t_ns}");
             assert_eq!(frame.joint_age_ns[0], t_ns - MS);
+            assert_eq!(frame.joint_velocity_rad_s[0] == 1.5, known, "{t_ns}");
+            assert!(frame.joint_current_a[0].is_nan());
         }
     }
 

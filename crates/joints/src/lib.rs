@@ -29,4 +29,4 @@ pub use error::{JointSourceError, JointsConfigError, MAX_JOINTS};
 pub use feed::{JointCommand, JointFeed, JointsSnapshot};
 pub use reader::JointReader;
 pub use source::{CanJoints, JointCount, JointReadings, SourceConfig};
-pub use synchrony::{AngleAt, EXTRAPOLATE_NS, JointHistory, interpolation_bound_rad};
+pub use synchrony::{AngleAt, EXTRAPOLATE_NS, JointHistory, JointMotion, interpolation_bound_rad};

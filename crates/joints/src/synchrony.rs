@@ -13,6 +13,23 @@ pub struct AngleAt {
     pub extrapolated: bool,
 }
 
+/// How a joint moved and what its motor took at its newest reading.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct JointMotion {
+    /// Velocity in the joint's direction, rad/s; not a number where unknown.
+    pub velocity_rad_s: f32,
+    /// Motor current in the joint's direction, amperes; not a number where unknown.
+    pub current_a: f32,
+}
+
+impl JointMotion {
+    /// Nothing known.
+    pub const UNKNOWN: Self = Self {
+        velocity_rad_s: f32::NAN,
+        current_a: f32::NAN,
+    };
+}
+
 /// The last readings of every joint.
 ///
 /// The memory is fixed when it is made: `depth` readings per joint.
@@ -20,6 +37,8 @@ pub struct AngleAt {
 pub struct JointHistory {
     readings: Vec<(u64, f64)>,
     filled: Vec<(usize, usize)>,
+    /// Of the newest reading of each joint.
+    motion: Vec<JointMotion>,
     depth: usize,
     extrapolate_ns: u64,
 }
@@ -37,6 +56,7 @@ impl JointHistory {
         Self {
             readings: vec![(0, 0.0); joints * depth],
             filled: vec![(0, 0); joints],
+            motion: vec![JointMotion::UNKNOWN; joints],
             depth,
             extrapolate_ns: EXTRAPOLATE_NS,
         }
@@ -53,7 +73,20 @@ impl JointHistory {
     pub fn copy_from(&mut self, other: &Self) {
         self.readings.clone_from(&other.readings);
         self.filled.clone_from(&other.filled);
+        self.motion.clone_from(&other.motion);
         self.depth = other.depth;
+    }
+
+    /// Says how a joint moved at its newest reading. Joints that it does not have are passed over.
+    pub fn set_motion(&mut self, joint: usize, motion: JointMotion) {
+        if let Some(place) = self.motion.get_mut(joint) {
+            *place = motion;
+        }
+    }
+
+    /// How each joint moved at its newest reading.
+    pub fn motion(&self) -> &[JointMotion] {
+        &self.motion
     }
 
     /// Number of joints.

@@ -100,7 +100,10 @@ impl Stage {
 fn on_stage<F: Future<Output = ()>>(act: impl FnOnce(Stage) -> F) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("images.sock");
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .unwrap();
     tokio::task::LocalSet::new().block_on(&runtime, async {
         let limits = Limits {
             max_subscribers: 8,

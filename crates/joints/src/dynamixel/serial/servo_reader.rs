@@ -8,7 +8,7 @@ use crate::dynamixel::bus::{
 };
 use crate::dynamixel::config::{DynamixelConfig, READINGS_KEPT};
 use crate::error::JointsConfigError;
-use crate::synchrony::{AngleAt, JointHistory};
+use crate::synchrony::{AngleAt, JointHistory, JointMotion};
 use nix::errno::Errno;
 use nix::sys::prctl;
 use nix::sys::time::TimeSpec;
@@ -349,6 +349,11 @@ impl Thread {
             for (joint, result) in self.bus.results().iter().enumerate() {
                 if let Ok(reading) = result {
                     shared.history.push(joint, reading.t_ns, reading.angle_rad);
+                    let motion = JointMotion {
+                        velocity_rad_s: reading.velocity_rad_s as f32,
+                        current_a: reading.current_a.map_or(f32::NAN, |current| current as f32),
+                    };
+                    shared.history.set_motion(joint, motion);
                 }
             }
             self.published.fetch_add(1, Ordering::Release);
