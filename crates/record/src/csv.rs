@@ -1,66 +1,70 @@
 //! Tables of numbers as `.csv`.
 
 use crate::error::RecordError;
-use crate::recording::{Columns, ReadOptions, Recording, Table, TimeUnit};
+use crate::table::{Columns, ReadOptions, Table, TimeUnit};
+use csv::{ByteRecord, ReaderBuilder, Terminator};
 use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Read};
 use std::path::Path;
 
-/// Reads a csv file: one frame a line, separated by commas.
+/// What some spreadsheets begin a file with.
+const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
+/// Bytes that one line may have: 80 for each of 200,000 numbers.
+const LINE_BYTES: u64 = 16 << 20;
+
+/// Reads a csv file: one frame a line, the numbers separated by commas, semicolons or tabs, quoted or not.
 ///
-/// A first line that does not begin with a number is a header. Columns called `{board}B{taxel}X`, `..Y`, `..Z`, with or
-/// without a leading `{finger}F` (protocols.md 2.7), are raw counts: taxels are numbered by finger, board and
+/// The first line that is neither empty nor begins with `#` shows what separates: a semicolon if it has one, else a
+/// comma, else a tab. If it does not begin with a number it is a header. Columns called `{board}B{taxel}X`, `..Y`, `..Z`,
+/// with or without a leading `{finger}F` (protocols.md 2.7), are raw counts: taxels are numbered by finger, board and
 /// taxel, whatever the order of the columns. A first column called `time` or `t` is time in seconds; the suffixes
 /// `_s`, `_ms`, `_us` and `_ns` say otherwise. Any other header, and none, leaves plain numbers.
-pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Recording, RecordError> {
-    let bytes = std::fs::read(path).map_err(|source| RecordError::Io {
-        path: path.into(),
-        source,
-    })?;
-    let line_error = |line: usize, reason: String| RecordError::CsvLine {
-        path: path.into(),
-        line,
-        reason,
+pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordError> {
+    let io_error = RecordError::io(path);
+    let line_error = |line: u64, reason: String| {
+        RecordError::unreadable(format_args!("{}:{line}", path.display()), reason)
     };
-    let text = std::str::from_utf8(&bytes).map_err(|e| {
-        let line = 1 + bytes[..e.valid_up_to()].iter().filter(|b| **b == b'\n').count();
-        line_error(line, "not UTF-8 text".into())
-    })?;
-    let mut lines = text
-        .trim_start_matches('\u{feff}')
-        .lines()
-        .enumerate()
-        .map(|(i, line)| (i + 1, line.trim()))
-        .filter(|(_, line)| !line.is_empty() && !line.starts_with('#'))
-        .peekable();
-    let header = match lines.peek() {
-        Some((_, line))
-            if cells(line)
-                .next()
-                .is_some_and(|cell| cell.parse::<f64>().is_err()) =>
-        {
-            lines.next()
-        }
-        _ => None,
-    };
-    let mut meaning = Meaning::of_plain(options.time_column);
-    if let Some((line, names)) = header {
-        meaning = Meaning::of_header(names, options).map_err(|reason| line_error(line, reason))?;
-    }
+    let mut file = BufReader::new(File::open(path).map_err(&io_error)?);
+    let head = head(&mut file).map_err(&io_error)?;
+    // A last line without its end gets one, so that the line of a record is always the one before the reader's.
+    let whole = head.as_slice().chain(file).chain(&b"\n"[..]);
+    let mut reader = ReaderBuilder::new()
+        .has_headers(false)
+        .flexible(true)
+        .delimiter(delimiter(&head))
+        .comment(Some(b'#'))
+        .terminator(Terminator::Any(b'\n'))
+        .from_reader(whole.take(LINE_BYTES));
 
+    let mut meaning = Meaning::of_plain(options.time_column);
     let (mut values, mut times_ns, mut row) = (Vec::new(), Vec::new(), Vec::new());
-    let (mut frames, mut width) = (0, meaning.columns);
-    for (line, text) in lines {
-        row.clear();
-        for (column, cell) in cells(text).enumerate() {
-            let number = cell.parse::<f64>().map_err(|_| {
-                line_error(
-                    line,
-                    format!("column {} is {cell:?}, which is not a number", column + 1),
-                )
-            })?;
-            row.push(number);
+    let (mut frames, mut is_first, mut record) = (0, true, ByteRecord::new());
+    loop {
+        let has_record = reader.read_byte_record(&mut record);
+        let has_record = has_record.map_err(|e| io_error(e.into()))?;
+        let next_line = reader.position().line();
+        if reader.get_ref().limit() == 0 {
+            let reason = format!("longer than {} MiB, or a quote is not closed", LINE_BYTES >> 20);
+            return Err(line_error(next_line, reason));
         }
-        let expected = *width.get_or_insert(row.len());
+        if !has_record {
+            break;
+        }
+        reader.get_mut().set_limit(LINE_BYTES);
+        let line = next_line - 1;
+        if is_blank(&record) {
+            continue;
+        }
+        if std::mem::take(&mut is_first) && cell(&record[0]).is_ok_and(|c| c.parse::<f64>().is_err()) {
+            meaning = Meaning::of_header(&record, options).map_err(|reason| line_error(line, reason))?;
+            continue;
+        }
+        row.clear();
+        for (column, bytes) in record.iter().enumerate() {
+            row.push(number(column, bytes).map_err(|reason| line_error(line, reason))?);
+        }
+        let expected = *meaning.columns.get_or_insert(row.len());
         if row.len() != expected {
             let reason = format!("{} columns, where the lines before have {expected}", row.len());
             return Err(line_error(line, reason));
@@ -83,29 +87,74 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Recording, Reco
     if frames == 0 {
         return Err(line_error(1, "no line of numbers in the file".into()));
     }
-    let table = Table {
+    Ok(Table {
         at: path.display().to_string(),
         shape: vec![frames, values.len() / frames],
         values,
         times_ns: meaning.time.is_some().then_some(times_ns),
-    };
-    let columns = meaning.order.map(|_| Columns::XyzInterleaved).or(options.columns);
-    Recording::from_table(
-        table,
-        &ReadOptions {
-            columns,
-            ..options.clone()
-        },
-    )
+        columns: meaning.order.map(|_| Columns::XyzInterleaved),
+    })
 }
 
-fn cells(line: &str) -> impl Iterator<Item = &str> {
-    line.split(',').map(|cell| cell.trim().trim_matches('"'))
+/// The lines up to the first one that is neither empty nor a comment.
+fn head(file: &mut impl BufRead) -> io::Result<Vec<u8>> {
+    let mut head = Vec::new();
+    loop {
+        let begin = head.len();
+        file.take(LINE_BYTES).read_until(b'\n', &mut head)?;
+        let line = head[begin..].trim_ascii();
+        let line = line.strip_prefix(BYTE_ORDER_MARK).unwrap_or(line);
+        let says_nothing = line.is_empty() || line.starts_with(b"#");
+        if begin == head.len() || !head.ends_with(b"\n") || !says_nothing {
+            return Ok(head);
+        }
+    }
+}
+
+/// What separates the columns of the last of these lines.
+fn delimiter(lines: &[u8]) -> u8 {
+    let line = lines
+        .trim_ascii()
+        .rsplit(|b| *b == b'\n')
+        .next()
+        .unwrap_or_default();
+    let delimiters = *b";,\t";
+    let has = |wanted: &u8| {
+        let mut quoted = false;
+        line.iter().any(|byte| {
+            quoted ^= *byte == b'"';
+            byte == wanted && !quoted
+        })
+    };
+    delimiters.into_iter().find(has).unwrap_or(b',')
+}
+
+/// Whether a line holds nothing but blanks and perhaps a comment after them.
+fn is_blank(record: &ByteRecord) -> bool {
+    let text = record[0].trim_ascii();
+    let indented = text.len() < record[0].len();
+    (record.len() == 1 && text.is_empty()) || (indented && text.starts_with(b"#"))
+}
+
+fn cell(bytes: &[u8]) -> Result<&str, String> {
+    let text = std::str::from_utf8(bytes).map_err(|_| "not UTF-8 text")?;
+    Ok(text.trim().trim_matches('"'))
+}
+
+fn number(column: usize, bytes: &[u8]) -> Result<f64, String> {
+    let text = cell(bytes)?;
+    text.parse().map_err(|_| {
+        let advice = match text.contains(',') {
+            true => "; decimals are written with a point",
+            false => "",
+        };
+        format!("column {} is {text:?}, which is not a number{advice}", column + 1)
+    })
 }
 
 /// What the columns of a csv file are.
 struct Meaning {
-    /// Number of columns the header promises.
+    /// Number of columns that the header, or the first line without one, has.
     columns: Option<usize>,
     /// Unit of the first column where it is time.
     time: Option<TimeUnit>,
@@ -122,8 +171,8 @@ impl Meaning {
         }
     }
 
-    fn of_header(line: &str, options: &ReadOptions) -> Result<Self, String> {
-        let mut names: Vec<&str> = cells(line).collect();
+    fn of_header(record: &ByteRecord, options: &ReadOptions) -> Result<Self, String> {
+        let mut names = record.iter().map(cell).collect::<Result<Vec<&str>, String>>()?;
         let columns = Some(names.len());
         let time = options.time_column.or_else(|| time_unit(names[0]));
         if time.is_some() {
@@ -204,6 +253,7 @@ impl Axis {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Recording;
     use tempfile::TempDir;
 
     fn read_text(text: &str, options: &ReadOptions) -> Result<Recording, String> {
@@ -251,6 +301,41 @@ mod tests {
     }
 
     #[test]
+    fn semicolons_and_tabs_separate_like_commas_and_quotes_hide_them() {
+        let none = ReadOptions::default();
+        let wanted = read_text("t_ms,a,b\n0,1.5,-2\n10,3,4\n", &none).unwrap();
+        for text in [
+            "t_ms;a;b\r\n0;1.5;-2\r\n10;3;4\r\n",
+            "\u{feff}# made by hand, today\n\nt_ms\ta\tb\n0\t1.5\t-2\n \n10\t3\t4",
+            "\"t_ms\",\"a;b\",\"c, \"\"d\"\"\"\n\"0\",\"1.5\", -2\n  # half time\n10,3,\"4\"",
+            "t_ms,\ta,\tb\n0,\t1.5,\t-2\n10,\t3,\t4\n",
+        ] {
+            let recording = read_text(text, &none).unwrap();
+            assert_eq!(recording.frames(), wanted.frames(), "{text:?}");
+            assert_eq!(recording.t_ns(1), 10_000_000, "{text:?}");
+        }
+    }
+
+    #[test]
+    fn a_line_without_end_is_refused_before_it_takes_the_memory() {
+        let endless = |begin: &str, again: &str| {
+            let text = begin.to_owned() + &again.repeat(2 * LINE_BYTES as usize / again.len());
+            read_text(&text, &ReadOptions::default()).unwrap_err()
+        };
+        for (begin, again, line) in [
+            ("1,2\n3,", "4,", 2),
+            ("1,2\n3,\"", "4\n", LINE_BYTES),
+            ("#", "#", 1),
+            ("", "x", 1),
+        ] {
+            let message = endless(begin, again);
+            assert!(message.contains("longer than 16 MiB"), "{begin:?}: {message}");
+            let place: Vec<&str> = message.split(':').collect();
+            assert!(place[1].parse::<u64>().unwrap() >= line.min(1_000), "{message}");
+        }
+    }
+
+    #[test]
     fn errors_name_the_line() {
         let columns = ReadOptions {
             columns: Some(Columns::XyzBlocks),
@@ -261,6 +346,12 @@ mod tests {
             ("1,2\n3\n", &none, ":2: 1 columns"),
             ("1,2\n\n3,x\n", &none, ":3: column 2 is \"x\""),
             ("1,x\n2,3\n", &none, ":1: column 2 is \"x\""),
+            ("# c\r\n\r\n1;2\r\n# c\r\n3;x", &none, ":5: column 2 is \"x\""),
+            (
+                "1;2\n1,5;2\n",
+                &none,
+                ":2: column 1 is \"1,5\", which is not a number; decimals",
+            ),
             ("", &none, ":1: no line"),
             ("a,b\n", &none, ":1: no line"),
             ("0B0X,0B0Y,0B0Z,a\n1,2,3,4\n", &none, ":1: column \"a\""),

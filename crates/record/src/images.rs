@@ -116,10 +116,7 @@ impl ImageStack {
             self.images().write_npy(&mut file).map_err(io::Error::other)?;
             file.flush()
         };
-        write().map_err(|source| RecordError::Io {
-            path: path.into(),
-            source,
-        })
+        write().map_err(RecordError::io(path))
     }
 
     /// Writes a compressed `.npz`: `images` `T x H x W` u8; `levels` `T x K_D` f64; `actuators` `T x K_A x 5` f64 (id,
@@ -149,10 +146,7 @@ impl ImageStack {
         };
         let bytes = archive().map_err(io::Error::other);
         let written = bytes.and_then(|bytes| std::fs::write(path, bytes));
-        written.map_err(|source| RecordError::Io {
-            path: path.into(),
-            source,
-        })
+        written.map_err(RecordError::io(path))
     }
 
     /// Writes a `.csv`: a header, then `t_ns` and the pixels, row by row from the top left, one image a line.
@@ -179,10 +173,7 @@ impl ImageStack {
             }
             file.flush()
         };
-        write().map_err(|source| RecordError::Io {
-            path: path.into(),
-            source,
-        })
+        write().map_err(RecordError::io(path))
     }
 }
 

@@ -10,8 +10,12 @@ mod csv;
 mod error;
 mod images;
 mod npy;
+mod npz;
+mod open;
 mod recording;
+mod table;
 
-pub use error::{ArrayList, RecordError};
+pub use error::RecordError;
 pub use images::ImageStack;
-pub use recording::{Columns, DEFAULT_RATE_HZ, Frames, ReadOptions, Recording, TimeUnit};
+pub use recording::{Frames, Recording};
+pub use table::{Columns, DEFAULT_RATE_HZ, ReadOptions, TimeUnit};

@@ -1,29 +1,20 @@
-//! Arrays of numpy's `.npy` and `.npz`.
+//! Arrays of numpy's `.npy`.
 
-use crate::error::{ArrayList, RecordError, show_shape};
-use crate::recording::Table;
+use crate::error::{RecordError, SOMETHING, show_shape};
+use crate::table::Table;
 use ndarray::ArrayD;
 use ndarray_npy::npy::header::Header;
 use ndarray_npy::{ReadNpyExt, ReadableElement};
-use std::fs::File;
-use std::io::{BufReader, Read};
 use std::path::Path;
 
-/// The array of an npz that gives the time of each frame, nanoseconds.
-const TIMES: &str = "t_ns";
-
 /// Headers longer than numpy itself accepts are not read.
-const MAX_HEADER_BYTES: usize = 10_000;
-/// Bytes of the widest elements there are in a recording.
-const WIDEST: usize = 8;
+pub(crate) const MAX_HEADER_BYTES: usize = 10_000;
 /// Brackets in a header; a recording's has three. The parser of the header recurses on them.
 const MAX_HEADER_BRACKETS: usize = 16;
 
-pub(crate) fn read_npy(path: &Path) -> Result<Table, RecordError> {
-    let bytes = std::fs::read(path).map_err(|source| RecordError::Io {
-        path: path.into(),
-        source,
-    })?;
+/// Reads an npy file.
+pub(crate) fn read(path: &Path) -> Result<Table, RecordError> {
+    let bytes = std::fs::read(path).map_err(RecordError::io(path))?;
     let at = path.display().to_string();
     let (shape, values) = numbers(&at, &bytes)?;
     Ok(Table {
@@ -31,144 +22,17 @@ pub(crate) fn read_npy(path: &Path) -> Result<Table, RecordError> {
         shape,
         values,
         times_ns: None,
+        columns: None,
     })
 }
 
-pub(crate) fn read_npz(path: &Path, array: Option<&str>) -> Result<Table, RecordError> {
-    let mut npz = Npz::open(path)?;
-    let frames: Vec<&String> = npz.names.iter().filter(|n| *n != TIMES).collect();
-    let name = match (array, frames.as_slice()) {
-        (Some(name), _) if npz.names.iter().any(|n| n == name) => name.to_owned(),
-        (Some(name), _) => {
-            let arrays = npz.list();
-            return Err(RecordError::NoSuchArray {
-                path: path.into(),
-                name: name.into(),
-                arrays,
-            });
-        }
-        (None, [only]) => (*only).clone(),
-        (None, []) => {
-            return Err(RecordError::BadNpz {
-                path: path.into(),
-                reason: format!(
-                    "it holds no array{}",
-                    if npz.names.is_empty() { "" } else { " but t_ns" }
-                ),
-            });
-        }
-        (None, _) => {
-            let arrays = npz.list();
-            return Err(RecordError::WhichArray {
-                path: path.into(),
-                arrays,
-            });
-        }
-    };
-    let at = format!("{} [{name}]", path.display());
-    let (shape, values) = numbers(&at, &npz.member(&name)?)?;
-    let times_ns = if name != TIMES && npz.names.iter().any(|n| n == TIMES) {
-        let at = format!("{} [{TIMES}]", path.display());
-        let times = times(&at, &npz.member(TIMES)?)?;
-        // Times of another length belong to another array of the file.
-        (shape.first() == Some(&times.len())).then_some(times)
-    } else {
-        None
-    };
-    Ok(Table {
-        at,
-        shape,
-        values,
-        times_ns,
-    })
-}
-
-/// An npz file: a zip archive of npy members.
-struct Npz<'a> {
-    path: &'a Path,
-    zip: zip::ZipArchive<BufReader<File>>,
-    names: Vec<String>,
-}
-
-impl<'a> Npz<'a> {
-    fn open(path: &'a Path) -> Result<Self, RecordError> {
-        let file = File::open(path).map_err(|source| RecordError::Io {
-            path: path.into(),
-            source,
-        })?;
-        let zip = zip::ZipArchive::new(BufReader::new(file)).map_err(|e| RecordError::BadNpz {
-            path: path.into(),
-            reason: e.to_string(),
-        })?;
-        let names = zip
-            .file_names()
-            .map(|n| n.strip_suffix(".npy").unwrap_or(n).to_owned())
-            .collect();
-        Ok(Self { path, zip, names })
-    }
-
-    /// An array's bytes: no more of them than its header promises, and one to tell that there are more.
-    fn member(&mut self, name: &str) -> Result<Vec<u8>, RecordError> {
-        self.beginning(name, |bytes| {
-            let promised = header(name, bytes).ok().and_then(|(header, data)| {
-                let values = header
-                    .shape
-                    .iter()
-                    .try_fold(WIDEST, |bytes, &n| bytes.checked_mul(n))?;
-                values.checked_add(bytes.len() - data.len())
-            });
-            promised.unwrap_or(0)
-        })
-    }
-
-    /// The first bytes of an array, enough for its header, and then up to so many as `most` tells from them.
-    fn beginning(&mut self, name: &str, most: impl Fn(&[u8]) -> usize) -> Result<Vec<u8>, RecordError> {
-        let bad = |reason: String| RecordError::BadNpz {
-            path: self.path.into(),
-            reason: format!("array {name}: {reason}"),
-        };
-        let with_suffix = format!("{name}.npy");
-        let index = self
-            .zip
-            .index_for_name(&with_suffix)
-            .or_else(|| self.zip.index_for_name(name));
-        let mut bytes = Vec::new();
-        let mut member = self
-            .zip
-            .by_index(index.ok_or_else(|| bad("gone".into()))?)
-            .map_err(|e| bad(e.to_string()))?;
-        let mut read = |bytes: &mut Vec<u8>, most: usize| {
-            let more = most.saturating_sub(bytes.len());
-            let took = member.by_ref().take(more as u64).read_to_end(bytes);
-            took.map_err(|e| bad(e.to_string()))
-        };
-        read(&mut bytes, MAX_HEADER_BYTES + 12)?;
-        let most = most(&bytes).saturating_add(1);
-        read(&mut bytes, most)?;
-        Ok(bytes)
-    }
-
-    fn list(&mut self) -> ArrayList {
-        let describe = |npz: &mut Self, name: &str| {
-            let bytes = npz.beginning(name, |_| 0).map_err(|e| e.to_string())?;
-            let header = header(name, &bytes).map_err(|e| e.to_string())?.0;
-            Ok(format!("{} {}", show_shape(&header.shape), dtype(&header)))
-        };
-        let names = self.names.clone();
-        let describe = |name: String| {
-            let what: Result<String, String> = describe(self, &name);
-            (name, what.unwrap_or_else(|e| format!("unreadable: {e}")))
-        };
-        ArrayList(names.into_iter().map(describe).collect())
-    }
+fn unreadable(at: &str, reason: &str) -> RecordError {
+    RecordError::unreadable(at, format!("not a readable npy array: {reason}"))
 }
 
 /// The header of an npy file, and the bytes after it.
-fn header<'a>(at: &str, bytes: &'a [u8]) -> Result<(Header, &'a [u8]), RecordError> {
-    let bad = |reason: &str| RecordError::BadNpy {
-        at: at.into(),
-        reason: reason.into(),
-    };
+pub(crate) fn header<'a>(at: &str, bytes: &'a [u8]) -> Result<(Header, &'a [u8]), RecordError> {
+    let bad = |reason: &str| unreadable(at, reason);
     if !bytes.starts_with(b"\x93NUMPY") {
         return Err(bad("it does not begin with the npy signature"));
     }
@@ -189,7 +53,8 @@ fn header<'a>(at: &str, bytes: &'a [u8]) -> Result<(Header, &'a [u8]), RecordErr
     Ok((header, rest))
 }
 
-fn dtype(header: &Header) -> String {
+/// The type of an array's elements, as a recording may have it, else in numpy's notation.
+pub(crate) fn dtype(header: &Header) -> String {
     match header.type_descriptor.as_string() {
         Some(descriptor) => match &descriptor[1.min(descriptor.len())..] {
             "u1" => "u8".into(),
@@ -216,11 +81,7 @@ fn check_size(at: &str, header: &Header, data: &[u8], element_bytes: usize) -> R
         .try_fold(element_bytes, |bytes, &n| bytes.checked_mul(n));
     // A zero dimension beside huge ones multiplies to nothing here and overflows elsewhere.
     if header.shape.contains(&0) {
-        return Err(RecordError::Shape {
-            at: at.into(),
-            shape: header.shape.clone(),
-            expected: "at least one frame of at least one taxel",
-        });
+        return Err(RecordError::shape(at, &header.shape, SOMETHING));
     }
     if promised == Some(data.len()) {
         return Ok(());
@@ -231,10 +92,7 @@ fn check_size(at: &str, header: &Header, data: &[u8], element_bytes: usize) -> R
         dtype(header),
         data.len()
     );
-    Err(RecordError::BadNpy {
-        at: at.into(),
-        reason,
-    })
+    Err(unreadable(at, &reason))
 }
 
 /// The array's shape, and its elements in row-major order whatever their order in the file.
@@ -243,14 +101,12 @@ fn elements<T: ReadableElement>(
     bytes: &[u8],
     to_f64: impl Fn(&T) -> f64,
 ) -> Result<(Vec<usize>, Vec<f64>), RecordError> {
-    let array = ArrayD::<T>::read_npy(bytes).map_err(|e| RecordError::BadNpy {
-        at: at.into(),
-        reason: e.to_string(),
-    })?;
+    let array = ArrayD::<T>::read_npy(bytes).map_err(|e| unreadable(at, &e.to_string()))?;
     Ok((array.shape().to_vec(), array.iter().map(to_f64).collect()))
 }
 
-fn numbers(at: &str, bytes: &[u8]) -> Result<(Vec<usize>, Vec<f64>), RecordError> {
+/// The shape and the values of an array of numbers.
+pub(crate) fn numbers(at: &str, bytes: &[u8]) -> Result<(Vec<usize>, Vec<f64>), RecordError> {
     let (header, data) = header(at, bytes)?;
     let dtype = dtype(&header);
     let size = match dtype.as_str() {
@@ -258,7 +114,10 @@ fn numbers(at: &str, bytes: &[u8]) -> Result<(Vec<usize>, Vec<f64>), RecordError
         "u16" | "i16" => 2,
         "u32" | "i32" | "f32" => 4,
         "f64" => 8,
-        _ => return Err(RecordError::Dtype { at: at.into(), dtype }),
+        _ => {
+            let reason = format!("elements are {dtype}; a recording has u8, u16, i16, i32, u32, f32 or f64");
+            return Err(RecordError::unreadable(at, reason));
+        }
     };
     check_size(at, &header, data, size)?;
     match dtype.as_str() {
@@ -272,12 +131,10 @@ fn numbers(at: &str, bytes: &[u8]) -> Result<(Vec<usize>, Vec<f64>), RecordError
     }
 }
 
-fn times(at: &str, bytes: &[u8]) -> Result<Vec<u64>, RecordError> {
+/// The values of an array of times, nanoseconds.
+pub(crate) fn times(at: &str, bytes: &[u8]) -> Result<Vec<u64>, RecordError> {
     let (header, data) = header(at, bytes)?;
-    let bad = |reason: String| RecordError::BadTimes {
-        at: at.into(),
-        reason,
-    };
+    let bad = |reason: String| RecordError::unreadable(at, reason);
     let dtype = dtype(&header);
     if header.shape.len() != 1 || !matches!(dtype.as_str(), "u64" | "i64") {
         let shape = show_shape(&header.shape);
@@ -304,10 +161,9 @@ fn times(at: &str, bytes: &[u8]) -> Result<Vec<u64>, RecordError> {
 mod tests {
     use super::*;
     use crate::{Columns, ReadOptions, Recording};
-    use ndarray::{Array1, Array2, Array3, ShapeBuilder};
-    use ndarray_npy::{NpzWriter, WritableElement, write_npy};
+    use ndarray::{Array2, ShapeBuilder};
+    use ndarray_npy::{WritableElement, write_npy};
     use proptest::prelude::*;
-    use std::io::Write;
     use tempfile::TempDir;
 
     fn open(path: &Path) -> Result<Recording, RecordError> {
@@ -378,88 +234,6 @@ mod tests {
         assert_eq!(open(&path).unwrap().magnitudes(0).unwrap(), [0x1234 as f64, 1.0]);
     }
 
-    fn npz(path: &Path) {
-        let mut writer = NpzWriter::new_compressed(File::create(path).unwrap());
-        writer
-            .add_array("grasp", &Array3::<u16>::from_elem((2, 5, 3), 7))
-            .unwrap();
-        writer
-            .add_array("slip", &Array2::<f32>::from_elem((4, 5), 0.5))
-            .unwrap();
-        writer.add_array("names", &Array1::<i64>::zeros(3)).unwrap();
-        writer
-            .add_array("t_ns", &Array1::<i64>::from(vec![10, 20, 30, 40]))
-            .unwrap();
-        writer.finish().unwrap();
-    }
-
-    #[test]
-    fn an_npz_of_several_arrays_lists_them_until_one_is_named() {
-        let dir = TempDir::new().unwrap();
-        let path = dir.path().join("many.npz");
-        npz(&path);
-        let message = open(&path).unwrap_err().to_string();
-        for part in ["--array", "grasp  2 x 5 x 3 u16", "slip   4 x 5 f32"] {
-            assert!(message.contains(part), "{message}");
-        }
-        let named = |name: &str| {
-            Recording::open(
-                &path,
-                &ReadOptions {
-                    array: Some(name.into()),
-                    ..Default::default()
-                },
-            )
-        };
-        assert!(named("grasp").unwrap().has_counts());
-        let message = named("grip").unwrap_err().to_string();
-        assert!(
-            message.contains("\"grip\"") && message.contains("grasp"),
-            "{message}"
-        );
-        let message = named("names").unwrap_err().to_string();
-        assert!(
-            message.contains("i64") && message.contains("[names]"),
-            "{message}"
-        );
-    }
-
-    #[test]
-    fn times_of_an_npz_belong_to_the_array_of_their_length() {
-        let dir = TempDir::new().unwrap();
-        let path = dir.path().join("many.npz");
-        npz(&path);
-        let named = |name: &str| {
-            Recording::open(
-                &path,
-                &ReadOptions {
-                    array: Some(name.into()),
-                    ..Default::default()
-                },
-            )
-            .unwrap()
-        };
-        assert_eq!(named("slip").t_ns(3), 40);
-        assert!(!named("grasp").has_times());
-    }
-
-    #[test]
-    fn the_only_array_of_an_npz_needs_no_name() {
-        let dir = TempDir::new().unwrap();
-        let path = dir.path().join("one.npz");
-        let mut writer = NpzWriter::new(File::create(&path).unwrap());
-        writer
-            .add_array("slip", &Array2::<f32>::from_elem((4, 5), 0.5))
-            .unwrap();
-        writer
-            .add_array("t_ns", &Array1::<u64>::from(vec![10, 20, 30, 40]))
-            .unwrap();
-        writer.finish().unwrap();
-        let recording = open(&path).unwrap();
-        assert_eq!((recording.taxels(), recording.t_ns(1)), (5, 20));
-        assert!(recording.name().ends_with("one.npz [slip]"));
-    }
-
     #[test]
     fn damaged_files_are_refused_and_not_believed() {
         let header = |text: &str| {
@@ -501,55 +275,6 @@ mod tests {
                 "{name}: {message}"
             );
         }
-    }
-
-    #[test]
-    fn a_member_that_is_longer_than_its_header_says_is_not_unpacked_to_its_end() {
-        let dir = TempDir::new().unwrap();
-        let path = dir.path().join("bomb.npz");
-        let mut zip = zip::ZipWriter::new(File::create(&path).unwrap());
-        let deflated = zip::write::SimpleFileOptions::default();
-        for (name, shape) in [("x", "(2, 3)"), ("y", "(4000, 5000)")] {
-            zip.start_file(format!("{name}.npy"), deflated).unwrap();
-            let text = format!("{{'descr': '|u1', 'fortran_order': False, 'shape': {shape}}}");
-            let header = [
-                b"\x93NUMPY\x01\x00\x76\x00".to_vec(),
-                format!("{text:117}\n").into_bytes(),
-            ]
-            .concat();
-            zip.write_all(&header).unwrap();
-            zip.write_all(&vec![0; 20_000_000]).unwrap();
-        }
-        zip.finish().unwrap();
-        let mut npz = Npz::open(&path).unwrap();
-        assert!(npz.member("x").unwrap().len() <= MAX_HEADER_BYTES + 12 + 1);
-        assert_eq!(npz.member("y").unwrap().len(), 20_000_128);
-        assert!(npz.beginning("y", |_| 0).unwrap().len() <= MAX_HEADER_BYTES + 12);
-        let array = |name: &str| ReadOptions {
-            array: Some(name.into()),
-            ..Default::default()
-        };
-        let message = Recording::open(&path, &array("x")).unwrap_err().to_string();
-        assert!(message.contains("does not fit"), "{message}");
-        assert!(
-            npz.list().to_string().contains("y  4000 x 5000 u8"),
-            "{}",
-            npz.list()
-        );
-    }
-
-    #[test]
-    fn an_npz_without_frames_says_so() {
-        let dir = TempDir::new().unwrap();
-        let path = dir.path().join("none.npz");
-        NpzWriter::new(File::create(&path).unwrap()).finish().unwrap();
-        let message = open(&path).unwrap_err().to_string();
-        assert!(message.contains("holds no array"), "{message}");
-        let mut writer = NpzWriter::new(File::create(&path).unwrap());
-        writer.add_array("t_ns", &Array1::<u64>::zeros(3)).unwrap();
-        writer.finish().unwrap();
-        let message = open(&path).unwrap_err().to_string();
-        assert!(message.contains("no array but t_ns"), "{message}");
     }
 
     proptest! {

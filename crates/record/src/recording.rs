@@ -1,52 +1,12 @@
 //! A sequence of tactile frames, read from a file.
 
-use crate::error::RecordError;
-use crate::{csv, npy};
-use std::path::Path;
-use std::str::FromStr;
-
-/// The rate assumed where a file records no times and none is given, hertz: the uSkin recordings' own.
-pub const DEFAULT_RATE_HZ: f64 = 30.0;
+use crate::error::{RecordError, SOMETHING};
+use crate::table::{Columns, DEFAULT_RATE_HZ, ReadOptions, Table};
 
 const SHAPES: &str = "T x H x W or T x N (magnitudes) or T x N x 3 (counts); a T x 3N array of counts needs \
                       --columns xyz-interleaved (x1,y1,z1,x2,..) or --columns xyz-blocks (x1,x2,..,y1,..,z1,..)";
 const SHAPES_WITH_COLUMNS: &str =
     "T x 3N, since --columns was given: three columns, x y z, for each of N taxels";
-
-/// What a file's columns mean, and when its frames were taken, where the file does not say.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct ReadOptions {
-    /// The array of an npz to read; needed when it holds several.
-    pub array: Option<String>,
-    /// Says that the columns of a two-dimensional array are raw counts, and in which order.
-    pub columns: Option<Columns>,
-    /// Frames per second, 0.001 to 100,000, overriding recorded times; [`DEFAULT_RATE_HZ`] where neither exists.
-    pub rate_hz: Option<f64>,
-    /// Says that the first column of a csv file without a header is time, in this unit.
-    pub time_column: Option<TimeUnit>,
-}
-
-/// The order of x, y and z counts in the columns of a two-dimensional array.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Columns {
-    /// `x1, y1, z1, x2, y2, z2, ...`
-    XyzInterleaved,
-    /// `x1, x2, ..., y1, y2, ..., z1, z2, ...`
-    XyzBlocks,
-}
-
-/// The unit of a time column.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum TimeUnit {
-    /// Seconds.
-    S,
-    /// Milliseconds.
-    Ms,
-    /// Microseconds.
-    Us,
-    /// Nanoseconds.
-    Ns,
-}
 
 /// The values of a recording, frame after frame.
 #[derive(Debug, Clone, PartialEq)]
@@ -69,53 +29,7 @@ pub struct Recording {
     rate_hz: f64,
 }
 
-/// A file's numbers before it is decided what they mean: row-major, with the file's own shape.
-pub(crate) struct Table {
-    pub(crate) at: String,
-    pub(crate) shape: Vec<usize>,
-    pub(crate) values: Vec<f64>,
-    pub(crate) times_ns: Option<Vec<u64>>,
-}
-
 impl Recording {
-    /// Reads the recording of a `.npy`, `.npz` or `.csv` file.
-    ///
-    /// # Errors
-    /// Any [`RecordError`]; a `.log` gives [`RecordError::BusTraffic`] and a `.mcap` [`RecordError::Mcap`].
-    pub fn open(path: &Path, options: &ReadOptions) -> Result<Self, RecordError> {
-        if let Some(rate_hz) = options.rate_hz
-            && !(0.001..=100_000.0).contains(&rate_hz)
-        {
-            return Err(RecordError::Rate { rate_hz });
-        }
-        let extension = path
-            .extension()
-            .and_then(|e| e.to_str())
-            .unwrap_or("")
-            .to_ascii_lowercase();
-        if options.array.is_some() && matches!(extension.as_str(), "npy" | "csv") {
-            return Err(RecordError::NoNamedArrays { path: path.into() });
-        }
-        let table = match extension.as_str() {
-            "npy" => npy::read_npy(path)?,
-            "npz" => npy::read_npz(path, options.array.as_deref())?,
-            "csv" => return csv::read(path, options),
-            "log" => return Err(RecordError::BusTraffic { path: path.into() }),
-            "mcap" => return Err(RecordError::Mcap { path: path.into() }),
-            _ => {
-                let found = match extension.as_str() {
-                    "" => "nothing".into(),
-                    other => format!(".{other}"),
-                };
-                return Err(RecordError::UnknownFormat {
-                    path: path.into(),
-                    found,
-                });
-            }
-        };
-        Self::from_table(table, options)
-    }
-
     /// Gives numbers their meaning by their shape and the options.
     pub(crate) fn from_table(table: Table, options: &ReadOptions) -> Result<Self, RecordError> {
         let Table {
@@ -123,16 +37,13 @@ impl Recording {
             shape,
             values,
             times_ns,
+            columns,
         } = table;
-        let wrong_shape = |expected| RecordError::Shape {
-            at: at.clone(),
-            shape: shape.clone(),
-            expected,
-        };
+        let wrong_shape = |expected| RecordError::shape(&at, &shape, expected);
         if shape.contains(&0) {
-            return Err(wrong_shape("at least one frame of at least one taxel"));
+            return Err(wrong_shape(SOMETHING));
         }
-        let (taxels, image, frames) = match (shape.as_slice(), options.columns) {
+        let (taxels, image, frames) = match (shape.as_slice(), columns.or(options.columns)) {
             (&[_, n], None) => (n, None, magnitudes(&at, n, values)?),
             (&[_, n], Some(columns)) if n % 3 == 0 => (
                 n / 3,
@@ -156,10 +67,14 @@ impl Recording {
                     "{} times for {len} frames; give --rate HZ to ignore them",
                     times.len()
                 );
-                return Err(RecordError::BadTimes { at, reason });
+                return Err(RecordError::unreadable(at, reason));
             }
             if let Some(i) = times.windows(2).position(|w| w[1] < w[0]) {
-                return Err(RecordError::TimeBackwards { at, frame: i + 1 });
+                let reason = format!(
+                    "the time of frame {} is before that of the frame before it",
+                    i + 1
+                );
+                return Err(RecordError::unreadable(at, reason));
             }
         }
         let rate_hz = options.rate_hz.unwrap_or(DEFAULT_RATE_HZ);
@@ -254,12 +169,11 @@ impl Recording {
 
 fn magnitudes(at: &str, taxels: usize, values: Vec<f64>) -> Result<Frames, RecordError> {
     match values.iter().position(|v| !v.is_finite()) {
-        Some(i) => Err(RecordError::NotFinite {
-            at: at.into(),
-            frame: i / taxels,
-            column: i % taxels,
-            value: values[i],
-        }),
+        Some(i) => {
+            let (frame, taxel, value) = (i / taxels, i % taxels, values[i]);
+            let reason = format!("frame {frame}, taxel {taxel} is {value}; a magnitude is a finite number");
+            Err(RecordError::unreadable(at, reason))
+        }
         None => Ok(Frames::Magnitudes(values)),
     }
 }
@@ -279,11 +193,12 @@ fn counts_of_columns(
                     Columns::XyzInterleaved => taxel * 3 + axis,
                     Columns::XyzBlocks => axis * taxels + taxel,
                 };
-                *count = count_of(row[column]).ok_or_else(|| RecordError::NotACount {
-                    at: at.into(),
-                    frame,
-                    column,
-                    value: row[column],
+                *count = count_of(row[column]).ok_or_else(|| {
+                    let value = row[column];
+                    let reason = format!(
+                        "frame {frame}, value {column} is {value}; a raw count is a whole number from 0 to 65535"
+                    );
+                    RecordError::unreadable(at, reason)
                 })?;
             }
             counts.push(xyz);
@@ -294,46 +209,6 @@ fn counts_of_columns(
 
 fn count_of(value: f64) -> Option<u16> {
     ((0.0..=65535.0).contains(&value) && value.fract() == 0.0).then_some(value as u16)
-}
-
-impl FromStr for Columns {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "xyz-interleaved" => Ok(Columns::XyzInterleaved),
-            "xyz-blocks" => Ok(Columns::XyzBlocks),
-            _ => Err(format!(
-                "{text:?} is no column order; use xyz-interleaved or xyz-blocks"
-            )),
-        }
-    }
-}
-
-impl FromStr for TimeUnit {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "s" => Ok(TimeUnit::S),
-            "ms" => Ok(TimeUnit::Ms),
-            "us" => Ok(TimeUnit::Us),
-            "ns" => Ok(TimeUnit::Ns),
-            _ => Err(format!("{text:?} is no unit of time; use s, ms, us or ns")),
-        }
-    }
-}
-
-impl TimeUnit {
-    /// Nanoseconds in one unit.
-    pub fn nanoseconds(self) -> f64 {
-        match self {
-            TimeUnit::S => 1e9,
-            TimeUnit::Ms => 1e6,
-            TimeUnit::Us => 1e3,
-            TimeUnit::Ns => 1.0,
-        }
-    }
 }
 
 #[cfg(test)]
@@ -347,6 +222,7 @@ mod tests {
             shape: shape.into(),
             values,
             times_ns: None,
+            columns: None,
         }
     }
 
@@ -355,6 +231,10 @@ mod tests {
             shape,
             (0..shape.iter().product::<usize>()).map(|v| v as f64).collect(),
         )
+    }
+
+    fn message(table: Table, options: &ReadOptions) -> String {
+        Recording::from_table(table, options).unwrap_err().to_string()
     }
 
     #[test]
@@ -410,9 +290,7 @@ mod tests {
             (vec![2, 7, 3], &blocks, "T x 3N"),
             (vec![0, 7], &none, "at least one frame"),
         ] {
-            let message = Recording::from_table(ramp(&shape), options)
-                .unwrap_err()
-                .to_string();
+            let message = message(ramp(&shape), options);
             assert!(message.contains(wanted), "{message}");
         }
     }
@@ -426,21 +304,16 @@ mod tests {
         for bad in [-1.0, 65536.0, 0.5, f64::NAN] {
             let mut values = vec![0.0; 12];
             values[8] = bad;
-            match Recording::from_table(table(&[2, 6], values), &blocks) {
-                Err(RecordError::NotACount {
-                    frame: 1, column: 2, ..
-                }) => {}
-                other => panic!("{bad}: {other:?}"),
-            }
+            let message = message(table(&[2, 6], values), &blocks);
+            assert!(
+                message.contains(&format!("frame 1, value 2 is {bad};")),
+                "{message}"
+            );
         }
         let mut values = vec![0.0; 12];
         values[7] = f64::INFINITY;
-        match Recording::from_table(table(&[2, 6], values), &ReadOptions::default()) {
-            Err(RecordError::NotFinite {
-                frame: 1, column: 1, ..
-            }) => {}
-            other => panic!("{other:?}"),
-        }
+        let message = message(table(&[2, 6], values), &ReadOptions::default());
+        assert!(message.contains("frame 1, taxel 1 is inf;"), "{message}");
     }
 
     #[test]
@@ -468,9 +341,7 @@ mod tests {
         for (times, wanted) in [(vec![5, 4, 9], "frame 1"), (vec![1, 2], "2 times for 3 frames")] {
             let mut timed = ramp(&[3, 2]);
             timed.times_ns = Some(times);
-            let message = Recording::from_table(timed, &ReadOptions::default())
-                .unwrap_err()
-                .to_string();
+            let message = message(timed, &ReadOptions::default());
             assert!(message.contains(wanted), "{message}");
         }
     }

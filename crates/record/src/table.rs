@@ -1,0 +1,91 @@
+//! A file's numbers before it is decided what they mean, and what a caller says of them.
+
+use std::str::FromStr;
+
+/// The rate assumed where a file records no times and none is given, hertz: the uSkin recordings' own.
+pub const DEFAULT_RATE_HZ: f64 = 30.0;
+
+/// What a file's columns mean, and when its frames were taken, where the file does not say.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ReadOptions {
+    /// The array of an npz to read; needed when it holds several.
+    pub array: Option<String>,
+    /// Says that the columns of a two-dimensional array are raw counts, and in which order.
+    pub columns: Option<Columns>,
+    /// Frames per second, 0.001 to 100,000, overriding recorded times; [`DEFAULT_RATE_HZ`] where neither exists.
+    pub rate_hz: Option<f64>,
+    /// Says that the first column of a csv file without a header is time, in this unit.
+    pub time_column: Option<TimeUnit>,
+}
+
+/// The order of x, y and z counts in the columns of a two-dimensional array.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Columns {
+    /// `x1, y1, z1, x2, y2, z2, ...`
+    XyzInterleaved,
+    /// `x1, x2, ..., y1, y2, ..., z1, z2, ...`
+    XyzBlocks,
+}
+
+/// The unit of a time column.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TimeUnit {
+    /// Seconds.
+    S,
+    /// Milliseconds.
+    Ms,
+    /// Microseconds.
+    Us,
+    /// Nanoseconds.
+    Ns,
+}
+
+/// A file's numbers before it is decided what they mean: row-major, with the file's own shape.
+pub(crate) struct Table {
+    pub(crate) at: String,
+    pub(crate) shape: Vec<usize>,
+    pub(crate) values: Vec<f64>,
+    pub(crate) times_ns: Option<Vec<u64>>,
+    /// What the file itself says of its columns.
+    pub(crate) columns: Option<Columns>,
+}
+
+impl FromStr for Columns {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "xyz-interleaved" => Ok(Columns::XyzInterleaved),
+            "xyz-blocks" => Ok(Columns::XyzBlocks),
+            _ => Err(format!(
+                "{text:?} is no column order; use xyz-interleaved or xyz-blocks"
+            )),
+        }
+    }
+}
+
+impl FromStr for TimeUnit {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "s" => Ok(TimeUnit::S),
+            "ms" => Ok(TimeUnit::Ms),
+            "us" => Ok(TimeUnit::Us),
+            "ns" => Ok(TimeUnit::Ns),
+            _ => Err(format!("{text:?} is no unit of time; use s, ms, us or ns")),
+        }
+    }
+}
+
+impl TimeUnit {
+    /// Nanoseconds in one unit.
+    pub fn nanoseconds(self) -> f64 {
+        match self {
+            TimeUnit::S => 1e9,
+            TimeUnit::Ms => 1e6,
+            TimeUnit::Us => 1e3,
+            TimeUnit::Ns => 1.0,
+        }
+    }
+}
