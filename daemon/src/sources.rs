@@ -51,13 +51,8 @@ type OpenError = Box<dyn std::error::Error + Send + Sync>;
 
 #[cfg(feature = "sim")]
 fn open_scene(scene: &str, config: &Config, bus: u8, start_ns: u64) -> Result<Box<dyn CanSource>, OpenError> {
-    use taxel_sim::{Scene, SimOptions, SimSource};
-    let options = SimOptions {
-        start_ns,
-        ..SimOptions::default()
-    };
-    let scene = Scene::resolve(scene)?;
-    Ok(Box::new(SimSource::new(&scene, &config.layout, bus, options)?))
+    let source = taxel_sim::SimSource::open(scene, Some(&config.layout), bus, start_ns)?;
+    Ok(Box::new(source))
 }
 
 #[cfg(not(feature = "sim"))]

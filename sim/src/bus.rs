@@ -1,6 +1,5 @@
 //! One simulated CAN bus: arbitration, bit timing, and what goes wrong between the bus and the host.
 
-use crate::bit_timing::{BIT_NS, frame_bits};
 use crate::board::{Board, plans};
 use crate::clock::{SceneClock, Span};
 use crate::fault::{BoardFault, BusFault, Fault, FaultKind};
@@ -12,6 +11,8 @@ use std::sync::Arc;
 use taxel_can::{CanFrame, Received};
 use taxel_skin::Layout;
 
+/// Nanoseconds per bit at 1 Mbit/s, the rate of every uSkin bus (protocols.md 1.2).
+const BIT_NS: u64 = 1000;
 /// Frames the host's controller keeps until they win the bus; SocketCAN's usual `txqueuelen`.
 const HOST_QUEUE: usize = 10;
 /// A frame held back to be overtaken is let go after this time if none comes.
@@ -258,7 +259,7 @@ impl Bus {
             self.in_flight = Some(Flight {
                 sender,
                 frame,
-                end_ns: t_ns + u64::from(frame_bits(&frame)) * BIT_NS,
+                end_ns: t_ns + u64::from(frame.bits()) * BIT_NS,
             });
         }
     }

@@ -19,7 +19,6 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-mod bit_timing;
 mod board;
 mod bus;
 mod clock;

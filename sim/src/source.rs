@@ -91,6 +91,24 @@ impl SimSource {
         })
     }
 
+    /// Opens what `sim:SCENE` names: bus `bus` of the scene on this layout, or on the scene's own, begun at `start_ns` of the
+    /// caller's time, and else as [`SimOptions::default`] says.
+    pub fn open(scene: &str, layout: Option<&Layout>, bus: u8, start_ns: u64) -> Result<Self, SceneError> {
+        let scene = Scene::resolve(scene)?;
+        let options = SimOptions {
+            start_ns,
+            ..SimOptions::default()
+        };
+        if let Some(layout) = layout {
+            return Self::new(&scene, layout, bus, options);
+        }
+        let own = Layout::resolve(scene.layout()).map_err(|problem| SceneError::Layout {
+            layout: scene.layout().into(),
+            problem: problem.to_string(),
+        })?;
+        Self::new(&scene, &own, bus, options)
+    }
+
     /// The next frame with the time at which the adapter hands it over.
     fn next_frame(&mut self, now_ns: u64) -> Option<Received> {
         if self.pending.is_none() {

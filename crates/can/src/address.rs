@@ -59,44 +59,12 @@ pub struct AddressError {
     /// The text given.
     pub text: String,
     /// What is wrong with it.
-    pub problem: AddressProblem,
+    pub problem: String,
 }
 
-/// What is wrong with the text of a source address.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum AddressProblem {
-    /// No known scheme before the first colon.
-    #[error("it starts with none of can:, udp:, log:, sim:")]
-    UnknownScheme,
-    /// Nothing follows the scheme.
-    #[error("{0} is missing")]
-    Missing(&'static str),
-    /// Not a name the kernel allows for a network interface.
-    #[error("`{0}` is no interface name (1 to 15 bytes without blanks, `/` or `:`)")]
-    BadInterface(String),
-    /// Not an IP address.
-    #[error("`{0}` is no IP address; an IPv6 address goes in brackets, such as [ff15::1]")]
-    BadGroup(String),
-    /// An address that is not multicast.
-    #[error("{0} is not a multicast group (224.0.0.0 to 239.255.255.255, or ff00::/8)")]
-    NotMulticast(IpAddr),
-    /// Not a port number.
-    #[error("`{0}` is no UDP port (1 to 65535)")]
-    BadPort(String),
-    /// Not a hop limit.
-    #[error("`{0}` is no hop limit (0 to 255)")]
-    BadHopLimit(String),
-    /// An option this scheme does not have.
-    #[error("`{option}` is no option of {scheme}: (it has {known})")]
-    UnknownOption {
-        /// The option as written.
-        option: String,
-        /// The scheme, without its colon.
-        scheme: &'static str,
-        /// The options there are.
-        known: &'static str,
-    },
-}
+const UNKNOWN_SCHEME: &str = "it starts with none of can:, udp:, log:, sim:";
+/// What the name of an interface is.
+pub(crate) const INTERFACE_NAME: &str = "1 to 15 bytes without blanks, `/` or `:`";
 
 /// Whether the kernel would take `name` as a network interface's name.
 pub(crate) fn is_interface_name(name: &str) -> bool {
@@ -119,11 +87,11 @@ impl FromStr for SourceAddress {
     }
 }
 
-fn parse(text: &str) -> Result<SourceAddress, AddressProblem> {
-    let (scheme, rest) = text.split_once(':').ok_or(AddressProblem::UnknownScheme)?;
+fn parse(text: &str) -> Result<SourceAddress, String> {
+    let (scheme, rest) = text.split_once(':').ok_or(UNKNOWN_SCHEME)?;
     match scheme {
         "can" => match rest {
-            "" => Err(AddressProblem::Missing("the interface")),
+            "" => Err("the interface is missing".into()),
             name => Ok(SourceAddress::Can {
                 interface: interface(name)?,
             }),
@@ -131,24 +99,24 @@ fn parse(text: &str) -> Result<SourceAddress, AddressProblem> {
         "udp" => parse_udp(rest),
         "log" => parse_log(rest),
         "sim" => match rest {
-            "" => Err(AddressProblem::Missing("the scene")),
+            "" => Err("the scene is missing".into()),
             scene => Ok(SourceAddress::Sim {
                 scene: scene.to_owned(),
             }),
         },
-        _ => Err(AddressProblem::UnknownScheme),
+        _ => Err(UNKNOWN_SCHEME.into()),
     }
 }
 
-fn interface(name: &str) -> Result<String, AddressProblem> {
+fn interface(name: &str) -> Result<String, String> {
     if is_interface_name(name) {
         Ok(name.to_owned())
     } else {
-        Err(AddressProblem::BadInterface(name.to_owned()))
+        Err(format!("`{name}` is no interface name ({INTERFACE_NAME})"))
     }
 }
 
-fn parse_udp(rest: &str) -> Result<SourceAddress, AddressProblem> {
+fn parse_udp(rest: &str) -> Result<SourceAddress, String> {
     let (place, options) = match rest.split_once('?') {
         Some((place, options)) => (place, options),
         None => (rest, ""),
@@ -160,14 +128,14 @@ fn parse_udp(rest: &str) -> Result<SourceAddress, AddressProblem> {
         match option.split_once('=') {
             Some(("interface", name)) => interface_name = Some(interface(name)?),
             Some(("hops", n)) => {
-                hop_limit = n.parse().map_err(|_| AddressProblem::BadHopLimit(n.to_owned()))?;
+                hop_limit = n
+                    .parse()
+                    .map_err(|_| format!("`{n}` is no hop limit (0 to 255)"))?;
             }
             _ => {
-                return Err(AddressProblem::UnknownOption {
-                    option: option.to_owned(),
-                    scheme: "udp",
-                    known: "interface=NAME and hops=N",
-                });
+                return Err(format!(
+                    "`{option}` is no option of udp: (it has interface=NAME and hops=N)"
+                ));
             }
         }
     }
@@ -179,21 +147,17 @@ fn parse_udp(rest: &str) -> Result<SourceAddress, AddressProblem> {
     })
 }
 
-fn parse_group_and_port(place: &str) -> Result<(IpAddr, u16), AddressProblem> {
+fn parse_group_and_port(place: &str) -> Result<(IpAddr, u16), String> {
+    let no_group = |text: &str| {
+        format!("`{text}` is no IP address; an IPv6 address goes in brackets, such as [ff15::1]")
+    };
+    let no_port = |text: &str| format!("`{text}` is no UDP port (1 to 65535)");
     let (group, port) = if let Some(bracketed) = place.strip_prefix('[') {
-        let (inside, after) = bracketed
-            .split_once(']')
-            .ok_or_else(|| AddressProblem::BadGroup(place.to_owned()))?;
-        let group = inside
-            .parse::<Ipv6Addr>()
-            .map_err(|_| AddressProblem::BadGroup(inside.to_owned()))?;
+        let (inside, after) = bracketed.split_once(']').ok_or_else(|| no_group(place))?;
+        let group = inside.parse::<Ipv6Addr>().map_err(|_| no_group(inside))?;
         let port = match after {
             "" => None,
-            _ => Some(
-                after
-                    .strip_prefix(':')
-                    .ok_or_else(|| AddressProblem::BadPort(after.to_owned()))?,
-            ),
+            _ => Some(after.strip_prefix(':').ok_or_else(|| no_port(after))?),
         };
         (IpAddr::V6(group), port)
     } else {
@@ -203,45 +167,41 @@ fn parse_group_and_port(place: &str) -> Result<(IpAddr, u16), AddressProblem> {
         };
         let group = match group {
             "" => DEFAULT_UDP_GROUP,
-            _ => group
-                .parse::<Ipv4Addr>()
-                .map_err(|_| AddressProblem::BadGroup(place.to_owned()))?,
+            _ => group.parse::<Ipv4Addr>().map_err(|_| no_group(place))?,
         };
         (IpAddr::V4(group), port)
     };
     if !group.is_multicast() {
-        return Err(AddressProblem::NotMulticast(group));
+        return Err(format!(
+            "{group} is not a multicast group (224.0.0.0 to 239.255.255.255, or ff00::/8)"
+        ));
     }
     let port = match port {
         None => DEFAULT_UDP_PORT,
         Some(text) => match text.parse() {
             Ok(port) if port != 0 => port,
-            _ => return Err(AddressProblem::BadPort(text.to_owned())),
+            _ => return Err(no_port(text)),
         },
     };
     Ok((group, port))
 }
 
 /// A `?` belongs to the options only if a `=` follows it, so that a file may have a `?` in its name.
-fn parse_log(rest: &str) -> Result<SourceAddress, AddressProblem> {
+fn parse_log(rest: &str) -> Result<SourceAddress, String> {
     let (file, option) = match rest.rsplit_once('?') {
         Some((file, option)) if option.contains('=') => (file, Some(option)),
         _ => (rest, None),
     };
     if file.is_empty() {
-        return Err(AddressProblem::Missing("the file"));
+        return Err("the file is missing".into());
     }
     let interface = match option {
         None => None,
         Some(option) => match option.split_once('=') {
-            Some(("interface", "")) => return Err(AddressProblem::Missing("the interface's name")),
+            Some(("interface", "")) => return Err("the interface's name is missing".into()),
             Some(("interface", name)) => Some(name.to_owned()),
             _ => {
-                return Err(AddressProblem::UnknownOption {
-                    option: option.to_owned(),
-                    scheme: "log",
-                    known: "interface=NAME",
-                });
+                return Err(format!("`{option}` is no option of log: (it has interface=NAME)"));
             }
         },
     };

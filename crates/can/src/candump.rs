@@ -86,13 +86,6 @@ pub enum LineProblem {
     LineTooLong,
 }
 
-impl LineProblem {
-    /// Whether the line holds a frame of a kind that is recognised but not handled, rather than nonsense.
-    pub fn is_unsupported_frame(&self) -> bool {
-        matches!(self, LineProblem::CanFd | LineProblem::CanXl)
-    }
-}
-
 impl fmt::Display for LineProblem {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

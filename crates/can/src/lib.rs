@@ -5,6 +5,7 @@
 //! its [`SourceAddress`].
 
 mod address;
+mod bit_length;
 mod candump;
 mod clock;
 mod drops;
@@ -15,15 +16,14 @@ mod kernel;
 mod log;
 mod log_clock;
 mod memory;
+mod merge;
 mod open;
 mod python_can;
 mod socketcan;
 mod source;
 mod udp;
 
-pub use address::{
-    AddressError, AddressProblem, DEFAULT_UDP_GROUP, DEFAULT_UDP_HOP_LIMIT, DEFAULT_UDP_PORT, SourceAddress,
-};
+pub use address::{AddressError, DEFAULT_UDP_GROUP, DEFAULT_UDP_HOP_LIMIT, DEFAULT_UDP_PORT, SourceAddress};
 pub use candump::{Direction, LineProblem, LogError, LogFrame, LogReader, LogWriter};
 pub use clock::{StampConverter, monotonic_ns};
 pub use filter::IdFilter;
@@ -31,6 +31,7 @@ pub use frame::{CanFrame, ERROR_FLAG, EXTENDED_FLAG, FrameError, REMOTE_FLAG};
 pub use log::{LogSource, Playback};
 pub use log_clock::LogClock;
 pub use memory::{MemoryBus, MemorySource, memory_bus};
+pub use merge::FrameMerge;
 pub use open::{OpenError, SourceOptions, open};
 pub use python_can::{Undecodable, decode as decode_python_can};
 pub use socketcan::{SocketCan, SocketCanOptions};

@@ -56,14 +56,16 @@ impl LogSource {
     /// Fails if the file cannot be read, if nothing in it is a CAN frame, or if the speed is not a positive number.
     pub fn open(path: &Path, interface: Option<&str>, playback: Playback) -> Result<Self, OpenError> {
         if !(playback.speed.is_finite() && playback.speed > 0.0) {
-            return Err(OpenError::BadSpeed {
-                speed: playback.speed,
-            });
+            return Err(OpenError::Refused(format!(
+                "a playback speed of {} is not a positive number",
+                playback.speed
+            )));
         }
-        let file = File::open(path).map_err(|source| OpenError::Log {
-            path: path.to_owned(),
+        let unreadable = |source| OpenError::Io {
+            what: format!("read {}", path.display()),
             source,
-        })?;
+        };
+        let file = File::open(path).map_err(unreadable)?;
         let mut source = Self {
             reader: LogReader::new(BufReader::with_capacity(64 * 1024, file)),
             interface: interface.map(Arc::from),
@@ -78,23 +80,20 @@ impl LogSource {
         let first = loop {
             match source.reader.next() {
                 Some(Ok(frame)) => break frame,
-                Some(Err(LogError::Io { source, .. })) => {
-                    return Err(OpenError::Log {
-                        path: path.to_owned(),
-                        source,
-                    });
-                }
+                Some(Err(LogError::Io { source, .. })) => return Err(unreadable(source)),
                 Some(Err(problem)) => {
                     source.counters.undecodable += 1;
                     first_problem.get_or_insert(problem);
                 }
                 None => {
-                    return Err(OpenError::EmptyLog {
-                        path: path.to_owned(),
-                        lines: source.reader.line_number(),
-                        problem: first_problem
-                            .map_or_else(|| "it holds no line with text".to_owned(), |p| p.to_string()),
-                    });
+                    let problem = first_problem
+                        .map_or_else(|| "it holds no line with text".to_owned(), |p| p.to_string());
+                    return Err(OpenError::Refused(format!(
+                        "{} holds no CAN frame in its {} lines ({problem}); a candump log has lines such as \
+                         `(1436509052.249713) can0 044#2A366C2B`, and `can_logconvert` makes one of other formats",
+                        path.display(),
+                        source.reader.line_number()
+                    )));
                 }
             }
         };

@@ -5,8 +5,6 @@ use crate::{
     UdpOptions,
 };
 use std::io;
-use std::net::IpAddr;
-use std::path::PathBuf;
 
 /// What a source needs to know beside its address.
 #[derive(Debug, Clone, PartialEq)]
@@ -41,25 +39,11 @@ pub enum OpenError {
         /// What the system said.
         source: io::Error,
     },
-    /// The interface's name is impossible.
-    #[error("`{interface}` is no interface name (1 to 15 bytes without blanks, `/` or `:`)")]
-    BadInterface {
-        /// The name given.
-        interface: String,
-    },
     /// There is an interface of that name, but it is no CAN interface.
     #[error("`{interface}` is not a CAN interface; `ip -details link show type can` lists those there are")]
     NotCan {
         /// Its name.
         interface: String,
-    },
-    /// More filters than the kernel takes.
-    #[error("{filters} CAN filters are more than the {most} the kernel takes; use masks to join some")]
-    TooManyFilters {
-        /// The number given.
-        filters: usize,
-        /// The number the kernel takes.
-        most: usize,
     },
     /// The process cannot have the socket.
     #[error("cannot open a CAN socket for `{interface}`: {source}")]
@@ -69,50 +53,18 @@ pub enum OpenError {
         /// What the system said.
         source: io::Error,
     },
-    /// The multicast group cannot be joined.
-    #[error("cannot open udp multicast {group} port {port}: {source}")]
-    Udp {
-        /// The group.
-        group: IpAddr,
-        /// The UDP port.
-        port: u16,
+    /// The recording cannot be read, or the multicast group not be joined.
+    #[error("cannot {what}: {source}")]
+    Io {
+        /// What was tried: `read FILE` or `open udp multicast GROUP port PORT`.
+        what: String,
         /// What the system said.
         source: io::Error,
     },
-    /// The recording cannot be read.
-    #[error("cannot read {path}: {source}", path = path.display())]
-    Log {
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: io::Error,
-    },
-    /// The recording holds no classic CAN frame at all.
-    #[error(
-        "{path} holds no CAN frame in its {lines} lines ({problem}); a candump log has lines such as \
-         `(1436509052.249713) can0 044#2A366C2B`, and `can_logconvert` makes one of other formats",
-        path = path.display()
-    )]
-    EmptyLog {
-        /// The file.
-        path: PathBuf,
-        /// How many lines it has.
-        lines: u64,
-        /// What is wrong with the first of them.
-        problem: String,
-    },
-    /// The speed of a playback is not a positive number.
-    #[error("a playback speed of {speed} is not a positive number")]
-    BadSpeed {
-        /// The speed given.
-        speed: f64,
-    },
-    /// A simulated scene, which only the simulator can play.
-    #[error("sim:{scene} is not a bus: simulated scenes are opened by the simulator")]
-    Simulated {
-        /// The scene.
-        scene: String,
-    },
+    /// What can never be opened: an impossible name, too many filters, a recording without a CAN frame, a speed that is
+    /// none, a scene.
+    #[error("{0}")]
+    Refused(String),
 }
 
 /// Opens what an address names. A `sim:` address is refused: scenes are the simulator's.
@@ -139,9 +91,8 @@ pub fn open(address: &SourceAddress, options: &SourceOptions) -> Result<Box<dyn 
                 hop_limit: *hop_limit,
                 receive_buffer: options.receive_buffer,
             };
-            let source = UdpMulticast::with_options(&udp_options).map_err(|source| OpenError::Udp {
-                group: *group,
-                port: *port,
+            let source = UdpMulticast::with_options(&udp_options).map_err(|source| OpenError::Io {
+                what: format!("open udp multicast {group} port {port}"),
                 source,
             })?;
             Ok(Box::new(source))
@@ -151,6 +102,8 @@ pub fn open(address: &SourceAddress, options: &SourceOptions) -> Result<Box<dyn 
             interface.as_deref(),
             options.playback,
         )?)),
-        SourceAddress::Sim { scene } => Err(OpenError::Simulated { scene: scene.clone() }),
+        SourceAddress::Sim { scene } => Err(OpenError::Refused(format!(
+            "sim:{scene} is not a bus: simulated scenes are opened by the simulator"
+        ))),
     }
 }

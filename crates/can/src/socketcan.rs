@@ -1,6 +1,6 @@
 //! A SocketCAN interface as a CAN source that survives whatever happens to the interface.
 
-use crate::address::is_interface_name;
+use crate::address::{INTERFACE_NAME, is_interface_name};
 use crate::clock::{StampConverter, monotonic_ns};
 use crate::drops::DropCounter;
 use crate::kernel::{Datagram, DatagramReader, interface_state};
@@ -101,15 +101,15 @@ impl SocketCan {
     /// else than a CAN interface, there are too many filters, or the process may open no socket.
     pub fn open(interface: &str, options: SocketCanOptions) -> Result<Self, OpenError> {
         if !is_interface_name(interface) {
-            return Err(OpenError::BadInterface {
-                interface: interface.to_owned(),
-            });
+            return Err(OpenError::Refused(format!(
+                "`{interface}` is no interface name ({INTERFACE_NAME})"
+            )));
         }
         if options.filters.len() > MOST_FILTERS {
-            return Err(OpenError::TooManyFilters {
-                filters: options.filters.len(),
-                most: MOST_FILTERS,
-            });
+            return Err(OpenError::Refused(format!(
+                "{} CAN filters are more than the {MOST_FILTERS} the kernel takes; use masks to join some",
+                options.filters.len()
+            )));
         }
         let mut source = Self {
             interface: interface.to_owned(),

@@ -4,8 +4,8 @@ use std::net::IpAddr;
 use std::time::{Duration, Instant};
 use taxel_allocations::during;
 use taxel_can::{
-    CanFrame, CanSource, LogSource, OpenError, Playback, Received, SocketCan, SocketCanOptions, UdpMulticast,
-    UdpOptions, memory_bus, monotonic_ns,
+    CanFrame, CanSource, FrameMerge, LogSource, OpenError, Playback, Received, SocketCan, SocketCanOptions,
+    UdpMulticast, UdpOptions, memory_bus, monotonic_ns,
 };
 
 #[global_allocator]
@@ -137,4 +137,27 @@ fn socketcan() {
         take(&mut source, 1, &mut batch);
     });
     assert_eq!(count, 0);
+}
+
+#[test]
+fn frames_of_several_buses_are_merged_without_allocating() {
+    let mut merge = FrameMerge::new(3, 16, true);
+    let mut given = 0;
+    let count = allocations(|| {
+        for round in 0..100 {
+            for bus in 0..3 {
+                merge.fill(bus, |batch| {
+                    batch.extend((0..16).map(|n| Received {
+                        t_ns: round * 16 + n,
+                        frame: frame(bus as u32),
+                    }));
+                    bus == 1
+                });
+            }
+            while merge.pop().is_some() {
+                given += 1;
+            }
+        }
+    });
+    assert_eq!((count, given), (0, 4800));
 }

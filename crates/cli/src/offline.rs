@@ -6,7 +6,7 @@ use crate::sweep::Sweeps;
 use anyhow::{Context, bail};
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
-use taxel_can::{CanSource, LogSource, Playback, Received, SourceAddress};
+use taxel_can::{CanSource, FrameMerge, LogSource, Playback, Received, SourceAddress};
 use taxel_compress::Compressor;
 use taxel_engine::{Display, Frames, TickMode, run_recorded};
 use taxel_hand::{ForceFrame, TactileFrame, TactileImage};
@@ -286,16 +286,19 @@ pub(crate) fn pipeline(
     failure.into_inner().map_or(Ok(()), Err)
 }
 
+/// Frames read from a recorded bus at once.
+const BATCH: usize = 256;
+
 /// The frames of several recorded buses in the order of their times, as the daemon takes them.
 struct BusFrames {
     sources: Vec<LogSource>,
-    batches: Vec<Vec<Received>>,
+    merge: FrameMerge,
 }
 
 impl BusFrames {
     fn new(sources: Vec<LogSource>) -> Self {
-        let batches = sources.iter().map(|_| Vec::with_capacity(1)).collect();
-        Self { sources, batches }
+        let merge = FrameMerge::new(sources.len(), BATCH, false);
+        Self { sources, merge }
     }
 
     /// Whether every source came to its end.
@@ -325,17 +328,11 @@ impl Iterator for BusFrames {
     type Item = (u8, Received);
 
     fn next(&mut self) -> Option<Self::Item> {
-        for (source, batch) in self.sources.iter_mut().zip(&mut self.batches) {
-            if batch.is_empty() {
-                source.receive(u64::MAX, batch);
+        self.merge.pop().or_else(|| {
+            for (bus, source) in self.sources.iter_mut().enumerate() {
+                self.merge.fill(bus, |frames| source.receive(u64::MAX, frames));
             }
-        }
-        let heads = self
-            .batches
-            .iter()
-            .enumerate()
-            .filter_map(|(bus, batch)| Some((batch.first()?.t_ns, bus)));
-        let (_, bus) = heads.min()?;
-        Some((bus as u8, self.batches[bus].pop()?))
+            self.merge.pop()
+        })
     }
 }

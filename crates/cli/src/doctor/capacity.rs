@@ -4,22 +4,6 @@ use super::finding::Check;
 use taxel_can::CanFrame;
 use taxel_skin::{BoardsConfig, BoardsMode, Layout, Protocol, Wiring};
 
-/// Bits of a standard frame of eight bytes, interframe space included, without stuffing and with the most of it.
-const FRAME_BITS: [u64; 2] = [111, 135];
-
-/// Fewest and most bits that a frame takes on the wire, interframe space included.
-pub(super) fn frame_bits(frame: &CanFrame) -> [u64; 2] {
-    let data = if frame.is_remote() {
-        0
-    } else {
-        8 * u64::from(frame.dlc())
-    };
-    // Frame fields without data: start to CRC can be stuffed, 13 bits after it cannot.
-    let head = if frame.standard_id().is_some() { 34 } else { 54 };
-    let least = head + data + 13;
-    [least, least + (head + data - 1) / 4]
-}
-
 /// How often a board sends its sweep, by what is public of it; `None` where nothing is.
 fn nominal_hz(wiring: &Wiring, boards: &BoardsConfig) -> Option<f64> {
     match wiring.protocol {
@@ -54,7 +38,8 @@ pub(super) fn check(
         return None;
     }
     let frames = layout.frames_per_sweep(bus) as f64;
-    let [most, least] = FRAME_BITS.map(|bits| bitrate as f64 / bits as f64);
+    let full = CanFrame::standard(0, &[0; 8]).expect("a frame of eight bytes");
+    let [most, least] = full.bits_within().map(|bits| bitrate as f64 / f64::from(bits));
     let needed = frames * wanted_hz;
     let [low, high] = [needed / most, needed / least].map(|share| share * 100.0);
     let [slow, fast] = [least / frames, most / frames];
@@ -160,13 +145,5 @@ mod tests {
             check(&arm, 0, &triggered, 1_000_000, "b").unwrap().state,
             State::Ok
         );
-    }
-
-    #[test]
-    fn bits_of_a_frame_are_those_of_the_arithmetic() {
-        let frame = CanFrame::standard(0x710, &[0; 8]).unwrap();
-        assert_eq!(frame_bits(&frame), FRAME_BITS);
-        assert_eq!(frame_bits(&CanFrame::standard(0x201, &[]).unwrap()), [47, 55]);
-        assert_eq!(frame_bits(&CanFrame::extended(1, &[0; 8]).unwrap()), [131, 160]);
     }
 }

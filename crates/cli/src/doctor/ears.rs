@@ -4,10 +4,10 @@ use crate::interrupt::Interrupt;
 use crate::progress::Progress;
 use std::time::Duration;
 use taxel_can::{
-    CanFrame, CanSource, LinkState, Playback, Received, SourceAddress, SourceCounters, SourceOptions,
-    monotonic_ns,
+    CanFrame, CanSource, FrameMerge, LinkState, Playback, Received, SourceAddress, SourceCounters,
+    SourceOptions, monotonic_ns,
 };
-use taxel_sim::{Scene, SimOptions, SimSource};
+use taxel_sim::SimSource;
 use taxel_skin::Layout;
 
 /// Between two looks at the buses; the smallest kernel queue holds 30 ms of a full bus.
@@ -58,7 +58,9 @@ impl Ears {
                             .filter(|before| *before == address)
                             .count(),
                     };
-                    simulate(scene, layout, bus, start_ns)
+                    SimSource::open(scene, layout, bus as u8, start_ns)
+                        .map(|source| Box::new(source) as Box<dyn CanSource>)
+                        .map_err(anyhow::Error::from)
                 }
                 address => {
                     let options = SourceOptions {
@@ -139,26 +141,23 @@ impl Ears {
         let begin_ns = self.now_ns();
         let end_ns = begin_ns.saturating_add(length_ns);
         let mut shown_ns = begin_ns;
-        let mut frames: Vec<(u8, Received)> = Vec::new();
-        let mut batch = Vec::with_capacity(BATCH);
+        let mut merge = FrameMerge::new(self.sources.len(), BATCH, self.live);
         loop {
             if heed_interrupt && self.interrupt.is_set() {
                 return false;
             }
             let now_ns = self.now_ns();
-            for (bus, source) in self.sources.iter_mut().enumerate() {
-                let Some(source) = source else { continue };
-                loop {
-                    let more = source.receive(now_ns, &mut batch);
-                    frames.extend(batch.drain(..).map(|received| (bus as u8, received)));
-                    if !more {
-                        break;
-                    }
+            loop {
+                for (bus, source) in self.sources.iter_mut().enumerate() {
+                    let Some(source) = source else { continue };
+                    merge.fill(bus, |frames| source.receive(now_ns, frames));
                 }
-            }
-            frames.sort_by_key(|(bus, received)| (received.t_ns, *bus));
-            for (bus, received) in frames.drain(..) {
-                listener.hear(bus, &received);
+                while let Some((bus, received)) = merge.pop() {
+                    listener.hear(bus, &received);
+                }
+                if !merge.has_more() {
+                    break;
+                }
             }
             progress.advance((now_ns - shown_ns) / 1_000_000);
             shown_ns += (now_ns - shown_ns) / 1_000_000 * 1_000_000;
@@ -188,26 +187,4 @@ impl Ears {
             .unwrap_or(self.recorded_ns)
             .max(self.recorded_ns + TURN.as_nanos() as u64);
     }
-}
-
-fn simulate(
-    scene: &str,
-    layout: Option<&Layout>,
-    bus: usize,
-    start_ns: u64,
-) -> anyhow::Result<Box<dyn CanSource>> {
-    let scene = Scene::resolve(scene)?;
-    let own;
-    let layout = match layout {
-        Some(layout) => layout,
-        None => {
-            own = Layout::resolve(scene.layout())?;
-            &own
-        }
-    };
-    let options = SimOptions {
-        start_ns,
-        ..SimOptions::default()
-    };
-    Ok(Box::new(SimSource::new(&scene, layout, bus as u8, options)?))
 }

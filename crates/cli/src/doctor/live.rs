@@ -1,7 +1,6 @@
 //! Listening to the hand: asks the boards who they are, starts them, hears them, stops them, and speaks on no bus where
 //! somebody else does.
 
-use super::capacity::frame_bits;
 use super::ears::{Ears, Listener};
 use super::hand::{BusFacts, HandFacts, Unclaimed};
 use taxel_can::{CanFrame, LinkState, Received};
@@ -190,7 +189,7 @@ impl Listener for Hearing {
         let facts = &mut self.buses[index];
         if !frame.is_error() {
             facts.frames += 1;
-            let [least, most] = frame_bits(frame);
+            let [least, most] = frame.bits_within().map(u64::from);
             facts.bits = [facts.bits[0] + least, facts.bits[1] + most];
         }
         match self.engine.last_frame() {

@@ -3,11 +3,6 @@
 use crate::protocol::cyskin::{LARGEST_ADDRESS, begins_packet, begins_with_values};
 use taxel_can::CanFrame;
 
-/// Bits of a frame beside its data, the pause after it included, without stuff bits (ISO 11898-1).
-const STANDARD_BITS: u32 = 47;
-const EXTENDED_BITS: u32 = 67;
-/// Of these, the last ones, which are never stuffed.
-const UNSTUFFED_BITS: u32 = 13;
 /// Different extended ids that are told apart within one window; further ones are only counted to the whole.
 const EXTENDED_IDS: usize = 16;
 /// Addresses of hubs that are not the hand's, told apart within one window; further ones are not seen.
@@ -23,10 +18,10 @@ pub(crate) struct OfId {
 }
 
 impl OfId {
-    fn add(&mut self, bits: u32) {
+    fn add(&mut self, [bits, most_bits]: [u32; 2]) {
         self.frames += 1;
         self.bits += bits;
-        self.most_bits += bits + (bits - UNSTUFFED_BITS - 1) / 4;
+        self.most_bits += most_bits;
     }
 }
 
@@ -79,10 +74,9 @@ impl Tally {
         if frame.is_error() {
             return;
         }
-        let data_bits = 8 * frame.data().len() as u32;
+        let bits = frame.bits_within();
+        self.all.add(bits);
         if frame.is_extended() {
-            let bits = EXTENDED_BITS + data_bits;
-            self.all.add(bits);
             let id = frame.id();
             let address = id & (LARGEST_ADDRESS | 1);
             let hub = match self.hubs.binary_search_by_key(&address, |hub| hub.address) {
@@ -106,8 +100,6 @@ impl Tally {
                 of.add(bits);
             }
         } else {
-            let bits = STANDARD_BITS + data_bits;
-            self.all.add(bits);
             self.ids[frame.id() as usize & 0x7FF].add(bits);
         }
     }

@@ -1,0 +1,187 @@
+//! Frames of several buses in the order of their times.
+
+use crate::Received;
+
+/// Gives the frames of several buses one after the other: in the order of their stamps, and of their buses where these are
+/// equal.
+///
+/// Frames are taken from each bus in batches. What one bus has told beyond what all the others have waits, so that the
+/// order is the same however few frames a bus hands over at once. Memory is taken only when this is made.
+#[derive(Debug)]
+pub struct FrameMerge {
+    batches: Vec<Batch>,
+    live: bool,
+    /// Stamp and bus up to which all buses have told everything.
+    horizon: (u64, usize),
+}
+
+/// Frames taken from one bus and not yet given.
+#[derive(Debug)]
+struct Batch {
+    frames: Vec<Received>,
+    next: usize,
+    newest_ns: Option<u64>,
+    /// Whether the bus has more frames than were taken.
+    more: bool,
+}
+
+impl Batch {
+    fn is_given(&self) -> bool {
+        self.next == self.frames.len()
+    }
+}
+
+impl FrameMerge {
+    /// For this many buses, of each of which at most `batch` frames are taken at once. `live` says that a bus which has
+    /// more, but no frame among what was taken, must not hold up the others.
+    pub fn new(buses: usize, batch: usize, live: bool) -> Self {
+        let batches = (0..buses).map(|_| Batch {
+            frames: Vec::with_capacity(batch),
+            next: 0,
+            newest_ns: None,
+            more: false,
+        });
+        Self {
+            batches: batches.collect(),
+            live,
+            horizon: (u64::MAX, usize::MAX),
+        }
+    }
+
+    /// Takes the next frames of a bus, once all of those taken before were given; until then it does nothing.
+    ///
+    /// `receive` puts them into an empty batch, without more capacity than it has, and says whether the bus has more, as
+    /// [`CanSource::receive`](crate::CanSource::receive) does.
+    ///
+    /// # Panics
+    /// When there is no such bus.
+    pub fn fill(&mut self, bus: usize, receive: impl FnOnce(&mut Vec<Received>) -> bool) {
+        let batch = &mut self.batches[bus];
+        if !batch.is_given() {
+            return;
+        }
+        batch.frames.clear();
+        batch.next = 0;
+        batch.more = receive(&mut batch.frames);
+        batch.newest_ns = batch.frames.iter().map(|r| r.t_ns).max();
+        let told = |batch: &Batch| match batch.more {
+            true => batch.newest_ns.or((!self.live).then_some(0)),
+            false => None,
+        };
+        let horizons = (self.batches.iter().enumerate()).filter_map(|(bus, b)| Some((told(b)?, bus)));
+        self.horizon = horizons.min().unwrap_or((u64::MAX, usize::MAX));
+    }
+
+    /// The oldest frame that was not yet given, and its bus; `None` where a bus may still tell of an older one, or
+    /// where every frame was given.
+    pub fn pop(&mut self) -> Option<(u8, Received)> {
+        let (bus, batch) = (self.batches.iter_mut().enumerate())
+            .filter(|(_, b)| !b.is_given())
+            .min_by_key(|(bus, b)| (b.frames[b.next].t_ns, *bus))
+            .filter(|(bus, b)| (b.frames[b.next].t_ns, *bus) <= self.horizon)?;
+        let received = batch.frames[batch.next];
+        batch.next += 1;
+        Some((bus as u8, received))
+    }
+
+    /// Whether every frame that was taken was given.
+    pub fn is_empty(&self) -> bool {
+        self.batches.iter().all(Batch::is_given)
+    }
+
+    /// Whether a bus has more frames than were taken.
+    pub fn has_more(&self) -> bool {
+        self.batches.iter().any(|b| b.more)
+    }
+
+    /// Time up to which all buses have told everything, nanoseconds; `u64::MAX` where none has more.
+    pub fn horizon_ns(&self) -> u64 {
+        self.horizon.0
+    }
+
+    /// Stamp of the newest frame among those taken last, nanoseconds.
+    pub fn newest_ns(&self) -> Option<u64> {
+        self.batches.iter().filter_map(|b| b.newest_ns).max()
+    }
+
+    /// How many frames were taken from each bus when it was last filled.
+    pub fn taken(&self) -> impl Iterator<Item = usize> {
+        self.batches.iter().map(|b| b.frames.len())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::CanFrame;
+
+    /// The order in which frames are given when each bus hands over at most `at_once` of those that came.
+    fn order(buses: &[Vec<u64>], at_once: usize, live: bool) -> Vec<(u8, u64)> {
+        let mut left: Vec<&[u64]> = buses.iter().map(Vec::as_slice).collect();
+        let mut merge = FrameMerge::new(buses.len(), at_once, live);
+        let mut given = Vec::new();
+        for _ in 0..1000 {
+            for (bus, left) in left.iter_mut().enumerate() {
+                merge.fill(bus, |frames| {
+                    let (now, later) = left.split_at(at_once.min(left.len()));
+                    frames.extend(now.iter().map(|t_ns| Received {
+                        t_ns: *t_ns,
+                        frame: CanFrame::standard(1, &[]).unwrap(),
+                    }));
+                    *left = later;
+                    !later.is_empty()
+                });
+            }
+            while let Some((bus, received)) = merge.pop() {
+                given.push((bus, received.t_ns));
+            }
+            if merge.is_empty() && !merge.has_more() {
+                return given;
+            }
+        }
+        panic!("stuck at {given:?}");
+    }
+
+    #[test]
+    fn frames_are_given_in_the_same_order_however_few_a_bus_hands_over_at_once() {
+        let buses = [
+            (0..60).map(|n| n / 3).collect(),
+            (0..20).map(|n| n * 2).collect(),
+            vec![5, 5, 5, 19],
+        ];
+        let together = order(&buses, 1000, true);
+        assert!(together.is_sorted_by_key(|(bus, t_ns)| (*t_ns, *bus)));
+        for at_once in [1, 2, 7, 30] {
+            for live in [true, false] {
+                assert_eq!(order(&buses, at_once, live), together, "{at_once} at once");
+            }
+        }
+    }
+
+    #[test]
+    fn stamps_that_go_back_hold_up_nobody() {
+        let buses = [vec![10, 30, 20, 5, 40], vec![15, 25, 1, 50]];
+        for at_once in [1, 2, 3] {
+            assert_eq!(order(&buses, at_once, true).len(), 9);
+        }
+    }
+
+    #[test]
+    fn a_bus_with_more_and_no_frame_holds_up_the_others_only_where_it_is_not_live() {
+        for live in [true, false] {
+            let mut merge = FrameMerge::new(2, 1, live);
+            let received = Received {
+                t_ns: 7,
+                frame: CanFrame::standard(1, &[]).unwrap(),
+            };
+            merge.fill(0, |frames| {
+                frames.push(received);
+                false
+            });
+            merge.fill(1, |_| true);
+            assert_eq!(merge.pop(), live.then_some((0, received)));
+            assert_eq!((merge.has_more(), merge.newest_ns()), (true, Some(7)));
+            assert_eq!(merge.taken().collect::<Vec<_>>(), [1, 0]);
+        }
+    }
+}
