@@ -13,7 +13,7 @@ use std::os::fd::{AsFd, BorrowedFd};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, mpsc};
 use std::time::Duration;
-use taxel_can::{BusState, CanSource, LinkState, Received, monotonic_ns};
+use taxel_can::{BusState, CanSource, FrameMerge, LinkState, monotonic_ns};
 use taxel_engine::{Engine, Frames};
 use taxel_joints::JointReader;
 use taxel_serve::OutputSlots;
@@ -99,49 +99,19 @@ pub(crate) fn timer() -> nix::Result<TimerFd> {
     )
 }
 
-/// Frames taken from one bus and not yet given to the pipeline.
-struct Batch {
-    frames: Vec<Received>,
-    next: usize,
-    /// Whether the bus has more frames than were taken.
-    more: bool,
-}
-
-impl Batch {
-    fn is_given(&self) -> bool {
-        self.next == self.frames.len()
-    }
-
-    /// Stamp up to which this bus has told everything, if it has told only a part. `live` says that a bus whose frames all
-    /// came to nothing must not hold up the others.
-    fn horizon_ns(&self, live: bool) -> Option<u64> {
-        let newest_ns = self.frames.iter().map(|r| r.t_ns).max();
-        match self.more {
-            true => newest_ns.or((!live).then_some(0)),
-            false => None,
-        }
-    }
-}
-
 impl TickThread {
     /// Runs until asked to stop, or until every recording has ended. Boards that were started are stopped.
     pub(crate) fn run(mut self) {
         // The kernel may otherwise round every wake-up up by 50 microseconds.
         let _ = nix::sys::prctl::set_timerslack(1);
-        let mut batches: Vec<Batch> = (self.sources.iter())
-            .map(|_| Batch {
-                frames: Vec::with_capacity(BATCH),
-                next: 0,
-                more: false,
-            })
-            .collect();
+        let mut merge = FrameMerge::new(self.sources.len(), BATCH, self.clock.live);
         let mut overruns = 0;
         let mut quiet_until_ns = 0;
         let mut snapshot_due_ns = 0;
 
         while !self.shared.stop.load(Ordering::Relaxed) {
             self.shared.heartbeat.fetch_add(1, Ordering::Relaxed);
-            if batches.iter().all(Batch::is_given) {
+            if merge.is_empty() {
                 self.wait(quiet_until_ns);
             }
             self.handle_commands();
@@ -149,28 +119,17 @@ impl TickThread {
             let now_ns = self.clock.now_ns();
             let mut drained = false;
             if now_ns >= quiet_until_ns || self.engine.output_due_ns().is_some_and(|due| due <= now_ns) {
-                for (source, batch) in self.sources.iter_mut().zip(&mut batches) {
-                    if batch.is_given() {
-                        batch.frames.clear();
-                        batch.next = 0;
-                        batch.more = source.receive(now_ns, &mut batch.frames);
-                    }
+                for (bus, source) in self.sources.iter_mut().enumerate() {
+                    merge.fill(bus, |batch| source.receive(now_ns, batch));
                 }
                 drained = true;
             }
-            let live = self.clock.live;
-            let horizon = horizon(&batches, live);
-            let more = batches.iter().any(|b| b.more);
+            let more = merge.has_more();
             let finished = !more && self.sources.iter().all(|s| s.is_finished());
 
             if self.clock.live {
                 overruns += self.engine.skip_overdue(now_ns);
             }
-            let newest_ns = batches
-                .iter()
-                .filter_map(|b| b.frames.last())
-                .map(|r| r.t_ns)
-                .max();
             let Self {
                 engine,
                 outputs,
@@ -191,7 +150,7 @@ impl TickThread {
             };
             // What another bus has told beyond that waits: frames are given in the order of their stamps however late they
             // are taken.
-            while let Some((bus, received)) = next_in_time(&mut batches, horizon) {
+            while let Some((bus, received)) = merge.pop() {
                 engine.handle_frame(bus, &received);
                 engine.drain(&mut emit);
             }
@@ -199,16 +158,15 @@ impl TickThread {
             // bus has more than could be taken, ticks are made up to what all buses have told: one that is flooded must not
             // hold them up.
             let until_ns = match (finished, more) {
-                (true, _) => newest_ns.unwrap_or(0),
-                (false, true) => now_ns.min(horizon.0.saturating_sub(1)),
+                (true, _) => merge.newest_ns().unwrap_or(0),
+                (false, true) => now_ns.min(merge.horizon_ns().saturating_sub(1)),
                 (false, false) => now_ns,
             };
             engine.handle_time(until_ns);
             engine.drain(&mut emit);
 
             if drained {
-                let skin = batches.iter().take(self.engine.skin_buses());
-                let frames = skin.map(|b| b.frames.len()).sum();
+                let frames = merge.taken().take(self.engine.skin_buses()).sum();
                 let pause_ns = self
                     .gather
                     .pause_ns(now_ns, frames, self.engine.sweep().awaited());
@@ -365,79 +323,10 @@ fn record_times(shared: &Shared, frames: &Frames, now_ns: u64) {
     }
 }
 
-/// Stamp and bus up to which all buses have told everything.
-fn horizon(batches: &[Batch], live: bool) -> (u64, usize) {
-    (batches.iter().enumerate())
-        .filter_map(|(bus, b)| Some((b.horizon_ns(live)?, bus)))
-        .min()
-        .unwrap_or((u64::MAX, usize::MAX))
-}
-
-/// The oldest frame of all buses that was not yet taken, the first bus's first; none beyond the stamp and bus of
-/// `horizon`.
-fn next_in_time(batches: &mut [Batch], horizon: (u64, usize)) -> Option<(u8, Received)> {
-    let (bus, batch) = (batches.iter_mut().enumerate())
-        .filter(|(_, b)| !b.is_given())
-        .min_by_key(|(bus, b)| (b.frames[b.next].t_ns, *bus))
-        .filter(|(bus, b)| (b.frames[b.next].t_ns, *bus) <= horizon)?;
-    let received = batch.frames[batch.next];
-    batch.next += 1;
-    Some((bus as u8, received))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use taxel_can::CanFrame;
-
-    /// The order in which frames are given when each bus hands over at most `at_once` of those that came.
-    fn order(buses: &[Vec<u64>], at_once: usize, live: bool) -> Vec<(u8, u64)> {
-        let mut left: Vec<&[u64]> = buses.iter().map(Vec::as_slice).collect();
-        let batch = |_| Batch {
-            frames: Vec::new(),
-            next: 0,
-            more: false,
-        };
-        let mut batches: Vec<Batch> = buses.iter().map(batch).collect();
-        let mut given = Vec::new();
-        for _ in 0..1000 {
-            for (batch, left) in batches.iter_mut().zip(&mut left).filter(|(b, _)| b.is_given()) {
-                let (now, later) = left.split_at(at_once.min(left.len()));
-                batch.frames.clear();
-                batch.next = 0;
-                batch.frames.extend(now.iter().map(|t_ns| Received {
-                    t_ns: *t_ns,
-                    frame: CanFrame::standard(1, &[]).unwrap(),
-                }));
-                batch.more = !later.is_empty();
-                *left = later;
-            }
-            let horizon = horizon(&batches, live);
-            while let Some((bus, received)) = next_in_time(&mut batches, horizon) {
-                given.push((bus, received.t_ns));
-            }
-            if left.iter().all(|l| l.is_empty()) && batches.iter().all(Batch::is_given) {
-                return given;
-            }
-        }
-        panic!("stuck at {given:?}");
-    }
-
-    #[test]
-    fn frames_are_given_in_the_same_order_however_few_a_bus_hands_over_at_once() {
-        let buses = [
-            (0..60).map(|n| n / 3).collect(),
-            (0..20).map(|n| n * 2).collect(),
-            vec![5, 5, 5, 19],
-        ];
-        let together = order(&buses, 1000, true);
-        assert!(together.is_sorted_by_key(|(bus, t_ns)| (*t_ns, *bus)));
-        for at_once in [1, 2, 7, 30] {
-            for live in [true, false] {
-                assert_eq!(order(&buses, at_once, live), together, "{at_once} at once");
-            }
-        }
-    }
+    use taxel_can::{CanFrame, Received};
 
     /// A bus that always has more, and never a frame.
     #[derive(Default)]
@@ -511,13 +400,5 @@ mod tests {
         shared.stop.store(true, Ordering::Relaxed);
         thread.join().unwrap();
         assert!(made >= 5, "{made} images");
-    }
-
-    #[test]
-    fn stamps_that_go_back_hold_up_nobody() {
-        let buses = [vec![10, 30, 20, 5, 40], vec![15, 25, 1, 50]];
-        for at_once in [1, 2, 3] {
-            assert_eq!(order(&buses, at_once, true).len(), 9);
-        }
     }
 }

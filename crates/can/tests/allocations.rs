@@ -151,7 +151,7 @@ fn frames_of_several_buses_are_merged_without_allocating() {
                         t_ns: round * 16 + n,
                         frame: frame(bus as u32),
                     }));
-                    bus == 1
+                    bus == 2
                 });
             }
             while merge.pop().is_some() {
