@@ -1,10 +1,11 @@
 //! Files that hold a result: written whole or not at all, and never over what the result is made of.
 
 use anyhow::{Context, bail};
-use std::fs::{self, File, OpenOptions};
+use std::fs::{self, OpenOptions, Permissions};
 use std::io;
-use std::os::unix::fs::MetadataExt;
+use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
+use tempfile::NamedTempFile;
 
 /// Refuses outputs that would overwrite one of the inputs, or each other.
 pub(crate) fn refuse_overlap(outputs: &[&Path], inputs: &[&Path]) -> anyhow::Result<()> {
@@ -38,21 +39,24 @@ fn is_same(a: &Path, b: &Path) -> bool {
 
 /// Where a file will be: its folder without links and dots, and its name.
 fn place(path: &Path) -> Option<PathBuf> {
-    let folder = match path.parent()? {
-        folder if folder.as_os_str().is_empty() => Path::new("."),
-        folder => folder,
-    };
-    Some(folder.canonicalize().ok()?.join(path.file_name()?))
+    Some(folder(path).canonicalize().ok()?.join(path.file_name()?))
 }
 
-/// A file that has its name only once it is whole. Until then it is called `NAME.part`; what is given up is removed, and a
-/// file of that name from before stays.
+fn folder(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    }
+}
+
+/// A file that has its name only once it is whole. Until then it is called `NAME.XXXXXX.part` in the same folder; what is
+/// given up is removed, and a file of that name from before stays.
 ///
 /// What is no regular file, such as a device or a pipe, is written as it is.
 #[derive(Debug)]
 pub(crate) struct OutputFile {
     path: PathBuf,
-    part: Option<PathBuf>,
+    part: Option<NamedTempFile>,
 }
 
 impl OutputFile {
@@ -76,46 +80,40 @@ impl OutputFile {
         };
         // Behind a link is the file that is meant.
         let path = path.canonicalize().unwrap_or_else(|_| path.into());
-        let mut part = path.clone().into_os_string();
-        part.push(".part");
-        let part = PathBuf::from(part);
-        match File::create(&part) {
-            Ok(file) => {
-                let permissions = before.map(|b| file.set_permissions(b.permissions()));
-                permissions.unwrap_or(Ok(()))?;
+        let mut prefix = path.file_name().unwrap_or_default().to_owned();
+        prefix.push(".");
+        let part = tempfile::Builder::new()
+            .prefix(&prefix)
+            .suffix(".part")
+            // What the umask leaves of it, as for any file that is made.
+            .permissions(Permissions::from_mode(0o666))
+            .tempfile_in(folder(&path));
+        let part = match (part, before) {
+            (Ok(part), Some(before)) => {
+                part.as_file().set_permissions(before.permissions())?;
+                Some(part)
             }
+            (Ok(part), None) => Some(part),
             // A folder of others, and a file of one's own in it.
-            Err(_) if before.is_some() => return Ok(Self { path, part: None }),
-            Err(error) => return Err(error),
-        }
-        Ok(Self {
-            path,
-            part: Some(part),
-        })
+            (Err(_), Some(_)) => None,
+            (Err(error), None) => return Err(error),
+        };
+        Ok(Self { path, part })
     }
 
     /// Where to write.
     pub(crate) fn path(&self) -> &Path {
-        self.part.as_deref().unwrap_or(&self.path)
+        self.part.as_ref().map_or(&self.path, |part| part.path())
     }
 
     /// The file is whole: gives it its name.
     pub(crate) fn finish(&mut self) -> anyhow::Result<()> {
-        let Some(part) = &self.part else { return Ok(()) };
-        let named = File::open(part)
-            .and_then(|file| file.sync_all())
-            .and_then(|()| fs::rename(part, &self.path));
-        named.with_context(|| self.path.display().to_string())?;
-        self.part = None;
-        Ok(())
-    }
-}
-
-impl Drop for OutputFile {
-    fn drop(&mut self) {
-        if let Some(part) = &self.part {
-            let _ = fs::remove_file(part);
-        }
+        let Some(part) = self.part.take() else {
+            return Ok(());
+        };
+        let synced = part.as_file().sync_all();
+        let named = synced.and_then(|()| Ok(part.persist(&self.path).map(drop)?));
+        named.with_context(|| self.path.display().to_string())
     }
 }
 
@@ -140,6 +138,20 @@ mod tests {
         whole.finish().unwrap();
         drop(whole);
         assert_eq!((fs::read(&path).unwrap(), names()), (b"whole".to_vec(), 1));
+    }
+
+    #[test]
+    fn a_file_has_the_permissions_that_it_had_or_those_of_any_new_file() {
+        let dir = TempDir::new().unwrap();
+        let path = |name: &str| dir.path().join(name);
+        let mode = |name: &str| fs::metadata(path(name)).unwrap().permissions().mode() & 0o777;
+        fs::write(path("any"), "").unwrap();
+        fs::write(path("before"), "").unwrap();
+        fs::set_permissions(path("before"), Permissions::from_mode(0o640)).unwrap();
+        for name in ["before", "new"] {
+            OutputFile::begin(&path(name)).unwrap().finish().unwrap();
+        }
+        assert_eq!((mode("new"), mode("before")), (mode("any"), 0o640));
     }
 
     #[test]
