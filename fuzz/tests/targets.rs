@@ -146,6 +146,7 @@ fn seeds(target: &str) -> Vec<Vec<u8>> {
             b"\x00time_s,a,b\n0.0,1,2\n0.1,3,4.5e3\n".to_vec(),
             b"\x000F1B0X,0F1B0Y,0F1B0Z\n1,2,3\n".to_vec(),
             b"\x0A5,1,2,3\n6,4,5,6\n".to_vec(),
+            b"\x00\xEF\xBB\xBF# c\r\n\"t\";a\r\n0;\"1\"\r\n".to_vec(),
         ],
         "layout_file" => Layout::builtin_names()
             .filter_map(Layout::builtin_text)

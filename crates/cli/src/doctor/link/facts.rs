@@ -1,12 +1,10 @@
-//! What sysfs and `ip` say of the CAN interfaces.
+//! What sysfs and the kernel say of the CAN interfaces.
 //!
 //! Whether an interface exists, is CAN and is up, and what it has counted, is in sysfs. Bit timing, controller state and
-//! `restart-ms` are only told by netlink, which `ip -json -details` prints; without `ip` these stay unknown and the report
-//! says so.
+//! `restart-ms` are only told by netlink; where that may not be asked these stay unknown and the report says so.
 
-use serde_json::Value;
+use super::netlink::LinkDetails;
 use std::path::Path;
-use std::process::Command;
 
 /// `ARPHRD_CAN` of `linux/if_arp.h`.
 pub(super) const CAN_TYPE: u32 = 280;
@@ -17,7 +15,7 @@ pub(in crate::doctor) struct LinkFacts {
     pub(in crate::doctor) name: String,
     /// What sysfs has of it; `None` where there is no interface of that name.
     pub(in crate::doctor) sysfs: Option<SysfsLink>,
-    /// What `ip` tells of it, or why nothing.
+    /// What netlink tells of it, or why nothing.
     pub(in crate::doctor) details: Result<LinkDetails, String>,
     /// The CAN interfaces there are.
     pub(in crate::doctor) others: Vec<String>,
@@ -35,30 +33,13 @@ pub(in crate::doctor) struct SysfsLink {
     pub(in crate::doctor) rx_dropped: u64,
 }
 
-/// What `ip -json -details` knows beyond that.
-#[derive(Debug, Default, Clone, PartialEq)]
-pub(in crate::doctor) struct LinkDetails {
-    /// `can`, `vcan`, `vxcan`, `slcan`.
-    pub(in crate::doctor) kind: String,
-    /// Such as `ERROR-ACTIVE`; virtual interfaces have none.
-    pub(in crate::doctor) state: Option<String>,
-    pub(in crate::doctor) bitrate: Option<u64>,
-    pub(in crate::doctor) sample_point: Option<f64>,
-    pub(in crate::doctor) restart_ms: Option<u64>,
-    /// Error counters of the controller, transmit and receive.
-    pub(in crate::doctor) errors: Option<[u64; 2]>,
-    /// How often the controller went bus-off and was restarted.
-    pub(in crate::doctor) bus_off: u64,
-    pub(in crate::doctor) restarts: u64,
-}
-
 impl LinkFacts {
     /// Looks at an interface; `root` is `/` but in tests.
     pub(in crate::doctor) fn read(root: &Path, name: &str) -> Self {
         let net = root.join("sys/class/net");
         let sysfs = SysfsLink::read(&net.join(name));
         let details = match sysfs {
-            Some(_) => ask_ip(name),
+            Some(_) => LinkDetails::ask(name).map_err(|e| format!("{e:#}")),
             None => Err("there is no such interface".into()),
         };
         Self {
@@ -104,68 +85,9 @@ pub(in crate::doctor) fn can_interfaces(net: &Path) -> Vec<String> {
     names
 }
 
-fn ask_ip(name: &str) -> Result<LinkDetails, String> {
-    let said = Command::new("ip")
-        .args(["-json", "-details", "-statistics", "link", "show", "dev", name])
-        .output();
-    match said {
-        Err(error) => Err(format!("the command `ip` cannot be run ({error})")),
-        Ok(output) if !output.status.success() => {
-            Err(String::from_utf8_lossy(&output.stderr).trim().to_string())
-        }
-        Ok(output) => parse(&String::from_utf8_lossy(&output.stdout)),
-    }
-}
-
-/// The answer of `ip -json -details link show dev NAME`.
-pub(in crate::doctor) fn parse(text: &str) -> Result<LinkDetails, String> {
-    let bad = |why: &str| format!("`ip -json` of this machine says something unexpected ({why})");
-    let value: Value = serde_json::from_str(text).map_err(|e| bad(&e.to_string()))?;
-    let link = value
-        .as_array()
-        .and_then(|links| links.iter().find(|link| link["ifname"].is_string()))
-        .ok_or_else(|| bad("no interface in it"))?;
-    let info = &link["linkinfo"];
-    let data = &info["info_data"];
-    let timing = &data["bittiming"];
-    // The sample point is a text in some versions of iproute2 and a number in others.
-    let sample_point = &timing["sample_point"];
-    let sample_point = sample_point
-        .as_f64()
-        .or_else(|| sample_point.as_str()?.parse().ok());
-    let errors = match [&data["berr_counter"]["tx"], &data["berr_counter"]["rx"]].map(Value::as_u64) {
-        [Some(tx), Some(rx)] => Some([tx, rx]),
-        _ => None,
-    };
-    let counted = |key: &str| info["info_xstats"][key].as_u64().unwrap_or(0);
-    Ok(LinkDetails {
-        kind: info["info_kind"].as_str().unwrap_or("").to_string(),
-        state: data["state"].as_str().map(str::to_string),
-        // An adapter whose rates are a list has no bit timing.
-        bitrate: [&timing["bitrate"], &data["bittiming_bitrate"]]
-            .into_iter()
-            .find_map(Value::as_u64)
-            .filter(|rate| *rate > 0),
-        sample_point,
-        // A delay of 0 is left out where the controller is not restarted.
-        restart_ms: (info["info_kind"] == "can").then(|| data["restart_ms"].as_u64().unwrap_or(0)),
-        errors,
-        bus_off: counted("bus_off"),
-        restarts: counted("restarts"),
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn an_adapter_with_a_list_of_rates_has_a_bit_rate() {
-        let text = r#"[{"ifname":"can0","linkinfo":{"info_kind":"can","info_data":{"state":"ERROR-ACTIVE",
-            "restart_ms":100,"bittiming_bitrate":500000,"bitrate_const":[125000,500000,1000000]}}}]"#;
-        let details = parse(text).unwrap();
-        assert_eq!((details.bitrate, details.sample_point), (Some(500_000), None));
-    }
 
     #[test]
     fn sysfs_is_read_as_the_kernel_writes_it() {
