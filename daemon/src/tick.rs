@@ -120,7 +120,7 @@ impl TickThread {
             let mut drained = false;
             if now_ns >= quiet_until_ns || self.engine.output_due_ns().is_some_and(|due| due <= now_ns) {
                 for (bus, source) in self.sources.iter_mut().enumerate() {
-                    merge.fill(bus, |batch| source.receive(now_ns, batch));
+                    merge.fill(bus, now_ns, |batch| source.receive(now_ns, batch));
                 }
                 drained = true;
             }

@@ -13,6 +13,7 @@ pub struct FrameMerge {
     live: bool,
     /// Stamp and bus up to which all buses have told everything.
     horizon: (u64, usize),
+    newest_ns: Option<u64>,
 }
 
 /// Frames taken from one bus and not yet given.
@@ -23,6 +24,8 @@ struct Batch {
     newest_ns: Option<u64>,
     /// Whether the bus has more frames than were taken.
     more: bool,
+    /// When frames were taken last.
+    taken_ns: u64,
 }
 
 impl Batch {
@@ -40,33 +43,38 @@ impl FrameMerge {
             next: 0,
             newest_ns: None,
             more: false,
+            taken_ns: 0,
         });
         Self {
             batches: batches.collect(),
             live,
             horizon: (u64::MAX, usize::MAX),
+            newest_ns: None,
         }
     }
 
-    /// Takes the next frames of a bus, once all of those taken before were given; until then it does nothing.
+    /// Takes the next frames of a bus at the time `now_ns`, once all of those taken before were given; until then it does
+    /// nothing, and what the other buses tell beyond the time of its last taking waits for what it tells then.
     ///
     /// `receive` puts them into an empty batch, without more capacity than it has, and says whether the bus has more, as
     /// [`CanSource::receive`](crate::CanSource::receive) does.
     ///
     /// # Panics
     /// When there is no such bus.
-    pub fn fill(&mut self, bus: usize, receive: impl FnOnce(&mut Vec<Received>) -> bool) {
+    pub fn fill(&mut self, bus: usize, now_ns: u64, receive: impl FnOnce(&mut Vec<Received>) -> bool) {
         let batch = &mut self.batches[bus];
-        if !batch.is_given() {
-            return;
+        if batch.is_given() {
+            batch.frames.clear();
+            batch.next = 0;
+            batch.more = receive(&mut batch.frames);
+            batch.newest_ns = batch.frames.iter().map(|r| r.t_ns).max();
+            batch.taken_ns = now_ns;
+            self.newest_ns = self.newest_ns.max(batch.newest_ns);
         }
-        batch.frames.clear();
-        batch.next = 0;
-        batch.more = receive(&mut batch.frames);
-        batch.newest_ns = batch.frames.iter().map(|r| r.t_ns).max();
         let told = |batch: &Batch| match batch.more {
             true => batch.newest_ns.or((!self.live).then_some(0)),
-            false => None,
+            false if batch.is_given() || batch.taken_ns >= now_ns => None,
+            false => batch.newest_ns.max(Some(batch.taken_ns)),
         };
         let horizons = (self.batches.iter().enumerate()).filter_map(|(bus, b)| Some((told(b)?, bus)));
         self.horizon = horizons.min().unwrap_or((u64::MAX, usize::MAX));
@@ -89,9 +97,9 @@ impl FrameMerge {
         self.batches.iter().all(Batch::is_given)
     }
 
-    /// Whether a bus has more frames than were taken.
+    /// Whether a bus has, or may have by now, more frames than were taken.
     pub fn has_more(&self) -> bool {
-        self.batches.iter().any(|b| b.more)
+        self.horizon_ns() < u64::MAX || self.batches.iter().any(|b| b.more)
     }
 
     /// Time up to which all buses have told everything, nanoseconds; `u64::MAX` where none has more.
@@ -99,9 +107,9 @@ impl FrameMerge {
         self.horizon.0
     }
 
-    /// Stamp of the newest frame among those taken last, nanoseconds.
+    /// Stamp of the newest frame that was ever taken, nanoseconds.
     pub fn newest_ns(&self) -> Option<u64> {
-        self.batches.iter().filter_map(|b| b.newest_ns).max()
+        self.newest_ns
     }
 
     /// How many frames were taken from each bus when it was last filled.
@@ -115,6 +123,11 @@ mod tests {
     use super::*;
     use crate::CanFrame;
 
+    fn received(t_ns: u64) -> Received {
+        let frame = CanFrame::standard(1, &[]).unwrap();
+        Received { t_ns, frame }
+    }
+
     /// The order in which frames are given when each bus hands over at most `at_once` of those that came.
     fn order(buses: &[Vec<u64>], at_once: usize, live: bool) -> Vec<(u8, u64)> {
         let mut left: Vec<&[u64]> = buses.iter().map(Vec::as_slice).collect();
@@ -122,12 +135,9 @@ mod tests {
         let mut given = Vec::new();
         for _ in 0..1000 {
             for (bus, left) in left.iter_mut().enumerate() {
-                merge.fill(bus, |frames| {
+                merge.fill(bus, 0, |frames| {
                     let (now, later) = left.split_at(at_once.min(left.len()));
-                    frames.extend(now.iter().map(|t_ns| Received {
-                        t_ns: *t_ns,
-                        frame: CanFrame::standard(1, &[]).unwrap(),
-                    }));
+                    frames.extend(now.iter().copied().map(received));
                     *left = later;
                     !later.is_empty()
                 });
@@ -170,18 +180,40 @@ mod tests {
     fn a_bus_with_more_and_no_frame_holds_up_the_others_only_where_it_is_not_live() {
         for live in [true, false] {
             let mut merge = FrameMerge::new(2, 1, live);
-            let received = Received {
-                t_ns: 7,
-                frame: CanFrame::standard(1, &[]).unwrap(),
-            };
-            merge.fill(0, |frames| {
-                frames.push(received);
+            merge.fill(0, 9, |frames| {
+                frames.push(received(7));
                 false
             });
-            merge.fill(1, |_| true);
-            assert_eq!(merge.pop(), live.then_some((0, received)));
+            merge.fill(1, 9, |_| true);
+            assert_eq!(merge.pop(), live.then_some((0, received(7))));
             assert_eq!((merge.has_more(), merge.newest_ns()), (true, Some(7)));
             assert_eq!(merge.taken().collect::<Vec<_>>(), [1, 0]);
         }
+    }
+
+    #[test]
+    fn a_bus_whose_frames_wait_is_not_overtaken_by_what_others_tell_of_later() {
+        let mut merge = FrameMerge::new(2, 3, true);
+        let mut round = |now_ns, told: [(&[u64], bool); 2]| {
+            for (bus, (stamps, more)) in told.into_iter().enumerate() {
+                merge.fill(bus, now_ns, |frames| {
+                    frames.extend(stamps.iter().copied().map(received));
+                    more
+                });
+            }
+            let given: Vec<u64> = std::iter::from_fn(|| merge.pop()).map(|(_, r)| r.t_ns).collect();
+            (given, merge.has_more())
+        };
+        assert_eq!(
+            round(10, [(&[1, 9], false), (&[1, 2, 3], true)]),
+            (vec![1, 1, 2, 3], true)
+        );
+        // 9 still waits, so that 15, which came meanwhile, cannot be taken yet.
+        assert_eq!(
+            round(20, [(&[], false), (&[4, 5, 18], false)]),
+            (vec![4, 5, 9], true)
+        );
+        assert_eq!(round(21, [(&[15], false), (&[], false)]), (vec![15, 18], true));
+        assert_eq!(round(22, [(&[], false), (&[], false)]), (vec![], false));
     }
 }

@@ -146,7 +146,7 @@ fn frames_of_several_buses_are_merged_without_allocating() {
     let count = allocations(|| {
         for round in 0..100 {
             for bus in 0..3 {
-                merge.fill(bus, |batch| {
+                merge.fill(bus, round, |batch| {
                     batch.extend((0..16).map(|n| Received {
                         t_ns: round * 16 + n,
                         frame: frame(bus as u32),

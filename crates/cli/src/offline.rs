@@ -330,7 +330,8 @@ impl Iterator for BusFrames {
     fn next(&mut self) -> Option<Self::Item> {
         self.merge.pop().or_else(|| {
             for (bus, source) in self.sources.iter_mut().enumerate() {
-                self.merge.fill(bus, |frames| source.receive(u64::MAX, frames));
+                self.merge
+                    .fill(bus, u64::MAX, |frames| source.receive(u64::MAX, frames));
             }
             self.merge.pop()
         })

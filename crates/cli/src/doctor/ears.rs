@@ -150,7 +150,7 @@ impl Ears {
             loop {
                 for (bus, source) in self.sources.iter_mut().enumerate() {
                     let Some(source) = source else { continue };
-                    merge.fill(bus, |frames| source.receive(now_ns, frames));
+                    merge.fill(bus, now_ns, |frames| source.receive(now_ns, frames));
                 }
                 while let Some((bus, received)) = merge.pop() {
                     listener.hear(bus, &received);
