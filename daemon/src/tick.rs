@@ -125,7 +125,8 @@ impl TickThread {
                 drained = true;
             }
             let more = merge.has_more();
-            let finished = !more && self.sources.iter().all(|s| s.is_finished());
+            let ended = self.sources.iter().all(|s| s.is_finished());
+            let finished = ended && !more;
 
             if self.clock.live {
                 overruns += self.engine.skip_overdue(now_ns);
@@ -157,12 +158,15 @@ impl TickThread {
             // A recording ends with its last frame, so that it gives the same images however late its end is seen. Where a
             // bus has more than could be taken, ticks are made up to what all buses have told: one that is flooded must not
             // hold them up.
-            let until_ns = match (finished, more) {
-                (true, _) => merge.newest_ns().unwrap_or(0),
-                (false, true) => now_ns.min(merge.horizon_ns().saturating_sub(1)),
-                (false, false) => now_ns,
+            let end_ns = match ended {
+                true => merge.newest_ns().unwrap_or(0),
+                false => now_ns,
             };
-            engine.handle_time(until_ns);
+            let told_ns = match more {
+                true => merge.horizon_ns().saturating_sub(1),
+                false => u64::MAX,
+            };
+            engine.handle_time(end_ns.min(told_ns));
             engine.drain(&mut emit);
 
             if drained {
