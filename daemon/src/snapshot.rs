@@ -4,7 +4,7 @@ use hdrhistogram::Histogram;
 use taxel_can::{LinkState, SourceCounters};
 use taxel_hand::{Fault, ForceFrame};
 use taxel_joints::JointsSnapshot;
-use taxel_skin::{BoardCounters, BusCounters, BusLoad, Finding};
+use taxel_skin::{BoardStatus, BusCounters, BusLoad, Finding};
 
 /// Findings that are reported at once.
 const MOST_FINDINGS: usize = 64;
@@ -32,7 +32,7 @@ pub(crate) struct Snapshot {
     /// One entry per bus.
     pub(crate) buses: Vec<BusSnapshot>,
     /// Counters of each module's board, in the layout's order.
-    pub(crate) boards: Vec<BoardCounters>,
+    pub(crate) boards: Vec<BoardStatus>,
     /// What the traffic shows to be wrong.
     pub(crate) findings: Vec<Finding>,
     /// What the hand felt.
@@ -80,7 +80,7 @@ impl Snapshot {
             latency_ns: histogram(),
             lateness_ns: histogram(),
             buses: vec![BusSnapshot::default(); buses],
-            boards: vec![BoardCounters::default(); boards],
+            boards: vec![BoardStatus::default(); boards],
             findings: Vec::with_capacity(MOST_FINDINGS),
             force: ForceFrame {
                 calibrating: true,

@@ -17,7 +17,7 @@ use taxel_engine::TickMode;
 use taxel_hand::Fault;
 use taxel_joints::JointReader;
 use taxel_serve::{Server, ServerSeed};
-use taxel_skin::{BoardCounters, BoardState};
+use taxel_skin::{BoardState, BoardStatus};
 use taxel_wire::{Event, EventKind, MAX_MARK};
 
 /// The hand as the socket thread sees it. Lives on that thread alone.
@@ -139,7 +139,7 @@ impl State {
                 let boards = (layout.wiring.iter().zip(&snapshot.boards))
                     .filter(|(wiring, _)| usize::from(wiring.bus) == index)
                     .map(|(_, counters)| counters);
-                let sum = |count: fn(&BoardCounters) -> u64| boards.clone().map(count).sum::<u64>();
+                let sum = |count: fn(&BoardStatus) -> u64| boards.clone().map(count).sum::<u64>();
                 json!({
                     "name": name,
                     "source": source.to_string(),
@@ -257,7 +257,11 @@ impl State {
                     link => format!("{name} {link}"),
                 })
                 .collect();
-            let alive = s.boards.iter().filter(|b| b.state == BoardState::Living).count();
+            let alive = s
+                .boards
+                .iter()
+                .filter(|b| b.state == BoardState::Streaming)
+                .count();
             let lost: u64 = s.buses.iter().map(|b| b.source.lost_in_kernel).sum();
             let p99 = s.lateness_ns.value_at_quantile(0.99);
             (

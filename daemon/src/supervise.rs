@@ -197,7 +197,7 @@ fn call_roll(state: &State, now: Option<&Snapshot>) {
     let Some(now) = now else { return };
     let layout = &state.config.layout;
     let heard = (now.boards.iter())
-        .filter(|board| board.state != BoardState::Unheard)
+        .filter(|board| board.state != BoardState::NeverSeen)
         .count();
     match layout.modules.len() {
         boards if boards == heard => tracing::info!("all {boards} boards speak"),

@@ -297,9 +297,9 @@ impl TickThread {
             bus.source = *source.counters();
             bus.link = source.link();
             bus.decoder = *decoder.counters();
-            bus.load = engine.watch().load(decoder.bus());
+            bus.load = engine.bus_monitor().load(decoder.bus());
         }
-        snapshot.take_findings(engine.watch().findings());
+        snapshot.take_findings(engine.bus_monitor().findings());
         for (module, board) in snapshot.boards.iter_mut().enumerate() {
             *board = engine.board(module as u16);
         }

@@ -1,8 +1,8 @@
 //! Frames on a bus of skin.
 
 use std::sync::LazyLock;
-use taxel_can::CanFrame;
-use taxel_skin::{BoardCounters, Decoded, Decoder, Discovery, Layout, Readings, Recogniser, TrafficWatch};
+use taxel_can::{CanFrame, Received};
+use taxel_skin::{BoardStatus, BusMonitor, Decoded, Decoder, Discovery, Layout, Readings, Recogniser};
 
 /// The frames that the bytes stand for: four bytes of raw identifier, one of length, and the data.
 pub(crate) fn frames(mut data: &[u8]) -> impl Iterator<Item = CanFrame> + '_ {
@@ -15,31 +15,32 @@ pub(crate) fn frames(mut data: &[u8]) -> impl Iterator<Item = CanFrame> + '_ {
     })
 }
 
-static HANDS: LazyLock<Vec<(Layout, Decoder, TrafficWatch)>> = LazyLock::new(|| {
+static HANDS: LazyLock<Vec<(Layout, Decoder, BusMonitor)>> = LazyLock::new(|| {
     Layout::builtin_names()
         .map(|name| {
             let hand = Layout::builtin(name).expect("built in");
-            let (decoder, watch) = (Decoder::new(&hand, 0), TrafficWatch::new(&hand));
-            (hand, decoder, watch)
+            let (decoder, monitor) = (Decoder::new(&hand, 0), BusMonitor::new(&hand));
+            (hand, decoder, monitor)
         })
         .collect()
 });
 
 /// Any frames to the decoder of every built-in hand and to a discovery: each frame in one count.
 pub(crate) fn decoder_frames(data: &[u8]) {
-    for (hand, decoder, watch) in HANDS.iter() {
+    for (hand, decoder, monitor) in HANDS.iter() {
         let mut decoder = decoder.clone();
         check_decoder(hand, &mut decoder, frames(data));
-        let mut watch = watch.clone();
+        let mut monitor = monitor.clone();
         for (ms, frame) in (0..).step_by(97).zip(frames(data)) {
-            watch.advance(ms * 1_000_000);
-            watch.frame(0, &frame);
+            let t_ns = ms * 1_000_000;
+            monitor.handle_frame(0, &Received { t_ns, frame });
         }
     }
     let mut discovery = Discovery::scan(1);
     for (ms, frame) in (0..).step_by(7).zip(frames(data)) {
-        while discovery.poll(ms * 1_000_000).is_some() {}
-        discovery.hear(0, &frame, ms * 1_000_000);
+        while discovery.poll_command(ms * 1_000_000).is_some() {}
+        let t_ns = ms * 1_000_000;
+        discovery.handle_frame(0, &Received { t_ns, frame });
     }
     assert!(discovery.finish().0.boards.len() <= 16);
 }
@@ -52,7 +53,7 @@ fn check_decoder(hand: &Layout, decoder: &mut Decoder, frames: impl Iterator<Ite
         assert!(readings.iter().all(|r| usize::from(r.taxel) < hand.len()));
     }
     let bus = *decoder.counters();
-    let mut board = BoardCounters::default();
+    let mut board = BoardStatus::default();
     for module in 0..hand.modules.len() {
         decoder.add_to(module as u16, &mut board);
     }
@@ -104,7 +105,8 @@ pub(crate) fn cyskin_reassembly(data: &[u8]) {
 pub(crate) fn recognise_frames(data: &[u8]) {
     let mut recogniser = Recogniser::new(2);
     for (i, frame) in (0u64..).zip(frames(data)) {
-        recogniser.hear((i % 2) as u8, i * 700_000, &frame);
+        let t_ns = i * 700_000;
+        recogniser.handle_frame((i % 2) as u8, &Received { t_ns, frame });
     }
     if let Some(text) = recogniser.finish().layout_file("fuzz", &["a", "b"]) {
         Layout::parse(&text, "fuzz.toml").unwrap_or_else(|e| panic!("{e}\n{text}"));

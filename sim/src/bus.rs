@@ -290,7 +290,7 @@ impl Bus {
             if flight.sender == Sender::Board(i) {
                 board.sent();
             } else {
-                board.hear(&flight.frame, by_board, t_ns, &self.skin);
+                board.handle_frame(&flight.frame, by_board, t_ns, &self.skin);
             }
         }
         match flight.sender {
@@ -401,9 +401,8 @@ fn faults_of_module(scene: &Scene, layout: &Layout, m: usize) -> Result<Vec<(Spa
         if !on_module {
             continue;
         }
-        let addresses = protocol.first_address()..protocol.addresses();
         if let BoardFault::WrongId { board } = kind
-            && !addresses.contains(&board)
+            && !protocol.addresses().contains(&board)
         {
             return Err(SceneError::Invalid {
                 file: scene.file.clone(),

@@ -36,6 +36,21 @@ pub(crate) struct Span {
 }
 
 impl Span {
+    /// The stretch of a scene between two optional times, seconds.
+    pub(crate) fn of_seconds(from: Option<f64>, to: Option<f64>, length_ns: u64) -> Result<Self, String> {
+        let end = length_ns as f64 / 1e9;
+        let (from, to) = (from.unwrap_or(0.0), to.unwrap_or(end));
+        if !(from >= 0.0 && from < to && to <= end) {
+            return Err(format!(
+                "from {from} s to {to} s is not a stretch of a scene of {end} s"
+            ));
+        }
+        Ok(Self {
+            from_ns: ns_of_seconds(from),
+            to_ns: ns_of_seconds(to),
+        })
+    }
+
     pub(crate) fn contains(self, scene_ns: u64) -> bool {
         (self.from_ns..self.to_ns).contains(&scene_ns)
     }

@@ -1,7 +1,6 @@
 //! What breaks in a scene, where, and for how long.
 
 use crate::clock::{Span, ns_of_seconds};
-use crate::scene::span;
 use serde::Deserialize;
 
 /// How long a board that reboots is without power and in its start-up, seconds.
@@ -228,7 +227,7 @@ impl FaultToml {
             on: self.on.unwrap_or_default(),
             taxels: self.taxels,
             bus: self.bus,
-            span: span(self.from, to, length_ns)?,
+            span: Span::of_seconds(self.from, to, length_ns)?,
             kind,
         })
     }

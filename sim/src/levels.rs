@@ -2,26 +2,9 @@
 
 use crate::random::{bell, between, bits};
 use serde::Deserialize;
-use taxel_skin::Protocol;
 
 /// Counts per newton of a uSPa46 at high range: x, y 1 / 0.000628 N, z 1 / 0.000729 N (protocols.md 2.6).
 const COUNTS_PER_NEWTON: [f64; 3] = [1592.0, 1592.0, 1372.0];
-/// Steps of eight bits that a newton moves a pad of the iCub's by, and z of a CySkin-type sensor. No source says; these
-/// are assumptions that make a firm press (6 N) reach the end of the iCub's range.
-const ICUB_STEPS_PER_NEWTON: f64 = 40.0;
-const CAPACITANCE_PER_NEWTON: f64 = 2000.0;
-/// Idle level and noise deviation of CySkin-type sensors; assumptions, too.
-const CAPACITANCE: Axis = Axis {
-    idle: [20_000.0, 26_000.0],
-    sd: [5.0, 12.0],
-};
-/// A pad of the iCub's after calibration, away from its no-load value, steps.
-const ICUB: Axis = Axis {
-    idle: [-0.3, 0.3],
-    sd: [0.1, 0.25],
-};
-/// Counts that the decoder makes of a step of the iCub's.
-const ICUB_COUNTS_PER_STEP: f64 = 16.0;
 /// How far a taxel's sensitivity is from the nominal one, at most.
 const GAIN_SPREAD: f64 = 0.15;
 
@@ -41,14 +24,54 @@ pub(crate) enum Levels {
 }
 
 /// Lowest and highest idle level and noise deviation of one axis, counts.
-#[derive(Clone, Copy)]
-struct Axis {
-    idle: [f64; 2],
-    sd: [f64; 2],
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Axis {
+    pub(crate) idle: [f64; 2],
+    pub(crate) sd: [f64; 2],
+}
+
+/// What the taxels of one kind of board have in common.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Nature {
+    pub(crate) axes: [Axis; 3],
+    /// What a count of a contact on x, y, z is to them: 1 for uSkin, in whose counts contacts are.
+    pub(crate) scale: [f64; 3],
+    /// Counts that the decoder makes of one of theirs.
+    pub(crate) decoded: f64,
+}
+
+impl Nature {
+    /// Taxels of one axis, z, that a newton moves by this many of their counts.
+    pub(crate) fn of_one_axis(levels: Levels, z: Axis, counts_per_newton: f64, decoded: f64) -> Self {
+        const STILL: Axis = Axis {
+            idle: [0.0; 2],
+            sd: [0.0; 2],
+        };
+        let z_per_newton = levels.counts_per_newton()[2];
+        Self {
+            axes: [STILL, STILL, z],
+            scale: [0.0, 0.0, counts_per_newton / z_per_newton],
+            decoded,
+        }
+    }
+
+    /// The properties of one taxel, drawn from the seed.
+    pub(crate) fn taxel(&self, seed: u64, taxel: u16) -> Character {
+        let draw = |what: u64, from, to| between(bits(seed, STREAM, u64::from(taxel) << 8 | what), from, to);
+        let axes = &self.axes;
+        Character {
+            idle: std::array::from_fn(|a| draw(a as u64, axes[a].idle[0], axes[a].idle[1])),
+            sd: std::array::from_fn(|a| draw(3 + a as u64, axes[a].sd[0], axes[a].sd[1])),
+            gain: draw(6, 1.0 - GAIN_SPREAD, 1.0 + GAIN_SPREAD),
+            scale: self.scale,
+            decoded: self.decoded,
+        }
+    }
 }
 
 impl Levels {
-    fn axes(self) -> [Axis; 3] {
+    /// Those of a uSkin taxel.
+    pub(crate) fn axes(self) -> [Axis; 3] {
         let axis = |i0, i1, s0, s1| Axis {
             idle: [i0, i1],
             sd: [s0, s1],
@@ -79,34 +102,6 @@ impl Levels {
             Levels::Waseda | Levels::PickAndMove => 1.0,
         };
         COUNTS_PER_NEWTON.map(|c| c * sensitivity)
-    }
-
-    /// The properties of one taxel of a board that speaks `protocol`, drawn from the seed.
-    pub(crate) fn taxel(self, seed: u64, taxel: u16, protocol: Protocol) -> Character {
-        const STILL: Axis = Axis {
-            idle: [0.0; 2],
-            sd: [0.0; 2],
-        };
-        let z_per_newton = self.counts_per_newton()[2];
-        let (axes, scale, decoded) = match protocol {
-            Protocol::IcubMtb3 | Protocol::IcubMtb4 => {
-                let scale = [0.0, 0.0, ICUB_STEPS_PER_NEWTON / z_per_newton];
-                ([STILL, STILL, ICUB], scale, ICUB_COUNTS_PER_STEP)
-            }
-            Protocol::Cyskin | Protocol::CpmFinger => {
-                let scale = [0.0, 0.0, CAPACITANCE_PER_NEWTON / z_per_newton];
-                ([STILL, STILL, CAPACITANCE], scale, 1.0)
-            }
-            _ => (self.axes(), [1.0; 3], 1.0),
-        };
-        let draw = |what: u64, from, to| between(bits(seed, STREAM, u64::from(taxel) << 8 | what), from, to);
-        Character {
-            idle: std::array::from_fn(|a| draw(a as u64, axes[a].idle[0], axes[a].idle[1])),
-            sd: std::array::from_fn(|a| draw(3 + a as u64, axes[a].sd[0], axes[a].sd[1])),
-            gain: draw(6, 1.0 - GAIN_SPREAD, 1.0 + GAIN_SPREAD),
-            scale,
-            decoded,
-        }
     }
 }
 

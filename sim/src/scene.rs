@@ -1,21 +1,13 @@
 //! A scene: what is in it, and nothing else is modelled.
 
-use crate::clock::{Span, ns_of_seconds};
+use crate::clock::ns_of_seconds;
 use crate::contact::Contact;
 use crate::contact_file::ContactToml;
 use crate::fault::{Fault, FaultToml};
 use crate::levels::Levels;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
-use taxel_skin::{Layout, Protocol};
 use toml::Spanned;
-
-/// Two buses do not carry eight uSkin boards each at the 100 Hz of their timers.
-const USKIN_HZ: u32 = 50;
-/// protocols.md 2.5.
-const XELA_HZ: u32 = 83;
-/// protocols.md 5.2: cycles of 50 ms.
-const CYSKIN_HZ: u32 = 20;
 
 /// What a simulated hand goes through: which of its modules are there, what touches them, and what breaks.
 ///
@@ -230,11 +222,6 @@ impl Scene {
         })
     }
 
-    /// Whether it can be played on this hand; why not, otherwise.
-    pub fn fits(&self, layout: &Layout) -> Result<(), SceneError> {
-        crate::Simulator::new(self, layout, self.seed).map(drop)
-    }
-
     /// The scene's name.
     pub fn name(&self) -> &str {
         &self.name
@@ -265,26 +252,10 @@ impl Scene {
         self.seed
     }
 
-    /// Nominal sweeps per second of each board of this protocol; iCub boards are told theirs when they are configured.
-    pub fn rate_hz(&self, protocol: Protocol) -> u32 {
-        self.boards.rate_of(protocol)
-    }
-
     /// The same scene with another board rate, 1 to 1000 sweeps per second (clamped).
     pub fn with_rate_hz(mut self, rate_hz: u32) -> Self {
         self.boards.rate_hz = Some(rate_hz.clamp(1, 1000));
         self
-    }
-}
-
-impl Boards {
-    /// Sweeps per second of boards of this protocol.
-    pub(crate) fn rate_of(&self, protocol: Protocol) -> u32 {
-        self.rate_hz.unwrap_or(match protocol {
-            Protocol::UskinL3 => XELA_HZ,
-            Protocol::Cyskin => CYSKIN_HZ,
-            _ => USKIN_HZ,
-        })
     }
 }
 
@@ -355,19 +326,4 @@ impl BoardsToml {
             noise: self.noise,
         })
     }
-}
-
-/// The stretch of a scene between two optional times, seconds.
-pub(crate) fn span(from: Option<f64>, to: Option<f64>, length_ns: u64) -> Result<Span, String> {
-    let end = length_ns as f64 / 1e9;
-    let (from, to) = (from.unwrap_or(0.0), to.unwrap_or(end));
-    if !(from >= 0.0 && from < to && to <= end) {
-        return Err(format!(
-            "from {from} s to {to} s is not a stretch of a scene of {end} s"
-        ));
-    }
-    Ok(Span {
-        from_ns: ns_of_seconds(from),
-        to_ns: ns_of_seconds(to),
-    })
 }

@@ -1,13 +1,13 @@
 //! A whole hand in a scene: its buses, its skin, and the truth about them.
 
-use crate::board::Board;
+use crate::board::{Board, nature_of};
 use crate::bus::Bus;
 use crate::clock::SceneClock;
 use crate::scene::{Scene, SceneError};
 use crate::skin_model::SkinModel;
 use std::sync::Arc;
 use taxel_can::{CanFrame, Received};
-use taxel_skin::{Layout, Protocol};
+use taxel_skin::Layout;
 
 /// Plays a scene on every bus of a hand. It does no I/O and holds no clock: time is an argument, nanoseconds from the
 /// scene's beginning, and never turns back.
@@ -50,6 +50,13 @@ pub struct BoardCounts {
     pub overflows: u64,
 }
 
+impl Scene {
+    /// Whether it can be played on this hand; why not, otherwise.
+    pub fn fits(&self, layout: &Layout) -> Result<(), SceneError> {
+        Simulator::new(self, layout, self.seed).map(drop)
+    }
+}
+
 impl Simulator {
     /// Puts a scene on a hand. MTB boards are stopped until they are commanded or [`Simulator::start_all`] is called;
     /// XELA controllers stream. The scene is played once, unless [`Simulator::looping`] says otherwise.
@@ -66,20 +73,18 @@ impl Simulator {
         looping: bool,
         buses: impl Iterator<Item = u8>,
     ) -> Result<Self, SceneError> {
-        if let Some((_, module, _)) = layout
-            .boards()
-            .find(|(_, _, wiring)| wiring.protocol == Protocol::Offline)
-        {
-            return Err(SceneError::Layout {
+        let natures = layout.boards().map(|(_, module, wiring)| {
+            nature_of(wiring.protocol, scene.boards.levels).ok_or_else(|| SceneError::Layout {
                 layout: layout.name.clone(),
                 problem: format!("`{}` has no board; name a layout with boards", module.name),
-            });
-        }
+            })
+        });
+        let natures = natures.collect::<Result<Vec<_>, _>>()?;
         let clock = SceneClock {
             length_ns: scene.length_ns,
             looping,
         };
-        let skin = Arc::new(SkinModel::new(scene, layout, seed, clock)?);
+        let skin = Arc::new(SkinModel::new(scene, layout, seed, clock, &natures)?);
         let buses = buses
             .map(|index| Bus::new(scene, layout, skin.clone(), seed, index))
             .collect::<Result<_, _>>()?;

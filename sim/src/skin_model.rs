@@ -3,7 +3,7 @@
 use crate::clock::{SceneClock, Span};
 use crate::contact::{Contact, Footprint, Seat};
 use crate::fault::{FaultKind, TaxelFault};
-use crate::levels::{Character, noise};
+use crate::levels::{Character, Nature, noise};
 use crate::random::{bits, happens};
 use crate::scene::{Scene, SceneError};
 use taxel_hand::Module;
@@ -66,11 +66,13 @@ pub(crate) enum PadReading {
 }
 
 impl SkinModel {
+    /// `natures`: of the taxels of each module.
     pub(crate) fn new(
         scene: &Scene,
         layout: &Layout,
         seed: u64,
         clock: SceneClock,
+        natures: &[Nature],
     ) -> Result<Self, SceneError> {
         let present = present_modules(scene, layout)?;
         let mut taxels: Vec<TaxelModel> = layout
@@ -78,10 +80,7 @@ impl SkinModel {
             .iter()
             .enumerate()
             .map(|(i, t)| TaxelModel {
-                character: scene
-                    .boards
-                    .levels
-                    .taxel(seed, i as u16, layout.wiring_of(i).protocol),
+                character: natures[usize::from(t.module)].taxel(seed, i as u16),
                 seats: Vec::new(),
                 faults: Vec::new(),
                 present: present[t.module as usize],

@@ -24,7 +24,7 @@ const BUS_BOARDS: usize = 14;
 /// What such boards are and how they speak is the simulation's own affair: no real hand is wired so.
 /// [`SceneError::Layout`] where an array has more than 160 taxels.
 pub fn with_stand_in_boards(layout: &Layout) -> Result<Layout, SceneError> {
-    let offline = |m: &usize| layout.wiring[*m].protocol == Protocol::Offline;
+    let offline = |m: &usize| !layout.wiring[*m].protocol.has_board();
     let arrays: Vec<usize> = (0..layout.modules.len()).filter(offline).collect();
     if let Some(&m) = arrays
         .iter()
@@ -57,9 +57,9 @@ pub fn with_stand_in_boards(layout: &Layout) -> Result<Layout, SceneError> {
                 (place % on_bus) as u8 + 1
             },
             protocol: if as_cyskin {
-                Protocol::Cyskin
+                Protocol::CYSKIN
             } else {
-                Protocol::IcubMtb4
+                Protocol::ICUB_MTB4
             },
             icub: (!as_cyskin).then(IcubSetup::default),
             hub: as_cyskin.then_some(0),

@@ -296,7 +296,7 @@ fn a_board_of_the_hand_can_babble_on_its_own_bus() {
     let frames = bench.until_ms(2000).to_vec();
     let babble = frames.iter().filter(|f| f.frame.data() == [0xBA; 8]).count();
     assert!((2700..=3000).contains(&babble), "{babble}");
-    let id = taxel_skin::Protocol::UskinL2.frame_id(2, 0);
+    let id = taxel_skin::Protocol::USKIN_L2.frame_id(2, 0);
     assert!(
         frames
             .iter()

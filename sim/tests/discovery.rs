@@ -39,14 +39,14 @@ fn mixed() -> Layout {
 fn ask<T>(mut discovery: Discovery<T>, sim: &mut Simulator, mut now_ns: u64) -> (DiscoveryReport, T, u64) {
     let mut frames: Vec<(u8, Received)> = Vec::new();
     while !discovery.is_done() {
-        while let Some(command) = discovery.poll(now_ns) {
+        while let Some(command) = discovery.poll_command(now_ns) {
             sim.command(command.bus, &command.frame, now_ns).unwrap();
         }
         now_ns += MS;
         frames.clear();
         sim.advance(now_ns, &mut frames);
         for (bus, received) in &frames {
-            discovery.hear(*bus, &received.frame, received.t_ns);
+            discovery.handle_frame(*bus, received);
         }
     }
     let (report, then) = discovery.finish();
@@ -92,7 +92,7 @@ fn every_mtb_is_found_with_its_kind_and_firmware_and_starts_afterwards() {
     let end_ns = now_ns + 2_000 * MS;
     let mut frames = Vec::new();
     while now_ns < end_ns {
-        while let Some(command) = supervisor.poll(now_ns, |_| None) {
+        while let Some(command) = supervisor.poll_command(now_ns, |_| None) {
             sim.command(command.bus, &command.frame(), now_ns).unwrap();
         }
         now_ns += MS;

@@ -32,7 +32,7 @@ use std::io::{self, Write};
 use std::path::Path;
 use taxel_can::SourceAddress;
 use taxel_joints::{DynamixelConfig, JointSource};
-use taxel_skin::{Layout, Protocol};
+use taxel_skin::{Layout, Wiring};
 use taxeld::Config;
 
 /// Bit rates that servos may be set to, the likely ones first.
@@ -265,11 +265,7 @@ impl Doctor {
             .sources
             .iter()
             .all(|s| matches!(s, SourceAddress::Log { .. }));
-        let commanded = config
-            .layout
-            .wiring
-            .iter()
-            .any(|m| m.protocol.takes_commands() || m.hub.is_some());
+        let commanded = config.layout.wiring.iter().any(Wiring::takes_commands);
         let text = match (recorded, args.listen_only || !commanded) {
             (true, _) => return Ok(()),
             (_, true) => format!(
@@ -362,9 +358,7 @@ fn bitrate_of(config: &Config, interface: &str) -> Option<u64> {
         return Some(link::BITRATE);
     };
     let mut modules = config.layout.wiring.iter().filter(|m| usize::from(m.bus) == bus);
-    modules
-        .any(|m| m.protocol != Protocol::Cyskin)
-        .then_some(link::BITRATE)
+    modules.find_map(|m| m.protocol.bit_rate()).map(u64::from)
 }
 
 /// Whether a daemon could have its sockets here.

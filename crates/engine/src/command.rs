@@ -16,12 +16,12 @@ pub struct Command {
 /// Who is to be told if it could not be sent.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Origin {
-    Board(taxel_skin::Command),
+    Board(taxel_skin::OutgoingCommand),
     Joint(JointCommand),
 }
 
 impl Command {
-    pub(crate) fn of_board(command: taxel_skin::Command) -> Self {
+    pub(crate) fn of_board(command: taxel_skin::OutgoingCommand) -> Self {
         Self {
             bus: command.bus,
             frame: command.frame(),

@@ -7,8 +7,8 @@ use crate::schedule::Schedule;
 use taxel_can::Received;
 use taxel_joints::{JointFeed, JointHistory, JointsConfigError, JointsSnapshot};
 use taxel_skin::{
-    BoardCounters, BoardSupervisor, ConditionError, Conditioner, Decoded, Decoder, Readings, SweepAssembler,
-    TaxelReading, TrafficWatch,
+    BoardStatus, BoardSupervisor, BusMonitor, ConditionError, Conditioner, Decoded, Decoder, Readings,
+    SweepAssembler, TaxelReading,
 };
 
 /// One hand: decoders, sweep assembly, conditioning, joints and the supervision of its boards.
@@ -40,7 +40,7 @@ pub struct Engine {
     sweep: SweepAssembler,
     conditioner: Conditioner,
     joints: JointFeed,
-    watch: TrafficWatch,
+    bus_monitor: BusMonitor,
     boards: BoardSupervisor,
     /// Whether each bus could be reached when that was told last.
     reached: Vec<bool>,
@@ -104,7 +104,7 @@ impl Engine {
             sweep: SweepAssembler::new(layout, &config.sweep, schedule.is_sweep()),
             conditioner: Conditioner::for_layout(layout, config.conditioning.clone())?,
             joints,
-            watch: TrafficWatch::new(layout),
+            bus_monitor: BusMonitor::new(layout),
             boards: BoardSupervisor::new(layout, &config.boards),
             reached: vec![false; layout.buses.len()],
             joints_bus: config.joints.as_ref().and_then(|joints| joints.bus),
@@ -129,7 +129,7 @@ impl Engine {
     /// until it gives nothing more.
     pub fn handle_frame(&mut self, bus: u8, received: &Received) {
         debug_assert!(matches!(self.at_hand, AtHand::Nothing), "outputs were not polled");
-        self.boards.hear(bus, &received.frame, received.t_ns);
+        self.boards.handle_frame(bus, received);
         self.reach(received.t_ns.saturating_sub(1));
         self.at_hand = AtHand::Frame(bus, *received);
     }
@@ -140,7 +140,7 @@ impl Engine {
     }
 
     fn reach(&mut self, now_ns: u64) {
-        self.watch.advance(now_ns);
+        self.bus_monitor.advance(now_ns);
         self.until_ns = now_ns;
     }
 
@@ -159,7 +159,7 @@ impl Engine {
                 self.boards.bus_restored(bus, now_ns);
             }
             *before = reached;
-            let alone = !self.watch.strangers(bus) && self.joints_bus != Some(bus);
+            let alone = !self.bus_monitor.strangers(bus) && self.joints_bus != Some(bus);
             self.boards.allow_search(bus, alone);
         }
     }
@@ -195,7 +195,7 @@ impl Engine {
                     let overtaken = !has_ticked && self.sweep.overtaken_by(reading, t_ns);
                     if !overtaken {
                         self.sweep.push(reading, t_ns);
-                        self.watch.reading(reading);
+                        self.bus_monitor.handle_reading(reading);
                     }
                     self.at_hand = AtHand::Readings {
                         next: next + usize::from(!overtaken),
@@ -219,7 +219,7 @@ impl Engine {
 
     fn decode(&mut self, bus: u8, received: &Received) -> AtHand {
         let Received { t_ns, frame } = received;
-        self.watch.frame(bus, frame);
+        self.bus_monitor.handle_frame(bus, received);
         self.decoded = if self.joints.handle_frame(bus, received) {
             None
         } else {
@@ -262,7 +262,10 @@ impl Engine {
     /// The next frame to be sent on a bus now. One that could not be sent is told to [`Engine::handle_unsent`].
     pub fn poll_command(&mut self, now_ns: u64) -> Option<Command> {
         let sweep = &self.sweep;
-        if let Some(command) = self.boards.poll(now_ns, |board| sweep.last_heard_ns(board)) {
+        if let Some(command) = self
+            .boards
+            .poll_command(now_ns, |board| sweep.last_heard_ns(board))
+        {
             return Some(Command::of_board(command));
         }
         self.joints.poll_command(now_ns).map(Command::of_joint)
@@ -307,7 +310,7 @@ impl Engine {
     /// When the next command is due without a frame coming before.
     pub fn command_due_ns(&self) -> Option<u64> {
         self.boards
-            .next_at_ns()
+            .poll_due_ns()
             .into_iter()
             .chain(self.joints.poll_due_ns())
             .min()
@@ -365,8 +368,8 @@ impl Engine {
     }
 
     /// Everything known of one board (module index).
-    pub fn board(&self, module: u16) -> BoardCounters {
-        BoardCounters::gather(module, &self.sweep, &self.decoders, Some(&self.boards))
+    pub fn board(&self, module: u16) -> BoardStatus {
+        BoardStatus::gather(module, &self.sweep, &self.decoders, Some(&self.boards))
     }
 
     /// The decoder of each bus, with its counters.
@@ -375,8 +378,8 @@ impl Engine {
     }
 
     /// What the traffic on the buses shows.
-    pub fn watch(&self) -> &TrafficWatch {
-        &self.watch
+    pub fn bus_monitor(&self) -> &BusMonitor {
+        &self.bus_monitor
     }
 
     /// The sweep assembly, with its counters per board.

@@ -160,14 +160,14 @@ fn nothing_lost(layout: &Layout, engine: &Engine) {
         let asked = layout
             .wiring
             .iter()
-            .filter(|m| m.protocol.is_icub() && m.bus == decoder.bus())
+            .filter(|m| m.protocol.measures().bits == 8 && m.bus == decoder.bus())
             .count();
         assert_eq!(c.commands, asked as u64, "{}, {bus}: {c:?}", layout.name);
     }
     for (m, module) in layout.modules.iter().enumerate() {
         let c = engine.sweep().board(m as u16);
         let case = format!("{}, {}: {c:?}", layout.name, module.name);
-        assert_eq!(c.state, BoardState::Living, "{case}");
+        assert_eq!(c.state, BoardState::Streaming, "{case}");
         assert_eq!(
             (c.malformed, c.queue_overflows, c.duplicate, c.restarts),
             (0, 0, 0, 0),
@@ -322,7 +322,7 @@ fn a_hand_of_every_kind_of_board_gets_over_its_faults() {
                 assert!(hurt, "{case}: nothing was missing");
             }
             for m in 0..layout.modules.len() as u16 {
-                assert_eq!(engine.sweep().board(m).state, BoardState::Living, "{case}");
+                assert_eq!(engine.sweep().board(m).state, BoardState::Streaming, "{case}");
             }
             for decoder in engine.decoders() {
                 assert_eq!(decoder.counters().unknown, 0, "{case}");
@@ -372,7 +372,7 @@ fn boards_that_lost_their_power_are_back_within_a_second_of_it() {
             println!("{case}");
             assert!(whole_ms.is_some_and(|ms| ms <= 900), "{case}");
             slowest_ms = slowest_ms.max(whole_ms.unwrap_or(u64::MAX));
-            assert_eq!(engine.sweep().board(0).state, BoardState::Living, "{case}");
+            assert_eq!(engine.sweep().board(0).state, BoardState::Streaming, "{case}");
         }
         println!("{name}: {slowest_ms} ms at most");
     });

@@ -71,7 +71,7 @@ fn a_hand_whose_buses_are_full_loses_nothing_and_gives_an_image_per_sweep() {
                 "{scene}, {}: {counters:?}",
                 layout.modules[usize::from(board)].name
             );
-            assert_eq!(counters.state, BoardState::Living, "{case}");
+            assert_eq!(counters.state, BoardState::Streaming, "{case}");
             // Settling may end within a sweep.
             assert!(counters.missed < 16, "{case}");
             assert_eq!((counters.duplicate, counters.late), (0, 0), "{case}");

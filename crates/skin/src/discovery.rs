@@ -6,11 +6,12 @@
 //! is being sent.
 
 use crate::boards::BoardSupervisor;
-use crate::protocol::mtb::{GET_FW_VERSION, MtbCommand};
-use crate::start::Order;
-use crate::{Layout, Protocol};
+use crate::layout::Layout;
+use crate::protocol::Protocol;
+use crate::protocol::commands::BoardCommand;
+use crate::protocol::mtb::{BoardKind, GET_FW_VERSION, MtbCommand};
 use serde::Serialize;
-use taxel_can::CanFrame;
+use taxel_can::{CanFrame, Received};
 
 const MS: u64 = 1_000_000;
 /// A bus that is silent for this long is asked. The longest period of an iCub board is 209 ms.
@@ -25,44 +26,6 @@ const GAP_NS: u64 = 10 * MS;
 const LAST_NS: u64 = 100 * MS;
 /// The protocol version a host of this protocol asks for.
 const PROTOCOL_VERSION: [u8; 2] = [1, 0];
-
-/// What a board says it is (`iCubCanProto_types.h`).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum BoardKind {
-    /// MTB of generations up to 3; uSkin's are among them.
-    Mtb3,
-    /// MTB4.
-    Mtb4,
-    /// MTB4 with WiFi.
-    Mtb4w,
-    /// MTB4 for the ergo hand.
-    Mtb4c,
-    /// Another board of the iCub: strain, MAIS, RFE, PSC, or one of another time; its number.
-    Other(u8),
-}
-
-impl BoardKind {
-    /// The kind of this number.
-    pub const fn of(number: u8) -> Self {
-        match number {
-            5 => BoardKind::Mtb3,
-            11 => BoardKind::Mtb4,
-            16 => BoardKind::Mtb4w,
-            20 => BoardKind::Mtb4c,
-            other => BoardKind::Other(other),
-        }
-    }
-
-    /// Whether such a board speaks this protocol. uSkin firmware was made for the MTB3.
-    pub const fn speaks(self, protocol: Protocol) -> bool {
-        match protocol {
-            Protocol::UskinL1 | Protocol::UskinL2 | Protocol::IcubMtb3 => matches!(self, BoardKind::Mtb3),
-            Protocol::IcubMtb4 => matches!(self, BoardKind::Mtb4 | BoardKind::Mtb4w | BoardKind::Mtb4c),
-            _ => false,
-        }
-    }
-}
 
 /// Version of a board's firmware.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -125,7 +88,7 @@ impl DiscoveryReport {
         self.boards.iter().filter_map(|found| {
             let module = found.module?;
             let protocol = layout.wiring.get(module as usize)?.protocol;
-            (!found.kind.speaks(protocol)).then_some((module, protocol, found))
+            (!protocol.is_spoken_by(found.kind)).then_some((module, protocol, found))
         })
     }
 }
@@ -178,32 +141,32 @@ struct Bus {
     stops: Vec<CanFrame>,
 }
 
-/// Asks the MTBs of the buses who they are. Holds no clock and sends nothing itself: send what [`Discovery::poll`] gives,
-/// give every frame that is received to [`Discovery::hear`], poll again at [`Discovery::next_at_ns`], and
+/// Asks the MTBs of the buses who they are. Holds no clock and sends nothing itself: send what [`Discovery::poll_command`] gives,
+/// give every frame that is received to [`Discovery::handle_frame`], poll again at [`Discovery::poll_due_ns`], and
 /// [`Discovery::finish`] when it is done, after at most about 2.5 s. It needs every frame of the bus, without the kernel
 /// filters of the decoder, to know that a bus is silent. `Then` is what it holds back meanwhile.
 ///
 /// ```
-/// use taxel_can::CanFrame;
+/// use taxel_can::{CanFrame, Received};
 /// use taxel_skin::{BoardSupervisor, BoardsConfig, Layout};
 ///
 /// let hand = Layout::builtin("uskin-module").expect("built in");
 /// let supervisor = BoardSupervisor::new(&hand, &BoardsConfig::default());
 /// let mut discovery = supervisor.discover(&hand).expect("nothing was started yet");
 /// let mut now_ns = 0;
-/// while let Some(next_ns) = discovery.next_at_ns() {
+/// while let Some(next_ns) = discovery.poll_due_ns() {
 ///     now_ns = now_ns.max(next_ns);
-///     while let Some(command) = discovery.poll(now_ns) {
+///     while let Some(command) = discovery.poll_command(now_ns) {
 ///         if command.frame.to_string() == "70F#FF" {
-///             let reply = CanFrame::standard(0x710, &[0xFF, 5, 2, 17, 0]).expect("a frame");
-///             discovery.hear(0, &reply, now_ns);
+///             let frame = CanFrame::standard(0x710, &[0xFF, 5, 2, 17, 0]).expect("a frame");
+///             discovery.handle_frame(0, &Received { t_ns: now_ns, frame });
 ///         }
 ///     }
 /// }
 /// let (report, mut supervisor) = discovery.finish();
 /// assert_eq!(report.boards[0].firmware.minor, 17);
 /// assert!(report.missing.is_empty());
-/// assert!(supervisor.poll(now_ns, |_| None).is_some(), "now the board is started");
+/// assert!(supervisor.poll_command(now_ns, |_| None).is_some(), "now the board is started");
 /// ```
 #[derive(Debug, Clone)]
 pub struct Discovery<Then = ()> {
@@ -225,8 +188,8 @@ impl BoardSupervisor {
         let mut buses: Vec<Bus> = Vec::new();
         let mut expected = Vec::new();
         for (number, module, sequences) in self.mtbs() {
-            let stops = sequences.stop.iter().map(|step| step.order);
-            let stops = stops.filter(|order| matches!(order, Order::Mtb(_)));
+            let stops = sequences.stop.iter().map(|step| step.command);
+            let stops = stops.filter(|command| matches!(command, BoardCommand::Mtb(_)));
             let place = buses
                 .iter()
                 .position(|bus| bus.number == number)
@@ -234,7 +197,7 @@ impl BoardSupervisor {
                     buses.push(Bus::new(number));
                     buses.len() - 1
                 });
-            buses[place].stops.extend(stops.map(|order| order.frame()));
+            buses[place].stops.extend(stops.map(|command| command.frame()));
             expected.push((number, layout.wiring[module as usize].board & 15, module));
         }
         Ok(Discovery {
@@ -261,7 +224,7 @@ impl Discovery<()> {
 
 impl<Then> Discovery<Then> {
     /// The next frame to send at `now_ns`, if any.
-    pub fn poll(&mut self, now_ns: u64) -> Option<DiscoveryCommand> {
+    pub fn poll_command(&mut self, now_ns: u64) -> Option<DiscoveryCommand> {
         for bus in &mut self.buses {
             while bus.phase != Phase::Done && now_ns >= bus.at_ns {
                 if let Some(frame) = bus.step(now_ns, &self.boards) {
@@ -276,18 +239,19 @@ impl<Then> Discovery<Then> {
     }
 
     /// When to poll again, nanoseconds; `None` once everything is known.
-    pub fn next_at_ns(&self) -> Option<u64> {
+    pub fn poll_due_ns(&self) -> Option<u64> {
         let open = self.buses.iter().filter(|bus| bus.phase != Phase::Done);
         open.map(|bus| bus.at_ns).min()
     }
 
     /// Whether everything is known.
     pub fn is_done(&self) -> bool {
-        self.next_at_ns().is_none()
+        self.poll_due_ns().is_none()
     }
 
     /// Takes a frame that was received on a bus.
-    pub fn hear(&mut self, bus: u8, frame: &CanFrame, now_ns: u64) {
+    pub fn handle_frame(&mut self, bus: u8, received: &Received) {
+        let frame = &received.frame;
         let Some(state) = self.buses.iter_mut().find(|b| b.number == bus) else {
             return;
         };
@@ -295,9 +259,9 @@ impl<Then> Discovery<Then> {
             return;
         }
         match state.phase {
-            Phase::Stop(_) | Phase::Listen => state.hear_traffic(frame, now_ns),
-            Phase::Collect => self.hear_answer(bus, frame),
-            Phase::Versions(_) | Phase::Last => self.hear_version(bus, frame),
+            Phase::Stop(_) | Phase::Listen => state.handle_traffic(frame, received.t_ns),
+            Phase::Collect => self.handle_answer(bus, frame),
+            Phase::Versions(_) | Phase::Last => self.handle_version(bus, frame),
             Phase::Done => {}
         }
     }
@@ -335,7 +299,7 @@ impl<Then> Discovery<Then> {
 
     /// An answer to discovery: `[FF, type, major, minor, build]` from the application, without the build number from
     /// the bootloader.
-    fn hear_answer(&mut self, bus: u8, frame: &CanFrame) {
+    fn handle_answer(&mut self, bus: u8, frame: &CanFrame) {
         let Some(id) = frame.standard_id().filter(|id| id & 0x70F == 0x700) else {
             return;
         };
@@ -367,7 +331,7 @@ impl<Then> Discovery<Then> {
     }
 
     /// An answer to `GET_FW_VERSION`: `[1C, type, major, minor, build, protocol major, minor, compatible]`.
-    fn hear_version(&mut self, bus: u8, frame: &CanFrame) {
+    fn handle_version(&mut self, bus: u8, frame: &CanFrame) {
         let Some(id) = frame.standard_id().filter(|id| id & 0x70F == 0x200) else {
             return;
         };
@@ -415,7 +379,7 @@ impl Bus {
     }
 
     /// Any frame but a command makes the bus one on which something is being sent.
-    fn hear_traffic(&mut self, frame: &CanFrame, now_ns: u64) {
+    fn handle_traffic(&mut self, frame: &CanFrame, now_ns: u64) {
         if frame
             .standard_id()
             .is_some_and(|id| id & 0x7F0 == 0x200 && frame.dlc() < 8)

@@ -1,48 +1,73 @@
 //! The robot hand's skin: its layout, the boards' protocols, sweep assembly and conditioning.
 //!
-//! Nothing here holds a clock, and nothing does I/O but [`Layout::load`] and [`Layout::resolve`], which read a layout
-//! file: frames and times come in as arguments, so that a recording replays to the bit.
+//! | stage | in | out | here |
+//! |---|---|---|---|
+//! | layout | a file, or a name | [`Layout`]: where taxels sit, how boards are wired | `layout/` |
+//! | protocols | | [`Protocol`]: how a kind of board speaks | `protocol/`, a folder per kind |
+//! | decoding | CAN frames of a bus | [`Readings`] | [`Decoder`] |
+//! | boards | what is heard, and the time | commands to boards: [`BoardSupervisor`], [`Discovery`] | `boards/` |
+//! | the bus | CAN frames, readings | what is wrong with it: [`BusMonitor`] | `bus_monitor/` |
+//! | sweep assembly | readings | [`taxel_hand::TactileFrame`] | `sweep/`: [`SweepAssembler`] |
+//! | conditioning | tactile frames | [`taxel_hand::ForceFrame`] | `condition/`: [`Conditioner`] |
+//! | recognition | frames of unknown buses | a layout file: [`Recogniser`] | `recognise/` |
+//!
+//! No stage holds a clock or a bus: frames and times come in as arguments, so that a recording replays to the bit. Only
+//! [`Layout::load`] and [`Layout::resolve`] read a file.
 
+mod board_account;
+mod board_status;
 mod boards;
+mod bus_monitor;
 mod condition;
-mod counters;
 mod decoder;
 mod discovery;
 mod layout;
-mod period;
 mod protocol;
+mod range;
 mod reading;
 mod recognise;
-mod search;
-mod start;
 mod sweep;
-mod sweep_board;
-mod sweep_config;
-mod watch;
 
-// Other modules say `crate::uskin`.
-use protocol::uskin;
+// Layout
+pub use layout::{Layout, LayoutError, LayoutProblem, Wiring};
 
-pub use boards::{BoardSupervisor, BoardsConfig, BoardsMode, Command, TxMode};
+// Protocols, and what each of them has of its own
+pub use protocol::cpm_finger::decode::cpm_finger_frames;
+pub use protocol::cyskin::packet::{CyskinPacketError, cyskin_frames};
+pub use protocol::cyskin::setup::{ByteOrder, Checksum, CyskinHub, CyskinPacket, CyskinSetup};
+pub use protocol::icub::decode::{ICUB_NO_ACK, ICUB_NOT_CONNECTED, ICUB_OUT_OF_RANGE, icub_triangle_data};
+pub use protocol::icub::setup::IcubSetup;
+pub use protocol::mtb::{BoardKind, MtbCommand};
+pub use protocol::{Measures, Mtb, Protocol};
+
+// Decoding
+pub use decoder::{BusCounters, Decoded, Decoder};
+pub use reading::{MAX_READINGS, Readings, STATUS_ERROR, STATUS_NO_ANSWER, TaxelReading, status_is_error};
+
+// Boards: starting them, who they are, how they fare
+pub use board_status::{BoardState, BoardStatus};
+pub use boards::{BoardSupervisor, BoardsConfig, BoardsMode, OutgoingCommand};
+pub use discovery::{
+    AlreadyStarted, BusTraffic, Discovery, DiscoveryCommand, DiscoveryReport, Firmware, FoundBoard,
+};
+pub use protocol::commands::TxMode;
+
+// The buses
+pub use bus_monitor::{BusLoad, BusMonitor, Finding};
+
+// Sweep assembly
+pub use sweep::{Push, SweepAssembler, SweepConfig};
+
+// Conditioning
 pub use condition::{
     BaselineSource, CalibrationReport, ConditionConfig, ConditionCounters, ConditionError, Conditioner,
     FaultRule, MagnitudeMode, ThresholdSource,
 };
-pub use counters::{BoardCounters, BoardState, RangeError};
-pub use decoder::{BusCounters, Decoded, Decoder, MAX_READINGS, Readings};
-pub use discovery::{
-    AlreadyStarted, BoardKind, BusTraffic, Discovery, DiscoveryCommand, DiscoveryReport, Firmware, FoundBoard,
-};
-pub use layout::{Layout, LayoutError, LayoutProblem, Wiring};
-pub use protocol::Protocol;
-pub use protocol::cpm_finger::cpm_finger_frames;
-pub use protocol::cyskin::{
-    ByteOrder, Checksum, CyskinHub, CyskinPacket, CyskinPacketError, CyskinSetup, cyskin_frames,
-};
-pub use protocol::icub::{ICUB_NO_ACK, ICUB_NOT_CONNECTED, ICUB_OUT_OF_RANGE, IcubSetup, icub_triangle_data};
-pub use protocol::uskin::{STATUS_ERROR, STATUS_NO_ANSWER, status_is_error};
-pub use reading::TaxelReading;
-pub use recognise::{CyskinGuess, RecognisedBoard, RecognisedBus, Recogniser, Recognition};
-pub use sweep::{Push, SweepAssembler};
-pub use sweep_config::SweepConfig;
-pub use watch::{BusLoad, Finding, TrafficWatch};
+
+// Recognition of unknown buses
+pub use protocol::cyskin::recognise::CyskinGuess;
+pub use protocol::recognised::{RecognisedBoard, RecognisedBus};
+pub use recognise::{Recogniser, Recognition};
+
+// Settings
+pub use range::RangeError;

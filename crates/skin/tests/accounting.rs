@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use std::collections::HashSet;
 use taxel_can::CanFrame;
 use taxel_hand::{Freshness, TactileFrame};
-use taxel_skin::{BoardCounters, Decoded, Decoder, Layout, Push, Readings, SweepAssembler, SweepConfig};
+use taxel_skin::{BoardStatus, Decoded, Decoder, Layout, Push, Readings, SweepAssembler, SweepConfig};
 
 const MS: u64 = 1_000_000;
 const START: u64 = 1_000 * MS;
@@ -89,10 +89,10 @@ proptest! {
         }
 
         let bus = *decoder.counters();
-        let boards: Vec<BoardCounters> = (0..3)
-            .map(|board| BoardCounters::gather(board, &assembler, std::slice::from_ref(&decoder), None))
+        let boards: Vec<BoardStatus> = (0..3)
+            .map(|board| BoardStatus::gather(board, &assembler, std::slice::from_ref(&decoder), None))
             .collect();
-        let of_boards: u64 = boards.iter().map(BoardCounters::frames).sum();
+        let of_boards: u64 = boards.iter().map(BoardStatus::frames).sum();
         prop_assert_eq!(bus.frames, frames.len() as u64);
         prop_assert_eq!(of_boards + bus.unknown + bus.not_data + bus.commands, bus.frames);
         let read: u64 = boards.iter().map(|b| b.used + b.duplicate + b.late + b.settling).sum();
@@ -154,7 +154,7 @@ proptest! {
             let reading = taxel_skin::TaxelReading { taxel, counts: [0; 3], status: 0x82 };
             assembler.push(&reading, START + sweeps.len() as u64 * 10 * MS + MS);
         }
-        let boards: Vec<BoardCounters> = (0..3).map(|board| assembler.board(board)).collect();
+        let boards: Vec<BoardStatus> = (0..3).map(|board| assembler.board(board)).collect();
         prop_assert_eq!(boards.iter().map(|b| b.missed).sum::<u64>(), lost);
         prop_assert_eq!(boards.iter().map(|b| b.duplicate).sum::<u64>(), repeated);
         prop_assert!(boards.iter().all(|b| b.sweeps == sweeps.len() as u64 + 2 && b.late == 0));

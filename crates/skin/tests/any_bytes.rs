@@ -4,9 +4,9 @@ mod support;
 
 use proptest::prelude::*;
 use std::sync::LazyLock;
-use taxel_can::CanFrame;
+use taxel_can::{CanFrame, Received};
 use taxel_skin::{
-    BoardSupervisor, BoardsConfig, Decoded, Decoder, Discovery, Layout, MAX_READINGS, Readings, TrafficWatch,
+    BoardSupervisor, BoardsConfig, BusMonitor, Decoded, Decoder, Discovery, Layout, MAX_READINGS, Readings,
 };
 
 #[global_allocator]
@@ -65,15 +65,14 @@ proptest! {
         for layout in LAYOUTS.iter() {
             let mut decoder = Decoder::new(layout, 0);
             let mut readings = Readings::new();
-            let mut watch = TrafficWatch::new(layout);
+            let mut monitor = BusMonitor::new(layout);
             let (mut t_ns, mut most, mut wrong) = (0, 0, 0);
             let ((), allocations) = taxel_allocations::during(|| {
                 for (frame, step_ns) in &frames {
                     t_ns += step_ns;
-                    watch.advance(t_ns);
-                    watch.frame(0, frame);
+                    monitor.handle_frame(0, &Received { t_ns, frame: *frame });
                     let decoded = decoder.decode_at(t_ns, frame, &mut readings);
-                    readings.iter().for_each(|reading| watch.reading(reading));
+                    readings.iter().for_each(|reading| monitor.handle_reading(reading));
                     wrong += (decoded != Decoded::Readings && !readings.is_empty()) as u32;
                     wrong += readings.iter().filter(|r| r.taxel as usize >= layout.len()).count() as u32;
                     most = most.max(readings.len());
@@ -83,7 +82,7 @@ proptest! {
             prop_assert!(most <= MAX_READINGS);
             prop_assert_eq!(wrong, 0, "readings only with Decoded::Readings, of taxels of the layout");
             let bus = *decoder.counters();
-            let mut board = taxel_skin::BoardCounters::default();
+            let mut board = taxel_skin::BoardStatus::default();
             (0..layout.modules.len()).for_each(|b| decoder.add_to(b as u16, &mut board));
             let counted = bus.readings + bus.unknown + bus.not_data + bus.commands + bus.partial
                 + board.malformed + board.queue_overflows;
@@ -105,12 +104,13 @@ proptest! {
             let now = ms * 1_000_000;
             for _ in 0..2 {
                 if let Some((bus, frame)) = frames.next() {
-                    discovery.hear(*bus, frame, now);
-                    scan.hear(*bus, frame, now);
+                    let received = Received { t_ns: now, frame: *frame };
+                    discovery.handle_frame(*bus, &received);
+                    scan.handle_frame(*bus, &received);
                 }
             }
-            while discovery.poll(now).is_some() {}
-            while scan.poll(now).is_some() {}
+            while discovery.poll_command(now).is_some() {}
+            while scan.poll_command(now).is_some() {}
         }
         prop_assert!(discovery.is_done() && scan.is_done());
         prop_assert!(discovery.finish().0.boards.len() <= 32, "sixteen addresses on two buses");
@@ -141,26 +141,28 @@ proptest! {
 #[test]
 fn findings_come_and_go_without_memory() {
     let layout = Layout::builtin("allegro-uskin-15").unwrap();
-    let mut watch = TrafficWatch::new(&layout);
-    let protocol = taxel_skin::Protocol::UskinL2;
+    let mut monitor = BusMonitor::new(&layout);
+    let protocol = taxel_skin::Protocol::USKIN_L2;
     let mut most = 0;
     let ((), allocations) = taxel_allocations::during(|| {
         for second in 0..6u64 {
             for n in 0..2_000u64 {
                 let t_ns = second * 1_000_000_000 + n * 500_000;
-                watch.advance(t_ns);
+                monitor.advance(t_ns);
                 // Every other second: both buses babble, and every address is on both.
                 if second % 2 == 0 {
                     for bus in 0..2 {
-                        watch.frame(bus, &CanFrame::standard(5, &[0; 8]).unwrap());
+                        let frame = CanFrame::standard(5, &[0; 8]).unwrap();
+                        monitor.handle_frame(bus, &Received { t_ns, frame });
                         let (board, k) = ((n % 8) as u8, (n / 8 % 16) as u8);
-                        watch.frame(bus, &protocol.frame(board, k, [0; 3], 0).unwrap());
+                        let frame = protocol.frame(board, k, [0; 3], 0).unwrap();
+                        monitor.handle_frame(bus, &Received { t_ns, frame });
                     }
                 }
-                most = most.max(watch.findings().len());
+                most = most.max(monitor.findings().len());
             }
         }
     });
-    assert_eq!((allocations, watch.findings().len()), (0, 0));
+    assert_eq!((allocations, monitor.findings().len()), (0, 0));
     assert!(most >= 3, "{most}");
 }

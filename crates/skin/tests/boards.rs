@@ -1,7 +1,7 @@
 //! What boards are told, and when: start, triggers, restarts with growing pauses, stop.
 
 use std::collections::HashMap;
-use taxel_skin::{BoardSupervisor, BoardsConfig, BoardsMode, Command, Layout, TxMode};
+use taxel_skin::{BoardSupervisor, BoardsConfig, BoardsMode, Layout, OutgoingCommand, TxMode};
 
 const MS: u64 = 1_000_000;
 const START: u64 = 3_000 * MS;
@@ -23,15 +23,15 @@ fn play(
     supervisor: &mut BoardSupervisor,
     from: u64,
     to: u64,
-    hear: impl Fn(u16, u64, &[(u64, Command)]) -> Option<u64>,
-) -> Vec<(u64, Command)> {
-    let mut sent: Vec<(u64, Command)> = Vec::new();
+    hear: impl Fn(u16, u64, &[(u64, OutgoingCommand)]) -> Option<u64>,
+) -> Vec<(u64, OutgoingCommand)> {
+    let mut sent: Vec<(u64, OutgoingCommand)> = Vec::new();
     let mut now = from;
     while now <= to {
-        while let Some(command) = supervisor.poll(now, |board| hear(board, now, &sent)) {
+        while let Some(command) = supervisor.poll_command(now, |board| hear(board, now, &sent)) {
             sent.push((now, command));
         }
-        let Some(next) = supervisor.next_at_ns() else {
+        let Some(next) = supervisor.poll_due_ns() else {
             break;
         };
         assert!(next > now, "a supervisor without a command is not due at once");
@@ -40,14 +40,14 @@ fn play(
     sent
 }
 
-fn times_ms(sent: &[(u64, Command)], board: u16) -> Vec<u64> {
+fn times_ms(sent: &[(u64, OutgoingCommand)], board: u16) -> Vec<u64> {
     sent.iter()
         .filter(|(_, c)| c.board == board)
         .map(|(t, _)| (t - START) / MS)
         .collect()
 }
 
-fn assert_spaced(sent: &[(u64, Command)], bus_gap_ns: u64) {
+fn assert_spaced(sent: &[(u64, OutgoingCommand)], bus_gap_ns: u64) {
     let mut by_bus: HashMap<u8, u64> = HashMap::new();
     let mut by_board: HashMap<(u8, u16), u64> = HashMap::new();
     for (t, command) in sent {
@@ -134,7 +134,7 @@ fn a_board_that_was_never_heard_is_looked_for_on_buses_that_have_none_of_its_add
     let mut sent = play(&mut supervisor, START, START + 5_000 * MS, |board, now, _| {
         (!missing.contains(&board)).then_some(now)
     });
-    let elsewhere = |sent: &[(u64, Command)]| -> Vec<(u64, u8, String)> {
+    let elsewhere = |sent: &[(u64, OutgoingCommand)]| -> Vec<(u64, u8, String)> {
         let on_other = sent
             .iter()
             .filter(|(_, c)| c.bus != hand.wiring[usize::from(c.board)].bus);
@@ -156,11 +156,11 @@ fn a_board_that_was_never_heard_is_looked_for_on_buses_that_have_none_of_its_add
     supervisor.stop();
     sent.clear();
     for ms in 5_001..5_200 {
-        while let Some(command) = supervisor.poll(START + ms * MS, |_| None) {
+        while let Some(command) = supervisor.poll_command(START + ms * MS, |_| None) {
             sent.push((START + ms * MS, command));
         }
     }
-    assert!(supervisor.is_stopped() && supervisor.next_at_ns().is_none());
+    assert!(supervisor.is_stopped() && supervisor.poll_due_ns().is_none());
     let stops: Vec<String> = elsewhere(&sent).into_iter().map(|(_, _, frame)| frame).collect();
     assert_eq!(stops, ["207#0701"]);
 }
@@ -261,7 +261,7 @@ fn a_board_that_was_heard_begins_with_the_first_pause_again() {
     };
     let mut supervisor = BoardSupervisor::new(&hand(), &config);
     // Board 0 answers the fourth command for 300 ms, and then falls silent for good.
-    let hear = |board: u16, now: u64, sent: &[(u64, Command)]| {
+    let hear = |board: u16, now: u64, sent: &[(u64, OutgoingCommand)]| {
         if board != 0 {
             return Some(now);
         }
@@ -276,7 +276,7 @@ fn a_board_that_was_heard_begins_with_the_first_pause_again() {
 fn a_board_that_each_start_wakes_for_one_sweep_is_kept_awake() {
     // The class-7 hazard of L1: another board's taxel 15 stops this one after each sweep.
     let mut supervisor = BoardSupervisor::new(&hand(), &config(BoardsMode::FreeRunning));
-    let hear = |board: u16, now: u64, sent: &[(u64, Command)]| {
+    let hear = |board: u16, now: u64, sent: &[(u64, OutgoingCommand)]| {
         let last = sent.iter().rfind(|(_, c)| c.board == board)?.0;
         Some((last + 5 * MS).min(now))
     };
@@ -356,10 +356,10 @@ fn passive_and_xela_boards_are_told_nothing() {
     ];
     for (layout, mode) in cases {
         let mut supervisor = BoardSupervisor::new(&layout, &config(mode));
-        assert_eq!(supervisor.next_at_ns(), None);
-        assert_eq!(supervisor.poll(START, |_| None), None);
+        assert_eq!(supervisor.poll_due_ns(), None);
+        assert_eq!(supervisor.poll_command(START, |_| None), None);
         supervisor.stop();
-        assert_eq!(supervisor.poll(START, |_| None), None);
+        assert_eq!(supervisor.poll_command(START, |_| None), None);
         assert!(supervisor.is_stopped());
     }
 }
@@ -385,7 +385,7 @@ fn stopping_tells_every_board_once_and_then_nothing() {
             .collect();
         assert_eq!(frames, expected);
         assert!(supervisor.is_stopped());
-        assert_eq!(supervisor.next_at_ns(), None);
+        assert_eq!(supervisor.poll_due_ns(), None);
         sent.extend(stops);
         assert_spaced(&sent, MS / 2);
     }
@@ -411,13 +411,15 @@ fn a_command_that_could_not_be_sent_is_tried_again_and_not_counted() {
     let mut supervisor = BoardSupervisor::new(&hand(), &config(BoardsMode::FreeRunning));
     let mut now = START;
     for _ in 0..5 {
-        let command = supervisor.poll(now, |board| (board != 0).then_some(now)).unwrap();
+        let command = supervisor
+            .poll_command(now, |board| (board != 0).then_some(now))
+            .unwrap();
         assert_eq!(command.board, 0);
         supervisor.not_sent(&command, now);
-        while supervisor.poll(now, |_| Some(now)).is_some() {}
+        while supervisor.poll_command(now, |_| Some(now)).is_some() {}
         for step in 1..100 {
             let t = now + step * MS;
-            while let Some(c) = supervisor.poll(t, |board| (board != 0).then_some(t)) {
+            while let Some(c) = supervisor.poll_command(t, |board| (board != 0).then_some(t)) {
                 assert_ne!(c.board, 0, "only after the first pause");
             }
         }

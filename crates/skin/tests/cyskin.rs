@@ -5,7 +5,7 @@ mod support;
 use proptest::prelude::*;
 use support::{CYSKIN, cyskin, cyskin_text};
 use taxel_can::CanFrame;
-use taxel_skin::{BoardCounters, Decoded, Decoder, Layout, Readings, STATUS_ERROR, cyskin_frames};
+use taxel_skin::{BoardStatus, Decoded, Decoder, Layout, Readings, STATUS_ERROR, cyskin_frames};
 
 const SENSOR_DATA: u8 = 0x43;
 const FIRST: u32 = 0x0400_0000;
@@ -87,15 +87,8 @@ fn values_run_over_sensors_and_modules_and_temperatures_are_kept_apart() {
             named("a1.2", 108)
         ]
     );
-    assert_eq!(
-        decoder.auxiliary(&layout, 1, 0),
-        Some(106),
-        "temperature of module a1"
-    );
-    assert_eq!(
-        [0, 2, 3].map(|board| decoder.auxiliary(&layout, board, 0)),
-        [None; 3]
-    );
+    assert_eq!(decoder.auxiliary(1, 0), Some(106), "temperature of module a1");
+    assert_eq!([0, 2, 3].map(|board| decoder.auxiliary(board, 0)), [None; 3]);
 }
 
 #[test]
@@ -274,7 +267,7 @@ fn hubs_interleave_and_what_breaks_a_packet_is_counted() {
         let (decoded, _) = play(&mut decoder, &layout, &frames);
         assert_eq!(decoded, expected, "{name}");
         let bus = *decoder.counters();
-        let mut board = BoardCounters::default();
+        let mut board = BoardStatus::default();
         decoder.add_to(0, &mut board);
         assert_eq!(bus.abandoned, abandoned, "{name}: packets given up");
         assert_eq!(bus.frames, frames.len() as u64);

@@ -68,7 +68,7 @@ fn every_taxel_of_every_protocol_is_read_back_from_its_frame() {
             }
             assert_eq!(decoded, Decoded::Readings, "{frame}");
             // XELA's controllers do not use the status byte, so it cannot report an error there.
-            let status = if module.protocol == Protocol::UskinL3 {
+            let status = if module.protocol == Protocol::USKIN_L3 {
                 0
             } else {
                 0x93

@@ -2,7 +2,7 @@
 
 mod support;
 
-use taxel_can::CanFrame;
+use taxel_can::{CanFrame, Received};
 use taxel_skin::{
     BoardKind, BoardSupervisor, BoardsConfig, BoardsMode, Discovery, Firmware, FoundBoard, Layout, Protocol,
 };
@@ -23,18 +23,19 @@ fn run<T>(
     let mut sent = Vec::new();
     let mut now = 0;
     for _ in 0..100_000 {
-        let Some(next) = discovery.next_at_ns() else {
+        let Some(next) = discovery.poll_due_ns() else {
             return sent;
         };
         // Time goes on by at most a millisecond, so that noise gets its chance.
         now = next.min(now + MS).max(now);
         if let Some((bus, frame)) = noise(now) {
-            discovery.hear(bus, &frame, now);
+            discovery.handle_frame(bus, &Received { t_ns: now, frame });
         }
-        while let Some(command) = discovery.poll(now) {
+        while let Some(command) = discovery.poll_command(now) {
             let text = command.frame.to_string();
             for answer in answers(command.bus, &text) {
-                discovery.hear(command.bus, &answer, now + MS / 2);
+                let t_ns = now + MS / 2;
+                discovery.handle_frame(command.bus, &Received { t_ns, frame: answer });
             }
             sent.push((now / MS, command.bus, text));
         }
@@ -104,12 +105,12 @@ fn boards_are_silenced_then_asked_and_reported_with_type_and_firmware() {
     let mismatches: Vec<(u16, Protocol)> = report.mismatches(&layout).map(|(m, p, _)| (m, p)).collect();
     assert_eq!(
         mismatches,
-        [(1, Protocol::UskinL2)],
+        [(1, Protocol::USKIN_L2)],
         "an MTB4 has no uSkin firmware"
     );
     assert_eq!(
         supervisor
-            .poll(10_000 * MS, |_| None)
+            .poll_command(10_000 * MS, |_| None)
             .unwrap()
             .frame()
             .to_string(),
@@ -183,11 +184,14 @@ fn a_scan_stops_nobody() {
 fn a_supervisor_that_has_spoken_is_not_given_to_a_discovery() {
     let layout = support::icub("icub-mtb3", "");
     let mut started = supervisor(&layout);
-    started.poll(0, |_| None).unwrap();
+    started.poll_command(0, |_| None).unwrap();
     let refused = started.discover(&layout).unwrap_err();
     assert!(refused.to_string().contains("discover first"));
     let mut back = *refused.0;
-    assert!(back.poll(20 * MS, |_| None).is_some(), "it goes on where it was");
+    assert!(
+        back.poll_command(20 * MS, |_| None).is_some(),
+        "it goes on where it was"
+    );
 }
 
 #[test]
@@ -207,7 +211,7 @@ fn where_there_is_nobody_to_ask_nothing_is_sent() {
     for (layout, config) in cases {
         let mut discovery = BoardSupervisor::new(&layout, &config).discover(&layout).unwrap();
         assert!(discovery.is_done());
-        assert_eq!(discovery.poll(0), None);
+        assert_eq!(discovery.poll_command(0), None);
         assert_eq!(discovery.finish().0, Default::default());
     }
 }

@@ -51,7 +51,7 @@ fn the_default_hand_is_the_one_of_the_design() {
         expected.extend(boards.map(|board| (part, bus, board)));
     }
     assert_eq!(places, expected);
-    assert!(hand.wiring.iter().all(|m| m.protocol == Protocol::UskinL2));
+    assert!(hand.wiring.iter().all(|m| m.protocol == Protocol::USKIN_L2));
     assert!(hand.taxels.iter().all(|t| t.position_mm.is_some()));
 
     for y in 0..16 {
@@ -92,11 +92,11 @@ fn a_phalange_is_drawn_with_its_middle_columns_swapped() {
     );
     assert_eq!(module.can_id(5), Some(0x715));
     assert_eq!(
-        module.board(0, 1, Protocol::UskinL2),
+        module.board(0, 1, Protocol::USKIN_L2),
         Some(0),
         "L1 and L2 boards are both MTBs"
     );
-    assert_eq!(module.board(0, 1, Protocol::UskinL3), None);
+    assert_eq!(module.board(0, 1, Protocol::USKIN_L3), None);
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Boards as they behave on a bus: bursts and their phase, free running, rates that must be measured.
 
 use taxel_hand::{Freshness, TactileFrame};
-use taxel_skin::{BoardCounters, BoardState, Layout, SweepAssembler, SweepConfig, TaxelReading};
+use taxel_skin::{BoardState, BoardStatus, Layout, SweepAssembler, SweepConfig, TaxelReading};
 
 const MS: u64 = 1_000_000;
 /// Not zero, as a monotonic clock never is.
@@ -108,7 +108,7 @@ impl Hand {
         }
     }
 
-    fn counters(&self, board: u16) -> BoardCounters {
+    fn counters(&self, board: u16) -> BoardStatus {
         self.assembler.board(board)
     }
 

@@ -5,7 +5,7 @@ mod support;
 use taxel_can::CanFrame;
 use taxel_hand::{Fault, ForceFrame, Freshness, TactileFrame};
 use taxel_skin::{
-    BoardCounters, ConditionConfig, Conditioner, Decoded, Decoder, ICUB_NO_ACK, ICUB_NOT_CONNECTED,
+    BoardStatus, ConditionConfig, Conditioner, Decoded, Decoder, ICUB_NO_ACK, ICUB_NOT_CONNECTED,
     ICUB_OUT_OF_RANGE, Layout, Readings, STATUS_ERROR, SweepAssembler, SweepConfig, icub_triangle_data,
 };
 
@@ -59,9 +59,9 @@ fn a_triangle_comes_in_two_frames_and_its_thermal_pads_are_no_taxels() {
         (200, None),
     ];
     for (k, value) in thermal {
-        assert_eq!(decoder.auxiliary(&layout, 0, k), value, "pad {k}");
+        assert_eq!(decoder.auxiliary(0, k), value, "pad {k}");
     }
-    assert_eq!(decoder.auxiliary(&layout, 1, 6), None);
+    assert_eq!(decoder.auxiliary(1, 6), None);
 }
 
 #[test]
@@ -73,7 +73,7 @@ fn palms_and_fingertips_have_eleven_taxels_and_one_thermal_pad() {
     let mut decoder = Decoder::new(&layout, 0);
     let (_, values) = decode(&mut decoder, &layout, "4E0#C0F5F5F5F5800000");
     assert_eq!(values.iter().map(|v| v.0).collect::<Vec<_>>(), [7, 8, 9, 10]);
-    assert_eq!(decoder.auxiliary(&layout, 0, 11), Some(0x80));
+    assert_eq!(decoder.auxiliary(0, 11), Some(0x80));
     for (text, k) in [
         (text.replace("10]]", "11]]"), 11),
         (text.replace("skin_type = 1", "skin_type = 0"), 6),
@@ -201,7 +201,7 @@ fn an_mtb4_that_calibrates_itself_anew_is_reported_and_an_mtb3_does_not() {
             }
         }
         assert_eq!(decoder.recalibrations(0), expected, "{protocol}");
-        let mut counters = BoardCounters::default();
+        let mut counters = BoardStatus::default();
         decoder.add_to(0, &mut counters);
         assert_eq!(counters.recalibrations, expected);
     }
@@ -286,7 +286,7 @@ fn the_published_finger_has_four_frames_of_four_channels_and_two_proximity_value
     let (decoded, values) = decode(&mut decoder, &layout, "601#39300200");
     assert_eq!((decoded, values.len()), (Decoded::Readings, 0));
     assert_eq!(
-        [15, 16, 17, 18].map(|k| decoder.auxiliary(&layout, 0, k)),
+        [15, 16, 17, 18].map(|k| decoder.auxiliary(0, k)),
         [None, Some(12345), Some(2), None]
     );
     for text in ["405#01", "40B#", "601#0000"] {

@@ -5,7 +5,7 @@ mod support;
 
 use proptest::prelude::*;
 use std::collections::BTreeSet;
-use taxel_can::CanFrame;
+use taxel_can::{CanFrame, Received};
 use taxel_skin::{
     Decoded, Decoder, Layout, Protocol, Readings, Recogniser, Recognition, cyskin_frames, icub_triangle_data,
 };
@@ -19,18 +19,18 @@ fn sweep(layout: &Layout, round: u64) -> Vec<(u8, CanFrame)> {
     for n in 0..layout.len() {
         let (module, k) = (layout.wiring_of(n), layout.k[n]);
         let value = 12_000 + (n as u64 * 37 + round * 7) as u16 % 200;
-        match module.protocol {
-            Protocol::IcubMtb3 | Protocol::IcubMtb4 => {
+        match module.protocol.name() {
+            "icub-mtb3" | "icub-mtb4" => {
                 triangles.insert((module.bus, module.board, k / 12));
             }
-            Protocol::Cyskin => {
+            "cyskin" => {
                 let setup = layout.cyskin.as_ref().unwrap();
                 let [high, low] = value.to_be_bytes();
                 let address = setup.hubs[usize::from(module.hub.unwrap())].address;
                 let packet = cyskin_frames(setup, address, 0x43, &[module.board, k, high, low]).unwrap();
                 frames.extend(packet.into_iter().map(|frame| (module.bus, frame)));
             }
-            Protocol::CpmFinger => {
+            "cpm-finger" => {
                 let id = module.protocol.frame_id(module.board, k).unwrap();
                 if k < 4 {
                     let id = 0x405 + 2 * u16::from(k);
@@ -41,8 +41,10 @@ fn sweep(layout: &Layout, round: u64) -> Vec<(u8, CanFrame)> {
                 }
                 assert!((0x405..=0x40B).contains(&id));
             }
-            protocol => {
-                let frame = protocol.frame(module.board, k, [0x8000, 0x8000, value], 0x83);
+            _ => {
+                let frame = module
+                    .protocol
+                    .frame(module.board, k, [0x8000, 0x8000, value], 0x83);
                 frames.push((module.bus, frame.unwrap()));
             }
         }
@@ -68,7 +70,13 @@ fn traffic(layout: &Layout) -> Vec<(u8, u64, CanFrame)> {
 fn recognise(buses: usize, traffic: &[(u8, u64, CanFrame)]) -> Recognition {
     let mut recogniser = Recogniser::new(buses);
     for (bus, t_ns, frame) in traffic {
-        recogniser.hear(*bus, *t_ns, frame);
+        recogniser.handle_frame(
+            *bus,
+            &Received {
+                t_ns: *t_ns,
+                frame: *frame,
+            },
+        );
     }
     recogniser.finish()
 }
@@ -190,7 +198,8 @@ fn the_parameters_of_long_cyskin_packets_are_found() {
                     data.extend(bytes);
                 }
                 for frame in cyskin_frames(setup, 0x123, 0x43, &data).unwrap() {
-                    recogniser.hear(0, round * 50_000_000, &frame);
+                    let t_ns = round * 50_000_000;
+                    recogniser.handle_frame(0, &Received { t_ns, frame });
                 }
                 place += count;
             }
@@ -232,7 +241,7 @@ fn what_the_frames_do_not_decide_is_named() {
     let hand = |last| -> Vec<_> {
         let ks: Vec<u8> = (0..16).collect();
         (0..8)
-            .flat_map(|b| board(Protocol::UskinL2, b, &ks, last))
+            .flat_map(|b| board(Protocol::USKIN_L2, b, &ks, last))
             .collect()
     };
     let decided = recognise(1, &hand(None));
@@ -240,7 +249,7 @@ fn what_the_frames_do_not_decide_is_named() {
         decided.buses[0]
             .boards
             .iter()
-            .all(|b| b.protocol == Protocol::UskinL2)
+            .all(|b| b.protocol == Protocol::USKIN_L2)
     );
     assert!(
         decided.buses[0].doubts[0].contains("decides"),
@@ -265,7 +274,7 @@ fn what_the_frames_do_not_decide_is_named() {
 fn xela_controllers_whose_last_byte_is_unused_are_not_taken_for_mtbs() {
     let four: Vec<u8> = (0..4).flat_map(|sda| (0..4).map(move |t| sda << 4 | t)).collect();
     let traffic: Vec<_> = (1..4)
-        .flat_map(|c| board(Protocol::UskinL3, c, &four, Some(0)))
+        .flat_map(|c| board(Protocol::USKIN_L3, c, &four, Some(0)))
         .collect();
     let found = recognise(1, &traffic);
     let addresses: Vec<(Protocol, u8)> = found.buses[0]
@@ -273,13 +282,13 @@ fn xela_controllers_whose_last_byte_is_unused_are_not_taken_for_mtbs() {
         .iter()
         .map(|b| (b.protocol, b.board))
         .collect();
-    assert_eq!(addresses, [1, 2, 3].map(|c| (Protocol::UskinL3, c)));
+    assert_eq!(addresses, [1, 2, 3].map(|c| (Protocol::USKIN_L3, c)));
 }
 
 #[test]
 fn a_taxel_that_never_speaks_and_one_that_speaks_once_are_told_from_a_board() {
     let ks: Vec<u8> = (0..16).filter(|k| *k != 5).collect();
-    let mut traffic = board(Protocol::UskinL1, 3, &ks, None);
+    let mut traffic = board(Protocol::USKIN_L1, 3, &ks, None);
     traffic.push((0, 0, CanFrame::standard(0x123, &[1; 8]).unwrap()));
     let found = recognise(1, &traffic);
     let bus = &found.buses[0];
@@ -299,11 +308,9 @@ fn an_allegro_hand_is_recognised_and_is_no_skin() {
         let mut recogniser = Recogniser::new(1);
         for round in 0..50u64 {
             for id in ids {
-                recogniser.hear(
-                    0,
-                    round * 3_000_000,
-                    &CanFrame::standard(id, &[0, 1, 2, 3, 4, 5, 6, 7]).unwrap(),
-                );
+                let frame = CanFrame::standard(id, &[0, 1, 2, 3, 4, 5, 6, 7]).unwrap();
+                let t_ns = round * 3_000_000;
+                recogniser.handle_frame(0, &Received { t_ns, frame });
             }
         }
         let found = recogniser.finish();
@@ -315,7 +322,7 @@ fn an_allegro_hand_is_recognised_and_is_no_skin() {
 
 #[test]
 fn commands_and_answers_of_boards_are_no_strangers() {
-    let mut traffic = board(Protocol::UskinL1, 1, &(0..16).collect::<Vec<u8>>(), None);
+    let mut traffic = board(Protocol::USKIN_L1, 1, &(0..16).collect::<Vec<u8>>(), None);
     for (id, data) in [
         (0x201, &[0x07, 0x00][..]),
         (0x70F, &[0xFF]),
@@ -340,7 +347,7 @@ fn the_answer_to_a_discovery_tells_an_mtb4_from_an_mtb3() {
     );
     assert_eq!(
         recognise(1, &with_answer).buses[0].boards[0].protocol,
-        Protocol::IcubMtb4
+        Protocol::ICUB_MTB4
     );
 }
 
@@ -367,7 +374,8 @@ proptest! {
         let mut recogniser = Recogniser::new(2);
         for (t, (bus, frame, times)) in frames.iter().enumerate() {
             for n in 0..*times {
-                recogniser.hear(*bus, (t + n) as u64 * 1000, frame);
+                let t_ns = (t + n) as u64 * 1000;
+                recogniser.handle_frame(*bus, &Received { t_ns, frame: *frame });
             }
         }
         let found = recogniser.finish();
@@ -380,7 +388,7 @@ proptest! {
     #[test]
     fn strangers_do_not_hide_a_board(noise in prop::collection::vec(any_frame(), 0..60), address in 0u8..8) {
         let ks: Vec<u8> = (0..16).collect();
-        let mut traffic = board(Protocol::UskinL2, address, &ks, None);
+        let mut traffic = board(Protocol::USKIN_L2, address, &ks, None);
         traffic.extend(noise.iter().map(|frame| (0, 0, *frame)));
         let found = recognise(1, &traffic);
         prop_assert!(found.buses[0].boards.iter().any(|b| b.board == address && b.taxels == ks));

@@ -3,8 +3,8 @@
 mod support;
 
 use support::{CYSKIN, cyskin, cyskin_text, icub};
-use taxel_can::CanFrame;
-use taxel_skin::{BoardSupervisor, BoardsConfig, BoardsMode, Finding, Layout, TrafficWatch, TxMode};
+use taxel_can::{CanFrame, Received};
+use taxel_skin::{BoardSupervisor, BoardsConfig, BoardsMode, BusMonitor, Finding, Layout, TxMode};
 
 const MS: u64 = 1_000_000;
 
@@ -30,7 +30,7 @@ fn play_with(
     let mut sent: Vec<(u64, String)> = Vec::new();
     let mut now = from_ms * MS;
     while now <= until_ms * MS {
-        while let Some(command) = supervisor.poll(now, |board| hear(board, now, &sent)) {
+        while let Some(command) = supervisor.poll_command(now, |board| hear(board, now, &sent)) {
             let frame = command.frame();
             let is_mtb = frame.standard_id().is_some_and(|id| id & 0x7F0 == 0x200);
             assert!(
@@ -41,10 +41,16 @@ fn play_with(
             if frame.data()[0] == 0x1C && answers(now / MS) {
                 let id = 0x200 | (frame.id() as u16 & 15) << 4;
                 let answer = CanFrame::standard(id, &[0x1C, 5, 2, 17, 4, 1, 0, 1]).unwrap();
-                supervisor.hear(command.bus, &answer, now);
+                supervisor.handle_frame(
+                    command.bus,
+                    &Received {
+                        t_ns: now,
+                        frame: answer,
+                    },
+                );
             }
         }
-        let Some(next) = supervisor.next_at_ns() else {
+        let Some(next) = supervisor.poll_due_ns() else {
             break;
         };
         assert!(next > now, "a supervisor without a command is not due at once");
@@ -246,8 +252,8 @@ fn a_stop_during_the_configuration_ends_it() {
 #[test]
 fn a_step_that_could_not_be_sent_begins_the_configuration_again() {
     let mut supervisor = BoardSupervisor::new(&icub("icub-mtb3", ""), &BoardsConfig::default());
-    assert!(supervisor.poll(0, |_| None).is_some());
-    let second = supervisor.poll(10 * MS, |_| None).unwrap();
+    assert!(supervisor.poll_command(0, |_| None).is_some());
+    let second = supervisor.poll_command(10 * MS, |_| None).unwrap();
     supervisor.not_sent(&second, 10 * MS);
     let sent = play(&mut supervisor, 11, 700, |_, _, _| None);
     let again: Vec<(u64, &str)> = CONFIGURATION.iter().map(|(t, f)| (110 + t, *f)).collect();
@@ -330,8 +336,8 @@ fn boards_without_commands_are_left_alone() {
     ];
     for layout in layouts {
         let mut supervisor = BoardSupervisor::new(&layout, &BoardsConfig::default());
-        assert_eq!(supervisor.poll(0, |_| None), None, "{}", layout.name);
-        assert_eq!(supervisor.next_at_ns(), None);
+        assert_eq!(supervisor.poll_command(0, |_| None), None, "{}", layout.name);
+        assert_eq!(supervisor.poll_due_ns(), None);
         supervisor.stop();
         assert!(supervisor.is_stopped());
     }
@@ -352,8 +358,8 @@ fn no_order_to_any_board_of_any_built_in_hand_is_of_class_7() {
                 (board % 2 == 0).then_some(now)
             });
             supervisor.stop();
-            while let Some(next) = supervisor.next_at_ns() {
-                if let Some(command) = supervisor.poll(next, |_| None) {
+            while let Some(next) = supervisor.poll_due_ns() {
+                if let Some(command) = supervisor.poll_command(next, |_| None) {
                     assert_eq!(command.mode, TxMode::Stop);
                 }
             }
@@ -381,19 +387,20 @@ fn icub_on_two_buses() -> Layout {
 fn board_3_on_the_second_bus(kind: u8, stranger: bool) -> (Vec<String>, Vec<Vec<Finding>>) {
     let layout = icub_on_two_buses();
     let mut supervisor = BoardSupervisor::new(&layout, &BoardsConfig::default());
-    let mut watch = TrafficWatch::new(&layout);
+    let mut monitor = BusMonitor::new(&layout);
     let (mut sent, mut found) = (Vec::new(), Vec::new());
     for ms in 0..6000u64 {
         let now = ms * MS;
-        watch.advance(now);
+        monitor.advance(now);
         for bus in 0..2 {
-            supervisor.allow_search(bus, !watch.strangers(bus));
+            supervisor.allow_search(bus, !monitor.strangers(bus));
         }
         if stranger && ms % 3 == 0 {
-            watch.frame(1, &CanFrame::standard(0x083, &[0; 8]).unwrap());
+            let frame = CanFrame::standard(0x083, &[0; 8]).unwrap();
+            monitor.handle_frame(1, &Received { t_ns: now, frame });
         }
         // Until 4 s; then somebody plugs it in where it belongs, without power.
-        while let Some(command) = supervisor.poll(now, |board| (board == 1).then_some(now)) {
+        while let Some(command) = supervisor.poll_command(now, |board| (board == 1).then_some(now)) {
             if (command.bus, command.board) != (1, 0) {
                 continue;
             }
@@ -401,16 +408,20 @@ fn board_3_on_the_second_bus(kind: u8, stranger: bool) -> (Vec<String>, Vec<Vec<
             sent.push(frame.to_string());
             if frame.to_string() == "203#1C0100" && ms < 4000 {
                 let answer = CanFrame::standard(0x230, &[0x1C, kind, 2, 17, 0, 1, 0, 1]).unwrap();
-                supervisor.hear(1, &answer, now);
-                watch.frame(1, &answer);
+                let answer = Received {
+                    t_ns: now,
+                    frame: answer,
+                };
+                supervisor.handle_frame(1, &answer);
+                monitor.handle_frame(1, &answer);
             }
         }
         if ms % 100 == 99 {
-            found.push(watch.findings().to_vec());
+            found.push(monitor.findings().to_vec());
         }
     }
     supervisor.stop();
-    while let Some(command) = supervisor.poll(7000 * MS, |_| None) {
+    while let Some(command) = supervisor.poll_command(7000 * MS, |_| None) {
         if (command.bus, command.board) == (1, 0) {
             sent.push(command.frame().to_string());
         }

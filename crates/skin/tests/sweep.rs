@@ -213,11 +213,11 @@ fn a_dead_board_is_waited_for_three_times_and_again_once_it_speaks() {
     }
     assert_eq!(waited, [true, true, true, false, false, false]);
     assert_eq!(bench.assembler.board(1).state, BoardState::Silent);
-    assert_eq!(bench.assembler.board(0).state, BoardState::Living);
+    assert_eq!(bench.assembler.board(0).state, BoardState::Streaming);
 
     let start = START + 200 * MS;
     bench.push(20, start);
-    assert_eq!(bench.assembler.board(1).state, BoardState::Living);
+    assert_eq!(bench.assembler.board(1).state, BoardState::Streaming);
     bench.push_all(0..16, start);
     assert!(!bench.assembler.is_complete(), "board 1 speaks and is waited for");
     bench.push_all((16..32).filter(|t| *t != 20), start);
@@ -349,7 +349,7 @@ fn what_a_board_sends_while_it_comes_up_is_thrown_away() {
     let counters = bench.assembler.board(0);
     assert_eq!((counters.settling, counters.used), (5, 3));
     assert_eq!(counters.last_ns, Some(START + 2399 * MS));
-    assert_eq!(bench.assembler.board(1).state, BoardState::Unheard);
+    assert_eq!(bench.assembler.board(1).state, BoardState::NeverSeen);
 }
 
 #[test]
@@ -374,12 +374,12 @@ fn states_follow_what_is_heard() {
         bench.take(now);
         bench.assembler.board(0).state
     };
-    assert_eq!(state(&mut bench, START), BoardState::Unheard);
+    assert_eq!(state(&mut bench, START), BoardState::NeverSeen);
     bench.push(0, START);
     assert_eq!(state(&mut bench, START + MS), BoardState::Settling);
     assert_eq!(state(&mut bench, START + 31 * MS), BoardState::Silent);
     bench.push(0, START + 250 * MS);
-    assert_eq!(state(&mut bench, START + 251 * MS), BoardState::Living);
+    assert_eq!(state(&mut bench, START + 251 * MS), BoardState::Streaming);
     assert_eq!(state(&mut bench, START + 281 * MS), BoardState::Silent);
 }
 

@@ -3,7 +3,7 @@
 use super::{Kind, Look, Place, Problem};
 use std::collections::{HashMap, VecDeque};
 use taxel_can::{BusState, LinkState};
-use taxel_skin::{BoardState, BoardsMode, Finding, Layout, Protocol};
+use taxel_skin::{BoardState, BoardsMode, Finding, Layout};
 
 /// A board that falls silent so often within so long is unsteady, until it was steady for a while.
 const SILENCES: usize = 3;
@@ -72,8 +72,8 @@ pub(super) fn judge(look: &Look<'_>, steadiness: &mut Steadiness, found: &mut Ve
         };
         let quiet = |m: usize| match state(m) {
             BoardState::Silent => long(m),
-            BoardState::Unheard => look.boards_due,
-            BoardState::Settling | BoardState::Living => false,
+            BoardState::NeverSeen => look.boards_due,
+            BoardState::Settling | BoardState::Streaming => false,
         };
         let all = boards().count() > 1 && boards().all(quiet);
         if all {
@@ -215,7 +215,7 @@ fn silent_board(look: &Look<'_>, modules: &[usize], state: BoardState) -> Proble
     let name = named_all(layout, modules);
     let done = what_is_done(look);
     let (kind, sentence) = match state {
-        BoardState::Unheard => (
+        BoardState::NeverSeen => (
             "board-unheard",
             format!(
                 "{name} was not heard since the start; check its power, its cable and its address switches, which the layout has to match. {done}"
@@ -316,7 +316,7 @@ fn of_finding(look: &Look<'_>, finding: &Finding) -> Problem {
                     let other = &layout.wiring[*i];
                     let state = look.now.boards[*i].state;
                     (other.bus, other.protocol) == (m.bus, m.protocol)
-                        && matches!(state, BoardState::Silent | BoardState::Unheard)
+                        && matches!(state, BoardState::Silent | BoardState::NeverSeen)
                 })
                 .map(|i| named(layout, i))
                 .collect();
@@ -391,13 +391,13 @@ fn of_finding(look: &Look<'_>, finding: &Finding) -> Problem {
             address,
         } => {
             let name = bus_name(bus);
-            let number = match protocol {
-                Protocol::Cyskin => format!("{address:#X}"),
-                _ => address.to_string(),
-            };
+            let number = protocol.address_text(address);
             Problem {
                 kind: "board-not-in-layout",
-                place: Place::Stranger(bus.into(), 0x2000_0000 | (protocol as u32) << 26 | address),
+                place: Place::Stranger(
+                    bus.into(),
+                    0x2000_0000 | (protocol.index() as u32) << 26 | address,
+                ),
                 severe: false,
                 sentence: format!(
                     "{name}: a board answers as address {number} ({}), which the layout does not have there: correct its address switches, or add it to the layout",

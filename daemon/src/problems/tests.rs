@@ -18,7 +18,7 @@ fn well(config: &Config) -> Snapshot {
         bus.link = LinkState::Up;
     }
     for board in &mut snapshot.boards {
-        board.state = BoardState::Living;
+        board.state = BoardState::Streaming;
     }
     snapshot
 }
@@ -121,7 +121,7 @@ fn what_comes_and_goes_for_hours_is_told_less_and_less() {
         s.boards[3].state = if looks / 5 % 2 == 0 {
             BoardState::Silent
         } else {
-            BoardState::Living
+            BoardState::Streaming
         };
     });
     // 7,200 changes in an hour; two kinds of problem, a sentence each per ten seconds.
@@ -231,7 +231,7 @@ fn a_silent_hub_is_one_problem_with_its_modules_named() {
         bench.pass(1000, |s| {
             silent
                 .iter()
-                .for_each(|m| s.boards[*m].state = BoardState::Living)
+                .for_each(|m| s.boards[*m].state = BoardState::Streaming)
         });
         let [News::Came { sentence, .. }, News::Over { sentence: end }] = &bench.said[..] else {
             panic!("{:?}", bench.said);

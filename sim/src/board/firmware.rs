@@ -1,9 +1,62 @@
-//! The seam between what every simulated board is (power, timer, transmit queue, ears) and what one kind of board does.
+//! The seam between what every simulated board is (power, timer, queues) and what one kind of board does.
 
 use super::queue::Queue;
-use crate::skin_model::SkinModel;
+use crate::levels::{Levels, Nature};
+use crate::scene::SceneError;
+use crate::skin_model::{SkinModel, taxels_of};
 use std::fmt::Debug;
 use taxel_can::CanFrame;
+use taxel_skin::{Layout, Wiring};
+
+/// One kind of simulated board: an entry of the list in `kinds/mod.rs`.
+pub(super) trait BoardSimulation: Sync {
+    /// Sweeps per second of a board that a scene does not give a rate: what two buses carry of eight uSkin boards each,
+    /// which they do not of the 100 Hz of their timers.
+    fn usual_hz(&self) -> u32 {
+        50
+    }
+
+    /// The time between two sweeps of a board that is configured by the layout file, nanoseconds.
+    fn period_ns(&self, _wiring: &Wiring) -> Option<u64> {
+        None
+    }
+
+    /// What its taxels read; `levels` are those of uSkin boards.
+    fn nature(&self, levels: Levels) -> Nature;
+
+    /// What is to run on a board.
+    fn firmware(&self, blueprint: &Blueprint<'_>) -> Result<Box<dyn Firmware>, SceneError>;
+}
+
+/// What a board's firmware is made from.
+pub(super) struct Blueprint<'a> {
+    pub(super) layout: &'a Layout,
+    /// Its module; of a hub, all those that are there.
+    pub(super) modules: &'a [usize],
+    pub(super) seed: u64,
+    pub(super) boot_replies: bool,
+}
+
+impl Blueprint<'_> {
+    /// The wiring of its first module.
+    pub(super) fn wiring(&self) -> &Wiring {
+        &self.layout.wiring[self.modules[0]]
+    }
+
+    /// `(k, taxel)` of each taxel of its first module.
+    pub(super) fn taxels(&self) -> Vec<(u8, u16)> {
+        let taxels = taxels_of(self.layout, self.modules[0]);
+        taxels.map(|(i, k)| (k, i as u16)).collect()
+    }
+
+    /// Why a module cannot be simulated.
+    pub(super) fn refuse(&self, module: usize, why: &str) -> SceneError {
+        SceneError::Layout {
+            layout: self.layout.name.clone(),
+            problem: format!("`{}`: {why}", self.layout.modules[module].name),
+        }
+    }
+}
 
 /// What one kind of board does with its chips and with what it is told.
 pub(super) trait Firmware: Debug + Send {
@@ -11,7 +64,7 @@ pub(super) trait Firmware: Debug + Send {
     fn groups(&self) -> usize;
 
     /// Reads a group and gives the frames of it to `send`, in the order in which the board makes them.
-    fn read(&mut self, group: usize, look: &Look<'_>, send: &mut dyn FnMut(CanFrame));
+    fn read(&mut self, group: usize, moment: &Moment<'_>, send: &mut dyn FnMut(CanFrame));
 
     /// Most frames that one group gives, where the board waits until its queue has room for them.
     fn needs_room(&self) -> Option<usize> {
@@ -31,13 +84,13 @@ pub(super) trait Firmware: Debug + Send {
     /// Frames it sends when it gets power.
     fn boot(&mut self, _send: &mut dyn FnMut(u8, [u8; 8])) {}
 
-    /// Obeys a command of class 2 that not every MTB has.
+    /// Does what a command of class 2 says that not every MTB has.
     fn configure(&mut self, _data: &[u8], _t_ns: u64, _skin: &SkinModel) -> Effect {
         Effect::default()
     }
 
-    /// Obeys a frame that is no command to an MTB.
-    fn hear(&mut self, _frame: &CanFrame) -> Effect {
+    /// Does what a frame says that is no command to an MTB.
+    fn handle_frame(&mut self, _frame: &CanFrame) -> Effect {
         Effect::default()
     }
 
@@ -54,7 +107,7 @@ pub(super) trait Firmware: Debug + Send {
 }
 
 /// When and as whom a board reads its chips.
-pub(super) struct Look<'a> {
+pub(super) struct Moment<'a> {
     pub(super) t_ns: u64,
     pub(super) skin: &'a SkinModel,
     /// Its first sweeps after power-up read nothing.

@@ -1,15 +1,14 @@
-//! One simulated board: its power, its timer, its sweeps, its queue, its ears. What it does with its chips and with what
-//! it is told is one kind of [`Firmware`] each.
+//! One simulated board: its power, its timer, its sweeps, its queues in and out. What it does with its chips and
+//! with what it is sent is one kind of [`Firmware`] each; `kinds/` has the list of them.
 
-mod cpm_finger;
-mod cyskin;
 mod firmware;
-mod icub;
+mod kinds;
+mod module;
 mod mtb;
 mod plan;
 mod queue;
-mod uskin;
 
+pub(crate) use kinds::nature_of;
 pub(crate) use plan::{Plan, plans};
 
 use crate::clock::Span;
@@ -17,7 +16,8 @@ use crate::fault::BoardFault;
 use crate::random::{between, bits};
 use crate::scene::Boards;
 use crate::skin_model::SkinModel;
-use firmware::{Effect, Firmware, Look};
+use firmware::{Effect, Firmware, Moment};
+use module::ModuleOfBoard;
 use queue::Queue;
 use taxel_can::CanFrame;
 
@@ -41,14 +41,6 @@ enum State {
     Streaming,
     /// Reset into the bootloader; only power brings it back.
     Bootloader,
-}
-
-/// One of the modules of a board, of which only a hub has several.
-#[derive(Debug)]
-pub(crate) struct ModuleOfBoard {
-    /// The address it sends under.
-    address: u8,
-    faults: Vec<(Span, BoardFault)>,
 }
 
 #[derive(Debug)]
@@ -158,7 +150,7 @@ impl Board {
         }
         if group < self.firmware.groups() {
             let modules = &self.modules;
-            let look = Look {
+            let moment = Moment {
                 t_ns,
                 skin,
                 booting: self.sweeps <= self.options.boot_sweeps,
@@ -166,7 +158,7 @@ impl Board {
             };
             let (queue, notice) = (&mut self.queue, overflow_notice(self.address));
             self.firmware
-                .read(group, &look, &mut |frame| queue.push(frame, || notice));
+                .read(group, &moment, &mut |frame| queue.push(frame, || notice));
         }
         self.sweep = (group + 1 < self.firmware.groups()).then(|| (group + 1, t_ns + self.group_ns()));
         if self.sweep.is_none() && std::mem::take(&mut self.queued) {
@@ -175,7 +167,7 @@ impl Board {
         while self.heard_depth > 0 {
             self.heard_depth -= 1;
             if let Some(frame) = self.heard[self.heard_depth].take() {
-                self.obey(&frame, t_ns, skin);
+                self.handle_command(&frame, t_ns, skin);
             }
         }
     }
@@ -196,13 +188,13 @@ impl Board {
     ///
     /// Between sweeps a frame is obeyed at once; during one, an MTB obeys when the next group of chips has been read,
     /// the newest frame first. Those that find the buffer full are lost.
-    pub(crate) fn hear(&mut self, frame: &CanFrame, by_board: bool, t_ns: u64, skin: &SkinModel) {
+    pub(crate) fn handle_frame(&mut self, frame: &CanFrame, by_board: bool, t_ns: u64, skin: &SkinModel) {
         if self.state == State::Off {
             return;
         }
         if self.firmware.identity().is_none() {
             if !by_board {
-                let effect = self.firmware.hear(frame);
+                let effect = self.firmware.handle_frame(frame);
                 self.follow(effect, t_ns);
             }
             return;
@@ -212,7 +204,7 @@ impl Board {
             return;
         }
         if self.sweep.is_none() {
-            self.obey(frame, t_ns, skin);
+            self.handle_command(frame, t_ns, skin);
         } else if self.heard_depth < RECEIVE {
             self.heard[self.heard_depth] = Some(*frame);
             self.heard_depth += 1;
@@ -346,26 +338,6 @@ impl Board {
         } else {
             self.phase_ns + ((t_ns - self.phase_ns) / self.period_ns + 1) * self.period_ns
         }
-    }
-}
-
-impl ModuleOfBoard {
-    fn has(&self, scene_ns: u64, wanted: BoardFault) -> bool {
-        self.faults
-            .iter()
-            .any(|(span, fault)| span.contains(scene_ns) && *fault == wanted)
-    }
-
-    /// What it sends under at this time of the scene; `None` without power.
-    fn address_at(&self, scene_ns: u64) -> Option<u8> {
-        if self.has(scene_ns, BoardFault::Silent) {
-            return None;
-        }
-        let wrong = self.faults.iter().find_map(|(span, fault)| match fault {
-            BoardFault::WrongId { board } if span.contains(scene_ns) => Some(*board),
-            _ => None,
-        });
-        Some(wrong.unwrap_or(self.address))
     }
 }
 

@@ -16,7 +16,7 @@ impl Board {
     }
 
     /// Does what an accepted frame says.
-    pub(super) fn obey(&mut self, frame: &CanFrame, t_ns: u64, skin: &SkinModel) {
+    pub(super) fn handle_command(&mut self, frame: &CanFrame, t_ns: u64, skin: &SkinModel) {
         let Some(identity) = self.firmware.identity() else {
             return;
         };

@@ -159,7 +159,7 @@ impl ServoBus {
     fn carry_out(&mut self, request: &Request) {
         let t_ns = self.heard_ns;
         for servo in &mut self.servos {
-            servo.hears(t_ns);
+            servo.handle_traffic(t_ns);
         }
         let broadcast = request.id == BROADCAST_ID;
         match Instruction::from_byte(request.instruction) {
@@ -184,23 +184,23 @@ impl ServoBus {
                 ids.sort_unstable();
                 let mut line_ns = t_ns;
                 for id in ids {
-                    line_ns = self.obey(id, request, false, line_ns);
+                    line_ns = self.handle_request(id, request, false, line_ns);
                 }
             }
             _ if broadcast => {
                 let ids: Vec<u8> = self.servos.iter().map(SimServo::id).collect();
                 for id in ids {
-                    self.obey(id, request, true, t_ns);
+                    self.handle_request(id, request, true, t_ns);
                 }
             }
             _ => {
-                self.obey(request.id, request, false, t_ns);
+                self.handle_request(request.id, request, false, t_ns);
             }
         }
     }
 
     /// One servo answers on a wire that is free from `line_ns` on; gives when it is free again.
-    fn obey(&mut self, id: u8, request: &Request, broadcast: bool, line_ns: u64) -> u64 {
+    fn handle_request(&mut self, id: u8, request: &Request, broadcast: bool, line_ns: u64) -> u64 {
         let Some(i) = self.servos.iter().position(|s| s.id() == id) else {
             return line_ns;
         };
@@ -209,7 +209,7 @@ impl ServoBus {
             return line_ns;
         }
         let begin_ns = line_ns + servo.return_delay_ns();
-        match servo.obey(request.instruction, &request.parameters, broadcast, begin_ns) {
+        match servo.handle_request(request.instruction, &request.parameters, broadcast, begin_ns) {
             Some(reply) => self.put_on_wire(i, id, &reply, begin_ns).unwrap_or(line_ns),
             None => line_ns,
         }

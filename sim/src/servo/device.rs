@@ -111,7 +111,7 @@ impl SimServo {
     }
 
     /// Some instruction went over the bus, which is what the bus watchdog watches for.
-    pub(crate) fn hears(&mut self, t_ns: u64) {
+    pub(crate) fn handle_traffic(&mut self, t_ns: u64) {
         let steps = self.table.get(address::BUS_WATCHDOG, 1);
         let patience_ns = steps as u64 * 20_000_000;
         if (1..=127).contains(&steps) && t_ns.saturating_sub(self.heard_ns) > patience_ns {
@@ -122,7 +122,7 @@ impl SimServo {
     }
 
     /// What it answers to an instruction for it alone; `None` if it says nothing.
-    pub(crate) fn obey(
+    pub(crate) fn handle_request(
         &mut self,
         instruction: u8,
         parameters: &[u8],

@@ -2,22 +2,15 @@
 
 use super::finding::Check;
 use taxel_can::CanFrame;
-use taxel_skin::{BoardsConfig, BoardsMode, Layout, Protocol, Wiring};
+use taxel_skin::{BoardsConfig, BoardsMode, Layout, Wiring};
 
 /// How often a board sends its sweep, by what is public of it; `None` where nothing is.
 fn nominal_hz(wiring: &Wiring, boards: &BoardsConfig) -> Option<f64> {
-    match wiring.protocol {
-        Protocol::UskinL1 | Protocol::UskinL2 if boards.mode == BoardsMode::Triggered => {
-            Some(boards.trigger_hz)
-        }
-        // The firmware's timer.
-        Protocol::UskinL1 | Protocol::UskinL2 => Some(100.0),
-        // The manual of 2023.
-        Protocol::UskinL3 => Some(83.0),
-        Protocol::IcubMtb3 | Protocol::IcubMtb4 => {
-            wiring.icub.map(|setup| 1000.0 / f64::from(setup.period_ms))
-        }
-        Protocol::Cyskin | Protocol::CpmFinger | Protocol::Offline => None,
+    let triggered = boards.mode == BoardsMode::Triggered && wiring.can_be_triggered();
+    if triggered {
+        Some(boards.trigger_hz)
+    } else {
+        wiring.nominal_hz()
     }
 }
 
@@ -58,11 +51,9 @@ pub(super) fn check(
         ),
         false => format!("{load}: at the limit, {slow:.0} to {fast:.0} Hz can be reached"),
     };
-    let triggered = wired
-        .iter()
-        .all(|m| matches!(m.protocol, Protocol::UskinL1 | Protocol::UskinL2));
+    let can_be_triggered = wired.iter().all(|m| m.can_be_triggered());
     let check = Check::warning(AREA, NAME, object, found).wanted("at most 100 %");
-    let check = match triggered {
+    let check = match can_be_triggered {
         // Some room, since commands share the bus: as protocols.md takes 86 % for what works.
         true => check.advise(format!(
             "write [boards] mode = \"triggered\" and trigger_hz = {:.0} into the configuration, or spread the boards over \

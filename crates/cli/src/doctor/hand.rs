@@ -11,7 +11,7 @@ use super::picture;
 use std::collections::BTreeMap;
 use taxel_can::{CanFrame, LinkState, SourceCounters};
 use taxel_hand::Faults;
-use taxel_skin::{BoardCounters, BoardsConfig, DiscoveryReport, Finding, Layout};
+use taxel_skin::{BoardStatus, BoardsConfig, DiscoveryReport, Finding, Layout};
 
 const AREA: &str = "hand";
 /// A bus that is busier than this has no room for a lost arbitration.
@@ -53,7 +53,7 @@ pub(super) struct HandFacts {
     pub(super) seconds: f64,
     pub(super) buses: Vec<BusFacts>,
     /// By module.
-    pub(super) boards: Vec<BoardCounters>,
+    pub(super) boards: Vec<BoardStatus>,
     pub(super) discovery: Option<DiscoveryReport>,
     /// What the traffic showed at any time.
     pub(super) findings: Vec<Finding>,

@@ -6,7 +6,7 @@ use super::hand::{BusFacts, HandFacts, Unclaimed};
 use taxel_can::{CanFrame, LinkState, Received};
 use taxel_engine::Engine;
 use taxel_skin::{
-    BoardSupervisor, BoardsMode, Decoded, Discovery, DiscoveryReport, Finding, ICUB_OUT_OF_RANGE, Layout,
+    BoardSupervisor, BoardsMode, Decoded, Discovery, DiscoveryReport, Finding, Layout, Protocol,
 };
 use taxeld::Config;
 
@@ -98,9 +98,9 @@ pub(super) fn examine(
         findings: Vec::new(),
         buses,
         extreme: vec![[0; 3]; layout.len()],
-        is_scalar: layout.wiring.iter().map(|m| m.protocol.is_scalar()).collect(),
-        is_icub: layout.wiring.iter().map(|m| m.protocol.is_icub()).collect(),
-        module_of: layout.taxels.iter().map(|t| usize::from(t.module)).collect(),
+        protocols: (0..layout.len())
+            .map(|taxel| layout.wiring_of(taxel).protocol)
+            .collect(),
         speakable,
         stopping: false,
     };
@@ -151,11 +151,11 @@ struct Asking<'a> {
 
 impl Listener for Asking<'_> {
     fn hear(&mut self, bus: u8, received: &Received) {
-        self.discovery.hear(bus, &received.frame, received.t_ns);
+        self.discovery.handle_frame(bus, received);
     }
 
     fn turn(&mut self, ears: &mut Ears, now_ns: u64) -> bool {
-        while let Some(command) = self.discovery.poll(now_ns) {
+        while let Some(command) = self.discovery.poll_command(now_ns) {
             if self.speakable[usize::from(command.bus)] {
                 ears.send(command.bus, &command.frame);
             }
@@ -173,9 +173,8 @@ struct Hearing {
     buses: Vec<BusFacts>,
     /// By taxel: readings at the end of the range, dead ones, and all.
     extreme: Vec<[u32; 3]>,
-    is_scalar: Vec<bool>,
-    is_icub: Vec<bool>,
-    module_of: Vec<usize>,
+    /// By taxel.
+    protocols: Vec<Protocol>,
     speakable: Vec<bool>,
     stopping: bool,
 }
@@ -197,20 +196,10 @@ impl Listener for Hearing {
             Some((Decoded::Readings, readings)) => {
                 for reading in readings {
                     let taxel = usize::from(reading.taxel);
-                    let module = self.module_of[taxel];
-                    let at_end = |count: &u16| matches!(*count, 0 | u16::MAX);
-                    let counts = &reading.counts;
-                    let dead = !self.is_scalar[module] && counts.iter().all(at_end);
-                    let extreme = if self.is_icub[module] {
-                        reading.status & ICUB_OUT_OF_RANGE != 0
-                    } else if self.is_scalar[module] {
-                        at_end(&counts[2])
-                    } else {
-                        !dead && counts.iter().any(at_end)
-                    };
+                    let protocol = self.protocols[taxel];
                     let [extremes, deads, all] = &mut self.extreme[taxel];
-                    *extremes += u32::from(extreme);
-                    *deads += u32::from(dead);
+                    *extremes += u32::from(protocol.is_saturated(reading));
+                    *deads += u32::from(protocol.is_silent_chip(reading));
                     *all += 1;
                 }
             }
@@ -257,7 +246,7 @@ fn count_unclaimed(facts: &mut BusFacts, frame: &CanFrame) {
 
 impl Hearing {
     fn note_findings(&mut self) {
-        for finding in self.engine.watch().findings() {
+        for finding in self.engine.bus_monitor().findings() {
             match self.findings.iter_mut().find(|known| is_same(known, finding)) {
                 Some(known) => *known = *finding,
                 None => self.findings.push(*finding),

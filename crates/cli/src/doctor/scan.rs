@@ -10,8 +10,8 @@ use anyhow::{Context, bail};
 use serde_json::json;
 use std::io::{self, Write};
 use std::path::Path;
-use taxel_can::{CanFrame, EXTENDED_FLAG, LinkState, Received, SourceAddress};
-use taxel_skin::{Discovery, Layout, RecognisedBus, Recogniser, Recognition};
+use taxel_can::{EXTENDED_FLAG, LinkState, Received, SourceAddress};
+use taxel_skin::{Discovery, Layout, MtbCommand, RecognisedBus, Recogniser, Recognition};
 
 const DISCOVERY_NS: u64 = 4_000_000_000;
 /// Between two commands to boards (protocols.md 1.9).
@@ -68,7 +68,7 @@ pub(super) fn run(scan: &Scan<'_>, root: &Path, interrupt: Interrupt) -> anyhow:
     };
     let go_on = ears.listen(length_ns, "listening", &mut hearing);
     for (bus, address) in started {
-        command(&mut ears, bus, address, true);
+        send(&mut ears, bus, &MtbCommand::stop(address));
     }
     if !go_on {
         bail!("stopped before anything was recognised");
@@ -161,7 +161,7 @@ struct Hearing<'a> {
 
 impl Listener for Hearing<'_> {
     fn hear(&mut self, bus: u8, received: &Received) {
-        self.recogniser.hear(bus, received.t_ns, &received.frame);
+        self.recogniser.handle_frame(bus, received);
     }
 
     fn turn(&mut self, _: &mut Ears, _: u64) -> bool {
@@ -173,11 +173,11 @@ struct Asking(Discovery);
 
 impl Listener for Asking {
     fn hear(&mut self, bus: u8, received: &Received) {
-        self.0.hear(bus, &received.frame, received.t_ns);
+        self.0.handle_frame(bus, received);
     }
 
     fn turn(&mut self, ears: &mut Ears, now_ns: u64) -> bool {
-        while let Some(command) = self.0.poll(now_ns) {
+        while let Some(command) = self.0.poll_command(now_ns) {
             ears.send(command.bus, &command.frame);
         }
         !self.0.is_done()
@@ -193,19 +193,17 @@ fn start_boards(ears: &mut Ears, buses: u8, recogniser: &mut Recogniser) -> anyh
     let (report, ()) = asking.0.finish();
     let mut started = Vec::new();
     for board in report.boards.iter().filter(|board| !board.in_bootloader) {
-        recogniser.is_known(board.bus, board.address, board.kind);
-        command(ears, board.bus, board.address, false);
+        recogniser.handle_board_kind(board.bus, board.address, board.kind);
+        send(ears, board.bus, &MtbCommand::start(board.address));
         started.push((board.bus, board.address));
     }
     Ok(started)
 }
 
-/// `SET_TXMODE` (protocols.md 1.4).
-fn command(ears: &mut Ears, bus: u8, address: u8, stop: bool) {
-    if let Ok(frame) = CanFrame::standard(0x200 | u16::from(address & 15), &[0x07, u8::from(stop)]) {
-        ears.send(bus, &frame);
-        std::thread::sleep(GAP);
-    }
+/// Commands go to boards that stream only as an [`MtbCommand`], which cannot be one that stops the others.
+fn send(ears: &mut Ears, bus: u8, command: &MtbCommand) {
+    ears.send(bus, &command.frame());
+    std::thread::sleep(GAP);
 }
 
 fn tell(scan: &Scan<'_>, buses: &[Bus], found: &Recognition) -> anyhow::Result<bool> {

@@ -2,7 +2,7 @@
 
 use super::config::AllegroConfig;
 use taxel_can::IdFilter;
-use taxel_skin::{Layout, Protocol};
+use taxel_skin::Layout;
 
 /// QUERY_CONTROL_DATA of versions 1 to 3: a finger's position report.
 pub(super) const V3_POSITION: u16 = 0x0F;
@@ -46,11 +46,7 @@ pub fn overlapping_ids(layout: &Layout, bus: u8, config: &AllegroConfig) -> Vec<
         .flat_map(|taxel| {
             let wiring = layout.wiring_of(taxel);
             let frame = wiring.protocol.frame_id(wiring.board, layout.k[taxel]);
-            let is_mtb = matches!(
-                wiring.protocol,
-                Protocol::UskinL1 | Protocol::UskinL2 | Protocol::IcubMtb3 | Protocol::IcubMtb4
-            );
-            [frame, is_mtb.then_some(0x200 | u16::from(wiring.board))]
+            [frame, wiring.protocol.command_id(wiring.board)]
         })
         .flatten()
         .filter(|id| is_hand_id(config, *id))

@@ -1,9 +1,9 @@
 //! One board under supervision: what it is told next, and why.
 
-use crate::search::Search;
-use crate::start::{Order, Sequences, Step};
+use super::misplaced_boards::Search;
+use crate::protocol::commands::{BoardCommand, Sequences, Step};
 
-/// A silent board that never answered a question is started from the beginning with every so manieth attempt.
+/// A silent board that never answered a question is started from the beginning with every twentieth attempt.
 const BLINDLY_EVERY: u32 = 20;
 
 #[derive(Debug, Clone)]
@@ -23,7 +23,7 @@ pub(super) struct Board {
     pub(super) sequences: Sequences,
     /// The sequence under way, of more than one step.
     pub(super) under_way: Option<UnderWay>,
-    /// When it is to be looked at again.
+    /// When to see again whether it is silent.
     pub(super) due_ns: u64,
     /// When the last command to it was handed out.
     pub(super) sent_ns: Option<u64>,
@@ -71,15 +71,16 @@ pub(super) struct UnderWay {
     pub(super) at_ns: u64,
 }
 
-pub(super) enum Look {
-    Wait,
+/// What is due for a board.
+pub(super) enum Due {
+    Nothing,
     Start(Sequence),
 }
 
 impl Pace {
-    /// When to look at a board again after `now_ns` if nothing else is due: at the next trigger, or after the silence
+    /// When to see after a board again after `now_ns` if nothing else is due: at the next trigger, or after the silence
     /// that is allowed.
-    pub(super) fn next_look_ns(&mut self, now_ns: u64, triggered: bool, silence_ns: u64) -> u64 {
+    pub(super) fn next_check_ns(&mut self, now_ns: u64, triggered: bool, silence_ns: u64) -> u64 {
         match &mut self.trigger {
             Some((period_ns, first_ns)) if triggered => {
                 let first_ns = *first_ns.get_or_insert(now_ns);
@@ -133,11 +134,11 @@ impl Board {
     }
 
     /// Passes over a question to a board that has answered since the sequence began.
-    pub(super) fn leaves_out(&mut self, under_way: &UnderWay) -> bool {
+    pub(super) fn skips_question(&mut self, under_way: &UnderWay) -> bool {
         let step = &self.steps(under_way.sequence)[under_way.step];
         let ends = under_way.step + 1 == self.steps(under_way.sequence).len();
         let known = self.answered_ns.is_some_and(|t| t >= self.begun_ns);
-        if ends || !known || !step.order.is_question() {
+        if ends || !known || !step.command.is_question() {
             return false;
         }
         self.under_way = Some(UnderWay {
@@ -158,7 +159,7 @@ impl Board {
     }
 
     /// It has answered a question.
-    pub(super) fn answers(&mut self, t_ns: u64) {
+    pub(super) fn handle_answer(&mut self, t_ns: u64) {
         let came_up = self.unanswered > 1;
         let before = self.answered_ns.replace(t_ns);
         self.unanswered = 0;
@@ -181,9 +182,15 @@ impl Board {
     }
 
     /// Hands out a step of a sequence, and notes what comes after it.
-    pub(super) fn take_step(&mut self, sequence: Sequence, step: usize, now_ns: u64, pace: &Pace) -> Order {
+    pub(super) fn take_step(
+        &mut self,
+        sequence: Sequence,
+        step: usize,
+        now_ns: u64,
+        pace: &Pace,
+    ) -> BoardCommand {
         let steps = self.steps(sequence);
-        let (order, pause_ns) = (steps[step].order, steps[step].pause_ns);
+        let (command, pause_ns) = (steps[step].command, steps[step].pause_ns);
         let ends = step + 1 == steps.len();
         // A waking that is a start and a question is waited for like any other attempt.
         let long = steps.len() > 1 && (sequence != Sequence::Wake || self.sequences.ask.is_empty());
@@ -191,7 +198,7 @@ impl Board {
         if step == 0 {
             self.begun_ns = now_ns;
         }
-        if order.is_question() {
+        if command.is_question() {
             self.unanswered = self.unanswered.saturating_add(1);
         }
         self.under_way = (!ends).then(|| UnderWay {
@@ -203,29 +210,29 @@ impl Board {
             self.stopped = true;
         } else if ends && long {
             // Silence counts from the end of the sequence.
-            let look_ns = now_ns + self.silence_ns(pace);
+            let check_ns = now_ns + self.silence_ns(pace);
             self.started_ns = Some(now_ns);
             if let Some(retry) = &mut self.retry {
-                retry.at_ns = retry.at_ns.max(look_ns);
+                retry.at_ns = retry.at_ns.max(check_ns);
             }
-            self.due_ns = look_ns;
+            self.due_ns = check_ns;
         }
-        order
+        command
     }
 
     pub(super) fn silence_ns(&self, pace: &Pace) -> u64 {
         pace.silence_ns.max(self.sequences.silence_ns)
     }
 
-    /// Decides whether a start is due now, and sets when to look again.
-    pub(super) fn look(&mut self, now_ns: u64, heard_ns: Option<u64>, pace: &mut Pace) -> Look {
+    /// Decides whether a start is due now, and sets when to see again.
+    pub(super) fn poll_sequence(&mut self, now_ns: u64, heard_ns: Option<u64>, pace: &mut Pace) -> Due {
         let silence_ns = self.silence_ns(pace);
         let triggered = pace.trigger.is_some() && self.sequences.triggered;
-        let next_look_ns = pace.next_look_ns(now_ns, triggered, silence_ns);
+        let next_check_ns = pace.next_check_ns(now_ns, triggered, silence_ns);
         let Some(started_ns) = self.started_ns else {
             self.started_ns = Some(now_ns);
-            self.due_ns = next_look_ns;
-            return Look::Start(Sequence::Start);
+            self.due_ns = next_check_ns;
+            return Due::Start(Sequence::Start);
         };
         if heard_ns > self.sent_ns {
             self.retry = None;
@@ -234,11 +241,11 @@ impl Board {
         let quiet_from_ns = heard_ns.unwrap_or(0).max(started_ns);
         if self.retry.is_none() && now_ns.saturating_sub(quiet_from_ns) < silence_ns {
             if triggered {
-                self.due_ns = next_look_ns;
-                return Look::Start(Sequence::Start);
+                self.due_ns = next_check_ns;
+                return Due::Start(Sequence::Start);
             }
             self.due_ns = quiet_from_ns + silence_ns;
-            return Look::Wait;
+            return Due::Nothing;
         }
         let retry = self.retry.get_or_insert(Retry {
             at_ns: now_ns,
@@ -248,8 +255,8 @@ impl Board {
         let answered = self.start_again_ns.take_if(|t| *t <= now_ns).is_some();
         if !answered && now_ns < retry.at_ns {
             let sooner_ns = self.start_again_ns.unwrap_or(u64::MAX);
-            self.due_ns = retry.at_ns.min(next_look_ns).min(sooner_ns);
-            return Look::Wait;
+            self.due_ns = retry.at_ns.min(next_check_ns).min(sooner_ns);
+            return Due::Nothing;
         }
         retry.at_ns = now_ns + retry.pause_ns;
         retry.tries = retry.tries.saturating_add(1);
@@ -257,14 +264,14 @@ impl Board {
             retry.pause_ns = (2 * retry.pause_ns).min(pace.longest_pause_ns);
         }
         let (at_ns, tries) = (retry.at_ns, retry.tries);
-        self.due_ns = at_ns.min(next_look_ns);
+        self.due_ns = at_ns.min(next_check_ns);
         let sequence = if answered {
             Sequence::StartAgain
         } else {
             self.restart_sequence(tries)
         };
         self.restarts += u64::from(sequence != Sequence::Ask);
-        Look::Start(sequence)
+        Due::Start(sequence)
     }
 
     pub(super) fn start_at(&mut self, t_ns: u64) {

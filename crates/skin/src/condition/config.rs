@@ -1,8 +1,8 @@
 //! How a conditioner is set: every switch on its own, with the two presets `robust` and `paper`.
 
-use serde::{Deserialize, Serialize};
-
 use super::magnitude::MagnitudeMode;
+use crate::range::{RangeError, check_ranges};
+use serde::{Deserialize, Serialize};
 
 /// Settings of a [`Conditioner`](super::Conditioner). Unknown keys are refused; absent keys take the `robust` values.
 ///
@@ -219,11 +219,7 @@ impl ConditionConfig {
             ),
             ("drift_limit_counts", self.drift_limit_counts, 0.0, 65_535.0),
         ];
-        for (key, value, min, max) in checks {
-            if !(min..=max).contains(&value) {
-                return Err(ConditionError::OutOfRange { key, value, min, max });
-            }
-        }
+        check_ranges("conditioning", &checks)?;
         match self.masked_taxels.iter().find(|t| usize::from(**t) >= taxels) {
             Some(&taxel) => Err(ConditionError::MaskedTaxel { taxel, taxels }),
             None => Ok(()),
@@ -235,19 +231,8 @@ impl ConditionConfig {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ConditionError {
     /// A setting is outside its range, or not a number.
-    #[error(
-        "conditioning: `{key}` is {value}, but must lie from {min} to {max}; correct it in the configuration"
-    )]
-    OutOfRange {
-        /// The key in the configuration.
-        key: &'static str,
-        /// Its value.
-        value: f64,
-        /// The smallest value allowed.
-        min: f64,
-        /// The largest value allowed.
-        max: f64,
-    },
+    #[error(transparent)]
+    OutOfRange(#[from] RangeError),
     /// A taxel is masked that the hand does not have.
     #[error("conditioning: `masked_taxels` names taxel {taxel}, but the hand has only taxels 0 to {}; remove it or correct the layout", .taxels.saturating_sub(1))]
     MaskedTaxel {

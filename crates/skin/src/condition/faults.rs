@@ -129,7 +129,7 @@ impl Health {
     }
 
     /// A sample that reads dead.
-    pub(super) fn hear_dead(&mut self, limits: &HealthLimits) {
+    pub(super) fn handle_dead_sample(&mut self, limits: &HealthLimits) {
         self.good_run = 0;
         self.dead_run = self.dead_run.saturating_add(1);
         if self.dead_run >= limits.dead_samples {
@@ -138,12 +138,18 @@ impl Health {
     }
 
     /// A sample that cannot be used for another reason.
-    pub(super) fn hear_nothing(&mut self) {
+    pub(super) fn handle_no_sample(&mut self) {
         self.good_run = 0;
     }
 
     /// A good sample. A taxel with a baseline is no longer stuck once it moves, and lives again after enough of them.
-    pub(super) fn hear(&mut self, moving: bool, stuck: bool, has_baseline: bool, limits: &HealthLimits) {
+    pub(super) fn handle_sample(
+        &mut self,
+        moving: bool,
+        stuck: bool,
+        has_baseline: bool,
+        limits: &HealthLimits,
+    ) {
         self.dead_run = 0;
         self.good_run = self.good_run.saturating_add(1);
         if self.good_run >= limits.recover_samples && has_baseline {

@@ -3,10 +3,10 @@
 
 use super::magnitude::{MagnitudeMode, distance_squared};
 use super::motion::StepLimits;
-use super::repair::RepairLimits;
+use super::place::RepairLimits;
 use super::taxel::{Rules, Sample};
 use super::{Conditioner, NEVER};
-use crate::uskin::status_is_error;
+use crate::reading::status_is_error;
 use taxel_hand::{Fault, Faults, ForceFrame, Freshness, TactileFrame};
 
 impl Conditioner {
@@ -46,7 +46,7 @@ impl Conditioner {
     /// as force is the squared distance from the baseline.
     fn take_ordinary(&mut self, frame: &TactileFrame, rules: &Rules, out: &mut ForceFrame) {
         let steps = StepLimits::new(&rules.repair, rules.health.unsteady_counts);
-        self.motion.look_at(&frame.counts, &steps);
+        self.motion.compare(&frame.counts, &steps);
         self.unusual.clear();
         // Slices of one length, so that no index below needs a check.
         let taxels = self.tracks.len();
@@ -89,7 +89,7 @@ impl Conditioner {
             };
             if track.last_ns == NEVER || sample.t_ns > track.last_ns {
                 self.counters.samples += 1;
-                taxel.hear(
+                taxel.handle_sample(
                     &sample,
                     track,
                     &mut place,

@@ -14,6 +14,7 @@ mod feel;
 mod magnitude;
 mod motion;
 mod pair;
+mod place;
 mod repair;
 mod report;
 mod taxel;
@@ -22,13 +23,13 @@ pub use config::{BaselineSource, ConditionConfig, ConditionError, FaultRule, Thr
 pub use magnitude::MagnitudeMode;
 pub use report::{CalibrationReport, ConditionCounters};
 
-use crate::Layout;
+use crate::layout::Layout;
 use calibrate::Calibration;
 use contact::Thresholds;
 use drift::{DriftLimits, DriftState};
 use faults::HealthLimits;
 use motion::Motion;
-use repair::RepairLimits;
+use place::RepairLimits;
 use taxel::{Taxel, Track};
 use taxel_hand::{Fault, Faults, ForceFrame, TactileFrame};
 
@@ -135,10 +136,10 @@ impl Conditioner {
     pub fn for_layout(layout: &Layout, config: ConditionConfig) -> Result<Self, ConditionError> {
         let mut conditioner = Self::new(layout.len(), config)?;
         for n in 0..layout.len() {
-            let protocol = layout.wiring_of(n).protocol;
-            conditioner.taxels[n].scalar = protocol.is_scalar();
-            conditioner.tracks[n].coarse = protocol.is_coarse();
-            conditioner.coarse |= protocol.is_coarse();
+            let measures = layout.wiring_of(n).protocol.measures();
+            conditioner.taxels[n].scalar = measures.axes == 1;
+            conditioner.tracks[n].coarse = measures.has_coarse_steps();
+            conditioner.coarse |= measures.has_coarse_steps();
         }
         Ok(conditioner)
     }

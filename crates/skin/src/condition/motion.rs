@@ -4,38 +4,10 @@
 //! found out for a whole frame in one loop over the axes of all taxels, without a branch, so that the compiler makes vector
 //! instructions of it.
 
-use super::repair::RepairLimits;
+use super::place::{Place, RepairLimits};
 
 /// A step beyond this is always in doubt.
 const MOST_COUNTS: i16 = i16::MAX - 1;
-
-/// The repaired counts of one taxel and the last accepted step of each axis, counts.
-#[derive(Debug, Default, Clone, Copy)]
-pub(super) struct Place {
-    pub(super) counts: [i32; 3],
-    pub(super) step: [i32; 3],
-}
-
-impl Place {
-    /// Whether an axis is a multiple of 65536 away from what the board sent.
-    #[inline(always)]
-    pub(super) fn is_beyond_border(&self) -> bool {
-        let [x, y, z] = self.counts;
-        (x | y | z) >> 16 != 0
-    }
-
-    /// Whether the taxel moved by a count.
-    #[inline(always)]
-    pub(super) fn has_moved(&self) -> bool {
-        let [x, y, z] = self.step;
-        x | y | z != 0
-    }
-
-    /// Whether the last step fits into sixteen bits, as [`Motion::look_at`] takes for granted.
-    pub(super) fn is_within_reach(&self) -> bool {
-        self.step.iter().all(|s| i16::try_from(*s).is_ok())
-    }
-}
 
 /// What a step is compared with, counts.
 #[derive(Debug, Clone, Copy)]
@@ -124,8 +96,8 @@ impl Motion {
 
     /// Compares a frame's raw counts with where every taxel is. [`Motion::next`] and [`Motion::is_clear`] then tell, and
     /// [`Motion::go_on`] takes all taxels there but those that [`Motion::stay`].
-    pub(super) fn look_at(&mut self, raw: &[[u16; 3]], limits: &StepLimits) {
-        look(
+    pub(super) fn compare(&mut self, raw: &[[u16; 3]], limits: &StepLimits) {
+        compare(
             raw.as_flattened(),
             (self.now.counts.as_flattened(), self.now.step.as_flattened()),
             limits,
@@ -137,7 +109,7 @@ impl Motion {
         );
     }
 
-    /// Where the sample last looked at would take a taxel.
+    /// Where the sample last compared would take a taxel.
     #[inline(always)]
     pub(super) fn next(&self, taxel: usize) -> Place {
         self.next.at(taxel)
@@ -165,7 +137,7 @@ impl Motion {
 
 /// Where each axis goes, and whether that is in doubt. Sixteen bits are enough for a step, and a vector holds many: differences
 /// are cut off where they do not fit, and limits short of that, so that such a step is in doubt.
-fn look(
+fn compare(
     raw: &[u16],
     (counts, before): (&[i32], &[i32]),
     limits: &StepLimits,

@@ -7,7 +7,7 @@
 //! or a frame have been lost around a wrap, the taxel comes to rest a multiple of 65536 from its baseline, and is pulled
 //! back there.
 
-use super::motion::Place;
+use super::place::{Place, RepairLimits};
 
 const TURN: i32 = 1 << 16;
 /// From here on the direction of a step modulo 2^16 is in doubt.
@@ -73,15 +73,6 @@ pub(super) struct RepairState {
     held: bool,
     /// No sample was accepted since the pending one.
     waiting: bool,
-}
-
-/// Thresholds of the repair, in counts.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct RepairLimits {
-    pub(super) unwrap: bool,
-    pub(super) reject: bool,
-    pub(super) glitch_counts: i32,
-    pub(super) jump_counts: i32,
 }
 
 impl RepairState {

@@ -2,8 +2,8 @@
 
 use super::NEVER;
 use super::faults::{Health, HealthLimits, Stillness, is_dead_sample};
-use super::motion::Place;
-use super::repair::{RepairLimits, RepairState, Verdict};
+use super::place::{Place, RepairLimits};
+use super::repair::{RepairState, Verdict};
 use super::report::ConditionCounters;
 use taxel_hand::Faults;
 
@@ -78,7 +78,7 @@ impl Track {
     }
 
     /// Takes a sample of time `t_ns` whose step is clear, at this squared `distance` from the baseline, if no rule can have
-    /// anything to say about it. Otherwise nothing has changed, and [`Taxel::hear`] has to look.
+    /// anything to say about it. Otherwise nothing has changed, and [`Taxel::handle_sample`] has to look.
     #[inline(always)]
     pub(super) fn follow(&mut self, t_ns: u64, moved: bool, distance: f64, limits: &HealthLimits) -> bool {
         let dt_ns = t_ns.wrapping_sub(self.last_ns);
@@ -146,7 +146,7 @@ impl Taxel {
     }
 
     /// Takes a new sample of any kind by every rule. `track` then says whether the counts moved to it.
-    pub(super) fn hear(
+    pub(super) fn handle_sample(
         &mut self,
         sample: &Sample,
         track: &mut Track,
@@ -175,21 +175,22 @@ impl Taxel {
         track.last_ns = t_ns;
         if sample.status_error {
             counters.status_errors += 1;
-            self.health.hear_nothing();
+            self.health.handle_no_sample();
             self.repair.hold();
             return false;
         }
         let was_dead = self.health.dead_run() >= rules.dead_samples;
         if is_dead_sample(raw) && (rules.robust || (rules.repair.reject && !was_dead)) {
             counters.dead_samples += 1;
-            self.health.hear_dead(&rules.health);
+            self.health.handle_dead_sample(&rules.health);
             self.repair.hold();
             return false;
         }
         track.stillness = track.stillness.after(raw != self.repair.newest(place), t_ns);
         let moving = track.stillness.is_over();
         let stuck = !track.coarse && track.stillness.is_stuck(t_ns, &rules.health);
-        self.health.hear(moving, stuck, self.has_baseline, &rules.health);
+        self.health
+            .handle_sample(moving, stuck, self.has_baseline, &rules.health);
 
         let gap = dt_ns >= GAP_NS && dt_ns > 4 * track.interval_ns.max(1);
         if !first {

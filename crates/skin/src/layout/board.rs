@@ -1,11 +1,11 @@
 //! A module's board: its protocol, and where on which bus it is.
 
-use super::Wiring;
 use super::error::{LayoutError, LayoutProblem};
-use super::file::{Accepted, FileModule, Head, Source};
-use crate::Protocol;
-use crate::protocol::cyskin;
-use crate::protocol::icub::IcubSetup;
+use super::source::{Accepted, FileModule, Head, Source};
+use super::wiring::Wiring;
+use crate::protocol::Protocol;
+use crate::protocol::cyskin::setup::all_missing;
+use crate::protocol::icub::setup::IcubSetup;
 use std::ops::Range;
 use toml::Spanned;
 
@@ -36,20 +36,15 @@ pub(crate) fn accept_board(
     };
     let bus_span = module.bus.as_ref().map(Spanned::span);
     let board_span = module.board.as_ref().map(Spanned::span);
-    let no_use = [
-        (!protocol.is_icub())
-            .then(|| module.icub.as_ref().map(Spanned::span))
-            .flatten()
-            .map(|span| (span, "has no use for the key `icub`")),
-        (protocol != Protocol::Cyskin)
-            .then(|| module.hub.as_ref().map(Spanned::span))
-            .flatten()
-            .map(|span| (span, "has no use for the key `hub`")),
-    ];
-    if let Some((span, problem)) = no_use.into_iter().flatten().next() {
-        return refuse(&span, problem);
+    for (key, span) in [
+        ("icub", module.icub.as_ref().map(Spanned::span)),
+        ("hub", module.hub.as_ref().map(Spanned::span)),
+    ] {
+        if let Some(span) = span.filter(|_| !protocol.takes_key(key)) {
+            return refuse(&span, &format!("has no use for the key `{key}`"));
+        }
     }
-    if protocol == Protocol::Offline {
+    if !protocol.has_board() {
         return match bus_span.or(board_span) {
             Some(span) => refuse(&span, "has neither bus nor board; remove the key"),
             None => {
@@ -80,7 +75,8 @@ pub(crate) fn accept_board(
         return refuse(module_span, "needs the key `board`");
     };
     let (board, board_span) = (*board.get_ref(), board.span());
-    if board < protocol.first_address() as i64 || board >= protocol.addresses() as i64 {
+    let addresses = protocol.addresses();
+    if board < addresses.start.into() || board >= addresses.end.into() {
         let problem = LayoutProblem::BoardOutOfRange {
             module: name(),
             board,
@@ -89,9 +85,10 @@ pub(crate) fn accept_board(
         return source.refuse(&board_span, problem);
     }
     let (bus, board) = (bus as u8, board as u8);
-    let hub = match protocol {
-        Protocol::Cyskin => Some(find_hub(source, module, module_span, bus, head)?),
-        _ => None,
+    let hub = if protocol.takes_key("hub") {
+        Some(find_hub(source, module, module_span, (bus, protocol), head)?)
+    } else {
+        None
     };
     let same = |m: &Wiring| {
         m.bus == bus && m.board == board && m.hub == hub && m.protocol.has_addresses_of(protocol)
@@ -107,13 +104,13 @@ pub(crate) fn accept_board(
         return source.refuse(&board_span, problem);
     }
     let icub = match &module.icub {
-        Some(setup) if protocol.is_icub() => {
+        Some(setup) => {
             if let Some(problem) = setup.get_ref().problem() {
                 return refuse(&setup.span(), &problem);
             }
             Some(*setup.get_ref())
         }
-        _ => protocol.is_icub().then(IcubSetup::default),
+        None => protocol.takes_key("icub").then(IcubSetup::default),
     };
     let wiring = Wiring {
         bus,
@@ -130,11 +127,11 @@ fn find_hub(
     source: &Source<'_>,
     module: &FileModule,
     module_span: &Range<usize>,
-    bus: u8,
+    (bus, protocol): (u8, Protocol),
     head: &Head,
 ) -> Result<u8, LayoutError> {
     let Some(setup) = &head.cyskin else {
-        return source.refuse(module_span, LayoutProblem::Cyskin(cyskin::all_missing()));
+        return source.refuse(module_span, LayoutProblem::Cyskin(all_missing()));
     };
     let known = || {
         let names: Vec<&str> = setup.hubs.iter().map(|hub| hub.name.as_str()).collect();
@@ -163,7 +160,7 @@ fn find_hub(
     };
     let problem = LayoutProblem::Key {
         module: module.name.clone(),
-        protocol: Protocol::Cyskin,
+        protocol,
         problem,
     };
     source.refuse(&span, problem)

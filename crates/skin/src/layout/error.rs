@@ -1,6 +1,6 @@
 //! What can be wrong with a layout, in words that name the place.
 
-use crate::Protocol;
+use crate::protocol::Protocol;
 use taxel_hand::{MAX_PIXELS, MAX_TAXELS};
 
 /// Why there is no layout.
@@ -93,7 +93,8 @@ pub enum LayoutProblem {
     },
     /// A protocol that no decoder knows.
     #[error(
-        "module {module:?}: unknown board protocol {protocol:?}; known are uskin-l1, uskin-l2, uskin-l3, icub-mtb3, icub-mtb4, cyskin, cpm-finger, offline"
+        "module {module:?}: unknown board protocol {protocol:?}; known are {}",
+        Protocol::names()
     )]
     UnknownProtocol {
         /// The module.
@@ -103,7 +104,7 @@ pub enum LayoutProblem {
     },
     /// An address that the protocol cannot express.
     #[error("module {module:?}: board {board} is out of range, {} has boards {} to {}",
-        protocol.name(), protocol.first_address(), protocol.addresses() - 1)]
+        protocol.name(), protocol.addresses().start, protocol.addresses().end - 1)]
     BoardOutOfRange {
         /// The module.
         module: String,

@@ -2,15 +2,13 @@
 
 use super::board::accept_board;
 use super::error::{LayoutError, LayoutProblem};
-use super::pose::{FilePose, check_place};
+use super::pose::check_place;
+use super::source::{Accepted, FileModule, Head, Source};
 use super::tile::{check_order, check_positions, check_rotation, turn};
-use super::{Layout, Wiring};
-use crate::Protocol;
-use crate::protocol::cyskin::{CyskinSetup, FileCyskin};
-use crate::protocol::icub::IcubSetup;
+use super::wiring::Layout;
+use crate::protocol::Protocol;
+use crate::protocol::cyskin::setup::FileCyskin;
 use serde::Deserialize;
-use std::collections::HashMap;
-use std::ops::Range;
 use taxel_hand::{Geometry, MAX_MODULES, MAX_PIXELS, MAX_TAXELS, Module, Taxel};
 use toml::Spanned;
 
@@ -32,94 +30,9 @@ struct FileImage {
     height: i64,
 }
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct FileModule {
-    pub(crate) name: String,
-    pub(crate) part: String,
-    pub(crate) bus: Option<Spanned<String>>,
-    pub(crate) board: Option<Spanned<i64>>,
-    pub(crate) hub: Option<Spanned<String>>,
-    pub(crate) icub: Option<Spanned<IcubSetup>>,
-    pub(crate) protocol: Spanned<String>,
-    pub(crate) at: Spanned<[i64; 2]>,
-    pub(crate) rotation: Option<Spanned<i64>>,
-    pub(crate) order: Option<Spanned<Vec<Spanned<Vec<i64>>>>>,
-    pub(crate) pitch_mm: Option<Spanned<f64>>,
-    pub(crate) origin_mm: Option<Spanned<[f64; 3]>>,
-    pub(crate) axes: Option<Spanned<[[f64; 3]; 2]>>,
-    pub(crate) positions_mm: Option<Spanned<Vec<[f64; 3]>>>,
-    pose: Option<Spanned<FilePose>>,
-    joint: Option<Spanned<String>>,
-}
-
-/// The text, to turn the offsets of spans into lines.
-pub(crate) struct Source<'a> {
-    file: &'a str,
-    text: &'a str,
-}
-
-impl Source<'_> {
-    pub(crate) fn line(&self, span: &Range<usize>) -> usize {
-        let end = span.start.min(self.text.len());
-        1 + self.text.as_bytes()[..end]
-            .iter()
-            .filter(|b| **b == b'\n')
-            .count()
-    }
-
-    pub(crate) fn refuse<T>(&self, span: &Range<usize>, problem: LayoutProblem) -> Result<T, LayoutError> {
-        Err(LayoutError::Invalid {
-            file: self.file.to_string(),
-            line: self.line(span),
-            problem: Box::new(problem),
-        })
-    }
-
-    fn range(
-        &self,
-        span: &Range<usize>,
-        what: &'static str,
-        value: i64,
-        [min, max]: [i64; 2],
-    ) -> Result<(), LayoutError> {
-        if (min..=max).contains(&value) {
-            return Ok(());
-        }
-        self.refuse(
-            span,
-            LayoutProblem::OutOfRange {
-                what,
-                value,
-                min,
-                max,
-            },
-        )
-    }
-}
-
-/// Places in the file and in the image of what was accepted so far, to find what a later module collides with.
-#[derive(Default)]
-pub(crate) struct Accepted {
-    pub(crate) spans: Vec<Range<usize>>,
-    pub(crate) modules: Vec<Module>,
-    pub(crate) wiring: Vec<Wiring>,
-    taxels: Vec<Taxel>,
-    k: Vec<u8>,
-    pixels: HashMap<(u16, u16), usize>,
-    ids: HashMap<(u8, u16), usize>,
-}
-
-/// What of the head of the file every module is checked against.
-pub(crate) struct Head {
-    size: [u16; 2],
-    pub(crate) buses: Vec<String>,
-    pub(crate) cyskin: Option<CyskinSetup>,
-}
-
 /// See [`Layout::parse`].
 pub(crate) fn parse(text: &str, file: &str) -> Result<Layout, LayoutError> {
-    let source = Source { file, text };
+    let source = Source::new(file, text);
     let parsed: FileLayout = toml::from_str(text).or_else(|e| {
         let span = e.span().unwrap_or(0..0);
         source.refuse(&span, LayoutProblem::Syntax(e.message().to_string()))
@@ -213,10 +126,10 @@ fn check_buses(source: &Source<'_>, parsed: &FileLayout) -> Result<Vec<String>, 
         );
     }
     let span = parsed.buses.last().map_or(0..0, Spanned::span);
-    let needed = parsed
-        .module
-        .iter()
-        .any(|module| module.get_ref().protocol.get_ref() != Protocol::Offline.name());
+    let needed = parsed.module.iter().any(|module| {
+        let protocol = Protocol::from_name(module.get_ref().protocol.get_ref());
+        protocol.is_none_or(Protocol::has_board)
+    });
     source.range(
         &span,
         "the number of buses",

@@ -1,9 +1,9 @@
 //! One module's tile: the order of its taxels, its rotation, and its place on the hand.
 
 use super::error::{LayoutError, LayoutProblem};
-use super::file::{FileModule, Source};
-use crate::Protocol;
-use crate::protocol::icub::IcubSetup;
+use super::source::{FileModule, Source};
+use crate::protocol::icub::setup::IcubSetup;
+use crate::protocol::{Order, Protocol};
 use std::ops::Range;
 use toml::Spanned;
 
@@ -27,16 +27,16 @@ pub(crate) fn check_order(
 ) -> Result<([usize; 2], Vec<Cell>), LayoutError> {
     let name = || module.name.clone();
     let Some(order) = &module.order else {
-        if !matches!(protocol, Protocol::UskinL1 | Protocol::UskinL2) {
-            return source.refuse(
+        return match protocol.0.default_order() {
+            Some(order) => Ok(cells_of(&order)),
+            None => source.refuse(
                 module_span,
                 LayoutProblem::OrderNeeded {
                     module: name(),
                     protocol,
                 },
-            );
-        }
-        return Ok(([4, 4], phalange_order()));
+            ),
+        };
     };
     let rows = order.get_ref();
     let columns = rows.first().map_or(0, |row| row.get_ref().len());
@@ -69,9 +69,7 @@ pub(crate) fn check_order(
                 );
             }
             let k = k as u8;
-            let is_temperature =
-                icub.is_some_and(|setup| setup.is_thermal(k)) || (protocol == Protocol::Cyskin && k == 0);
-            if is_temperature {
+            if protocol.0.is_temperature(k, icub) {
                 return source.refuse(&span, LayoutProblem::NotATaxel { module: name(), k });
             }
             if let Some(first) = rows_of[k as usize].replace(row) {
@@ -93,16 +91,18 @@ pub(crate) fn check_order(
     Ok(([rows.len(), columns], cells))
 }
 
-/// The 4x4 phalange as the Waseda group draws it: row = sda, column = [0, 2, 1, 3][chip] (protocols.md 2.3).
-fn phalange_order() -> Vec<Cell> {
-    const COLUMN: [usize; 4] = [0, 2, 1, 3];
-    (0..16u8)
-        .map(|k| Cell {
-            k,
-            row: (k >> 2) as usize,
-            column: COLUMN[(k & 3) as usize],
-        })
-        .collect()
+/// Rows and columns of an order that a protocol assumes, and its taxels in ascending `k`.
+fn cells_of(order: &Order) -> ([usize; 2], Vec<Cell>) {
+    let of_row = |(row, cells): (usize, &Vec<i16>)| {
+        let cells = cells.iter().enumerate();
+        let cells = cells.filter_map(|(column, k)| Some((column, u8::try_from(*k).ok()?)));
+        cells
+            .map(|(column, k)| Cell { k, row, column })
+            .collect::<Vec<_>>()
+    };
+    let mut cells: Vec<Cell> = order.iter().enumerate().flat_map(of_row).collect();
+    cells.sort_by_key(|cell| cell.k);
+    ([order.len(), order.first().map_or(0, Vec::len)], cells)
 }
 
 /// Quarter turns, clockwise.
@@ -122,7 +122,7 @@ pub(crate) fn check_rotation(source: &Source<'_>, module: &FileModule) -> Result
     }
 }
 
-/// Where a cell lands when its tile is turned clockwise by so many quarters: `(row, column)` from the tile's new top
+/// Where a cell lands when its tile is turned clockwise by this many quarters: `(row, column)` from the tile's new top
 /// left.
 pub(crate) fn turn(row: usize, column: usize, rows: usize, columns: usize, quarters: u8) -> (usize, usize) {
     match quarters {

@@ -1,4 +1,4 @@
-//! How boards speak on the bus, one file per protocol, and what is common to all of them.
+//! How boards speak on the bus: a folder per kind, and the list of them.
 //!
 //! | protocol | frames | taxel numbers `k` | start sequence |
 //! |---|---|---|---|
@@ -7,208 +7,112 @@
 //! | `icub-mtb3`, `icub-mtb4` | two per triangle, one axis of 8 bits | `triangle * 12 + pad` | configuration, then `SET_TXMODE` |
 //! | `cyskin` | packets of one or more extended frames, one axis of 16 bits | sensor on the module, 1 to 11 | as configured |
 //! | `cpm-finger` | four per sweep, one axis of 16 bits | channel | none known |
+//!
+//! A new protocol is a folder with an implementation of `BoardProtocol`, a constant and a line in the list. Nothing else
+//! in this crate asks which protocol it has before it.
 
+pub(crate) mod board_decoder;
+pub(crate) mod board_protocol;
+pub(crate) mod commands;
 pub(crate) mod cpm_finger;
 pub(crate) mod cyskin;
 pub(crate) mod icub;
+pub(crate) mod id_table;
 pub(crate) mod mtb;
+mod offline;
+pub(crate) mod recognised;
 pub(crate) mod uskin;
+mod wired_board;
 
-use taxel_can::{CanFrame, IdFilter};
+pub(crate) use board_protocol::Order;
+pub use board_protocol::{Measures, Mtb, Protocol};
+pub(crate) use wired_board::WiredBoard;
 
-/// How a board speaks on the bus (protocols.md 1, 2.3, 5).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Protocol {
-    /// uSkin on MTB3, firmware of 2017: id `0x700 + (board << 4) + (sda << 2) + chip`.
-    UskinL1,
-    /// uSkin on MTB3, since April 2018: id `(board << 8) + (sda << 4) + chip`, boards 0 to 7.
-    UskinL2,
-    /// XELA controllers with `ctr_ver = 3`: id bits 10 group, 9-8 SDA, 7-4 taxel, 3-0 controller.
-    UskinL3,
-    /// iCub skin on an MTB3: id `0x400 | board << 4 | triangle`, twice per triangle and sweep, boards 1 to 14.
-    IcubMtb3,
-    /// iCub skin on an MTB4: the frames of an MTB3, but a triangle that fails is calibrated anew by the board itself.
-    IcubMtb4,
-    /// One module of a CySkin hub: 29 bit ids, packets that several frames may carry. Much of it is not public and
-    /// has to be configured ([`crate::CyskinSetup`]).
-    Cyskin,
-    /// The published finger with CySkin-type sensors: ids 0x405, 0x407, 0x409, 0x40B, four values each.
-    CpmFinger,
-    /// No board: the taxels come from an array in a file ([`crate::Layout::grid`]).
-    Offline,
-}
+use recognised::Recognise;
 
 impl Protocol {
-    /// The protocols that boards speak, in the order of their names.
-    pub const BOARDS: [Protocol; 7] = [
-        Protocol::UskinL1,
-        Protocol::UskinL2,
-        Protocol::UskinL3,
-        Protocol::IcubMtb3,
-        Protocol::IcubMtb4,
-        Protocol::Cyskin,
-        Protocol::CpmFinger,
-    ];
+    /// uSkin on MTB3, firmware of 2017: id `0x700 + (board << 4) + (sda << 2) + chip`.
+    pub const USKIN_L1: Self = Self(&uskin::L1);
+    /// uSkin on MTB3, since April 2018: id `(board << 8) + (sda << 4) + chip`, boards 0 to 7.
+    pub const USKIN_L2: Self = Self(&uskin::L2);
+    /// XELA controllers with `ctr_ver = 3`: id bits 10 group, 9-8 SDA, 7-4 taxel, 3-0 controller.
+    pub const USKIN_L3: Self = Self(&uskin::L3);
+    /// iCub skin on an MTB3: id `0x400 | board << 4 | triangle`, twice per triangle and sweep, boards 1 to 14.
+    pub const ICUB_MTB3: Self = Self(&icub::MTB3);
+    /// iCub skin on an MTB4: the frames of an MTB3, but a triangle that fails is calibrated anew by the board itself.
+    pub const ICUB_MTB4: Self = Self(&icub::MTB4);
+    /// One module of a CySkin hub: 29 bit ids, packets that several frames may carry. Much of it is not public and
+    /// has to be configured ([`crate::CyskinSetup`]).
+    pub const CYSKIN: Self = Self(&cyskin::Cyskin);
+    /// The published finger with CySkin-type sensors: ids 0x405, 0x407, 0x409, 0x40B, four values each.
+    pub const CPM_FINGER: Self = Self(&cpm_finger::CpmFinger);
+    /// No board: the taxels come from an array in a file ([`crate::Layout::grid`]).
+    pub const OFFLINE: Self = Self(&offline::Offline);
+}
 
-    /// Its name in layout files.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Protocol::UskinL1 => "uskin-l1",
-            Protocol::UskinL2 => "uskin-l2",
-            Protocol::UskinL3 => "uskin-l3",
-            Protocol::IcubMtb3 => "icub-mtb3",
-            Protocol::IcubMtb4 => "icub-mtb4",
-            Protocol::Cyskin => "cyskin",
-            Protocol::CpmFinger => "cpm-finger",
-            Protocol::Offline => "offline",
-        }
+/// Every protocol, in the order in which messages name them.
+const LIST: &[Protocol] = &[
+    Protocol::USKIN_L1,
+    Protocol::USKIN_L2,
+    Protocol::USKIN_L3,
+    Protocol::ICUB_MTB3,
+    Protocol::ICUB_MTB4,
+    Protocol::CYSKIN,
+    Protocol::CPM_FINGER,
+    Protocol::OFFLINE,
+];
+
+/// What finds boards with standard ids in the traffic of an unknown bus, in the order in which they are asked: each takes
+/// out what it knows for certain before the next one guesses. CySkin's packets have extended ids and are apart.
+pub(crate) const RECOGNISERS: &[Recognise] = &[
+    icub::recognise::take_boards,
+    uskin::recognise::take_boards,
+    cpm_finger::recognise::take_boards,
+];
+
+impl Protocol {
+    /// The protocols that boards speak, in the order in which messages name them.
+    pub fn boards() -> impl Iterator<Item = Self> {
+        LIST.iter().copied().filter(|protocol| protocol.has_board())
     }
 
     /// The protocol of this name, `offline` included.
     pub fn from_name(name: &str) -> Option<Self> {
-        Self::BOARDS
-            .into_iter()
-            .chain([Protocol::Offline])
-            .find(|p| p.name() == name)
+        LIST.iter().copied().find(|protocol| protocol.name() == name)
     }
 
-    /// How many board addresses there are, `first_address()..addresses()`.
-    ///
-    /// MTBs have four address bits, of which 15 is the broadcast. L3's address is `group << 4 | controller`, that of
-    /// `cyskin` the module's number on its hub.
-    pub const fn addresses(self) -> u8 {
-        match self {
-            Protocol::UskinL1 | Protocol::IcubMtb3 | Protocol::IcubMtb4 => 15,
-            Protocol::UskinL2 => 8,
-            Protocol::UskinL3 => 32,
-            Protocol::Cyskin => cyskin::MODULES,
-            Protocol::CpmFinger | Protocol::Offline => 1,
-        }
+    /// Its place in the list, for tables by protocol.
+    pub fn index(self) -> usize {
+        LIST.iter()
+            .position(|protocol| *protocol == self)
+            .unwrap_or(LIST.len())
     }
 
-    /// The lowest board address: 1 for the iCub, where 0 is the host, and 0 otherwise.
-    pub const fn first_address(self) -> u8 {
-        self.is_icub() as u8
-    }
-
-    /// How many taxel numbers a board has, `k = 0..taxel_numbers()`.
-    ///
-    /// In L1 and L2 `k = sda << 2 | chip`. In L3 `k = sda << 4 | taxel`; the manual's module uses taxels 0 to 5 of
-    /// each SDA line, so the numbers of a 4x6 module have gaps. iCub: `k = triangle * 12 + pad`, where some pads are
-    /// no taxels; CySkin: `k = sensor`, where 0 is the temperature ([`crate::Decoder::auxiliary`] has those).
-    pub const fn taxel_numbers(self) -> u8 {
-        match self {
-            Protocol::UskinL1 | Protocol::UskinL2 | Protocol::CpmFinger => 16,
-            Protocol::UskinL3 => 64,
-            Protocol::IcubMtb3 | Protocol::IcubMtb4 => icub::TRIANGLES * icub::PADS,
-            Protocol::Cyskin => cyskin::SENSORS,
-            Protocol::Offline => u8::MAX,
-        }
-    }
-
-    /// Standard id of the frames that carry taxel `k` of a board and nothing else; `None` if the protocol has no such
-    /// board or taxel, or puts several taxels into a frame.
-    pub const fn can_id(self, board: u8, k: u8) -> Option<u16> {
-        uskin::can_id(self, board, k)
-    }
-
-    /// Standard id of the frames that carry taxel `k` of a board, alone or with others; `None` if there is no such
-    /// board or taxel, and for `cyskin`, which has extended ids.
-    pub const fn frame_id(self, board: u8, k: u8) -> Option<u16> {
-        if board < self.first_address() || board >= self.addresses() || k >= self.taxel_numbers() {
-            return None;
-        }
-        match self {
-            Protocol::UskinL1 | Protocol::UskinL2 | Protocol::UskinL3 => uskin::can_id(self, board, k),
-            Protocol::IcubMtb3 | Protocol::IcubMtb4 => Some(icub::id(board, k / icub::PADS)),
-            Protocol::CpmFinger => Some(cpm_finger::id(k)),
-            Protocol::Cyskin | Protocol::Offline => None,
-        }
-    }
-
-    /// The board and taxel number `(board, k)` a standard id means; `None` if no taxel has frames of its own with
-    /// this id. It undoes [`Protocol::can_id`].
-    pub const fn taxel_of(self, id: u16) -> Option<(u8, u8)> {
-        uskin::taxel_of(self, id)
-    }
-
-    /// A filter that passes the taxel frames of one board: exact for L1, L2 and the iCub; for L3 it passes every
-    /// taxel number, used or not, and for `cpm-finger` every id from 0x400 to 0x40F. `None` if the protocol has no such
-    /// board, and for `cyskin`, whose ids are the hub's.
-    pub const fn filter(self, board: u8) -> Option<IdFilter> {
-        let mask = match self {
-            Protocol::UskinL1 | Protocol::IcubMtb3 | Protocol::IcubMtb4 | Protocol::CpmFinger => 0x7F0,
-            Protocol::UskinL2 => 0x7CC,
-            Protocol::UskinL3 => 0x40F,
-            Protocol::Cyskin | Protocol::Offline => return None,
-        };
-        match self.frame_id(board, 0) {
-            Some(id) => Some(IdFilter::standard(id & mask, mask)),
-            None => None,
-        }
-    }
-
-    /// Whether boards of this protocol are an MTB of the iCub's family, which is started and stopped by `SET_TXMODE`.
-    /// XELA controllers (L3) send from power-up on and no command is known (protocols.md 2.4).
-    pub const fn takes_commands(self) -> bool {
-        matches!(self, Protocol::UskinL1 | Protocol::UskinL2) || self.is_icub()
-    }
-
-    /// Whether it is the iCub's skin.
-    pub const fn is_icub(self) -> bool {
-        matches!(self, Protocol::IcubMtb3 | Protocol::IcubMtb4)
-    }
-
-    /// Whether its taxels measure one axis only: their value is z, and x and y are 0. Their counts do not wrap.
-    pub const fn is_scalar(self) -> bool {
-        matches!(
-            self,
-            Protocol::IcubMtb3 | Protocol::IcubMtb4 | Protocol::Cyskin | Protocol::CpmFinger
-        )
-    }
-
-    /// Whether its steps are so coarse (8 bits) that a healthy taxel at rest keeps one value for seconds.
-    pub const fn is_coarse(self) -> bool {
-        self.is_icub()
-    }
-
-    /// Whether two protocols number their boards in one list, so that equal addresses mean the same board.
-    pub const fn has_addresses_of(self, other: Self) -> bool {
-        const fn list(protocol: Protocol) -> u8 {
-            match protocol {
-                Protocol::UskinL1 | Protocol::UskinL2 | Protocol::IcubMtb3 | Protocol::IcubMtb4 => 0,
-                Protocol::UskinL3 => 1,
-                Protocol::Cyskin => 2,
-                Protocol::CpmFinger => 3,
-                Protocol::Offline => 4,
-            }
-        }
-        list(self) == list(other)
-    }
-
-    /// The frame that carries one taxel's value, as the board would send it: status, then x, y, z with the most
-    /// significant byte first, then `sda + 1` (protocols.md 2.2). `None` if there is no such board or taxel, or the
-    /// protocol puts several taxels into a frame.
-    pub fn frame(self, board: u8, k: u8, counts: [u16; 3], status: u8) -> Option<CanFrame> {
-        uskin::frame(self, board, k, counts, status)
+    /// The names of all protocols, `offline` included, for messages.
+    pub(crate) fn names() -> String {
+        let names: Vec<&str> = LIST.iter().map(|protocol| protocol.name()).collect();
+        names.join(", ")
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use taxel_can::CanFrame;
 
     #[test]
     fn every_name_is_the_name_of_one_protocol() {
-        for protocol in Protocol::BOARDS.into_iter().chain([Protocol::Offline]) {
+        for protocol in Protocol::boards().chain([Protocol::OFFLINE]) {
             assert_eq!(Protocol::from_name(protocol.name()), Some(protocol));
+            let same = LIST.iter().filter(|other| **other == protocol);
+            assert_eq!(same.count(), 1, "{protocol:?}");
         }
         assert_eq!(Protocol::from_name("icub"), None);
     }
 
     #[test]
     fn a_filter_passes_every_frame_of_its_board() {
-        for protocol in Protocol::BOARDS {
+        for protocol in Protocol::boards() {
             for board in 0..=u8::MAX {
                 for k in 0..=u8::MAX {
                     let Some(id) = protocol.frame_id(board, k) else {
@@ -217,6 +121,7 @@ mod tests {
                     let frame = CanFrame::standard(id, &[]).expect("11 bits");
                     let filter = protocol.filter(board).expect("it has such a board");
                     assert!(filter.passes(&frame), "{protocol:?} board {board} k {k}");
+                    assert_eq!(protocol.board_of(id), Some(board), "{protocol:?} {id:#x}");
                 }
             }
         }

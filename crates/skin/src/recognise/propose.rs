@@ -1,23 +1,16 @@
 //! The layout file that recognised buses propose, with comments on what is guessed in it.
 
-use super::uskin::expected;
-use super::{CyskinGuess, RecognisedBoard, Recognition};
-use crate::{ByteOrder, Checksum, Layout, Protocol};
+use super::found::Recognition;
+use crate::layout::Layout;
+use crate::protocol::Order;
+use crate::protocol::cyskin::recognise::CyskinGuess;
+use crate::protocol::cyskin::setup::{ByteOrder, Checksum};
+use crate::protocol::recognised::RecognisedBoard;
 use std::collections::BTreeSet;
 use std::fmt::Write;
 
 /// Widest image that tiles are laid out in, pixels; a tile that is wider has its own row.
 const WIDTH: usize = 64;
-/// The pads of an iCub triangle as the iCub's own viewer draws it; 6 and 10 are thermal.
-const TRIANGLE: [[i16; 7]; 4] = [
-    [-1, -1, -1, 9, -1, -1, -1],
-    [-1, -1, 8, -1, 11, -1, -1],
-    [-1, 7, -1, 3, -1, 0, -1],
-    [5, -1, 4, -1, 2, -1, 1],
-];
-
-type Order = Vec<Vec<i16>>;
-
 impl Recognition {
     /// The text of a layout file for what was recognised, which [`Layout::parse`] accepts as it is; `None` where no board
     /// was recognised. `buses` are the names of the buses.
@@ -39,7 +32,7 @@ impl Recognition {
         for (bus, boards) in &named {
             tiles.next_row();
             for board in *boards {
-                let order = order(board);
+                let order = board.protocol.0.proposed_order(&board.taxels);
                 let at = tiles.place(&order);
                 write_module(&mut modules, bus, board, &order, at);
             }
@@ -201,14 +194,10 @@ fn write_cyskin(text: &mut String, guess: &CyskinGuess, named: &[(&str, &[Recogn
 }
 
 fn write_module(text: &mut String, bus: &str, board: &RecognisedBoard, order: &Order, [x, y]: [usize; 2]) {
-    let mut name = match board.hub {
+    let name = match board.hub {
         Some(hub) => format!("{} module {}", hub_name(bus, hub), board.board),
-        None => format!("{bus} board {}", board.board),
+        None => format!("{bus} {} {}", board.protocol.board_word(), board.board),
     };
-    if board.protocol == Protocol::UskinL3 {
-        // L3 controllers are numbered apart from MTBs.
-        name = format!("{bus} controller {}", board.board);
-    }
     let rate = board
         .rate_hz
         .map_or(String::new(), |hz| format!(", {hz:.1} sweeps/s"));
@@ -231,50 +220,6 @@ fn write_module(text: &mut String, bus: &str, board: &RecognisedBoard, order: &O
         let _ = writeln!(text, "  [{}],", row.join(", "));
     }
     text.push_str("]\n");
-}
-
-/// The arrangement of a board's taxels on its tile, -1 for an empty cell: as the makers draw it where they do.
-fn order(board: &RecognisedBoard) -> Order {
-    let has = |k: u8| board.taxels.contains(&k);
-    let cell = |k: u8| if has(k) { i16::from(k) } else { -1 };
-    match board.protocol {
-        Protocol::UskinL1 | Protocol::UskinL2 => {
-            let lines = (expected(board.protocol, &board.taxels).len() / 4) as u8;
-            (0..lines)
-                .map(|sda| [0, 2, 1, 3].map(|chip| cell(sda << 2 | chip)).to_vec())
-                .collect()
-        }
-        Protocol::UskinL3 => {
-            let largest = board.taxels.iter().copied().max().unwrap_or(0);
-            let per_line = board.taxels.iter().map(|k| k & 15).max().unwrap_or(0);
-            (0..=largest >> 4)
-                .map(|sda| (0..=per_line).map(|taxel| cell(sda << 4 | taxel)).collect())
-                .collect()
-        }
-        Protocol::IcubMtb3 | Protocol::IcubMtb4 => {
-            let triangles: BTreeSet<u8> = board.taxels.iter().map(|k| k / 12).collect();
-            (0..4)
-                .map(|row| {
-                    triangles
-                        .iter()
-                        .flat_map(|triangle| {
-                            TRIANGLE[row].map(|pad| {
-                                if pad < 0 {
-                                    -1
-                                } else {
-                                    cell(triangle * 12 + pad as u8)
-                                }
-                            })
-                        })
-                        .collect()
-                })
-                .collect()
-        }
-        Protocol::CpmFinger => (0..4)
-            .map(|row| (0..4).map(|column| cell(4 * row + column)).collect())
-            .collect(),
-        Protocol::Cyskin | Protocol::Offline => vec![board.taxels.iter().map(|k| i16::from(*k)).collect()],
-    }
 }
 
 /// Tiles side by side, in rows.

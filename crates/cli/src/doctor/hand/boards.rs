@@ -3,7 +3,7 @@
 use super::{AREA, BusFacts, HandFacts, findings, object};
 use crate::doctor::finding::Check;
 use taxel_skin::{
-    BoardCounters, BoardKind, BoardState, BoardsConfig, BoardsMode, FoundBoard, Layout, Protocol, Wiring,
+    BoardKind, BoardState, BoardStatus, BoardsConfig, BoardsMode, FoundBoard, Layout, Protocol, Wiring,
 };
 
 /// A board that leaves out more than this share of its readings is told.
@@ -16,21 +16,21 @@ pub(super) fn check(layout: &Layout, bus: u8, boards: &BoardsConfig, facts: &Han
         let Some(counters) = facts.boards.get(index).filter(|_| wiring.bus == bus) else {
             continue;
         };
-        if wiring.protocol == Protocol::Offline {
+        if !wiring.protocol.has_board() {
             continue;
         }
         let object = object(layout, index);
         let other = findings::elsewhere(layout, facts, index);
-        if let (Some(other), BoardState::Unheard) = (other, counters.state) {
+        if let (Some(other), BoardState::NeverSeen) = (other, counters.state) {
             let found = format!("not heard; it speaks on {}", layout.buses[usize::from(other)]);
             checks.push(Check::error(AREA, "board", object, found));
             continue;
         }
         match counters.state {
-            BoardState::Unheard if of_bus.frames == 0 => {
+            BoardState::NeverSeen if of_bus.frames == 0 => {
                 checks.push(Check::error(AREA, "board", object, "not heard"));
             }
-            BoardState::Unheard => {
+            BoardState::NeverSeen => {
                 checks.push(unheard(object, wiring, boards, of_bus, found_of(facts, index)))
             }
             BoardState::Silent => checks.push(
@@ -38,7 +38,7 @@ pub(super) fn check(layout: &Layout, bus: u8, boards: &BoardsConfig, facts: &Han
                     "its supply or its plug; taxeld starts it again and again, see `restarts` in its status",
                 ),
             ),
-            BoardState::Settling | BoardState::Living => checks.extend(check_living(object, counters)),
+            BoardState::Settling | BoardState::Streaming => checks.extend(check_living(object, counters)),
         }
     }
     checks
@@ -64,7 +64,7 @@ fn unheard(
         };
     }
     let check = Check::error(AREA, "board", object, "not heard");
-    let may_speak = bus.spoken_to || !wiring.protocol.takes_commands();
+    let may_speak = bus.spoken_to || wiring.protocol.mtb().is_none();
     if may_speak {
         return check.advise(
             "its supply, its plug, its address (`taxel doctor --scan` shows which addresses speak), or another bus",
@@ -80,7 +80,7 @@ fn unheard(
     }
 }
 
-fn check_living(object: String, counters: &BoardCounters) -> Vec<Check> {
+fn check_living(object: String, counters: &BoardStatus) -> Vec<Check> {
     let mut checks = Vec::new();
     let rate = counters
         .period_ns

@@ -38,7 +38,7 @@ pub(super) fn check(layout: &Layout, bus: u8, hand: &HandFacts) -> Vec<Check> {
         }
     }
     let modules = || layout.wiring.iter().filter(|m| m.bus == bus);
-    for protocol in Protocol::BOARDS {
+    for protocol in Protocol::boards() {
         if !modules().any(|m| m.protocol == protocol) {
             continue;
         }
@@ -109,10 +109,7 @@ pub(super) fn check(layout: &Layout, bus: u8, hand: &HandFacts) -> Vec<Check> {
 /// The address of the board that would send this id.
 fn board_of(protocol: Protocol, id: u32) -> Option<u8> {
     let id = u16::try_from(id).ok().filter(|id| *id < 0x800)?;
-    match protocol {
-        Protocol::IcubMtb3 | Protocol::IcubMtb4 => (id >> 8 == 4).then_some((id >> 4 & 15) as u8),
-        protocol => protocol.taxel_of(id).map(|(board, _)| board),
-    }
+    protocol.board_of(id)
 }
 
 fn id_text(id: u32) -> String {

@@ -14,7 +14,7 @@ pub(super) fn check(layout: &Layout, facts: &HandFacts) -> Vec<Check> {
         facts
             .boards
             .get(module)
-            .is_some_and(|b| matches!(b.state, BoardState::Living | BoardState::Settling))
+            .is_some_and(|b| matches!(b.state, BoardState::Streaming | BoardState::Settling))
     };
     if !(0..layout.modules.len()).any(speaks) {
         return Vec::new();

@@ -10,12 +10,12 @@ fn layout() -> Layout {
     Layout::builtin("allegro-uskin-15").unwrap()
 }
 
-fn living() -> BoardCounters {
-    BoardCounters {
+fn living() -> BoardStatus {
+    BoardStatus {
         used: 1000,
         period_ns: Some(20_000_000),
-        state: BoardState::Living,
-        ..BoardCounters::default()
+        state: BoardState::Streaming,
+        ..BoardStatus::default()
     }
 }
 
@@ -106,7 +106,7 @@ fn each_thing_that_is_wrong_is_found_where_it_is() {
     };
     let cases: [(Vec<Check>, State, &str, &str, &str); 18] = [
         (
-            found(|f| f.boards[3].state = BoardState::Unheard),
+            found(|f| f.boards[3].state = BoardState::NeverSeen),
             State::Error,
             "board",
             "index proximal (can0 board 3)",
@@ -284,7 +284,7 @@ fn what_the_boards_say_of_themselves_is_compared_with_the_layout() {
         );
     }
     let silent = found(|f| {
-        f.boards[0].state = BoardState::Unheard;
+        f.boards[0].state = BoardState::NeverSeen;
         f.discovery = discovered(vec![board(0, Some(0))]);
     });
     assert!(silent.iter().any(|c| c.found == "answers and sends no taxels"));
@@ -306,7 +306,7 @@ fn a_bus_on_which_others_speak_was_not_asked() {
 #[test]
 fn a_silent_board_that_nobody_started_is_no_riddle() {
     let checks = found(|f| {
-        f.boards[3].state = BoardState::Unheard;
+        f.boards[3].state = BoardState::NeverSeen;
         f.buses[0].spoken_to = false;
     });
     let board = checks.iter().find(|c| c.found == "not heard").unwrap();
@@ -366,7 +366,7 @@ fn what_the_traffic_shows_is_told_once_and_explains_the_silent_boards() {
     }
     // Board 7 of the first bus is the only one that tells the two buses apart.
     let swapped = found(|f| {
-        f.boards[7].state = BoardState::Unheard;
+        f.boards[7].state = BoardState::NeverSeen;
         f.buses[1].unclaimed = unclaimed(&[0x700, 0x701, 0x702, 0x703]);
         f.findings.push(Finding::BusesSwapped {
             buses: [0, 1],

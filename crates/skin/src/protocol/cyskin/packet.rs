@@ -1,6 +1,6 @@
 //! Packets over one or more extended frames: `p[0]` command, `p[1]` size, data, checksum.
 
-use super::{Checksum, CyskinSetup, SENSOR_DATA};
+use super::setup::{Checksum, CyskinSetup, LARGEST_ADDRESS, SENSOR_DATA};
 use taxel_can::CanFrame;
 
 /// The three assembly bits of an id.
@@ -38,7 +38,7 @@ pub fn cyskin_frames(
     command: u8,
     data: &[u8],
 ) -> Result<Vec<CanFrame>, CyskinPacketError> {
-    if !(1..=super::LARGEST_ADDRESS).contains(&address) {
+    if !(1..=LARGEST_ADDRESS).contains(&address) {
         return Err(CyskinPacketError::Address(address));
     }
     if command < FIRST_COMMAND {
@@ -130,7 +130,13 @@ impl Assembly {
 
     /// Takes a frame of the hub. Also returns whether a packet that was under way had to be given up.
     #[inline]
-    pub(super) fn hear(&mut self, assembly: u32, data: &[u8], t_ns: u64, rules: &Rules) -> (Step, bool) {
+    pub(super) fn handle_frame(
+        &mut self,
+        assembly: u32,
+        data: &[u8],
+        t_ns: u64,
+        rules: &Rules,
+    ) -> (Step, bool) {
         let late = self.open && t_ns.saturating_sub(self.newest_ns) > rules.timeout_ns;
         let begins = matches!(assembly, FIRST | SINGLE);
         let lost = self.open && (late || begins);

@@ -1,0 +1,150 @@
+//! Addresses that the layout does not have on a bus: where boards on the wrong bus, or with a wrong address, would be.
+
+use crate::layout::{Layout, Wiring};
+use crate::protocol::Protocol;
+use crate::protocol::cyskin::setup::CyskinHub;
+
+/// In place of the module of an id: there is none.
+pub(super) const NOBODY: u16 = u16::MAX;
+
+/// A condition that has to hold, or not to hold, twice in a row.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Held<T> {
+    pub(super) is: Option<T>,
+    pub(super) next: Option<T>,
+}
+
+impl<T> Default for Held<T> {
+    fn default() -> Self {
+        Self { is: None, next: None }
+    }
+}
+
+impl<T: Copy + PartialEq> Held<T> {
+    /// Takes whether it holds now, and returns whether it counts as held.
+    pub(super) fn update(&mut self, now: Option<T>) -> Option<T> {
+        if self.next == now {
+            self.is = now;
+        }
+        self.next = now;
+        self.is
+    }
+}
+
+/// An address that the layout does not have on this bus.
+#[derive(Debug, Clone)]
+pub(super) struct Stray {
+    pub(super) bus: u8,
+    pub(super) protocol: Protocol,
+    pub(super) address: u32,
+    /// Its standard ids; none for a CySkin hub, which is told by its address.
+    pub(super) ids: Vec<u16>,
+    /// The module that has this address, on another bus.
+    pub(super) module: Option<u16>,
+    pub(super) speaks: Held<()>,
+    /// It answered a question within this many windows to come.
+    pub(super) answered: u8,
+}
+
+impl Stray {
+    /// Whether a board is there.
+    pub(super) fn is_there(&self) -> bool {
+        self.speaks.is.is_some() || self.answered > 0
+    }
+}
+
+/// Two buses that could be swapped, and the strays on either that are boards of the other.
+#[derive(Debug, Clone)]
+pub(super) struct Pair {
+    pub(super) buses: [u8; 2],
+    pub(super) strays: Vec<usize>,
+}
+
+/// The standard ids of a board's frames.
+pub(super) fn ids_of(protocol: Protocol, address: u8, k: &[u8]) -> Vec<u16> {
+    let mut ids: Vec<u16> = k.iter().filter_map(|k| protocol.frame_id(address, *k)).collect();
+    ids.sort_unstable();
+    ids.dedup();
+    ids
+}
+
+/// Every address that a bus could have and does not, for the protocols of the hand that number their boards. A board is
+/// told by at least half of the ids that a module of its kind uses; addresses whose ids others on the bus use too cannot
+/// be told.
+/// `owners` are the modules of each standard id, by bus.
+pub(super) fn strays(layout: &Layout, owners: &[&[u16; 0x800]]) -> Vec<Stray> {
+    let mut strays: Vec<Stray> = Vec::new();
+    for (bus, owners) in (0u8..).zip(owners) {
+        for (_, module, like) in layout.boards() {
+            let protocol = like.protocol;
+            if protocol.addresses().len() < 2 {
+                continue;
+            }
+            for address in protocol.addresses() {
+                let ids = ids_of(protocol, address, layout.k_of(module));
+                let known = |id: &u16| owners[usize::from(*id)] != NOBODY;
+                let there = strays
+                    .iter()
+                    .any(|s| (s.bus, s.protocol, s.address) == (bus, protocol, address.into()));
+                if there || ids.is_empty() || ids.iter().any(known) {
+                    continue;
+                }
+                let of_hand = |m: &&Wiring| (m.protocol, m.board) == (protocol, address) && m.bus != bus;
+                let module = (0u16..).zip(&layout.wiring).find(|(_, m)| of_hand(m));
+                strays.push(Stray {
+                    bus,
+                    protocol,
+                    address: address.into(),
+                    ids,
+                    module: module.map(|(index, _)| index),
+                    speaks: Held::default(),
+                    answered: 0,
+                });
+            }
+        }
+    }
+    for bus in 0..owners.len() as u8 {
+        strays.extend(stray_hubs(layout, bus));
+    }
+    strays
+}
+
+/// The hubs of other buses, whose address no hub of this bus has.
+fn stray_hubs(layout: &Layout, bus: u8) -> impl Iterator<Item = Stray> {
+    let hubs = || layout.cyskin.iter().flat_map(|setup| &setup.hubs);
+    let elsewhere = (0u8..).zip(hubs()).filter(move |(_, hub)| {
+        let here = |other: &CyskinHub| (other.bus, other.address) == (bus, hub.address);
+        hub.bus != bus && !hubs().any(here)
+    });
+    elsewhere.filter_map(move |(number, hub)| {
+        let of_hub = |m: &Wiring| m.hub == Some(number);
+        let module = (0u16..).zip(&layout.wiring).find(|(_, m)| of_hub(m));
+        module.map(|(index, wiring)| Stray {
+            bus,
+            protocol: wiring.protocol,
+            address: hub.address,
+            ids: Vec::new(),
+            module: Some(index),
+            speaks: Held::default(),
+            answered: 0,
+        })
+    })
+}
+
+/// The buses that could be swapped.
+pub(super) fn pairs(layout: &Layout, strays: &[Stray]) -> Vec<Pair> {
+    let mut pairs: Vec<Pair> = Vec::new();
+    for (index, stray) in strays.iter().enumerate() {
+        let Some(module) = stray.module else { continue };
+        let own = layout.wiring[usize::from(module)].bus;
+        let buses = [own.min(stray.bus), own.max(stray.bus)];
+        match pairs.iter_mut().find(|pair| pair.buses == buses) {
+            Some(pair) => pair.strays.push(index),
+            None => pairs.push(Pair {
+                buses,
+                strays: vec![index],
+            }),
+        }
+    }
+    pairs
+}

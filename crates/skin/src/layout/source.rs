@@ -1,0 +1,103 @@
+//! What the checks of a layout file share: the file's modules, the places in its text, and what was accepted so far.
+
+use super::error::{LayoutError, LayoutProblem};
+use super::pose::FilePose;
+use super::wiring::Wiring;
+use crate::protocol::cyskin::setup::CyskinSetup;
+use crate::protocol::icub::setup::IcubSetup;
+use serde::Deserialize;
+use std::collections::HashMap;
+use std::ops::Range;
+use taxel_hand::{Module, Taxel};
+use toml::Spanned;
+
+/// A module as it is written.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct FileModule {
+    pub(crate) name: String,
+    pub(crate) part: String,
+    pub(crate) bus: Option<Spanned<String>>,
+    pub(crate) board: Option<Spanned<i64>>,
+    pub(crate) hub: Option<Spanned<String>>,
+    pub(crate) icub: Option<Spanned<IcubSetup>>,
+    pub(crate) protocol: Spanned<String>,
+    pub(crate) at: Spanned<[i64; 2]>,
+    pub(crate) rotation: Option<Spanned<i64>>,
+    pub(crate) order: Option<Spanned<Vec<Spanned<Vec<i64>>>>>,
+    pub(crate) pitch_mm: Option<Spanned<f64>>,
+    pub(crate) origin_mm: Option<Spanned<[f64; 3]>>,
+    pub(crate) axes: Option<Spanned<[[f64; 3]; 2]>>,
+    pub(crate) positions_mm: Option<Spanned<Vec<[f64; 3]>>>,
+    pub(crate) pose: Option<Spanned<FilePose>>,
+    pub(crate) joint: Option<Spanned<String>>,
+}
+
+/// The text, to turn the offsets of spans into lines.
+pub(crate) struct Source<'a> {
+    file: &'a str,
+    text: &'a str,
+}
+
+impl<'a> Source<'a> {
+    pub(crate) fn new(file: &'a str, text: &'a str) -> Self {
+        Self { file, text }
+    }
+
+    pub(crate) fn line(&self, span: &Range<usize>) -> usize {
+        let end = span.start.min(self.text.len());
+        1 + self.text.as_bytes()[..end]
+            .iter()
+            .filter(|b| **b == b'\n')
+            .count()
+    }
+
+    pub(crate) fn refuse<T>(&self, span: &Range<usize>, problem: LayoutProblem) -> Result<T, LayoutError> {
+        Err(LayoutError::Invalid {
+            file: self.file.to_string(),
+            line: self.line(span),
+            problem: Box::new(problem),
+        })
+    }
+
+    /// Refuses a number outside `min..=max`.
+    pub(crate) fn range(
+        &self,
+        span: &Range<usize>,
+        what: &'static str,
+        value: i64,
+        [min, max]: [i64; 2],
+    ) -> Result<(), LayoutError> {
+        if (min..=max).contains(&value) {
+            return Ok(());
+        }
+        self.refuse(
+            span,
+            LayoutProblem::OutOfRange {
+                what,
+                value,
+                min,
+                max,
+            },
+        )
+    }
+}
+
+/// Places in the file and in the image of what was accepted so far, to find what a later module collides with.
+#[derive(Default)]
+pub(crate) struct Accepted {
+    pub(crate) spans: Vec<Range<usize>>,
+    pub(crate) modules: Vec<Module>,
+    pub(crate) wiring: Vec<Wiring>,
+    pub(crate) taxels: Vec<Taxel>,
+    pub(crate) k: Vec<u8>,
+    pub(crate) pixels: HashMap<(u16, u16), usize>,
+    pub(crate) ids: HashMap<(u8, u16), usize>,
+}
+
+/// What of the head of the file every module is checked against.
+pub(crate) struct Head {
+    pub(crate) size: [u16; 2],
+    pub(crate) buses: Vec<String>,
+    pub(crate) cyskin: Option<CyskinSetup>,
+}

@@ -1,0 +1,248 @@
+//! A CySkin hub with its modules (protocols.md section 5). What is not public is as the layout file says, and the hub
+//! starts when it has heard every packet of the layout's `start`, in that order.
+
+use crate::board::firmware::{Blueprint, BoardSimulation, Effect, Firmware, Moment};
+use crate::board::queue::Queue;
+use crate::levels::{Axis, Levels, Nature};
+use crate::random::{bell, bits};
+use crate::scene::SceneError;
+use crate::skin_model::taxels_of;
+use taxel_can::CanFrame;
+use taxel_skin::{CyskinPacketError, CyskinSetup, cyskin_frames};
+
+const SENSOR_DATA: u8 = 0x43;
+const AUTO_SYNC_PERIOD: u8 = 0x38;
+const BROADCAST: u32 = 0x03FF_FFFF;
+/// Bits of an id that are the address.
+const ADDRESS: u32 = 0x03FF_FFFF;
+/// Modules in one packet at most, if their numbers follow each other.
+const MODULES_PER_PACKET: usize = 4;
+/// Random numbers of the temperatures.
+const TEMPERATURE_STREAM: u64 = 0x7465;
+
+/// Counts that a newton moves z of a CySkin-type sensor by. No source says; an assumption, as are the levels below.
+const COUNTS_PER_NEWTON: f64 = 2000.0;
+/// Idle level and noise deviation of CySkin-type sensors.
+const CAPACITANCE: Axis = Axis {
+    idle: [20_000.0, 26_000.0],
+    sd: [5.0, 12.0],
+};
+
+/// What CySkin-type sensors read.
+pub(super) fn nature(levels: Levels) -> Nature {
+    Nature::of_one_axis(levels, CAPACITANCE, COUNTS_PER_NEWTON, 1.0)
+}
+
+pub(super) struct Cyskin;
+
+impl BoardSimulation for Cyskin {
+    fn usual_hz(&self) -> u32 {
+        // protocols.md 5.2: cycles of 50 ms.
+        20
+    }
+
+    fn nature(&self, levels: Levels) -> Nature {
+        nature(levels)
+    }
+
+    fn firmware(&self, blueprint: &Blueprint<'_>) -> Result<Box<dyn Firmware>, SceneError> {
+        let (layout, wiring) = (blueprint.layout, blueprint.wiring());
+        let (Some(setup), Some(hub)) = (&layout.cyskin, wiring.hub) else {
+            return Err(blueprint.refuse(blueprint.modules[0], "it has no board"));
+        };
+        let mut modules = Vec::new();
+        for (index, &m) in blueprint.modules.iter().enumerate() {
+            let mut taxels = [None; 12];
+            for (i, k) in taxels_of(layout, m) {
+                if k >= setup.sensors_per_module {
+                    let problem = format!(
+                        "it has sensor {k}, and hubs send {} values of a module",
+                        setup.sensors_per_module
+                    );
+                    return Err(blueprint.refuse(m, &problem));
+                }
+                taxels[usize::from(k)] = Some(i as u16);
+            }
+            modules.push(HubModule {
+                index,
+                taxels,
+                number: layout.wiring[m].board,
+            });
+        }
+        let of_layout = &setup.hubs[usize::from(hub)];
+        let hub = Hub::new(setup, of_layout.address, modules, blueprint.seed);
+        match hub {
+            Ok(hub) => Ok(Box::new(hub)),
+            Err(e) => Err(SceneError::Layout {
+                layout: layout.name.clone(),
+                problem: format!("hub `{}`: {e}", of_layout.name),
+            }),
+        }
+    }
+}
+
+#[derive(Debug)]
+struct Hub {
+    setup: CyskinSetup,
+    address: u32,
+    seed: u64,
+    /// In the order of their numbers; the index is that of the module among the board's.
+    modules: Vec<HubModule>,
+    start: Dialogue,
+    stop: Dialogue,
+}
+
+#[derive(Debug)]
+struct HubModule {
+    /// Place of the module among the modules of the board.
+    index: usize,
+    /// Taxel of each sensor.
+    taxels: [Option<u16>; 12],
+    /// Its number on the hub.
+    number: u8,
+}
+
+/// Frames that have to be heard one after another.
+#[derive(Debug)]
+struct Dialogue {
+    frames: Vec<CanFrame>,
+    heard: usize,
+}
+
+impl Dialogue {
+    /// Whether this frame completes it.
+    fn is_completed_by(&mut self, frame: &CanFrame) -> bool {
+        if self.frames.get(self.heard).is_some_and(|f| same_packet(f, frame)) {
+            self.heard += 1;
+        } else {
+            self.heard = usize::from(self.frames.first().is_some_and(|f| same_packet(f, frame)));
+        }
+        let complete = !self.frames.is_empty() && self.heard == self.frames.len();
+        if complete {
+            self.heard = 0;
+        }
+        complete
+    }
+}
+
+fn same_packet(own: &CanFrame, heard: &CanFrame) -> bool {
+    own.data() == heard.data() && own.id() & !ADDRESS == heard.id() & !ADDRESS
+}
+
+impl Hub {
+    /// Refuses a setup with which no packet can be made.
+    fn new(
+        setup: &CyskinSetup,
+        address: u32,
+        mut modules: Vec<HubModule>,
+        seed: u64,
+    ) -> Result<Self, CyskinPacketError> {
+        cyskin_frames(setup, address, SENSOR_DATA, &[])?;
+        let dialogue = |packets: &[taxel_skin::CyskinPacket]| -> Result<Dialogue, CyskinPacketError> {
+            let mut frames = Vec::new();
+            for packet in packets {
+                frames.extend(cyskin_frames(setup, address, packet.command, &packet.data)?);
+            }
+            Ok(Dialogue { frames, heard: 0 })
+        };
+        modules.sort_by_key(|m| m.number);
+        Ok(Self {
+            start: dialogue(&setup.start)?,
+            stop: dialogue(&setup.stop)?,
+            setup: setup.clone(),
+            address,
+            seed,
+            modules,
+        })
+    }
+
+    /// The values of a module, all of them but those beyond `sensors_per_module`: sensor 0 is the temperature, and
+    /// sensors that are cut off read 0.
+    fn values(&self, module: &HubModule, moment: &Moment<'_>) -> impl Iterator<Item = [u8; 2]> {
+        let sensors = usize::from(self.setup.sensors_per_module);
+        module.taxels[..sensors]
+            .iter()
+            .enumerate()
+            .map(|(sensor, taxel)| {
+                let value = match taxel {
+                    _ if moment.booting => 0,
+                    Some(taxel) => moment.skin.capacitance(*taxel, moment.t_ns),
+                    None if sensor == 0 => {
+                        let stream = TEMPERATURE_STREAM << 16 | module.index as u64;
+                        (12_000.0 + 4.0 * bell(bits(self.seed, stream, moment.t_ns))) as u16
+                    }
+                    None => 0,
+                };
+                match self.setup.byte_order {
+                    taxel_skin::ByteOrder::Big => value.to_be_bytes(),
+                    taxel_skin::ByteOrder::Little => value.to_le_bytes(),
+                }
+            })
+    }
+
+    fn send_packet(&self, data: &[u8], send: &mut dyn FnMut(CanFrame)) {
+        if let Ok(frames) = cyskin_frames(&self.setup, self.address, SENSOR_DATA, data) {
+            frames.into_iter().for_each(send);
+        }
+    }
+}
+
+impl Firmware for Hub {
+    fn groups(&self) -> usize {
+        1
+    }
+
+    fn read(&mut self, _group: usize, moment: &Moment<'_>, send: &mut dyn FnMut(CanFrame)) {
+        let mut data: Vec<u8> = Vec::new();
+        let (mut packed, mut next) = (0, None);
+        for module in &self.modules {
+            let Some(number) = (moment.address)(module.index) else {
+                continue;
+            };
+            if next != Some(number) || packed == MODULES_PER_PACKET {
+                if packed > 0 {
+                    self.send_packet(&data, send);
+                }
+                data.clear();
+                data.extend([number, 0]);
+                packed = 0;
+            }
+            data.extend(self.values(module, moment).flatten());
+            packed += 1;
+            next = number.checked_add(1);
+        }
+        if packed > 0 {
+            self.send_packet(&data, send);
+        }
+    }
+
+    /// A sweep of 248 modules fits in.
+    fn queue(&self) -> Queue {
+        Queue::ring(1024)
+    }
+
+    fn handle_frame(&mut self, frame: &CanFrame) -> Effect {
+        let to = frame.id() & ADDRESS;
+        if !frame.is_extended() || (to != self.address && to != BROADCAST) {
+            return Effect::default();
+        }
+        let period_ns = match *frame.data() {
+            [AUTO_SYNC_PERIOD, 1, period_ms, _] if period_ms > 0 => Some(u64::from(period_ms) * 1_000_000),
+            _ => None,
+        };
+        Effect {
+            starts: self.start.is_completed_by(frame),
+            stops: self.stop.is_completed_by(frame),
+            period_ns,
+            busy_until_ns: 0,
+        }
+    }
+
+    fn forget(&mut self) {
+        (self.start.heard, self.stop.heard) = (0, 0);
+    }
+
+    fn starts_itself(&self) -> bool {
+        self.start.frames.is_empty()
+    }
+}
