@@ -198,7 +198,7 @@ impl BusMonitor {
     #[cold]
     fn end_windows(&mut self, ends_ns: u64, now_ns: u64) {
         let windows = 1 + (now_ns - ends_ns) / WINDOW_NS;
-        // After so many windows without a frame nothing changes any more.
+        // After that many windows without a frame nothing changes any more.
         for _ in 0..windows.min(u64::from(ANSWER_WINDOWS) + 1) {
             self.end_window();
         }
