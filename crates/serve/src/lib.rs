@@ -9,8 +9,10 @@
 //! What is served is said by a [`ProfileMaker`]: how a display profile becomes an output. [`Announcements`] is one
 //! without images, for programs that publish texts alone, such as touches and estimates.
 
+mod accept;
 mod announcements;
 mod config;
+mod farewell;
 mod feed;
 mod output_slots;
 mod profiles;

@@ -1,7 +1,7 @@
 //! Who is connected.
 
 use crate::config::Limits;
-use crate::subscriber::Farewell;
+use crate::farewell::Farewell;
 use serde::Serialize;
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;

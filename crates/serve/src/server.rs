@@ -7,15 +7,12 @@ use crate::profiles::{
 };
 use crate::raw::RawStream;
 use crate::registry::{Registry, SubscriberStatus};
-use crate::subscriber::welcome;
 use std::cell::RefCell;
 use std::rc::Rc;
 use std::sync::Arc;
-use std::time::Duration;
 use taxel_hand::Profile;
 use taxel_wire::{Event, Kind, MAX_SUBSCRIBE, TEXT_PART};
 use tokio::sync::{broadcast, watch};
-use tokio_seqpacket::UnixSeqpacketListener;
 
 /// Announcements that a subscriber may be behind with, before it misses some.
 const ANNOUNCEMENTS: usize = 64;
@@ -95,26 +92,6 @@ impl<M: ProfileMaker> Server<M> {
             status: watch::channel(Packets::default()).0,
             subscription: RefCell::new(vec![0; MAX_SUBSCRIBE + 1].into()),
         })
-    }
-
-    /// Serves subscribers until the program ends. To be run in a [`tokio::task::LocalSet`].
-    pub async fn serve(self: Rc<Self>, mut listener: UnixSeqpacketListener) {
-        let mut failing = false;
-        loop {
-            match listener.accept().await {
-                Ok(socket) => {
-                    failing = false;
-                    drop(tokio::task::spawn_local(welcome(socket, self.clone())));
-                }
-                Err(error) => {
-                    // Out of file descriptors, most likely: try again when some are free. Said once, however long it lasts.
-                    if !std::mem::replace(&mut failing, true) {
-                        tracing::warn!(%error, "cannot accept a subscriber");
-                    }
-                    tokio::time::sleep(Duration::from_millis(100)).await;
-                }
-            }
-        }
     }
 
     /// Tells every subscriber, with the number and time of what it was sent last.

@@ -3,6 +3,7 @@
 //! A subscriber that is slow is given the newest image when it can take it, and told how many it missed. It holds
 //! up neither the tick nor another subscriber: all it can block is its own task.
 
+use crate::farewell::Farewell;
 use crate::feed::Feed;
 use crate::profiles::{ActiveProfile, DisplayProfile, Lease, ProfileMaker};
 use crate::registry::Entry;
@@ -27,23 +28,6 @@ const SEND_BUFFER: usize = 4608;
 const EVERY_BUFFER: usize = 212_992;
 /// Subscriptions a client may have refused before it is disconnected.
 const MAX_REFUSALS: u32 = 8;
-
-/// Why a subscriber was let go.
-#[derive(Debug, thiserror::Error)]
-pub(crate) enum Farewell {
-    #[error("it closed the connection")]
-    Closed,
-    #[error("its connection failed: {0}")]
-    Failed(#[from] io::Error),
-    #[error("it took no message for {0:?}")]
-    Stalled(Duration),
-    #[error("it sent what is no subscription: {0}")]
-    Nonsense(SubscribeError),
-    #[error("it asked too often for what it cannot have: {0}")]
-    Insists(String),
-    #[error("{0} subscribers are connected already")]
-    TooMany(usize),
-}
 
 /// Serves one client until it goes or has to go.
 pub(crate) async fn welcome<M: ProfileMaker>(socket: UnixSeqpacket, server: Rc<Server<M>>) {
