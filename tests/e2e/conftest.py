@@ -1,11 +1,10 @@
 import pytest
 from harness.bus import MulticastBuses
-from harness.daemon import binary
+from harness.daemon import must_be_built
 
 
 def pytest_configure():
-    if not binary("taxeld").exists():
-        pytest.exit(f"{binary('taxeld')} is not built: cargo build --workspace --bins", returncode=3)
+    must_be_built("taxeld", "taxel", "examples/servo_bus")
 
 
 @pytest.fixture

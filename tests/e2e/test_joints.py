@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import subprocess
 import threading
 import time
@@ -12,7 +13,7 @@ import can
 import pytest
 from harness.bus import GROUP, free_udp_port
 from harness.daemon import Daemon, binary, die_with_parent, eventually
-from harness.servos import Servos, build_examples
+from harness.servos import Servos
 
 IDS = range(1, 17)
 PULSE_RAD = math.tau / 4096
@@ -22,14 +23,14 @@ TICK = {"rate_hz": 50.0}
 FINGERS = ("index", "middle", "ring", "thumb")
 
 
-@pytest.fixture(scope="module", autouse=True)
-def examples_are_built():
-    build_examples()
+# The servos are a process, which a busy machine can hold up: none is late for that, and no angle becomes unknown.
+PATIENT = {"answer_margin_ms": 100.0, "hold_ms": 2000.0}
+LATE = "late:145"  # beyond that margin
 
 
 def dynamixel(path, **more):
     servos = [{"id": id, "name": f"joint {id}"} for id in IDS]
-    return {"source": f"dynamixel:{path}", **more, "servo": servos}
+    return {"source": f"dynamixel:{path}", **PATIENT, **more, "servo": servos}
 
 
 class Watch:
@@ -97,6 +98,40 @@ def joint_of(daemon, id):
     return daemon.status()["joints"]["joints"][id - 1]
 
 
+def others_go_on(daemon, watch, but, unknown):
+    """Servo `but` takes nothing from the others: they are read in the daemon's cycles, and known in every image.
+
+    `unknown` says whether its own angle is; None that it may be.
+    """
+    before = daemon.status()["joints"]
+    # Longer than an angle is held.
+    for image in watch.more(150):
+        others = [angle for id, angle in zip(IDS, image["joints"]) if id != but]
+        assert None not in others, "one servo hides others"
+        assert unknown is None or (image["joints"][but - 1] is None) == unknown
+        assert others[-1] == pytest.approx(160 * PULSE_RAD, abs=1e-6)
+    after = daemon.status()["joints"]
+    cycles = after["cycles"] - before["cycles"]
+    for id in IDS:
+        read = after["joints"][id - 1]["readings"] - before["joints"][id - 1]["readings"]
+        assert id == but or read > cycles / 2, f"servo {id} is read {read} times in {cycles} cycles"
+
+
+def images_while_the_bus_is_read(daemon, watch, count, seconds=80):
+    """`count` images of times in which the servos were read a hundred times a second, as they are configured to be.
+
+    A busy machine holds up the servos or the reader now and then: what the daemon knew then is older.
+    """
+    images, end = [], time.monotonic() + seconds
+    while len(images) < count:
+        assert time.monotonic() < end, f"in {seconds} s the bus kept its rate for {len(images)} of {count} images"
+        before, began = daemon.status()["joints"]["cycles"], time.monotonic()
+        window = watch.more(25)
+        if daemon.status()["joints"]["cycles"] - before > 90 * (time.monotonic() - began):
+            images += window
+    return images
+
+
 def test_angles_are_those_of_the_images_own_instant(folder):
     servos = Servos("--ids", "1-16", "--motion", "sine")
     amplitude = 500 * PULSE_RAD
@@ -106,7 +141,7 @@ def test_angles_are_those_of_the_images_own_instant(folder):
     with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path)) as daemon, Watch(daemon) as watch:
         watch.until(all_known, "not every angle became known")
         errors, newest = [], []
-        for image in watch.more(150):
+        for image in images_while_the_bus_is_read(daemon, watch, 150):
             for id, angle in zip(IDS, image["joints"]):
                 at = lambda t_ns: amplitude * math.sin(math.tau * t_ns * 1e-9 + id)
                 errors.append(abs(angle - at(image["t_ns"])))
@@ -120,7 +155,8 @@ def test_angles_are_those_of_the_images_own_instant(folder):
         assert joints["fast_sync_read"] != "off"
         first = joints["joints"][0]
         assert first["name"] == "joint 1" and first["state"] == "answers" and first["hardware_error"] is None
-        assert first["age_ms"] < 250 and first["temperature_c"] == 31 and first["model"] == "XM430-W210"
+        assert first["temperature_c"] == 31 and first["model"] == "XM430-W210"
+        daemon.wait_status(lambda s: s["joints"]["joints"][0]["age_ms"] < 250, "no reading is new")
         assert "all 16 servos answer" in eventually(lambda: "servos answer" in daemon.log and daemon.log, "no roll call")
     servos.close()
 
@@ -132,9 +168,7 @@ def test_a_dead_servo_is_unknown_and_named_and_the_others_go_on(folder):
         eventually(lambda: "all 16 servos answer" in daemon.log, "no roll call")
         servos.tell("fault 5 silent")
         watch.until(lambda image: image["joints"][4] is None, "a dead servo's angle stays known")
-        for image in watch.more(100):
-            assert [n for n, angle in enumerate(image["joints"]) if angle is None] == [4], "one servo hides others"
-            assert image["joints"][15] == pytest.approx(160 * PULSE_RAD, abs=1e-6)
+        others_go_on(daemon, watch, but=5, unknown=True)
         dead = joint_of(daemon, 5)
         assert dead["angle_rad"] is None and dead["age_ms"] > 250 and dead["timeouts"] >= 2
         assert "silent" in dead["state"] or "no answer" in dead["state"]
@@ -160,7 +194,7 @@ def test_a_dead_servo_is_unknown_and_named_and_the_others_go_on(folder):
 @pytest.mark.parametrize("fast", ["off", "auto"])
 def test_damaged_and_late_answers_are_counted_and_never_become_wrong_angles(folder, fault, counter, fast):
     servos = Servos("--ids", "1-16")
-    joints = dynamixel(servos.path, fast_sync_read=fast)
+    joints = dynamixel(servos.path, fast_sync_read=fast, answer_margin_ms=4.0, hold_ms=250.0)
     with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon, Watch(daemon) as watch:
         watch.until(all_known, "not every angle became known")
         servos.tell(f"fault 3 {fault} 3")
@@ -194,15 +228,14 @@ def comes(daemon, kind, joint, *words):
     ("kind", "fault", "mend", "words", "over"),
     [
         ("servo-silent", "fault 5 silent", "mend 5", ["joint 5 (id 5) is silent", "power and cable"], "joint 5 (id 5) answers again"),
-        ("servo-late", "fault 5 late:45", "mend 5", ["joint 5 (id 5)", "after its deadline", "answer_margin_ms"], "answers in time"),
+        ("servo-late", f"fault 5 {LATE}", "mend 5", ["joint 5 (id 5)", "after its deadline", "answer_margin_ms"], "answers in time"),
         ("servo-damaged", "fault 5 bad-crc", "mend 5", ["joint 5 (id 5)", "damaged (CRC)", "two servos with one id"], "are whole"),
         ("servo-error", "error 5 4", "error 5 0", ["joint 5 (id 5)", "overheating", "Let it cool down"], "no hardware error any more"),
     ],
 )
 def test_what_is_wrong_with_a_servo_is_a_problem_in_words_and_is_over_when_it_is_mended(folder, kind, fault, mend, words, over):
     servos = Servos("--ids", "1-16")
-    # So that a busy machine makes nobody late.
-    joints = dynamixel(servos.path, fast_sync_read="off", answer_margin_ms=30.0)
+    joints = dynamixel(servos.path, fast_sync_read="off")
     with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon, Watch(daemon) as watch:
         watch.until(all_known, "not every angle became known")
         daemon.wait_status(lambda s: s["problems"] == [], "there are problems")
@@ -214,13 +247,15 @@ def test_what_is_wrong_with_a_servo_is_a_problem_in_words_and_is_over_when_it_is
         # A servo whose every answer is late answers now and then in the end; its silence is not told beside.
         time.sleep(0.5)
         assert {p["kind"] for p in daemon.status()["problems"]} == {kind}
-        for image in watch.more(50):
-            assert None not in image["joints"][:4] + image["joints"][5:], "one servo hides others"
+        others_go_on(daemon, watch, but=5, unknown=None)
         doctor = subprocess.run(
             [binary("taxel"), "doctor", "--json", "--config", daemon.config], capture_output=True, text=True, timeout=60
         )
-        found = [c for c in json.loads(doctor.stdout)["checks"] if c["name"] == "problem"]
-        assert [(c["object"], c["found"]) for c in found] == [("joint 5", daemon.status()["problems"][0]["sentence"])]
+        (found,) = [c for c in json.loads(doctor.stdout)["checks"] if c["name"] == "problem"]
+        (now,) = daemon.status()["problems"]
+        # Its numbers are those of another moment.
+        but_numbers = lambda sentence: re.sub(r"\d+(\.\d+)?", "N", sentence)
+        assert (found["object"], but_numbers(found["found"])) == ("joint 5", but_numbers(now["sentence"]))
         servos.tell(mend)
         mended = time.monotonic()
         daemon.wait_status(lambda s: s["problems"] == [], "it is never over")
@@ -355,8 +390,10 @@ def comes_back_elsewhere(daemon, watch, servos, link, times):
         daemon.wait_status(lambda s: s["joints"]["state"] == "gone", "the status does not say that it is gone")
         comes(daemon, "serial-absent", None, f"{link} is gone, unplugged")
         eventually(lambda: f"{link} is gone, unplugged" in daemon.log, "nor does the log")
-        images = watch.more(60)
-        assert [image["seq"] for image in images] == list(range(images[0]["seq"], images[0]["seq"] + 60))
+        # Every image of the time without adapter was made, whether or not a busy machine had `watch` take it.
+        watched = watch.more(60)
+        missed = watched[-1]["seq"] - watched[0]["seq"] - 59
+        assert missed <= daemon.status()["subscribers"][0]["skipped"], [image["seq"] for image in watched]
 
         servos = Servos("--ids", "1-16", "--link", link)
         back_ns = time.monotonic_ns()

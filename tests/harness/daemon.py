@@ -9,6 +9,8 @@ import subprocess
 import time
 from pathlib import Path
 
+import pytest
+
 PR_SET_PDEATHSIG = 1
 LIBC = ctypes.CDLL(None, use_errno=True)
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -20,6 +22,13 @@ def binary(name):
         return Path(os.environ["TAXEL_BIN_DIR"]) / name
     built = [REPOSITORY / "target" / profile / name for profile in ("debug", "release")]
     return max((p for p in built if p.exists()), key=lambda p: p.stat().st_mtime, default=built[0])
+
+
+def must_be_built(*names):
+    """Ends the test run at its beginning if one of these is not there."""
+    for path in map(binary, names):
+        if not path.exists():
+            pytest.exit(f"{path} is not built: cargo build --workspace --bins --examples", returncode=3)
 
 
 def die_with_parent():

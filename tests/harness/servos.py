@@ -1,51 +1,73 @@
 """Simulated Dynamixel servos behind a pseudo terminal, as a process of their own."""
 
-import json
 import subprocess
-from pathlib import Path
+from typing import NamedTuple
 
-from harness.daemon import REPOSITORY, die_with_parent
+from harness.daemon import binary, die_with_parent, eventually
 
 BAUD = 1_000_000
 
 
-def build_examples():
-    """Before any test, so that a cold build is no hanging test."""
-    for package, name in [("taxel-sim", "servo_bus"), ("taxel-joints", "read_joints")]:
-        subprocess.run(["cargo", "build", "--quiet", "-p", package, "--example", name], cwd=REPOSITORY, check=True)
-
-
-def example(package, name, *arguments, **options):
+def example(name, *arguments, **options):
     """A built example of one of the crates, started."""
-    subprocess.run(
-        ["cargo", "build", "--quiet", "-p", package, "--example", name], cwd=REPOSITORY, check=True, timeout=900
-    )
-    metadata = subprocess.run(
-        ["cargo", "metadata", "--format-version=1", "--no-deps"], cwd=REPOSITORY, check=True, capture_output=True
-    )
-    path = Path(json.loads(metadata.stdout)["target_directory"]) / "debug" / "examples" / name
     return subprocess.Popen(
-        [path, *map(str, arguments)], stdout=subprocess.PIPE, text=True, preexec_fn=die_with_parent, **options
+        [binary(f"examples/{name}"), *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        text=True,
+        preexec_fn=die_with_parent,
+        **options,
     )
+
+
+class Traffic(NamedTuple):
+    """Bytes that the bus has heard, has said and has still to say, and whether its client has hung up."""
+
+    heard: int
+    said: int
+    due: int
+    hung_up: int
 
 
 class Servos:
     """A bus of servos. `close` pulls its plug."""
 
     def __init__(self, *arguments):
-        self.process = example("taxel-sim", "servo_bus", "--baud", BAUD, *arguments, stdin=subprocess.PIPE)
+        self.process = example("servo_bus", "--baud", BAUD, *arguments, stdin=subprocess.PIPE)
         self.path = self.process.stdout.readline().strip()
+        self.written = 0  # bytes that ports of this test have sent
 
-    def tell(self, command):
+    def _ask(self, command):
         self.process.stdin.write(command + "\n")
         self.process.stdin.flush()
-        assert self.process.stdout.readline().strip() == "ok", command
+        return self.process.stdout.readline().strip()
+
+    def tell(self, command):
+        assert self._ask(command) == "ok", command
 
     def register(self, id, address, size):
         """What stands in a servo's table."""
-        self.process.stdin.write(f"register {id} {address} {size}\n")
-        self.process.stdin.flush()
-        return int(self.process.stdout.readline())
+        return int(self._ask(f"register {id} {address} {size}"))
+
+    def traffic(self):
+        return Traffic(*map(int, self._ask("traffic").split()))
+
+    def free(self):
+        """Waits until the bus has heard whoever used it last to the end, and its traffic by then."""
+
+        def nobody():
+            traffic = self.traffic()
+            return traffic.heard >= self.written and traffic.hung_up and traffic
+
+        return eventually(nobody, "the bus does not see that its client has hung up", seconds=60)
+
+    def quiet(self):
+        """Waits until the bus has answered all that it was sent, and its traffic by then."""
+
+        def answered():
+            traffic = self.traffic()
+            return traffic.heard == self.written and traffic.due == 0 and traffic
+
+        return eventually(answered, lambda: f"the bus does not come to rest: {self.traffic()}", seconds=60)
 
     def close(self):
         if self.process.poll() is None:

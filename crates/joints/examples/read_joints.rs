@@ -1,7 +1,7 @@
 //! Reads the joints of a bus of Dynamixel servos for some cycles and prints the last one as JSON.
 //!
 //!     cargo run -p taxel-joints --example read_joints -- /dev/ttyUSB0 --ids 1-16 [--baud 1000000] [--cycles 100]
-//!         [--fast auto|on|off] [--scan]
+//!         [--fast auto|on|off] [--margin-ms 4] [--scan]
 
 use serde_json::{Value, json};
 use std::error::Error;
@@ -13,6 +13,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
     let path = arguments.next().ok_or("the serial device is missing")?;
     let (mut ids, mut baud, mut cycles, mut fast) = (1..=16, 1_000_000, 100, FastSyncRead::Auto);
+    let mut margin_ns = None;
     let mut scanning = false;
     while let Some(argument) = arguments.next() {
         let mut value = || arguments.next().ok_or(format!("{argument} needs a value"));
@@ -24,6 +25,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             }
             "--baud" => baud = value()?.parse()?,
             "--cycles" => cycles = value()?.parse()?,
+            "--margin-ms" => margin_ns = Some(1_000_000 * value()?.parse::<u64>()?),
             "--fast" => {
                 fast = match value()?.as_str() {
                     "auto" => FastSyncRead::Auto,
@@ -50,7 +52,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     config.fast_sync_read = fast;
     config.check()?;
     let mut bus = Bus::new(&config);
-    let mut port = SerialBus::open(Path::new(&path), baud, None, &mut bus)?;
+    let mut port = SerialBus::open(Path::new(&path), baud, margin_ns, &mut bus)?;
     let mut cycle_us = Vec::new();
     for _ in 0..cycles {
         port.cycle(&mut bus)?;

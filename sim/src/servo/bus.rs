@@ -17,6 +17,19 @@ pub enum AfterSilence {
     Stop,
 }
 
+/// What has gone over a wire since the bus was made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ServoTraffic {
+    /// Bytes that came from the host.
+    pub heard_bytes: u64,
+    /// Bytes that were given to the host.
+    pub said_bytes: u64,
+    /// Bytes of answers that wait for their time.
+    pub due_bytes: u64,
+    /// Whether the last host has hung up and none has said anything since.
+    pub hung_up: bool,
+}
+
 /// Longest request that is taken, and most bytes of answers that wait for their time.
 const LONGEST: usize = 4096;
 
@@ -33,6 +46,8 @@ const LONGEST: usize = 4096;
 /// assert_eq!(bus.next_due_ns(), Some(240_000));
 /// bus.take_due(240_000, &mut answer);
 /// assert_eq!(answer[..8], [0xFF, 0xFF, 0xFD, 0x00, 0x01, 0x07, 0x00, 0x55]);
+/// let traffic = bus.traffic();
+/// assert_eq!((traffic.heard_bytes, traffic.said_bytes, traffic.due_bytes), (10, 14, 0));
 /// ```
 #[derive(Debug)]
 pub struct ServoBus {
@@ -44,6 +59,9 @@ pub struct ServoBus {
     /// Answers by the time at which their last byte is on the wire.
     due: BTreeMap<(u64, u64), Vec<u8>>,
     due_bytes: usize,
+    heard_bytes: u64,
+    said_bytes: u64,
+    hung_up: bool,
     number: u64,
     /// When the last byte of the requests so far has come.
     heard_ns: u64,
@@ -71,6 +89,9 @@ impl ServoBus {
             encoder: Encoder::default(),
             due: BTreeMap::new(),
             due_bytes: 0,
+            heard_bytes: 0,
+            said_bytes: 0,
+            hung_up: true,
             number: 0,
             heard_ns: 0,
             seed: 1,
@@ -105,6 +126,8 @@ impl ServoBus {
 
     /// Takes bytes that the host sent, which came from the host at `t_ns`.
     pub fn receive(&mut self, bytes: &[u8], t_ns: u64) {
+        self.heard_bytes += bytes.len() as u64;
+        self.hung_up = false;
         let mut rest = bytes;
         while !rest.is_empty() {
             let taken = self.parser.push(rest);
@@ -145,6 +168,7 @@ impl ServoBus {
             }
             let bytes = entry.remove();
             self.due_bytes -= bytes.len();
+            self.said_bytes += bytes.len() as u64;
             out.extend_from_slice(&bytes);
         }
     }
@@ -154,6 +178,18 @@ impl ServoBus {
         self.parser.clear();
         self.due.clear();
         self.due_bytes = 0;
+        self.hung_up = true;
+    }
+
+    /// What has gone over the wire. The bus is silent when all that was sent to it is heard, nothing is due, and all that
+    /// it said has been read.
+    pub fn traffic(&self) -> ServoTraffic {
+        ServoTraffic {
+            heard_bytes: self.heard_bytes,
+            said_bytes: self.said_bytes,
+            due_bytes: self.due_bytes as u64,
+            hung_up: self.hung_up,
+        }
     }
 
     fn carry_out(&mut self, request: &Request) {

@@ -13,7 +13,7 @@ mod pty;
 mod scene_servos;
 mod table;
 
-pub use bus::{AfterSilence, ServoBus};
+pub use bus::{AfterSilence, ServoBus, ServoTraffic};
 pub use device::{ServoBuild, SimServo};
 pub use fault::ServoFault;
 pub use link::StableLink;

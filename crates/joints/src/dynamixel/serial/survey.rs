@@ -105,10 +105,7 @@ impl Surveyor {
         self.port.write(self.encoder.ping(id))?;
         let end_ns = monotonic_ns() + slack_ns + wire_ns(answers * PING_ANSWER_BYTES, self.baud);
         let mut damaged_ids = Vec::new();
-        while let Some(left_ns) = end_ns.checked_sub(monotonic_ns()).filter(|left| *left > 0) {
-            let n = self
-                .port
-                .read(self.parser.space(), Duration::from_nanos(left_ns))?;
+        while let Some(n) = self.read_until(end_ns)? {
             self.parser.filled(n);
             while let Some(packet) = self.parser.next_packet() {
                 let packet = match packet {
@@ -175,6 +172,15 @@ impl Surveyor {
         Ok(())
     }
 
+    /// Reads what comes by `end_ns`, or what has come by then although this thread was held up; `None` if nothing has.
+    fn read_until(&mut self, end_ns: u64) -> Result<Option<usize>, PortError> {
+        let left_ns = end_ns.saturating_sub(monotonic_ns());
+        let n = self
+            .port
+            .read(self.parser.space(), Duration::from_nanos(left_ns))?;
+        Ok((n > 0 || left_ns > 0).then_some(n))
+    }
+
     /// So many bytes of a servo's control table; `None` if no good answer came.
     fn read(&mut self, id: u8, at: u16, length: u16) -> Result<Option<Vec<u8>>, PortError> {
         for _ in 0..TRIES {
@@ -182,10 +188,7 @@ impl Surveyor {
             self.port.write(self.encoder.read(id, at, length))?;
             let bytes = usize::from(length) + PING_ANSWER_BYTES * 2;
             let end_ns = monotonic_ns() + MARGIN_NS + wire_ns(bytes, self.baud);
-            while let Some(left_ns) = end_ns.checked_sub(monotonic_ns()).filter(|left| *left > 0) {
-                let n = self
-                    .port
-                    .read(self.parser.space(), Duration::from_nanos(left_ns))?;
+            while let Some(n) = self.read_until(end_ns)? {
                 self.parser.filled(n);
                 let mut refused = false;
                 while let Some(packet) = self.parser.next_packet() {
