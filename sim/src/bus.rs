@@ -11,7 +11,7 @@ use std::sync::Arc;
 use taxel_can::{CanFrame, Received};
 use taxel_skin::Layout;
 
-/// Nanoseconds per bit at 1 Mbit/s, the rate of every uSkin bus (protocols.md 1.2).
+/// Nanoseconds per bit at 1 Mbit/s, the rate of every uSkin bus (docs/protocols.md, "Bus timing").
 const BIT_NS: u64 = 1000;
 /// Frames the host's controller keeps until they win the bus; SocketCAN's usual `txqueuelen`.
 const HOST_QUEUE: usize = 10;

@@ -73,7 +73,8 @@ impl Seat {
 
 impl Contact {
     /// What the contact does to a taxel of nominal gain at a time of the scene: counts of x, y, z.
-    /// Pressing raises z, since uSkin boards are tuned so that z idles low and has head-room (protocols.md 2.6).
+    /// Pressing raises z, since uSkin boards are tuned so that z idles low and has head-room
+    /// (docs/protocols.md, "uSkin values").
     pub(crate) fn on_taxel(&self, seat: &Seat, scene_ns: u64) -> [f64; 3] {
         let [force] = self.force.at(scene_ns);
         let shear = self.shear.as_ref().map_or([0.0; 2], |s| s.at(scene_ns));

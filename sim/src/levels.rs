@@ -1,9 +1,11 @@
-//! What an untouched taxel reads, how noisy it is, and what a newton does to it (protocols.md 2.6).
+//! What an untouched taxel reads, how noisy it is, and what a newton does to it (docs/protocols.md,
+//! "uSkin values").
 
 use crate::random::{bell, between, bits};
 use serde::Deserialize;
 
-/// Counts per newton of a uSPa46 at high range: x, y 1 / 0.000628 N, z 1 / 0.000729 N (protocols.md 2.6).
+/// Counts per newton of a uSPa46 at high range: x, y 1 / 0.000628 N, z 1 / 0.000729 N (docs/protocols.md,
+/// "uSkin values").
 const COUNTS_PER_NEWTON: [f64; 3] = [1592.0, 1592.0, 1372.0];
 /// How far a taxel's sensitivity is from the nominal one, at most.
 const GAIN_SPREAD: f64 = 0.15;

@@ -46,7 +46,7 @@ pub struct BoardCounts {
     pub boards: usize,
     /// Boards that are sampling.
     pub streaming: usize,
-    /// Transmit stacks that overflowed (protocols.md 1.9).
+    /// Transmit stacks that overflowed (docs/protocols.md, "MTB3 firmware").
     pub overflows: u64,
 }
 

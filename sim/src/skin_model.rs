@@ -9,7 +9,7 @@ use crate::scene::{Scene, SceneError};
 use taxel_hand::Module;
 use taxel_skin::Layout;
 
-/// Status byte of an MLX90393 that streams without trouble (protocols.md 2.2).
+/// Status byte of an MLX90393 that streams without trouble (docs/protocols.md, "MLX90393 status").
 const STATUS_STREAMING: u8 = 0x83;
 /// Its error bit.
 const STATUS_ERROR: u8 = 0x10;
@@ -134,7 +134,7 @@ impl SkinModel {
     }
 
     /// Counts and status byte of a uSkin taxel read at this running time. An overloaded axis wraps modulo 2^16, it does
-    /// not saturate (protocols.md 2.6).
+    /// not saturate (docs/protocols.md, "uSkin values").
     pub(crate) fn reading(&self, taxel: u16, t_ns: u64) -> ([u16; 3], u8) {
         match self.sample(taxel, t_ns) {
             Sample::NotConnected => ([0xFFFF; 3], 0xFF),
@@ -178,7 +178,8 @@ impl SkinModel {
         }
     }
 
-    /// The value of a CySkin-type sensor. 0 and 65535 are no values (protocols.md 5.2): it saturates before them.
+    /// The value of a CySkin-type sensor. 0 and 65535 are no values (docs/protocols.md, "CySkin packets"): it
+    /// saturates before them.
     pub(crate) fn capacitance(&self, taxel: u16, t_ns: u64) -> u16 {
         match self.sample(taxel, t_ns) {
             Sample::NotConnected => 0xFFFF,

@@ -1,4 +1,4 @@
-//! Boards and buses as protocols.md 1.9, 2.4 and 2.5 describe them.
+//! Boards and buses as docs/protocols.md, "MTB3 firmware", "uSkin commands" and "Bus timing" describe them.
 
 mod support;
 
@@ -66,7 +66,8 @@ fn xela_controllers_stream_from_power_up_and_take_no_commands() {
 
 #[test]
 fn rates_follow_the_arithmetic_of_the_bus() {
-    // protocols.md 2.5: modules, nominal rate, sweeps per second of the whole bus that come through.
+    // docs/protocols.md, "Bus timing": modules, nominal rate, sweeps per second of the whole bus that come
+    // through.
     let l2 = [0, 1, 2, 3, 4, 5, 6, 7];
     let l1: Vec<u8> = (0..15).collect();
     let cases = [
@@ -200,7 +201,8 @@ fn in_l2_the_hazard_lets_board_7_stop_boards_0_to_3() {
 
 #[test]
 fn a_dead_chip_makes_the_board_of_its_number_answer_a_discovery() {
-    // Status 0xFF in 0x753 reads as discovery to board 3, which answers 0x735, DLC 5 (protocols.md 2.4).
+    // Status 0xFF in 0x753 reads as discovery to board 3, which answers 0x735, DLC 5 (docs/protocols.md,
+    // "uSkin commands").
     let layout = boards("uskin-l1", &[3, 5]);
     let more = "[boards]\nclass7_hazard = true\n[[fault]]\nkind = \"dead\"\non = [\"m5\"]\ntaxels = [3]\n";
     let mut bench = Bench::new(&scene(3, more), &layout);

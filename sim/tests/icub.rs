@@ -1,4 +1,4 @@
-//! The iCub's boards as protocols.md 1.3, 1.4 and 1.8 describe them.
+//! The iCub's boards as docs/protocols.md, "iCub frames", "MTB commands" and "MTB4" describe them.
 
 mod support;
 

@@ -247,7 +247,7 @@ fn values_look_like_the_recordings_and_wrap_on_overload() {
         }
     }
     assert_eq!(sums.len(), 240);
-    // protocols.md 2.6: idle level and noise deviation of LOG7.
+    // docs/protocols.md, "uSkin values": idle level and noise deviation of LOG7.
     let expected = [
         (32_690.0..32_880.0, 1.5..3.2),
         (32_570.0..32_865.0, 3.0..5.8),

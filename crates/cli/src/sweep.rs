@@ -5,9 +5,11 @@ use taxel_can::{CanFrame, Received};
 use taxel_record::Recording;
 use taxel_skin::Layout;
 
-/// Time from one frame on a bus to the next: 8,000 frames/s, what a bus of 1 Mbit/s carries (protocols.md 2.5).
+/// Time from one frame on a bus to the next: 8,000 frames/s, what a bus of 1 Mbit/s carries
+/// (docs/protocols.md, "Bus timing").
 const FRAME_NS: u64 = 125_000;
-/// Status of a sensor that streams and has no error: burst mode, eight reply bytes (protocols.md 2.2).
+/// Status of a sensor that streams and has no error: burst mode, eight reply bytes (docs/protocols.md,
+/// "MLX90393 status").
 const STATUS: u8 = 0x83;
 /// A longer pause is none: the recorder's clock was set, as in a candump log ([`taxel_can::LogClock`]).
 const LONGEST_PAUSE_NS: u64 = 24 * 3600 * 1_000_000_000;

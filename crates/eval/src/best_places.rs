@@ -1,6 +1,6 @@
 //! The least error known for `K` actuators: the reference of the actuator stage.
 
-/// Runs of k-means++ whose best is the reference of design.md.
+/// Runs of k-means++ whose best places are compared with.
 pub const RESTARTS: u32 = 64;
 
 /// Lloyd's iterations of one run at most; runs on the recordings end after 10 to 20, the longest known after 52.

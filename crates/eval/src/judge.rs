@@ -12,7 +12,7 @@ use taxel_wire::{HEADER_LEN, image_payload_len};
 
 /// Force levels count as optimal up to this share above the least error: rounding of sums in another order.
 const ROUNDING: f64 = 1e-9;
-/// One Weber step: the just noticeable difference of force (papers.md 3.1).
+/// One Weber step: the just noticeable difference of force (Pang, Tan and Durlach 1991: about 7 %).
 const WEBER: f64 = 0.07;
 
 /// What a method makes of the frames.

@@ -1,4 +1,4 @@
-//! What `taxel eval --json` prints: the contract of design.md, and more.
+//! What `taxel eval --json` prints: the keys that others script against, and more.
 
 use crate::contact_truth::ContactTruth;
 use crate::cost::Cost;

@@ -137,7 +137,7 @@ pub enum Placement {
     Follow,
 }
 
-/// Meaning of a pixel's grey (papers.md 1.4, eq. (7)).
+/// Meaning of a pixel's grey (eq. (7) of the publication; docs/algorithm.md, "Grey").
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Grey {
@@ -148,7 +148,8 @@ pub enum Grey {
     Centroid,
 }
 
-/// Which force an actuator presses with when its cluster holds several levels (papers.md 1.5).
+/// Which force an actuator presses with when its cluster holds several levels (docs/algorithm.md,
+/// "Actuator quantisation").
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ActuatorForce {
@@ -208,7 +209,7 @@ impl Profile {
 
     /// `K_D`: `levels`, or the number of just distinguishable steps where a JND is given, at most 255.
     ///
-    /// That is the least `k` with `(1 + jnd)^k >= force_max / force_min`: 58 from 1 to 50 at 7 % (papers.md 2.6).
+    /// That is the least `k` with `(1 + jnd)^k >= force_max / force_min`: 58 from 1 to 50 at 7 %.
     pub fn level_count(&self) -> u16 {
         let (Some(jnd), Some(least), Some(greatest)) = (self.jnd, self.force_min, self.force_max) else {
             return self.levels;

@@ -1,4 +1,5 @@
-//! How long a cycle of 16 servos takes against its time on the wire (protocols.md 4.2), on the simulated bus.
+//! How long a cycle of 16 servos takes against its time on the wire (docs/protocols.md, "Dynamixel cycle"),
+//! on the simulated bus.
 //!
 //!     cargo run --release -p taxel-joints --example cycle_time
 

@@ -17,9 +17,10 @@ const LINE_BYTES: u64 = 16 << 20;
 ///
 /// The first line that is neither empty nor begins with `#` shows what separates: a semicolon if it has one, else a
 /// comma, else a tab. If it does not begin with a number it is a header. Columns called `{board}B{taxel}X`, `..Y`, `..Z`,
-/// with or without a leading `{finger}F` (protocols.md 2.7), are raw counts: taxels are numbered by finger, board and
-/// taxel, whatever the order of the columns. A first column called `time` or `t` is time in seconds; the suffixes
-/// `_s`, `_ms`, `_us` and `_ns` say otherwise. Any other header, and none, leaves plain numbers.
+/// with or without a leading `{finger}F` (docs/protocols.md, "uSkin on a hand"), are raw counts: taxels are
+/// numbered by finger, board and taxel, whatever the order of the columns. A first column called `time` or
+/// `t` is time in seconds; the suffixes `_s`, `_ms`, `_us` and `_ns` say otherwise. Any other header, and
+/// none, leaves plain numbers.
 pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordError> {
     let io_error = RecordError::io(path);
     let line_error = |line: u64, reason: String| {

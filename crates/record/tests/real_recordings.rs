@@ -30,7 +30,8 @@ fn idle_levels_of_log7_are_those_of_the_data_sheet() {
         return;
     };
     let log7 = open(&path, "LOG7", Some(Columns::XyzInterleaved));
-    // protocols.md 2.6: idle x 32700..32875, y 32577..32859, z 12300..13400, as means over 100 frames.
+    // docs/protocols.md, "uSkin values": idle x 32700..32875, y 32577..32859, z 12300..13400, as means over
+    // 100 frames.
     for taxel in 0..16 {
         let mean = |axis: usize| {
             let sum: f64 = (0..log7.len())

@@ -2,7 +2,7 @@
 //!
 //! Byte 7 is `sda + 1` in the Waseda firmware and unused elsewhere, so it is not checked. In L2 that leaves one false
 //! reading possible: a board that boots answers its own set-up under `0x7b0 | chip`, which for boards 0 to 3 are ids of
-//! board 7's taxels (protocols.md 2.3, 2.6).
+//! board 7's taxels (docs/protocols.md, "uSkin ids" and "uSkin values").
 
 use crate::board_status::BoardStatus;
 use crate::layout::Layout;
@@ -30,7 +30,7 @@ pub enum Decoded {
         board: u16,
     },
     /// The board's transmit queue was full and the board threw it away (id `0x700 | board << 4 | 5` without data,
-    /// protocols.md 1.9): a part of its sweep is lost.
+    /// docs/protocols.md, "MTB3 firmware"): a part of its sweep is lost.
     QueueOverflow {
         /// The board.
         board: u16,
@@ -240,8 +240,8 @@ impl Decoder {
     }
 
     /// How often a board (module index) has calibrated a triangle anew by itself, as an MTB4 does after five errors in
-    /// a row (protocols.md 1.8). Each time the baseline of that triangle has jumped and holds no longer: a re-zero is
-    /// due. Only ever grows.
+    /// a row (docs/protocols.md, "MTB4"). Each time the baseline of that triangle has jumped and holds no
+    /// longer: a re-zero is due. Only ever grows.
     pub fn recalibrations(&self, board: u16) -> u64 {
         self.boards.get(board as usize).map_or(0, |b| b.recalibrations)
     }

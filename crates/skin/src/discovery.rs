@@ -1,9 +1,9 @@
 //! Which boards are on the buses, and with which firmware: asked before they are started, and only then.
 //!
-//! The question is a class-7 frame to everybody, which stops the sampling of an MTB3 (protocols.md 1.5, 1.9). Three
-//! things keep it away from boards that stream: while a [`Discovery`] lives, it holds the supervisor that would start them;
-//! it cannot be made from a supervisor that has spoken; and it listens first, and does not ask on a bus where anything
-//! is being sent.
+//! The question is a class-7 frame to everybody, which stops the sampling of an MTB3 (docs/protocols.md,
+//! "MTB discovery" and "MTB3 firmware"). Three things keep it away from boards that stream: while a
+//! [`Discovery`] lives, it holds the supervisor that would start them; it cannot be made from a supervisor
+//! that has spoken; and it listens first, and does not ask on a bus where anything is being sent.
 
 use crate::boards::BoardSupervisor;
 use crate::layout::Layout;

@@ -20,7 +20,8 @@ pub struct TaxelReading {
     pub taxel: u16,
     /// Raw counts of x, y, z; 0 to 65535, on an arbitrary offset.
     pub counts: [u16; 3],
-    /// The status byte the board sent with the value (for uSkin the MLX90393's, protocols.md 2.2).
+    /// The status byte the board sent with the value (for uSkin the MLX90393's, docs/protocols.md,
+    /// "MLX90393 status").
     pub status: u8,
 }
 

@@ -134,7 +134,8 @@ fn the_commands_carry_what_the_layout_says() {
     }
 }
 
-/// Pauses are those of protocols.md 1.4: 10 ms between commands, half a second from the triangles to the start.
+/// Pauses are those of docs/protocols.md, "MTB commands": 10 ms between commands, half a second from the
+/// triangles to the start.
 #[track_caller]
 fn keeps_its_pauses(sent: &[(u64, String)]) {
     let mut configured_ms = None;

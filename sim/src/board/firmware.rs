@@ -116,7 +116,8 @@ pub(super) struct Moment<'a> {
     pub(super) address: &'a dyn Fn(usize) -> Option<u8>,
 }
 
-/// What an MTB answers to discovery and to the question for its version (protocols.md 1.4, 1.5).
+/// What an MTB answers to discovery and to the question for its version (docs/protocols.md, "MTB commands"
+/// and "MTB discovery").
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Identity {
     /// Board type (`iCubCanProto_types.h`).
@@ -125,14 +126,15 @@ pub(super) struct Identity {
     pub(super) can_protocol: [u8; 2],
 }
 
-/// Board type of an MTB up to generation 3, uSkin's included; firmware 2.17.0, CAN protocol 1.0 (protocols.md 1.1, 1.5).
+/// Board type of an MTB up to generation 3, uSkin's included; firmware 2.17.0, CAN protocol 1.0
+/// (docs/protocols.md, "MTB discovery").
 pub(super) const MTB3: Identity = Identity {
     board_type: 5,
     firmware: [2, 17, 0],
     can_protocol: [1, 0],
 };
 
-/// Board type of an MTB4. Which versions there are is not in protocols.md; these are the simulation's own.
+/// Board type of an MTB4. Which versions there are was not looked up; these are the simulation's own.
 pub(super) const MTB4: Identity = Identity {
     board_type: 11,
     firmware: [2, 9, 0],

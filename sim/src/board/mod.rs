@@ -21,7 +21,7 @@ use module::ModuleOfBoard;
 use queue::Queue;
 use taxel_can::CanFrame;
 
-/// Entries of the receive buffer, which is handled newest first (protocols.md 1.9).
+/// Entries of the receive buffer, which is handled newest first (docs/protocols.md, "MTB3 firmware").
 const RECEIVE: usize = 5;
 /// Time between two groups of a sweep.
 const GROUP_NS: u64 = 1_500_000;
@@ -341,7 +341,8 @@ impl Board {
     }
 }
 
-/// What an MTB3 says when its stack was full: an empty frame `0x700 | board << 4 | 5` (protocols.md 1.9).
+/// What an MTB3 says when its stack was full: an empty frame `0x700 | board << 4 | 5` (docs/protocols.md,
+/// "MTB3 firmware").
 fn overflow_notice(address: u8) -> Option<CanFrame> {
     CanFrame::standard(0x700 | u16::from(address & 15) << 4 | 5, &[]).ok()
 }

@@ -1,4 +1,5 @@
-//! What every MTB hears and answers: commands of classes 2 and 7 (protocols.md 1.4, 1.5, 1.9, 2.4).
+//! What every MTB hears and answers: commands of classes 2 and 7 (docs/protocols.md, "MTB commands",
+//! "MTB discovery", "MTB3 firmware" and "uSkin commands").
 
 use super::firmware::Identity;
 use super::{Board, State};

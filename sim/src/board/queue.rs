@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use taxel_can::CanFrame;
 
-/// Entries of an MTB3's transmit stack (`can_interface.h`, protocols.md 1.9).
+/// Entries of an MTB3's transmit stack (`can_interface.h`, docs/protocols.md, "MTB3 firmware").
 const STACK: usize = 20;
 
 /// The frame in the controller, and those behind it.
@@ -40,7 +40,8 @@ impl Queue {
         }
     }
 
-    /// Adds a frame. A full stack is emptied, the frame with it, and `notice` says so (protocols.md 1.9).
+    /// Adds a frame. A full stack is emptied, the frame with it, and `notice` says so (docs/protocols.md,
+    /// "MTB3 firmware").
     pub(super) fn push(&mut self, frame: CanFrame, notice: impl FnOnce() -> Option<CanFrame>) {
         if self.register.is_none() {
             self.register = Some(frame);

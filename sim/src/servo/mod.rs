@@ -2,7 +2,8 @@
 //!
 //! A [`ServoBus`] is the servos and their wire, with time as an argument: request bytes go in, answers come out with the
 //! times at which they are on the wire. A [`ServoPty`] runs one in real time behind a pseudo terminal, which any client
-//! can open as its serial port, ROBOTIS's own SDK included. The behaviour is that of protocols.md 4.5.
+//! can open as its serial port, ROBOTIS's own SDK included. The behaviour is that of docs/protocols.md,
+//! "Simulated servos".
 
 mod bus;
 mod device;

@@ -231,7 +231,7 @@ impl Meter {
     }
 
     /// Bits of one raw frame, and of what tells a display as much as its actuators can render: for each the
-    /// pixel and the level (papers.md 1.5).
+    /// pixel and the level (docs/algorithm.md, "Figures from elsewhere").
     fn bits_per_frame(&self) -> (f64, f64) {
         let raw = self.layout.len() as f64 * RAW_TAXEL_BITS;
         let image = self.hello.as_ref().map_or(0.0, |hello| {

@@ -1,4 +1,4 @@
-//! What a bus can carry and what its boards want of it (protocols.md 2.5).
+//! What a bus can carry and what its boards want of it (docs/protocols.md, "Bus timing").
 
 use super::finding::Check;
 use taxel_can::CanFrame;
@@ -54,7 +54,8 @@ pub(super) fn check(
     let can_be_triggered = wired.iter().all(|m| m.can_be_triggered());
     let check = Check::warning(AREA, NAME, object, found).wanted("at most 100 %");
     let check = match can_be_triggered {
-        // Some room, since commands share the bus: as protocols.md takes 86 % for what works.
+        // Some room, since commands share the bus: as 86 % is what is known to work (docs/protocols.md,
+        // "Bus timing").
         true => check.advise(format!(
             "write [boards] mode = \"triggered\" and trigger_hz = {:.0} into the configuration, or spread the boards over \
              {buses:.0} buses",

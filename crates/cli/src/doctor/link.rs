@@ -12,7 +12,7 @@ use netlink::LinkDetails;
 const AREA: &str = "link";
 /// `IFF_UP` of `linux/if.h`.
 const UP: u32 = 1;
-/// What every public description of these boards says (protocols.md 1.2, 2.5, 3).
+/// What every public description of these boards says (docs/protocols.md, "Bus timing").
 pub(super) const BITRATE: u64 = 1_000_000;
 const RESTART_MS: u64 = 100;
 const TXQUEUELEN: u64 = 100;

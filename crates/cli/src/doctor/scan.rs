@@ -14,7 +14,7 @@ use taxel_can::{EXTENDED_FLAG, LinkState, Received, SourceAddress};
 use taxel_skin::{Discovery, Layout, MtbCommand, RecognisedBus, Recogniser, Recognition};
 
 const DISCOVERY_NS: u64 = 4_000_000_000;
-/// Between two commands to boards (protocols.md 1.9).
+/// Between two commands to boards (docs/protocols.md, "MTB3 firmware").
 const GAP: std::time::Duration = std::time::Duration::from_millis(10);
 const RECEIVE_BUFFER: usize = 4 << 20;
 

@@ -13,7 +13,8 @@ const LONG_DELAY_US: u16 = 20;
 const HOT_C: u8 = 70;
 /// The supply that the data sheet allows, volts.
 const SUPPLY_V: std::ops::RangeInclusive<f64> = 9.5..=16.0;
-/// Answers to a sync read of so many bytes; the request has 14 and one per servo (protocols.md 4.2).
+/// Answers to a sync read of so many bytes; the request has 14 and one per servo (docs/protocols.md,
+/// "Dynamixel cycle").
 const CYCLE_BYTES: usize = 12;
 
 /// What was asked of the bus and what came.
@@ -336,7 +337,7 @@ mod tests {
                 ("temperature", "31 degrees"),
             ]
         );
-        // protocols.md 4.2: two servos at 1 Mbit/s take 0.62 ms.
+        // docs/protocols.md, "Dynamixel cycle": two servos at 1 Mbit/s take 0.62 ms.
         assert!(checks.last().unwrap().found.starts_with("a cycle takes 0.62 ms"));
     }
 

@@ -125,7 +125,7 @@ fn a_cycle_takes_the_time_on_the_wire() {
             w.bus.counters().cycle_ns
         })
         .collect();
-    // protocols.md 4.2: 14 + 16 bytes there, 16 times 23 back, 10 us each.
+    // docs/protocols.md, "Dynamixel cycle": 14 + 16 bytes there, 16 times 23 back, 10 us each.
     assert_eq!(took.iter().min(), Some(&wire_ns(14 + 16 + 16 * 23, BAUD)));
     assert!(w.bus.counters().requests - before < 30);
 }

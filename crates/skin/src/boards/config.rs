@@ -24,7 +24,7 @@ pub struct BoardsConfig {
     pub command_gap_ms: f64,
 }
 
-/// Who sets the pace of the boards (protocols.md 2.4).
+/// Who sets the pace of the boards (docs/protocols.md, "uSkin commands").
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum BoardsMode {

@@ -1,8 +1,8 @@
 //! Starting boards, keeping them going and stopping them: what is sent to the buses, and when.
 //!
 //! Only commands of class 2 and extended frames to CySkin hubs can be built here. A class-7 frame stops the sampling
-//! of every board that takes it for its own (protocols.md 1.9, 2.4), so none is sent once boards have been started;
-//! [`BoardSupervisor::discover`] comes before.
+//! of every board that takes it for its own (docs/protocols.md, "MTB3 firmware" and "uSkin commands"), so
+//! none is sent once boards have been started; [`BoardSupervisor::discover`] comes before.
 
 mod board;
 mod config;
@@ -266,7 +266,8 @@ impl BoardSupervisor {
     }
 
     /// Says whether boards of other buses may be looked for on this one. Not where anything speaks that is not of the
-    /// hand: the command to a board has a meaning of its own to an Allegro hand (protocols.md 3.2).
+    /// hand: the command to a board has a meaning of its own to an Allegro hand (docs/protocols.md,
+    /// "Allegro 4").
     pub fn allow_search(&mut self, bus: u8, allowed: bool) {
         self.searched.set(bus, allowed);
     }

@@ -73,6 +73,7 @@ pub struct BusLoad {
     pub frames_hz: f64,
     /// Share of a bus of 1 Mbit/s, without stuff bits.
     pub share: f64,
-    /// The same with as many stuff bits as there can be; what it really was lies between the two (protocols.md 2.5).
+    /// The same with as many stuff bits as there can be; what it really was lies between the two
+    /// (docs/protocols.md, "Bus timing").
     pub share_most: f64,
 }

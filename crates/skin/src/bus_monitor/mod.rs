@@ -23,7 +23,8 @@ use taxel_can::Received;
 
 /// Length of a window.
 const WINDOW_NS: u64 = 250_000_000;
-/// What a bus carries, bits per second: every public hand runs at this rate (protocols.md 0).
+/// What a bus carries, bits per second: every public hand runs at this rate (docs/protocols.md,
+/// "Bus timing").
 const BIT_RATE: f64 = 1e6;
 /// One id that takes this share of the bus babbles: 1,800 frames of 8 bytes per second. A taxel's own id takes
 /// 1 % at 100 sweeps per second.

@@ -155,7 +155,7 @@ mod tests {
         tally.count(&CanFrame::error(0x123, [0; 8]));
         assert_eq!((tally.ids[0x123].frames, tally.ids[0x123].bits), (2, 111 + 47));
         assert_eq!((tally.all.frames, tally.all.bits), (3, 111 + 47 + 131));
-        // protocols.md 2.5: 135 bits at worst for eight bytes.
+        // docs/protocols.md, "Bus timing": 135 bits at worst for eight bytes.
         assert_eq!(tally.ids[0x123].most_bits, 135 + 47 + 33 / 4);
         assert_eq!(tally.all.most_bits, 135 + 47 + 33 / 4 + 131 + 117 / 4);
         let (extended, id, of) = tally.loudest().unwrap();

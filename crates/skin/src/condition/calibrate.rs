@@ -20,7 +20,7 @@ const STUCK_SAMPLES: u32 = 8;
 /// Times the noise limit, a step and its reversal are unsteady at run time.
 const UNSTEADY_NOISES: f64 = 3.0;
 /// Least threshold of a hand with taxels of eight bits: two steps of 16 counts, as the iCub's own skinManager has it
-/// ("safety threshold 2", protocols.md 6.1).
+/// (docs/protocols.md, "iCub conditioning").
 const COARSE_LEAST_COUNTS: f64 = 32.0;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -103,8 +103,8 @@ impl Layout {
     }
 
     /// Frames that one sweep of every board puts on this bus. At 1 Mbit/s a bus carries 7,400 to 9,000 frames/s
-    /// (protocols.md 2.5), which bounds the sweep rate. For CySkin it is an estimate: which modules a hub puts into
-    /// one packet is not public.
+    /// (docs/protocols.md, "Bus timing"), which bounds the sweep rate. For CySkin it is an estimate: which
+    /// modules a hub puts into one packet is not public.
     pub fn frames_per_sweep(&self, bus: u8) -> usize {
         self.boards()
             .filter(|(_, _, wiring)| wiring.bus == bus)

@@ -12,7 +12,8 @@ use crate::reading::TaxelReading;
 use std::ops::Range;
 use taxel_can::{CanFrame, IdFilter};
 
-/// How a board speaks on the bus: one entry of the list in `protocol/mod.rs` (protocols.md 1, 2.3, 5).
+/// How a board speaks on the bus: one entry of the list in `protocol/mod.rs` (docs/protocols.md, "iCub skin",
+/// "uSkin ids" and "CySkin").
 #[derive(Clone, Copy)]
 pub struct Protocol(pub(crate) &'static dyn BoardProtocol);
 
@@ -200,7 +201,7 @@ impl Protocol {
     }
 
     /// What kind of MTB its boards are; `None` where they are no MTBs. XELA controllers (L3) send from power-up on and
-    /// no command is known (protocols.md 2.4).
+    /// no command is known (docs/protocols.md, "uSkin commands").
     pub fn mtb(self) -> Option<Mtb> {
         self.0.properties().mtb
     }
@@ -291,8 +292,8 @@ impl Protocol {
     }
 
     /// The frame that carries one taxel's value, as the board would send it: status, then x, y, z with the most
-    /// significant byte first, then `sda + 1` (protocols.md 2.2). `None` if there is no such board or taxel, or the
-    /// protocol puts several taxels into a frame.
+    /// significant byte first, then `sda + 1` (docs/protocols.md, "uSkin payload"). `None` if there is no
+    /// such board or taxel, or the protocol puts several taxels into a frame.
     pub fn frame(self, board: u8, k: u8, counts: [u16; 3], status: u8) -> Option<CanFrame> {
         self.can_id(board, k)?;
         self.0.frame(board, k, counts, status)

@@ -2,7 +2,7 @@
 
 use crate::protocol::recognised::{FEWEST, HeardIds, RecognisedBus};
 
-/// The position frames of all four fingers (protocols.md 3).
+/// The position frames of all four fingers (docs/protocols.md, "Allegro hand").
 pub(super) fn take(heard: &mut HeardIds, bus: &mut RecognisedBus) {
     let left = &mut heard.ids;
     // The destination in bits 3 to 5 is documented nowhere.

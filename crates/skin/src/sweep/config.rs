@@ -25,7 +25,8 @@ pub struct SweepConfig {
     pub silent_after_sweeps: u8,
     /// What a board sends in this time after it is heard for the first time, or again after a second of silence, is
     /// thrown away, ms, 0 to 60,000: chips that are still being set up answer 0xFF, and the answers to their set-up
-    /// look like taxel frames (protocols.md 2.6). Not of iCub boards, which are calibrated before they speak.
+    /// look like taxel frames (docs/protocols.md, "uSkin values"). Not of iCub boards, which are calibrated
+    /// before they speak.
     pub settle_ms: f64,
 }
 

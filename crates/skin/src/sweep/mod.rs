@@ -1,7 +1,8 @@
 //! Sweep assembly: from readings, in any order and with gaps, to tactile frames.
 //!
 //! A board sends every taxel once per *board sweep*, without sequence number or time stamp, in an order that changes
-//! with the load of the bus (protocols.md 0.5). So everything here goes by taxel, never by order:
+//! with the load of the bus (docs/protocols.md, "MTB3 firmware"). So everything here goes by taxel, never by
+//! order:
 //!
 //! * The period of each board is the median of the times between two readings of the same taxel, unless it is
 //!   configured. The hand's period is that of its slowest living board.

@@ -1,6 +1,6 @@
 //! How often a board sends its taxels, measured from what it sends.
 
-/// Assumed until something was measured: uSkin's 100 Hz (protocols.md 2.5).
+/// Assumed until something was measured: uSkin's 100 Hz (docs/protocols.md, "Bus timing").
 pub(crate) const START_NS: u64 = 10_000_000;
 const SHORTEST_NS: u64 = 1_000_000;
 const LONGEST_NS: u64 = 10_000_000_000;

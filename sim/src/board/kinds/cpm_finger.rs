@@ -1,4 +1,5 @@
-//! The published finger with CySkin-type sensors (protocols.md 5.3): four frames of four values, and one of proximity.
+//! The published finger with CySkin-type sensors (docs/protocols.md, "CPM finger"): four frames of four
+//! values, and one of proximity.
 
 use super::cyskin;
 use crate::board::firmware::{Blueprint, BoardSimulation, Firmware, Moment};

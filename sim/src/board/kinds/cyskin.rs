@@ -1,5 +1,5 @@
-//! A CySkin hub with its modules (protocols.md section 5). What is not public is as the layout file says, and the hub
-//! starts when it has heard every packet of the layout's `start`, in that order.
+//! A CySkin hub with its modules (docs/protocols.md, "CySkin"). What is not public is as the layout file
+//! says, and the hub starts when it has heard every packet of the layout's `start`, in that order.
 
 use crate::board::firmware::{Blueprint, BoardSimulation, Effect, Firmware, Moment};
 use crate::board::queue::Queue;
@@ -37,7 +37,7 @@ pub(super) struct Cyskin;
 
 impl BoardSimulation for Cyskin {
     fn usual_hz(&self) -> u32 {
-        // protocols.md 5.2: cycles of 50 ms.
+        // docs/protocols.md, "CySkin packets": cycles of 50 ms.
         20
     }
 

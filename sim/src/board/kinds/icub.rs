@@ -1,7 +1,9 @@
-//! The iCub's skin on MTB3 and MTB4 (protocols.md 1.3, 1.4, 1.8): nothing is sent before the board was configured.
+//! The iCub's skin on MTB3 and MTB4 (docs/protocols.md, "iCub frames", "MTB commands" and "MTB4"): nothing is
+//! sent before the board was configured.
 //!
-//! Where protocols.md is silent the simulated board is strict, so that a host that is good enough for it is good enough:
-//! every triangle is off after power-up, and a start that comes while triangles are being calibrated is lost.
+//! Where the sources are silent the simulated board is strict, so that a host that is good enough for it is
+//! good enough: every triangle is off after power-up, and a start that comes while triangles are being
+//! calibrated is lost.
 
 use crate::board::firmware::{self, Blueprint, BoardSimulation, Effect, Firmware, Identity, Moment};
 use crate::board::queue::Queue;

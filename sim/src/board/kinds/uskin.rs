@@ -1,4 +1,4 @@
-//! uSkin on an MTB3 and on a XELA controller: one frame per taxel (protocols.md section 2).
+//! uSkin on an MTB3 and on a XELA controller: one frame per taxel (docs/protocols.md, "uSkin").
 
 use crate::board::firmware::{Blueprint, BoardSimulation, Firmware, Identity, MTB3, Moment};
 use crate::board::queue::Queue;
@@ -28,7 +28,7 @@ pub(super) const L3: UskinBoards = UskinBoards {
 
 impl BoardSimulation for UskinBoards {
     fn usual_hz(&self) -> u32 {
-        // protocols.md 2.5; and what two buses carry of eight boards on MTBs each.
+        // docs/protocols.md, "Bus timing"; and what two buses carry of eight boards on MTBs each.
         if self.xela { 83 } else { 50 }
     }
 

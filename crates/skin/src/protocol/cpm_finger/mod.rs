@@ -1,4 +1,5 @@
-//! The published finger with CySkin-type sensors (protocols.md 5.3): four standard frames of four values, no command.
+//! The published finger with CySkin-type sensors (docs/protocols.md, "CPM finger"): four standard frames of
+//! four values, no command.
 
 pub(crate) mod decode;
 pub(crate) mod recognise;

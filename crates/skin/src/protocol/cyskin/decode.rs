@@ -154,7 +154,7 @@ impl Hub {
     }
 }
 
-/// 0 and 0xFFFF are no values (protocols.md 5.2).
+/// 0 and 0xFFFF are no values (docs/protocols.md, "CySkin packets").
 fn status(value: u16) -> u8 {
     if value == 0 || value == u16::MAX {
         STATUS_ERROR

@@ -1,4 +1,4 @@
-//! CySkin hubs on CAN (protocols.md section 5): packets over one or more extended frames.
+//! CySkin hubs on CAN (docs/protocols.md, "CySkin"): packets over one or more extended frames.
 //!
 //! A module is what other protocols call a board; what is sent goes to its hub.
 

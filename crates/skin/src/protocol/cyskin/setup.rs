@@ -57,7 +57,8 @@ impl Checksum {
     }
 }
 
-/// The table `cyskin` of a layout file: what the CAN generation of CySkin leaves unpublished (protocols.md 5.3).
+/// The table `cyskin` of a layout file: what the CAN generation of CySkin leaves unpublished
+/// (docs/protocols.md, "CySkin gaps").
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CyskinSetup {
     /// Order of the bytes of a value.

@@ -1,4 +1,5 @@
-//! The iCub's skin on MTB3 and MTB4 (protocols.md section 1): two frames per triangle, eight bits per pad.
+//! The iCub's skin on MTB3 and MTB4 (docs/protocols.md, "iCub skin"): two frames per triangle, eight bits per
+//! pad.
 //!
 //! A pad's 8-bit value becomes z = 16 * value + 8, with x = y = 0. So it spans 8 to 4088, the size of a press on the other
 //! skins, which is what the limits of the conditioning are made for; it is never 0 or 65535, which are the values of a
@@ -17,7 +18,8 @@ const FIRST_PADS: usize = 7;
 const FIRST: u8 = 0x40;
 /// First byte of the second frame.
 const SECOND: u8 = 0xC0;
-/// This many no-acknowledge errors in a row make an MTB4 calibrate the triangle anew (protocols.md 1.8).
+/// This many no-acknowledge errors in a row make an MTB4 calibrate the triangle anew (docs/protocols.md,
+/// "MTB4").
 const RECALIBRATES_AFTER: u8 = 5;
 
 /// Status of a reading: the triangle's chip did not acknowledge.
@@ -76,7 +78,7 @@ impl BoardDecoder for Triangle {
                     BoardFrame::Readings
                 }
             }
-            // Old firmware sends no status (protocols.md 1.3).
+            // Old firmware sends no status (docs/protocols.md, "iCub frames").
             [SECOND, p7, p8, p9, p10, p11] => {
                 (self.out_of_range, self.errors) = (0, 0);
                 self.take(FIRST_PADS, &[p7, p8, p9, p10, p11], readings);
@@ -154,7 +156,7 @@ impl Triangle {
 }
 
 /// The two frames' data of a triangle with these pads, out-of-range mask (a bit per pad) and error bits, as the
-/// board sends them (protocols.md 1.3): for simulators and tests.
+/// board sends them (docs/protocols.md, "iCub frames"): for simulators and tests.
 pub fn icub_triangle_data(pads: [u8; 12], out_of_range: u16, errors: u8) -> [[u8; 8]; 2] {
     let [p0, p1, p2, p3, p4, p5, p6, p7, p8, p9, p10, p11] = pads;
     let high = (out_of_range >> 4) as u8;

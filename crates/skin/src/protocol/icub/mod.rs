@@ -1,4 +1,5 @@
-//! The iCub's skin on MTB3 and MTB4 (protocols.md section 1): two frames per triangle, configured before it is started.
+//! The iCub's skin on MTB3 and MTB4 (docs/protocols.md, "iCub skin"): two frames per triangle, configured
+//! before it is started.
 
 pub(crate) mod decode;
 pub(crate) mod recognise;
@@ -86,7 +87,7 @@ impl BoardProtocol for Icub {
                 Triangle::new(board, number, self.recalibrates),
             );
             table.enter_decoder([id], board.module, KindDecoder::Icub(triangle));
-            // Boards set up by obsolete commands send under class 3 (protocols.md 1.3).
+            // Boards set up by obsolete commands send under class 3 (docs/protocols.md, "iCub frames").
             table.enter_alias(id - 0x100, id);
         }
     }

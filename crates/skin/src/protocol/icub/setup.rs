@@ -46,7 +46,7 @@ impl IcubSetup {
     }
 
     /// Whether pad `k` (`triangle * 12 + pad`) measures temperature: pads 6 and 10 of a triangle, pad 11 on palms and
-    /// fingertips (protocols.md 1.3).
+    /// fingertips (docs/protocols.md, "iCub frames").
     pub const fn is_thermal(&self, k: u8) -> bool {
         let pad = k % PADS;
         if self.skin_type == 1 {

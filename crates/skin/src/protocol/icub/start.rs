@@ -1,15 +1,15 @@
-//! How an iCub board is configured and started (protocols.md 1.4).
+//! How an iCub board is configured and started (docs/protocols.md, "MTB commands").
 
 use super::setup::IcubSetup;
 use crate::protocol::commands::{BoardCommand, Sequences, Step};
 use crate::protocol::mtb::MtbCommand;
 
-/// Least time between two commands to an iCub board (protocols.md 1.4).
+/// Least time between two commands to an iCub board (docs/protocols.md, "MTB commands").
 const GAP_NS: u64 = 10_000_000;
 /// Pause after the triangles of an iCub board were configured: they are calibrated.
 const CALIBRATION_NS: u64 = 500_000_000;
 /// While it is configured, a board is asked this often whether it is there, until it answers. With the start at the end
-/// of the pause that leaves room in its receive buffer of five (protocols.md 1.9).
+/// of the pause that leaves room in its receive buffer of five (docs/protocols.md, "MTB3 firmware").
 const QUESTIONS: u64 = 3;
 /// How long after its answer a board is given to be heard by itself, beyond its period; and at most at all.
 const GRACE_NS: u64 = 20_000_000;

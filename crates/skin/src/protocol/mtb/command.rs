@@ -1,11 +1,12 @@
-//! Commands of class 2, which every MTB understands, be it the iCub's or uSkin's (protocols.md 1.2, 1.4).
+//! Commands of class 2, which every MTB understands, be it the iCub's or uSkin's (docs/protocols.md,
+//! "MTB ids" and "MTB commands").
 
 use super::frames::{GET_FW_VERSION, SET_BRD_CFG, SET_TRIANG_CFG, SET_TXMODE};
 use crate::protocol::icub::setup::IcubSetup;
 use taxel_can::CanFrame;
 
 /// A command to one MTB. Its frame is of class 2 by construction, whatever the address and the data: a class-7 frame
-/// would stop the sampling of every board that takes it for its own (protocols.md 1.9).
+/// would stop the sampling of every board that takes it for its own (docs/protocols.md, "MTB3 firmware").
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MtbCommand {
     address: u8,
@@ -84,7 +85,7 @@ mod tests {
     use super::super::frames::is_command;
     use super::*;
 
-    /// The worked example of protocols.md 1.4, from the official document.
+    /// The worked example of the official document (docs/protocols.md, "MTB commands").
     #[test]
     fn commands_are_those_of_the_official_example() {
         let setup = IcubSetup::default();

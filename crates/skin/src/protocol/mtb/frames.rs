@@ -1,5 +1,5 @@
 //! Frames of and to MTBs that carry no taxels: commands, answers, and what a board says of its transmit queue
-//! (protocols.md 1.2, 1.4, 1.9).
+//! (docs/protocols.md, "MTB ids", "MTB commands" and "MTB3 firmware").
 
 use taxel_can::{CanFrame, IdFilter};
 

@@ -1,4 +1,4 @@
-//! A uSkin taxel's eight bytes (protocols.md 2.2), the same in all three layouts.
+//! A uSkin taxel's eight bytes (docs/protocols.md, "uSkin payload"), the same in all three layouts.
 
 use super::ids::IdLayout;
 use taxel_can::CanFrame;

@@ -1,8 +1,8 @@
-//! The three published layouts of uSkin's ids (protocols.md 2.3): one id per taxel.
+//! The three published layouts of uSkin's ids (docs/protocols.md, "uSkin ids"): one id per taxel.
 //!
-//! What is uncertain (protocols.md 2.3, 2.8): which layout a given hand uses is not public for L1 and L2; of L3
-//! the manual's excerpt only gives one example (controller 1: 0x001 to 0x051, 0x101 to 0x151, ... 0x301 to
-//! 0x351), and what the group bit means is not said. Here it extends the controller number.
+//! What is uncertain (docs/protocols.md, "uSkin ids"): which layout a given hand uses is not public for L1
+//! and L2; of L3 the manual's excerpt only gives one example (controller 1: 0x001 to 0x051, 0x101 to 0x151,
+//! ... 0x301 to 0x351), and what the group bit means is not said. Here it extends the controller number.
 
 /// Which of the layouts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,5 +1,5 @@
-//! uSkin and XELA (protocols.md section 2): one frame per taxel. L1 and L2 are MTBs, L3 is a XELA controller, which sends
-//! from power-up on.
+//! uSkin and XELA (docs/protocols.md, "uSkin"): one frame per taxel. L1 and L2 are MTBs, L3 is a XELA
+//! controller, which sends from power-up on.
 
 pub(crate) mod decode;
 mod ids;
@@ -103,8 +103,9 @@ impl BoardProtocol for Uskin {
         Some(self.nominal_hz)
     }
 
-    /// The 4x4 phalange as the Waseda group draws it: row = sda, column = [0, 2, 1, 3][chip] (protocols.md 2.3). What
-    /// a XELA controller has is not known without being told.
+    /// The 4x4 phalange as the Waseda group draws it: row = sda, column = [0, 2, 1, 3][chip]
+    /// (docs/protocols.md, "uSkin drawing order"). What a XELA controller has is not known without being
+    /// told.
     fn default_order(&self) -> Option<Order> {
         self.properties.mtb.map(|_| phalange(4))
     }
