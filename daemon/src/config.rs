@@ -338,14 +338,16 @@ impl Config {
             }};
         }
         Ok(Self {
-            tick: section!(tick, TickConfig::check),
+            tick: section!(tick, |v: &TickConfig| v.check().map_err(|e| e.to_string())),
             boards: section!(boards, |v: &BoardsConfig| v.check().map_err(|e| e.to_string())),
             sweep: section!(sweep, |v: &SweepConfig| v.check().map_err(|e| e.to_string())),
             conditioning: section!(conditioning, |v: &ConditionConfig| {
                 v.validate(layout.len()).map_err(|e| e.to_string())
             }),
             profile: section!(profile, |v: &Profile| v.check().map_err(|e| e.to_string())),
-            profiles: section!(profiles, ProfilesConfig::check),
+            profiles: section!(profiles, |v: &ProfilesConfig| v
+                .check()
+                .map_err(|e| e.to_string())),
             socket: section!(socket, SocketConfig::check),
             realtime: section!(realtime, RealtimeConfig::check),
             can: section!(can, CanConfig::check),
@@ -354,6 +356,16 @@ impl Config {
             sources,
         })
     }
+}
+
+/// Refuses a value outside its range.
+fn within(
+    table: &'static str,
+    key: &str,
+    value: impl Into<f64>,
+    range: std::ops::RangeInclusive<f64>,
+) -> Result<(), String> {
+    taxel_hand::check_range(table, key, value, range, "").map_err(|e| e.to_string())
 }
 
 #[cfg(feature = "sim")]
@@ -370,18 +382,8 @@ fn with_boards(layout: Layout) -> Result<Layout, String> {
 impl SocketConfig {
     fn check(&self) -> Result<(), String> {
         self.mode_bits()?;
-        if !(1..=4096).contains(&self.max_subscribers) {
-            return Err(format!(
-                "socket.max_subscribers = {} is outside 1 to 4096",
-                self.max_subscribers
-            ));
-        }
-        if !(100..=60_000).contains(&self.stall_ms) {
-            return Err(format!(
-                "socket.stall_ms = {} is outside 100 to 60,000",
-                self.stall_ms
-            ));
-        }
+        within("socket.", "max_subscribers", self.max_subscribers, 1.0..=4096.0)?;
+        within("socket.", "stall_ms", self.stall_ms, 100.0..=60_000.0)?;
         for path in [&self.images, &self.control] {
             // sockaddr_un holds 108 bytes with the closing zero; the lock file's path is not bound by it.
             let len = path.as_os_str().len();
@@ -415,26 +417,18 @@ impl SocketConfig {
 
 impl RealtimeConfig {
     fn check(&self) -> Result<(), String> {
-        if self.priority <= 49 {
-            Ok(())
-        } else {
-            Err(format!(
-                "realtime.priority = {} is outside 0 to 49; from 50 on the kernel's own threads run",
-                self.priority
-            ))
-        }
+        within("realtime.", "priority", self.priority, 0.0..=49.0)
+            .map_err(|e| format!("{e}; from 50 on the kernel's own threads run"))
     }
 }
 
 impl CanConfig {
     fn check(&self) -> Result<(), String> {
-        if (64..=65_536).contains(&self.receive_buffer_kib) {
-            Ok(())
-        } else {
-            Err(format!(
-                "can.receive_buffer_kib = {} is outside 64 to 65,536",
-                self.receive_buffer_kib
-            ))
-        }
+        within(
+            "can.",
+            "receive_buffer_kib",
+            self.receive_buffer_kib,
+            64.0..=65_536.0,
+        )
     }
 }

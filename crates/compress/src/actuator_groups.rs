@@ -1,6 +1,6 @@
 //! Where taxels are for the placement of actuators, and which parts of the hand have how many.
 
-use taxel_hand::{Coordinates, Geometry, Profile, ProfileError};
+use taxel_hand::{Coordinates, Geometry, Profile, ProfileError, check_range};
 
 /// Place of each taxel in the coordinates of a profile.
 pub(crate) fn places(geometry: &Geometry, coordinates: Coordinates) -> Result<Vec<[f64; 2]>, ProfileError> {
@@ -53,14 +53,7 @@ pub(crate) fn groups(geometry: &Geometry, profile: &Profile) -> Result<(Vec<u16>
                 parts: parts.join(", "),
             });
         }
-        if value < 1 || value > profile.actuators {
-            return Err(ProfileError::OutOfRange {
-                field: "budgets",
-                value,
-                min: 1,
-                max: profile.actuators,
-            });
-        }
+        check_range("profile: ", "budgets", value, 1.0..=profile.actuators.into(), "")?;
     }
     let others = parts.len() - profile.budgets.len();
     let sum: u32 = profile.budgets.values().map(|budget| u32::from(*budget)).sum();

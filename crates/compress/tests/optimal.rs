@@ -294,7 +294,7 @@ fn shares_outside_their_range_are_refused() {
     ] {
         let refused = profile.check().unwrap_err();
         assert!(
-            matches!(refused, ProfileError::ShareOutOfRange { field: f, .. } if f == field),
+            matches!(&refused, ProfileError::Range(range) if range.key == field),
             "{refused}"
         );
     }

@@ -1,6 +1,7 @@
 //! What an engine has to know, checked.
 
 use serde::{Deserialize, Serialize};
+use taxel_hand::{RangeError, check_range};
 use taxel_joints::JointsConfig;
 use taxel_skin::{BoardsConfig, ConditionConfig, Layout, SweepConfig};
 
@@ -68,18 +69,10 @@ impl Default for TickConfig {
 }
 
 impl TickConfig {
-    /// Refuses what makes no sense, with a sentence that names key and range.
-    pub fn check(&self) -> Result<(), String> {
-        if !(self.rate_hz.is_finite() && (1.0..=1000.0).contains(&self.rate_hz)) {
-            return Err(format!("tick.rate_hz = {} is outside 1 to 1000 Hz", self.rate_hz));
-        }
-        if !(10..=60_000).contains(&self.silent_ms) {
-            return Err(format!(
-                "tick.silent_ms = {} is outside 10 to 60,000 ms",
-                self.silent_ms
-            ));
-        }
-        Ok(())
+    /// Refuses what is out of its range.
+    pub fn check(&self) -> Result<(), RangeError> {
+        check_range("tick.", "rate_hz", self.rate_hz, 1.0..=1000.0, "Hz")?;
+        check_range("tick.", "silent_ms", self.silent_ms, 10.0..=60_000.0, "ms")
     }
 
     /// Time between two ticks in `timer` mode, nanoseconds.

@@ -10,6 +10,7 @@ mod image;
 mod pose;
 mod profile;
 mod profile_error;
+mod range;
 
 pub use frame::{FORCE_MAX, Fault, Faults, ForceFrame, Freshness, TactileFrame};
 pub use geometry::{Geometry, GeometryError, MAX_MODULES, MAX_PIXELS, MAX_TAXELS, Module, Taxel};
@@ -19,6 +20,7 @@ pub use profile::{
     ActuatorForce, CodebookLearning, Coordinates, ForceFit, Grey, LevelSteps, Method, Placement, Profile,
 };
 pub use profile_error::ProfileError;
+pub use range::{RangeError, check_range};
 
 /// The examples of the README compile, and those that can run do.
 #[cfg(doctest)]

@@ -1,34 +1,18 @@
 //! What makes no display, and why.
 
-use crate::{CodebookLearning, Coordinates, FORCE_MAX, LevelSteps, Placement, Profile};
+use crate::{
+    CodebookLearning, Coordinates, FORCE_MAX, LevelSteps, Placement, Profile, RangeError, check_range,
+};
+
+/// How messages about a key of it begin.
+const TABLE: &str = "profile: ";
 
 /// Why a profile describes no display.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ProfileError {
-    /// A number outside its range.
-    #[error("profile: {field} = {value} is outside {min}..={max}")]
-    OutOfRange {
-        /// Name of the field.
-        field: &'static str,
-        /// The value given.
-        value: u16,
-        /// Smallest allowed value.
-        min: u16,
-        /// Largest allowed value.
-        max: u16,
-    },
-    /// A share or factor outside its range, or not a number.
-    #[error("profile: {field} = {value} is outside {min}..={max}")]
-    ShareOutOfRange {
-        /// Name of the field.
-        field: &'static str,
-        /// The value given.
-        value: f64,
-        /// Smallest allowed value.
-        min: f64,
-        /// Largest allowed value.
-        max: f64,
-    },
+    /// A number outside its range, or not a number.
+    #[error(transparent)]
+    Range(#[from] RangeError),
     /// A codebook with more entries than levels.
     #[error("profile: the codebook has {entries} levels and the display only {levels}")]
     CodebookTooLong {
@@ -153,35 +137,21 @@ impl Profile {
     /// Refuses values that make no display.
     pub fn check(&self) -> Result<(), ProfileError> {
         let ranges = [
-            ("levels", self.levels, 255),
-            ("actuators", self.actuators, 1024),
-            ("force_iterations", self.force_iterations, 1000),
-            ("actuator_iterations", self.actuator_iterations, 1000),
+            ("levels", self.levels, 255.0),
+            ("actuators", self.actuators, 1024.0),
+            ("force_iterations", self.force_iterations, 1000.0),
+            ("actuator_iterations", self.actuator_iterations, 1000.0),
         ];
-        for (field, value, max) in ranges {
-            if value < 1 || value > max {
-                return Err(ProfileError::OutOfRange {
-                    field,
-                    value,
-                    min: 1,
-                    max,
-                });
-            }
+        for (key, value, max) in ranges {
+            check_range(TABLE, key, value, 1.0..=max, "")?;
         }
         let shares = [
             ("level_hysteresis", self.level_hysteresis, 0.5),
             ("history", self.history, 100.0),
             ("jump_gain", self.jump_gain, 1.0),
         ];
-        for (field, value, max) in shares {
-            if !(0.0..=max).contains(&value) {
-                return Err(ProfileError::ShareOutOfRange {
-                    field,
-                    value,
-                    min: 0.0,
-                    max,
-                });
-            }
+        for (key, value, max) in shares {
+            check_range(TABLE, key, value, 0.0..=max, "")?;
         }
         self.check_levels()?;
         self.check_places()?;
@@ -202,25 +172,11 @@ impl Profile {
     }
 
     fn check_levels(&self) -> Result<(), ProfileError> {
-        if let Some(value) = self.jnd
-            && !(0.001..=1.0).contains(&value)
-        {
-            return Err(ProfileError::ShareOutOfRange {
-                field: "jnd",
-                value,
-                min: 0.001,
-                max: 1.0,
-            });
+        if let Some(jnd) = self.jnd {
+            check_range(TABLE, "jnd", jnd, 0.001..=1.0, "")?;
         }
-        if let Some(CodebookLearning { forgetting: value }) = self.codebook_learning
-            && !(0.0..=1.0).contains(&value)
-        {
-            return Err(ProfileError::ShareOutOfRange {
-                field: "codebook_learning.forgetting",
-                value,
-                min: 0.0,
-                max: 1.0,
-            });
+        if let Some(CodebookLearning { forgetting }) = self.codebook_learning {
+            check_range(TABLE, "codebook_learning.forgetting", forgetting, 0.0..=1.0, "")?;
         }
         match (self.force_min, self.force_max) {
             (Some(least), Some(greatest)) => {

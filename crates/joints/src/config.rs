@@ -2,11 +2,12 @@
 
 use crate::allegro::{AllegroConfig, AllegroSource};
 use crate::dynamixel::{DynamixelConfig, FastSyncRead, ServoConfig};
-use crate::error::{JointSourceError, JointsConfigError, check_range};
+use crate::error::{JointSourceError, JointsConfigError};
 use crate::source::SourceConfig;
 use serde::Deserialize;
 use std::path::PathBuf;
 use std::str::FromStr;
+use taxel_hand::check_range;
 
 /// Where joint angles come from, and how the joints are called.
 ///
@@ -166,7 +167,7 @@ impl JointsConfig {
 
     /// Refuses what cannot be.
     pub fn check(&self) -> Result<(), JointsConfigError> {
-        check_range("hold_ms", self.hold_ms, 10.0..=60_000.0, "ms")?;
+        check_range("joints.", "hold_ms", self.hold_ms, 10.0..=60_000.0, "ms")?;
         self.source.config().check()
     }
 }

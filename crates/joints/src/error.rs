@@ -1,7 +1,7 @@
 //! What is wrong with a `[joints]` table, told with the key and the numbers.
 
-use std::ops::RangeInclusive;
 use taxel_can::AddressError;
+use taxel_hand::RangeError;
 
 /// Most joints one daemon reads.
 pub const MAX_JOINTS: usize = 64;
@@ -26,19 +26,8 @@ pub enum JointSourceError {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum JointsConfigError {
     /// A number outside its range.
-    #[error("joints.{key} = {value} is outside {low} to {high} {unit}")]
-    Range {
-        /// The key.
-        key: String,
-        /// What it is set to.
-        value: f64,
-        /// The smallest value allowed.
-        low: f64,
-        /// The largest value allowed.
-        high: f64,
-        /// Their unit.
-        unit: &'static str,
-    },
+    #[error(transparent)]
+    Range(#[from] RangeError),
     /// No servo, or too many.
     #[error(
         "joints has {0} [[joints.servo]] tables; source dynamixel needs 1 to {MAX_JOINTS}, one per joint with its id and name"
@@ -107,24 +96,4 @@ pub enum JointsConfigError {
         /// What it says.
         value: i8,
     },
-}
-
-/// Refuses a number outside its range; `key` is relative to the `[joints]` table.
-pub(crate) fn check_range(
-    key: impl Into<String>,
-    value: impl Into<f64>,
-    range: RangeInclusive<f64>,
-    unit: &'static str,
-) -> Result<(), JointsConfigError> {
-    let value = value.into();
-    if range.contains(&value) {
-        return Ok(());
-    }
-    Err(JointsConfigError::Range {
-        key: key.into(),
-        value,
-        low: *range.start(),
-        high: *range.end(),
-        unit,
-    })
 }

@@ -1,6 +1,7 @@
 //! What a program that serves says of its socket: the `[socket]` and `[profiles]` tables of its configuration.
 
 use serde::{Deserialize, Serialize};
+use taxel_hand::{RangeError, check_range};
 
 /// How many subscribers there may be, and how patient the program is with them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -16,7 +17,7 @@ pub struct Limits {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ProfilesConfig {
-    /// Share of the time between two images that all profiles together may take, above 0 to 100 %. In `sweep` mode that
+    /// Share of the time between two images that all profiles together may take, 0.001 to 100 %. In `sweep` mode that
     /// time is `sweep.board_period_ms`.
     pub budget_percent: f64,
     /// Most different profiles at once, the program's own among them, 1 to 256.
@@ -33,17 +34,15 @@ impl Default for ProfilesConfig {
 }
 
 impl ProfilesConfig {
-    /// Refuses what makes no sense, with a sentence that names key and range.
-    pub fn check(&self) -> Result<(), String> {
-        if !(self.budget_percent > 0.0 && self.budget_percent <= 100.0) {
-            return Err(format!(
-                "profiles.budget_percent = {} is not above 0 and at most 100 %",
-                self.budget_percent
-            ));
-        }
-        if !(1..=256).contains(&self.max) {
-            return Err(format!("profiles.max = {} is outside 1 to 256", self.max));
-        }
-        Ok(())
+    /// Refuses what is out of its range.
+    pub fn check(&self) -> Result<(), RangeError> {
+        check_range(
+            "profiles.",
+            "budget_percent",
+            self.budget_percent,
+            0.001..=100.0,
+            "%",
+        )?;
+        check_range("profiles.", "max", self.max, 1.0..=256.0, "")
     }
 }

@@ -70,4 +70,3 @@ pub use protocol::recognised::{RecognisedBoard, RecognisedBus};
 pub use recognise::{Recogniser, Recognition};
 
 // Settings
-pub use range::RangeError;

@@ -1,38 +1,15 @@
 //! Settings outside their ranges, refused in one way.
 
-/// A setting outside its range.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-#[error("{table}: {field} = {value} is outside {min} to {max}")]
-pub struct RangeError {
-    /// The table of the configuration.
-    pub table: &'static str,
-    /// The key.
-    pub field: &'static str,
-    /// The value given.
-    pub value: f64,
-    /// Smallest allowed value.
-    pub min: f64,
-    /// Largest allowed value.
-    pub max: f64,
-}
+use taxel_hand::{RangeError, check_range};
 
-/// Checks `(field, value, min, max)` one after the other; NaN is outside every range.
+/// Checks `(key, value, min, max)` of a table one after the other; `table` is how a message begins.
 pub(crate) fn check_ranges(
     table: &'static str,
     ranges: &[(&'static str, f64, f64, f64)],
 ) -> Result<(), RangeError> {
-    for &(field, value, min, max) in ranges {
-        if !(value >= min && value <= max) {
-            return Err(RangeError {
-                table,
-                field,
-                value,
-                min,
-                max,
-            });
-        }
-    }
-    Ok(())
+    ranges
+        .iter()
+        .try_for_each(|&(key, value, min, max)| check_range(table, key, value, min..=max, ""))
 }
 
 /// Milliseconds as nanoseconds.

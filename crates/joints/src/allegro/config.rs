@@ -1,7 +1,8 @@
 //! Which Allegro hand it is: the table `[joints.allegro]`.
 
-use crate::error::{JointsConfigError, check_range};
+use crate::error::JointsConfigError;
 use serde::Deserialize;
+use taxel_hand::check_range;
 
 /// Joints of the hand.
 pub const ALLEGRO_JOINTS: usize = 16;
@@ -50,7 +51,13 @@ impl AllegroConfig {
             return Err(JointsConfigError::AllegroVersion(self.version));
         }
         let devices = if self.version == 4 { 3.0 } else { 0.0 };
-        check_range("allegro.device", self.device, 0.0..=devices, "with this version")?;
+        check_range(
+            "joints.",
+            "allegro.device",
+            self.device,
+            0.0..=devices,
+            "with this version",
+        )?;
         for (joint, value) in self.enc_dir.into_iter().enumerate() {
             if value != 1 && value != -1 {
                 return Err(JointsConfigError::EncoderDirection { joint, value });
@@ -58,7 +65,7 @@ impl AllegroConfig {
         }
         for (joint, value) in self.enc_offset.into_iter().enumerate() {
             let key = format!("allegro.enc_offset[{joint}]");
-            check_range(key, value, -131_072.0..=131_072.0, "counts")?;
+            check_range("joints.", key, value, -131_072.0..=131_072.0, "counts")?;
         }
         Ok(())
     }

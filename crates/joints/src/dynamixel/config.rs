@@ -1,9 +1,10 @@
 //! The keys of the `[joints]` table that are for servos.
 
-use crate::error::{JointSourceError, JointsConfigError, MAX_JOINTS, check_range};
+use crate::error::{JointSourceError, JointsConfigError, MAX_JOINTS};
 use crate::source::SourceConfig;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
+use taxel_hand::check_range;
 
 /// Readings kept per joint: a third of a second at 100 Hz.
 pub(super) const READINGS_KEPT: usize = 32;
@@ -102,8 +103,14 @@ impl DynamixelConfig {
         }
         for (i, servo) in self.servo.iter().enumerate() {
             let key = |name: &str| format!("servo[{i}].{name}");
-            check_range(key("id"), servo.id, 0.0..=252.0, "(a servo's id)")?;
-            check_range(key("homing_rad"), servo.homing_rad, -1608.0..=1608.0, "rad")?;
+            check_range("joints.", key("id"), servo.id, 0.0..=252.0, "(a servo's id)")?;
+            check_range(
+                "joints.",
+                key("homing_rad"),
+                servo.homing_rad,
+                -1608.0..=1608.0,
+                "rad",
+            )?;
             if servo.direction != 1 && servo.direction != -1 {
                 return Err(JointsConfigError::Direction {
                     id: servo.id,
@@ -130,11 +137,11 @@ impl DynamixelConfig {
 
     /// Refuses numbers that cannot be, whatever the servos.
     pub(crate) fn check_numbers(&self) -> Result<(), JointsConfigError> {
-        check_range("baud", self.baud, 9600.0..=1e7, "bit/s")?;
-        check_range("rate_hz", self.rate_hz, 1.0..=2000.0, "Hz")?;
-        check_range("watchdog_ms", self.watchdog_ms, 20.0..=2540.0, "ms")?;
+        check_range("joints.", "baud", self.baud, 9600.0..=1e7, "bit/s")?;
+        check_range("joints.", "rate_hz", self.rate_hz, 1.0..=2000.0, "Hz")?;
+        check_range("joints.", "watchdog_ms", self.watchdog_ms, 20.0..=2540.0, "ms")?;
         if let Some(ms) = self.answer_margin_ms {
-            check_range("answer_margin_ms", ms, 0.5..=100.0, "ms")?;
+            check_range("joints.", "answer_margin_ms", ms, 0.5..=100.0, "ms")?;
         }
         if !self.watchdog_ms.is_multiple_of(20) {
             return Err(JointsConfigError::WatchdogStep(self.watchdog_ms));

@@ -1,7 +1,8 @@
 //! How boards are started and watched.
 
-use crate::range::{RangeError, check_ranges};
+use crate::range::check_ranges;
 use serde::{Deserialize, Serialize};
+use taxel_hand::RangeError;
 
 /// How boards are started and watched: the `[boards]` table of the configuration.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -54,7 +55,7 @@ impl BoardsConfig {
     /// Refuses values outside their ranges.
     pub fn check(&self) -> Result<(), RangeError> {
         check_ranges(
-            "boards",
+            "boards: ",
             &[
                 ("trigger_hz", self.trigger_hz, 1.0, 200.0),
                 ("silence_ms", self.silence_ms, 20.0, 60_000.0),

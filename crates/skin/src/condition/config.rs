@@ -1,8 +1,9 @@
 //! How a conditioner is set: every switch on its own, with the two presets `robust` and `paper`.
 
 use super::magnitude::MagnitudeMode;
-use crate::range::{RangeError, check_ranges};
+use crate::range::check_ranges;
 use serde::{Deserialize, Serialize};
+use taxel_hand::RangeError;
 
 /// Settings of a [`Conditioner`](super::Conditioner). Unknown keys are refused; absent keys take the `robust` values.
 ///
@@ -219,7 +220,7 @@ impl ConditionConfig {
             ),
             ("drift_limit_counts", self.drift_limit_counts, 0.0, 65_535.0),
         ];
-        check_ranges("conditioning", &checks)?;
+        check_ranges("conditioning: ", &checks)?;
         match self.masked_taxels.iter().find(|t| usize::from(**t) >= taxels) {
             Some(&taxel) => Err(ConditionError::MaskedTaxel { taxel, taxels }),
             None => Ok(()),

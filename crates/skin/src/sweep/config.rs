@@ -1,8 +1,9 @@
 //! Settings of sweep assembly.
 
 use super::period::START_NS;
-use crate::range::{RangeError, check_ranges, nanoseconds};
+use crate::range::{check_ranges, nanoseconds};
 use serde::{Deserialize, Serialize};
+use taxel_hand::RangeError;
 
 /// How sweeps are assembled: the `[sweep]` table of the configuration.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -57,7 +58,7 @@ impl SweepConfig {
         let latest = self.stale_after_ms.unwrap_or(10_000.0).min(10_000.0);
         ranges.extend(self.deadline_ms.map(|v| ("deadline_ms", v, 0.1, latest)));
         ranges.extend(self.stale_after_ms.map(|v| ("stale_after_ms", v, 1.0, 60_000.0)));
-        check_ranges("sweep", &ranges)
+        check_ranges("sweep: ", &ranges)
     }
 
     /// Time between two sweeps of a board, nanoseconds; where it is to be measured, what is assumed until then: the

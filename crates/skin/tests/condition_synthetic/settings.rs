@@ -193,7 +193,7 @@ fn settings_read_from_toml_refuse_unknown_keys_and_values_out_of_range() {
         ),
     ] {
         match Conditioner::new(3, config) {
-            Err(ConditionError::OutOfRange(range)) => assert_eq!(range.field, key),
+            Err(ConditionError::OutOfRange(range)) => assert_eq!(range.key, key),
             other => panic!("{key}: {:?}", other.err()),
         }
     }
