@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use taxel_can::SourceAddress;
+use taxel_diagnose::HandSetup;
 use taxel_engine::{EngineConfig, EngineJoints, TickConfig, TickMode};
 use taxel_hand::Profile;
 use taxel_joints::{JointsBus, JointsConfig, JointsError};
@@ -226,6 +227,17 @@ impl Config {
                 is_read,
             }),
         })
+    }
+
+    /// The hand as [`taxel_diagnose`] is told of it.
+    pub fn hand_setup(&self) -> HandSetup<'_> {
+        HandSetup {
+            layout: &self.layout,
+            sources: &self.sources,
+            silence_ns: (self.boards.silence_ms * 1e6) as u64,
+            joints: self.joints.as_ref(),
+            joints_share_bus: self.joints_bus().is_some_and(|bus| bus.shared),
+        }
     }
 
     /// Time between two images, nanoseconds: in `sweep` mode a sweep of the boards.

@@ -8,11 +8,11 @@ mod control;
 mod gather;
 mod image_maker;
 mod joints;
-mod problems;
 mod realtime;
 mod snapshot;
 mod sources;
 mod state;
+mod status;
 mod supervise;
 mod tick;
 

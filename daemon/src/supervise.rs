@@ -3,49 +3,43 @@
 //!
 //! The tick thread itself never logs, so that a slow terminal or journal cannot hold up an image.
 
-use crate::joints::{JointsView, Told, Weight};
-use crate::problems::News;
 use crate::snapshot::Snapshot;
 use crate::state::State;
 use sd_notify::NotifyState;
 use std::rc::Rc;
 use std::time::Duration;
 use taxel_can::LinkState;
+use taxel_diagnose::{BusView, HandView, JointsReporter, JointsView, News, Severity};
 use taxel_hand::Fault;
 use taxel_skin::BoardState;
 use taxel_wire::{Event, EventKind};
 use tokio::time::{Instant, MissedTickBehavior, interval};
 
-const LOOK: Duration = Duration::from_millis(100);
+const PERIOD: Duration = Duration::from_millis(100);
 /// How long after the start every board should have been heard.
 const ROLL_CALL: Duration = Duration::from_secs(2);
 const STATUS: Duration = Duration::from_secs(1);
 
 /// Runs until every recording has been played to its end, and images have reached their subscribers.
 pub(crate) async fn watch(state: Rc<State>) {
-    let mut look = interval(LOOK);
-    look.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    let mut period = interval(PERIOD);
+    period.set_missed_tick_behavior(MissedTickBehavior::Delay);
     let mut before: Option<Snapshot> = None;
-    let mut joints = Told::default();
+    let mut joints = JointsReporter::default();
     let mut last_heartbeat = 0;
     let mut status_at = Instant::now();
     let mut reports = Reports::default();
     let mut roll_call_at = Some(Instant::now() + ROLL_CALL);
     loop {
-        look.tick().await;
-        let now = state
-            .shared
-            .snapshot
-            .lock()
-            .unwrap_or_else(|e| e.into_inner())
-            .clone();
+        period.tick().await;
+        let now = state.snapshot();
         if !now.written {
             continue;
         }
-        tell_changes(&state, before.as_ref(), &now);
+        report_changes(&state, before.as_ref(), &now);
         let view = state.joints(&now);
-        tell_problems(&state, &now, view.as_ref(), roll_call_at.is_none());
-        tell_joints(&state, view.as_ref(), &mut joints);
+        report_problems(&state, &now, view.as_ref(), roll_call_at.is_none());
+        report_joints(&state, view.as_ref(), &mut joints);
         reports.publish(&state, &now);
         before = Some(now);
         state.server.tidy();
@@ -64,7 +58,7 @@ pub(crate) async fn watch(state: Rc<State>) {
         }
         if state.shared.finished.load(std::sync::atomic::Ordering::Acquire) {
             tracing::info!("every recording has been played to its end");
-            tokio::time::sleep(LOOK).await;
+            tokio::time::sleep(PERIOD).await;
             return;
         }
     }
@@ -84,7 +78,7 @@ impl Reports {
         }
         if self.next_at.is_none_or(|at| at <= Instant::now()) {
             self.next_at = Some(Instant::now() + STATUS);
-            let text = state.status().to_string();
+            let text = serde_json::json!(state.status()).to_string();
             state
                 .server
                 .set_status(text.as_bytes(), now.force.seq, now.force.t_ns);
@@ -93,7 +87,7 @@ impl Reports {
 }
 
 /// Says what is different between two looks at the hand.
-fn tell_changes(state: &State, before: Option<&Snapshot>, now: &Snapshot) {
+fn report_changes(state: &State, before: Option<&Snapshot>, now: &Snapshot) {
     let layout = &state.config.layout;
     for (i, bus) in now.buses.iter().enumerate() {
         let was_up =
@@ -158,37 +152,49 @@ fn tell_changes(state: &State, before: Option<&Snapshot>, now: &Snapshot) {
 }
 
 /// Says what is new of the joints.
-fn tell_joints(state: &State, view: Option<&JointsView>, told: &mut Told) {
+fn report_joints(state: &State, view: Option<&JointsView>, reporter: &mut JointsReporter) {
     let (Some(config), Some(view)) = (&state.config.joints, view) else {
         return;
     };
     state.count_joints(view);
-    for (weight, text) in told.news(config, view) {
-        match weight {
-            Weight::Info => tracing::info!("{text}"),
-            Weight::Warn => tracing::warn!("{text}"),
-        }
+    for (severity, sentence) in reporter.handle_view(config, view) {
+        log(severity, &sentence);
     }
 }
 
 /// Says which problems came and which are over, in the log and to every subscriber.
-fn tell_problems(state: &State, now: &Snapshot, joints: Option<&JointsView>, boards_due: bool) {
-    let mut problems = state.problems.borrow_mut();
-    for news in problems.look(&state.config, now, joints, boards_due) {
-        let sentence = match news {
-            News::Came { severe, sentence } => {
-                match severe {
-                    true => tracing::error!("{sentence}"),
-                    false => tracing::warn!("{sentence}"),
-                }
-                sentence
-            }
-            News::Over { sentence } => {
-                tracing::info!("{sentence}");
-                sentence
-            }
+fn report_problems(state: &State, now: &Snapshot, joints: Option<&JointsView>, boards_due: bool) {
+    let buses: Vec<BusView> = (now.buses.iter())
+        .map(|bus| BusView {
+            counters: bus.source,
+            link: bus.link,
+            starting: state.starting(),
+        })
+        .collect();
+    let view = HandView {
+        now_ns: now.now_ns,
+        buses: &buses,
+        boards: &now.boards,
+        findings: &now.findings,
+        joints,
+        boards_due,
+    };
+    let news = (state.problems.borrow_mut()).handle_view(&state.config.hand_setup(), &view);
+    for news in news {
+        let (severity, sentence) = match news {
+            News::Came { severity, sentence } => (Some(severity), sentence),
+            News::Over { sentence } => (None, sentence),
         };
+        log(severity, &sentence);
         state.server.announce(Event::new(EventKind::Notice, sentence));
+    }
+}
+
+fn log(severity: Option<Severity>, sentence: &str) {
+    match severity {
+        Some(Severity::Error) => tracing::error!("{sentence}"),
+        Some(Severity::Warning) => tracing::warn!("{sentence}"),
+        None => tracing::info!("{sentence}"),
     }
 }
 

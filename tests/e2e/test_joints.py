@@ -225,15 +225,15 @@ def comes(daemon, kind, joint, *words):
 
 
 @pytest.mark.parametrize(
-    ("kind", "fault", "mend", "words", "over"),
+    ("kind", "severe", "fault", "mend", "words", "over"),
     [
-        ("servo-silent", "fault 5 silent", "mend 5", ["joint 5 (id 5) is silent", "power and cable"], "joint 5 (id 5) answers again"),
-        ("servo-late", f"fault 5 {LATE}", "mend 5", ["joint 5 (id 5)", "after its deadline", "answer_margin_ms"], "answers in time"),
-        ("servo-damaged", "fault 5 bad-crc", "mend 5", ["joint 5 (id 5)", "damaged (CRC)", "two servos with one id"], "are whole"),
-        ("servo-error", "error 5 4", "error 5 0", ["joint 5 (id 5)", "overheating", "Let it cool down"], "no hardware error any more"),
+        ("servo-silent", True, "fault 5 silent", "mend 5", ["joint 5 (id 5) is silent", "power and cable"], "joint 5 (id 5) answers again"),
+        ("servo-late", False, f"fault 5 {LATE}", "mend 5", ["joint 5 (id 5)", "after its deadline", "answer_margin_ms"], "answers in time"),
+        ("servo-damaged", False, "fault 5 bad-crc", "mend 5", ["joint 5 (id 5)", "damaged (CRC)", "two servos with one id"], "are whole"),
+        ("servo-error", True, "error 5 4", "error 5 0", ["joint 5 (id 5)", "overheating", "Let it cool down"], "no hardware error any more"),
     ],
 )
-def test_what_is_wrong_with_a_servo_is_a_problem_in_words_and_is_over_when_it_is_mended(folder, kind, fault, mend, words, over):
+def test_what_is_wrong_with_a_servo_is_a_problem_in_words_and_is_over_when_it_is_mended(folder, kind, severe, fault, mend, words, over):
     servos = Servos("--ids", "1-16")
     joints = dynamixel(servos.path, fast_sync_read="off")
     with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon, Watch(daemon) as watch:
@@ -241,7 +241,7 @@ def test_what_is_wrong_with_a_servo_is_a_problem_in_words_and_is_over_when_it_is
         daemon.wait_status(lambda s: s["problems"] == [], "there are problems")
         servos.tell(fault)
         problem = comes(daemon, kind, "joint 5", *words)
-        assert (problem["bus"], problem["module"], problem["severe"]) == (None, None, False)
+        assert (problem["bus"], problem["module"], problem["severe"]) == (None, None, severe)
         status = daemon.status()["joints"]
         assert status["joints"][4]["problems"] == [kind] and status["joints"][3]["problems"] == []
         # A servo whose every answer is late answers now and then in the end; its silence is not told beside.
@@ -251,11 +251,12 @@ def test_what_is_wrong_with_a_servo_is_a_problem_in_words_and_is_over_when_it_is
         doctor = subprocess.run(
             [binary("taxel"), "doctor", "--json", "--config", daemon.config], capture_output=True, text=True, timeout=60
         )
-        (found,) = [c for c in json.loads(doctor.stdout)["checks"] if c["name"] == "problem"]
+        # What the daemon tells, the doctor tells once, in the same words; its numbers are those of another moment.
+        (found,) = [c for c in json.loads(doctor.stdout)["checks"] if "joint 5" in c["object"] + c["found"]]
         (now,) = daemon.status()["problems"]
-        # Its numbers are those of another moment.
         but_numbers = lambda sentence: re.sub(r"\d+(\.\d+)?", "N", sentence)
-        assert (found["object"], but_numbers(found["found"])) == ("joint 5", but_numbers(now["sentence"]))
+        assert (found["name"], found["object"], but_numbers(found["found"])) == (kind, "joint 5", but_numbers(now["sentence"]))
+        assert found["state"] == ("error" if severe else "warning")
         servos.tell(mend)
         mended = time.monotonic()
         daemon.wait_status(lambda s: s["problems"] == [], "it is never over")

@@ -127,10 +127,16 @@ fn a_dead_board_and_a_dead_taxel_are_found_and_the_others_are_well() {
     configure(&dir, "uskin-fingertip", &sources, "");
     eventually(|| {
         let (code, checks) = doctor(&dir, &["--config", "hand.toml"]);
-        let boards = bad(&checks, "board");
+        let boards = [
+            bad(&checks, "board"),
+            bad(&checks, "board-unheard"),
+            bad(&checks, "board-silent"),
+        ]
+        .concat();
         let dead = boards.iter().find(|b| b[0].starts_with("tip end"));
         let dead = dead.unwrap_or_else(|| panic!("the board without power is not found: {boards:?}"));
-        assert_eq!((dead[1], dead[2], code), ("error", "not heard", Some(1)));
+        assert_eq!((dead[1], code), ("error", Some(1)));
+        assert!(dead[2].contains("was not heard since the start"), "{dead:?}");
         let living = boards
             .iter()
             .all(|b| b[1] != "error" || b[0].starts_with("tip end"));
@@ -168,7 +174,10 @@ fn listening_only_starts_nobody_and_says_so() {
         &dir,
         &["--config", "hand.toml", "--listen-only", "--seconds", "0.5"],
     );
-    assert_eq!(bad(&checks, "board").len(), 2);
+    let silent = bad(&checks, "bus-silent");
+    assert_eq!(silent.len(), 1, "{checks:?}");
+    assert!(silent[0][3].contains("--listen-only"), "{silent:?}");
+    assert!(bad(&checks, "board").is_empty() && bad(&checks, "board-unheard").is_empty());
     assert!(bad(&checks, "firmware").is_empty());
 }
 
@@ -275,9 +284,11 @@ fn a_missing_servo_a_slow_one_and_a_stranger_are_found() {
         ],
     );
     assert_eq!(code, Some(1));
-    let missing = bad(&checks, "answers");
+    let missing = bad(&checks, "servo-silent");
     assert_eq!(missing.len(), 1, "{checks:?}");
-    assert_eq!(missing[0][..3], ["servo 3", "error", "does not answer"]);
+    assert_eq!(missing[0][..2], ["servo 3", "error"]);
+    assert!(missing[0][2].ends_with("(id 3) is silent"), "{missing:?}");
+    assert!(bad(&checks, "answers").is_empty());
     let delay = bad(&checks, "return delay time");
     assert_eq!(delay.len(), 1);
     assert_eq!(delay[0][..3], ["servo 2", "warning", "500 us before each answer"]);
@@ -287,7 +298,7 @@ fn a_missing_servo_a_slow_one_and_a_stranger_are_found() {
         delay[0][3]
     );
     assert_eq!(bad(&checks, "unexpected")[0][0], "servo 9");
-    assert!(bad(&checks, "hardware error")[0][2].starts_with("overload"));
+    assert!(bad(&checks, "servo-error")[0][2].contains("a hardware error: overload"));
     assert!(bad(&checks, "baud rate").is_empty(), "{checks:?}");
 }
 
@@ -341,7 +352,15 @@ fn a_scan_of_a_recording_proposes_a_layout_that_the_daemon_takes() {
     assert_eq!((config.layout.modules.len(), config.layout.len()), (15, 240));
     let (_, checks) = doctor(&dir, &["--config", "hand.toml"]);
     assert!(
-        bad(&checks, "board").is_empty() && bad(&checks, "unknown ids").is_empty(),
+        [
+            "board",
+            "board-unheard",
+            "board-silent",
+            "bus-silent",
+            "unknown ids"
+        ]
+        .iter()
+        .all(|name| bad(&checks, name).is_empty()),
         "{checks:?}"
     );
 }

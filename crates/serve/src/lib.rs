@@ -26,9 +26,6 @@ mod subscriber;
 pub use announcements::Announcements;
 pub use config::{Limits, ProfilesConfig};
 pub use output_slots::OutputSlots;
-pub use profiles::{
-    Cost, CostStatus, DisplayProfile, MadeOutput, Measurement, ProfileMaker, ProfileStatus, ProfilesBudget,
-};
-pub use registry::SubscriberStatus;
+pub use profiles::{Cost, DisplayProfile, MadeOutput, Measurement, ProfileMaker};
 pub use server::{Server, ServerSeed};
 pub use socket_path::{SocketPath, SocketPathError};

@@ -6,12 +6,12 @@
 use crate::config::ProfilesConfig;
 use crate::output_slots::{CostPerTick, Output, SlotControl, cost_per_tick};
 use crate::stream::{Stream, stream};
-use serde::Serialize;
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use taxel_hand::Profile;
+use taxel_wire::status::{CostStatus, ProfileStatus, ProfilesBudget};
 use taxel_wire::{Encode, Hello};
 use tokio::sync::watch;
 
@@ -114,49 +114,6 @@ pub(crate) struct ActiveProfile {
 /// A profile that a subscriber stated; it is made at least as long as this lives.
 #[derive(Debug)]
 pub(crate) struct Lease(Rc<ActiveProfile>);
-
-/// One profile, as a status report has it.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ProfileStatus {
-    /// Its number, never used twice.
-    pub id: u32,
-    /// Whether it is that of whoever states none.
-    pub own: bool,
-    /// What the display can do.
-    pub profile: Profile,
-    /// The parts of the hand it shows; null for all.
-    pub region: Option<Vec<String>>,
-    /// How many are shown it.
-    pub subscribers: usize,
-    /// Images made.
-    pub images: u64,
-    /// What an image takes.
-    pub cost_us: CostStatus,
-}
-
-/// Time that a profile's images take, microseconds.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct CostStatus {
-    /// Median.
-    pub p50: f64,
-    /// 99 of 100 take less.
-    pub p99: f64,
-    /// What is set aside.
-    pub reserved: f64,
-}
-
-/// What is set aside for all profiles and what they take of it.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct ProfilesBudget {
-    /// Most profiles at once.
-    pub max: usize,
-    /// Time between two images, microseconds.
-    pub tick_us: f64,
-    /// What is set aside of it, microseconds.
-    pub budget_us: f64,
-    /// What the profiles there are take, microseconds.
-    pub spent_us: f64,
-}
 
 /// The table of profiles.
 pub(crate) struct Profiles<M: ProfileMaker> {

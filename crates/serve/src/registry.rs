@@ -2,10 +2,10 @@
 
 use crate::config::Limits;
 use crate::farewell::Farewell;
-use serde::Serialize;
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 use std::time::{Duration, Instant};
+use taxel_wire::status::SubscriberStatus;
 
 /// A client that tries again and again to get in is told of in the log no more often.
 const TURNED_AWAY_PERIOD: Duration = Duration::from_secs(10);
@@ -37,31 +37,6 @@ pub(crate) struct Entry {
     pub(crate) every: Cell<bool>,
     /// Number of the display profile it is shown.
     pub(crate) profile: Cell<u32>,
-}
-
-/// One subscriber, as a status report has it.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct SubscriberStatus {
-    /// Its process, where the system tells.
-    pub pid: Option<i32>,
-    /// Its user, where the system tells.
-    pub uid: Option<u32>,
-    /// Seconds since it connected.
-    pub connected_s: f64,
-    /// Images it was sent.
-    pub images: u64,
-    /// Images that were made and that it was not sent.
-    pub skipped: u64,
-    /// Whether it is sent raw frames.
-    pub raw: bool,
-    /// Raw frames it was sent.
-    pub raw_frames: u64,
-    /// Raw frames that were made while it asked for them, and that it was not sent.
-    pub raw_skipped: u64,
-    /// Whether it is sent every message in order, and not only the newest.
-    pub every: bool,
-    /// Number of the display profile it is shown.
-    pub profile: u32,
 }
 
 impl Registry {

@@ -2,15 +2,14 @@
 
 use crate::config::{Limits, ProfilesConfig};
 use crate::output_slots::{OutputSlots, SlotControl, output_slots};
-use crate::profiles::{
-    DisplayProfile, ProfileMaker, ProfileStatus, Profiles, ProfilesBudget, Started, start_own,
-};
+use crate::profiles::{DisplayProfile, ProfileMaker, Profiles, Started, start_own};
 use crate::raw::RawStream;
-use crate::registry::{Registry, SubscriberStatus};
+use crate::registry::Registry;
 use std::cell::RefCell;
 use std::rc::Rc;
 use std::sync::Arc;
 use taxel_hand::Profile;
+use taxel_wire::status::{ProfileStatus, ProfilesBudget, SubscriberStatus};
 use taxel_wire::{Event, Kind, MAX_SUBSCRIBE, TEXT_PART};
 use tokio::sync::{broadcast, watch};
 

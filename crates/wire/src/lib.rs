@@ -33,6 +33,7 @@ mod image;
 mod message;
 mod raw;
 pub mod reader;
+pub mod status;
 mod text;
 
 pub use encode::Encode;
@@ -44,6 +45,7 @@ pub use image::{ImageView, WireActuator, encode_image_payload, image_payload_len
 pub use message::{Body, Message, decode, decode_packet};
 pub use raw::{RawTaxel, RawView, encode_raw_payload, raw_payload_len};
 pub use reader::{ReadError, Received, Subscriber};
+pub use status::Status;
 pub use text::{
     Event, EventKind, MAX_MARK, MAX_SUBSCRIBE, MAX_TEXT, Subscribe, SubscribeError, TEXT_PART, TextParts,
     split_text,

@@ -1,12 +1,12 @@
 //! The joints in the `status` reply.
 
-use super::{JointsView, SourceView};
-use serde_json::{Value, json};
+use taxel_diagnose::{JointsView, SourceView};
 use taxel_joints::bus::{FastState, ServoState};
 use taxel_joints::{
     ALLEGRO_FINGERS, AllegroSource, DynamixelConfig, JointsConfig, JointsSnapshot, PortState, PortStatus,
     ServoSnapshot,
 };
+use taxel_wire::status::{AllegroStatus, JointStatus, JointsStatus, ServoStatus, ServosStatus};
 
 /// How many angles are known, for the line of `systemctl status`; empty where no joints are read.
 pub(crate) fn summary(joints: &JointsSnapshot) -> String {
@@ -19,46 +19,37 @@ pub(crate) fn summary(joints: &JointsSnapshot) -> String {
     }
 }
 
-/// The `joints` object; `cycle_hz` is the rate of [`JointsView::cycles`].
+/// The joints in the status; `None` while nothing is known of them. `cycle_hz` is the rate of [`JointsView::cycles`].
 ///
 /// `problems` tells the kinds of problems of a joint, or of the joints as a whole.
 pub(crate) fn status(
     config: &JointsConfig,
     view: &JointsView,
     cycle_hz: f64,
-    problems: &dyn Fn(Option<usize>) -> Vec<&'static str>,
-) -> Value {
-    let mut status = of_source(config, view, cycle_hz);
-    if let Some(object) = status.as_object_mut() {
-        object.insert("problems".into(), json!(problems(None)));
-    }
-    if let Some(joints) = status.get_mut("joints").and_then(Value::as_array_mut) {
-        for (index, joint) in joints.iter_mut().filter_map(Value::as_object_mut).enumerate() {
-            joint.insert("problems".into(), json!(problems(Some(index))));
-        }
-    }
-    status
-}
-
-fn of_source(config: &JointsConfig, view: &JointsView, cycle_hz: f64) -> Value {
-    let mut status = match view.of(config) {
-        Some(SourceView::Servos {
+    problems: &dyn Fn(Option<usize>) -> Vec<String>,
+) -> Option<JointsStatus> {
+    let mut status = match view.of(config)? {
+        SourceView::Servos {
             config,
             snapshot,
             port,
-        }) => servos(config, view, snapshot, port, cycle_hz),
-        Some(SourceView::Hand(source)) => hand(source, &config.joint_names(), view, cycle_hz),
-        None => return Value::Null,
+        } => servos(config, view, snapshot, port),
+        SourceView::Hand(source) => hand(source, &config.joint_names(), view),
     };
-    status["source"] = json!(config.source.to_string());
-    status
+    status.source = config.source.to_string();
+    status.cycle_hz = cycle_hz;
+    status.problems = problems(None);
+    for (index, joint) in status.joints.iter_mut().enumerate() {
+        joint.problems = problems(Some(index));
+    }
+    Some(status)
 }
 
 /// An angle of the newest frame and its age; null where unknown.
-fn angle(view: &JointsView, joint: usize) -> (Option<f32>, Option<f64>) {
+fn angle(view: &JointsView, joint: usize) -> (Option<f64>, Option<f64>) {
     let angle = view.tick.angles.get(joint).copied().filter(|a| a.is_finite());
     let age = view.tick.age_ns.get(joint).filter(|age| **age != u64::MAX);
-    (angle, age.map(|age| *age as f64 / 1e6))
+    (angle.map(f64::from), age.map(|age| *age as f64 / 1e6))
 }
 
 fn servos(
@@ -66,8 +57,7 @@ fn servos(
     view: &JointsView,
     snapshot: &ServoSnapshot,
     port: &PortStatus,
-    cycle_hz: f64,
-) -> Value {
+) -> JointsStatus {
     let (state, reason) = match &port.state {
         PortState::Open => ("connected", None),
         PortState::Starting => ("waiting", None),
@@ -82,57 +72,63 @@ fn servos(
         .map(|(i, ((servo, s), result))| {
             let (angle_rad, age_ms) = angle(view, i);
             let reading = result.as_ref().ok();
-            json!({
-                "name": servo.name,
-                "id": servo.id,
-                "state": result.as_ref().err().map_or("answers".to_string(), ToString::to_string),
-                "angle_rad": angle_rad,
-                "age_ms": age_ms,
-                "velocity_rad_s": reading.map(|r| r.velocity_rad_s),
-                "current_a": reading.and_then(|r| r.current_a),
-                "temperature_c": s.temperature_c,
-                "voltage_v": s.voltage_v,
-                "hardware_error": s.hardware_error.filter(|e| !e.is_none()).map(|e| e.to_string()),
-                "torque_enabled": s.torque_enabled,
-                "model": s.identity.and_then(|i| i.model()).map(|m| m.name),
-                "firmware": s.identity.map(|i| i.firmware),
-                "return_delay_us": s.identity.map(|i| i.return_delay_us),
-                "readings": s.counters.ok,
-                "timeouts": s.counters.timeouts,
-                "bad_crc": s.counters.bad_crc,
-                "alerts": s.counters.alerts,
-                "late": s.counters.late,
-                "refused": s.counters.refused,
-            })
+            JointStatus {
+                name: servo.name.clone(),
+                state: (result.as_ref().err()).map_or("answers".to_string(), ToString::to_string),
+                angle_rad,
+                age_ms,
+                servo: Some(ServoStatus {
+                    id: servo.id,
+                    velocity_rad_s: reading.map(|r| r.velocity_rad_s),
+                    current_a: reading.and_then(|r| r.current_a),
+                    temperature_c: s.temperature_c,
+                    voltage_v: s.voltage_v,
+                    hardware_error: s.hardware_error.filter(|e| !e.is_none()).map(|e| e.to_string()),
+                    torque_enabled: s.torque_enabled,
+                    model: s.identity.and_then(|i| i.model()).map(|m| m.name.to_string()),
+                    firmware: s.identity.map(|i| i.firmware),
+                    return_delay_us: s.identity.map(|i| i.return_delay_us),
+                    readings: s.counters.ok,
+                    timeouts: s.counters.timeouts,
+                    bad_crc: s.counters.bad_crc,
+                    alerts: s.counters.alerts,
+                    late: s.counters.late,
+                    refused: s.counters.refused,
+                }),
+                ..JointStatus::default()
+            }
         })
-        .collect::<Vec<_>>();
-    json!({
-        "state": state,
-        "reason": reason,
-        "device": port.device.as_ref().map(|device| device.display().to_string()),
-        "opened": port.opened,
-        "baud": config.baud,
-        "cycle_hz": cycle_hz,
-        "wanted_hz": config.rate_hz,
-        "cycle_ms": c.cycle_ns as f64 / 1e6,
-        "fast_sync_read": fast_words(snapshot.fast),
-        "low_latency": port.latency.map(|l| l.low_latency),
-        "ftdi_latency_ms": port.latency.and_then(|l| l.ftdi_timer_ms),
-        "writes": if config.allow_writes { "allowed" } else { "never" },
-        "watchdog_ms": config.allow_writes.then_some(config.watchdog_ms),
-        "writes_ok": c.writes_ok,
-        "writes_failed": c.writes_failed,
-        "cycles": c.cycles,
-        "requests": c.requests,
-        "readings": sum(|s| s.counters.ok),
-        "timeouts": sum(|s| s.counters.timeouts),
-        "bad_crc": sum(|s| s.counters.bad_crc),
-        "alerts": sum(|s| s.counters.alerts),
-        "late": sum(|s| s.counters.late) + c.late_fast,
-        "noise_bytes": c.noise_bytes,
-        "foreign": c.foreign,
-        "joints": joints,
-    })
+        .collect();
+    let writes = if config.allow_writes { "allowed" } else { "never" };
+    JointsStatus {
+        state: state.into(),
+        writes: writes.into(),
+        joints,
+        servos: Some(ServosStatus {
+            reason: reason.map(ToString::to_string),
+            device: port.device.as_ref().map(|device| device.display().to_string()),
+            opened: port.opened,
+            baud: config.baud,
+            wanted_hz: config.rate_hz,
+            cycle_ms: c.cycle_ns as f64 / 1e6,
+            fast_sync_read: fast_words(snapshot.fast).into(),
+            low_latency: port.latency.map(|l| l.low_latency),
+            ftdi_latency_ms: port.latency.and_then(|l| l.ftdi_timer_ms),
+            watchdog_ms: config.allow_writes.then_some(config.watchdog_ms.into()),
+            writes_ok: c.writes_ok,
+            writes_failed: c.writes_failed,
+            cycles: c.cycles,
+            requests: c.requests,
+            readings: sum(|s| s.counters.ok),
+            timeouts: sum(|s| s.counters.timeouts),
+            bad_crc: sum(|s| s.counters.bad_crc),
+            alerts: sum(|s| s.counters.alerts),
+            late: sum(|s| s.counters.late) + c.late_fast,
+            noise_bytes: c.noise_bytes,
+            foreign: c.foreign,
+        }),
+        ..JointsStatus::default()
+    }
 }
 
 fn fast_words(fast: FastState) -> &'static str {
@@ -144,7 +140,7 @@ fn fast_words(fast: FastState) -> &'static str {
     }
 }
 
-fn hand(source: &AllegroSource, names: &[String], view: &JointsView, cycle_hz: f64) -> Value {
+fn hand(source: &AllegroSource, names: &[String], view: &JointsView) -> JointsStatus {
     let counts = &view.tick.counts;
     let heard = (0..ALLEGRO_FINGERS.len())
         .filter(|finger| view.finger_speaks(*finger) == Some(true))
@@ -164,22 +160,35 @@ fn hand(source: &AllegroSource, names: &[String], view: &JointsView, cycle_hz: f
                 Some(true) => "speaks",
                 Some(false) => "silent",
             };
-            json!({ "name": name, "state": state, "angle_rad": angle_rad, "age_ms": age_ms })
+            JointStatus {
+                name: name.clone(),
+                state: state.into(),
+                angle_rad,
+                age_ms,
+                ..JointStatus::default()
+            }
         })
-        .collect::<Vec<_>>();
-    json!({
-        "state": state,
-        "version": source.hand.as_ref().map(|hand| hand.version),
-        "link": view.link.to_string(),
-        "cycle_hz": cycle_hz,
-        "writes": if own_bus { "start and stop of the hand" } else { "never" },
-        "positions": counts.iter().step_by(4).map(|count| count.readings).collect::<Vec<_>>(),
-        "malformed": view.tick.malformed,
-        "received": view.source.received,
-        "lost_in_kernel": view.source.lost_in_kernel,
-        "undecodable": view.source.undecodable,
-        "reopens": view.source.reopens,
-        "sent": view.source.sent,
-        "joints": joints,
-    })
+        .collect();
+    let writes = if own_bus {
+        "start and stop of the hand"
+    } else {
+        "never"
+    };
+    JointsStatus {
+        state: state.into(),
+        writes: writes.into(),
+        joints,
+        allegro: Some(AllegroStatus {
+            positions: counts.iter().step_by(4).map(|count| count.readings).collect(),
+            version: source.hand.as_ref().map(|hand| hand.version),
+            link: view.link.to_string(),
+            malformed: view.tick.malformed,
+            received: view.source.received,
+            lost_in_kernel: view.source.lost_in_kernel,
+            undecodable: view.source.undecodable,
+            reopens: view.source.reopens,
+            sent: view.source.sent,
+        }),
+        ..JointsStatus::default()
+    }
 }

@@ -143,7 +143,7 @@ mod tests {
     #[tokio::test]
     async fn what_has_no_servos_says_so() {
         let request = of("thumb 0", Some(true), None);
-        let (allegro, _) = crate::joints::test_views::allegro();
+        let allegro = toml::from_str("source = \"allegro:can2\"\nallegro.version = 4").expect("joints");
         for (config, words) in [(None, "no table [joints]"), (Some(&allegro), "listened to only")] {
             let refused = write(config, None, &request).await.unwrap_err();
             assert!(refused.contains(words), "{refused}");

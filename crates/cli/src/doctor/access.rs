@@ -3,6 +3,7 @@
 use super::finding::Check;
 use std::os::unix::fs::{FileTypeExt, MetadataExt};
 use std::path::{Path, PathBuf};
+use taxel_diagnose::slow_adapter;
 
 /// Who runs the doctor.
 #[derive(Debug, Clone, PartialEq)]
@@ -169,10 +170,10 @@ pub(super) fn check_port(facts: &PortFacts, user: &User) -> Vec<Check> {
     }
     if let Some(ms) = facts.latency_ms {
         let name = device.file_name().unwrap_or_default().to_string_lossy();
-        checks.push(match ms <= 1 {
-            true => Check::ok(AREA, "FTDI latency", &path, format!("{ms} ms")),
-            false => Check::warning(AREA, "FTDI latency", &path, format!("{ms} ms per answer"))
-                .wanted("1 ms")
+        checks.push(match slow_adapter(ms, &name) {
+            None => Check::ok(AREA, "FTDI latency", &path, format!("{ms} ms")),
+            Some(problem) => Check::of_problem(AREA, &path, &problem)
+                .without_mend()
                 .run(format!("echo 1 | sudo tee /sys/bus/usb-serial/devices/{name}/latency_timer"))
                 .run(
                     "echo 'ACTION==\"add\", SUBSYSTEM==\"usb-serial\", DRIVER==\"ftdi_sio\", ATTR{latency_timer}=\"1\"' \
@@ -252,7 +253,7 @@ mod tests {
             (
                 port(|f| f.latency_ms = Some(16)),
                 &member,
-                "FTDI latency",
+                "adapter-latency",
                 State::Warning,
                 "echo 1 | sudo tee /sys/bus/usb-serial/devices/ttyUSB0/latency_timer",
             ),

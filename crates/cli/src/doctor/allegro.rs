@@ -1,10 +1,11 @@
 //! An Allegro hand whose joints are to be read: whether its fingers report. Nothing is sent.
 
-use super::ears::{Ears, Listener};
+use super::bus_listener::{BusListener, Listener};
 use super::finding::Check;
 use crate::interrupt::Interrupt;
 use taxel_can::Received;
-use taxel_joints::{ALLEGRO_FINGERS, AllegroConfig, AllegroDecoder, AllegroSource};
+use taxel_diagnose::silent_fingers;
+use taxel_joints::{AllegroConfig, AllegroDecoder, AllegroSource};
 
 const AREA: &str = "joints";
 /// Each finger reports every 3 ms.
@@ -18,18 +19,18 @@ pub(super) struct AllegroFacts {
     pub(super) seconds: f64,
 }
 
-struct Hearing {
+struct FingerListener {
     decoders: [AllegroDecoder; 2],
 }
 
-impl Listener for Hearing {
-    fn hear(&mut self, _: u8, received: &Received) {
+impl Listener for FingerListener {
+    fn handle_frame(&mut self, _: u8, received: &Received) {
         for decoder in &mut self.decoders {
             decoder.push(&received.frame, received.t_ns);
         }
     }
 
-    fn turn(&mut self, _: &mut Ears, _: u64) -> bool {
+    fn handle_turn(&mut self, _: &mut BusListener, _: u64) -> bool {
         true
     }
 }
@@ -47,23 +48,24 @@ pub(super) fn listen(source: &AllegroSource, interrupt: Interrupt) -> anyhow::Re
                 .unwrap_or_else(|| AllegroConfig::new(version)),
         )
     };
-    let mut hearing = Hearing {
+    let mut hearing = FingerListener {
         decoders: [decoder(3)?, decoder(4)?],
     };
-    let (mut ears, failures) = Ears::open(std::slice::from_ref(&source.bus), None, RECEIVE_BUFFER, interrupt);
+    let (mut bus_listener, failures) =
+        BusListener::open(std::slice::from_ref(&source.bus), None, RECEIVE_BUFFER, interrupt);
     if let Some((_, error)) = failures.into_iter().next() {
         return Err(error);
     }
-    let begin_ns = ears.now_ns();
-    ears.listen(LISTEN_NS, "listening to the Allegro hand", &mut hearing);
+    let begin_ns = bus_listener.now_ns();
+    bus_listener.listen(LISTEN_NS, "listening to the Allegro hand", &mut hearing);
     Ok(AllegroFacts {
         positions: hearing.decoders.map(|decoder| decoder.counters().positions),
-        seconds: (ears.now_ns() - begin_ns) as f64 / 1e9,
+        seconds: (bus_listener.now_ns() - begin_ns) as f64 / 1e9,
     })
 }
 
 /// What is to be said of the hand.
-pub(super) fn check(source: &AllegroSource, facts: &AllegroFacts) -> Check {
+pub(super) fn check(source: &AllegroSource, facts: &AllegroFacts) -> Vec<Check> {
     let object = &source.bus.to_string();
     let version = source.hand.as_ref().map(|hand| hand.version);
     let [older, four] = facts.positions;
@@ -75,36 +77,20 @@ pub(super) fn check(source: &AllegroSource, facts: &AllegroFacts) -> Check {
     };
     if speaks(own) {
         let hz = own[0] as f64 / facts.seconds.max(1e-3);
-        return Check::ok(
-            AREA,
-            "Allegro hand",
-            object,
-            format!("all fingers report, {hz:.0} times a second"),
-        );
+        let found = format!("all fingers report, {hz:.0} times a second");
+        return vec![Check::ok(AREA, "Allegro hand", object, found)];
     }
     if speaks(other) {
         let is = if version == Some(4) { "1, 2 or 3" } else { "4" };
-        return Check::error(
-            AREA,
-            "Allegro hand",
-            object,
-            format!("a hand of version {is} reports"),
-        )
-        .wanted(version.map_or("a version".into(), |v| format!("version {v}")))
-        .advise(format!("write [joints.allegro] version = {is}"));
+        let found = format!("a hand of version {is} reports");
+        let check = Check::error(AREA, "Allegro hand", object, found)
+            .wanted(version.map_or("a version".into(), |v| format!("version {v}")))
+            .advise(format!("write [joints.allegro] version = {is}"));
+        return vec![check];
     }
-    let silent: Vec<&str> = ALLEGRO_FINGERS
-        .into_iter()
-        .zip(own)
-        .filter(|(_, n)| *n == 0)
-        .map(|(f, _)| f)
-        .collect();
-    let found = match silent.len() {
-        4 => "does not report".to_string(),
-        _ => format!("no reports of: {}", silent.join(", ")),
-    };
-    Check::error(AREA, "Allegro hand", object, found)
-        .advise("is it powered, and does its own driver run? It reports only while that drives it, unless own_bus = true")
+    let problems = silent_fingers(source, own.map(|n| n == 0));
+    let checks = problems.iter().map(|p| Check::of_problem(AREA, object, p));
+    checks.collect()
 }
 
 #[cfg(test)]
@@ -125,17 +111,22 @@ mod tests {
             (
                 [[0; 4], [150, 0, 150, 0]],
                 State::Error,
-                "no reports of: middle, thumb",
+                "middle finger sends no angles, and others do, joints: the hand's thumb finger sends no angles",
             ),
-            ([[0; 4], [0; 4]], State::Error, "does not report"),
+            (
+                [[0; 4], [0; 4]],
+                State::Error,
+                "the Allegro hand on can:can2 sends no angles",
+            ),
         ] {
             let facts = AllegroFacts {
                 positions,
                 seconds: 0.5,
             };
-            let check = check(&source, &facts);
-            assert_eq!(check.state, state, "{check:?}");
-            assert!(check.found.contains(words), "{check:?}");
+            let checks = check(&source, &facts);
+            assert!(checks.iter().all(|c| c.state == state), "{checks:?}");
+            let found: Vec<&str> = checks.iter().map(|c| c.found.as_str()).collect();
+            assert!(found.join(", ").contains(words), "{found:?}");
         }
     }
 }

@@ -3,13 +3,15 @@
 use super::finding::Check;
 use super::picture;
 use anyhow::{Context, bail};
-use serde_json::Value;
+use serde::Deserialize;
 use std::io::{BufRead, BufReader, ErrorKind, Write};
 use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::time::Duration;
+use taxel_diagnose::Kind;
 use taxel_hand::{Fault, Faults};
 use taxel_skin::Layout;
+use taxel_wire::status::{BoardStatus, BusStatus, ProblemStatus, Status};
 
 const AREA: &str = "daemon";
 const PATIENCE: Duration = Duration::from_secs(3);
@@ -20,11 +22,18 @@ pub(super) enum Daemon {
     /// Nobody is there.
     Absent,
     /// Its status.
-    Running(Box<Value>),
+    Running(Box<Status>),
     /// The socket is there and this user may not use it.
     Forbidden,
     /// Something is there that does not answer as it should.
     Strange(String),
+}
+
+/// The answer to a request for the status.
+#[derive(Deserialize)]
+struct Reply {
+    status: Option<Status>,
+    error: Option<String>,
 }
 
 /// Asks who is at the control socket.
@@ -43,7 +52,7 @@ pub(super) fn ask(control: &Path) -> Daemon {
     }
 }
 
-fn status(stream: &mut UnixStream) -> anyhow::Result<Value> {
+fn status(stream: &mut UnixStream) -> anyhow::Result<Status> {
     stream.set_read_timeout(Some(PATIENCE))?;
     stream.set_write_timeout(Some(PATIENCE))?;
     writeln!(stream, "{}", serde_json::json!({ "cmd": "status" }))?;
@@ -51,30 +60,25 @@ fn status(stream: &mut UnixStream) -> anyhow::Result<Value> {
     BufReader::new(stream)
         .read_line(&mut reply)
         .context("no answer")?;
-    let mut reply: Value = serde_json::from_str(&reply).context("the answer is not JSON")?;
-    match reply["status"].take() {
-        Value::Null => bail!("{}", reply["error"].as_str().unwrap_or("no status")),
-        status => Ok(status),
+    let reply: Reply = serde_json::from_str(&reply).context("the answer is no JSON of a status")?;
+    match reply.status {
+        Some(status) => Ok(status),
+        None => bail!("{}", reply.error.as_deref().unwrap_or("no status")),
     }
 }
 
-/// What is to be said of a running daemon and its hand.
-pub(super) fn check(status: &Value) -> Vec<Check> {
-    let text = |value: &Value| value.as_str().unwrap_or("?").to_string();
-    let count = |value: &Value| value.as_u64().unwrap_or(0);
+/// What is to be said of a running daemon and its hand: what it tells of problems, in its own words, and what is well.
+pub(super) fn check(status: &Status) -> Vec<Check> {
     let mut checks = vec![Check::ok(
         AREA,
         "taxeld",
         "",
         format!(
             "{} runs since {:.0} s with layout {}: {:.1} images/s; its buses are left alone, this is what it says",
-            text(&status["version"]),
-            status["uptime_s"].as_f64().unwrap_or(0.0),
-            text(&status["layout"]),
-            status["images"]["rate_hz"].as_f64().unwrap_or(0.0)
+            status.version, status.uptime_s, status.layout, status.images.rate_hz
         ),
     )];
-    let overruns = count(&status["images"]["overruns"]);
+    let overruns = status.images.overruns;
     if overruns > 0 {
         checks.push(
             Check::warning(
@@ -87,79 +91,16 @@ pub(super) fn check(status: &Value) -> Vec<Check> {
             .advise("real-time priority (see machine), fewer display profiles, or a less busy machine"),
         );
     }
-    for bus in array(&status["buses"]) {
-        let object = format!("{} ({})", text(&bus["name"]), text(&bus["source"]));
-        let link = text(&bus["link"]);
-        let state = text(&bus["state"]);
-        let found = format!("{link}, {state}, {} frames", count(&bus["received"]));
-        checks.push(match (link.as_str(), state.as_str()) {
-            ("up", "error-active") => Check::ok(AREA, "bus", &object, found),
-            ("up", "bus-off") | ("down" | "absent", _) => {
-                Check::error(AREA, "bus", &object, found).wanted("up, error-active")
-            }
-            _ => Check::warning(AREA, "bus", &object, found).wanted("up, error-active"),
-        });
-        for (key, words) in [
-            ("lost_in_kernel", "frames lost in the kernel"),
-            ("unknown", "frames of nobody in the layout"),
-            ("malformed", "malformed frames"),
-            ("queue_overflows", "transmit queues thrown away by boards"),
-            ("send_failures", "commands that could not be sent"),
-        ] {
-            let n = count(&bus[key]);
-            if n > 0 {
-                checks.push(Check::warning(AREA, "counts", &object, format!("{n} {words}")).wanted("none"));
-            }
-        }
-        let errors =
-            count(&bus["errors"]["frames"]).saturating_sub(count(&bus["errors"]["lost_arbitration"]));
-        if errors > 0 {
-            checks.push(
-                Check::warning(AREA, "error frames", &object, errors.to_string())
-                    .wanted("none")
-                    .advise("wiring, termination, ground, or a node at another bit rate"),
-            );
-        }
+    checks.extend(status.problems.iter().map(|p| Check::told(AREA, object(p), p)));
+    for bus in &status.buses {
+        checks.extend(check_bus(bus));
     }
-    for board in array(&status["boards"]) {
-        let object = format!(
-            "{} ({} board {})",
-            text(&board["module"]),
-            text(&board["bus"]),
-            board["board"]
-        );
-        let state = text(&board["state"]);
-        let rate = match board["period_ms"].as_f64() {
-            Some(ms) if ms > 0.0 => format!("{:.1} Hz", 1000.0 / ms),
-            _ => state.clone(),
-        };
-        checks.push(match state.as_str() {
-            "living" => Check::ok(AREA, "board", object, rate),
-            "settling" => Check::warning(AREA, "board", object, "has just come up"),
-            _ => Check::error(
-                AREA,
-                "board",
-                object,
-                format!("{state}, started again {} times", count(&board["restarts"])),
-            )
-            .advise("its supply, its plug, its address, or another bus"),
-        });
+    for board in &status.boards {
+        let bus = status.buses.iter().find(|bus| bus.name == board.bus);
+        let is_told = !board.problems.is_empty() || bus.is_some_and(|bus| !bus.problems.is_empty());
+        checks.extend(check_board(board, is_told));
     }
-    for problem in array(&status["problems"]) {
-        let object = match problem["module"].as_str() {
-            Some(module) => module.to_string(),
-            None => match problem["bus"].as_str() {
-                Some(bus) => bus.to_string(),
-                None => problem["joint"].as_str().unwrap_or("joints").to_string(),
-            },
-        };
-        let sentence = text(&problem["sentence"]);
-        checks.push(match problem["severe"].as_bool() {
-            Some(true) => Check::error(AREA, "problem", object, sentence),
-            _ => Check::warning(AREA, "problem", object, sentence),
-        });
-    }
-    if status["calibrating"] == true {
+    if status.calibrating {
         checks.push(Check::warning(
             AREA,
             "baseline",
@@ -167,45 +108,116 @@ pub(super) fn check(status: &Value) -> Vec<Check> {
             "is being measured: do not touch the hand",
         ));
     }
-    for fault in array(&status["faults"]) {
-        let reasons: Vec<String> = array(&fault["reasons"]).iter().map(text).collect();
+    for fault in &status.faults {
         // Taxels of a silent board are all missing, which its board says already.
-        if reasons != ["missing"] {
-            let object = format!("{} k {}", text(&fault["module"]), fault["k"]);
-            checks.push(Check::warning(AREA, "taxel", object, reasons.join(" and ")));
+        if fault.reasons != ["missing"] {
+            let object = format!("{} k {}", fault.module, fault.k);
+            checks.push(Check::warning(AREA, "taxel", object, fault.reasons.join(" and ")));
         }
     }
     checks
 }
 
+/// Whose problem it is.
+fn object(problem: &ProblemStatus) -> String {
+    let ProblemStatus {
+        bus, module, joint, ..
+    } = problem;
+    match (module, bus, joint) {
+        (Some(module), ..) => module.clone(),
+        (_, Some(bus), _) => bus.clone(),
+        (_, _, Some(joint)) => joint.clone(),
+        _ => "joints".into(),
+    }
+}
+
+/// What is to be said of a bus beside its problems: that it is well, and what has happened since the daemon's start.
+fn check_bus(bus: &BusStatus) -> Vec<Check> {
+    let object = format!("{} ({})", bus.name, bus.source);
+    let has = |kinds: &[Kind]| {
+        kinds
+            .iter()
+            .any(|kind| bus.problems.iter().any(|p| p == kind.name()))
+    };
+    let mut checks = Vec::new();
+    if bus.problems.is_empty() {
+        let found = format!("{}, {}, {} frames", bus.link, bus.state, bus.received);
+        checks.push(Check::ok(AREA, "bus", &object, found));
+    }
+    let errors = bus.errors.frames.saturating_sub(bus.errors.lost_arbitration);
+    let of_errors = [Kind::BusErrors, Kind::NoAcknowledge, Kind::BusOff, Kind::Flapping];
+    let counts: [(u64, &str, &[Kind]); 6] = [
+        (
+            bus.lost_in_kernel,
+            "frames lost in the kernel",
+            &[Kind::FramesLost],
+        ),
+        (
+            bus.unknown,
+            "frames of nobody in the layout",
+            &[Kind::Babbling, Kind::BoardNotInLayout],
+        ),
+        (bus.malformed, "malformed frames", &[]),
+        (bus.queue_overflows, "transmit queues thrown away by boards", &[]),
+        (
+            bus.send_failures,
+            "commands that could not be sent",
+            &[Kind::CannotSend],
+        ),
+        (errors, "error frames", &of_errors),
+    ];
+    for (count, what, told_as) in counts {
+        if count > 0 && !has(told_as) {
+            let found = format!("{count} {what} since its start");
+            checks.push(Check::warning(AREA, "counts", &object, found).wanted("none"));
+        }
+    }
+    checks
+}
+
+/// What is to be said of a board beside its problems; `is_told` says that there are some, or of its bus.
+fn check_board(board: &BoardStatus, is_told: bool) -> Option<Check> {
+    let object = format!("{} ({} board {})", board.module, board.bus, board.board);
+    match (board.state.as_str(), board.period_ms) {
+        _ if !board.problems.is_empty() => None,
+        ("living", Some(ms)) if ms > 0.0 => {
+            Some(Check::ok(AREA, "board", object, format!("{:.1} Hz", 1000.0 / ms)))
+        }
+        ("living", _) => Some(Check::ok(AREA, "board", object, "speaks")),
+        ("settling", _) => Some(Check::warning(AREA, "board", object, "has just come up")),
+        _ if is_told => None,
+        (state, _) => Some(Check::warning(
+            AREA,
+            "board",
+            object,
+            format!("{state} at this moment"),
+        )),
+    }
+}
+
 /// The letter of each taxel that is not healthy, for a drawing of this layout; `None` if the daemon has another.
-pub(super) fn marks(status: &Value, layout: &Layout) -> Option<Vec<Option<char>>> {
-    if status["layout"] != layout.name.as_str() {
+pub(super) fn marks(status: &Status, layout: &Layout) -> Option<Vec<Option<char>>> {
+    if status.layout != layout.name {
         return None;
     }
     let mut marks = vec![None; layout.len()];
-    for fault in array(&status["faults"]) {
+    for fault in &status.faults {
         let mut faults = Faults::NONE;
-        for reason in array(&fault["reasons"]) {
-            if let Some(known) = Fault::ALL.into_iter().find(|f| *reason == f.name()) {
+        for known in Fault::ALL {
+            if fault.reasons.iter().any(|reason| reason == known.name()) {
                 faults.insert(known);
             }
         }
-        let taxel = fault["taxel"].as_u64()? as usize;
-        *marks.get_mut(taxel)? = picture::letter(faults);
+        *marks.get_mut(fault.taxel)? = picture::letter(faults);
     }
     Some(marks)
-}
-
-fn array(value: &Value) -> &[Value] {
-    value.as_array().map_or(&[], Vec::as_slice)
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::finding::State;
     use super::*;
-    use serde_json::json;
+    use serde_json::{Value, json};
 
     fn running() -> Value {
         json!({
@@ -218,31 +230,35 @@ mod tests {
         })
     }
 
+    fn parsed(status: Value) -> Status {
+        serde_json::from_value(status).unwrap()
+    }
+
+    fn bad(status: Value) -> Vec<Check> {
+        let checks = check(&parsed(status)).into_iter();
+        checks.filter(|c| c.state != State::Ok).collect()
+    }
+
     #[test]
     fn what_a_running_daemon_says_becomes_findings() {
-        let checks = check(&running());
-        let bad: Vec<_> = checks.iter().filter(|c| c.state != State::Ok).collect();
+        let bad = bad(running());
         assert_eq!(bad.len(), 1, "{bad:?}");
         assert_eq!(
             (bad[0].object.as_str(), bad[0].found.as_str()),
             ("module k 5", "dead")
         );
+        let checks = check(&parsed(running()));
         assert!(checks.iter().any(|c| c.name == "board" && c.found == "50.0 Hz"));
 
         let mut status = running();
-        status["buses"][0]["link"] = "down".into();
         status["buses"][0]["lost_in_kernel"] = 4.into();
         status["boards"][0]["state"] = "silent".into();
         status["images"]["overruns"] = 2.into();
-        status["problems"] = json!([{ "kind": "board-silent", "bus": "can0", "module": "module", "severe": false,
-                                      "sentence": "module (can0 board 1) is silent; check its power and cable" }]);
-        let checks = check(&status);
+        let checks = check(&parsed(status));
         for (name, state) in [
-            ("bus", State::Error),
             ("counts", State::Warning),
-            ("board", State::Error),
+            ("board", State::Warning),
             ("overruns", State::Warning),
-            ("problem", State::Warning),
         ] {
             assert!(
                 checks.iter().any(|c| c.name == name && c.state == state),
@@ -252,12 +268,45 @@ mod tests {
     }
 
     #[test]
+    fn what_a_running_daemon_tells_is_told_once_and_in_its_own_words() {
+        let sentence = "module (can0 board 1) is silent; check its power and cable";
+        let mut status = running();
+        status["faults"] = json!([]);
+        status["boards"][0]["state"] = "silent".into();
+        status["boards"][0]["problems"] = json!(["board-silent"]);
+        status["problems"] = json!([{ "kind": "board-silent", "bus": "can0", "module": "module", "severe": true,
+                                      "sentence": sentence }]);
+        let checks = bad(status);
+        let told: Vec<_> = checks
+            .iter()
+            .map(|c| (c.state, c.name.as_ref(), c.found.as_str()))
+            .collect();
+        assert_eq!(told, [(State::Error, "board-silent", sentence)]);
+
+        // A lost bus: nothing of its boards, nothing else of itself.
+        let sentence = "can0: the interface can0 is down; `ip link set can0 up`";
+        let mut status = running();
+        status["faults"] = json!([]);
+        status["boards"][0]["state"] = "silent".into();
+        status["buses"][0]["link"] = "down".into();
+        status["buses"][0]["problems"] = json!(["link-down"]);
+        status["problems"] =
+            json!([{ "kind": "link-down", "bus": "can0", "severe": true, "sentence": sentence }]);
+        let checks = bad(status);
+        let told: Vec<_> = checks
+            .iter()
+            .map(|c| (c.state, c.name.as_ref(), c.found.as_str()))
+            .collect();
+        assert_eq!(told, [(State::Error, "link-down", sentence)]);
+    }
+
+    #[test]
     fn faults_are_drawn_where_the_layout_is_the_daemons() {
         let layout = Layout::builtin("uskin-module").unwrap();
-        let marks = marks(&running(), &layout).unwrap();
+        let marks = marks(&parsed(running()), &layout).unwrap();
         assert_eq!(marks.iter().filter(|m| m.is_some()).count(), 1);
         assert_eq!(marks[5], Some('D'));
-        assert!(super::marks(&running(), &Layout::builtin("cpm-finger").unwrap()).is_none());
+        assert!(super::marks(&parsed(running()), &Layout::builtin("cpm-finger").unwrap()).is_none());
     }
 
     #[test]
@@ -272,6 +321,6 @@ mod tests {
             BufReader::new(&stream).read_line(&mut String::new()).unwrap();
             stream.write_all(b"hello\n").unwrap();
         });
-        assert!(matches!(ask(&path), Daemon::Strange(why) if why.contains("not JSON")));
+        assert!(matches!(ask(&path), Daemon::Strange(why) if why.contains("no JSON")));
     }
 }

@@ -1,6 +1,9 @@
 //! What a check says: one finding about one thing.
 
 use serde_json::{Value, json};
+use std::borrow::Cow;
+use taxel_diagnose::{Problem, Severity};
+use taxel_wire::status::ProblemStatus;
 
 /// How it stands with what was looked at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -41,7 +44,7 @@ pub(super) struct Check {
     /// Which part of the whole: `machine`, `link`, `daemon`, `hand`, `servos`.
     pub(super) area: &'static str,
     /// What was looked at, in a word or two that scripts can compare.
-    pub(super) name: &'static str,
+    pub(super) name: Cow<'static, str>,
     /// Of which thing: an interface, a bus, a board, a servo; empty where there is one only.
     pub(super) object: String,
     pub(super) state: State,
@@ -56,13 +59,13 @@ impl Check {
     fn new(
         state: State,
         area: &'static str,
-        name: &'static str,
+        name: impl Into<Cow<'static, str>>,
         object: impl Into<String>,
         found: impl Into<String>,
     ) -> Self {
         Self {
             area,
-            name,
+            name: name.into(),
             object: object.into(),
             state,
             found: found.into(),
@@ -105,6 +108,41 @@ impl Check {
         why: impl Into<String>,
     ) -> Self {
         Self::new(State::Skipped, area, name, object, why)
+    }
+
+    /// A problem: what is wrong in its words, and what to do.
+    pub(super) fn of_problem(area: &'static str, object: impl Into<String>, problem: &Problem) -> Self {
+        let state = match problem.severity() {
+            Severity::Warning => State::Warning,
+            Severity::Error => State::Error,
+        };
+        let check = Self::new(state, area, problem.kind.name(), object, problem.found.as_str());
+        match problem.advice.as_str() {
+            "" => check,
+            advice => check.advise(advice),
+        }
+    }
+
+    /// A problem that a daemon tells, in its own sentence.
+    pub(super) fn told(area: &'static str, object: impl Into<String>, problem: &ProblemStatus) -> Self {
+        let state = match problem.severe {
+            true => State::Error,
+            false => State::Warning,
+        };
+        Self::new(
+            state,
+            area,
+            problem.kind.clone(),
+            object,
+            problem.sentence.as_str(),
+        )
+    }
+
+    /// The same, without what it says on how to mend it.
+    #[must_use]
+    pub(super) fn without_mend(mut self) -> Self {
+        self.mend.clear();
+        self
     }
 
     #[must_use]

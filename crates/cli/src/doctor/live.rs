@@ -1,12 +1,13 @@
 //! Listening to the hand: asks the boards who they are, starts them, hears them, stops them, and speaks on no bus where
 //! somebody else does.
 
-use super::ears::{Ears, Listener};
-use super::hand::{BusFacts, HandFacts, Unclaimed};
+use super::bus_listener::{BusListener, Listener};
+use super::hand::{BusFacts, HandFacts, NotedProblem, Unclaimed};
 use taxel_can::{CanFrame, LinkState, Received};
+use taxel_diagnose::{BusView, HandSetup, HandView, Problems};
 use taxel_engine::Engine;
 use taxel_skin::{
-    BoardSupervisor, BoardsMode, Decoded, Discovery, DiscoveryReport, Finding, Layout, Protocol,
+    BoardStatus, BoardSupervisor, BoardsMode, Decoded, Discovery, DiscoveryReport, Finding, Layout, Protocol,
 };
 use taxeld::Config;
 
@@ -19,12 +20,14 @@ const SILENCE_NS: u64 = 300 * MS;
 const DISCOVERY_NS: u64 = 4_000 * MS;
 /// Time to hand over the stop commands.
 const STOP_NS: u64 = 500 * MS;
+/// The hand is judged as often as a daemon judges it.
+const JUDGE_NS: u64 = 100 * MS;
 /// Most ids that nobody claims and that are told apart; the rest is counted with the last.
 const MOST_IDS: usize = 4096;
 
 /// What the doctor may do on the buses.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Manners {
+pub(super) struct ListenPolicy {
     /// Send nothing at all.
     pub(super) listen_only: bool,
     /// How long to listen, seconds.
@@ -35,8 +38,8 @@ pub(super) struct Manners {
 pub(super) fn examine(
     config: &Config,
     bitrates: &[u64],
-    manners: Manners,
-    ears: &mut Ears,
+    policy: ListenPolicy,
+    bus_listener: &mut BusListener,
 ) -> anyhow::Result<Option<HandFacts>> {
     let layout = &config.layout;
     let mut buses: Vec<BusFacts> = layout
@@ -48,23 +51,24 @@ pub(super) fn examine(
             name: name.clone(),
             source: source.to_string(),
             bitrate: *bitrate,
+            is_passive: config.boards.mode == BoardsMode::Passive,
             ..BusFacts::default()
         })
         .collect();
-    let may_send = ears.is_live() && !manners.listen_only && config.boards.mode != BoardsMode::Passive;
+    let may_send = bus_listener.is_live() && !policy.listen_only && config.boards.mode != BoardsMode::Passive;
     if may_send {
         let mut overhear = Overhear {
             last: vec![None; buses.len()],
         };
-        if !ears.listen(OVERHEAR_NS, "hearing whether others speak", &mut overhear) {
+        if !bus_listener.listen(OVERHEAR_NS, "hearing whether others speak", &mut overhear) {
             return Ok(None);
         }
-        let quiet_from_ns = ears.now_ns().saturating_sub(SILENCE_NS);
+        let quiet_from_ns = bus_listener.now_ns().saturating_sub(SILENCE_NS);
         for (bus, facts) in buses.iter_mut().enumerate() {
             facts.overheard = overhear.last[bus]
                 .filter(|(t_ns, _)| *t_ns >= quiet_from_ns)
                 .map(|(_, id)| id);
-            facts.spoken_to = facts.overheard.is_none() && ears.link(bus) == LinkState::Up;
+            facts.spoken_to = facts.overheard.is_none() && bus_listener.link(bus) == LinkState::Up;
         }
     }
     let speakable: Vec<bool> = buses.iter().map(|b| b.spoken_to).collect();
@@ -78,7 +82,7 @@ pub(super) fn examine(
             discovery: asking,
             speakable: &speakable,
         };
-        let go_on = ears.listen(DISCOVERY_NS, "asking who is there", &mut asking);
+        let go_on = bus_listener.listen(DISCOVERY_NS, "asking who is there", &mut asking);
         let (mut report, back) = asking.discovery.finish();
         supervisor = back;
         only_asked(&mut report, layout, &speakable);
@@ -88,11 +92,15 @@ pub(super) fn examine(
         }
     }
 
-    let begin_ns = ears.now_ns();
+    let begin_ns = bus_listener.now_ns();
     // Joints have checks of their own.
     let mut skin = config.clone();
     skin.joints = None;
-    let mut hearing = Hearing {
+    let mut hearing = HandListener {
+        setup: skin.hand_setup(),
+        problems: Problems::default(),
+        noted: Vec::new(),
+        judge_at_ns: begin_ns,
         engine: Engine::new(&skin.engine(false)?, begin_ns)?.with_boards(supervisor),
         speaks,
         findings: Vec::new(),
@@ -104,16 +112,20 @@ pub(super) fn examine(
         speakable,
         stopping: false,
     };
-    let length_ns = (manners.seconds * 1e9) as u64;
+    let length_ns = (policy.seconds * 1e9) as u64;
     // A recording is heard to its end.
-    let length_ns = if ears.is_live() { length_ns } else { u64::MAX / 2 };
-    let go_on = ears.listen(length_ns, "listening to the hand", &mut hearing);
-    let seconds = (ears.now_ns() - begin_ns) as f64 / 1e9;
-    let facts = hearing.facts(layout, ears, seconds, discovery);
+    let length_ns = if bus_listener.is_live() {
+        length_ns
+    } else {
+        u64::MAX / 2
+    };
+    let go_on = bus_listener.listen(length_ns, "listening to the hand", &mut hearing);
+    let seconds = (bus_listener.now_ns() - begin_ns) as f64 / 1e9;
+    let facts = hearing.facts(layout, bus_listener, seconds, discovery);
     if speaks {
         hearing.engine.stop();
         hearing.stopping = true;
-        ears.finish(STOP_NS, &mut hearing);
+        bus_listener.finish(STOP_NS, &mut hearing);
     }
     Ok(go_on.then_some(facts))
 }
@@ -132,14 +144,14 @@ struct Overhear {
 }
 
 impl Listener for Overhear {
-    fn hear(&mut self, bus: u8, received: &Received) {
+    fn handle_frame(&mut self, bus: u8, received: &Received) {
         let frame = &received.frame;
         if !frame.is_error() {
             self.last[usize::from(bus)] = Some((received.t_ns, frame.id()));
         }
     }
 
-    fn turn(&mut self, _: &mut Ears, _: u64) -> bool {
+    fn handle_turn(&mut self, _: &mut BusListener, _: u64) -> bool {
         true
     }
 }
@@ -150,22 +162,28 @@ struct Asking<'a> {
 }
 
 impl Listener for Asking<'_> {
-    fn hear(&mut self, bus: u8, received: &Received) {
+    fn handle_frame(&mut self, bus: u8, received: &Received) {
         self.discovery.handle_frame(bus, received);
     }
 
-    fn turn(&mut self, ears: &mut Ears, now_ns: u64) -> bool {
+    fn handle_turn(&mut self, bus_listener: &mut BusListener, now_ns: u64) -> bool {
         while let Some(command) = self.discovery.poll_command(now_ns) {
             if self.speakable[usize::from(command.bus)] {
-                ears.send(command.bus, &command.frame);
+                bus_listener.send(command.bus, &command.frame);
             }
         }
         !self.discovery.is_done()
     }
 }
 
-struct Hearing {
+struct HandListener<'a> {
     engine: Engine,
+    setup: HandSetup<'a>,
+    problems: Problems,
+    /// What was wrong at any time.
+    noted: Vec<NotedProblem>,
+    /// When the hand is judged next.
+    judge_at_ns: u64,
     /// Whether any bus is spoken to.
     speaks: bool,
     /// What the watch found at any time, in its last figures.
@@ -179,8 +197,8 @@ struct Hearing {
     stopping: bool,
 }
 
-impl Listener for Hearing {
-    fn hear(&mut self, bus: u8, received: &Received) {
+impl Listener for HandListener<'_> {
+    fn handle_frame(&mut self, bus: u8, received: &Received) {
         let index = usize::from(bus);
         let frame = &received.frame;
         self.engine.handle_frame(bus, received);
@@ -207,15 +225,19 @@ impl Listener for Hearing {
         }
     }
 
-    fn turn(&mut self, ears: &mut Ears, now_ns: u64) -> bool {
+    fn handle_turn(&mut self, bus_listener: &mut BusListener, now_ns: u64) -> bool {
         self.engine.handle_time(now_ns);
         self.engine.drain(&mut |_| {});
         self.note_findings();
+        if now_ns >= self.judge_at_ns && !self.stopping {
+            self.judge_at_ns = now_ns + JUDGE_NS;
+            self.judge(bus_listener, now_ns, false);
+        }
         if !self.speaks {
             return true;
         }
         while let Some(command) = self.engine.poll_command(now_ns) {
-            if self.speakable[usize::from(command.bus)] && !ears.send(command.bus, &command.frame) {
+            if self.speakable[usize::from(command.bus)] && !bus_listener.send(command.bus, &command.frame) {
                 self.engine.handle_unsent(&command, now_ns);
             }
         }
@@ -244,7 +266,7 @@ fn count_unclaimed(facts: &mut BusFacts, frame: &CanFrame) {
     }
 }
 
-impl Hearing {
+impl HandListener<'_> {
     fn note_findings(&mut self) {
         for finding in self.engine.bus_monitor().findings() {
             match self.findings.iter_mut().find(|known| is_same(known, finding)) {
@@ -254,23 +276,55 @@ impl Hearing {
         }
     }
 
+    /// Judges the hand as a daemon would, and notes what is wrong.
+    fn judge(&mut self, bus_listener: &BusListener, now_ns: u64, boards_due: bool) {
+        for (bus, facts) in self.buses.iter_mut().enumerate() {
+            facts.counters = bus_listener.counters(bus);
+            // A recording that was played to its end is no lost link.
+            facts.link = match bus_listener.is_live() {
+                true => bus_listener.link(bus),
+                false => LinkState::Up,
+            };
+        }
+        let buses: Vec<BusView> = self.buses.iter().map(BusFacts::view).collect();
+        let modules = self.setup.layout.modules.len();
+        let boards: Vec<BoardStatus> = (0..modules).map(|m| self.engine.board(m as u16)).collect();
+        let view = HandView {
+            now_ns,
+            buses: &buses,
+            boards: &boards,
+            findings: self.engine.bus_monitor().findings(),
+            joints: None,
+            boards_due,
+        };
+        let _ = self.problems.handle_view(&self.setup, &view);
+        self.noted.iter_mut().for_each(|noted| noted.is_over = true);
+        for current in self.problems.current() {
+            let problem = current.problem.clone();
+            let noted = NotedProblem {
+                problem,
+                is_over: false,
+            };
+            match self
+                .noted
+                .iter_mut()
+                .find(|known| known.problem.is_same(&noted.problem))
+            {
+                Some(known) => *known = noted,
+                None => self.noted.push(noted),
+            }
+        }
+    }
+
     fn facts(
         &mut self,
         layout: &Layout,
-        ears: &Ears,
+        bus_listener: &BusListener,
         seconds: f64,
         discovery: Option<DiscoveryReport>,
     ) -> HandFacts {
-        let mut buses = std::mem::take(&mut self.buses);
-        for (bus, facts) in buses.iter_mut().enumerate() {
-            facts.counters = ears.counters(bus);
-            // A recording that was played to its end is no lost link.
-            facts.link = if ears.is_live() {
-                ears.link(bus)
-            } else {
-                LinkState::Up
-            };
-        }
+        self.judge(bus_listener, bus_listener.now_ns(), true);
+        let buses = std::mem::take(&mut self.buses);
         let conditioner = self.engine.conditioner();
         let report = conditioner.report().filter(|_| !conditioner.is_calibrating());
         let mostly = |of: &dyn Fn(&[u32; 3]) -> bool| -> Vec<bool> { self.extreme.iter().map(of).collect() };
@@ -281,6 +335,7 @@ impl Hearing {
                 .collect(),
             discovery,
             findings: std::mem::take(&mut self.findings),
+            problems: std::mem::take(&mut self.noted),
             faults: report.map_or(Vec::new(), |_| conditioner.faults().to_vec()),
             dead: mostly(&|[_, deads, all]: &[u32; 3]| deads * 2 > *all),
             saturated: mostly(&|[extremes, _, all]: &[u32; 3]| extremes * 2 > *all),

@@ -3,9 +3,9 @@
 mod access;
 mod allegro;
 mod arguments;
+mod bus_listener;
 mod capacity;
 mod daemon;
-mod ears;
 mod finding;
 mod hand;
 mod link;
@@ -21,16 +21,17 @@ pub(crate) use arguments::Args;
 use crate::interrupt::Interrupt;
 use access::{FileFacts, PortFacts, User};
 use anyhow::{Context, bail};
+use bus_listener::BusListener;
 use daemon::Daemon;
-use ears::Ears;
 use finding::{Check, State};
-use live::Manners;
+use live::ListenPolicy;
 use report::{Report, Style};
 use serde_json::json;
 use std::collections::BTreeSet;
 use std::io::{self, Write};
 use std::path::Path;
 use taxel_can::SourceAddress;
+use taxel_diagnose::Kind;
 use taxel_joints::{DynamixelConfig, JointSource};
 use taxel_skin::{Layout, Wiring};
 use taxeld::Config;
@@ -58,18 +59,18 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<bool> {
     }
     let (config, origin) = args.configuration()?;
     let mut doctor = Doctor {
-        report: (!args.json).then(|| Report::new(io::stdout(), Style::of_stdout())),
+        output: (!args.json).then(|| Report::new(io::stdout(), Style::of_stdout())),
         checks: Vec::new(),
     };
     if !args.json {
         println!("{}\n", report::wrap(&origin, 80).join("\n"));
     }
     let root = Path::new("/");
-    let links = doctor.look_at_machine(root, &config)?;
-    let running = doctor.look_at_daemon(root, &config)?;
+    let links = doctor.check_machine(root, &config)?;
+    let running = doctor.check_daemon(root, &config)?;
     if !running {
-        doctor.look_at_hand(args, &config, &links, interrupt.clone())?;
-        doctor.look_at_joints(args, &config, root, interrupt)?;
+        doctor.check_hand(args, &config, &links, interrupt.clone())?;
+        doctor.check_joints(args, &config, root, interrupt)?;
     }
     let healthy = doctor.checks.iter().all(|c| c.state != State::Error);
     if args.json {
@@ -89,28 +90,28 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<bool> {
 
 /// Findings as they come: shown at once, kept for the summary.
 struct Doctor {
-    report: Option<Report<io::Stdout>>,
+    output: Option<Report<io::Stdout>>,
     checks: Vec<Check>,
 }
 
 impl Doctor {
-    fn tell(&mut self, checks: Vec<Check>) -> anyhow::Result<()> {
-        if let Some(report) = &mut self.report {
-            report.write(&checks).context("stdout")?;
+    fn report(&mut self, checks: Vec<Check>) -> anyhow::Result<()> {
+        if let Some(output) = &mut self.output {
+            output.write(&checks).context("stdout")?;
         }
         self.checks.extend(checks);
         Ok(())
     }
 
     fn draw(&mut self, layout: &Layout, marks: &[Option<char>]) -> anyhow::Result<()> {
-        match &mut self.report {
-            Some(report) => report.lines(&picture::draw(layout, marks)).context("stdout"),
+        match &mut self.output {
+            Some(output) => output.lines(&picture::draw(layout, marks)).context("stdout"),
             None => Ok(()),
         }
     }
 
     /// The machine and its CAN interfaces; returns what was read of those.
-    fn look_at_machine(&mut self, root: &Path, config: &Config) -> anyhow::Result<Vec<link::LinkFacts>> {
+    fn check_machine(&mut self, root: &Path, config: &Config) -> anyhow::Result<Vec<link::LinkFacts>> {
         let joints = config.joints.as_ref();
         let joints_bus = joints.and_then(|joints| joints.source.config().can_bus());
         let interfaces: BTreeSet<&str> = config
@@ -131,29 +132,29 @@ impl Doctor {
             lock_memory: config.realtime.lock_memory,
         };
         let facts = machine::MachineFacts::read(root).with_can_sockets();
-        self.tell(machine::check(&facts, &needs))?;
+        self.report(machine::check(&facts, &needs))?;
         let mut links = Vec::new();
         for name in interfaces {
             if facts.no_af_can.is_some() {
                 let why = "not looked at: the kernel has no CAN sockets (see AF_CAN)";
-                self.tell(vec![Check::skipped("link", "interface", name, why)])?;
+                self.report(vec![Check::skipped("link", "interface", name, why)])?;
                 continue;
             }
             let link = link::LinkFacts::read(root, name);
-            self.tell(link::check(&link, bitrate_of(config, name)))?;
+            self.report(link::check(&link, bitrate_of(config, name)))?;
             links.push(link);
         }
         Ok(links)
     }
 
     /// A daemon that runs, or the place where one would have its sockets; says whether one runs.
-    fn look_at_daemon(&mut self, root: &Path, config: &Config) -> anyhow::Result<bool> {
+    fn check_daemon(&mut self, root: &Path, config: &Config) -> anyhow::Result<bool> {
         const AREA: &str = "daemon";
         let control = &config.socket.control;
         let path = control.display().to_string();
         match daemon::ask(control) {
             Daemon::Running(status) => {
-                self.tell(daemon::check(&status))?;
+                self.report(daemon::check(&status))?;
                 if let Some(marks) = daemon::marks(&status, &config.layout) {
                     self.draw(&config.layout, &marks)?;
                 }
@@ -161,7 +162,7 @@ impl Doctor {
             }
             Daemon::Forbidden => {
                 let group = FileFacts::read(root, control).map_or("tactile".into(), |f| f.group);
-                self.tell(vec![
+                self.report(vec![
                     Check::error(
                         AREA,
                         "control socket",
@@ -173,7 +174,7 @@ impl Doctor {
                 ])?;
                 return Ok(true);
             }
-            Daemon::Strange(why) => self.tell(vec![
+            Daemon::Strange(why) => self.report(vec![
                 Check::warning(
                     AREA,
                     "control socket",
@@ -182,12 +183,12 @@ impl Doctor {
                 )
                 .run("systemctl status taxeld"),
             ])?,
-            Daemon::Absent => self.tell(vec![check_folder(root, control)])?,
+            Daemon::Absent => self.report(vec![check_folder(root, control)])?,
         }
         Ok(false)
     }
 
-    fn look_at_hand(
+    fn check_hand(
         &mut self,
         args: &Args,
         config: &Config,
@@ -198,13 +199,14 @@ impl Doctor {
         let layout = &config.layout;
         if layout.buses.is_empty() {
             let why = format!("layout {} has no boards: it is for arrays in files", layout.name);
-            return self.tell(vec![Check::skipped(AREA, "boards", "", why)]);
+            return self.report(vec![Check::skipped(AREA, "boards", "", why)]);
         }
         if !args.json {
             self.announce(args, config)?;
         }
         let receive_buffer = config.can.receive_buffer_kib as usize * 1024;
-        let (mut ears, failures) = Ears::open(&config.sources, Some(layout), receive_buffer, interrupt);
+        let (mut bus_listener, failures) =
+            BusListener::open(&config.sources, Some(layout), receive_buffer, interrupt);
         let no_can = self
             .checks
             .iter()
@@ -221,7 +223,7 @@ impl Doctor {
                 ),
                 _ => Check::error(AREA, "source", name, format!("{error:#}")),
             };
-            self.tell(vec![check])?;
+            self.report(vec![check])?;
         }
         if failures.len() == config.sources.len() {
             // What needs no hearing is told all the same.
@@ -234,7 +236,7 @@ impl Doctor {
                     &layout.buses[bus],
                 )
             });
-            return self.tell(capacity.collect());
+            return self.report(capacity.collect());
         }
         let bitrates: Vec<u64> = config
             .sources
@@ -248,15 +250,45 @@ impl Doctor {
                 _ => link::BITRATE,
             })
             .collect();
-        let manners = Manners {
+        let policy = ListenPolicy {
             listen_only: args.listen_only,
             seconds: args.seconds,
         };
-        let Some(facts) = live::examine(config, &bitrates, manners, &mut ears)? else {
+        let Some(mut facts) = live::examine(config, &bitrates, policy, &mut bus_listener)? else {
             bail!("stopped before the hand was heard");
         };
-        self.tell(hand::check(layout, &config.boards, &facts))?;
+        let told = self.report_lost_links(layout, &config.sources)?;
+        facts.problems.retain(|noted| match noted.problem.kind {
+            Kind::LinkAbsent | Kind::LinkDown | Kind::BusOff => {
+                noted.problem.bus(layout).is_none_or(|bus| !told.contains(&bus))
+            }
+            _ => true,
+        });
+        self.report(hand::check(layout, &config.boards, &facts))?;
         self.draw(layout, &hand::marks(&facts))
+    }
+
+    /// Says which buses could not be heard for what was told of their interfaces, and returns them.
+    fn report_lost_links(
+        &mut self,
+        layout: &Layout,
+        sources: &[SourceAddress],
+    ) -> anyhow::Result<Vec<usize>> {
+        let is_told = |interface: &str| {
+            let errors = self.checks.iter().filter(|c| c.state == State::Error);
+            let mut of_link = errors.filter(|c| ["interface", "link", "state"].contains(&c.name.as_ref()));
+            of_link.any(|c| c.area == "link" && c.object == interface)
+        };
+        let buses = sources.iter().enumerate().filter(|(_, source)| match source {
+            SourceAddress::Can { interface } => is_told(interface),
+            _ => false,
+        });
+        let told: Vec<usize> = buses.map(|(bus, _)| bus).collect();
+        let skipped = told
+            .iter()
+            .map(|bus| Check::skipped("hand", "traffic", &layout.buses[*bus], "not heard (see link)"));
+        self.report(skipped.collect())?;
+        Ok(told)
     }
 
     /// Says beforehand what will be sent.
@@ -282,7 +314,7 @@ impl Doctor {
         writeln!(io::stdout(), "\n{}", lines.join("\n")).context("stdout")
     }
 
-    fn look_at_joints(
+    fn check_joints(
         &mut self,
         args: &Args,
         config: &Config,
@@ -293,41 +325,46 @@ impl Doctor {
             return Ok(());
         };
         match &joints.source {
-            JointSource::Dynamixel(servos) => self.look_at_servos(args, servos, root),
+            JointSource::Dynamixel(servos) => self.check_servos(args, servos, root),
             JointSource::Allegro(hand) => {
-                let check = match allegro::listen(hand, interrupt) {
+                let checks = match allegro::listen(hand, interrupt) {
                     Ok(facts) => allegro::check(hand, &facts),
                     Err(error) => {
                         let object = hand.bus.to_string();
-                        Check::error("joints", "Allegro hand", object, format!("{error:#}"))
+                        vec![Check::error(
+                            "joints",
+                            "Allegro hand",
+                            object,
+                            format!("{error:#}"),
+                        )]
                     }
                 };
-                self.tell(vec![check])
+                self.report(checks)
             }
         }
     }
 
-    fn look_at_servos(&mut self, args: &Args, servos: &DynamixelConfig, root: &Path) -> anyhow::Result<()> {
+    fn check_servos(&mut self, args: &Args, servos: &DynamixelConfig, root: &Path) -> anyhow::Result<()> {
         const AREA: &str = "servos";
         let path = servos.path.as_path();
         let port = PortFacts::read(root, path);
         let checks = access::check_port(&port, &User::read(root));
         let usable = checks.iter().all(|c| c.state != State::Error);
-        self.tell(checks)?;
+        self.report(checks)?;
         if !usable {
             return Ok(());
         }
         let name = path.display().to_string();
         if args.listen_only {
             let why = "not asked: servos speak only when they are spoken to (--listen-only)";
-            return self.tell(vec![Check::skipped(AREA, "bus", name, why)]);
+            return self.report(vec![Check::skipped(AREA, "bus", name, why)]);
         }
         let expected: Vec<u8> = servos.servo.iter().map(|s| s.id).collect();
         let survey = match taxel_joints::survey(path, servos.baud, &expected) {
             Ok(survey) => survey,
             Err(error) => {
                 return self
-                    .tell(vec![Check::error(AREA, "port", name, error.to_string()).run(
+                    .report(vec![Check::error(AREA, "port", name, error.to_string()).run(
                         format!("sudo fuser -v {}    # who has it open", path.display()),
                     )]);
             }
@@ -343,7 +380,7 @@ impl Doctor {
             }
         }
         let facts = servos::ServoFacts { survey, elsewhere };
-        self.tell(servos::check(servos, &facts))
+        self.report(servos::check(servos, &facts))
     }
 }
 

@@ -99,11 +99,12 @@ impl<W: Write> Report<W> {
     }
 
     fn one(&mut self, check: &Check) -> io::Result<()> {
-        let mut text = String::new();
-        if !check.object.is_empty() {
-            text += &format!("{} ", check.object);
-        }
-        text += &format!("{}: {}", check.name, found(check));
+        let found = found(check);
+        // A sentence that names its object says it once.
+        let text = match check.object.is_empty() || names(&found, &check.object) {
+            true => format!("{}: {found}", check.name),
+            false => format!("{} {}: {found}", check.object, check.name),
+        };
         self.item(check.state, &text)
     }
 
@@ -166,14 +167,22 @@ fn found(check: &Check) -> String {
     }
 }
 
+/// Whether a sentence has this name in it, as a word or words of its own.
+fn names(sentence: &str, name: &str) -> bool {
+    let is_of_word = |c: char| c.is_alphanumeric() || c == '/';
+    sentence.match_indices(name).any(|(at, _)| {
+        !sentence[..at].ends_with(is_of_word) && !sentence[at + name.len()..].starts_with(is_of_word)
+    })
+}
+
 fn is_mended_alike(a: &Check, b: &Check) -> bool {
-    (a.state, a.area, a.name, &a.mend) == (b.state, b.area, b.name, &b.mend)
+    (a.state, a.area, &a.name, &a.mend) == (b.state, b.area, &b.name, &b.mend)
 }
 
 /// Whether findings can be put together: good ones of one kind, bad ones only if nothing but the object differs.
 fn is_alike(a: &Check, b: &Check) -> bool {
     let good = |c: &Check| matches!(c.state, State::Ok | State::Skipped) && c.mend.is_empty();
-    let of_one_kind = (a.state, a.area, a.name) == (b.state, b.area, b.name) && !b.object.is_empty();
+    let of_one_kind = (a.state, a.area, &a.name) == (b.state, b.area, &b.name) && !b.object.is_empty();
     let same = (&a.found, &a.wanted, &a.mend) == (&b.found, &b.wanted, &b.mend);
     of_one_kind && (same || good(a) && good(b))
 }
@@ -296,6 +305,27 @@ mod tests {
             let text = written(&checks);
             assert_eq!(text.lines().skip(1).collect::<Vec<_>>(), lines);
         }
+    }
+
+    #[test]
+    fn a_sentence_that_names_its_object_names_it_once() {
+        let lines = [
+            Check::error("hand", "bus-off", "can1", "can1: the controller is off the bus"),
+            Check::error(
+                "hand",
+                "servo-silent",
+                "servo 2",
+                "joints: servo 21 (id 21) is silent",
+            ),
+        ];
+        let text = written(&lines);
+        assert_eq!(
+            text.lines().skip(1).collect::<Vec<_>>(),
+            [
+                "  error   bus-off: can1: the controller is off the bus",
+                "  error   servo 2 servo-silent: joints: servo 21 (id 21) is silent",
+            ]
+        );
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! `taxel doctor --scan`: what speaks on unknown buses, as a layout file.
 
+use super::bus_listener::{BusListener, Listener};
 use super::capacity::plural;
-use super::ears::{Ears, Listener};
 use super::link;
 use super::report;
 use crate::input::interfaces;
@@ -39,26 +39,26 @@ struct Bus {
 pub(super) fn run(scan: &Scan<'_>, root: &Path, interrupt: Interrupt) -> anyhow::Result<bool> {
     let buses = buses(scan.sources, root)?;
     let sources: Vec<SourceAddress> = buses.iter().map(|bus| bus.source.clone()).collect();
-    let (mut ears, failures) = Ears::open(&sources, None, RECEIVE_BUFFER, interrupt);
+    let (mut bus_listener, failures) = BusListener::open(&sources, None, RECEIVE_BUFFER, interrupt);
     if let Some((bus, error)) = failures.into_iter().next() {
         return Err(error.context(buses[bus].source.to_string()));
     }
     for (number, bus) in buses.iter().enumerate() {
         if let (SourceAddress::Can { interface }, LinkState::Down | LinkState::Absent) =
-            (&bus.source, ears.link(number))
+            (&bus.source, bus_listener.link(number))
         {
             bail!(
                 "{interface} is {}; `taxel doctor` says how to bring it up",
-                ears.link(number)
+                bus_listener.link(number)
             );
         }
     }
     let mut recogniser = Recogniser::new(buses.len());
     let mut started = Vec::new();
-    if scan.start && ears.is_live() {
-        started = start_boards(&mut ears, buses.len() as u8, &mut recogniser)?;
+    if scan.start && bus_listener.is_live() {
+        started = start_boards(&mut bus_listener, buses.len() as u8, &mut recogniser)?;
     }
-    let length_ns = if ears.is_live() {
+    let length_ns = if bus_listener.is_live() {
         (scan.seconds * 1e9) as u64
     } else {
         u64::MAX / 2
@@ -66,9 +66,9 @@ pub(super) fn run(scan: &Scan<'_>, root: &Path, interrupt: Interrupt) -> anyhow:
     let mut hearing = Hearing {
         recogniser: &mut recogniser,
     };
-    let go_on = ears.listen(length_ns, "listening", &mut hearing);
+    let go_on = bus_listener.listen(length_ns, "listening", &mut hearing);
     for (bus, address) in started {
-        send(&mut ears, bus, &MtbCommand::stop(address));
+        send(&mut bus_listener, bus, &MtbCommand::stop(address));
     }
     if !go_on {
         bail!("stopped before anything was recognised");
@@ -160,11 +160,11 @@ struct Hearing<'a> {
 }
 
 impl Listener for Hearing<'_> {
-    fn hear(&mut self, bus: u8, received: &Received) {
+    fn handle_frame(&mut self, bus: u8, received: &Received) {
         self.recogniser.handle_frame(bus, received);
     }
 
-    fn turn(&mut self, _: &mut Ears, _: u64) -> bool {
+    fn handle_turn(&mut self, _: &mut BusListener, _: u64) -> bool {
         true
     }
 }
@@ -172,37 +172,41 @@ impl Listener for Hearing<'_> {
 struct Asking(Discovery);
 
 impl Listener for Asking {
-    fn hear(&mut self, bus: u8, received: &Received) {
+    fn handle_frame(&mut self, bus: u8, received: &Received) {
         self.0.handle_frame(bus, received);
     }
 
-    fn turn(&mut self, ears: &mut Ears, now_ns: u64) -> bool {
+    fn handle_turn(&mut self, bus_listener: &mut BusListener, now_ns: u64) -> bool {
         while let Some(command) = self.0.poll_command(now_ns) {
-            ears.send(command.bus, &command.frame);
+            bus_listener.send(command.bus, &command.frame);
         }
         !self.0.is_done()
     }
 }
 
 /// Asks silent buses for MTBs and starts those that answer; returns them, by bus and address.
-fn start_boards(ears: &mut Ears, buses: u8, recogniser: &mut Recogniser) -> anyhow::Result<Vec<(u8, u8)>> {
+fn start_boards(
+    bus_listener: &mut BusListener,
+    buses: u8,
+    recogniser: &mut Recogniser,
+) -> anyhow::Result<Vec<(u8, u8)>> {
     let mut asking = Asking(Discovery::scan(buses));
-    if !ears.listen(DISCOVERY_NS, "asking who is there", &mut asking) {
+    if !bus_listener.listen(DISCOVERY_NS, "asking who is there", &mut asking) {
         bail!("stopped before anything was recognised");
     }
     let (report, ()) = asking.0.finish();
     let mut started = Vec::new();
     for board in report.boards.iter().filter(|board| !board.in_bootloader) {
         recogniser.handle_board_kind(board.bus, board.address, board.kind);
-        send(ears, board.bus, &MtbCommand::start(board.address));
+        send(bus_listener, board.bus, &MtbCommand::start(board.address));
         started.push((board.bus, board.address));
     }
     Ok(started)
 }
 
 /// Commands go to boards that stream only as an [`MtbCommand`], which cannot be one that stops the others.
-fn send(ears: &mut Ears, bus: u8, command: &MtbCommand) {
-    ears.send(bus, &command.frame());
+fn send(bus_listener: &mut BusListener, bus: u8, command: &MtbCommand) {
+    bus_listener.send(bus, &command.frame());
     std::thread::sleep(GAP);
 }
 

@@ -1,16 +1,16 @@
 //! The servos: who answers, how they are set, what they complain of.
 
 use super::finding::{Check, State};
+use std::borrow::Cow;
 use std::collections::BTreeSet;
-use taxel_joints::bus::wire_ns;
+use taxel_diagnose::{Kind, missing_servos, servo_state, silent_servo};
+use taxel_joints::bus::{ServoState, wire_ns};
 use taxel_joints::registers::{Model, baud_of};
 use taxel_joints::{BusSurvey, DynamixelConfig, SurveyedServo};
 
 const AREA: &str = "servos";
 /// A servo that waits longer than this before it answers was never set up for being asked often.
 const LONG_DELAY_US: u16 = 20;
-/// Present Temperature from which on it is told, degrees; the servo lets go at 80.
-const HOT_C: u8 = 70;
 /// The supply that the data sheet allows, volts.
 const SUPPLY_V: std::ops::RangeInclusive<f64> = 9.5..=16.0;
 /// Answers to a sync read of so many bytes; the request has 14 and one per servo (docs/protocols.md,
@@ -39,12 +39,8 @@ pub(super) fn check(config: &DynamixelConfig, facts: &ServoFacts) -> Vec<Check> 
     };
     let mut checks = Vec::new();
     if survey.servos.is_empty() {
-        let none = Check::error(
-            AREA,
-            "bus",
-            &port,
-            format!("no servo answers at {} bit/s", config.baud),
-        );
+        let problem = missing_servos(&format!("dynamixel:{port}"), config.baud);
+        let none = Check::of_problem(AREA, &port, &problem).without_mend();
         checks.push(match facts.elsewhere.first() {
             Some((baud, ids)) => none
                 .wanted(format!("{} servos", config.servo.len()))
@@ -69,17 +65,24 @@ pub(super) fn check(config: &DynamixelConfig, facts: &ServoFacts) -> Vec<Check> 
         );
     }
     let mut of_servos = Vec::new();
-    for wanted in &config.servo {
+    for (joint, wanted) in config.servo.iter().enumerate() {
+        let name = format!("{} (id {})", wanted.name, wanted.id);
         let number = format!("servo {}", wanted.id);
         let object = match wanted.name == number {
             true => number,
             false => format!("{number} ({})", wanted.name),
         };
         match survey.servos.iter().find(|s| s.id == wanted.id) {
-            None => of_servos.push(Check::error(AREA, "answers", object, "does not answer").advise(
-                "its supply, its place in the chain of cables, or its id: one that is in no table is told below",
-            )),
-            Some(servo) => of_servos.extend(check_servo(servo, object, config, &write)),
+            None => {
+                let check = Check::of_problem(AREA, object, &silent_servo(joint, &name, false));
+                of_servos.push(check.without_mend().advise(
+                    "its supply, its place in the chain of cables, or its id: one that is in no table is told below",
+                ));
+            }
+            Some(servo) => {
+                of_servos.extend(check_servo(servo, &object, config, &write));
+                of_servos.extend(check_state(servo, (joint, &name), object, &write));
+            }
         }
     }
     checks.extend(by_name(of_servos));
@@ -102,7 +105,7 @@ pub(super) fn check(config: &DynamixelConfig, facts: &ServoFacts) -> Vec<Check> 
 
 fn check_servo(
     servo: &SurveyedServo,
-    object: String,
+    object: &str,
     config: &DynamixelConfig,
     write: &impl Fn(u8, &str) -> String,
 ) -> Vec<Check> {
@@ -118,7 +121,7 @@ fn check_servo(
             Check::error(
                 AREA,
                 "answers",
-                &object,
+                object,
                 format!("{} servos answer with this id", servo.answers),
             )
             .wanted("one id per servo")
@@ -126,14 +129,14 @@ fn check_servo(
             .run(write(id, "write1ByteTxRx(p, ID, 7, NEW_ID)")),
         );
     } else {
-        checks.push(Check::ok(AREA, "answers", &object, found));
+        checks.push(Check::ok(AREA, "answers", object, found));
     }
     if Model::of(servo.model_number).is_none() {
         checks.push(
             Check::warning(
                 AREA,
                 "model",
-                &object,
+                object,
                 format!("model number {} is not known", servo.model_number),
             )
             .wanted("an X-series servo with the control table of the XM430-W210"),
@@ -143,7 +146,7 @@ fn check_servo(
         || (servo.identity.is_none() && servo.status_return_level.is_none())
     {
         checks.push(
-            Check::error(AREA, "status return level", &object, "answers pings and no reads")
+            Check::error(AREA, "status return level", object, "answers pings and no reads")
                 .wanted("2 (answers everything)")
                 .run(write(id, "write1ByteTxOnly(p, ID, 68, 2)")),
         );
@@ -154,19 +157,19 @@ fn check_servo(
             true => Check::warning(
                 AREA,
                 "return delay time",
-                &object,
+                object,
                 format!("{us} us before each answer"),
             )
             .wanted("0")
             .run(write(id, "write1ByteTxRx(p, ID, 9, 0)"))
             .advise("address 9 is written with torque off; 250, as from the factory, is 500 us"),
-            false => Check::ok(AREA, "return delay time", &object, format!("{us} us")),
+            false => Check::ok(AREA, "return delay time", object, format!("{us} us")),
         });
         if baud_of(identity.baud_register).is_some_and(|baud| baud != config.baud) {
             checks.push(Check::warning(
                 AREA,
                 "baud rate",
-                &object,
+                object,
                 format!(
                     "answers at {}, and its Baud Rate register says {}, at which it will be after a restart",
                     config.baud,
@@ -175,52 +178,57 @@ fn check_servo(
             ));
         }
     }
-    if let Some(error) = servo.hardware_error.filter(|e| !e.is_none()) {
-        checks.push(
-            Check::error(
-                AREA,
-                "hardware error",
-                &object,
-                format!("{error}: its motor is off until it is restarted"),
-            )
-            .wanted("none")
-            .advise("find the cause first: supply, load, temperature")
-            .run(write(id, "reboot(p, ID)")),
-        );
-    }
     if let Some(volts) = servo.voltage_v {
         let found = format!("{volts:.1} V");
         checks.push(match SUPPLY_V.contains(&volts) {
-            true => Check::ok(AREA, "supply", &object, found),
-            false => Check::warning(AREA, "supply", &object, found).wanted(format!(
+            true => Check::ok(AREA, "supply", object, found),
+            false => Check::warning(AREA, "supply", object, found).wanted(format!(
                 "{} to {} V",
                 SUPPLY_V.start(),
                 SUPPLY_V.end()
             )),
         });
     }
-    if let Some(celsius) = servo.temperature_c {
-        let found = format!("{celsius} degrees");
-        checks.push(match celsius < HOT_C {
-            true => Check::ok(AREA, "temperature", &object, found),
-            false => Check::warning(AREA, "temperature", &object, found)
-                .wanted(format!("below {HOT_C}; it switches its motor off at 80")),
-        });
-    }
     checks
+}
+
+/// What a servo says of itself: temperature, hardware errors.
+fn check_state(
+    servo: &SurveyedServo,
+    (joint, name): (usize, &str),
+    object: String,
+    write: &impl Fn(u8, &str) -> String,
+) -> Vec<Check> {
+    let state = ServoState {
+        hardware_error: servo.hardware_error,
+        temperature_c: servo.temperature_c,
+        ..ServoState::default()
+    };
+    let problems = servo_state(joint, name, &state, false);
+    let is_hot = problems.iter().any(|p| p.kind == Kind::ServoHot);
+    let well = servo.temperature_c.filter(|_| !is_hot);
+    let well = well.map(|c| Check::ok(AREA, "temperature", object.as_str(), format!("{c} degrees")));
+    let bad = problems.iter().map(|problem| {
+        let check = Check::of_problem(AREA, object.as_str(), problem);
+        match problem.kind {
+            Kind::ServoError => check.run(write(servo.id, "reboot(p, ID)")),
+            _ => check,
+        }
+    });
+    bad.chain(well).collect()
 }
 
 /// The same findings, those of one name together and the good ones of each last, so that what many servos have in common is told once.
 fn by_name(mut checks: Vec<Check>) -> Vec<Check> {
-    let mut names: Vec<&str> = Vec::new();
+    let mut names: Vec<Cow<'static, str>> = Vec::new();
     for check in &checks {
         if !names.contains(&check.name) {
-            names.push(check.name);
+            names.push(check.name.clone());
         }
     }
     checks.sort_by_key(|c| {
         (
-            names.iter().position(|name| *name == c.name),
+            names.iter().position(|name| name == &c.name),
             c.state == State::Ok,
         )
     });
@@ -325,7 +333,7 @@ mod tests {
         assert!(checks.iter().all(|c| c.state == State::Ok), "{checks:?}");
         let told: Vec<(&str, &str)> = checks
             .iter()
-            .map(|c| (c.name, c.found.as_str()))
+            .map(|c| (c.name.as_ref(), c.found.as_str()))
             .step_by(2)
             .collect();
         assert_eq!(
@@ -359,7 +367,7 @@ mod tests {
             ),
             (
                 changed(|s| s.hardware_error = Some(HardwareError(0x24))),
-                "hardware error",
+                "servo-error",
                 State::Error,
                 "reboot(p, 2)",
             ),
@@ -371,7 +379,7 @@ mod tests {
             ),
             (
                 checks(vec![servo(1)], vec![]),
-                "answers",
+                "servo-silent",
                 State::Error,
                 "its supply",
             ),
@@ -383,11 +391,16 @@ mod tests {
             ),
             (
                 checks(vec![], vec![(57_600, vec![1, 2])]),
-                "bus",
+                "servos-silent",
                 State::Error,
                 "servos 1, 2 answer at 57600 bit/s: write baud = 57600",
             ),
-            (checks(vec![], vec![]), "bus", State::Error, "is their supply on"),
+            (
+                checks(vec![], vec![]),
+                "servos-silent",
+                State::Error,
+                "is their supply on",
+            ),
         ];
         for (checks, name, state, mend) in &cases {
             let bad = checks.iter().find(|c| c.name == *name && c.state != State::Ok);
@@ -395,16 +408,11 @@ mod tests {
             assert_eq!(bad.state, *state, "{bad:?}");
             assert!(mended(bad).contains(mend), "{}", mended(bad));
         }
-        let error = &cases[2]
-            .0
-            .iter()
-            .find(|c| c.name == "hardware error")
-            .unwrap()
-            .found;
-        assert!(error.starts_with("overheating, overload"), "{error}");
+        let error = &cases[2].0.iter().find(|c| c.name == "servo-error").unwrap().found;
+        assert!(error.contains("hardware error: overheating, overload"), "{error}");
         for (checks, name) in [
             (changed(|s| s.voltage_v = Some(5.1)), "supply"),
-            (changed(|s| s.temperature_c = Some(75)), "temperature"),
+            (changed(|s| s.temperature_c = Some(75)), "servo-hot"),
             (changed(|s| s.model_number = 7), "model"),
             (
                 changed(|s| s.identity.as_mut().unwrap().baud_register = 1),

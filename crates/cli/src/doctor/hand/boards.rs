@@ -1,45 +1,55 @@
-//! The boards of the layout: whether they speak, how fast, and what they say they are.
+//! The boards of the layout: what is wrong with them, how fast they send, and what they say they are.
 
-use super::{AREA, BusFacts, HandFacts, findings, object};
-use crate::doctor::finding::Check;
-use taxel_skin::{
-    BoardKind, BoardState, BoardStatus, BoardsConfig, BoardsMode, FoundBoard, Layout, Protocol, Wiring,
-};
+use super::{AREA, BusFacts, HandFacts, NotedProblem, board_name};
+use crate::doctor::finding::{Check, State};
+use taxel_diagnose::{Kind, Place, Problem};
+use taxel_skin::{BoardKind, BoardState, BoardStatus, FoundBoard, Layout, Protocol};
 
 /// A board that leaves out more than this share of its readings is told.
 const MISSED_PERCENT: f64 = 1.0;
 
-pub(super) fn check(layout: &Layout, bus: u8, boards: &BoardsConfig, facts: &HandFacts) -> Vec<Check> {
+/// What is to be said of a problem of a bus or of its boards, with what only who asked the boards knows.
+pub(super) fn of_problem(layout: &Layout, bus: &BusFacts, facts: &HandFacts, noted: &NotedProblem) -> Check {
+    let Problem { kind, modules, .. } = &noted.problem;
+    let object = match modules.first() {
+        Some(module) => board_name(layout, *module),
+        None => bus.name.clone(),
+    };
+    let mut check = Check::of_problem(AREA, object, &noted.problem);
+    if noted.is_over {
+        check.found += " (no longer when the listening ended)";
+    }
+    let answers = modules.iter().find_map(|module| found_of(facts, *module));
+    match (kind, answers) {
+        (Kind::BoardUnheard, Some(found)) => {
+            check.found += "; it answers when it is asked and sends no taxels";
+            check.without_mend().advise(match found.in_bootloader {
+                true => "it is in its bootloader: switch its power off and on, or load its firmware",
+                false => "its firmware may use another id layout than the layout file says: `taxel doctor --scan` tells",
+            })
+        }
+        (Kind::BoardUnheard | Kind::BoardNotInLayout, None) => check.run(scan(bus)),
+        _ => check,
+    }
+}
+
+fn scan(bus: &BusFacts) -> String {
+    format!("taxel doctor --scan {}", bus.source)
+}
+
+/// What is to be said of boards that speak.
+pub(super) fn check(layout: &Layout, bus: u8, facts: &HandFacts) -> Vec<Check> {
     let mut checks = Vec::new();
-    let of_bus = &facts.buses[usize::from(bus)];
     for (index, wiring) in layout.wiring.iter().enumerate() {
         let Some(counters) = facts.boards.get(index).filter(|_| wiring.bus == bus) else {
             continue;
         };
-        if !wiring.protocol.has_board() {
+        if !wiring.protocol.has_board() || counters.state == BoardState::NeverSeen {
             continue;
         }
-        let object = object(layout, index);
-        let other = findings::elsewhere(layout, facts, index);
-        if let (Some(other), BoardState::NeverSeen) = (other, counters.state) {
-            let found = format!("not heard; it speaks on {}", layout.buses[usize::from(other)]);
-            checks.push(Check::error(AREA, "board", object, found));
-            continue;
-        }
-        match counters.state {
-            BoardState::NeverSeen if of_bus.frames == 0 => {
-                checks.push(Check::error(AREA, "board", object, "not heard"));
-            }
-            BoardState::NeverSeen => {
-                checks.push(unheard(object, wiring, boards, of_bus, found_of(facts, index)))
-            }
-            BoardState::Silent => checks.push(
-                Check::error(AREA, "board", object, "spoke and fell silent").advise(
-                    "its supply or its plug; taxeld starts it again and again, see `restarts` in its status",
-                ),
-            ),
-            BoardState::Settling | BoardState::Streaming => checks.extend(check_living(object, counters)),
-        }
+        let is_told = facts.has_of_board(index) || facts.has(bus, &[Kind::BusSilent, Kind::BusOff]);
+        let speaks = check_living(board_name(layout, index), counters);
+        checks.extend(speaks.into_iter().filter(|c| !is_told || c.state != State::Ok));
     }
     checks
 }
@@ -47,37 +57,6 @@ pub(super) fn check(layout: &Layout, bus: u8, boards: &BoardsConfig, facts: &Han
 fn found_of(facts: &HandFacts, module: usize) -> Option<&FoundBoard> {
     let discovery = facts.discovery.as_ref()?;
     discovery.boards.iter().find(|b| b.module == Some(module as u16))
-}
-
-fn unheard(
-    object: String,
-    wiring: &Wiring,
-    boards: &BoardsConfig,
-    bus: &BusFacts,
-    found: Option<&FoundBoard>,
-) -> Check {
-    if let Some(found) = found {
-        let check = Check::error(AREA, "board", object, "answers and sends no taxels");
-        return match found.in_bootloader {
-            true => check.advise("it is in its bootloader: switch its power off and on, or load its firmware"),
-            false => check.advise("its firmware may use another id layout than the layout file says: `taxel doctor --scan` tells"),
-        };
-    }
-    let check = Check::error(AREA, "board", object, "not heard");
-    let may_speak = bus.spoken_to || wiring.protocol.mtb().is_none();
-    if may_speak {
-        return check.advise(
-            "its supply, its plug, its address (`taxel doctor --scan` shows which addresses speak), or another bus",
-        );
-    }
-    match boards.mode {
-        BoardsMode::Passive => {
-            check.advise("[boards] mode is \"passive\": whoever controls the boards has not started it")
-        }
-        _ => check.advise(
-            "nothing was sent to it (--listen-only, or others speak on the bus), and it waits for a start command",
-        ),
-    }
 }
 
 fn check_living(object: String, counters: &BoardStatus) -> Vec<Check> {
@@ -155,19 +134,22 @@ pub(super) fn check_discovery(layout: &Layout, bus: u8, facts: &HandFacts) -> Ve
     for found in discovery.boards.iter().filter(|b| b.bus == bus) {
         let what = describe(found);
         let Some(module) = found.module else {
+            if facts.is_told_stranger(bus, found.address.into()) {
+                continue;
+            }
             let object = format!("{name} board {}", found.address);
             checks.push(
                 Check::warning(AREA, "unexpected board", object, format!("answers: {what}"))
                     .wanted("no board there, or a [[module]] in the layout file")
-                    .run(format!(
-                        "taxel doctor --scan {}",
-                        facts.buses[usize::from(bus)].source
-                    )),
+                    .run(scan(&facts.buses[usize::from(bus)])),
             );
             continue;
         };
-        let object = object(layout, module.into());
-        if found.answers > 1 {
+        let object = board_name(layout, module.into());
+        let is_told = facts.problems.iter().any(|noted| {
+            noted.problem.kind == Kind::TwoBoards && noted.problem.is_of(Place::Module(module.into()))
+        });
+        if found.answers > 1 && !is_told {
             checks.push(
                 Check::error(
                     AREA,

@@ -1,7 +1,6 @@
 //! The hand: which boards speak, what they are, how fast, and which of their taxels can be used.
 
 mod boards;
-mod findings;
 mod strangers;
 mod taxels;
 
@@ -10,6 +9,7 @@ use super::finding::Check;
 use super::picture;
 use std::collections::BTreeMap;
 use taxel_can::{CanFrame, LinkState, SourceCounters};
+use taxel_diagnose::{BusView, Kind, Place, Problem, Starting, board_name};
 use taxel_hand::Faults;
 use taxel_skin::{BoardStatus, BoardsConfig, DiscoveryReport, Finding, Layout};
 
@@ -37,6 +37,32 @@ pub(super) struct BusFacts {
     pub(super) overheard: Option<u32>,
     /// Whether the doctor has sent anything there.
     pub(super) spoken_to: bool,
+    /// Whether the configuration leaves the boards to another program.
+    pub(super) is_passive: bool,
+}
+
+impl BusFacts {
+    /// The bus as the judges of problems are told of it.
+    pub(super) fn view(&self) -> BusView {
+        BusView {
+            counters: self.counters,
+            link: self.link,
+            starting: match (self.spoken_to, self.is_passive) {
+                (true, _) => Starting::Repeated,
+                (false, true) => Starting::ByOthers,
+                (false, false) => Starting::NotAllowed,
+            },
+        }
+    }
+}
+
+/// A problem that there was while the hand was listened to.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct NotedProblem {
+    /// In its last figures.
+    pub(super) problem: Problem,
+    /// Whether it was over when the listening ended.
+    pub(super) is_over: bool,
 }
 
 /// Frames of one id that belongs to nobody.
@@ -57,6 +83,8 @@ pub(super) struct HandFacts {
     pub(super) discovery: Option<DiscoveryReport>,
     /// What the traffic showed at any time.
     pub(super) findings: Vec<Finding>,
+    /// What was wrong at any time.
+    pub(super) problems: Vec<NotedProblem>,
     /// By taxel; empty where no baseline could be measured.
     pub(super) faults: Vec<Faults>,
     /// By taxel: every axis reads 0 or 65535 most of the time, so that its chip does not answer.
@@ -67,27 +95,56 @@ pub(super) struct HandFacts {
     pub(super) touched: u32,
 }
 
-/// What is to be said of the hand, bus by bus.
+impl HandFacts {
+    /// The problems of one bus and of its boards.
+    fn problems_of(&self, layout: &Layout, bus: u8) -> impl Iterator<Item = &NotedProblem> {
+        let of_bus = move |noted: &&NotedProblem| noted.problem.bus(layout) == Some(bus.into());
+        self.problems.iter().filter(of_bus)
+    }
+
+    /// Whether a bus itself has a problem of one of these kinds.
+    fn has(&self, bus: u8, kinds: &[Kind]) -> bool {
+        let mut problems = self.problems.iter().map(|noted| &noted.problem);
+        problems.any(|p| kinds.contains(&p.kind) && p.is_of(Place::Bus(bus.into())))
+    }
+
+    /// Whether it is told that a board that is not of the layout speaks on this bus under this address.
+    fn is_told_stranger(&self, bus: u8, address: u32) -> bool {
+        self.findings.iter().any(|finding| match *finding {
+            Finding::NotInLayout {
+                bus: b, address: a, ..
+            } => (b, a) == (bus, address),
+            _ => false,
+        })
+    }
+
+    /// Whether the board of a module has a problem.
+    fn has_of_board(&self, module: usize) -> bool {
+        let mut problems = self.problems.iter();
+        problems.any(|noted| noted.problem.is_of(Place::Module(module)))
+    }
+}
+
+/// What is to be said of the hand, bus by bus: its problems, and what only who listens knows.
 pub(super) fn check(layout: &Layout, config: &BoardsConfig, facts: &HandFacts) -> Vec<Check> {
     let mut checks = Vec::new();
     for (index, bus) in facts.buses.iter().enumerate() {
         let index = index as u8;
         checks.extend(capacity::check(layout, index, config, bus.bitrate, &bus.name));
+        let problems = facts.problems_of(layout, index);
+        checks.extend(problems.map(|noted| boards::of_problem(layout, bus, facts, noted)));
         if bus.link != LinkState::Up {
-            let found = format!("{} is {}: nothing to listen to", bus.source, bus.link);
-            checks.push(Check::error(AREA, "traffic", &bus.name, found).wanted("up"));
             continue;
         }
         if let Some(id) = bus.overheard {
             let found = format!("somebody speaks here already (id {id:X}): nothing was sent");
             checks.push(Check::skipped(AREA, "start", &bus.name, found));
         }
-        checks.extend(check_traffic(bus, facts.seconds));
-        checks.extend(boards::check(layout, index, config, facts));
+        checks.extend(check_traffic(index, bus, facts));
+        checks.extend(boards::check(layout, index, facts));
         checks.extend(boards::check_discovery(layout, index, facts));
         checks.extend(strangers::check(layout, index, facts));
     }
-    checks.extend(findings::check(layout, facts));
     checks.extend(taxels::check(layout, facts));
     checks
 }
@@ -108,9 +165,9 @@ pub(super) fn marks(facts: &HandFacts) -> Vec<Option<char>> {
         .collect()
 }
 
-fn check_traffic(bus: &BusFacts, seconds: f64) -> Vec<Check> {
+fn check_traffic(index: u8, bus: &BusFacts, facts: &HandFacts) -> Vec<Check> {
     let mut checks = Vec::new();
-    let seconds = seconds.max(1e-3);
+    let seconds = facts.seconds.max(1e-3);
     let [low, high] = bus
         .bits
         .map(|bits| 100.0 * bits as f64 / seconds / bus.bitrate as f64);
@@ -120,7 +177,8 @@ fn check_traffic(bus: &BusFacts, seconds: f64) -> Vec<Check> {
         bus.bitrate as f64 / 1e6
     );
     checks.push(if bus.frames == 0 {
-        Check::error(
+        // That its boards are silent was told above.
+        Check::skipped(
             AREA,
             "traffic",
             &bus.name,
@@ -135,7 +193,16 @@ fn check_traffic(bus: &BusFacts, seconds: f64) -> Vec<Check> {
         Check::ok(AREA, "traffic", &bus.name, found)
     });
     let errors = &bus.counters.errors;
-    if errors.frames > 0 {
+    let told_as = [
+        Kind::BusOff,
+        Kind::Flapping,
+        Kind::ErrorWarning,
+        Kind::ErrorPassive,
+        Kind::BusErrors,
+        Kind::NoAcknowledge,
+        Kind::ControllerOverflow,
+    ];
+    if errors.frames > 0 && !facts.has(index, &told_as) {
         let causes: Vec<String> = [
             ("bus-off", errors.bus_off),
             ("protocol violations", errors.protocol),
@@ -168,7 +235,7 @@ fn check_traffic(bus: &BusFacts, seconds: f64) -> Vec<Check> {
                 .advise("wiring, termination, ground, or a node at another bit rate"),
         });
     }
-    if bus.counters.lost_in_kernel > 0 {
+    if bus.counters.lost_in_kernel > 0 && !facts.has(index, &[Kind::FramesLost]) {
         let found = format!("{} frames lost in the kernel", bus.counters.lost_in_kernel);
         checks.push(
             Check::warning(AREA, "lost frames", &bus.name, found)
@@ -177,20 +244,6 @@ fn check_traffic(bus: &BusFacts, seconds: f64) -> Vec<Check> {
         );
     }
     checks
-}
-
-/// A board as people find it.
-fn object(layout: &Layout, module: usize) -> String {
-    let (name, wiring) = (&layout.modules[module].name, &layout.wiring[module]);
-    let bus = layout
-        .buses
-        .get(usize::from(wiring.bus))
-        .map_or("", String::as_str);
-    let place = format!("{bus} board {}", wiring.board);
-    match *name == place {
-        true => place,
-        false => format!("{name} ({place})"),
-    }
 }
 
 #[cfg(test)]

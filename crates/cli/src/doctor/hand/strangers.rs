@@ -1,12 +1,13 @@
 //! Whoever speaks on the buses of the hand and is not of it.
 
-use super::{AREA, HandFacts, Unclaimed, findings};
+use super::{AREA, HandFacts, Unclaimed};
 use crate::doctor::capacity::plural;
 use crate::doctor::finding::Check;
 use std::collections::BTreeMap;
 use taxel_can::EXTENDED_FLAG;
+use taxel_diagnose::speaks_on;
 use taxel_joints::{AllegroConfig, AllegroDecoder, AllegroFrame};
-use taxel_skin::{Layout, Protocol};
+use taxel_skin::{Finding, Layout, Protocol};
 
 /// Frames that are nothing of this hand's: boards of the same protocol at other addresses, an Allegro hand, others.
 pub(super) fn check(layout: &Layout, bus: u8, hand: &HandFacts) -> Vec<Check> {
@@ -57,7 +58,7 @@ pub(super) fn check(layout: &Layout, bus: u8, hand: &HandFacts) -> Vec<Check> {
             u.last.dlc() != 8 || !board_of(protocol, *id).is_some_and(|board| boards.contains_key(&board))
         });
         for (board, (ids, count)) in boards {
-            if findings::is_displaced(layout, hand, bus, board) {
+            if is_displaced(layout, hand, bus, board) || hand.is_told_stranger(bus, board.into()) {
                 continue;
             }
             let known = modules().any(|m| m.board == board && m.protocol == protocol);
@@ -85,6 +86,7 @@ pub(super) fn check(layout: &Layout, bus: u8, hand: &HandFacts) -> Vec<Check> {
             );
         }
     }
+    rest.retain(|(id, _)| !is_told(hand, bus, *id));
     if !rest.is_empty() {
         let ids: Vec<String> = rest.iter().take(8).map(|(id, _)| id_text(*id)).collect();
         let more = if rest.len() > ids.len() { ", ..." } else { "" };
@@ -104,6 +106,27 @@ pub(super) fn check(layout: &Layout, bus: u8, hand: &HandFacts) -> Vec<Check> {
         );
     }
     checks
+}
+
+/// Whether it is known whose board speaks on a bus under an address that the bus does not have.
+fn is_displaced(layout: &Layout, hand: &HandFacts, bus: u8, address: u8) -> bool {
+    let mut boards = layout.wiring.iter().enumerate();
+    boards.any(|(module, wiring)| {
+        wiring.board == address && speaks_on(layout, &hand.findings, module) == Some(bus)
+    })
+}
+
+/// Whether an id was told as babbling.
+fn is_told(hand: &HandFacts, bus: u8, id: u32) -> bool {
+    hand.findings.iter().any(|finding| match *finding {
+        Finding::IdBabbles {
+            bus: b,
+            id: babbling,
+            extended,
+            ..
+        } => (b, babbling, extended) == (bus, id & !EXTENDED_FLAG, id & EXTENDED_FLAG != 0),
+        _ => false,
+    })
 }
 
 /// The address of the board that would send this id.

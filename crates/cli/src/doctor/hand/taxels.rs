@@ -1,6 +1,6 @@
 //! Taxels that are dead, stuck, noisy or saturated.
 
-use super::{AREA, HandFacts, object};
+use super::{AREA, HandFacts, board_name};
 use crate::doctor::capacity::plural;
 use crate::doctor::finding::{Check, State};
 use taxel_hand::Fault;
@@ -74,7 +74,7 @@ pub(super) fn check(layout: &Layout, facts: &HandFacts) -> Vec<Check> {
             .into_iter()
             .map(|(reasons, numbers)| format!("k {} {reasons}", ranges(numbers)))
             .collect();
-        let object = object(layout, index);
+        let object = board_name(layout, index);
         let broken = bad as f64 > BROKEN_SHARE * f64::from(module.taxels);
         checks.push(match (bad, broken) {
             (0, _) => Check::ok(AREA, "taxels", object, format!("{} healthy", module.taxels)),

@@ -2,6 +2,7 @@
 
 use super::super::finding::{Mend, State};
 use super::*;
+use taxel_diagnose::{HandSetup, HandView, Problems};
 use taxel_hand::Fault;
 use taxel_skin::{BoardKind, BusTraffic, Firmware};
 use taxel_skin::{BoardState, BoardsMode, FoundBoard};
@@ -36,6 +37,7 @@ fn healthy() -> HandFacts {
         boards: vec![living(); 15],
         discovery: None,
         findings: Vec::new(),
+        problems: Vec::new(),
         faults: vec![Faults::NONE; 240],
         dead: vec![false; 240],
         saturated: vec![false; 240],
@@ -53,7 +55,37 @@ fn triggered() -> BoardsConfig {
 fn found(change: impl FnOnce(&mut HandFacts)) -> Vec<Check> {
     let mut facts = healthy();
     change(&mut facts);
+    facts.problems = judged(&facts);
     check(&layout(), &triggered(), &facts)
+}
+
+/// What is wrong by these facts, as a daemon that looks at them would say.
+fn judged(facts: &HandFacts) -> Vec<NotedProblem> {
+    let layout = layout();
+    let sources: Vec<_> = facts.buses.iter().map(|b| b.source.parse().unwrap()).collect();
+    let setup = HandSetup {
+        layout: &layout,
+        sources: &sources,
+        silence_ns: 100_000_000,
+        joints: None,
+        joints_share_bus: false,
+    };
+    let buses: Vec<_> = facts.buses.iter().map(BusFacts::view).collect();
+    let view = HandView {
+        now_ns: 1_000_000_000,
+        buses: &buses,
+        boards: &facts.boards,
+        findings: &facts.findings,
+        joints: None,
+        boards_due: true,
+    };
+    let mut problems = Problems::default();
+    let _ = problems.handle_view(&setup, &view);
+    let noted = problems.current().iter().map(|current| NotedProblem {
+        problem: current.problem.clone(),
+        is_over: false,
+    });
+    noted.collect()
 }
 
 fn board(address: u8, module: Option<u16>) -> FoundBoard {
@@ -108,16 +140,16 @@ fn each_thing_that_is_wrong_is_found_where_it_is() {
         (
             found(|f| f.boards[3].state = BoardState::NeverSeen),
             State::Error,
-            "board",
+            "board-unheard",
             "index proximal (can0 board 3)",
-            "not heard",
+            "was not heard since the start",
         ),
         (
             found(|f| f.boards[3].state = BoardState::Silent),
             State::Error,
-            "board",
+            "board-silent",
             "index proximal (can0 board 3)",
-            "fell silent",
+            "index proximal (can0 board 3) is silent",
         ),
         (
             found(|f| f.boards[0].missed = 100),
@@ -143,16 +175,20 @@ fn each_thing_that_is_wrong_is_found_where_it_is() {
         (
             found(|f| f.buses[1].link = LinkState::Down),
             State::Error,
-            "traffic",
+            "link-down",
             "can1",
-            "can:can1 is down",
+            "the interface can1 is down",
         ),
         (
-            found(|f| f.buses[1].frames = 0),
+            found(|f| {
+                f.boards[8..]
+                    .iter_mut()
+                    .for_each(|b| b.state = BoardState::NeverSeen)
+            }),
             State::Error,
-            "traffic",
+            "bus-silent",
             "can1",
-            "nothing is heard on can:can1",
+            "can1: no board speaks",
         ),
         (
             found(|f| f.buses[0].bits = [1_560_000, 1_900_000]),
@@ -287,7 +323,10 @@ fn what_the_boards_say_of_themselves_is_compared_with_the_layout() {
         f.boards[0].state = BoardState::NeverSeen;
         f.discovery = discovered(vec![board(0, Some(0))]);
     });
-    assert!(silent.iter().any(|c| c.found == "answers and sends no taxels"));
+    assert!(silent.iter().any(|c| {
+        c.found
+            .contains("was not heard since the start; it answers when it is asked and sends no taxels")
+    }));
 }
 
 #[test]
@@ -309,7 +348,7 @@ fn a_silent_board_that_nobody_started_is_no_riddle() {
         f.boards[3].state = BoardState::NeverSeen;
         f.buses[0].spoken_to = false;
     });
-    let board = checks.iter().find(|c| c.found == "not heard").unwrap();
+    let board = checks.iter().find(|c| c.name == "board-unheard").unwrap();
     assert!(matches!(&board.mend[0], Mend::Do(text) if text.contains("--listen-only")));
 }
 
@@ -345,23 +384,29 @@ fn what_the_traffic_shows_is_told_once_and_explains_the_silent_boards() {
         module: 2,
         sweeps_hz: [100.0, 50.0],
     };
-    for (finding, name, object, words) in [
+    for (finding, state, name, object, words) in [
         (
             babble,
+            State::Warning,
             "babbling",
             "can0",
-            "id 005 of a node that is not of the hand comes 4000 times",
+            "id 005, which is nobody's in the layout, babbles: 4000 frames/s",
         ),
         (
             two,
-            "address",
+            State::Error,
+            "two-boards-one-address",
             "index middle (can0 board 2)",
-            "100 sweeps/s instead of 50",
+            "100 sweeps/s where others send 50",
         ),
     ] {
         let checks = found(|f| f.findings.push(finding));
-        let check = checks.iter().find(|c| c.name == name).unwrap();
-        assert_eq!((check.state, check.object.as_str()), (State::Error, object));
+        let bad: Vec<_> = checks.iter().filter(|c| c.state != State::Ok).collect();
+        let [check] = bad[..] else { panic!("{bad:?}") };
+        assert_eq!(
+            (check.state, check.name.as_ref(), check.object.as_str()),
+            (state, name, object)
+        );
         assert!(check.found.contains(words), "{check:?}");
     }
     // Board 7 of the first bus is the only one that tells the two buses apart.
@@ -375,7 +420,42 @@ fn what_the_traffic_shows_is_told_once_and_explains_the_silent_boards() {
         });
     });
     let bad: Vec<_> = swapped.iter().filter(|c| c.state != State::Ok).collect();
-    let names: Vec<&str> = bad.iter().map(|c| c.name).collect();
-    assert_eq!(names, ["board", "swapped"], "{bad:?}");
-    assert_eq!(bad[0].found, "not heard; it speaks on can1");
+    let names: Vec<&str> = bad.iter().map(|c| c.name.as_ref()).collect();
+    assert_eq!(names, ["buses-swapped"], "{bad:?}");
+    assert!(bad[0].found.contains("board 7) speaks on can1"), "{bad:?}");
+}
+
+#[test]
+fn a_babbling_id_is_not_among_the_unknown_ids_too_and_what_is_over_says_so() {
+    let checks = found(|f| {
+        f.buses[0].unclaimed = unclaimed(&[0x005]);
+        f.findings.push(Finding::IdBabbles {
+            bus: 0,
+            id: 5,
+            extended: false,
+            module: None,
+            rate_hz: 4000.0,
+            share: 0.44,
+        });
+    });
+    let names: Vec<&str> = checks
+        .iter()
+        .filter(|c| c.state != State::Ok)
+        .map(|c| c.name.as_ref())
+        .collect();
+    assert_eq!(names, ["babbling"]);
+
+    let mut facts = healthy();
+    facts.boards[3].state = BoardState::Silent;
+    facts.problems = judged(&facts);
+    facts.problems[0].is_over = true;
+    facts.boards[3].state = BoardState::Streaming;
+    let checks = check(&layout(), &triggered(), &facts);
+    let silent = checks.iter().find(|c| c.name == "board-silent").unwrap();
+    assert!(
+        silent
+            .found
+            .ends_with("is silent (no longer when the listening ended)"),
+        "{silent:?}"
+    );
 }

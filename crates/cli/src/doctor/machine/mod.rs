@@ -251,7 +251,7 @@ mod tests {
     fn a_good_machine_is_told_so() {
         let checks = check(&good(), &NEEDS);
         assert!(checks.iter().all(|c| c.state == State::Ok), "{checks:?}");
-        let names: Vec<&str> = checks.iter().map(|c| c.name).collect();
+        let names: Vec<&str> = checks.iter().map(|c| c.name.as_ref()).collect();
         assert_eq!(
             names,
             [

@@ -1,7 +1,7 @@
-//! What the log says of the joints while all is well: a port that is open, who answers, how they answer. What is wrong is
-//! among the problems.
+//! What is to be said of the joints while all is well: a port that is open, who answers, how they answer.
 
-use super::{JointsView, SourceView};
+use crate::joints_view::{JointsView, SourceView};
+use crate::kind::Severity;
 use taxel_can::LinkState;
 use taxel_joints::bus::{FastState, ServoState};
 use taxel_joints::{ALLEGRO_FINGERS, DynamixelConfig, JointsConfig, PortState, PortStatus, ServoSnapshot};
@@ -11,16 +11,9 @@ const ROLL_CALL_NS: u64 = 2_000_000_000;
 /// Return Delay Time from which a cycle takes markedly longer, microseconds.
 const LONG_DELAY_US: u16 = 50;
 
-/// How much a sentence matters.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Weight {
-    Info,
-    Warn,
-}
-
-/// What has been said so far.
+/// Says each thing of the joints once. What is wrong is among the problems.
 #[derive(Debug, Default)]
-pub(crate) struct Told {
+pub struct JointsReporter {
     up: bool,
     opened: u64,
     roll_call_ns: Option<u64>,
@@ -30,9 +23,13 @@ pub(crate) struct Told {
     delays: bool,
 }
 
-impl Told {
-    /// What is new since the last call.
-    pub(crate) fn news(&mut self, config: &JointsConfig, view: &JointsView) -> Vec<(Weight, String)> {
+impl JointsReporter {
+    /// What is new since the last call: sentences, with a warning's severity where it is one.
+    pub fn handle_view(
+        &mut self,
+        config: &JointsConfig,
+        view: &JointsView,
+    ) -> Vec<(Option<Severity>, String)> {
         let mut news = Vec::new();
         match view.of(config) {
             Some(SourceView::Servos {
@@ -52,7 +49,7 @@ impl Told {
         snapshot: &ServoSnapshot,
         port: &PortStatus,
         now_ns: u64,
-        news: &mut Vec<(Weight, String)>,
+        news: &mut Vec<(Option<Severity>, String)>,
     ) {
         let path = port.path.display();
         if port.state != PortState::Open {
@@ -64,10 +61,7 @@ impl Told {
             let device = device.map_or(String::new(), |device| format!(" (now {})", device.display()));
             let verb = if port.opened > 1 { "is back" } else { "is open" };
             let baud = config.baud;
-            news.push((
-                Weight::Info,
-                format!("joints: {path}{device} {verb} at {baud} bit/s"),
-            ));
+            news.push((None, format!("joints: {path}{device} {verb} at {baud} bit/s")));
             self.opened = port.opened;
             self.roll_call_ns = Some(now_ns + ROLL_CALL_NS);
         }
@@ -78,12 +72,12 @@ impl Told {
             match snapshot.fast {
                 FastState::On if !std::mem::replace(&mut self.fast_told[0], true) => {
                     news.push((
-                        Weight::Info,
+                        None,
                         "joints: all servos answer in one packet (fast sync read)".into(),
                     ));
                 }
                 FastState::NotSupported if !std::mem::replace(&mut self.fast_told[1], true) => news.push((
-                    Weight::Info,
+                    None,
                     "joints: fast sync read is not answered as it should be; each servo answers with its own packet".into(),
                 )),
                 _ => {}
@@ -98,10 +92,10 @@ impl Told {
         }
     }
 
-    fn of_hand(&mut self, bus: &str, view: &JointsView, news: &mut Vec<(Weight, String)>) {
+    fn of_hand(&mut self, bus: &str, view: &JointsView, news: &mut Vec<(Option<Severity>, String)>) {
         let up = view.link == LinkState::Up;
         if up && !self.up {
-            news.push((Weight::Info, format!("joints: the hand's bus {bus} is up")));
+            news.push((None, format!("joints: the hand's bus {bus} is up")));
             self.roll_call_ns = Some(view.now_ns + ROLL_CALL_NS);
         }
         self.up = up;
@@ -123,18 +117,21 @@ impl Told {
         all: usize,
         what: &str,
         now_ns: u64,
-        news: &mut Vec<(Weight, String)>,
+        news: &mut Vec<(Option<Severity>, String)>,
     ) {
         if self.roll_call_ns.take_if(|at| *at <= now_ns).is_some() {
             news.push(match heard == all {
-                true => (Weight::Info, format!("joints: all {all} {what}")),
-                false => (Weight::Warn, format!("joints: {heard} of {all} {what} so far")),
+                true => (None, format!("joints: all {all} {what}")),
+                false => (
+                    Some(Severity::Warning),
+                    format!("joints: {heard} of {all} {what} so far"),
+                ),
             });
         }
     }
 }
 
-fn long_delays(names: &[String], servos: &[ServoState]) -> Option<(Weight, String)> {
+fn long_delays(names: &[String], servos: &[ServoState]) -> Option<(Option<Severity>, String)> {
     let slow: Vec<String> = (names.iter().zip(servos))
         .filter_map(|(name, servo)| Some((name, servo.identity?.return_delay_us)))
         .filter(|(_, us)| *us > LONG_DELAY_US)
@@ -145,58 +142,58 @@ fn long_delays(names: &[String], servos: &[ServoState]) -> Option<(Weight, Strin
             "joints: servos wait before they answer (Return Delay Time, address 9): {}. Set it to 0 with ROBOTIS's tools for faster cycles",
             slow.join(", ")
         );
-        (Weight::Warn, text)
+        (Some(Severity::Warning), text)
     })
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::test_views::{S, allegro, away, finger, open, servo, servos};
     use super::*;
-    use crate::joints::test_views::{S, allegro, away, finger, open, servo, servos};
     use taxel_joints::bus::ServoIdentity;
 
     /// What is said at this moment: each sentence must hold its words, in order, and there must be no other.
     #[track_caller]
-    fn says(told: &mut Told, config: &JointsConfig, view: &JointsView, sentences: &[&[&str]]) {
-        let news = told.news(config, view);
+    fn says(reporter: &mut JointsReporter, config: &JointsConfig, view: &JointsView, sentences: &[&[&str]]) {
+        let news = reporter.handle_view(config, view);
         assert_eq!(news.len(), sentences.len(), "{news:#?}");
         for ((_, text), words) in news.iter().zip(sentences) {
             for word in *words {
                 assert!(text.contains(word), "`{word}` in {text}");
             }
         }
-        assert_eq!(told.news(config, view), [], "said twice");
+        assert_eq!(reporter.handle_view(config, view), [], "said twice");
     }
 
     #[test]
     fn a_port_that_opens_and_returns_and_those_behind_it_are_told_once() {
         let (config, mut view) = servos(2);
-        let mut told = Told::default();
-        says(&mut told, &config, &view, &[]);
+        let mut reporter = JointsReporter::default();
+        says(&mut reporter, &config, &view, &[]);
         open(&mut view, "/dev/ttyUSB0", 16);
         let is_open = ["/dev/servos (now /dev/ttyUSB0) is open at 1000000 bit/s"];
-        says(&mut told, &config, &view, &[&is_open]);
+        says(&mut reporter, &config, &view, &[&is_open]);
         servo(&mut view, 0).alive = true;
-        says(&mut told, &config, &view, &[]);
+        says(&mut reporter, &config, &view, &[]);
         view.now_ns += 2 * S;
-        says(&mut told, &config, &view, &[&["1 of 2 servos answer so far"]]);
+        says(&mut reporter, &config, &view, &[&["1 of 2 servos answer so far"]]);
 
         away(&mut view);
-        says(&mut told, &config, &view, &[]);
+        says(&mut reporter, &config, &view, &[]);
         open(&mut view, "/dev/ttyUSB1", 1);
-        says(&mut told, &config, &view, &[&["(now /dev/ttyUSB1) is back"]]);
+        says(&mut reporter, &config, &view, &[&["(now /dev/ttyUSB1) is back"]]);
         servo(&mut view, 0).alive = true;
         servo(&mut view, 1).alive = true;
         view.now_ns += 2 * S;
-        says(&mut told, &config, &view, &[&["all 2 servos answer"]]);
+        says(&mut reporter, &config, &view, &[&["all 2 servos answer"]]);
     }
 
     #[test]
     fn long_delays_are_told_with_their_servo() {
         let (config, mut view) = servos(2);
-        let mut told = Told::default();
+        let mut reporter = JointsReporter::default();
         open(&mut view, "/dev/servos", 1);
-        says(&mut told, &config, &view, &[&["is open"]]);
+        says(&mut reporter, &config, &view, &[&["is open"]]);
         for joint in 0..2 {
             servo(&mut view, joint).alive = true;
             servo(&mut view, joint).identity = Some(ServoIdentity {
@@ -209,20 +206,20 @@ mod tests {
         }
         view.now_ns += 2 * S;
         let sentences: [&[&str]; 2] = [&["all 2"], &["servo 2 (id 2) 500 us", "address 9"]];
-        says(&mut told, &config, &view, &sentences);
+        says(&mut reporter, &config, &view, &sentences);
     }
 
     #[test]
     fn the_fingers_of_a_hand_are_counted_when_its_bus_is_up() {
         let (config, mut view) = allegro();
-        let mut told = Told::default();
-        says(&mut told, &config, &view, &[]);
+        let mut reporter = JointsReporter::default();
+        says(&mut reporter, &config, &view, &[]);
         view.link = LinkState::Up;
-        says(&mut told, &config, &view, &[&["can:can2 is up"]]);
+        says(&mut reporter, &config, &view, &[&["can:can2 is up"]]);
         view.now_ns += 2 * S;
         (0..3).for_each(|f| finger(&mut view, f));
         says(
-            &mut told,
+            &mut reporter,
             &config,
             &view,
             &[&["3 of 4 fingers send their angles"]],

@@ -10,26 +10,29 @@ const FINGER_SILENT_NS: u64 = 500_000_000;
 
 /// What is known of the joints at one instant.
 #[derive(Debug, Clone)]
-pub(crate) struct JointsView {
-    /// The pipeline's clock, nanoseconds.
-    pub(crate) now_ns: u64,
+pub struct JointsView {
+    /// The engine's clock, nanoseconds.
+    pub now_ns: u64,
     /// From the tick thread.
-    pub(crate) tick: JointsSnapshot,
+    pub tick: JointsSnapshot,
     /// What the bus that angles come over has seen.
-    pub(crate) source: SourceCounters,
+    pub source: SourceCounters,
     /// Whether that bus can be reached.
-    pub(crate) link: LinkState,
+    pub link: LinkState,
     /// From the thread that reads servos, where there are any.
-    pub(crate) servos: Option<(ServoSnapshot, PortStatus)>,
+    pub servos: Option<(ServoSnapshot, PortStatus)>,
 }
 
 /// The joints' source with what is known of that kind alone.
 #[derive(Debug, Clone, Copy)]
-pub(crate) enum SourceView<'a> {
+pub enum SourceView<'a> {
     /// Servos.
     Servos {
+        /// Its configuration.
         config: &'a DynamixelConfig,
+        /// What was read.
         snapshot: &'a ServoSnapshot,
+        /// The serial port.
         port: &'a PortStatus,
     },
     /// An Allegro hand.
@@ -38,7 +41,7 @@ pub(crate) enum SourceView<'a> {
 
 impl JointsView {
     /// The source that `config` names; `None` while nothing is known of it.
-    pub(crate) fn of<'a>(&'a self, config: &'a JointsConfig) -> Option<SourceView<'a>> {
+    pub fn of<'a>(&'a self, config: &'a JointsConfig) -> Option<SourceView<'a>> {
         match (&config.source, &self.servos) {
             (JointSource::Dynamixel(config), Some((snapshot, port))) => Some(SourceView::Servos {
                 config,
@@ -51,7 +54,7 @@ impl JointsView {
     }
 
     /// Cycles of the servos, or readings of the joint that has sent most.
-    pub(crate) fn cycles(&self) -> u64 {
+    pub fn cycles(&self) -> u64 {
         match &self.servos {
             Some((snapshot, _)) => snapshot.counters.cycles,
             None => self.tick.counts.iter().map(|c| c.readings).max().unwrap_or(0),
@@ -59,7 +62,7 @@ impl JointsView {
     }
 
     /// Whether a finger of an Allegro hand (0 to 3) was heard lately; `None` if it never was.
-    pub(crate) fn finger_speaks(&self, finger: usize) -> Option<bool> {
+    pub fn finger_speaks(&self, finger: usize) -> Option<bool> {
         let heard_ns = self.tick.counts.get(4 * finger)?.heard_ns?;
         Some(self.now_ns.saturating_sub(heard_ns) < FINGER_SILENT_NS)
     }

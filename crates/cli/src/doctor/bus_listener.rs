@@ -15,7 +15,7 @@ const TURN: Duration = Duration::from_millis(1);
 const BATCH: usize = 4096;
 
 /// The buses of a hand, or a recording of them.
-pub(super) struct Ears {
+pub(super) struct BusListener {
     sources: Vec<Option<Box<dyn CanSource>>>,
     /// Whether the clock is the machine's; recordings bring their own.
     live: bool,
@@ -27,13 +27,13 @@ pub(super) struct Ears {
 /// Who listens.
 pub(super) trait Listener {
     /// A frame of a bus; frames of one turn come in the order of their times.
-    fn hear(&mut self, bus: u8, received: &Received);
+    fn handle_frame(&mut self, bus: u8, received: &Received);
 
     /// Called after each turn with the time; ends the listening by returning false.
-    fn turn(&mut self, ears: &mut Ears, now_ns: u64) -> bool;
+    fn handle_turn(&mut self, bus_listener: &mut BusListener, now_ns: u64) -> bool;
 }
 
-impl Ears {
+impl BusListener {
     /// Opens the sources. What cannot be opened stays deaf; the reason is returned with the number of the bus.
     ///
     /// `layout` is what a `sim:` source simulates.
@@ -76,13 +76,13 @@ impl Ears {
             };
             sources.push(source.map_err(|e| failures.push((bus, e))).ok());
         }
-        let ears = Self {
+        let bus_listener = Self {
             sources,
             live,
             recorded_ns: start_ns,
             interrupt,
         };
-        (ears, failures)
+        (bus_listener, failures)
     }
 
     /// The time of the buses, nanoseconds.
@@ -153,7 +153,7 @@ impl Ears {
                     merge.fill(bus, now_ns, |frames| source.receive(now_ns, frames));
                 }
                 while let Some((bus, received)) = merge.pop() {
-                    listener.hear(bus, &received);
+                    listener.handle_frame(bus, &received);
                 }
                 if !merge.has_more() {
                     break;
@@ -161,7 +161,7 @@ impl Ears {
             }
             progress.advance((now_ns - shown_ns) / 1_000_000);
             shown_ns += (now_ns - shown_ns) / 1_000_000 * 1_000_000;
-            if !listener.turn(self, now_ns) || now_ns >= end_ns || self.is_finished() {
+            if !listener.handle_turn(self, now_ns) || now_ns >= end_ns || self.is_finished() {
                 return true;
             }
             self.wait();

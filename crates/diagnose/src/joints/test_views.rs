@@ -1,6 +1,6 @@
 //! Views of joints for tests.
 
-use super::JointsView;
+use crate::joints_view::JointsView;
 use taxel_can::{LinkState, SourceCounters};
 use taxel_joints::bus::{BusCounters, FastState, NoReading, ServoState};
 use taxel_joints::{

@@ -1,0 +1,181 @@
+//! What is wrong with the boards: those that are silent, or fall silent again and again.
+
+use crate::kind::Kind;
+use crate::names::{is_of_board, modules_name};
+use crate::problem::{Place, Problem};
+use crate::traffic::speaks_on;
+use crate::view::{Look, Starting};
+use std::collections::VecDeque;
+use taxel_can::{BusState, LinkState};
+use taxel_skin::{BoardState, Layout};
+
+/// A board that falls silent this many times within this long is unsteady, until it was steady for a while.
+const SILENCES: usize = 3;
+const UNSTEADY_NS: u64 = 30_000_000_000;
+const STEADY_NS: u64 = 10_000_000_000;
+
+/// When each board fell silent of late.
+#[derive(Debug, Default)]
+pub(crate) struct Steadiness {
+    boards: Vec<(bool, VecDeque<u64>)>,
+}
+
+impl Steadiness {
+    /// Takes note whether a board is silent, and returns how often it fell silent, if that makes it unsteady.
+    fn handle_board(&mut self, module: usize, silent: bool, now_ns: u64) -> Option<usize> {
+        if self.boards.len() <= module {
+            self.boards.resize(module + 1, (false, VecDeque::new()));
+        }
+        let (was_silent, silences) = &mut self.boards[module];
+        if silent && !*was_silent {
+            silences.push_back(now_ns);
+        }
+        *was_silent = silent;
+        while silences
+            .front()
+            .is_some_and(|t| now_ns.saturating_sub(*t) > UNSTEADY_NS)
+        {
+            silences.pop_front();
+        }
+        let last_ns = *silences.back()?;
+        (silences.len() >= SILENCES && now_ns.saturating_sub(last_ns) <= STEADY_NS).then_some(silences.len())
+    }
+}
+
+pub(crate) fn judge(look: &Look<'_>, steadiness: &mut Steadiness, found: &mut Vec<Problem>) {
+    let (layout, view) = (look.setup.layout, look.view);
+    for (index, bus) in view.buses.iter().enumerate() {
+        let boards = || (0..layout.modules.len()).filter(|m| usize::from(layout.wiring[*m].bus) == index);
+        if bus.link != LinkState::Up || bus.counters.bus_state == BusState::BusOff {
+            // Told of the bus; that its boards are silent says nothing of them.
+            continue;
+        }
+        let state = |m: usize| view.boards[m].state;
+        // Between the first sweeps of a board that has just come up its state says silent, too.
+        let long = |m: usize| {
+            let last_ns = view.boards[m].last_ns;
+            last_ns.is_none_or(|last| view.now_ns.saturating_sub(last) >= look.setup.silence_ns)
+        };
+        let quiet = |m: usize| match state(m) {
+            BoardState::Silent => long(m),
+            BoardState::NeverSeen => view.boards_due,
+            BoardState::Settling | BoardState::Streaming => false,
+        };
+        let all = boards().count() > 1 && boards().all(quiet);
+        if all {
+            found.push(silent_bus(&layout.buses[index], index, bus.starting));
+        }
+        let (mut silent, mut unsteady) = (Vec::new(), Vec::new());
+        for module in boards() {
+            let fell_silent = view.boards_due && !all && state(module) == BoardState::Silent;
+            if let Some(times) = steadiness.handle_board(module, fell_silent, view.now_ns) {
+                unsteady.push((module, times));
+            }
+            if !all && quiet(module) && speaks_on(layout, view.findings, module).is_none() {
+                silent.push((module, state(module)));
+            }
+        }
+        for (modules, times) in by_board(layout, &unsteady, |_, _| true) {
+            found.push(unsteady_board(layout, modules, times));
+        }
+        for (modules, state) in by_board(layout, &silent, |a, b| a == b) {
+            found.push(silent_board(layout, modules, state, bus.starting));
+        }
+    }
+}
+
+/// The modules of one hub, of which the same is said, together: each list with what was noted of its first.
+fn by_board<T: Copy>(
+    layout: &Layout,
+    modules: &[(usize, T)],
+    same: impl Fn(&T, &T) -> bool,
+) -> Vec<(Vec<usize>, T)> {
+    let mut boards: Vec<(Vec<usize>, T)> = Vec::new();
+    for (module, of) in modules {
+        let board = (boards.iter_mut())
+            .find(|(board, other)| is_of_board(layout, board[0], *module) && same(other, of));
+        match board {
+            Some((board, _)) => board.push(*module),
+            None => boards.push((vec![*module], *of)),
+        }
+    }
+    boards
+}
+
+fn silent_bus(name: &str, bus: usize, starting: Starting) -> Problem {
+    let done = match starting {
+        Starting::Repeated => "They are told to start again and again",
+        starting => what_is_done(starting),
+    };
+    Problem::new(
+        Kind::BusSilent,
+        Place::Bus(bus),
+        format!("{name}: no board speaks"),
+        format!("check the hand's power, the cable and the bit rate. {done}"),
+        format!("{name}: boards speak again"),
+    )
+}
+
+fn what_is_done(starting: Starting) -> &'static str {
+    match starting {
+        Starting::Repeated => "It is told to start again and again",
+        Starting::ByOthers => {
+            "Nothing is sent to boards in passive mode: whoever controls them has to start them"
+        }
+        Starting::NotAllowed => {
+            "Nothing was sent on this bus (a recording, --listen-only, or others speak there): its boards may wait for a start command"
+        }
+    }
+}
+
+/// A problem of these modules of one board.
+fn of_board(
+    layout: &Layout,
+    kind: Kind,
+    modules: Vec<usize>,
+    found: String,
+    advice: String,
+    over: String,
+) -> Problem {
+    let hub = layout.wiring[modules[0]].hub;
+    let place = hub.map_or(Place::Module(modules[0]), Place::Hub);
+    Problem {
+        modules,
+        ..Problem::new(kind, place, found, advice, over)
+    }
+}
+
+fn silent_board(layout: &Layout, modules: Vec<usize>, state: BoardState, starting: Starting) -> Problem {
+    let name = modules_name(layout, &modules);
+    let done = what_is_done(starting);
+    let over = format!("{} speaks", name.trim_end_matches(','));
+    match state {
+        BoardState::NeverSeen => of_board(
+            layout,
+            Kind::BoardUnheard,
+            modules,
+            format!("{name} was not heard since the start"),
+            format!(
+                "check its power, its cable and its address switches, which the layout has to match. {done}"
+            ),
+            over,
+        ),
+        _ => of_board(
+            layout,
+            Kind::BoardSilent,
+            modules,
+            format!("{name} is silent"),
+            format!("check its power and cable. {done}, and the rest goes on"),
+            over,
+        ),
+    }
+}
+
+fn unsteady_board(layout: &Layout, modules: Vec<usize>, times: usize) -> Problem {
+    let name = modules_name(layout, &modules);
+    let over = format!("{} is steady again", name.trim_end_matches(','));
+    let found = format!(
+        "{name} fell silent {times} times within half a minute: a loose plug, or a supply that sags so that it reboots"
+    );
+    of_board(layout, Kind::BoardUnsteady, modules, found, String::new(), over)
+}

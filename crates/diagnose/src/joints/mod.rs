@@ -1,0 +1,72 @@
+//! What is wrong with the joints, and what is to be said of them while all is well.
+
+mod allegro;
+mod patience;
+mod reporter;
+mod servos;
+#[cfg(test)]
+pub(crate) mod test_views;
+
+pub use allegro::silent_fingers;
+pub(crate) use patience::Patience;
+pub use reporter::JointsReporter;
+pub use servos::{missing_servos, servo_state, silent_servo, slow_adapter};
+
+use crate::joints_view::{JointsView, SourceView};
+use crate::kind::Kind;
+use crate::problem::{Place, Problem};
+use crate::view::Look;
+use taxel_joints::JointsConfig;
+use taxel_joints::bus::ServoCounters;
+
+/// How often each thing happened to servos, at one look.
+#[derive(Debug, Default, Clone)]
+pub(crate) struct JointsReadings {
+    servos: Vec<ServoCounters>,
+    late_fast: u64,
+}
+
+impl JointsReadings {
+    pub(crate) fn of(view: Option<&JointsView>) -> Self {
+        view.and_then(|view| view.servos.as_ref())
+            .map_or_else(Self::default, |(snapshot, _)| Self {
+                servos: snapshot.servos.iter().map(|s| s.counters).collect(),
+                late_fast: snapshot.counters.late_fast,
+            })
+    }
+}
+
+/// What joints are judged by.
+pub(crate) struct Judge<'a> {
+    pub(crate) config: &'a JointsConfig,
+    pub(crate) view: &'a JointsView,
+    pub(crate) before: &'a JointsReadings,
+    pub(crate) look: &'a Look<'a>,
+    /// Whether there was such a problem at the last look.
+    pub(crate) has: &'a dyn Fn(Kind, Place) -> bool,
+}
+
+impl Judge<'_> {
+    pub(crate) fn judge(&self, patience: &mut Patience, found: &mut Vec<Problem>) {
+        let unknown = patience.unknown(self.view);
+        match self.view.of(self.config) {
+            Some(SourceView::Servos {
+                config,
+                snapshot,
+                port,
+            }) => self.servos(config, snapshot, port, &unknown, patience, found),
+            Some(SourceView::Hand(hand)) => self.hand(hand, patience, found),
+            None => {}
+        }
+    }
+}
+
+fn of_joints(kind: Kind, place: Place, found: String, advice: impl Into<String>, over: String) -> Problem {
+    Problem::new(
+        kind,
+        place,
+        format!("joints: {found}"),
+        advice,
+        format!("joints: {over}"),
+    )
+}

@@ -1,0 +1,299 @@
+//! What is wrong with servos: the serial port, each servo's answers, what it says of itself.
+
+use super::{Judge, Patience, of_joints};
+use crate::kind::Kind;
+use crate::problem::{Place, Problem};
+use taxel_joints::bus::{ServoCounters, ServoState};
+use taxel_joints::registers::HardwareError;
+use taxel_joints::{DynamixelConfig, PortState, PortStatus, ServoSnapshot};
+
+/// Late and damaged answers in the time looked at, from which they are a problem, if they are a fifth of all; one keeps it
+/// up. A machine that is held up for a moment makes some answers late.
+const LATE: u64 = 2;
+const DAMAGED: u64 = 3;
+const SHARE: u64 = 5;
+/// Degrees Celsius from which a servo is too hot, and down to which it stays so. It switches itself off at 80.
+const HOT_C: u8 = 70;
+const HOT_ON_C: u8 = 65;
+
+/// How quiet a servo is.
+struct Quiet {
+    silent: bool,
+    /// That all are silent is told instead.
+    told: bool,
+    heard: bool,
+    /// Its angle is unknown.
+    unknown: bool,
+}
+
+impl Judge<'_> {
+    pub(super) fn servos(
+        &self,
+        config: &DynamixelConfig,
+        snapshot: &ServoSnapshot,
+        port: &PortStatus,
+        unknown: &[bool],
+        patience: &mut Patience,
+        found: &mut Vec<Problem>,
+    ) {
+        let now_ns = self.view.now_ns;
+        match &port.state {
+            PortState::Starting => return,
+            PortState::Away { reason, .. } => {
+                patience.there_ns = None;
+                found.push(absent_port(port, reason));
+                return;
+            }
+            PortState::Open => patience.begin(port.opened, snapshot.servos.len(), now_ns),
+        }
+        found.extend(adapter_of(port));
+        let late_fast = snapshot.counters.late_fast.saturating_sub(self.before.late_fast);
+        let silent: Vec<bool> = (snapshot.servos.iter().enumerate())
+            .map(|(joint, servo)| patience.is_silent(joint, servo.alive, now_ns))
+            .collect();
+        let mut own: Vec<Problem> = Vec::new();
+        let all = silent.len() > 1 && silent.iter().all(|silent| *silent);
+        if all {
+            found.push(missing_servos(&self.config.source.to_string(), config.baud));
+        }
+        for (joint, servo) in snapshot.servos.iter().enumerate() {
+            let name =
+                (config.servo.get(joint)).map_or_else(String::new, |s| format!("{} (id {})", s.name, s.id));
+            let quiet = Quiet {
+                silent: silent[joint],
+                told: all,
+                heard: patience.heard[joint],
+                unknown: unknown[joint] && patience.heard[joint] && late_fast == 0,
+            };
+            self.one_servo(joint, &name, servo, &quiet, port, &mut own);
+        }
+        for problem in own.iter().filter(|p| p.kind != Kind::JointStale) {
+            if let Place::Joint(joint) = problem.place {
+                patience.explained(joint);
+            }
+        }
+        let most = |kind: Kind, own: &[Problem]| {
+            let of_kind = own.iter().filter(|p| p.kind == kind).count();
+            snapshot.servos.len() > 2 && 2 * of_kind > snapshot.servos.len()
+        };
+        if most(Kind::ServoDamaged, &own) {
+            own.retain(|p| p.kind != Kind::ServoDamaged);
+            found.push(of_joints(
+                Kind::ServoDamaged,
+                Place::Joints,
+                "the answers of most servos come damaged (CRC)".into(),
+                "look at the cable to the first servo, termination (RS-485), a cable beside motor wires, and at the baud rate",
+                "the servos' answers are whole".into(),
+            ));
+        }
+        let all_late = most(Kind::ServoLate, &own);
+        if all_late {
+            own.retain(|p| p.kind != Kind::ServoLate);
+        }
+        found.append(&mut own);
+        if all_late || late_fast >= self.least(Kind::ServoLate, Place::Joints, LATE) {
+            found.push(of_joints(
+                Kind::ServoLate,
+                Place::Joints,
+                "answers of most servos come after their deadline, into the next request".into(),
+                late_advice(port, &ServoState::default()),
+                "the servos answer in time".into(),
+            ));
+        }
+    }
+
+    fn one_servo(
+        &self,
+        joint: usize,
+        name: &str,
+        servo: &ServoState,
+        quiet: &Quiet,
+        port: &PortStatus,
+        found: &mut Vec<Problem>,
+    ) {
+        let place = Place::Joint(joint);
+        let before = self.before.servos.get(joint).copied().unwrap_or(servo.counters);
+        let since = |count: fn(&ServoCounters) -> u64| count(&servo.counters).saturating_sub(count(&before));
+        let (late, damaged) = (since(|c| c.late), since(|c| c.bad_crc));
+        let all = late + damaged + since(|c| c.ok) + since(|c| c.timeouts);
+        let seconds = self.look.seconds;
+        let count = found.len();
+        if late >= self.least(Kind::ServoLate, place, LATE.max(all.div_ceil(SHARE))) {
+            found.push(of_joints(
+                Kind::ServoLate,
+                place,
+                format!(
+                    "servo {name} answers after its deadline ({late} times in {seconds:.1} s), into the next request; such answers are not taken for its angle",
+                ),
+                late_advice(port, servo),
+                format!("servo {name} answers in time"),
+            ));
+        }
+        if damaged >= self.least(Kind::ServoDamaged, place, DAMAGED.max(all.div_ceil(SHARE))) {
+            found.push(of_joints(
+                Kind::ServoDamaged,
+                place,
+                format!(
+                    "{damaged} answers of servo {name} in {seconds:.1} s came damaged (CRC)"
+                ),
+                "look for a loose plug, a cable beside motor wires, a long bus without termination (RS-485), or two servos with one id",
+                format!("the answers of servo {name} are whole"),
+            ));
+        }
+        if quiet.silent && !quiet.told && late == 0 {
+            found.push(silent_servo(joint, name, quiet.heard));
+        }
+        if quiet.unknown && !quiet.silent && found.len() == count {
+            found.push(self.stale(joint));
+        }
+        let was_hot = (self.has)(Kind::ServoHot, place);
+        found.extend(servo_state(joint, name, servo, was_hot));
+    }
+
+    /// How many there must be of something for a problem: one is enough to keep it up.
+    fn least(&self, kind: Kind, place: Place, come: u64) -> u64 {
+        if (self.has)(kind, place) || (self.has)(kind, Place::Joints) {
+            1
+        } else {
+            come
+        }
+    }
+
+    fn stale(&self, joint: usize) -> Problem {
+        let (name, hold_ms) = (&self.config.joint_names()[joint], self.config.hold_ms);
+        let age_ns = self.view.tick.age_ns.get(joint).copied().unwrap_or(u64::MAX);
+        let age = match age_ns {
+            u64::MAX => "it has no reading yet".to_string(),
+            ns => format!(
+                "its newest reading is {} ms old, hold_ms = {hold_ms}",
+                ns / 1_000_000
+            ),
+        };
+        of_joints(
+            Kind::JointStale,
+            Place::Joint(joint),
+            format!("the angle of {name} is unknown: {age}"),
+            "If the bus cannot be read more often (`cycle_hz` in the status), raise its baud rate, or `hold_ms`",
+            format!("the angle of {name} is known"),
+        )
+    }
+}
+
+fn absent_port(port: &PortStatus, reason: &str) -> Problem {
+    let path = port.path.display();
+    // The newest reason is that it cannot be opened anew, which says nothing of how it went.
+    let gone = match port.opened {
+        0 => String::new(),
+        _ => format!(
+            "{path} is gone, unplugged or reset by its driver, and is used again as soon as it is back: "
+        ),
+    };
+    of_joints(
+        Kind::SerialAbsent,
+        Place::Joints,
+        format!("{gone}{reason}"),
+        "Until then images go on with unknown joint angles",
+        format!("{path} is there"),
+    )
+}
+
+/// An FTDI adapter, by its latency timer and its name in `/sys/bus/usb-serial/devices`, that keeps bytes back for so long
+/// that cycles are slow; `None` where it does not.
+pub fn slow_adapter(timer_ms: u32, name: &str) -> Option<Problem> {
+    let problem = of_joints(
+        Kind::AdapterLatency,
+        Place::Joints,
+        format!("the FTDI adapter keeps answers back for up to {timer_ms} ms"),
+        format!(
+            "`echo 1 > /sys/bus/usb-serial/devices/{name}/latency_timer` as root, or for good systemd/60-taxeld-serial.rules, makes it 1 ms"
+        ),
+        "the FTDI adapter hands answers over within 1 ms".into(),
+    );
+    (timer_ms > 1).then_some(problem)
+}
+
+fn adapter_of(port: &PortStatus) -> Option<Problem> {
+    let name = port.device.as_ref()?.file_name()?.to_string_lossy();
+    slow_adapter(port.latency?.ftdi_timer_ms?, &name)
+}
+
+fn late_advice(port: &PortStatus, servo: &ServoState) -> String {
+    let timer_ms = port.latency.and_then(|l| l.ftdi_timer_ms);
+    let delay_us = servo.identity.map_or(0, |i| i.return_delay_us);
+    match (timer_ms, delay_us) {
+        (Some(ms), _) if ms > 1 => format!("The adapter's latency timer is {ms} ms and should be 1"),
+        (_, 50..) => format!("Its Return Delay Time is {delay_us} us: set it to 0"),
+        _ => "Look for a USB hub or a busy machine in between; `answer_margin_ms` in [joints] gives answers more time"
+            .into(),
+    }
+}
+
+/// No servo answers; `source` is that of the configuration.
+pub fn missing_servos(source: &str, baud: u32) -> Problem {
+    of_joints(
+        Kind::ServosSilent,
+        Place::Joints,
+        "no servo answers".into(),
+        format!(
+            "check their supply and the cable, and that they are set to baud = {baud} (`taxel doctor --joints {source}` looks for others). They are asked again twice a second"
+        ),
+        "servos answer".into(),
+    )
+}
+
+/// A servo, by its joint and its name with its id, does not answer; `heard` says that it once did.
+pub fn silent_servo(joint: usize, name: &str, heard: bool) -> Problem {
+    let more = if heard { "" } else { ", its id and its baud rate" };
+    of_joints(
+        Kind::ServoSilent,
+        Place::Joint(joint),
+        format!("servo {name} is silent"),
+        format!("check its power and cable{more}. The others go on; it is asked again twice a second"),
+        format!("servo {name} answers again"),
+    )
+}
+
+/// What a servo, by its joint and its name with its id, says of itself. One that was too hot at the last look has to cool
+/// down further.
+pub fn servo_state(joint: usize, name: &str, state: &ServoState, was_hot: bool) -> Vec<Problem> {
+    let place = Place::Joint(joint);
+    let mut found = Vec::new();
+    let error = state.hardware_error.unwrap_or(HardwareError(0));
+    if !error.is_none() {
+        let advice: Vec<&str> = error.names().map(cure).collect();
+        found.push(of_joints(
+            Kind::ServoError,
+            place,
+            format!(
+                "servo {name} reports a hardware error: {error}. Its motor stays off until it is rebooted; its angle goes on"
+            ),
+            format!("{}; then reboot it, or switch it off and on", advice.join(", ")),
+            format!("servo {name} has no hardware error any more"),
+        ));
+    }
+    let least_c = if was_hot { HOT_ON_C } else { HOT_C };
+    if let Some(celsius) = state.temperature_c.filter(|c| *c >= least_c) {
+        found.push(of_joints(
+            Kind::ServoHot,
+            place,
+            format!(
+                "servo {name} has {celsius} degrees Celsius, and switches itself off at 80 (Temperature Limit, address 31)"
+            ),
+            "give it a rest or less load",
+            format!("servo {name} has cooled down"),
+        ));
+    }
+    found
+}
+
+/// What to do about a hardware error, by its name in the data sheet.
+fn cure(error: &str) -> &'static str {
+    match error {
+        "input voltage" => "Check its supply",
+        "overheating" => "Let it cool down",
+        "overload" => "Free the joint",
+        "motor encoder" => "Its encoder is defective",
+        "electrical shock" => "Check supply and motor wires for a short circuit",
+        _ => "See its data sheet",
+    }
+}

@@ -1,0 +1,29 @@
+//! What is wrong with a hand, its buses and its joints, in words that a user can act on: each thing once, with one
+//! severity. Status, log, notices and doctor all say what is found here.
+//!
+//! Nothing here does I/O or has a clock. What is known comes in as data, a [`HandView`]; [`Problems`] tells what is wrong
+//! in it, and what of that is new. The daemon asks ten times a second, the doctor while it listens.
+
+mod boards;
+mod bus;
+mod joints;
+mod joints_view;
+mod kind;
+mod names;
+mod problem;
+mod problems;
+mod rate_limiter;
+mod traffic;
+mod view;
+
+pub use joints::{JointsReporter, missing_servos, servo_state, silent_fingers, silent_servo, slow_adapter};
+pub use joints_view::{JointsView, SourceView};
+pub use kind::{Kind, Severity};
+pub use names::board_name;
+pub use problem::{Place, Problem};
+pub use problems::{CurrentProblem, News, Problems};
+pub use traffic::speaks_on;
+pub use view::{BusView, HandSetup, HandView, Starting};
+
+#[cfg(test)]
+mod tests;

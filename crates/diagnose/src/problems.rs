@@ -1,0 +1,164 @@
+//! The problems there are, and what of them is new. Each is told once when it comes and once when it is over; one that
+//! comes and goes is told less and less often.
+
+use crate::joints::{self, JointsReadings, Patience};
+use crate::kind::{Kind, Severity};
+use crate::problem::{Place, Problem};
+use crate::rate_limiter::RateLimiter;
+use crate::view::{HandSetup, HandView, Look};
+use crate::{boards, bus, traffic};
+use std::collections::{HashMap, VecDeque};
+use taxel_can::SourceCounters;
+
+/// Counters are compared with those of this long ago, nanoseconds.
+const RECENT_NS: u64 = 500_000_000;
+
+/// Something to tell.
+#[derive(Debug, Clone, PartialEq)]
+pub enum News {
+    /// A problem has come.
+    Came {
+        /// How much it matters.
+        severity: Severity,
+        /// What is wrong and what to do.
+        sentence: String,
+    },
+    /// A problem is over.
+    Over {
+        /// What is right again.
+        sentence: String,
+    },
+}
+
+/// A problem that there is.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CurrentProblem {
+    /// The problem, in its newest figures.
+    pub problem: Problem,
+    /// Since when, nanoseconds on the clock of the views.
+    pub since_ns: u64,
+}
+
+/// The problems there are, and what was told of them. It is given a [`HandView`] several times a second.
+#[derive(Debug, Default)]
+pub struct Problems {
+    current: Vec<CurrentProblem>,
+    limiters: HashMap<(Kind, Place), RateLimiter>,
+    recent: VecDeque<(u64, Vec<SourceCounters>, JointsReadings)>,
+    steadiness: boards::Steadiness,
+    patience: Patience,
+    now_ns: u64,
+}
+
+impl Problems {
+    /// Judges what is known of the hand now, and returns what is new.
+    pub fn handle_view(&mut self, setup: &HandSetup<'_>, view: &HandView<'_>) -> Vec<News> {
+        self.now_ns = view.now_ns;
+        let counters: Vec<SourceCounters> = view.buses.iter().map(|b| b.counters).collect();
+        let readings = JointsReadings::of(view.joints);
+        self.recent.push_back((view.now_ns, counters, readings));
+        while self.recent.len() > 2 && view.now_ns.saturating_sub(self.recent[1].0) >= RECENT_NS {
+            self.recent.pop_front();
+        }
+        let (then_ns, before, joints_before) = &self.recent[0];
+        let look = Look {
+            setup,
+            view,
+            before,
+            seconds: view.now_ns.saturating_sub(*then_ns).max(1) as f64 / 1e9,
+        };
+        let current = &self.current;
+        let has = |kind, place| is_among(current, kind, place);
+        let mut found = Vec::new();
+        for index in 0..view.buses.len() {
+            let flapped = has(Kind::Flapping, Place::Bus(index));
+            bus::judge(&look, index, flapped, &mut found);
+        }
+        traffic::judge(&look, &mut found);
+        boards::judge(&look, &mut self.steadiness, &mut found);
+        if let (Some(config), Some(view)) = (setup.joints, view.joints) {
+            let judge = joints::Judge {
+                config,
+                view,
+                before: joints_before,
+                look: &look,
+                has: &has,
+            };
+            judge.judge(&mut self.patience, &mut found);
+        }
+        self.replace(found)
+    }
+
+    fn replace(&mut self, found: Vec<Problem>) -> Vec<News> {
+        let now_ns = self.now_ns;
+        let mut news = Vec::new();
+        let old = std::mem::take(&mut self.current);
+        for CurrentProblem { problem, since_ns } in &old {
+            if !found.iter().any(|p| p.is_same(problem))
+                && let Some(unsaid) = self.poll_limiter(problem)
+            {
+                let lasted_s = now_ns.saturating_sub(*since_ns) as f64 / 1e9;
+                let more = unsaid.map_or(String::new(), |unsaid| format!(", {unsaid}"));
+                let sentence = format!("{} (after {lasted_s:.1} s{more})", problem.over);
+                news.push(News::Over { sentence });
+            }
+        }
+        for problem in found {
+            let since_ns = old
+                .iter()
+                .find(|p| p.problem.is_same(&problem))
+                .map(|p| p.since_ns);
+            if since_ns.is_none()
+                && let Some(unsaid) = self.poll_limiter(&problem)
+            {
+                let more = unsaid.map_or(String::new(), |unsaid| format!(" ({unsaid})"));
+                news.push(News::Came {
+                    severity: problem.severity(),
+                    sentence: problem.sentence() + &more,
+                });
+            }
+            let since_ns = since_ns.unwrap_or(now_ns);
+            self.current.push(CurrentProblem { problem, since_ns });
+        }
+        news
+    }
+
+    /// Whether a sentence on this problem may be said now, with what to add on those that were not.
+    fn poll_limiter(&mut self, problem: &Problem) -> Option<Option<String>> {
+        let limiter = (self.limiters.entry((problem.kind, problem.place)))
+            .or_insert_with(|| RateLimiter::new(self.now_ns));
+        let unsaid = limiter.poll(self.now_ns)?;
+        Some((unsaid > 0).then(|| format!("{unsaid} changes in between were not told")))
+    }
+
+    /// Those there are now.
+    pub fn current(&self) -> &[CurrentProblem] {
+        &self.current
+    }
+
+    /// The time of the newest view, nanoseconds.
+    pub fn now_ns(&self) -> u64 {
+        self.now_ns
+    }
+
+    /// The kinds of problems of one bus, board or joint.
+    pub fn kinds(&self, place: Place) -> Vec<Kind> {
+        let of_place = self.current.iter().filter(|p| p.problem.is_of(place));
+        of_place.map(|p| p.problem.kind).collect()
+    }
+
+    /// How many there are, and of which kinds; `None` where there are none.
+    pub fn summary(&self) -> Option<String> {
+        let mut kinds: Vec<&str> = self.current.iter().map(|p| p.problem.kind.name()).collect();
+        kinds.sort_unstable();
+        kinds.dedup();
+        let s = if self.current.len() == 1 { "" } else { "s" };
+        (!kinds.is_empty()).then(|| format!("{} problem{s} ({})", self.current.len(), kinds.join(", ")))
+    }
+}
+
+fn is_among(problems: &[CurrentProblem], kind: Kind, place: Place) -> bool {
+    problems
+        .iter()
+        .any(|p| (p.problem.kind, p.problem.place) == (kind, place))
+}

@@ -1,0 +1,260 @@
+//! Problems of buses and boards, as they come and go.
+
+use super::*;
+use crate::{Place, Severity};
+use taxel_can::{BusState, SourceCounters};
+
+#[test]
+fn a_problem_is_told_when_it_comes_and_when_it_is_over() {
+    let mut bench = Bench::new();
+    bench.pass(2000, |s| s.buses[1].counters.bus_state = BusState::BusOff);
+    assert_eq!(bench.kinds(), ["bus-off"]);
+    let [
+        News::Came {
+            severity: Severity::Error,
+            sentence,
+        },
+    ] = &bench.said[..]
+    else {
+        panic!("{:?}", bench.said);
+    };
+    assert!(
+        sentence.starts_with("can1: ") && sentence.contains("type can restart-ms 100"),
+        "{sentence}"
+    );
+    assert_eq!(bench.problems.kinds(Place::Bus(1)), [Kind::BusOff]);
+    assert!(bench.problems.kinds(Place::Bus(0)).is_empty());
+
+    bench.pass(500, |s| s.buses[1].counters.bus_state = BusState::ErrorActive);
+    assert_eq!(bench.kinds(), [""; 0]);
+    let Some(News::Over { sentence }) = bench.said.last() else {
+        panic!("{:?}", bench.said);
+    };
+    assert_eq!(
+        (bench.said.len(), sentence.as_str()),
+        (2, "can1: the controller is on the bus again (after 2.0 s)")
+    );
+}
+
+#[test]
+fn flapping_is_one_problem_and_not_hundreds() {
+    let mut bench = Bench::new();
+    // Fifty changes a second, for a minute; where it stands at a look is chance.
+    let mut looks = 0;
+    bench.pass(60_000, |s| {
+        looks += 1;
+        let source = &mut s.buses[0].counters;
+        source.state_changes += 5;
+        source.bus_state = [BusState::ErrorPassive, BusState::ErrorActive][looks % 2];
+    });
+    assert_eq!(bench.kinds(), ["flapping"]);
+    assert!(bench.said.len() <= 4, "{:#?}", bench.said);
+    bench.pass(1000, |s| s.buses[0].counters.bus_state = BusState::ErrorActive);
+    assert_eq!(bench.kinds(), [""; 0]);
+}
+
+#[test]
+fn what_comes_and_goes_for_hours_is_told_less_and_less() {
+    let mut bench = Bench::new();
+    let mut looks = 0;
+    bench.pass(3_600_000, |s| {
+        looks += 1;
+        s.boards[3].state = if looks / 5 % 2 == 0 {
+            BoardState::Silent
+        } else {
+            BoardState::Streaming
+        };
+    });
+    // 7,200 changes in an hour; two kinds of problem, a sentence each per ten seconds.
+    assert!(bench.said.len() < 2 * 360 + 10, "{}", bench.said.len());
+    let untold = "changes in between were not told";
+    assert!(bench.said.iter().any(|news| sentence(news).contains(untold)));
+    assert!(bench.kinds().contains(&"board-unsteady"));
+}
+
+#[test]
+fn a_bus_that_is_lost_is_told_once_and_its_boards_are_not() {
+    for (link, kind) in [(LinkState::Absent, "link-absent"), (LinkState::Down, "link-down")] {
+        let mut bench = Bench::new();
+        bench.pass(3000, |s| {
+            s.buses[0].link = link;
+            for board in &mut s.boards[..8] {
+                board.state = BoardState::Silent;
+            }
+        });
+        assert_eq!(bench.kinds(), [kind]);
+        assert_eq!(bench.said.len(), 1);
+    }
+}
+
+#[test]
+fn a_bus_on_which_nobody_speaks_is_one_problem_and_one_silent_board_another() {
+    let mut bench = Bench::new();
+    bench.pass(1000, |s| {
+        for board in &mut s.boards[..8] {
+            board.state = BoardState::Silent;
+        }
+        s.boards[9].state = BoardState::Silent;
+    });
+    assert_eq!(bench.kinds(), ["bus-silent", "board-silent"]);
+    let problem = &bench.problems.current()[1].problem;
+    assert_eq!(problem.bus(&bench.layout), Some(1));
+    assert_eq!(problem.modules, [9]);
+}
+
+/// A bus with a hub of five modules and one of one.
+fn two_hubs() -> Layout {
+    let mut text = "name = \"hubs\"\nbuses = [\"can0\"]\nimage = { width = 42, height = 1 }\n[cyskin]\n\
+         byte_order = \"big\"\nchecksum = \"sum\"\nsequence_bytes_above = 5\nsensors_per_module = 12\n\
+         [[cyskin.hub]]\nname = \"left\"\nbus = \"can0\"\naddress = 1\n\
+         [[cyskin.hub]]\nname = \"right\"\nbus = \"can0\"\naddress = 2\n"
+        .to_string();
+    for n in 0..6 {
+        let hub = if n < 5 { "left" } else { "right" };
+        text += &format!(
+            "[[module]]\nname = \"m{n}\"\npart = \"p\"\nbus = \"can0\"\nhub = \"{hub}\"\nboard = {n}\n\
+             protocol = \"cyskin\"\nat = [{}, 0]\norder = [[1, 2, 3, 4, 5, 6, 7]]\n",
+            7 * n
+        );
+    }
+    Layout::parse(&text, "hubs.toml").unwrap_or_else(|e| panic!("{e}"))
+}
+
+#[test]
+fn a_silent_hub_is_one_problem_with_its_modules_named() {
+    let cases: [(&[usize], &str, &str); 4] = [
+        (
+            &[0, 1, 2, 3, 4],
+            "hub left (can0) with all its modules (m0, m1, m2 and 2 more) is silent; ",
+            "hub left (can0) with all its modules (m0, m1, m2 and 2 more) speaks (",
+        ),
+        (
+            &[1, 3],
+            "a part of hub left (can0), 2 of its 5 modules (m1, m3), is silent; ",
+            "a part of hub left (can0), 2 of its 5 modules (m1, m3) speaks (",
+        ),
+        (
+            &[2],
+            "m2 (can0 hub left, board 2) is silent; ",
+            "m2 (can0 hub left, board 2) speaks (",
+        ),
+        (
+            &[5],
+            "m5 (can0 hub right, board 5) is silent; ",
+            "m5 (can0 hub right, board 5) speaks (",
+        ),
+    ];
+    for (silent, came, over) in cases {
+        let mut bench = Bench::of(two_hubs(), &["can:can0"]);
+        bench.pass(1000, |s| {
+            silent
+                .iter()
+                .for_each(|m| s.boards[*m].state = BoardState::Silent)
+        });
+        assert_eq!(bench.kinds(), ["board-silent"]);
+        for module in 0..6 {
+            let wanted: &[Kind] = if silent.contains(&module) {
+                &[Kind::BoardSilent]
+            } else {
+                &[]
+            };
+            assert_eq!(bench.problems.kinds(Place::Module(module)), wanted, "{module}");
+        }
+        let names: Vec<String> = silent.iter().map(|m| format!("m{m}")).collect();
+        assert_eq!(bench.problems.current()[0].problem.bus(&bench.layout), Some(0));
+        assert_eq!(bench.modules(0), names);
+        bench.pass(1000, |s| {
+            silent
+                .iter()
+                .for_each(|m| s.boards[*m].state = BoardState::Streaming)
+        });
+        let [News::Came { sentence, .. }, News::Over { sentence: end }] = &bench.said[..] else {
+            panic!("{:?}", bench.said);
+        };
+        assert!(sentence.starts_with(came), "{sentence}");
+        assert!(end.starts_with(over), "{end}");
+    }
+}
+
+#[test]
+fn findings_are_told_with_their_figures_and_what_to_do() {
+    let cases = [
+        (
+            Finding::IdBabbles {
+                bus: 0,
+                id: 5,
+                extended: false,
+                module: None,
+                rate_hz: 4000.0,
+                share: 0.444,
+            },
+            "babbling",
+            ["id 005", "4000 frames/s, at least 44 %"],
+        ),
+        (
+            Finding::TwoBoards {
+                module: 3,
+                sweeps_hz: [100.0, 50.0],
+            },
+            "two-boards-one-address",
+            [
+                "two boards answer as board 3 of can0",
+                "(can0 board 5) is silent and probably the other one",
+            ],
+        ),
+        (
+            Finding::BusesSwapped {
+                buses: [0, 1],
+                module: 7,
+                boards: 1,
+            },
+            "buses-swapped",
+            ["can0 and can1 look swapped", "`source = \"can:can0\"`"],
+        ),
+        (
+            Finding::OnOtherBus { module: 7, bus: 1 },
+            "board-on-other-bus",
+            ["a board of its address speaks on can1", "bus = \"can1\""],
+        ),
+    ];
+    for (finding, kind, words) in cases {
+        let mut bench = Bench::new();
+        bench.pass(500, |s| {
+            if kind == "two-boards-one-address" {
+                s.boards[5].state = BoardState::Silent;
+            }
+            s.findings = vec![finding];
+        });
+        let said: Vec<&str> = bench.said.iter().map(sentence).collect();
+        assert!(bench.kinds().contains(&kind));
+        assert!(words.iter().all(|w| said[0].contains(w)), "{said:?}");
+    }
+}
+
+#[test]
+fn errors_on_the_bus_are_told_with_what_to_look_at() {
+    type Change = fn(&mut SourceCounters);
+    let cases: [(Change, &str, &str); 5] = [
+        (|s| s.errors.protocol += 3, "bus-errors", "termination"),
+        (|s| s.errors.no_acknowledge += 1, "no-acknowledge", "no power"),
+        (
+            |s| s.errors.controller_overflow += 1,
+            "controller-overflow",
+            "USB",
+        ),
+        (|s| s.lost_in_kernel += 1, "frames-lost", "rmem_max"),
+        (|s| s.send_failures += 1, "cannot-send", "txqueuelen"),
+    ];
+    for (change, kind, word) in cases {
+        let mut bench = Bench::new();
+        bench.pass(2000, |s| change(&mut s.buses[0].counters));
+        assert_eq!(bench.kinds(), [kind]);
+        assert!(
+            matches!(&bench.said[..], [News::Came { sentence, .. }] if sentence.contains(word)),
+            "{:?}",
+            bench.said
+        );
+        bench.pass(1000, |_| {});
+        assert_eq!(bench.kinds(), [""; 0], "{kind} is not over");
+    }
+}

@@ -1,0 +1,255 @@
+//! Problems of joints, as they come and go.
+
+use super::*;
+use crate::joints::test_views::{S, allegro, away, finger, open, servo, servos};
+use crate::{Place, Severity};
+use taxel_joints::registers::HardwareError;
+
+struct JointsBench {
+    bench: Bench,
+    view: JointsView,
+}
+
+impl JointsBench {
+    fn new((joints, view): (JointsConfig, JointsView)) -> Self {
+        let mut bench = Bench::new();
+        bench.joints = Some(joints);
+        Self { bench, view }
+    }
+
+    /// Servos that all answer.
+    fn answering(n: u8) -> Self {
+        let (config, mut view) = servos(n);
+        open(&mut view, "/dev/ttyUSB0", 1);
+        for joint in 0..usize::from(n) {
+            servo(&mut view, joint).alive = true;
+            view.tick.angles[joint] = 0.0;
+        }
+        let mut bench = Self::new((config, view));
+        bench.pass(1000, |_| {});
+        assert_eq!(bench.bench.said, []);
+        bench
+    }
+
+    fn pass(&mut self, ms: u64, mut change: impl FnMut(&mut JointsView)) {
+        let Self { bench, view } = self;
+        for _ in 0..ms / 100 {
+            bench.known.now_ns += 100 * MS;
+            view.now_ns = bench.known.now_ns;
+            change(view);
+            bench.look(Some(view));
+        }
+    }
+
+    /// What was said of late; each sentence must hold its words.
+    #[track_caller]
+    fn said(&mut self, sentences: &[&[&str]]) {
+        let said: Vec<String> = (self.bench.said.drain(..))
+            .map(|news| sentence(&news).into())
+            .collect();
+        assert_eq!(said.len(), sentences.len(), "{said:#?}");
+        for (text, words) in said.iter().zip(sentences) {
+            assert!(words.iter().all(|word| text.contains(word)), "{words:?}: {text}");
+        }
+    }
+}
+
+#[test]
+fn an_adapter_that_is_unplugged_is_one_problem_and_its_servos_are_none() {
+    let mut bench = JointsBench::answering(3);
+    bench.pass(3000, away);
+    bench.said(&[&["/dev/servos is gone, unplugged", "No such file", "images go on"]]);
+    assert_eq!(bench.bench.kinds(), ["serial-absent"]);
+    let problem = &bench.bench.problems.current()[0].problem;
+    assert_eq!(
+        (problem.bus(&bench.bench.layout), problem.place),
+        (None, Place::Joints)
+    );
+    assert_eq!(problem.severity(), Severity::Error);
+
+    open(&mut bench.view, "/dev/ttyUSB1", 1);
+    bench.pass(900, |_| {});
+    bench.said(&[&["/dev/servos is there", "after 3.0 s"]]);
+    bench.pass(500, |_| {});
+    bench.said(&[&[
+        "no servo answers",
+        "baud = 1000000",
+        "taxel doctor --joints dynamixel:/dev/servos",
+    ]]);
+    bench.pass(500, |view| {
+        (0..3).for_each(|joint| servo(view, joint).alive = true)
+    });
+    bench.said(&[&["servos answer"]]);
+}
+
+#[test]
+fn a_servo_that_is_silent_late_damaged_hot_or_failed_is_named_with_what_to_do() {
+    type Change = fn(&mut JointsView);
+    let cases: [(&str, Change, Change, &[&str], &str); 5] = [
+        (
+            "servo-silent",
+            |v| servo(v, 1).alive = false,
+            |v| servo(v, 1).alive = true,
+            &["servo 2 (id 2) is silent; check its power and cable. "],
+            "servo 2 (id 2) answers again",
+        ),
+        (
+            "servo-late",
+            |v| servo(v, 1).counters.late += 1,
+            |_| {},
+            &["servo 2 (id 2) answers after its deadline", "answer_margin_ms"],
+            "answers in time",
+        ),
+        (
+            "servo-damaged",
+            |v| servo(v, 1).counters.bad_crc += 1,
+            |_| {},
+            &["answers of servo servo 2 (id 2)", "damaged (CRC)", "termination"],
+            "are whole",
+        ),
+        (
+            "servo-error",
+            |v| servo(v, 1).hardware_error = Some(HardwareError(0x24)),
+            |v| servo(v, 1).hardware_error = Some(HardwareError(0)),
+            &[
+                "servo 2 (id 2)",
+                "overheating, overload",
+                "Let it cool down, Free the joint",
+                "reboot",
+            ],
+            "no hardware error",
+        ),
+        (
+            "servo-hot",
+            |v| servo(v, 1).temperature_c = Some(71),
+            |v| servo(v, 1).temperature_c = Some(64),
+            &["servo 2 (id 2) has 71 degrees"],
+            "cooled down",
+        ),
+    ];
+    for (kind, begin, end, words, over) in cases {
+        let mut bench = JointsBench::answering(3);
+        bench.pass(1500, begin);
+        bench.said(&[words]);
+        assert_eq!(bench.bench.kinds(), [kind]);
+        assert_eq!(bench.bench.problems.kinds(Place::Joint(1)).len(), 1);
+        assert_eq!(bench.bench.problems.current()[0].problem.place, Place::Joint(1));
+        bench.pass(1000, end);
+        bench.said(&[&[over]]);
+    }
+}
+
+#[test]
+fn answers_that_are_late_or_damaged_from_all_servos_are_one_problem() {
+    type Change = fn(&mut JointsView, usize);
+    let cases: [(&str, Change, &[&str]); 2] = [
+        (
+            "servo-late",
+            |v, joint| servo(v, joint).counters.late += 1,
+            &["most servos come after their deadline", "busy machine"],
+        ),
+        (
+            "servo-damaged",
+            |v, joint| servo(v, joint).counters.bad_crc += 1,
+            &["most servos come damaged", "termination"],
+        ),
+    ];
+    for (kind, change, words) in cases {
+        let mut bench = JointsBench::answering(4);
+        bench.pass(2000, |view| (0..4).for_each(|joint| change(view, joint)));
+        bench.said(&[words]);
+        assert_eq!(bench.bench.kinds(), [kind]);
+        assert_eq!(bench.bench.problems.kinds(Place::Joints).len(), 1);
+        bench.pass(1000, |_| {});
+        assert_eq!(bench.bench.kinds(), [""; 0]);
+    }
+    // A tenth of the answers late: a machine that was busy.
+    let mut bench = JointsBench::answering(4);
+    bench.pass(5000, |view| {
+        servo(view, 1).counters.ok += 9;
+        servo(view, 1).counters.late += 1;
+    });
+    bench.said(&[]);
+}
+
+#[test]
+fn what_is_at_the_edge_does_not_come_and_go() {
+    let mut bench = JointsBench::answering(2);
+    let mut looks = 0;
+    bench.pass(20_000, |view| {
+        looks += 1;
+        servo(view, 0).temperature_c = Some(if looks % 2 == 0 { 70 } else { 66 });
+        // An answer in half a second late is none too many; and one keeps up what there is.
+        servo(view, 1).counters.late += u64::from(looks % 4 == 0 || looks < 10);
+    });
+    assert_eq!(bench.bench.kinds(), ["servo-hot", "servo-late"]);
+    assert_eq!(bench.bench.said.len(), 2, "{:#?}", bench.bench.said);
+    let mut bench = JointsBench::answering(1);
+    bench.pass(20_000, |view| {
+        servo(view, 0).counters.late += u64::from(view.now_ns % (1000 * MS) == 0)
+    });
+    assert_eq!(bench.bench.said, [], "one in a second");
+}
+
+#[test]
+fn a_servo_that_was_never_heard_is_given_time_and_then_other_advice() {
+    let (config, mut view) = servos(2);
+    open(&mut view, "/dev/ttyUSB0", 16);
+    servo(&mut view, 0).alive = true;
+    view.tick.angles[0] = 0.0;
+    let mut bench = JointsBench::new((config, view));
+    bench.pass(900, |_| {});
+    bench.said(&[&["16 ms", "/sys/bus/usb-serial/devices/ttyUSB0/latency_timer"]]);
+    bench.pass(500, |_| {});
+    bench.said(&[&["servo 2 (id 2) is silent", "its id and its baud rate"]]);
+    bench.pass(500, |view| {
+        let (_, port) = view.servos.as_mut().unwrap();
+        port.latency.as_mut().unwrap().ftdi_timer_ms = Some(1);
+    });
+    bench.said(&[&["within 1 ms"]]);
+}
+
+#[test]
+fn an_angle_that_nobody_explains_is_told_as_stale() {
+    let mut bench = JointsBench::answering(2);
+    bench.pass(1000, |view| {
+        view.tick.angles[1] = f32::NAN;
+        view.tick.age_ns[1] = 400 * MS;
+    });
+    bench.said(&[&[
+        "the angle of servo 2 is unknown",
+        "400 ms old, hold_ms = 250",
+        "baud rate",
+    ]]);
+    bench.pass(200, |view| view.tick.angles[1] = 1.0);
+    bench.said(&[&["is known"]]);
+}
+
+#[test]
+fn a_hand_and_its_fingers_that_are_silent_are_told_and_so_is_its_bus() {
+    let mut bench = JointsBench::new(allegro());
+    bench.pass(500, |_| {});
+    bench.said(&[&["the hand's bus can:can2 is not there", "unknown joint angles"]]);
+    bench.pass(900, |view| view.link = LinkState::Up);
+    bench.said(&[&["can:can2 is up"]]);
+    bench.pass(500, |_| {});
+    bench.said(&[&[
+        "the Allegro hand on can:can2 sends no angles",
+        "taxeld only listens",
+    ]]);
+    let speak = |view: &mut JointsView, fingers: &[usize]| {
+        view.tick.angles.fill(0.0);
+        fingers.iter().for_each(|f| finger(view, *f));
+    };
+    bench.pass(1500, |view| speak(view, &[0, 1, 2, 3]));
+    bench.said(&[&["can:can2 sends its angles"]]);
+    bench.pass(2000, |view| speak(view, &[0, 1, 3]));
+    bench.said(&[&["the hand's ring finger sends no angles"]]);
+    let problem = &bench.bench.problems.current()[0].problem;
+    assert_eq!(
+        (problem.kind, problem.place),
+        (Kind::FingerSilent, Place::Joint(8))
+    );
+    bench.pass(1000, |view| view.now_ns += S / 1000);
+    assert_eq!(bench.bench.kinds(), ["hand-silent"]);
+}

@@ -1,0 +1,71 @@
+//! What is known of a hand at one instant.
+
+use crate::joints_view::JointsView;
+use taxel_can::{LinkState, SourceAddress, SourceCounters};
+use taxel_joints::JointsConfig;
+use taxel_skin::{BoardStatus, Finding, Layout};
+
+/// The hand as it is configured.
+#[derive(Debug, Clone, Copy)]
+pub struct HandSetup<'a> {
+    /// Its boards and taxels.
+    pub layout: &'a Layout,
+    /// One source per bus of the layout, in its order.
+    pub sources: &'a [SourceAddress],
+    /// A board that is not heard for this long is silent, nanoseconds.
+    pub silence_ns: u64,
+    /// Where joint angles come from, if any are read.
+    pub joints: Option<&'a JointsConfig>,
+    /// Whether they come over a bus of the skin.
+    pub joints_share_bus: bool,
+}
+
+/// What is known of the hand at one instant. Counts are those since the start.
+#[derive(Debug, Clone, Copy)]
+pub struct HandView<'a> {
+    /// The engine's clock, nanoseconds.
+    pub now_ns: u64,
+    /// One entry per bus of the layout.
+    pub buses: &'a [BusView],
+    /// One entry per module of the layout.
+    pub boards: &'a [BoardStatus],
+    /// What the traffic shows.
+    pub findings: &'a [Finding],
+    /// The joints; `None` where none are read.
+    pub joints: Option<&'a JointsView>,
+    /// Whether every board had the time to speak up since the start.
+    pub boards_due: bool,
+}
+
+/// What is known of one bus.
+#[derive(Debug, Default, Clone, Copy)]
+pub struct BusView {
+    /// What its source has seen.
+    pub counters: SourceCounters,
+    /// Whether it can be reached.
+    pub link: LinkState,
+    /// What is done about boards that are silent.
+    pub starting: Starting,
+}
+
+/// What is done about boards that are silent.
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
+pub enum Starting {
+    /// They are told to start again and again.
+    #[default]
+    Repeated,
+    /// Nothing: another program controls them.
+    ByOthers,
+    /// Nothing: whoever looks does not speak on this bus.
+    NotAllowed,
+}
+
+/// What a judgement is made from.
+pub(crate) struct Look<'a> {
+    pub(crate) setup: &'a HandSetup<'a>,
+    pub(crate) view: &'a HandView<'a>,
+    /// Counters of the buses a while ago.
+    pub(crate) before: &'a [SourceCounters],
+    /// What `before` is older by, seconds.
+    pub(crate) seconds: f64,
+}

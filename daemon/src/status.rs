@@ -1,0 +1,203 @@
+//! The status report, from what the socket thread knows.
+
+use crate::snapshot::{BusSnapshot, Snapshot};
+use crate::state::State;
+use hdrhistogram::Histogram;
+use taxel_diagnose::{CurrentProblem, Kind, Place, Problems, Severity};
+use taxel_hand::Fault;
+use taxel_joints::JointsConfig;
+use taxel_wire::status::{
+    BoardStatus, BusStatus, ErrorCounterStatus, ErrorFrameStatus, ImagesStatus, ProblemStatus,
+    QuantileStatus, Status, TaxelStatus, TickStatus,
+};
+
+impl State {
+    /// Everything there is to know: the `status` reply of `docs/wire.md`.
+    pub(crate) fn status(&self) -> Status {
+        let snapshot = self.snapshot();
+        let layout = &self.config.layout;
+        let problems = self.problems.borrow();
+        let joints = (self.config.joints.as_ref().zip(self.joints(&snapshot))).and_then(|(config, view)| {
+            let kinds = |joint: Option<usize>| names(&problems, joint.map_or(Place::Joints, Place::Joint));
+            crate::joints::status(config, &view, self.count_joints(&view), &kinds)
+        });
+        Status {
+            version: env!("CARGO_PKG_VERSION").into(),
+            uptime_s: self.uptime_s(),
+            layout: layout.name.clone(),
+            tick: TickStatus {
+                mode: self.tick_mode().into(),
+                rate_hz: self.config.tick.rate_hz,
+            },
+            images: ImagesStatus {
+                made: snapshot.images,
+                rate_hz: self.rate_hz(snapshot.images),
+                overruns: snapshot.overruns,
+                unpublished: snapshot.unpublished,
+                latency_us: quantiles(&snapshot.latency_ns),
+                lateness_us: quantiles(&snapshot.lateness_ns),
+            },
+            paused: snapshot.paused,
+            calibrating: snapshot.force.calibrating,
+            threshold: snapshot.force.threshold,
+            contacts: snapshot.contacts,
+            missing: snapshot.missing,
+            faulty: snapshot.faulty,
+            profile: self.server.own_profile(),
+            profiles: self.server.profile_status(),
+            profile_budget: self.server.profile_budget(),
+            problems: self.problem_status(&problems),
+            buses: (snapshot.buses.iter().enumerate())
+                .map(|(index, bus)| self.bus_status(index, bus, &snapshot, &problems))
+                .collect(),
+            boards: (layout.boards().zip(&snapshot.boards))
+                .map(|((index, module, wiring), board)| BoardStatus {
+                    module: module.name.clone(),
+                    bus: layout.buses[usize::from(wiring.bus)].clone(),
+                    board: wiring.board,
+                    problems: names(&problems, Place::Module(index.into())),
+                    ..board_status(board, snapshot.now_ns)
+                })
+                .collect(),
+            joints,
+            faults: (snapshot.force.faults.iter().enumerate())
+                .filter(|(_, faults)| !faults.is_empty())
+                .map(|(taxel, faults)| TaxelStatus {
+                    taxel,
+                    module: layout.module_of(taxel).name.clone(),
+                    k: layout.k[taxel],
+                    reasons: faults.iter().map(|fault: Fault| fault.name().into()).collect(),
+                })
+                .collect(),
+            subscribers: self.server.subscriber_status(),
+        }
+    }
+
+    fn problem_status(&self, problems: &Problems) -> Vec<ProblemStatus> {
+        let layout = &self.config.layout;
+        let joints = (self.config.joints.as_ref()).map_or_else(Vec::new, JointsConfig::joint_names);
+        let status = |CurrentProblem { problem, since_ns }: &CurrentProblem| {
+            let modules: Vec<String> = (problem.modules.iter())
+                .map(|m| layout.modules[*m].name.clone())
+                .collect();
+            ProblemStatus {
+                kind: problem.kind.name().into(),
+                bus: problem.bus(layout).map(|bus| layout.buses[bus].clone()),
+                board: problem.modules.first().map(|m| layout.wiring[*m].board),
+                module: modules.first().cloned(),
+                modules,
+                joint: match problem.place {
+                    Place::Joint(joint) => joints.get(joint).cloned(),
+                    _ => None,
+                },
+                severe: problem.severity() == Severity::Error,
+                sentence: problem.sentence(),
+                since_s: problems.now_ns().saturating_sub(*since_ns) as f64 / 1e9,
+            }
+        };
+        problems.current().iter().map(status).collect()
+    }
+
+    fn bus_status(
+        &self,
+        index: usize,
+        bus: &BusSnapshot,
+        snapshot: &Snapshot,
+        problems: &Problems,
+    ) -> BusStatus {
+        let layout = &self.config.layout;
+        let boards = (layout.wiring.iter().zip(&snapshot.boards))
+            .filter(|(wiring, _)| usize::from(wiring.bus) == index)
+            .map(|(_, counters)| counters);
+        let sum = |count: fn(&taxel_skin::BoardStatus) -> u64| boards.clone().map(count).sum::<u64>();
+        let has_joints =
+            (self.config.joints_bus()).is_some_and(|b| b.shared && usize::from(b.index) == index);
+        let source = &bus.source;
+        let [tx, rx] = source.error_counters;
+        BusStatus {
+            name: layout.buses[index].clone(),
+            source: self.config.sources[index].to_string(),
+            link: bus.link.to_string(),
+            state: source.bus_state.to_string(),
+            state_changes: source.state_changes,
+            error_counters: ErrorCounterStatus { tx, rx },
+            frames_hz: bus.load.frames_hz,
+            load_percent: 100.0 * bus.load.share,
+            load_percent_most: 100.0 * bus.load.share_most,
+            problems: names(problems, Place::Bus(index)),
+            received: source.received,
+            used: sum(|b| b.used),
+            unknown: bus.decoder.unknown,
+            not_data: bus.decoder.not_data,
+            commands: bus.decoder.commands,
+            joints: if has_joints { snapshot.joints.frames } else { 0 },
+            partial: bus.decoder.partial,
+            abandoned: bus.decoder.abandoned,
+            malformed: sum(|b| b.malformed),
+            queue_overflows: sum(|b| b.queue_overflows),
+            duplicate: sum(|b| b.duplicate),
+            late: sum(|b| b.late),
+            settling: sum(|b| b.settling),
+            lost_in_kernel: source.lost_in_kernel,
+            undecodable: source.undecodable,
+            reopens: source.reopens,
+            link_losses: source.link_losses,
+            sent: source.sent,
+            send_failures: source.send_failures,
+            remote: source.remote,
+            errors: error_frames(&source.errors),
+        }
+    }
+}
+
+/// The names of the kinds of problems of one bus, board or joint.
+fn names(problems: &Problems, place: Place) -> Vec<String> {
+    let kinds = problems.kinds(place).into_iter();
+    kinds.map(|kind: Kind| kind.name().into()).collect()
+}
+
+fn board_status(board: &taxel_skin::BoardStatus, now_ns: u64) -> BoardStatus {
+    BoardStatus {
+        state: board.state.name().into(),
+        used: board.used,
+        malformed: board.malformed,
+        queue_overflows: board.queue_overflows,
+        duplicate: board.duplicate,
+        late: board.late,
+        missed: board.missed,
+        settling: board.settling,
+        sweeps: board.sweeps,
+        status_errors: board.status_errors,
+        restarts: board.restarts,
+        recalibrations: board.recalibrations,
+        period_ms: board.period_ns.map(|period| period as f64 / 1e6),
+        silent_ms: board.last_ns.map(|last| now_ns.saturating_sub(last) / 1_000_000),
+        ..BoardStatus::default()
+    }
+}
+
+fn error_frames(errors: &taxel_can::ErrorCauses) -> ErrorFrameStatus {
+    ErrorFrameStatus {
+        frames: errors.frames,
+        tx_timeout: errors.tx_timeout,
+        lost_arbitration: errors.lost_arbitration,
+        controller: errors.controller,
+        controller_overflow: errors.controller_overflow,
+        protocol: errors.protocol,
+        transceiver: errors.transceiver,
+        no_acknowledge: errors.no_acknowledge,
+        bus_off: errors.bus_off,
+        bus_error: errors.bus_error,
+        restarted: errors.restarted,
+    }
+}
+
+fn quantiles(histogram: &Histogram<u64>) -> QuantileStatus {
+    let us = |ns: u64| ns as f64 / 1000.0;
+    QuantileStatus {
+        p50: us(histogram.value_at_quantile(0.5)),
+        p99: us(histogram.value_at_quantile(0.99)),
+        p999: us(histogram.value_at_quantile(0.999)),
+        max: us(histogram.max()),
+    }
+}
