@@ -15,7 +15,7 @@ use crate::protocol::uskin::decode::payload;
 use crate::reading::{Readings, TaxelReading};
 use taxel_can::{CanFrame, IdFilter};
 
-/// What one frame was. `board` is the index of the board's module in [`Layout::modules`].
+/// What one frame was. `board` is the index of the board's module in [`taxel_hand::Geometry::modules`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Decoded {
     /// It carried readings; those of taxels of the layout are in the [`Readings`] given, which may be none (thermal

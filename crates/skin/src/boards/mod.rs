@@ -24,7 +24,7 @@ use taxel_can::{CanFrame, Received};
 pub struct OutgoingCommand {
     /// Index of the bus in [`Layout::buses`].
     pub bus: u8,
-    /// Index of the board's module in [`Layout::modules`]; of a hub's first module.
+    /// Index of the board's module in [`taxel_hand::Geometry::modules`]; of a hub's first module.
     pub board: u16,
     /// What the sequence it belongs to is for.
     pub mode: TxMode,
