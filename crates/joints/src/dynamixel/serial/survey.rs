@@ -11,8 +11,10 @@ use taxel_can::monotonic_ns;
 /// How long each id may take to answer a broadcast ping, as in ROBOTIS's SDK.
 const PER_ID_NS: u64 = 3_000_000;
 const PING_ANSWER_BYTES: usize = 14;
-/// How long one servo may take to answer beyond its time on the wire; an FTDI adapter's timer is 16 ms.
-const MARGIN_NS: u64 = 40_000_000;
+/// How long one servo may take to answer a ping beyond its time on the wire; an FTDI adapter's timer is 16 ms.
+const PING_MARGIN_NS: u64 = 40_000_000;
+/// The same for a read, of which only servos are asked that answered a ping: longer, for a busy machine.
+const READ_MARGIN_NS: u64 = 100_000_000;
 /// How often a question is repeated.
 const TRIES: usize = 3;
 
@@ -100,7 +102,7 @@ impl Surveyor {
         let slack_ns = if id == BROADCAST_ID {
             answers as u64 * PER_ID_NS
         } else {
-            MARGIN_NS
+            PING_MARGIN_NS
         };
         self.port.write(self.encoder.ping(id))?;
         let end_ns = monotonic_ns() + slack_ns + wire_ns(answers * PING_ANSWER_BYTES, self.baud);
@@ -187,7 +189,7 @@ impl Surveyor {
             self.parser.clear();
             self.port.write(self.encoder.read(id, at, length))?;
             let bytes = usize::from(length) + PING_ANSWER_BYTES * 2;
-            let end_ns = monotonic_ns() + MARGIN_NS + wire_ns(bytes, self.baud);
+            let end_ns = monotonic_ns() + READ_MARGIN_NS + wire_ns(bytes, self.baud);
             while let Some(n) = self.read_until(end_ns)? {
                 self.parser.filled(n);
                 let mut refused = false;
