@@ -5,7 +5,8 @@ use crate::problem::{Place, Problem};
 use crate::view::Look;
 use taxel_can::{BusState, LinkState, SourceAddress};
 
-/// Changes of the controller's state in the time looked at, from which it flaps, and down to which it goes on to.
+/// Changes of the controller's state in the time looked at, from which it flaps, and down to which
+/// it goes on to.
 const FLAPS: u64 = 4;
 const FLAPS_ON: u64 = 2;
 /// Broken frames per second, and unacknowledged ones, from which they are worth a sentence.

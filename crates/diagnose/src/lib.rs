@@ -1,8 +1,9 @@
-//! What is wrong with a hand, its buses and its joints, in words that a user can act on: each thing once, with one
-//! severity. Status, log, notices and doctor all say what is found here.
+//! What is wrong with a hand, its buses and its joints, in words that a user can act on: each thing
+//! once, with one severity. Status, log, notices and doctor all say what is found here.
 //!
-//! Nothing here does I/O or has a clock. What is known comes in as data, a [`HandView`]; [`Problems`] tells what is wrong
-//! in it, and what of that is new. The daemon asks ten times a second, the doctor while it listens.
+//! Nothing here does I/O or has a clock. What is known comes in as data, a [`HandView`];
+//! [`Problems`] tells what is wrong in it, and what of that is new. The daemon asks ten times a
+//! second, the doctor while it listens.
 
 mod boards;
 mod bus;

@@ -28,8 +28,8 @@ pub(crate) fn plug_name(layout: &Layout, module: usize) -> String {
     }
 }
 
-/// Modules of one board: `index tip (can0 board 3)`; `hub left (can0) with all its modules (palm, heel, wrist and 4 more)`;
-/// `a part of hub left (can0), 2 of its 7 modules (palm, heel),`.
+/// Modules of one board: `index tip (can0 board 3)`; `hub left (can0) with all its modules (palm,
+/// heel, wrist and 4 more)`; `a part of hub left (can0), 2 of its 7 modules (palm, heel),`.
 pub(crate) fn modules_name(layout: &Layout, modules: &[usize]) -> String {
     let hub = layout.wiring[modules[0]].hub;
     if hub.is_none() || modules.len() == 1 {

@@ -1,5 +1,5 @@
-//! The problems there are, and what of them is new. Each is told once when it comes and once when it is over; one that
-//! comes and goes is told less and less often.
+//! The problems there are, and what of them is new. Each is told once when it comes and once when
+//! it is over; one that comes and goes is told less and less often.
 
 use crate::joints::{self, JointsReadings, Patience};
 use crate::kind::{Kind, Severity};

@@ -1,4 +1,5 @@
-//! What the traffic itself shows: babbling nodes, two boards with one address, boards and buses in the wrong place.
+//! What the traffic itself shows: babbling nodes, two boards with one address, boards and buses in
+//! the wrong place.
 
 use crate::kind::Kind;
 use crate::names::{board_name, is_of_board, plug_name};
@@ -6,7 +7,8 @@ use crate::problem::{Place, Problem};
 use crate::view::Look;
 use taxel_skin::{BoardState, Finding, Layout};
 
-/// The bus (index) on which the board of a module was found to speak instead of its own; `None` where it was not.
+/// The bus (index) on which the board of a module was found to speak instead of its own; `None`
+/// where it was not.
 pub fn speaks_on(layout: &Layout, findings: &[Finding], module: usize) -> Option<u8> {
     let own = layout.wiring[module].bus;
     findings.iter().find_map(|finding| match *finding {

@@ -11,7 +11,7 @@ impl Judge<'_> {
         let view = self.view;
         let off = view.source.bus_state == BusState::BusOff;
         if view.link != LinkState::Up || off {
-            patience.there_ns = None;
+            patience.away();
             // That of a skin's bus is told of the bus.
             if !self.look.setup.joints_share_bus {
                 found.push(lost_bus(&hand.bus.to_string(), view.link));

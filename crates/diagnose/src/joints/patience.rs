@@ -2,7 +2,8 @@
 
 use crate::joints_view::JointsView;
 
-/// A servo that does not answer for so long is silent; one that was not heard since the port was opened is given longer.
+/// A servo that does not answer for so long is silent; one that was not heard since the port was
+/// opened is given longer.
 const SILENT_NS: u64 = 200_000_000;
 const UNHEARD_NS: u64 = 1_000_000_000;
 /// A joint whose source is well and whose angle is unknown for so long.
@@ -13,7 +14,7 @@ const STALE_NS: u64 = 500_000_000;
 pub(crate) struct Patience {
     /// Which opening of the port, and since when the port or the hand's bus is there.
     opened: u64,
-    pub(super) there_ns: Option<u64>,
+    there_ns: Option<u64>,
     pub(super) heard: Vec<bool>,
     quiet_ns: Vec<Option<u64>>,
     unknown_ns: Vec<Option<u64>>,
@@ -27,6 +28,12 @@ impl Patience {
             self.heard = vec![false; sources];
             self.quiet_ns = vec![None; sources];
         }
+    }
+
+    /// The port or the hand's bus is away: nothing is awaited until it is back.
+    pub(super) fn away(&mut self) {
+        self.there_ns = None;
+        self.unknown_ns.fill(None);
     }
 
     /// Whether a source is silent.

@@ -7,12 +7,13 @@ use taxel_joints::bus::{ServoCounters, ServoState};
 use taxel_joints::registers::HardwareError;
 use taxel_joints::{DynamixelConfig, PortState, PortStatus, ServoSnapshot};
 
-/// Late and damaged answers in the time looked at, from which they are a problem, if they are a fifth of all; one keeps it
-/// up. A machine that is held up for a moment makes some answers late.
+/// Late and damaged answers in the time looked at, from which they are a problem, if they are a
+/// fifth of all; one keeps it up. A machine that is held up for a moment makes some answers late.
 const LATE: u64 = 2;
 const DAMAGED: u64 = 3;
 const SHARE: u64 = 5;
-/// Degrees Celsius from which a servo is too hot, and down to which it stays so. It switches itself off at 80.
+/// Degrees Celsius from which a servo is too hot, and down to which it stays so. It switches itself
+/// off at 80.
 const HOT_C: u8 = 70;
 const HOT_ON_C: u8 = 65;
 
@@ -40,7 +41,7 @@ impl Judge<'_> {
         match &port.state {
             PortState::Starting => return,
             PortState::Away { reason, .. } => {
-                patience.there_ns = None;
+                patience.away();
                 found.push(absent_port(port, reason));
                 return;
             }
@@ -197,8 +198,8 @@ fn absent_port(port: &PortStatus, reason: &str) -> Problem {
     )
 }
 
-/// An FTDI adapter, by its latency timer and its name in `/sys/bus/usb-serial/devices`, that keeps bytes back for so long
-/// that cycles are slow; `None` where it does not.
+/// An FTDI adapter, by its latency timer and its name in `/sys/bus/usb-serial/devices`, that keeps
+/// bytes back for so long that cycles are slow; `None` where it does not.
 pub fn slow_adapter(timer_ms: u32, name: &str) -> Option<Problem> {
     let problem = of_joints(
         Kind::AdapterLatency,
@@ -253,8 +254,8 @@ pub fn silent_servo(joint: usize, name: &str, heard: bool) -> Problem {
     )
 }
 
-/// What a servo, by its joint and its name with its id, says of itself. One that was too hot at the last look has to cool
-/// down further.
+/// What a servo, by its joint and its name with its id, says of itself. One that was too hot at the
+/// last look has to cool down further.
 pub fn servo_state(joint: usize, name: &str, state: &ServoState, was_hot: bool) -> Vec<Problem> {
     let place = Place::Joint(joint);
     let mut found = Vec::new();

@@ -82,6 +82,26 @@ fn an_adapter_that_is_unplugged_is_one_problem_and_its_servos_are_none() {
     bench.said(&[&["servos answer"]]);
 }
 
+/// Angles come a tick later than the servos' answers.
+#[test]
+fn an_angle_is_not_stale_for_the_time_that_the_adapter_was_away() {
+    let mut bench = JointsBench::answering(2);
+    bench.pass(3000, |view| {
+        away(view);
+        view.tick.angles.fill(f32::NAN);
+    });
+    bench.said(&[&["is gone, unplugged"]]);
+    open(&mut bench.view, "/dev/ttyUSB1", 1);
+    let answer = |view: &mut JointsView| (0..2).for_each(|joint| servo(view, joint).alive = true);
+    bench.pass(200, answer);
+    bench.said(&[&["is there"]]);
+    bench.pass(2000, |view| {
+        answer(view);
+        view.tick.angles.fill(0.5);
+    });
+    bench.said(&[]);
+}
+
 #[test]
 fn a_servo_that_is_silent_late_damaged_hot_or_failed_is_named_with_what_to_do() {
     type Change = fn(&mut JointsView);
