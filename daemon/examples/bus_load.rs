@@ -2,8 +2,9 @@
 //!
 //!     cargo run --release -p taxeld --example bus_load -- SOURCE SOURCE [SECONDS [FRAMES_PER_SECOND]]
 //!
-//! Sends taxel frames of the default hand on both buses at an even pace, by default 9,000 frames/s each, the most that
-//! 1 Mbit/s carries, while the daemon reads them in the same process; then prints what became of each. On real vcan:
+//! Sends taxel frames of the default hand on both buses at an even pace, by default 9,000 frames/s
+//! each, the most that 1 Mbit/s carries, while the daemon reads them in the same process; then
+//! prints what became of each. On real vcan:
 //!
 //!     tests/vcan/run -- bash -c 'ip link add vcan1 type vcan && ip link set vcan1 up &&
 //!         exec target/release/examples/bus_load can:vcan0 can:vcan1 60'

@@ -2,8 +2,8 @@
 //!
 //!     cargo run --release -p taxeld --example displays -- [SCENE [SECONDS [RATE_HZ]]]
 //!
-//! Prints for each display what was set aside for it and what it took, then how late the last of a tick's ten images
-//! was. By default every taxel is in contact, which is the most work there is.
+//! Prints for each display what was set aside for it and what it took, then how late the last of a
+//! tick's ten images was. By default every taxel is in contact, which is the most work there is.
 
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Write};

@@ -1,10 +1,12 @@
-//! How long an image takes: from the last frame of a sweep leaving the sender to the image in a subscriber's hands.
+//! How long an image takes: from the last frame of a sweep leaving the sender to the image in a
+//! subscriber's hands.
 //!
 //!     cargo run --release -p taxeld --example latency [-- SWEEPS [HZ]]
 //!
-//! Sender, daemon and subscriber are threads of one process; frames travel as python-can's `udp_multicast` datagrams
-//! over the loopback interface, images over the daemon's Unix socket, in `sweep` mode. What is measured includes both
-//! kernel paths, decoding, assembly, conditioning, compression and encoding; it does not include a CAN wire.
+//! Sender, daemon and subscriber are threads of one process; frames travel as python-can's
+//! `udp_multicast` datagrams over the loopback interface, images over the daemon's Unix socket, in
+//! `sweep` mode. What is measured includes both kernel paths, decoding, assembly, conditioning,
+//! compression and encoding; it does not include a CAN wire.
 
 use hdrhistogram::Histogram;
 use std::sync::Arc;
@@ -18,8 +20,8 @@ use taxeld::{Config, Daemon};
 
 type Problem = Box<dyn std::error::Error + Send + Sync>;
 
-/// How hard half of the hand is pressed, counts, and how much harder from one sweep to the next, so that an image
-/// tells which sweep it is of.
+/// How hard half of the hand is pressed, counts, and how much harder from one sweep to the next, so
+/// that an image tells which sweep it is of.
 const PRESS: f64 = 2000.0;
 const STEP: f64 = 20.0;
 /// Sweeps until the press starts anew.

@@ -75,8 +75,8 @@ pub struct RealtimeConfig {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct CanConfig {
-    /// Receive buffer asked of the kernel per bus, KiB, 64 to 65,536. Without `CAP_NET_ADMIN` the kernel caps it at
-    /// `net.core.rmem_max`.
+    /// Receive buffer asked of the kernel per bus, KiB, 64 to 65,536. Without `CAP_NET_ADMIN` the
+    /// kernel caps it at `net.core.rmem_max`.
     pub receive_buffer_kib: u32,
 }
 
@@ -209,8 +209,8 @@ impl Config {
         self.joints.as_ref()?.can_bus(&self.layout, &self.sources)
     }
 
-    /// The engine's part of it; `is_read` says that somebody reads the joints that come over no CAN bus. Refuses joints
-    /// that cannot be read beside this skin.
+    /// The engine's part of it; `is_read` says that somebody reads the joints that come over no CAN
+    /// bus. Refuses joints that cannot be read beside this skin.
     pub fn engine(&self, is_read: bool) -> Result<EngineConfig, JointsError> {
         if let Some(joints) = &self.joints {
             joints.check_beside(&self.layout, &self.sources)?;

@@ -49,7 +49,8 @@ pub(crate) async fn serve(listener: UnixListener, state: Rc<State>) {
                 });
             }
             Err(error) => {
-                // Out of file descriptors, most likely: try again when some are free. Said once, however long it lasts.
+                // Out of file descriptors, most likely: try again when some are free. Said once,
+                // however long it lasts.
                 if !std::mem::replace(&mut failing, true) {
                     tracing::warn!(%error, "cannot accept a control connection");
                 }

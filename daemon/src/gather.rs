@@ -1,15 +1,16 @@
 //! How long to leave the buses alone after they were drained, so that frames come in handfuls.
 //!
-//! Waking up for a frame costs more than everything done with it: at 7,200 frames/s, one wake-up each is a fifth of a
-//! core. In `timer` mode nothing is due before the tick. In `sweep` mode the image is due with the last frame of the
-//! sweep, and the time until then is known roughly: so many taxels are awaited, and frames have been coming so fast.
-//! A quarter of it can be slept through, and a quarter of the rest after that; the last frames are waited for one by
-//! one. However wrong the guess is, an image is never late by more than half a millisecond.
+//! Waking up for a frame costs more than everything done with it: at 7,200 frames/s, one wake-up
+//! each is a fifth of a core. In `timer` mode nothing is due before the tick. In `sweep` mode the
+//! image is due with the last frame of the sweep, and the time until then is known roughly: so many
+//! taxels are awaited, and frames have been coming so fast. A quarter of it can be slept through,
+//! and a quarter of the rest after that; the last frames are waited for one by one. However wrong
+//! the guess is, an image is never late by more than half a millisecond.
 
 use taxel_engine::{TickConfig, TickMode};
 
-/// Longest pause in `timer` mode, nanoseconds. A bus at full load, 9,000 frames/s, brings 45 frames meanwhile; the
-/// smallest queue that a kernel gives holds 278.
+/// Longest pause in `timer` mode, nanoseconds. A bus at full load, 9,000 frames/s, brings 45 frames
+/// meanwhile; the smallest queue that a kernel gives holds 278.
 const TIMER_NS: u64 = 5_000_000;
 /// Longest pause in `sweep` mode, nanoseconds.
 const SWEEP_NS: u64 = 500_000;
@@ -46,7 +47,8 @@ impl Gather {
         }
     }
 
-    /// How long to pause after the buses gave `frames` frames at `now_ns` and `awaited` taxels are still to come.
+    /// How long to pause after the buses gave `frames` frames at `now_ns` and `awaited` taxels are
+    /// still to come.
     pub(crate) fn pause_ns(&mut self, now_ns: u64, frames: usize, awaited: usize) -> u64 {
         let (spacing_ns, drained_ns) = match self {
             Self::Timer { pause_ns } => return *pause_ns,
@@ -77,8 +79,8 @@ mod tests {
         })
     }
 
-    /// Plays sweeps of 240 frames on two buses through it; returns wake-ups per sweep and the longest time that the
-    /// last frame of a sweep lay unseen, once it knows the pace.
+    /// Plays sweeps of 240 frames on two buses through it; returns wake-ups per sweep and the
+    /// longest time that the last frame of a sweep lay unseen, once it knows the pace.
     fn play(spacing_ns: u64, period_ns: u64) -> (u64, u64) {
         let mut gather = sweep();
         let (mut wakes, mut latest) = (0, 0);

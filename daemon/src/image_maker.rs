@@ -128,10 +128,12 @@ fn describe(config: &Config, clock: Clock) -> Hello {
     }
 }
 
-/// Measures what a display costs that was made for nothing else: it is left with a memory of frames that never were.
+/// Measures what a display costs that was made for nothing else: it is left with a memory of frames
+/// that never were.
 ///
-/// Time is that of the calling thread on its processor, so that whatever else the machine does is not counted. A
-/// display whose first image takes longer than `hopeless_ns` is not measured further.
+/// Time is that of the calling thread on its processor, so that whatever else the machine does is
+/// not counted. A display whose first image takes longer than `hopeless_ns` is not measured
+/// further.
 pub(crate) fn measure(mut display: Display, newest: ForceFrame, hopeless_ns: u64) -> Cost {
     let taxels = newest.force.len();
     let mut payload = Vec::new();

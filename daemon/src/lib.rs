@@ -1,7 +1,7 @@
 //! The taxeld daemon as a library: configuration, tick thread and sockets around an engine.
 //!
-//! `taxeld` is this and a `main`; `taxel demo` runs the same daemon inside its own process, and `taxel compress` runs
-//! the same [`taxel_engine::Engine`] without any of the rest.
+//! `taxeld` is this and a `main`; `taxel demo` runs the same daemon inside its own process, and
+//! `taxel compress` runs the same [`taxel_engine::Engine`] without any of the rest.
 
 pub mod config;
 mod control;
@@ -92,8 +92,8 @@ pub enum StartError {
 impl Daemon {
     /// Opens the buses and sockets of `config` and starts.
     ///
-    /// An interface that does not exist yet is no error: the daemon waits for it. When this returns, subscribers
-    /// can connect.
+    /// An interface that does not exist yet is no error: the daemon waits for it. When this
+    /// returns, subscribers can connect.
     pub fn start(config: Config) -> Result<Self, StartError> {
         let layout = &config.layout;
         let system = |what| {
@@ -261,11 +261,11 @@ impl Daemon {
         Ok(daemon)
     }
 
-    /// Whether it still works: false once every recording has been played to its end and the last image was sent, or a
-    /// thread has died.
+    /// Whether it still works: false once every recording has been played to its end and the last
+    /// image was sent, or a thread has died.
     pub fn is_running(&self) -> bool {
-        // At the end of the recordings the tick thread ends first, and the socket thread when images have reached their
-        // subscribers.
+        // At the end of the recordings the tick thread ends first, and the socket thread when
+        // images have reached their subscribers.
         let finished = self.shared.finished.load(Ordering::Acquire);
         (finished || self.tick.as_ref().is_some_and(|t| !t.is_finished()))
             && self.sockets.as_ref().is_some_and(|s| !s.is_finished())
@@ -298,7 +298,8 @@ impl Drop for Daemon {
     }
 }
 
-/// Starts the thread that reads joints, one step of priority below the tick thread, where their source needs one.
+/// Starts the thread that reads joints, one step of priority below the tick thread, where their
+/// source needs one.
 fn start_joint_reader(config: &Config) -> Result<Option<JointReader>, StartError> {
     let Some(joints) = &config.joints else {
         return Ok(None);

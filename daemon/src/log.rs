@@ -1,8 +1,9 @@
 //! The log: lines for standard error, written by a thread of their own.
 //!
-//! Whoever reads standard error may stop reading (a stopped terminal, a pipe into a program that hangs, a journal that waits
-//! for its disk), may have gone, or may have no room left. None of that may hold up images or end the daemon, so lines
-//! wait in a queue of fixed size, those that find it full are lost and counted, and what cannot be written is given up.
+//! Whoever reads standard error may stop reading (a stopped terminal, a pipe into a program that
+//! hangs, a journal that waits for its disk), may have gone, or may have no room left. None of that
+//! may hold up images or end the daemon, so lines wait in a queue of fixed size, those that find it
+//! full are lost and counted, and what cannot be written is given up.
 
 use nix::sys::signal::{SigSet, SigmaskHow};
 use std::io::{self, Write};

@@ -16,8 +16,9 @@ use tracing_subscriber::EnvFilter;
 
 /// Reads a robot hand's skin from CAN and gives tactile images to display drivers.
 ///
-/// The configuration is one TOML file; docs/guide.md says what is in it. Display drivers connect to the images
-/// socket (docs/wire.md); `taxel watch` shows what they are given. RUST_LOG=debug says more.
+/// The configuration is one TOML file; docs/guide.md says what is in it. Display drivers connect to
+/// the images socket (docs/wire.md); `taxel watch` shows what they are given. RUST_LOG=debug says
+/// more.
 #[derive(Parser)]
 #[command(version, after_help = "Example:\n  taxeld --config /etc/taxeld/taxeld.toml")]
 struct Arguments {
@@ -29,7 +30,8 @@ struct Arguments {
     check: bool,
 }
 
-/// The exit status where the configuration is at fault: `EX_CONFIG` of sysexits(3). To start again would not help.
+/// The exit status where the configuration is at fault: `EX_CONFIG` of sysexits(3). To start again
+/// would not help.
 const BAD_CONFIG: u8 = 78;
 
 fn main() -> ExitCode {
@@ -68,9 +70,9 @@ fn run(arguments: &Arguments) -> anyhow::Result<()> {
         return Ok(());
     }
 
-    // Blocked while threads start, so that all of them inherit it and only this one is interrupted. It takes handlers as
-    // well: a library that waits for a device unblocks every signal meanwhile, and an unhandled one would kill taxeld
-    // with its boards and motors running.
+    // Blocked while threads start, so that all of them inherit it and only this one is interrupted.
+    // It takes handlers as well: a library that waits for a device unblocks every signal meanwhile,
+    // and an unhandled one would kill taxeld with its boards and motors running.
     const SIGNALS: [Signal; 3] = [Signal::SIGTERM, Signal::SIGINT, Signal::SIGHUP];
     let mut signals = Signals::new(SIGNALS.map(|signal| signal as i32)).context("cannot handle signals")?;
     let blocked = SigSet::from_iter(SIGNALS);

@@ -11,8 +11,8 @@ const MOST_FINDINGS: usize = 64;
 
 /// The state of the whole way from the buses to the displays at one instant.
 ///
-/// The tick thread writes into it without allocating and only while nobody reads it; a status report that takes its
-/// time makes one update wait for the next tick, never the tick itself.
+/// The tick thread writes into it without allocating and only while nobody reads it; a status
+/// report that takes its time makes one update wait for the next tick, never the tick itself.
 #[derive(Debug, Clone)]
 pub(crate) struct Snapshot {
     /// Whether the tick thread has written into it.

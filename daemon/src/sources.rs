@@ -12,8 +12,8 @@ pub(crate) fn are_recorded(config: &Config) -> bool {
     sources.all(|s| matches!(s, SourceAddress::Log { .. }))
 }
 
-/// Opens the buses of the skin in the layout's order, then that of joints on a bus of their own. Scenes and recordings
-/// begin at `start_ns`.
+/// Opens the buses of the skin in the layout's order, then that of joints on a bus of their own.
+/// Scenes and recordings begin at `start_ns`.
 pub(crate) fn open(config: &Config, start_ns: u64) -> Result<Vec<Box<dyn CanSource>>, StartError> {
     let own = config.joints_bus().filter(|bus| !bus.shared);
     let own = own.as_ref();

@@ -80,8 +80,8 @@ impl State {
         crate::joints::write(self.config.joints.as_ref(), self.joint_reader.as_ref(), request).await
     }
 
-    /// Tells every subscriber what somebody marks at this instant, and returns the number of the newest frame and the
-    /// instant, nanoseconds.
+    /// Tells every subscriber what somebody marks at this instant, and returns the number of the
+    /// newest frame and the instant, nanoseconds.
     pub(crate) fn mark(&self, text: &str) -> Result<(u64, u64), String> {
         if text.is_empty() || text.len() > MAX_MARK {
             return Err(format!(
@@ -196,7 +196,8 @@ impl State {
         Rate::update(&self.rate, images)
     }
 
-    /// Looks at the joints' rate, so that the status has that of the last second however seldom it is asked for.
+    /// Looks at the joints' rate, so that the status has that of the last second however seldom it
+    /// is asked for.
     pub(crate) fn count_joints(&self, view: &JointsView) -> f64 {
         Rate::update(&self.joint_rate, view.cycles())
     }

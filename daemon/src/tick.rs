@@ -1,7 +1,7 @@
 //! The tick thread: waits for the buses and the clock, drives the engine, and hands images over.
 //!
-//! It is the only thread that touches a bus. It never waits for another thread, never allocates after its start,
-//! and never logs; what it has to say goes into the shared [`Snapshot`].
+//! It is the only thread that touches a bus. It never waits for another thread, never allocates
+//! after its start, and never logs; what it has to say goes into the shared [`Snapshot`].
 
 use crate::gather::Gather;
 use crate::snapshot::Snapshot;
@@ -31,7 +31,8 @@ pub(crate) enum Command {
     Pause(bool),
 }
 
-/// Commands that may wait to be obeyed. The queue has its memory from the start, so that taking one frees nothing.
+/// Commands that may wait to be obeyed. The queue has its memory from the start, so that taking one
+/// frees nothing.
 pub(crate) const COMMANDS: usize = 64;
 
 /// Asks something of the tick thread. The error is fit for whoever asked.
@@ -149,15 +150,15 @@ impl TickThread {
                 outputs.publish(frames.tick(), frames);
                 record_times(shared, frames, clock.now_ns());
             };
-            // What another bus has told beyond that waits: frames are given in the order of their stamps however late they
-            // are taken.
+            // What another bus has told beyond that waits: frames are given in the order of their
+            // stamps however late they are taken.
             while let Some((bus, received)) = merge.pop() {
                 engine.handle_frame(bus, &received);
                 engine.drain(&mut emit);
             }
-            // A recording ends with its last frame, so that it gives the same images however late its end is seen. Where a
-            // bus has more than could be taken, ticks are made up to what all buses have told: one that is flooded must not
-            // hold them up.
+            // A recording ends with its last frame, so that it gives the same images however late
+            // its end is seen. Where a bus has more than could be taken, ticks are made up to what
+            // all buses have told: one that is flooded must not hold them up.
             let end_ns = match ended {
                 true => merge.newest_ns().unwrap_or(0),
                 false => now_ns,
@@ -207,8 +208,9 @@ impl TickThread {
         fds[1] = Some(self.shared.wake.as_fd());
         let skin = self.engine.skin_buses();
         if let Some(joints) = self.sources.get(skin) {
-            // Nothing is due with a joint's frame: those that came are taken with the next of the skin. Nor is their bus
-            // looked at during a pause, so that waking up for it would only be to wake up again at once.
+            // Nothing is due with a joint's frame: those that came are taken with the next of the
+            // skin. Nor is their bus looked at during a pause, so that waking up for it would only
+            // be to wake up again at once.
             sooner(joints.wakeup().at_ns.map(|at| at.max(quiet_until_ns)));
         }
         for (slot, source) in fds[2..].iter_mut().zip(&self.sources[..skin]) {
@@ -263,7 +265,8 @@ impl TickThread {
         }
     }
 
-    /// Leaves the boards, and a hand that was started, as they were found: silent. Bounded in time, since a bus may be gone.
+    /// Leaves the boards, and a hand that was started, as they were found: silent. Bounded in time,
+    /// since a bus may be gone.
     fn stop_hand(&mut self) {
         let deadline_ns = self.clock.now_ns() + 500_000_000;
         self.engine.stop();
@@ -314,7 +317,8 @@ impl TickThread {
     }
 }
 
-/// Notes how long a tick's images took, until the last of them was handed over. A status report being written at this moment loses one sample of many.
+/// Notes how long a tick's images took, until the last of them was handed over. A status report
+/// being written at this moment loses one sample of many.
 fn record_times(shared: &Shared, frames: &Frames, now_ns: u64) {
     if let Ok(mut snapshot) = shared.snapshot.try_lock() {
         snapshot.images = frames.tick();

@@ -1,4 +1,5 @@
-//! The `[joints]` table beside the rest of the configuration: what goes together, and the line of what does not.
+//! The `[joints]` table beside the rest of the configuration: what goes together, and the line of
+//! what does not.
 
 use std::path::Path;
 use taxeld::Config;

@@ -62,8 +62,8 @@ fn check_decoder(hand: &Layout, decoder: &mut Decoder, frames: impl Iterator<Ite
     assert!(bus.abandoned <= bus.partial);
 }
 
-/// Frames of one CySkin hub, under parameters that the first byte chooses. Checksums are mostly off, so that the bytes
-/// behind them are reached.
+/// Frames of one CySkin hub, under parameters that the first byte chooses. Checksums are mostly
+/// off, so that the bytes behind them are reached.
 pub(crate) fn cyskin_reassembly(data: &[u8]) {
     let Some((choice, mut rest)) = data.split_first() else {
         return;

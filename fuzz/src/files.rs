@@ -29,8 +29,8 @@ pub(crate) fn layout_file(data: &[u8]) {
     }
 }
 
-/// The text of the daemon's configuration: one that is complete, or an error with a line. Layouts are looked for in an
-/// empty place.
+/// The text of the daemon's configuration: one that is complete, or an error with a line. Layouts
+/// are looked for in an empty place.
 pub(crate) fn configuration(data: &[u8]) {
     let Ok(text) = std::str::from_utf8(data) else {
         return;

@@ -5,8 +5,8 @@ use std::sync::LazyLock;
 use taxel_joints::protocol2::{FastBlocks, Parser};
 use taxel_joints::{AllegroConfig, AllegroDecoder};
 
-/// Bytes of a servo bus, in pieces whose sizes the first byte chooses: every byte is in a packet or skipped, and packets
-/// lie within what came.
+/// Bytes of a servo bus, in pieces whose sizes the first byte chooses: every byte is in a packet or
+/// skipped, and packets lie within what came.
 pub(crate) fn dynamixel_stream(data: &[u8]) {
     let Some((choice, mut rest)) = data.split_first() else {
         return;
@@ -45,7 +45,8 @@ fn drain(parser: &mut Parser, longest: usize) -> u64 {
     bytes
 }
 
-/// Any frames to decoders of Allegro hands of every version: each frame in one count, and every angle a number.
+/// Any frames to decoders of Allegro hands of every version: each frame in one count, and every
+/// angle a number.
 pub(crate) fn allegro_frames(data: &[u8]) {
     static HANDS: LazyLock<Vec<AllegroDecoder>> = LazyLock::new(|| {
         let hand = |version| AllegroDecoder::new(&AllegroConfig::new(version)).expect("a hand");

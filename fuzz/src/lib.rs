@@ -1,7 +1,8 @@
 //! What each fuzz target does with its bytes: feeds a parser, and checks what must hold whatever it is fed.
 //!
-//! The functions are called by libFuzzer (`fuzz_targets/`, `fuzz/run`) and, on stable, by `cargo test` with
-//! pseudo-random bytes and with every file under `regressions/TARGET/`. An input that once failed is kept there.
+//! The functions are called by libFuzzer (`fuzz_targets/`, `fuzz/run`) and, on stable, by `cargo
+//! test` with pseudo-random bytes and with every file under `regressions/TARGET/`. An input that
+//! once failed is kept there.
 
 mod boards;
 mod files;
@@ -29,8 +30,8 @@ pub const TARGETS: [Target; 14] = [
     ("csv_file", files::csv_file),
 ];
 
-/// A target with a bug, to see that fuzzing finds bugs: it panics on what begins with `TAXELBUG`. Coverage leads there byte by
-/// byte; chance would need 2^64 inputs.
+/// A target with a bug, to see that fuzzing finds bugs: it panics on what begins with `TAXELBUG`.
+/// Coverage leads there byte by byte; chance would need 2^64 inputs.
 pub fn planted(data: &[u8]) {
     let mut right = 0;
     for (byte, wanted) in data.iter().zip(b"TAXELBUG") {

@@ -3,7 +3,8 @@
 use taxel_can::LogReader;
 use taxel_wire::{Event, Subscribe};
 
-/// A candump log: as many results as lines at most, and a frame that was read prints as a line that reads as the same.
+/// A candump log: as many results as lines at most, and a frame that was read prints as a line that
+/// reads as the same.
 pub(crate) fn candump_line(data: &[u8]) {
     let lines = data.split(|b| *b == b'\n').count();
     let mut results = 0;

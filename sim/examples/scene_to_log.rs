@@ -1,4 +1,5 @@
-//! Writes a scene as a candump log: `cargo run -p taxel-sim --example scene_to_log -- SCENE [LAYOUT] > file.log`.
+//! Writes a scene as a candump log: `cargo run -p taxel-sim --example scene_to_log -- SCENE
+//! [LAYOUT] > file.log`.
 
 use std::io::BufWriter;
 use taxel_can::LogWriter;

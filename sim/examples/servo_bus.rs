@@ -2,12 +2,13 @@
 //!
 //!     cargo run -p taxel-sim --example servo_bus -- --ids 1-16 --baud 1000000
 //!
-//! prints the path of the terminal and runs until its standard input ends. Lines of standard input break and mend
-//! servos: `fault ID silent|bad-crc|truncated:BYTES|late:MS|garbage:BYTES|noise:BYTES [EVERY]`, `mend ID`,
-//! `error ID BITS`; `register ID ADDRESS BYTES` prints what stands in a servo's table; `traffic` prints how many bytes
-//! the bus has heard, has said, and has still to say, and whether its client has hung up (1) or not (0). Options:
-//! `--return-delay STEPS` (of 2 us), `--motion still|sine`, `--no-fast`, `--stop-after-silence`, `--link PATH` (a stable
-//! name that points to the terminal).
+//! prints the path of the terminal and runs until its standard input ends. Lines of standard input
+//! break and mend servos: `fault ID
+//! silent|bad-crc|truncated:BYTES|late:MS|garbage:BYTES|noise:BYTES [EVERY]`, `mend ID`, `error ID
+//! BITS`; `register ID ADDRESS BYTES` prints what stands in a servo's table; `traffic` prints how
+//! many bytes the bus has heard, has said, and has still to say, and whether its client has hung up
+//! (1) or not (0). Options: `--return-delay STEPS` (of 2 us), `--motion still|sine`, `--no-fast`,
+//! `--stop-after-silence`, `--link PATH` (a stable name that points to the terminal).
 
 use std::error::Error;
 use std::io::BufRead;

@@ -264,8 +264,8 @@ impl Bus {
         }
     }
 
-    /// Who gets the free bus: the lowest id; a data frame before a remote one, a standard id before an extended one
-    /// that begins alike.
+    /// Who gets the free bus: the lowest id; a data frame before a remote one, a standard id before
+    /// an extended one that begins alike.
     fn arbitrate(&self) -> Option<(Sender, CanFrame)> {
         let scene_ns = self.skin.clock().scene_ns(self.now_ns);
         let boards = self.boards.iter().enumerate();

@@ -122,7 +122,8 @@ impl SceneClock {
     }
 }
 
-/// Seconds as whole nanoseconds. The caller has checked that they are finite, not negative and below a century.
+/// Seconds as whole nanoseconds. The caller has checked that they are finite, not negative and
+/// below a century.
 pub(crate) fn ns_of_seconds(seconds: f64) -> u64 {
     (seconds * 1e9 + 0.5) as u64
 }

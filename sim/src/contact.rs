@@ -2,8 +2,8 @@
 
 use crate::clock::Keyframes;
 
-/// Shear that a pressed taxel feels away from the middle of the contact, per unit of pressure, at the rim of the
-/// footprint: the elastomer bulges outwards. About a tenth of z in the recordings.
+/// Shear that a pressed taxel feels away from the middle of the contact, per unit of pressure, at
+/// the rim of the footprint: the elastomer bulges outwards. About a tenth of z in the recordings.
 const BULGE: f64 = 0.15;
 
 /// One thing that touches the skin, its places still names.
@@ -59,12 +59,14 @@ pub(crate) struct Seat {
     pub(crate) contact: u16,
     /// The taxel's place, pixels or mm.
     pub(crate) place: [f64; 3],
-    /// From the first to the last pixel of the place named, for [`Footprint::Middle`] and [`Footprint::Shares`].
+    /// From the first to the last pixel of the place named, for [`Footprint::Middle`] and
+    /// [`Footprint::Shares`].
     pub(crate) extent: [f64; 2],
 }
 
 impl Seat {
-    /// Pixels that a radius of 1 is, where it is given as a share: the side of a square as large as the place.
+    /// Pixels that a radius of 1 is, where it is given as a share: the side of a square as large as
+    /// the place.
     fn side(&self) -> f64 {
         let [w, h] = self.extent.map(|side| side.max(1.0));
         (w * h).sqrt()

@@ -68,7 +68,8 @@ pub(crate) enum BusFault {
     ErrorFrames { error: BusError, period_ns: u64 },
     /// The host's controller is off the bus: it says so, hears nothing, and says when it is back.
     BusOff,
-    /// A node floods the bus with this id; without one, the boards named by the fault do with that of their first taxel.
+    /// A node floods the bus with this id; without one, the boards named by the fault do with that
+    /// of their first taxel.
     Babble { id: Option<u16>, period_ns: u64 },
     /// Frames get lost between the bus and the host.
     Lost { probability: f64 },
@@ -109,7 +110,8 @@ impl BusError {
     }
 }
 
-/// A fault as the file has it. Which keys go with which kind is checked afterwards, so that the message can say so.
+/// A fault as the file has it. Which keys go with which kind is checked afterwards, so that the
+/// message can say so.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct FaultToml {

@@ -1,9 +1,11 @@
-//! Scenes as CAN traffic: simulated boards of every kind that `taxel-skin` reads, which behave, and misbehave on request.
+//! Scenes as CAN traffic: simulated boards of every kind that `taxel-skin` reads, which behave, and
+//! misbehave on request.
 //!
-//! A [`Scene`] names what touches the hand and what breaks; nothing else is modelled. A [`Simulator`] plays it on
-//! every bus of a layout, with time as an argument; a [`SimSource`] plays one bus in real time behind
-//! [`taxel_can::CanSource`]. The same scene with the same seed gives the same bytes on every
-//! platform. The joints are in [`servo`]: simulated servos behind a pseudo terminal.
+//! A [`Scene`] names what touches the hand and what breaks; nothing else is modelled. A
+//! [`Simulator`] plays it on every bus of a layout, with time as an argument; a [`SimSource`] plays
+//! one bus in real time behind [`taxel_can::CanSource`]. The same scene with the same seed gives
+//! the same bytes on every platform. The joints are in [`servo`]: simulated servos behind a pseudo
+//! terminal.
 //!
 //! ```
 //! use taxel_sim::{Scene, Simulator};

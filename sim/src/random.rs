@@ -1,4 +1,5 @@
-//! Randomness as a function: a number that depends on a seed and on where it is used, never on what was drawn before.
+//! Randomness as a function: a number that depends on a seed and on where it is used, never on what
+//! was drawn before.
 //!
 //! Only integer arithmetic and exactly rounded floating point is used, so that every platform draws the same.
 

@@ -11,8 +11,8 @@ use toml::Spanned;
 
 /// What a simulated hand goes through: which of its modules are there, what touches them, and what breaks.
 ///
-/// Made from a TOML file ([`Scene::load`], the keys are in `scenes/README.md`) or built in ([`Scene::builtin`]).
-/// Places are names until a [`crate::Simulator`] is made for a layout.
+/// Made from a TOML file ([`Scene::load`], the keys are in `scenes/README.md`) or built in
+/// ([`Scene::builtin`]). Places are names until a [`crate::Simulator`] is made for a layout.
 #[derive(Debug, Clone)]
 pub struct Scene {
     pub(crate) file: String,

@@ -9,11 +9,11 @@ use std::sync::Arc;
 use taxel_can::{CanFrame, Received};
 use taxel_skin::Layout;
 
-/// Plays a scene on every bus of a hand. It does no I/O and holds no clock: time is an argument, nanoseconds from the
-/// scene's beginning, and never turns back.
+/// Plays a scene on every bus of a hand. It does no I/O and holds no clock: time is an argument,
+/// nanoseconds from the scene's beginning, and never turns back.
 ///
-/// The same scene, layout, seed and commands give the same frames on every platform, however the time is cut into
-/// calls of [`Simulator::advance`].
+/// The same scene, layout, seed and commands give the same frames on every platform, however the
+/// time is cut into calls of [`Simulator::advance`].
 #[derive(Debug)]
 pub struct Simulator {
     skin: Arc<SkinModel>,
@@ -58,8 +58,9 @@ impl Scene {
 }
 
 impl Simulator {
-    /// Puts a scene on a hand. MTB boards are stopped until they are commanded or [`Simulator::start_all`] is called;
-    /// XELA controllers stream. The scene is played once, unless [`Simulator::looping`] says otherwise.
+    /// Puts a scene on a hand. MTB boards are stopped until they are commanded or
+    /// [`Simulator::start_all`] is called; XELA controllers stream. The scene is played once,
+    /// unless [`Simulator::looping`] says otherwise.
     pub fn new(scene: &Scene, layout: &Layout, seed: u64) -> Result<Self, SceneError> {
         let buses = 0..layout.buses.len().min(256);
         Self::with_buses(scene, layout, seed, false, buses.map(|b| b as u8))
@@ -102,8 +103,9 @@ impl Simulator {
         self.buses.iter().filter_map(Bus::next_event_ns).min()
     }
 
-    /// Simulates up to and including `until_ns` and appends what the host received: bus index and frame, by time, and
-    /// by bus where times are equal. The time of a frame is the end of its interframe space.
+    /// Simulates up to and including `until_ns` and appends what the host received: bus index and
+    /// frame, by time, and by bus where times are equal. The time of a frame is the end of its
+    /// interframe space.
     pub fn advance(&mut self, until_ns: u64, frames: &mut Vec<(u8, Received)>) {
         let first = frames.len();
         for (index, bus) in self.buses.iter_mut().enumerate() {
@@ -116,8 +118,9 @@ impl Simulator {
         }
     }
 
-    /// The host sends a frame. It competes for the bus like any other, from `t_ns` on, or from where the simulation
-    /// is if that is later; boards hear it when it is through. The host does not receive its own frames.
+    /// The host sends a frame. It competes for the bus like any other, from `t_ns` on, or from
+    /// where the simulation is if that is later; boards hear it when it is through. The host does
+    /// not receive its own frames.
     pub fn command(&mut self, bus: u8, frame: &CanFrame, t_ns: u64) -> Result<(), CommandError> {
         let buses = self.buses.len();
         let there = self.buses.get_mut(bus as usize);
@@ -132,9 +135,10 @@ impl Simulator {
         self.buses.iter_mut().for_each(Bus::start_all);
     }
 
-    /// What touches the hand at `t_ns`: `force[taxel]` is how far the taxel is moved from its idle level, counts, as the
-    /// norm over x, y and z, without noise, wraps or faults. Returns how many taxels are touched; those are the ones
-    /// above 0. Taxels beyond the end of `force` are left out.
+    /// What touches the hand at `t_ns`: `force[taxel]` is how far the taxel is moved from its idle
+    /// level, counts, as the norm over x, y and z, without noise, wraps or faults. Returns how many
+    /// taxels are touched; those are the ones above 0. Taxels beyond the end of `force` are left
+    /// out.
     pub fn truth(&self, t_ns: u64, force: &mut [f64]) -> usize {
         self.skin.truth(t_ns, force)
     }

@@ -133,8 +133,8 @@ impl SkinModel {
         self.clock
     }
 
-    /// Counts and status byte of a uSkin taxel read at this running time. An overloaded axis wraps modulo 2^16, it does
-    /// not saturate (docs/protocols.md, "uSkin values").
+    /// Counts and status byte of a uSkin taxel read at this running time. An overloaded axis wraps
+    /// modulo 2^16, it does not saturate (docs/protocols.md, "uSkin values").
     pub(crate) fn reading(&self, taxel: u16, t_ns: u64) -> ([u16; 3], u8) {
         match self.sample(taxel, t_ns) {
             Sample::NotConnected => ([0xFFFF; 3], 0xFF),
@@ -260,8 +260,8 @@ impl SkinModel {
         }
     }
 
-    /// How far a taxel is moved from idle, decoded counts, without noise, wraps, ends of range or faults; zero where
-    /// nothing touches it.
+    /// How far a taxel is moved from idle, decoded counts, without noise, wraps, ends of range or
+    /// faults; zero where nothing touches it.
     pub(crate) fn truth_of(&self, taxel: u16, t_ns: u64) -> f64 {
         match self.taxels.get(usize::from(taxel)) {
             Some(model) if model.present => {

@@ -23,14 +23,14 @@ pub struct SimOptions {
     pub looping: bool,
     /// Most that a frame's receive time is late, nanoseconds, drawn evenly from 0; as through a USB adapter.
     pub jitter_ns: u64,
-    /// Least time between two wake-ups, nanoseconds. Frames wait for the wake-up and keep the time at which they
-    /// ended, so this is latency against load on the machine.
+    /// Least time between two wake-ups, nanoseconds. Frames wait for the wake-up and keep the time
+    /// at which they ended, so this is latency against load on the machine.
     pub coalesce_ns: u64,
 }
 
 impl Default for SimOptions {
-    /// From time 0, with the scene's seed, waiting for start commands, again and again, without jitter, with at most
-    /// 2,000 wake-ups a second.
+    /// From time 0, with the scene's seed, waiting for start commands, again and again, without
+    /// jitter, with at most 2,000 wake-ups a second.
     fn default() -> Self {
         Self {
             start_ns: 0,
@@ -91,8 +91,8 @@ impl SimSource {
         })
     }
 
-    /// Opens what `sim:SCENE` names: bus `bus` of the scene on this layout, or on the scene's own, begun at `start_ns` of the
-    /// caller's time, and else as [`SimOptions::default`] says.
+    /// Opens what `sim:SCENE` names: bus `bus` of the scene on this layout, or on the scene's own,
+    /// begun at `start_ns` of the caller's time, and else as [`SimOptions::default`] says.
     pub fn open(scene: &str, layout: Option<&Layout>, bus: u8, start_ns: u64) -> Result<Self, SceneError> {
         let scene = Scene::resolve(scene)?;
         let options = SimOptions {

@@ -17,9 +17,10 @@ const HUB_MODULES: usize = 248;
 /// Boards of a bus.
 const BUS_BOARDS: usize = 14;
 
-/// The layout, with simulated boards under its arrays that have none (`protocol = "offline"`): modules of a CySkin hub,
-/// where no array has more than 11 taxels, and iCub MTB4s otherwise. Places, names and taxel numbers stay; buses
-/// `sim0`, `sim1` ... are added. A layout all of whose modules have boards comes back as it is.
+/// The layout, with simulated boards under its arrays that have none (`protocol = "offline"`):
+/// modules of a CySkin hub, where no array has more than 11 taxels, and iCub MTB4s otherwise.
+/// Places, names and taxel numbers stay; buses `sim0`, `sim1` ... are added. A layout all of whose
+/// modules have boards comes back as it is.
 ///
 /// What such boards are and how they speak is the simulation's own affair: no real hand is wired so.
 /// [`SceneError::Layout`] where an array has more than 160 taxels.
@@ -79,8 +80,9 @@ pub fn with_stand_in_boards(layout: &Layout) -> Result<Layout, SceneError> {
     Ok(wired)
 }
 
-/// The layout file of [`with_stand_in_boards`], for a daemon at the other end of a bus: [`Layout::parse`] makes the same
-/// layout of it, so that what is simulated and what is read fit. For layouts without a board of their own.
+/// The layout file of [`with_stand_in_boards`], for a daemon at the other end of a bus:
+/// [`Layout::parse`] makes the same layout of it, so that what is simulated and what is read fit.
+/// For layouts without a board of their own.
 pub fn stand_in_layout_file(layout: &Layout) -> Result<String, SceneError> {
     let wired = with_stand_in_boards(layout)?;
     let name = &wired.name;

@@ -95,7 +95,8 @@ fn rates_follow_the_arithmetic_of_the_bus() {
             counts.overflows
         );
         if overflows {
-            // Arbitration gives the bus to the lowest ids, so the first board loses nothing and the last starves.
+            // Arbitration gives the bus to the lowest ids, so the first board loses nothing and the
+            // last starves.
             assert!(of_board(&layout, &second, addresses[0]) >= 1584, "{label}");
             assert!(
                 of_board(&layout, &second, addresses[addresses.len() - 1]) < 800,

@@ -33,7 +33,8 @@ fn tell(bench: &mut Bench, layout: &Layout, ms: u64, command: u8, data: &[u8]) {
     }
 }
 
-/// How often each taxel came, after checking that every frame was understood and every value is a healthy idle one.
+/// How often each taxel came, after checking that every frame was understood and every value is a
+/// healthy idle one.
 fn taxels_in(layout: &Layout, frames: &[taxel_can::Received]) -> Vec<u32> {
     let mut decoder = Decoder::new(layout, 0);
     let mut readings = Readings::new();

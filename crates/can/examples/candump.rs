@@ -1,4 +1,5 @@
-//! Prints what comes from any CAN source as a candump log: `cargo run -p taxel-can --example candump -- udp:`.
+//! Prints what comes from any CAN source as a candump log: `cargo run -p taxel-can --example
+//! candump -- udp:`.
 //!
 //! A second argument is how many seconds to listen; without it a live source is listened to for ever.
 

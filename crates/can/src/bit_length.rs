@@ -2,15 +2,18 @@
 
 use crate::CanFrame;
 
-/// Bits after the CRC, which are never stuffed: CRC delimiter, ACK slot and delimiter, end of frame, interframe space.
+/// Bits after the CRC, which are never stuffed: CRC delimiter, ACK slot and delimiter, end of
+/// frame, interframe space.
 const TAIL_BITS: u32 = 1 + 2 + 7 + 3;
-/// Bits of a standard and of an extended frame from its start to the end of its CRC, without data and stuff bits.
+/// Bits of a standard and of an extended frame from its start to the end of its CRC, without data
+/// and stuff bits.
 const STANDARD_BITS: u32 = 34;
 const EXTENDED_BITS: u32 = 54;
 
 impl CanFrame {
-    /// Fewest and most bits of a data or remote frame on the wire, interframe space included: without stuff bits, and with
-    /// as many as there can be. 111 and 135 for a standard frame with eight data bytes.
+    /// Fewest and most bits of a data or remote frame on the wire, interframe space included:
+    /// without stuff bits, and with as many as there can be. 111 and 135 for a standard frame with
+    /// eight data bytes.
     #[inline]
     pub fn bits_within(&self) -> [u32; 2] {
         let head = if self.is_extended() {
@@ -23,7 +26,8 @@ impl CanFrame {
         [least, least + (stuffable - 1) / 4]
     }
 
-    /// Exact number of bits of a data or remote frame on the wire, with its stuff bits and the interframe space.
+    /// Exact number of bits of a data or remote frame on the wire, with its stuff bits and the
+    /// interframe space.
     pub fn bits(&self) -> u32 {
         let mut line = Line::default();
         line.send(0, 1);
@@ -117,8 +121,9 @@ mod tests {
 
     #[test]
     fn a_run_of_five_equal_bits_costs_one_more() {
-        // Id 0x555 alternates; a remote frame of DLC 0 then has 0 (r0) 000 (DLC 0): SOF 0, 10101010101, 1, 0, 0, 0000:
-        // six zeros in a row hold one stuff bit, the CRC decides about the rest.
+        // Id 0x555 alternates; a remote frame of DLC 0 then has 0 (r0) 000 (DLC 0): SOF 0,
+        // 10101010101, 1, 0, 0, 0000: six zeros in a row hold one stuff bit, the CRC decides about
+        // the rest.
         let mut line = Line::default();
         line.send(0, 1);
         line.send(0x555, 11);

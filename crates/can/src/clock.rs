@@ -22,11 +22,12 @@ fn read(clock: ClockId) -> u64 {
 
 /// Turns the kernel's receive stamps, which are wall clock time, into `CLOCK_MONOTONIC`.
 ///
-/// The kernel stamps a socket's frames with `CLOCK_REALTIME`, which an operator or NTP may set at any time. The
-/// offset between the clocks is therefore sampled again and again, and what it gives is held between two times
-/// that are known without the wall clock: a frame read now arrived no later than now, and no earlier than the
-/// last time its queue was found empty. So a step of the wall clock, however large, shifts no frame by more than
-/// the time between two readings of the socket, and times never run backwards.
+/// The kernel stamps a socket's frames with `CLOCK_REALTIME`, which an operator or NTP may set at
+/// any time. The offset between the clocks is therefore sampled again and again, and what it gives
+/// is held between two times that are known without the wall clock: a frame read now arrived no
+/// later than now, and no earlier than the last time its queue was found empty. So a step of the
+/// wall clock, however large, shifts no frame by more than the time between two readings of the
+/// socket, and times never run backwards.
 #[derive(Debug, Clone)]
 pub struct StampConverter {
     realtime_minus_monotonic_ns: i128,

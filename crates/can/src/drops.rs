@@ -6,15 +6,16 @@ use nix::libc;
 /// The index of the drop counter in what `SO_MEMINFO` gives (`SK_MEMINFO_DROPS` of `linux/sock_diag.h`).
 const MEMINFO_DROPS: usize = 8;
 
-/// The kernel's drop counter of one socket, as it was last seen: 32 bits that wrap, from zero when the socket is new.
+/// The kernel's drop counter of one socket, as it was last seen: 32 bits that wrap, from zero when
+/// the socket is new.
 #[derive(Debug, Default)]
 pub(crate) struct DropCounter {
     seen: u32,
 }
 
 impl DropCounter {
-    /// Adds to `lost` what the counter has grown by. A reading older than one seen before adds nothing: a queued
-    /// frame carries the count of the moment it was queued.
+    /// Adds to `lost` what the counter has grown by. A reading older than one seen before adds
+    /// nothing: a queued frame carries the count of the moment it was queued.
     pub(crate) fn take(&mut self, counter: u32, lost: &mut u64) {
         let new = counter.wrapping_sub(self.seen);
         if new <= u32::MAX / 2 {

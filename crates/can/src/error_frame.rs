@@ -22,8 +22,8 @@ const ACTIVE: u8 = 0x40;
 /// Error counters from which a controller is in that state.
 const WARNING_COUNT: u8 = 96;
 const PASSIVE_COUNT: u8 = 128;
-/// A controller that is off the bus hears nothing. So many data frames are more than any driver had in its queue when
-/// it went off: the frame that told of the restart was lost.
+/// A controller that is off the bus hears nothing. So many data frames are more than any driver had
+/// in its queue when it went off: the frame that told of the restart was lost.
 const HEARS_AGAIN: u64 = 256;
 
 impl ErrorCauses {
@@ -53,8 +53,9 @@ impl ErrorCauses {
 impl BusState {
     /// The controller's state after an error frame.
     ///
-    /// The worst state a frame names holds. Bus-off is left only through a restart or a named state; bare error
-    /// counters, which drivers attach to any frame, set the state only while the controller is on the bus.
+    /// The worst state a frame names holds. Bus-off is left only through a restart or a named
+    /// state; bare error counters, which drivers attach to any frame, set the state only while the
+    /// controller is on the bus.
     fn after(self, frame: &CanFrame) -> BusState {
         let class = frame.id();
         let controller = if class & CONTROLLER != 0 {

@@ -14,7 +14,8 @@ pub struct IdFilter {
 }
 
 impl IdFilter {
-    /// Standard (11 bit) frames whose identifier equals `id` in the bits of `mask`; `0x7FF` compares all of them.
+    /// Standard (11 bit) frames whose identifier equals `id` in the bits of `mask`; `0x7FF`
+    /// compares all of them.
     pub const fn standard(id: u16, mask: u16) -> Self {
         Self {
             id: (id & 0x7FF) as u32,

@@ -1,8 +1,9 @@
-//! The two places where only the raw kernel interface will do: many datagrams with their control messages in one
-//! call, and whether a network interface is up.
+//! The two places where only the raw kernel interface will do: many datagrams with their control
+//! messages in one call, and whether a network interface is up.
 //!
-//! nix has a safe `recvmmsg`, but its prepared headers keep the control message length of the previous call, so
-//! that a drop counter which appears for the first time no longer fits and is cut off.
+//! nix has a safe `recvmmsg`, but its prepared headers keep the control message length of the
+//! previous call, so that a drop counter which appears for the first time no longer fits and is cut
+//! off.
 #![allow(unsafe_code)]
 
 use nix::errno::Errno;
@@ -14,7 +15,8 @@ use std::os::fd::{AsRawFd, BorrowedFd};
 /// Datagrams read by one system call at most.
 pub(crate) const SLOTS: usize = 32;
 
-/// Room for a timestamp (`SCM_TIMESTAMPNS`, 32 bytes) and a drop counter (`SO_RXQ_OVFL`, 24 bytes), and to spare.
+/// Room for a timestamp (`SCM_TIMESTAMPNS`, 32 bytes) and a drop counter (`SO_RXQ_OVFL`, 24 bytes),
+/// and to spare.
 const CONTROL_BYTES: usize = 128;
 /// The size of `sockaddr_in6`, the largest address of interest.
 const NAME_BYTES: usize = 28;
@@ -97,7 +99,8 @@ impl<const N: usize> DatagramReader<N> {
         if count == 0 {
             return Ok(&[]);
         }
-        // SAFETY: `iovec` and `mmsghdr` are plain data for which all zeroes (null pointers, no lengths) is valid.
+        // SAFETY: `iovec` and `mmsghdr` are plain data for which all zeroes (null pointers, no
+        // lengths) is valid.
         let mut vectors: [libc::iovec; SLOTS] = unsafe { mem::zeroed() };
         // SAFETY: as above.
         let mut headers: [libc::mmsghdr; SLOTS] = unsafe { mem::zeroed() };
@@ -112,8 +115,9 @@ impl<const N: usize> DatagramReader<N> {
             header.msg_control = slot.control.as_mut_ptr().cast();
             header.msg_controllen = CONTROL_BYTES as _;
         }
-        // SAFETY: the first `count` headers are filled in; each points to one `iovec` and three buffers of the
-        // lengths given, all of which outlive the call and are used by nothing else during it.
+        // SAFETY: the first `count` headers are filled in; each points to one `iovec` and three
+        // buffers of the lengths given, all of which outlive the call and are used by nothing else
+        // during it.
         let received = unsafe {
             libc::recvmmsg(
                 socket.as_raw_fd(),
@@ -176,8 +180,9 @@ fn control_messages(header: &libc::msghdr) -> (Option<u64>, Option<u32>) {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct InterfaceState {
     pub(crate) is_up: bool,
-    /// Whether it has a carrier. A CAN interface loses its carrier when its controller goes bus-off, and has it again
-    /// when the controller is restarted (`can_bus_off`, `can_restart` of the kernel); virtual ones always have it.
+    /// Whether it has a carrier. A CAN interface loses its carrier when its controller goes
+    /// bus-off, and has it again when the controller is restarted (`can_bus_off`, `can_restart` of
+    /// the kernel); virtual ones always have it.
     pub(crate) has_carrier: bool,
 }
 
@@ -191,7 +196,8 @@ pub(crate) fn interface_state(socket: BorrowedFd<'_>, interface: &str) -> Result
     for (to, from) in request.ifr_name.iter_mut().zip(interface.bytes()) {
         *to = from as libc::c_char;
     }
-    // SAFETY: the request holds a name with a terminating zero and outlives the call, which writes only into it.
+    // SAFETY: the request holds a name with a terminating zero and outlives the call, which writes
+    // only into it.
     let result = unsafe { libc::ioctl(socket.as_raw_fd(), libc::SIOCGIFFLAGS as _, &mut request) };
     Errno::result(result)?;
     // SAFETY: the kernel has filled in the flags, and every bit pattern of them is valid.

@@ -1,8 +1,8 @@
 //! CAN frames and where they come from.
 //!
-//! One seam, [`CanSource`], and four sources behind it: SocketCAN, python-can's `udp_multicast`, a recording,
-//! and memory. A source knows nothing of boards; a decoder knows nothing of sockets. [`open`] makes a source of
-//! its [`SourceAddress`].
+//! One seam, [`CanSource`], and four sources behind it: SocketCAN, python-can's `udp_multicast`, a
+//! recording, and memory. A source knows nothing of boards; a decoder knows nothing of sockets.
+//! [`open`] makes a source of its [`SourceAddress`].
 
 mod address;
 mod bit_length;

@@ -16,9 +16,9 @@ pub struct Playback {
     pub start_ns: u64,
     /// How fast the recorded clock runs: 1 as recorded, 2 twice as fast. Finite and over 0.
     ///
-    /// There is no speed for "as fast as possible", because it needs none: a caller that sets its own clock to
-    /// [`Wakeup::at_ns`] instead of waiting for it is driven by the recorded clock, at speed 1, as fast as it can
-    /// go, and two such runs give the same times to the nanosecond.
+    /// There is no speed for "as fast as possible", because it needs none: a caller that sets its
+    /// own clock to [`Wakeup::at_ns`] instead of waiting for it is driven by the recorded clock, at
+    /// speed 1, as fast as it can go, and two such runs give the same times to the nanosecond.
     pub speed: f64,
 }
 
@@ -35,10 +35,10 @@ impl Default for Playback {
 /// A candump recording, each frame due at its own absolute time.
 ///
 /// Times are shifted so that the first frame of the file, on whatever interface, is due at
-/// [`Playback::start_ns`]; two sources over one file with the same playback therefore keep the two buses in step.
-/// A frame that was recorded earlier than the one before it is due together with that one, and time goes on where the clock
-/// was set ([`LogClock`]). Lines that hold no
-/// classic frame are counted as `undecodable` and stop nothing. There is nobody to send to.
+/// [`Playback::start_ns`]; two sources over one file with the same playback therefore keep the two
+/// buses in step. A frame that was recorded earlier than the one before it is due together with
+/// that one, and time goes on where the clock was set ([`LogClock`]). Lines that hold no classic
+/// frame are counted as `undecodable` and stop nothing. There is nobody to send to.
 pub struct LogSource {
     reader: LogReader<BufReader<File>>,
     interface: Option<Arc<str>>,
@@ -53,7 +53,8 @@ pub struct LogSource {
 impl LogSource {
     /// Opens a recording, of which only frames recorded on `interface` are played if one is given.
     ///
-    /// Fails if the file cannot be read, if nothing in it is a CAN frame, or if the speed is not a positive number.
+    /// Fails if the file cannot be read, if nothing in it is a CAN frame, or if the speed is not a
+    /// positive number.
     pub fn open(path: &Path, interface: Option<&str>, playback: Playback) -> Result<Self, OpenError> {
         if !(playback.speed.is_finite() && playback.speed > 0.0) {
             return Err(OpenError::Refused(format!(

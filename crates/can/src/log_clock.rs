@@ -2,17 +2,19 @@
 
 /// A stamp so far before the newest is no frame that another overtook: the clock was set back.
 const SET_BACK_NS: u64 = 1_000_000_000;
-/// A stamp so far behind the newest is no pause: the clock was set forward, as that of a computer without a battery is when
-/// it first hears of the time.
+/// A stamp so far behind the newest is no pause: the clock was set forward, as that of a computer
+/// without a battery is when it first hears of the time.
 const SET_FORWARD_NS: u64 = 24 * 3600 * 1_000_000_000;
 
 /// Turns the stamps of a recording into time since its first frame.
 ///
-/// candump stamps with the wall clock, and logs are put together from several. Where the stamps go back by more than a
-/// second, or forward by more than a day, the frame is due together with the newest before it, and time goes on from
-/// there. Smaller steps are left as they are: [`LogClock::since_first_ns`] may go back by up to a second.
+/// candump stamps with the wall clock, and logs are put together from several. Where the stamps go
+/// back by more than a second, or forward by more than a day, the frame is due together with the
+/// newest before it, and time goes on from there. Smaller steps are left as they are:
+/// [`LogClock::since_first_ns`] may go back by up to a second.
 ///
-/// Give it every frame of the file, whatever is done with it, so that all that read one file have the same time.
+/// Give it every frame of the file, whatever is done with it, so that all that read one file have
+/// the same time.
 #[derive(Debug, Default, Clone)]
 pub struct LogClock {
     newest: Option<Newest>,

@@ -10,9 +10,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A bus in memory: the source a daemon reads, and the handle that plays the boards.
 ///
-/// Each direction holds `capacity` frames (at least 1). Frames that find the source's queue full are lost and
-/// counted as `lost_in_kernel`; commands that nobody takes make `send` answer [`SendError::QueueFull`]. Fails only
-/// when the process can open no more files.
+/// Each direction holds `capacity` frames (at least 1). Frames that find the source's queue full
+/// are lost and counted as `lost_in_kernel`; commands that nobody takes make `send` answer
+/// [`SendError::QueueFull`]. Fails only when the process can open no more files.
 pub fn memory_bus(capacity: usize) -> io::Result<(MemorySource, MemoryBus)> {
     let capacity = capacity.max(1);
     let flags = EfdFlags::EFD_NONBLOCK | EfdFlags::EFD_CLOEXEC;
@@ -85,7 +85,8 @@ pub struct MemoryBus {
 impl MemoryBus {
     /// Puts a frame on the bus, received at `t_ns`. It is there for the source at once, whatever its time.
     ///
-    /// Returns whether the source will see it: not if its queue is full, which is counted, or the link is not up.
+    /// Returns whether the source will see it: not if its queue is full, which is counted, or the
+    /// link is not up.
     pub fn push(&self, t_ns: u64, frame: CanFrame) -> bool {
         let mut state = self.bus.state();
         if state.link != LinkState::Up {
@@ -116,7 +117,8 @@ impl MemoryBus {
         self.bus.state().to_source.len()
     }
 
-    /// Sets what the source reports as its link. Away from up counts as a loss; back from absent as a reopening.
+    /// Sets what the source reports as its link. Away from up counts as a loss; back from absent as
+    /// a reopening.
     pub fn set_link(&self, link: LinkState) {
         let mut state = self.bus.state();
         if state.link == LinkState::Up && link != LinkState::Up {

@@ -2,11 +2,12 @@
 
 use crate::Received;
 
-/// Gives the frames of several buses one after the other: in the order of their stamps, and of their buses where these are
-/// equal.
+/// Gives the frames of several buses one after the other: in the order of their stamps, and of
+/// their buses where these are equal.
 ///
-/// Frames are taken from each bus in batches. What one bus has told beyond what all the others have waits, so that the
-/// order is the same however few frames a bus hands over at once. Memory is taken only when this is made.
+/// Frames are taken from each bus in batches. What one bus has told beyond what all the others have
+/// waits, so that the order is the same however few frames a bus hands over at once. Memory is
+/// taken only when this is made.
 #[derive(Debug)]
 pub struct FrameMerge {
     batches: Vec<Batch>,
@@ -35,8 +36,8 @@ impl Batch {
 }
 
 impl FrameMerge {
-    /// For this many buses, of each of which at most `batch` frames are taken at once. `live` says that a bus which has
-    /// more, but no frame among what was taken, must not hold up the others.
+    /// For this many buses, of each of which at most `batch` frames are taken at once. `live` says
+    /// that a bus which has more, but no frame among what was taken, must not hold up the others.
     pub fn new(buses: usize, batch: usize, live: bool) -> Self {
         let batches = (0..buses).map(|_| Batch {
             frames: Vec::with_capacity(batch),
@@ -53,11 +54,12 @@ impl FrameMerge {
         }
     }
 
-    /// Takes the next frames of a bus at the time `now_ns`, once all of those taken before were given; until then it does
-    /// nothing, and what the other buses tell beyond the time of its last taking waits for what it tells then.
+    /// Takes the next frames of a bus at the time `now_ns`, once all of those taken before were
+    /// given; until then it does nothing, and what the other buses tell beyond the time of its last
+    /// taking waits for what it tells then.
     ///
-    /// `receive` puts them into an empty batch, without more capacity than it has, and says whether the bus has more, as
-    /// [`CanSource::receive`](crate::CanSource::receive) does.
+    /// `receive` puts them into an empty batch, without more capacity than it has, and says whether
+    /// the bus has more, as [`CanSource::receive`](crate::CanSource::receive) does.
     ///
     /// # Panics
     /// When there is no such bus.
@@ -80,8 +82,8 @@ impl FrameMerge {
         self.horizon = horizons.min().unwrap_or((u64::MAX, usize::MAX));
     }
 
-    /// The oldest frame that was not yet given, and its bus; `None` where a bus may still tell of an older one, or
-    /// where every frame was given.
+    /// The oldest frame that was not yet given, and its bus; `None` where a bus may still tell of
+    /// an older one, or where every frame was given.
     pub fn pop(&mut self) -> Option<(u8, Received)> {
         let (bus, batch) = (self.batches.iter_mut().enumerate())
             .filter(|(_, b)| !b.is_given())

@@ -61,8 +61,8 @@ pub enum OpenError {
         /// What the system said.
         source: io::Error,
     },
-    /// What can never be opened: an impossible name, too many filters, a recording without a CAN frame, a speed that is
-    /// none, a scene.
+    /// What can never be opened: an impossible name, too many filters, a recording without a CAN
+    /// frame, a speed that is none, a scene.
     #[error("{0}")]
     Refused(String),
 }

@@ -55,17 +55,20 @@ impl Default for SocketCanOptions {
 
 /// A SocketCAN interface.
 ///
-/// The interface need not exist when it is opened, and may go down, come up, vanish and be made anew: it is looked
-/// for by name, first after 50 ms and then less often, at least four times a second. Frames that were queued when it
-/// vanished are still delivered. Each time the socket is replaced it has another file descriptor number than its
-/// predecessor, so that a caller can tell by [`CanSource::wakeup`] that it must register anew.
+/// The interface need not exist when it is opened, and may go down, come up, vanish and be made
+/// anew: it is looked for by name, first after 50 ms and then less often, at least four times a
+/// second. Frames that were queued when it vanished are still delivered. Each time the socket is
+/// replaced it has another file descriptor number than its predecessor, so that a caller can tell
+/// by [`CanSource::wakeup`] that it must register anew.
 ///
-/// Times are the kernel's receive stamps. If no other program has asked the kernel for stamps yet, it takes a moment
-/// to turn them on, and frames that come in that moment have the time at which they were read.
+/// Times are the kernel's receive stamps. If no other program has asked the kernel for stamps yet,
+/// it takes a moment to turn them on, and frames that come in that moment have the time at which
+/// they were read.
 ///
-/// The controller's state is that of the newest error frame. Two things tell of no error frame: that the controller was
-/// bus-off already when the interface was opened, and that the interface was set down and up by hand, which restarts the
-/// controller. Both are seen by the interface's flags.
+/// The controller's state is that of the newest error frame. Two things tell of no error frame:
+/// that the controller was bus-off already when the interface was opened, and that the interface
+/// was set down and up by hand, which restarts the controller. Both are seen by the interface's
+/// flags.
 ///
 /// Own frames are not received, but other sockets on this machine see them.
 pub struct SocketCan {
@@ -89,16 +92,17 @@ struct Open {
     drops: DropCounter,
     /// The interface is gone for good; the socket is kept until its queue is empty.
     is_dead: bool,
-    /// At how many looks in a row the interface had no carrier. One is not enough to believe it, since the kernel
-    /// follows the controller a moment later.
+    /// At how many looks in a row the interface had no carrier. One is not enough to believe it,
+    /// since the kernel follows the controller a moment later.
     without_carrier: u8,
 }
 
 impl SocketCan {
     /// Opens the interface of that name, or waits for it.
     ///
-    /// Fails only where waiting cannot help: the kernel has no CAN, the name is impossible or that of something
-    /// else than a CAN interface, there are too many filters, or the process may open no socket.
+    /// Fails only where waiting cannot help: the kernel has no CAN, the name is impossible or that
+    /// of something else than a CAN interface, there are too many filters, or the process may open
+    /// no socket.
     pub fn open(interface: &str, options: SocketCanOptions) -> Result<Self, OpenError> {
         if !is_interface_name(interface) {
             return Err(OpenError::Refused(format!(
@@ -147,8 +151,8 @@ impl SocketCan {
         self.receive_buffer
     }
 
-    /// Replaces the socket by one for the interface that has the name now. The predecessor is closed last, so that
-    /// the two have different numbers.
+    /// Replaces the socket by one for the interface that has the name now. The predecessor is
+    /// closed last, so that the two have different numbers.
     fn open_socket(&mut self) -> Result<(), Unopened> {
         // First the socket, so that a kernel without CAN is told from a missing interface.
         let flags = SockFlag::SOCK_NONBLOCK | SockFlag::SOCK_CLOEXEC;
@@ -238,7 +242,8 @@ impl SocketCan {
     fn set_link(&mut self, link: LinkState) {
         if self.link == LinkState::Up && link != LinkState::Up {
             self.counters.link_losses += 1;
-            // A controller that is taken down and up again, or replaced, begins anew and sends no frame to say so.
+            // A controller that is taken down and up again, or replaced, begins anew and sends no
+            // frame to say so.
             self.counters.set_bus_state(BusState::ErrorActive);
             if let Some(open) = &mut self.open {
                 open.without_carrier = 0;
@@ -346,9 +351,9 @@ impl SocketCan {
     }
 }
 
-/// Whether a name that led to the interface of index `ifindex` leads to another one now, or to none. A failure that says
-/// nothing of the interface does not count: the C library opens a socket to look, and may find the process out of file
-/// descriptors.
+/// Whether a name that led to the interface of index `ifindex` leads to another one now, or to
+/// none. A failure that says nothing of the interface does not count: the C library opens a socket
+/// to look, and may find the process out of file descriptors.
 fn is_another(looked_up: nix::Result<u32>, ifindex: u32) -> bool {
     match looked_up {
         Ok(index) => index != ifindex,
@@ -437,8 +442,8 @@ impl CanSource for SocketCan {
                 match send(open.socket.as_raw_fd(), &encode(frame), flags) {
                     Ok(_) => Ok(()),
                     Err(Errno::ENOBUFS | Errno::EAGAIN) => Err(SendError::QueueFull),
-                    // A send can take away the one error that `receive` would have seen, so the loss is looked
-                    // into from here too.
+                    // A send can take away the one error that `receive` would have seen, so the
+                    // loss is looked into from here too.
                     Err(Errno::ENETDOWN) => {
                         self.set_link(LinkState::Down);
                         self.suspect();

@@ -47,8 +47,8 @@ pub trait CanSource: Send {
 /// What a caller waits for before it asks a source again: whichever comes first.
 #[derive(Debug, Default, Clone, Copy)]
 pub struct Wakeup<'a> {
-    /// Wait until this is readable **or has an error**: the kernel reports a vanished CAN interface as an error
-    /// without readability.
+    /// Wait until this is readable **or has an error**: the kernel reports a vanished CAN interface
+    /// as an error without readability.
     pub fd: Option<BorrowedFd<'a>>,
     /// Wake at this time, nanoseconds on the scale of [`Received::t_ns`]: the next attempt to reopen, or the
     /// next frame of a recording.

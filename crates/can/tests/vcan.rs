@@ -1,8 +1,8 @@
 //! The SocketCAN source on real virtual CAN interfaces.
 //!
-//! Runs only where `TAXEL_VCAN=1` says that this is root on a kernel with the `vcan` module and iproute2, which
-//! may make and delete interfaces as it likes; `tests/vcan/run` provides such a place. Each test has interfaces of
-//! its own.
+//! Runs only where `TAXEL_VCAN=1` says that this is root on a kernel with the `vcan` module and
+//! iproute2, which may make and delete interfaces as it likes; `tests/vcan/run` provides such a
+//! place. Each test has interfaces of its own.
 
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use nix::sched::{CpuSet, sched_setaffinity};
@@ -155,8 +155,8 @@ fn frames_of_all_kinds_arrive_in_order() {
     assert_eq!((source.counters().received, source.counters().remote), (5, 2));
 }
 
-/// The kernel turns stamping on in the background when the first socket asks for it; frames that come before are
-/// stamped when they are read.
+/// The kernel turns stamping on in the background when the first socket asks for it; frames that
+/// come before are stamped when they are read.
 #[test]
 fn a_frame_has_the_time_it_came_and_not_the_time_it_was_read() {
     if !vcan_is_here("receive stamps") {

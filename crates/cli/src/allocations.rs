@@ -1,7 +1,7 @@
 //! Counts allocations where a measurement asks for it.
 //!
-//! The command's allocator is the system's, with one counter in front of it that is off except while `taxel eval` measures: every other
-//! allocation costs one more load and branch.
+//! The command's allocator is the system's, with one counter in front of it that is off except
+//! while `taxel eval` measures: every other allocation costs one more load and branch.
 #![allow(unsafe_code)]
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -34,8 +34,9 @@ impl Counting {
     }
 }
 
-// SAFETY: every call is passed on unchanged to the system's allocator, which keeps the contract of `GlobalAlloc`; counting neither allocates
-// (the thread-local is constant-initialised and has no destructor) nor unwinds.
+// SAFETY: every call is passed on unchanged to the system's allocator, which keeps the contract of
+// `GlobalAlloc`; counting neither allocates (the thread-local is constant-initialised and has no
+// destructor) nor unwinds.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         self.count();

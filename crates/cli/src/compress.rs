@@ -13,17 +13,17 @@ use taxeld::Config;
 
 /// Compress a recording offline, with the same core as the daemon and the same bytes as its result.
 ///
-/// CAN traffic (candump .log) and raw counts go the daemon's whole way: decoding, sweep assembly, baseline, contact
-/// threshold, faults, compression. Magnitudes go straight to the compression; a taxel is in contact where its value
-/// exceeds --threshold.
+/// CAN traffic (candump .log) and raw counts go the daemon's whole way: decoding, sweep assembly,
+/// baseline, contact threshold, faults, compression. Magnitudes go straight to the compression; a
+/// taxel is in contact where its value exceeds --threshold.
 ///
-/// A candump log gives images at the configuration's tick (30 Hz unless --config says otherwise), raw counts one
-/// image per recorded frame. Both begin with the calibration window (conditioning.calibration_ms), in which images
-/// are empty.
+/// A candump log gives images at the configuration's tick (30 Hz unless --config says otherwise),
+/// raw counts one image per recorded frame. Both begin with the calibration window
+/// (conditioning.calibration_ms), in which images are empty.
 ///
-/// OUT tells the format: .npz (images T x H x W u8, levels, actuators, seq, t_ns, contacts, faulty, missing, joints), .npy
-/// and .csv (images alone), .jsonl (the objects of `taxel watch --json`, latency null), .bin (the IMAGE messages of
-/// the daemon's socket, one after another).
+/// OUT tells the format: .npz (images T x H x W u8, levels, actuators, seq, t_ns, contacts, faulty,
+/// missing, joints), .npy and .csv (images alone), .jsonl (the objects of `taxel watch --json`,
+/// latency null), .bin (the IMAGE messages of the daemon's socket, one after another).
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:

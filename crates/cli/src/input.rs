@@ -20,8 +20,8 @@ pub(crate) struct InputArgs {
     /// Which array of an .npz
     #[arg(long, value_name = "NAME")]
     array: Option<String>,
-    /// The columns of a T x 3N array are raw counts, in this order: xyz-interleaved (x1,y1,z1,x2,..) or xyz-blocks
-    /// (x1,x2,..,y1,..,z1,..)
+    /// The columns of a T x 3N array are raw counts, in this order: xyz-interleaved
+    /// (x1,y1,z1,x2,..) or xyz-blocks (x1,x2,..,y1,..,z1,..)
     #[arg(long, value_name = "ORDER")]
     columns: Option<Columns>,
     /// Frames per second, where the file records no times [default: 30]
@@ -104,10 +104,11 @@ impl InputArgs {
     }
 }
 
-/// Which interface of a candump log feeds which bus of the layout: one name per bus, `None` for all of the log.
+/// Which interface of a candump log feeds which bus of the layout: one name per bus, `None` for all
+/// of the log.
 ///
-/// An interface belongs to the bus of its name; a log of one interface to a hand of one bus. `pairs` (interface,
-/// bus) say otherwise.
+/// An interface belongs to the bus of its name; a log of one interface to a hand of one bus.
+/// `pairs` (interface, bus) say otherwise.
 pub(crate) fn interfaces_of_buses(
     path: &Path,
     layout: &Layout,

@@ -8,7 +8,8 @@ use std::time::{Duration, Instant};
 /// The longest sleep between two looks at the flag.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// Whether the user asked to stop. The first Ctrl-C (or SIGTERM) sets it, the second ends the process; SIGHUP only sets it.
+/// Whether the user asked to stop. The first Ctrl-C (or SIGTERM) sets it, the second ends the
+/// process; SIGHUP only sets it.
 #[derive(Debug, Clone)]
 pub(crate) struct Interrupt(Arc<AtomicBool>);
 

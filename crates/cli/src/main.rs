@@ -1,4 +1,5 @@
-//! The `taxel` command: look at a tactile hand, play recordings and scenes to it, compress offline, find what is wrong.
+//! The `taxel` command: look at a tactile hand, play recordings and scenes to it, compress offline,
+//! find what is wrong.
 
 mod allocations;
 mod compress;
@@ -25,7 +26,8 @@ use clap::{Parser, Subcommand};
 use std::io::{self, Write};
 use std::process::ExitCode;
 
-/// Tactile images from robot skin: watch a running daemon, replay recordings, simulate a hand, compress offline.
+/// Tactile images from robot skin: watch a running daemon, replay recordings, simulate a hand,
+/// compress offline.
 #[derive(Debug, Parser)]
 #[command(name = "taxel", version, after_help = EXAMPLES, max_term_width = 110)]
 struct Cli {

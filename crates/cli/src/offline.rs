@@ -31,8 +31,8 @@ pub(crate) struct OfflineArgs {
     /// Magnitudes only: a taxel is in contact above this [default: 0]
     #[arg(long, value_name = "FORCE")]
     threshold: Option<f64>,
-    /// Magnitudes only: a taxel in contact stays in contact down to this, so that one at the threshold does not
-    /// flicker [default: the threshold]
+    /// Magnitudes only: a taxel in contact stays in contact down to this, so that one at the
+    /// threshold does not flicker [default: the threshold]
     #[arg(long, value_name = "FORCE")]
     release: Option<f64>,
     /// Candump only: an interface of the log and the bus of the layout that it is, such as vcan0=can0; the
@@ -41,7 +41,8 @@ pub(crate) struct OfflineArgs {
     interface: Vec<(String, String)>,
 }
 
-/// What is made of each instant of a recording: counts, where it holds counts; what the skin feels; the image.
+/// What is made of each instant of a recording: counts, where it holds counts; what the skin feels;
+/// the image.
 pub(crate) type Emit<'a> =
     dyn FnMut(Option<&TactileFrame>, &ForceFrame, &TactileImage) -> anyhow::Result<()> + 'a;
 
@@ -120,7 +121,8 @@ impl OfflineArgs {
         Ok(config)
     }
 
-    /// Takes the recording through the daemon's pipeline, or magnitudes straight to compression, and shows what comes out.
+    /// Takes the recording through the daemon's pipeline, or magnitudes straight to compression,
+    /// and shows what comes out.
     pub(crate) fn run(&self, input: &Input, config: &Config, emit: &mut Emit<'_>) -> anyhow::Result<()> {
         match input {
             Input::Frames(recording) if !recording.has_counts() => self.magnitudes(recording, config, emit),
@@ -200,7 +202,8 @@ impl OfflineArgs {
 /// What `--interface` calls the bus that joint angles come over.
 const JOINTS_BUS: &str = "joints";
 
-/// The interface of a log that joints were recorded on, where the configuration gives them a bus of their own.
+/// The interface of a log that joints were recorded on, where the configuration gives them a bus of
+/// their own.
 fn interface_of_joints(
     path: &Path,
     config: &Config,
@@ -262,7 +265,8 @@ fn grid_of(recording: &Recording) -> anyhow::Result<Layout> {
     Layout::grid(width_px, height_px).with_context(too_large)
 }
 
-/// Takes CAN frames, in the order of their times, through the daemon's pipeline; stops at a failure to show what comes out.
+/// Takes CAN frames, in the order of their times, through the daemon's pipeline; stops at a failure
+/// to show what comes out.
 pub(crate) fn pipeline(
     config: &Config,
     frames: impl Iterator<Item = (u8, Received)>,

@@ -49,8 +49,8 @@ fn folder(path: &Path) -> &Path {
     }
 }
 
-/// A file that has its name only once it is whole. Until then it is called `NAME.XXXXXX.part` in the same folder; what is
-/// given up is removed, and a file of that name from before stays.
+/// A file that has its name only once it is whole. Until then it is called `NAME.XXXXXX.part` in
+/// the same folder; what is given up is removed, and a file of that name from before stays.
 ///
 /// What is no regular file, such as a device or a pipe, is written as it is.
 #[derive(Debug)]

@@ -20,9 +20,9 @@ const PASS_GAP_NS: u64 = 1_000_000;
 
 /// Put a recording back onto a bus, at the times at which it was recorded.
 ///
-/// A candump log is sent frame by frame; error frames and lines that hold no classic frame are counted and left
-/// out. Counts (.npy, .npz, .csv) become what the boards of the hand would have sent: one sweep of CAN frames per
-/// recorded frame, on each of the layout's buses.
+/// A candump log is sent frame by frame; error frames and lines that hold no classic frame are
+/// counted and left out. Counts (.npy, .npz, .csv) become what the boards of the hand would have
+/// sent: one sweep of CAN frames per recorded frame, on each of the layout's buses.
 ///
 /// Each frame has its own deadline from the start on, so that delays do not add up.
 #[derive(Debug, clap::Args)]
@@ -37,7 +37,8 @@ Examples:
 pub(crate) struct Args {
     #[command(flatten)]
     input: InputArgs,
-    /// Where to: can:INTERFACE, udp:GROUP:PORT, log:FILE (candump, not waited for), or - for candump lines on stdout
+    /// Where to: can:INTERFACE, udp:GROUP:PORT, log:FILE (candump, not waited for), or - for
+    /// candump lines on stdout
     #[arg(long, value_name = "SOURCE")]
     to: Option<TargetAddress>,
     /// Where to for one interface of the log, or one bus of the layout; --to is for the others

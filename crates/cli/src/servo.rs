@@ -6,8 +6,9 @@ use std::path::PathBuf;
 
 /// Switch a servo's motor on or off, or give it a PWM, through the running daemon.
 ///
-/// Refused unless `allow_writes = true` in `[joints]`. Torque arms the servo's bus watchdog first: it stops by itself
-/// when taxeld ends, hangs or loses the port for `watchdog_ms`. What it was told holds as long as taxeld reads it.
+/// Refused unless `allow_writes = true` in `[joints]`. Torque arms the servo's bus watchdog first:
+/// it stops by itself when taxeld ends, hangs or loses the port for `watchdog_ms`. What it was told
+/// holds as long as taxeld reads it.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 PWM turns the motor in operating mode 16 (PWM control) and limits it in the others; the mode is set

@@ -17,10 +17,12 @@ const LOG_STEP_NS: u64 = 10_000_000;
 /// Bits per second of the simulated servos' wire.
 pub(crate) const SERVO_BAUD: u32 = 1_000_000;
 
-/// Put a simulated hand on a bus: its boards wait for start commands there, answer them, and feel what the scene says.
+/// Put a simulated hand on a bus: its boards wait for start commands there, answer them, and feel
+/// what the scene says.
 ///
-/// On a bus the scene runs in real time, again and again until Ctrl-C or --seconds. Into a log it is written once, at
-/// once, with every board started. The same scene, seed and commands give the same frames.
+/// On a bus the scene runs in real time, again and again until Ctrl-C or --seconds. Into a log it
+/// is written once, at once, with every board started. The same scene, seed and commands give the
+/// same frames.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -52,8 +54,8 @@ pub(crate) struct Args {
     /// Boards send without having been started, for looking at the bus with candump
     #[arg(long)]
     autostart: bool,
-    /// Offer simulated Dynamixel servos of the fingers, too, that move with the scene: LINK is made, a link to the
-    /// pseudo terminal to be read as their serial port
+    /// Offer simulated Dynamixel servos of the fingers, too, that move with the scene: LINK is
+    /// made, a link to the pseudo terminal to be read as their serial port
     #[arg(long, value_name = "LINK")]
     servos: Option<PathBuf>,
     /// Print the text of a built-in scene; with --layout, that of the layout that is simulated

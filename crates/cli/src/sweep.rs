@@ -28,8 +28,8 @@ pub(crate) struct Sweeps<'a> {
 }
 
 impl<'a> Sweeps<'a> {
-    /// Refuses a recording that does not fit the hand. With `tile`, the recording is of one module and is repeated
-    /// on each.
+    /// Refuses a recording that does not fit the hand. With `tile`, the recording is of one module
+    /// and is repeated on each.
     pub(crate) fn new(recording: &'a Recording, layout: &'a Layout, tile: bool) -> anyhow::Result<Self> {
         let (name, taxels) = (recording.name(), recording.taxels());
         if !recording.has_counts() {
@@ -97,8 +97,8 @@ impl<'a> Sweeps<'a> {
         })
     }
 
-    /// Time between two frames of a bus during sweep `index`: as close as a bus allows, and closer where the next
-    /// sweep would otherwise begin before this one ends.
+    /// Time between two frames of a bus during sweep `index`: as close as a bus allows, and closer
+    /// where the next sweep would otherwise begin before this one ends.
     fn spacing_ns(&self, index: usize) -> u64 {
         let begins = &self.begins_ns;
         let period = match begins.len() {
@@ -143,7 +143,8 @@ impl<'a> Sweeps<'a> {
     }
 }
 
-/// When each sweep begins: as recorded, but where the clock was set the next one follows after the usual time.
+/// When each sweep begins: as recorded, but where the clock was set the next one follows after the
+/// usual time.
 fn begins_ns(recording: &Recording, longest: usize) -> Vec<u64> {
     let usual_ns = recording.period_ns();
     let usual_ns = if usual_ns > LONGEST_PAUSE_NS {

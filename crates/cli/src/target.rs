@@ -18,7 +18,8 @@ const RETRY: Duration = Duration::from_micros(200);
 /// Frames taken from a bus at once.
 const BATCH: usize = 256;
 
-/// A target as it is written: a CAN source that can be sent to, `log:FILE`, or `-` for candump lines on stdout.
+/// A target as it is written: a CAN source that can be sent to, `log:FILE`, or `-` for candump
+/// lines on stdout.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub(crate) enum TargetAddress {
     /// A bus.

@@ -9,9 +9,9 @@ use taxel_wire::{Clock, Header, Hello, Received, Subscribe, Subscriber};
 
 /// Print one line per tactile image of a running daemon.
 ///
-/// In words: number, time, latency from the newest reading to here, taxels in contact, actuators that press, the
-/// strongest force, and what is missing, faulty or was skipped because this reader was slow. What the daemon
-/// tells people (calibrating, paused) goes to stderr.
+/// In words: number, time, latency from the newest reading to here, taxels in contact, actuators
+/// that press, the strongest force, and what is missing, faulty or was skipped because this reader
+/// was slow. What the daemon tells people (calibrating, paused) goes to stderr.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 With --json each line is one object:

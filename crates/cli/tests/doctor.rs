@@ -1,4 +1,5 @@
-//! `taxel doctor` as a user runs it: against simulated boards over UDP and simulated servos on a pseudo terminal.
+//! `taxel doctor` as a user runs it: against simulated boards over UDP and simulated servos on a
+//! pseudo terminal.
 
 use serde_json::Value;
 use std::net::UdpSocket;

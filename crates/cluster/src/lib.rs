@@ -1,8 +1,9 @@
 //! k-means kernels in one and two dimensions.
 //!
-//! Slices in, slices out: nothing here allocates, reads a clock or depends on the machine. Every operation is a plain
-//! IEEE 754 double operation in a documented order, so that a result is the same on every platform, to the bit. The
-//! recipe that `docs/algorithm.md` gives for other languages is the one these functions follow.
+//! Slices in, slices out: nothing here allocates, reads a clock or depends on the machine. Every
+//! operation is a plain IEEE 754 double operation in a documented order, so that a result is the
+//! same on every platform, to the bit. The recipe that `docs/algorithm.md` gives for other
+//! languages is the one these functions follow.
 
 mod kmeans1d;
 mod kmeans2d;

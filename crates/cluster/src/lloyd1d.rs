@@ -38,18 +38,20 @@ pub fn assign1d(values: &[f64], centroids: &[f64], labels: &mut [u16]) -> bool {
 
 /// Lloyd's iterations in one dimension, eqs (4) to (6) of the publication; returns how many were done.
 ///
-/// `centroids` holds the initial centroids and receives the final ones, in the same order; `labels[n]` receives the index
-/// of the centroid that value `n` belonged to in the last iteration. `sums` is scratch, one entry per centroid.
+/// `centroids` holds the initial centroids and receives the final ones, in the same order;
+/// `labels[n]` receives the index of the centroid that value `n` belonged to in the last iteration.
+/// `sums` is scratch, one entry per centroid.
 ///
 /// - distance and ties: see [`nearest1d`].
 /// - update: the sum of the members in the order of `values`, divided by their number.
 /// - empty cluster: keeps the centroid it has.
-/// - iterations: `iterations` times assignment then update; the labels are those of the last assignment, the centroids those
-///   of the update after it. It stops early once no label changes: the update would repeat the very sums that gave the
-///   present centroids, and so would every later iteration.
+/// - iterations: `iterations` times assignment then update; the labels are those of the last
+///   assignment, the centroids those of the update after it. It stops early once no label changes:
+///   the update would repeat the very sums that gave the present centroids, and so would every
+///   later iteration.
 ///
-/// Values and centroids must be finite and small enough that their squared differences do not overflow; otherwise the
-/// result is still defined, but no longer nearest.
+/// Values and centroids must be finite and small enough that their squared differences do not
+/// overflow; otherwise the result is still defined, but no longer nearest.
 ///
 /// # Panics
 ///

@@ -29,13 +29,15 @@ impl Plane<'_> {
 
 /// Lloyd's iterations in the plane, eqs (9) to (11) of the publication; returns how many were done.
 ///
-/// `centroids_x` and `centroids_y` hold the initial centroids and receive the final ones; `labels[n]` receives the index of
-/// the centroid that point `n` belonged to in the last iteration. `weights`, where given, must be positive and finite, one
-/// per point; they move centroids but not borders. `sums` is scratch, one entry per centroid.
+/// `centroids_x` and `centroids_y` hold the initial centroids and receive the final ones;
+/// `labels[n]` receives the index of the centroid that point `n` belonged to in the last iteration.
+/// `weights`, where given, must be positive and finite, one per point; they move centroids but not
+/// borders. `sums` is scratch, one entry per centroid.
 ///
-/// - distance: `(x_n - mx_k)^2 + (y_n - my_k)^2`, each square rounded, then their sum. ties: the lowest index.
-/// - update: the sum of the members in the order of the points, divided by their number, or by the sum of their weights
-///   (each term `weight * x`).
+/// - distance: `(x_n - mx_k)^2 + (y_n - my_k)^2`, each square rounded, then their sum. ties: the
+///   lowest index.
+/// - update: the sum of the members in the order of the points, divided by their number, or by the
+///   sum of their weights (each term `weight * x`).
 /// - empty cluster: keeps the centroid it has.
 /// - iterations: as in [`crate::lloyd1d`], with the same early stop.
 ///

@@ -1,7 +1,7 @@
 //! The cheapest matching of rows with columns.
 
-/// A solver of the assignment problem with all the memory it needs: the Hungarian method by shortest augmenting paths (Jonker and
-/// Volgenant 1987), `O(rows^2 * columns)`.
+/// A solver of the assignment problem with all the memory it needs: the Hungarian method by
+/// shortest augmenting paths (Jonker and Volgenant 1987), `O(rows^2 * columns)`.
 ///
 /// ```
 /// let mut matching = taxel_cluster::Matching::new(2, 3);
@@ -36,7 +36,8 @@ impl Matching {
         }
     }
 
-    /// The column of each row, all different, such that the costs add up to the least there is. `cost` must be finite.
+    /// The column of each row, all different, such that the costs add up to the least there is.
+    /// `cost` must be finite.
     ///
     /// Ties are broken the same way on every platform; sums are rounded as doubles are.
     ///
@@ -65,7 +66,8 @@ impl Matching {
         &self.column_of[..rows]
     }
 
-    /// Finds the cheapest way from the row in column 0 to a column that is free, and adapts the prices; returns that column.
+    /// Finds the cheapest way from the row in column 0 to a column that is free, and adapts the
+    /// prices; returns that column.
     fn cheapest_path(&mut self, columns: usize, cost: &impl Fn(usize, usize) -> f64) -> usize {
         self.least[..=columns].fill(f64::INFINITY);
         self.done[..=columns].fill(false);

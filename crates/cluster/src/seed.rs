@@ -4,7 +4,8 @@ use crate::Plane;
 
 /// Spreads centroids uniformly over a range, eq. (3): the centres of `K` equal bins.
 ///
-/// init: `mu_k = least + ((k - 0.5) * (greatest - least)) / K`, `k = 1..K`, ascending. `K` is `centroids.len()`.
+/// init: `mu_k = least + ((k - 0.5) * (greatest - least)) / K`, `k = 1..K`, ascending. `K` is
+/// `centroids.len()`.
 ///
 /// ```
 /// let mut centroids = [0.0; 4];
@@ -21,8 +22,8 @@ pub fn uniform(least: f64, greatest: f64, centroids: &mut [f64]) {
 
 /// Counts the different values in `values`, but no further than `seen.len()`; `seen` is scratch.
 ///
-/// It is the number of clusters of the force stage, `min(K_D, distinct)`, at the cost of `K_D` comparisons per value at
-/// most; frames of real forces end it after about `K_D` values.
+/// It is the number of clusters of the force stage, `min(K_D, distinct)`, at the cost of `K_D`
+/// comparisons per value at most; frames of real forces end it after about `K_D` values.
 pub fn distinct_up_to(values: &[f64], seen: &mut [f64]) -> usize {
     let mut count = 0;
     for value in values {
@@ -39,9 +40,10 @@ pub fn distinct_up_to(values: &[f64], seen: &mut [f64]) -> usize {
 
 /// Chooses centroids far from one another, eq. (8).
 ///
-/// init: the first centroid is point 0. Each further one is the point whose squared distance to the nearest centroid
-/// chosen so far is greatest; ties go to the first such point. Points that differ give centroids that differ, as long as
-/// there are enough of them. `nearest` is scratch, one entry per point.
+/// init: the first centroid is point 0. Each further one is the point whose squared distance to the
+/// nearest centroid chosen so far is greatest; ties go to the first such point. Points that differ
+/// give centroids that differ, as long as there are enough of them. `nearest` is scratch, one entry
+/// per point.
 ///
 /// # Panics
 ///

@@ -12,7 +12,8 @@ pub(crate) fn places(geometry: &Geometry, coordinates: Coordinates) -> Result<Ve
     geometry.taxels.iter().enumerate().map(place).collect()
 }
 
-/// How far an actuator may go between two images without jumping: 2 pixels, or twice the median distance of neighbours in a module.
+/// How far an actuator may go between two images without jumping: 2 pixels, or twice the median
+/// distance of neighbours in a module.
 pub(crate) fn reach(geometry: &Geometry, places: &[[f64; 2]]) -> f64 {
     let neighbour = |taxel: usize, x: u16, y: u16| {
         let other = geometry.taxel_at(x, y)?;
@@ -42,8 +43,8 @@ pub(crate) fn parts(geometry: &Geometry) -> Vec<&str> {
     parts
 }
 
-/// Number of actuators of each group of parts, and the group of each part: a part with a budget is a group of its own, in the order of
-/// names; the others are one group, the last.
+/// Number of actuators of each group of parts, and the group of each part: a part with a budget is
+/// a group of its own, in the order of names; the others are one group, the last.
 pub(crate) fn groups(geometry: &Geometry, profile: &Profile) -> Result<(Vec<u16>, Vec<usize>), ProfileError> {
     let parts = parts(geometry);
     for (part, &value) in &profile.budgets {

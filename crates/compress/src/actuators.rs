@@ -54,7 +54,8 @@ impl Group {
     }
 }
 
-/// How far columns of different parts of the hand are moved apart, pixels or millimetres: an actuator in between would be worth nothing.
+/// How far columns of different parts of the hand are moved apart, pixels or millimetres: an
+/// actuator in between would be worth nothing.
 const PART_DISTANCE: f64 = 4096.0;
 
 /// What presses on an actuator.

@@ -8,8 +8,9 @@ use crate::contacts::is_force;
 /// Learns at most `levels` force levels from the contacts of recorded frames, to be kept constant as
 /// [`Profile::codebook`](taxel_hand::Profile::codebook).
 ///
-/// They are the levels with the least squared error over all contacts of all frames at once. There are fewer where there are fewer different
-/// forces, and none without contact. Ascending, in the unit of [`ForceFrame::force`].
+/// They are the levels with the least squared error over all contacts of all frames at once. There
+/// are fewer where there are fewer different forces, and none without contact. Ascending, in the
+/// unit of [`ForceFrame::force`].
 pub fn learn_codebook<'a>(frames: impl IntoIterator<Item = &'a ForceFrame>, levels: u16) -> Vec<f64> {
     let mut forces = Vec::new();
     for frame in frames.into_iter().filter(|frame| !frame.calibrating) {

@@ -55,8 +55,9 @@ impl Compressor {
     ///
     /// # Errors
     ///
-    /// A profile that describes no display ([`Profile::check`]) or asks for what the geometry does not have (parts, places in millimetres); a
-    /// geometry whose taxels do not each have a pixel of their own inside its image.
+    /// A profile that describes no display ([`Profile::check`]) or asks for what the geometry does
+    /// not have (parts, places in millimetres); a geometry whose taxels do not each have a pixel of
+    /// their own inside its image.
     pub fn new(profile: Profile, geometry: &Geometry) -> Result<Self, ProfileError> {
         profile.check()?;
         check_pixels(geometry)?;
@@ -79,7 +80,8 @@ impl Compressor {
         })
     }
 
-    /// The profile it compresses for; `levels` is the number of levels, also where the profile gave a JND instead.
+    /// The profile it compresses for; `levels` is the number of levels, also where the profile gave
+    /// a JND instead.
     pub fn profile(&self) -> &Profile {
         &self.profile
     }
@@ -105,9 +107,9 @@ impl Compressor {
 
     /// Compresses a frame into an image; `docs/algorithm.md` says how, to the bit.
     ///
-    /// Everything in the image is overwritten except `joints`, which belong to the caller. An image from
-    /// [`Compressor::new_image`], or one used before, is filled without allocating. Taxels that the frame lacks count as
-    /// missing, taxels that the geometry lacks are ignored.
+    /// Everything in the image is overwritten except `joints`, which belong to the caller. An image
+    /// from [`Compressor::new_image`], or one used before, is filled without allocating. Taxels
+    /// that the frame lacks count as missing, taxels that the geometry lacks are ignored.
     pub fn compress(&mut self, frame: &ForceFrame, image: &mut TactileImage) {
         self.contacts.collect(frame);
         self.refused += self.contacts.refused as u64;

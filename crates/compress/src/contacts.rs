@@ -33,7 +33,8 @@ struct Place {
 }
 
 impl Contacts {
-    /// An empty list with memory for every taxel of the geometry. `places` are where the taxels are in the coordinates asked for.
+    /// An empty list with memory for every taxel of the geometry. `places` are where the taxels are
+    /// in the coordinates asked for.
     pub(crate) fn new(geometry: &Geometry, places: &[[f64; 2]]) -> Self {
         let parts = crate::actuator_groups::parts(geometry);
         let part_of = |module: u16| {
@@ -62,8 +63,8 @@ impl Contacts {
         }
     }
 
-    /// Takes the contacts of a frame, and counts what it refuses: a force that is no number, or a contact without a force in
-    /// range.
+    /// Takes the contacts of a frame, and counts what it refuses: a force that is no number, or a
+    /// contact without a force in range.
     pub(crate) fn collect(&mut self, frame: &ForceFrame) {
         self.x.clear();
         self.y.clear();

@@ -1,11 +1,14 @@
 //! Displays whose actuators cannot move: which of them stands for which contacts.
 //!
-//! A contact is felt at the actuator nearest to it. But two regions of contact that are apart on the skin should not become one
-//! only because one actuator is nearest to both while another is free nearby. So contacts are gathered into *pieces*: contacts that
-//! touch (pixels side by side or corner to corner, on one part of the hand) and have the same nearest actuator. Pieces are matched with
-//! actuators one to one at the least total cost, where a piece of `n` contacts with its mean at distance `d` from an actuator costs `n d^2`. A piece may
-//! also share its nearest actuator; it then counts as farther away by half the display's spacing. Any other actuator than the one that stood for a piece
-//! in the last frame counts as farther by an eighth of it, so that a piece half way between two does not go back and forth when others come and go.
+//! A contact is felt at the actuator nearest to it. But two regions of contact that are apart on
+//! the skin should not become one only because one actuator is nearest to both while another is
+//! free nearby. So contacts are gathered into *pieces*: contacts that touch (pixels side by side or
+//! corner to corner, on one part of the hand) and have the same nearest actuator. Pieces are
+//! matched with actuators one to one at the least total cost, where a piece of `n` contacts with
+//! its mean at distance `d` from an actuator costs `n d^2`. A piece may also share its nearest
+//! actuator; it then counts as farther away by half the display's spacing. Any other actuator than
+//! the one that stood for a piece in the last frame counts as farther by an eighth of it, so that a
+//! piece half way between two does not go back and forth when others come and go.
 
 use taxel_cluster::Matching;
 use taxel_hand::Geometry;
@@ -187,8 +190,8 @@ impl Fixed {
         }
     }
 
-    /// Matches pieces with actuators. Where there are more pieces than actuators, the largest (the first among equals) are matched, and the others
-    /// share.
+    /// Matches pieces with actuators. Where there are more pieces than actuators, the largest (the
+    /// first among equals) are matched, and the others share.
     fn choose(&mut self) {
         let actuators = self.places.len();
         let rows = self.pieces.len().min(actuators);

@@ -55,7 +55,8 @@ impl Levels {
         }
     }
 
-    /// Fits levels to the contacts of a frame, or assigns them to the constant codebook, and gives each contact its level.
+    /// Fits levels to the contacts of a frame, or assigns them to the constant codebook, and gives
+    /// each contact its level.
     pub(crate) fn quantise(&mut self, profile: &Profile, contacts: &Contacts) {
         let forces = &contacts.force;
         self.level.clear();
@@ -82,7 +83,8 @@ impl Levels {
         }
     }
 
-    /// Levels in equal steps over the range of the profile, constant, or else over that of the frame's forces.
+    /// Levels in equal steps over the range of the profile, constant, or else over that of the
+    /// frame's forces.
     fn steps(&mut self, profile: &Profile, forces: &[f64]) {
         if profile.force_min.is_none() {
             self.codebook.clear();
@@ -104,7 +106,8 @@ impl Levels {
         }
     }
 
-    /// The levels with the least squared error there is, [`Kmeans1d`]. Each contact has the level of its cluster, which is the nearest.
+    /// The levels with the least squared error there is, [`Kmeans1d`]. Each contact has the level
+    /// of its cluster, which is the nearest.
     fn exact(&mut self, profile: &Profile, forces: &[f64]) {
         self.sorted.clear();
         self.sorted.extend_from_slice(forces);
@@ -138,7 +141,8 @@ impl Levels {
         }
     }
 
-    /// Keeps contacts at the level their taxel had, unless the force is past the border by a share of the distance between the levels.
+    /// Keeps contacts at the level their taxel had, unless the force is past the border by a share
+    /// of the distance between the levels.
     fn hold(&mut self, share: f64, contacts: &Contacts) {
         let levels = &self.codebook;
         for ((level, force), rank) in self.level.iter_mut().zip(&contacts.force).zip(&contacts.rank) {
@@ -170,7 +174,8 @@ impl Levels {
     /// - K: `min(K_D, distinct forces)` clusters.
     /// - init: [`uniform`] over the least to the greatest force of the frame.
     /// - distance, ties, update, empty cluster, iterations: [`lloyd1d`], `I_D` times.
-    /// - numbering: clusters in ascending order of their centroids; those that ended empty stay in the codebook.
+    /// - numbering: clusters in ascending order of their centroids; those that ended empty stay in
+    ///   the codebook.
     fn lloyd(&mut self, profile: &Profile, forces: &[f64]) {
         self.codebook.clear();
         self.codebook.resize(usize::from(profile.levels), 0.0);

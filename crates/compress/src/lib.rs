@@ -1,7 +1,7 @@
 //! Sequential clustering: a force frame and a display profile become a tactile image.
 //!
-//! [`Compressor`] does it, frame by frame, without allocating; [`learn_codebook`] makes the constant codebook of a session.
-//! `docs/algorithm.md` gives the recipe to the bit.
+//! [`Compressor`] does it, frame by frame, without allocating; [`learn_codebook`] makes the
+//! constant codebook of a session. `docs/algorithm.md` gives the recipe to the bit.
 
 mod actuator_groups;
 mod actuators;

@@ -32,8 +32,9 @@ impl Session {
         }
     }
 
-    /// Lets what is known fade by a share, learns the forces of a frame, and writes the levels with the least squared error for all that
-    /// is known; a bin counts as its mean. The work is bounded by the number of bins and of forces.
+    /// Lets what is known fade by a share, learns the forces of a frame, and writes the levels with
+    /// the least squared error for all that is known; a bin counts as its mean. The work is bounded
+    /// by the number of bins and of forces.
     pub(crate) fn learn(&mut self, forces: &[f64], forgetting: f64, levels: usize, codebook: &mut Vec<f64>) {
         if forces.is_empty() {
             return;

@@ -2,8 +2,9 @@
 
 use taxel_hand::LevelSteps;
 
-/// Fills a codebook with the middles of equal steps from `least` to `greatest`, both positive: `least + (k - 1/2) (greatest - least) / K`
-/// of force, or `least * r^(2k - 1)` with `r = (greatest / least)^(1 / 2K)` of its logarithm.
+/// Fills a codebook with the middles of equal steps from `least` to `greatest`, both positive:
+/// `least + (k - 1/2) (greatest - least) / K` of force, or `least * r^(2k - 1)` with `r = (greatest
+/// / least)^(1 / 2K)` of its logarithm.
 pub(crate) fn steps(of: LevelSteps, least: f64, greatest: f64, codebook: &mut [f64]) {
     if of == LevelSteps::Weber {
         let r = root(greatest / least, 2 * codebook.len() as u32);
@@ -17,7 +18,8 @@ pub(crate) fn steps(of: LevelSteps, least: f64, greatest: f64, codebook: &mut [f
     }
 }
 
-/// The level nearest in ratio to a force: the first whose border with the next, `sqrt(mu_k mu_(k+1))`, is not below the force.
+/// The level nearest in ratio to a force: the first whose border with the next, `sqrt(mu_k
+/// mu_(k+1))`, is not below the force.
 pub(crate) fn nearest_in_ratio(force: f64, codebook: &[f64]) -> usize {
     let borders = codebook.windows(2);
     borders
@@ -25,7 +27,8 @@ pub(crate) fn nearest_in_ratio(force: f64, codebook: &[f64]) -> usize {
         .count()
 }
 
-/// The `n`-th root of `x >= 1`, by halving and multiplication alone, so that it is the same on every platform.
+/// The `n`-th root of `x >= 1`, by halving and multiplication alone, so that it is the same on
+/// every platform.
 fn root(x: f64, n: u32) -> f64 {
     let (mut below, mut above) = (1.0, 1.0 + (x - 1.0) / f64::from(n));
     for _ in 0..1200 {

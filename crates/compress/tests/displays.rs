@@ -1,4 +1,5 @@
-//! What a profile can say of a display: where its actuators are, how many a finger has, which forces it can tell apart.
+//! What a profile can say of a display: where its actuators are, how many a finger has, which
+//! forces it can tell apart.
 
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -27,8 +27,8 @@ pub struct EngineConfig {
 pub struct EngineJoints {
     /// Their source.
     pub config: JointsConfig,
-    /// Number of the CAN bus that their angles come over: that of a bus of the skin, or the one after the last of these;
-    /// `None` where they come over none.
+    /// Number of the CAN bus that their angles come over: that of a bus of the skin, or the one
+    /// after the last of these; `None` where they come over none.
     pub bus: Option<u8>,
     /// Whether somebody reads those that come over no CAN bus, and calls [`crate::Engine::handle_joints`].
     pub is_read: bool,
@@ -42,8 +42,8 @@ pub struct TickConfig {
     pub mode: TickMode,
     /// Images per second in `timer` mode, 1 to 1000 Hz.
     pub rate_hz: f64,
-    /// `sweep` mode: while no reading comes, an image that says so is made this often, 10 to 60,000 ms, or every two
-    /// sweeps of the slowest board where these take longer.
+    /// `sweep` mode: while no reading comes, an image that says so is made this often, 10 to 60,000
+    /// ms, or every two sweeps of the slowest board where these take longer.
     pub silent_ms: u32,
 }
 

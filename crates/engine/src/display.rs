@@ -1,4 +1,5 @@
-//! What one display is given of a tick: the force frame, or the part of it that the display shows, compressed.
+//! What one display is given of a tick: the force frame, or the part of it that the display shows,
+//! compressed.
 
 use crate::frames::Frames;
 use std::ops::Range;

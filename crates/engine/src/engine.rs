@@ -62,7 +62,8 @@ enum AtHand {
     Nothing,
     /// A frame of a bus, after the ticks that were due before it.
     Frame(u8, Received),
-    /// The readings of a frame, from the `next`th on; `has_ticked` says that the sweep was cut before that one.
+    /// The readings of a frame, from the `next`th on; `has_ticked` says that the sweep was cut
+    /// before that one.
     Readings {
         next: usize,
         has_ticked: bool,
@@ -82,8 +83,8 @@ pub enum EngineError {
 }
 
 impl Engine {
-    /// An engine whose time starts at `origin_ns`: timer ticks are due at `origin_ns + k * period`, `k = 1, 2, ...`.
-    /// It takes all its memory here.
+    /// An engine whose time starts at `origin_ns`: timer ticks are due at `origin_ns + k * period`,
+    /// `k = 1, 2, ...`. It takes all its memory here.
     pub fn new(config: &EngineConfig, origin_ns: u64) -> Result<Self, EngineError> {
         let layout = &config.layout;
         let schedule = Schedule::new(&config.tick, origin_ns);
@@ -124,9 +125,9 @@ impl Engine {
         self
     }
 
-    /// Takes one CAN frame of bus number `bus` (that of the joints alone has the number after the skin's last). What
-    /// becomes of it, and the ticks that were due before it, come from [`Engine::poll_output`], which has to be called
-    /// until it gives nothing more.
+    /// Takes one CAN frame of bus number `bus` (that of the joints alone has the number after the
+    /// skin's last). What becomes of it, and the ticks that were due before it, come from
+    /// [`Engine::poll_output`], which has to be called until it gives nothing more.
     pub fn handle_frame(&mut self, bus: u8, received: &Received) {
         debug_assert!(matches!(self.at_hand, AtHand::Nothing), "outputs were not polled");
         self.boards.handle_frame(bus, received);
@@ -144,13 +145,14 @@ impl Engine {
         self.until_ns = now_ns;
     }
 
-    /// Has the readings of joints that come over no CAN bus brought up to date: `update` is given those known so far.
+    /// Has the readings of joints that come over no CAN bus brought up to date: `update` is given
+    /// those known so far.
     pub fn handle_joints(&mut self, update: impl FnOnce(&mut JointHistory)) {
         self.joints.handle_joints(0, update);
     }
 
-    /// Whether a bus can be reached, told at every round before [`Engine::poll_command`]: `is_up` if its link is there,
-    /// `is_active` if its controller takes part in the bus.
+    /// Whether a bus can be reached, told at every round before [`Engine::poll_command`]: `is_up`
+    /// if its link is there, `is_active` if its controller takes part in the bus.
     pub fn handle_link(&mut self, bus: u8, is_up: bool, is_active: bool, now_ns: u64) {
         self.joints.handle_link(bus, is_up);
         let reached = is_up && is_active;
@@ -259,7 +261,8 @@ impl Engine {
         &self.frames
     }
 
-    /// The next frame to be sent on a bus now. One that could not be sent is told to [`Engine::handle_unsent`].
+    /// The next frame to be sent on a bus now. One that could not be sent is told to
+    /// [`Engine::handle_unsent`].
     pub fn poll_command(&mut self, now_ns: u64) -> Option<Command> {
         let sweep = &self.sweep;
         if let Some(command) = self
@@ -279,8 +282,8 @@ impl Engine {
         }
     }
 
-    /// From now on [`Engine::poll_command`] gives what leaves boards and joints as they were found: silent. Done when
-    /// [`Engine::command_due_ns`] is `None`.
+    /// From now on [`Engine::poll_command`] gives what leaves boards and joints as they were found:
+    /// silent. Done when [`Engine::command_due_ns`] is `None`.
     pub fn stop(&mut self) {
         self.joints.stop();
         self.boards.stop();
@@ -294,8 +297,8 @@ impl Engine {
             .min()
     }
 
-    /// When the next tick is due without a frame coming before: the next timer tick, the deadline of the sweep under
-    /// way, or, while the whole hand is silent, a tick that says so.
+    /// When the next tick is due without a frame coming before: the next timer tick, the deadline
+    /// of the sweep under way, or, while the whole hand is silent, a tick that says so.
     pub fn output_due_ns(&self) -> Option<u64> {
         match self.schedule {
             Schedule::Timer { next_ns, .. } => Some(next_ns),
@@ -316,8 +319,9 @@ impl Engine {
             .min()
     }
 
-    /// Gives up timer ticks that are more than one period overdue at `now_ns`, and returns how many. A live program
-    /// that was held up calls this, since old images are of no use to a display; a replay never does.
+    /// Gives up timer ticks that are more than one period overdue at `now_ns`, and returns how
+    /// many. A live program that was held up calls this, since old images are of no use to a
+    /// display; a replay never does.
     pub fn skip_overdue(&mut self, now_ns: u64) -> u64 {
         self.schedule.skip_overdue(now_ns)
     }

@@ -5,8 +5,8 @@ use taxel_hand::{ForceFrame, TactileFrame};
 /// What one tick felt. The buffers are used again at the next tick.
 #[derive(Debug, Clone)]
 pub struct Frames {
-    /// The instant the tick was due: the timer tick, the frame that completed the sweep or began the one after it, or
-    /// its deadline. Nanoseconds.
+    /// The instant the tick was due: the timer tick, the frame that completed the sweep or began
+    /// the one after it, or its deadline. Nanoseconds.
     pub due_ns: u64,
     /// Raw counts with their ages, and the joint angles of the same instant.
     pub tactile: TactileFrame,

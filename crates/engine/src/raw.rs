@@ -1,4 +1,5 @@
-//! What a viewer or recorder is given of a tick: every taxel as its board sent it, and what conditioning made of it.
+//! What a viewer or recorder is given of a tick: every taxel as its board sent it, and what
+//! conditioning made of it.
 
 use crate::frames::Frames;
 use taxel_wire::{Encode, EncodeError, Header};

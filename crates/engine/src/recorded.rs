@@ -7,11 +7,12 @@ use crate::frames::Frames;
 use taxel_can::Received;
 use taxel_hand::TactileImage;
 
-/// Runs a whole recording through an engine and compresses it for `display`, in the recording's own time: the offline
-/// path of `taxel compress`, and bit for bit what the daemon makes of the same recording.
+/// Runs a whole recording through an engine and compresses it for `display`, in the recording's own
+/// time: the offline path of `taxel compress`, and bit for bit what the daemon makes of the same
+/// recording.
 ///
-/// `frames` are in the order of their times, which start at zero. After the last frame, ticks go on until `end_ns`.
-/// `emit` is given what each tick felt, and the image of it.
+/// `frames` are in the order of their times, which start at zero. After the last frame, ticks go on
+/// until `end_ns`. `emit` is given what each tick felt, and the image of it.
 pub fn run_recorded(
     config: &EngineConfig,
     mut display: Display,

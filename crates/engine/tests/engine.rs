@@ -1,4 +1,5 @@
-//! What the pipeline promises: the same frames give the same images, and each image is made at its own instant.
+//! What the pipeline promises: the same frames give the same images, and each image is made at its
+//! own instant.
 
 use taxel_can::{CanFrame, Received};
 use taxel_engine::{Display, Engine, EngineConfig, EngineJoints, Frames, TickMode, run_recorded};
@@ -232,7 +233,8 @@ fn a_paused_hand_presses_nothing_and_a_rezeroed_hand_starts_anew() {
     assert_eq!(contacts(&engine), 0);
 }
 
-/// A module and an Allegro hand on one bus: each frame is that of one of them, and a frame has the angles of its own instant.
+/// A module and an Allegro hand on one bus: each frame is that of one of them, and a frame has the
+/// angles of its own instant.
 #[test]
 fn a_hand_on_the_skins_bus_gives_its_angles_and_nothing_to_the_skin() {
     let mut config = EngineConfig::new(Layout::builtin("uskin-module").unwrap());
@@ -251,7 +253,8 @@ fn a_hand_on_the_skins_bus_gives_its_angles_and_nothing_to_the_skin() {
         let tactile = &frames.tactile;
         seen.push((tactile.t_ns, tactile.joints.clone(), tactile.joint_age_ns.clone()));
     };
-    // The index finger moves by 100 counts a millisecond and reports every 4 ms, until it falls silent at 100 ms.
+    // The index finger moves by 100 counts a millisecond and reports every 4 ms, until it falls
+    // silent at 100 ms.
     for ms in 0..200_u64 {
         let taxel = CanFrame::standard(0x710 | (ms % 16) as u16, &[0x80, 1, 2, 3, 4, 5, 6, 1]).unwrap();
         let received = |frame, t_ns| Received { t_ns, frame };

@@ -1,5 +1,5 @@
-//! Every built-in hand through the whole way: simulated boards that the supervisor starts as it starts real ones,
-//! decoders, sweep assembly, conditioning, compression.
+//! Every built-in hand through the whole way: simulated boards that the supervisor starts as it
+//! starts real ones, decoders, sweep assembly, conditioning, compression.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use taxel_can::Received;
@@ -67,7 +67,8 @@ fn config(layout: &Layout) -> EngineConfig {
     config
 }
 
-/// Does the same for each of the cases, on as many threads as there are processors; a panic in one is the test's.
+/// Does the same for each of the cases, on as many threads as there are processors; a panic in one
+/// is the test's.
 fn at_once<T: Sync>(cases: &[T], each: impl Fn(&T) + Sync) {
     let next = AtomicUsize::new(0);
     let processors = std::thread::available_parallelism().map_or(1, usize::from);
@@ -179,8 +180,9 @@ fn nothing_lost(layout: &Layout, engine: &Engine) {
     }
 }
 
-/// What each built-in hand has to reach: images of 14 s, when its last board is heard, ms, and the share of touches
-/// that are found. Measured: between 0.9994 and 1, and no touch is felt that there is not.
+/// What each built-in hand has to reach: images of 14 s, when its last board is heard, ms, and the
+/// share of touches that are found. Measured: between 0.9994 and 1, and no touch is felt that there
+/// is not.
 const HANDS: [(&str, std::ops::Range<usize>, u64, f64); 8] = [
     ("allegro-uskin-15", 680..701, 40, 0.999),
     ("allegro-xela-18", 1130..1163, 20, 0.999),
@@ -278,8 +280,8 @@ fn a_thousand_modules_feel_what_touches_them() {
     assert!(felt.true_felt * 1000 >= felt.felt * 999, "{felt:?}");
 }
 
-/// Everything that a scene can do to a bus and to boards, for a second, on a hand of each kind of board: the hand is whole
-/// again soon after each. Times are the scene's.
+/// Everything that a scene can do to a bus and to boards, for a second, on a hand of each kind of
+/// board: the hand is whole again soon after each. Times are the scene's.
 ///
 /// An iCub board that lost its power takes longest: its configuration and calibration are half a second.
 #[test]
@@ -294,8 +296,8 @@ fn a_hand_of_every_kind_of_board_gets_over_its_faults() {
         "kind = \"short\"\nprobability = 0.05\n",
         "kind = \"glitch\"\non = [\"all\"]\nprobability = 0.05\n",
     ];
-    // Within how many ms after the power, the bus, and anything else is back. Measured after the power: 234, 210, 468,
-    // 673, 738 and 354 ms.
+    // Within how many ms after the power, the bus, and anything else is back. Measured after the
+    // power: 234, 210, 468, 673, 738 and 354 ms.
     let hands = [
         ("allegro-xela-18", [300, 300, 300]),
         ("cpm-finger", [300, 300, 300]),
@@ -353,8 +355,8 @@ fn whole_after(layout: &Layout, scene: &Scene, [from_ns, to_ns]: [u64; 2]) -> (O
     (whole_ns, hurt, engine)
 }
 
-/// Whatever kind of board it is, however long its power was away, and whatever the supervisor was doing when it came
-/// back: well within a second.
+/// Whatever kind of board it is, however long its power was away, and whatever the supervisor was
+/// doing when it came back: well within a second.
 #[test]
 fn boards_that_lost_their_power_are_back_within_a_second_of_it() {
     at_once(&["cyskin-triangle", "icub-forearm", "uskin-fingertip"], |name| {

@@ -6,7 +6,8 @@ use taxel_skin::{BoardState, Layout};
 
 const SECOND: u64 = 1_000_000_000;
 
-/// What became of a scene. Images of the first second, in which boards settle, are not in `lacking` and `oldest_ns`.
+/// What became of a scene. Images of the first second, in which boards settle, are not in `lacking`
+/// and `oldest_ns`.
 struct Played {
     engine: Engine,
     /// Times of images.

@@ -2,9 +2,10 @@
 
 /// The least sum of squared distances of `values` from `clusters` levels, each value from the nearest.
 ///
-/// Dynamic programming over the sorted distinct values in its plainest form (Wang and Song 2011), `O(K n^2)`. The cost of a
-/// cluster is added up value by value (Welford's update, West's weights), which subtracts nothing and so loses nothing on large offsets;
-/// the result is good to a few units in the 14th place. Zero where there are no more distinct values than levels.
+/// Dynamic programming over the sorted distinct values in its plainest form (Wang and Song 2011),
+/// `O(K n^2)`. The cost of a cluster is added up value by value (Welford's update, West's weights),
+/// which subtracts nothing and so loses nothing on large offsets; the result is good to a few units
+/// in the 14th place. Zero where there are no more distinct values than levels.
 ///
 /// ```
 /// assert_eq!(taxel_eval::least_level_error(&[10.0, 12.0, 100.0, 20.0, 22.0, 98.0], 3), 6.0);

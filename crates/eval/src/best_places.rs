@@ -3,15 +3,19 @@
 /// Runs of k-means++ whose best places are compared with.
 pub const RESTARTS: u32 = 64;
 
-/// Lloyd's iterations of one run at most; runs on the recordings end after 10 to 20, the longest known after 52.
+/// Lloyd's iterations of one run at most; runs on the recordings end after 10 to 20, the longest
+/// known after 52.
 const ITERATIONS: u32 = 300;
 
-/// The least sum of squared distances, pixels squared, of `places` from the means of `clusters` clusters that `restarts` runs find.
+/// The least sum of squared distances, pixels squared, of `places` from the means of `clusters`
+/// clusters that `restarts` runs find.
 ///
-/// A run seeds with k-means++ (Arthur and Vassilvitskii 2007: each further centre is a place drawn with probability proportional to its squared
-/// distance from the nearest centre so far) and iterates Lloyd's step until no place changes its cluster. The optimum itself is out of reach
-/// (the problem is NP-hard); a method can therefore be better than this. Random numbers are SplitMix64 from a constant seed: the same
-/// places in the same order give the same result. Zero where there are no more places than clusters.
+/// A run seeds with k-means++ (Arthur and Vassilvitskii 2007: each further centre is a place drawn
+/// with probability proportional to its squared distance from the nearest centre so far) and
+/// iterates Lloyd's step until no place changes its cluster. The optimum itself is out of reach
+/// (the problem is NP-hard); a method can therefore be better than this. Random numbers are
+/// SplitMix64 from a constant seed: the same places in the same order give the same result. Zero
+/// where there are no more places than clusters.
 ///
 /// ```
 /// let pairs = [[0, 0], [1, 0], [9, 9], [9, 8]];

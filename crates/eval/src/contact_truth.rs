@@ -4,8 +4,8 @@ use crate::sequence::Sequence;
 use crate::tally::share;
 use serde::Serialize;
 
-/// How the contacts found compare with what a scene says touches the hand. Frames of the calibration window and taxels with a fault are
-/// left out.
+/// How the contacts found compare with what a scene says touches the hand. Frames of the
+/// calibration window and taxels with a fault are left out.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Serialize)]
 pub struct ContactTruth {
     /// Share of the contacts that something touches.
@@ -20,8 +20,8 @@ pub struct ContactTruth {
     pub contacts: u64,
 }
 
-/// Compares contacts with the truth. `truth(frame, taxel)` is the force on a taxel at the time of its sample in that frame, counts; 0 where
-/// nothing touches it.
+/// Compares contacts with the truth. `truth(frame, taxel)` is the force on a taxel at the time of
+/// its sample in that frame, counts; 0 where nothing touches it.
 pub fn contact_truth(sequence: &Sequence, mut truth: impl FnMut(usize, usize) -> f64) -> ContactTruth {
     let (mut touched, mut contacts, mut right, mut hard, mut hard_found) = (0, 0, 0, 0, 0);
     for (index, frame) in sequence.force.iter().enumerate().filter(|(_, f)| !f.calibrating) {

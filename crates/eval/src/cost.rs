@@ -21,8 +21,9 @@ pub struct Allocations {
 
 /// What a tick costs, in microseconds, over the frames with contacts.
 ///
-/// Frames are run back to back in passes, each from a new conditioner and compressor. The time of a frame is its median over the passes, so that
-/// quantiles tell how cost depends on the frame; `every_tick_us` has every single measurement, with whatever else the machine did meanwhile.
+/// Frames are run back to back in passes, each from a new conditioner and compressor. The time of a
+/// frame is its median over the passes, so that quantiles tell how cost depends on the frame;
+/// `every_tick_us` has every single measurement, with whatever else the machine did meanwhile.
 /// Taking the time costs a few dozen nanoseconds, which are included.
 #[derive(Debug, Default, Clone, PartialEq, Serialize)]
 pub struct Cost {
@@ -61,7 +62,8 @@ impl Timings {
         &self.laps
     }
 
-    /// The quantiles over frames of the time of both stages, each frame's the least of its passes: for few passes.
+    /// The quantiles over frames of the time of both stages, each frame's the least of its passes:
+    /// for few passes.
     pub fn least_compress_us(&self) -> Quantiles {
         let of_frame = |laps: &Vec<Lap>| {
             laps.iter()
@@ -97,7 +99,8 @@ impl Timings {
     }
 }
 
-/// Runs the frames through each method `passes` times, methods taking turns, and once more to count allocations. Calls `progress` after each run.
+/// Runs the frames through each method `passes` times, methods taking turns, and once more to count
+/// allocations. Calls `progress` after each run.
 ///
 /// # Panics
 ///

@@ -17,8 +17,9 @@ const WEBER: f64 = 0.07;
 
 /// What a method makes of the frames.
 ///
-/// Ratios are means over the frames whose reference is not zero, and 1 where there is no such frame and nothing to be said against the method.
-/// A frame has a reference of zero when it has no more different forces than levels, or no more contacts than actuators.
+/// Ratios are means over the frames whose reference is not zero, and 1 where there is no such frame
+/// and nothing to be said against the method. A frame has a reference of zero when it has no more
+/// different forces than levels, or no more contacts than actuators.
 #[derive(Debug, Default, Clone, PartialEq, Serialize)]
 pub struct Errors {
     /// Squared error of the force levels over the least there is: mean over frames.
@@ -33,8 +34,9 @@ pub struct Errors {
     pub force_optimal_fraction: f64,
     /// Frames that the force ratio is over.
     pub force_frames: usize,
-    /// Squared distance of contacts from the mean place of those that share their actuator, over that of the best of 64 k-means++ runs: mean over frames.
-    /// Both sides are k-means errors; where the display's actuator stands does not enter.
+    /// Squared distance of contacts from the mean place of those that share their actuator, over
+    /// that of the best of 64 k-means++ runs: mean over frames. Both sides are k-means errors;
+    /// where the display's actuator stands does not enter.
     pub position_sse_ratio_mean: f64,
     /// ... 95 in 100 frames have no more.
     pub position_sse_ratio_p95: f64,
@@ -42,17 +44,20 @@ pub struct Errors {
     pub position_sse_ratio_max: f64,
     /// Frames that the position ratio is over.
     pub position_frames: usize,
-    /// Squared distance of contacts from the pixel on which their actuator stands, over the same reference: mean over frames.
+    /// Squared distance of contacts from the pixel on which their actuator stands, over the same
+    /// reference: mean over frames.
     pub snapped_sse_ratio_mean: f64,
     /// ... 95 in 100 frames have no more.
     pub snapped_sse_ratio_p95: f64,
-    /// Share of the actuators (same id in consecutive images that both have contacts) that move more than 2 pixels.
+    /// Share of the actuators (same id in consecutive images that both have contacts) that move
+    /// more than 2 pixels.
     pub jump_fraction: f64,
     /// Mean distance that they move, pixels.
     pub moved_px_mean: f64,
     /// Share of the taxels in contact in consecutive frames whose level changes.
     pub level_change_fraction: f64,
-    /// Root of the sum of squared errors over the sum of squared forces, all contacts of all frames; forces are those of the levels.
+    /// Root of the sum of squared errors over the sum of squared forces, all contacts of all
+    /// frames; forces are those of the levels.
     pub force_nrmse: f64,
     /// Share of the contacts whose level is within one Weber step, 7 %, of their force.
     pub weber_share: f64,
@@ -60,7 +65,8 @@ pub struct Errors {
     pub displayed_nrmse: f64,
     /// As `weber_share`, for the force with which the contact's actuator presses.
     pub displayed_weber_share: f64,
-    /// Distance of the centre of pressure that actuators give from that of the contacts, per part of the hand: mean.
+    /// Distance of the centre of pressure that actuators give from that of the contacts, per part
+    /// of the hand: mean.
     pub cop_error_mean: f64,
     /// ... 95 in 100 are no farther.
     pub cop_error_p95: f64,
@@ -68,7 +74,8 @@ pub struct Errors {
     pub cop_unit: String,
     /// Share of the parts in contact without an actuator on them.
     pub cop_missed_fraction: f64,
-    /// Information in the images at the frames' rate: per actuator its place and level, per level a 32-bit force.
+    /// Information in the images at the frames' rate: per actuator its place and level, per level a
+    /// 32-bit force.
     pub bits_per_s: f64,
     /// Bits per second of the daemon's IMAGE messages, which carry the 8-bit image too.
     pub wire_bits_per_s: f64,
@@ -114,7 +121,8 @@ impl Contacts<'_> {
             .map(|(force, level)| (*force, levels[usize::from(*level)]))
     }
 
-    /// Pixel of each contact and number of its actuator in the image's list; `None` where that actuator does not press.
+    /// Pixel of each contact and number of its actuator in the image's list; `None` where that
+    /// actuator does not press.
     fn served(&self) -> impl Iterator<Item = ([f64; 2], Option<usize>)> {
         let at = |id: u16| self.image.actuators.binary_search_by_key(&id, |a| a.id).ok();
         (self.reference.pixel.iter().zip(self.actuator)).map(move |(p, id)| (p.map(f64::from), at(*id)))
@@ -359,7 +367,8 @@ mod tests {
 
     #[test]
     fn bits_are_counted_at_the_rate_of_the_frames() {
-        // 10 frames/s; 8 taxels and 4 levels: 3 + 2 bits per actuator, 32 per level; two actuators and two levels a frame.
+        // 10 frames/s; 8 taxels and 4 levels: 3 + 2 bits per actuator, 32 per level; two actuators
+        // and two levels a frame.
         let frame: &[f64] = &[1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0];
         let got = errors(&[frame, frame, frame], 4, 16, "paper");
         assert_eq!(got.bits_per_s, 10.0 * (2.0 * 5.0 + 2.0 * 32.0));

@@ -7,16 +7,20 @@ pub(crate) const ALLOWED: f64 = 1.08;
 /// A move beyond this, pixels, is a jump.
 const JUMP_PX: f64 = 2.0;
 
-/// How many of `clusters` actuators must jump from one frame to the next, whatever the method, if the position error of neither frame may exceed
-/// [`ALLOWED`] times the best.
+/// How many of `clusters` actuators must jump from one frame to the next, whatever the method, if
+/// the position error of neither frame may exceed [`ALLOWED`] times the best.
 ///
-/// Let a contact be *alone* if putting it into a cluster with any other costs more than a frame may cost: `d^2 / 2` for the nearest other at
-/// distance `d`. An actuator stands on it then, and on nothing else. If it is *new*, farther than a jump from every contact of the frame before, that
-/// actuator stood farther away than that (actuators stand on contacts), and jumped, unless it was idle. Few were idle: with every actuator taken away
-/// the best error grows, and those that may be missing are counted. So jumps are at least the new contacts that are alone, less the actuators that can
-/// have been idle. Merged contacts that are new are not counted; the true number is higher.
+/// Let a contact be *alone* if putting it into a cluster with any other costs more than a frame may
+/// cost: `d^2 / 2` for the nearest other at distance `d`. An actuator stands on it then, and on
+/// nothing else. If it is *new*, farther than a jump from every contact of the frame before, that
+/// actuator stood farther away than that (actuators stand on contacts), and jumped, unless it was
+/// idle. Few were idle: with every actuator taken away the best error grows, and those that may be
+/// missing are counted. So jumps are at least the new contacts that are alone, less the actuators
+/// that can have been idle. Merged contacts that are new are not counted; the true number is
+/// higher.
 ///
-/// `before` and `now` are contacts and their least place errors; "best" is what `restarts` runs of k-means++ find.
+/// `before` and `now` are contacts and their least place errors; "best" is what `restarts` runs of
+/// k-means++ find.
 pub(crate) fn unavoidable_jumps(
     before: (&[[u16; 2]], f64),
     now: (&[[u16; 2]], f64),

@@ -1,8 +1,9 @@
 //! How good and how fast a compression of tactile frames is: the measurements of `taxel eval`.
 //!
-//! A [`Sequence`] holds the frames, [`References`] the best there is for each of them, [`Method`] a profile to be judged.
-//! [`judge`] runs the frames through it once and measures errors; [`time`] runs them again and again and measures cost. Both
-//! results together are a [`MethodReport`]. The references are computed here, from scratch, and share no code with what they judge.
+//! A [`Sequence`] holds the frames, [`References`] the best there is for each of them, [`Method`] a
+//! profile to be judged. [`judge`] runs the frames through it once and measures errors; [`time`]
+//! runs them again and again and measures cost. Both results together are a [`MethodReport`]. The
+//! references are computed here, from scratch, and share no code with what they judge.
 
 mod best_levels;
 mod best_places;

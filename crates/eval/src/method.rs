@@ -10,7 +10,8 @@ pub struct Method {
     pub name: String,
     /// The profile.
     pub profile: Profile,
-    /// Whether the profile's codebook is still to be learned from the frames, by [`learn_from`](Self::learn_from).
+    /// Whether the profile's codebook is still to be learned from the frames, by
+    /// [`learn_from`](Self::learn_from).
     pub learned: bool,
 }
 
@@ -44,9 +45,10 @@ pub enum MethodError {
 }
 
 impl Method {
-    /// Reads a method: `paper` or `optimal`, then settings as `key=value` with spaces between them, which take the place of those in `base`.
-    /// Values are those of the configuration's `[profile]` table; quotes around words may be left out. `codebook=learned` stands for the
-    /// constant codebook with the least squared error over all frames that the method will be judged on.
+    /// Reads a method: `paper` or `optimal`, then settings as `key=value` with spaces between them,
+    /// which take the place of those in `base`. Values are those of the configuration's `[profile]`
+    /// table; quotes around words may be left out. `codebook=learned` stands for the constant
+    /// codebook with the least squared error over all frames that the method will be judged on.
     ///
     /// ```
     /// use taxel_hand::Profile;
@@ -101,8 +103,8 @@ impl Method {
         })
     }
 
-    /// Learns the codebook from frames where it says `codebook=learned`; otherwise does nothing. Without any contact there is nothing to
-    /// learn, and levels are fitted to each frame.
+    /// Learns the codebook from frames where it says `codebook=learned`; otherwise does nothing.
+    /// Without any contact there is nothing to learn, and levels are fitted to each frame.
     pub fn learn_from(&mut self, frames: &[ForceFrame]) {
         if std::mem::take(&mut self.learned) {
             self.profile.codebook = learn_codebook(frames, self.profile.level_count());

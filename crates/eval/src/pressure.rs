@@ -64,8 +64,9 @@ impl Places {
         self.places[usize::from(y) * self.width + usize::from(x)]
     }
 
-    /// How far the centre of pressure that the actuators give is from that of the contacts, for each part that has both; appended
-    /// to `errors`. Returns how many parts have contacts but no actuator.
+    /// How far the centre of pressure that the actuators give is from that of the contacts, for
+    /// each part that has both; appended to `errors`. Returns how many parts have contacts but no
+    /// actuator.
     pub(crate) fn compare(
         &self,
         pixel: &[[u16; 2]],

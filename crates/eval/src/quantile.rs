@@ -2,8 +2,8 @@
 
 use serde::Serialize;
 
-/// The value that a share `q` (0 to 1) of the values does not exceed: the nearest rank, so always one of the values; 0 if there
-/// are none. Sorts.
+/// The value that a share `q` (0 to 1) of the values does not exceed: the nearest rank, so always
+/// one of the values; 0 if there are none. Sorts.
 ///
 /// ```
 /// let mut times = [3.0, 1.0, 2.0, 10.0];

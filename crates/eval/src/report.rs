@@ -24,12 +24,13 @@ pub struct EvalReport {
     pub levels: u16,
     /// `K_A`.
     pub actuators: u16,
-    /// Bits per second of the raw counts, 16 bits on three axes; of one 16-bit magnitude per taxel where there are no counts.
+    /// Bits per second of the raw counts, 16 bits on three axes; of one 16-bit magnitude per taxel
+    /// where there are no counts.
     pub raw_bits_per_s: f64,
     /// k-means++ runs per frame that the position ratio is against.
     pub restarts: u32,
-    /// Share of the actuators that must jump, whatever the method, if no frame's position error is more than 1.08 times the best known: a lower
-    /// bound, from the contacts alone.
+    /// Share of the actuators that must jump, whatever the method, if no frame's position error is
+    /// more than 1.08 times the best known: a lower bound, from the contacts alone.
     pub jump_bound_fraction: f64,
     /// Passes that times are medians of.
     pub passes: usize,

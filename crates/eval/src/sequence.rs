@@ -66,8 +66,8 @@ pub struct References {
     pub levels: u16,
     /// `K_A`.
     pub actuators: u16,
-    /// Share of the actuators that must jump between consecutive frames with contacts, whatever the method, if no frame's position error is more than
-    /// 1.08 times the best known: a lower bound.
+    /// Share of the actuators that must jump between consecutive frames with contacts, whatever the
+    /// method, if no frame's position error is more than 1.08 times the best known: a lower bound.
     pub jump_bound: f64,
 }
 

@@ -4,8 +4,9 @@ use crate::sequence::Sequence;
 use taxel_hand::ForceFrame;
 use taxel_skin::{Layout, LayoutError};
 
-/// `frames` frames of a skin of `width` by `height` taxels, all in contact: a few smooth presses wander over it on a light grip, and every
-/// force has noise of a few counts in steps of 1/16, so that values hardly repeat. The same arguments give the same frames.
+/// `frames` frames of a skin of `width` by `height` taxels, all in contact: a few smooth presses
+/// wander over it on a light grip, and every force has noise of a few counts in steps of 1/16, so
+/// that values hardly repeat. The same arguments give the same frames.
 ///
 /// # Errors
 ///

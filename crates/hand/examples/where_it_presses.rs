@@ -4,7 +4,8 @@
 
 use taxel_hand::{ForceFrame, Geometry, GeometryError, Module, Pose, Taxel};
 
-/// Two modules of two by two taxels beside each other in the image. Where the first sits on its link is known.
+/// Two modules of two by two taxels beside each other in the image. Where the first sits on its
+/// link is known.
 fn two_fingers() -> Result<Geometry, GeometryError> {
     let module = |name: &str, part: &str, first_taxel, pose, joint: Option<&str>| Module {
         name: name.into(),

@@ -1,7 +1,7 @@
 //! What a skin gives: a tactile frame of raw counts, and the force frame made of it.
 
-/// The greatest force taken, in the unit of [`ForceFrame::force`]; squares and sums of such forces stay finite. The skin's
-/// own greatest are 113,509 counts, or 1.3e10 squared.
+/// The greatest force taken, in the unit of [`ForceFrame::force`]; squares and sums of such forces
+/// stay finite. The skin's own greatest are 113,509 counts, or 1.3e10 squared.
 pub const FORCE_MAX: f64 = 1e100;
 
 /// How a taxel's value got into a tactile frame.
@@ -21,7 +21,8 @@ pub enum Freshness {
 pub struct TactileFrame {
     /// Number of the frame since the daemon started.
     pub seq: u64,
-    /// Time of validity: receive time of the newest reading in it, nanoseconds; the tick's time where none came.
+    /// Time of validity: receive time of the newest reading in it, nanoseconds; the tick's time
+    /// where none came.
     pub t_ns: u64,
     /// Newest raw counts x, y, z of each taxel; zeros where missing.
     pub counts: Vec<[u16; 3]>,
@@ -33,13 +34,14 @@ pub struct TactileFrame {
     pub freshness: Vec<Freshness>,
     /// Joint angles of the same instant, radians; not a number where unknown, empty where no joints are read.
     pub joints: Vec<f32>,
-    /// Time from `t_ns` to the reading nearest to it of each joint, nanoseconds; `u64::MAX` where there is none.
+    /// Time from `t_ns` to the reading nearest to it of each joint, nanoseconds; `u64::MAX` where
+    /// there is none.
     pub joint_age_ns: Vec<u64>,
-    /// Angular velocity of each joint, radians per second, positive the way in which its angle grows; not a number where
-    /// unknown, empty where no joint's is known.
+    /// Angular velocity of each joint, radians per second, positive the way in which its angle
+    /// grows; not a number where unknown, empty where no joint's is known.
     pub joint_velocity_rad_s: Vec<f32>,
-    /// Current that each joint's motor takes, amperes, with the sign that the servo reports; not a number where unknown,
-    /// empty where no joint's is known.
+    /// Current that each joint's motor takes, amperes, with the sign that the servo reports; not a
+    /// number where unknown, empty where no joint's is known.
     pub joint_current_a: Vec<f32>,
 }
 
@@ -152,7 +154,8 @@ pub struct ForceFrame {
     pub seq: u64,
     /// Time of validity of that frame, nanoseconds.
     pub t_ns: u64,
-    /// Magnitude above baseline, counts (counts squared in the publication's squared mode); zero where faulty.
+    /// Magnitude above baseline, counts (counts squared in the publication's squared mode); zero
+    /// where faulty.
     pub force: Vec<f64>,
     /// Whether the taxel is in contact: over the threshold of eq. (2) and without a fault.
     pub contact: Vec<bool>,

@@ -1,4 +1,5 @@
-//! Where the taxels of a hand sit: on which module, at which pixel of the tactile image, where in millimetres.
+//! Where the taxels of a hand sit: on which module, at which pixel of the tactile image, where in
+//! millimetres.
 
 use crate::Pose;
 
@@ -43,8 +44,8 @@ pub struct Module {
     pub taxels: u16,
     /// Where it sits on its link, where known.
     pub pose: Option<Pose>,
-    /// Name of the joint that moves its link; `None` where it sits on the hand's base, or nobody knows. Nothing here checks
-    /// that a joint of this name is read.
+    /// Name of the joint that moves its link; `None` where it sits on the hand's base, or nobody
+    /// knows. Nothing here checks that a joint of this name is read.
     pub joint: Option<String>,
 }
 
@@ -125,7 +126,8 @@ impl Geometry {
         })
     }
 
-    /// An array without modules of its own: one taxel per pixel, numbered row by row, in one pseudo module `grid`.
+    /// An array without modules of its own: one taxel per pixel, numbered row by row, in one pseudo
+    /// module `grid`.
     ///
     /// Refuses empty arrays and those of more than [`MAX_TAXELS`] taxels.
     pub fn grid(width: u16, height: u16) -> Result<Self, GeometryError> {

@@ -1,8 +1,8 @@
-//! What every part of taxeld shares: the frames that a hand's skin gives, where its taxels sit, the tactile image that
-//! a display is given, and the profile that says what the display can do.
+//! What every part of taxeld shares: the frames that a hand's skin gives, where its taxels sit, the
+//! tactile image that a display is given, and the profile that says what the display can do.
 //!
-//! Only data: nothing here decodes, computes an image or does I/O. How the boards of a hand are wired is no concern of
-//! this crate; that is the layout of `taxel-skin`.
+//! Only data: nothing here decodes, computes an image or does I/O. How the boards of a hand are
+//! wired is no concern of this crate; that is the layout of `taxel-skin`.
 
 mod frame;
 mod geometry;

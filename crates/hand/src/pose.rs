@@ -2,11 +2,12 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Place and orientation of a module's own frame, relative to the link that its joint moves, or to the hand's base where it
-/// names no joint.
+/// Place and orientation of a module's own frame, relative to the link that its joint moves, or to
+/// the hand's base where it names no joint.
 ///
-/// The module's frame has its origin at the first cell of the module's tile (row 0, column 0, as its board is drawn,
-/// whether or not a taxel is there), x along a row, y from row to row, and z = x cross y.
+/// The module's frame has its origin at the first cell of the module's tile (row 0, column 0, as
+/// its board is drawn, whether or not a taxel is there), x along a row, y from row to row, and z =
+/// x cross y.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Pose {
     /// Origin of the module's frame, millimetres.

@@ -18,24 +18,27 @@ pub struct Profile {
     pub actuators: u16,
     /// `I_D`, number of iterations of the force stage, 1 to 1000.
     pub force_iterations: u16,
-    /// `I_A`, number of iterations of the actuator stage, 1 to 1000. `follow` places actuators in as many as it needs.
+    /// `I_A`, number of iterations of the actuator stage, 1 to 1000. `follow` places actuators in
+    /// as many as it needs.
     pub actuator_iterations: u16,
-    /// How force levels are fitted to a frame, where neither `codebook`, `codebook_learning` nor `level_steps` gives them; where absent, as the
-    /// method does it.
+    /// How force levels are fitted to a frame, where neither `codebook`, `codebook_learning` nor
+    /// `level_steps` gives them; where absent, as the method does it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub force_fit: Option<ForceFit>,
     /// How actuators are placed; where absent, as the method does it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub placement: Option<Placement>,
-    /// Hysteresis of the force levels, 0 to 0.5: a taxel keeps the level it had until its force is past the border by this share of the
-    /// distance between the two levels. 0 gives each force its nearest level.
+    /// Hysteresis of the force levels, 0 to 0.5: a taxel keeps the level it had until its force is
+    /// past the border by this share of the distance between the two levels. 0 gives each force its
+    /// nearest level.
     pub level_hysteresis: f64,
-    /// History cost of `follow`, 0 to 100: an actuator is drawn to where it was as if by this many times its own contacts.
-    /// 0 follows the contacts alone.
+    /// History cost of `follow`, 0 to 100: an actuator is drawn to where it was as if by this many
+    /// times its own contacts. 0 follows the contacts alone.
     pub history: f64,
     /// Share of the position error that an actuator must save to be moved elsewhere, 0 to 1, for `follow`.
     pub jump_gain: f64,
-    /// Whether `follow` keeps the parts of the hand apart, so that no actuator stands for contacts of two fingers.
+    /// Whether `follow` keeps the parts of the hand apart, so that no actuator stands for contacts
+    /// of two fingers.
     pub parts_apart: bool,
     /// Meaning of a pixel's grey.
     pub grey: Grey,
@@ -47,11 +50,13 @@ pub struct Profile {
     /// Force codebook learned offline and kept constant (mark (*) of Table I), ascending, at most `levels`
     /// entries; empty to fit one to each frame.
     pub codebook: Vec<f64>,
-    /// Force JND of the person who wears the display, as a Weber fraction, 0.001 to 1: where given, `K_D` is the number of just
-    /// distinguishable steps from `force_min` to `force_max` ([`Profile::level_count`]) instead of `levels`. About 0.07 on fingers.
+    /// Force JND of the person who wears the display, as a Weber fraction, 0.001 to 1: where given,
+    /// `K_D` is the number of just distinguishable steps from `force_min` to `force_max`
+    /// ([`Profile::level_count`]) instead of `levels`. About 0.07 on fingers.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub jnd: Option<f64>,
-    /// Least and greatest force that the display shows, in the unit of the force frames, for `jnd` and `level_steps`.
+    /// Least and greatest force that the display shows, in the unit of the force frames, for `jnd`
+    /// and `level_steps`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub force_min: Option<f64>,
     /// See `force_min`.
@@ -64,12 +69,13 @@ pub struct Profile {
     pub codebook_learning: Option<CodebookLearning>,
     /// In which coordinates actuators are placed.
     pub coordinates: Coordinates,
-    /// Most actuators on each part of the hand, by the layout's names of parts; parts not named share what is left of `actuators`. Empty for
-    /// no such limits. For `follow`.
+    /// Most actuators on each part of the hand, by the layout's names of parts; parts not named
+    /// share what is left of `actuators`. Empty for no such limits. For `follow`.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub budgets: BTreeMap<String, u16>,
-    /// Places `[x, y]` of a display's actuators that cannot move, in `coordinates`, 1 to 256 of them and as many as `actuators`;
-    /// an actuator's id is its place in this list. Empty for a display that shows an actuator wherever it is wanted.
+    /// Places `[x, y]` of a display's actuators that cannot move, in `coordinates`, 1 to 256 of
+    /// them and as many as `actuators`; an actuator's id is its place in this list. Empty for a
+    /// display that shows an actuator wherever it is wanted.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub fixed: Vec<[f64; 2]>,
 }
@@ -83,7 +89,8 @@ pub enum LevelSteps {
     Fitted,
     /// The middles of equal steps of force.
     Equal,
-    /// The middles of equal steps of the logarithm of force, after Weber's law; a force has the level that is nearest in ratio.
+    /// The middles of equal steps of the logarithm of force, after Weber's law; a force has the
+    /// level that is nearest in ratio.
     Weber,
 }
 
@@ -91,7 +98,8 @@ pub enum LevelSteps {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CodebookLearning {
-    /// Share of what was learned that each frame with contact lets fade, 0 to 1: 0.001 remembers about a thousand frames.
+    /// Share of what was learned that each frame with contact lets fade, 0 to 1: 0.001 remembers
+    /// about a thousand frames.
     pub forgetting: f64,
 }
 
@@ -223,8 +231,9 @@ impl Profile {
         count.max(1)
     }
 
-    /// The profile written in one way: settings that make no difference are at their defaults, and what the method or a JND implies is stated. Profiles
-    /// with the same canonical form give the same images. It is for comparing; [`Profile::check`] may refuse it.
+    /// The profile written in one way: settings that make no difference are at their defaults, and
+    /// what the method or a JND implies is stated. Profiles with the same canonical form give the
+    /// same images. It is for comparing; [`Profile::check`] may refuse it.
     pub fn canonical(&self) -> Self {
         let default = Self::default();
         let is_fixed = !self.fixed.is_empty();

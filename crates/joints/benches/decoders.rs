@@ -1,8 +1,9 @@
 //! Frames and packets per second through the decoders of joint angles, from memory.
 //!
-//! `cargo bench -p taxel-joints --bench decoders`; the goal is 5 million per second on one core, for each. An Allegro
-//! frame carries four angles. A Dynamixel packet is a servo's answer to a sync read of 12 bytes, found in a stream of
-//! bytes, its CRC checked; a bus of 4.5 Mbit/s carries 20,000 of them per second.
+//! `cargo bench -p taxel-joints --bench decoders`; the goal is 5 million per second on one core,
+//! for each. An Allegro frame carries four angles. A Dynamixel packet is a servo's answer to a sync
+//! read of 12 bytes, found in a stream of bytes, its CRC checked; a bus of 4.5 Mbit/s carries
+//! 20,000 of them per second.
 
 use divan::counter::ItemsCount;
 use divan::{Bencher, black_box};

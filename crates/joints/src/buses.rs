@@ -69,8 +69,8 @@ fn hex(ids: &[u16]) -> String {
 }
 
 impl JointsConfig {
-    /// The CAN bus of these joints beside a skin whose buses are `skin`, in the layout's order; `None` where they are
-    /// on none.
+    /// The CAN bus of these joints beside a skin whose buses are `skin`, in the layout's order;
+    /// `None` where they are on none.
     pub fn can_bus(&self, layout: &Layout, skin: &[SourceAddress]) -> Option<JointsBus> {
         let source = self.source.config();
         let address = source.can_bus()?;

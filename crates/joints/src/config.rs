@@ -31,7 +31,8 @@ use taxel_hand::check_range;
 pub struct JointsConfig {
     /// `dynamixel:DEVICE` or `allegro:INTERFACE`, with what the table says of it.
     pub source: JointSource,
-    /// An angle whose nearest reading is further than this from a frame's instant is given as unknown, ms, 10 to 60,000.
+    /// An angle whose nearest reading is further than this from a frame's instant is given as
+    /// unknown, ms, 10 to 60,000.
     pub hold_ms: f64,
 }
 
@@ -155,7 +156,8 @@ impl JointsConfig {
         }
     }
 
-    /// Servos of these ids that are only read, with names `servo 1`, `servo 2`, ... and everything else at its default.
+    /// Servos of these ids that are only read, with names `servo 1`, `servo 2`, ... and everything
+    /// else at its default.
     pub fn dynamixel(path: impl Into<PathBuf>, ids: impl IntoIterator<Item = u8>) -> Self {
         Self::new(JointSource::Dynamixel(DynamixelConfig::new(path, ids)))
     }

@@ -1,5 +1,6 @@
-//! Joint angles on their way into tactile frames: what comes over CAN or from a reading thread goes in, and each frame
-//! gets every joint's angle at its own instant. No I/O and no clock; after the start nothing allocates.
+//! Joint angles on their way into tactile frames: what comes over CAN or from a reading thread goes
+//! in, and each frame gets every joint's angle at its own instant. No I/O and no clock; after the
+//! start nothing allocates.
 
 use crate::config::JointsConfig;
 use crate::error::JointsConfigError;
@@ -56,8 +57,8 @@ impl JointFeed {
 
     /// The feed of a configuration whose source, if it is on CAN, has the bus number `bus`.
     ///
-    /// What a thread reads is among the joints only where there is such a thread (`is_read`): a recording of CAN frames
-    /// has none of it.
+    /// What a thread reads is among the joints only where there is such a thread (`is_read`): a
+    /// recording of CAN frames has none of it.
     pub fn new(config: &JointsConfig, bus: Option<u8>, is_read: bool) -> Result<Self, JointsConfigError> {
         let source = config.source.config();
         let can = bus.zip(source.can_joints()?);
@@ -101,7 +102,8 @@ impl JointFeed {
         })
     }
 
-    /// Has the readings of a source that a thread reads brought up to date: `update` is given those known so far.
+    /// Has the readings of a source that a thread reads brought up to date: `update` is given those
+    /// known so far.
     pub fn handle_joints(&mut self, source: usize, update: impl FnOnce(&mut JointHistory)) {
         if let Some(source) = self.sources.get_mut(source) {
             update(&mut source.readings.history);
@@ -148,8 +150,9 @@ impl JointFeed {
         }
     }
 
-    /// Writes the angles at the frame's own instant, and their ages, into it; and, where it has room for them, velocity
-    /// and current of the newest readings. What is further than `hold_ms` from its nearest reading is unknown.
+    /// Writes the angles at the frame's own instant, and their ages, into it; and, where it has
+    /// room for them, velocity and current of the newest readings. What is further than `hold_ms`
+    /// from its nearest reading is unknown.
     pub fn fill(&self, frame: &mut TactileFrame) {
         let t_ns = frame.t_ns;
         let joints = self.sources.iter().flat_map(|source| {
@@ -182,7 +185,8 @@ impl JointFeed {
         }
     }
 
-    /// Copies what is known into the snapshot; `frame` is the newest. Allocates nothing once the snapshot has its memory.
+    /// Copies what is known into the snapshot; `frame` is the newest. Allocates nothing once the
+    /// snapshot has its memory.
     pub fn snapshot(&self, frame: &TactileFrame, into: &mut JointsSnapshot) {
         let readings = || self.sources.iter().map(|source| &source.readings);
         into.angles.clone_from(&frame.joints);

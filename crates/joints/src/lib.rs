@@ -1,8 +1,9 @@
 //! The joint angles of a robot hand: Dynamixel servos on a serial bus, and the Allegro hand on CAN.
 //!
-//! Each kind of source is a folder behind one seam ([`SourceConfig`], [`CanJoints`]); [`JointSource`] is their list.
-//! [`JointFeed`] puts their angles into tactile frames, each at the frame's own instant ([`JointHistory`]): without I/O
-//! and without a clock. [`JointReader`] is the thread that a source on a serial port is read by.
+//! Each kind of source is a folder behind one seam ([`SourceConfig`], [`CanJoints`]);
+//! [`JointSource`] is their list. [`JointFeed`] puts their angles into tactile frames, each at the
+//! frame's own instant ([`JointHistory`]): without I/O and without a clock. [`JointReader`] is the
+//! thread that a source on a serial port is read by.
 
 mod allegro;
 mod buses;

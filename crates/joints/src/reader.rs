@@ -13,8 +13,8 @@ pub enum JointReader {
 }
 
 impl JointReader {
-    /// Starts the thread that the source needs; `None` where it needs none. The thread calls `first` before anything
-    /// else: to take a real-time priority, for example.
+    /// Starts the thread that the source needs; `None` where it needs none. The thread calls
+    /// `first` before anything else: to take a real-time priority, for example.
     pub fn start(
         config: &JointsConfig,
         first: impl FnOnce() + Send + 'static,
@@ -29,9 +29,9 @@ impl JointReader {
         }
     }
 
-    /// Copies the readings that are kept, if there are others than when this returned `seen` (0 before the first time)
-    /// and unless the thread is at them just now. Never waits, and allocates nothing where `into` has the memory for
-    /// them ([`crate::SourceConfig::readings_kept`]).
+    /// Copies the readings that are kept, if there are others than when this returned `seen` (0
+    /// before the first time) and unless the thread is at them just now. Never waits, and allocates
+    /// nothing where `into` has the memory for them ([`crate::SourceConfig::readings_kept`]).
     pub fn try_history_since(&self, seen: u64, into: &mut JointHistory) -> u64 {
         match self {
             Self::Servos(reader) => reader.try_history_since(seen, into),

@@ -1,7 +1,8 @@
-//! What a source of joint angles is to the rest of the program: the seam between its folder and everything else.
+//! What a source of joint angles is to the rest of the program: the seam between its folder and
+//! everything else.
 //!
-//! Each kind of source has a folder with a [`SourceConfig`] and, where its angles come over CAN, [`CanJoints`]. Another
-//! kind is another folder and its line in the lists of `config.rs`.
+//! Each kind of source has a folder with a [`SourceConfig`] and, where its angles come over CAN,
+//! [`CanJoints`]. Another kind is another folder and its line in the lists of `config.rs`.
 
 use crate::error::JointsConfigError;
 use crate::synchrony::JointHistory;
@@ -38,7 +39,8 @@ pub trait SourceConfig {
         None
     }
 
-    /// The standard ids, in order, that both it and the skin's boards on bus `bus` (index into [`Layout::buses`]) use.
+    /// The standard ids, in order, that both it and the skin's boards on bus `bus` (index into
+    /// [`Layout::buses`]) use.
     fn overlapping_ids(&self, _layout: &Layout, _bus: u8) -> Vec<u16> {
         Vec::new()
     }
@@ -49,8 +51,8 @@ pub trait SourceConfig {
     }
 }
 
-/// A source whose angles come as CAN frames, and what it sends. Times are those of the pipeline, nanoseconds. Nothing
-/// here does I/O or allocates.
+/// A source whose angles come as CAN frames, and what it sends. Times are those of the pipeline,
+/// nanoseconds. Nothing here does I/O or allocates.
 pub trait CanJoints: Send {
     /// Takes a frame of its bus; says whether it was one of its own, which is nothing to the skin.
     fn handle_frame(&mut self, received: &Received, readings: &mut JointReadings) -> bool;
@@ -63,8 +65,8 @@ pub trait CanJoints: Send {
         None
     }
 
-    /// The frame that [`CanJoints::poll_command`] gave could not be sent. It is given again; the caller goes on with
-    /// other things first.
+    /// The frame that [`CanJoints::poll_command`] gave could not be sent. It is given again; the
+    /// caller goes on with other things first.
     fn command_not_sent(&mut self) {}
 
     /// When a frame is to be sent without another coming; `None` if none is, or it is up to the bus.

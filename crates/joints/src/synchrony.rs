@@ -7,9 +7,11 @@ use std::f64::consts::TAU;
 pub struct AngleAt {
     /// The angle, radians.
     pub angle_rad: f64,
-    /// Time from the instant to the nearest reading, nanoseconds. Between two readings at most half their distance.
+    /// Time from the instant to the nearest reading, nanoseconds. Between two readings at most half
+    /// their distance.
     pub age_ns: u64,
-    /// Whether the instant lies after the newest reading, so that the angle is a guess from the last movement.
+    /// Whether the instant lies after the newest reading, so that the angle is a guess from the
+    /// last movement.
     pub extrapolated: bool,
 }
 
@@ -45,8 +47,9 @@ pub struct JointHistory {
 
 /// How far beyond the newest reading a movement is carried on at most, nanoseconds: twice a cycle at 100 Hz.
 pub const EXTRAPOLATE_NS: u64 = 20_000_000;
-/// ... and at most so many times as far as the two newest readings are apart. Two that came in one burst, or of which one
-/// was stamped late, lie close together, and the line through them tells next to nothing of the time after them.
+/// ... and at most so many times as far as the two newest readings are apart. Two that came in one
+/// burst, or of which one was stamped late, lie close together, and the line through them tells
+/// next to nothing of the time after them.
 const EXTRAPOLATE_SPACINGS: u64 = 2;
 
 impl JointHistory {
@@ -69,7 +72,8 @@ impl JointHistory {
         self
     }
 
-    /// Takes over the readings of another history. Allocates nothing if both were made for as many joints and readings.
+    /// Takes over the readings of another history. Allocates nothing if both were made for as many
+    /// joints and readings.
     pub fn copy_from(&mut self, other: &Self) {
         self.readings.clone_from(&other.readings);
         self.filled.clone_from(&other.filled);
@@ -94,8 +98,8 @@ impl JointHistory {
         self.filled.len()
     }
 
-    /// Takes a reading. One that is not newer than the newest of its joint changes nothing, so the same one may be
-    /// given again and again.
+    /// Takes a reading. One that is not newer than the newest of its joint changes nothing, so the
+    /// same one may be given again and again.
     pub fn push(&mut self, joint: usize, t_ns: u64, angle_rad: f64) {
         if joint >= self.filled.len() || !angle_rad.is_finite() {
             return;
@@ -108,9 +112,10 @@ impl JointHistory {
         self.filled[joint] = ((next + 1) % self.depth, (len + 1).min(self.depth));
     }
 
-    /// The joint's angle at `t_ns`: on the line between the readings around it; after the newest on the line through the
-    /// last two, carried on for a bounded time (at most [`EXTRAPOLATE_NS`], and twice the time between the two) and held from there; before the oldest that is kept, the oldest.
-    /// `None` if there is no reading.
+    /// The joint's angle at `t_ns`: on the line between the readings around it; after the newest on
+    /// the line through the last two, carried on for a bounded time (at most [`EXTRAPOLATE_NS`],
+    /// and twice the time between the two) and held from there; before the oldest that is kept, the
+    /// oldest. `None` if there is no reading.
     pub fn at(&self, joint: usize, t_ns: u64) -> Option<AngleAt> {
         let (newest_ns, newest) = self.reading(joint, 0)?;
         if t_ns >= newest_ns {
@@ -161,8 +166,9 @@ impl JointHistory {
     }
 }
 
-/// Largest error of interpolating a sine of this amplitude (radians) and frequency between readings `period_ns` apart:
-/// a line misses a curve by its second derivative times an eighth of the distance squared.
+/// Largest error of interpolating a sine of this amplitude (radians) and frequency between readings
+/// `period_ns` apart: a line misses a curve by its second derivative times an eighth of the
+/// distance squared.
 pub fn interpolation_bound_rad(amplitude_rad: f64, hz: f64, period_ns: u64) -> f64 {
     let h = period_ns as f64 * 1e-9;
     amplitude_rad * (TAU * hz).powi(2) * h * h / 8.0
@@ -205,7 +211,8 @@ mod tests {
 
     #[test]
     fn two_readings_close_together_are_not_carried_on_far() {
-        // A finger at 1 rad/s, read every 3 ms; an adapter that was held up hands the last two over in one burst.
+        // A finger at 1 rad/s, read every 3 ms; an adapter that was held up hands the last two over
+        // in one burst.
         let mut h = JointHistory::new(1, 8);
         for t in [0, 3, 6] {
             h.push(0, t * MS, 0.001 * t as f64);

@@ -162,8 +162,9 @@ fn angles_are_given_for_the_instant_that_is_asked_for() {
     errors.sort_by(f64::total_cmp);
     let (median, worst) = (errors[tested / 2], errors[tested - 1]);
     println!("interpolated over the terminal: {median:.5} rad off, {worst:.5} at most, {tested} instants");
-    // Curvature 0.0005 rad, half a pulse 0.0008 rad, and some of 5.8 rad/s by the time of the reading. The median: a
-    // machine that is busy with other things stamps some readings late, by any time.
+    // Curvature 0.0005 rad, half a pulse 0.0008 rad, and some of 5.8 rad/s by the time of the
+    // reading. The median: a machine that is busy with other things stamps some readings late, by
+    // any time.
     assert!(median < 0.02, "{median}");
     let mut future = [None];
     reader.angles_at(servo_clock_ns() + 1_000_000_000, &mut future);

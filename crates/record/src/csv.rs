@@ -15,12 +15,13 @@ const LINE_BYTES: u64 = 16 << 20;
 
 /// Reads a csv file: one frame a line, the numbers separated by commas, semicolons or tabs, quoted or not.
 ///
-/// The first line that is neither empty nor begins with `#` shows what separates: a semicolon if it has one, else a
-/// comma, else a tab. If it does not begin with a number it is a header. Columns called `{board}B{taxel}X`, `..Y`, `..Z`,
-/// with or without a leading `{finger}F` (docs/protocols.md, "uSkin on a hand"), are raw counts: taxels are
-/// numbered by finger, board and taxel, whatever the order of the columns. A first column called `time` or
-/// `t` is time in seconds; the suffixes `_s`, `_ms`, `_us` and `_ns` say otherwise. Any other header, and
-/// none, leaves plain numbers.
+/// The first line that is neither empty nor begins with `#` shows what separates: a semicolon if it
+/// has one, else a comma, else a tab. If it does not begin with a number it is a header. Columns
+/// called `{board}B{taxel}X`, `..Y`, `..Z`, with or without a leading `{finger}F`
+/// (docs/protocols.md, "uSkin on a hand"), are raw counts: taxels are numbered by finger, board and
+/// taxel, whatever the order of the columns. A first column called `time` or `t` is time in
+/// seconds; the suffixes `_s`, `_ms`, `_us` and `_ns` say otherwise. Any other header, and none,
+/// leaves plain numbers.
 pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordError> {
     let io_error = RecordError::io(path);
     let line_error = |line: u64, reason: String| {
@@ -28,7 +29,8 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
     };
     let mut file = BufReader::new(File::open(path).map_err(&io_error)?);
     let head = head(&mut file).map_err(&io_error)?;
-    // A last line without its end gets one, so that the line of a record is always the one before the reader's.
+    // A last line without its end gets one, so that the line of a record is always the one before
+    // the reader's.
     let whole = head.as_slice().chain(file).chain(&b"\n"[..]);
     let mut reader = ReaderBuilder::new()
         .has_headers(false)

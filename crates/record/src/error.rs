@@ -4,8 +4,8 @@ use std::fmt::Display;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Why a recording cannot be read or written. The message names the file, the array or line where there is one, and what
-/// to do.
+/// Why a recording cannot be read or written. The message names the file, the array or line where
+/// there is one, and what to do.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordError {
     /// The file cannot be opened, read or written.

@@ -64,8 +64,8 @@ impl ImageStack {
     /// Adds an image.
     ///
     /// # Panics
-    /// When it has another shape, or more levels or actuators, than the stack was made for, or another number of joints
-    /// than the image before.
+    /// When it has another shape, or more levels or actuators, than the stack was made for, or
+    /// another number of joints than the image before.
     pub fn push(&mut self, image: &TactileImage) {
         assert_eq!(
             (image.width as usize, image.height as usize),
@@ -119,9 +119,10 @@ impl ImageStack {
         write().map_err(RecordError::io(path))
     }
 
-    /// Writes a compressed `.npz`: `images` `T x H x W` u8; `levels` `T x K_D` f64; `actuators` `T x K_A x 5` f64 (id,
-    /// x, y, level, force); `seq` and `t_ns` u64; `contacts`, `faulty` and `missing` u16; where joints were read, `joints`
-    /// `T x J` f32, radians. Levels and actuators that a frame does not have, and unknown angles, are NaN.
+    /// Writes a compressed `.npz`: `images` `T x H x W` u8; `levels` `T x K_D` f64; `actuators` `T
+    /// x K_A x 5` f64 (id, x, y, level, force); `seq` and `t_ns` u64; `contacts`, `faulty` and
+    /// `missing` u16; where joints were read, `joints` `T x J` f32, radians. Levels and actuators
+    /// that a frame does not have, and unknown angles, are NaN.
     pub fn write_npz(&self, path: &Path) -> Result<(), RecordError> {
         let frames = self.len();
         // In memory first: a writer of zip files that meets a full disk says so on stderr by itself, unasked.

@@ -1,8 +1,9 @@
 //! Tactile recordings in and out.
 //!
-//! A [`Recording`] is a sequence of tactile frames read from `.npy`, `.npz` or `.csv`: either magnitudes, one
-//! number per taxel, or raw counts, three per taxel. What a file means is decided by its shape and by options,
-//! never guessed. A candump `.log` is not a sequence of frames but of bus traffic: `taxel_can` reads it.
+//! A [`Recording`] is a sequence of tactile frames read from `.npy`, `.npz` or `.csv`: either
+//! magnitudes, one number per taxel, or raw counts, three per taxel. What a file means is decided
+//! by its shape and by options, never guessed. A candump `.log` is not a sequence of frames but of
+//! bus traffic: `taxel_can` reads it.
 //!
 //! [`ImageStack`] collects tactile images and writes them as `.npy`, `.npz` or `.csv`.
 

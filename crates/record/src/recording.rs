@@ -140,7 +140,8 @@ impl Recording {
         }
     }
 
-    /// The usual time from one frame to the next, nanoseconds: the median of the recorded ones, or of the rate.
+    /// The usual time from one frame to the next, nanoseconds: the median of the recorded ones, or
+    /// of the rate.
     pub fn period_ns(&self) -> u64 {
         let Some(times) = self.times_ns.as_ref().filter(|times| times.len() > 1) else {
             return (1e9 / self.rate_hz).round() as u64;

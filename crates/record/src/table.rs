@@ -12,7 +12,8 @@ pub struct ReadOptions {
     pub array: Option<String>,
     /// Says that the columns of a two-dimensional array are raw counts, and in which order.
     pub columns: Option<Columns>,
-    /// Frames per second, 0.001 to 100,000, overriding recorded times; [`DEFAULT_RATE_HZ`] where neither exists.
+    /// Frames per second, 0.001 to 100,000, overriding recorded times; [`DEFAULT_RATE_HZ`] where
+    /// neither exists.
     pub rate_hz: Option<f64>,
     /// Says that the first column of a csv file without a header is time, in this unit.
     pub time_column: Option<TimeUnit>,

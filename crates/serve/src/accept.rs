@@ -18,7 +18,8 @@ impl<M: ProfileMaker> Server<M> {
                     drop(tokio::task::spawn_local(welcome(socket, self.clone())));
                 }
                 Err(error) => {
-                    // Out of file descriptors, most likely: try again when some are free. Said once, however long it lasts.
+                    // Out of file descriptors, most likely: try again when some are free. Said
+                    // once, however long it lasts.
                     if !std::mem::replace(&mut failing, true) {
                         tracing::warn!(%error, "cannot accept a subscriber");
                     }

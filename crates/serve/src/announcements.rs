@@ -3,7 +3,8 @@
 use crate::profiles::{Cost, DisplayProfile, MadeOutput, Measurement, ProfileMaker};
 use taxel_wire::Hello;
 
-/// A maker of no images: subscribers get the HELLO and what the program announces. A stated profile is refused.
+/// A maker of no images: subscribers get the HELLO and what the program announces. A stated profile
+/// is refused.
 #[derive(Debug, Clone)]
 pub struct Announcements {
     hello: Hello,

@@ -1,4 +1,5 @@
-//! What a program that serves says of its socket: the `[socket]` and `[profiles]` tables of its configuration.
+//! What a program that serves says of its socket: the `[socket]` and `[profiles]` tables of its
+//! configuration.
 
 use serde::{Deserialize, Serialize};
 use taxel_hand::{RangeError, check_range};
@@ -12,13 +13,13 @@ pub struct Limits {
     pub stall_ms: u32,
 }
 
-/// How many display profiles are made at once, and what they may cost. A subscriber that states a profile beyond these
-/// limits is refused.
+/// How many display profiles are made at once, and what they may cost. A subscriber that states a
+/// profile beyond these limits is refused.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ProfilesConfig {
-    /// Share of the time between two images that all profiles together may take, 0.001 to 100 %. In `sweep` mode that
-    /// time is `sweep.board_period_ms`.
+    /// Share of the time between two images that all profiles together may take, 0.001 to 100 %. In
+    /// `sweep` mode that time is `sweep.board_period_ms`.
     pub budget_percent: f64,
     /// Most different profiles at once, the program's own among them, 1 to 256.
     pub max: u16,

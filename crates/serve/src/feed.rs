@@ -1,5 +1,5 @@
-//! One stream on its way to one subscriber: the newest message when the socket can take one, or every message in order;
-//! and a count of those skipped.
+//! One stream on its way to one subscriber: the newest message when the socket can take one, or
+//! every message in order; and a count of those skipped.
 
 use crate::stream::{Message, Stream};
 use std::future::poll_fn;
@@ -69,8 +69,8 @@ impl Feed {
         self.not_before = Instant::now();
     }
 
-    /// Waits until there is a message to send and the time for it has come. Fails when there is none and none will ever
-    /// come; see [`Feed::is_over`].
+    /// Waits until there is a message to send and the time for it has come. Fails when there is
+    /// none and none will ever come; see [`Feed::is_over`].
     pub(crate) async fn ready(&mut self) -> Result<(), RecvError> {
         if self.not_before > Instant::now() {
             sleep_until(self.not_before).await;
@@ -86,8 +86,9 @@ impl Feed {
         }
     }
 
-    /// Whether [`Feed::ready`] has failed: the profile it is of is no longer made. So it is for a moment where a
-    /// subscriber that was shown the daemon's own profile waits for one of its own, and the daemon's own changes.
+    /// Whether [`Feed::ready`] has failed: the profile it is of is no longer made. So it is for a
+    /// moment where a subscriber that was shown the daemon's own profile waits for one of its own,
+    /// and the daemon's own changes.
     pub(crate) fn is_over(&self) -> bool {
         self.is_over
     }
@@ -112,8 +113,9 @@ impl Feed {
         }
     }
 
-    /// Sends the message whose turn it is at the moment when the socket takes it, and returns how many were skipped
-    /// since the one before; nothing is sent where there is none. The next is held back for the sake of the highest rate.
+    /// Sends the message whose turn it is at the moment when the socket takes it, and returns how
+    /// many were skipped since the one before; nothing is sent where there is none. The next is
+    /// held back for the sake of the highest rate.
     pub(crate) async fn send(
         &mut self,
         socket: &UnixSeqpacket,

@@ -1,13 +1,15 @@
 //! Publishing on a Unix socket with the daemon's manners, for the daemon and for programs beside it.
 //!
-//! A program has a thread that makes frames and one that serves. The first publishes from a table of outputs
-//! ([`OutputSlots`]): each is an encoder ([`taxel_wire::Encode`]) and the stream its messages go to; publishing neither
-//! allocates nor waits. The second runs a [`Server`] in a single-threaded tokio runtime: subscribers connect, state what
-//! their display can do, and are sent the newest message, or every one from a backlog of about a second. A slow reader
-//! holds up neither the frames nor another reader.
+//! A program has a thread that makes frames and one that serves. The first publishes from a table
+//! of outputs ([`OutputSlots`]): each is an encoder ([`taxel_wire::Encode`]) and the stream its
+//! messages go to; publishing neither allocates nor waits. The second runs a [`Server`] in a
+//! single-threaded tokio runtime: subscribers connect, state what their display can do, and are
+//! sent the newest message, or every one from a backlog of about a second. A slow reader holds up
+//! neither the frames nor another reader.
 //!
-//! What is served is said by a [`ProfileMaker`]: how a display profile becomes an output. [`Announcements`] is one
-//! without images, for programs that publish texts alone, such as touches and estimates.
+//! What is served is said by a [`ProfileMaker`]: how a display profile becomes an output.
+//! [`Announcements`] is one without images, for programs that publish texts alone, such as touches
+//! and estimates.
 
 mod accept;
 mod announcements;

@@ -1,9 +1,9 @@
-//! What a program publishes: a table of outputs, filled and emptied by the serving thread, worked through by the thread
-//! that has the frames.
+//! What a program publishes: a table of outputs, filled and emptied by the serving thread, worked
+//! through by the thread that has the frames.
 //!
-//! An output is frames in, bytes out ([`Encode`]), with the stream its messages go to and a record of what they cost.
-//! It is built on the serving thread with all its memory, sent over, and sent back to be dropped, so that the thread
-//! that has the frames neither allocates nor frees.
+//! An output is frames in, bytes out ([`Encode`]), with the stream its messages go to and a record
+//! of what they cost. It is built on the serving thread with all its memory, sent over, and sent
+//! back to be dropped, so that the thread that has the frames neither allocates nor frees.
 
 use crate::stream::Publisher;
 use hdrhistogram::Histogram;
@@ -12,7 +12,8 @@ use std::sync::{Arc, Mutex, mpsc};
 use std::time::Instant;
 use taxel_wire::Encode;
 
-/// Time that an output's messages took on the thread that made them, nanoseconds. That thread only ever tries to lock it.
+/// Time that an output's messages took on the thread that made them, nanoseconds. That thread only
+/// ever tries to lock it.
 pub(crate) type CostPerTick = Arc<Mutex<Histogram<u64>>>;
 
 /// A record of costs up to 1 s, at two significant digits.
@@ -38,8 +39,8 @@ enum Change<F> {
 pub struct OutputSlots<F> {
     slots: Box<[Option<Box<Output<F>>>]>,
     changes: mpsc::Receiver<Change<F>>,
-    /// Where outputs go that were taken out. It holds as many as there are slots, and a slot is filled again only after
-    /// its output has arrived, so there is always room.
+    /// Where outputs go that were taken out. It holds as many as there are slots, and a slot is
+    /// filled again only after its output has arrived, so there is always room.
     returned: mpsc::SyncSender<(usize, Box<Output<F>>)>,
     /// Messages that outputs no longer there could not hand over.
     unpublished: u64,

@@ -1,7 +1,8 @@
-//! The display profiles at work: who asks for which, whether it can be afforded, and when it is no longer needed.
+//! The display profiles at work: who asks for which, whether it can be afforded, and when it is no
+//! longer needed.
 //!
-//! Lives on the serving thread. A profile that several ask for is made once; the thread that has the frames knows
-//! nothing of who reads.
+//! Lives on the serving thread. A profile that several ask for is made once; the thread that has
+//! the frames knows nothing of who reads.
 
 use crate::config::ProfilesConfig;
 use crate::output_slots::{CostPerTick, Output, SlotControl, cost_per_tick};
@@ -15,8 +16,8 @@ use taxel_wire::status::{CostStatus, ProfileStatus, ProfilesBudget};
 use taxel_wire::{Encode, Hello};
 use tokio::sync::watch;
 
-/// A profile goes on being made for this long after its last reader left without a word, so that a driver that
-/// reconnects finds its actuators where they were.
+/// A profile goes on being made for this long after its last reader left without a word, so that a
+/// driver that reconnects finds its actuators where they were.
 const GRACE: Duration = Duration::from_secs(2);
 /// A candidate whose first image takes this many times what is set aside for all is not measured further.
 const HOPELESS: u64 = 4;
@@ -67,12 +68,12 @@ pub trait ProfileMaker: 'static {
     /// The description that subscribers of this profile get.
     fn hello(&self, wanted: &DisplayProfile) -> Hello;
 
-    /// The encoder of this profile's images, with all its memory; `None` where no images are made at all. The error is
-    /// fit for an EVENT.
+    /// The encoder of this profile's images, with all its memory; `None` where no images are made
+    /// at all. The error is fit for an EVENT.
     fn output(&self, wanted: &DisplayProfile) -> Result<Option<MadeOutput<Self::Frames>>, String>;
 
-    /// What measures the cost of this profile. One whose first image takes longer than `hopeless_ns` need not be
-    /// measured further.
+    /// What measures the cost of this profile. One whose first image takes longer than
+    /// `hopeless_ns` need not be measured further.
     fn measurement(&self, wanted: &DisplayProfile, hopeless_ns: u64) -> Result<Measurement, String>;
 
     /// The encoder of raw frames; `None` where there are none.
@@ -199,8 +200,8 @@ impl<M: ProfileMaker> Profiles<M> {
 
     /// The profile that is wanted, from the next tick on if nobody has it yet.
     ///
-    /// `instead_of` is what whoever asks will give up for it; its cost and place are counted as free if nobody else needs
-    /// them. The error is fit for an EVENT.
+    /// `instead_of` is what whoever asks will give up for it; its cost and place are counted as
+    /// free if nobody else needs them. The error is fit for an EVENT.
     pub(crate) async fn lease(
         &self,
         wanted: DisplayProfile,
@@ -297,8 +298,8 @@ impl<M: ProfileMaker> Profiles<M> {
             .map(Lease::new)
     }
 
-    /// Makes room for one more profile of this cost, by removing idle ones. The error is how many profiles are
-    /// needed, and what they cost together.
+    /// Makes room for one more profile of this cost, by removing idle ones. The error is how many
+    /// profiles are needed, and what they cost together.
     fn find_place(&self, instead_of: Option<&Rc<ActiveProfile>>, cost_ns: u64) -> Result<(), (usize, u64)> {
         let stays = |active: &Rc<ActiveProfile>| {
             let leaves = instead_of.is_some_and(|leaving| {
@@ -380,7 +381,8 @@ impl ActiveProfile {
         self.own.get() || self.readers.get() > 0
     }
 
-    /// What it takes of each tick: what was set aside for it, or what it has turned out to take if that is more.
+    /// What it takes of each tick: what was set aside for it, or what it has turned out to take if
+    /// that is more.
     fn cost_ns(&self) -> u64 {
         let measured = self.cost_ns.lock().unwrap_or_else(|e| e.into_inner());
         self.reserved.reserved_ns().max(measured.value_at_quantile(0.5))

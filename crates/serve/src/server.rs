@@ -39,9 +39,9 @@ pub struct ServerSeed<M: ProfileMaker> {
 }
 
 impl<M: ProfileMaker> ServerSeed<M> {
-    /// What is served, and the table that the thread with the frames publishes from. `own` is the profile of whoever
-    /// states none, made from the first tick on; `wake` has that thread look at the table soon. The error is fit for
-    /// people.
+    /// What is served, and the table that the thread with the frames publishes from. `own` is the
+    /// profile of whoever states none, made from the first tick on; `wake` has that thread look at
+    /// the table soon. The error is fit for people.
     pub fn new(
         maker: M,
         limits: Limits,
@@ -49,7 +49,8 @@ impl<M: ProfileMaker> ServerSeed<M> {
         own: Profile,
         wake: impl Fn() + Send + 'static,
     ) -> Result<(Self, OutputSlots<M::Frames>), String> {
-        // Twice as many slots as profiles, so that one can come while another is still on its way back; and raw frames.
+        // Twice as many slots as profiles, so that one can come while another is still on its way
+        // back; and raw frames.
         let slots = 2 * (usize::from(profiles.max) + 1);
         let (table, slots) = output_slots(slots, Box::new(wake));
         let wanted = DisplayProfile {
@@ -76,7 +77,8 @@ pub struct Server<M: ProfileMaker> {
     pub(crate) raw: RawStream,
     pub(crate) announcements: broadcast::Sender<Announcement>,
     pub(crate) status: watch::Sender<Packets>,
-    /// Where subscriptions are received into, one at a time; one byte longer than the longest, to tell one too long.
+    /// Where subscriptions are received into, one at a time; one byte longer than the longest, to
+    /// tell one too long.
     pub(crate) subscription: RefCell<Box<[u8]>>,
 }
 
@@ -98,8 +100,8 @@ impl<M: ProfileMaker> Server<M> {
         let _ = self.announcements.send(Announcement::Event(event));
     }
 
-    /// Tells every subscriber what happened at `t_ns`, when frame `seq` was the newest. Whoever is sent every message is
-    /// sent those of that frame and before it first.
+    /// Tells every subscriber what happened at `t_ns`, when frame `seq` was the newest. Whoever is
+    /// sent every message is sent those of that frame and before it first.
     pub fn announce_at(&self, event: &Event, seq: u64, t_ns: u64) {
         let packets = Arc::new(vec![event.to_packet(seq, t_ns)]);
         let _ = self.announcements.send(Announcement::Stamped(seq + 1, packets));
@@ -133,7 +135,8 @@ impl<M: ProfileMaker> Server<M> {
         self.profiles.set_own(profile).await
     }
 
-    /// Lets profiles go that nobody has needed for a while, and frees what came back. To be called a few times a second.
+    /// Lets profiles go that nobody has needed for a while, and frees what came back. To be called
+    /// a few times a second.
     pub fn tidy(&self) {
         self.profiles.tidy();
         self.raw.tidy(&self.profiles.slots);

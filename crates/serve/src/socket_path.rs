@@ -1,8 +1,9 @@
 //! A Unix socket path that belongs to one daemon at a time.
 //!
-//! A daemon that was killed leaves its socket file behind, and `bind` then refuses the path for ever; removing the
-//! file without asking would cut a running daemon off. So the path is guarded by an exclusive lock on `PATH.lock`:
-//! only its holder removes a stale socket and binds, and the kernel releases the lock however the holder ends.
+//! A daemon that was killed leaves its socket file behind, and `bind` then refuses the path for
+//! ever; removing the file without asking would cut a running daemon off. So the path is guarded by
+//! an exclusive lock on `PATH.lock`: only its holder removes a stale socket and binds, and the
+//! kernel releases the lock however the holder ends.
 
 use nix::fcntl::{Flock, FlockArg};
 use nix::unistd::{Gid, Group};

@@ -1,8 +1,8 @@
-//! A stream of messages: from the thread that makes them to the thread that serves readers, each encoded once, without
-//! waiting and without allocating.
+//! A stream of messages: from the thread that makes them to the thread that serves readers, each
+//! encoded once, without waiting and without allocating.
 //!
-//! Readers are given the newest message, or every one: the latter are kept in a backlog of bounded length on the
-//! serving thread, beyond which the oldest are lost.
+//! Readers are given the newest message, or every one: the latter are kept in a backlog of bounded
+//! length on the serving thread, beyond which the oldest are lost.
 
 use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;
@@ -11,12 +11,12 @@ use std::sync::{Arc, mpsc};
 use taxel_wire::{EncodeError, Header};
 use tokio::sync::watch;
 
-/// The message that one tick made for a stream. Shared by all its readers; only the header's count of skipped messages
-/// is their own.
+/// The message that one tick made for a stream. Shared by all its readers; only the header's count
+/// of skipped messages is their own.
 #[derive(Debug, Default)]
 pub(crate) struct Message {
-    /// Number of the tick, from 1; the difference between two is what a reader skipped. All streams count the same
-    /// ticks, so a reader that changes from one to another goes on counting.
+    /// Number of the tick, from 1; the difference between two is what a reader skipped. All streams
+    /// count the same ticks, so a reader that changes from one to another goes on counting.
     pub(crate) tick: u64,
     /// The header of a reader that skipped nothing; `None` where there is no message.
     pub(crate) header: Option<Header>,
@@ -63,7 +63,8 @@ pub(crate) fn backlog_depth(payload_len: usize, rate_hz: f64) -> usize {
     (rate_hz.ceil() as usize).clamp(16, 1024).min(fit).max(8)
 }
 
-/// Both ends of a stream, empty, with room for payloads of `payload_len` bytes, of which `rate_hz` come in a second.
+/// Both ends of a stream, empty, with room for payloads of `payload_len` bytes, of which `rate_hz`
+/// come in a second.
 pub(crate) fn stream(payload_len: usize, rate_hz: f64) -> (Publisher, Stream) {
     let depth = backlog_depth(payload_len, rate_hz);
     let empty = || Message {
@@ -125,8 +126,9 @@ impl Publisher {
         drop(self.newest.send_replace(message));
     }
 
-    /// Messages that could not be handed over: every reader skipped them. Zero unless the program is wrong, since there
-    /// are more buffers than readers hold, and what is too large to encode is refused beforehand.
+    /// Messages that could not be handed over: every reader skipped them. Zero unless the program
+    /// is wrong, since there are more buffers than readers hold, and what is too large to encode is
+    /// refused beforehand.
     pub(crate) fn unpublished(&self) -> u64 {
         self.unpublished
     }

@@ -1,7 +1,8 @@
-//! One subscriber: it gets the description of the hand, then the newest image whenever it can take one, or every one.
+//! One subscriber: it gets the description of the hand, then the newest image whenever it can take
+//! one, or every one.
 //!
-//! A subscriber that is slow is given the newest image when it can take it, and told how many it missed. It holds
-//! up neither the tick nor another subscriber: all it can block is its own task.
+//! A subscriber that is slow is given the newest image when it can take it, and told how many it
+//! missed. It holds up neither the tick nor another subscriber: all it can block is its own task.
 
 use crate::farewell::Farewell;
 use crate::feed::Feed;
@@ -21,10 +22,11 @@ use tokio::task::JoinHandle;
 use tokio::time::timeout;
 use tokio_seqpacket::UnixSeqpacket;
 
-/// Least send buffer of a subscriber's socket, bytes; the kernel doubles it. It holds a part of a HELLO, and little
-/// more than two images, since every image in it is one that gets old there.
+/// Least send buffer of a subscriber's socket, bytes; the kernel doubles it. It holds a part of a
+/// HELLO, and little more than two images, since every image in it is one that gets old there.
 const SEND_BUFFER: usize = 4608;
-/// Most send buffer of a subscriber that is sent every message: the usual limit for programs without privileges.
+/// Most send buffer of a subscriber that is sent every message: the usual limit for programs
+/// without privileges.
 const EVERY_BUFFER: usize = 212_992;
 /// Subscriptions a client may have refused before it is disconnected.
 const MAX_REFUSALS: u32 = 8;
@@ -103,7 +105,8 @@ struct Subscriber<'a, M: ProfileMaker> {
 /// A subscription that waits for its profile.
 struct Asked {
     wants: Subscribe,
-    /// Whether the client asked; otherwise the profile of whoever states none has changed, of which it is shown a region.
+    /// Whether the client asked; otherwise the profile of whoever states none has changed, of which
+    /// it is shown a region.
     by_client: bool,
     lease: JoinHandle<Result<Lease, String>>,
 }
@@ -145,8 +148,8 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
         Ok(subscriber)
     }
 
-    /// Room for about two messages: a queue in the kernel would be latency that nobody sees. Who wants every message
-    /// has no use for freshness, and is woken less often.
+    /// Room for about two messages: a queue in the kernel would be latency that nobody sees. Who
+    /// wants every message has no use for freshness, and is woken less often.
     fn size_send_buffer(&self) -> io::Result<()> {
         let raw = self.raw.as_ref().map_or(0, |feed| feed.stream().payload_len());
         let newest = SEND_BUFFER.max(self.shown.stream.payload_len() + raw + 2048);
@@ -185,7 +188,8 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
                     }
                 }
                 announcement = announcements.recv() => {
-                    // A subscriber that missed announcements missed only news of what the images themselves show.
+                    // A subscriber that missed announcements missed only news of what the images
+                    // themselves show.
                     match announcement {
                         Ok(Announcement::Event(event)) => self.send_event(&event).await?,
                         Ok(Announcement::Stamped(tick, packets)) => {
@@ -308,7 +312,8 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
         self.show(own).await
     }
 
-    /// Takes what is wanted but for the profile. The inner error says why it cannot be had, and nothing has changed then.
+    /// Takes what is wanted but for the profile. The inner error says why it cannot be had, and
+    /// nothing has changed then.
     fn subscribe(&mut self, wants: Subscribe) -> Result<Result<(), String>, Farewell> {
         let changed = wants.every != self.wants.every;
         if !wants.raw {
@@ -377,8 +382,8 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
         Ok(())
     }
 
-    /// Sends the announcements whose turn has come: those behind no message that is still to be sent. Whoever is sent
-    /// the newest message alone is told at once.
+    /// Sends the announcements whose turn has come: those behind no message that is still to be
+    /// sent. Whoever is sent the newest message alone is told at once.
     async fn send_held(&mut self) -> Result<(), Farewell> {
         while let Some((tick, _)) = self.held.front() {
             let owes = |feed: &Feed| self.wants.every && feed.owes(*tick);

@@ -1,4 +1,5 @@
-//! Frames per second through decoder and sweep assembly, from memory: the whole default hand, 15 boards on two buses.
+//! Frames per second through decoder and sweep assembly, from memory: the whole default hand, 15
+//! boards on two buses.
 //!
 //! `cargo bench -p taxel-skin --bench decode`; the goal is 5 million frames per second on one core.
 

@@ -1,7 +1,8 @@
 //! Frames per second through the decoder of each board protocol, from memory.
 //!
-//! `cargo bench -p taxel-skin --bench protocols`; the goal is 5 million frames per second on one core, for each. A frame
-//! carries 1 (uSkin), 5 to 7 (iCub), 4 (CPM finger) or up to 4 values (CySkin, a module of seven sensors in three frames).
+//! `cargo bench -p taxel-skin --bench protocols`; the goal is 5 million frames per second on one
+//! core, for each. A frame carries 1 (uSkin), 5 to 7 (iCub), 4 (CPM finger) or up to 4 values
+//! (CySkin, a module of seven sensors in three frames).
 
 use divan::counter::ItemsCount;
 use divan::{Bencher, black_box};

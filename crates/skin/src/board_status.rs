@@ -2,7 +2,8 @@
 
 use serde::Serialize;
 
-/// Whether a board speaks. Status reports call [`BoardState::NeverSeen`] "unheard" and [`BoardState::Streaming`] "living".
+/// Whether a board speaks. Status reports call [`BoardState::NeverSeen`] "unheard" and
+/// [`BoardState::Streaming`] "living".
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum BoardState {
@@ -57,12 +58,13 @@ pub struct BoardStatus {
     pub sweeps: u64,
     /// Readings, used or not, whose status byte reports an error.
     pub status_errors: u64,
-    /// How often the board calibrated a part of its skin anew by itself ([`crate::Decoder::recalibrations`]): its baseline holds
-    /// no longer, a re-zero is due.
+    /// How often the board calibrated a part of its skin anew by itself
+    /// ([`crate::Decoder::recalibrations`]): its baseline holds no longer, a re-zero is due.
     pub recalibrations: u64,
     /// Times it was told to start because it was silent.
     pub restarts: u64,
-    /// Time between two sweeps of the board as measured, nanoseconds, 1 ms to 10 s; `None` until a taxel came twice.
+    /// Time between two sweeps of the board as measured, nanoseconds, 1 ms to 10 s; `None` until a
+    /// taxel came twice.
     pub period_ns: Option<u64>,
     /// When the board was last heard, nanoseconds.
     pub last_ns: Option<u64>,

@@ -1,8 +1,9 @@
 //! From the frames of one bus to taxel readings, by identifier and length alone.
 //!
-//! Byte 7 is `sda + 1` in the Waseda firmware and unused elsewhere, so it is not checked. In L2 that leaves one false
-//! reading possible: a board that boots answers its own set-up under `0x7b0 | chip`, which for boards 0 to 3 are ids of
-//! board 7's taxels (docs/protocols.md, "uSkin ids" and "uSkin values").
+//! Byte 7 is `sda + 1` in the Waseda firmware and unused elsewhere, so it is not checked. In L2
+//! that leaves one false reading possible: a board that boots answers its own set-up under `0x7b0 |
+//! chip`, which for boards 0 to 3 are ids of board 7's taxels (docs/protocols.md, "uSkin ids" and
+//! "uSkin values").
 
 use crate::board_status::BoardStatus;
 use crate::layout::Layout;
@@ -18,25 +19,27 @@ use taxel_can::{CanFrame, IdFilter};
 /// What one frame was. `board` is the index of the board's module in [`taxel_hand::Geometry::modules`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Decoded {
-    /// It carried readings; those of taxels of the layout are in the [`Readings`] given, which may be none (thermal
-    /// pads, pads that the layout leaves out).
+    /// It carried readings; those of taxels of the layout are in the [`Readings`] given, which may
+    /// be none (thermal pads, pads that the layout leaves out).
     Readings,
-    /// It is the beginning or the middle of a packet of several frames: its readings come with the last of them.
+    /// It is the beginning or the middle of a packet of several frames: its readings come with the
+    /// last of them.
     Partial,
-    /// Its id is a board's, its length or content is not what the board's protocol says. For CySkin it is counted to
-    /// the first module of the hub.
+    /// Its id is a board's, its length or content is not what the board's protocol says. For CySkin
+    /// it is counted to the first module of the hub.
     Malformed {
         /// The board the id belongs to.
         board: u16,
     },
-    /// The board's transmit queue was full and the board threw it away (id `0x700 | board << 4 | 5` without data,
-    /// docs/protocols.md, "MTB3 firmware"): a part of its sweep is lost.
+    /// The board's transmit queue was full and the board threw it away (id `0x700 | board << 4 | 5`
+    /// without data, docs/protocols.md, "MTB3 firmware"): a part of its sweep is lost.
     QueueOverflow {
         /// The board.
         board: u16,
     },
-    /// A command to a board: of another reader on the bus, of whoever made the recording, or our own where the source
-    /// hears itself. Also an iCub board's answer to a question, and a CySkin packet that carries no values.
+    /// A command to a board: of another reader on the bus, of whoever made the recording, or our
+    /// own where the source hears itself. Also an iCub board's answer to a question, and a CySkin
+    /// packet that carries no values.
     Command,
     /// A standard or extended data frame that is nothing of this hand's.
     Unknown,
@@ -59,12 +62,13 @@ pub struct BusCounters {
     pub commands: u64,
     /// Frames that are the beginning or the middle of a packet.
     pub partial: u64,
-    /// Packets, not frames, that were begun and given up: a frame was lost, came late or did not belong to them.
+    /// Packets, not frames, that were begun and given up: a frame was lost, came late or did not
+    /// belong to them.
     pub abandoned: u64,
 }
 
-/// Decodes the frames of one bus with a table over the 2048 standard ids: constant time per frame, no allocation.
-/// Frames with extended ids are looked up among the bus's CySkin hubs.
+/// Decodes the frames of one bus with a table over the 2048 standard ids: constant time per frame,
+/// no allocation. Frames with extended ids are looked up among the bus's CySkin hubs.
 #[derive(Debug, Clone)]
 pub struct Decoder {
     bus: u8,
@@ -114,17 +118,19 @@ impl Decoder {
         }
     }
 
-    /// Reads one frame. What was in `readings` is replaced where the answer is [`Decoded::Readings`] and emptied
-    /// otherwise.
+    /// Reads one frame. What was in `readings` is replaced where the answer is
+    /// [`Decoded::Readings`] and emptied otherwise.
     ///
-    /// Without a time, a packet of several frames is never given up for being late; see [`Decoder::decode_at`].
+    /// Without a time, a packet of several frames is never given up for being late; see
+    /// [`Decoder::decode_at`].
     #[inline]
     pub fn decode(&mut self, frame: &CanFrame, readings: &mut Readings) -> Decoded {
         self.decode_at(0, frame, readings)
     }
 
-    /// Reads one frame that was received at `t_ns`, as [`Decoder::decode`] does. The time is used by protocols with
-    /// packets of several frames, to give up those whose next frame does not come.
+    /// Reads one frame that was received at `t_ns`, as [`Decoder::decode`] does. The time is used
+    /// by protocols with packets of several frames, to give up those whose next frame does not
+    /// come.
     #[inline]
     pub fn decode_at(&mut self, t_ns: u64, frame: &CanFrame, readings: &mut Readings) -> Decoded {
         self.counters.frames += 1;
@@ -230,7 +236,8 @@ impl Decoder {
         &self.counters
     }
 
-    /// Adds this bus's malformed frames, queue overflows and re-calibrations of a board (module index) to its counters.
+    /// Adds this bus's malformed frames, queue overflows and re-calibrations of a board (module
+    /// index) to its counters.
     pub fn add_to(&self, board: u16, counters: &mut BoardStatus) {
         if let Some(of_board) = self.boards.get(board as usize) {
             counters.malformed += of_board.malformed;
@@ -239,16 +246,17 @@ impl Decoder {
         }
     }
 
-    /// How often a board (module index) has calibrated a triangle anew by itself, as an MTB4 does after five errors in
-    /// a row (docs/protocols.md, "MTB4"). Each time the baseline of that triangle has jumped and holds no
-    /// longer: a re-zero is due. Only ever grows.
+    /// How often a board (module index) has calibrated a triangle anew by itself, as an MTB4 does
+    /// after five errors in a row (docs/protocols.md, "MTB4"). Each time the baseline of that
+    /// triangle has jumped and holds no longer: a re-zero is due. Only ever grows.
     pub fn recalibrations(&self, board: u16) -> u64 {
         self.boards.get(board as usize).map_or(0, |b| b.recalibrations)
     }
 
-    /// Newest raw value of a channel that is no taxel of the hand: a thermal pad of an iCub board (`triangle * 12 + pad`,
-    /// 0 to 255), the temperature of a CySkin module (0), the proximity values of a `cpm-finger` (16 and 17). iCub pads
-    /// that are taxels can be asked for too. `None` where nothing was heard, and for other channels.
+    /// Newest raw value of a channel that is no taxel of the hand: a thermal pad of an iCub board
+    /// (`triangle * 12 + pad`, 0 to 255), the temperature of a CySkin module (0), the proximity
+    /// values of a `cpm-finger` (16 and 17). iCub pads that are taxels can be asked for too. `None`
+    /// where nothing was heard, and for other channels.
     pub fn auxiliary(&self, board: u16, channel: u8) -> Option<u16> {
         let mut decoders = self.table.decoders.iter().filter(|(of, _)| *of == board);
         let mut hubs = self.table.hubs.iter().filter(|_| channel == 0);
@@ -257,9 +265,9 @@ impl Decoder {
             .or_else(|| hubs.find_map(|hub| hub.temperature(board)))
     }
 
-    /// What to let through a kernel filter. The filters pass every taxel frame of the bus (exactly these for L1 and
-    /// L2), every frame of its CySkin hubs and, where there is an MTB, its class-7 frames (queue overflow, replies to
-    /// discovery).
+    /// What to let through a kernel filter. The filters pass every taxel frame of the bus (exactly
+    /// these for L1 and L2), every frame of its CySkin hubs and, where there is an MTB, its class-7
+    /// frames (queue overflow, replies to discovery).
     pub fn filters(&self) -> &[IdFilter] {
         &self.table.filters
     }

@@ -49,7 +49,8 @@ pub struct FoundBoard {
     pub kind: BoardKind,
     /// Its firmware, or its bootloader's.
     pub firmware: Firmware,
-    /// It is in its bootloader, so that it cannot be started: its firmware is missing, or it was told to go there.
+    /// It is in its bootloader, so that it cannot be started: its firmware is missing, or it was
+    /// told to go there.
     pub in_bootloader: bool,
     /// The protocol version its firmware speaks, major and minor; `None` if it did not say.
     pub protocol_version: Option<[u8; 2]>,
@@ -141,9 +142,10 @@ struct Bus {
     stops: Vec<CanFrame>,
 }
 
-/// Asks the MTBs of the buses who they are. Holds no clock and sends nothing itself: send what [`Discovery::poll_command`] gives,
-/// give every frame that is received to [`Discovery::handle_frame`], poll again at [`Discovery::poll_due_ns`], and
-/// [`Discovery::finish`] when it is done, after at most about 2.5 s. It needs every frame of the bus, without the kernel
+/// Asks the MTBs of the buses who they are. Holds no clock and sends nothing itself: send what
+/// [`Discovery::poll_command`] gives, give every frame that is received to
+/// [`Discovery::handle_frame`], poll again at [`Discovery::poll_due_ns`], and [`Discovery::finish`]
+/// when it is done, after at most about 2.5 s. It needs every frame of the bus, without the kernel
 /// filters of the decoder, to know that a bus is silent. `Then` is what it holds back meanwhile.
 ///
 /// ```
@@ -178,9 +180,9 @@ pub struct Discovery<Then = ()> {
 }
 
 impl BoardSupervisor {
-    /// Asks who is there before anything is started: first tells the boards of the layout to be silent, then waits
-    /// for silence, then asks. The supervisor comes back when the discovery is finished. A passive supervisor sends
-    /// nothing, so nothing is found.
+    /// Asks who is there before anything is started: first tells the boards of the layout to be
+    /// silent, then waits for silence, then asks. The supervisor comes back when the discovery is
+    /// finished. A passive supervisor sends nothing, so nothing is found.
     pub fn discover(self, layout: &Layout) -> Result<Discovery<BoardSupervisor>, AlreadyStarted> {
         if self.has_spoken() {
             return Err(AlreadyStarted(Box::new(self)));
@@ -210,8 +212,8 @@ impl BoardSupervisor {
 }
 
 impl Discovery<()> {
-    /// Looks for boards on buses `0..buses` without a layout. It stops nobody: a bus on which boards stream is
-    /// reported as busy.
+    /// Looks for boards on buses `0..buses` without a layout. It stops nobody: a bus on which
+    /// boards stream is reported as busy.
     pub fn scan(buses: u8) -> Self {
         Self {
             buses: (0..buses).map(Bus::new).collect(),
@@ -266,8 +268,8 @@ impl<Then> Discovery<Then> {
         }
     }
 
-    /// What was found, and what was held back. To be called when [`Discovery::is_done`]; buses that are not, count
-    /// as asked.
+    /// What was found, and what was held back. To be called when [`Discovery::is_done`]; buses that
+    /// are not, count as asked.
     pub fn finish(self) -> (DiscoveryReport, Then) {
         let busy: Vec<BusTraffic> = self
             .buses
@@ -297,8 +299,8 @@ impl<Then> Discovery<Then> {
         )
     }
 
-    /// An answer to discovery: `[FF, type, major, minor, build]` from the application, without the build number from
-    /// the bootloader.
+    /// An answer to discovery: `[FF, type, major, minor, build]` from the application, without the
+    /// build number from the bootloader.
     fn handle_answer(&mut self, bus: u8, frame: &CanFrame) {
         let Some(id) = frame.standard_id().filter(|id| id & 0x70F == 0x700) else {
             return;

@@ -11,8 +11,8 @@
 //! | conditioning | tactile frames | [`taxel_hand::ForceFrame`] | `condition/`: [`Conditioner`] |
 //! | recognition | frames of unknown buses | a layout file: [`Recogniser`] | `recognise/` |
 //!
-//! No stage holds a clock or a bus: frames and times come in as arguments, so that a recording replays to the bit. Only
-//! [`Layout::load`] and [`Layout::resolve`] read a file.
+//! No stage holds a clock or a bus: frames and times come in as arguments, so that a recording
+//! replays to the bit. Only [`Layout::load`] and [`Layout::resolve`] read a file.
 
 mod board_account;
 mod board_status;

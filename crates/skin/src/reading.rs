@@ -2,10 +2,11 @@
 
 use std::ops::Deref;
 
-/// Status bit of a reading that must not be used. It is the MLX90393's error bit; the decoders of other boards set it
-/// where theirs say that something is wrong.
+/// Status bit of a reading that must not be used. It is the MLX90393's error bit; the decoders of
+/// other boards set it where theirs say that something is wrong.
 pub const STATUS_ERROR: u8 = 0x10;
-/// Status byte of a chip that did not answer, since the I2C bus is left to its pull-ups. Its error bit is set too.
+/// Status byte of a chip that did not answer, since the I2C bus is left to its pull-ups. Its error
+/// bit is set too.
 pub const STATUS_NO_ANSWER: u8 = 0xFF;
 
 /// Whether a status byte says that the value beside it must not be used: error bit set, or no answer.
@@ -25,8 +26,8 @@ pub struct TaxelReading {
     pub status: u8,
 }
 
-/// Most readings that one frame of any board carries: those of a CySkin packet of 255 data bytes, which come with its
-/// last frame.
+/// Most readings that one frame of any board carries: those of a CySkin packet of 255 data bytes,
+/// which come with its last frame.
 pub const MAX_READINGS: usize = 128;
 
 /// The readings of one frame: a small array without a heap.

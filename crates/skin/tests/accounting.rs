@@ -1,4 +1,5 @@
-//! Whatever comes over the bus, every frame is in exactly one count, and every frame taken shows the newest values.
+//! Whatever comes over the bus, every frame is in exactly one count, and every frame taken shows
+//! the newest values.
 
 use proptest::prelude::*;
 use std::collections::HashSet;
@@ -125,8 +126,8 @@ proptest! {
             let start = START + n as u64 * 10 * MS;
             let mut came = HashSet::new();
             for (place, &taxel) in order.iter().enumerate() {
-                // Fate 0 loses a reading, 1 repeats it. A board that is lost altogether would miss nothing, since
-                // it had no sweep; the first taxel of each board always comes.
+                // Fate 0 loses a reading, 1 repeats it. A board that is lost altogether would miss
+                // nothing, since it had no sweep; the first taxel of each board always comes.
                 let fate = if taxel % 16 == 0 { 2 } else { fates[taxel as usize] };
                 let t_ns = start + place as u64 * 20_000;
                 let reading = taxel_skin::TaxelReading { taxel, counts: [n as u16; 3], status: 0x82 };

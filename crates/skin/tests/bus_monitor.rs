@@ -12,7 +12,8 @@ fn hand() -> Layout {
     Layout::builtin("allegro-uskin-15").expect("built in")
 }
 
-/// The sweeps of a board that speaks as `address` on `bus`, from `from_ms` to `to_ms`; its taxels rest around `rest`.
+/// The sweeps of a board that speaks as `address` on `bus`, from `from_ms` to `to_ms`; its taxels
+/// rest around `rest`.
 fn board(module: &Wiring, bus: u8, address: u8, rate_hz: u64, span_ms: [u64; 2], rest: u16) -> Traffic {
     let period_ns = 1_000_000_000 / rate_hz;
     let phase_ns = u64::from(rest) * 7919 % period_ns;

@@ -1,5 +1,5 @@
-//! Conditioning on real uSkin recordings. `cargo test -p taxel-skin --release --test condition_recordings -- --nocapture`
-//! prints the tables.
+//! Conditioning on real uSkin recordings. `cargo test -p taxel-skin --release --test
+//! condition_recordings -- --nocapture` prints the tables.
 
 use taxel_hand::{Fault, ForceFrame, Freshness, TactileFrame};
 use taxel_recordings::{Counts, array, by_axis, interleaved, open};
@@ -57,7 +57,8 @@ const JUMP: i64 = 30_000;
 struct Quality {
     /// Steps of more than [`JUMP`] counts.
     jumps: usize,
-    /// Those that the motion of the raw samples modulo 2^16, over this step and the one before, does not explain.
+    /// Those that the motion of the raw samples modulo 2^16, over this step and the one before,
+    /// does not explain.
     wraps_left: usize,
     /// Samples further than so many counts from both neighbours, on the same side.
     spikes: [usize; SPIKES.len()],
@@ -67,7 +68,8 @@ struct Quality {
     damaged: usize,
     /// Root mean square of that difference over smooth samples, counts.
     damage_rms: f64,
-    /// Root mean square distance to the offline unwrapping, counts, over columns where that ends on the turn it began on.
+    /// Root mean square distance to the offline unwrapping, counts, over columns where that ends on
+    /// the turn it began on.
     error_rms: f64,
 }
 
@@ -186,9 +188,10 @@ fn wraps_and_glitches_are_repaired_as_well_as_by_the_laboratory_or_better() {
         println!("  {:?}", c.report().expect("calibrated"));
         println!("  taxel-frames flagged faulty: {flagged}");
 
-        // Not `ours <= theirs` in jumps: the laboratory's filter leaves none because it leaves no force, it clamps to 2560..2815
-        // while wrapped, whereas an impact does move more than 30000 counts between two samples, or three where one was held
-        // back. What is a wrap and not motion must be a turn that was put right, and counted as such.
+        // Not `ours <= theirs` in jumps: the laboratory's filter leaves none because it leaves no
+        // force, it clamps to 2560..2815 while wrapped, whereas an impact does move more than 30000
+        // counts between two samples, or three where one was held back. What is a wrap and not
+        // motion must be a turn that was put right, and counted as such.
         let put_right = (c.counters().recoveries + c.counters().long_ways) as usize;
         assert!(ours.wraps_left <= theirs.wraps_left + put_right, "{name}");
         assert!(10 * ours.wraps_left <= raw_q.wraps_left, "{name}");

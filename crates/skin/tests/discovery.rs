@@ -13,8 +13,8 @@ fn frame(id: u16, data: &[u8]) -> CanFrame {
     CanFrame::standard(id, data).unwrap()
 }
 
-/// Runs a discovery against `bus`, which sees each frame that is sent and gives the frames that come back. Returns what
-/// was sent.
+/// Runs a discovery against `bus`, which sees each frame that is sent and gives the frames that
+/// come back. Returns what was sent.
 fn run<T>(
     discovery: &mut Discovery<T>,
     mut answers: impl FnMut(u8, &str) -> Vec<CanFrame>,

@@ -11,7 +11,8 @@ use taxel_skin::{
     cyskin_frames, icub_triangle_data,
 };
 
-/// Every frame of one sweep of a hand, by bus, in which taxel `n` has the value `value(n)` (z; 12 bits for the iCub).
+/// Every frame of one sweep of a hand, by bus, in which taxel `n` has the value `value(n)` (z; 12
+/// bits for the iCub).
 fn sweep_of(layout: &Layout, value: impl Fn(usize) -> u16) -> Vec<(u8, CanFrame)> {
     let mut frames = Vec::new();
     let mut triangles: HashMap<(u16, u8), [u8; 12]> = HashMap::new();

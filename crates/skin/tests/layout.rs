@@ -197,8 +197,8 @@ fn what_cannot_be_is_refused_with_file_and_line() {
         HEAD.to_string() + &module("a", &[]) + &module("b", &all)
     };
     let first = |changes: &[&str]| HEAD.to_string() + &module("a", changes);
-    // The first module's table starts in line 4 with its name, part, bus, board, protocol and at in lines 5 to 10;
-    // the second one's in line 11.
+    // The first module's table starts in line 4 with its name, part, bus, board, protocol and at in
+    // lines 5 to 10; the second one's in line 11.
     let cases: Vec<(String, &[&str])> = vec![
         (
             second(&["at = [3, 3]"]),
@@ -534,7 +534,8 @@ fn an_error_carries_its_objects_for_programs() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
-    /// Whatever happened to the file, there is an answer, and if it is a layout then no two taxels share a pixel.
+    /// Whatever happened to the file, there is an answer, and if it is a layout then no two taxels
+    /// share a pixel.
     #[test]
     fn a_damaged_file_is_refused_or_still_makes_sense(
         start in any::<prop::sample::Index>(),

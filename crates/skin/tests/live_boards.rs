@@ -117,7 +117,8 @@ impl Hand {
     }
 }
 
-/// Sweeps `sweeps` of boards that are triggered together every 10 ms and send a taxel every `4 ms / boards / 16`.
+/// Sweeps `sweeps` of boards that are triggered together every 10 ms and send a taxel every `4 ms /
+/// boards / 16`.
 fn bursts(boards: u64, sweeps: std::ops::Range<u64>) -> Vec<(u64, u16)> {
     let taxels = boards * TAXELS;
     sweeps
@@ -358,7 +359,8 @@ fn boards_that_run_freely_with_jitter_and_drift_lose_nothing_for_minutes() {
         for board in 0..8 {
             let counters = hand.counters(board);
             assert_eq!(counters.duplicate, 0, "{case}: {counters:?}");
-            // Settling may end within a sweep, whose beginning is then missed, or in its middle an image is cut.
+            // Settling may end within a sweep, whose beginning is then missed, or in its middle an
+            // image is cut.
             assert!(counters.missed + counters.late < TAXELS, "{case}: {counters:?}");
             let came = (counters.used + counters.missed) / TAXELS;
             assert!(

@@ -221,7 +221,8 @@ fn a_press_on_the_icub_skin_is_felt_even_where_it_is_beyond_the_range() {
     let mut readings = Readings::new();
     let (mut tactile, mut force) = (TactileFrame::new(layout.len()), ForceFrame::new(layout.len()));
     for n in 0..200u64 {
-        // At rest every pad keeps one value, as eight bits do. Then pad 2 is pressed lightly, pad 3 as hard as can be.
+        // At rest every pad keeps one value, as eight bits do. Then pad 2 is pressed lightly, pad 3
+        // as hard as can be.
         let mut pads = [245; 12];
         let pressed = n >= 100;
         if pressed {

@@ -1,5 +1,5 @@
-//! From traffic to a layout file: every hand is recognised by what its boards send, and the proposed file takes every
-//! frame.
+//! From traffic to a layout file: every hand is recognised by what its boards send, and the
+//! proposed file takes every frame.
 
 mod support;
 
@@ -237,7 +237,8 @@ fn board(protocol: Protocol, board: u8, ks: &[u8], last: Option<u8>) -> Vec<(u8,
 
 #[test]
 fn what_the_frames_do_not_decide_is_named() {
-    // Eight L2 boards are by their ids eight L3 controllers, too: byte 7 decides, and without it nothing does.
+    // Eight L2 boards are by their ids eight L3 controllers, too: byte 7 decides, and without it
+    // nothing does.
     let hand = |last| -> Vec<_> {
         let ks: Vec<u8> = (0..16).collect();
         (0..8)

@@ -8,8 +8,8 @@ use taxel_skin::{BoardSupervisor, BoardsConfig, BoardsMode, BusMonitor, Finding,
 
 const MS: u64 = 1_000_000;
 
-/// Commands handed out from 0 to `until_ms` as (ms, frame), with `hear` saying when a board was last heard, given the
-/// time and the commands so far. Questions are answered.
+/// Commands handed out from 0 to `until_ms` as (ms, frame), with `hear` saying when a board was
+/// last heard, given the time and the commands so far. Questions are answered.
 fn play(
     supervisor: &mut BoardSupervisor,
     from_ms: u64,
@@ -383,8 +383,8 @@ fn icub_on_two_buses() -> Layout {
     Layout::parse(&text, "two.toml").unwrap_or_else(|e| panic!("{e}\n{text}"))
 }
 
-/// Board 5 streams on its own bus, board 3 sits on that bus too and answers questions as `kind`. What is sent to the second bus
-/// for board 3, and what is found, looked at every 100 ms.
+/// Board 5 streams on its own bus, board 3 sits on that bus too and answers questions as `kind`.
+/// What is sent to the second bus for board 3, and what is found, looked at every 100 ms.
 fn board_3_on_the_second_bus(kind: u8, stranger: bool) -> (Vec<String>, Vec<Vec<Finding>>) {
     let layout = icub_on_two_buses();
     let mut supervisor = BoardSupervisor::new(&layout, &BoardsConfig::default());

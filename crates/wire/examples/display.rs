@@ -2,9 +2,10 @@
 //!
 //!     cargo run -p taxel-wire --example display -- /run/taxeld/images.sock
 //!
-//! Put your hardware into [`drive`], which is called with the levels of all pressing actuators whenever they change. When no
-//! image has come for [`DEAD_MAN`] everything is let go: a display must not press on what the hand no longer feels. When the
-//! daemon goes away the driver lets go at once and connects again.
+//! Put your hardware into [`drive`], which is called with the levels of all pressing actuators
+//! whenever they change. When no image has come for [`DEAD_MAN`] everything is let go: a display
+//! must not press on what the hand no longer feels. When the daemon goes away the driver lets go at
+//! once and connects again.
 
 use std::collections::BTreeMap;
 use std::process::ExitCode;

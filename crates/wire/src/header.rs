@@ -122,8 +122,8 @@ impl Flags {
         flags | Self::of_saturation(frame, force, 0..frame.counts.len())
     }
 
-    /// [`Flags::SATURATED`] where one of these taxels can be used and reads 0 or 65535 on an axis. Numbers that the frame
-    /// lacks are passed over.
+    /// [`Flags::SATURATED`] where one of these taxels can be used and reads 0 or 65535 on an axis.
+    /// Numbers that the frame lacks are passed over.
     pub fn of_saturation(frame: &TactileFrame, force: &ForceFrame, taxels: std::ops::Range<usize>) -> Self {
         let end = (taxels.end.min(frame.counts.len()))
             .min(frame.freshness.len())

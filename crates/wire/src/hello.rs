@@ -65,8 +65,8 @@ pub struct HelloModule {
     /// Where it sits on the link that `joint` moves, or on the hand's base without one; absent where unknown.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pose: Option<Pose>,
-    /// Name of the joint that moves its link, as the layout names it; absent on the hand's base, and where unknown. It may
-    /// be missing from [`Hello::joints`].
+    /// Name of the joint that moves its link, as the layout names it; absent on the hand's base,
+    /// and where unknown. It may be missing from [`Hello::joints`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub joint: Option<String>,
 }

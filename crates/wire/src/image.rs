@@ -9,8 +9,8 @@ use taxel_hand::{Actuator, TactileImage};
 const FIXED_LEN: usize = 24;
 const ACTUATOR_LEN: usize = 12;
 
-/// Length in bytes of an image's payload: the fixed part, codebook, actuators, joints, pixels, and zeros up to
-/// a multiple of four.
+/// Length in bytes of an image's payload: the fixed part, codebook, actuators, joints, pixels, and
+/// zeros up to a multiple of four.
 ///
 /// With a display's largest numbers this tells whether its messages stay below [`MAX_MESSAGE`].
 pub fn image_payload_len(width: u16, height: u16, levels: usize, actuators: usize, joints: usize) -> usize {

@@ -39,8 +39,8 @@ pub enum Body<'a> {
 
 /// Decodes the message at the start of `bytes`, as on a stream, and tells how many bytes it has.
 ///
-/// Total over any bytes: it neither panics nor allocates. Where the error's [`DecodeError::needs_more`] holds,
-/// try again with more bytes.
+/// Total over any bytes: it neither panics nor allocates. Where the error's
+/// [`DecodeError::needs_more`] holds, try again with more bytes.
 pub fn decode(bytes: &[u8]) -> Result<(Message<'_>, usize), DecodeError> {
     let header = Header::decode(bytes)?;
     let expected = header.message_len();

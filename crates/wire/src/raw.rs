@@ -25,8 +25,8 @@ const BASELINES: u32 = 1 << 3;
 
 /// The most bytes that the payload of N taxels and J joints has: with every section that fits into a message.
 ///
-/// The baselines are left out where a message with everything would be longer than [`MAX_MESSAGE`], from about 12,700
-/// taxels on; the joints' sections where they alone would make it so.
+/// The baselines are left out where a message with everything would be longer than [`MAX_MESSAGE`],
+/// from about 12,700 taxels on; the joints' sections where they alone would make it so.
 pub fn raw_payload_len(taxels: usize, joints: usize) -> usize {
     payload_len(taxels, joints, sections_that_fit(taxels, joints))
 }
@@ -51,9 +51,9 @@ fn sections_that_fit(taxels: usize, joints: usize) -> u32 {
 
 /// Writes a frame's raw counts and what conditioning made of them into `out`, replacing what was there.
 ///
-/// `baseline` is the value at rest of each taxel, counts x, y, z, on whatever turn of 65536 it is; not a number where
-/// unknown. While the frame is calibrating, none is sent as known. The joints' ages, velocities and currents are sent where
-/// the frame has any.
+/// `baseline` is the value at rest of each taxel, counts x, y, z, on whatever turn of 65536 it is;
+/// not a number where unknown. While the frame is calibrating, none is sent as known. The joints'
+/// ages, velocities and currents are sent where the frame has any.
 ///
 /// Once `out` has grown to [`raw_payload_len`] it allocates no more. Forces go as they are, not a number
 /// included; a frame whose parts differ in length is refused and leaves `out` empty.
@@ -231,9 +231,9 @@ impl RawTaxel {
             .filter(move |fault| bits & *fault as u16 != 0)
     }
 
-    /// How far the counts x, y, z are from this baseline, each from -32768 up to below 32768: the signed press. Counts wrap
-    /// around modulo 65536, and so does this; only [`RawTaxel::force`] tells a press of more than half a turn. Not a number
-    /// where the baseline is none.
+    /// How far the counts x, y, z are from this baseline, each from -32768 up to below 32768: the
+    /// signed press. Counts wrap around modulo 65536, and so does this; only [`RawTaxel::force`]
+    /// tells a press of more than half a turn. Not a number where the baseline is none.
     pub fn press(&self, baseline: [f32; 3]) -> [f32; 3] {
         std::array::from_fn(|axis| {
             let difference = f64::from(self.counts[axis]) - f64::from(baseline[axis]);
@@ -329,24 +329,27 @@ impl<'a> RawView<'a> {
         floats(self.joints)
     }
 
-    /// Time from the frame's to the reading nearest to it of each joint, microseconds; `u32::MAX` where unknown. None where
-    /// the message has no ages.
+    /// Time from the frame's to the reading nearest to it of each joint, microseconds; `u32::MAX`
+    /// where unknown. None where the message has no ages.
     pub fn joint_ages_us(&self) -> Option<impl ExactSizeIterator<Item = u32> + use<'a>> {
         Some(self.joint_ages?.chunks_exact(4).map(|bytes| u32_at(bytes, 0)))
     }
 
-    /// The joints' angular velocities, radians per second; not a number where unknown. None where the message has none.
+    /// The joints' angular velocities, radians per second; not a number where unknown. None where
+    /// the message has none.
     pub fn joint_velocities_rad_s(&self) -> Option<impl ExactSizeIterator<Item = f32> + use<'a>> {
         self.joint_velocities.map(floats)
     }
 
-    /// The present currents of the joints' servos, amperes; not a number where unknown. None where the message has none.
+    /// The present currents of the joints' servos, amperes; not a number where unknown. None where
+    /// the message has none.
     pub fn joint_currents_a(&self) -> Option<impl ExactSizeIterator<Item = f32> + use<'a>> {
         self.joint_currents.map(floats)
     }
 
-    /// The value at rest of each taxel, counts x, y, z, for [`RawTaxel::press`]; it may lie outside 0 to 65535. Not a number
-    /// while calibrating, and where unknown. None where the message has none.
+    /// The value at rest of each taxel, counts x, y, z, for [`RawTaxel::press`]; it may lie outside
+    /// 0 to 65535. Not a number while calibrating, and where unknown. None where the message has
+    /// none.
     pub fn baselines(&self) -> Option<impl ExactSizeIterator<Item = [f32; 3]> + use<'a>> {
         let of_taxel = |bytes: &[u8]| [f32_at(bytes, 0), f32_at(bytes, 4), f32_at(bytes, 8)];
         Some(self.baselines?.chunks_exact(BASELINE_LEN).map(of_taxel))

@@ -37,8 +37,8 @@ pub struct Subscriber {
     hello: Option<Hello>,
 }
 
-/// What came from the daemon, borrowed from the subscriber until it is asked for the next. The header of a text in several
-/// parts is that of its last.
+/// What came from the daemon, borrowed from the subscriber until it is asked for the next. The
+/// header of a text in several parts is that of its last.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Received<'a> {
     /// The description of hand and display; comes first, and again when it changes.

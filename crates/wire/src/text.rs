@@ -7,18 +7,19 @@ use crate::message::{Body, decode_packet};
 use serde::{Deserialize, Serialize};
 use taxel_hand::{Profile, ProfileError};
 
-/// The most bytes a SUBSCRIBE packet may have: room for a profile with a long codebook, or with a place for each actuator.
+/// The most bytes a SUBSCRIBE packet may have: room for a profile with a long codebook, or with a
+/// place for each actuator.
 pub const MAX_SUBSCRIBE: usize = 65_536;
 /// The most bytes of text a reader puts together from its parts.
 pub const MAX_TEXT: usize = 8 << 20;
-/// Bytes of text in one packet, unless told otherwise: so few that it fits a socket whose send buffer was made
-/// as small as Linux allows, for the sake of fresh images.
+/// Bytes of text in one packet, unless told otherwise: so few that it fits a socket whose send
+/// buffer was made as small as Linux allows, for the sake of fresh images.
 pub const TEXT_PART: usize = 8000;
 /// The most bytes of text in a mark.
 pub const MAX_MARK: usize = 500;
 
-/// What a client wants to be sent. Without a subscription it is sent every image; a later one replaces the one
-/// before.
+/// What a client wants to be sent. Without a subscription it is sent every image; a later one
+/// replaces the one before.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Subscribe {
@@ -28,8 +29,9 @@ pub struct Subscribe {
     pub raw: bool,
     /// STATUS messages.
     pub status: bool,
-    /// Every image and raw frame that is asked for, in order, from a queue, instead of the newest; for recorders and
-    /// analyses. It goes with no `max_rate_hz`. Daemons of version 1.0 refuse the key, so it is not sent where false.
+    /// Every image and raw frame that is asked for, in order, from a queue, instead of the newest;
+    /// for recorders and analyses. It goes with no `max_rate_hz`. Daemons of version 1.0 refuse the
+    /// key, so it is not sent where false.
     #[serde(skip_serializing_if = "is_false")]
     pub every: bool,
     /// The most images, and the most raw frames, per second, above 0; absent or null for every one.
@@ -113,8 +115,8 @@ impl Subscribe {
         }
     }
 
-    /// Reads the text of a SUBSCRIBE; refuses unknown keys, and a profile that no display has. Whether the hand has the
-    /// parts of the region is for the daemon to say.
+    /// Reads the text of a SUBSCRIBE; refuses unknown keys, and a profile that no display has.
+    /// Whether the hand has the parts of the region is for the daemon to say.
     pub fn parse(text: &[u8]) -> Result<Self, SubscribeError> {
         let subscribe: Self = serde_json::from_slice(text)?;
         subscribe.profile.as_ref().map_or(Ok(()), Profile::check)?;
@@ -162,8 +164,8 @@ pub enum EventKind {
     Paused,
     /// Images show what the hand feels again.
     Resumed,
-    /// A mark that somebody made: the sentence is its text, at most [`MAX_MARK`] bytes; `t_ns` and `seq` of the header say
-    /// when.
+    /// A mark that somebody made: the sentence is its text, at most [`MAX_MARK`] bytes; `t_ns` and
+    /// `seq` of the header say when.
     Mark,
     /// Anything else worth showing.
     Notice,
@@ -181,8 +183,8 @@ impl Event {
         }
     }
 
-    /// The packet to send; `seq` and `t_ns` are those of the newest frame, and of a mark `t_ns` is the instant it was made.
-    /// A sentence longer than 1000 bytes is cut.
+    /// The packet to send; `seq` and `t_ns` are those of the newest frame, and of a mark `t_ns` is
+    /// the instant it was made. A sentence longer than 1000 bytes is cut.
     pub fn to_packet(&self, seq: u64, t_ns: u64) -> Vec<u8> {
         // JSON escapes a byte to at most six.
         let mut cut = self.message.len().min(TEXT_PART / 8);
@@ -204,7 +206,8 @@ impl Event {
     }
 }
 
-/// Cuts the text of a HELLO, STATUS, EVENT, TOUCH or ESTIMATE into messages of at most `part_len` bytes of text each.
+/// Cuts the text of a HELLO, STATUS, EVENT, TOUCH or ESTIMATE into messages of at most `part_len`
+/// bytes of text each.
 ///
 /// All but the last carry [`Flags::MORE`]; they are sent with nothing in between. An empty text makes one
 /// message. A `part_len` of 0, or one too long for a message, is corrected to the nearest that works.

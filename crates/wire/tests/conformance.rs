@@ -1,7 +1,7 @@
 //! The readers of all three languages agree on the committed byte vectors and on mutations of them.
 //!
-//! `TAXEL_WIRE_REGENERATE=1 cargo test -p taxel-wire --test conformance` writes `vectors/` anew, but for the files of
-//! version 1.0, which never change.
+//! `TAXEL_WIRE_REGENERATE=1 cargo test -p taxel-wire --test conformance` writes `vectors/` anew,
+//! but for the files of version 1.0, which never change.
 
 mod c_program;
 mod vectors;

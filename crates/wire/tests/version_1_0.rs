@@ -1,4 +1,5 @@
-//! Readers of version 1.0 read what 1.1 sends: a decoder that does what 1.0's did, and knows nothing of what came later.
+//! Readers of version 1.0 read what 1.1 sends: a decoder that does what 1.0's did, and knows
+//! nothing of what came later.
 
 mod vectors;
 

@@ -1,4 +1,5 @@
-//! Joint angles in the status and in requests; what they are and how they get into each tactile frame is `taxel-joints`.
+//! Joint angles in the status and in requests; what they are and how they get into each tactile
+//! frame is `taxel-joints`.
 
 mod status;
 mod write;

@@ -19,7 +19,8 @@ pub(crate) fn summary(joints: &JointsSnapshot) -> String {
     }
 }
 
-/// The joints in the status; `None` while nothing is known of them. `cycle_hz` is the rate of [`JointsView::cycles`].
+/// The joints in the status; `None` while nothing is known of them. `cycle_hz` is the rate of
+/// [`JointsView::cycles`].
 ///
 /// `problems` tells the kinds of problems of a joint, or of the joints as a whole.
 pub(crate) fn status(

@@ -1,4 +1,5 @@
-//! The one way in which taxeld moves anything: a control request to one servo, where the configuration allows it.
+//! The one way in which taxeld moves anything: a control request to one servo, where the
+//! configuration allows it.
 
 use serde::Deserialize;
 use std::time::Duration;

@@ -1,5 +1,5 @@
-//! What displays are promised that state their own profile: their own images, one making for all who ask for the same,
-//! and a reason when they cannot have it.
+//! What displays are promised that state their own profile: their own images, one making for all
+//! who ask for the same, and a reason when they cannot have it.
 
 mod shared;
 mod ten_displays;

@@ -53,8 +53,8 @@ fn who_waits_for_a_profile_is_not_let_go_when_the_daemons_own_changes_meanwhile(
 #[test]
 fn who_left_before_its_profile_was_measured_is_in_nobodys_way() {
     let (_folder, mut config) = config("sim:worst-case");
-    // Who leaves while its profile is measured is missed at the next image: soon, or a fast machine measures many of them
-    // before.
+    // Who leaves while its profile is measured is missed at the next image: soon, or a fast machine
+    // measures many of them before.
     config.tick.rate_hz = 30.0;
     let _daemon = Daemon::start(config.clone()).unwrap();
     let leavers = 20;

@@ -10,8 +10,8 @@ use taxel_skin::{Layout, Wiring};
 
 /// One kind of simulated board: an entry of the list in `kinds/mod.rs`.
 pub(super) trait BoardSimulation: Sync {
-    /// Sweeps per second of a board that a scene does not give a rate: what two buses carry of eight uSkin boards each,
-    /// which they do not of the 100 Hz of their timers.
+    /// Sweeps per second of a board that a scene does not give a rate: what two buses carry of
+    /// eight uSkin boards each, which they do not of the 100 Hz of their timers.
     fn usual_hz(&self) -> u32 {
         50
     }
@@ -112,7 +112,8 @@ pub(super) struct Moment<'a> {
     pub(super) skin: &'a SkinModel,
     /// Its first sweeps after power-up read nothing.
     pub(super) booting: bool,
-    /// The address it sends under; that of each of its modules, where it has several; `None` for one without power.
+    /// The address it sends under; that of each of its modules, where it has several; `None` for
+    /// one without power.
     pub(super) address: &'a dyn Fn(usize) -> Option<u8>,
 }
 

@@ -1,5 +1,6 @@
-//! One simulated board: its power, its timer, its sweeps, its queues in and out. What it does with its chips and
-//! with what it is sent is one kind of [`Firmware`] each; `kinds/` has the list of them.
+//! One simulated board: its power, its timer, its sweeps, its queues in and out. What it does with
+//! its chips and with what it is sent is one kind of [`Firmware`] each; `kinds/` has the list of
+//! them.
 
 mod firmware;
 mod kinds;
@@ -61,8 +62,9 @@ pub(crate) struct Board {
     sweep: Option<(usize, u64)>,
     /// A tick came during a sweep: the next one follows at once.
     queued: bool,
-    /// When a class 7 frame disabled the timer's interrupt. The timer runs on, and a tick meanwhile stays pending
-    /// until the board is started: why a start before every sweep keeps boards going that stop each other.
+    /// When a class 7 frame disabled the timer's interrupt. The timer runs on, and a tick meanwhile
+    /// stays pending until the board is started: why a start before every sweep keeps boards going
+    /// that stop each other.
     disabled_ns: Option<u64>,
     /// It takes no start before this time.
     busy_until_ns: u64,
@@ -183,11 +185,12 @@ impl Board {
         self.queue.sent();
     }
 
-    /// A frame of another node went over the bus. `by_board` says whether that was a board: uSkin firmware's filter
-    /// is not public, so boards hear each other only in scenes with `class7_hazard`.
+    /// A frame of another node went over the bus. `by_board` says whether that was a board: uSkin
+    /// firmware's filter is not public, so boards hear each other only in scenes with
+    /// `class7_hazard`.
     ///
-    /// Between sweeps a frame is obeyed at once; during one, an MTB obeys when the next group of chips has been read,
-    /// the newest frame first. Those that find the buffer full are lost.
+    /// Between sweeps a frame is obeyed at once; during one, an MTB obeys when the next group of
+    /// chips has been read, the newest frame first. Those that find the buffer full are lost.
     pub(crate) fn handle_frame(&mut self, frame: &CanFrame, by_board: bool, t_ns: u64, skin: &SkinModel) {
         if self.state == State::Off {
             return;

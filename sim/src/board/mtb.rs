@@ -10,7 +10,8 @@ const SET_TXMODE: u8 = 0x07;
 const GET_FW_VERSION: u8 = 0x1C;
 
 impl Board {
-    /// Whether an MTB takes this frame: the acceptance filters 0x20Y, 0x70Y and 0x70F, which leave the source open.
+    /// Whether an MTB takes this frame: the acceptance filters 0x20Y, 0x70Y and 0x70F, which leave
+    /// the source open.
     pub(super) fn accepts(&self, id: u16) -> bool {
         let own = (id & 15) as u8 == self.address;
         matches!((id >> 8, own, id & 15), (2 | 7, true, _) | (7, _, 15))

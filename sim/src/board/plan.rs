@@ -62,7 +62,8 @@ pub(crate) fn plans(
 }
 
 impl Scene {
-    /// Nominal sweeps per second of each board of this protocol; iCub boards are told theirs when they are configured.
+    /// Nominal sweeps per second of each board of this protocol; iCub boards are told theirs when
+    /// they are configured.
     pub fn rate_hz(&self, protocol: Protocol) -> u32 {
         let usual_hz = || kind_of(protocol).map_or(50, |kind| kind.usual_hz());
         self.boards.rate_hz.unwrap_or_else(usual_hz)

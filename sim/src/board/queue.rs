@@ -24,8 +24,8 @@ impl Queue {
         Self::new(STACK, true)
     }
 
-    /// A queue that is sent in order; what finds it full is lost. How many frames boards other than the MTB3 keep, no
-    /// source says.
+    /// A queue that is sent in order; what finds it full is lost. How many frames boards other than
+    /// the MTB3 keep, no source says.
     pub(super) fn ring(room: usize) -> Self {
         Self::new(room, false)
     }

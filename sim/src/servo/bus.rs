@@ -76,7 +76,8 @@ struct Request {
 }
 
 impl ServoBus {
-    /// Servos on a wire of so many bits per second, which their Baud Rate registers say too where there is a value for it.
+    /// Servos on a wire of so many bits per second, which their Baud Rate registers say too where
+    /// there is a value for it.
     pub fn new(servos: impl IntoIterator<Item = ServoBuild>, baud: u32) -> Self {
         Self {
             servos: servos
@@ -113,8 +114,8 @@ impl ServoBus {
         self.servos.iter_mut().find(|s| s.id() == id)
     }
 
-    /// Has a servo do something wrong at every `every`-th of its answers (1: always); `None` mends it. Says whether
-    /// there is such a servo.
+    /// Has a servo do something wrong at every `every`-th of its answers (1: always); `None` mends
+    /// it. Says whether there is such a servo.
     pub fn set_fault(&mut self, id: u8, fault: Option<ServoFault>, every: u32) -> bool {
         let Some(servo) = self.servo_mut(id) else {
             return false;
@@ -181,8 +182,8 @@ impl ServoBus {
         self.hung_up = true;
     }
 
-    /// What has gone over the wire. The bus is silent when all that was sent to it is heard, nothing is due, and all that
-    /// it said has been read.
+    /// What has gone over the wire. The bus is silent when all that was sent to it is heard,
+    /// nothing is due, and all that it said has been read.
     pub fn traffic(&self) -> ServoTraffic {
         ServoTraffic {
             heard_bytes: self.heard_bytes,
@@ -353,8 +354,8 @@ impl ServoBus {
         }
     }
 
-    /// Puts an answer on the wire, as its servo's fault has it; gives when the wire is free again, `None` if it stays
-    /// silent.
+    /// Puts an answer on the wire, as its servo's fault has it; gives when the wire is free again,
+    /// `None` if it stays silent.
     fn put_on_wire(&mut self, servo: usize, id: u8, (error, data): &Reply, begin_ns: u64) -> Option<u64> {
         let fault = self.servos[servo].next_fault();
         let mut bytes = self.encoder.status(id, *error, data)?.to_vec();

@@ -11,7 +11,8 @@ pub struct StableLink {
 }
 
 impl StableLink {
-    /// Makes the link, or turns one that is there to `target`. Anything there that is no link stays, and is an error.
+    /// Makes the link, or turns one that is there to `target`. Anything there that is no link
+    /// stays, and is an error.
     pub fn new(link: &Path, target: &Path) -> io::Result<Self> {
         match std::fs::symlink_metadata(link) {
             Ok(there) if !there.is_symlink() => return Err(ErrorKind::AlreadyExists.into()),

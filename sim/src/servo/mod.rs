@@ -1,9 +1,9 @@
 //! Simulated Dynamixel servos (Protocol 2.0, XM430-W210) on a pseudo terminal, that misbehave on request.
 //!
-//! A [`ServoBus`] is the servos and their wire, with time as an argument: request bytes go in, answers come out with the
-//! times at which they are on the wire. A [`ServoPty`] runs one in real time behind a pseudo terminal, which any client
-//! can open as its serial port, ROBOTIS's own SDK included. The behaviour is that of docs/protocols.md,
-//! "Simulated servos".
+//! A [`ServoBus`] is the servos and their wire, with time as an argument: request bytes go in,
+//! answers come out with the times at which they are on the wire. A [`ServoPty`] runs one in real
+//! time behind a pseudo terminal, which any client can open as its serial port, ROBOTIS's own SDK
+//! included. The behaviour is that of docs/protocols.md, "Simulated servos".
 
 mod bus;
 mod device;

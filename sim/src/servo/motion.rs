@@ -32,8 +32,8 @@ pub struct Track {
 }
 
 impl Track {
-    /// The way through `positions` (pulses, at least one), which begins at `start_ns` and takes `step_ns` from each to the
-    /// next.
+    /// The way through `positions` (pulses, at least one), which begins at `start_ns` and takes
+    /// `step_ns` from each to the next.
     pub fn new(start_ns: u64, step_ns: u64, positions: Vec<f64>) -> Self {
         debug_assert!(step_ns > 0 && !positions.is_empty());
         Self {

@@ -29,9 +29,9 @@ pub fn servo_clock_ns() -> u64 {
 
 /// A servo bus that clients open as a serial port.
 ///
-/// Answers come when their last byte would have come over a real wire. The speed that a client sets is accepted and has
-/// no effect. A client may hang up and another come at any time. Dropping it is pulling the plug: the client's next
-/// read fails.
+/// Answers come when their last byte would have come over a real wire. The speed that a client sets
+/// is accepted and has no effect. A client may hang up and another come at any time. Dropping it is
+/// pulling the plug: the client's next read fails.
 #[derive(Debug)]
 pub struct ServoPty {
     path: PathBuf,

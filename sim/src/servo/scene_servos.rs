@@ -1,7 +1,8 @@
 //! The fingers of a scene: servos whose angles go with what the skin feels.
 //!
-//! A scene says only what touches the hand. A finger that is touched is taken to be closed, the more the harder it is
-//! pressed; before and after, it closes and opens at a speed that a servo can do.
+//! A scene says only what touches the hand. A finger that is touched is taken to be closed, the
+//! more the harder it is pressed; before and after, it closes and opens at a speed that a servo can
+//! do.
 
 use super::device::ServoBuild;
 use super::motion::{Motion, Track};
@@ -30,8 +31,8 @@ pub struct NamedServo {
     pub build: ServoBuild,
 }
 
-/// Four servos for each finger (part of the layout, at most sixteen), with ids from 1 on, moved as the scene has it, again
-/// and again from `start_ns` on.
+/// Four servos for each finger (part of the layout, at most sixteen), with ids from 1 on, moved as
+/// the scene has it, again and again from `start_ns` on.
 pub fn servos_of_scene(scene: &Scene, layout: &Layout, start_ns: u64) -> Vec<NamedServo> {
     let mut fingers: Vec<&str> = Vec::new();
     for module in &layout.modules {

@@ -213,7 +213,8 @@ impl<'a> Cursor<'a> {
         Ok(frame.unwrap_or_else(|_| frame_of_checked_parts(raw_id, &[])))
     }
 
-    /// `_9` to `_F`: the length code that was on the wire of a frame of 8 bytes. The frame has no room for it.
+    /// `_9` to `_F`: the length code that was on the wire of a frame of 8 bytes. The frame has no
+    /// room for it.
     fn raw_dlc(&mut self) -> Result<(), Problem> {
         if self.eat(b'_') && self.hex_digit().is_none_or(|dlc| dlc <= 8) {
             return Err(self.expected("a raw length code of 9 to F after `_`"));

@@ -1,7 +1,7 @@
 //! candump's log format, every dialect of it, read and written.
 //!
-//! One frame per line: `(SECONDS.FRACTION) INTERFACE ID#DATA [R|T]`, as `candump -l`, `candump -L`, python-can and
-//! canplayer write and read it.
+//! One frame per line: `(SECONDS.FRACTION) INTERFACE ID#DATA [R|T]`, as `candump -l`, `candump -L`,
+//! python-can and canplayer write and read it.
 
 mod line;
 
@@ -116,9 +116,9 @@ impl fmt::Display for LineProblem {
 
 /// Reads a candump log, line by line, without ever stopping at a bad one.
 ///
-/// As an iterator it gives each frame, and an error for each line that holds none; empty lines are skipped. After
-/// the error of a line it goes on with the next; after an [`LogError::Io`] it ends. It allocates only when a line
-/// is longer or an interface newer than all before.
+/// As an iterator it gives each frame, and an error for each line that holds none; empty lines are
+/// skipped. After the error of a line it goes on with the next; after an [`LogError::Io`] it ends.
+/// It allocates only when a line is longer or an interface newer than all before.
 #[derive(Debug)]
 pub struct LogReader<R> {
     input: R,
@@ -145,8 +145,8 @@ impl<R: BufRead> LogReader<R> {
         self.line_number
     }
 
-    /// Reads one line without its end into `self.line`; what is over the limit is dropped. `None` at the end of
-    /// the input, else whether the line was complete.
+    /// Reads one line without its end into `self.line`; what is over the limit is dropped. `None`
+    /// at the end of the input, else whether the line was complete.
     fn read_line(&mut self) -> io::Result<Option<bool>> {
         self.line.clear();
         let mut any = false;
@@ -248,8 +248,8 @@ impl<W: Write> LogWriter<W> {
 
     /// Writes one frame. The time is cut off to whole microseconds, so that the order of frames is kept.
     ///
-    /// Fails as the output does, and with `InvalidInput` for an interface name that is empty or has blanks in it,
-    /// which no reader could take apart.
+    /// Fails as the output does, and with `InvalidInput` for an interface name that is empty or has
+    /// blanks in it, which no reader could take apart.
     pub fn write(&mut self, t_ns: u64, interface: &str, frame: &CanFrame) -> io::Result<()> {
         if interface.is_empty() || interface.bytes().any(|b| b.is_ascii_whitespace()) {
             return Err(io::Error::new(

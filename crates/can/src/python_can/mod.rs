@@ -19,8 +19,9 @@ pub enum Undecodable {
     CanFd,
 }
 
-/// Reads a datagram as python-can would: any subset of the keys in any order, with its defaults for the others.
-/// Other than python-can, unknown keys are skipped. [`crate::UdpMulticast`] does this with every datagram.
+/// Reads a datagram as python-can would: any subset of the keys in any order, with its defaults for
+/// the others. Other than python-can, unknown keys are skipped. [`crate::UdpMulticast`] does this
+/// with every datagram.
 pub fn decode(bytes: &[u8]) -> Result<CanFrame, Undecodable> {
     let mut input = Input { bytes };
     let mut id = 0;
@@ -190,7 +191,8 @@ impl<'a> Input<'a> {
             _ => return Err(Undecodable::Malformed),
         };
         let bytes = self.take(binary_len)?;
-        // Over eight bytes the frame is CAN FD or nonsense; the length is kept to tell, the bytes are not needed.
+        // Over eight bytes the frame is CAN FD or nonsense; the length is kept to tell, the bytes
+        // are not needed.
         data.len = bytes.len();
         let kept = bytes.len().min(8);
         data.bytes[..kept].copy_from_slice(&bytes[..kept]);
@@ -212,7 +214,8 @@ impl<'a> Input<'a> {
         Ok(data)
     }
 
-    /// Skips one value with everything inside it. Each value takes at least one byte, so this ends with the input.
+    /// Skips one value with everything inside it. Each value takes at least one byte, so this ends
+    /// with the input.
     fn skip(&mut self) -> Read<()> {
         let mut values: u64 = 1;
         while values > 0 {

@@ -53,9 +53,10 @@ impl Default for UdpOptions {
 
 /// A bus made of UDP datagrams to a multicast group, in the format of python-can 4.6.1's `udp_multicast`.
 ///
-/// Stock python-can is the other side of it. Datagrams that are no classic CAN frame, CAN FD included, are counted
-/// as `undecodable`. The frames this source sends do not come back to it. There is no arbitration, no order
-/// between senders and no guarantee of delivery; it is for function, not for timing.
+/// Stock python-can is the other side of it. Datagrams that are no classic CAN frame, CAN FD
+/// included, are counted as `undecodable`. The frames this source sends do not come back to it.
+/// There is no arbitration, no order between senders and no guarantee of delivery; it is for
+/// function, not for timing.
 pub struct UdpMulticast {
     receiver: Fd,
     sender: Fd,
@@ -279,7 +280,8 @@ impl CanSource for UdpMulticast {
             self.drops.ask(&self.receiver, &mut self.counters.lost_in_kernel);
             self.next_check_ns = now_ns.saturating_add(CHECK_NS);
         }
-        // Anybody may send anything to a group. What is no frame takes no room in the batch, so it is bounded here.
+        // Anybody may send anything to a group. What is no frame takes no room in the batch, so it
+        // is bounded here.
         let mut left = batch.capacity() - batch.len();
         loop {
             if left == 0 {

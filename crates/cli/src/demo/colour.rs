@@ -30,8 +30,8 @@ impl Palette {
         }
     }
 
-    /// The colour of a force, 0 to 1 of the scale, on a taxel that is `idle` grey without any. The scale is a square
-    /// root, so that light touches show.
+    /// The colour of a force, 0 to 1 of the scale, on a taxel that is `idle` grey without any. The
+    /// scale is a square root, so that light touches show.
     pub(super) fn force(self, share: f64, idle: u8) -> Color {
         let place = share.clamp(0.0, 1.0).sqrt() * STOPS.len() as f64;
         let below = (place as usize).min(STOPS.len() - 1);

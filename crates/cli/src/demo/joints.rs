@@ -56,8 +56,8 @@ fn unknown(palette: &Palette) -> Style {
         .add_modifier(Modifier::BOLD)
 }
 
-/// Draws the angles in degrees at the right of the status lines, a row for each part of the hand; nothing where there is
-/// no room for all of them.
+/// Draws the angles in degrees at the right of the status lines, a row for each part of the hand;
+/// nothing where there is no room for all of them.
 pub(super) fn draw_degrees(
     buffer: &mut Buffer,
     status: Rect,

@@ -29,14 +29,16 @@ const REDRAW: Duration = Duration::from_millis(33);
 
 /// A simulated hand, the real daemon and a live view of both, here and now: no hardware, no root.
 ///
-/// The simulator plays the scene as CAN traffic of the hand's boards (15 uSkin modules, unless --layout names another
-/// hand); the daemon starts them and reads them as it would on a bus and publishes tactile images on a socket in a temporary directory; the view subscribes to that socket as any display
-/// does. Left is what the skin feels, right is what a display with few actuators is given. Simulated servos on a pseudo
-/// terminal close the fingers as the scene has it; the daemon reads them as it would read a serial bus, and the angles
-/// that each image carries are the bars below the fingers.
+/// The simulator plays the scene as CAN traffic of the hand's boards (15 uSkin modules, unless
+/// --layout names another hand); the daemon starts them and reads them as it would on a bus and
+/// publishes tactile images on a socket in a temporary directory; the view subscribes to that
+/// socket as any display does. Left is what the skin feels, right is what a display with few
+/// actuators is given. Simulated servos on a pseudo terminal close the fingers as the scene has it;
+/// the daemon reads them as it would read a serial bus, and the angles that each image carries are
+/// the bars below the fingers.
 ///
-/// Keys: q quits, z measures the baseline anew (as after a warm-up; not while the hand is touched), p pauses, so that
-/// every display lets go.
+/// Keys: q quits, z measures the baseline anew (as after a warm-up; not while the hand is touched),
+/// p pauses, so that every display lets go.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -234,8 +236,8 @@ fn show(
 
 /// The keys pressed from now on.
 ///
-/// They are read on a thread of their own, which ends with the process: reading from a terminal that was closed may
-/// never return.
+/// They are read on a thread of their own, which ends with the process: reading from a terminal
+/// that was closed may never return.
 fn keys() -> anyhow::Result<mpsc::Receiver<KeyEvent>> {
     let (sender, keys) = mpsc::channel();
     let read = move || {

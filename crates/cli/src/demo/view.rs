@@ -14,7 +14,8 @@ use taxel_skin::Layout;
 /// Lines below the panels.
 const STATUS_LINES: u16 = 5;
 
-/// Where the pixels of an image are drawn: so many columns and rows for each, with gaps between the hand's parts.
+/// Where the pixels of an image are drawn: so many columns and rows for each, with gaps between the
+/// hand's parts.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Grid {
     cell_width: u16,

@@ -1,4 +1,5 @@
-//! What this user may open: the daemon's sockets and the serial port of the servos, and how fast that port is.
+//! What this user may open: the daemon's sockets and the serial port of the servos, and how fast
+//! that port is.
 
 use super::finding::Check;
 use std::os::unix::fs::{FileTypeExt, MetadataExt};

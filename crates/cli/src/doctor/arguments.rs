@@ -13,10 +13,11 @@ const CONFIG: &str = "/etc/taxeld/taxeld.toml";
 
 /// Look at this machine and this hand, and say what is wrong and how to mend it.
 ///
-/// Without options the configuration of the service is taken (/etc/taxeld/taxeld.toml), else the default hand on can0
-/// and can1. While a daemon runs, it is asked, and its buses are left alone. Otherwise the boards are asked who they
-/// are, started, listened to and stopped again, but only on buses where nobody else speaks; servos are pinged and
-/// read. The hand must not be touched meanwhile.
+/// Without options the configuration of the service is taken (/etc/taxeld/taxeld.toml), else the
+/// default hand on can0 and can1. While a daemon runs, it is asked, and its buses are left alone.
+/// Otherwise the boards are asked who they are, started, listened to and stopped again, but only on
+/// buses where nobody else speaks; servos are pinged and read. The hand must not be touched
+/// meanwhile.
 ///
 /// Exit code: 0 if nothing is an error, 1 otherwise.
 #[derive(Debug, clap::Args)]
@@ -31,8 +32,8 @@ Examples:
                                                  what speaks there, as a layout file
   taxel doctor --scan log:candump.log            the same from a recording")]
 pub(crate) struct Args {
-    /// Where the buses of the hand are, in the layout's order: can:INTERFACE, udp:GROUP:PORT, log:FILE or sim:SCENE
-    /// [default: can: and the layout's names]
+    /// Where the buses of the hand are, in the layout's order: can:INTERFACE, udp:GROUP:PORT,
+    /// log:FILE or sim:SCENE [default: can: and the layout's names]
     #[arg(value_name = "SOURCE", conflicts_with = "config")]
     pub(super) sources: Vec<SourceAddress>,
     /// The daemon's configuration file

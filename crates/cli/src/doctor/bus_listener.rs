@@ -1,4 +1,5 @@
-//! The buses while the doctor listens to them: opened without filters, read in turns, written to only where asked.
+//! The buses while the doctor listens to them: opened without filters, read in turns, written to
+//! only where asked.
 
 use crate::interrupt::Interrupt;
 use crate::progress::Progress;
@@ -34,7 +35,8 @@ pub(super) trait Listener {
 }
 
 impl BusListener {
-    /// Opens the sources. What cannot be opened stays deaf; the reason is returned with the number of the bus.
+    /// Opens the sources. What cannot be opened stays deaf; the reason is returned with the number
+    /// of the bus.
     ///
     /// `layout` is what a `sim:` source simulates.
     pub(super) fn open(

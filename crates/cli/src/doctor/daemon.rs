@@ -67,7 +67,8 @@ fn status(stream: &mut UnixStream) -> anyhow::Result<Status> {
     }
 }
 
-/// What is to be said of a running daemon and its hand: what it tells of problems, in its own words, and what is well.
+/// What is to be said of a running daemon and its hand: what it tells of problems, in its own
+/// words, and what is well.
 pub(super) fn check(status: &Status) -> Vec<Check> {
     let mut checks = vec![Check::ok(
         AREA,
@@ -131,7 +132,8 @@ fn object(problem: &ProblemStatus) -> String {
     }
 }
 
-/// What is to be said of a bus beside its problems: that it is well, and what has happened since the daemon's start.
+/// What is to be said of a bus beside its problems: that it is well, and what has happened since
+/// the daemon's start.
 fn check_bus(bus: &BusStatus) -> Vec<Check> {
     let object = format!("{} ({})", bus.name, bus.source);
     let has = |kinds: &[Kind]| {
@@ -195,7 +197,8 @@ fn check_board(board: &BoardStatus, is_told: bool) -> Option<Check> {
     }
 }
 
-/// The letter of each taxel that is not healthy, for a drawing of this layout; `None` if the daemon has another.
+/// The letter of each taxel that is not healthy, for a drawing of this layout; `None` if the daemon
+/// has another.
 pub(super) fn marks(status: &Status, layout: &Layout) -> Option<Vec<Option<char>>> {
     if status.layout != layout.name {
         return None;

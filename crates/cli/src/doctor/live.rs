@@ -1,5 +1,5 @@
-//! Listening to the hand: asks the boards who they are, starts them, hears them, stops them, and speaks on no bus where
-//! somebody else does.
+//! Listening to the hand: asks the boards who they are, starts them, hears them, stops them, and
+//! speaks on no bus where somebody else does.
 
 use super::bus_listener::{BusListener, Listener};
 use super::hand::{BusFacts, HandFacts, NotedProblem, Unclaimed};
@@ -12,8 +12,9 @@ use taxel_skin::{
 use taxeld::Config;
 
 const MS: u64 = 1_000_000;
-/// How long is listened before anything is sent, and for how long a bus must be silent at the end of that: longer than the
-/// 209 ms that an iCub board may pause. What was on its way from before is let pass.
+/// How long is listened before anything is sent, and for how long a bus must be silent at the end
+/// of that: longer than the 209 ms that an iCub board may pause. What was on its way from before is
+/// let pass.
 const OVERHEAR_NS: u64 = 700 * MS;
 const SILENCE_NS: u64 = 300 * MS;
 /// A discovery is over after at most about 2.5 s.

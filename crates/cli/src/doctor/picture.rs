@@ -37,8 +37,9 @@ const LEGEND: [(char, &str); 9] = [
     (SATURATED, "saturated"),
 ];
 
-/// The image of the hand, a row per line, and a legend of the letters in it; nothing if no taxel is marked or the
-/// image is wider than a terminal. `marks` has a letter for each taxel that is not healthy.
+/// The image of the hand, a row per line, and a legend of the letters in it; nothing if no taxel is
+/// marked or the image is wider than a terminal. `marks` has a letter for each taxel that is not
+/// healthy.
 pub(super) fn draw(layout: &Layout, marks: &[Option<char>]) -> Vec<String> {
     let used = |letter: char| marks.iter().filter(|mark| **mark == Some(letter)).count();
     let step = if usize::from(layout.width) * 2 <= WIDTH {

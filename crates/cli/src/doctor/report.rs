@@ -179,7 +179,8 @@ fn is_mended_alike(a: &Check, b: &Check) -> bool {
     (a.state, a.area, &a.name, &a.mend) == (b.state, b.area, &b.name, &b.mend)
 }
 
-/// Whether findings can be put together: good ones of one kind, bad ones only if nothing but the object differs.
+/// Whether findings can be put together: good ones of one kind, bad ones only if nothing but the
+/// object differs.
 fn is_alike(a: &Check, b: &Check) -> bool {
     let good = |c: &Check| matches!(c.state, State::Ok | State::Skipped) && c.mend.is_empty();
     let of_one_kind = (a.state, a.area, &a.name) == (b.state, b.area, &b.name) && !b.object.is_empty();

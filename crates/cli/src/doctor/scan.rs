@@ -76,8 +76,8 @@ pub(super) fn run(scan: &Scan<'_>, root: &Path, interrupt: Interrupt) -> anyhow:
     tell(scan, &buses, &recogniser.finish())
 }
 
-/// The buses that are meant: a recording of several interfaces is several buses, and nothing named is every CAN
-/// interface there is.
+/// The buses that are meant: a recording of several interfaces is several buses, and nothing named
+/// is every CAN interface there is.
 fn buses(sources: &[SourceAddress], root: &Path) -> anyhow::Result<Vec<Bus>> {
     let mut found = Vec::new();
     if sources.is_empty() {

@@ -218,7 +218,8 @@ fn check_state(
     bad.chain(well).collect()
 }
 
-/// The same findings, those of one name together and the good ones of each last, so that what many servos have in common is told once.
+/// The same findings, those of one name together and the good ones of each last, so that what many
+/// servos have in common is told once.
 fn by_name(mut checks: Vec<Check>) -> Vec<Check> {
     let mut names: Vec<Cow<'static, str>> = Vec::new();
     for check in &checks {

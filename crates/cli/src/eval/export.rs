@@ -6,8 +6,9 @@ use std::io::Cursor;
 use std::path::Path;
 use taxel_eval::{Lap, References, Sequence, Timings};
 
-/// Writes `force` (f64) and `contact` (u8) `T x N`, 0 where a taxel has a fault; `x`, `y` (u16) `N`; `t_ns` (u64) `T`; and
-/// what a method's errors are divided by: `level_error`, `place_error` (f64) `T`.
+/// Writes `force` (f64) and `contact` (u8) `T x N`, 0 where a taxel has a fault; `x`, `y` (u16)
+/// `N`; `t_ns` (u64) `T`; and what a method's errors are divided by: `level_error`, `place_error`
+/// (f64) `T`.
 pub(super) fn write(path: &Path, sequence: &Sequence, references: &References) -> anyhow::Result<()> {
     let shape = (sequence.len(), sequence.layout.len());
     let usable = |t: usize, n: usize| sequence.force[t].contact[n] && sequence.force[t].faults[n].is_empty();
@@ -35,7 +36,8 @@ pub(super) fn write(path: &Path, sequence: &Sequence, references: &References) -
     Ok(std::fs::write(path, npz.finish()?.into_inner())?)
 }
 
-/// Writes `condition_us`, `compress_us` (f32) `M x T x P`: of each method, each frame with contacts, each pass.
+/// Writes `condition_us`, `compress_us` (f32) `M x T x P`: of each method, each frame with
+/// contacts, each pass.
 pub(super) fn write_times(path: &Path, timings: &[Timings]) -> anyhow::Result<()> {
     let frames = timings.first().map_or(&[][..], Timings::laps);
     let shape = (timings.len(), frames.len(), frames.first().map_or(0, Vec::len));

@@ -20,12 +20,14 @@ use taxeld::Config;
 
 /// Measure speed against error: every method, on the same frames.
 ///
-/// Errors are against the least that is possible: for force levels the exact optimum of each frame, for actuators the
-/// best of 64 runs of k-means++. Ratios of 1 are optimal. A jump is an actuator (same id) that moves more than 2 pixels
-/// between consecutive images. A tick is conditioning and compression where the recording holds counts, compression
-/// alone where it holds magnitudes; times are medians over --passes, per frame.
+/// Errors are against the least that is possible: for force levels the exact optimum of each frame,
+/// for actuators the best of 64 runs of k-means++. Ratios of 1 are optimal. A jump is an actuator
+/// (same id) that moves more than 2 pixels between consecutive images. A tick is conditioning and
+/// compression where the recording holds counts, compression alone where it holds magnitudes; times
+/// are medians over --passes, per frame.
 ///
-/// INPUT is any recording that `taxel compress` takes, or sim:SCENE, where contacts are compared with the truth too.
+/// INPUT is any recording that `taxel compress` takes, or sim:SCENE, where contacts are compared
+/// with the truth too.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -36,8 +38,9 @@ Examples:
 pub(crate) struct Args {
     #[command(flatten)]
     offline: OfflineArgs,
-    /// A method to judge: paper or optimal, then settings of the profile as key=value; may be repeated [default: paper, optimal and
-    /// the switches between them]; codebook=learned is the best constant codebook for the frames
+    /// A method to judge: paper or optimal, then settings of the profile as key=value; may be
+    /// repeated [default: paper, optimal and the switches between them]; codebook=learned is the
+    /// best constant codebook for the frames
     #[arg(long, value_name = "METHOD [KEY=VALUE]..")]
     method: Vec<String>,
     /// A scene to judge on besides INPUT: built-in or a file; may be repeated
@@ -61,11 +64,12 @@ pub(crate) struct Args {
     /// Write every number as a table, one line per input, size and method
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
-    /// Write the conditioned frames of INPUT as .npz: force and contact (T x N), x, y (N), t_ns (T), and the least errors,
-    /// level_error and place_error (T)
+    /// Write the conditioned frames of INPUT as .npz: force and contact (T x N), x, y (N), t_ns
+    /// (T), and the least errors, level_error and place_error (T)
     #[arg(long, value_name = "FILE")]
     export: Option<PathBuf>,
-    /// Write every time of INPUT as .npz: condition_us and compress_us (methods x frames with contact x passes)
+    /// Write every time of INPUT as .npz: condition_us and compress_us (methods x frames with
+    /// contact x passes)
     #[arg(long, value_name = "FILE")]
     times: Option<PathBuf>,
 }

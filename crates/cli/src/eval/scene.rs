@@ -10,7 +10,8 @@ use taxeld::Config;
 /// Simulated at once.
 const STEP_NS: u64 = 10_000_000;
 
-/// Plays a scene once through the daemon's pipeline, ticks as configured, and compares contacts with its truth.
+/// Plays a scene once through the daemon's pipeline, ticks as configured, and compares contacts
+/// with its truth.
 pub(super) fn frames(name: &str, offline: &OfflineArgs) -> anyhow::Result<(Frames, Config)> {
     let scene = Scene::resolve(name)?;
     let config = offline.configure_for(scene.layout())?;

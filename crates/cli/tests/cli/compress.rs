@@ -338,7 +338,8 @@ fn what_cannot_be_written_whole_is_not_there() {
             "{err}"
         );
     }
-    // The process dies of the limit on the size of files as it would of Ctrl-C twice, or of the lack of memory.
+    // The process dies of the limit on the size of files as it would of Ctrl-C twice, or of the
+    // lack of memory.
     std::fs::write(dir.path().join("images.jsonl"), "before").unwrap();
     ndarray_npy::write_npy(dir.path().join("long.npy"), &Array3::<f32>::ones((900, 8, 8))).unwrap();
     let killed = std::process::Command::new("sh")

@@ -1,7 +1,9 @@
-//! The two other ways to the exact optimum, layer by layer: `least[k][i] = min over j of least[k-1][j] + cost(j, i)`.
+//! The two other ways to the exact optimum, layer by layer: `least[k][i] = min over j of
+//! least[k-1][j] + cost(j, i)`.
 //!
-//! Both find the minima of each row of a totally monotone matrix, `K - 1` times: by halving, O(n log n) per layer, or by SMAWK, O(n).
-//! They share prefix sums in plain doubles, without the measures that make the solver exact, which favours them a little.
+//! Both find the minima of each row of a totally monotone matrix, `K - 1` times: by halving, O(n
+//! log n) per layer, or by SMAWK, O(n). They share prefix sums in plain doubles, without the
+//! measures that make the solver exact, which favours them a little.
 
 /// Prefix sums and layers, with memory for `n` values and `k` clusters.
 pub(crate) struct Layers {
@@ -91,7 +93,8 @@ impl Layers {
         best
     }
 
-    /// Rows `k..=n`; a row's best column lies between those of its neighbours, and not left of the one it had a layer before.
+    /// Rows `k..=n`; a row's best column lies between those of its neighbours, and not left of the
+    /// one it had a layer before.
     fn halve(&mut self, k: usize, n: usize) {
         let rows = n + 1 - k;
         let mut stride = rows.next_power_of_two();

@@ -2,7 +2,8 @@
 
 /// Most values that are solved so.
 const MOST: usize = 64;
-/// Most work that is less than that of a search: spare values squared times the clusters and four, what costs count for. With 8 clusters that is up to 44 values.
+/// Most work that is less than that of a search: spare values squared times the clusters and four,
+/// what costs count for. With 8 clusters that is up to 44 values.
 const WORK: usize = 16_000;
 
 /// Values side by side in one step.
@@ -10,22 +11,27 @@ const LANES: usize = 8;
 /// Length of a row, with room for a step that begins at its last value, and for one that ends at its first.
 const ROW: usize = MOST + 2 * LANES;
 
-/// The plain recurrence, cluster by cluster: the least cost of the first `i` values in `t` clusters is the least over `e` of that of the first
-/// `i - 1 - e` in `t - 1`, and the cost of the last `1 + e`.
+/// The plain recurrence, cluster by cluster: the least cost of the first `i` values in `t` clusters
+/// is the least over `e` of that of the first `i - 1 - e` in `t - 1`, and the cost of the last `1 +
+/// e`.
 ///
-/// Where `n` values become `K` clusters of at least one value each, `t` clusters end at `t` to `t + n - K`, and none is longer than `n - K + 1`: a band
-/// of `K (n - K)^2 / 2` steps without a branch, side by side. For few values that is less work than to find the penalty and to show that it is right.
+/// Where `n` values become `K` clusters of at least one value each, `t` clusters end at `t` to `t +
+/// n - K`, and none is longer than `n - K + 1`: a band of `K (n - K)^2 / 2` steps without a branch,
+/// side by side. For few values that is less work than to find the penalty and to show that it is
+/// right.
 ///
-/// Costs are made by adding value by value to each cluster (Chan, Golub and LeVeque 1983), with distances from the cluster's first value. Every term is
-/// positive, and no sum is subtracted from another: a cost is off by a few units in the last place times the number of values and the root of the total
-/// weight ([`HEAVIEST`]), a sum of costs as well.
+/// Costs are made by adding value by value to each cluster (Chan, Golub and LeVeque 1983), with
+/// distances from the cluster's first value. Every term is positive, and no sum is subtracted from
+/// another: a cost is off by a few units in the last place times the number of values and the root
+/// of the total weight ([`HEAVIEST`]), a sum of costs as well.
 ///
 /// Steps run over the ends of rows. What they find there is not used.
 #[derive(Debug)]
 pub(super) struct Band {
     /// `cost[e * ROW + j]`: what the values `j..=j + e` cost as one cluster.
     cost: Vec<f64>,
-    /// `least[t * ROW + LANES + o]`: the least cost of the first `t + 1 + o` values in `t + 1` clusters; infinite before that.
+    /// `least[t * ROW + LANES + o]`: the least cost of the first `t + 1 + o` values in `t + 1`
+    /// clusters; infinite before that.
     least: Vec<f64>,
     values: [f64; ROW],
     weights: [f64; ROW],
@@ -49,7 +55,8 @@ impl Band {
         }
     }
 
-    /// The starts of the clusters of an optimum, for more values than clusters; `None` where the search is quicker or sums would not be good enough.
+    /// The starts of the clusters of an optimum, for more values than clusters; `None` where the
+    /// search is quicker or sums would not be good enough.
     pub(super) fn solve(
         &mut self,
         values: &[f64],
@@ -134,7 +141,8 @@ impl Band {
             let (before, now) = self.least[(t - 1) * ROW..(t + 1) * ROW].split_at_mut(ROW);
             for o in (0..=spare).step_by(LANES) {
                 let mut least = lanes(before, LANES + o);
-                // One value more at the end is one fewer before it: costs are a row further on, and one to the left.
+                // One value more at the end is one fewer before it: costs are a row further on, and
+                // one to the left.
                 let costs = self.cost[ROW - 1 + t + o..].chunks(ROW - 1);
                 let rests = before[..o + 2 * LANES - 1].windows(LANES).rev();
                 for (e, (cost, rest)) in costs.zip(rests).take(spare).enumerate() {

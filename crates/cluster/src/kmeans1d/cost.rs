@@ -21,7 +21,8 @@ pub(super) trait Cost {
     /// Cost of the points `j..i`, less `offset(i) - offset(j)`.
     fn between(&self, j: usize, i: usize) -> f64;
 
-    /// Where the points `begin..end`, two clusters with a border at `at`, part: the first point nearer to the mean of the second.
+    /// Where the points `begin..end`, two clusters with a border at `at`, part: the first point
+    /// nearer to the mean of the second.
     fn border(&self, begin: usize, at: usize, end: usize) -> usize;
 
     /// What the total `g[i]` would be if the last cluster began at `j`.
@@ -132,8 +133,8 @@ impl Cost for Fast<'_> {
 
 /// The least value of `f` over three columns, and where it is first.
 ///
-/// Lanes keep their own minimum and where it was; a minimum does not depend on the order in which it is taken, so the result is the
-/// same at every vector width.
+/// Lanes keep their own minimum and where it was; a minimum does not depend on the order in which
+/// it is taken, so the result is the same at every vector width.
 #[inline]
 fn scan(a: &[f64], b: &[f64], c: &[f64], f: impl Fn(f64, f64, f64) -> f64) -> (f64, usize) {
     let (a4, a_rest) = a.as_chunks::<LANES>();

@@ -65,8 +65,9 @@ impl Grid {
 
     /// Puts ascending finite values, not all equal, on the grid.
     ///
-    /// A distance from the median is an integer of at most `2^(62 - b)` where the total weight is below `2^b`: so the sum of weights times
-    /// distances stays below `2^62`, and the product of a weight and a sum of squares below `2^124`.
+    /// A distance from the median is an integer of at most `2^(62 - b)` where the total weight is
+    /// below `2^b`: so the sum of weights times distances stays below `2^62`, and the product of a
+    /// weight and a sum of squares below `2^124`.
     pub(super) fn place(&mut self, values: &[f64], weights: Option<&[u32]>) {
         let (least, greatest) = (values[0], values[values.len() - 1]);
         let total: u64 = weights.map_or(values.len() as u64, |w| w.iter().map(|w| u64::from(*w)).sum());
@@ -157,19 +158,23 @@ impl Grid {
         cost
     }
 
-    /// Where the points `begin..end`, two clusters with a border at `at`, part: the first point nearer to the mean of the second.
+    /// Where the points `begin..end`, two clusters with a border at `at`, part: the first point
+    /// nearer to the mean of the second.
     pub(super) fn border(&self, begin: usize, at: usize, end: usize) -> usize {
         let mean = |j: usize, i: usize| (self.sum[i] - self.sum[j]) / (self.weight[i] - self.weight[j]);
         let middle = 0.5 * (mean(begin, at) + mean(at, end));
         begin + self.at[begin..end].partition_point(|place| *place < middle)
     }
 
-    /// How far the cost of the partition that [`super::cost::Fast`] finds may exceed the optimum, in steps squared.
+    /// How far the cost of the partition that [`super::cost::Fast`] finds may exceed the optimum,
+    /// in steps squared.
     ///
-    /// A fast cost is `S1 * S1 / w` taken from the (common) sum of squares. Its `S1` is off by at most two roundings of a prefix sum,
-    /// `2^-53 * distances` each, which `2 S1 / w` turns into an error of at most `2^-51 * farthest * distances`; none if the prefix sums fit
-    /// a double exactly. Forming the square, the quotient and the total of `K` of them adds `K + 4` roundings relative to the sum of squares.
-    /// Twice that, since both the partition found and the optimum are misjudged.
+    /// A fast cost is `S1 * S1 / w` taken from the (common) sum of squares. Its `S1` is off by at
+    /// most two roundings of a prefix sum, `2^-53 * distances` each, which `2 S1 / w` turns into an
+    /// error of at most `2^-51 * farthest * distances`; none if the prefix sums fit a double
+    /// exactly. Forming the square, the quotient and the total of `K` of them adds `K + 4`
+    /// roundings relative to the sum of squares. Twice that, since both the partition found and the
+    /// optimum are misjudged.
     pub(super) fn uncertainty(&self, clusters: usize) -> f64 {
         let clusters = clusters as f64;
         let sums = if self.distances < 2f64.powi(53) {

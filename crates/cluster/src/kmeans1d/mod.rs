@@ -1,30 +1,35 @@
 //! Exactly optimal k-means in one dimension.
 //!
-//! The clusters of an optimum are intervals of the sorted values, so an optimum is a cheapest path from 0 to `n` with `K`
-//! edges, where the edge `j -> i` costs the squared error of the values `j..i`. These costs satisfy the quadrangle
-//! inequality, and two things follow (Aggarwal, Schieber and Tokuyama 1994; Grønlund et al. 2017, arXiv 1701.07204):
+//! The clusters of an optimum are intervals of the sorted values, so an optimum is a cheapest path
+//! from 0 to `n` with `K` edges, where the edge `j -> i` costs the squared error of the values
+//! `j..i`. These costs satisfy the quadrangle inequality, and two things follow (Aggarwal, Schieber
+//! and Tokuyama 1994; Grønlund et al. 2017, arXiv 1701.07204):
 //!
-//! - The least cost with `K` clusters is convex in `K`. So if every edge costs a penalty more, and the cheapest path of any
-//!   number of edges happens to have `K`, it is a cheapest path of `K` edges. One pass over the values ([`penalised`]) finds it
-//!   for one penalty, whatever `K`; a search over the penalty finds the right one, and one guessed from the last frame's
-//!   partition is mostly right.
-//! - Where no penalty gives `K` (several numbers of clusters cost the same for the decisive penalty, as on evenly spaced values),
-//!   a path with fewer edges and one with more can be spliced into one with exactly `K` ([`search`]).
+//! - The least cost with `K` clusters is convex in `K`. So if every edge costs a penalty more, and
+//!   the cheapest path of any number of edges happens to have `K`, it is a cheapest path of `K`
+//!   edges. One pass over the values ([`penalised`]) finds it for one penalty, whatever `K`; a
+//!   search over the penalty finds the right one, and one guessed from the last frame's partition
+//!   is mostly right.
+//! - Where no penalty gives `K` (several numbers of clusters cost the same for the decisive
+//!   penalty, as on evenly spaced values), a path with fewer edges and one with more can be spliced
+//!   into one with exactly `K` ([`search`]).
 //!
 //! A few dozen values are solved by the plain recurrence instead ([`band`]), which is less work then.
 //!
 //! # Exactness
 //!
-//! Values are moved to their median, which is exact in the sense that matters (equal values stay equal, order is kept), and put on
-//! a grid of integers: a step is a power of two, such that the total of weight times distance stays below `2^62`. Counts and squared counts
-//! of 65,536 taxels are on it exactly; other values move by less than `2^-44` of the range for 65,536 points, `2^-53` for 240.
-//! On the grid prefix sums are integers, without error.
+//! Values are moved to their median, which is exact in the sense that matters (equal values stay
+//! equal, order is kept), and put on a grid of integers: a step is a power of two, such that the
+//! total of weight times distance stays below `2^62`. Counts and squared counts of 65,536 taxels
+//! are on it exactly; other values move by less than `2^-44` of the range for 65,536 points,
+//! `2^-53` for 240. On the grid prefix sums are integers, without error.
 //!
-//! The search then runs on doubles made from those sums ([`cost::Fast`]), whose error, relative to the sum of squares around the median, is a few
-//! units in the last place. If that could hide more than `2^-32` of the cost of the partition found, because the clusters are tight on
-//! far offsets, the search is repeated with costs `(w * S2 - S1 * S1) / w` whose numerator is exact in 128-bit integers
-//! ([`cost::Exact`]): each is then off by no more than two units in its own last place, and so is their sum, since nothing is subtracted any
-//! more.
+//! The search then runs on doubles made from those sums ([`cost::Fast`]), whose error, relative to
+//! the sum of squares around the median, is a few units in the last place. If that could hide more
+//! than `2^-32` of the cost of the partition found, because the clusters are tight on far offsets,
+//! the search is repeated with costs `(w * S2 - S1 * S1) / w` whose numerator is exact in 128-bit
+//! integers ([`cost::Exact`]): each is then off by no more than two units in its own last place,
+//! and so is their sum, since nothing is subtracted any more.
 
 mod band;
 mod cost;
@@ -40,8 +45,9 @@ use search::Search;
 
 /// A solver for one-dimensional k-means with all the memory it needs.
 ///
-/// It remembers the partition and the penalty that solved the last problem, so that a similar one next mostly costs a single pass. That changes
-/// the time a solution takes; it can change the solution only among partitions of equal cost.
+/// It remembers the partition and the penalty that solved the last problem, so that a similar one
+/// next mostly costs a single pass. That changes the time a solution takes; it can change the
+/// solution only among partitions of equal cost.
 ///
 /// ```
 /// let mut solver = taxel_cluster::Kmeans1d::new(6, 3);
@@ -67,10 +73,11 @@ pub struct Kmeans1d {
 pub struct Partition<'a> {
     /// First value of each cluster, ascending; the first is 0. Empty if there were no values.
     pub starts: &'a [u32],
-    /// Mean of each cluster, ascending. As many as `starts`: the number asked for, or the number of different values if that
-    /// is less.
+    /// Mean of each cluster, ascending. As many as `starts`: the number asked for, or the number of
+    /// different values if that is less.
     pub centroids: &'a [f64],
-    /// The weighted sum of squared distances of the values from their means; infinite if it is too large for a double.
+    /// The weighted sum of squared distances of the values from their means; infinite if it is too
+    /// large for a double.
     pub cost: f64,
 }
 
@@ -149,7 +156,8 @@ impl Kmeans1d {
     ///
     /// # Errors
     ///
-    /// Values that are not finite (or beyond 1e300), or not ascending; more of them, or more clusters, than the solver was made for.
+    /// Values that are not finite (or beyond 1e300), or not ascending; more of them, or more
+    /// clusters, than the solver was made for.
     pub fn solve(&mut self, values: &[f64], clusters: usize) -> Result<Partition<'_>, Kmeans1dError> {
         self.run(values, None, clusters)
     }
@@ -239,8 +247,8 @@ impl Kmeans1d {
         Ok(())
     }
 
-    /// Computes the mean of each cluster, and the cost. Distances are taken from the first value of each cluster, so that a mean
-    /// of equal values is that value and offsets do not cancel.
+    /// Computes the mean of each cluster, and the cost. Distances are taken from the first value of
+    /// each cluster, so that a mean of equal values is that value and offsets do not cancel.
     fn describe(&mut self, values: &[f64], weights: Option<&[u32]>) -> f64 {
         self.centroids.clear();
         let mut cost = 0.0;
@@ -266,7 +274,8 @@ impl Kmeans1d {
     }
 }
 
-/// Whether a cluster starts amid equal values, which no optimum has: taking all of them to one side costs less.
+/// Whether a cluster starts amid equal values, which no optimum has: taking all of them to one side
+/// costs less.
 fn splits_equals(values: &[f64], starts: &[u32]) -> bool {
     (starts.iter().skip(1)).any(|start| values[*start as usize] == values[*start as usize - 1])
 }

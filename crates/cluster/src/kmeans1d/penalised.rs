@@ -24,9 +24,10 @@ impl Pass {
 
     /// Finds the cheapest partition and writes the starts of its clusters.
     ///
-    /// Row `i` takes its minimum over columns `j < i`, where the last cluster begins. Three facts keep this near linear: the best
-    /// column never moves left as `i` grows; a column whose own total exceeds a total already found for `i` cannot be best; and within a block
-    /// of rows the columns before the block can be searched by halving, since their totals are final.
+    /// Row `i` takes its minimum over columns `j < i`, where the last cluster begins. Three facts
+    /// keep this near linear: the best column never moves left as `i` grows; a column whose own
+    /// total exceeds a total already found for `i` cannot be best; and within a block of rows the
+    /// columns before the block can be searched by halving, since their totals are final.
     pub(super) fn run<C: Cost>(&mut self, cost: &C, penalty: f64, block: usize, starts: &mut Vec<u32>) {
         let n = cost.points();
         let slack = cost.slack();
@@ -54,7 +55,8 @@ impl Pass {
         self.walk_back(n, starts);
     }
 
-    /// The best of the columns `first..=last`, which lie before the block, for each row of `begin + 1..=end`; written to `g` and `from`.
+    /// The best of the columns `first..=last`, which lie before the block, for each row of `begin +
+    /// 1..=end`; written to `g` and `from`.
     fn columns_before<C: Cost>(&mut self, cost: &C, begin: usize, end: usize, first: usize, last: usize) {
         let (done, open) = self.g.split_at_mut(begin + 1);
         let from = &mut self.from[begin + 1..=end];

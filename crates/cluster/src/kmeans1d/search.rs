@@ -44,15 +44,17 @@ impl Search {
         self.points = points;
     }
 
-    /// Leaves an optimal partition into `clusters` clusters in `starts`, and returns a penalty for which it is optimal; `None` if costs are too
-    /// coarse to tell so many clusters apart.
+    /// Leaves an optimal partition into `clusters` clusters in `starts`, and returns a penalty for
+    /// which it is optimal; `None` if costs are too coarse to tell so many clusters apart.
     ///
     /// There must be more different points than clusters. `hint` is a penalty to begin with.
     ///
-    /// The least cost `c(k)` is convex, so a penalty gives the `k` at which a line of that slope touches it. Until there is a partition
-    /// with too few clusters and one with too many, the next penalty assumes that `c(k)` falls as `1 / k^2` (the high-rate law of
-    /// quantisation), in strides that double. Then the chord between the two ends it: either the line of the chord's slope touches
-    /// `c(k)` at a new place in between, or there is none, both partitions are optimal for that penalty, and they can be spliced.
+    /// The least cost `c(k)` is convex, so a penalty gives the `k` at which a line of that slope
+    /// touches it. Until there is a partition with too few clusters and one with too many, the next
+    /// penalty assumes that `c(k)` falls as `1 / k^2` (the high-rate law of quantisation), in
+    /// strides that double. Then the chord between the two ends it: either the line of the chord's
+    /// slope touches `c(k)` at a new place in between, or there is none, both partitions are
+    /// optimal for that penalty, and they can be spliced.
     pub(super) fn run<C: Cost>(
         &mut self,
         cost: &C,
@@ -122,11 +124,13 @@ impl Search {
         }
     }
 
-    /// A penalty that the last problem's partition suggests for this one: `None` if it had another number of clusters.
+    /// A penalty that the last problem's partition suggests for this one: `None` if it had another
+    /// number of clusters.
     ///
-    /// The old starts, in proportion, are moved by a few of Lloyd's iterations. The penalties for which a partition is optimal lie above what
-    /// its best split saves and below what its best merger costs; the last penalty is a good guess if it does, else
-    /// their geometric mean, which leaves room on both sides.
+    /// The old starts, in proportion, are moved by a few of Lloyd's iterations. The penalties for
+    /// which a partition is optimal lie above what its best split saves and below what its best
+    /// merger costs; the last penalty is a good guess if it does, else their geometric mean, which
+    /// leaves room on both sides.
     fn guess<C: Cost>(&mut self, cost: &C, clusters: usize, last: Option<f64>) -> Option<f64> {
         if self.starts.len() != clusters || clusters < 2 {
             return None;
@@ -183,8 +187,9 @@ impl Search {
         (split, merger)
     }
 
-    /// The next penalty to try after one that gave `found` clusters. With one cluster too few or too many, just beyond what would give one
-    /// more by a split, or one less by a merger; else by the law that `c(k)` falls as `1 / k^2`.
+    /// The next penalty to try after one that gave `found` clusters. With one cluster too few or
+    /// too many, just beyond what would give one more by a split, or one less by a merger; else by
+    /// the law that `c(k)` falls as `1 / k^2`.
     fn next_penalty<C: Cost>(&self, cost: &C, found: &Found, clusters: usize, stride: u32) -> f64 {
         let by_law = found.penalty * power(found.clusters as f64 / clusters as f64, stride);
         if stride > 6 || found.clusters.abs_diff(clusters) != 1 {
@@ -200,12 +205,13 @@ impl Search {
         }
     }
 
-    /// Splices a partition with too few clusters and one with too many, both optimal for the same penalty, into one with exactly
-    /// `clusters`, optimal too.
+    /// Splices a partition with too few clusters and one with too many, both optimal for the same
+    /// penalty, into one with exactly `clusters`, optimal too.
     ///
-    /// Where cluster `u` of the many lies inside cluster `t` of the few, the first `t` clusters of the few, one from the start of that `t` to the
-    /// end of that `u`, and the rest of the many make a partition; swapping both tails does not change the total cost for the better or
-    /// the worse. As `u - t` goes from 0 to the difference in numbers, some pair exists for each value.
+    /// Where cluster `u` of the many lies inside cluster `t` of the few, the first `t` clusters of
+    /// the few, one from the start of that `t` to the end of that `u`, and the rest of the many
+    /// make a partition; swapping both tails does not change the total cost for the better or the
+    /// worse. As `u - t` goes from 0 to the difference in numbers, some pair exists for each value.
     fn splice(&mut self, clusters: usize) {
         let ahead = self.many.len() - clusters;
         let contained = |t: &usize| {
@@ -228,9 +234,10 @@ fn power(x: f64, n: u32) -> f64 {
     (0..n).fold(1.0, |product, _| product * x)
 }
 
-/// How many rows a pass treats together: short clusters are scanned row by row, long ones by halving. The longer clusters are, the more
-/// columns remain for a block, and the more rows should share them: with these sizes a pass over 4,096 to 65,536 values tries 10 to 15 columns for
-/// each row, where blocks of 32 rows tried 11 to 74.
+/// How many rows a pass treats together: short clusters are scanned row by row, long ones by
+/// halving. The longer clusters are, the more columns remain for a block, and the more rows should
+/// share them: with these sizes a pass over 4,096 to 65,536 values tries 10 to 15 columns for each
+/// row, where blocks of 32 rows tried 11 to 74.
 fn block_of(points: usize, clusters: usize) -> usize {
     match points / clusters {
         0..20 => 1,

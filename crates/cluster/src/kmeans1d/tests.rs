@@ -1,7 +1,8 @@
 use super::*;
 use proptest::prelude::*;
 
-/// Least common multiple of 1..=36: every cost of clusters with total weight up to 36 times this is an integer.
+/// Least common multiple of 1..=36: every cost of clusters with total weight up to 36 times this is
+/// an integer.
 const DENOMINATOR: i128 = 144_403_552_893_600;
 
 /// The cost of an interval, exactly, times [`DENOMINATOR`].
@@ -17,7 +18,8 @@ fn exact_cost(values: &[i64], weights: &[u32]) -> i128 {
     (w * q - s * s) * (DENOMINATOR / w)
 }
 
-/// The least cost of `clusters` clusters, exactly, times [`DENOMINATOR`], by trying every start of the last cluster.
+/// The least cost of `clusters` clusters, exactly, times [`DENOMINATOR`], by trying every start of
+/// the last cluster.
 fn exhaustive(values: &[i64], weights: &[u32], clusters: usize) -> i128 {
     let n = values.len();
     let mut least = vec![i128::MAX; n + 1];
@@ -205,7 +207,8 @@ fn what_cannot_be_clustered_is_refused_with_its_place() {
     );
 }
 
-/// The least cost by the plain quadratic recurrence over doubles, with each interval's cost updated by Welford's formula.
+/// The least cost by the plain quadratic recurrence over doubles, with each interval's cost updated
+/// by Welford's formula.
 fn quadratic(values: &[f64], clusters: usize) -> f64 {
     let n = values.len();
     let mut least = vec![f64::INFINITY; n + 1];

@@ -122,11 +122,12 @@ impl Assignment {
         self.label.resize(self.n, u16::MAX);
     }
 
-    /// Assigns every point to its nearest centroid, ties to the lowest id; returns how many labels changed. `sums`, what the points of each id
-    /// add up to, follows; every point must have a label.
+    /// Assigns every point to its nearest centroid, ties to the lowest id; returns how many labels
+    /// changed. `sums`, what the points of each id add up to, follows; every point must have a
+    /// label.
     ///
-    /// The lowest bits of a squared distance make room for the id, so that the least of these numbers says both: distances count
-    /// as equal if they agree to a part in `2^23 / clusters`.
+    /// The lowest bits of a squared distance make room for the id, so that the least of these
+    /// numbers says both: distances count as equal if they agree to a part in `2^23 / clusters`.
     pub(super) fn assign(&mut self, x: &[f32], y: &[f32], sums: &mut [Sums]) -> usize {
         let ids = self.ids;
         let mut changed = 0;
@@ -219,8 +220,8 @@ impl Assignment {
         }
     }
 
-    /// The point farthest from its nearest centroid, the first among equals, and what a centroid there saves at least; `None` where all stand on
-    /// centroids.
+    /// The point farthest from its nearest centroid, the first among equals, and what a centroid
+    /// there saves at least; `None` where all stand on centroids.
     pub(super) fn farthest(&self) -> Option<((f32, f32), f64)> {
         let mut farthest = (0, 0.0);
         for n in 0..self.n {

@@ -20,12 +20,14 @@ impl Matching {
         }
     }
 
-    /// Labels each point with an id of its own. `pinned` are the ids in use in the last frame, `stands` where each stood when last in use.
+    /// Labels each point with an id of its own. `pinned` are the ids in use in the last frame,
+    /// `stands` where each stood when last in use.
     ///
-    /// An id stays on the point it stood on. Then ids go to points within reach of where they stood, nearest pairs first, ties to
-    /// the first point and the lowest id. Points left over get, in their order, an id that was not in use: the one that stood nearest to them
-    /// if within twice the reach, else the lowest that never was in use, else the nearest; when these run out, the nearest whose
-    /// point is gone.
+    /// An id stays on the point it stood on. Then ids go to points within reach of where they
+    /// stood, nearest pairs first, ties to the first point and the lowest id. Points left over get,
+    /// in their order, an id that was not in use: the one that stood nearest to them if within
+    /// twice the reach, else the lowest that never was in use, else the nearest; when these run
+    /// out, the nearest whose point is gone.
     pub(super) fn match_points(
         &mut self,
         points: &mut Assignment,

@@ -5,7 +5,8 @@ use super::{Kmeans2d, Saved};
 
 /// One frame in so many of those in which nothing changes is used to look further.
 const QUIET_FRAMES: u32 = 4;
-/// Swaps in quiet frames are asked for this share of what others are: there are few of them, and what they save lasts.
+/// Swaps in quiet frames are asked for this share of what others are: there are few of them, and
+/// what they save lasts.
 const QUIET_SHARE: f64 = 0.25;
 
 impl Kmeans2d {
@@ -28,8 +29,8 @@ impl Kmeans2d {
         self.judged = (left > 0).then(|| self.assignment.cost());
     }
 
-    /// In a frame in which nothing has changed, tries one more swap, the next best by judgement: judgement does not know how the clusters
-    /// settle afterwards. Says whether it was made.
+    /// In a frame in which nothing has changed, tries one more swap, the next best by judgement:
+    /// judgement does not know how the clusters settle afterwards. Says whether it was made.
     pub(super) fn look_further(&mut self) -> bool {
         let may_jump = self.settings.swap_gain < 1.0 && self.assignment.len() > self.x.len();
         if !may_jump {

@@ -1,22 +1,25 @@
-//! k-means in the plane that follows a moving scene: warm from the last frame, out of local optima when it pays, with
-//! clusters that keep their identity.
+//! k-means in the plane that follows a moving scene: warm from the last frame, out of local optima
+//! when it pays, with clusters that keep their identity.
 //!
-//! The optimum in the plane is out of reach in real time (the problem is NP-hard), and for a display it is not even wanted: an
-//! actuator that jumps across the hand whenever another arrangement is a per mille better is felt as flicker. So each frame starts
-//! from the clusters of the last one, and is improved by three moves, each of which lowers the cost:
+//! The optimum in the plane is out of reach in real time (the problem is NP-hard), and for a
+//! display it is not even wanted: an actuator that jumps across the hand whenever another
+//! arrangement is a per mille better is felt as flicker. So each frame starts from the clusters of
+//! the last one, and is improved by three moves, each of which lowers the cost:
 //!
-//! 1. Lloyd's iteration, with the last frame's centroids as an optional pull (evolutionary k-means, Chakrabarti et al. 2006).
-//! 2. Single points that move to another cluster where that lowers the cost though they are nearer to their own
-//!    (Hartigan's criterion, `n / (n - 1) * d1 > m / (m + 1) * d2`).
-//! 3. A swap: a cluster that is missed little is dissolved and one that gains much is split, if the gain is worth what it makes people
-//!    feel. Only this move makes an actuator jump.
+//! 1. Lloyd's iteration, with the last frame's centroids as an optional pull (evolutionary k-means,
+//!    Chakrabarti et al. 2006).
+//! 2. Single points that move to another cluster where that lowers the cost though they are nearer
+//!    to their own (Hartigan's criterion, `n / (n - 1) * d1 > m / (m + 1) * d2`).
+//! 3. A swap: a cluster that is missed little is dissolved and one that gains much is split, if the
+//!    gain is worth what it makes people feel. Only this move makes an actuator jump.
 //!
-//! An actuator whose points are gone rests where it stood, for a frame at least, and returns when a point returns there. Only after that
-//! rest it may be put elsewhere: it has been lifted then, and does not jump. So a point that flickers at the contact threshold does not send an
-//! actuator back and forth.
+//! An actuator whose points are gone rests where it stood, for a frame at least, and returns when a
+//! point returns there. Only after that rest it may be put elsewhere: it has been lifted then, and
+//! does not jump. So a point that flickers at the contact threshold does not send an actuator back
+//! and forth.
 //!
-//! Coordinates are single precision: pixels are exact, millimetres good to a micrometre. Every operation is elementwise or in index
-//! order, so results are the same at every vector width.
+//! Coordinates are single precision: pixels are exact, millimetres good to a micrometre. Every
+//! operation is elementwise or in index order, so results are the same at every vector width.
 
 mod assign;
 mod identity;
@@ -34,11 +37,11 @@ use swap::Splits;
 /// What [`Kmeans2d`] may do in a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Kmeans2dSettings {
-    /// History cost: a centroid is drawn towards its place in the last frame as if by this many times its own members. 0 follows
-    /// the points alone.
+    /// History cost: a centroid is drawn towards its place in the last frame as if by this many
+    /// times its own members. 0 follows the points alone.
     pub history: f64,
-    /// Share of the cost that must be saved for each cluster that a swap makes jump; 0 makes every swap that saves anything, infinity
-    /// none.
+    /// Share of the cost that must be saved for each cluster that a swap makes jump; 0 makes every
+    /// swap that saves anything, infinity none.
     pub swap_gain: f64,
     /// Most swaps in a frame.
     pub swaps: u16,
@@ -90,7 +93,8 @@ pub struct Kmeans2d {
 /// No id.
 const NONE: u16 = u16::MAX;
 
-/// Where clusters are that have never been anywhere: farther from any point than anything, but finite when squared.
+/// Where clusters are that have never been anywhere: farther from any point than anything, but
+/// finite when squared.
 const FAR: f32 = 1e17;
 
 /// What a cluster adds up to.
@@ -130,13 +134,14 @@ pub struct Clusters<'a> {
     pub y: &'a [f32],
     /// Whether each cluster has points.
     pub live: &'a [bool],
-    /// The point that stands for each cluster: the one nearest its centroid, or the one that stood for it before if that is hardly farther.
-    /// `None` for a cluster without points.
+    /// The point that stands for each cluster: the one nearest its centroid, or the one that stood
+    /// for it before if that is hardly farther. `None` for a cluster without points.
     pub member: &'a [Option<u32>],
 }
 
 impl Kmeans2d {
-    /// Memory for points with keys below `keys`, and exactly `clusters` clusters (fewer where there are fewer points).
+    /// Memory for points with keys below `keys`, and exactly `clusters` clusters (fewer where there
+    /// are fewer points).
     pub fn new(keys: usize, clusters: usize, settings: Kmeans2dSettings) -> Self {
         Self {
             settings,
@@ -184,10 +189,12 @@ impl Kmeans2d {
 
     /// Clusters the points of the next frame.
     ///
-    /// `keys` names the points: a key is always at the same place, and in a frame at most once. `weights`, where given, must be positive.
+    /// `keys` names the points: a key is always at the same place, and in a frame at most once.
+    /// `weights`, where given, must be positive.
     ///
-    /// With no more points than clusters each point is a cluster of its own. It keeps its id, or takes that of an actuator within
-    /// reach, nearest pairs first; other points get ids that were not in use.
+    /// With no more points than clusters each point is a cluster of its own. It keeps its id, or
+    /// takes that of an actuator within reach, nearest pairs first; other points get ids that were
+    /// not in use.
     ///
     /// # Panics
     ///
@@ -304,8 +311,9 @@ impl Kmeans2d {
         }
     }
 
-    /// Puts ids without points to the points farthest from all clusters: those that rested in the last frame wherever it helps, the others
-    /// where it saves enough for a jump. Says whether it put any.
+    /// Puts ids without points to the points farthest from all clusters: those that rested in the
+    /// last frame wherever it helps, the others where it saves enough for a jump. Says whether it
+    /// put any.
     fn wake(&mut self) -> bool {
         let mut woke = false;
         for jumps in [false, true] {

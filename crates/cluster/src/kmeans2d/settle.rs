@@ -6,8 +6,8 @@ use super::{FAR, Kmeans2d};
 const FALLS: f64 = 16.0;
 
 impl Kmeans2d {
-    /// Lloyd's iterations and Hartigan's moves until nothing changes, or as often as allowed. Afterwards labels, sums and distances belong
-    /// to each other.
+    /// Lloyd's iterations and Hartigan's moves until nothing changes, or as often as allowed.
+    /// Afterwards labels, sums and distances belong to each other.
     pub(super) fn settle(&mut self) {
         self.settled = true;
         let few = self.few();
@@ -24,7 +24,8 @@ impl Kmeans2d {
         self.settled = self.assignment.assign(&self.x, &self.y, &mut self.sums) <= few;
     }
 
-    /// The same, given up (`false`, with labels and centroids left in between) when the cost does not fall fast enough to get below `most`.
+    /// The same, given up (`false`, with labels and centroids left in between) when the cost does
+    /// not fall fast enough to get below `most`.
     pub(super) fn settle_below(&mut self, most: f64) -> bool {
         self.settled = true;
         let few = self.few();
@@ -48,8 +49,9 @@ impl Kmeans2d {
         true
     }
 
-    /// How many labels may change, or points move, without a reason to go on: none of fewer than 1,024 points, and one for
-    /// each 1,024 of more, which is too few to be felt. With more points the last ones take ever more rounds.
+    /// How many labels may change, or points move, without a reason to go on: none of fewer than
+    /// 1,024 points, and one for each 1,024 of more, which is too few to be felt. With more points
+    /// the last ones take ever more rounds.
     fn few(&self) -> usize {
         self.assignment.len() / 1024
     }
@@ -111,8 +113,9 @@ impl Kmeans2d {
         moved
     }
 
-    /// How many times nearer than the second nearest centroid a point of each cluster must be for it to be sure to stay: leaving saves
-    /// `n / (n - 1)` of the one distance, and costs `m / (m + 1)` of the other, least for the lightest cluster.
+    /// How many times nearer than the second nearest centroid a point of each cluster must be for
+    /// it to be sure to stay: leaving saves `n / (n - 1)` of the one distance, and costs `m / (m +
+    /// 1)` of the other, least for the lightest cluster.
     fn ask(&mut self) {
         let lightest = (self.sums.iter().map(|sums| sums.weight))
             .filter(|weight| *weight > 0.0)

@@ -43,8 +43,9 @@ impl Stands {
         }
     }
 
-    /// The point nearest the centroid stands for a cluster, the first among equals. One that did not stand for it in the last frame counts as
-    /// farther away, by an eighth of the squared reach in squared distance, and by as much again if it is out of reach from there.
+    /// The point nearest the centroid stands for a cluster, the first among equals. One that did
+    /// not stand for it in the last frame counts as farther away, by an eighth of the squared reach
+    /// in squared distance, and by as much again if it is out of reach from there.
     pub(super) fn stand(&mut self, points: &Assignment, pinned: &[bool], reach: f32) {
         let step = 0.125 * reach * reach;
         self.member.fill(None);

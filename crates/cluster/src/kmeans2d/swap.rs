@@ -91,8 +91,8 @@ impl Splits {
         }
     }
 
-    /// The swap that saves most beyond what it has to save, judged by the second nearest centroids and by halving clusters across their
-    /// principal axis; `None` where none saves enough.
+    /// The swap that saves most beyond what it has to save, judged by the second nearest centroids
+    /// and by halving clusters across their principal axis; `None` where none saves enough.
     pub(super) fn best(
         &mut self,
         points: &Assignment,
@@ -142,7 +142,8 @@ impl Splits {
         best.map(|(_, swap)| swap)
     }
 
-    /// What a cluster gains by being halved, and the means of its halves, the one nearer to where it stood first.
+    /// What a cluster gains by being halved, and the means of its halves, the one nearer to where
+    /// it stood first.
     fn split(&self, split: usize, sums: &[Sums], judge: &Judge<'_>) -> Option<(f64, [(f32, f32); 2])> {
         let (all, half) = (&sums[split], &self.halves[split]);
         let rest = Sums {
@@ -246,8 +247,9 @@ impl Splits {
         }
     }
 
-    /// Lowers the loss of each cluster to the cost of merging it with the best other, `n m / (n + m) d^2`, where that is less: the points'
-    /// distances to second nearest centroids do not know that a centroid makes room for them.
+    /// Lowers the loss of each cluster to the cost of merging it with the best other, `n m / (n +
+    /// m) d^2`, where that is less: the points' distances to second nearest centroids do not know
+    /// that a centroid makes room for them.
     fn merge(&mut self, sums: &[Sums], x: &[f32], y: &[f32]) {
         for a in 0..sums.len() {
             for b in 0..a {

@@ -30,7 +30,8 @@ pub(crate) fn sessions() -> Vec<Session> {
     sessions
 }
 
-/// What one module of 16 taxels feels, from the calibration on; force and contact by the module's own taxel number.
+/// What one module of 16 taxels feels, from the calibration on; force and contact by the module's
+/// own taxel number.
 type Felt = Vec<[(f64, bool); 16]>;
 
 /// Conditions the counts of one module, at about the recordings' rate.

@@ -127,8 +127,9 @@ fn optimal(actuators: u16) -> Profile {
     }
 }
 
-/// On noise at the contact threshold, contacts come and go in most frames, and each that comes takes an actuator from elsewhere: then the
-/// actuators stand where they should, and jump as often as the contacts do. Elsewhere they hold still.
+/// On noise at the contact threshold, contacts come and go in most frames, and each that comes
+/// takes an actuator from elsewhere: then the actuators stand where they should, and jump as often
+/// as the contacts do. Elsewhere they hold still.
 #[test]
 fn actuators_hold_still_and_stand_where_they_should_on_real_contacts() {
     for session in hands::sessions() {

@@ -1,7 +1,9 @@
-//! Images are the same to the bit wherever they are made: whatever the platform, the optimisation and the width of the machine's vectors.
+//! Images are the same to the bit wherever they are made: whatever the platform, the optimisation
+//! and the width of the machine's vectors.
 //!
-//! What is compressed is hashed and compared with numbers that were found once. `tests/widths/run` runs this built for every vector width that the
-//! machine has. After a deliberate change of results, take the new numbers from the message.
+//! What is compressed is hashed and compared with numbers that were found once. `tests/widths/run`
+//! runs this built for every vector width that the machine has. After a deliberate change of
+//! results, take the new numbers from the message.
 
 // The recordings' other test uses more of it.
 #[allow(dead_code)]
@@ -50,7 +52,8 @@ fn hash<'a>(profile: &Profile, layout: &Layout, frames: impl Iterator<Item = &'a
     hash.0
 }
 
-/// Random contacts that come, stay and go, of forces with few digits and with many, made with operations that every platform rounds alike.
+/// Random contacts that come, stay and go, of forces with few digits and with many, made with
+/// operations that every platform rounds alike.
 fn made_up() -> Vec<ForceFrame> {
     let mut state = 9u64;
     let mut random = move || {

@@ -21,10 +21,12 @@ pub struct AllegroConfig {
     /// Sign of each encoder, 1 or -1, as in the hand's `zero.yaml`.
     #[serde(default = "all_forward")]
     pub enc_dir: [i8; ALLEGRO_JOINTS],
-    /// Offset of each encoder, counts, as in the hand's `zero.yaml`. Versions 1 to 3 read wrong angles without it.
+    /// Offset of each encoder, counts, as in the hand's `zero.yaml`. Versions 1 to 3 read wrong
+    /// angles without it.
     #[serde(default)]
     pub enc_offset: [i32; ALLEGRO_JOINTS],
-    /// Whether no other program controls the hand, so that it has to be started. Without it nothing is ever sent.
+    /// Whether no other program controls the hand, so that it has to be started. Without it nothing
+    /// is ever sent.
     #[serde(default)]
     pub own_bus: bool,
 }

@@ -1,5 +1,5 @@
-//! Position frames of an Allegro hand into angles. Frames are those of the public drivers of versions 1 to 3 and of
-//! version 4.
+//! Position frames of an Allegro hand into angles. Frames are those of the public drivers of
+//! versions 1 to 3 and of version 4.
 
 use super::config::{ALLEGRO_JOINTS, AllegroConfig};
 use super::ids::{V3_POSITION, V4_POSITION};

@@ -35,11 +35,12 @@ fn is_hand_id(config: &AllegroConfig, id: u16) -> bool {
     }
 }
 
-/// The standard ids that both this hand and the skin's boards on bus `bus` (index into [`Layout::buses`]) use, in
-/// order; empty if they may share the bus.
+/// The standard ids that both this hand and the skin's boards on bus `bus` (index into
+/// [`Layout::buses`]) use, in order; empty if they may share the bus.
 ///
-/// A board uses the ids of its taxels' frames and, if it is an MTB, the one by which it is started, `0x200 | board`;
-/// CySkin's ids are extended and never overlap. Hand and skin are best on different buses.
+/// A board uses the ids of its taxels' frames and, if it is an MTB, the one by which it is started,
+/// `0x200 | board`; CySkin's ids are extended and never overlap. Hand and skin are best on
+/// different buses.
 pub fn overlapping_ids(layout: &Layout, bus: u8, config: &AllegroConfig) -> Vec<u16> {
     let mut ids: Vec<u16> = (0..layout.len())
         .filter(|taxel| layout.wiring_of(*taxel).bus == bus)

@@ -1,8 +1,8 @@
 //! The Allegro hand: sixteen joint angles from the position frames that it puts on its CAN bus.
 //!
 //! The hand is controlled by another program; this one listens, unless the hand has a bus to itself
-//! (`own_bus`), on which it is started. Joints are numbered `4 * finger + j`: index, middle, ring, thumb, from base to
-//! tip.
+//! (`own_bus`), on which it is started. Joints are numbered `4 * finger + j`: index, middle, ring,
+//! thumb, from base to tip.
 
 mod config;
 mod decoder;

@@ -6,8 +6,8 @@ use taxel_can::CanFrame;
 /// A hand that says nothing for this long is started again, nanoseconds.
 const SILENCE_NS: u64 = 1_000_000_000;
 
-/// Starts a hand whenever its bus comes up and whenever it has been silent for a second, and stops it at the end. It
-/// sends nothing, ever, unless the configuration says `own_bus = true`.
+/// Starts a hand whenever its bus comes up and whenever it has been silent for a second, and stops
+/// it at the end. It sends nothing, ever, unless the configuration says `own_bus = true`.
 #[derive(Debug, Clone)]
 pub struct AllegroStarter {
     start: Vec<CanFrame>,
@@ -42,8 +42,8 @@ impl AllegroStarter {
         self.heard_ns = self.heard_ns.max(Some(t_ns));
     }
 
-    /// Whether its bus can be reached; to be told at every round, before its commands are asked for. One that comes
-    /// back is started anew.
+    /// Whether its bus can be reached; to be told at every round, before its commands are asked
+    /// for. One that comes back is started anew.
     pub fn handle_link(&mut self, is_up: bool) {
         self.is_up = is_up;
         self.is_held = false;
@@ -72,7 +72,8 @@ impl AllegroStarter {
         Some(frame)
     }
 
-    /// The newest command could not be sent. It is given again at the next round; one that stops the hand is not.
+    /// The newest command could not be sent. It is given again at the next round; one that stops
+    /// the hand is not.
     pub fn command_not_sent(&mut self) {
         if !self.is_stopping {
             self.sent = self.sent.saturating_sub(1);
@@ -101,11 +102,11 @@ impl AllegroStarter {
     }
 }
 
-/// What has to be sent so that a hand without another controller reports its positions, in this order; nothing
-/// unless `own_bus` is set.
+/// What has to be sent so that a hand without another controller reports its positions, in this
+/// order; nothing unless `own_bus` is set.
 ///
-/// For versions 1 to 3 it is the start of the public driver; no torque is sent. For version 4 the reporting period is
-/// set and the hand switched on. Not tried on a hand.
+/// For versions 1 to 3 it is the start of the public driver; no torque is sent. For version 4 the
+/// reporting period is set and the hand switched on. Not tried on a hand.
 fn start_commands(config: &AllegroConfig) -> Vec<CanFrame> {
     let frames: &[(u16, &[u8])] = match (config.own_bus, config.version) {
         (false, _) => &[],

@@ -12,8 +12,8 @@ pub(super) const READINGS_KEPT: usize = 32;
 /// Servos on one serial bus.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DynamixelConfig {
-    /// The serial device. A name under `/dev/serial/by-id` stays the same when the adapter is unplugged and comes back
-    /// under another number.
+    /// The serial device. A name under `/dev/serial/by-id` stays the same when the adapter is
+    /// unplugged and comes back under another number.
     pub path: PathBuf,
     /// Bits per second, 9600 to 10,000,000; what the servos are set to.
     pub baud: u32,
@@ -23,11 +23,11 @@ pub struct DynamixelConfig {
     pub fast_sync_read: FastSyncRead,
     /// Whether torque and PWM may be written. Without it nothing but reads and pings is ever sent.
     pub allow_writes: bool,
-    /// With `allow_writes`: a servo that hears nothing for this long stops its motor, ms, 20 to 2540 in steps of 20
-    /// (Bus Watchdog, address 98).
+    /// With `allow_writes`: a servo that hears nothing for this long stops its motor, ms, 20 to
+    /// 2540 in steps of 20 (Bus Watchdog, address 98).
     pub watchdog_ms: u16,
-    /// How long an answer may take beyond its time on the wire, ms, 0.5 to 100. Without it 4 ms, or for an FTDI adapter
-    /// 2 ms and twice its latency timer.
+    /// How long an answer may take beyond its time on the wire, ms, 0.5 to 100. Without it 4 ms, or
+    /// for an FTDI adapter 2 ms and twice its latency timer.
     pub answer_margin_ms: Option<f64>,
     /// The joints, in the order in which their angles are given.
     pub servo: Vec<ServoConfig>,
@@ -67,7 +67,8 @@ pub enum FastSyncRead {
 }
 
 impl DynamixelConfig {
-    /// Servos of these ids that are only read, with names `servo 1`, `servo 2`, ... and everything else at its default.
+    /// Servos of these ids that are only read, with names `servo 1`, `servo 2`, ... and everything
+    /// else at its default.
     pub fn new(path: impl Into<PathBuf>, ids: impl IntoIterator<Item = u8>) -> Self {
         let servo = |id| ServoConfig {
             id,

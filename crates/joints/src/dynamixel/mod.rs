@@ -1,7 +1,7 @@
 //! Dynamixel servos on a serial bus, read by a thread of their own.
 //!
-//! [`protocol2`] is Dynamixel Protocol 2.0 as bytes, [`bus`] decides what is asked when; neither does I/O or holds a
-//! clock. `serial` runs a bus on a real port.
+//! [`protocol2`] is Dynamixel Protocol 2.0 as bytes, [`bus`] decides what is asked when; neither
+//! does I/O or holds a clock. `serial` runs a bus on a real port.
 
 pub mod bus;
 mod config;

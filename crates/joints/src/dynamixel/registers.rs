@@ -1,9 +1,10 @@
 //! The control table of the XM430-W210, as its data sheet has it, and what its numbers mean.
 //!
 //! Source: ROBOTIS e-Manual, "XM430-W210-T/R", control table of the EEPROM and of the RAM area. All
-//! registers are little-endian, signed ones in two's complement. EEPROM (addresses below 64) can be written only
-//! while torque is off. The other X-series servos named in [`Model`] have the same registers from Model Number to
-//! Present Temperature at the same addresses, apart from the unit of the current and, on XL430, a load in its place.
+//! registers are little-endian, signed ones in two's complement. EEPROM (addresses below 64) can be
+//! written only while torque is off. The other X-series servos named in [`Model`] have the same
+//! registers from Model Number to Present Temperature at the same addresses, apart from the unit of
+//! the current and, on XL430, a load in its place.
 
 use std::f64::consts::PI;
 
@@ -200,7 +201,8 @@ pub static XM430_W210: [Register; 57] = [
     row(634, 1, "Indirect Data 29",           RW, Some(0),     Some((0, 255)),                Unit::None),
 ];
 
-/// Addresses of Indirect Address `n` (2 bytes) and of Indirect Data `n` (1 byte), for `n` from 1 to 56; `None` outside.
+/// Addresses of Indirect Address `n` (2 bytes) and of Indirect Data `n` (1 byte), for `n` from 1 to
+/// 56; `None` outside.
 pub fn indirect(n: u16) -> Option<(u16, u16)> {
     match n {
         1..=28 => Some((168 + 2 * (n - 1), 224 + (n - 1))),

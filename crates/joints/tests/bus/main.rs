@@ -1,5 +1,5 @@
-//! The bus against simulated servos, without a thread or a clock: what one servo does wrong never hides another, and
-//! what comes too late is never taken for something new.
+//! The bus against simulated servos, without a thread or a clock: what one servo does wrong never
+//! hides another, and what comes too late is never taken for something new.
 
 mod writes;
 

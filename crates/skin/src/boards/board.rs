@@ -78,8 +78,8 @@ pub(super) enum Due {
 }
 
 impl Pace {
-    /// When to see after a board again after `now_ns` if nothing else is due: at the next trigger, or after the silence
-    /// that is allowed.
+    /// When to see after a board again after `now_ns` if nothing else is due: at the next trigger,
+    /// or after the silence that is allowed.
     pub(super) fn next_check_ns(&mut self, now_ns: u64, triggered: bool, silence_ns: u64) -> u64 {
         match &mut self.trigger {
             Some((period_ns, first_ns)) if triggered => {
@@ -120,8 +120,9 @@ impl Board {
         (!self.stopped).then(|| due_ns.max(bus_free_ns[self.bus as usize]).max(gap_ends_ns))
     }
 
-    /// With which sequence a silent board is tried: it is woken first. After that it is asked whether it is there, or
-    /// started from the beginning where it cannot be asked or seems to know no questions.
+    /// With which sequence a silent board is tried: it is woken first. After that it is asked
+    /// whether it is there, or started from the beginning where it cannot be asked or seems to know
+    /// no questions.
     pub(super) fn restart_sequence(&self, tries: u32) -> Sequence {
         let blindly = self.answered_ns.is_none() && tries.is_multiple_of(BLINDLY_EVERY);
         if tries <= 1 {

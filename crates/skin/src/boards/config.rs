@@ -10,18 +10,21 @@ use taxel_hand::RangeError;
 pub struct BoardsConfig {
     /// Who sets the pace of the boards.
     pub mode: BoardsMode,
-    /// `triggered` mode: start commands per second and board, 1 to 200 Hz. Only uSkin boards are triggered; those of
-    /// the iCub and CySkin hubs have a period of their own.
+    /// `triggered` mode: start commands per second and board, 1 to 200 Hz. Only uSkin boards are
+    /// triggered; those of the iCub and CySkin hubs have a period of their own.
     pub trigger_hz: f64,
-    /// A board not heard for this long is started again, ms, 20 to 60,000; in `triggered` mode for three trigger
-    /// periods if these are longer, an iCub board for three of its own, a CySkin hub for 150 ms.
+    /// A board not heard for this long is started again, ms, 20 to 60,000; in `triggered` mode for
+    /// three trigger periods if these are longer, an iCub board for three of its own, a CySkin hub
+    /// for 150 ms.
     pub silence_ms: f64,
-    /// Pause before the second attempt to start a silent board, ms, 10 to 60,000; it doubles with each further one.
+    /// Pause before the second attempt to start a silent board, ms, 10 to 60,000; it doubles with
+    /// each further one.
     pub restart_first_ms: f64,
     /// Longest pause between two attempts, ms, from `restart_first_ms` to 600,000.
     pub restart_longest_ms: f64,
-    /// Least time between two commands on one bus, ms, 0.1 to 100. Two commands to one board are never less than 2 ms
-    /// apart (10 ms for the iCub's): its receive buffer holds five and is emptied newest first.
+    /// Least time between two commands on one bus, ms, 0.1 to 100. Two commands to one board are
+    /// never less than 2 ms apart (10 ms for the iCub's): its receive buffer holds five and is
+    /// emptied newest first.
     pub command_gap_ms: f64,
 }
 

@@ -36,8 +36,8 @@ impl BusSet {
 }
 
 impl Search {
-    /// The search for a board or hub: on every bus without one of its address. Where `asks_only`, it is asked there whether
-    /// it is there, and never configured or started.
+    /// The search for a board or hub: on every bus without one of its address. Where `asks_only`,
+    /// it is asked there whether it is there, and never configured or started.
     pub(crate) fn new(layout: &Layout, board: &Wiring, asks_only: bool) -> Self {
         let mut search = Self {
             asks_only,

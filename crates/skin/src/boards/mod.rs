@@ -1,8 +1,9 @@
 //! Starting boards, keeping them going and stopping them: what is sent to the buses, and when.
 //!
-//! Only commands of class 2 and extended frames to CySkin hubs can be built here. A class-7 frame stops the sampling
-//! of every board that takes it for its own (docs/protocols.md, "MTB3 firmware" and "uSkin commands"), so
-//! none is sent once boards have been started; [`BoardSupervisor::discover`] comes before.
+//! Only commands of class 2 and extended frames to CySkin hubs can be built here. A class-7 frame
+//! stops the sampling of every board that takes it for its own (docs/protocols.md, "MTB3 firmware"
+//! and "uSkin commands"), so none is sent once boards have been started;
+//! [`BoardSupervisor::discover`] comes before.
 
 mod board;
 mod config;
@@ -18,8 +19,8 @@ use board::{Board, Due, Pace, Sequence};
 use misplaced_boards::{BusSet, Search};
 use taxel_can::{CanFrame, Received};
 
-/// A command to one board: `SET_TXMODE`, the configuration of an iCub board, or a packet to a CySkin hub. It cannot
-/// be a class-7 frame.
+/// A command to one board: `SET_TXMODE`, the configuration of an iCub board, or a packet to a
+/// CySkin hub. It cannot be a class-7 frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct OutgoingCommand {
     /// Index of the bus in [`Layout::buses`].
@@ -40,17 +41,20 @@ impl OutgoingCommand {
     }
 }
 
-/// Decides what to send to the boards of every bus, and when. It holds no clock and sends nothing itself: call
-/// [`BoardSupervisor::poll_command`] until it has no command, then again at [`BoardSupervisor::poll_due_ns`].
+/// Decides what to send to the boards of every bus, and when. It holds no clock and sends nothing
+/// itself: call [`BoardSupervisor::poll_command`] until it has no command, then again at
+/// [`BoardSupervisor::poll_due_ns`].
 ///
 /// Boards that take no commands (L3, `cpm-finger`) are left alone in every mode.
 ///
-/// An iCub board takes half a second to start, so a silent one is asked whether it is there, and started when it answers:
-/// give what is heard to [`BoardSupervisor::handle_frame`]. One that never answers is started blindly now and then.
+/// An iCub board takes half a second to start, so a silent one is asked whether it is there, and
+/// started when it answers: give what is heard to [`BoardSupervisor::handle_frame`]. One that never
+/// answers is started blindly now and then.
 ///
-/// A uSkin board or CySkin hub that was never heard is started on other buses of the hand too, if these have no board of its address
-/// and [`BoardSupervisor::allow_search`] was called: wired to another bus it would otherwise stay silent, and
-/// [`crate::BusMonitor`] could not say where it is. An iCub board is only asked there whether it is there.
+/// A uSkin board or CySkin hub that was never heard is started on other buses of the hand too, if
+/// these have no board of its address and [`BoardSupervisor::allow_search`] was called: wired to
+/// another bus it would otherwise stay silent, and [`crate::BusMonitor`] could not say where it is.
+/// An iCub board is only asked there whether it is there.
 ///
 /// ```
 /// use taxel_skin::{BoardSupervisor, BoardsConfig, Layout};
@@ -138,8 +142,8 @@ impl BoardSupervisor {
             .map(|b| (b.bus, b.modules[0], &b.sequences))
     }
 
-    /// The next command that is due at `now_ns`, if any. `last_heard_ns` tells when a board (module index) was last
-    /// heard, as [`crate::SweepAssembler::last_heard_ns`] does.
+    /// The next command that is due at `now_ns`, if any. `last_heard_ns` tells when a board (module
+    /// index) was last heard, as [`crate::SweepAssembler::last_heard_ns`] does.
     pub fn poll_command(
         &mut self,
         now_ns: u64,
@@ -199,7 +203,8 @@ impl BoardSupervisor {
         }
     }
 
-    /// Takes a frame that was received, whatever it is: an answer of a board that was asked whether it is there.
+    /// Takes a frame that was received, whatever it is: an answer of a board that was asked whether
+    /// it is there.
     #[inline]
     pub fn handle_frame(&mut self, bus: u8, received: &Received) {
         if let Some(address) = mtb::answering(&received.frame) {
@@ -245,8 +250,8 @@ impl BoardSupervisor {
         starts.chain(searches).min()
     }
 
-    /// Says that a command could not be handed to its bus. The board is tried again after the first pause, and the
-    /// attempt is not counted as a restart.
+    /// Says that a command could not be handed to its bus. The board is tried again after the first
+    /// pause, and the attempt is not counted as a restart.
     pub fn not_sent(&mut self, command: &OutgoingCommand, now_ns: u64) {
         let of_command = |b: &&mut Board| b.modules[0] == command.board && b.bus == command.bus;
         let Some(board) = self.boards.iter_mut().find(of_command) else {
@@ -257,23 +262,23 @@ impl BoardSupervisor {
         board.start_at(now_ns + self.pace.first_pause_ns);
     }
 
-    /// Says that a bus can be reached again. Its boards may have lost their power with it, so they are started at
-    /// once, whatever pause they were in.
+    /// Says that a bus can be reached again. Its boards may have lost their power with it, so they
+    /// are started at once, whatever pause they were in.
     pub fn bus_restored(&mut self, bus: u8, now_ns: u64) {
         for board in self.boards.iter_mut().filter(|b| b.bus == bus) {
             board.start_at(now_ns);
         }
     }
 
-    /// Says whether boards of other buses may be looked for on this one. Not where anything speaks that is not of the
-    /// hand: the command to a board has a meaning of its own to an Allegro hand (docs/protocols.md,
-    /// "Allegro 4").
+    /// Says whether boards of other buses may be looked for on this one. Not where anything speaks
+    /// that is not of the hand: the command to a board has a meaning of its own to an Allegro hand
+    /// (docs/protocols.md, "Allegro 4").
     pub fn allow_search(&mut self, bus: u8, allowed: bool) {
         self.searched.set(bus, allowed);
     }
 
-    /// Begins to stop every board: from now on [`BoardSupervisor::poll_command`] gives stop commands, one for each board, until
-    /// [`BoardSupervisor::is_stopped`].
+    /// Begins to stop every board: from now on [`BoardSupervisor::poll_command`] gives stop
+    /// commands, one for each board, until [`BoardSupervisor::is_stopped`].
     pub fn stop(&mut self) {
         self.stopping = true;
         for board in &mut self.boards {

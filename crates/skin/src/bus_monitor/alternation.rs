@@ -1,9 +1,9 @@
 //! Whether the values of a board alternate between those of two boards.
 //!
-//! Two boards with one address send each taxel's id in turn. Their taxels rest at levels thousands of counts apart
-//! (docs/protocols.md, "uSkin values"), so a value is far from the one before it and close to the one before
-//! that. No touch does that: a finger that presses moves a value on, and noise moves it as far from the one
-//! as from the other.
+//! Two boards with one address send each taxel's id in turn. Their taxels rest at levels thousands
+//! of counts apart (docs/protocols.md, "uSkin values"), so a value is far from the one before it
+//! and close to the one before that. No touch does that: a finger that presses moves a value on,
+//! and noise moves it as far from the one as from the other.
 
 use crate::reading::TaxelReading;
 

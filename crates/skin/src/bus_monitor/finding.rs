@@ -31,8 +31,8 @@ pub enum Finding {
         /// Sweeps per second of the board, and of its like.
         sweeps_hz: [f64; 2],
     },
-    /// Two boards answer under one address: its taxels come twice as often as they should and alternate between two
-    /// values.
+    /// Two boards answer under one address: its taxels come twice as often as they should and
+    /// alternate between two values.
     TwoBoards {
         /// The module (index) whose address it is.
         module: u16,
@@ -55,7 +55,8 @@ pub enum Finding {
         /// How many such boards there are. One may as well be a single board on the wrong bus.
         boards: u16,
     },
-    /// A board speaks under an address that the layout does not have on this bus, nor on another one that lacks it.
+    /// A board speaks under an address that the layout does not have on this bus, nor on another
+    /// one that lacks it.
     NotInLayout {
         /// The bus (index).
         bus: u8,

@@ -1,9 +1,9 @@
-//! What is wrong on the buses, as the traffic on them shows: a node that babbles, two boards with one address, boards on
-//! the wrong bus.
+//! What is wrong on the buses, as the traffic on them shows: a node that babbles, two boards with
+//! one address, boards on the wrong bus.
 //!
-//! Frames are counted per id over windows of a quarter of a second. What holds in two windows in a row is a finding, and
-//! what is absent from two in a row no longer is one (a board in the wrong place: from one window). So a finding comes
-//! and goes within half a second and a window.
+//! Frames are counted per id over windows of a quarter of a second. What holds in two windows in a
+//! row is a finding, and what is absent from two in a row no longer is one (a board in the wrong
+//! place: from one window). So a finding comes and goes within half a second and a window.
 
 mod alternation;
 mod finding;
@@ -26,26 +26,30 @@ const WINDOW_NS: u64 = 250_000_000;
 /// What a bus carries, bits per second: every public hand runs at this rate (docs/protocols.md,
 /// "Bus timing").
 const BIT_RATE: f64 = 1e6;
-/// One id that takes this share of the bus babbles: 1,800 frames of 8 bytes per second. A taxel's own id takes
-/// 1 % at 100 sweeps per second.
+/// One id that takes this share of the bus babbles: 1,800 frames of 8 bytes per second. A taxel's
+/// own id takes 1 % at 100 sweeps per second.
 const BABBLE_SHARE: f64 = 0.2;
-/// One id of a board that comes this many times as often as the board's others babbles too, if it comes so often at all.
+/// One id of a board that comes this many times as often as the board's others babbles too, if it
+/// comes so often at all.
 const BABBLE_TIMES: f64 = 5.0;
 const BABBLE_LEAST_HZ: f64 = 300.0;
-/// A board that sends this many times as many sweeps as its like babbles, if it takes `BABBLE_SHARE` of the bus.
+/// A board that sends this many times as many sweeps as its like babbles, if it takes
+/// `BABBLE_SHARE` of the bus.
 const BOARD_TIMES: f64 = 3.0;
 /// Two boards with one address send twice as much as one, less what they lose to each other.
 const TWO_BOARDS_TIMES: f64 = 1.4;
 /// Share of readings that swing, from which a board's values are those of two boards.
 const SWINGING: f64 = 0.5;
 
-/// This many packets of values in a window make a hub of what is not the hand's; hubs send twenty in a second.
+/// This many packets of values in a window make a hub of what is not the hand's; hubs send twenty
+/// in a second.
 const FOREIGN_PACKETS: u32 = 2;
-/// An iCub board that answers on the wrong bus is taken to be there for this many windows more. It is asked every 300 ms, and
-/// not for 0.9 s while it is configured blindly on its own bus.
+/// An iCub board that answers on the wrong bus is taken to be there for this many windows more. It
+/// is asked every 300 ms, and not for 0.9 s while it is configured blindly on its own bus.
 const ANSWER_WINDOWS: u8 = 5;
 
-/// Watches the traffic of all buses of a hand. Its memory is allocated once; a frame and a reading take constant time.
+/// Watches the traffic of all buses of a hand. Its memory is allocated once; a frame and a reading
+/// take constant time.
 ///
 /// ```
 /// use taxel_can::{CanFrame, Received};
@@ -184,8 +188,8 @@ impl BusMonitor {
         }
     }
 
-    /// Ends the windows that are over at `now_ns`. [`BusMonitor::handle_frame`] does so with the time of every frame; to be
-    /// called now and then when none come.
+    /// Ends the windows that are over at `now_ns`. [`BusMonitor::handle_frame`] does so with the
+    /// time of every frame; to be called now and then when none come.
     #[inline]
     pub fn advance(&mut self, now_ns: u64) {
         let ends_ns = *self
@@ -236,7 +240,8 @@ impl BusMonitor {
         &self.findings
     }
 
-    /// Whether a node ever spoke on a bus (index) that is neither a board of the hand nor could be one on the wrong bus.
+    /// Whether a node ever spoke on a bus (index) that is neither a board of the hand nor could be
+    /// one on the wrong bus.
     pub fn strangers(&self, bus: u8) -> bool {
         self.buses.get(usize::from(bus)).is_some_and(|b| b.strangers)
     }
@@ -324,8 +329,8 @@ impl BusMonitor {
         (median, self.rates.len())
     }
 
-    /// Whether a module's board sends too much, or more than one board does. `usual` is the rate of all like it, and how
-    /// many these are: among few it would be a part of its own measure.
+    /// Whether a module's board sends too much, or more than one board does. `usual` is the rate of
+    /// all like it, and how many these are: among few it would be a part of its own measure.
     fn check_sweeps(&mut self, index: usize, usual: (Option<f64>, usize)) {
         const FEW: usize = 8;
         let (all_hz, boards) = usual;
@@ -375,7 +380,8 @@ impl BusMonitor {
         }
     }
 
-    /// What is no board's, by its id: extended ones of no hub, and those that are neither a module's nor a stray's nor a command.
+    /// What is no board's, by its id: extended ones of no hub, and those that are neither a
+    /// module's nor a stray's nor a command.
     fn find_strangers(&mut self) {
         for bus in self.buses.iter_mut().filter(|bus| !bus.strangers) {
             let mut ids = bus.tally.ids.iter().zip(bus.familiar.iter());
@@ -473,8 +479,8 @@ impl Bus {
         }
     }
 
-    /// A hub of no layout speaks if most of what begins a packet under its address begins one of values: other nodes with
-    /// extended ids do so by chance only.
+    /// A hub of no layout speaks if most of what begins a packet under its address begins one of
+    /// values: other nodes with extended ids do so by chance only.
     fn find_foreign_hubs(&mut self) {
         for heard in self.tally.foreign_hubs() {
             let known = self.foreign_hubs.iter().any(|hub| hub.address == heard.address);

@@ -1,4 +1,5 @@
-//! Addresses that the layout does not have on a bus: where boards on the wrong bus, or with a wrong address, would be.
+//! Addresses that the layout does not have on a bus: where boards on the wrong bus, or with a wrong
+//! address, would be.
 
 use crate::layout::{Layout, Wiring};
 use crate::protocol::Protocol;
@@ -68,10 +69,10 @@ pub(super) fn ids_of(protocol: Protocol, address: u8, k: &[u8]) -> Vec<u16> {
     ids
 }
 
-/// Every address that a bus could have and does not, for the protocols of the hand that number their boards. A board is
-/// told by at least half of the ids that a module of its kind uses; addresses whose ids others on the bus use too cannot
-/// be told.
-/// `owners` are the modules of each standard id, by bus.
+/// Every address that a bus could have and does not, for the protocols of the hand that number
+/// their boards. A board is told by at least half of the ids that a module of its kind uses;
+/// addresses whose ids others on the bus use too cannot be told. `owners` are the modules of each
+/// standard id, by bus.
 pub(super) fn strays(layout: &Layout, owners: &[&[u16; 0x800]]) -> Vec<Stray> {
     let mut strays: Vec<Stray> = Vec::new();
     for (bus, owners) in (0u8..).zip(owners) {

@@ -1,8 +1,8 @@
 //! The calibration window: baseline, noise and largest idle magnitude of each taxel, with outliers left out.
 //!
-//! A window keeps at most [`KEPT`] samples per taxel, evenly spread over its length: when it is full, every other sample is
-//! dropped and only every second one kept from then on. Memory is 12 bytes per kept sample, 1.5 KiB per taxel (360 KiB for
-//! 240 taxels), taken once.
+//! A window keeps at most [`KEPT`] samples per taxel, evenly spread over its length: when it is
+//! full, every other sample is dropped and only every second one kept from then on. Memory is 12
+//! bytes per kept sample, 1.5 KiB per taxel (360 KiB for 240 taxels), taken once.
 
 use super::magnitude::MagnitudeMode;
 
@@ -90,8 +90,8 @@ impl Windows {
         (w.seen, w.end_ns.saturating_sub(w.start_ns))
     }
 
-    /// Judges a taxel's window; `None` while it is empty. Peaks are above `baseline` where given, else above the window's
-    /// own mean.
+    /// Judges a taxel's window; `None` while it is empty. Peaks are above `baseline` where given,
+    /// else above the window's own mean.
     pub(super) fn judge(
         &mut self,
         taxel: usize,
@@ -182,7 +182,8 @@ fn level_shift(samples: &[[i32; 3]], axis: usize, scratch: &mut Vec<i32>) -> f64
     high - low
 }
 
-/// Median of integers, the mean of the middle two where their number is even. Reorders them; they must not be empty.
+/// Median of integers, the mean of the middle two where their number is even. Reorders them; they
+/// must not be empty.
 fn median(values: &mut [i32]) -> f64 {
     let (length, middle) = (values.len(), values.len() / 2);
     let (below, upper, _) = values.select_nth_unstable(middle);

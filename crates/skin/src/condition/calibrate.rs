@@ -1,7 +1,7 @@
 //! The course of a calibration: collect, judge taxel by taxel, settle on threshold and faults.
 //!
-//! Judging a taxel sorts its samples, so it is spread over the frames of [`JUDGING_NS`]: at 30 Hz it takes two frames, at 1 kHz
-//! fifty, and no tick waits for the whole hand.
+//! Judging a taxel sorts its samples, so it is spread over the frames of [`JUDGING_NS`]: at 30 Hz
+//! it takes two frames, at 1 kHz fifty, and no tick waits for the whole hand.
 
 use super::baseline::{TaxelIdle, Windows, robust_spread};
 use super::config::{BaselineSource, FaultRule, ThresholdSource};
@@ -19,8 +19,8 @@ const JUDGED_AT_LEAST: usize = 4;
 const STUCK_SAMPLES: u32 = 8;
 /// Times the noise limit, a step and its reversal are unsteady at run time.
 const UNSTEADY_NOISES: f64 = 3.0;
-/// Least threshold of a hand with taxels of eight bits: two steps of 16 counts, as the iCub's own skinManager has it
-/// (docs/protocols.md, "iCub conditioning").
+/// Least threshold of a hand with taxels of eight bits: two steps of 16 counts, as the iCub's own
+/// skinManager has it (docs/protocols.md, "iCub conditioning").
 const COARSE_LEAST_COUNTS: f64 = 32.0;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -109,8 +109,8 @@ impl Calibration {
 }
 
 impl Conditioner {
-    /// Starts a new calibration on the next frame, without restart. Until it has ended no taxel is in contact and every force is
-    /// zero; the old baseline and threshold can still be read.
+    /// Starts a new calibration on the next frame, without restart. Until it has ended no taxel is
+    /// in contact and every force is zero; the old baseline and threshold can still be read.
     pub fn rezero(&mut self) {
         let calibration = &mut self.calibration;
         (calibration.phase, calibration.frames, calibration.progress) = (Phase::Waiting, 0, 0.0);
@@ -354,8 +354,8 @@ impl Conditioner {
         }
     }
 
-    /// `theta` of eq. (2): the largest idle magnitude among taxels that are neither faulty nor touched, nor far beyond the rest,
-    /// times the margin.
+    /// `theta` of eq. (2): the largest idle magnitude among taxels that are neither faulty nor
+    /// touched, nor far beyond the rest, times the margin.
     fn hand_threshold(&mut self) -> f64 {
         let window = self.config.threshold == ThresholdSource::Window;
         let mut peaks = std::mem::take(&mut self.calibration.scratch);

@@ -5,7 +5,8 @@ use crate::range::check_ranges;
 use serde::{Deserialize, Serialize};
 use taxel_hand::RangeError;
 
-/// Settings of a [`Conditioner`](super::Conditioner). Unknown keys are refused; absent keys take the `robust` values.
+/// Settings of a [`Conditioner`](super::Conditioner). Unknown keys are refused; absent keys take
+/// the `robust` values.
 ///
 /// Windows are given in time and counted in new samples, so that one setting fits 1 Hz and 1 kHz.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -17,8 +18,8 @@ pub struct ConditionConfig {
     pub calibration_ms: u64,
     /// Fewest frames with new samples the window may hold, 2 to 10,000; it is lengthened until it has them.
     pub calibration_min_frames: u32,
-    /// A sample further than this many robust standard deviations (1.4826 MAD) from the median of its axis is left
-    /// out of the baseline, 2 to 1,000.
+    /// A sample further than this many robust standard deviations (1.4826 MAD) from the median of
+    /// its axis is left out of the baseline, 2 to 1,000.
     pub outlier_sigmas: f64,
 
     /// What a taxel's force is, eq. (1).
@@ -30,8 +31,9 @@ pub struct ConditionConfig {
     pub threshold_margin: f64,
     /// A contact ends at this share of the threshold, 0 to 1; 1 is no hysteresis.
     pub threshold_release: f64,
-    /// The threshold is never below this, counts, 0 to 131,072 (squared in the squared magnitude modes). Unless it is 0,
-    /// the threshold of a hand with taxels of 8 bits (the iCub's) is not below two of their steps either: 32 counts.
+    /// The threshold is never below this, counts, 0 to 131,072 (squared in the squared magnitude
+    /// modes). Unless it is 0, the threshold of a hand with taxels of 8 bits (the iCub's) is not
+    /// below two of their steps either: 32 counts.
     pub threshold_min_counts: f64,
     /// Each taxel has the threshold of its own idle noise instead of the hand's largest.
     pub threshold_per_taxel: bool,
@@ -63,7 +65,8 @@ pub struct ConditionConfig {
     pub repair_wraps: bool,
     /// Holds back a lone jump for one sample, until the next confirms it.
     pub reject_glitches: bool,
-    /// A jump of one axis beyond this, while the other two are still, has to be confirmed; counts, 1 to 65,535.
+    /// A jump of one axis beyond this, while the other two are still, has to be confirmed; counts,
+    /// 1 to 65,535.
     pub glitch_counts: u32,
     /// A jump beyond this has to be confirmed whatever the other axes do; counts, 1 to 65,535.
     pub jump_counts: u32,
@@ -74,7 +77,8 @@ pub struct ConditionConfig {
     pub drift_time_constant_ms: u64,
     /// A taxel counts as untouched after this long without contact, milliseconds, 0 to 600,000.
     pub drift_wait_ms: u64,
-    /// ... and while its force, smoothed over that time, is below this share of the threshold, above 0 to 0.8.
+    /// ... and while its force, smoothed over that time, is below this share of the threshold,
+    /// above 0 to 0.8.
     pub drift_quiet_share: f64,
     /// The baseline follows no further than this from its calibrated value on an axis, counts, 0 to 65,535.
     pub drift_limit_counts: f64,
@@ -162,8 +166,9 @@ impl ConditionConfig {
         }
     }
 
-    /// The publication to the letter: `rho_0` as baseline, squared scalar magnitudes, threshold from `rho_1` against
-    /// `rho_0`, faults by mean plus one standard deviation on frame 0; no repair, no hysteresis, no drift.
+    /// The publication to the letter: `rho_0` as baseline, squared scalar magnitudes, threshold
+    /// from `rho_1` against `rho_0`, faults by mean plus one standard deviation on frame 0; no
+    /// repair, no hysteresis, no drift.
     pub fn paper() -> Self {
         Self {
             baseline: BaselineSource::FirstFrame,

@@ -39,8 +39,8 @@ impl Thresholds {
         self.per_taxel.as_ref().map_or(self.theta, |p| p[taxel])
     }
 
-    /// Updates which taxels are in contact: force strictly greater than the threshold, or than its release share while in
-    /// contact.
+    /// Updates which taxels are in contact: force strictly greater than the threshold, or than its
+    /// release share while in contact.
     pub(super) fn judge(&self, force: &[f64], contact: &mut [bool]) {
         // The release share is no more than 1, so that what begins a contact also holds it.
         let is_contact =

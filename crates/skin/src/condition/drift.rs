@@ -66,9 +66,9 @@ impl DriftState {
         self.quiet_since_ns = DISTURBED;
     }
 
-    /// A sample of `force` without contact, `dt_ns` after the last. Where the smoothed force has stayed below `quiet_force` and
-    /// there was no contact for long enough, `baseline` moves towards `counts` by `dt_ns / time_constant`. Returns whether the
-    /// limit was reached just now.
+    /// A sample of `force` without contact, `dt_ns` after the last. Where the smoothed force has
+    /// stayed below `quiet_force` and there was no contact for long enough, `baseline` moves
+    /// towards `counts` by `dt_ns / time_constant`. Returns whether the limit was reached just now.
     #[inline(always)]
     pub(super) fn follow(
         &mut self,

@@ -118,7 +118,8 @@ impl Health {
         self.dead_run
     }
 
-    /// A new calibration: noise and stuck are judged anew, wraps forgotten; a dead taxel stays dead until it speaks.
+    /// A new calibration: noise and stuck are judged anew, wraps forgotten; a dead taxel stays dead
+    /// until it speaks.
     pub(super) fn recalibrate(&mut self) {
         let dead = self.faults.contains(Fault::Dead);
         self.faults = Faults::NONE;
@@ -142,7 +143,8 @@ impl Health {
         self.good_run = 0;
     }
 
-    /// A good sample. A taxel with a baseline is no longer stuck once it moves, and lives again after enough of them.
+    /// A good sample. A taxel with a baseline is no longer stuck once it moves, and lives again
+    /// after enough of them.
     pub(super) fn handle_sample(
         &mut self,
         moving: bool,
@@ -231,10 +233,11 @@ impl Health {
     }
 }
 
-/// The publication's rule on frame 0: an axis beyond the mean of all present taxels by `sigmas` population standard deviations.
+/// The publication's rule on frame 0: an axis beyond the mean of all present taxels by `sigmas`
+/// population standard deviations.
 ///
-/// `present` says which taxels have a value; only they count towards `N`. Sums are exact integers. Writes whether each taxel
-/// is faulty; one that is not present is left `false`.
+/// `present` says which taxels have a value; only they count towards `N`. Sums are exact integers.
+/// Writes whether each taxel is faulty; one that is not present is left `false`.
 pub(super) fn paper_rule(
     frame: &[[u16; 3]],
     present: &[bool],
@@ -289,7 +292,8 @@ mod tests {
 
     #[test]
     fn paper_rule_is_one_sided_as_worded_and_excludes_the_absent() {
-        // x of the present: 0, 0, 0, 10: mean 2.5, population sd 4.33; 10 is beyond, 0 is not below by one sd.
+        // x of the present: 0, 0, 0, 10: mean 2.5, population sd 4.33; 10 is beyond, 0 is not below
+        // by one sd.
         let frame = [[0, 5, 5], [0, 5, 5], [0, 5, 5], [10, 5, 5], [65_535; 3]];
         let present = [true, true, true, true, false];
         let mut faulty = [true; 5];

@@ -1,5 +1,5 @@
-//! The way of a frame through conditioning: first the many ordinary samples, in loops without rules, then the few others one by
-//! one.
+//! The way of a frame through conditioning: first the many ordinary samples, in loops without
+//! rules, then the few others one by one.
 
 use super::magnitude::{MagnitudeMode, distance_squared};
 use super::motion::StepLimits;
@@ -42,8 +42,8 @@ impl Conditioner {
         }
     }
 
-    /// Takes in the samples that no rule can have anything to say about, and lists the other taxels as unusual. What is written
-    /// as force is the squared distance from the baseline.
+    /// Takes in the samples that no rule can have anything to say about, and lists the other taxels
+    /// as unusual. What is written as force is the squared distance from the baseline.
     fn take_ordinary(&mut self, frame: &TactileFrame, rules: &Rules, out: &mut ForceFrame) {
         let steps = StepLimits::new(&rules.repair, rules.health.unsteady_counts);
         self.motion.compare(&frame.counts, &steps);
@@ -119,7 +119,8 @@ impl Conditioner {
         out.force[n] = distance_squared(place.counts, self.baseline[n]);
     }
 
-    /// Makes force of the squared distances; faulty taxels have none, and none has any while the baseline is being measured.
+    /// Makes force of the squared distances; faulty taxels have none, and none has any while the
+    /// baseline is being measured.
     fn measure(&self, force: &mut [f64]) {
         if self.calibration.is_running() {
             force.fill(0.0);

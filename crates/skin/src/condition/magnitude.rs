@@ -4,8 +4,9 @@ use serde::{Deserialize, Serialize};
 
 /// How counts `s` and baseline `s_0` become one magnitude.
 ///
-/// The publication prints the squared norm, calls it magnitude, and subtracts two of them. On counts with an offset that
-/// is blind to motion across the offset, so the default is the norm of the difference.
+/// The publication prints the squared norm, calls it magnitude, and subtracts two of them. On
+/// counts with an offset that is blind to motion across the offset, so the default is the norm of
+/// the difference.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum MagnitudeMode {
@@ -16,8 +17,8 @@ pub enum MagnitudeMode {
     VectorSquared,
     /// `| ||s||_2 - ||s_0||_2 |`, counts: difference of scalars, without the printed square.
     Literal,
-    /// `| ||s||_2^2 - ||s_0||_2^2 |`, counts squared: the publication to the letter. Exact when `s_0` is a frame, since
-    /// both squares are integers below 2^53.
+    /// `| ||s||_2^2 - ||s_0||_2^2 |`, counts squared: the publication to the letter. Exact when
+    /// `s_0` is a frame, since both squares are integers below 2^53.
     LiteralSquared,
 }
 

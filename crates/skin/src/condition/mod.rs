@@ -1,8 +1,9 @@
 //! Conditioning: from raw counts to force above baseline, with faulty taxels named and contacts found.
 //!
-//! Each new sample is repaired (wraps modulo 2^16, single glitches), checked (dead, stuck, noisy, wrapping, status), measured
-//! against the taxel's baseline, eq. (1), and compared with the contact threshold, eq. (2). Baseline, noise and threshold come
-//! from a calibration window at the start and after each [`Conditioner::rezero`].
+//! Each new sample is repaired (wraps modulo 2^16, single glitches), checked (dead, stuck, noisy,
+//! wrapping, status), measured against the taxel's baseline, eq. (1), and compared with the contact
+//! threshold, eq. (2). Baseline, noise and threshold come from a calibration window at the start
+//! and after each [`Conditioner::rezero`].
 
 mod baseline;
 mod calibrate;
@@ -38,8 +39,9 @@ const NEVER: u64 = u64::MAX;
 /// Nanoseconds per millisecond.
 const MS: u64 = 1_000_000;
 
-/// Turns tactile frames into force frames. Holds no clock and does no I/O; after [`Conditioner::new`] it allocates nothing, and
-/// the same frames give the same results to the bit. Cost is linear in the number of taxels.
+/// Turns tactile frames into force frames. Holds no clock and does no I/O; after
+/// [`Conditioner::new`] it allocates nothing, and the same frames give the same results to the bit.
+/// Cost is linear in the number of taxels.
 ///
 /// ```
 /// use taxel_hand::{ForceFrame, Freshness, TactileFrame};
@@ -83,11 +85,12 @@ pub struct Conditioner {
 }
 
 impl Conditioner {
-    /// Makes a conditioner for a hand of `taxels` taxels, with all its memory (about 2 KiB per taxel). It calibrates on the
-    /// first frames.
+    /// Makes a conditioner for a hand of `taxels` taxels, with all its memory (about 2 KiB per
+    /// taxel). It calibrates on the first frames.
     ///
     /// # Errors
-    /// [`ConditionError`] where a setting is out of range, a masked taxel does not exist, or the hand has no taxels.
+    /// [`ConditionError`] where a setting is out of range, a masked taxel does not exist, or the
+    /// hand has no taxels.
     pub fn new(taxels: usize, config: ConditionConfig) -> Result<Self, ConditionError> {
         if taxels == 0 || taxels > usize::from(u16::MAX) + 1 {
             return Err(ConditionError::Taxels { taxels });
@@ -130,9 +133,9 @@ impl Conditioner {
         Ok(conditioner)
     }
 
-    /// Makes a conditioner for the taxels of a layout, as [`Conditioner::new`] does, and takes account of how their boards
-    /// measure: counts of one axis are neither unwrapped nor held back as glitches, and where they have eight bits, a
-    /// taxel that keeps one value is not stuck.
+    /// Makes a conditioner for the taxels of a layout, as [`Conditioner::new`] does, and takes
+    /// account of how their boards measure: counts of one axis are neither unwrapped nor held back
+    /// as glitches, and where they have eight bits, a taxel that keeps one value is not stuck.
     pub fn for_layout(layout: &Layout, config: ConditionConfig) -> Result<Self, ConditionError> {
         let mut conditioner = Self::new(layout.len(), config)?;
         for n in 0..layout.len() {
@@ -154,19 +157,20 @@ impl Conditioner {
         &self.config
     }
 
-    /// Baseline `s_0` of each taxel, counts, as drift has moved it; zeros before the first calibration has ended.
+    /// Baseline `s_0` of each taxel, counts, as drift has moved it; zeros before the first
+    /// calibration has ended.
     pub fn baseline(&self) -> &[[f64; 3]] {
         &self.baseline
     }
 
-    /// Whether a taxel's baseline is known; never so before the first calibration has ended, nor for a taxel the hand does
-    /// not have.
+    /// Whether a taxel's baseline is known; never so before the first calibration has ended, nor
+    /// for a taxel the hand does not have.
     pub fn has_baseline(&self, taxel: usize) -> bool {
         self.taxels.get(taxel).is_some_and(|t| t.has_baseline)
     }
 
-    /// Repaired counts of a taxel: its raw counts plus a multiple of 65536 on each axis; the last good ones while a sample is
-    /// held back. Zeros for a taxel the hand does not have.
+    /// Repaired counts of a taxel: its raw counts plus a multiple of 65536 on each axis; the last
+    /// good ones while a sample is held back. Zeros for a taxel the hand does not have.
     pub fn repaired_counts(&self, taxel: usize) -> [i32; 3] {
         self.motion.counts().get(taxel).copied().unwrap_or_default()
     }
@@ -205,15 +209,17 @@ impl Conditioner {
         self.counters
     }
 
-    /// How many taxels have drifted to the limit, so that their baseline follows no further: a re-zero is due.
+    /// How many taxels have drifted to the limit, so that their baseline follows no further: a
+    /// re-zero is due.
     pub fn drifted(&self) -> usize {
         self.drift.iter().filter(|d| d.is_at_limit()).count()
     }
 
-    /// Takes a frame in and writes what the skin feels into `out`, which is given the right length if it has another.
+    /// Takes a frame in and writes what the skin feels into `out`, which is given the right length
+    /// if it has another.
     ///
-    /// A taxel whose sample is no newer than the last one keeps its force and is not counted again. A frame with another number of
-    /// taxels is counted, and every taxel is reported missing.
+    /// A taxel whose sample is no newer than the last one keeps its force and is not counted again.
+    /// A frame with another number of taxels is counted, and every taxel is reported missing.
     pub fn process(&mut self, frame: &TactileFrame, out: &mut ForceFrame) {
         let taxels = self.taxels();
         self.counters.frames += 1;

@@ -1,8 +1,9 @@
-//! Where the counts of all taxels are, how they last moved, and which of a frame's samples call for a closer look.
+//! Where the counts of all taxels are, how they last moved, and which of a frame's samples call for
+//! a closer look.
 //!
-//! Most samples are a short step on from the last one, and no rule of repair or health has anything to say about them. That is
-//! found out for a whole frame in one loop over the axes of all taxels, without a branch, so that the compiler makes vector
-//! instructions of it.
+//! Most samples are a short step on from the last one, and no rule of repair or health has anything
+//! to say about them. That is found out for a whole frame in one loop over the axes of all taxels,
+//! without a branch, so that the compiler makes vector instructions of it.
 
 use super::place::{Place, RepairLimits};
 
@@ -94,8 +95,9 @@ impl Motion {
         self.now.step[taxel] = [0; 3];
     }
 
-    /// Compares a frame's raw counts with where every taxel is. [`Motion::next`] and [`Motion::is_clear`] then tell, and
-    /// [`Motion::go_on`] takes all taxels there but those that [`Motion::stay`].
+    /// Compares a frame's raw counts with where every taxel is. [`Motion::next`] and
+    /// [`Motion::is_clear`] then tell, and [`Motion::go_on`] takes all taxels there but those that
+    /// [`Motion::stay`].
     pub(super) fn compare(&mut self, raw: &[[u16; 3]], limits: &StepLimits) {
         compare(
             raw.as_flattened(),
@@ -115,8 +117,9 @@ impl Motion {
         self.next.at(taxel)
     }
 
-    /// Whether no rule can object to the step: no axis crosses the border of 2^16, jumps, goes back and forth, or reads as a
-    /// silent chip's does. (A rule that looks at all axes may yet find nothing wrong where this says no.)
+    /// Whether no rule can object to the step: no axis crosses the border of 2^16, jumps, goes back
+    /// and forth, or reads as a silent chip's does. (A rule that looks at all axes may yet find
+    /// nothing wrong where this says no.)
     #[inline(always)]
     pub(super) fn is_clear(&self, taxel: usize) -> bool {
         let [x, y, z] = self.doubt[taxel];
@@ -135,8 +138,9 @@ impl Motion {
     }
 }
 
-/// Where each axis goes, and whether that is in doubt. Sixteen bits are enough for a step, and a vector holds many: differences
-/// are cut off where they do not fit, and limits short of that, so that such a step is in doubt.
+/// Where each axis goes, and whether that is in doubt. Sixteen bits are enough for a step, and a
+/// vector holds many: differences are cut off where they do not fit, and limits short of that, so
+/// that such a step is in doubt.
 fn compare(
     raw: &[u16],
     (counts, before): (&[i32], &[i32]),

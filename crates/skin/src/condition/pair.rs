@@ -1,4 +1,5 @@
-//! The publication's first two frames, `rho_0` and `rho_1`: its baseline, its fault rule and its threshold come from them.
+//! The publication's first two frames, `rho_0` and `rho_1`: its baseline, its fault rule and its
+//! threshold come from them.
 
 /// Frames to wait for one in which every taxel speaks before `rho_0` is taken with what there is.
 const PATIENCE_FRAMES: u32 = 10;

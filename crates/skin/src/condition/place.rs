@@ -22,7 +22,8 @@ impl Place {
         x | y | z != 0
     }
 
-    /// Whether the last step fits into sixteen bits, as [`Motion::compare`](super::motion::Motion::compare) takes for granted.
+    /// Whether the last step fits into sixteen bits, as
+    /// [`Motion::compare`](super::motion::Motion::compare) takes for granted.
     pub(super) fn is_within_reach(&self) -> bool {
         self.step.iter().all(|s| i16::try_from(*s).is_ok())
     }

@@ -1,10 +1,11 @@
 //! Unwraps counts modulo 2^16 and holds back single-sample glitches, taxel by taxel.
 //!
-//! A sample is taken as the value nearest to the last one modulo 2^16. A jump that motion does not explain (one axis
-//! alone, or very large) is held back for one sample and taken only if the next sample confirms it; the delay is never
-//! more than that one sample. A jump of more than a quarter turn is ambiguous: the pair of samples then decides, by
-//! the smaller sum of the squared step and the squared distance from the baseline. Should the choice have been wrong,
-//! or a frame have been lost around a wrap, the taxel comes to rest a multiple of 65536 from its baseline, and is pulled
+//! A sample is taken as the value nearest to the last one modulo 2^16. A jump that motion does not
+//! explain (one axis alone, or very large) is held back for one sample and taken only if the next
+//! sample confirms it; the delay is never more than that one sample. A jump of more than a quarter
+//! turn is ambiguous: the pair of samples then decides, by the smaller sum of the squared step and
+//! the squared distance from the baseline. Should the choice have been wrong, or a frame have been
+//! lost around a wrap, the taxel comes to rest a multiple of 65536 from its baseline, and is pulled
 //! back there.
 
 use super::place::{Place, RepairLimits};
@@ -82,7 +83,8 @@ impl RepairState {
         self.held
     }
 
-    /// Whether nothing is pending, so that a sample is taken as it is where [`Motion::is_clear`](super::motion::Motion::is_clear).
+    /// Whether nothing is pending, so that a sample is taken as it is where
+    /// [`Motion::is_clear`](super::motion::Motion::is_clear).
     pub(super) fn is_settled(&self) -> bool {
         self.known && !self.held && self.suspect == 0 && self.rest == 0
     }
@@ -106,7 +108,8 @@ impl RepairState {
         *self = Self::default();
     }
 
-    /// Takes a sample as it is, on the turn nearest to the baseline where there is one: after a gap too long to unwrap.
+    /// Takes a sample as it is, on the turn nearest to the baseline where there is one: after a gap
+    /// too long to unwrap.
     pub(super) fn anchor(
         &mut self,
         place: &mut Place,
@@ -187,7 +190,8 @@ impl RepairState {
         })
     }
 
-    /// The step from the last good sample over the held one to `raw`, where the direction of the first may be in doubt.
+    /// The step from the last good sample over the held one to `raw`, where the direction of the
+    /// first may be in doubt.
     fn resolve(
         &self,
         place: &Place,
@@ -265,8 +269,9 @@ fn step_to(raw: u16, counts: i32, limits: &RepairLimits) -> i32 {
     }
 }
 
-/// The axes whose step motion does not explain. What counts is the part of the step that neither standing still nor
-/// going on as `before` predicts; it must stand out from the other axes and from the axis's own last step.
+/// The axes whose step motion does not explain. What counts is the part of the step that neither
+/// standing still nor going on as `before` predicts; it must stand out from the other axes and from
+/// the axis's own last step.
 fn suspicion(step: [i32; 3], before: [i32; 3], limits: &RepairLimits) -> u8 {
     let odd: [i32; 3] = std::array::from_fn(|a| step[a].abs().min((step[a] - before[a]).abs()));
     let mut suspect = 0;

@@ -11,7 +11,8 @@ pub struct CalibrationReport {
     pub duration_ns: u64,
     /// Samples left out of the baseline.
     pub outliers: u64,
-    /// Taxels whose level moved during the window, as under a touch: their baseline is doubtful; re-zero untouched.
+    /// Taxels whose level moved during the window, as under a touch: their baseline is doubtful;
+    /// re-zero untouched.
     pub touched: u32,
     /// Taxels without a baseline, which will find their own once they speak.
     pub without_baseline: u32,

@@ -7,7 +7,8 @@ use super::repair::{RepairState, Verdict};
 use super::report::ConditionCounters;
 use taxel_hand::Faults;
 
-/// After a silence this long, and of more than four intervals, counts are anchored to the baseline instead of unwrapped.
+/// After a silence this long, and of more than four intervals, counts are anchored to the baseline
+/// instead of unwrapped.
 const GAP_NS: u64 = 500_000_000;
 /// Nearer to its baseline than this, counts squared, a taxel cannot be at rest on a wrong turn.
 const NEARLY_A_TURN_SQUARED: f64 = 64_000.0 * 64_000.0;
@@ -77,8 +78,9 @@ impl Track {
         }
     }
 
-    /// Takes a sample of time `t_ns` whose step is clear, at this squared `distance` from the baseline, if no rule can have
-    /// anything to say about it. Otherwise nothing has changed, and [`Taxel::handle_sample`] has to look.
+    /// Takes a sample of time `t_ns` whose step is clear, at this squared `distance` from the
+    /// baseline, if no rule can have anything to say about it. Otherwise nothing has changed, and
+    /// [`Taxel::handle_sample`] has to look.
     #[inline(always)]
     pub(super) fn follow(&mut self, t_ns: u64, moved: bool, distance: f64, limits: &HealthLimits) -> bool {
         let dt_ns = t_ns.wrapping_sub(self.last_ns);

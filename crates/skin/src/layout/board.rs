@@ -9,8 +9,8 @@ use crate::protocol::icub::setup::IcubSetup;
 use std::ops::Range;
 use toml::Spanned;
 
-/// Checks the keys `protocol`, `bus`, `board`, `icub` and `hub` of a module, and returns the wiring of its board, which no
-/// module before it has, with the place of its address in the file.
+/// Checks the keys `protocol`, `bus`, `board`, `icub` and `hub` of a module, and returns the wiring
+/// of its board, which no module before it has, with the place of its address in the file.
 pub(crate) fn accept_board(
     source: &Source<'_>,
     module: &FileModule,

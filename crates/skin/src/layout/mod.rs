@@ -67,7 +67,8 @@ impl Layout {
         BUILTIN.iter().find(|(n, _)| *n == name).map(|(_, text)| *text)
     }
 
-    /// The layout that a user names: a built-in hand, `grid:HxW`, or the path of a layout file, tried in this order.
+    /// The layout that a user names: a built-in hand, `grid:HxW`, or the path of a layout file,
+    /// tried in this order.
     pub fn resolve(name_or_path: &str) -> Result<Self, LayoutError> {
         if let Some(layout) = Self::builtin(name_or_path) {
             return Ok(layout);

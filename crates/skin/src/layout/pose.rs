@@ -40,8 +40,9 @@ impl FilePose {
     }
 }
 
-/// A module's pose and the name of its joint, or what is wrong with one of them, and where. Whether the joint is one of
-/// those that are read is not known here: the daemon's configuration says which are.
+/// A module's pose and the name of its joint, or what is wrong with one of them, and where. Whether
+/// the joint is one of those that are read is not known here: the daemon's configuration says which
+/// are.
 pub(crate) fn check_place(
     pose: Option<&Spanned<FilePose>>,
     joint: Option<&Spanned<String>>,

@@ -1,4 +1,5 @@
-//! What the checks of a layout file share: the file's modules, the places in its text, and what was accepted so far.
+//! What the checks of a layout file share: the file's modules, the places in its text, and what was
+//! accepted so far.
 
 use super::error::{LayoutError, LayoutProblem};
 use super::pose::FilePose;
@@ -83,7 +84,8 @@ impl<'a> Source<'a> {
     }
 }
 
-/// Places in the file and in the image of what was accepted so far, to find what a later module collides with.
+/// Places in the file and in the image of what was accepted so far, to find what a later module
+/// collides with.
 #[derive(Default)]
 pub(crate) struct Accepted {
     pub(crate) spans: Vec<Range<usize>>,

@@ -122,8 +122,8 @@ pub(crate) fn check_rotation(source: &Source<'_>, module: &FileModule) -> Result
     }
 }
 
-/// Where a cell lands when its tile is turned clockwise by this many quarters: `(row, column)` from the tile's new top
-/// left.
+/// Where a cell lands when its tile is turned clockwise by this many quarters: `(row, column)` from
+/// the tile's new top left.
 pub(crate) fn turn(row: usize, column: usize, rows: usize, columns: usize, quarters: u8) -> (usize, usize) {
     match quarters {
         0 => (row, column),

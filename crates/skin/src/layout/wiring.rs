@@ -6,8 +6,8 @@ use crate::protocol::icub::setup::IcubSetup;
 use crate::protocol::{Protocol, WiredBoard};
 use taxel_hand::{Geometry, Module};
 
-/// A hand: its [`Geometry`], which it is to all who do not ask for wires, and the wiring of its boards. Made from a
-/// layout file, or built in.
+/// A hand: its [`Geometry`], which it is to all who do not ask for wires, and the wiring of its
+/// boards. Made from a layout file, or built in.
 ///
 /// One module is one board, so a module's index also numbers its board.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,10 +18,10 @@ pub struct Layout {
     pub buses: Vec<String>,
     /// How each module's board is wired, in the order of [`Geometry::modules`].
     pub wiring: Vec<Wiring>,
-    /// The board's own number for each taxel, in the order of [`Geometry::taxels`], as [`Protocol::frame_id`] takes it:
-    /// `sda << 2 | chip` in L1 and L2, `sda << 4 | taxel` in L3, `triangle * 12 + pad` for the iCub, the sensor's number
-    /// for CySkin, the channel for `cpm-finger`; for an offline array its place in the module, and 0 in a
-    /// [`Layout::grid`].
+    /// The board's own number for each taxel, in the order of [`Geometry::taxels`], as
+    /// [`Protocol::frame_id`] takes it: `sda << 2 | chip` in L1 and L2, `sda << 4 | taxel` in L3,
+    /// `triangle * 12 + pad` for the iCub, the sensor's number for CySkin, the channel for
+    /// `cpm-finger`; for an offline array its place in the module, and 0 in a [`Layout::grid`].
     pub k: Vec<u8>,
     /// How the CySkin hubs of this hand speak; `None` where no module is of protocol `cyskin`.
     pub cyskin: Option<CyskinSetup>,
@@ -36,7 +36,8 @@ pub struct Wiring {
     pub board: u8,
     /// How its board speaks.
     pub protocol: Protocol,
-    /// How its board is configured before it is started; `Some` exactly for the protocols `icub-mtb3` and `icub-mtb4`.
+    /// How its board is configured before it is started; `Some` exactly for the protocols
+    /// `icub-mtb3` and `icub-mtb4`.
     pub icub: Option<IcubSetup>,
     /// Index of its hub in [`CyskinSetup::hubs`]; `Some` exactly for the protocol `cyskin`.
     pub hub: Option<u8>,
@@ -87,24 +88,25 @@ impl Layout {
         &self.k[module.taxel_range()]
     }
 
-    /// Standard id of the frames that carry this taxel and nothing else on its module's bus; `None` for an offline
-    /// array, and for boards that send several taxels in a frame.
+    /// Standard id of the frames that carry this taxel and nothing else on its module's bus; `None`
+    /// for an offline array, and for boards that send several taxels in a frame.
     pub fn can_id(&self, taxel: usize) -> Option<u16> {
         let wiring = self.wiring_of(taxel);
         wiring.protocol.can_id(wiring.board, self.k[taxel])
     }
 
-    /// The first module whose board has this address on this bus. L3 controllers are numbered apart from MTB boards,
-    /// hence the protocol; CySkin modules are numbered by hub, so that there may be others.
+    /// The first module whose board has this address on this bus. L3 controllers are numbered apart
+    /// from MTB boards, hence the protocol; CySkin modules are numbered by hub, so that there may
+    /// be others.
     pub fn board(&self, bus: u8, board: u8, protocol: Protocol) -> Option<usize> {
         self.wiring
             .iter()
             .position(|m| m.bus == bus && m.board == board && m.protocol.has_addresses_of(protocol))
     }
 
-    /// Frames that one sweep of every board puts on this bus. At 1 Mbit/s a bus carries 7,400 to 9,000 frames/s
-    /// (docs/protocols.md, "Bus timing"), which bounds the sweep rate. For CySkin it is an estimate: which
-    /// modules a hub puts into one packet is not public.
+    /// Frames that one sweep of every board puts on this bus. At 1 Mbit/s a bus carries 7,400 to
+    /// 9,000 frames/s (docs/protocols.md, "Bus timing"), which bounds the sweep rate. For CySkin it
+    /// is an estimate: which modules a hub puts into one packet is not public.
     pub fn frames_per_sweep(&self, bus: u8) -> usize {
         self.boards()
             .filter(|(_, _, wiring)| wiring.bus == bus)
@@ -143,7 +145,8 @@ impl Layout {
 }
 
 impl Wiring {
-    /// Sweeps per second of the board when it runs by itself, by what is public of it; `None` where nothing is.
+    /// Sweeps per second of the board when it runs by itself, by what is public of it; `None` where
+    /// nothing is.
     pub fn nominal_hz(&self) -> Option<f64> {
         self.protocol.0.nominal_hz(self.icub.as_ref())
     }

@@ -26,8 +26,8 @@ pub(crate) struct Properties {
     /// A board has taxel numbers `k = 0..taxel_numbers`.
     pub(crate) taxel_numbers: u8,
     pub(crate) measures: Measures,
-    /// The keys of a module in a layout file that say where its board is and how it is set up: `bus` and `board`, or
-    /// none for what is no board; beside them `icub` or `hub`.
+    /// The keys of a module in a layout file that say where its board is and how it is set up:
+    /// `bus` and `board`, or none for what is no board; beside them `icub` or `hub`.
     pub(crate) keys: &'static [&'static str],
     /// What kind of MTB its boards are, if they are MTBs.
     pub(crate) mtb: Option<Mtb>,
@@ -59,7 +59,8 @@ impl Properties {
 pub struct Measures {
     /// 3 for x, y and z. 1 where the only value is z, with x = y = 0; such counts do not wrap.
     pub axes: u8,
-    /// Bits of a value. With 8 the steps are so coarse that a healthy taxel at rest keeps one value for seconds.
+    /// Bits of a value. With 8 the steps are so coarse that a healthy taxel at rest keeps one value
+    /// for seconds.
     pub bits: u8,
 }
 
@@ -75,8 +76,9 @@ impl Measures {
 pub struct Mtb {
     /// What a board that speaks the protocol answers to be.
     pub kinds: &'static [BoardKind],
-    /// Whether it has to be configured before it is started, and sends on a period of its own from then on. Such a board
-    /// answers questions while it sends; the others can be started for every sweep.
+    /// Whether it has to be configured before it is started, and sends on a period of its own from
+    /// then on. Such a board answers questions while it sends; the others can be started for every
+    /// sweep.
     pub configured: bool,
 }
 
@@ -92,7 +94,8 @@ pub(crate) trait BoardProtocol: Sync {
         None
     }
 
-    /// The board and taxel number `(board, k)` that an id means, if its frames carry one taxel and nothing else.
+    /// The board and taxel number `(board, k)` that an id means, if its frames carry one taxel and
+    /// nothing else.
     fn taxel_of(&self, _id: u16) -> Option<(u8, u8)> {
         None
     }
@@ -148,7 +151,8 @@ pub(crate) trait BoardProtocol: Sync {
         }
     }
 
-    /// The arrangement to propose for a board with these taxels, ascending: as the makers draw it where they do.
+    /// The arrangement to propose for a board with these taxels, ascending: as the makers draw it
+    /// where they do.
     fn proposed_order(&self, taxels: &[u8]) -> Order {
         vec![taxels.iter().map(|k| i16::from(*k)).collect()]
     }
@@ -180,17 +184,18 @@ impl Protocol {
 
     /// Its board addresses.
     ///
-    /// MTBs have four address bits, of which 15 is the broadcast; to the iCub's, 0 is the host. L3's address is
-    /// `group << 4 | controller`, that of `cyskin` the module's number on its hub.
+    /// MTBs have four address bits, of which 15 is the broadcast; to the iCub's, 0 is the host.
+    /// L3's address is `group << 4 | controller`, that of `cyskin` the module's number on its hub.
     pub fn addresses(self) -> Range<u8> {
         self.0.properties().addresses.clone()
     }
 
     /// How many taxel numbers a board has, `k = 0..taxel_numbers()`.
     ///
-    /// In L1 and L2 `k = sda << 2 | chip`. In L3 `k = sda << 4 | taxel`; the manual's module uses taxels 0 to 5 of
-    /// each SDA line, so the numbers of a 4x6 module have gaps. iCub: `k = triangle * 12 + pad`, where some pads are
-    /// no taxels; CySkin: `k = sensor`, where 0 is the temperature ([`crate::Decoder::auxiliary`] has those).
+    /// In L1 and L2 `k = sda << 2 | chip`. In L3 `k = sda << 4 | taxel`; the manual's module uses
+    /// taxels 0 to 5 of each SDA line, so the numbers of a 4x6 module have gaps. iCub: `k =
+    /// triangle * 12 + pad`, where some pads are no taxels; CySkin: `k = sensor`, where 0 is the
+    /// temperature ([`crate::Decoder::auxiliary`] has those).
     pub fn taxel_numbers(self) -> u8 {
         self.0.properties().taxel_numbers
     }
@@ -200,8 +205,8 @@ impl Protocol {
         self.0.properties().measures
     }
 
-    /// What kind of MTB its boards are; `None` where they are no MTBs. XELA controllers (L3) send from power-up on and
-    /// no command is known (docs/protocols.md, "uSkin commands").
+    /// What kind of MTB its boards are; `None` where they are no MTBs. XELA controllers (L3) send
+    /// from power-up on and no command is known (docs/protocols.md, "uSkin commands").
     pub fn mtb(self) -> Option<Mtb> {
         self.0.properties().mtb
     }
@@ -216,12 +221,14 @@ impl Protocol {
         self.takes_key("bus")
     }
 
-    /// Whether a module of this protocol may have a key in its layout file: one of `bus`, `board`, `icub` and `hub`.
+    /// Whether a module of this protocol may have a key in its layout file: one of `bus`, `board`,
+    /// `icub` and `hub`.
     pub(crate) fn takes_key(self, key: &str) -> bool {
         self.0.properties().keys.contains(&key)
     }
 
-    /// Whether the first values after power-up are no measurements. An iCub board is calibrated before it speaks.
+    /// Whether the first values after power-up are no measurements. An iCub board is calibrated
+    /// before it speaks.
     pub(crate) fn settles(self) -> bool {
         self.0.properties().settles
     }
@@ -249,29 +256,29 @@ impl Protocol {
         self == other || (self.mtb().is_some() && other.mtb().is_some())
     }
 
-    /// Standard id of the frames that carry taxel `k` of a board and nothing else; `None` if the protocol has no such
-    /// board or taxel, or puts several taxels into a frame.
+    /// Standard id of the frames that carry taxel `k` of a board and nothing else; `None` if the
+    /// protocol has no such board or taxel, or puts several taxels into a frame.
     pub fn can_id(self, board: u8, k: u8) -> Option<u16> {
         self.frame_id(board, k)
             .filter(|id| self.taxel_of(*id) == Some((board, k)))
     }
 
-    /// Standard id of the frames that carry taxel `k` of a board, alone or with others; `None` if there is no such
-    /// board or taxel, and for `cyskin`, which has extended ids.
+    /// Standard id of the frames that carry taxel `k` of a board, alone or with others; `None` if
+    /// there is no such board or taxel, and for `cyskin`, which has extended ids.
     pub fn frame_id(self, board: u8, k: u8) -> Option<u16> {
         let known = self.addresses().contains(&board) && k < self.taxel_numbers();
         known.then(|| self.0.frame_id(board, k)).flatten()
     }
 
-    /// The board and taxel number `(board, k)` a standard id means; `None` if no taxel has frames of its own with
-    /// this id. It undoes [`Protocol::can_id`].
+    /// The board and taxel number `(board, k)` a standard id means; `None` if no taxel has frames
+    /// of its own with this id. It undoes [`Protocol::can_id`].
     pub fn taxel_of(self, id: u16) -> Option<(u8, u8)> {
         let known = |(board, _): &(u8, u8)| self.addresses().contains(board);
         self.0.taxel_of(id).filter(known)
     }
 
-    /// The board whose taxels' frames have this standard id; `None` if there is none. Several boards may claim one
-    /// under different protocols.
+    /// The board whose taxels' frames have this standard id; `None` if there is none. Several
+    /// boards may claim one under different protocols.
     pub fn board_of(self, id: u16) -> Option<u8> {
         let board = self.0.board_of(id).filter(|_| id <= 0x7FF);
         board.filter(|board| self.addresses().contains(board))
@@ -282,30 +289,31 @@ impl Protocol {
         self.mtb().map(|_| MtbCommand::start(board).id())
     }
 
-    /// A filter that passes the taxel frames of one board: exact for L1, L2 and the iCub; for L3 it passes every
-    /// taxel number, used or not, and for `cpm-finger` every id from 0x400 to 0x40F. `None` if the protocol has no such
-    /// board, and for `cyskin`, whose ids are the hub's.
+    /// A filter that passes the taxel frames of one board: exact for L1, L2 and the iCub; for L3 it
+    /// passes every taxel number, used or not, and for `cpm-finger` every id from 0x400 to 0x40F.
+    /// `None` if the protocol has no such board, and for `cyskin`, whose ids are the hub's.
     pub fn filter(self, board: u8) -> Option<IdFilter> {
         let mask = self.0.board_mask()?;
         self.frame_id(board, 0)
             .map(|id| IdFilter::standard(id & mask, mask))
     }
 
-    /// The frame that carries one taxel's value, as the board would send it: status, then x, y, z with the most
-    /// significant byte first, then `sda + 1` (docs/protocols.md, "uSkin payload"). `None` if there is no
-    /// such board or taxel, or the protocol puts several taxels into a frame.
+    /// The frame that carries one taxel's value, as the board would send it: status, then x, y, z
+    /// with the most significant byte first, then `sda + 1` (docs/protocols.md, "uSkin payload").
+    /// `None` if there is no such board or taxel, or the protocol puts several taxels into a frame.
     pub fn frame(self, board: u8, k: u8, counts: [u16; 3], status: u8) -> Option<CanFrame> {
         self.can_id(board, k)?;
         self.0.frame(board, k, counts, status)
     }
 
-    /// Whether a reading is at the end of its range: pressed beyond what the board can say, drifted or damaged. Not that
-    /// of a chip that does not answer ([`Protocol::is_silent_chip`]).
+    /// Whether a reading is at the end of its range: pressed beyond what the board can say, drifted
+    /// or damaged. Not that of a chip that does not answer ([`Protocol::is_silent_chip`]).
     pub fn is_saturated(self, reading: &TaxelReading) -> bool {
         self.0.is_saturated(reading)
     }
 
-    /// Whether a reading is what a chip gives that does not answer: all axes 0 or 65535. Taxels of one axis do not tell.
+    /// Whether a reading is what a chip gives that does not answer: all axes 0 or 65535. Taxels of
+    /// one axis do not tell.
     pub fn is_silent_chip(self, reading: &TaxelReading) -> bool {
         self.measures().axes > 1 && reading.counts.into_iter().all(at_end)
     }

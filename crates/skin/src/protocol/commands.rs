@@ -12,8 +12,8 @@ pub enum TxMode {
     Stop,
 }
 
-/// What can be sent to a board. Neither variant can be a class-7 frame: an MTB command is of class 2 by construction,
-/// and a hub's frames have extended ids, which no MTB takes.
+/// What can be sent to a board. Neither variant can be a class-7 frame: an MTB command is of class
+/// 2 by construction, and a hub's frames have extended ids, which no MTB takes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum BoardCommand {
     Mtb(MtbCommand),
@@ -62,11 +62,12 @@ pub(crate) struct Step {
 pub(crate) struct Sequences {
     /// From power-up to sending. Questions in it are left out once the board has answered.
     pub(crate) start: Vec<Step>,
-    /// For a board that was started and fell silent; tried once before it is started from the beginning, since
-    /// configuration calibrates the skin and so loses what touches it.
+    /// For a board that was started and fell silent; tried once before it is started from the
+    /// beginning, since configuration calibrates the skin and so loses what touches it.
     pub(crate) wake: Vec<Step>,
-    /// Whether a silent board is there at all; empty where it cannot be asked. Starting an iCub board takes more than half a
-    /// second, so one without power would often come back in the middle of it and hear only its end.
+    /// Whether a silent board is there at all; empty where it cannot be asked. Starting an iCub
+    /// board takes more than half a second, so one without power would often come back in the
+    /// middle of it and hear only its end.
     pub(crate) ask: Vec<Step>,
     /// How long after its answer it is configured anew, unless it is heard.
     pub(crate) grace_ns: u64,

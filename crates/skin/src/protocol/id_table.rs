@@ -8,8 +8,8 @@ use super::icub::decode::Triangle;
 use crate::reading::Readings;
 use taxel_can::IdFilter;
 
-/// The kinds of boards that have a decoder of their own, in a list and not behind a pointer: they are asked with every
-/// frame.
+/// The kinds of boards that have a decoder of their own, in a list and not behind a pointer: they
+/// are asked with every frame.
 #[derive(Debug, Clone)]
 pub(crate) enum KindDecoder {
     Icub(Triangle),

@@ -8,8 +8,8 @@
 //! | `cyskin` | packets of one or more extended frames, one axis of 16 bits | sensor on the module, 1 to 11 | as configured |
 //! | `cpm-finger` | four per sweep, one axis of 16 bits | channel | none known |
 //!
-//! A new protocol is a folder with an implementation of `BoardProtocol`, a constant and a line in the list. Nothing else
-//! in this crate asks which protocol it has before it.
+//! A new protocol is a folder with an implementation of `BoardProtocol`, a constant and a line in
+//! the list. Nothing else in this crate asks which protocol it has before it.
 
 pub(crate) mod board_decoder;
 pub(crate) mod board_protocol;
@@ -37,12 +37,14 @@ impl Protocol {
     pub const USKIN_L2: Self = Self(&uskin::L2);
     /// XELA controllers with `ctr_ver = 3`: id bits 10 group, 9-8 SDA, 7-4 taxel, 3-0 controller.
     pub const USKIN_L3: Self = Self(&uskin::L3);
-    /// iCub skin on an MTB3: id `0x400 | board << 4 | triangle`, twice per triangle and sweep, boards 1 to 14.
+    /// iCub skin on an MTB3: id `0x400 | board << 4 | triangle`, twice per triangle and sweep,
+    /// boards 1 to 14.
     pub const ICUB_MTB3: Self = Self(&icub::MTB3);
-    /// iCub skin on an MTB4: the frames of an MTB3, but a triangle that fails is calibrated anew by the board itself.
+    /// iCub skin on an MTB4: the frames of an MTB3, but a triangle that fails is calibrated anew by
+    /// the board itself.
     pub const ICUB_MTB4: Self = Self(&icub::MTB4);
-    /// One module of a CySkin hub: 29 bit ids, packets that several frames may carry. Much of it is not public and
-    /// has to be configured ([`crate::CyskinSetup`]).
+    /// One module of a CySkin hub: 29 bit ids, packets that several frames may carry. Much of it is
+    /// not public and has to be configured ([`crate::CyskinSetup`]).
     pub const CYSKIN: Self = Self(&cyskin::Cyskin);
     /// The published finger with CySkin-type sensors: ids 0x405, 0x407, 0x409, 0x40B, four values each.
     pub const CPM_FINGER: Self = Self(&cpm_finger::CpmFinger);
@@ -62,8 +64,9 @@ const LIST: &[Protocol] = &[
     Protocol::OFFLINE,
 ];
 
-/// What finds boards with standard ids in the traffic of an unknown bus, in the order in which they are asked: each takes
-/// out what it knows for certain before the next one guesses. CySkin's packets have extended ids and are apart.
+/// What finds boards with standard ids in the traffic of an unknown bus, in the order in which they
+/// are asked: each takes out what it knows for certain before the next one guesses. CySkin's
+/// packets have extended ids and are apart.
 pub(crate) const RECOGNISERS: &[Recognise] = &[
     icub::recognise::take_boards,
     uskin::recognise::take_boards,

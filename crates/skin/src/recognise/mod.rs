@@ -1,9 +1,11 @@
-//! From the traffic of unknown buses to a layout: which protocols are spoken, by which boards, with how many taxels.
+//! From the traffic of unknown buses to a layout: which protocols are spoken, by which boards, with
+//! how many taxels.
 //!
-//! An identifier alone says little, since the id layouts overlap: eight L2 boards are, by their ids, also eight L3
-//! controllers. So whole boards are looked for, and the content decides between layouts that explain the ids equally
-//! well: byte 7 is `sda + 1` in the Waseda firmware, the first bytes of an iCub triangle's frames are 0x40 and 0xC0, a
-//! CySkin packet has a checksum. What remains a guess is named in [`RecognisedBus::doubts`] and in the proposed file.
+//! An identifier alone says little, since the id layouts overlap: eight L2 boards are, by their
+//! ids, also eight L3 controllers. So whole boards are looked for, and the content decides between
+//! layouts that explain the ids equally well: byte 7 is `sda + 1` in the Waseda firmware, the first
+//! bytes of an iCub triangle's frames are 0x40 and 0xC0, a CySkin packet has a checksum. What
+//! remains a guess is named in [`RecognisedBus::doubts`] and in the proposed file.
 
 mod allegro;
 mod found;
@@ -21,8 +23,8 @@ use taxel_can::{CanFrame, EXTENDED_FLAG, Received};
 /// Most hubs with extended ids that are told apart on a bus.
 const MOST_HUBS: usize = 64;
 
-/// Listens to buses of which nothing is known. Give it every frame, without kernel filters; some sweeps of each board are
-/// enough. Its memory is bounded whatever the buses carry.
+/// Listens to buses of which nothing is known. Give it every frame, without kernel filters; some
+/// sweeps of each board are enough. Its memory is bounded whatever the buses carry.
 ///
 /// ```
 /// use taxel_can::Received;

@@ -12,8 +12,8 @@ use std::fmt::Write;
 /// Widest image that tiles are laid out in, pixels; a tile that is wider has its own row.
 const WIDTH: usize = 64;
 impl Recognition {
-    /// The text of a layout file for what was recognised, which [`Layout::parse`] accepts as it is; `None` where no board
-    /// was recognised. `buses` are the names of the buses.
+    /// The text of a layout file for what was recognised, which [`Layout::parse`] accepts as it is;
+    /// `None` where no board was recognised. `buses` are the names of the buses.
     ///
     /// Buses without boards are left out of the file.
     pub fn layout_file(&self, name: &str, buses: &[&str]) -> Option<String> {
@@ -42,7 +42,8 @@ impl Recognition {
         Some(text)
     }
 
-    /// The built-in hand with the same boards on as many buses, if there is one; its places are better than guesses.
+    /// The built-in hand with the same boards on as many buses, if there is one; its places are
+    /// better than guesses.
     pub fn builtin(&self) -> Option<&'static str> {
         let mut found: Vec<BTreeSet<(&str, u8, usize)>> = self
             .buses

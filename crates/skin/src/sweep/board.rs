@@ -1,10 +1,11 @@
-//! One board's side of sweep assembly: where its sweeps begin and end, how long they take, whether it is alive.
+//! One board's side of sweep assembly: where its sweeps begin and end, how long they take, whether
+//! it is alive.
 
 use super::period::Period;
 use crate::board_status::{BoardState, BoardStatus};
 
-/// A board heard again after at least this silence may have been powered up anew, so it settles again. Ten board
-/// periods where these are longer.
+/// A board heard again after at least this silence may have been powered up anew, so it settles
+/// again. Ten board periods where these are longer.
 const SETTLE_AGAIN_NS: u64 = 1_000_000_000;
 
 #[derive(Debug, Clone)]
@@ -65,7 +66,8 @@ impl Board {
         self.counters.period_ns = self.measured.measured_ns();
     }
 
-    /// Takes note that it speaks, and returns whether what it says is to be thrown away because it has just come up.
+    /// Takes note that it speaks, and returns whether what it says is to be thrown away because it
+    /// has just come up.
     pub(crate) fn is_settling(&mut self, t_ns: u64) -> bool {
         let settle_ns = self.settle_ns;
         let silence_ns = SETTLE_AGAIN_NS.max(10 * self.period_ns());
@@ -82,12 +84,12 @@ impl Board {
         t_ns < self.settled_at_ns
     }
 
-    /// Begins the next sweep if a reading of a taxel does not belong to the one under way. `before` is the time and the
-    /// sweep of the reading before it of the same taxel.
+    /// Begins the next sweep if a reading of a taxel does not belong to the one under way. `before`
+    /// is the time and the sweep of the reading before it of the same taxel.
     ///
-    /// A loaded bus spreads a sweep over a whole period, so its age alone does not end it. If it is 3/4 of a period old
-    /// and the taxel's last reading is half a period older than that reading's sweep explains, then the taxel was lost
-    /// in this sweep, and leads the next one.
+    /// A loaded bus spreads a sweep over a whole period, so its age alone does not end it. If it is
+    /// 3/4 of a period old and the taxel's last reading is half a period older than that reading's
+    /// sweep explains, then the taxel was lost in this sweep, and leads the next one.
     pub(crate) fn place(&mut self, t_ns: u64, before: Option<(u64, u64)>) {
         let period_ns = self.period_ns();
         let sweep_age_ns = t_ns.saturating_sub(self.sweep_start_ns);

@@ -1,24 +1,25 @@
 //! Sweep assembly: from readings, in any order and with gaps, to tactile frames.
 //!
-//! A board sends every taxel once per *board sweep*, without sequence number or time stamp, in an order that changes
-//! with the load of the bus (docs/protocols.md, "MTB3 firmware"). So everything here goes by taxel, never by
-//! order:
+//! A board sends every taxel once per *board sweep*, without sequence number or time stamp, in an
+//! order that changes with the load of the bus (docs/protocols.md, "MTB3 firmware"). So everything
+//! here goes by taxel, never by order:
 //!
 //! * The period of each board is the median of the times between two readings of the same taxel, unless it is
 //!   configured. The hand's period is that of its slowest living board.
 //! * A reading less than half a board period after the one before it of the same taxel is a `duplicate`.
-//! * A reading opens its board's next sweep if its taxel was already seen in the sweep under way, if it comes too late
-//!   to be the taxel's reading for that sweep, or if that sweep began one and a half board periods ago or earlier.
-//!   Taxels not seen by then are `missed`.
-//! * A tactile frame is taken either at any time (*timer* mode) or when every awaited taxel was renewed since the
-//!   last one, or at a deadline (*sweep* mode). Boards run on clocks of their own, so such a hand sweep holds parts of
-//!   two sweeps of most boards.
-//! * Boards that send in bursts, with gaps in which the whole hand is quiet, must not be cut in the middle of a burst:
-//!   the image would wait a period for the other half. A hand sweep that waits only for what is overdue ends when a
-//!   board begins its next sweep (see [`SweepAssembler::overtaken_by`]), and one that began in the middle of a burst
-//!   begins anew with the next burst.
-//! * A taxel that is left out of `silent_after_sweeps` hand sweeps in a row is not awaited until it speaks again, so
-//!   that a dead board or taxel does not hold up the living.
+//! * A reading opens its board's next sweep if its taxel was already seen in the sweep under way,
+//!   if it comes too late to be the taxel's reading for that sweep, or if that sweep began one and
+//!   a half board periods ago or earlier. Taxels not seen by then are `missed`.
+//! * A tactile frame is taken either at any time (*timer* mode) or when every awaited taxel was
+//!   renewed since the last one, or at a deadline (*sweep* mode). Boards run on clocks of their
+//!   own, so such a hand sweep holds parts of two sweeps of most boards.
+//! * Boards that send in bursts, with gaps in which the whole hand is quiet, must not be cut in the
+//!   middle of a burst: the image would wait a period for the other half. A hand sweep that waits
+//!   only for what is overdue ends when a board begins its next sweep (see
+//!   [`SweepAssembler::overtaken_by`]), and one that began in the middle of a burst begins anew
+//!   with the next burst.
+//! * A taxel that is left out of `silent_after_sweeps` hand sweeps in a row is not awaited until it
+//!   speaks again, so that a dead board or taxel does not hold up the living.
 
 mod board;
 mod config;
@@ -38,11 +39,13 @@ use taxel_hand::{Freshness, TactileFrame};
 pub enum Push {
     /// It renewed its taxel.
     Used,
-    /// Its taxel was renewed less than half a board period ago. The newest value is kept, and nothing else changes.
+    /// Its taxel was renewed less than half a board period ago. The newest value is kept, and
+    /// nothing else changes.
     Duplicate,
-    /// It came after its taxel had been published without it: in `sweep` mode after the deadline of its own sweep, in
-    /// `timer` mode after the taxel had been published as stale. Its value is kept with its true age; in `sweep` mode
-    /// it does not count for the next sweep. Also a reading older than its taxel's value, which is not kept.
+    /// It came after its taxel had been published without it: in `sweep` mode after the deadline of
+    /// its own sweep, in `timer` mode after the taxel had been published as stale. Its value is
+    /// kept with its true age; in `sweep` mode it does not count for the next sweep. Also a reading
+    /// older than its taxel's value, which is not kept.
     Late,
     /// Its board has just come up, so it was thrown away.
     Settling,
@@ -71,7 +74,8 @@ struct Slot {
     doubled: bool,
     /// Whether the hand sweep under way has it.
     renewed: bool,
-    /// Whether the last frame went out without a usable value: not renewed (`sweep` mode) or stale (`timer` mode).
+    /// Whether the last frame went out without a usable value: not renewed (`sweep` mode) or stale
+    /// (`timer` mode).
     left_out: bool,
     /// Whether a sweep waits for it.
     awaited: bool,
@@ -83,8 +87,9 @@ impl Slot {
     }
 }
 
-/// Collects readings and gives tactile frames. Its memory is allocated once; `push` and `is_complete` take constant
-/// time but for a look at every taxel once per burst, `take` takes time in the number of taxels.
+/// Collects readings and gives tactile frames. Its memory is allocated once; `push` and
+/// `is_complete` take constant time but for a look at every taxel once per burst, `take` takes time
+/// in the number of taxels.
 ///
 /// ```
 /// use taxel_can::CanFrame;
@@ -138,8 +143,8 @@ pub struct SweepAssembler {
 }
 
 impl SweepAssembler {
-    /// An assembler for the taxels of a layout. `sweep_mode` says how frames will be taken: when a sweep is complete
-    /// or at its deadline (`true`), or at the caller's own times (`false`).
+    /// An assembler for the taxels of a layout. `sweep_mode` says how frames will be taken: when a
+    /// sweep is complete or at its deadline (`true`), or at the caller's own times (`false`).
     pub fn new(layout: &Layout, config: &SweepConfig, sweep_mode: bool) -> Self {
         let slots: Vec<Slot> = layout
             .taxels
@@ -194,12 +199,14 @@ impl SweepAssembler {
         }
     }
 
-    /// `sweep` mode: whether a reading that is about to be pushed belongs to the next hand sweep, and all that the one
-    /// under way still waits for is lost: the caller takes a frame at `t_ns`, and then pushes the reading.
+    /// `sweep` mode: whether a reading that is about to be pushed belongs to the next hand sweep,
+    /// and all that the one under way still waits for is lost: the caller takes a frame at `t_ns`,
+    /// and then pushes the reading.
     ///
-    /// So it is if the reading's taxel was already renewed in this hand sweep, and every taxel waited for has not come
-    /// for one and a half periods of its board, or came twice within half a period. Boards that lose nothing never get there. Each
-    /// board has one say per hand sweep, with the first of its taxels that comes again; otherwise the deadline decides.
+    /// So it is if the reading's taxel was already renewed in this hand sweep, and every taxel
+    /// waited for has not come for one and a half periods of its board, or came twice within half a
+    /// period. Boards that lose nothing never get there. Each board has one say per hand sweep,
+    /// with the first of its taxels that comes again; otherwise the deadline decides.
     pub fn overtaken_by(&mut self, reading: &TaxelReading, t_ns: u64) -> bool {
         if !self.sweep_mode || self.pending == 0 {
             return false;
@@ -298,9 +305,9 @@ impl SweepAssembler {
         if late { Push::Late } else { Push::Used }
     }
 
-    /// The whole hand was quiet for a quarter of its period and speaks again. If the burst that ended there held the
-    /// end of one hand sweep and the beginning of the next, that beginning is forgotten: every taxel was in the burst,
-    /// so it is in the next one too.
+    /// The whole hand was quiet for a quarter of its period and speaks again. If the burst that
+    /// ended there held the end of one hand sweep and the beginning of the next, that beginning is
+    /// forgotten: every taxel was in the burst, so it is in the next one too.
     fn begin_burst(&mut self, t_ns: u64) {
         let ended_ns = self.burst_start_ns;
         self.burst_start_ns = t_ns;
@@ -329,11 +336,11 @@ impl SweepAssembler {
         self.pending
     }
 
-    /// `sweep` mode: when the frame under way must be taken even if it is incomplete, nanoseconds; `None` while no
-    /// reading for it has come, and in `timer` mode.
+    /// `sweep` mode: when the frame under way must be taken even if it is incomplete, nanoseconds;
+    /// `None` while no reading for it has come, and in `timer` mode.
     ///
-    /// With every board dead there is no deadline and so no frame: a caller that wants to say so takes one now and
-    /// then without being asked, in which every value is stale.
+    /// With every board dead there is no deadline and so no frame: a caller that wants to say so
+    /// takes one now and then without being asked, in which every value is stale.
     pub fn deadline_ns(&self) -> Option<u64> {
         let first = self.first_ns.filter(|_| self.sweep_mode)?;
         Some(first.saturating_add(self.deadline_after_ns()))
@@ -350,10 +357,11 @@ impl SweepAssembler {
 
     /// Writes the newest values into `frame` and begins the next sweep. `frame.joints` is left as it is.
     ///
-    /// Frames are numbered from 0. `t_ns` is the time of the newest reading since the last frame, or `now_ns` where
-    /// none came, and never goes back; ages count from it. A value is fresh if it is not older than `stale_after_ms`
-    /// at `now_ns` and, in `sweep` mode, came after the last frame and not late, or is younger than half a period of
-    /// its board: what was lost is never shown as new by repeating what was there before.
+    /// Frames are numbered from 0. `t_ns` is the time of the newest reading since the last frame,
+    /// or `now_ns` where none came, and never goes back; ages count from it. A value is fresh if it
+    /// is not older than `stale_after_ms` at `now_ns` and, in `sweep` mode, came after the last
+    /// frame and not late, or is younger than half a period of its board: what was lost is never
+    /// shown as new by repeating what was there before.
     pub fn take(&mut self, now_ns: u64, frame: &mut TactileFrame) {
         let taxels = self.slots.len();
         frame.counts.resize(taxels, [0; 3]);
@@ -419,8 +427,8 @@ impl SweepAssembler {
         self.boards.get(board as usize)?.counters.last_ns
     }
 
-    /// What a board (module index) has sent, as far as the assembly knows: without malformed frames, queue overflows
-    /// and restarts, which [`BoardStatus::gather`] adds.
+    /// What a board (module index) has sent, as far as the assembly knows: without malformed
+    /// frames, queue overflows and restarts, which [`BoardStatus::gather`] adds.
     pub fn board(&self, board: u16) -> BoardStatus {
         self.boards
             .get(board as usize)

@@ -7,10 +7,11 @@ const LONGEST_NS: u64 = 10_000_000_000;
 
 /// Running median of the times between two readings of the same taxel, over all taxels of one board.
 ///
-/// Each interval moves the estimate a small step, whose size does not depend on the interval. All intervals of a sweep
-/// together move it by 1/4 of itself at first and by 1/64 after sixteen sweeps; those that are off by more than half, as
-/// repetitions and what follows a lost frame are, by an eighth of that. Only if two sweeps' worth of intervals agree
-/// that it is far off, and at the start, it goes by halves until it meets one, and begins with large steps again.
+/// Each interval moves the estimate a small step, whose size does not depend on the interval. All
+/// intervals of a sweep together move it by 1/4 of itself at first and by 1/64 after sixteen
+/// sweeps; those that are off by more than half, as repetitions and what follows a lost frame are,
+/// by an eighth of that. Only if two sweeps' worth of intervals agree that it is far off, and at
+/// the start, it goes by halves until it meets one, and begins with large steps again.
 #[derive(Debug, Clone)]
 pub(crate) struct Period {
     estimate_ns: u64,
@@ -41,8 +42,8 @@ impl Period {
         }
     }
 
-    /// Takes the time between two successive readings of one taxel. Constant time. Less than half of the shortest
-    /// period is a repetition and nothing else.
+    /// Takes the time between two successive readings of one taxel. Constant time. Less than half
+    /// of the shortest period is a repetition and nothing else.
     pub(crate) fn measure(&mut self, interval_ns: u64) {
         if interval_ns < SHORTEST_NS / 2 {
             return;

@@ -155,7 +155,8 @@ fn a_wrong_turn_is_put_right_when_the_taxel_comes_to_rest_and_is_counted() {
     let mut skin = quiet(1);
     skin.calibrate();
     let rest = skin.truth[0];
-    // Down by 30,000 in slow steps, then a loss of frames in which it goes on by 40,000: the nearest way is up.
+    // Down by 30,000 in slow steps, then a loss of frames in which it goes on by 40,000: the
+    // nearest way is up.
     for i in 1..=30 {
         skin.truth[0][2] = rest[2] - 1_000 * i;
         skin.step();
@@ -191,8 +192,9 @@ fn a_wrong_turn_is_put_right_also_where_the_counts_are_within_the_border() {
     skin.noise = vec![[2, 2, 2]];
     skin.truth[0][2] = 65_530;
     skin.calibrate();
-    // Up by more than half a turn at once, which is taken for down, and back in two steps: a turn below the baseline. The taxel rests a
-    // few counts above where it did, so that neither its counts nor the baseline are beyond the border.
+    // Up by more than half a turn at once, which is taken for down, and back in two steps: a turn
+    // below the baseline. The taxel rests a few counts above where it did, so that neither its
+    // counts nor the baseline are beyond the border.
     for z in [105_530, 85_530, 65_540] {
         skin.truth[0][2] = z;
         skin.step();
@@ -274,7 +276,8 @@ fn with_unwrapping_off_counts_stay_as_the_board_sent_them() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// Smooth motion through wraps, with glitches: the repaired signal is never further from the truth than a sample's motion.
+    /// Smooth motion through wraps, with glitches: the repaired signal is never further from the
+    /// truth than a sample's motion.
     #[test]
     fn glitched_and_wrapped_signals_stay_with_the_truth(
         amplitudes in prop::array::uniform3(-60_000.0..60_000.0f64),

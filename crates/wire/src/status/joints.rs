@@ -1,5 +1,5 @@
-//! The joints in the status report. What a source of angles alone has to tell is a part of its own, which its first key
-//! tells from others.
+//! The joints in the status report. What a source of angles alone has to tell is a part of its own,
+//! which its first key tells from others.
 
 use super::report;
 use serde::{Deserialize, Serialize};
@@ -81,7 +81,8 @@ part! {
         low_latency: Option<bool>,
         /// Latency timer of an FTDI adapter, milliseconds.
         ftdi_latency_ms: Option<u32>,
-        /// After which silence of the daemon motors are switched off, milliseconds; null where nothing is written.
+        /// After which silence of the daemon motors are switched off, milliseconds; null where
+        /// nothing is written.
         watchdog_ms: Option<u32>,
         /// Writes that were confirmed.
         writes_ok: u64,

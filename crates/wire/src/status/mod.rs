@@ -1,7 +1,8 @@
 //! The status report: what a STATUS message holds, and what the control socket answers to `{"cmd":"status"}`.
 //!
-//! The daemon fills these, and programs parse them: `serde_json::from_slice::<Status>(text)`. A key that a daemon does
-//! not send has its default; one that is not known here is passed over. Counts are those since the daemon's start.
+//! The daemon fills these, and programs parse them: `serde_json::from_slice::<Status>(text)`. A key
+//! that a daemon does not send has its default; one that is not known here is passed over. Counts
+//! are those since the daemon's start.
 
 mod joints;
 

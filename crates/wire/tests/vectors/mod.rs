@@ -135,7 +135,8 @@ pub(crate) fn image_packet(image: &TactileImage, skipped: u32) -> Vec<u8> {
     [&header.to_bytes()[..], &payload].concat()
 }
 
-/// The description of a hand with two modules of two taxels and two absent pixels; where one module sits is known.
+/// The description of a hand with two modules of two taxels and two absent pixels; where one module
+/// sits is known.
 pub(crate) fn hello() -> Hello {
     let module = |name: &str, part: &str, first_taxel| HelloModule {
         name: name.into(),
@@ -191,7 +192,8 @@ pub(crate) fn hello() -> Hello {
     }
 }
 
-/// A tactile frame of two taxels and what conditioning made of it; of the joints only the angles and their ages are known.
+/// A tactile frame of two taxels and what conditioning made of it; of the joints only the angles
+/// and their ages are known.
 pub(crate) fn frame() -> (TactileFrame, ForceFrame) {
     let mut missing = Faults::NONE;
     missing.insert(Fault::Missing);

@@ -1,7 +1,8 @@
-//! The messages as version 1.0 made them: what later versions have to read, and what its readers were checked against.
+//! The messages as version 1.0 made them: what later versions have to read, and what its readers
+//! were checked against.
 //!
-//! Their files never change. What is encoded here is what a newer encoder makes of the same values, with 1.0's number in the
-//! header; RAW, which has grown, is the file itself.
+//! Their files never change. What is encoded here is what a newer encoder makes of the same values,
+//! with 1.0's number in the header; RAW, which has grown, is the file itself.
 
 use super::*;
 use taxel_wire::{Event, EventKind, Flags, MAX_MESSAGE, MINOR, Subscribe, split_text};

@@ -137,8 +137,8 @@ fn without_joints() -> TactileFrame {
     }
 }
 
-/// Of counts 33000, 31000 and 65535: a press of 1000.5, one beyond half a turn, and one around the border, whose baseline
-/// lies on the next turn.
+/// Of counts 33000, 31000 and 65535: a press of 1000.5, one beyond half a turn, and one around the
+/// border, whose baseline lies on the next turn.
 fn baselines() -> [[f32; 3]; 2] {
     [[31_999.5, 64_000.0, 65_540.25], [f32::NAN; 3]]
 }

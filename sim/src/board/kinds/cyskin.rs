@@ -20,7 +20,8 @@ const MODULES_PER_PACKET: usize = 4;
 /// Random numbers of the temperatures.
 const TEMPERATURE_STREAM: u64 = 0x7465;
 
-/// Counts that a newton moves z of a CySkin-type sensor by. No source says; an assumption, as are the levels below.
+/// Counts that a newton moves z of a CySkin-type sensor by. No source says; an assumption, as are
+/// the levels below.
 const COUNTS_PER_NEWTON: f64 = 2000.0;
 /// Idle level and noise deviation of CySkin-type sensors.
 const CAPACITANCE: Axis = Axis {
@@ -156,8 +157,8 @@ impl Hub {
         })
     }
 
-    /// The values of a module, all of them but those beyond `sensors_per_module`: sensor 0 is the temperature, and
-    /// sensors that are cut off read 0.
+    /// The values of a module, all of them but those beyond `sensors_per_module`: sensor 0 is the
+    /// temperature, and sensors that are cut off read 0.
     fn values(&self, module: &HubModule, moment: &Moment<'_>) -> impl Iterator<Item = [u8; 2]> {
         let sensors = usize::from(self.setup.sensors_per_module);
         module.taxels[..sensors]

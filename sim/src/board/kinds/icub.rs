@@ -27,8 +27,8 @@ const THERMAL_STREAM: u64 = 0x7468;
 /// What a thermal pad reads, and how far a minute's warmth and cold move it.
 const THERMAL: [f64; 2] = [150.0, 3.0];
 
-/// Steps of eight bits that a newton moves a pad by. No source says; it makes a firm press (6 N) reach the end of the
-/// range.
+/// Steps of eight bits that a newton moves a pad by. No source says; it makes a firm press (6 N)
+/// reach the end of the range.
 const STEPS_PER_NEWTON: f64 = 40.0;
 /// A pad after calibration, away from its no-load value, steps.
 const PAD: Axis = Axis {

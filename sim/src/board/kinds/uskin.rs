@@ -112,7 +112,8 @@ impl Firmware for Uskin {
         }
     }
 
-    /// Replies to the configuration of the sensor chips, one per chip of a line, in frames that look like data.
+    /// Replies to the configuration of the sensor chips, one per chip of a line, in frames that
+    /// look like data.
     fn boot(&mut self, send: &mut dyn FnMut(u8, [u8; 8])) {
         if self.boot_replies && !self.xela {
             (0..4).for_each(|chip| send(chip, [0; 8]));

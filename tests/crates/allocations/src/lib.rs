@@ -1,6 +1,7 @@
 //! Counts what a thread allocates, for tests that there is nothing to count.
 //!
-//! A test makes [`Counting`] its `#[global_allocator]`; without that, [`during`] panics instead of counting nothing.
+//! A test makes [`Counting`] its `#[global_allocator]`; without that, [`during`] panics instead of
+//! counting nothing.
 #![allow(unsafe_code)] // An allocator can only be counted by implementing `GlobalAlloc`.
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -13,7 +14,8 @@ thread_local! {
     static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
 }
 
-/// What `work` gives, and how often this thread asked for memory or gave it back meanwhile: both can take long.
+/// What `work` gives, and how often this thread asked for memory or gave it back meanwhile: both
+/// can take long.
 pub fn during<T>(work: impl FnOnce() -> T) -> (T, u64) {
     let start = ALLOCATIONS.get();
     drop(std::hint::black_box(Box::new(1)));
@@ -31,8 +33,8 @@ fn count() {
     ALLOCATIONS.set(ALLOCATIONS.get() + 1);
 }
 
-// SAFETY: every call is handed on to the system's allocator unchanged; counting touches only a number of this thread,
-// which needs neither memory nor a destructor.
+// SAFETY: every call is handed on to the system's allocator unchanged; counting touches only a
+// number of this thread, which needs neither memory nor a destructor.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count();

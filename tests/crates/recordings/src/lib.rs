@@ -1,7 +1,7 @@
 //! The real recordings, where they are: in `$TAXEL_DATA`, or in `shared/data` beside the repository.
 //!
-//! They belong to others and are not part of the repository. A test that finds none says so with a line that begins with `SKIPPED:`, which
-//! `tests/run` counts, and returns.
+//! They belong to others and are not part of the repository. A test that finds none says so with a
+//! line that begins with `SKIPPED:`, which `tests/run` counts, and returns.
 
 use ndarray::Array2;
 use ndarray_npy::NpzReader;

@@ -1,5 +1,6 @@
-//! Times `Kmeans1d` and the crate `ckmeans` on the same values: `peer-kernels FRAMES.npz K` on the contacts of exported frames,
-//! `peer-kernels --made-up K` on made-up values. Prints one JSON object. Times include sorting on both sides.
+//! Times `Kmeans1d` and the crate `ckmeans` on the same values: `peer-kernels FRAMES.npz K` on the
+//! contacts of exported frames, `peer-kernels --made-up K` on made-up values. Prints one JSON
+//! object. Times include sorting on both sides.
 
 use ndarray::Array2;
 use ndarray_npy::NpzReader;
@@ -70,7 +71,8 @@ fn made_up(clusters: u8) -> Value {
     sizes.map(of_size).into()
 }
 
-/// The microseconds of each kernel for every frame, the least of some passes, and its error over that of `Kmeans1d`.
+/// The microseconds of each kernel for every frame, the least of some passes, and its error over
+/// that of `Kmeans1d`.
 fn compare(frames: &[Vec<f64>], clusters: u8) -> Value {
     let most = frames.iter().map(Vec::len).max().unwrap_or(1);
     let mut kernel = Kernel::new(most, clusters);

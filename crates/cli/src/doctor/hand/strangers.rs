@@ -9,7 +9,8 @@ use taxel_diagnose::speaks_on;
 use taxel_joints::{AllegroConfig, AllegroDecoder, AllegroFrame};
 use taxel_skin::{Finding, Layout, Protocol};
 
-/// Frames that are nothing of this hand's: boards of the same protocol at other addresses, an Allegro hand, others.
+/// Frames that are nothing of this hand's: boards of the same protocol at other addresses, an
+/// Allegro hand, others.
 pub(super) fn check(layout: &Layout, bus: u8, hand: &HandFacts) -> Vec<Check> {
     let facts = &hand.buses[usize::from(bus)];
     let mut checks = Vec::new();

@@ -1,7 +1,8 @@
 //! What sysfs and the kernel say of the CAN interfaces.
 //!
-//! Whether an interface exists, is CAN and is up, and what it has counted, is in sysfs. Bit timing, controller state and
-//! `restart-ms` are only told by netlink; where that may not be asked these stay unknown and the report says so.
+//! Whether an interface exists, is CAN and is up, and what it has counted, is in sysfs. Bit timing,
+//! controller state and `restart-ms` are only told by netlink; where that may not be asked these
+//! stay unknown and the report says so.
 
 use super::netlink::LinkDetails;
 use std::path::Path;

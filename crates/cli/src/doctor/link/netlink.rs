@@ -1,7 +1,9 @@
-//! What the kernel tells of a CAN interface over netlink: its kind, controller state, bit timing and restarts.
+//! What the kernel tells of a CAN interface over netlink: its kind, controller state, bit timing
+//! and restarts.
 //!
-//! `ip -details -statistics link show` asks the same question. socketcan's `nl::CanInterface` does too, but keeps neither the
-//! kind nor the counts of bus-off and restarts of the answer, which are nowhere else.
+//! `ip -details -statistics link show` asks the same question. socketcan's `nl::CanInterface` does
+//! too, but keeps neither the kind nor the counts of bus-off and restarts of the answer, which are
+//! nowhere else.
 
 use anyhow::{Context, bail};
 use nix::libc;

@@ -110,8 +110,8 @@ fn soft_limit(limits: &str, name: &str) -> Option<u64> {
     }
 }
 
-/// A unit file and, after it, its drop-ins: what is said later counts. Drop-ins are taken by file name, one in a later
-/// folder in place of one of the same name before (systemd.unit(5)).
+/// A unit file and, after it, its drop-ins: what is said later counts. Drop-ins are taken by file
+/// name, one in a later folder in place of one of the same name before (systemd.unit(5)).
 fn unit_with_drop_ins(root: &Path, unit: &Path) -> String {
     let folders = [
         "lib/systemd/system",

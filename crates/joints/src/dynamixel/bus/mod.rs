@@ -1,9 +1,10 @@
 //! What is asked of the servos when, and what their answers mean: no I/O and no clock.
 //!
-//! [`Bus`] runs one cycle after the other. A cycle asks every servo that is alive for the twelve bytes from Present PWM
-//! to Present Position, with a sync read or a fast sync read, and at most one of them for something slower (voltage,
-//! temperature, hardware error, identity). It ends when all have answered or at its deadline, with one `Result` per
-//! servo: what one servo does wrong never hides another.
+//! [`Bus`] runs one cycle after the other. A cycle asks every servo that is alive for the twelve
+//! bytes from Present PWM to Present Position, with a sync read or a fast sync read, and at most
+//! one of them for something slower (voltage, temperature, hardware error, identity). It ends when
+//! all have answered or at its deadline, with one `Result` per servo: what one servo does wrong
+//! never hides another.
 
 mod cycle;
 mod pass;

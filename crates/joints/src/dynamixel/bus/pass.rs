@@ -100,8 +100,9 @@ impl Pass {
         self.order.iter().position(|s| *s == servo)
     }
 
-    /// Whether the servo at this position was silent for sure: it did not answer though one behind it did, or it is the
-    /// first in the row of those at the end that did not. Those behind it may only have waited for it.
+    /// Whether the servo at this position was silent for sure: it did not answer though one behind
+    /// it did, or it is the first in the row of those at the end that did not. Those behind it may
+    /// only have waited for it.
     pub(crate) fn is_silent(&self, position: usize) -> bool {
         self.answers[position] == Answer::Awaited && position <= self.first_unheard()
     }

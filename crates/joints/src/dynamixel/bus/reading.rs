@@ -7,14 +7,15 @@ use crate::dynamixel::registers::{angle_rad, pwm_share, velocity_rad_s};
 /// One joint in one cycle.
 #[derive(Debug, Default, Clone, Copy, PartialEq)]
 pub struct JointReading {
-    /// When the servo's answer began on the bus, by the caller's clock, nanoseconds: computed from the time of the
-    /// request and the bytes before the answer, and never after the answer came.
+    /// When the servo's answer began on the bus, by the caller's clock, nanoseconds: computed from
+    /// the time of the request and the bytes before the answer, and never after the answer came.
     pub t_ns: u64,
     /// The joint's angle, radians: homed, and in the joint's direction.
     pub angle_rad: f64,
     /// The joint's velocity in its direction, rad/s.
     pub velocity_rad_s: f64,
-    /// Motor current in the joint's direction, amperes; `None` while the model is not known or if it has no sensor.
+    /// Motor current in the joint's direction, amperes; `None` while the model is not known or if
+    /// it has no sensor.
     pub current_a: Option<f64>,
     /// Share of full PWM in the joint's direction, -1 to 1.
     pub pwm: f64,

@@ -6,11 +6,12 @@ use crate::dynamixel::registers::address;
 /// What a servo can be told.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum WriteCommand {
-    /// Switch the motor on or off. Before it is switched on, the servo's bus watchdog is armed: a servo that hears
-    /// nothing for the configured time stops its motor and refuses goals until torque is enabled anew.
+    /// Switch the motor on or off. Before it is switched on, the servo's bus watchdog is armed: a
+    /// servo that hears nothing for the configured time stops its motor and refuses goals until
+    /// torque is enabled anew.
     Torque(bool),
-    /// Goal PWM (address 100), counts of 0.113 %, -885 to 885, in the servo's own direction; only of a motor that was
-    /// switched on with `Torque`, so that its watchdog is armed.
+    /// Goal PWM (address 100), counts of 0.113 %, -885 to 885, in the servo's own direction; only
+    /// of a motor that was switched on with `Torque`, so that its watchdog is armed.
     GoalPwm(i16),
 }
 

@@ -1,7 +1,8 @@
 //! The checksum of Protocol 2.0.
 
-/// CRC-16 with polynomial 0x8005, initial value 0, no reflection and no final exclusive or ("BUYPASS"), continued
-/// from `crc` over `bytes`. A packet's CRC goes from its header to its last parameter, after stuffing.
+/// CRC-16 with polynomial 0x8005, initial value 0, no reflection and no final exclusive or
+/// ("BUYPASS"), continued from `crc` over `bytes`. A packet's CRC goes from its header to its last
+/// parameter, after stuffing.
 pub fn crc16(crc: u16, bytes: &[u8]) -> u16 {
     bytes.iter().fold(crc, |crc, byte| {
         crc << 8 ^ TABLE[usize::from((crc >> 8) as u8 ^ byte)]

@@ -79,7 +79,8 @@ impl Encoder {
         self.sync(Instruction::FastSyncRead, address, length, ids)
     }
 
-    /// Write the same bytes of several servos; nobody answers. `None` too if the servos' data differ in length.
+    /// Write the same bytes of several servos; nobody answers. `None` too if the servos' data
+    /// differ in length.
     pub fn sync_write(&mut self, address: u16, data: &[Assignment<'_>]) -> Option<&[u8]> {
         let length = data.first().map_or(0, |a| a.data.len());
         if data.iter().any(|a| a.data.len() != length) {

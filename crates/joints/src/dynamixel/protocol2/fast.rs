@@ -4,10 +4,11 @@ use super::{BROADCAST_ID, FAST_BLOCK_OVERHEAD, HEADER, Instruction, PREFIX_BYTES
 
 /// Takes the reply to a fast sync read apart, servo by servo, also if it broke off.
 ///
-/// The reply is `FF FF FD 00 FE LEN LEN 55` and then, per servo, `ERR ID data CRC CRC`. Each CRC covers the packet from
-/// its header to there, the CRCs before it included, and nothing is stuffed. It ends where the first servo is
-/// missing. After a block whose CRC is wrong, the next one is checked from the CRC that the damaged one brought: a
-/// servo computes its own CRC from what it heard on the bus, so that one damaged block does not hide those behind it.
+/// The reply is `FF FF FD 00 FE LEN LEN 55` and then, per servo, `ERR ID data CRC CRC`. Each CRC
+/// covers the packet from its header to there, the CRCs before it included, and nothing is stuffed.
+/// It ends where the first servo is missing. After a block whose CRC is wrong, the next one is
+/// checked from the CRC that the damaged one brought: a servo computes its own CRC from what it
+/// heard on the bus, so that one damaged block does not hide those behind it.
 #[derive(Debug, Clone)]
 pub struct FastBlocks<'a> {
     rest: &'a [u8],
@@ -29,8 +30,8 @@ pub struct FastBlock<'a> {
 }
 
 impl<'a> FastBlocks<'a> {
-    /// `raw`: the packet from its header on, whole or broken off; `data`: bytes asked of each servo. `None` if it does
-    /// not begin like the reply to a fast read.
+    /// `raw`: the packet from its header on, whole or broken off; `data`: bytes asked of each
+    /// servo. `None` if it does not begin like the reply to a fast read.
     pub fn new(raw: &'a [u8], data: u16) -> Option<Self> {
         let head = raw.get(..PREFIX_BYTES + 1)?;
         let is_reply = head.starts_with(&HEADER)
@@ -65,8 +66,8 @@ impl<'a> Iterator for FastBlocks<'a> {
     }
 }
 
-/// Writes the reply to a fast sync read into `out`, for a simulated bus. `asked` servos were asked (which sets
-/// LEN); `blocks` are those that answer, each with its id, ERR byte and data.
+/// Writes the reply to a fast sync read into `out`, for a simulated bus. `asked` servos were asked
+/// (which sets LEN); `blocks` are those that answer, each with its id, ERR byte and data.
 pub fn encode_fast_reply<'a>(
     out: &mut Vec<u8>,
     asked: usize,

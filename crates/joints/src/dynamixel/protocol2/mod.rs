@@ -1,7 +1,8 @@
 //! Dynamixel Protocol 2.0 as bytes: packets written, read from a stream, and taken apart. No I/O, no clock.
 //!
-//! A packet is `FF FF FD 00 ID LEN LEN INST [ERR] parameters CRC CRC`; LEN counts everything after itself, and each
-//! `FF FF FD` from INST to the last parameter is written as `FF FF FD FD` (ROBOTIS e-Manual, "Protocol 2.0").
+//! A packet is `FF FF FD 00 ID LEN LEN INST [ERR] parameters CRC CRC`; LEN counts everything after
+//! itself, and each `FF FF FD` from INST to the last parameter is written as `FF FF FD FD` (ROBOTIS
+//! e-Manual, "Protocol 2.0").
 
 mod crc;
 mod encode;

@@ -2,11 +2,12 @@
 
 use super::{BROADCAST_ID, HEADER, Instruction, MAX_ID, PREFIX_BYTES, crc16};
 
-/// Finds packets in a stream of bytes: half packets, noise, false headers and damaged lengths cost the bytes they
-/// damaged and no more than that.
+/// Finds packets in a stream of bytes: half packets, noise, false headers and damaged lengths cost
+/// the bytes they damaged and no more than that.
 ///
-/// A packet whose CRC is wrong is given back as [`BadCrc`] and only its first byte is skipped, so that a good packet
-/// behind a damaged length is found. Memory is fixed when it is made: twice the longest packet.
+/// A packet whose CRC is wrong is given back as [`BadCrc`] and only its first byte is skipped, so
+/// that a good packet behind a damaged length is found. Memory is fixed when it is made: twice the
+/// longest packet.
 #[derive(Debug, Clone)]
 pub struct Parser {
     buffer: Box<[u8]>,
@@ -35,8 +36,8 @@ pub struct Packet<'a> {
     pub id: u8,
     /// The instruction byte; see [`Instruction::from_byte`].
     pub instruction: u8,
-    /// What follows the instruction, without stuffing and CRC. A status packet's first is its ERR byte. The reply
-    /// to a fast read is not stuffed and stands here as it came.
+    /// What follows the instruction, without stuffing and CRC. A status packet's first is its ERR
+    /// byte. The reply to a fast read is not stuffed and stands here as it came.
     pub parameters: &'a [u8],
     /// The whole packet as it was on the bus.
     pub raw: &'a [u8],
@@ -52,8 +53,8 @@ pub struct BadCrc<'a> {
 }
 
 impl Parser {
-    /// A parser for packets whose LEN is at most `longest` (3 to 65,535). A header with a larger one is noise: the
-    /// tighter this bound, the fewer bytes a damaged length can hold up.
+    /// A parser for packets whose LEN is at most `longest` (3 to 65,535). A header with a larger
+    /// one is noise: the tighter this bound, the fewer bytes a damaged length can hold up.
     pub fn new(longest: usize) -> Self {
         let longest = longest.clamp(3, usize::from(u16::MAX));
         Self {
@@ -83,8 +84,8 @@ impl Parser {
         self.counters
     }
 
-    /// Room for more bytes, at least one longest packet if [`Parser::next_packet`] has been called until it gave
-    /// `None`. Say with [`Parser::filled`] how many were put there.
+    /// Room for more bytes, at least one longest packet if [`Parser::next_packet`] has been called
+    /// until it gave `None`. Say with [`Parser::filled`] how many were put there.
     pub fn space(&mut self) -> &mut [u8] {
         if self.start > 0 {
             self.buffer.copy_within(self.start..self.end, 0);
@@ -162,8 +163,8 @@ impl Parser {
     }
 
     /// Gives up waiting for the end of the packet that has begun, for instance at a deadline. Call
-    /// [`Parser::next_packet`] again afterwards: whole packets may stand behind its damaged length. Says whether
-    /// there was one.
+    /// [`Parser::next_packet`] again afterwards: whole packets may stand behind its damaged length.
+    /// Says whether there was one.
     pub fn give_up(&mut self) -> bool {
         if self.incomplete().is_empty() {
             return false;

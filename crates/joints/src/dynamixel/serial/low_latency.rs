@@ -58,8 +58,8 @@ pub(crate) fn set_low_latency(port: BorrowedFd<'_>) -> io::Result<()> {
         port_high: 0,
         iomap_base: 0,
     };
-    // SAFETY: the descriptor is open while it is borrowed, and the kernel writes one serial_struct, whose layout this
-    // is, into memory that lives through the call.
+    // SAFETY: the descriptor is open while it is borrowed, and the kernel writes one serial_struct,
+    // whose layout this is, into memory that lives through the call.
     unsafe { tiocgserial(port.as_raw_fd(), &mut serial) }?;
     serial.flags |= ASYNC_LOW_LATENCY;
     // SAFETY: as above; the kernel reads the structure it has filled itself.

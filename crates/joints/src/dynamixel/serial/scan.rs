@@ -24,8 +24,8 @@ pub struct FoundServo {
 const PER_ID_NS: u64 = 3_000_000;
 const ANSWER_BYTES: usize = 14;
 
-/// Pings all servos of a bus and lists those that answer, by id. It takes about a second, and nothing else may use
-/// the port meanwhile.
+/// Pings all servos of a bus and lists those that answer, by id. It takes about a second, and
+/// nothing else may use the port meanwhile.
 pub fn scan(path: &Path, baud: u32) -> Result<Vec<FoundServo>, PortError> {
     let mut port = Port::open(path, baud)?;
     port.write(Encoder::default().ping(BROADCAST_ID))?;

@@ -19,8 +19,9 @@ pub struct SerialBus {
 }
 
 impl SerialBus {
-    /// Opens the port and prepares `bus` for it. `margin_ns`, if given, is how long an answer may take beyond its time on
-    /// the wire; without it, an FTDI adapter's own timer decides where there is one.
+    /// Opens the port and prepares `bus` for it. `margin_ns`, if given, is how long an answer may
+    /// take beyond its time on the wire; without it, an FTDI adapter's own timer decides where
+    /// there is one.
     pub fn open(path: &Path, baud: u32, margin_ns: Option<u64>, bus: &mut Bus) -> Result<Self, PortError> {
         let port = Port::open(path, baud)?;
         bus.port_opened();

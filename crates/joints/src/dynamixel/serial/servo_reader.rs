@@ -98,8 +98,8 @@ struct Shared {
 
 /// Reads servos on a serial port in a thread of its own, for ever: a port that goes away is opened again.
 ///
-/// Nothing here waits for the thread longer than it takes to copy a few hundred bytes, and nothing allocates per
-/// cycle. Dropping it ends the thread; motors it has switched on are switched off.
+/// Nothing here waits for the thread longer than it takes to copy a few hundred bytes, and nothing
+/// allocates per cycle. Dropping it ends the thread; motors it has switched on are switched off.
 #[derive(Debug)]
 pub struct ServoReader {
     shared: Arc<Mutex<Shared>>,
@@ -120,7 +120,8 @@ impl ServoReader {
         Self::start_with(config, || {})
     }
 
-    /// The same, and the thread calls `first` before anything else: to take a real-time priority, for example.
+    /// The same, and the thread calls `first` before anything else: to take a real-time priority,
+    /// for example.
     pub fn start_with(
         config: &DynamixelConfig,
         first: impl FnOnce() + Send + 'static,
@@ -186,13 +187,15 @@ impl ServoReader {
         lock(&self.shared).snapshot.clone()
     }
 
-    /// The same into memory that is there already; allocates nothing if it came from [`ServoReader::snapshot`].
+    /// The same into memory that is there already; allocates nothing if it came from
+    /// [`ServoReader::snapshot`].
     pub fn snapshot_into(&self, into: &mut ServoSnapshot) {
         into.clone_from_snapshot(&lock(&self.shared).snapshot);
     }
 
-    /// Every joint's angle at `t_ns` (`CLOCK_MONOTONIC`), interpolated between readings, into `angles`; `None` for a
-    /// joint that was never read. `angles` has one place per joint; surplus places are left alone.
+    /// Every joint's angle at `t_ns` (`CLOCK_MONOTONIC`), interpolated between readings, into
+    /// `angles`; `None` for a joint that was never read. `angles` has one place per joint; surplus
+    /// places are left alone.
     pub fn angles_at(&self, t_ns: u64, angles: &mut [Option<AngleAt>]) {
         let shared = lock(&self.shared);
         for (joint, angle) in angles.iter_mut().enumerate().take(shared.history.joints()) {
@@ -200,9 +203,10 @@ impl ServoReader {
         }
     }
 
-    /// Copies the readings that are kept, if there were cycles after the first `seen` of them. Returns how many cycles
-    /// they are of, which is `seen` where nothing was copied. Never waits: while the thread is at its readings nothing is
-    /// copied. Allocates nothing where `into` has the memory for them ([`crate::SourceConfig::readings_kept`]).
+    /// Copies the readings that are kept, if there were cycles after the first `seen` of them.
+    /// Returns how many cycles they are of, which is `seen` where nothing was copied. Never waits:
+    /// while the thread is at its readings nothing is copied. Allocates nothing where `into` has
+    /// the memory for them ([`crate::SourceConfig::readings_kept`]).
     pub fn try_history_since(&self, seen: u64, into: &mut JointHistory) -> u64 {
         if self.published.load(Ordering::Acquire) == seen {
             return seen;
@@ -221,9 +225,9 @@ impl ServoReader {
         lock(&self.shared).port.clone()
     }
 
-    /// Has a servo told something after the next cycle; refused unless the configuration allows writing. Commands that
-    /// wait when the port is lost are forgotten. Returns the number under which [`ServoReader::written`] tells what
-    /// became of it.
+    /// Has a servo told something after the next cycle; refused unless the configuration allows
+    /// writing. Commands that wait when the port is lost are forgotten. Returns the number under
+    /// which [`ServoReader::written`] tells what became of it.
     pub fn command(&self, joint: usize, command: WriteCommand) -> Result<u64, WriteRefused> {
         if !self.allow_writes {
             return Err(WriteRefused::ReadOnly);
@@ -239,8 +243,8 @@ impl ServoReader {
         Ok(number)
     }
 
-    /// What became of the newest command to a servo that is done with; commands to one servo end in the order in which
-    /// they were given.
+    /// What became of the newest command to a servo that is done with; commands to one servo end in
+    /// the order in which they were given.
     pub fn written(&self, joint: usize) -> Option<Written> {
         lock(&self.shared).snapshot.servos.get(joint)?.written
     }

@@ -11,7 +11,8 @@ use taxel_can::monotonic_ns;
 /// How long each id may take to answer a broadcast ping, as in ROBOTIS's SDK.
 const PER_ID_NS: u64 = 3_000_000;
 const PING_ANSWER_BYTES: usize = 14;
-/// How long one servo may take to answer a ping beyond its time on the wire; an FTDI adapter's timer is 16 ms.
+/// How long one servo may take to answer a ping beyond its time on the wire; an FTDI adapter's
+/// timer is 16 ms.
 const PING_MARGIN_NS: u64 = 40_000_000;
 /// The same for a read, of which only servos are asked that answered a ping: longer, for a busy machine.
 const READ_MARGIN_NS: u64 = 100_000_000;
@@ -27,9 +28,11 @@ pub struct SurveyedServo {
     pub model_number: u16,
     /// Its Firmware Version.
     pub firmware: u8,
-    /// How many answers to one ping came with this id, damaged ones included; more than one is two servos with one id.
+    /// How many answers to one ping came with this id, damaged ones included; more than one is two
+    /// servos with one id.
     pub answers: u32,
-    /// Model, firmware, baud rate, return delay time and drive mode; `None` where the servo did not answer a read.
+    /// Model, firmware, baud rate, return delay time and drive mode; `None` where the servo did not
+    /// answer a read.
     pub identity: Option<ServoIdentity>,
     /// Whether its motor is on.
     pub torque_enabled: Option<bool>,
@@ -62,8 +65,9 @@ struct Surveyor {
     damaged: u32,
 }
 
-/// Asks a bus who is on it (a ping to everybody, then one to each of `expected` that did not answer) and reads what
-/// each servo says of itself. It takes one to two seconds, and nothing else may use the port meanwhile.
+/// Asks a bus who is on it (a ping to everybody, then one to each of `expected` that did not
+/// answer) and reads what each servo says of itself. It takes one to two seconds, and nothing else
+/// may use the port meanwhile.
 pub fn survey(path: &Path, baud: u32, expected: &[u8]) -> Result<BusSurvey, PortError> {
     let port = Port::open(path, baud)?;
     let latency = port.latency();
@@ -174,7 +178,8 @@ impl Surveyor {
         Ok(())
     }
 
-    /// Reads what comes by `end_ns`, or what has come by then although this thread was held up; `None` if nothing has.
+    /// Reads what comes by `end_ns`, or what has come by then although this thread was held up;
+    /// `None` if nothing has.
     fn read_until(&mut self, end_ns: u64) -> Result<Option<usize>, PortError> {
         let left_ns = end_ns.saturating_sub(monotonic_ns());
         let n = self

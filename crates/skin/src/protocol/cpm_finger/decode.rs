@@ -75,8 +75,8 @@ impl BoardDecoder for Finger {
     }
 }
 
-/// The five frames of one sweep of the finger, as it sends them: 16 values by channel, two of proximity. For simulators
-/// and tests.
+/// The five frames of one sweep of the finger, as it sends them: 16 values by channel, two of
+/// proximity. For simulators and tests.
 pub fn cpm_finger_frames(values: [u16; 16], proximity: [u16; 2]) -> [CanFrame; 5] {
     let frame = |id: u16, values: &[u16]| {
         let mut data = [0; 8];

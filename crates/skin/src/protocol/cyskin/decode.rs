@@ -81,8 +81,8 @@ impl Hub {
         self.modules.iter().find(|m| m.board == board)?.temperature
     }
 
-    /// Takes a frame with this hub's address and adds its values. Also returns whether a packet under way had to be
-    /// given up.
+    /// Takes a frame with this hub's address and adds its values. Also returns whether a packet
+    /// under way had to be given up.
     #[inline]
     pub(crate) fn handle_frame(
         &mut self,

@@ -75,8 +75,8 @@ pub(crate) fn begins_packet(frame: &CanFrame) -> bool {
     frame.is_extended() && matches!(frame.id() & ASSEMBLY, FIRST | SINGLE)
 }
 
-/// Whether a frame is the first, or the only, of a packet of values, by its assembly bits, its command and its size: the
-/// place of the first value, and one value at least.
+/// Whether a frame is the first, or the only, of a packet of values, by its assembly bits, its
+/// command and its size: the place of the first value, and one value at least.
 pub(crate) fn begins_with_values(frame: &CanFrame) -> bool {
     let &[SENSOR_DATA, size, ..] = frame.data() else {
         return false;
@@ -182,8 +182,8 @@ impl Assembly {
         (self.len >= 2).then(|| self.bytes[1])
     }
 
-    /// A continuation frame's bytes without its number; `None` if the number is not the next one. Whether counting
-    /// starts at 0 or 1 is not public, so both are taken.
+    /// A continuation frame's bytes without its number; `None` if the number is not the next one.
+    /// Whether counting starts at 0 or 1 is not public, so both are taken.
     fn continuation<'a>(&mut self, data: &'a [u8]) -> Option<&'a [u8]> {
         let (&number, rest) = data.split_first()?;
         let expected = match self.sequence {

@@ -126,8 +126,8 @@ fn is_whole(bytes: &[u8], checksum: Checksum) -> bool {
             .is_none_or(|sum| sum == last)
 }
 
-/// What the packets of all hubs tell of their parameters, with what remains doubtful; `None` if they are no packets of
-/// values.
+/// What the packets of all hubs tell of their parameters, with what remains doubtful; `None` if
+/// they are no packets of values.
 pub(crate) fn guess(hubs: &[&HubTraffic]) -> Option<(CyskinGuess, Vec<String>)> {
     let ways: Vec<Ways> = hubs.iter().flat_map(|hub| hub.ways()).collect();
     let by_length = |ways: &Ways, checksum| {
@@ -214,7 +214,8 @@ pub(crate) fn guess(hubs: &[&HubTraffic]) -> Option<(CyskinGuess, Vec<String>)> 
     Some((guess, doubts))
 }
 
-/// The number of values per module with which the packets of a sweep follow one another without gap or overlap.
+/// The number of values per module with which the packets of a sweep follow one another without gap
+/// or overlap.
 fn sensors_per_module(hubs: &[&HubTraffic], guess: &CyskinGuess) -> Option<u8> {
     let mut votes = [0usize; SENSORS as usize + 1];
     let mut pairs = 0;

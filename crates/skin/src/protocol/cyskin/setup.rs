@@ -1,5 +1,5 @@
-//! What of CySkin is public, as numbers; and what is not, as configuration without default: the table `cyskin` of a layout
-//! file.
+//! What of CySkin is public, as numbers; and what is not, as configuration without default: the
+//! table `cyskin` of a layout file.
 
 use serde::Deserialize;
 
@@ -65,8 +65,8 @@ pub struct CyskinSetup {
     pub byte_order: ByteOrder,
     /// How packets end.
     pub checksum: Checksum,
-    /// In packets with more data bytes than this, the frames after the first begin with a sequence number; 0: in all
-    /// packets of several frames, 255: in none.
+    /// In packets with more data bytes than this, the frames after the first begin with a sequence
+    /// number; 0: in all packets of several frames, 255: in none.
     pub sequence_bytes_above: u8,
     /// After this many values, 1 to 12, the values of the next module follow.
     pub sensors_per_module: u8,
@@ -110,8 +110,9 @@ fn ten_ms() -> u64 {
 }
 
 impl CyskinPacket {
-    /// Grouping, automatic synchronisation and its period, SPI speed, sync, declare, CDC speed and control, phase
-    /// shift. Programming, reboots and the cutting of sensors are not sent by this program.
+    /// Grouping, automatic synchronisation and its period, SPI speed, sync, declare, CDC speed and
+    /// control, phase shift. Programming, reboots and the cutting of sensors are not sent by this
+    /// program.
     pub const ALLOWED: [u8; 10] = [0x36, 0x37, 0x38, 0x39, 0x3A, 0x3B, 0x3C, 0x42, 0x44, 0x45];
 }
 

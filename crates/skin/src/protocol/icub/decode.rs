@@ -1,9 +1,10 @@
 //! The iCub's skin on MTB3 and MTB4 (docs/protocols.md, "iCub skin"): two frames per triangle, eight bits per
 //! pad.
 //!
-//! A pad's 8-bit value becomes z = 16 * value + 8, with x = y = 0. So it spans 8 to 4088, the size of a press on the other
-//! skins, which is what the limits of the conditioning are made for; it is never 0 or 65535, which are the values of a
-//! silent chip; and it never wraps. Pressing lowers it: the conditioning takes the magnitude of the difference.
+//! A pad's 8-bit value becomes z = 16 * value + 8, with x = y = 0. So it spans 8 to 4088, the size
+//! of a press on the other skins, which is what the limits of the conditioning are made for; it is
+//! never 0 or 65535, which are the values of a silent chip; and it never wraps. Pressing lowers it:
+//! the conditioning takes the magnitude of the difference.
 
 use super::setup::PADS;
 use crate::protocol::board_decoder::{BoardDecoder, BoardFrame, NOBODY};
@@ -57,8 +58,9 @@ pub(crate) struct Triangle {
 }
 
 impl BoardDecoder for Triangle {
-    /// The board says at the end of the second frame what is wrong, so the pads of the first frame carry what was
-    /// said last: an MTB3 may send the second frame first, and waiting would make whole values late.
+    /// The board says at the end of the second frame what is wrong, so the pads of the first frame
+    /// carry what was said last: an MTB3 may send the second frame first, and waiting would make
+    /// whole values late.
     #[inline]
     fn decode(&mut self, _id: u16, data: &[u8], readings: &mut Readings) -> BoardFrame {
         match *data {
@@ -97,8 +99,8 @@ impl BoardDecoder for Triangle {
 }
 
 impl Triangle {
-    /// Triangle `number` of a board. `recalibrates`: the board calibrates a triangle anew by itself that fails, as an MTB4
-    /// does.
+    /// Triangle `number` of a board. `recalibrates`: the board calibrates a triangle anew by itself
+    /// that fails, as an MTB4 does.
     pub(super) fn new(board: &WiredBoard<'_>, number: u8, recalibrates: bool) -> Self {
         let mut taxels = [NOBODY; PADS as usize];
         for (k, taxel) in board.taxels().filter(|(k, _)| k / PADS == number) {
@@ -144,9 +146,9 @@ impl Triangle {
     /// The status byte of a reading: the board's error bits, [`ICUB_OUT_OF_RANGE`], and [`STATUS_ERROR`]
     /// where the value must not be used.
     ///
-    /// A pad that is pressed harder than eight bits can say reads 0 and is out of range (the firmware calls it
-    /// "pressure too high"). That is the strongest touch there is and no fault. Out of range on the other side is
-    /// drift or damage.
+    /// A pad that is pressed harder than eight bits can say reads 0 and is out of range (the
+    /// firmware calls it "pressure too high"). That is the strongest touch there is and no fault.
+    /// Out of range on the other side is drift or damage.
     #[inline]
     fn status(&self, pad: usize, value: u8) -> u8 {
         let beyond = self.out_of_range >> pad & 1 == 1;
@@ -155,8 +157,8 @@ impl Triangle {
     }
 }
 
-/// The two frames' data of a triangle with these pads, out-of-range mask (a bit per pad) and error bits, as the
-/// board sends them (docs/protocols.md, "iCub frames"): for simulators and tests.
+/// The two frames' data of a triangle with these pads, out-of-range mask (a bit per pad) and error
+/// bits, as the board sends them (docs/protocols.md, "iCub frames"): for simulators and tests.
 pub fn icub_triangle_data(pads: [u8; 12], out_of_range: u16, errors: u8) -> [[u8; 8]; 2] {
     let [p0, p1, p2, p3, p4, p5, p6, p7, p8, p9, p10, p11] = pads;
     let high = (out_of_range >> 4) as u8;

@@ -11,8 +11,9 @@ pub struct IcubSetup {
     pub period_ms: u8,
     /// The value of a pad that is not pressed, 0 to 255.
     pub noload: u8,
-    /// What is mounted and how it is compensated, 0 to 15: 0 temperature compensation, 1 palm or fingertip, 2 no
-    /// compensation, 3 hand "ergo", 7 raw, 8 temperature compensation, second version.
+    /// What is mounted and how it is compensated, 0 to 15: 0 temperature compensation, 1 palm or
+    /// fingertip, 2 no compensation, 3 hand "ergo", 7 raw, 8 temperature compensation, second
+    /// version.
     pub skin_type: u8,
     /// How far the chip's 16 bits are shifted right, 0 to 15.
     pub shift: u8,
@@ -45,8 +46,8 @@ impl IcubSetup {
         (self.shift > 15).then(|| format!("icub.shift = {} is not 0 to 15", self.shift))
     }
 
-    /// Whether pad `k` (`triangle * 12 + pad`) measures temperature: pads 6 and 10 of a triangle, pad 11 on palms and
-    /// fingertips (docs/protocols.md, "iCub frames").
+    /// Whether pad `k` (`triangle * 12 + pad`) measures temperature: pads 6 and 10 of a triangle,
+    /// pad 11 on palms and fingertips (docs/protocols.md, "iCub frames").
     pub const fn is_thermal(&self, k: u8) -> bool {
         let pad = k % PADS;
         if self.skin_type == 1 {

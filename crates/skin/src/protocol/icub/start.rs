@@ -8,8 +8,9 @@ use crate::protocol::mtb::MtbCommand;
 const GAP_NS: u64 = 10_000_000;
 /// Pause after the triangles of an iCub board were configured: they are calibrated.
 const CALIBRATION_NS: u64 = 500_000_000;
-/// While it is configured, a board is asked this often whether it is there, until it answers. With the start at the end
-/// of the pause that leaves room in its receive buffer of five (docs/protocols.md, "MTB3 firmware").
+/// While it is configured, a board is asked this often whether it is there, until it answers. With
+/// the start at the end of the pause that leaves room in its receive buffer of five
+/// (docs/protocols.md, "MTB3 firmware").
 const QUESTIONS: u64 = 3;
 /// How long after its answer a board is given to be heard by itself, beyond its period; and at most at all.
 const GRACE_NS: u64 = 20_000_000;
@@ -59,8 +60,9 @@ pub(super) fn sequences(address: u8, setup: &IcubSetup, triangles: u16) -> Seque
     }
 }
 
-/// The commands that configure an iCub board: the board, which switches all triangles off; all of them off once more,
-/// as the official example does; then each run of triangles that the layout has (bits of `triangles`) on.
+/// The commands that configure an iCub board: the board, which switches all triangles off; all of
+/// them off once more, as the official example does; then each run of triangles that the layout has
+/// (bits of `triangles`) on.
 ///
 /// Configuring triangles stops transmission, so what follows must end with a start.
 fn configuration(address: u8, triangles: u16, setup: &IcubSetup) -> Vec<MtbCommand> {

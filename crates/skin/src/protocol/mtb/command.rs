@@ -5,8 +5,9 @@ use super::frames::{GET_FW_VERSION, SET_BRD_CFG, SET_TRIANG_CFG, SET_TXMODE};
 use crate::protocol::icub::setup::IcubSetup;
 use taxel_can::CanFrame;
 
-/// A command to one MTB. Its frame is of class 2 by construction, whatever the address and the data: a class-7 frame
-/// would stop the sampling of every board that takes it for its own (docs/protocols.md, "MTB3 firmware").
+/// A command to one MTB. Its frame is of class 2 by construction, whatever the address and the
+/// data: a class-7 frame would stop the sampling of every board that takes it for its own
+/// (docs/protocols.md, "MTB3 firmware").
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MtbCommand {
     address: u8,
@@ -25,7 +26,8 @@ impl MtbCommand {
         }
     }
 
-    /// `SET_TXMODE` 0: the board at this address, 0 to 15, is to send. One of the iCub's has to be configured before.
+    /// `SET_TXMODE` 0: the board at this address, 0 to 15, is to send. One of the iCub's has to be
+    /// configured before.
     pub fn start(address: u8) -> Self {
         Self::new(address, &[SET_TXMODE, 0])
     }

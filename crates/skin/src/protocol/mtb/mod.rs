@@ -1,4 +1,5 @@
-//! What every MTB has in common, be it the iCub's or uSkin's: its commands, its answers, and who it says it is.
+//! What every MTB has in common, be it the iCub's or uSkin's: its commands, its answers, and who it
+//! says it is.
 
 mod command;
 mod frames;

@@ -55,8 +55,8 @@ impl IdLayout {
         }
     }
 
-    /// The taxel numbers that a board would have that has at least these: a phalange of 16 or a fingertip of 8; in L3 the
-    /// same number on each SDA line from 0 on.
+    /// The taxel numbers that a board would have that has at least these: a phalange of 16 or a
+    /// fingertip of 8; in L3 the same number on each SDA line from 0 on.
     pub(super) fn expected(self, taxels: &[u8]) -> Vec<u8> {
         let largest = taxels.iter().copied().max().unwrap_or(0);
         if self != IdLayout::L3 {

@@ -21,7 +21,8 @@ impl Bus {
         self.parser = parser;
     }
 
-    /// At a deadline: what is behind a packet that never ended, and the beginning of a fast reply that broke off.
+    /// At a deadline: what is behind a packet that never ended, and the beginning of a fast reply
+    /// that broke off.
     pub(super) fn drop_half_packets(&mut self, now_ns: u64) {
         let mut parser = std::mem::replace(&mut self.parser, Parser::placeholder());
         loop {
@@ -137,7 +138,8 @@ impl Bus {
         }
     }
 
-    /// Takes the reply to the fast sync read that is out, whole or broken off; `false` if it answers another one.
+    /// Takes the reply to the fast sync read that is out, whole or broken off; `false` if it
+    /// answers another one.
     fn take_fast(&mut self, raw: &[u8], now_ns: u64) -> bool {
         let asked = self.pass.order.len();
         let length = 1 + asked * (usize::from(self.pass.data_bytes) + FAST_BLOCK_OVERHEAD);
@@ -169,7 +171,8 @@ impl Bus {
         self.take_present(position, block.status, block.data, 0, now_ns);
     }
 
-    /// Takes the answer of the servo at this position of the request, which ended its packet of `bytes` at `now_ns`.
+    /// Takes the answer of the servo at this position of the request, which ended its packet of
+    /// `bytes` at `now_ns`.
     fn take_present(&mut self, position: usize, status: StatusByte, data: &[u8], bytes: usize, now_ns: u64) {
         let i = self.pass.order[position];
         let t_ns = self.answer_begun_ns(position, bytes, now_ns);
@@ -199,8 +202,8 @@ impl Bus {
         };
     }
 
-    /// When the answer at a position began on the wire: after the request and the answers before it, and no later than
-    /// its last byte came less its own time on the wire.
+    /// When the answer at a position began on the wire: after the request and the answers before
+    /// it, and no later than its last byte came less its own time on the wire.
     fn answer_begun_ns(&self, position: usize, bytes: usize, now_ns: u64) -> u64 {
         let sent_ns = self.pass.sent_ns.unwrap_or(now_ns);
         let delays: u64 = self.pass.order[..=position]

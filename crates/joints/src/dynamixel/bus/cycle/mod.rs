@@ -16,7 +16,8 @@ use std::collections::VecDeque;
 /// What [`Bus::step`] wants from its caller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Step {
-    /// Read what has arrived so far ([`Bus::space`], [`Bus::filled`]), send [`Bus::request`], then call [`Bus::sent`].
+    /// Read what has arrived so far ([`Bus::space`], [`Bus::filled`]), send [`Bus::request`], then
+    /// call [`Bus::sent`].
     Send,
     /// Read what arrives until this time, then call [`Bus::step`] again.
     Wait {
@@ -63,13 +64,14 @@ pub struct BusCounters {
     pub cycle_ns: u64,
 }
 
-/// Most requests for positions in one cycle: the first, and those for servos that only waited for a silent one.
+/// Most requests for positions in one cycle: the first, and those for servos that only waited for a
+/// silent one.
 const PASSES: u32 = 3;
 /// After a request without answer, the requested length changes so that an answer that is still to come is
 /// recognised by its own; so long after the last it is as it was.
 const SUSPICION_NS: u64 = 200_000_000;
-/// How many lengths there are: 12 bytes to 19, none of which is that of a question of the slow lane. An answer could
-/// only be mistaken for another if it came later than eight deadlines.
+/// How many lengths there are: 12 bytes to 19, none of which is that of a question of the slow
+/// lane. An answer could only be mistaken for another if it came later than eight deadlines.
 const LEADS: u16 = 8;
 /// Fast sync reads tried before it is given up, and those in a row that may fail later.
 const FAST_TRIES: u32 = 3;
@@ -79,8 +81,8 @@ const FAST_AGAIN_NS: u64 = 10_000_000_000;
 const WRITE_TRIES: u32 = 3;
 /// Between two questions of the slow lane lies at least so many times the time of a cycle.
 const SLOW_SHARE: u64 = 4;
-/// Time for the operating system and the adapter on top of the time on the wire, unless [`Bus::set_margin_ns`] says
-/// otherwise.
+/// Time for the operating system and the adapter on top of the time on the wire, unless
+/// [`Bus::set_margin_ns`] says otherwise.
 const DEFAULT_MARGIN_NS: u64 = 4_000_000;
 
 /// All servos of one bus.
@@ -175,8 +177,8 @@ impl Bus {
         }
     }
 
-    /// How long beyond the time on the wire an answer is waited for: what the operating system and the serial adapter
-    /// take.
+    /// How long beyond the time on the wire an answer is waited for: what the operating system and
+    /// the serial adapter take.
     pub fn set_margin_ns(&mut self, margin_ns: u64) {
         self.margin_ns = margin_ns;
     }
