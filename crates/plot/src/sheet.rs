@@ -1,0 +1,145 @@
+//! A sheet: panels in rows beneath a title.
+
+use crate::chart::Chart;
+use crate::chart_drawing;
+use crate::colour;
+use crate::numbers;
+use crate::pen::{self, Side};
+use crate::picture::Picture;
+
+/// Why a figure cannot be drawn.
+#[derive(Debug, thiserror::Error)]
+pub enum PlotError {
+    /// A picture whose cells fill no rectangle.
+    #[error("picture \"{title}\": {cells} cells are no rows of {width}; give whole rows")]
+    NoRectangle {
+        /// The picture's title.
+        title: String,
+        /// How many cells were given.
+        cells: usize,
+        /// Cells of a row.
+        width: usize,
+    },
+    /// A sheet without panels.
+    #[error("figure \"{title}\" has no panel; there is nothing to draw")]
+    Empty {
+        /// The sheet's title.
+        title: String,
+    },
+    /// What the drawing library says.
+    #[error("the figure cannot be drawn: {0}")]
+    Drawing(String),
+}
+
+#[derive(Debug, Clone)]
+pub(crate) enum Panel {
+    Chart(Chart),
+    Picture(Picture),
+}
+
+/// Panels in rows beneath a title: one figure.
+#[derive(Debug, Clone)]
+pub struct Sheet {
+    title: String,
+    columns: usize,
+    panel: (f64, f64),
+    pub(crate) panels: Vec<Panel>,
+}
+
+/// Around and between panels, pixels.
+const GAP: f64 = 12.0;
+
+impl Sheet {
+    /// A sheet without panels, one in a row, 640 by 360 pixels each.
+    pub fn new(title: impl Into<String>) -> Self {
+        Self {
+            title: title.into(),
+            columns: 1,
+            panel: (640.0, 360.0),
+            panels: Vec::new(),
+        }
+    }
+
+    /// How many panels are in a row.
+    pub fn columns(mut self, columns: usize) -> Self {
+        self.columns = columns.max(1);
+        self
+    }
+
+    /// The size of each panel, pixels.
+    pub fn panel_size(mut self, width: u32, height: u32) -> Self {
+        self.panel = (f64::from(width.max(120)), f64::from(height.max(80)));
+        self
+    }
+
+    /// Adds a chart.
+    pub fn chart(mut self, chart: Chart) -> Self {
+        self.panels.push(Panel::Chart(chart));
+        self
+    }
+
+    /// Adds a picture.
+    pub fn picture(mut self, picture: Picture) -> Self {
+        self.panels.push(Panel::Picture(picture));
+        self
+    }
+
+    /// The figure as SVG.
+    pub fn svg(&self) -> Result<String, PlotError> {
+        if self.panels.is_empty() {
+            let title = self.title.clone();
+            return Err(PlotError::Empty { title });
+        }
+        let columns = self.columns.min(self.panels.len());
+        let rows = self.panels.len().div_ceil(columns);
+        let top = if self.title.is_empty() { 0.0 } else { 26.0 };
+        let width = GAP + columns as f64 * (self.panel.0 + GAP);
+        let height = top + GAP + rows as f64 * (self.panel.1 + GAP);
+        let names = self.names();
+        pen::draw(width, height, |pen| {
+            if !self.title.is_empty() {
+                pen.text(
+                    &self.title,
+                    (width / 2.0, GAP + 8.0),
+                    Side::Middle,
+                    15.0,
+                    colour::INK,
+                )?;
+            }
+            for (n, panel) in self.panels.iter().enumerate() {
+                let x = GAP + (n % columns) as f64 * (self.panel.0 + GAP);
+                let y = top + GAP + (n / columns) as f64 * (self.panel.1 + GAP);
+                let to = (x + self.panel.0, y + self.panel.1);
+                match panel {
+                    Panel::Chart(chart) => chart_drawing::draw(chart, pen, (x, y), to, &names)?,
+                    Panel::Picture(picture) => {
+                        picture.check()?;
+                        picture.draw(pen, (x, y), to)?;
+                    }
+                }
+            }
+            Ok(())
+        })
+    }
+
+    /// Every number of the figure as it was given, as CSV: `panel,kind,series,x,y,low,high,value`. A place on an axis of
+    /// names is its name; a cell of a picture has its column as `x` and its row as `y`.
+    pub fn csv(&self) -> String {
+        numbers::csv(&self.panels)
+    }
+
+    /// The names of all series: the place in this list is a series' colour and marker.
+    fn names(&self) -> Vec<&str> {
+        let mut names: Vec<&str> = Vec::new();
+        for panel in &self.panels {
+            if let Panel::Chart(chart) = panel {
+                for name in chart.names() {
+                    if !names.contains(&name) {
+                        names.push(name);
+                    }
+                }
+            }
+        }
+        names
+    }
+}

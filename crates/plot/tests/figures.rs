@@ -1,0 +1,145 @@
+//! What a figure promises to those who look at it and to those who read its numbers.
+
+use taxel_plot::{Axis, Chart, Picture, PlotError, Sheet};
+
+fn chart() -> Chart {
+    Chart::new("A & B", Axis::new("time, s"), Axis::new("force"))
+}
+
+#[test]
+fn the_same_sheet_is_the_same_bytes() {
+    let sheet = || {
+        Sheet::new("t")
+            .chart(chart().line("a", [(0.0, 1.0), (1.0, 2.0)]))
+            .svg()
+    };
+    assert_eq!(sheet().unwrap(), sheet().unwrap());
+}
+
+#[test]
+fn a_figure_has_a_dark_side_and_says_names_as_they_are() {
+    let chart = chart()
+        .line("<felt>", [(0.0, 1.0), (1.0, 2.0)])
+        .line("shown", [(0.0, 2.0)]);
+    let svg = Sheet::new("").chart(chart).svg().unwrap();
+    for part in [
+        "prefers-color-scheme:dark",
+        "A &amp; B",
+        "&lt;felt&gt;",
+        "shown",
+        "time, s",
+    ] {
+        assert!(svg.contains(part), "{part}\n{svg}");
+    }
+    assert!(svg.ends_with("</svg>\n"));
+}
+
+#[test]
+fn a_name_has_one_colour_on_the_whole_sheet() {
+    let one = |name: &str| chart().line(name, [(0.0, 0.0), (1.0, 1.0)]);
+    let svg = Sheet::new("")
+        .chart(one("a"))
+        .chart(one("b"))
+        .chart(one("a"))
+        .svg()
+        .unwrap();
+    let colour = |panel: usize| {
+        let line = svg
+            .lines()
+            .filter(|l| l.starts_with("<polyline") && l.contains("stroke-width=\"7\""));
+        let line = line.collect::<Vec<_>>()[panel].to_owned();
+        line.split("stroke=\"").nth(1).unwrap()[..7].to_owned()
+    };
+    assert_eq!(colour(0), colour(2));
+    assert_ne!(colour(0), colour(1));
+}
+
+#[test]
+fn a_gap_is_drawn_as_a_gap() {
+    let points = [(0.0, 1.0), (1.0, 1.0), (2.0, f64::NAN), (3.0, 1.0), (4.0, 1.0)];
+    let svg = Sheet::new("").chart(chart().line("a", points)).svg().unwrap();
+    assert_eq!(svg.matches("stroke-width=\"7\"").count(), 2);
+}
+
+#[test]
+fn every_kind_of_mark_survives_data_that_nothing_can_be_drawn_of() {
+    for values in [
+        vec![],
+        vec![f64::NAN],
+        vec![f64::INFINITY, -1.0],
+        vec![0.0; 3],
+        vec![1e300, -1e300],
+    ] {
+        for axis in [Axis::new(""), Axis::new("").log(), Axis::of_names("", ["a"])] {
+            let points = || values.iter().map(|v| (*v, *v));
+            let chart = Chart::new("", axis.clone(), Axis::new("").log())
+                .line("a", points())
+                .points("b", points())
+                .ellipse("b", points())
+                .band("a", values.iter().map(|v| (*v, *v, *v)))
+                .bars("c", values.iter().copied())
+                .boxes("d", [values.clone()])
+                .at_x("x", f64::NAN)
+                .at_y("y", -1.0);
+            let sheet = Sheet::new("")
+                .chart(chart)
+                .picture(Picture::heat("h", 1, [f64::NAN]));
+            let svg = sheet.svg().unwrap();
+            assert!(!svg.contains("NaN") && !svg.contains("inf"), "{svg}");
+            assert!(sheet.csv().lines().count() >= 2);
+        }
+    }
+}
+
+#[test]
+fn all_numbers_are_beside_the_figure_as_they_were_given() {
+    let names = Axis::of_names("", ["index", "thumb"]);
+    let sheet = Sheet::new("")
+        .chart(
+            chart()
+                .line("felt", [(0.1, 1.0 / 3.0), (0.2, f64::NAN)])
+                .at_x("engaging", 0.1),
+        )
+        .chart(
+            Chart::new("", names, Axis::new(""))
+                .bars_within("n", [(1.0, 0.5, 2.0)])
+                .boxes("b", [vec![], vec![4.0]]),
+        )
+        .picture(Picture::rgb("p", 2, [Some([255, 0, 1]), None]));
+    assert_eq!(
+        sheet.csv(),
+        "panel,kind,series,x,y,low,high,value\n\
+         A & B,line,felt,0.1,0.3333333333333333,,,\n\
+         A & B,line,felt,0.2,,,,\n\
+         A & B,instant,engaging,0.1,,,,\n\
+         2,bar,n,index,1,0.5,2,\n\
+         2,sample,b,thumb,4,,,\n\
+         p,cell,,0,0,,,#FF0001\n\
+         p,cell,,1,0,,,\n"
+    );
+}
+
+#[test]
+fn what_cannot_be_drawn_is_refused_by_name() {
+    let odd = Sheet::new("").picture(Picture::grey("thumb", 4, [0; 7])).svg();
+    assert_eq!(
+        odd.unwrap_err().to_string(),
+        "picture \"thumb\": 7 cells are no rows of 4; give whole rows"
+    );
+    assert!(matches!(Sheet::new("f").svg(), Err(PlotError::Empty { title }) if title == "f"));
+}
+
+#[test]
+fn a_tactile_image_costs_what_is_lit() {
+    let mut pixels = [0; 256];
+    pixels[17] = 255;
+    let svg = Sheet::new("")
+        .picture(Picture::grey("", 16, pixels))
+        .svg()
+        .unwrap();
+    assert_eq!(
+        svg.matches("<rect").count(),
+        3,
+        "paper, black, one actuator: {svg}"
+    );
+}
