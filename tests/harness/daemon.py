@@ -95,11 +95,11 @@ class Daemon:
             status = self.stop()
             assert kind is not None or status == 0, f"taxeld ended with {status}:\n{self.log}"
 
-    def spawn(self):
-        """Starts the process and does not wait for its sockets."""
+    def spawn(self, under=()):
+        """Starts the process, `under` a command such as strace, and does not wait for its sockets."""
         with self.log_path.open("ab") as log:
             self.process = subprocess.Popen(
-                [binary("taxeld"), "--config", self.config],
+                [*under, binary("taxeld"), "--config", self.config],
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=log,
