@@ -1,0 +1,208 @@
+//! Categories on a map: the publication's rule, and the best there are.
+
+use crate::error::PalpationError;
+use crate::proof::least;
+use crate::random::Random;
+use crate::silhouette::Silhouette;
+use nalgebra::DMatrix;
+use std::ops::RangeInclusive;
+use taxel_cluster::LocalSearch;
+
+/// Attempts of three runs each after which the publication's rule gives up.
+pub const PAPER_ATTEMPTS: u32 = 100;
+/// Random starts whose best is taken.
+const STARTS: usize = 32;
+/// Touches up to which a proof is tried.
+const PROVED_UP_TO: usize = 48;
+
+/// Which touches belong together.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Categories {
+    /// The category of each touch, numbered from 0 in the order of their first touches.
+    pub labels: Vec<usize>,
+    /// The mean of each category on the map, `C x K`.
+    pub centroids: DMatrix<f64>,
+    /// Sum of squared distances from the means.
+    pub cost: f64,
+    /// Whether it is known that no other categories have a lower cost.
+    pub proved: bool,
+    /// Attempts of three runs that the publication's rule took; 0 where it was not asked.
+    pub attempts: u32,
+}
+
+impl Categories {
+    /// Categories of a map, `C x N`, that are labelled already.
+    ///
+    /// # Panics
+    ///
+    /// If there is not one label per touch.
+    fn labelled(map: &DMatrix<f64>, labels: &[usize]) -> Self {
+        assert_eq!(labels.len(), map.ncols(), "one label per touch");
+        let labels = canonical(labels);
+        let count = labels.iter().max().map_or(0, |most| most + 1);
+        let mut centroids = DMatrix::zeros(map.nrows(), count);
+        let mut counts = vec![0.0; count];
+        for (column, label) in map.column_iter().zip(&labels) {
+            counts[*label] += 1.0;
+            let mut centroid = centroids.column_mut(*label);
+            centroid += column;
+        }
+        for (mut centroid, count) in centroids.column_iter_mut().zip(counts) {
+            centroid /= count;
+        }
+        let own = map.column_iter().zip(&labels);
+        let cost = own.map(|(touch, label)| (touch - centroids.column(*label)).norm_squared());
+        Self {
+            cost: cost.sum(),
+            labels,
+            centroids,
+            proved: false,
+            attempts: 0,
+        }
+    }
+
+    /// The number of categories.
+    pub fn len(&self) -> usize {
+        self.centroids.ncols()
+    }
+
+    /// Always false.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The category whose mean is nearest to a touch on the map, and how far it is.
+    pub fn nearest(&self, touch: nalgebra::DVectorView<'_, f64>) -> (usize, f64) {
+        let distances = self.centroids.column_iter().map(|mean| (touch - mean).norm());
+        let nearest = distances.enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
+        nearest.unwrap_or((0, f64::INFINITY))
+    }
+}
+
+/// Labels numbered in the order of their first touches: equal for equal partitions.
+pub(crate) fn canonical(labels: &[usize]) -> Vec<usize> {
+    let mut seen: Vec<usize> = Vec::new();
+    let number = |label: &usize| match seen.iter().position(|s| s == label) {
+        Some(number) => number,
+        None => {
+            seen.push(*label);
+            seen.len() - 1
+        }
+    };
+    labels.iter().map(number).collect()
+}
+
+/// Categories by the publication's rule: k-means from three random starts, each on different touches, discarded unless
+/// all three agree up to the numbering and every category has touches; then again, [`PAPER_ATTEMPTS`] times at most.
+///
+/// # Errors
+/// `clusters` that are not 2 to the number of different touches, and [`PalpationError::NoAgreement`].
+pub fn paper(map: &DMatrix<f64>, clusters: usize, seed: u64) -> Result<Categories, PalpationError> {
+    check(map, clusters)?;
+    let mut random = Random(seed);
+    let mut search = LocalSearch::new(map.ncols(), map.nrows(), clusters);
+    for attempt in 1..=PAPER_ATTEMPTS {
+        let mut run = || {
+            search.seed_anywhere(map.as_slice(), || random.unit());
+            search.lloyd(map.as_slice()).then(|| canonical(search.labels()))
+        };
+        if let [Some(first), Some(second), Some(third)] = [run(), run(), run()]
+            && first == second
+            && second == third
+        {
+            return Ok(Categories {
+                attempts: attempt,
+                ..Categories::labelled(map, &first)
+            });
+        }
+    }
+    Err(PalpationError::NoAgreement {
+        clusters,
+        attempts: PAPER_ATTEMPTS,
+    })
+}
+
+/// The best categories: proved to be the optimum where there are few touches, else the best of many starts of
+/// [`LocalSearch`]. `proved` says which.
+///
+/// # Errors
+/// `clusters` that are not 2 to the number of different touches.
+pub fn optimal(map: &DMatrix<f64>, clusters: usize, seed: u64) -> Result<Categories, PalpationError> {
+    check(map, clusters)?;
+    let found = best_of_many(map, clusters, seed);
+    if map.ncols() > PROVED_UP_TO {
+        return Ok(found);
+    }
+    let (better, proved) = least(map, clusters, &found.labels, found.cost);
+    Ok(Categories {
+        proved,
+        ..better.map_or(found, |labels| Categories::labelled(map, &labels))
+    })
+}
+
+/// The best of many starts, without a proof.
+pub(crate) fn best_of_many(map: &DMatrix<f64>, clusters: usize, seed: u64) -> Categories {
+    let mut random = Random(seed);
+    let mut search = LocalSearch::new(map.ncols(), map.nrows(), clusters);
+    let (mut labels, mut least) = (Vec::new(), f64::INFINITY);
+    for _ in 0..STARTS {
+        search.seed_far(map.as_slice(), || random.unit());
+        search.lloyd(map.as_slice());
+        let cost = search.improve(map.as_slice());
+        if cost < least {
+            least = cost;
+            labels.clear();
+            labels.extend_from_slice(search.labels());
+        }
+    }
+    Categories::labelled(map, &labels)
+}
+
+/// The categories of the number in `range` whose standard silhouette is greatest; the least number among equals.
+/// Numbers that the touches do not allow are left out.
+///
+/// # Errors
+/// Where the touches allow none of them.
+pub fn clusters_by_silhouette(
+    map: &DMatrix<f64>,
+    range: RangeInclusive<usize>,
+    seed: u64,
+) -> Result<Categories, PalpationError> {
+    let mut best: Option<(f64, Categories)> = None;
+    check(map, *range.start())?;
+    for clusters in range {
+        let Ok(categories) = optimal(map, clusters, seed) else {
+            break;
+        };
+        let silhouette = Silhouette::of(map, &categories.labels)?.standard;
+        if best.as_ref().is_none_or(|(most, _)| silhouette > *most) {
+            best = Some((silhouette, categories));
+        }
+    }
+    Ok(best
+        .map(|(_, categories)| categories)
+        .expect("the first number is allowed"))
+}
+
+fn check(map: &DMatrix<f64>, clusters: usize) -> Result<(), PalpationError> {
+    if map.ncols() < 2 {
+        return Err(PalpationError::TooFew { touches: map.ncols() });
+    }
+    if let Some(at) = map.iter().position(|x| !x.is_finite()) {
+        return Err(PalpationError::NotFinite {
+            touch: at / map.nrows(),
+            feature: at % map.nrows(),
+            value: map[at],
+        });
+    }
+    let mut different: Vec<Vec<u64>> = map
+        .column_iter()
+        .map(|touch| touch.iter().map(|x| (x + 0.0).to_bits()).collect())
+        .collect();
+    different.sort_unstable();
+    different.dedup();
+    match different.len() {
+        most if (2..=most).contains(&clusters) => Ok(()),
+        different => Err(PalpationError::Clusters { clusters, different }),
+    }
+}

@@ -1,0 +1,261 @@
+//! Touches side by side.
+
+use crate::SequenceError;
+
+/// What steps are counted along.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Alignment {
+    /// How far the probe is below the surface, mm.
+    Depth,
+    /// How far the probe is turned, degrees.
+    Angle,
+    /// Time since the touch began, s.
+    Time,
+}
+
+impl std::fmt::Display for Alignment {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.pad(match self {
+            Alignment::Depth => "depth",
+            Alignment::Angle => "angle",
+            Alignment::Time => "time",
+        })
+    }
+}
+
+/// Frames of one touch.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Touch {
+    /// What errors call it.
+    pub name: String,
+    /// Where on the motion each frame was taken: mm, degrees or s.
+    pub at: Vec<f64>,
+    /// Taxels of a frame.
+    pub taxels: usize,
+    /// Signed counts above baseline, frame after frame.
+    pub values: Vec<f64>,
+}
+
+/// Touches on the same steps.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Aligned {
+    /// What the steps are counted along.
+    pub along: Alignment,
+    /// Where the first step is.
+    pub first: f64,
+    /// From one step to the next.
+    pub step: f64,
+    /// Steps of each touch.
+    pub steps: usize,
+    /// Taxels of a frame.
+    pub taxels: usize,
+    /// Frames outside the steps that all touches have, and so left out.
+    pub left_out: usize,
+    /// `steps * taxels` features of each touch, touch after touch; a step's taxels are neighbours.
+    pub values: Vec<f64>,
+}
+
+impl Aligned {
+    /// Features of a touch.
+    pub fn features(&self) -> usize {
+        self.steps * self.taxels
+    }
+
+    /// The features of touch `index`.
+    ///
+    /// # Panics
+    /// If there are not so many.
+    pub fn row(&self, index: usize) -> &[f64] {
+        &self.values[index * self.features()..][..self.features()]
+    }
+}
+
+/// Puts touches on the steps that all of them have: multiples of `step` from where the last begins to where the first
+/// ends. Frames within half a step of a step are averaged; touches may have any number of them.
+///
+/// # Errors
+/// No touch; touches of different probes; places that are not finite or a step that is not above 0; no step in common;
+/// a step among them at which a touch has no frame.
+pub fn align(touches: &[Touch], along: Alignment, step: f64) -> Result<Aligned, SequenceError> {
+    let Some(one) = touches.first() else {
+        return Err(SequenceError::NoTouch);
+    };
+    let mut range = (one, i64::MIN, one, i64::MAX);
+    for touch in touches {
+        let (first, last) = check(touch, one, along, step)?;
+        if first > range.1 {
+            (range.0, range.1) = (touch, first);
+        }
+        if last < range.3 {
+            (range.2, range.3) = (touch, last);
+        }
+    }
+    let (begins, first, ends, last) = range;
+    if first > last {
+        return Err(SequenceError::NothingCommon {
+            begins: begins.name.clone(),
+            ends: ends.name.clone(),
+            along,
+            first: first as f64 * step,
+            last: last as f64 * step,
+        });
+    }
+    let (steps, taxels) = ((last - first + 1) as usize, one.taxels);
+    let mut values = vec![0.0; touches.len() * steps * taxels];
+    let mut left_out = 0;
+    let mut counts = vec![0.0; steps];
+    for (touch, row) in touches.iter().zip(values.chunks_exact_mut(steps * taxels)) {
+        counts.fill(0.0);
+        for (at, frame) in touch.at.iter().zip(touch.values.chunks_exact(taxels)) {
+            let number = number(*at, step) - first;
+            let Some(count) = usize::try_from(number).ok().and_then(|n| counts.get_mut(n)) else {
+                left_out += 1;
+                continue;
+            };
+            *count += 1.0;
+            let sums = &mut row[number as usize * taxels..][..taxels];
+            sums.iter_mut().zip(frame).for_each(|(sum, x)| *sum += x);
+        }
+        for (n, (sums, count)) in row.chunks_exact_mut(taxels).zip(&counts).enumerate() {
+            if *count == 0.0 {
+                return Err(SequenceError::StepMissing {
+                    touch: touch.name.clone(),
+                    along,
+                    at: (first + n as i64) as f64 * step,
+                });
+            }
+            sums.iter_mut().for_each(|sum| *sum /= count);
+        }
+    }
+    Ok(Aligned {
+        along,
+        first: first as f64 * step,
+        step,
+        steps,
+        taxels,
+        left_out,
+        values,
+    })
+}
+
+/// Which step a place belongs to.
+fn number(at: f64, step: f64) -> i64 {
+    (at / step).round() as i64
+}
+
+/// The first and last step of a touch.
+fn check(touch: &Touch, one: &Touch, along: Alignment, step: f64) -> Result<(i64, i64), SequenceError> {
+    let places = touch.at.len();
+    if places == 0 || touch.taxels == 0 || touch.values.len() != places * touch.taxels {
+        return Err(SequenceError::Shape {
+            touch: touch.name.clone(),
+            places,
+            values: touch.values.len(),
+            taxels: touch.taxels,
+        });
+    }
+    if touch.taxels != one.taxels {
+        return Err(SequenceError::Taxels {
+            touch: touch.name.clone(),
+            found: touch.taxels,
+            other: one.name.clone(),
+            expected: one.taxels,
+        });
+    }
+    // Numbers of steps beyond a million are no motion, and would be memory without end.
+    let countable = |at: &f64| step > 0.0 && (at / step).abs() < 1e6;
+    if let Some(at) = touch.at.iter().find(|at| !countable(at)) {
+        return Err(SequenceError::Place {
+            touch: touch.name.clone(),
+            along,
+            at: *at,
+            step,
+        });
+    }
+    let numbers = touch.at.iter().map(|at| number(*at, step));
+    Ok(numbers.fold((i64::MAX, i64::MIN), |(first, last), n| {
+        (first.min(n), last.max(n))
+    }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn touch(name: &str, at: &[f64]) -> Touch {
+        let values = at.iter().flat_map(|at| [*at, -at]).collect();
+        let (name, at) = (name.into(), at.to_vec());
+        Touch {
+            name,
+            at,
+            taxels: 2,
+            values,
+        }
+    }
+
+    #[test]
+    fn touches_of_unequal_length_keep_the_steps_that_all_have() {
+        let touches = [
+            touch("long", &[0.0, 0.5, 1.0, 1.5, 2.0]),
+            touch("backwards", &[1.5, 1.0, 0.5]),
+            touch("finer", &[0.4, 0.6, 0.9, 1.1, 1.4, 1.6, 1.9]),
+        ];
+        let aligned = align(&touches, Alignment::Depth, 0.5).unwrap();
+        assert_eq!((aligned.first, aligned.steps, aligned.left_out), (0.5, 3, 3));
+        for row in 0..3 {
+            let expected = [0.5, -0.5, 1.0, -1.0, 1.5, -1.5];
+            let off = aligned.row(row).iter().zip(expected).map(|(a, b)| (a - b).abs());
+            assert!(off.fold(0.0, f64::max) < 1e-12, "{:?}", aligned.row(row));
+        }
+    }
+
+    #[test]
+    fn angles_count_from_below_zero() {
+        let turn = |by: f64| touch("turn", &[-2.0 * by, -by, 0.0, by]);
+        let aligned = align(&[turn(1.0), turn(1.0)], Alignment::Angle, 1.0).unwrap();
+        assert_eq!((aligned.first, aligned.steps), (-2.0, 4));
+    }
+
+    #[test]
+    fn what_cannot_be_aligned_is_named() {
+        let whole = || touch("whole", &[0.0, 1.0, 2.0]);
+        let short = Touch {
+            values: vec![1.0],
+            ..whole()
+        };
+        let narrow = Touch {
+            taxels: 1,
+            values: vec![0.0; 3],
+            ..touch("narrow", &[0.0, 1.0, 2.0])
+        };
+        for (touches, step, words) in [
+            (vec![], 1.0, "there is no touch"),
+            (
+                vec![whole(), touch("holed", &[0.0, 2.0])],
+                1.0,
+                "touch holed: no frame at depth 1;",
+            ),
+            (
+                vec![whole(), touch("deep", &[3.0, 4.0])],
+                1.0,
+                "touches deep and whole have no depth in common",
+            ),
+            (
+                vec![whole(), narrow],
+                1.0,
+                "touch narrow has 1 taxels, and whole has 2",
+            ),
+            (vec![short], 1.0, "touch whole: 3 places and 1 values"),
+            (
+                vec![whole(), touch("lost", &[0.0, f64::NAN])],
+                1.0,
+                "touch lost: its depth NaN",
+            ),
+            (vec![whole()], 0.0, "a step of 0"),
+            (vec![whole()], 1e-9, "touch whole: its depth 1 is not"),
+        ] {
+            let error = align(&touches, Alignment::Depth, step).unwrap_err().to_string();
+            assert!(error.contains(words), "{error}");
+        }
+    }
+}

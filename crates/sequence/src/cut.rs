@@ -1,0 +1,164 @@
+//! Which frames belong to which touch.
+
+use crate::SequenceError;
+use std::ops::Range;
+
+/// Something that was said about an instant of a stream, such as where the robot is.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Mark {
+    /// When, ns, in the time of the stream.
+    pub t_ns: u64,
+    /// What.
+    pub text: String,
+}
+
+/// Frames that belong together.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Cut {
+    /// The text of the mark that began it; empty where contact did.
+    pub mark: String,
+    /// Their numbers.
+    pub frames: Range<usize>,
+}
+
+/// The frames from each mark to the next one or to the end of the stream, but for those from a mark whose text is
+/// `until` (a withdrawal, a way to the next place): each of the others begins a touch.
+///
+/// # Errors
+/// Frames or marks out of order; a touch without frames; no touch.
+pub fn cut_by_marks(times_ns: &[u64], marks: &[Mark], until: &str) -> Result<Vec<Cut>, SequenceError> {
+    in_order("frame", times_ns.iter().copied())?;
+    in_order("mark", marks.iter().map(|m| m.t_ns))?;
+    let frame_at = |t_ns: u64| times_ns.partition_point(|t| *t < t_ns);
+    let mut cuts = Vec::new();
+    for (n, mark) in marks.iter().enumerate().filter(|(_, mark)| mark.text != until) {
+        let end = marks
+            .get(n + 1)
+            .map_or(times_ns.len(), |next| frame_at(next.t_ns));
+        let frames = frame_at(mark.t_ns)..end;
+        if frames.is_empty() {
+            return Err(SequenceError::EmptyCut {
+                mark: mark.text.clone(),
+                t_ns: mark.t_ns,
+            });
+        }
+        cuts.push(Cut {
+            mark: mark.text.clone(),
+            frames,
+        });
+    }
+    if cuts.is_empty() {
+        Err(SequenceError::NoTouch)
+    } else {
+        Ok(cuts)
+    }
+}
+
+/// The frames during which the greatest magnitude of a taxel is above `threshold`, where that lasts for `least` frames
+/// or more; it may fall below for fewer frames than that. For motions that begin and end with contact.
+///
+/// # Errors
+/// No touch.
+///
+/// # Panics
+/// If there are no taxels.
+pub fn cut_by_contact(
+    values: &[f64],
+    taxels: usize,
+    threshold: f64,
+    least: usize,
+) -> Result<Vec<Cut>, SequenceError> {
+    let touched = |frame: &[f64]| frame.iter().any(|x| x.abs() > threshold);
+    let mut cuts: Vec<Range<usize>> = Vec::new();
+    let frames = values.chunks_exact(taxels).enumerate();
+    for (n, _) in frames.filter(|(_, frame)| touched(frame)) {
+        match cuts.last_mut() {
+            Some(last) if n - last.end < least.max(1) => last.end = n + 1,
+            _ => cuts.push(n..n + 1),
+        }
+    }
+    cuts.retain(|cut| cut.len() >= least);
+    let cuts: Vec<Cut> = cuts
+        .into_iter()
+        .map(|frames| Cut {
+            mark: String::new(),
+            frames,
+        })
+        .collect();
+    if cuts.is_empty() {
+        Err(SequenceError::NoTouch)
+    } else {
+        Ok(cuts)
+    }
+}
+
+fn in_order(what: &'static str, times: impl Iterator<Item = u64>) -> Result<(), SequenceError> {
+    let mut before = 0;
+    for (index, t_ns) in times.enumerate() {
+        if t_ns < before {
+            return Err(SequenceError::Order { what, index, t_ns });
+        }
+        before = t_ns;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn marks(marks: &[(u64, &str)]) -> Vec<Mark> {
+        let mark = |(t_ns, text): &(u64, &str)| Mark {
+            t_ns: *t_ns,
+            text: (*text).into(),
+        };
+        marks.iter().map(mark).collect()
+    }
+
+    #[test]
+    fn a_touch_lasts_from_its_mark_to_the_next() {
+        let times = [0, 10, 20, 30, 40, 50, 60];
+        let marks = marks(&[(10, "a"), (25, "up"), (40, "b"), (60, "c")]);
+        let cuts = cut_by_marks(&times, &marks, "up").unwrap();
+        let found: Vec<_> = cuts
+            .iter()
+            .map(|cut| (cut.mark.as_str(), cut.frames.clone()))
+            .collect();
+        assert_eq!(found, [("a", 1..3), ("b", 4..6), ("c", 6..7)]);
+    }
+
+    #[test]
+    fn marks_that_cut_nothing_are_named() {
+        let times = [0, 10, 20];
+        for (given, words) in [
+            (marks(&[]), "there is no touch"),
+            (marks(&[(5, "up")]), "there is no touch"),
+            (
+                marks(&[(5, "a"), (7, "up")]),
+                "no frame between the mark \"a\" at 5 ns",
+            ),
+            (marks(&[(30, "a")]), "no frame between the mark \"a\" at 30 ns"),
+            (marks(&[(10, "a"), (5, "b")]), "mark 1 is at 5 ns"),
+        ] {
+            let error = cut_by_marks(&times, &given, "up").unwrap_err().to_string();
+            assert!(error.contains(words), "{error}");
+        }
+        assert!(
+            cut_by_marks(&[10, 0], &[], "up")
+                .unwrap_err()
+                .to_string()
+                .contains("frame 1")
+        );
+    }
+
+    #[test]
+    fn contact_may_flicker_for_less_than_a_touch() {
+        let values = [
+            0.0, -9.0, 9.0, 0.0, 9.0, 9.0, 0.0, 0.0, 0.0, 9.0, 0.0, 0.0, 9.0, 9.0, 9.0,
+        ];
+        let cuts = cut_by_contact(&values, 1, 5.0, 2).unwrap();
+        let frames: Vec<_> = cuts.into_iter().map(|cut| cut.frames).collect();
+        assert_eq!(frames, [1..6, 12..15]);
+        assert_eq!(cut_by_contact(&values, 1, 10.0, 2), Err(SequenceError::NoTouch));
+    }
+}

@@ -1,0 +1,118 @@
+//! Touches and squeezes cut out of a stream of tactile frames, and aligned so that they can be compared.
+//!
+//! A stream is frames of equal size with their times. [`cut_by_marks`] and [`cut_by_contact`] say which frames belong to
+//! which touch; a manifest that names them needs neither. A [`Touch`] is such frames with the place of each along the
+//! motion: a depth, an angle or a time. [`align`] averages the frames of each step of the motion and puts the steps of
+//! all touches side by side; it never makes up a step that was not recorded.
+//!
+//! ```
+//! use taxel_sequence::{Alignment, Touch, align};
+//!
+//! let touch = |name: &str, at: &[f64]| Touch {
+//!     name: name.into(),
+//!     at: at.to_vec(),
+//!     taxels: 1,
+//!     values: at.iter().map(|depth| 10.0 * depth).collect(),
+//! };
+//! let touches = [touch("a", &[0.0, 0.5, 1.0]), touch("b", &[0.5, 0.6, 1.0, 1.5])];
+//! let aligned = align(&touches, Alignment::Depth, 0.5)?;
+//! assert_eq!((aligned.first, aligned.steps), (0.5, 2));
+//! assert_eq!(aligned.row(1), [5.5, 10.0]);
+//! # Ok::<(), taxel_sequence::SequenceError>(())
+//! ```
+
+mod align;
+mod cut;
+
+pub use align::{Aligned, Alignment, Touch, align};
+pub use cut::{Cut, Mark, cut_by_contact, cut_by_marks};
+
+/// Why a stream has no touches, or touches cannot be put side by side.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum SequenceError {
+    /// No touch.
+    #[error("there is no touch; is the stream cut by the right marks or threshold?")]
+    NoTouch,
+    /// A touch without frames, or whose places do not fit them.
+    #[error("touch {touch}: {places} places and {values} values do not make frames of {taxels} taxels")]
+    Shape {
+        /// The touch's name.
+        touch: String,
+        /// Places along the motion.
+        places: usize,
+        /// Values of all frames.
+        values: usize,
+        /// Taxels of a frame.
+        taxels: usize,
+    },
+    /// Touches of different probes.
+    #[error("touch {touch} has {found} taxels, and {other} has {expected}; they are of different probes")]
+    Taxels {
+        /// The touch's name.
+        touch: String,
+        /// Its taxels.
+        found: usize,
+        /// The touch it is compared with.
+        other: String,
+        /// Taxels of that one.
+        expected: usize,
+    },
+    /// A step of nothing, or places that are no numbers.
+    #[error("touch {touch}: its {along} {at} is not a number that a step of {step} can count")]
+    Place {
+        /// The touch's name.
+        touch: String,
+        /// Depth, angle or time.
+        along: Alignment,
+        /// The place.
+        at: f64,
+        /// The step.
+        step: f64,
+    },
+    /// A step that was not recorded.
+    #[error("touch {touch}: no frame at {along} {at}; record it again, or align with a wider step")]
+    StepMissing {
+        /// The touch's name.
+        touch: String,
+        /// Depth, angle or time.
+        along: Alignment,
+        /// Where.
+        at: f64,
+    },
+    /// No step that all touches have.
+    #[error(
+        "touches {begins} and {ends} have no {along} in common: one begins at {first}, the other ends at {last}"
+    )]
+    NothingCommon {
+        /// The touch that begins last.
+        begins: String,
+        /// The touch that ends first.
+        ends: String,
+        /// Depth, angle or time.
+        along: Alignment,
+        /// Where the one begins.
+        first: f64,
+        /// Where the other ends.
+        last: f64,
+    },
+    /// Marks or frames out of order.
+    #[error(
+        "{what} {index} is at {t_ns} ns, before the one ahead of it; put them in the order of their times"
+    )]
+    Order {
+        /// Mark or frame.
+        what: &'static str,
+        /// Which, from 0.
+        index: usize,
+        /// Its time.
+        t_ns: u64,
+    },
+    /// Two marks with no frame between them.
+    #[error("no frame between the mark {mark:?} at {t_ns} ns and the next; was the recording interrupted?")]
+    EmptyCut {
+        /// The mark's text.
+        mark: String,
+        /// Its time.
+        t_ns: u64,
+    },
+}
