@@ -108,9 +108,13 @@ async fn answer(line: &[u8], state: &State) -> Value {
         }
     };
     let done = match request {
-        Request::Status {} => return json!({ "ok": true, "status": state.status() }),
+        Request::Status {} => {
+            state.call_roster().await;
+            return json!({ "ok": true, "status": state.status() });
+        }
         Request::Profile { profile: None } => {
-            return json!({ "ok": true, "profile": state.server.own_profile() });
+            state.call_roster().await;
+            return json!({ "ok": true, "profile": state.roster().own_profile() });
         }
         Request::Profile {
             profile: Some(profile),

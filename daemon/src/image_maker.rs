@@ -61,11 +61,16 @@ impl ProfileMaker for ImageMaker {
     fn measurement(&self, wanted: &DisplayProfile, hopeless_ns: u64) -> Result<Measurement, String> {
         check_message_size(&self.hand, image_payload_len(&self.hand, &wanted.profile))?;
         let display = self.display(wanted)?;
-        let newest = {
-            let snapshot = self.shared.snapshot.lock().unwrap_or_else(|e| e.into_inner());
-            snapshot.force.clone()
-        };
-        Ok(Box::new(move || measure(display, newest, hopeless_ns)))
+        let shared = self.shared.clone();
+        // The snapshot is locked on the measuring thread: a report being made of it at this moment
+        // must not hold up the one that sends images.
+        Ok(Box::new(move || {
+            let newest = {
+                let snapshot = shared.snapshot.lock().unwrap_or_else(|e| e.into_inner());
+                snapshot.force.clone()
+            };
+            measure(display, newest, hopeless_ns)
+        }))
     }
 
     fn raw(&self) -> Option<MadeOutput<Frames>> {

@@ -30,7 +30,7 @@ use std::thread::JoinHandle;
 use taxel_can::monotonic_ns;
 use taxel_engine::{Engine, EngineError};
 use taxel_joints::{JointReader, JointsError};
-use taxel_serve::{Limits, ServerSeed, SocketPath};
+use taxel_serve::{Limits, Server, ServerSeed, SocketPath};
 use taxel_wire::Clock;
 use tokio::sync::oneshot;
 use tokio_seqpacket::UnixSeqpacketListener;
@@ -40,9 +40,10 @@ use tokio_seqpacket::UnixSeqpacketListener;
 pub struct Daemon {
     shared: Arc<Shared>,
     tick: Option<JoinHandle<()>>,
-    sockets: Option<JoinHandle<()>>,
-    /// Dropped to end the socket thread.
-    stop_sockets: Option<oneshot::Sender<()>>,
+    images: Option<JoinHandle<()>>,
+    control: Option<JoinHandle<()>>,
+    /// Dropped to end the control thread, which ends that of the images with it.
+    stop: Option<oneshot::Sender<()>>,
 }
 
 /// Why the daemon did not start.
@@ -196,79 +197,65 @@ impl Daemon {
             })
             .map_err(spawn)?;
 
-        let (stop_sockets, stopped) = oneshot::channel();
+        // Sending images must not wait for an answer to somebody, so each has a thread.
+        let server = seed.handle();
         let (ready, is_ready) = mpsc::channel();
-        let sockets = {
+        let (stop_images, stopped) = oneshot::channel::<()>();
+        let group = config.socket.group.clone();
+        let images = serving_thread("images", ready.clone(), async move || {
+            let images = UnixSeqpacketListener::bind_with_backlog(images_path.path(), 128)
+                .map_err(|e| listen(&images_path, e))?;
+            images_path.set_permissions(mode, &group)?;
+            Ok(async move {
+                let _path = images_path;
+                tokio::select! {
+                    _ = stopped => {}
+                    () = Server::new(seed).serve(images) => {}
+                }
+            })
+        })?;
+        let (stop, stopped) = oneshot::channel();
+        let control = {
             let shared = shared.clone();
-            std::thread::Builder::new()
-                .name("sockets".into())
-                .spawn(move || {
-                    let runtime = match tokio::runtime::Builder::new_current_thread().enable_all().build() {
-                        Ok(runtime) => runtime,
-                        Err(error) => {
-                            let _ = ready.send(Err(StartError::System {
-                                what: "start the socket thread",
-                                error,
-                            }));
-                            return;
-                        }
-                    };
-                    let local = tokio::task::LocalSet::new();
-                    runtime.block_on(local.run_until(async {
-                        let bound = UnixSeqpacketListener::bind_with_backlog(images_path.path(), 128)
-                            .map_err(|e| listen(&images_path, e))
-                            .and_then(|l| {
-                                Ok(images_path
-                                    .set_permissions(mode, &config.socket.group)
-                                    .map(|()| l)?)
-                            })
-                            .and_then(|images| {
-                                let control = tokio::net::UnixListener::from_std(control);
-                                Ok((images, control.map_err(|e| listen(&control_path, e))?))
-                            });
-                        let (images, control) = match bound {
-                            Ok(listeners) => listeners,
-                            Err(error) => {
-                                let _ = ready.send(Err(error));
-                                return;
-                            }
-                        };
-                        let state = Rc::new(State::new(config, seed, shared, clock, commands, joint_reader));
-                        tokio::task::spawn_local(state.server.clone().serve(images));
-                        tokio::task::spawn_local(control::serve(control, state.clone()));
-                        let _ = ready.send(Ok(()));
-                        tokio::select! {
-                            _ = stopped => {}
-                            _ = supervise::watch(state) => {}
-                        }
-                    }));
+            serving_thread("control", ready, async move || {
+                let control =
+                    tokio::net::UnixListener::from_std(control).map_err(|e| listen(&control_path, e))?;
+                Ok(async move {
+                    let _path = control_path;
+                    let _stop_images = stop_images;
+                    let state = Rc::new(State::new(config, server, shared, clock, commands, joint_reader));
+                    tokio::task::spawn_local(control::serve(control, state.clone()));
+                    tokio::select! {
+                        _ = stopped => {}
+                        () = supervise::watch(state) => {}
+                    }
                 })
-                .map_err(spawn)?
+            })?
         };
         let daemon = Self {
             shared,
             tick: Some(tick),
-            sockets: Some(sockets),
-            stop_sockets: Some(stop_sockets),
+            images: Some(images),
+            control: Some(control),
+            stop: Some(stop),
         };
-        is_ready.recv().unwrap_or_else(|_| {
-            let error = std::io::Error::other("it ended at once");
-            Err(StartError::System {
-                what: "start the socket thread",
-                error,
-            })
-        })?;
+        for _ in [&daemon.images, &daemon.control] {
+            is_ready.recv().unwrap_or_else(|_| {
+                let error = std::io::Error::other("a thread ended at once");
+                Err(StartError::System { what: "serve", error })
+            })?;
+        }
         Ok(daemon)
     }
 
     /// Whether it still works: false once every recording has been played to its end and the last
     /// image was sent, or a thread has died.
     pub fn is_running(&self) -> bool {
-        // At the end of the recordings the tick thread ends first, and the socket thread when
+        let runs = |thread: &Option<JoinHandle<()>>| thread.as_ref().is_some_and(|t| !t.is_finished());
+        // At the end of the recordings the tick thread ends first, and the control thread when
         // images have reached their subscribers.
         let finished = self.shared.finished.load(Ordering::Acquire);
-        (finished || self.tick.as_ref().is_some_and(|t| !t.is_finished()))
-            && self.sockets.as_ref().is_some_and(|s| !s.is_finished())
+        (finished || runs(&self.tick)) && runs(&self.images) && runs(&self.control)
     }
 
     /// Stops the boards, lets every subscriber go, and removes the sockets.
@@ -282,11 +269,13 @@ impl Daemon {
         self.shared.stop.store(true, Ordering::Relaxed);
         let _ = self.shared.wake.write(1);
         let tick = self.tick.take().map(JoinHandle::join);
-        drop(self.stop_sockets.take());
-        let sockets = self.sockets.take().map(JoinHandle::join);
-        match (tick, sockets) {
-            (Some(Err(_)), _) => Err("the tick thread panicked"),
-            (_, Some(Err(_))) => Err("the socket thread panicked"),
+        drop(self.stop.take());
+        let control = self.control.take().map(JoinHandle::join);
+        let images = self.images.take().map(JoinHandle::join);
+        match (tick, images, control) {
+            (Some(Err(_)), ..) => Err("the tick thread panicked"),
+            (_, Some(Err(_)), _) => Err("the thread that sends images panicked"),
+            (.., Some(Err(_))) => Err("the control thread panicked"),
             _ => Ok(()),
         }
     }
@@ -296,6 +285,40 @@ impl Drop for Daemon {
     fn drop(&mut self) {
         let _ = self.shut_down();
     }
+}
+
+/// Starts a thread that runs `main` in a runtime of its own: first what may fail, whose outcome it
+/// tells, then what that gives, to its end.
+fn serving_thread<Run: Future<Output = ()>>(
+    name: &'static str,
+    ready: mpsc::Sender<Result<(), StartError>>,
+    main: impl AsyncFnOnce() -> Result<Run, StartError> + Send + 'static,
+) -> Result<JoinHandle<()>, StartError> {
+    let system = |what| move |error| StartError::System { what, error };
+    let run = move || {
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
+        let runtime = match runtime {
+            Ok(runtime) => runtime,
+            Err(error) => {
+                let _ = ready.send(Err(system("start a runtime")(error)));
+                return;
+            }
+        };
+        let local = tokio::task::LocalSet::new();
+        runtime.block_on(local.run_until(async move {
+            match main().await {
+                Ok(run) => {
+                    let _ = ready.send(Ok(()));
+                    run.await;
+                }
+                Err(error) => {
+                    let _ = ready.send(Err(error));
+                }
+            }
+        }));
+    };
+    let thread = std::thread::Builder::new().name(name.into());
+    thread.spawn(run).map_err(system("start a thread"))
 }
 
 /// Starts the thread that reads joints, one step of priority below the tick thread, where their
@@ -384,7 +407,7 @@ mod tests {
             std::thread::yield_now();
         }
         assert!(daemon.shared.finished.load(Ordering::Acquire));
-        assert!(daemon.sockets.as_ref().unwrap().is_finished());
+        assert!(daemon.control.as_ref().unwrap().is_finished());
         daemon.stop().unwrap();
     }
 }

@@ -1,28 +1,32 @@
-//! What the socket thread knows of the hand, and what can be asked of the tick thread.
+//! What the control thread knows of the hand and of who is shown it, and what it can ask of the other
+//! threads.
 
 use crate::config::Config;
-use crate::image_maker::ImageMaker;
 use crate::joints::ServoRequest;
 use crate::snapshot::Snapshot;
 use crate::tick::{Command, PipelineClock, Shared};
-use std::cell::{Cell, RefCell};
-use std::rc::Rc;
+use std::cell::{Cell, Ref, RefCell};
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, mpsc};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 use taxel_diagnose::{JointsView, Problems, Starting};
 use taxel_engine::TickMode;
 use taxel_joints::JointReader;
-use taxel_serve::{Server, ServerSeed};
+use taxel_serve::{Roster, ServerHandle};
 use taxel_skin::{BoardState, BoardsMode};
 use taxel_wire::{Event, EventKind, MAX_MARK};
 
-/// The hand as the socket thread sees it. Lives on that thread alone.
+/// The thread that sends images answers within this time, or is stuck.
+const ROSTER_PATIENCE: Duration = Duration::from_secs(1);
+
+/// The hand as the control thread sees it. Lives on that thread alone.
 pub(crate) struct State {
     pub(crate) config: Config,
     pub(crate) shared: Arc<Shared>,
     /// Subscribers, and what they are given.
-    pub(crate) server: Rc<Server<ImageMaker>>,
+    pub(crate) server: ServerHandle,
+    /// Who was connected when it was asked last.
+    roster: RefCell<Roster>,
     /// What is wrong with buses, boards and joints.
     pub(crate) problems: RefCell<Problems>,
     clock: PipelineClock,
@@ -45,7 +49,7 @@ struct Rate {
 impl State {
     pub(crate) fn new(
         config: Config,
-        seed: ServerSeed<ImageMaker>,
+        server: ServerHandle,
         shared: Arc<Shared>,
         clock: PipelineClock,
         commands: mpsc::SyncSender<Command>,
@@ -54,7 +58,8 @@ impl State {
         Self {
             clock,
             shared,
-            server: Server::new(seed),
+            server,
+            roster: RefCell::default(),
             problems: RefCell::default(),
             commands,
             joint_reader,
@@ -78,6 +83,22 @@ impl State {
     /// Has a servo told something.
     pub(crate) async fn write(&self, request: &ServoRequest) -> Result<(), String> {
         crate::joints::write(self.config.joints.as_ref(), self.joint_reader.as_ref(), request).await
+    }
+
+    /// Asks who is connected now; says whether the thread that sends images has answered.
+    pub(crate) async fn call_roster(&self) -> bool {
+        match tokio::time::timeout(ROSTER_PATIENCE, self.server.roster()).await {
+            Ok(Some(roster)) => {
+                self.roster.replace(roster);
+                true
+            }
+            _ => false,
+        }
+    }
+
+    /// Who was connected when it was asked last.
+    pub(crate) fn roster(&self) -> Ref<'_, Roster> {
+        self.roster.borrow()
     }
 
     /// Tells every subscriber what somebody marks at this instant, and returns the number of the
@@ -181,7 +202,7 @@ impl State {
             p99 as f64 / 1e6,
             links.join(", "),
             self.config.layout.modules.len(),
-            self.server.subscribers(),
+            self.roster().subscribers(),
             (self.problems.borrow().summary()).map_or(String::new(), |problems| format!(", {problems}")),
             if calibrating {
                 ", calibrating: do not touch the hand"

@@ -1,4 +1,4 @@
-//! The status report, from what the socket thread knows.
+//! The status report, from what the control thread knows.
 
 use crate::snapshot::{BusSnapshot, Snapshot};
 use crate::state::State;
@@ -12,9 +12,11 @@ use taxel_wire::status::{
 };
 
 impl State {
-    /// Everything there is to know: the `status` reply of `docs/wire.md`.
+    /// Everything there is to know: the `status` reply of `docs/wire.md`, with the subscribers of the
+    /// newest roster.
     pub(crate) fn status(&self) -> Status {
         let snapshot = self.snapshot();
+        let roster = self.roster();
         let layout = &self.config.layout;
         let problems = self.problems.borrow();
         let joints = (self.config.joints.as_ref().zip(self.joints(&snapshot))).and_then(|(config, view)| {
@@ -43,9 +45,9 @@ impl State {
             contacts: snapshot.contacts,
             missing: snapshot.missing,
             faulty: snapshot.faulty,
-            profile: self.server.own_profile(),
-            profiles: self.server.profile_status(),
-            profile_budget: self.server.profile_budget(),
+            profile: roster.own_profile(),
+            profiles: roster.profile_status(),
+            profile_budget: roster.profile_budget(),
             problems: self.problem_status(&problems),
             buses: (snapshot.buses.iter().enumerate())
                 .map(|(index, bus)| self.bus_status(index, bus, &snapshot, &problems))
@@ -69,7 +71,7 @@ impl State {
                     reasons: faults.iter().map(|fault: Fault| fault.name().into()).collect(),
                 })
                 .collect(),
-            subscribers: self.server.subscriber_status(),
+            subscribers: roster.subscriber_status(),
         }
     }
 

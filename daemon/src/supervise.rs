@@ -1,5 +1,5 @@
-//! Watches the hand from the socket thread: says in the log what changed, feeds systemd's watchdog, tells
-//! subscribers, and lets display profiles go that nobody needs.
+//! Watches the hand and the other threads from the control thread: says in the log what changed, tells
+//! subscribers, and feeds systemd's watchdog.
 //!
 //! The tick thread itself never logs, so that a slow terminal or journal cannot hold up an image.
 
@@ -36,16 +36,17 @@ pub(crate) async fn watch(state: Rc<State>) {
         if !now.written {
             continue;
         }
+        let is_sending = state.call_roster().await;
         report_changes(&state, before.as_ref(), &now);
         let view = state.joints(&now);
         report_problems(&state, &now, view.as_ref(), roll_call_at.is_none());
         report_joints(&state, view.as_ref(), &mut joints);
         reports.publish(&state, &now);
         before = Some(now);
-        state.server.tidy();
 
+        // A sign of life of both: the thread that makes images, and the one that sends them.
         let heartbeat = state.heartbeat();
-        if heartbeat != last_heartbeat {
+        if is_sending && heartbeat != last_heartbeat {
             last_heartbeat = heartbeat;
             let _ = sd_notify::notify(&[NotifyState::Watchdog]);
         }
@@ -72,7 +73,7 @@ struct Reports {
 
 impl Reports {
     fn publish(&mut self, state: &State, now: &Snapshot) {
-        if !state.server.wants_status() {
+        if !state.roster().wants_status() {
             self.next_at = None;
             return;
         }

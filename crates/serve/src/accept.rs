@@ -8,8 +8,8 @@ use std::time::Duration;
 use tokio_seqpacket::UnixSeqpacketListener;
 
 impl<M: ProfileMaker> Server<M> {
-    /// Serves subscribers until the program ends. To be run in a [`tokio::task::LocalSet`].
-    pub async fn serve(self: Rc<Self>, mut listener: UnixSeqpacketListener) {
+    /// Lets subscribers in until the program ends.
+    pub(crate) async fn let_in(self: Rc<Self>, mut listener: UnixSeqpacketListener) {
         let mut failing = false;
         loop {
             match listener.accept().await {

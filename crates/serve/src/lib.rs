@@ -5,7 +5,8 @@
 //! messages go to; publishing neither allocates nor waits. The second runs a [`Server`] in a
 //! single-threaded tokio runtime: subscribers connect, state what their display can do, and are
 //! sent the newest message, or every one from a backlog of about a second. A slow reader holds up
-//! neither the frames nor another reader.
+//! neither the frames nor another reader. Any other thread has a [`ServerHandle`]: to tell the
+//! subscribers something, and to ask who they are.
 //!
 //! What is served is said by a [`ProfileMaker`]: how a display profile becomes an output.
 //! [`Announcements`] is one without images, for programs that publish texts alone, such as touches
@@ -16,6 +17,7 @@ mod announcements;
 mod config;
 mod farewell;
 mod feed;
+mod handle;
 mod output_slots;
 mod profiles;
 mod raw;
@@ -27,6 +29,7 @@ mod subscriber;
 
 pub use announcements::Announcements;
 pub use config::{Limits, ProfilesConfig};
+pub use handle::{Roster, ServerHandle};
 pub use output_slots::OutputSlots;
 pub use profiles::{Cost, DisplayProfile, MadeOutput, Measurement, ProfileMaker};
 pub use server::{Server, ServerSeed};

@@ -112,6 +112,41 @@ pub(crate) struct ActiveProfile {
     idle_since: Cell<Option<Instant>>,
 }
 
+/// What other threads know of a profile.
+#[derive(Debug, Clone)]
+pub(crate) struct ProfileRecord {
+    pub(crate) id: u32,
+    pub(crate) own: bool,
+    pub(crate) wanted: DisplayProfile,
+    reserved: Cost,
+    cost_ns: CostPerTick,
+}
+
+impl ProfileRecord {
+    /// What it takes of each tick, microseconds.
+    pub(crate) fn cost_us(&self) -> f64 {
+        us(cost_ns(self.reserved, &self.cost_ns))
+    }
+
+    /// What a status report says of it where so many are shown it.
+    pub(crate) fn status(&self, subscribers: usize) -> ProfileStatus {
+        let cost_ns = self.cost_ns.lock().unwrap_or_else(|e| e.into_inner());
+        ProfileStatus {
+            id: self.id,
+            own: self.own,
+            profile: self.wanted.profile.clone(),
+            region: self.wanted.region.clone(),
+            subscribers,
+            images: cost_ns.len(),
+            cost_us: CostStatus {
+                p50: us(cost_ns.value_at_quantile(0.5)),
+                p99: us(cost_ns.value_at_quantile(0.99)),
+                reserved: us(self.reserved.reserved_ns()),
+            },
+        }
+    }
+}
+
 /// A profile that a subscriber stated; it is made at least as long as this lives.
 #[derive(Debug)]
 pub(crate) struct Lease(Rc<ActiveProfile>);
@@ -258,34 +293,25 @@ impl<M: ProfileMaker> Profiles<M> {
         }
     }
 
-    /// The profiles, for a status report; `subscribers` tells how many are shown a profile.
-    pub(crate) fn status(&self, subscribers: impl Fn(u32) -> usize) -> Vec<ProfileStatus> {
-        let status = |active: &Rc<ActiveProfile>| {
-            let cost_ns = active.cost_ns.lock().unwrap_or_else(|e| e.into_inner());
-            ProfileStatus {
-                id: active.id,
-                own: active.own.get(),
-                profile: active.wanted.profile.clone(),
-                region: active.wanted.region.clone(),
-                subscribers: subscribers(active.id),
-                images: cost_ns.len(),
-                cost_us: CostStatus {
-                    p50: us(cost_ns.value_at_quantile(0.5)),
-                    p99: us(cost_ns.value_at_quantile(0.99)),
-                    reserved: us(active.reserved.reserved_ns()),
-                },
-            }
+    /// The profiles there are.
+    pub(crate) fn records(&self) -> Vec<ProfileRecord> {
+        let record = |active: &Rc<ActiveProfile>| ProfileRecord {
+            id: active.id,
+            own: active.own.get(),
+            wanted: active.wanted.clone(),
+            reserved: active.reserved,
+            cost_ns: active.cost_ns.clone(),
         };
-        self.active.borrow().iter().map(status).collect()
+        self.active.borrow().iter().map(record).collect()
     }
 
-    /// What is set aside for all profiles and what they take of it, for a status report.
+    /// What is set aside for all profiles; not what they take of it.
     pub(crate) fn budget(&self) -> ProfilesBudget {
         ProfilesBudget {
             max: self.max,
             tick_us: us(self.maker.period_ns()),
             budget_us: us(self.budget_ns),
-            spent_us: us(self.active.borrow().iter().map(|active| active.cost_ns()).sum()),
+            ..ProfilesBudget::default()
         }
     }
 
@@ -381,12 +407,16 @@ impl ActiveProfile {
         self.own.get() || self.readers.get() > 0
     }
 
-    /// What it takes of each tick: what was set aside for it, or what it has turned out to take if
-    /// that is more.
     fn cost_ns(&self) -> u64 {
-        let measured = self.cost_ns.lock().unwrap_or_else(|e| e.into_inner());
-        self.reserved.reserved_ns().max(measured.value_at_quantile(0.5))
+        cost_ns(self.reserved, &self.cost_ns)
     }
+}
+
+/// What a profile takes of each tick: what was set aside for it, or what it has turned out to take
+/// if that is more.
+fn cost_ns(reserved: Cost, measured: &CostPerTick) -> u64 {
+    let measured = measured.lock().unwrap_or_else(|e| e.into_inner());
+    reserved.reserved_ns().max(measured.value_at_quantile(0.5))
 }
 
 impl Lease {

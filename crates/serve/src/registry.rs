@@ -3,7 +3,8 @@
 use crate::config::Limits;
 use crate::farewell::Farewell;
 use std::cell::{Cell, RefCell};
-use std::rc::Rc;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 use taxel_wire::status::SubscriberStatus;
 
@@ -13,7 +14,7 @@ const TURNED_AWAY_PERIOD: Duration = Duration::from_secs(10);
 /// The subscribers of a server.
 #[derive(Debug)]
 pub(crate) struct Registry {
-    entries: RefCell<Vec<Rc<Entry>>>,
+    entries: RefCell<Vec<Arc<Entry>>>,
     pub(crate) max: usize,
     pub(crate) stall: Duration,
     /// When the log was told last that one was turned away.
@@ -22,21 +23,92 @@ pub(crate) struct Registry {
     turned_away: Cell<u64>,
 }
 
-/// What is known of one subscriber.
+/// What is known of one subscriber. The serving thread writes it, others read it whenever they like.
 #[derive(Debug)]
 pub(crate) struct Entry {
     pub(crate) pid: Option<i32>,
     pub(crate) uid: Option<u32>,
-    pub(crate) since: Instant,
-    pub(crate) images: Cell<u64>,
-    pub(crate) skipped: Cell<u64>,
-    pub(crate) raw_frames: Cell<u64>,
-    pub(crate) raw_skipped: Cell<u64>,
-    pub(crate) raw: Cell<bool>,
-    pub(crate) status: Cell<bool>,
-    pub(crate) every: Cell<bool>,
+    since: Instant,
+    pub(crate) images: Sent,
+    pub(crate) raw_frames: Sent,
+    wants_raw: AtomicBool,
+    wants_status: AtomicBool,
+    wants_every: AtomicBool,
     /// Number of the display profile it is shown.
-    pub(crate) profile: Cell<u32>,
+    profile: AtomicU32,
+}
+
+/// Messages of one stream that a subscriber was sent, and those that it was not.
+#[derive(Debug, Default)]
+pub(crate) struct Sent {
+    sent: AtomicU64,
+    skipped: AtomicU64,
+}
+
+impl Sent {
+    /// One more was sent, behind so many that were not.
+    pub(crate) fn count(&self, skipped: u64) {
+        self.sent.fetch_add(1, Relaxed);
+        self.skipped.fetch_add(skipped, Relaxed);
+    }
+
+    pub(crate) fn sent(&self) -> u64 {
+        self.sent.load(Relaxed)
+    }
+
+    pub(crate) fn skipped(&self) -> u64 {
+        self.skipped.load(Relaxed)
+    }
+}
+
+impl Entry {
+    pub(crate) fn new(pid: Option<i32>, uid: Option<u32>, profile: u32) -> Self {
+        Self {
+            pid,
+            uid,
+            since: Instant::now(),
+            images: Sent::default(),
+            raw_frames: Sent::default(),
+            wants_raw: AtomicBool::default(),
+            wants_status: AtomicBool::default(),
+            wants_every: AtomicBool::default(),
+            profile: AtomicU32::new(profile),
+        }
+    }
+
+    pub(crate) fn set_wants(&self, wants: &taxel_wire::Subscribe) {
+        self.wants_raw.store(wants.raw, Relaxed);
+        self.wants_status.store(wants.status, Relaxed);
+        self.wants_every.store(wants.every, Relaxed);
+    }
+
+    pub(crate) fn set_profile(&self, profile: u32) {
+        self.profile.store(profile, Relaxed);
+    }
+
+    pub(crate) fn wants_status(&self) -> bool {
+        self.wants_status.load(Relaxed)
+    }
+
+    pub(crate) fn is_shown(&self, profile: u32) -> bool {
+        self.profile.load(Relaxed) == profile
+    }
+
+    /// What a status report says of it.
+    pub(crate) fn status(&self) -> SubscriberStatus {
+        SubscriberStatus {
+            pid: self.pid,
+            uid: self.uid,
+            connected_s: self.since.elapsed().as_secs_f64(),
+            images: self.images.sent(),
+            skipped: self.images.skipped(),
+            raw: self.wants_raw.load(Relaxed),
+            raw_frames: self.raw_frames.sent(),
+            raw_skipped: self.raw_frames.skipped(),
+            every: self.wants_every.load(Relaxed),
+            profile: self.profile.load(Relaxed),
+        }
+    }
 }
 
 impl Registry {
@@ -50,12 +122,12 @@ impl Registry {
         }
     }
 
-    pub(crate) fn add(&self, entry: &Rc<Entry>) {
+    pub(crate) fn add(&self, entry: &Arc<Entry>) {
         self.entries.borrow_mut().push(entry.clone());
     }
 
-    pub(crate) fn remove(&self, entry: &Rc<Entry>) {
-        self.entries.borrow_mut().retain(|e| !Rc::ptr_eq(e, entry));
+    pub(crate) fn remove(&self, entry: &Arc<Entry>) {
+        self.entries.borrow_mut().retain(|e| !Arc::ptr_eq(e, entry));
     }
 
     /// Says in the log, now and then, that clients were turned away.
@@ -76,31 +148,8 @@ impl Registry {
         self.entries.borrow().len()
     }
 
-    /// Whether any subscriber asked for status reports.
-    pub(crate) fn wants_status(&self) -> bool {
-        self.entries.borrow().iter().any(|e| e.status.get())
-    }
-
-    /// How many subscribers are shown the profile of this number.
-    pub(crate) fn shown(&self, profile: u32) -> usize {
-        let entries = self.entries.borrow();
-        entries.iter().filter(|e| e.profile.get() == profile).count()
-    }
-
-    /// The subscribers, for the status report.
-    pub(crate) fn status(&self) -> Vec<SubscriberStatus> {
-        let status = |e: &Rc<Entry>| SubscriberStatus {
-            pid: e.pid,
-            uid: e.uid,
-            connected_s: e.since.elapsed().as_secs_f64(),
-            images: e.images.get(),
-            skipped: e.skipped.get(),
-            raw: e.raw.get(),
-            raw_frames: e.raw_frames.get(),
-            raw_skipped: e.raw_skipped.get(),
-            every: e.every.get(),
-            profile: e.profile.get(),
-        };
-        self.entries.borrow().iter().map(status).collect()
+    /// All of them.
+    pub(crate) fn entries(&self) -> Vec<Arc<Entry>> {
+        self.entries.borrow().clone()
     }
 }

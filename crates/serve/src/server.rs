@@ -1,32 +1,22 @@
 //! A program that publishes: its subscribers, its display profiles, and what it tells everybody.
 
 use crate::config::{Limits, ProfilesConfig};
+use crate::handle::{Request, Roster, ServerHandle};
 use crate::output_slots::{OutputSlots, SlotControl, output_slots};
 use crate::profiles::{DisplayProfile, ProfileMaker, Profiles, Started, start_own};
 use crate::raw::RawStream;
 use crate::registry::Registry;
 use std::cell::RefCell;
 use std::rc::Rc;
-use std::sync::Arc;
+use std::time::Duration;
 use taxel_hand::Profile;
-use taxel_wire::status::{ProfileStatus, ProfilesBudget, SubscriberStatus};
-use taxel_wire::{Event, Kind, MAX_SUBSCRIBE, TEXT_PART};
-use tokio::sync::{broadcast, watch};
+use taxel_wire::MAX_SUBSCRIBE;
+use tokio::sync::mpsc;
+use tokio::time::{MissedTickBehavior, interval};
+use tokio_seqpacket::UnixSeqpacketListener;
 
-/// Announcements that a subscriber may be behind with, before it misses some.
-const ANNOUNCEMENTS: usize = 64;
-
-/// The packets of one text.
-pub(crate) type Packets = Arc<Vec<Vec<u8>>>;
-
-/// What every subscriber is told.
-#[derive(Debug, Clone)]
-pub(crate) enum Announcement {
-    /// To be stamped with what the subscriber was sent last.
-    Event(Event),
-    /// Stamped: the number of the tick that it comes behind, and its packets.
-    Stamped(u64, Packets),
-}
+/// How often profiles are let go that nobody has needed for a while, and memory is freed that came back.
+const TIDY_PERIOD: Duration = Duration::from_millis(100);
 
 /// What serving starts with; it is made before the threads are, and may be sent to the one that serves.
 pub struct ServerSeed<M: ProfileMaker> {
@@ -36,6 +26,8 @@ pub struct ServerSeed<M: ProfileMaker> {
     profiles: ProfilesConfig,
     wanted: DisplayProfile,
     own: Started,
+    handle: ServerHandle,
+    requests: mpsc::Receiver<Request>,
 }
 
 impl<M: ProfileMaker> ServerSeed<M> {
@@ -58,6 +50,7 @@ impl<M: ProfileMaker> ServerSeed<M> {
             region: None,
         };
         let own = start_own(&maker, &slots, &profiles, &wanted)?;
+        let (handle, requests) = ServerHandle::new();
         let seed = Self {
             maker,
             slots,
@@ -65,8 +58,15 @@ impl<M: ProfileMaker> ServerSeed<M> {
             profiles,
             wanted,
             own,
+            handle,
+            requests,
         };
         Ok((seed, table))
+    }
+
+    /// What the program's other threads have of the server.
+    pub fn handle(&self) -> ServerHandle {
+        self.handle.clone()
     }
 }
 
@@ -75,8 +75,8 @@ pub struct Server<M: ProfileMaker> {
     pub(crate) registry: Registry,
     pub(crate) profiles: Profiles<M>,
     pub(crate) raw: RawStream,
-    pub(crate) announcements: broadcast::Sender<Announcement>,
-    pub(crate) status: watch::Sender<Packets>,
+    pub(crate) handle: ServerHandle,
+    requests: RefCell<Option<mpsc::Receiver<Request>>>,
     /// Where subscriptions are received into, one at a time; one byte longer than the longest, to
     /// tell one too long.
     pub(crate) subscription: RefCell<Box<[u8]>>,
@@ -89,82 +89,58 @@ impl<M: ProfileMaker> Server<M> {
             registry: Registry::new(seed.limits),
             profiles: Profiles::new(seed.maker, seed.slots, seed.profiles, seed.wanted, seed.own),
             raw: RawStream::default(),
-            announcements: broadcast::channel(ANNOUNCEMENTS).0,
-            status: watch::channel(Packets::default()).0,
+            handle: seed.handle,
+            requests: RefCell::new(Some(seed.requests)),
             subscription: RefCell::new(vec![0; MAX_SUBSCRIBE + 1].into()),
         })
     }
 
-    /// Tells every subscriber, with the number and time of what it was sent last.
-    pub fn announce(&self, event: Event) {
-        let _ = self.announcements.send(Announcement::Event(event));
+    /// Serves subscribers, and answers the program's other threads, until the program ends. To be
+    /// run in a [`tokio::task::LocalSet`], once.
+    pub async fn serve(self: Rc<Self>, listener: UnixSeqpacketListener) {
+        tokio::join!(
+            self.clone().let_in(listener),
+            self.clone().answer_requests(),
+            self.tidy(),
+        );
     }
 
-    /// Tells every subscriber what happened at `t_ns`, when frame `seq` was the newest. Whoever is
-    /// sent every message is sent those of that frame and before it first.
-    pub fn announce_at(&self, event: &Event, seq: u64, t_ns: u64) {
-        let packets = Arc::new(vec![event.to_packet(seq, t_ns)]);
-        let _ = self.announcements.send(Announcement::Stamped(seq + 1, packets));
+    /// Who is connected, and what is made for them.
+    pub fn roster(&self) -> Roster {
+        Roster {
+            subscribers: self.registry.entries(),
+            profiles: self.profiles.records(),
+            budget: self.profiles.budget(),
+        }
     }
 
-    /// Sends every subscriber a text of another type, such as TOUCH or ESTIMATE, in the same order as
-    /// [`Server::announce_at`].
-    pub fn publish_text(&self, kind: Kind, text: &[u8], seq: u64, t_ns: u64) {
-        let packets = Arc::new(text_packets(kind, text, seq, t_ns));
-        let _ = self.announcements.send(Announcement::Stamped(seq + 1, packets));
+    /// Answers what other threads ask.
+    async fn answer_requests(self: Rc<Self>) {
+        let Some(mut requests) = self.requests.take() else {
+            return;
+        };
+        while let Some(request) = requests.recv().await {
+            match request {
+                Request::Roster(answer) => drop(answer.send(self.roster())),
+                // Its cost is measured first, which takes a while.
+                Request::SetOwnProfile(profile, answer) => {
+                    let server = self.clone();
+                    tokio::task::spawn_local(async move {
+                        let _ = answer.send(server.profiles.set_own(profile).await);
+                    });
+                }
+            }
+        }
     }
 
-    /// Whether any subscriber wants status reports.
-    pub fn wants_status(&self) -> bool {
-        self.registry.wants_status()
+    /// Lets profiles go that nobody has needed for a while, and frees what came back.
+    async fn tidy(&self) {
+        let mut period = interval(TIDY_PERIOD);
+        period.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        loop {
+            period.tick().await;
+            self.profiles.tidy();
+            self.raw.tidy(&self.profiles.slots);
+        }
     }
-
-    /// Gives those who want status reports the newest: a JSON object.
-    pub fn set_status(&self, text: &[u8], seq: u64, t_ns: u64) {
-        let packets = text_packets(Kind::Status, text, seq, t_ns);
-        self.status.send_replace(Arc::new(packets));
-    }
-
-    /// The profile of whoever states none.
-    pub fn own_profile(&self) -> Profile {
-        self.profiles.own().wanted.profile.clone()
-    }
-
-    /// Makes this the profile of whoever states none, from the next tick on.
-    pub async fn set_own_profile(&self, profile: Profile) -> Result<(), String> {
-        self.profiles.set_own(profile).await
-    }
-
-    /// Lets profiles go that nobody has needed for a while, and frees what came back. To be called
-    /// a few times a second.
-    pub fn tidy(&self) {
-        self.profiles.tidy();
-        self.raw.tidy(&self.profiles.slots);
-    }
-
-    /// How many subscribers are connected.
-    pub fn subscribers(&self) -> usize {
-        self.registry.len()
-    }
-
-    /// The subscribers, for a status report.
-    pub fn subscriber_status(&self) -> Vec<SubscriberStatus> {
-        self.registry.status()
-    }
-
-    /// The profiles that are made, for a status report.
-    pub fn profile_status(&self) -> Vec<ProfileStatus> {
-        self.profiles.status(|id| self.registry.shown(id))
-    }
-
-    /// What the profiles may take of a tick and what they take of it, for a status report.
-    pub fn profile_budget(&self) -> ProfilesBudget {
-        self.profiles.budget()
-    }
-}
-
-fn text_packets(kind: Kind, text: &[u8], seq: u64, t_ns: u64) -> Vec<Vec<u8>> {
-    taxel_wire::split_text(kind, text, TEXT_PART, seq, t_ns)
-        .map(|(header, part)| [&header.to_bytes(), part].concat())
-        .collect()
 }

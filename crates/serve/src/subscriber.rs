@@ -6,14 +6,15 @@
 
 use crate::farewell::Farewell;
 use crate::feed::Feed;
+use crate::handle::{Announcement, Packets};
 use crate::profiles::{ActiveProfile, DisplayProfile, Lease, ProfileMaker};
 use crate::registry::Entry;
-use crate::server::{Announcement, Packets, Server};
-use std::cell::Cell;
+use crate::server::Server;
 use std::collections::VecDeque;
 use std::future::poll_fn;
 use std::io;
 use std::rc::Rc;
+use std::sync::Arc;
 use std::task::{Poll, ready};
 use std::time::Duration;
 use taxel_wire::{Event, EventKind, Subscribe, SubscribeError};
@@ -34,19 +35,9 @@ const MAX_REFUSALS: u32 = 8;
 /// Serves one client until it goes or has to go.
 pub(crate) async fn welcome<M: ProfileMaker>(socket: UnixSeqpacket, server: Rc<Server<M>>) {
     let peer = socket.peer_cred().ok();
-    let entry = Rc::new(Entry {
-        pid: peer.as_ref().and_then(|p| p.pid()),
-        uid: peer.as_ref().map(|p| p.uid()),
-        since: std::time::Instant::now(),
-        images: Cell::new(0),
-        skipped: Cell::new(0),
-        raw_frames: Cell::new(0),
-        raw_skipped: Cell::new(0),
-        raw: Cell::new(false),
-        status: Cell::new(false),
-        every: Cell::new(false),
-        profile: Cell::new(server.profiles.own().id),
-    });
+    let pid = peer.as_ref().and_then(|p| p.pid());
+    let uid = peer.as_ref().map(|p| p.uid());
+    let entry = Arc::new(Entry::new(pid, uid, server.profiles.own().id));
     let registry = &server.registry;
     if registry.len() >= registry.max {
         let farewell = Farewell::TooMany(registry.len());
@@ -69,8 +60,8 @@ pub(crate) async fn welcome<M: ProfileMaker>(socket: UnixSeqpacket, server: Rc<S
     registry.remove(&entry);
     tracing::info!(
         pid = entry.pid,
-        images = entry.images.get(),
-        skipped = entry.skipped.get(),
+        images = entry.images.sent(),
+        skipped = entry.images.skipped(),
         "subscriber gone: {farewell}"
     );
 }
@@ -135,7 +126,7 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
             wants: Subscribe::default(),
             images: Feed::new(&shown.stream, false),
             raw: None,
-            status: server.status.subscribe(),
+            status: server.handle.status.subscribe(),
             held: VecDeque::new(),
             shown,
             lease: None,
@@ -170,7 +161,7 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
     }
 
     async fn serve(&mut self) -> Result<std::convert::Infallible, Farewell> {
-        let mut announcements = self.server.announcements.subscribe();
+        let mut announcements = self.server.handle.announcements.subscribe();
         self.send_hello().await?;
         loop {
             tokio::select! {
@@ -331,9 +322,7 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
         if wants.status && !self.wants.status {
             self.status.mark_unchanged();
         }
-        self.entry.raw.set(wants.raw);
-        self.entry.status.set(wants.status);
-        self.entry.every.set(wants.every);
+        self.entry.set_wants(&wants);
         self.images.hold_back_no_longer();
         if let Some(raw) = &mut self.raw {
             raw.hold_back_no_longer();
@@ -352,7 +341,7 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
     /// Shows another profile, and says so. Ticks go on being counted across the change.
     async fn show(&mut self, shown: Rc<ActiveProfile>) -> Result<(), Farewell> {
         self.images = self.images.go_on_with(&shown.stream);
-        self.entry.profile.set(shown.id);
+        self.entry.set_profile(shown.id);
         self.shown = shown;
         self.size_send_buffer()?;
         self.send_hello().await
@@ -408,14 +397,13 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
     /// Sends the image or raw frame whose turn it is at the moment when the socket takes it.
     async fn send_next(&mut self, which: Which) -> Result<(), Farewell> {
         let stall = self.server.registry.stall;
-        let (feed, sent, skipped) = match (which, &mut self.raw) {
-            (Which::Raw, Some(raw)) => (raw, &self.entry.raw_frames, &self.entry.raw_skipped),
-            _ => (&mut self.images, &self.entry.images, &self.entry.skipped),
+        let (feed, sent) = match (which, &mut self.raw) {
+            (Which::Raw, Some(raw)) => (raw, &self.entry.raw_frames),
+            _ => (&mut self.images, &self.entry.images),
         };
         match timeout(stall, feed.send(&self.socket, self.wants.max_rate_hz)).await {
             Ok(Ok(Some(passed_over))) => {
-                sent.set(sent.get() + 1);
-                skipped.set(skipped.get() + passed_over);
+                sent.count(passed_over);
                 Ok(())
             }
             Ok(nothing) => Ok(nothing.map(drop)?),

@@ -7,7 +7,7 @@ use std::time::Duration;
 use taxel_hand::{Profile, TactileImage};
 use taxel_serve::{
     Cost, DisplayProfile, Limits, MadeOutput, Measurement, OutputSlots, ProfileMaker, ProfilesConfig, Server,
-    ServerSeed,
+    ServerHandle, ServerSeed,
 };
 use taxel_wire::{
     Clock, Encode, EncodeError, Event, EventKind, Header, Hello, HelloRate, Received, Subscribe, Subscriber,
@@ -73,6 +73,7 @@ impl ProfileMaker for Maker {
 /// What a test does with the server, on the serving thread.
 struct Stage {
     server: Rc<Server<Maker>>,
+    handle: ServerHandle,
     outputs: OutputSlots<u64>,
     path: PathBuf,
     made: u64,
@@ -112,11 +113,13 @@ fn on_stage<F: Future<Output = ()>>(act: impl FnOnce(Stage) -> F) {
         let profile = Profile::default();
         let (seed, outputs) =
             ServerSeed::new(Maker, limits, ProfilesConfig::default(), profile, || {}).unwrap();
+        let handle = seed.handle();
         let server = Server::new(seed);
         let listener = UnixSeqpacketListener::bind(&path).unwrap();
         tokio::task::spawn_local(server.clone().serve(listener));
         let stage = Stage {
             server,
+            handle,
             outputs,
             path,
             made: 0,
@@ -184,14 +187,14 @@ fn every_message_comes_in_order_though_the_reader_was_busy() {
         let mut reader = Reader::connect(&stage.path, true);
         stage
             .until("it asked for every message", |server| {
-                server.subscriber_status().iter().any(|s| s.every)
+                server.roster().subscriber_status().iter().any(|s| s.every)
             })
             .await;
         stage.publish(DEPTH);
         let images = reader.read(DEPTH as usize).await;
         let expected: Vec<Got> = (0..DEPTH).map(|seq| Got::Image(seq, 0)).collect();
         assert_eq!(images, expected);
-        assert_eq!(stage.server.subscriber_status()[0].skipped, 0);
+        assert_eq!(stage.server.roster().subscriber_status()[0].skipped, 0);
     });
 }
 
@@ -202,7 +205,7 @@ fn what_is_lost_to_a_reader_of_every_message_is_counted_and_costs_the_others_not
         let mut newest = Reader::connect(&stage.path, false);
         stage
             .until("both are there", |server| {
-                let all = server.subscriber_status();
+                let all = server.roster().subscriber_status();
                 all.len() == 2 && all.iter().any(|s| s.every)
             })
             .await;
@@ -222,7 +225,7 @@ fn what_is_lost_to_a_reader_of_every_message_is_counted_and_costs_the_others_not
             assert_eq!(seq as i64, before + 1 + i64::from(skipped), "after {last:?}");
             last = Some(seq);
         }
-        let status = stage.server.subscriber_status();
+        let status = stage.server.roster().subscriber_status();
         let slow = status.iter().find(|s| s.every).unwrap();
         assert!(slow.skipped > 0, "{slow:?}");
         assert_eq!(slow.images + slow.skipped, 2001);
@@ -236,12 +239,12 @@ fn a_mark_comes_behind_the_images_made_before_it_and_before_those_made_after() {
         let mut reader = Reader::connect(&stage.path, true);
         stage
             .until("it asked for every message", |server| {
-                server.subscriber_status().iter().any(|s| s.every)
+                server.roster().subscriber_status().iter().any(|s| s.every)
             })
             .await;
         stage.publish(5);
         let mark = Event::new(EventKind::Mark, "touch 3");
-        stage.server.announce_at(&mark, 4, 4_500);
+        stage.handle.announce_at(&mark, 4, 4_500);
         stage.publish(5);
         let expected: Vec<Got> = (0..5)
             .map(|seq| Got::Image(seq, 0))
@@ -249,5 +252,31 @@ fn a_mark_comes_behind_the_images_made_before_it_and_before_those_made_after() {
             .chain((5..10).map(|seq| Got::Image(seq, 0)))
             .collect();
         assert_eq!(reader.read(11).await, expected);
+    });
+}
+
+#[test]
+fn another_thread_sees_who_is_connected_and_tells_them_something() {
+    on_stage(async |mut stage| {
+        let mut reader = Reader::connect(&stage.path, false);
+        stage
+            .until("somebody is there", |server| server.roster().subscribers() == 1)
+            .await;
+        let handle = stage.handle.clone();
+        let roster = std::thread::spawn(move || {
+            let mut runtime = tokio::runtime::Builder::new_current_thread();
+            let roster = runtime.build().unwrap().block_on(handle.roster()).unwrap();
+            handle.announce(Event::new(EventKind::Notice, "seen"));
+            roster
+        });
+        assert_eq!(reader.read(1).await, [Got::Event("seen".into())]);
+        let roster = roster.join().unwrap();
+        assert_eq!(roster.subscriber_status()[0].images, 0);
+        stage.publish(1);
+        assert_eq!(reader.read(1).await, [Got::Image(0, 0)]);
+        // The counts go on, though nobody asked the serving thread again.
+        stage
+            .until("it is counted", |_| roster.subscriber_status()[0].images == 1)
+            .await;
     });
 }
