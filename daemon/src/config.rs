@@ -1,5 +1,6 @@
 //! The daemon's one configuration file.
 
+use nix::unistd::AccessFlags;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use taxel_can::SourceAddress;
@@ -110,17 +111,29 @@ impl Default for CanConfig {
     }
 }
 
-/// Where the daemon's sockets are unless the configuration says otherwise: `/run/taxeld` for root and for the
-/// service, which systemd gives that directory, else `taxeld` in the user's own runtime directory.
+/// Where the sockets of root's daemon and of the service are, which systemd gives that folder.
+const SYSTEM_DIRECTORY: &str = "/run/taxeld";
+
+/// Where the daemon's sockets are unless the configuration says otherwise: `/run/taxeld` for root and where that folder
+/// is this user's to write to, else `taxeld` in the user's own runtime directory, else `/tmp/taxeld-UID`.
 pub fn default_directory() -> PathBuf {
-    let system = PathBuf::from("/run/taxeld");
-    if nix::unistd::geteuid().is_root() || system.is_dir() {
-        return system;
+    let is_ours = || nix::unistd::access(SYSTEM_DIRECTORY, AccessFlags::W_OK).is_ok();
+    if nix::unistd::geteuid().is_root() || is_ours() {
+        return SYSTEM_DIRECTORY.into();
     }
     match std::env::var_os("XDG_RUNTIME_DIR") {
         Some(dir) if !dir.is_empty() => PathBuf::from(dir).join("taxeld"),
         _ => PathBuf::from(format!("/tmp/taxeld-{}", nix::unistd::getuid())),
     }
+}
+
+/// The socket of this name, such as `images.sock`, of the daemon that this user has started, or else of the system's.
+pub fn running_socket(name: &str) -> PathBuf {
+    let own = default_directory().join(name);
+    if own.exists() || !Path::new(SYSTEM_DIRECTORY).is_dir() {
+        return own;
+    }
+    Path::new(SYSTEM_DIRECTORY).join(name)
 }
 
 /// Why a configuration was refused, with the place.

@@ -19,10 +19,12 @@ mod tick;
 pub use config::{Config, ConfigError};
 pub use taxel_serve::SocketPathError;
 
+use crate::config::SocketConfig;
 use crate::image_maker::ImageMaker;
 use crate::snapshot::Snapshot;
 use crate::state::State;
 use crate::tick::{PipelineClock, Shared, TickThread};
+use nix::sys::socket::SockType;
 use std::rc::Rc;
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, mpsc};
@@ -44,6 +46,8 @@ pub struct Daemon {
     control: Option<JoinHandle<()>>,
     /// Dropped to end the control thread, which ends that of the images with it.
     stop: Option<oneshot::Sender<()>>,
+    /// Gone when nobody serves any more.
+    _paths: SocketPaths,
 }
 
 /// Why the daemon did not start.
@@ -52,14 +56,6 @@ pub enum StartError {
     /// A socket path cannot be had.
     #[error(transparent)]
     SocketPath(#[from] SocketPathError),
-    /// A socket could not be bound.
-    #[error("cannot listen on {path}: {error}")]
-    Listen {
-        /// The path.
-        path: String,
-        /// What the system said.
-        error: std::io::Error,
-    },
     /// A CAN source could not be opened.
     #[error("bus {bus}: {error}")]
     Source {
@@ -90,6 +86,40 @@ pub enum StartError {
     },
 }
 
+/// Connections that may wait to be accepted.
+const BACKLOG: i32 = 128;
+
+/// The places of the daemon's sockets. The one that was taken first goes last, and its folder with it.
+#[derive(Debug)]
+struct SocketPaths {
+    control: SocketPath,
+    images: SocketPath,
+}
+
+impl SocketPaths {
+    fn take(config: &SocketConfig) -> Result<Self, SocketPathError> {
+        let mode = config.mode_bits().unwrap_or(0o660);
+        let images = SocketPath::take(&config.images, mode, &config.group)?;
+        let control = SocketPath::take(&config.control, mode, &config.group)?;
+        Ok(Self { control, images })
+    }
+}
+
+impl StartError {
+    /// Whether to start again would not help, since the configuration is at fault.
+    pub fn is_lasting(&self) -> bool {
+        match self {
+            Self::SocketPath(error) => matches!(
+                error,
+                SocketPathError::UnknownGroup { .. } | SocketPathError::NotASocket { .. }
+            ),
+            Self::JointsBeside(_) | Self::Engine(_) => true,
+            // A profile may be too dear only while the machine is busy.
+            Self::Source { .. } | Self::Joints(_) | Self::Profile(_) | Self::System { .. } => false,
+        }
+    }
+}
+
 impl Daemon {
     /// Opens the buses and sockets of `config` and starts.
     ///
@@ -103,17 +133,12 @@ impl Daemon {
                 error: error.into(),
             }
         };
-        let mode = config.socket.mode_bits().unwrap_or(0o660);
-        let images_path = SocketPath::take(&config.socket.images)?;
-        let control_path = SocketPath::take(&config.socket.control)?;
-        let listen = |path: &SocketPath, error| StartError::Listen {
-            path: path.path().display().to_string(),
+        let mut paths = SocketPaths::take(&config.socket)?;
+        let listen = |error| StartError::System {
+            what: "listen on a socket",
             error,
         };
-        let control = std::os::unix::net::UnixListener::bind(control_path.path())
-            .and_then(|l| l.set_nonblocking(true).map(|()| l))
-            .map_err(|e| listen(&control_path, e))?;
-        control_path.set_permissions(mode, &config.socket.group)?;
+        let control = paths.control.listen(SockType::Stream, BACKLOG)?;
 
         let recorded = sources::are_recorded(&config);
         let clock = PipelineClock {
@@ -201,13 +226,10 @@ impl Daemon {
         let server = seed.handle();
         let (ready, is_ready) = mpsc::channel();
         let (stop_images, stopped) = oneshot::channel::<()>();
-        let group = config.socket.group.clone();
+        let images = paths.images.listen(SockType::SeqPacket, BACKLOG)?;
         let images = serving_thread("images", ready.clone(), async move || {
-            let images = UnixSeqpacketListener::bind_with_backlog(images_path.path(), 128)
-                .map_err(|e| listen(&images_path, e))?;
-            images_path.set_permissions(mode, &group)?;
+            let images = UnixSeqpacketListener::try_from(images).map_err(listen)?;
             Ok(async move {
-                let _path = images_path;
                 tokio::select! {
                     _ = stopped => {}
                     () = Server::new(seed).serve(images) => {}
@@ -218,10 +240,8 @@ impl Daemon {
         let control = {
             let shared = shared.clone();
             serving_thread("control", ready, async move || {
-                let control =
-                    tokio::net::UnixListener::from_std(control).map_err(|e| listen(&control_path, e))?;
+                let control = tokio::net::UnixListener::from_std(control.into()).map_err(listen)?;
                 Ok(async move {
-                    let _path = control_path;
                     let _stop_images = stop_images;
                     let state = Rc::new(State::new(config, server, shared, clock, commands, joint_reader));
                     tokio::task::spawn_local(control::serve(control, state.clone()));
@@ -238,6 +258,7 @@ impl Daemon {
             images: Some(images),
             control: Some(control),
             stop: Some(stop),
+            _paths: paths,
         };
         for _ in [&daemon.images, &daemon.control] {
             is_ready.recv().unwrap_or_else(|_| {

@@ -1,17 +1,25 @@
 //! `taxeld`: from a robot hand's skin to tactile displays, in real time.
 
+#![deny(clippy::print_stdout, clippy::print_stderr)]
+
 mod log;
 
 use crate::log::{Flush, Log};
 use anyhow::Context;
 use clap::Parser;
-use nix::sys::signal::{SigSet, Signal};
+use nix::libc;
+use nix::sys::signal::{SigSet, SigmaskHow};
 use sd_notify::NotifyState;
+use signal_hook::consts::{
+    SIGALRM, SIGHUP, SIGINT, SIGIO, SIGPROF, SIGQUIT, SIGTERM, SIGUSR1, SIGUSR2, SIGVTALRM, SIGXCPU, SIGXFSZ,
+};
 use signal_hook::iterator::Signals;
+use signal_hook::low_level::signal_name;
+use std::io::{ErrorKind, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
-use taxeld::{Config, ConfigError, Daemon};
+use taxeld::{Config, ConfigError, Daemon, StartError};
 use tracing_subscriber::EnvFilter;
 
 /// Reads a robot hand's skin from CAN and gives tactile images to display drivers.
@@ -30,16 +38,17 @@ struct Arguments {
     check: bool,
 }
 
-/// The exit status where the configuration is at fault: `EX_CONFIG` of sysexits(3). To start again
-/// would not help.
+/// The exit status where the configuration is at fault: `EX_CONFIG` of sysexits(3). To start again would not help.
 const BAD_CONFIG: u8 = 78;
 
 fn main() -> ExitCode {
     match run(&Arguments::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(status) => status,
         Err(error) => {
-            eprintln!("Error: {error:?}");
-            if error.is::<ConfigError>() {
+            // Not eprintln!, which panics where stderr is gone or full.
+            let _ = writeln!(std::io::stderr(), "Error: {error:#}");
+            let start = error.downcast_ref::<StartError>();
+            if error.is::<ConfigError>() || start.is_some_and(StartError::is_lasting) {
                 ExitCode::from(BAD_CONFIG)
             } else {
                 ExitCode::FAILURE
@@ -48,35 +57,23 @@ fn main() -> ExitCode {
     }
 }
 
-fn run(arguments: &Arguments) -> anyhow::Result<()> {
+fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     let _flush = log_to_stderr().context("cannot start the thread that writes the log")?;
     let config = Config::load(&arguments.config)?;
     if arguments.check {
-        let layout = &config.layout;
-        println!(
-            "{}: {} modules, {} taxels, {}x{} image",
-            layout.name,
-            layout.modules.len(),
-            layout.len(),
-            layout.width,
-            layout.height
-        );
-        for (bus, source) in layout.buses.iter().zip(&config.sources) {
-            println!("  {bus}: {source}");
-        }
-        if let Some(joints) = &config.joints {
-            println!("  {} joints: {}", joints.joint_names().len(), joints.source);
-        }
-        return Ok(());
+        return match std::io::stdout().write_all(describe(&config).as_bytes()) {
+            Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(error).context("stdout"),
+            _ => Ok(ExitCode::SUCCESS),
+        };
     }
 
-    // Blocked while threads start, so that all of them inherit it and only this one is interrupted.
-    // It takes handlers as well: a library that waits for a device unblocks every signal meanwhile,
-    // and an unhandled one would kill taxeld with its boards and motors running.
-    const SIGNALS: [Signal; 3] = [Signal::SIGTERM, Signal::SIGINT, Signal::SIGHUP];
-    let mut signals = Signals::new(SIGNALS.map(|signal| signal as i32)).context("cannot handle signals")?;
-    let blocked = SigSet::from_iter(SIGNALS);
-    blocked.thread_block().context("cannot block signals")?;
+    // They interrupt the thread that they wake alone, so that every other one is started without them. They take
+    // handlers as well: a library that waits for a device unblocks every signal meanwhile, and an unhandled one would
+    // kill taxeld with its boards and motors running.
+    let mut signals = Signals::new(ending_signals().chain([SIGHUP])).context("cannot handle signals")?;
+    let mask = SigSet::all()
+        .thread_swap_mask(SigmaskHow::SIG_SETMASK)
+        .context("cannot block signals")?;
     let images = config.socket.images.clone();
     let daemon = Daemon::start(config)?;
     tracing::info!(images = %images.display(), "ready");
@@ -85,26 +82,65 @@ fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let (sender, stop) = std::sync::mpsc::channel();
     std::thread::spawn(move || {
         for signal in signals.forever() {
-            if Signal::try_from(signal).is_ok_and(|signal| sender.send(signal).is_err()) {
+            if sender.send(signal).is_err() {
                 return;
             }
         }
     });
-    blocked.thread_unblock().context("cannot take signals")?;
+    mask.thread_set_mask().context("cannot take signals")?;
+    let mut status = ExitCode::SUCCESS;
     while daemon.is_running() {
         match stop.recv_timeout(Duration::from_millis(200)) {
-            Ok(Signal::SIGHUP) => {
+            Ok(SIGHUP) => {
                 tracing::warn!("SIGHUP: the configuration is read at the start only; restart to change it")
             }
             Ok(signal) => {
-                tracing::info!("{signal}: stopping");
+                let name = signal_name(signal).map_or_else(|| format!("signal {signal}"), str::to_owned);
+                tracing::info!("{name}: stopping");
+                if !matches!(signal, SIGTERM | SIGINT) {
+                    status = ExitCode::from(128 + signal as u8);
+                }
                 break;
             }
             Err(_) => {}
         }
     }
     let _ = sd_notify::notify(&[NotifyState::Stopping]);
-    daemon.stop().map_err(anyhow::Error::msg)
+    daemon.stop().map_err(anyhow::Error::msg)?;
+    Ok(status)
+}
+
+/// The signals that end taxeld after boards and motors have been stopped: all that end a process and can be caught. Not
+/// those that tell of a fault of the program itself (SIGSEGV, SIGABRT and the like), after which it can do nothing more.
+fn ending_signals() -> impl Iterator<Item = i32> {
+    let named = [
+        SIGTERM, SIGINT, SIGQUIT, SIGUSR1, SIGUSR2, SIGALRM, SIGVTALRM, SIGPROF, SIGXCPU, SIGXFSZ, SIGIO,
+    ];
+    let rare = [libc::SIGPWR, libc::SIGSTKFLT];
+    named
+        .into_iter()
+        .chain(rare)
+        .chain(libc::SIGRTMIN()..=libc::SIGRTMAX())
+}
+
+/// What a configuration would run, for people.
+fn describe(config: &Config) -> String {
+    let layout = &config.layout;
+    let mut text = format!(
+        "{}: {} modules, {} taxels, {}x{} image\n",
+        layout.name,
+        layout.modules.len(),
+        layout.len(),
+        layout.width,
+        layout.height
+    );
+    for (bus, source) in layout.buses.iter().zip(&config.sources) {
+        text += &format!("  {bus}: {source}\n");
+    }
+    if let Some(joints) = &config.joints {
+        text += &format!("  {} joints: {}\n", joints.joint_names().len(), joints.source);
+    }
+    text
 }
 
 /// Plain lines under systemd, which stamps them itself; with times and colours in a terminal.

@@ -1,6 +1,8 @@
 //! What a configuration file is refused for, and where.
 
+use std::fs::OpenOptions;
 use std::path::PathBuf;
+use std::process::{Command, Stdio};
 use taxeld::Config;
 
 #[test]
@@ -59,4 +61,45 @@ fn configuration_errors_name_file_and_line() {
         );
     }
     Config::parse(two, &path).unwrap();
+}
+
+/// A stderr or stdout that takes nothing: a full disk, and a pipe whose reader has gone.
+fn taking_nothing() -> [Stdio; 2] {
+    let full = OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let (_, gone) = std::io::pipe().unwrap();
+    [full.into(), gone.into()]
+}
+
+#[test]
+fn a_wrong_configuration_ends_with_its_status_though_nobody_can_be_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("taxeld.toml");
+    let two = "[[bus]]\nsource = 'sim:idle'\n[[bus]]\nsource = 'sim:idle'\n";
+    let socket = |name: &str| format!("{}/{name}.sock", folder.path().display());
+    let sockets = format!(
+        "[socket]\nimages = '{}'\ncontrol = '{}'\n",
+        socket("images"),
+        socket("control")
+    );
+    let wrong = [
+        "layout = 3\n".to_owned(),
+        // Known only at the start.
+        format!("{two}{sockets}group = 'no-such-group'\n"),
+    ];
+    for text in wrong {
+        std::fs::write(&path, &text).unwrap();
+        for stderr in taking_nothing() {
+            let mut taxeld = Command::new(env!("CARGO_BIN_EXE_taxeld"));
+            let status = taxeld.arg("--config").arg(&path).stderr(stderr).status().unwrap();
+            assert_eq!(status.code(), Some(78), "{text}");
+        }
+    }
+    // Its answer cannot be told either; that its reader has seen enough is no failure.
+    std::fs::write(&path, two).unwrap();
+    for (stdout, code) in taking_nothing().into_iter().zip([1, 0]) {
+        let mut taxeld = Command::new(env!("CARGO_BIN_EXE_taxeld"));
+        taxeld.arg("--check").arg("--config").arg(&path);
+        let status = taxeld.stdout(stdout).stderr(Stdio::null()).status().unwrap();
+        assert_eq!(status.code(), Some(code));
+    }
 }

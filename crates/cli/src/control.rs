@@ -6,11 +6,13 @@ use std::io::{BufRead, BufReader, Write};
 use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::time::Duration;
+use taxel_wire::check_socket_folder;
 
 const PATIENCE: Duration = Duration::from_secs(5);
 
 /// Has the daemon do something; an error is its own words why not.
 pub(crate) fn request(socket: &Path, request: &Value) -> anyhow::Result<()> {
+    check_socket_folder(socket)?;
     let connect = || format!("cannot reach taxeld at {}", socket.display());
     let mut stream = UnixStream::connect(socket).with_context(connect)?;
     stream.set_read_timeout(Some(PATIENCE))?;

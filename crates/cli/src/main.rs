@@ -1,6 +1,16 @@
 //! The `taxel` command: look at a tactile hand, play recordings and scenes to it, compress offline,
 //! find what is wrong.
 
+#![cfg_attr(not(test), deny(clippy::print_stdout, clippy::print_stderr))]
+
+/// For people, on stderr. Unlike the standard library's it does not panic where the terminal is gone or the disk full.
+macro_rules! eprintln {
+    ($($words:tt)*) => {{
+        use std::io::Write;
+        let _ = writeln!(std::io::stderr(), $($words)*);
+    }};
+}
+
 mod allocations;
 mod compress;
 mod control;
@@ -23,7 +33,7 @@ mod target;
 mod watch;
 
 use clap::{Parser, Subcommand};
-use std::io::{self, Write};
+use std::io;
 use std::process::ExitCode;
 
 /// Tactile images from robot skin: watch a running daemon, replay recordings, simulate a hand,
@@ -80,8 +90,7 @@ fn main() -> ExitCode {
         // Whoever read the output has seen enough: `taxel watch | head`.
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
-            // Not eprintln!, which panics when the terminal is gone.
-            let _ = writeln!(io::stderr(), "taxel: {}", describe(&error));
+            eprintln!("taxel: {}", describe(&error));
             ExitCode::FAILURE
         }
     }

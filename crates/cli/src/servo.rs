@@ -43,7 +43,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let socket = args
         .socket
         .clone()
-        .unwrap_or_else(|| taxeld::config::default_directory().join("control.sock"));
+        .unwrap_or_else(|| taxeld::config::running_socket("control.sock"));
     let mut request = json!({ "cmd": "servo", "joint": args.joint });
     if let Some(torque) = args.torque {
         request["torque"] = (torque == Switch::On).into();

@@ -45,7 +45,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let socket = args
         .socket
         .clone()
-        .unwrap_or_else(|| taxeld::config::default_directory().join("images.sock"));
+        .unwrap_or_else(|| taxeld::config::running_socket("images.sock"));
     let mut subscriber = Subscriber::connect(&socket)?;
     if args.raw {
         subscriber.subscribe(&Subscribe {

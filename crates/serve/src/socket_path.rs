@@ -1,99 +1,96 @@
 //! A Unix socket path that belongs to one daemon at a time.
 //!
-//! A daemon that was killed leaves its socket file behind, and `bind` then refuses the path for
-//! ever; removing the file without asking would cut a running daemon off. So the path is guarded by
-//! an exclusive lock on `PATH.lock`: only its holder removes a stale socket and binds, and the
-//! kernel releases the lock however the holder ends.
+//! A daemon that was killed leaves its socket file behind, and `bind` then refuses the path for ever; removing the file
+//! without asking would cut a running daemon off. So the path is guarded by an exclusive lock on `PATH.lock`: only its
+//! holder removes a stale socket and binds, and the kernel releases the lock however the holder ends.
+//!
+//! Folders may be anybody's, such as `/tmp`. So no link is followed, the lock file is ours and only we can open it, a
+//! socket on which any program listens is left alone, and from its first moment a socket is open to nobody who may not
+//! use it.
 
-use nix::fcntl::{Flock, FlockArg};
-use nix::unistd::{Gid, Group};
-use std::fs::{self, File, OpenOptions};
+mod error;
+mod lock;
+
+pub use error::SocketPathError;
+
+use lock::Lock;
+use nix::errno::Errno;
+use nix::fcntl::{AT_FDCWD, AtFlags};
+use nix::sys::socket::{AddressFamily, Backlog, SockFlag, SockType, UnixAddr, bind, connect, listen, socket};
+use nix::sys::stat::{FchmodatFlags, Mode, fchmod, fchmodat};
+use nix::unistd::{Gid, Group, fchownat};
+use std::fs::{self, DirBuilder};
 use std::io;
-use std::os::unix::fs::{FileTypeExt, PermissionsExt};
+use std::os::fd::{AsRawFd, OwnedFd};
+use std::os::unix::fs::{DirBuilderExt, FileTypeExt};
 use std::path::{Path, PathBuf};
+use taxel_wire::check_socket_folder;
 
-/// The right to bind a socket path, held until dropped; dropping removes the socket.
+/// The right to bind a socket path, held until dropped; dropping removes the socket, its lock file and the folders
+/// that were made for them, where nothing else is in those.
 #[derive(Debug)]
 pub struct SocketPath {
     path: PathBuf,
-    _lock: Flock<File>,
-}
-
-/// Why a socket path cannot be had.
-#[derive(Debug, thiserror::Error)]
-pub enum SocketPathError {
-    /// Another daemon holds it.
-    #[error("{path} is in use by another taxeld; stop it, or give this one another socket path")]
-    InUse {
-        /// The socket.
-        path: String,
-    },
-    /// Something that is not a socket is at the path.
-    #[error("{path} exists and is not a socket; it is left alone, choose another socket path")]
-    NotASocket {
-        /// The path.
-        path: String,
-    },
-    /// The group is not known on this machine.
-    #[error(
-        "socket.group = \"{group}\" is no group of this machine; create it with `groupadd --system {group}`"
-    )]
-    UnknownGroup {
-        /// The group's name.
-        group: String,
-    },
-    /// The system refused.
-    #[error("cannot {what} {path}: {error}")]
-    Io {
-        /// What was tried.
-        what: &'static str,
-        /// The path.
-        path: String,
-        /// What the system said.
-        error: io::Error,
-    },
+    bound: bool,
+    mode: Mode,
+    group: Option<Gid>,
+    /// Folders that were made for it, the deepest first.
+    made: Vec<PathBuf>,
+    lock: Lock,
 }
 
 impl SocketPath {
-    /// Takes the path, removing a socket left behind by a dead daemon. Creates the folder if it is missing.
-    pub fn take(path: &Path) -> Result<Self, SocketPathError> {
-        let fail = |what, path: &Path, error| SocketPathError::Io {
-            what,
-            path: path.display().to_string(),
-            error,
+    /// Takes the path, removing a socket left behind by a dead daemon. Creates the folder if it is missing. The socket
+    /// will have this mode and, unless it is empty, this group.
+    pub fn take(path: &Path, mode: u32, group: &str) -> Result<Self, SocketPathError> {
+        // First what may be wrong with the configuration, so that nothing is left behind.
+        let group = match group {
+            "" => None,
+            name => Some(group_id(name)?),
         };
-        if let Some(folder) = path.parent().filter(|p| !p.as_os_str().is_empty() && !p.exists()) {
-            fs::create_dir_all(folder).map_err(|e| fail("create the folder", folder, e))?;
-        }
-        let lock_path = PathBuf::from(format!("{}.lock", path.display()));
-        let file = OpenOptions::new()
-            .create(true)
-            .truncate(false)
-            .write(true)
-            .open(&lock_path)
-            .map_err(|e| fail("open the lock file", &lock_path, e))?;
-        let lock = Flock::lock(file, FlockArg::LockExclusiveNonblock).map_err(|(_, errno)| match errno {
-            nix::errno::Errno::EWOULDBLOCK => SocketPathError::InUse {
-                path: path.display().to_string(),
-            },
-            errno => fail("lock", &lock_path, errno.into()),
-        })?;
-        match fs::symlink_metadata(path) {
-            Ok(meta) if meta.file_type().is_socket() => {
-                fs::remove_file(path).map_err(|e| fail("remove the stale socket", path, e))?;
-            }
-            Ok(_) => {
-                return Err(SocketPathError::NotASocket {
-                    path: path.display().to_string(),
-                });
-            }
-            Err(e) if e.kind() == io::ErrorKind::NotFound => {}
-            Err(e) => return Err(fail("look at", path, e)),
-        }
-        Ok(Self {
+        check_socket_folder(path)?;
+        let mut taken = Self {
             path: path.to_owned(),
-            _lock: lock,
-        })
+            bound: false,
+            mode: Mode::from_bits_truncate(mode),
+            group,
+            made: Vec::new(),
+            lock: Lock::default(),
+        };
+        taken.make_folders()?;
+        // Somebody may have been faster.
+        check_socket_folder(path)?;
+        taken.lock = Lock::take(path)?;
+        remove_stale(path)?;
+        Ok(taken)
+    }
+
+    /// A socket that listens at the path, non-blocking, with the mode and group that it shall have.
+    pub fn listen(&mut self, kind: SockType, backlog: i32) -> Result<OwnedFd, SocketPathError> {
+        let Self {
+            path,
+            bound,
+            mode,
+            group,
+            ..
+        } = self;
+        let path = path.as_path();
+        let fail = |what| move |errno: Errno| SocketPathError::io(what, path, errno.into());
+        let flags = SockFlag::SOCK_CLOEXEC | SockFlag::SOCK_NONBLOCK;
+        let listener = socket(AddressFamily::Unix, kind, flags, None).map_err(fail("make a socket for"))?;
+        // The file that `bind` makes has the mode of the socket, less the umask.
+        fchmod(&listener, Mode::S_IRUSR | Mode::S_IWUSR).map_err(fail("set the mode of"))?;
+        let address = UnixAddr::new(path).map_err(fail("listen on"))?;
+        bind(listener.as_raw_fd(), &address).map_err(fail("listen on"))?;
+        *bound = true;
+        if let Some(group) = *group {
+            fchownat(AT_FDCWD, path, None, Some(group), AtFlags::AT_SYMLINK_NOFOLLOW)
+                .map_err(fail("give to the group"))?;
+        }
+        fchmodat(AT_FDCWD, path, *mode, FchmodatFlags::NoFollowSymlink).map_err(fail("set the mode of"))?;
+        let backlog = Backlog::new(backlog).map_err(fail("listen on"))?;
+        listen(&listener, backlog).map_err(fail("listen on"))?;
+        Ok(listener)
     }
 
     /// The path.
@@ -101,94 +98,64 @@ impl SocketPath {
         &self.path
     }
 
-    /// Sets mode and group of the bound socket; an empty group keeps the daemon's own.
-    pub fn set_permissions(&self, mode: u32, group: &str) -> Result<(), SocketPathError> {
-        let fail = |what, error| SocketPathError::Io {
-            what,
-            path: self.path.display().to_string(),
-            error,
-        };
-        if !group.is_empty() {
-            let gid: Gid = Group::from_name(group)
-                .ok()
-                .flatten()
-                .ok_or_else(|| SocketPathError::UnknownGroup {
-                    group: group.to_owned(),
-                })?
-                .gid;
-            nix::unistd::chown(&self.path, None, Some(gid))
-                .map_err(|e| fail("give to the group", e.into()))?;
+    fn make_folders(&mut self) -> Result<(), SocketPathError> {
+        let path = self.path.clone();
+        let missing: Vec<&Path> = (path.ancestors().skip(1))
+            .take_while(|folder| !folder.as_os_str().is_empty() && !folder.exists())
+            .collect();
+        for folder in missing.into_iter().rev() {
+            match DirBuilder::new().mode(0o755).create(folder) {
+                Ok(()) => self.made.insert(0, folder.to_owned()),
+                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+                Err(error) => return Err(SocketPathError::io("create the folder", folder, error)),
+            }
         }
-        fs::set_permissions(&self.path, fs::Permissions::from_mode(mode))
-            .map_err(|e| fail("set the mode of", e))
+        Ok(())
+    }
+}
+
+fn group_id(name: &str) -> Result<Gid, SocketPathError> {
+    let group = Group::from_name(name).ok().flatten();
+    group
+        .map(|group| group.gid)
+        .ok_or_else(|| SocketPathError::UnknownGroup { group: name.into() })
+}
+
+/// Removes a socket on which nobody listens.
+fn remove_stale(path: &Path) -> Result<(), SocketPathError> {
+    let fail = |what| move |error| SocketPathError::io(what, path, error);
+    match fs::symlink_metadata(path) {
+        Ok(found) if found.file_type().is_socket() => {}
+        Ok(_) => return Err(SocketPathError::NotASocket { path: path.into() }),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
+        Err(error) => return Err(fail("look at")(error)),
+    }
+    let flags = SockFlag::SOCK_CLOEXEC | SockFlag::SOCK_NONBLOCK;
+    let knock = socket(AddressFamily::Unix, SockType::Stream, flags, None)
+        .and_then(|knock| connect(knock.as_raw_fd(), &UnixAddr::new(path)?));
+    match knock {
+        Err(Errno::ECONNREFUSED) => fs::remove_file(path).map_err(fail("remove the stale socket")),
+        Err(Errno::ENOENT) => Ok(()),
+        // A socket of another type, or one whose queue is full, is somebody's as well.
+        Ok(()) | Err(Errno::EPROTOTYPE | Errno::EAGAIN) => {
+            Err(SocketPathError::Foreign { path: path.into() })
+        }
+        Err(errno) => Err(fail("see whether anybody listens on")(errno.into())),
     }
 }
 
 impl Drop for SocketPath {
     fn drop(&mut self) {
-        // The lock file stays: removing it would let two daemons lock two different files of the same name.
-        let _ = fs::remove_file(&self.path);
+        if self.bound {
+            let _ = fs::remove_file(&self.path);
+        }
+        self.lock.remove();
+        for folder in &self.made {
+            // Fails, rightly, where something else is in it.
+            let _ = fs::remove_dir(folder);
+        }
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use std::os::unix::net::UnixListener;
-
-    #[test]
-    fn a_stale_socket_is_replaced() {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("images.sock");
-        drop(UnixListener::bind(&path).unwrap());
-        assert!(path.exists(), "a dropped listener leaves its file behind");
-        let taken = SocketPath::take(&path).unwrap();
-        let _listener = UnixListener::bind(taken.path()).unwrap();
-    }
-
-    #[test]
-    fn a_living_daemon_keeps_its_socket() {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("images.sock");
-        let held = SocketPath::take(&path).unwrap();
-        let _listener = UnixListener::bind(held.path()).unwrap();
-        assert!(matches!(
-            SocketPath::take(&path),
-            Err(SocketPathError::InUse { .. })
-        ));
-        assert!(path.exists());
-    }
-
-    #[test]
-    fn a_file_that_is_not_a_socket_is_left_alone() {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("images.sock");
-        fs::write(&path, "precious").unwrap();
-        assert!(matches!(
-            SocketPath::take(&path),
-            Err(SocketPathError::NotASocket { .. })
-        ));
-        assert_eq!(fs::read(&path).unwrap(), b"precious");
-    }
-
-    #[test]
-    fn the_socket_goes_with_its_owner_and_the_path_is_free_again() {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("deep/er/images.sock");
-        let taken = SocketPath::take(&path).unwrap();
-        let listener = UnixListener::bind(taken.path()).unwrap();
-        taken.set_permissions(0o600, "").unwrap();
-        assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o600);
-        drop((taken, listener));
-        assert!(!path.exists());
-        SocketPath::take(&path).unwrap();
-    }
-
-    #[test]
-    fn an_unknown_group_is_named() {
-        let dir = tempfile::tempdir().unwrap();
-        let taken = SocketPath::take(&dir.path().join("s")).unwrap();
-        let error = taken.set_permissions(0o660, "no-such-group").unwrap_err();
-        assert!(error.to_string().contains("no-such-group"), "{error}");
-    }
-}
+mod tests;

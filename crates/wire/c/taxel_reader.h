@@ -485,13 +485,45 @@ static inline const char *taxel_result_name(enum taxel_result result)
 
 #include <errno.h>
 #include <poll.h>
+#include <stdlib.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 #include <sys/types.h>
 #include <sys/uio.h>
 #include <sys/un.h>
 #include <unistd.h>
 
-/* Connects to the daemon's data socket. Returns a descriptor to close(), or -1 with errno. */
+/* Whether a socket is in a folder /tmp/taxeld-UID that somebody else than UID owns or may write: it may be anybody's. */
+static inline int taxel_in_foreign_folder(const char *path)
+{
+    static const char start[] = "/tmp/taxeld-";
+    const size_t start_len = sizeof start - 1;
+    const char *slash = strrchr(path, '/');
+    char folder[sizeof ((struct sockaddr_un *)0)->sun_path];
+    struct stat found;
+    unsigned long uid;
+    char *end;
+    size_t len = slash ? (size_t)(slash - path) : 0;
+    if (len <= start_len || len >= sizeof folder || memcmp(path, start, start_len) != 0)
+        return 0;
+    memcpy(folder, path, len);
+    folder[len] = 0;
+    uid = strtoul(folder + start_len, &end, 10);
+    if (*end != 0)
+        return 0;
+#if defined _POSIX_C_SOURCE && _POSIX_C_SOURCE >= 200112L
+    if (lstat(folder, &found) != 0)
+#else
+    if (stat(folder, &found) != 0)
+#endif
+        return 0;
+    return !S_ISDIR(found.st_mode) || (unsigned long)found.st_uid != uid || (found.st_mode & 022) != 0;
+}
+
+/*
+ * Connects to the daemon's data socket. Returns a descriptor to close(), or -1 with errno: EACCES also where it is in
+ * a folder /tmp/taxeld-UID that is not UID's alone.
+ */
 static inline int taxel_connect(const char *path)
 {
     struct sockaddr_un address;
@@ -503,6 +535,10 @@ static inline int taxel_connect(const char *path)
         return -1;
     }
     memcpy(address.sun_path, path, strlen(path));
+    if (taxel_in_foreign_folder(path)) {
+        errno = EACCES;
+        return -1;
+    }
     fd = socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0);
     if (fd < 0)
         return -1;

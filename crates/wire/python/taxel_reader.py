@@ -15,11 +15,14 @@ another way. With numpy, `numpy.frombuffer(image.pixels, numpy.uint8).reshape(im
 SPDX-License-Identifier: Apache-2.0 OR MIT
 """
 
+import errno
 import json
 import math
 import os
+import re
 import select
 import socket
+import stat
 import struct
 import sys
 import time
@@ -485,12 +488,24 @@ class Reader:
         return whole
 
 
+def _check_folder(path: str) -> None:
+    """Refuses a socket in a folder /tmp/taxeld-UID that somebody else than UID owns or may write: it may be anybody's."""
+    folder = os.path.dirname(path)
+    named = re.fullmatch("/tmp/taxeld-([0-9]+)", folder)
+    if not named or not os.path.lexists(folder):
+        return
+    found = os.lstat(folder)
+    if not stat.S_ISDIR(found.st_mode) or found.st_uid != int(named[1]) or found.st_mode & 0o022:
+        raise PermissionError(errno.EACCES, "not a folder that only the user of its name owns and may write", folder)
+
+
 def connect(path: Union[str, "os.PathLike[str]"], **wanted: Any) -> Reader:
     """Connects to the daemon that listens at `path`; keywords as for `Reader.subscribe`.
 
     Raises OSError: FileNotFoundError or ConnectionRefusedError where no daemon runs, PermissionError where
-    this user may not read from it.
+    this user may not read from it, or where it is in a folder /tmp/taxeld-UID that is not UID's alone.
     """
+    _check_folder(os.fspath(path))
     connection = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     try:
         connection.connect(os.fspath(path))

@@ -7,7 +7,7 @@
 //! - Decoding: [`decode`] and [`decode_packet`] take any bytes, borrow from them and never panic.
 //! - Reading: [`Subscriber`] connects to a running daemon.
 //!
-//! Everything but [`reader`] is free of I/O, clocks and threads.
+//! Everything but [`reader`] and [`check_socket_folder`] is free of I/O, clocks and threads.
 //!
 //! ```
 //! use taxel_wire::{Body, Header, Kind, decode_packet, encode_image_payload};
@@ -33,6 +33,7 @@ mod image;
 mod message;
 mod raw;
 pub mod reader;
+mod socket_folder;
 pub mod status;
 mod text;
 
@@ -45,6 +46,7 @@ pub use image::{ImageView, WireActuator, encode_image_payload, image_payload_len
 pub use message::{Body, Message, decode, decode_packet};
 pub use raw::{RawTaxel, RawView, encode_raw_payload, raw_payload_len};
 pub use reader::{ReadError, Received, Subscriber};
+pub use socket_folder::{UntrustedFolder, check_socket_folder};
 pub use status::Status;
 pub use text::{
     Event, EventKind, MAX_MARK, MAX_SUBSCRIBE, MAX_TEXT, Subscribe, SubscribeError, TEXT_PART, TextParts,

@@ -7,6 +7,7 @@ use crate::hello::{Clock, Hello};
 use crate::image::ImageView;
 use crate::message::{Body, decode_packet};
 use crate::raw::RawView;
+use crate::socket_folder::{UntrustedFolder, check_socket_folder};
 use crate::text::{Event, MAX_TEXT, Subscribe};
 use nix::errno::Errno;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
@@ -71,6 +72,9 @@ pub enum ReadError {
         /// What the kernel says.
         source: io::Error,
     },
+    /// Whoever listens in that folder may be anybody.
+    #[error(transparent)]
+    Folder(#[from] UntrustedFolder),
     /// The daemon closed the connection.
     #[error("taxeld closed the connection")]
     Closed,
@@ -105,9 +109,11 @@ enum Ready {
 }
 
 impl Subscriber {
-    /// Connects to the daemon that listens at `path`.
+    /// Connects to the daemon that listens at `path`. A folder `/tmp/taxeld-UID` is refused where somebody else than
+    /// UID owns or may write it.
     pub fn connect(path: impl AsRef<Path>) -> Result<Self, ReadError> {
         let path = path.as_ref();
+        check_socket_folder(path)?;
         let open = || -> nix::Result<OwnedFd> {
             let fd = socket(
                 AddressFamily::Unix,

@@ -237,3 +237,35 @@ fn a_daemon_that_leaves_with_a_subscription_unread_has_closed_the_connection_in_
     drop(daemon.accept());
     assert_eq!(driver.line(), "closed");
 }
+
+#[test]
+fn no_reader_follows_a_socket_in_a_folder_of_a_user_that_another_user_owns() {
+    let daemon = FakeDaemon::new();
+    // Of a user that no machine has. The socket behind it answers, so that it is the folder that is refused.
+    let folder = PathBuf::from(format!("/tmp/taxeld-{}", u32::MAX - 11));
+    std::fs::create_dir_all(&folder).unwrap();
+    let socket = folder.join("images.sock");
+    let _ = std::fs::remove_file(&socket);
+    std::os::unix::fs::symlink(daemon.path(), &socket).unwrap();
+
+    let rust = taxel_wire::Subscriber::connect(&socket);
+    let python = Command::new("python3")
+        .arg(here("python/taxel_reader.py"))
+        .arg(&socket)
+        .output()
+        .unwrap();
+    let dir = tempfile::tempdir().unwrap();
+    let program = dir.path().join("leaves");
+    let c = c_program::compile("tests/leaves.c", &program)
+        .map(|()| Command::new(program).arg(&socket).output().unwrap());
+    std::fs::remove_dir_all(&folder).unwrap();
+
+    let error = rust.unwrap_err().to_string();
+    assert!(error.contains("belongs to user"), "{error}");
+    let said = String::from_utf8_lossy(&python.stderr);
+    assert!(
+        !python.status.success() && said.contains("only the user of its name"),
+        "{said}"
+    );
+    assert!(c.is_none_or(|c| !c.status.success() && c.stdout.is_empty()));
+}

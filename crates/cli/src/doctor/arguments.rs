@@ -105,6 +105,7 @@ impl Args {
         }
         let mut config = Config::new(layout, sources);
         config.joints = self.joints()?;
+        config.socket.control = taxeld::config::running_socket("control.sock");
         let origin = format!("no configuration file: {}", describe(&config));
         Ok((config, origin))
     }

@@ -11,6 +11,7 @@ use std::time::Duration;
 use taxel_diagnose::Kind;
 use taxel_hand::{Fault, Faults};
 use taxel_skin::Layout;
+use taxel_wire::check_socket_folder;
 use taxel_wire::status::{BoardStatus, BusStatus, ProblemStatus, Status};
 
 const AREA: &str = "daemon";
@@ -38,6 +39,9 @@ struct Reply {
 
 /// Asks who is at the control socket.
 pub(super) fn ask(control: &Path) -> Daemon {
+    if let Err(untrusted) = check_socket_folder(control) {
+        return Daemon::Strange(untrusted.to_string());
+    }
     let mut stream = match UnixStream::connect(control) {
         Ok(stream) => stream,
         Err(error) if error.kind() == ErrorKind::PermissionDenied => return Daemon::Forbidden,

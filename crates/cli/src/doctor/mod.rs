@@ -63,7 +63,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<bool> {
         checks: Vec::new(),
     };
     if !args.json {
-        println!("{}\n", report::wrap(&origin, 80).join("\n"));
+        writeln!(io::stdout(), "{}\n", report::wrap(&origin, 80).join("\n")).context("stdout")?;
     }
     let root = Path::new("/");
     let links = doctor.check_machine(root, &config)?;

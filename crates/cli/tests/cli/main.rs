@@ -6,8 +6,9 @@ mod replay;
 mod sim;
 mod watch;
 
+use std::fs::OpenOptions;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 use taxel_can::SourceAddress;
 use taxel_skin::Layout;
 use taxeld::{Config, Daemon};
@@ -95,5 +96,39 @@ fn the_demo_without_a_terminal_prints_a_summary() {
         "240 taxels",
     ] {
         assert!(out.contains(part), "{part}: {out}");
+    }
+}
+
+#[test]
+fn a_command_that_can_tell_nobody_anything_ends_as_it_would_have() {
+    let dir = TempDir::new().unwrap();
+    succeeds(&dir, &["sim", "tap", "--seconds", "1", "--to", "log:tap.log"]);
+    let code = |args: &[&str], stdout: Stdio, stderr: Stdio| {
+        let mut taxel = Command::new(env!("CARGO_BIN_EXE_taxel"));
+        let taxel = taxel
+            .args(args)
+            .current_dir(dir.path())
+            .stdout(stdout)
+            .stderr(stderr);
+        taxel.status().unwrap().code()
+    };
+    let full = || Stdio::from(OpenOptions::new().write(true).open("/dev/full").unwrap());
+    let gone = || Stdio::from(std::io::pipe().unwrap().1);
+    let told: [(&[&str], i32); 3] = [
+        (&["watch", "--socket", "no.sock"], 1),
+        (&["compress", "tap.log", "--out", "images.npz"], 0),
+        (&["replay", "tap.log", "--to", "log:again.log"], 0),
+    ];
+    for (args, wanted) in told {
+        for stderr in [full(), gone()] {
+            assert_eq!(code(args, Stdio::null(), stderr), Some(wanted), "{args:?}");
+        }
+    }
+    for args in [
+        &["eval", "tap.log"][..],
+        &["demo", "--seconds", "1", "--headless"],
+    ] {
+        assert_eq!(code(args, gone(), Stdio::null()), Some(0), "{args:?}");
+        assert_eq!(code(args, full(), Stdio::null()), Some(1), "{args:?}");
     }
 }

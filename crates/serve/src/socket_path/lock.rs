@@ -1,0 +1,77 @@
+//! The lock file beside a socket.
+
+use super::SocketPathError;
+use nix::errno::Errno;
+use nix::fcntl::{Flock, FlockArg, OFlag};
+use nix::unistd::geteuid;
+use std::fs::{self, File, OpenOptions, Permissions};
+use std::io;
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt};
+use std::path::{Path, PathBuf};
+
+/// An exclusive lock on a file that nobody else can open, held until dropped; none by default.
+#[derive(Debug, Default)]
+pub(super) struct Lock(Option<(PathBuf, Flock<File>)>);
+
+impl Lock {
+    /// Takes the lock of a socket; `InUse` where it is held.
+    pub(super) fn take(socket: &Path) -> Result<Self, SocketPathError> {
+        let path = PathBuf::from(format!("{}.lock", socket.display()));
+        loop {
+            let file = open(&path)?;
+            let locked = Flock::lock(file, FlockArg::LockExclusiveNonblock);
+            let lock = locked.map_err(|(_, errno)| match errno {
+                Errno::EWOULDBLOCK => SocketPathError::InUse { path: socket.into() },
+                errno => SocketPathError::io("lock", &path, errno.into()),
+            })?;
+            // Whoever held it may have removed the file between our opening it and locking it.
+            let is_there = match (fs::symlink_metadata(&path), lock.metadata()) {
+                (Ok(there), Ok(ours)) => (there.dev(), there.ino()) == (ours.dev(), ours.ino()),
+                _ => false,
+            };
+            if is_there {
+                return Ok(Self(Some((path, lock))));
+            }
+        }
+    }
+
+    /// Removes the file while the lock is still held.
+    pub(super) fn remove(&self) {
+        if let Some((path, _)) = &self.0 {
+            let _ = fs::remove_file(path);
+        }
+    }
+}
+
+fn open(path: &Path) -> Result<File, SocketPathError> {
+    // A pipe in its place would otherwise wait for a reader.
+    let flags = OFlag::O_NOFOLLOW | OFlag::O_NONBLOCK;
+    let opened = OpenOptions::new()
+        .create(true)
+        .truncate(false)
+        .write(true)
+        .mode(0o600)
+        .custom_flags(flags.bits())
+        .open(path);
+    let foreign = || SocketPathError::ForeignLock { path: path.into() };
+    let file = opened.map_err(|error| match error.raw_os_error().map(Errno::from_raw) {
+        Some(Errno::ELOOP | Errno::ENXIO | Errno::EISDIR) => foreign(),
+        _ if error.kind() == io::ErrorKind::PermissionDenied && path.symlink_metadata().is_ok() => foreign(),
+        _ if error.kind() == io::ErrorKind::PermissionDenied => {
+            SocketPathError::Forbidden { path: path.into() }
+        }
+        _ => SocketPathError::io("open the lock file", path, error),
+    })?;
+    let fail = |what| move |error| SocketPathError::io(what, path, error);
+    let found = file.metadata().map_err(fail("look at the lock file"))?;
+    if !found.is_file() || found.uid() != geteuid().as_raw() || found.nlink() > 1 {
+        return Err(foreign());
+    }
+    // One that an earlier version has left may be opened, and so be held, by others.
+    if found.mode() & 0o077 != 0 {
+        let own = Permissions::from_mode(0o600);
+        file.set_permissions(own)
+            .map_err(fail("set the mode of the lock file"))?;
+    }
+    Ok(file)
+}

@@ -1,0 +1,58 @@
+"""What signals do: boards and motors are stopped by every one that ends a process and can be caught."""
+
+import signal
+
+import pytest
+from harness.bus import MulticastBuses
+from harness.daemon import Daemon, eventually
+from harness.servos import Servos
+from test_joints import SCENE, TICK, TORQUE, WATCHDOG, dynamixel, servo
+
+ENDING = [
+    signal.SIGTERM,
+    signal.SIGINT,
+    signal.SIGQUIT,
+    signal.SIGUSR1,
+    signal.SIGUSR2,
+    signal.SIGALRM,
+    signal.SIGVTALRM,
+    signal.SIGPROF,
+    signal.SIGXCPU,
+    signal.SIGXFSZ,
+    signal.SIGIO,
+    signal.SIGPWR,
+    signal.SIGSTKFLT,
+    signal.SIGRTMIN,
+    signal.SIGRTMAX,
+]
+
+
+@pytest.mark.parametrize("by", ENDING, ids=lambda by: by.name)
+def test_boards_and_motors_are_stopped_by_a_signal_that_ends_the_process(folder, by):
+    servos = Servos("--ids", "1-16")
+    # A watchdog that would not have acted by the time that it is looked at.
+    joints = dynamixel(servos.path, allow_writes=True, watchdog_ms=2540)
+    with MulticastBuses(1) as ear:
+        with Daemon(folder / "d", ear.sources, layout="uskin-module", tick=TICK, joints=joints) as daemon:
+            daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+            assert servo(daemon, "joint 5", "--torque", "on") == (0, "")
+            assert servos.register(5, *TORQUE) == 1
+            assert daemon.stop(by) == (0 if by in (signal.SIGTERM, signal.SIGINT) else 128 + by)
+            assert f"{by.name}: stopping" in daemon.log or "signal " in daemon.log
+        heard = []
+        while message := ear.buses[0].recv(0.2):
+            heard.append((message.arbitration_id, bytes(message.data)))
+    # A watchdog that has tripped reads 255; this one was disarmed by whoever switched the motor off.
+    assert (servos.register(5, *TORQUE), servos.register(5, *WATCHDOG)) == (0, 0)
+    servos.close()
+    assert len(heard) > 1 and heard[-1] != heard[0], "the board was not told to stop"
+    assert heard[-1][0] == heard[0][0]
+
+
+@pytest.mark.parametrize("by", [signal.SIGHUP, signal.SIGPIPE, signal.SIGCHLD, signal.SIGWINCH], ids=lambda by: by.name)
+def test_a_signal_that_ends_nothing_is_lived_through(folder, by):
+    with Daemon(folder / "d", SCENE, tick=TICK) as daemon:
+        daemon.process.send_signal(by)
+        before = daemon.status()["images"]["made"]
+        eventually(lambda: daemon.status()["images"]["made"] > before + 10, "no more images")
+        assert daemon.stop() == 0
