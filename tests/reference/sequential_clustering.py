@@ -80,7 +80,7 @@ def compress(force, contact, faulty, missing, taxel_xy, shape, profile=Profile()
 def contact_list(force, contact, unusable, xy):
     """Indices of the contacting taxels in raster order, and how many usable taxels were refused for their force."""
     contact, unusable = np.asarray(contact, dtype=bool), np.asarray(unusable, dtype=bool)
-    in_range = np.isfinite(force) & (force > 0) & (force <= 1e100)
+    in_range = np.isfinite(force) & (force > 0) & (force <= 1e38)
     listed = contact & ~unusable & in_range
     refused = ~unusable & (~np.isfinite(force) | (contact & ~in_range))
     n = np.flatnonzero(listed)

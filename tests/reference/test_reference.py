@@ -114,9 +114,9 @@ def test_contacts_are_taken_in_raster_order_whatever_their_number():
         (np.inf, True, 1),
         (0.0, True, 1),
         (-1.0, True, 1),
-        (1e101, True, 1),
+        (1.1e38, True, 1),
         (0.0, False, 0),
-        (1e100, True, 0),
+        (1e38, True, 0),
     ],
 )
 def test_a_force_that_is_none_is_refused(force, contact, refused):

@@ -1,8 +1,8 @@
 //! What a skin gives: a tactile frame of raw counts, and the force frame made of it.
 
-/// The greatest force taken, in the unit of [`ForceFrame::force`]; squares and sums of such forces
-/// stay finite. The skin's own greatest are 113,509 counts, or 1.3e10 squared.
-pub const FORCE_MAX: f64 = 1e100;
+/// The greatest force taken, in the unit of [`ForceFrame::force`]: levels leave as 32-bit floats, whose greatest
+/// is 3.4e38. The skin's own greatest are 113,509 counts, or 1.3e10 squared.
+pub const FORCE_MAX: f64 = 1e38;
 
 /// How a taxel's value got into a tactile frame.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]

@@ -274,11 +274,35 @@ impl Profile {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::FORCE_MAX;
 
     fn profile(text: &str) -> Profile {
         let profile: Profile = toml::from_str(text).expect(text);
         profile.check().expect(text);
         profile
+    }
+
+    #[test]
+    fn forces_that_no_image_can_carry_are_refused_by_name_and_number() {
+        for (text, wanted) in [
+            ("codebook = [1.0, 1e39]", "codebook entry 1 (1e39) is above 1e38"),
+            ("codebook = [1.0, inf]", "codebook entry 1 (inf) is above 1e38"),
+            ("codebook = [nan]", "codebook entry 0 (NaN) is not a force above"),
+            (
+                "codebook = [2.0, 2.0]",
+                "codebook entry 1 (2) is not a force above",
+            ),
+            (
+                "level_steps = 'equal'\nforce_min = 1.0\nforce_max = 1e39",
+                "force_max <= 1e38",
+            ),
+        ] {
+            let profile: Profile = toml::from_str(text).expect(text);
+            let message = profile.check().unwrap_err().to_string();
+            assert!(message.contains(wanted), "{text}: {message}");
+        }
+        assert!((FORCE_MAX as f32).is_finite());
+        profile("codebook = [1e-38, 1e38]");
     }
 
     #[test]

@@ -21,8 +21,8 @@ pub enum ProfileError {
         /// `K_D`.
         levels: u16,
     },
-    /// A codebook that is not ascending, positive and finite.
-    #[error("profile: codebook entry {index} ({value}) is not a finite force above the one before it")]
+    /// A codebook that is not ascending and positive.
+    #[error("profile: codebook entry {index} ({value}) is not a force above the one before it")]
     CodebookNotAscending {
         /// Place in the codebook, from 0.
         index: usize,
@@ -55,6 +55,17 @@ pub enum ProfileError {
         /// Their row.
         y: u16,
     },
+    /// A codebook with a force that no image can carry.
+    #[error(
+        "profile: codebook entry {index} ({value:?}) is above 1e38, the greatest force that an image carries; \
+         give it in another unit"
+    )]
+    CodebookTooLarge {
+        /// Place in the codebook, from 0.
+        index: usize,
+        /// The entry.
+        value: f64,
+    },
     /// A setting that needs another one.
     #[error("profile: {field} needs {needs}")]
     Needs {
@@ -73,7 +84,7 @@ pub enum ProfileError {
     },
     /// A force range that is none.
     #[error(
-        "profile: force_min = {least} and force_max = {greatest} are no range of forces; give 1e-100 <= force_min < force_max <= 1e100"
+        "profile: force_min = {least} and force_max = {greatest} are no range of forces; give 1e-38 <= force_min < force_max <= 1e38"
     )]
     NoRange {
         /// `force_min`.
@@ -163,8 +174,11 @@ impl Profile {
         }
         let mut before = 0.0;
         for (index, &value) in self.codebook.iter().enumerate() {
-            if !(value.is_finite() && value > before) {
+            if value.is_nan() || value <= before {
                 return Err(ProfileError::CodebookNotAscending { index, value });
+            }
+            if value > FORCE_MAX {
+                return Err(ProfileError::CodebookTooLarge { index, value });
             }
             before = value;
         }
