@@ -146,6 +146,7 @@ impl State {
             link_losses: source.link_losses,
             sent: source.sent,
             send_failures: source.send_failures,
+            clock_jumps: source.jumps.count(),
             remote: source.remote,
             errors: error_frames(&source.errors),
         }

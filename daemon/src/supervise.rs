@@ -98,6 +98,24 @@ fn report_changes(state: &State, before: Option<&Snapshot>, now: &Snapshot) {
             tracing::info!(bus = layout.buses[i], source, "bus is up");
         }
     }
+    for (i, bus) in now.buses.iter().enumerate() {
+        // A damaged recording may have thousands: told each time that there are twice as many.
+        let jumps = bus.source.jumps;
+        let told = before.map_or(0, |b| b.buses[i].source.jumps.count());
+        if jumps.count().checked_ilog2() != told.checked_ilog2() {
+            let source = state.config.sources[i].to_string();
+            tracing::warn!(bus = layout.buses[i], source, "{jumps}");
+        }
+    }
+    let told = before.map_or(0, |b| b.unpublished);
+    if now.unpublished.checked_ilog2() != told.checked_ilog2() {
+        let sentence = format!(
+            "{} images could not be handed to subscribers; please report this",
+            now.unpublished
+        );
+        tracing::error!("{sentence}");
+        state.server.announce(Event::new(EventKind::Notice, sentence));
+    }
     let Some(before) = before else { return };
     for (taxel, (old, new)) in before.force.faults.iter().zip(&now.force.faults).enumerate() {
         let newly: Vec<_> = new

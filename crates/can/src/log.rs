@@ -37,7 +37,8 @@ impl Default for Playback {
 /// Times are shifted so that the first frame of the file, on whatever interface, is due at
 /// [`Playback::start_ns`]; two sources over one file with the same playback therefore keep the two
 /// buses in step. A frame that was recorded earlier than the one before it is due together with
-/// that one, and time goes on where the clock was set ([`LogClock`]). Lines that hold no classic
+/// that one, and time goes on where the clock was set or nothing came for more than a minute ([`LogClock`]); that is counted in
+/// `jumps`. Lines that hold no classic
 /// frame are counted as `undecodable` and stop nothing. There is nobody to send to.
 pub struct LogSource {
     reader: LogReader<BufReader<File>>,
@@ -98,7 +99,7 @@ impl LogSource {
                 }
             }
         };
-        let since_first_ns = source.clock.since_first_ns(first.t_ns);
+        let since_first_ns = source.since_first_ns(&first);
         if source.is_wanted(&first) {
             source.schedule(&first, since_first_ns);
         } else {
@@ -116,6 +117,12 @@ impl LogSource {
         self.interface
             .as_ref()
             .is_none_or(|wanted| *wanted == frame.interface)
+    }
+
+    fn since_first_ns(&mut self, frame: &LogFrame) -> u64 {
+        let since_first_ns = self.clock.since_first_ns(frame.t_ns, self.reader.line_number());
+        self.counters.jumps = self.clock.jumps();
+        since_first_ns
     }
 
     fn schedule(&mut self, frame: &LogFrame, since_first_ns: u64) {
@@ -139,7 +146,7 @@ impl LogSource {
         loop {
             match self.reader.next() {
                 Some(Ok(frame)) => {
-                    let since_first_ns = self.clock.since_first_ns(frame.t_ns);
+                    let since_first_ns = self.since_first_ns(&frame);
                     if self.is_wanted(&frame) {
                         return self.schedule(&frame, since_first_ns);
                     }

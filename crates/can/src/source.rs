@@ -1,6 +1,6 @@
 //! The seam between a CAN bus and everything that reads it.
 
-use crate::CanFrame;
+use crate::{CanFrame, ClockJumps};
 use std::fmt;
 use std::os::fd::BorrowedFd;
 
@@ -131,6 +131,8 @@ pub struct SourceCounters {
     pub sent: u64,
     /// Frames that could not be sent.
     pub send_failures: u64,
+    /// Where the time of a recording was not taken as it stands there.
+    pub jumps: ClockJumps,
 }
 
 /// Error frames by cause. One frame may name several causes, so the causes can add up to more than `frames`.

@@ -4,10 +4,10 @@ use crate::image_output::{ImageOutput, OutputFormat};
 use crate::interrupt::Interrupt;
 use crate::offline::OfflineArgs;
 use crate::output_file::{OutputFile, refuse_overlap};
-use anyhow::{Context, bail};
+use anyhow::bail;
 use std::path::{Path, PathBuf};
 use taxel_compress::learn_codebook;
-use taxel_hand::{ForceFrame, Method, Profile, TactileFrame};
+use taxel_hand::{FORCE_MAX, ForceFrame, Method, Profile, TactileFrame};
 use taxel_wire::Flags;
 use taxeld::Config;
 
@@ -73,6 +73,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let mut config = args.offline.configure(&input)?;
     config.profile.method = args.method.unwrap_or(config.profile.method);
     config.profile.check()?;
+    let interrupt = Interrupt::install()?;
     let mut run = Run {
         output: ImageOutput::create(&args.out, format, &config.layout, &config.profile)?,
         frames: args.learn_codebook.as_ref().map(|_| Vec::new()),
@@ -80,8 +81,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         calibrating: 0,
         with_contact: 0,
         with_missing: 0,
+        with_faulty: 0,
+        of_counts: false,
     };
-    let interrupt = Interrupt::install()?;
     args.offline.run(&input, &config, &mut |tactile, force, image| {
         if interrupt.is_set() {
             bail!("stopped; {} was not written", args.out.display());
@@ -101,6 +103,10 @@ struct Run {
     with_contact: u64,
     /// Images, calibration over, in which a taxel had no value of its time.
     with_missing: u64,
+    /// Images, calibration over, in which a taxel was out of use.
+    with_faulty: u64,
+    /// Whether it holds what boards sent, and not magnitudes.
+    of_counts: bool,
 }
 
 impl Run {
@@ -111,9 +117,11 @@ impl Run {
         image: &taxel_hand::TactileImage,
     ) -> anyhow::Result<()> {
         self.images += 1;
+        self.of_counts = tactile.is_some();
         self.calibrating += u64::from(image.calibrating);
         self.with_contact += u64::from(image.contacts > 0);
         self.with_missing += u64::from(image.missing > 0 && !image.calibrating);
+        self.with_faulty += u64::from(image.faulty > 0 && !image.calibrating);
         if let Some(frames) = &mut self.frames {
             frames.push(force.clone());
         }
@@ -130,6 +138,7 @@ impl Run {
             calibrating,
             with_contact,
             with_missing,
+            with_faulty,
             ..
         } = self;
         eprintln!(
@@ -152,10 +161,17 @@ impl Run {
                 config.conditioning.calibration_ms
             );
         } else if with_missing > 0 {
-            let hint = config.sweep.board_period_ms.map_or_else(String::new, |ms| {
+            let period_ms = config.sweep.board_period_ms.filter(|_| self.of_counts);
+            let hint = period_ms.map_or_else(String::new, |ms| {
                 format!("; sweep.board_period_ms says that boards send every {ms} ms: do they?")
             });
             eprintln!("taxel: taxels are missing in {with_missing} images{hint}");
+        }
+        if with_faulty > 0 {
+            eprintln!(
+                "taxel: taxels are out of use in {with_faulty} images: a fault was found, or a force is not a number up \
+                 to {FORCE_MAX:e}"
+            );
         }
         if let (Some(path), Some(frames)) = (&args.learn_codebook, self.frames) {
             let codebook = learn_codebook(&frames, config.profile.level_count());
@@ -189,9 +205,7 @@ fn write_codebook(path: &Path, args: &Args, profile: &Profile) -> anyhow::Result
         profile.levels,
         levels.join(", "),
     );
-    let mut file = OutputFile::begin(path)?;
-    std::fs::write(file.path(), text).with_context(|| path.display().to_string())?;
-    file.finish()
+    OutputFile::write(path, text)
 }
 
 #[cfg(test)]

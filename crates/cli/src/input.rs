@@ -5,7 +5,7 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use taxel_can::{LogError, LogReader};
-use taxel_record::{Columns, ReadOptions, Recording, TimeUnit};
+use taxel_record::{Columns, ReadOptions, Recording, TimeUnit, Void};
 use taxel_skin::Layout;
 
 /// The hand that is meant where no other is named.
@@ -33,6 +33,10 @@ pub(crate) struct InputArgs {
     /// Places the taxels: a built-in hand (allegro-uskin-15, uskin-module), grid:HxW, or a layout file
     #[arg(long, value_name = "LAYOUT")]
     pub(crate) layout: Option<String>,
+    /// Cells of magnitudes that are no taxels: nan, where they are not a number in any frame, or an array of the .npz
+    /// of a frame's shape that is not zero there
+    #[arg(long, value_name = "nan|NAME")]
+    void: Option<Void>,
     /// Repeats the recording of one module on every module of the hand
     #[arg(long)]
     pub(crate) tile: bool,
@@ -63,6 +67,8 @@ impl InputArgs {
             columns: self.columns,
             rate_hz: self.rate,
             time_column: self.time_column,
+            image: self.grid()?,
+            void: self.void.clone(),
         };
         Ok(Input::Frames(Recording::open(&self.path, &options)?))
     }
@@ -84,14 +90,30 @@ impl InputArgs {
     }
 
     /// Options that describe a file of frames, and whether each is given.
-    fn file_options(&self) -> [(bool, &'static str); 5] {
+    fn file_options(&self) -> [(bool, &'static str); 6] {
         [
             (self.array.is_some(), "--array"),
             (self.columns.is_some(), "--columns"),
             (self.rate.is_some(), "--rate"),
             (self.time_column.is_some(), "--time-column"),
+            (self.void.is_some(), "--void"),
             (self.tile, "--tile"),
         ]
+    }
+
+    /// Height and width of the grid that the layout is, if it is one.
+    fn grid(&self) -> anyhow::Result<Option<(usize, usize)>> {
+        let layout = if self.is_grid() {
+            self.named_layout()?
+        } else {
+            None
+        };
+        Ok(layout.map(|layout| (layout.height.into(), layout.width.into())))
+    }
+
+    /// Whether the layout named is a plain grid.
+    pub(crate) fn is_grid(&self) -> bool {
+        self.layout.as_ref().is_some_and(|name| name.starts_with("grid:"))
     }
 
     /// The layout named, if one is.

@@ -4,12 +4,12 @@ use crate::input::{DEFAULT_LAYOUT, Input, InputArgs, interfaces, interfaces_of_b
 use crate::progress::Progress;
 use crate::sweep::Sweeps;
 use anyhow::{Context, bail};
-use std::cell::RefCell;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use taxel_can::{CanSource, FrameMerge, LogSource, Playback, Received, SourceAddress};
 use taxel_compress::Compressor;
 use taxel_engine::{Display, Frames, TickMode, run_recorded};
-use taxel_hand::{ForceFrame, TactileFrame, TactileImage};
+use taxel_hand::{Fault, Faults, ForceFrame, TactileFrame, TactileImage};
 use taxel_record::Recording;
 use taxel_skin::Layout;
 use taxeld::Config;
@@ -81,6 +81,9 @@ impl OfflineArgs {
         let configured = self.config.as_deref().map(Config::load).transpose()?;
         let named = self.input.named_layout()?;
         let layout = match (named, &configured, input) {
+            (Some(_), _, Input::Frames(r)) if self.input.is_grid() && r.image_shape().is_some() => {
+                grid_of(r)?
+            }
             (Some(layout), _, _) => layout,
             (None, _, Input::Frames(r)) if r.image_shape().is_some() && !r.has_counts() => grid_of(r)?,
             (None, Some(config), _) => config.layout.clone(),
@@ -191,6 +194,12 @@ impl OfflineArgs {
                 *contact = *magnitude > if *contact { release } else { threshold };
                 *force = magnitude.max(0.0);
             }
+            for (magnitude, faults) in magnitudes.iter().zip(&mut force.faults) {
+                *faults = Faults::NONE;
+                if magnitude.is_nan() {
+                    faults.insert(Fault::Missing);
+                }
+            }
             compressor.compress(&force, &mut image);
             emit(None, &force, &image)?;
             progress.advance(1);
@@ -262,7 +271,8 @@ fn grid_of(recording: &Recording) -> anyhow::Result<Layout> {
     };
     let width_px = u16::try_from(width).with_context(too_large)?;
     let height_px = u16::try_from(height).with_context(too_large)?;
-    Layout::grid(width_px, height_px).with_context(too_large)
+    let is_taxel = |cell: usize| recording.cells().is_none_or(|cells| cells[cell]);
+    Layout::grid_of_cells(width_px, height_px, is_taxel).with_context(too_large)
 }
 
 /// Takes CAN frames, in the order of their times, through the daemon's pipeline; stops at a failure
@@ -272,22 +282,22 @@ pub(crate) fn pipeline(
     frames: impl Iterator<Item = (u8, Received)>,
     emit: &mut Emit<'_>,
 ) -> anyhow::Result<()> {
-    let failure = RefCell::new(None);
-    let failed = || failure.borrow().is_some();
+    let mut failure = None;
     let display = Display::new(config.profile.clone(), None, &config.layout)?;
     run_recorded(
         &config.engine(false)?,
         display,
-        frames.take_while(|_| !failed()),
+        frames,
         None,
         |frames: &Frames, image| {
-            if !failed() {
-                let result = emit(Some(&frames.tactile), &frames.force, image);
-                *failure.borrow_mut() = result.err();
+            failure = emit(Some(&frames.tactile), &frames.force, image).err();
+            match failure {
+                None => ControlFlow::Continue(()),
+                Some(_) => ControlFlow::Break(()),
             }
         },
     )?;
-    failure.into_inner().map_or(Ok(()), Err)
+    failure.map_or(Ok(()), Err)
 }
 
 /// Frames read from a recorded bus at once.
@@ -305,7 +315,7 @@ impl BusFrames {
         Self { sources, merge }
     }
 
-    /// Whether every source came to its end.
+    /// Whether every source came to its end; says what of the file was not taken as it stands there.
     fn check(&self, path: &std::path::Path) -> anyhow::Result<()> {
         match self.sources.iter().find_map(LogSource::failure) {
             Some(failure) => bail!("{}: {failure}", path.display()),
@@ -321,6 +331,9 @@ impl BusFrames {
                         "taxel: {}: {undecodable} lines are not classic CAN frames",
                         path.display()
                     );
+                }
+                if let Some(source) = self.sources.first().filter(|s| s.counters().jumps.count() > 0) {
+                    eprintln!("taxel: {}: {}", path.display(), source.counters().jumps);
                 }
                 Ok(())
             }

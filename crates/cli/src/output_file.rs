@@ -101,6 +101,13 @@ impl OutputFile {
         Ok(Self { path, part })
     }
 
+    /// Writes a file whose content is known.
+    pub(crate) fn write(path: &Path, content: impl AsRef<[u8]>) -> anyhow::Result<()> {
+        let mut file = Self::begin(path)?;
+        fs::write(file.path(), content).with_context(|| path.display().to_string())?;
+        file.finish()
+    }
+
     /// Where to write.
     pub(crate) fn path(&self) -> &Path {
         self.part.as_ref().map_or(&self.path, |part| part.path())

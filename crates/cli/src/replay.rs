@@ -7,12 +7,13 @@ use crate::progress::Progress;
 use crate::sweep::Sweeps;
 use crate::target::{TargetAddress, Targets, refuse_shared_ids};
 use anyhow::{Context, anyhow, bail};
+use std::cell::Cell;
 use std::fs::File;
 use std::io::BufReader;
 use std::ops::Range;
 use std::path::Path;
 use std::time::{Duration, Instant};
-use taxel_can::{LogClock, LogError, LogReader, Received};
+use taxel_can::{ClockJumps, LogClock, LogError, LogReader, Received};
 use taxel_skin::Layout;
 
 /// From the last frame of one pass to the first of the next, with --loop.
@@ -65,7 +66,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             let names = interfaces(&path)?;
             let named = args.route(&names, "interface of the log")?;
             refuse_overlap(&logs(&named), &[&path])?;
-            Player::new(args, window, &named)?.play(|| log_frames(&path, &names))
+            let jumps = Cell::default();
+            Player::new(args, window, &named)?.play(|| log_frames(&path, &names, &jumps))?;
+            if jumps.get().count() > 0 {
+                eprintln!("taxel: {}: {}", path.display(), jumps.get());
+            }
+            Ok(())
         }
         Input::Frames(recording) => {
             let layout = args
@@ -161,16 +167,21 @@ enum Line {
     Other,
 }
 
-/// One pass over a candump log; times start at zero and never fall.
+/// One pass over a candump log; times start at zero and never fall. Where they were not taken as they stand there is
+/// noted in `jumps`.
 fn log_frames<'a>(
     path: &'a Path,
     names: &'a [String],
+    jumps: &'a Cell<ClockJumps>,
 ) -> anyhow::Result<impl Iterator<Item = anyhow::Result<Line>> + use<'a>> {
     let file = File::open(path).with_context(|| path.display().to_string())?;
     let (mut clock, mut newest_ns) = (LogClock::default(), 0);
-    Ok(LogReader::new(BufReader::new(file)).map(move |line| match line {
+    let mut reader = LogReader::new(BufReader::new(file));
+    let lines = std::iter::from_fn(move || reader.next().map(|line| (reader.line_number(), line)));
+    Ok(lines.map(move |(number, line)| match line {
         Ok(line) => {
-            newest_ns = clock.since_first_ns(line.t_ns).max(newest_ns);
+            newest_ns = clock.since_first_ns(line.t_ns, number).max(newest_ns);
+            jumps.set(clock.jumps());
             match names.iter().position(|n| **n == *line.interface) {
                 Some(name) if !line.frame.is_error() => Ok(Line::Frame(
                     name,
@@ -236,13 +247,14 @@ impl<'a> Player<'a> {
             }
         }
         drop(progress);
-        self.targets.flush()?;
-        self.report(passes, began.elapsed());
-        self.targets.check()?;
-        if self.targets.sent() == 0 && !self.interrupt.is_set() {
+        if self.interrupt.is_set() {
+            self.targets.give_up_logs()?;
+        } else if self.targets.sent() + self.targets.failed() == 0 {
             bail!("nothing was sent: there is no frame between --start and --end");
         }
-        Ok(())
+        self.targets.finish()?;
+        self.report(passes, began.elapsed());
+        self.targets.check()
     }
 
     /// Sends the recording once; returns how long the played part of it is, nothing if there is none.

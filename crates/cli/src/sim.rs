@@ -106,7 +106,13 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         }
         let mut simulator = Simulator::new(&scene, &layout, seed)?;
         simulator.start_all();
-        write_log(simulator, limit_ns.unwrap_or(scene.length_ns()), &mut targets)?;
+        let interrupt = Interrupt::install()?;
+        write_log(
+            simulator,
+            &interrupt,
+            limit_ns.unwrap_or(scene.length_ns()),
+            &mut targets,
+        )?;
     } else {
         let mut simulator = Simulator::looping(&scene, &layout, seed)?;
         if args.autostart {
@@ -123,7 +129,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         };
         play(simulator, limit_ns, layout.buses.len(), &mut targets)?;
     }
-    targets.flush()?;
+    targets.finish()?;
     eprintln!(
         "{} frames sent{}",
         targets.sent(),
@@ -189,10 +195,18 @@ impl Args {
     }
 }
 
-fn write_log(mut simulator: Simulator, length_ns: u64, targets: &mut Targets) -> anyhow::Result<()> {
+fn write_log(
+    mut simulator: Simulator,
+    interrupt: &Interrupt,
+    length_ns: u64,
+    targets: &mut Targets,
+) -> anyhow::Result<()> {
     let mut frames = Vec::new();
     let mut now_ns = 0;
     while now_ns < length_ns {
+        if interrupt.is_set() {
+            return targets.give_up_logs();
+        }
         now_ns = (now_ns + LOG_STEP_NS).min(length_ns);
         simulator.advance(now_ns, &mut frames);
         for (bus, received) in frames.drain(..) {

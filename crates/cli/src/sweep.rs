@@ -1,7 +1,7 @@
 //! Recorded counts as the CAN traffic that would have carried them.
 
 use anyhow::bail;
-use taxel_can::{CanFrame, Received};
+use taxel_can::{CanFrame, ClockJumps, LONGEST_PAUSE_NS, Received};
 use taxel_record::Recording;
 use taxel_skin::Layout;
 
@@ -11,8 +11,6 @@ const FRAME_NS: u64 = 125_000;
 /// Status of a sensor that streams and has no error: burst mode, eight reply bytes (docs/protocols.md,
 /// "MLX90393 status").
 const STATUS: u8 = 0x83;
-/// A longer pause is none: the recorder's clock was set, as in a candump log ([`taxel_can::LogClock`]).
-const LONGEST_PAUSE_NS: u64 = 24 * 3600 * 1_000_000_000;
 
 /// Turns each frame of a recording into one sweep of every board of a hand.
 #[derive(Debug)]
@@ -62,7 +60,8 @@ impl<'a> Sweeps<'a> {
                 if layout.modules.iter().all(|m| usize::from(m.taxels) == taxels) {
                     "repeat it on every module with --tile, or use --layout uskin-module"
                 } else {
-                    "name the hand it was recorded on with --layout"
+                    "name the hand it was recorded on with --layout; magnitudes of T x H x 3 cells are told by --layout \
+                     grid:Hx3"
                 }
             );
         }
@@ -88,11 +87,21 @@ impl<'a> Sweeps<'a> {
         let order = (0..longest)
             .flat_map(|i| buses.iter().filter_map(move |bus| bus.get(i).copied()))
             .collect();
+        let (begins_ns, pauses) = begins_ns(recording, longest);
+        if pauses.forward > 0 {
+            eprintln!(
+                "taxel: {name}: {} pauses of more than {} s are left out ({:.1} s), the first before frame {}",
+                pauses.forward,
+                LONGEST_PAUSE_NS / 1_000_000_000,
+                pauses.skipped_ns as f64 / 1e9,
+                pauses.first_line
+            );
+        }
         Ok(Self {
             recording,
             layout,
             order,
-            begins_ns: begins_ns(recording, longest),
+            begins_ns,
             longest,
         })
     }
@@ -143,21 +152,23 @@ impl<'a> Sweeps<'a> {
     }
 }
 
-/// When each sweep begins: as recorded, but where the clock was set the next one follows after the
-/// usual time.
-fn begins_ns(recording: &Recording, longest: usize) -> Vec<u64> {
+/// When each sweep begins: as recorded, but behind a pause that is too long to be played
+/// ([`LONGEST_PAUSE_NS`]) the next one follows after the usual time; and where that was, by the number of the frame.
+fn begins_ns(recording: &Recording, longest: usize) -> (Vec<u64>, ClockJumps) {
     let usual_ns = recording.period_ns();
     let usual_ns = if usual_ns > LONGEST_PAUSE_NS {
         FRAME_NS * longest as u64
     } else {
         usual_ns
     };
+    let mut pauses = ClockJumps::default();
     let mut begins = Vec::with_capacity(recording.len());
     let mut now_ns = 0;
     for index in 0..recording.len() {
         if index > 0 {
             let pause_ns = recording.t_ns(index) - recording.t_ns(index - 1);
             now_ns += if pause_ns > LONGEST_PAUSE_NS {
+                pauses.skip(index as u64, pause_ns);
                 usual_ns
             } else {
                 pause_ns
@@ -165,7 +176,7 @@ fn begins_ns(recording: &Recording, longest: usize) -> Vec<u64> {
         }
         begins.push(now_ns);
     }
-    begins
+    (begins, pauses)
 }
 
 #[cfg(test)]
@@ -234,7 +245,7 @@ mod tests {
         const YEAR_NS: u64 = 365 * 24 * 3600 * 1_000_000_000;
         for (times_ns, begins_ns) in [
             (
-                vec![0, 10_000_000, 20_000_000, YEAR_NS, YEAR_NS + 10_000_000],
+                vec![0, 10_000_000, 20_000_000, 61_020_000_000, 61_030_000_000],
                 vec![0, 10_000_000, 20_000_000, 30_000_000, 40_000_000],
             ),
             (vec![5, YEAR_NS], vec![0, 16 * FRAME_NS]),

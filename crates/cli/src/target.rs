@@ -1,5 +1,6 @@
 //! Where frames are put: a bus, or a candump log.
 
+use crate::output_file::OutputFile;
 use anyhow::{Context, bail};
 use std::collections::HashMap;
 use std::fmt;
@@ -76,17 +77,18 @@ struct Target {
 
 enum End {
     Bus(Box<dyn CanSource>),
-    Log(LogWriter<Box<dyn Write>>),
+    Log(LogWriter<Box<dyn Write>>, Option<OutputFile>),
 }
 
 impl Target {
     /// Opens it. A bus that is absent or down is an error: nobody would hear.
     fn open(address: &TargetAddress) -> anyhow::Result<Self> {
         let end = match address {
-            TargetAddress::Stdout => End::Log(LogWriter::new(Box::new(io::stdout()))),
+            TargetAddress::Stdout => End::Log(LogWriter::new(Box::new(io::stdout())), None),
             TargetAddress::Log(path) => {
-                let file = File::create(path).with_context(|| path.display().to_string())?;
-                End::Log(LogWriter::new(Box::new(BufWriter::new(file))))
+                let whole = OutputFile::begin(path)?;
+                let file = File::create(whole.path()).with_context(|| path.display().to_string())?;
+                End::Log(LogWriter::new(Box::new(BufWriter::new(file))), Some(whole))
             }
             TargetAddress::Bus(address) => {
                 let source = taxel_can::open(address, &SourceOptions::default())?;
@@ -116,7 +118,7 @@ impl Target {
     /// Puts a frame there. What a bus does not take is counted; a log that cannot be written is an error.
     fn send(&mut self, t_ns: u64, interface: &str, frame: &CanFrame) -> anyhow::Result<()> {
         match &mut self.end {
-            End::Log(log) => {
+            End::Log(log, _) => {
                 log.write(t_ns, interface, frame)
                     .with_context(|| self.address.to_string())?;
                 self.sent += 1;
@@ -140,12 +142,13 @@ impl Target {
         }
     }
 
-    /// Writes what is buffered.
-    fn flush(&mut self) -> anyhow::Result<()> {
-        match &mut self.end {
-            End::Log(log) => log.flush().with_context(|| self.address.to_string()),
-            End::Bus(_) => Ok(()),
-        }
+    /// Writes what is buffered, and gives a log its name.
+    fn finish(&mut self) -> anyhow::Result<()> {
+        let End::Log(log, whole) = &mut self.end else {
+            return Ok(());
+        };
+        log.flush().with_context(|| self.address.to_string())?;
+        whole.as_mut().map_or(Ok(()), OutputFile::finish)
     }
 
     /// An error if any frame could not be sent.
@@ -213,7 +216,7 @@ impl Targets {
 
     /// Whether nothing but logs is written, which need not be waited for.
     pub(crate) fn are_logs(&self) -> bool {
-        self.targets.iter().all(|t| matches!(t.end, End::Log(_)))
+        self.targets.iter().all(|t| matches!(t.end, End::Log(..)))
     }
 
     /// Frames put somewhere.
@@ -226,9 +229,21 @@ impl Targets {
         self.targets.iter().map(|t| t.failed).sum()
     }
 
-    /// Writes what is buffered.
-    pub(crate) fn flush(&mut self) -> anyhow::Result<()> {
-        self.targets.iter_mut().try_for_each(Target::flush)
+    /// Writes what is buffered and gives logs their names; without it there are none.
+    pub(crate) fn finish(&mut self) -> anyhow::Result<()> {
+        self.targets.iter_mut().try_for_each(Target::finish)
+    }
+
+    /// An error that says what is not written, where that is all there was to do: a log of half of a recording or
+    /// scene is given up, what was heard of a bus until then is not.
+    pub(crate) fn give_up_logs(&self) -> anyhow::Result<()> {
+        let mut addresses = self.targets.iter().map(|t| &t.address);
+        match addresses.find(|address| matches!(address, TargetAddress::Log(_))) {
+            Some(TargetAddress::Log(path)) if self.are_logs() => {
+                bail!("stopped; {} was not written", path.display())
+            }
+            _ => Ok(()),
+        }
     }
 
     /// An error if any frame could not be sent.
@@ -337,7 +352,7 @@ mod tests {
         for name in [0, 1] {
             targets.send(name, 1_500_000, &frame).unwrap();
         }
-        targets.flush().unwrap();
+        targets.finish().unwrap();
         let text = std::fs::read_to_string(path).unwrap();
         assert_eq!(
             text,

@@ -1,6 +1,7 @@
 //! What the pipeline promises: the same frames give the same images, and each image is made at its
 //! own instant.
 
+use std::ops::ControlFlow;
 use taxel_can::{CanFrame, Received};
 use taxel_engine::{Display, Engine, EngineConfig, EngineJoints, Frames, TickMode, run_recorded};
 use taxel_hand::{Freshness, Profile};
@@ -45,6 +46,7 @@ fn bytes(config: &EngineConfig, frames: &[(u8, Received)]) -> Vec<u8> {
             bytes.extend(&payload);
             taxel_wire::encode_raw_payload(&frames.tactile, &frames.force, None, &mut payload).unwrap();
             bytes.extend(&payload);
+            ControlFlow::Continue(())
         },
     )
     .unwrap();
@@ -151,7 +153,8 @@ fn a_silent_hand_still_gives_images_that_say_so() {
         let config = config(mode, 30.0);
         let mut missing = Vec::new();
         run_recorded(&config, display(&config), [], Some(1_000_000_000), |_, image| {
-            missing.push(image.missing)
+            missing.push(image.missing);
+            ControlFlow::Continue(())
         })
         .unwrap();
         assert!(
@@ -161,6 +164,24 @@ fn a_silent_hand_still_gives_images_that_say_so() {
         );
         assert!(missing.iter().all(|m| *m == 240), "{mode:?}");
     }
+}
+
+#[test]
+fn whoever_breaks_off_is_given_no_more_of_the_ticks_that_are_due_before_one_frame() {
+    let config = config(TickMode::Timer, 1000.0);
+    let mut after_a_pause = scene("tap")[0];
+    after_a_pause.1.t_ns = 60_000_000_000;
+    let mut images = 0;
+    run_recorded(&config, display(&config), [after_a_pause], None, |_, _| {
+        images += 1;
+        if images < 3 {
+            ControlFlow::Continue(())
+        } else {
+            ControlFlow::Break(())
+        }
+    })
+    .unwrap();
+    assert_eq!(images, 3);
 }
 
 #[test]
@@ -198,6 +219,7 @@ fn a_board_that_falls_silent_is_missing_and_never_repeated() {
                     assert_eq!(image.missing, 16, "{mode:?}");
                     most_contacts = most_contacts.max(image.contacts);
                 }
+                ControlFlow::Continue(())
             },
         )
         .unwrap();

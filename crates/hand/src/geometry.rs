@@ -131,7 +131,17 @@ impl Geometry {
     ///
     /// Refuses empty arrays and those of more than [`MAX_TAXELS`] taxels.
     pub fn grid(width: u16, height: u16) -> Result<Self, GeometryError> {
-        let count = usize::from(width) * usize::from(height);
+        Self::grid_of_cells(width, height, |_| true)
+    }
+
+    /// The same of an array in which only some cells are taxels; these are asked for row by row, by their numbers from 0.
+    pub fn grid_of_cells(
+        width: u16,
+        height: u16,
+        is_taxel: impl Fn(usize) -> bool,
+    ) -> Result<Self, GeometryError> {
+        let cells = usize::from(width) * usize::from(height);
+        let count = (0..cells).filter(|cell| is_taxel(*cell)).count();
         if count == 0 || count > MAX_TAXELS {
             return Err(GeometryError::Size {
                 taxels: count,
@@ -147,15 +157,13 @@ impl Geometry {
             pose: None,
             joint: None,
         };
-        let taxel = |y| {
-            move |x| Taxel {
-                module: 0,
-                x,
-                y,
-                position_mm: None,
-            }
+        let taxel = |cell: usize| Taxel {
+            module: 0,
+            x: (cell % usize::from(width)) as u16,
+            y: (cell / usize::from(width)) as u16,
+            position_mm: None,
         };
-        let taxels = (0..height).flat_map(|y| (0..width).map(taxel(y))).collect();
+        let taxels = (0..cells).filter(|cell| is_taxel(*cell)).map(taxel).collect();
         Self::new(
             format!("grid:{height}x{width}"),
             [width, height],

@@ -10,8 +10,10 @@ use std::path::Path;
 
 /// What some spreadsheets begin a file with.
 const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
-/// Bytes that one line may have: 80 for each of 200,000 numbers.
-const LINE_BYTES: u64 = 16 << 20;
+/// Bytes that one line may have: 40 for each of 200,000 numbers.
+const LINE_BYTES: u64 = 8 << 20;
+/// Columns that a line may have: three axes of as many taxels as a hand can have, and room for times and joints.
+const MAX_COLUMNS: usize = 200_000;
 
 /// Reads a csv file: one frame a line, the numbers separated by commas, semicolons or tabs, quoted or not.
 ///
@@ -59,6 +61,12 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
         if is_blank(&record) {
             continue;
         }
+        if record.len() > MAX_COLUMNS {
+            return Err(line_error(
+                line,
+                format!("{} columns, more than {MAX_COLUMNS}", record.len()),
+            ));
+        }
         if std::mem::take(&mut is_first) && cell(&record[0]).is_ok_and(|c| c.parse::<f64>().is_err()) {
             meaning = Meaning::of_header(&record, options).map_err(|reason| line_error(line, reason))?;
             continue;
@@ -96,6 +104,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
         values,
         times_ns: meaning.time.is_some().then_some(times_ns),
         columns: meaning.order.map(|_| Columns::XyzInterleaved),
+        void: None,
     })
 }
 
@@ -332,7 +341,7 @@ mod tests {
             ("", "x", 1),
         ] {
             let message = endless(begin, again);
-            assert!(message.contains("longer than 16 MiB"), "{begin:?}: {message}");
+            assert!(message.contains("longer than 8 MiB"), "{begin:?}: {message}");
             let place: Vec<&str> = message.split(':').collect();
             assert!(place[1].parse::<u64>().unwrap() >= line.min(1_000), "{message}");
         }
@@ -372,6 +381,12 @@ mod tests {
             let message = read_text(text, options).unwrap_err();
             assert!(message.contains(wanted), "{text:?}: {message}");
         }
+        let wide = "a,".repeat(MAX_COLUMNS) + "a\n";
+        let message = read_text(&wide, &none).unwrap_err();
+        assert!(
+            message.contains(":1: 200001 columns, more than 200000"),
+            "{message}"
+        );
         let dir = TempDir::new().unwrap();
         let path = dir.path().join("latin.csv");
         std::fs::write(&path, b"1,2\n3,\xff\n").unwrap();

@@ -10,6 +10,7 @@
 mod csv;
 mod error;
 mod images;
+mod meaning;
 mod npy;
 mod npz;
 mod open;
@@ -19,4 +20,4 @@ mod table;
 pub use error::RecordError;
 pub use images::ImageStack;
 pub use recording::{Frames, Recording};
-pub use table::{Columns, DEFAULT_RATE_HZ, ReadOptions, TimeUnit};
+pub use table::{Columns, DEFAULT_RATE_HZ, ReadOptions, TimeUnit, Void};

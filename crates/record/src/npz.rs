@@ -1,22 +1,28 @@
 //! Arrays of numpy's `.npz`: a zip archive of npy files.
 
 use crate::error::{RecordError, show_shape};
-use crate::npy::{MAX_HEADER_BYTES, dtype, header, numbers, times};
-use crate::table::Table;
+use crate::meaning::Meaning;
+use crate::npy::Array;
+use crate::table::{ReadOptions, Table, Void};
 use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::Path;
 
 /// The array that gives the time of each frame, nanoseconds.
 const TIMES: &str = "t_ns";
-/// Bytes of the widest elements there are in a recording.
-const WIDEST: usize = 8;
-
 /// Reads the named array of an npz file, or its only one, and the times that belong to it.
-pub(crate) fn read(path: &Path, array: Option<&str>) -> Result<Table, RecordError> {
+pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordError> {
     let mut npz = Npz::open(path)?;
-    let frames: Vec<&String> = npz.names.iter().filter(|n| *n != TIMES).collect();
-    let name = match (array, frames.as_slice()) {
+    let mask = match &options.void {
+        Some(Void::Mask(mask)) => Some(mask),
+        _ => None,
+    };
+    let frames: Vec<&String> = npz
+        .names
+        .iter()
+        .filter(|n| *n != TIMES && Some(*n) != mask)
+        .collect();
+    let name = match (options.array.as_deref(), frames.as_slice()) {
         (Some(name), _) if npz.names.iter().any(|n| n == name) => name.to_owned(),
         (Some(name), _) => {
             let holds = format!("has no array {name:?}; it holds:\n{}", npz.list());
@@ -35,22 +41,27 @@ pub(crate) fn read(path: &Path, array: Option<&str>) -> Result<Table, RecordErro
             return Err(RecordError::unfit(path.display(), holds));
         }
     };
-    let at = format!("{} [{name}]", path.display());
-    let (shape, values) = numbers(&at, &npz.member(&name)?)?;
+    let array = npz.array(&name)?;
+    let (at, shape) = (array.at.clone(), array.shape().to_vec());
+    let meaning = Meaning::of(&at, &shape, None, options)?;
+    let values = array.numbers()?;
     let times_ns = if name != TIMES && npz.names.iter().any(|n| n == TIMES) {
-        let at = format!("{} [{TIMES}]", path.display());
-        let times = times(&at, &npz.member(TIMES)?)?;
+        let times = npz.array(TIMES)?.times()?;
         // Times of another length belong to another array of the file.
         (shape.first() == Some(&times.len())).then_some(times)
     } else {
         None
     };
+    let void = mask
+        .map(|mask| npz.mask(mask, &shape[1..], meaning))
+        .transpose()?;
     Ok(Table {
         at,
         shape,
         values,
         times_ns,
         columns: None,
+        void,
     })
 }
 
@@ -76,42 +87,35 @@ impl<'a> Npz<'a> {
         Ok(Self { path, zip, names })
     }
 
-    /// An array's bytes: no more of them than its header promises, and one to tell that there are more.
-    fn member(&mut self, name: &str) -> Result<Vec<u8>, RecordError> {
-        self.beginning(name, |bytes| {
-            let promised = header(name, bytes).ok().and_then(|(header, data)| {
-                let values = header
-                    .shape
-                    .iter()
-                    .try_fold(WIDEST, |bytes, &n| bytes.checked_mul(n))?;
-                values.checked_add(bytes.len() - data.len())
-            });
-            promised.unwrap_or(0)
-        })
-    }
-
-    /// The first bytes of an array, enough for its header, and then up to so many as `most` tells from them.
-    fn beginning(&mut self, name: &str, most: impl Fn(&[u8]) -> usize) -> Result<Vec<u8>, RecordError> {
-        let bad = |reason: String| unreadable(self.path, &format!("array {name}: {reason}"));
-        let with_suffix = format!("{name}.npy");
+    /// An array, of which no more than the header is unpacked.
+    fn array(&mut self, name: &str) -> Result<Array<impl Read + '_>, RecordError> {
+        let at = format!("{} [{name}]", self.path.display());
         let index = self
             .zip
-            .index_for_name(&with_suffix)
+            .index_for_name(&format!("{name}.npy"))
             .or_else(|| self.zip.index_for_name(name));
-        let mut bytes = Vec::new();
-        let mut member = self
-            .zip
-            .by_index(index.ok_or_else(|| bad("gone".into()))?)
-            .map_err(|e| bad(e.to_string()))?;
-        let mut read = |bytes: &mut Vec<u8>, most: usize| {
-            let more = most.saturating_sub(bytes.len());
-            let took = member.by_ref().take(more as u64).read_to_end(bytes);
-            took.map_err(|e| bad(e.to_string()))
+        let Some(index) = index else {
+            return Err(RecordError::unreadable(at, "there is no array of this name"));
         };
-        read(&mut bytes, MAX_HEADER_BYTES + 12)?;
-        let most = most(&bytes).saturating_add(1);
-        read(&mut bytes, most)?;
-        Ok(bytes)
+        let member = self.zip.by_index(index);
+        Array::open(
+            at,
+            member.map_err(|e| unreadable(self.path, &format!("array {name}: {e}")))?,
+        )
+    }
+
+    /// Which cells of a frame an array says are no taxels: those that are not zero in it.
+    fn mask(&mut self, name: &str, frame: &[usize], meaning: Meaning) -> Result<Vec<bool>, RecordError> {
+        if !self.names.iter().any(|n| n == name) {
+            let holds = format!("has no array {name:?} for --void; it holds:\n{}", self.list());
+            return Err(RecordError::unfit(self.path.display(), holds));
+        }
+        let array = self.array(name)?;
+        if array.shape() != frame && array.shape() != [meaning.taxels] {
+            let expected = format!("{}, a frame's, since --void names it", show_shape(frame));
+            return Err(RecordError::shape(&array.at, array.shape(), &expected));
+        }
+        Ok(array.numbers()?.into_iter().map(|cell| cell != 0.0).collect())
     }
 
     /// The arrays, one a line, as error messages list them.
@@ -119,11 +123,10 @@ impl<'a> Npz<'a> {
         let names = self.names.clone();
         let width = names.iter().map(String::len).max().unwrap_or(0);
         let describe = |name: &String| {
-            let what = self.beginning(name, |_| 0).and_then(|bytes| {
-                let header = header(name, &bytes)?.0;
-                Ok(format!("{} {}", show_shape(&header.shape), dtype(&header)))
-            });
-            let what = what.unwrap_or_else(|e| format!("unreadable: {e}"));
+            let what = match self.array(name) {
+                Ok(array) => array.description(),
+                Err(error) => format!("unreadable: {error}"),
+            };
             format!("  {name:width$}  {what}")
         };
         let lines: Vec<String> = names.iter().map(describe).collect();
@@ -185,7 +188,7 @@ mod tests {
         );
         let message = named("names").unwrap_err().to_string();
         assert!(
-            message.contains("i64") && message.contains("[names]"),
+            message.contains("has shape 3;") && message.contains("[names]"),
             "{message}"
         );
     }
@@ -245,9 +248,7 @@ mod tests {
         }
         zip.finish().unwrap();
         let mut npz = Npz::open(&path).unwrap();
-        assert!(npz.member("x").unwrap().len() <= MAX_HEADER_BYTES + 12 + 1);
-        assert_eq!(npz.member("y").unwrap().len(), 20_000_128);
-        assert!(npz.beginning("y", |_| 0).unwrap().len() <= MAX_HEADER_BYTES + 12);
+        assert_eq!(npz.array("y").unwrap().numbers().unwrap().len(), 20_000_000);
         let array = |name: &str| ReadOptions {
             array: Some(name.into()),
             ..Default::default()
@@ -255,6 +256,40 @@ mod tests {
         let message = Recording::open(&path, &array("x")).unwrap_err().to_string();
         assert!(message.contains("does not fit"), "{message}");
         assert!(npz.list().contains("y  4000 x 5000 u8"), "{}", npz.list());
+    }
+
+    #[test]
+    fn an_array_of_the_npz_names_the_cells_that_are_no_taxels() {
+        let dir = TempDir::new().unwrap();
+        let path = dir.path().join("holes.npz");
+        let mut writer = NpzWriter::new(File::create(&path).unwrap());
+        let frames = Array3::<i64>::from_shape_fn((2, 2, 3), |(t, y, x)| (100 * t + 10 * y + x) as i64);
+        writer.add_array("frames", &frames).unwrap();
+        let holes = Array2::from_shape_fn((2, 3), |(y, x)| (y, x) == (0, 1));
+        writer.add_array("holes", &holes).unwrap();
+        writer.add_array("small", &Array2::<u8>::zeros((2, 2))).unwrap();
+        writer.finish().unwrap();
+        let read = |mask: &str| {
+            let options = ReadOptions {
+                array: Some("frames".into()),
+                void: Some(Void::Mask(mask.into())),
+                ..Default::default()
+            };
+            Recording::open(&path, &options)
+        };
+        let recording = read("holes").unwrap();
+        assert_eq!((recording.taxels(), recording.image_shape()), (5, Some((2, 3))));
+        assert_eq!(
+            recording.magnitudes(1).unwrap(),
+            [100.0, 102.0, 110.0, 111.0, 112.0]
+        );
+        for (mask, wanted) in [
+            ("small", "[small] has shape 2 x 2; expected 2 x 3"),
+            ("none", "no array \"none\" for --void"),
+        ] {
+            let message = read(mask).unwrap_err().to_string();
+            assert!(message.contains(wanted), "{message}");
+        }
     }
 
     #[test]

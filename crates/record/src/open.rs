@@ -2,7 +2,7 @@
 
 use crate::error::RecordError;
 use crate::recording::Recording;
-use crate::table::ReadOptions;
+use crate::table::{ReadOptions, Void};
 use crate::{csv, npy, npz};
 use std::path::Path;
 
@@ -23,8 +23,11 @@ impl Recording {
             "npy" | "csv" if options.array.is_some() => {
                 return refused("--array picks one array of an .npz; this file has no named arrays".into());
             }
-            "npy" => npy::read(path)?,
-            "npz" => npz::read(path, options.array.as_deref())?,
+            "npy" | "csv" if matches!(options.void, Some(Void::Mask(_))) => {
+                return refused("--void NAME is an array of an .npz; here it can be nan".into());
+            }
+            "npy" => npy::read(path, options)?,
+            "npz" => npz::read(path, options)?,
             "csv" => csv::read(path, options)?,
             "log" => {
                 return refused(

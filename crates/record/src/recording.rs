@@ -1,17 +1,13 @@
 //! A sequence of tactile frames, read from a file.
 
-use crate::error::{RecordError, SOMETHING};
-use crate::table::{Columns, DEFAULT_RATE_HZ, ReadOptions, Table};
-
-const SHAPES: &str = "T x H x W or T x N (magnitudes) or T x N x 3 (counts); a T x 3N array of counts needs \
-                      --columns xyz-interleaved (x1,y1,z1,x2,..) or --columns xyz-blocks (x1,x2,..,y1,..,z1,..)";
-const SHAPES_WITH_COLUMNS: &str =
-    "T x 3N, since --columns was given: three columns, x y z, for each of N taxels";
+use crate::error::RecordError;
+use crate::meaning::Meaning;
+use crate::table::{Columns, DEFAULT_RATE_HZ, ReadOptions, Table, Void};
 
 /// The values of a recording, frame after frame.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Frames {
-    /// One finite number per taxel, in the recording's own unit.
+    /// One number per taxel, in the recording's own unit; finite, or not a number where the taxel is missing.
     Magnitudes(Vec<f64>),
     /// Raw counts x, y, z per taxel.
     Counts(Vec<[u16; 3]>),
@@ -24,6 +20,8 @@ pub struct Recording {
     len: usize,
     taxels: usize,
     shape: Option<(usize, usize)>,
+    /// Which cells of a frame are taxels, where not all of them are.
+    cells: Option<Vec<bool>>,
     frames: Frames,
     times_ns: Option<Vec<u64>>,
     rate_hz: f64,
@@ -38,27 +36,34 @@ impl Recording {
             values,
             times_ns,
             columns,
+            void,
         } = table;
-        let wrong_shape = |expected| RecordError::shape(&at, &shape, expected);
-        if shape.contains(&0) {
-            return Err(wrong_shape(SOMETHING));
-        }
-        let (taxels, image, frames) = match (shape.as_slice(), columns.or(options.columns)) {
-            (&[_, n], None) => (n, None, magnitudes(&at, n, values)?),
-            (&[_, n], Some(columns)) if n % 3 == 0 => (
-                n / 3,
+        let Meaning {
+            taxels,
+            image,
+            counts,
+        } = Meaning::of(&at, &shape, columns, options)?;
+        let (frames, cells) = match counts {
+            Some(columns) => (
+                Frames::Counts(counts_of_columns(&at, taxels, columns, &values)?),
                 None,
-                Frames::Counts(counts_of_columns(&at, n / 3, columns, &values)?),
             ),
-            (_, Some(_)) => return Err(wrong_shape(SHAPES_WITH_COLUMNS)),
-            (&[_, n, 3], None) => (
-                n,
-                None,
-                Frames::Counts(counts_of_columns(&at, n, Columns::XyzInterleaved, &values)?),
-            ),
-            (&[_, h, w], None) => (h * w, Some((h, w)), magnitudes(&at, h * w, values)?),
-            _ => return Err(wrong_shape(SHAPES)),
+            None => {
+                let void = match options.void {
+                    Some(Void::Nan) => Some(never_a_number(taxels, &values)),
+                    _ => void,
+                };
+                let (frames, cells) = without_void(&at, taxels, values, void)?;
+                let may_be_missing = options.void == Some(Void::Nan);
+                (
+                    magnitudes(&at, cells.as_deref(), taxels, frames, may_be_missing)?,
+                    cells,
+                )
+            }
         };
+        let taxels = cells
+            .as_ref()
+            .map_or(taxels, |cells| cells.iter().filter(|cell| **cell).count());
         let len = shape[0];
         let times_ns = if options.rate_hz.is_some() { None } else { times_ns };
         if let Some(times) = &times_ns {
@@ -83,6 +88,7 @@ impl Recording {
             len,
             taxels,
             shape: image,
+            cells,
             frames,
             times_ns,
             rate_hz,
@@ -112,6 +118,11 @@ impl Recording {
     /// Height and width of the image, where the array was `T x H x W`.
     pub fn image_shape(&self) -> Option<(usize, usize)> {
         self.shape
+    }
+
+    /// Which cells of a frame are taxels, in the file's order; `None` where all of them are.
+    pub fn cells(&self) -> Option<&[bool]> {
+        self.cells.as_deref()
     }
 
     /// All frames at once.
@@ -168,15 +179,62 @@ impl Recording {
     }
 }
 
-fn magnitudes(at: &str, taxels: usize, values: Vec<f64>) -> Result<Frames, RecordError> {
-    match values.iter().position(|v| !v.is_finite()) {
-        Some(i) => {
-            let (frame, taxel, value) = (i / taxels, i % taxels, values[i]);
-            let reason = format!("frame {frame}, taxel {taxel} is {value}; a magnitude is a finite number");
-            Err(RecordError::unreadable(at, reason))
+/// The cells of a frame that are not a number in any frame.
+fn never_a_number(cells: usize, values: &[f64]) -> Vec<bool> {
+    let mut void = vec![true; cells];
+    for frame in values.chunks_exact(cells) {
+        for (void, value) in void.iter_mut().zip(frame) {
+            *void &= value.is_nan();
         }
-        None => Ok(Frames::Magnitudes(values)),
     }
+    void
+}
+
+/// The values of the cells that are taxels, and which those are; `None` where all of them are.
+fn without_void(
+    at: &str,
+    cells: usize,
+    mut values: Vec<f64>,
+    void: Option<Vec<bool>>,
+) -> Result<(Vec<f64>, Option<Vec<bool>>), RecordError> {
+    let Some(void) = void.filter(|void| void.contains(&true)) else {
+        return Ok((values, None));
+    };
+    if !void.contains(&false) {
+        return Err(RecordError::unfit(at, "has no taxel: every cell is void"));
+    }
+    let mut index = 0;
+    values.retain(|_| {
+        let is_taxel = !void[index % cells];
+        index += 1;
+        is_taxel
+    });
+    Ok((values, Some(void.into_iter().map(|void| !void).collect())))
+}
+
+/// Magnitudes of taxels: finite, or not a number where that may be. `cells` says which cells of a frame they are.
+fn magnitudes(
+    at: &str,
+    cells: Option<&[bool]>,
+    all: usize,
+    values: Vec<f64>,
+    may_be_missing: bool,
+) -> Result<Frames, RecordError> {
+    let bad = |value: &f64| !(value.is_finite() || may_be_missing && value.is_nan());
+    let Some(i) = values.iter().position(bad) else {
+        return Ok(Frames::Magnitudes(values));
+    };
+    let taxels: Vec<usize> = match cells {
+        Some(cells) => (0..all).filter(|cell| cells[*cell]).collect(),
+        None => (0..all).collect(),
+    };
+    let (frame, taxel, value) = (i / taxels.len(), taxels[i % taxels.len()], values[i]);
+    let advice = match value.is_nan() {
+        true => "; --void nan says that cells which are no number are no taxels",
+        false => "",
+    };
+    let reason = format!("frame {frame}, taxel {taxel} is {value}; a magnitude is a finite number{advice}");
+    Err(RecordError::unreadable(at, reason))
 }
 
 fn counts_of_columns(
@@ -197,7 +255,8 @@ fn counts_of_columns(
                 *count = count_of(row[column]).ok_or_else(|| {
                     let value = row[column];
                     let reason = format!(
-                        "frame {frame}, value {column} is {value}; a raw count is a whole number from 0 to 65535"
+                        "frame {frame}, value {column} is {value}; a raw count is a whole number from 0 to 65535. \
+                         Magnitudes of {taxels} x 3 cells are told by --layout grid:{taxels}x3"
                     );
                     RecordError::unreadable(at, reason)
                 })?;
@@ -224,6 +283,7 @@ mod tests {
             values,
             times_ns: None,
             columns: None,
+            void: None,
         }
     }
 
@@ -259,6 +319,83 @@ mod tests {
         assert_eq!((counts.taxels(), counts.has_counts()), (4, true));
         assert_eq!(counts.counts(1).unwrap()[0], [12, 13, 14]);
         assert_eq!(counts.counts(2), None);
+    }
+
+    #[test]
+    fn three_columns_are_counts_unless_frames_are_said_to_be_images() {
+        let read = |shape: &[usize], image| {
+            let options = ReadOptions {
+                image: Some(image),
+                ..Default::default()
+            };
+            Recording::from_table(ramp(shape), &options).map_err(|e| e.to_string())
+        };
+        let magnitudes = read(&[2, 4, 3], (4, 3)).unwrap();
+        assert_eq!(
+            (magnitudes.taxels(), magnitudes.image_shape()),
+            (12, Some((4, 3)))
+        );
+        assert!(read(&[2, 12, 3], (4, 3)).unwrap().has_counts());
+        assert_eq!(read(&[2, 12], (4, 3)).unwrap().taxels(), 12);
+        let message = read(&[2, 8, 8], (4, 16)).unwrap_err();
+        assert!(
+            message.contains("2 x 8 x 8") && message.contains("T x 4 x 16"),
+            "{message}"
+        );
+    }
+
+    #[test]
+    fn void_cells_are_no_taxels() {
+        let nan = f64::NAN;
+        let read = |values: &[f64], void, mask: Option<Vec<bool>>| {
+            let table = Table {
+                void: mask,
+                ..table(&[2, 1, 3], values.into())
+            };
+            let options = ReadOptions {
+                void,
+                image: Some((1, 3)),
+                ..Default::default()
+            };
+            Recording::from_table(table, &options).map_err(|e| e.to_string())
+        };
+        let recording = read(&[1.0, nan, 2.0, 3.0, nan, nan], Some(Void::Nan), None).unwrap();
+        assert_eq!((recording.taxels(), recording.image_shape()), (2, Some((1, 3))));
+        assert_eq!(recording.cells(), Some(&[true, false, true][..]));
+        assert_eq!(recording.magnitudes(0).unwrap(), [1.0, 2.0]);
+        // A taxel in the first frame, so it is missing in the second.
+        let second = recording.magnitudes(1).unwrap();
+        assert!(second[0] == 3.0 && second[1].is_nan(), "{second:?}");
+
+        let mask = || Some(vec![false, true, false]);
+        let named = || Some(Void::Mask("holes".into()));
+        let recording = read(&[1.0, -1.0, 2.0, 3.0, -1.0, 4.0], named(), mask()).unwrap();
+        assert_eq!(recording.magnitudes(1).unwrap(), [3.0, 4.0]);
+        assert_eq!(read(&[1.0; 6], Some(Void::Nan), None).unwrap().cells(), None);
+        for (values, void, mask, wanted) in [
+            (
+                &[1.0, nan, 2.0, 3.0, nan, nan][..],
+                named(),
+                mask(),
+                "frame 1, taxel 2 is NaN",
+            ),
+            (
+                &[1.0, nan, 2.0, 3.0, nan, 4.0],
+                None,
+                None,
+                "taxel 1 is NaN; a magnitude is a finite number; --void nan",
+            ),
+            (
+                &[1.0, f64::INFINITY, 2.0, 3.0, nan, 4.0],
+                Some(Void::Nan),
+                None,
+                "taxel 1 is inf",
+            ),
+            (&[nan; 6], Some(Void::Nan), None, "every cell is void"),
+        ] {
+            let message = read(values, void, mask).unwrap_err();
+            assert!(message.contains(wanted), "{message}");
+        }
     }
 
     #[test]

@@ -15,6 +15,10 @@ pub struct ReadOptions {
     /// Frames per second, 0.001 to 100,000, overriding recorded times; [`DEFAULT_RATE_HZ`] where
     /// neither exists.
     pub rate_hz: Option<f64>,
+    /// Says that frames are images of this height and width, so that `T x H x 3` is magnitudes too.
+    pub image: Option<(usize, usize)>,
+    /// Which cells of the frames are no taxels.
+    pub void: Option<Void>,
     /// Says that the first column of a csv file without a header is time, in this unit.
     pub time_column: Option<TimeUnit>,
 }
@@ -26,6 +30,15 @@ pub enum Columns {
     XyzInterleaved,
     /// `x1, x2, ..., y1, y2, ..., z1, z2, ...`
     XyzBlocks,
+}
+
+/// Which cells of the frames are no taxels, as where a skin has holes.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Void {
+    /// Those that are not a number in any frame. One that is not a number in some frames is missing there.
+    Nan,
+    /// Those that are not zero in this array of the npz, which has a frame's shape.
+    Mask(String),
 }
 
 /// The unit of a time column.
@@ -49,6 +62,8 @@ pub(crate) struct Table {
     pub(crate) times_ns: Option<Vec<u64>>,
     /// What the file itself says of its columns.
     pub(crate) columns: Option<Columns>,
+    /// Which cells of a frame are no taxels, where the file says so.
+    pub(crate) void: Option<Vec<bool>>,
 }
 
 impl FromStr for Columns {
@@ -61,6 +76,18 @@ impl FromStr for Columns {
             _ => Err(format!(
                 "{text:?} is no column order; use xyz-interleaved or xyz-blocks"
             )),
+        }
+    }
+}
+
+impl FromStr for Void {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "" => Err("name an array, or say nan".into()),
+            "nan" => Ok(Void::Nan),
+            name => Ok(Void::Mask(name.into())),
         }
     }
 }

@@ -13,6 +13,8 @@ use std::sync::Arc;
 
 /// The longest line that is looked at; the longest that can be meant, CAN XL with 2048 bytes, has about 4200.
 const LONGEST_LINE: usize = 16 * 1024;
+/// Bytes without a frame after which a file is given up: it is something else, or has no end.
+const MOST_WITHOUT_FRAME: u64 = 64 << 20;
 /// Interface names that are kept for reuse; no recording has more buses than this.
 const KNOWN_INTERFACES: usize = 64;
 
@@ -114,10 +116,11 @@ impl fmt::Display for LineProblem {
     }
 }
 
-/// Reads a candump log, line by line, without ever stopping at a bad one.
+/// Reads a candump log, line by line, without stopping at a bad one.
 ///
 /// As an iterator it gives each frame, and an error for each line that holds none; empty lines are
-/// skipped. After the error of a line it goes on with the next; after an [`LogError::Io`] it ends.
+/// skipped. After the error of a line it goes on with the next; after an [`LogError::Io`] it ends. 64 MiB
+/// without a frame are such an error: what holds them, such as `/dev/zero`, is no log.
 /// It allocates only when a line is longer or an interface newer than all before.
 #[derive(Debug)]
 pub struct LogReader<R> {
@@ -125,6 +128,8 @@ pub struct LogReader<R> {
     line: Vec<u8>,
     line_number: u64,
     interfaces: Vec<Arc<str>>,
+    /// Bytes read since the last frame.
+    without_frame: u64,
     ended: bool,
 }
 
@@ -136,6 +141,7 @@ impl<R: BufRead> LogReader<R> {
             line: Vec::with_capacity(256),
             line_number: 0,
             interfaces: Vec::with_capacity(KNOWN_INTERFACES),
+            without_frame: 0,
             ended: false,
         }
     }
@@ -168,6 +174,13 @@ impl<R: BufRead> LogReader<R> {
             self.line.extend_from_slice(&part[..part.len().min(room)]);
             let used = part.len() + usize::from(end.is_some());
             self.input.consume(used);
+            self.without_frame += used as u64;
+            if self.without_frame > MOST_WITHOUT_FRAME {
+                let mib = MOST_WITHOUT_FRAME >> 20;
+                return Err(io::Error::other(format!(
+                    "{mib} MiB without a CAN frame; this is no candump log"
+                )));
+            }
             if end.is_some() {
                 return Ok(Some(complete));
             }
@@ -203,6 +216,7 @@ impl<R: BufRead> Iterator for LogReader<R> {
             match parsed {
                 Ok(None) => {}
                 Ok(Some(line)) => {
+                    self.without_frame = 0;
                     return Some(Ok(LogFrame {
                         t_ns: line.t_ns,
                         interface: interned(&mut self.interfaces, line.interface),

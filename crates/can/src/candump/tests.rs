@@ -185,6 +185,26 @@ fn an_endless_line_is_one_error_and_no_memory() {
 }
 
 #[test]
+fn a_file_without_an_end_or_a_frame_is_given_up() {
+    for byte in [0, b'\n'] {
+        let mut reader = LogReader::new(io::BufReader::with_capacity(1 << 16, io::repeat(byte)));
+        let last = reader.by_ref().last().unwrap().unwrap_err().to_string();
+        assert!(
+            last.ends_with("64 MiB without a CAN frame; this is no candump log"),
+            "{last}"
+        );
+        assert!(reader.next().is_none());
+    }
+    // As much of it is passed over where frames are in between.
+    let mut text = Vec::new();
+    for _ in 0..3 {
+        text.resize(text.len() + (30 << 20), 0);
+        text.extend(b"\n(1.0) can0 001#01\n");
+    }
+    assert_eq!(LogReader::new(&text[..]).filter(Result::is_ok).count(), 3);
+}
+
+#[test]
 fn an_interface_name_that_is_no_utf8_is_kept_readable() {
     let frame = read(b"(1.0) c\xE4n0 001#01\n").remove(0).unwrap();
     assert_eq!(&*frame.interface, "c\u{FFFD}n0");

@@ -6,6 +6,7 @@ use super::link;
 use super::report;
 use crate::input::interfaces;
 use crate::interrupt::Interrupt;
+use crate::output_file::OutputFile;
 use anyhow::{Context, bail};
 use serde_json::json;
 use std::io::{self, Write};
@@ -218,7 +219,7 @@ fn tell(scan: &Scan<'_>, buses: &[Bus], found: &Recognition) -> anyhow::Result<b
     };
     let text = found.layout_file(&name, &names);
     if let (Some(path), Some(text)) = (scan.out, &text) {
-        std::fs::write(path, text).with_context(|| path.display().to_string())?;
+        OutputFile::write(path, text)?;
     }
     let mut out = io::stdout();
     if scan.json {

@@ -161,12 +161,17 @@ fn magnitudes_are_contacts_above_the_threshold() {
     );
     let err = fails(&dir, &["compress", "grid.npy", "--out", "grid.npy"], 1);
     assert!(err.contains("overwrite"), "{err}");
-    let err = fails(
-        &dir,
-        &["compress", "grid.npy", "--layout", "grid:3x3", "--out", "a.npy"],
-        1,
-    );
-    assert!(err.contains("20 taxels") && err.contains("grid:HxW"), "{err}");
+    for (layout, wanted) in [
+        ("uskin-module", ["20 taxels", "grid:HxW"]),
+        ("grid:3x3", ["2 x 4 x 5", "grid:3x3"]),
+    ] {
+        let err = fails(
+            &dir,
+            &["compress", "grid.npy", "--layout", layout, "--out", "a.npy"],
+            1,
+        );
+        assert!(wanted.iter().all(|wanted| err.contains(wanted)), "{err}");
+    }
     let err = fails(
         &dir,
         &["compress", "grid.npy", "--levels", "0", "--out", "a.npy"],

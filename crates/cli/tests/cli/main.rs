@@ -2,6 +2,7 @@
 
 mod compress;
 mod eval;
+mod files;
 mod replay;
 mod sim;
 mod watch;

@@ -54,7 +54,17 @@ impl std::ops::Deref for Layout {
 impl Layout {
     /// A layout for an array without boards: [`Geometry::grid`], whose taxels are one pseudo module.
     pub fn grid(width: u16, height: u16) -> Result<Self, LayoutError> {
-        let geometry = Geometry::grid(width, height).map_err(|_| LayoutError::GridSize { width, height })?;
+        Self::grid_of_cells(width, height, |_| true)
+    }
+
+    /// The same of an array in which only some cells are taxels ([`Geometry::grid_of_cells`]).
+    pub fn grid_of_cells(
+        width: u16,
+        height: u16,
+        is_taxel: impl Fn(usize) -> bool,
+    ) -> Result<Self, LayoutError> {
+        let geometry = Geometry::grid_of_cells(width, height, is_taxel);
+        let geometry = geometry.map_err(|_| LayoutError::GridSize { width, height })?;
         Ok(Self {
             k: vec![0; geometry.len()],
             wiring: vec![Wiring {

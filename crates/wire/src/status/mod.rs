@@ -185,6 +185,8 @@ report! {
         sent: u64,
         /// Frames that could not be sent.
         send_failures: u64,
+        /// How often the time of a recording jumped and was not taken as it stands there.
+        clock_jumps: u64,
         /// Remote frames.
         remote: u64,
         /// Error frames, by cause.

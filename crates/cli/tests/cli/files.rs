@@ -1,0 +1,212 @@
+//! Recordings that are damaged, have no end or are none, and files that are written whole or not at all.
+
+use crate::{fails, succeeds, texts};
+use ndarray::{Array2, Array3};
+use std::os::unix::fs::symlink;
+use std::process::Command;
+use tempfile::TempDir;
+
+/// Images and what is said about them, of a log.
+fn compressed(dir: &TempDir, text: &str) -> (Vec<u8>, String) {
+    std::fs::write(dir.path().join("in.log"), text).unwrap();
+    let (_, err) = succeeds(dir, &["compress", "in.log", "--out", "out.bin"]);
+    (std::fs::read(dir.path().join("out.bin")).unwrap(), err)
+}
+
+#[test]
+fn a_damaged_time_costs_no_images_and_is_told_with_its_line() {
+    let dir = TempDir::new().unwrap();
+    let (log, _) = succeeds(&dir, &["sim", "tap", "--to", "-", "--seconds", "1"]);
+    let (whole, err) = compressed(&dir, &log);
+    assert!(!err.contains("jumps"), "{err}");
+    // One flipped byte makes of 0.100125 s a hundred thousand.
+    let mut lines: Vec<String> = log.lines().map(str::to_owned).collect();
+    let damaged = lines
+        .iter()
+        .position(|line| line.starts_with("(0000000000.1"))
+        .unwrap();
+    lines[damaged].replace_range(11..12, "0");
+    let (images, err) = compressed(&dir, &(lines.join("\n") + "\n"));
+    assert!(err.contains(&format!("first at line {}", damaged + 1)), "{err}");
+    assert!(err.contains("forward by more than 60 s once"), "{err}");
+    // Its own instant is lost and no more.
+    assert!(
+        images.len() <= whole.len() && images.len() * 10 > whole.len() * 8,
+        "{}",
+        images.len()
+    );
+    let (_, err) = succeeds(&dir, &["replay", "in.log", "--to", "log:out.log"]);
+    assert!(err.contains("in.log: its time jumps forward"), "{err}");
+}
+
+#[test]
+fn lines_that_are_days_apart_make_no_images_of_the_days() {
+    let dir = TempDir::new().unwrap();
+    let log: String = (0..40)
+        .map(|i| format!("({}.000000) can0 123#00\n", i * 80_000))
+        .collect();
+    let (images, err) = compressed(&dir, &log);
+    assert!(images.len() < 10_000, "{} bytes", images.len());
+    assert!(
+        err.contains("39 times (3120000.0 s left out), first at line 2"),
+        "{err}"
+    );
+}
+
+#[test]
+fn files_without_an_end_are_refused() {
+    let dir = TempDir::new().unwrap();
+    for (name, wanted) in [
+        ("zero.npy", "it does not begin with the npy signature"),
+        ("zero.npz", "not a readable npz"),
+        ("zero.csv", "longer than"),
+        ("zero.log", "64 MiB without a CAN frame"),
+    ] {
+        symlink("/dev/zero", dir.path().join(name)).unwrap();
+        for command in [
+            vec!["compress", name, "--out", "out.npy"],
+            vec!["replay", name, "--to", "-"],
+            vec!["eval", name],
+        ] {
+            let err = fails(&dir, &command, 1);
+            assert!(err.contains(wanted) && err.contains(name), "{command:?}: {err}");
+        }
+    }
+}
+
+/// Runs on a disk on which no file can have more than 512 bytes; expects failure.
+fn fails_on_a_full_disk(dir: &TempDir, args: &[&str]) -> String {
+    let mut shell = Command::new("sh");
+    // A write that is refused, rather than the signal that ends the process.
+    shell.args([
+        "-c",
+        "trap '' XFSZ; ulimit -f 1; exec \"$@\"",
+        "sh",
+        env!("CARGO_BIN_EXE_taxel"),
+    ]);
+    let output = shell.args(args).current_dir(dir.path()).output().unwrap();
+    let (out, err) = texts(&output);
+    assert!(!output.status.success(), "taxel {args:?}\n{out}{err}");
+    err
+}
+
+#[test]
+fn a_full_disk_leaves_the_file_from_before_and_no_half_of_a_new_one() {
+    let dir = TempDir::new().unwrap();
+    let path = |name: &str| dir.path().join(name);
+    succeeds(&dir, &["sim", "tap", "--to", "log:tap.log"]);
+    for (file, args) in [
+        ("a.log", vec!["sim", "tap", "--to", "log:a.log"]),
+        ("b.log", vec!["replay", "tap.log", "--to", "log:b.log"]),
+        ("c.npz", vec!["compress", "tap.log", "--out", "c.npz"]),
+        ("d.jsonl", vec!["compress", "tap.log", "--out", "d.jsonl"]),
+        (
+            "e.npz",
+            vec![
+                "eval",
+                "tap.log",
+                "--passes",
+                "1",
+                "--restarts",
+                "1",
+                "--export",
+                "e.npz",
+            ],
+        ),
+        (
+            "f.toml",
+            vec!["doctor", "--scan", "log:tap.log", "--out", "f.toml"],
+        ),
+    ] {
+        std::fs::write(path(file), "before").unwrap();
+        let names = || std::fs::read_dir(dir.path()).unwrap().count();
+        let before = names();
+        let err = fails_on_a_full_disk(&dir, &args);
+        assert!(err.contains("too large") && err.contains(file), "{args:?}: {err}");
+        assert_eq!(
+            (std::fs::read(path(file)).unwrap(), names()),
+            (b"before".to_vec(), before),
+            "{args:?}"
+        );
+    }
+}
+
+#[test]
+fn forces_that_no_image_can_carry_are_out_of_use_and_told() {
+    let dir = TempDir::new().unwrap();
+    let forces = Array2::from_shape_vec((2, 2), vec![3.0, 1e38, 3.0, 1e39]).unwrap();
+    ndarray_npy::write_npy(dir.path().join("in.npy"), &forces).unwrap();
+    let args = ["compress", "in.npy", "--layout", "grid:1x2", "--out", "out.jsonl"];
+    let (_, err) = succeeds(&dir, &args);
+    assert!(
+        err.contains("out of use in 1 images") && err.contains("1e38"),
+        "{err}"
+    );
+    let lines = std::fs::read_to_string(dir.path().join("out.jsonl")).unwrap();
+    let faulty: Vec<bool> = lines.lines().map(|line| line.contains("\"faulty\":1,")).collect();
+    assert_eq!(faulty, [false, true]);
+}
+
+#[test]
+fn numpys_own_types_are_read_and_a_shape_is_never_bent_to_a_layout() {
+    let dir = TempDir::new().unwrap();
+    let write = |name: &str, shape: (usize, usize, usize)| {
+        let whole = Array3::<i64>::from_shape_fn(shape, |(t, y, x)| (t + 10 * y + x + 1) as i64);
+        ndarray_npy::write_npy(dir.path().join(name), &whole).unwrap();
+    };
+    write("square.npy", (2, 8, 8));
+    write("narrow.npy", (2, 4, 3));
+    let compress = |file, layout| ["compress", file, "--layout", layout, "--out", "out.npy"];
+    let images = || -> Array3<u8> { ndarray_npy::read_npy(dir.path().join("out.npy")).unwrap() };
+    succeeds(&dir, &compress("square.npy", "grid:8x8"));
+    assert_eq!(images().dim(), (2, 8, 8));
+    let err = fails(&dir, &compress("square.npy", "grid:4x16"), 1);
+    assert!(err.contains("2 x 8 x 8; expected T x 4 x 16"), "{err}");
+    succeeds(&dir, &compress("narrow.npy", "grid:4x3"));
+    assert_eq!(images().dim(), (2, 4, 3));
+    let err = fails(&dir, &["compress", "narrow.npy", "--out", "out.npy"], 1);
+    assert!(err.contains("--layout grid:Hx3"), "{err}");
+}
+
+#[test]
+fn cells_that_are_no_taxels_stay_empty_and_one_without_a_value_is_missing() {
+    let dir = TempDir::new().unwrap();
+    let nan = f32::NAN;
+    let frames = Array3::from_shape_vec((2, 2, 2), vec![1.0, nan, 2.0, 3.0, nan, nan, 2.0, 3.0]).unwrap();
+    ndarray_npy::write_npy(dir.path().join("in.npy"), &frames).unwrap();
+    let err = fails(&dir, &["compress", "in.npy", "--out", "out.jsonl"], 1);
+    assert!(err.contains("--void nan"), "{err}");
+    for layout in [&[][..], &["--layout", "grid:2x2"]] {
+        let args = [
+            &["compress", "in.npy", "--void", "nan", "--out", "out.jsonl"],
+            layout,
+        ]
+        .concat();
+        let (_, err) = succeeds(&dir, &args);
+        assert!(
+            err.contains("taxels are missing in 1 images") && !err.contains("board_period"),
+            "{err}"
+        );
+        let lines = std::fs::read_to_string(dir.path().join("out.jsonl")).unwrap();
+        let images: Vec<serde_json::Value> = lines
+            .lines()
+            .map(|line| serde_json::from_str(line).unwrap())
+            .collect();
+        let of = |key: &str| {
+            images
+                .iter()
+                .map(|image| image[key].as_u64().unwrap())
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(
+            (of("contacts"), of("missing"), of("faulty")),
+            (vec![3, 2], vec![0, 1], vec![0, 0])
+        );
+        assert!(
+            images
+                .iter()
+                .all(|image| image["image"][1] == 0 && image["image"][3] != 0),
+            "{lines}"
+        );
+    }
+}

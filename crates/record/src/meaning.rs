@@ -1,0 +1,87 @@
+//! What the numbers of a file are, told by their shape and by options before they are read.
+
+use crate::error::{RecordError, SOMETHING};
+use crate::table::{Columns, ReadOptions};
+use taxel_hand::MAX_TAXELS;
+
+const SHAPES: &str = "T x H x W or T x N (magnitudes) or T x N x 3 (counts); a T x 3N array of counts needs \
+                      --columns xyz-interleaved (x1,y1,z1,x2,..) or --columns xyz-blocks (x1,x2,..,y1,..,z1,..)";
+const SHAPES_WITH_COLUMNS: &str =
+    "T x 3N, since --columns was given: three columns, x y z, for each of N taxels";
+
+/// What an array of numbers is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Meaning {
+    /// Number of taxels, void cells included.
+    pub(crate) taxels: usize,
+    /// Height and width, where frames are images.
+    pub(crate) image: Option<(usize, usize)>,
+    /// The order of the counts in a frame; `None` for magnitudes.
+    pub(crate) counts: Option<Columns>,
+}
+
+impl Meaning {
+    /// Of an array of this shape, whose file says this of its columns.
+    ///
+    /// `T x H x 3` is counts of `H` taxels, unless the options say that frames are images of `H x 3` or have void cells.
+    pub(crate) fn of(
+        at: &str,
+        shape: &[usize],
+        columns: Option<Columns>,
+        options: &ReadOptions,
+    ) -> Result<Self, RecordError> {
+        let wrong_shape = |expected: &str| RecordError::shape(at, shape, expected);
+        if shape.contains(&0) {
+            return Err(wrong_shape(SOMETHING));
+        }
+        let magnitudes = |taxels, image| Self {
+            taxels,
+            image,
+            counts: None,
+        };
+        let of_image = |h: usize, w: usize| {
+            let taxels = h.checked_mul(w).filter(|taxels| *taxels <= MAX_TAXELS);
+            taxels
+                .map(|taxels| magnitudes(taxels, Some((h, w))))
+                .ok_or_else(|| {
+                    let expected = format!(
+                        "frames of at most {MAX_TAXELS} taxels; {h} x {w} is more than an image can be"
+                    );
+                    wrong_shape(&expected)
+                })
+        };
+        let meaning = match (shape, columns.or(options.columns)) {
+            (&[_, n], None) => magnitudes(n, None),
+            (&[_, n], Some(columns)) if n % 3 == 0 => Self {
+                taxels: n / 3,
+                image: None,
+                counts: Some(columns),
+            },
+            (_, Some(_)) => return Err(wrong_shape(SHAPES_WITH_COLUMNS)),
+            (&[_, h, 3], None) if options.image == Some((h, 3)) || options.void.is_some() => of_image(h, 3)?,
+            (&[_, n, 3], None) => Self {
+                taxels: n,
+                image: None,
+                counts: Some(Columns::XyzInterleaved),
+            },
+            (&[_, h, w], None) => match options.image {
+                Some((height, width)) if (height, width) != (h, w) => {
+                    let expected =
+                        format!("T x {height} x {width}, as the layout grid:{height}x{width} has it");
+                    return Err(wrong_shape(&expected));
+                }
+                _ => of_image(h, w)?,
+            },
+            _ => return Err(wrong_shape(SHAPES)),
+        };
+        if meaning.taxels > MAX_TAXELS {
+            return Err(wrong_shape(&format!("frames of at most {MAX_TAXELS} taxels")));
+        }
+        if meaning.counts.is_some() && options.void.is_some() {
+            return Err(wrong_shape(
+                "T x H x W or T x N magnitudes, since --void was given",
+            ));
+        }
+        Ok(meaning)
+    }
+}
