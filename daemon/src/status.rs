@@ -38,6 +38,7 @@ impl State {
                 unpublished: snapshot.unpublished,
                 latency_us: quantiles(&snapshot.latency_ns),
                 lateness_us: quantiles(&snapshot.lateness_ns),
+                sent: roster.sent_status(),
             },
             paused: snapshot.paused,
             calibrating: snapshot.force.calibrating,

@@ -12,7 +12,7 @@ use nix::sys::timerfd::{ClockId, Expiration, TimerFd, TimerFlags, TimerSetTimeFl
 use std::os::fd::{AsFd, BorrowedFd};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, mpsc};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use taxel_can::{BusState, CanSource, FrameMerge, LinkState, monotonic_ns};
 use taxel_engine::{Engine, Frames};
 use taxel_joints::JointReader;
@@ -147,7 +147,10 @@ impl TickThread {
                 });
             }
             let mut emit = |frames: &Frames| {
-                outputs.publish(frames.tick(), frames);
+                let late_ns = clock.now_ns().saturating_sub(frames.due_ns);
+                let now = Instant::now();
+                let due = now.checked_sub(Duration::from_nanos(late_ns)).unwrap_or(now);
+                outputs.publish(frames.tick(), due, frames);
                 record_times(shared, frames, clock.now_ns());
             };
             // What another bus has told beyond that waits: frames are given in the order of their

@@ -5,16 +5,30 @@ use crate::server::Server;
 use crate::subscriber::welcome;
 use std::rc::Rc;
 use std::time::Duration;
+use tokio::time::interval;
 use tokio_seqpacket::UnixSeqpacketListener;
+
+/// Subscribers that are let in without a pause, and the pause: at most 800 in a second, so that those
+/// who come and go without end leave time for the others. The rest wait in `connect`.
+const MOST_AT_ONCE: u32 = 8;
+const PAUSE: Duration = Duration::from_millis(10);
 
 impl<M: ProfileMaker> Server<M> {
     /// Lets subscribers in until the program ends.
     pub(crate) async fn let_in(self: Rc<Self>, mut listener: UnixSeqpacketListener) {
         let mut failing = false;
+        let mut pause = interval(PAUSE);
+        let mut let_in = 0;
         loop {
+            if let_in == MOST_AT_ONCE {
+                pause.reset();
+                pause.tick().await;
+                let_in = 0;
+            }
             match listener.accept().await {
                 Ok(socket) => {
                     failing = false;
+                    let_in += 1;
                     drop(tokio::task::spawn_local(welcome(socket, self.clone())));
                 }
                 Err(error) => {

@@ -1,6 +1,7 @@
 //! One stream on its way to one subscriber: the newest message when the socket can take one, or
 //! every message in order; and a count of those skipped.
 
+use crate::lane::{Lane, deliver};
 use crate::stream::{Message, Stream};
 use std::future::poll_fn;
 use std::io::{self, IoSlice};
@@ -8,24 +9,55 @@ use std::rc::{Rc, Weak};
 use std::sync::Arc;
 use std::task::{Poll, ready};
 use std::time::Duration;
+use taxel_wire::Subscribe;
 use tokio::sync::watch::{self, error::RecvError};
 use tokio::time::{Instant, sleep_until};
-use tokio_seqpacket::UnixSeqpacket;
 
 /// Longest time between two messages to a subscriber that asked for a lower rate.
 const LONGEST_PAUSE_S: f64 = 3600.0;
+
+/// How messages get to a subscriber.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Way {
+    /// Every one, in order.
+    Every,
+    /// The newest, by the subscriber's own task.
+    Newest,
+    /// The newest, by the courier wherever the socket takes it at once.
+    Courier,
+}
+
+impl Way {
+    /// That of the images of a subscription. The courier looks at no clock, and leaves a socket to the
+    /// task that raw frames go to as well.
+    pub(crate) fn of_images(wants: &Subscribe) -> Self {
+        match wants {
+            Subscribe { every: true, .. } => Self::Every,
+            Subscribe {
+                raw: false,
+                max_rate_hz: None,
+                ..
+            } => Self::Courier,
+            _ => Self::Newest,
+        }
+    }
+
+    /// That of the raw frames of a subscription.
+    pub(crate) fn of_raw_frames(wants: &Subscribe) -> Self {
+        match wants.every {
+            true => Self::Every,
+            false => Self::Newest,
+        }
+    }
+}
 
 /// One stream of messages to one subscriber.
 #[derive(Debug)]
 pub(crate) struct Feed {
     stream: Rc<Stream>,
     newest: watch::Receiver<Arc<Message>>,
-    /// Whether every message is sent, and not only the newest.
-    every: bool,
-    /// Tick of the last message sent, for the count of those skipped; 0 before the first.
-    last: u64,
-    /// Tick up to which messages are none of this subscriber's: they came before it asked.
-    before: u64,
+    lane: Rc<Lane>,
+    way: Way,
     /// When the subscriber's highest rate allows the next message.
     not_before: Instant,
     /// Nothing will ever come: what made the messages is gone.
@@ -33,35 +65,39 @@ pub(crate) struct Feed {
 }
 
 impl Feed {
-    /// The next message is the first: the newest may be as old as the time since the bus fell silent.
-    pub(crate) fn new(stream: &Rc<Stream>, every: bool) -> Self {
+    /// The next message is the first to come: the newest may be as old as the time since the bus fell
+    /// silent. Ticks go on being counted where the lane has had messages.
+    pub(crate) fn new(stream: &Rc<Stream>, lane: &Rc<Lane>, way: Way) -> Self {
         let mut newest = stream.newest.clone();
         newest.mark_unchanged();
-        let before = newest.borrow().tick;
-        if every && stream.keep() {
-            tokio::task::spawn_local(fill_backlog(Rc::downgrade(stream), newest.clone()));
+        lane.begin_after(newest.borrow().tick);
+        match way {
+            Way::Every if stream.keep() => {
+                tokio::task::spawn_local(fill_backlog(Rc::downgrade(stream), newest.clone()));
+            }
+            Way::Courier if stream.join(lane) => {
+                tokio::task::spawn_local(deliver(Rc::downgrade(stream), newest.clone()));
+            }
+            _ => {}
         }
         Self {
             stream: stream.clone(),
             newest,
-            every,
-            last: 0,
-            before,
+            lane: lane.clone(),
+            way,
             not_before: Instant::now(),
             is_over: false,
         }
     }
 
-    /// The next message is of another stream; ticks go on being counted.
-    pub(crate) fn go_on_with(&self, stream: &Rc<Stream>) -> Self {
-        let mut feed = Self::new(stream, self.every);
-        feed.last = self.last;
-        feed
-    }
-
     /// The stream it is of.
     pub(crate) fn stream(&self) -> &Stream {
         &self.stream
+    }
+
+    /// How messages get there.
+    pub(crate) fn way(&self) -> Way {
+        self.way
     }
 
     /// The next message may be sent at once, whatever rate was asked for before.
@@ -79,6 +115,10 @@ impl Feed {
             // A message may have been sent already that came while the one before it waited for the socket.
             if self.next().is_some() {
                 return Ok(());
+            }
+            if self.way == Way::Courier {
+                self.lane.wake.notified().await;
+                continue;
             }
             let changed = self.newest.changed().await;
             self.is_over = changed.is_err();
@@ -105,44 +145,32 @@ impl Feed {
 
     /// The message to be sent now, if there is one.
     fn next(&self) -> Option<Arc<Message>> {
-        let after = self.last.max(self.before);
-        match self.every {
-            true => self.stream.after(after),
+        let after = self.lane.after();
+        match self.way {
+            Way::Every => self.stream.after(after),
             // A clone, so that the publisher is not kept waiting while the kernel copies the message.
-            false => Some(self.newest.borrow().clone()).filter(|message| message.tick > after),
+            _ => Some(self.newest.borrow().clone()).filter(|message| message.tick > after),
         }
     }
 
-    /// Sends the message whose turn it is at the moment when the socket takes it, and returns how
-    /// many were skipped since the one before; nothing is sent where there is none. The next is
-    /// held back for the sake of the highest rate.
-    pub(crate) async fn send(
-        &mut self,
-        socket: &UnixSeqpacket,
-        max_rate_hz: Option<f64>,
-    ) -> io::Result<Option<u64>> {
+    /// Sends the message whose turn it is at the moment when the socket takes it, if there is one.
+    /// The next is held back for the sake of the highest rate.
+    pub(crate) async fn send(&mut self, max_rate_hz: Option<f64>) -> io::Result<()> {
         self.newest.mark_unchanged();
         if let Some(hz) = max_rate_hz {
             self.not_before = Instant::now() + Duration::from_secs_f64((1.0 / hz).min(LONGEST_PAUSE_S));
         }
         poll_fn(|cx| {
             let Some(message) = self.next() else {
-                return Poll::Ready(Ok(None));
+                return Poll::Ready(Ok(()));
             };
-            let Some(header) = message.header else {
-                return Poll::Ready(Ok(None));
+            let Some((header, skipped)) = self.lane.header(&message) else {
+                return Poll::Ready(Ok(()));
             };
-            let skipped = match self.last {
-                0 => 0,
-                last => message.tick - last - 1,
-            };
-            let header = header
-                .with_skipped(skipped.min(u32::MAX.into()) as u32)
-                .to_bytes();
             let packet = [IoSlice::new(&header), IoSlice::new(&message.payload)];
-            ready!(socket.poll_send_vectored(cx, &packet))?;
-            self.last = message.tick;
-            Poll::Ready(Ok(Some(skipped)))
+            ready!(self.lane.socket.poll_send_vectored(cx, &packet))?;
+            self.lane.note_sent(&message, skipped);
+            Poll::Ready(Ok(()))
         })
         .await
     }
@@ -159,8 +187,10 @@ async fn fill_backlog(stream: Weak<Stream>, mut newest: watch::Receiver<Arc<Mess
 
 impl Drop for Feed {
     fn drop(&mut self) {
-        if self.every {
-            self.stream.release();
+        match self.way {
+            Way::Every => self.stream.release(),
+            Way::Courier => self.stream.leave(&self.lane),
+            Way::Newest => {}
         }
     }
 }

@@ -3,9 +3,10 @@
 
 use crate::profiles::ProfileRecord;
 use crate::registry::Entry;
+use crate::sent::Sent;
 use std::sync::Arc;
 use taxel_hand::Profile;
-use taxel_wire::status::{ProfileStatus, ProfilesBudget, SubscriberStatus};
+use taxel_wire::status::{ProfileStatus, ProfilesBudget, SentStatus, SubscriberStatus};
 use taxel_wire::{Event, Kind, TEXT_PART};
 use tokio::sync::{broadcast, mpsc, oneshot, watch};
 
@@ -111,12 +112,24 @@ pub struct Roster {
     pub(crate) subscribers: Vec<Arc<Entry>>,
     pub(crate) profiles: Vec<ProfileRecord>,
     pub(crate) budget: ProfilesBudget,
+    pub(crate) images: Arc<Sent>,
 }
 
 impl Roster {
     /// How many subscribers are connected.
     pub fn subscribers(&self) -> usize {
         self.subscribers.len()
+    }
+
+    /// The images that all were sent since the start, for a status report.
+    pub fn sent_status(&self) -> SentStatus {
+        SentStatus {
+            subscribers: self.subscribers.len(),
+            images: self.images.sent(),
+            skipped: self.images.skipped(),
+            age_us: self.images.age_us(),
+            longest_gap_ms: self.images.longest_gap_ms(),
+        }
     }
 
     /// Whether any subscriber wants status reports.

@@ -95,8 +95,9 @@ impl<F> OutputSlots<F> {
         }
     }
 
-    /// Makes, encodes and hands over every output's message of a tick, each before the next is begun.
-    pub fn publish(&mut self, tick: u64, frames: &F) {
+    /// Makes, encodes and hands over every output's message of a tick that was due at `due`, each
+    /// before the next is begun.
+    pub fn publish(&mut self, tick: u64, due: Instant, frames: &F) {
         let mut before = Instant::now();
         for output in self.slots.iter_mut().flatten() {
             let Output {
@@ -104,7 +105,7 @@ impl<F> OutputSlots<F> {
                 publisher,
                 cost_ns,
             } = &mut **output;
-            publisher.publish(tick, |payload| encoder.encode(frames, payload));
+            publisher.publish(tick, due, |payload| encoder.encode(frames, payload));
             let now = Instant::now();
             // A status report being written at this moment loses one sample of many.
             if let Ok(mut cost_ns) = cost_ns.try_lock() {
@@ -210,7 +211,7 @@ mod tests {
             publisher,
             cost_ns: cost_per_tick(),
         };
-        (Box::new(output), stream)
+        (Box::new(output), stream.open())
     }
 
     #[test]
@@ -219,9 +220,9 @@ mod tests {
         let (output, stream) = small();
         let slot = control.insert(output).unwrap();
         table.handle_changes();
-        table.publish(1, &3);
+        table.publish(1, Instant::now(), &3);
         assert_eq!(stream.newest.borrow().payload, [3]);
-        table.publish(2, &30);
+        table.publish(2, Instant::now(), &30);
         assert_eq!((stream.newest.borrow().tick, table.unpublished()), (1, 1));
         control.remove(slot).unwrap();
         table.handle_changes();

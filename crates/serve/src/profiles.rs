@@ -5,15 +5,16 @@
 //! the frames knows nothing of who reads.
 
 use crate::config::ProfilesConfig;
+use crate::log_lines::LogLines;
 use crate::output_slots::{CostPerTick, Output, SlotControl, cost_per_tick};
-use crate::stream::{Stream, stream};
+use crate::stream::{Stream, StreamEnd, stream};
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use taxel_hand::Profile;
 use taxel_wire::status::{CostStatus, ProfileStatus, ProfilesBudget};
-use taxel_wire::{Encode, Hello};
+use taxel_wire::{Encode, Hello, HelloText};
 use tokio::sync::watch;
 
 /// A profile goes on being made for this long after its last reader left without a word, so that a
@@ -98,8 +99,8 @@ pub(crate) struct ActiveProfile {
     pub(crate) id: u32,
     pub(crate) wanted: DisplayProfile,
     pub(crate) stream: Rc<Stream>,
-    /// The packets of its HELLO message.
-    pub(crate) hello: Vec<Vec<u8>>,
+    /// Its HELLO message.
+    pub(crate) hello: HelloText,
     /// Its slot in the table; `None` where no images are made at all.
     slot: Option<usize>,
     reserved: Cost,
@@ -160,6 +161,8 @@ pub(crate) struct Profiles<M: ProfileMaker> {
     /// One candidate is measured at a time, also where nobody waits for the result any more.
     admission: Arc<tokio::sync::Mutex<()>>,
     next_id: Cell<u32>,
+    /// Lines that tell which came and went.
+    changes: LogLines,
     max: usize,
     budget_ns: u64,
     percent: f64,
@@ -193,6 +196,7 @@ impl<M: ProfileMaker> Profiles<M> {
             own: watch::channel(own).0,
             admission: Arc::default(),
             next_id: Cell::new(1),
+            changes: LogLines::default(),
             max: config.max.into(),
             budget_ns,
             percent: config.budget_percent,
@@ -266,12 +270,14 @@ impl<M: ProfileMaker> Profiles<M> {
             start(&self.maker, &self.slots, &wanted, reserved)?.ok_or("this program makes no images")?;
         let active = Rc::new(started.activate(&self.maker, wanted, id));
         self.next_id.set(id.wrapping_add(1));
-        tracing::info!(
-            profile = id,
-            reserved_us = us(reserved.reserved_ns()),
-            "another display profile: {}",
-            serde_json::json!(active.wanted.profile)
-        );
+        if self.changes.may_write() {
+            tracing::info!(
+                profile = id,
+                reserved_us = us(reserved.reserved_ns()),
+                "another display profile: {}",
+                serde_json::json!(active.wanted.profile)
+            );
+        }
         self.active.borrow_mut().push(active.clone());
         Ok(Lease::new(active))
     }
@@ -290,6 +296,11 @@ impl<M: ProfileMaker> Profiles<M> {
         self.slots.take_back();
         for idle in self.idle(GRACE) {
             self.remove(&idle);
+        }
+        if let Some(lines) = self.changes.held_back() {
+            tracing::info!(
+                "display profiles came and went {lines} times more than this log tells in the last minute"
+            );
         }
     }
 
@@ -394,7 +405,9 @@ impl<M: ProfileMaker> Profiles<M> {
     fn remove(&self, active: &Rc<ActiveProfile>) {
         // Kept where the table cannot be changed now; `tidy` tries again.
         if active.slot.is_none_or(|slot| self.slots.remove(slot).is_ok()) {
-            tracing::info!(profile = active.id, "display profile no longer needed");
+            if self.changes.may_write() {
+                tracing::info!(profile = active.id, "display profile no longer needed");
+            }
             self.active
                 .borrow_mut()
                 .retain(|other| !Rc::ptr_eq(other, active));
@@ -444,7 +457,7 @@ impl Drop for Lease {
 /// An output that is made from the next tick on; it may be sent to another thread.
 pub(crate) struct Started {
     slot: Option<usize>,
-    stream: Stream,
+    stream: StreamEnd,
     cost_ns: CostPerTick,
     reserved: Cost,
 }
@@ -486,7 +499,7 @@ pub(crate) fn start_own<M: ProfileMaker>(
     let started = start(maker, slots, wanted, reserved)?;
     Ok(started.unwrap_or_else(|| Started {
         slot: None,
-        stream: Stream::silent(),
+        stream: StreamEnd::silent(),
         cost_ns: cost_per_tick(),
         reserved,
     }))
@@ -496,9 +509,9 @@ impl Started {
     fn activate<M: ProfileMaker>(self, maker: &M, wanted: DisplayProfile, id: u32) -> ActiveProfile {
         ActiveProfile {
             id,
-            hello: maker.hello(&wanted).to_packets(0, 0),
+            hello: HelloText::new(&maker.hello(&wanted)),
             wanted,
-            stream: Rc::new(self.stream),
+            stream: Rc::new(self.stream.open()),
             slot: self.slot,
             reserved: self.reserved,
             cost_ns: self.cost_ns,

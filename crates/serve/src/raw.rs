@@ -34,7 +34,7 @@ impl RawStream {
             cost_ns: cost_per_tick(),
         };
         let slot = slots.insert(Box::new(output)).map_err(|e| e.to_string())?;
-        let stream = Rc::new(stream);
+        let stream = Rc::new(stream.open());
         *self.0.borrow_mut() = Some(Made {
             slot,
             stream: stream.clone(),

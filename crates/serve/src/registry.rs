@@ -2,9 +2,11 @@
 
 use crate::config::Limits;
 use crate::farewell::Farewell;
+use crate::log_lines::LogLines;
+use crate::sent::Sent;
 use std::cell::{Cell, RefCell};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 use taxel_wire::status::SubscriberStatus;
 
@@ -17,6 +19,11 @@ pub(crate) struct Registry {
     entries: RefCell<Vec<Arc<Entry>>>,
     pub(crate) max: usize,
     pub(crate) stall: Duration,
+    /// What all subscribers were sent since the start, those that are gone included.
+    pub(crate) images: Arc<Sent>,
+    pub(crate) raw_frames: Arc<Sent>,
+    /// Lines that tell who came and went.
+    pub(crate) visits: LogLines,
     /// When the log was told last that one was turned away.
     told_turned_away: Cell<Option<Instant>>,
     /// How many were turned away since.
@@ -29,36 +36,13 @@ pub(crate) struct Entry {
     pub(crate) pid: Option<i32>,
     pub(crate) uid: Option<u32>,
     since: Instant,
-    pub(crate) images: Sent,
-    pub(crate) raw_frames: Sent,
+    pub(crate) images: Arc<Sent>,
+    pub(crate) raw_frames: Arc<Sent>,
     wants_raw: AtomicBool,
     wants_status: AtomicBool,
     wants_every: AtomicBool,
     /// Number of the display profile it is shown.
     profile: AtomicU32,
-}
-
-/// Messages of one stream that a subscriber was sent, and those that it was not.
-#[derive(Debug, Default)]
-pub(crate) struct Sent {
-    sent: AtomicU64,
-    skipped: AtomicU64,
-}
-
-impl Sent {
-    /// One more was sent, behind so many that were not.
-    pub(crate) fn count(&self, skipped: u64) {
-        self.sent.fetch_add(1, Relaxed);
-        self.skipped.fetch_add(skipped, Relaxed);
-    }
-
-    pub(crate) fn sent(&self) -> u64 {
-        self.sent.load(Relaxed)
-    }
-
-    pub(crate) fn skipped(&self) -> u64 {
-        self.skipped.load(Relaxed)
-    }
 }
 
 impl Entry {
@@ -67,8 +51,8 @@ impl Entry {
             pid,
             uid,
             since: Instant::now(),
-            images: Sent::default(),
-            raw_frames: Sent::default(),
+            images: Arc::default(),
+            raw_frames: Arc::default(),
             wants_raw: AtomicBool::default(),
             wants_status: AtomicBool::default(),
             wants_every: AtomicBool::default(),
@@ -107,6 +91,8 @@ impl Entry {
             raw_skipped: self.raw_frames.skipped(),
             every: self.wants_every.load(Relaxed),
             profile: self.profile.load(Relaxed),
+            age_us: self.images.age_us(),
+            longest_gap_ms: self.images.longest_gap_ms(),
         }
     }
 }
@@ -117,6 +103,9 @@ impl Registry {
             entries: RefCell::default(),
             max: limits.max_subscribers,
             stall: Duration::from_millis(limits.stall_ms.into()),
+            images: Arc::default(),
+            raw_frames: Arc::default(),
+            visits: LogLines::default(),
             told_turned_away: Cell::default(),
             turned_away: Cell::default(),
         }
@@ -141,6 +130,15 @@ impl Registry {
         self.turned_away.set(0);
         self.told_turned_away.set(Some(Instant::now()));
         tracing::warn!(pid, clients, "turned away: {farewell}");
+    }
+
+    /// Tells the log what was not told line by line.
+    pub(crate) fn tidy(&self) {
+        if let Some(lines) = self.visits.held_back() {
+            tracing::info!(
+                "subscribers came and went {lines} times more than this log tells in the last minute"
+            );
+        }
     }
 
     /// How many subscribers are connected.

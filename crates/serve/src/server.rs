@@ -111,6 +111,7 @@ impl<M: ProfileMaker> Server<M> {
             subscribers: self.registry.entries(),
             profiles: self.profiles.records(),
             budget: self.profiles.budget(),
+            images: self.registry.images.clone(),
         }
     }
 
@@ -133,7 +134,8 @@ impl<M: ProfileMaker> Server<M> {
         }
     }
 
-    /// Lets profiles go that nobody has needed for a while, and frees what came back.
+    /// Lets profiles go that nobody has needed for a while, frees what came back, and tells the log
+    /// what it was spared.
     async fn tidy(&self) {
         let mut period = interval(TIDY_PERIOD);
         period.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -141,6 +143,7 @@ impl<M: ProfileMaker> Server<M> {
             period.tick().await;
             self.profiles.tidy();
             self.raw.tidy(&self.profiles.slots);
+            self.registry.tidy();
         }
     }
 }

@@ -4,20 +4,25 @@
 //! Readers are given the newest message, or every one: the latter are kept in a backlog of bounded
 //! length on the serving thread, beyond which the oldest are lost.
 
+use crate::lane::Lane;
 use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;
+use std::rc::Rc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, mpsc};
+use std::time::Instant;
 use taxel_wire::{EncodeError, Header};
 use tokio::sync::watch;
 
 /// The message that one tick made for a stream. Shared by all its readers; only the header's count
 /// of skipped messages is their own.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(crate) struct Message {
     /// Number of the tick, from 1; the difference between two is what a reader skipped. All streams
     /// count the same ticks, so a reader that changes from one to another goes on counting.
     pub(crate) tick: u64,
+    /// When that tick was due.
+    pub(crate) due: Instant,
     /// The header of a reader that skipped nothing; `None` where there is no message.
     pub(crate) header: Option<Header>,
     /// The payload.
@@ -38,6 +43,16 @@ pub(crate) struct Publisher {
     every_readers: Arc<AtomicUsize>,
 }
 
+/// What is sent to the serving thread of a stream, to be opened there.
+#[derive(Debug)]
+pub(crate) struct StreamEnd {
+    newest: watch::Receiver<Arc<Message>>,
+    every: mpsc::Receiver<Arc<Message>>,
+    every_readers: Arc<AtomicUsize>,
+    depth: usize,
+    payload_len: usize,
+}
+
 /// The end of a stream on the serving thread, where every reader of it looks.
 #[derive(Debug)]
 pub(crate) struct Stream {
@@ -48,6 +63,10 @@ pub(crate) struct Stream {
     backlog: RefCell<VecDeque<Arc<Message>>>,
     /// Whether somebody calls [`Stream::collect`] after each message.
     is_collected: Cell<bool>,
+    /// Subscribers whom the courier sends the newest message.
+    lanes: RefCell<Vec<Rc<Lane>>>,
+    /// Whether there is a courier.
+    is_delivered: Cell<bool>,
     depth: usize,
     payload_len: usize,
 }
@@ -65,11 +84,13 @@ pub(crate) fn backlog_depth(payload_len: usize, rate_hz: f64) -> usize {
 
 /// Both ends of a stream, empty, with room for payloads of `payload_len` bytes, of which `rate_hz`
 /// come in a second.
-pub(crate) fn stream(payload_len: usize, rate_hz: f64) -> (Publisher, Stream) {
+pub(crate) fn stream(payload_len: usize, rate_hz: f64) -> (Publisher, StreamEnd) {
     let depth = backlog_depth(payload_len, rate_hz);
     let empty = || Message {
+        tick: 0,
+        due: Instant::now(),
+        header: None,
         payload: Vec::with_capacity(payload_len),
-        ..Message::default()
     };
     // A backlog full, and as many on their way to it.
     let pool: Vec<_> = (0..2 * depth + SPARE).map(|_| Arc::new(empty())).collect();
@@ -85,23 +106,44 @@ pub(crate) fn stream(payload_len: usize, rate_hz: f64) -> (Publisher, Stream) {
         unpublished: 0,
         every_readers: every_readers.clone(),
     };
-    let stream = Stream {
+    let end = StreamEnd {
         newest: receiver,
         every: backlog,
         every_readers,
-        backlog: RefCell::new(VecDeque::with_capacity(depth + 1)),
-        is_collected: Cell::new(false),
         depth,
         payload_len,
     };
-    (publisher, stream)
+    (publisher, end)
+}
+
+impl StreamEnd {
+    /// That of a stream that never has a message.
+    pub(crate) fn silent() -> Self {
+        stream(0, 0.0).1
+    }
+
+    /// Opens it for readers, on the serving thread.
+    pub(crate) fn open(self) -> Stream {
+        Stream {
+            newest: self.newest,
+            every: self.every,
+            every_readers: self.every_readers,
+            backlog: RefCell::new(VecDeque::with_capacity(self.depth + 1)),
+            is_collected: Cell::new(false),
+            lanes: RefCell::default(),
+            is_delivered: Cell::new(false),
+            depth: self.depth,
+            payload_len: self.payload_len,
+        }
+    }
 }
 
 impl Publisher {
-    /// Encodes the message of a tick and puts it where readers take the newest from, and every one.
+    /// Encodes the message of a tick that was due at `due` and puts it where readers take the newest from, and every one.
     pub(crate) fn publish(
         &mut self,
         tick: u64,
+        due: Instant,
         encode: impl FnOnce(&mut Vec<u8>) -> Result<Header, EncodeError>,
     ) {
         let buffers = self.pool.len();
@@ -112,6 +154,7 @@ impl Publisher {
             self.next = at + 1;
             let message = Arc::get_mut(&mut self.pool[at])?;
             message.tick = tick;
+            message.due = due;
             message.header = encode(&mut message.payload).ok();
             message.header.is_some().then(|| self.pool[at].clone())
         });
@@ -135,11 +178,6 @@ impl Publisher {
 }
 
 impl Stream {
-    /// A stream that never has a message.
-    pub(crate) fn silent() -> Self {
-        stream(0, 0.0).1
-    }
-
     /// Bytes of the longest payload.
     pub(crate) fn payload_len(&self) -> usize {
         self.payload_len
@@ -181,6 +219,29 @@ impl Stream {
         }
     }
 
+    /// Another lane is sent the newest message from now on. Returns whether the caller has to see to it
+    /// that [`Stream::for_each_lane`] is called for each message, until that says that there is none.
+    pub(crate) fn join(&self, lane: &Rc<Lane>) -> bool {
+        self.lanes.borrow_mut().push(lane.clone());
+        !self.is_delivered.replace(true)
+    }
+
+    /// A lane that called [`Stream::join`] is gone.
+    pub(crate) fn leave(&self, lane: &Rc<Lane>) {
+        let mut lanes = self.lanes.borrow_mut();
+        if let Some(at) = lanes.iter().position(|other| Rc::ptr_eq(other, lane)) {
+            lanes.swap_remove(at);
+        }
+    }
+
+    /// Does something for every lane; says whether there is any.
+    pub(crate) fn for_each_lane(&self, offer: impl Fn(&Lane)) -> bool {
+        let lanes = self.lanes.borrow();
+        lanes.iter().for_each(|lane| offer(lane));
+        self.is_delivered.set(!lanes.is_empty());
+        !lanes.is_empty()
+    }
+
     fn forget(&self) {
         while self.every.try_recv().is_ok() {}
         self.backlog.borrow_mut().clear();
@@ -201,7 +262,7 @@ mod tests {
     use taxel_wire::Kind;
 
     fn publish(publisher: &mut Publisher, tick: u64) {
-        publisher.publish(tick, |payload| {
+        publisher.publish(tick, Instant::now(), |payload| {
             payload.clear();
             payload.extend_from_slice(&tick.to_le_bytes());
             Ok(Header::new(Kind::Image, payload.len()))
@@ -210,7 +271,8 @@ mod tests {
 
     #[test]
     fn every_message_is_kept_in_order_up_to_the_depth_and_the_oldest_are_lost() {
-        let (mut publisher, stream) = stream(8, 20.0);
+        let (mut publisher, end) = stream(8, 20.0);
+        let stream = end.open();
         publish(&mut publisher, 1);
         stream.keep();
         for tick in 2..=31 {
@@ -233,7 +295,8 @@ mod tests {
 
     #[test]
     fn a_serving_thread_that_sleeps_costs_the_newest_readers_nothing() {
-        let (mut publisher, stream) = stream(8, 16.0);
+        let (mut publisher, end) = stream(8, 16.0);
+        let stream = end.open();
         stream.keep();
         // A full backlog, and then a sleep.
         for tick in 1..=16 {
@@ -252,7 +315,8 @@ mod tests {
 
     #[test]
     fn nothing_is_kept_where_nobody_wants_every_message() {
-        let (mut publisher, stream) = stream(8, 16.0);
+        let (mut publisher, end) = stream(8, 16.0);
+        let stream = end.open();
         stream.keep();
         publish(&mut publisher, 1);
         stream.release();

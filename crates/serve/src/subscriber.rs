@@ -2,13 +2,16 @@
 //! one, or every one.
 //!
 //! A subscriber that is slow is given the newest image when it can take it, and told how many it
-//! missed. It holds up neither the tick nor another subscriber: all it can block is its own task.
+//! missed. It holds up neither the tick nor another subscriber: all it can block is its own task. While
+//! that task waits, the courier sends the newest image (see [`crate::lane`]).
 
 use crate::farewell::Farewell;
-use crate::feed::Feed;
+use crate::feed::{Feed, Way};
 use crate::handle::{Announcement, Packets};
+use crate::lane::Lane;
 use crate::profiles::{ActiveProfile, DisplayProfile, Lease, ProfileMaker};
 use crate::registry::Entry;
+use crate::sent::Sent;
 use crate::server::Server;
 use std::collections::VecDeque;
 use std::future::poll_fn;
@@ -17,10 +20,10 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::task::{Poll, ready};
 use std::time::Duration;
-use taxel_wire::{Event, EventKind, Subscribe, SubscribeError};
+use taxel_wire::{Event, EventKind, Subscribe, SubscribeError, Subscription};
 use tokio::sync::{broadcast, watch};
 use tokio::task::JoinHandle;
-use tokio::time::timeout;
+use tokio::time::{Instant, sleep_until, timeout};
 use tokio_seqpacket::UnixSeqpacket;
 
 /// Least send buffer of a subscriber's socket, bytes; the kernel doubles it. It holds a part of a
@@ -31,6 +34,9 @@ const SEND_BUFFER: usize = 4608;
 const EVERY_BUFFER: usize = 212_992;
 /// Subscriptions a client may have refused before it is disconnected.
 const MAX_REFUSALS: u32 = 8;
+/// After a subscription the next one is not looked at for this long: whoever sends them without end
+/// costs the others nothing.
+const SUBSCRIPTION_PAUSE: Duration = Duration::from_millis(10);
 
 /// Serves one client until it goes or has to go.
 pub(crate) async fn welcome<M: ProfileMaker>(socket: UnixSeqpacket, server: Rc<Server<M>>) {
@@ -46,7 +52,9 @@ pub(crate) async fn welcome<M: ProfileMaker>(socket: UnixSeqpacket, server: Rc<S
         return;
     }
     registry.add(&entry);
-    tracing::info!(pid = entry.pid, uid = entry.uid, "subscriber connected");
+    if registry.visits.may_write() {
+        tracing::info!(pid = entry.pid, uid = entry.uid, "subscriber connected");
+    }
     let farewell = match Subscriber::new(socket, server.clone(), &entry) {
         Ok(mut subscriber) => {
             let farewell = subscriber.attend().await;
@@ -58,12 +66,14 @@ pub(crate) async fn welcome<M: ProfileMaker>(socket: UnixSeqpacket, server: Rc<S
         Err(error) => Farewell::Failed(error),
     };
     registry.remove(&entry);
-    tracing::info!(
-        pid = entry.pid,
-        images = entry.images.sent(),
-        skipped = entry.images.skipped(),
-        "subscriber gone: {farewell}"
-    );
+    if registry.visits.may_write() {
+        tracing::info!(
+            pid = entry.pid,
+            images = entry.images.sent(),
+            skipped = entry.images.skipped(),
+            "subscriber gone: {farewell}"
+        );
+    }
 }
 
 /// Tells a client why it is let go, if it takes the message at once.
@@ -73,7 +83,7 @@ async fn send_disconnect(socket: &UnixSeqpacket, why: &Farewell) {
 }
 
 struct Subscriber<'a, M: ProfileMaker> {
-    socket: UnixSeqpacket,
+    socket: Rc<UnixSeqpacket>,
     server: Rc<Server<M>>,
     entry: &'a Entry,
     wants: Subscribe,
@@ -85,6 +95,10 @@ struct Subscriber<'a, M: ProfileMaker> {
     own: watch::Receiver<Rc<ActiveProfile>>,
     /// A subscription whose profile is being looked at. Nothing more is taken from the client meanwhile.
     asked: Option<Asked>,
+    /// When the next packet is taken from the client.
+    receive_at: Instant,
+    image_lane: Rc<Lane>,
+    raw_lane: Rc<Lane>,
     images: Feed,
     raw: Option<Feed>,
     status: watch::Receiver<Packets>,
@@ -109,6 +123,17 @@ impl Drop for Asked {
     }
 }
 
+/// What a subscriber's task is woken for.
+enum Turn {
+    Answer(Result<Lease, String>),
+    Follow,
+    Packet(io::Result<Vec<u8>>),
+    Announcement(Result<Announcement, broadcast::error::RecvError>),
+    Status(Result<(), watch::error::RecvError>),
+    Image(Result<(), watch::error::RecvError>),
+    Raw(Result<(), watch::error::RecvError>),
+}
+
 /// Which of a subscriber's feeds.
 #[derive(Clone, Copy)]
 enum Which {
@@ -120,11 +145,20 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
     fn new(socket: UnixSeqpacket, server: Rc<Server<M>>, entry: &'a Entry) -> io::Result<Self> {
         let mut own = server.profiles.follow_own();
         let shown = own.borrow_and_update().clone();
+        let socket = Rc::new(socket);
+        let registry = &server.registry;
+        let lane = |own: &Arc<Sent>, all: &Arc<Sent>| Lane::new(&socket, [own.clone(), all.clone()]);
+        let image_lane = lane(&entry.images, &registry.images);
+        let raw_lane = lane(&entry.raw_frames, &registry.raw_frames);
+        let wants = Subscribe::default();
         let subscriber = Self {
-            socket,
             entry,
-            wants: Subscribe::default(),
-            images: Feed::new(&shown.stream, false),
+            images: Feed::new(&shown.stream, &image_lane, Way::of_images(&wants)),
+            wants,
+            image_lane,
+            raw_lane,
+            socket,
+            receive_at: Instant::now(),
             raw: None,
             status: server.handle.status.subscribe(),
             held: VecDeque::new(),
@@ -164,55 +198,62 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
         let mut announcements = self.server.handle.announcements.subscribe();
         self.send_hello().await?;
         loop {
-            tokio::select! {
+            self.image_lane.set_free(self.wants.image);
+            let turn = tokio::select! {
                 biased;
-                answer = answer(&mut self.asked), if self.asked.is_some() => {
-                    self.handle_answer(answer).await?;
+                answer = answer(&mut self.asked), if self.asked.is_some() => Turn::Answer(answer),
+                _ = self.own.changed(), if self.wants.profile.is_none() && self.asked.is_none() => Turn::Follow,
+                packet = receive(&self.socket, &self.server, self.receive_at), if self.asked.is_none() => {
+                    Turn::Packet(packet)
                 }
-                _ = self.own.changed(), if self.wants.profile.is_none() && self.asked.is_none() => {
-                    self.follow().await?;
-                }
-                packet = receive(&self.socket, &self.server), if self.asked.is_none() => {
-                    match packet? {
-                        packet if packet.is_empty() => return Err(Farewell::Closed),
-                        packet => self.handle_packet(&packet).await?,
-                    }
-                }
-                announcement = announcements.recv() => {
-                    // A subscriber that missed announcements missed only news of what the images
-                    // themselves show.
-                    match announcement {
-                        Ok(Announcement::Event(event)) => self.send_event(&event).await?,
-                        Ok(Announcement::Stamped(tick, packets)) => {
-                            self.held.push_back((tick, packets));
-                            self.send_held().await?;
-                        }
-                        Err(broadcast::error::RecvError::Closed) => return Err(Farewell::Closed),
-                        Err(broadcast::error::RecvError::Lagged(_)) => {}
-                    }
-                }
-                changed = self.status.changed(), if self.wants.status => {
-                    changed.map_err(|_| Farewell::Closed)?;
-                    let packets = self.status.borrow_and_update().clone();
-                    self.send_packets(&packets).await?;
-                }
+                announcement = announcements.recv() => Turn::Announcement(announcement),
+                changed = self.status.changed(), if self.wants.status => Turn::Status(changed),
                 ready = self.images.ready(), if self.wants.image && !self.images.is_over() => {
-                    if ready.is_err() {
-                        // Another profile is on its way, or the program ends, and with it this.
-                        continue;
-                    }
-                    self.send_next(Which::Image).await?;
-                    // Or a subscriber whose socket is always full would be sent images alone.
-                    if self.raw.as_ref().is_some_and(Feed::is_ready) {
-                        self.send_next(Which::Raw).await?;
-                    }
-                    self.send_held().await?;
+                    Turn::Image(ready)
                 }
-                ready = raw_ready(&mut self.raw), if self.raw.is_some() => {
-                    ready.map_err(|_| Farewell::Closed)?;
+                ready = raw_ready(&mut self.raw), if self.raw.is_some() => Turn::Raw(ready),
+            };
+            // What is begun now is not to be cut in two.
+            self.image_lane.set_free(false);
+            self.take(turn).await?;
+        }
+    }
+
+    async fn take(&mut self, turn: Turn) -> Result<(), Farewell> {
+        match turn {
+            Turn::Answer(answer) => self.handle_answer(answer).await,
+            Turn::Follow => self.follow().await,
+            Turn::Packet(packet) => match packet? {
+                packet if packet.is_empty() => Err(Farewell::Closed),
+                packet => self.handle_packet(&packet).await,
+            },
+            Turn::Announcement(Ok(Announcement::Event(event))) => self.send_event(&event).await,
+            Turn::Announcement(Ok(Announcement::Stamped(tick, packets))) => {
+                self.held.push_back((tick, packets));
+                self.send_held().await
+            }
+            Turn::Announcement(Err(broadcast::error::RecvError::Closed)) => Err(Farewell::Closed),
+            // A subscriber that missed announcements missed only news of what the images themselves show.
+            Turn::Announcement(Err(broadcast::error::RecvError::Lagged(_))) => Ok(()),
+            Turn::Status(changed) => {
+                changed.map_err(|_| Farewell::Closed)?;
+                let packets = self.status.borrow_and_update().clone();
+                self.send_packets(&packets).await
+            }
+            // Another profile is on its way, or the program ends, and with it this.
+            Turn::Image(Err(_)) => Ok(()),
+            Turn::Image(Ok(())) => {
+                self.send_next(Which::Image).await?;
+                // Or a subscriber whose socket is always full would be sent images alone.
+                if self.raw.as_ref().is_some_and(Feed::is_ready) {
                     self.send_next(Which::Raw).await?;
-                    self.send_held().await?;
                 }
+                self.send_held().await
+            }
+            Turn::Raw(ready) => {
+                ready.map_err(|_| Farewell::Closed)?;
+                self.send_next(Which::Raw).await?;
+                self.send_held().await
             }
         }
     }
@@ -226,6 +267,7 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
 
     /// Takes a subscription; tells the client what is wrong with one that is refused.
     async fn handle_packet(&mut self, packet: &[u8]) -> Result<(), Farewell> {
+        self.receive_at = Instant::now() + SUBSCRIPTION_PAUSE;
         match Subscribe::from_packet(packet) {
             Ok(wants) => self.ask(wants, true).await,
             Err(
@@ -245,17 +287,12 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
             Err(reason) => return self.refuse(reason).await,
         };
         if wants.profile.is_none() && region.is_none() {
-            let stated = wants.region.is_some();
             let own = self.own.borrow_and_update().clone();
-            let is_shown = Rc::ptr_eq(&own, &self.shown);
             if let Err(reason) = self.subscribe(wants)? {
                 return self.refuse(reason).await;
             }
             self.give_up_lease();
-            return match (is_shown, stated) {
-                (true, false) => Ok(()),
-                _ => self.show(own).await,
-            };
+            return self.show(own).await;
         }
         let profile = wants.profile.clone();
         let wanted = DisplayProfile {
@@ -306,18 +343,23 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
     /// Takes what is wanted but for the profile. The inner error says why it cannot be had, and
     /// nothing has changed then.
     fn subscribe(&mut self, wants: Subscribe) -> Result<Result<(), String>, Farewell> {
-        let changed = wants.every != self.wants.every;
+        let raw_way = Way::of_raw_frames(&wants);
         if !wants.raw {
             self.raw = None;
-        } else if changed || self.raw.is_none() {
+            self.raw_lane.rest();
+        } else if self.raw.as_ref().is_none_or(|raw| raw.way() != raw_way) {
             let profiles = &self.server.profiles;
             match self.server.raw.open(&profiles.maker, &profiles.slots) {
-                Ok(stream) => self.raw = Some(Feed::new(&stream, wants.every)),
+                Ok(stream) => self.raw = Some(Feed::new(&stream, &self.raw_lane, raw_way)),
                 Err(reason) => return Ok(Err(reason)),
             }
         }
-        if wants.image != self.wants.image || changed {
-            self.images = Feed::new(&self.shown.stream, wants.every);
+        let image_way = Way::of_images(&wants);
+        if wants.image != self.wants.image || self.images.way() != image_way {
+            self.images = Feed::new(&self.shown.stream, &self.image_lane, image_way);
+        }
+        if !wants.image {
+            self.image_lane.rest();
         }
         if wants.status && !self.wants.status {
             self.status.mark_unchanged();
@@ -338,12 +380,14 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
         }
     }
 
-    /// Shows another profile, and says so. Ticks go on being counted across the change.
+    /// Shows a profile, and says so. Ticks go on being counted across a change.
     async fn show(&mut self, shown: Rc<ActiveProfile>) -> Result<(), Farewell> {
-        self.images = self.images.go_on_with(&shown.stream);
-        self.entry.set_profile(shown.id);
-        self.shown = shown;
-        self.size_send_buffer()?;
+        if !Rc::ptr_eq(&shown, &self.shown) {
+            self.images = Feed::new(&shown.stream, &self.image_lane, self.images.way());
+            self.entry.set_profile(shown.id);
+            self.shown = shown;
+            self.size_send_buffer()?;
+        }
         self.send_hello().await
     }
 
@@ -361,7 +405,10 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
     }
 
     async fn send_hello(&self) -> Result<(), Farewell> {
-        self.send_packets(&self.shown.hello).await
+        let (seq, t_ns) = self.now();
+        let subscription = Subscription::from(&self.wants);
+        let packets = self.shown.hello.to_packets(&subscription, seq, t_ns);
+        self.send_packets(&packets).await
     }
 
     async fn send_packets(&self, packets: &[Vec<u8>]) -> Result<(), Farewell> {
@@ -397,16 +444,12 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
     /// Sends the image or raw frame whose turn it is at the moment when the socket takes it.
     async fn send_next(&mut self, which: Which) -> Result<(), Farewell> {
         let stall = self.server.registry.stall;
-        let (feed, sent) = match (which, &mut self.raw) {
-            (Which::Raw, Some(raw)) => (raw, &self.entry.raw_frames),
-            _ => (&mut self.images, &self.entry.images),
+        let feed = match (which, &mut self.raw) {
+            (Which::Raw, Some(raw)) => raw,
+            _ => &mut self.images,
         };
-        match timeout(stall, feed.send(&self.socket, self.wants.max_rate_hz)).await {
-            Ok(Ok(Some(passed_over))) => {
-                sent.count(passed_over);
-                Ok(())
-            }
-            Ok(nothing) => Ok(nothing.map(drop)?),
+        match timeout(stall, feed.send(self.wants.max_rate_hz)).await {
+            Ok(sent) => Ok(sent?),
             Err(_) => Err(Farewell::Stalled(stall)),
         }
     }
@@ -420,8 +463,15 @@ async fn raw_ready(raw: &mut Option<Feed>) -> Result<(), watch::error::RecvError
     }
 }
 
-/// What the client sent: a packet, or nothing where it has gone.
-async fn receive<M: ProfileMaker>(socket: &UnixSeqpacket, server: &Server<M>) -> io::Result<Vec<u8>> {
+/// What the client sent: a packet, or nothing where it has gone. It is looked at from an instant on.
+async fn receive<M: ProfileMaker>(
+    socket: &UnixSeqpacket,
+    server: &Server<M>,
+    at: Instant,
+) -> io::Result<Vec<u8>> {
+    if at > Instant::now() {
+        sleep_until(at).await;
+    }
     poll_fn(|cx| {
         let mut buffer = server.subscription.borrow_mut();
         let received = ready!(socket.poll_recv(cx, &mut buffer))?;

@@ -1,7 +1,7 @@
 //! HELLO: what hand and which display the images are of.
 
 use crate::format::{MAJOR, MINOR};
-use crate::text::{split_json, to_json};
+use crate::text::{Subscribe, split_json, to_json};
 use serde::{Deserialize, Serialize};
 use taxel_hand::{Geometry, Pose, Profile};
 
@@ -34,6 +34,10 @@ pub struct Hello {
     /// The parts of the hand that the images show; absent where they show all of it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub region: Option<Vec<String>>,
+    /// The subscription in force when this was sent, but for profile and region; absent where a daemon
+    /// does not tell.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub subscription: Option<Subscription>,
     /// When images come.
     pub rate: HelloRate,
     /// Unit of every force: `counts`, or `counts^2` in the publication's squared mode.
@@ -49,6 +53,41 @@ pub struct HelloProtocol {
     pub major: u8,
     /// Readers accept any minor version.
     pub minor: u8,
+}
+
+/// What is sent to a subscriber, as it was told to whoever subscribed. Defaults are those of a client
+/// that never did.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Subscription {
+    /// IMAGE messages.
+    pub image: bool,
+    /// RAW messages.
+    pub raw: bool,
+    /// STATUS messages.
+    pub status: bool,
+    /// Every image and raw frame in order, instead of the newest.
+    pub every: bool,
+    /// The most images, and the most raw frames, per second; null for every one.
+    pub max_rate_hz: Option<f64>,
+}
+
+impl From<&Subscribe> for Subscription {
+    fn from(wants: &Subscribe) -> Self {
+        Self {
+            image: wants.image,
+            raw: wants.raw,
+            status: wants.status,
+            every: wants.every,
+            max_rate_hz: wants.max_rate_hz,
+        }
+    }
+}
+
+impl Default for Subscription {
+    fn default() -> Self {
+        Self::from(&Subscribe::default())
+    }
 }
 
 /// One board's patch of taxels.
@@ -219,6 +258,7 @@ impl Hello {
             absent,
             profile: profile.into(),
             region: None,
+            subscription: None,
             rate,
             force_unit: "counts".into(),
             clock,
@@ -238,5 +278,37 @@ impl Hello {
     /// Reads the text of a HELLO.
     pub fn parse(text: &[u8]) -> Result<Self, serde_json::Error> {
         serde_json::from_slice(text)
+    }
+}
+
+/// A HELLO that is written once for many subscribers, and sent to each with what it has subscribed to.
+#[derive(Debug, Clone)]
+pub struct HelloText {
+    /// The JSON object without its closing brace.
+    open: Vec<u8>,
+}
+
+impl HelloText {
+    /// Writes it down; [`Hello::subscription`] is left out.
+    pub fn new(hello: &Hello) -> Self {
+        let mut open = Hello {
+            subscription: None,
+            ..hello.clone()
+        }
+        .to_json();
+        open.pop();
+        Self { open }
+    }
+
+    /// The packets of the message for one subscriber.
+    pub fn to_packets(&self, subscription: &Subscription, seq: u64, t_ns: u64) -> Vec<Vec<u8>> {
+        let text = [
+            &self.open,
+            &b",\"subscription\":"[..],
+            &to_json(subscription),
+            b"}",
+        ]
+        .concat();
+        split_json(crate::Kind::Hello, &text, seq, t_ns)
     }
 }

@@ -41,7 +41,9 @@ pub use encode::Encode;
 pub use error::{DecodeError, EncodeError};
 pub use format::{HEADER_LEN, MAGIC, MAJOR, MAX_MESSAGE, MINOR};
 pub use header::{Flags, Header, Kind};
-pub use hello::{Clock, Hello, HelloModule, HelloProfile, HelloProtocol, HelloRate, HelloTaxel};
+pub use hello::{
+    Clock, Hello, HelloModule, HelloProfile, HelloProtocol, HelloRate, HelloTaxel, HelloText, Subscription,
+};
 pub use image::{ImageView, WireActuator, encode_image_payload, image_payload_len};
 pub use message::{Body, Message, decode, decode_packet};
 pub use raw::{RawTaxel, RawView, encode_raw_payload, raw_payload_len};

@@ -85,10 +85,28 @@ report! {
         overruns: u64,
         /// Images that could not be handed over.
         unpublished: u64,
-        /// From a tick's newest reading until its images were handed over, microseconds.
+        /// From a tick's newest reading until its images were handed over to the thread that sends
+        /// them, microseconds.
         latency_us: QuantileStatus,
-        /// From when a tick was due until its images were handed over, microseconds.
+        /// From when a tick was due until its images were handed over to the thread that sends
+        /// them, microseconds.
         lateness_us: QuantileStatus,
+        /// What became of them after that, for all subscribers together.
+        sent: SentStatus,
+    }
+
+    /// Images that all subscribers were sent since the start, those that are gone included.
+    SentStatus {
+        /// How many are connected now.
+        subscribers: usize,
+        /// Images they were sent.
+        images: u64,
+        /// Images that were made and that one of them was not sent.
+        skipped: u64,
+        /// From when an image was due until it was sent, microseconds.
+        age_us: QuantileStatus,
+        /// The longest that one of them was without an image between two, milliseconds.
+        longest_gap_ms: f64,
     }
 
     /// How long something takes.
@@ -342,6 +360,11 @@ report! {
         every: bool,
         /// Number of the display profile it is shown.
         profile: u32,
+        /// From when an image was due until this one was sent it, microseconds. Where it takes every
+        /// image or asked for a lower rate, the time that images waited for that is in it.
+        age_us: QuantileStatus,
+        /// The longest that it was without an image between two, milliseconds; that which goes on included.
+        longest_gap_ms: f64,
     }
 }
 

@@ -183,6 +183,7 @@ pub(crate) fn hello() -> Hello {
             grey: "level".into(),
         },
         region: None,
+        subscription: None,
         rate: HelloRate {
             mode: "timer".into(),
             hz: Some(30.0),

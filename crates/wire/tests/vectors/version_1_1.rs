@@ -1,7 +1,9 @@
 //! What version 1.1 added.
 
 use super::*;
-use taxel_wire::{Event, EventKind, Flags, Subscribe, encode_raw_payload, split_text};
+use taxel_wire::{
+    Event, EventKind, Flags, HelloText, Subscribe, Subscription, encode_raw_payload, split_text,
+};
 
 /// Where the sections of the example start: behind header, fixed part, two taxels and two joints.
 const SECTIONS_AT: usize = 40 + 20 + 2 * 20 + 2 * 4;
@@ -60,6 +62,22 @@ pub(super) fn vectors() -> Vec<Named> {
             "hello_pose",
             "the small hand again; it is known where one module sits, and which joint moves it",
             hello().to_packets(7, 1_000).concat(),
+        ),
+        (
+            "hello_subscription",
+            "the small hand for one who asked for raw frames alone, at most 60 a second",
+            HelloText::new(&hello())
+                .to_packets(
+                    &Subscription {
+                        image: false,
+                        raw: true,
+                        max_rate_hz: Some(60.0),
+                        ..Subscription::default()
+                    },
+                    8,
+                    1_500,
+                )
+                .concat(),
         ),
         (
             "event_mark",

@@ -1,0 +1,117 @@
+//! The short way of a message: one loop that sends it to every reader whose socket takes it at once.
+//!
+//! A subscriber has a task of its own for everything that may have to wait. To wake nine hundred of
+//! them thirty times a second would cost more than the sending; so a task that waits for nothing but
+//! the newest image leaves its lane to the courier, and is woken only where its socket is full.
+
+use crate::sent::Sent;
+use crate::stream::{Message, Stream};
+use nix::sys::socket::{MsgFlags, sendmsg};
+use std::cell::Cell;
+use std::io::IoSlice;
+use std::os::fd::AsRawFd;
+use std::rc::{Rc, Weak};
+use std::sync::Arc;
+use std::time::Instant;
+use taxel_wire::HEADER_LEN;
+use tokio::sync::{Notify, watch};
+use tokio_seqpacket::UnixSeqpacket;
+
+/// The messages of one type on their way to one subscriber, whichever streams they come from.
+#[derive(Debug)]
+pub(crate) struct Lane {
+    pub(crate) socket: Rc<UnixSeqpacket>,
+    /// Counts of the subscriber, and of all together.
+    counts: [Arc<Sent>; 2],
+    /// Tick of the last message sent, for the count of those skipped; 0 before the first.
+    last: Cell<u64>,
+    /// Tick up to which messages are none of this subscriber's: they came before it asked.
+    before: Cell<u64>,
+    /// Whether the courier may send: the subscriber's task waits, and has begun nothing.
+    is_free: Cell<bool>,
+    /// Wakes the task where the courier could not send.
+    pub(crate) wake: Notify,
+}
+
+impl Lane {
+    pub(crate) fn new(socket: &Rc<UnixSeqpacket>, counts: [Arc<Sent>; 2]) -> Rc<Self> {
+        Rc::new(Self {
+            socket: socket.clone(),
+            counts,
+            last: Cell::new(0),
+            before: Cell::new(0),
+            is_free: Cell::new(false),
+            wake: Notify::new(),
+        })
+    }
+
+    /// Messages up to this tick are not to be sent.
+    pub(crate) fn begin_after(&self, tick: u64) {
+        self.before.set(tick);
+    }
+
+    /// Lets the courier send, or no longer.
+    pub(crate) fn set_free(&self, is_free: bool) {
+        self.is_free.set(is_free);
+    }
+
+    /// The tick after which the next message is.
+    pub(crate) fn after(&self) -> u64 {
+        self.last.get().max(self.before.get())
+    }
+
+    /// The header of a message for this subscriber, and how many it was not sent before it; `None`
+    /// where there is no message.
+    pub(crate) fn header(&self, message: &Message) -> Option<([u8; HEADER_LEN], u64)> {
+        let skipped = match self.last.get() {
+            0 => 0,
+            last => message.tick.saturating_sub(last + 1),
+        };
+        let header = message.header?.with_skipped(skipped.min(u32::MAX.into()) as u32);
+        Some((header.to_bytes(), skipped))
+    }
+
+    /// Notes that a message was sent.
+    pub(crate) fn note_sent(&self, message: &Message, skipped: u64) {
+        self.last.set(message.tick);
+        let [counts, of_all] = &self.counts;
+        counts.record(of_all, Instant::now(), message.due, skipped);
+    }
+
+    /// No message is due for a while.
+    pub(crate) fn rest(&self) {
+        self.counts[0].rest();
+    }
+
+    /// Sends a message if the socket takes it at once; otherwise the task is to.
+    fn offer(&self, message: &Message) {
+        if !self.is_free.get() || message.tick <= self.after() {
+            return;
+        }
+        let Some((header, skipped)) = self.header(message) else {
+            return;
+        };
+        let packet = [IoSlice::new(&header), IoSlice::new(&message.payload)];
+        let flags = MsgFlags::MSG_DONTWAIT | MsgFlags::MSG_NOSIGNAL;
+        match sendmsg::<()>(self.socket.as_raw_fd(), &packet, &[], flags, None) {
+            Ok(_) => self.note_sent(message, skipped),
+            Err(_) => {
+                self.is_free.set(false);
+                self.wake.notify_one();
+            }
+        }
+    }
+}
+
+/// Offers every message of a stream to its lanes as it comes, until there are none.
+pub(crate) async fn deliver(stream: Weak<Stream>, mut newest: watch::Receiver<Arc<Message>>) {
+    while newest.changed().await.is_ok() {
+        let message = newest.borrow_and_update().clone();
+        let Some(stream) = stream.upgrade() else {
+            return;
+        };
+        if !stream.for_each_lane(|lane| lane.offer(&message)) {
+            return;
+        }
+    }
+}

@@ -1,0 +1,5 @@
+//! What subscribers are promised, with a server whose images the tests make.
+
+mod every;
+mod newest;
+mod stage;

@@ -1,0 +1,154 @@
+//! What a subscriber is promised that is sent the newest image, whatever others do and whatever it asks for.
+
+use crate::stage::{Got, PATIENCE, Reader, on_stage};
+use taxel_hand::Profile;
+use taxel_wire::{Hello, Received, Subscribe, Subscriber, Subscription};
+
+#[test]
+fn a_reader_that_takes_nothing_costs_the_others_no_image() {
+    on_stage(async |mut stage| {
+        let _idle: Vec<Subscriber> = (0..5)
+            .map(|_| Subscriber::connect(&stage.path).unwrap())
+            .collect();
+        let mut reader = Reader::connect(&stage.path, false);
+        stage
+            .until("all are there", |server| server.roster().subscribers() == 6)
+            .await;
+        for seq in 0..200 {
+            stage.publish(1);
+            assert_eq!(reader.read(1).await, [Got::Image(seq, 0)]);
+        }
+        let roster = stage.server.roster();
+        let images: Vec<u64> = roster.subscriber_status().iter().map(|s| s.images).collect();
+        assert_eq!(
+            images.iter().filter(|images| **images == 200).count(),
+            1,
+            "{images:?}"
+        );
+        assert!(
+            images.iter().all(|images| *images == 200 || *images < 50),
+            "{images:?}"
+        );
+        let sent = roster.sent_status();
+        assert_eq!((sent.subscribers, sent.skipped), (6, 0));
+        assert_eq!(sent.images, images.iter().sum::<u64>());
+        assert!(
+            sent.age_us.max > 0.0 && sent.age_us.p50 <= sent.age_us.max,
+            "{sent:?}"
+        );
+    });
+}
+
+#[test]
+fn a_reader_that_was_busy_gets_the_newest_and_the_count_of_those_before() {
+    on_stage(async |mut stage| {
+        let mut reader = Reader::connect(&stage.path, false);
+        stage
+            .until("it is there", |server| server.roster().subscribers() == 1)
+            .await;
+        for _ in 0..500 {
+            stage.publish(1);
+            tokio::task::yield_now().await;
+        }
+        let mut next = 0;
+        while next < 500 {
+            let got = reader.read(1).await;
+            let Got::Image(seq, skipped) = got[0] else {
+                panic!("{got:?}")
+            };
+            assert_eq!(seq, next + u64::from(skipped));
+            next = seq + 1;
+        }
+        let status = stage.server.roster().subscriber_status();
+        assert_eq!(status[0].images + status[0].skipped, 500);
+        assert!(status[0].skipped > 0, "{status:?}");
+    });
+}
+
+/// Reads up to the answer to a subscription. Images on the way must follow each other.
+fn answer(subscriber: &mut Subscriber, last: &mut Option<u64>) -> Hello {
+    loop {
+        match subscriber.next_timeout(PATIENCE).unwrap().expect("an answer") {
+            Received::Hello(hello) => return hello.clone(),
+            Received::Image(header, _) => {
+                let before = last.replace(header.seq);
+                let expected = before.map_or(header.seq, |before| before + 1 + u64::from(header.skipped));
+                assert_eq!(header.seq, expected, "after {before:?}");
+            }
+            _ => {}
+        }
+    }
+}
+
+#[test]
+fn every_subscription_is_answered_with_what_is_in_force_and_numbers_go_on_across_all_of_them() {
+    on_stage(async |mut stage| {
+        let profile = |levels| {
+            Some(Profile {
+                levels,
+                ..Profile::default()
+            })
+        };
+        let all = Subscribe::default;
+        let wants = [
+            all(),
+            Subscribe { every: true, ..all() },
+            Subscribe {
+                image: false,
+                status: true,
+                ..all()
+            },
+            Subscribe {
+                max_rate_hz: Some(1000.0),
+                ..all()
+            },
+            Subscribe {
+                profile: profile(3),
+                ..all()
+            },
+            Subscribe {
+                profile: profile(3),
+                image: false,
+                ..all()
+            },
+            Subscribe {
+                profile: profile(5),
+                every: true,
+                ..all()
+            },
+            all(),
+        ];
+        let path = stage.path.clone();
+        let told = wants.clone();
+        let (give, mut asked) = tokio::sync::mpsc::unbounded_channel();
+        let reader = std::thread::spawn(move || {
+            let mut subscriber = Subscriber::connect(&path).unwrap();
+            let mut last = None;
+            let hello = answer(&mut subscriber, &mut last);
+            assert_eq!(hello.subscription, Some(Subscription::default()));
+            for (round, wants) in told.iter().cycle().take(5 * told.len()).enumerate() {
+                subscriber.subscribe(wants).unwrap();
+                let hello = answer(&mut subscriber, &mut last);
+                assert_eq!(
+                    hello.subscription,
+                    Some(Subscription::from(wants)),
+                    "round {round}"
+                );
+                let levels = wants.profile.as_ref().unwrap_or(&Profile::default()).levels;
+                assert_eq!(hello.profile.levels, levels, "round {round}");
+                // Some images pass, which are read before the next answer.
+                give.send(()).unwrap();
+            }
+        });
+        let mut rounds = 0;
+        while rounds < 5 * wants.len() {
+            stage.publish(1);
+            tokio::task::yield_now().await;
+            while asked.try_recv().is_ok() {
+                rounds += 1;
+            }
+            tokio::time::sleep(std::time::Duration::from_micros(300)).await;
+        }
+        reader.join().unwrap();
+    });
+}
