@@ -5,7 +5,8 @@
 //! prints the path of the terminal and runs until its standard input ends. Lines of standard input
 //! break and mend servos: `fault ID
 //! silent|bad-crc|truncated:BYTES|late:MS|garbage:BYTES|noise:BYTES [EVERY]`, `mend ID`, `error ID
-//! BITS`; `register ID ADDRESS BYTES` prints what stands in a servo's table; `traffic` prints how
+//! BITS`; `mode ID OPERATING_MODE`; `register ID ADDRESS BYTES` prints what stands in a servo's table; `stopped ID` prints when its bus watchdog
+//! stopped it (CLOCK_MONOTONIC, nanoseconds; 0 for never); `traffic` prints how
 //! many bytes the bus has heard, has said, and has still to say, and whether its client has hung up
 //! (1) or not (0). Options: `--return-delay STEPS` (of 2 us), `--motion still|sine`, `--no-fast`,
 //! `--stop-after-silence`, `--link PATH` (a stable name that points to the terminal).
@@ -84,16 +85,25 @@ fn command(pty: &ServoPty, line: &str) -> Result<String, Box<dyn Error>> {
             servo.set_hardware_error(bits.parse()?);
             true
         }
+        ["mode", id, mode] => {
+            let servo = bus.servo_mut(id.parse()?).ok_or("no such servo")?;
+            servo.set_operating_mode(mode.parse()?);
+            true
+        }
         ["register", id, at, bytes] => {
             let servo = bus.servo_mut(id.parse()?).ok_or("no such servo")?;
             return Ok(servo.register(at.parse()?, bytes.parse()?).to_string());
+        }
+        ["stopped", id] => {
+            let servo = bus.servo(id.parse()?).ok_or("no such servo")?;
+            return Ok(servo.stopped_ns().unwrap_or(0).to_string());
         }
         ["traffic"] => {
             let t = bus.traffic();
             let (heard, said, due) = (t.heard_bytes, t.said_bytes, t.due_bytes);
             return Ok(format!("{heard} {said} {due} {}", u8::from(t.hung_up)));
         }
-        _ => return Err("commands are fault, mend, error, register and traffic".into()),
+        _ => return Err("commands are fault, mend, error, mode, register, stopped and traffic".into()),
     };
     if known {
         Ok("ok".into())

@@ -291,7 +291,8 @@ def servo(daemon, *arguments):
     return done.returncode, done.stderr
 
 
-WATCHDOG, TORQUE, GOAL_PWM = (98, 1), (64, 1), (100, 2)
+WATCHDOG, TORQUE, GOAL_PWM, PRESENT_PWM = (98, 1), (64, 1), (100, 2), (124, 2)
+PWM_MODE = 16
 
 
 def test_nothing_is_written_unless_the_configuration_says_so(folder):
@@ -346,11 +347,17 @@ def test_torque_and_pwm_are_written_on_request_with_the_watchdog_armed(folder):
     # The daemon has ended, and with it all that it had switched on.
     assert (servos.register(6, *WATCHDOG), servos.register(6, *TORQUE)) == (0, 0)
 
+    servos.tell(f"mode 5 {PWM_MODE}")
     with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon:
         daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
         assert servo(daemon, "joint 5", "--torque", "on") == (0, "")
+        assert servo(daemon, "joint 5", "--pwm", "-20") == (0, "")
+        turning = lambda: servos.register(5, *PRESENT_PWM) != 0
+        eventually(turning, "the motor does not turn")
         daemon.kill()
-    time.sleep(1.3)
+    # Nobody speaks on the bus any more, and the motor stands within its watchdog.
+    eventually(lambda: servos.register(5, *PRESENT_PWM) == 0, "the motor goes on without its daemon")
+    assert servos.stopped_ns(5) > 0
     with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon:
         # A servo that has heard nothing for so long has stopped its motor, and takes no goal.
         daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")

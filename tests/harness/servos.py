@@ -48,6 +48,10 @@ class Servos:
         """What stands in a servo's table."""
         return int(self._ask(f"register {id} {address} {size}"))
 
+    def stopped_ns(self, id):
+        """When a servo's bus watchdog stopped it, `time.monotonic_ns`; 0 for never."""
+        return int(self._ask(f"stopped {id}"))
+
     def traffic(self):
         return Traffic(*map(int, self._ask("traffic").split()))
 

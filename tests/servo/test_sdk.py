@@ -130,6 +130,45 @@ def test_fast_sync_read(sdk, port):
     assert [read.getData(id, PRESENT_POSITION, 4) for id in IDS] == [2048 + 10 * id for id in IDS]
 
 
+def test_fast_bulk_read(sdk, port):
+    read = dxl.GroupBulkRead(port, sdk)
+    # The SDK looks a servo up by the first byte of the request that is its id (4.1.0, `fastBulkReadRx`).
+    for id, at, size in ((16, PRESENT_POSITION, 4), (9, VOLTAGE, 2), (11, TEMPERATURE, 1)):
+        assert read.addParam(id, at, size)
+    good(read.fastBulkRead())
+    assert read.getData(16, PRESENT_POSITION, 4) == 2048 + 160
+    assert read.getData(9, VOLTAGE, 2) == 120
+    assert read.getData(11, TEMPERATURE, 1) == 33
+
+
+def test_bulk_write(bus, sdk, port):
+    write = dxl.GroupBulkWrite(port, sdk)
+    assert write.addParam(3, GOAL_POSITION, 4, list((512).to_bytes(4, "little")))
+    assert write.addParam(7, LED, 1, [1])
+    good(write.txPacket())
+    bus.quiet()
+    assert (bus.register(3, GOAL_POSITION, 4), bus.register(7, LED, 1)) == (512, 1)
+
+
+def test_registered_writes_wait_for_action(bus, sdk, port):
+    for id in (2, 3):
+        good(*sdk.regWriteTxRx(port, id, LED, 1, [1]))
+    assert sdk.regWriteTxRx(port, 2, LED, 1, [9]) == (dxl.COMM_SUCCESS, 4), "out of range"
+    assert [bus.register(id, LED, 1) for id in (2, 3)] == [0, 0]
+    assert sdk.action(port, dxl.BROADCAST_ID) == dxl.COMM_SUCCESS
+    bus.quiet()
+    assert [bus.register(id, LED, 1) for id in (2, 3)] == [1, 1]
+
+
+def test_clear_forgets_the_revolutions(bus, sdk, port):
+    bus.tell("mode 2 4")
+    good(*sdk.write1ByteTxRx(port, 2, TORQUE, 1))
+    good(*sdk.write4ByteTxRx(port, 2, GOAL_POSITION, 5000))
+    eventually(lambda: sdk.read4ByteTxRx(port, 2, PRESENT_POSITION)[0] == 5000, "it does not arrive")
+    good(*sdk.clearMultiTurn(port, 2))
+    assert sdk.read4ByteTxRx(port, 2, PRESENT_POSITION)[0] == 5000 - 4096
+
+
 def test_reboot_clears_a_hardware_error(bus, sdk, port):
     bus.tell("error 5 32")
     value, result, error = sdk.read1ByteTxRx(port, 5, HARDWARE_ERROR)

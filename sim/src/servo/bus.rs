@@ -161,6 +161,13 @@ impl ServoBus {
         self.due.keys().next().map(|(t, _)| *t)
     }
 
+    /// Time has come to `now_ns`: servos whose bus watchdog is over stop, whether somebody speaks or not.
+    pub fn handle_time(&mut self, now_ns: u64) {
+        for servo in &mut self.servos {
+            servo.handle_time(now_ns);
+        }
+    }
+
     /// Appends what has come in by `now_ns` to `out`.
     pub fn take_due(&mut self, now_ns: u64, out: &mut Vec<u8>) {
         while let Some(entry) = self.due.first_entry() {
@@ -206,16 +213,11 @@ impl ServoBus {
                 let asked = same_span(&request.parameters);
                 self.answer_in_order(&asked);
             }
-            Some(Instruction::BulkRead) => {
-                let asked: Vec<_> = request
-                    .parameters
-                    .chunks_exact(5)
-                    .map(|p| (p[0], word(p, 1), word(p, 3)))
-                    .collect();
-                self.answer_in_order(&asked);
-            }
-            Some(Instruction::FastSyncRead) => self.answer_in_one(&request.parameters),
+            Some(Instruction::BulkRead) => self.answer_in_order(&own_spans(&request.parameters)),
+            Some(Instruction::FastSyncRead) => self.answer_in_one(&same_span(&request.parameters)),
+            Some(Instruction::FastBulkRead) => self.answer_in_one(&own_spans(&request.parameters)),
             Some(Instruction::SyncWrite) => self.sync_write(&request.parameters),
+            Some(Instruction::BulkWrite) => self.bulk_write(&request.parameters),
             Some(Instruction::Ping) if broadcast => {
                 let mut ids: Vec<u8> = self.servos.iter().map(SimServo::id).collect();
                 ids.sort_unstable();
@@ -283,11 +285,7 @@ impl ServoBus {
     }
 
     /// All servos asked answer in one packet, which ends where one is missing.
-    fn answer_in_one(&mut self, parameters: &[u8]) {
-        let asked = same_span(parameters);
-        let Some((_, _, length)) = asked.first().copied() else {
-            return;
-        };
+    fn answer_in_one(&mut self, asked: &[(u8, u16, u16)]) {
         let mut blocks: Vec<(u8, Reply)> = Vec::new();
         let mut ends = Vec::new();
         let mut bytes = 8;
@@ -325,7 +323,8 @@ impl ServoBus {
         }
         let mut packet = Vec::with_capacity(bytes);
         let parts = blocks.iter().map(|(id, (error, data))| (*id, *error, &data[..]));
-        encode_fast_reply(&mut packet, asked.len(), length, parts);
+        let lengths: Vec<u16> = asked.iter().map(|(_, _, length)| *length).collect();
+        encode_fast_reply(&mut packet, &lengths, parts);
         for at in damage {
             packet[at] ^= 0x04;
         }
@@ -351,6 +350,21 @@ impl ServoBus {
                 // Nobody answers a sync write, so a refusal is not seen either.
                 let _ = servo.write(at, &row[1..], t_ns);
             }
+        }
+    }
+
+    fn bulk_write(&mut self, parameters: &[u8]) {
+        let t_ns = self.heard_ns;
+        let mut rest = parameters;
+        while let [id, place @ ..] = rest
+            && place.len() >= 4
+            && let Some((data, after)) = place[4..].split_at_checked(usize::from(word(place, 2)))
+        {
+            if let Some(servo) = self.servo_mut(*id).filter(|s| s.is_up(t_ns)) {
+                // As with a sync write.
+                let _ = servo.write(word(place, 0), data, t_ns);
+            }
+            rest = after;
         }
     }
 
@@ -400,6 +414,12 @@ impl ServoBus {
 
 fn word(bytes: &[u8], at: usize) -> u16 {
     u16::from_le_bytes([bytes[at], bytes[at + 1]])
+}
+
+/// Id, address and length of everybody who is asked for a span of their own.
+fn own_spans(parameters: &[u8]) -> Vec<(u8, u16, u16)> {
+    let each = parameters.chunks_exact(5);
+    each.map(|p| (p[0], word(p, 1), word(p, 3))).collect()
 }
 
 /// Id, address and length of everybody who is asked for the same span.

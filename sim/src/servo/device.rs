@@ -41,10 +41,21 @@ pub struct SimServo {
     pub(crate) fault: Option<(ServoFault, u32)>,
     pub(crate) answers: u32,
     heard_ns: u64,
+    /// When its bus watchdog stopped it last.
+    stopped_ns: Option<u64>,
+    /// What a registered write has for Action to carry out: an address and its bytes.
+    registered: Option<(u16, Vec<u8>)>,
+    /// Pulses that Clear has taken off its position.
+    cleared: f64,
     /// Silent until then: it restarts.
     up_ns: u64,
 }
 
+/// A step of Bus Watchdog.
+const WATCHDOG_STEP_NS: u64 = 20_000_000;
+/// What Clear has to say so that the revolutions are forgotten.
+const CLEAR_REVOLUTIONS: [u8; 5] = [0x01, 0x44, 0x58, 0x4C, 0x22];
+const PULSES_PER_TURN: f64 = 4096.0;
 /// How long a restart takes.
 const RESTART_NS: u64 = 100_000_000;
 /// Pulses per second of one count of velocity: 0.229 revolutions per minute.
@@ -53,6 +64,7 @@ const PULSES_PER_COUNT: f64 = 0.229 / 60.0 * 4096.0;
 const PWM_MODE: i32 = 16;
 /// Speed at full PWM, counts of velocity.
 const NO_LOAD_COUNTS: f64 = 330.0;
+const REGISTERED_INSTRUCTION: u16 = 69;
 const PROFILE_VELOCITY: u16 = 112;
 const VELOCITY_LIMIT: u16 = 44;
 
@@ -73,6 +85,9 @@ impl SimServo {
             fault: None,
             answers: 0,
             heard_ns: 0,
+            stopped_ns: None,
+            registered: None,
+            cleared: 0.0,
             up_ns: 0,
         }
     }
@@ -84,7 +99,16 @@ impl SimServo {
 
     /// Position at a time, pulses, not rounded: the truth that a reading is held against.
     pub fn position(&self, t_ns: u64) -> f64 {
-        self.drive.position(t_ns, &self.build.motion)
+        match (self.drive, self.trips_ns()) {
+            (Drive::Off, _) => self.build.motion.position(t_ns) - self.cleared,
+            (drive, Some(at_ns)) => drive.position(t_ns.min(at_ns), &self.build.motion),
+            (drive, None) => drive.position(t_ns, &self.build.motion),
+        }
+    }
+
+    /// When its bus watchdog last stopped it, nanoseconds.
+    pub fn stopped_ns(&self) -> Option<u64> {
+        self.stopped_ns
     }
 
     /// A register's value, as it stands in the table.
@@ -95,6 +119,11 @@ impl SimServo {
     /// Sets Hardware Error Status; any bit raises the alert in every answer.
     pub fn set_hardware_error(&mut self, bits: u8) {
         self.table.put(address::HARDWARE_ERROR_STATUS, 1, i32::from(bits));
+    }
+
+    /// Sets Operating Mode, which no host may while torque is on.
+    pub fn set_operating_mode(&mut self, mode: u8) {
+        self.table.put(address::OPERATING_MODE, 1, i32::from(mode));
     }
 
     pub(crate) fn return_delay_ns(&self) -> u64 {
@@ -110,14 +139,27 @@ impl SimServo {
         t_ns >= self.up_ns
     }
 
+    /// When its bus watchdog stops it if nobody speaks until then; `None` where it is not armed.
+    fn trips_ns(&self) -> Option<u64> {
+        let steps = self.table.get(address::BUS_WATCHDOG, 1);
+        (1..=127)
+            .contains(&steps)
+            .then(|| self.heard_ns + steps as u64 * WATCHDOG_STEP_NS)
+    }
+
+    /// Time has come to `t_ns`: the bus watchdog stops the motor where nobody has spoken for too long.
+    pub(crate) fn handle_time(&mut self, t_ns: u64) {
+        if let Some(at_ns) = self.trips_ns().filter(|at_ns| *at_ns < t_ns) {
+            self.stop_at(at_ns);
+            self.table.put(address::BUS_WATCHDOG, 1, i32::from(TRIPPED));
+            self.stopped_ns = Some(at_ns);
+            self.refresh(t_ns);
+        }
+    }
+
     /// Some instruction went over the bus, which is what the bus watchdog watches for.
     pub(crate) fn handle_traffic(&mut self, t_ns: u64) {
-        let steps = self.table.get(address::BUS_WATCHDOG, 1);
-        let patience_ns = steps as u64 * 20_000_000;
-        if (1..=127).contains(&steps) && t_ns.saturating_sub(self.heard_ns) > patience_ns {
-            self.stop_at(self.heard_ns + patience_ns);
-            self.table.put(address::BUS_WATCHDOG, 1, i32::from(TRIPPED));
-        }
+        self.handle_time(t_ns);
         self.heard_ns = t_ns;
     }
 
@@ -145,10 +187,16 @@ impl SimServo {
                 Some(at) => (2, self.write(at, &parameters[2..], t_ns).map(|()| Vec::new())),
                 None => (2, Err(StatusError::DataLength)),
             },
+            Some(Instruction::RegWrite) => match word(0) {
+                Some(at) => (2, self.register_write(at, &parameters[2..])),
+                None => (2, Err(StatusError::DataLength)),
+            },
+            Some(Instruction::Action) => (2, self.carry_out_registered(t_ns)),
+            Some(Instruction::Clear) => (2, self.clear(parameters, t_ns)),
             Some(Instruction::Reboot) => {
                 let error = self.error_byte(None);
                 self.table.restart();
-                self.drive = Drive::Off;
+                (self.drive, self.registered, self.cleared) = (Drive::Off, None, 0.0);
                 self.up_ns = t_ns + RESTART_NS;
                 return (level >= 2 && !broadcast).then_some((error, Vec::new()));
             }
@@ -206,6 +254,44 @@ impl SimServo {
             self.drive(t_ns);
         }
         Ok(())
+    }
+
+    /// Keeps a write for Action. One that is refused is refused now, and the one before it stays.
+    fn register_write(&mut self, at: u16, data: &[u8]) -> Result<Vec<u8>, StatusError> {
+        self.table.clone().write(at, data)?;
+        self.registered = Some((at, data.to_vec()));
+        self.table.put(REGISTERED_INSTRUCTION, 1, 1);
+        Ok(Vec::new())
+    }
+
+    /// Does what was registered; where nothing is, nothing.
+    fn carry_out_registered(&mut self, t_ns: u64) -> Result<Vec<u8>, StatusError> {
+        self.table.put(REGISTERED_INSTRUCTION, 1, 0);
+        match self.registered.take() {
+            Some((at, data)) => self.write(at, &data, t_ns).map(|()| Vec::new()),
+            None => Ok(Vec::new()),
+        }
+    }
+
+    /// Forgets the revolutions: its position is within the first one again. Not while it moves.
+    fn clear(&mut self, parameters: &[u8], t_ns: u64) -> Result<Vec<u8>, StatusError> {
+        if parameters != CLEAR_REVOLUTIONS {
+            return Err(StatusError::DataRange);
+        }
+        self.refresh(t_ns);
+        if self.table.get(address::PRESENT_VELOCITY, 4) != 0 {
+            return Err(StatusError::ResultFail);
+        }
+        let before = self.position(t_ns);
+        let here = before.rem_euclid(PULSES_PER_TURN);
+        match &mut self.drive {
+            Drive::Off => self.cleared += before - here,
+            Drive::On { from, goal, .. } => {
+                (*from, *goal) = (here, goal.map(|_| here));
+                self.table.put(address::GOAL_POSITION, 4, here.round() as i32);
+            }
+        }
+        Ok(Vec::new())
     }
 
     /// Sets off from where it is now, as its goal and mode say.

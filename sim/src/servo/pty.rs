@@ -96,7 +96,9 @@ fn run(master: &OwnedFd, bus: &Mutex<ServoBus>, stop: &AtomicBool) {
     while !stop.load(Ordering::Relaxed) {
         let due_ns = {
             let mut bus = lock(bus);
-            bus.take_due(servo_clock_ns(), &mut out);
+            let now_ns = servo_clock_ns();
+            bus.handle_time(now_ns);
+            bus.take_due(now_ns, &mut out);
             bus.next_due_ns()
         };
         send(master, &mut out);

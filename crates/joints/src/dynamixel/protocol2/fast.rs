@@ -66,15 +66,17 @@ impl<'a> Iterator for FastBlocks<'a> {
     }
 }
 
-/// Writes the reply to a fast sync read into `out`, for a simulated bus. `asked` servos were asked
-/// (which sets LEN); `blocks` are those that answer, each with its id, ERR byte and data.
+/// Writes the reply to a fast sync or bulk read into `out`, for a simulated bus. `asked` is how many bytes of data each
+/// servo was asked for (which sets LEN); `blocks` are those that answer, each with its id, ERR byte and data.
 pub fn encode_fast_reply<'a>(
     out: &mut Vec<u8>,
-    asked: usize,
-    data: u16,
+    asked: &[u16],
     blocks: impl IntoIterator<Item = (u8, u8, &'a [u8])>,
 ) {
-    let length = 1 + asked * (usize::from(data) + FAST_BLOCK_OVERHEAD);
+    let length = 1 + asked
+        .iter()
+        .map(|data| usize::from(*data) + FAST_BLOCK_OVERHEAD)
+        .sum::<usize>();
     let [lo, hi] = u16::try_from(length).unwrap_or(u16::MAX).to_le_bytes();
     let from = out.len();
     out.extend_from_slice(&HEADER);
@@ -99,7 +101,7 @@ mod tests {
             (1, 0x80, &[0xFF, 0xFF, 0xFD, 0x00]),
             (2, 0, &[9, 9, 9, 9]),
         ];
-        encode_fast_reply(&mut out, 3, 4, data);
+        encode_fast_reply(&mut out, &[4; 3], data);
         out
     }
 
