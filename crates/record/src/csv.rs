@@ -1,9 +1,9 @@
 //! Tables of numbers as `.csv`.
 
+use crate::csv_columns::LineColumns;
 use crate::error::RecordError;
-use crate::table::{Columns, ReadOptions, Table, TimeUnit};
+use crate::table::{Columns, ReadOptions, Table};
 use csv::{ByteRecord, ReaderBuilder, Terminator};
-use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
 use std::path::Path;
@@ -15,15 +15,15 @@ const LINE_BYTES: u64 = 8 << 20;
 /// Columns that a line may have: three axes of as many taxels as a hand can have, and room for times and joints.
 const MAX_COLUMNS: usize = 200_000;
 
-/// Reads a csv file: one frame a line, the numbers separated by commas, semicolons or tabs, quoted or not.
+/// Reads a csv file: one frame a line, the numbers separated by commas, semicolons, tabs, bars or blanks, quoted or not.
 ///
-/// The first line that is neither empty nor begins with `#` shows what separates: a semicolon if it
-/// has one, else a comma, else a tab. If it does not begin with a number it is a header. Columns
-/// called `{board}B{taxel}X`, `..Y`, `..Z`, with or without a leading `{finger}F`
-/// (docs/protocols.md, "uSkin on a hand"), are raw counts: taxels are numbered by finger, board and
-/// taxel, whatever the order of the columns. A first column called `time` or `t` is time in
-/// seconds; the suffixes `_s`, `_ms`, `_us` and `_ns` say otherwise. Any other header, and none,
-/// leaves plain numbers.
+/// The first line that is neither empty nor begins with `#` shows what separates: a semicolon if it has one, else a comma,
+/// a tab, a bar, or one or more blanks. If it does not begin with a number it is a header. Columns called
+/// `{board}B{taxel}X`, `..Y`, `..Z`, with or without a leading `{finger}F` (docs/protocols.md, "uSkin on a hand"), are raw
+/// counts: taxels are numbered by finger, board and taxel, whatever the order of the columns. Columns called `J{n}`,
+/// `joint{n}` or `joint_{n}` are joint angles, radians, in the order of their numbers. A first column called `time` or `t`
+/// is time in seconds; the suffixes `_s`, `_ms`, `_us` and `_ns` say otherwise. Any other header, and none, leaves plain
+/// numbers, of which the last may be joint angles by [`ReadOptions::joint_columns`].
 pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordError> {
     let io_error = RecordError::io(path);
     let line_error = |line: u64, reason: String| {
@@ -34,16 +34,17 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
     // A last line without its end gets one, so that the line of a record is always the one before
     // the reader's.
     let whole = head.as_slice().chain(file).chain(&b"\n"[..]);
+    let delimiter = delimiter(&head);
     let mut reader = ReaderBuilder::new()
         .has_headers(false)
         .flexible(true)
-        .delimiter(delimiter(&head))
+        .delimiter(delimiter)
         .comment(Some(b'#'))
         .terminator(Terminator::Any(b'\n'))
         .from_reader(whole.take(LINE_BYTES));
 
-    let mut meaning = Meaning::of_plain(options.time_column);
-    let (mut values, mut times_ns, mut row) = (Vec::new(), Vec::new(), Vec::new());
+    let mut meaning = LineColumns::of_plain(options);
+    let (mut values, mut times_ns, mut joints, mut row) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let (mut frames, mut is_first, mut record) = (0, true, ByteRecord::new());
     loop {
         let has_record = reader.read_byte_record(&mut record);
@@ -58,6 +59,9 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
         }
         reader.get_mut().set_limit(LINE_BYTES);
         let line = next_line - 1;
+        if delimiter == b' ' {
+            record = record.iter().filter(|cell| !cell.is_empty()).collect();
+        }
         if is_blank(&record) {
             continue;
         }
@@ -68,7 +72,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
             ));
         }
         if std::mem::take(&mut is_first) && cell(&record[0]).is_ok_and(|c| c.parse::<f64>().is_err()) {
-            meaning = Meaning::of_header(&record, options).map_err(|reason| line_error(line, reason))?;
+            meaning = LineColumns::of_header(&record, options).map_err(|reason| line_error(line, reason))?;
             continue;
         }
         row.clear();
@@ -80,19 +84,18 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
             let reason = format!("{} columns, where the lines before have {expected}", row.len());
             return Err(line_error(line, reason));
         }
-        let mut numbers = row.as_slice();
-        if let Some(unit) = meaning.time {
-            let time_ns = (numbers[0] * unit.nanoseconds()).round();
+        if let Some((time, unit)) = meaning.time {
+            let time_ns = (row[time] * unit.nanoseconds()).round();
             if !(0.0..1.8e19).contains(&time_ns) {
-                return Err(line_error(line, format!("{} is no time from 0 on", numbers[0])));
+                return Err(line_error(line, format!("{} is no time from 0 on", row[time])));
             }
             times_ns.push(time_ns as u64);
-            numbers = &numbers[1..];
         }
-        match &meaning.order {
-            Some(order) => values.extend(order.iter().map(|&column| numbers[column])),
-            None => values.extend_from_slice(numbers),
-        }
+        let columns = meaning
+            .resolve(expected)
+            .map_err(|reason| line_error(line, reason))?;
+        values.extend(columns.values.iter().map(|&column| row[column]));
+        joints.extend(columns.joints.iter().map(|&column| row[column] as f32));
         frames += 1;
     }
     if frames == 0 {
@@ -103,7 +106,8 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
         shape: vec![frames, values.len() / frames],
         values,
         times_ns: meaning.time.is_some().then_some(times_ns),
-        columns: meaning.order.map(|_| Columns::XyzInterleaved),
+        joints: (!joints.is_empty()).then_some(joints),
+        columns: meaning.are_counts().then_some(Columns::XyzInterleaved),
         void: None,
     })
 }
@@ -130,7 +134,7 @@ fn delimiter(lines: &[u8]) -> u8 {
         .rsplit(|b| *b == b'\n')
         .next()
         .unwrap_or_default();
-    let delimiters = *b";,\t";
+    let delimiters = *b";,\t| ";
     let has = |wanted: &u8| {
         let mut quoted = false;
         line.iter().any(|byte| {
@@ -143,12 +147,13 @@ fn delimiter(lines: &[u8]) -> u8 {
 
 /// Whether a line holds nothing but blanks and perhaps a comment after them.
 fn is_blank(record: &ByteRecord) -> bool {
-    let text = record[0].trim_ascii();
-    let indented = text.len() < record[0].len();
-    (record.len() == 1 && text.is_empty()) || (indented && text.starts_with(b"#"))
+    let Some(first) = record.get(0) else {
+        return true;
+    };
+    (record.len() == 1 && first.trim_ascii().is_empty()) || first.trim_ascii().starts_with(b"#")
 }
 
-fn cell(bytes: &[u8]) -> Result<&str, String> {
+pub(crate) fn cell(bytes: &[u8]) -> Result<&str, String> {
     let text = std::str::from_utf8(bytes).map_err(|_| "not UTF-8 text")?;
     Ok(text.trim().trim_matches('"'))
 }
@@ -164,108 +169,10 @@ fn number(column: usize, bytes: &[u8]) -> Result<f64, String> {
     })
 }
 
-/// What the columns of a csv file are.
-struct Meaning {
-    /// Number of columns that the header, or the first line without one, has.
-    columns: Option<usize>,
-    /// Unit of the first column where it is time.
-    time: Option<TimeUnit>,
-    /// Where in a line, after the time, to find x1, y1, z1, x2, ...; `None` for plain numbers.
-    order: Option<Vec<usize>>,
-}
-
-impl Meaning {
-    fn of_plain(time: Option<TimeUnit>) -> Self {
-        Self {
-            columns: None,
-            time,
-            order: None,
-        }
-    }
-
-    fn of_header(record: &ByteRecord, options: &ReadOptions) -> Result<Self, String> {
-        let mut names = record.iter().map(cell).collect::<Result<Vec<&str>, String>>()?;
-        let columns = Some(names.len());
-        let time = options.time_column.or_else(|| time_unit(names[0]));
-        if time.is_some() {
-            names.remove(0);
-        }
-        let axes: Vec<Option<Axis>> = names.iter().map(|name| Axis::of_name(name)).collect();
-        if axes.iter().all(Option::is_none) {
-            return Ok(Self {
-                columns,
-                time,
-                order: None,
-            });
-        }
-        if options.columns.is_some() {
-            return Err("the header names each column's taxel and axis; leave --columns out".into());
-        }
-        let mut taxels: BTreeMap<(u32, u32, u32), [Option<usize>; 3]> = BTreeMap::new();
-        for (column, axis) in axes.into_iter().enumerate() {
-            let name = names[column];
-            let Axis { taxel, axis } = axis.ok_or_else(|| {
-                format!("column {name:?} is not named {{board}}B{{taxel}}X, Y or Z as the others are")
-            })?;
-            if taxels.entry(taxel).or_default()[axis].replace(column).is_some() {
-                return Err(format!("column {name:?} comes twice"));
-            }
-        }
-        let mut order = Vec::with_capacity(taxels.len() * 3);
-        for ((_, board, taxel), axes) in taxels {
-            for (axis, column) in ["X", "Y", "Z"].into_iter().zip(axes) {
-                order.push(column.ok_or_else(|| format!("taxel {board}B{taxel} has no column {axis}"))?);
-            }
-        }
-        Ok(Self {
-            columns,
-            time,
-            order: Some(order),
-        })
-    }
-}
-
-fn time_unit(name: &str) -> Option<TimeUnit> {
-    match name.to_ascii_lowercase().as_str() {
-        "t" | "time" | "timestamp" | "t_s" | "time_s" => Some(TimeUnit::S),
-        "t_ms" | "time_ms" => Some(TimeUnit::Ms),
-        "t_us" | "time_us" => Some(TimeUnit::Us),
-        "t_ns" | "time_ns" => Some(TimeUnit::Ns),
-        _ => None,
-    }
-}
-
-/// A column's taxel (finger, board, taxel) and axis.
-struct Axis {
-    taxel: (u32, u32, u32),
-    axis: usize,
-}
-
-impl Axis {
-    fn of_name(name: &str) -> Option<Self> {
-        let axis = match name.chars().last()? {
-            'X' | 'x' => 0,
-            'Y' | 'y' => 1,
-            'Z' | 'z' => 2,
-            _ => return None,
-        };
-        let rest = &name[..name.len() - 1];
-        let (finger, rest) = match rest.split_once('F') {
-            Some((finger, rest)) => (finger.parse().ok()?, rest),
-            None => (0, rest),
-        };
-        let (board, taxel) = rest.split_once('B')?;
-        Some(Self {
-            taxel: (finger, board.parse().ok()?, taxel.parse().ok()?),
-            axis,
-        })
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Recording;
+    use crate::{Recording, TimeUnit};
     use tempfile::TempDir;
 
     fn read_text(text: &str, options: &ReadOptions) -> Result<Recording, String> {
@@ -289,6 +196,44 @@ mod tests {
         let recording = read_text(text, &ReadOptions::default()).unwrap();
         assert_eq!(recording.counts(0).unwrap(), [[6, 5, 4], [1, 2, 3]]);
         assert_eq!(recording.t_ns(1), 10_500_000);
+    }
+
+    #[test]
+    fn the_publications_rows_are_readings_and_joint_angles_named_or_in_its_order() {
+        let order = ReadOptions {
+            columns: Some(Columns::XyzInterleaved),
+            joint_columns: 2,
+            ..Default::default()
+        };
+        let none = ReadOptions::default();
+        for (text, options) in [
+            ("1,2,3,4,5,6,0.5,-1\n", &order),
+            ("1 2  3 4 5 6 0.5 -1 \n   \n  # no more \n", &order),
+            ("1|2|3|4|5|6|0.5|-1", &order),
+            ("a;b;c;d;e;f;g;h\n1;2;3;4;5;6;0.5;-1\n", &order),
+            (
+                "J1,0B0X,0B0Y,0B0Z,joint_0,0B1X,0B1Y,0B1Z\n-1,1,2,3,0.5,4,5,6\n",
+                &none,
+            ),
+        ] {
+            let recording = read_text(text, options).unwrap();
+            assert_eq!(recording.counts(0).unwrap(), [[1, 2, 3], [4, 5, 6]], "{text:?}");
+            assert_eq!(recording.joints(0), [0.5, -1.0], "{text:?}");
+            assert!(recording.joints(1).is_empty());
+        }
+        for (text, options, wanted) in [
+            ("J0,J0,0B0X\n1,2,3\n", &none, "joint 0 has two columns"),
+            ("J0,J1\n1,2\n", &none, "no column of a taxel"),
+            ("1,2\n", &order, "2 columns, of which 2 are joint angles"),
+            (
+                "0B0X,0B0Y,0B0Z,J0,J1\n1,2,3,4,5\n",
+                &order,
+                "leave --joint-columns out",
+            ),
+        ] {
+            let message = read_text(text, options).unwrap_err();
+            assert!(message.contains(wanted), "{message}");
+        }
     }
 
     #[test]

@@ -150,7 +150,8 @@ impl ImageStack {
         written.map_err(RecordError::io(path))
     }
 
-    /// Writes a `.csv`: a header, then `t_ns` and the pixels, row by row from the top left, one image a line.
+    /// Writes a `.csv`: a header, then `t_ns`, the pixels, row by row from the top left, and, where joints were read,
+    /// their angles, radians (`J0`, `J1`, ..), one image a line.
     pub fn write_csv(&self, path: &Path) -> Result<(), RecordError> {
         let write = || {
             let mut file = BufWriter::new(File::create(path)?);
@@ -160,15 +161,19 @@ impl ImageStack {
                     write!(file, ",y{y}x{x}")?;
                 }
             }
+            let joints = self.joints.len() / self.len().max(1);
+            for joint in 0..joints {
+                write!(file, ",J{joint}")?;
+            }
             writeln!(file)?;
-            for (t_ns, pixels) in self
-                .t_ns
-                .iter()
-                .zip(self.pixels.chunks_exact(self.width * self.height))
-            {
+            let images = self.pixels.chunks_exact(self.width * self.height);
+            for (index, (t_ns, pixels)) in self.t_ns.iter().zip(images).enumerate() {
                 write!(file, "{t_ns}")?;
                 for pixel in pixels {
                     write!(file, ",{pixel}")?;
+                }
+                for angle in &self.joints[index * joints..(index + 1) * joints] {
+                    write!(file, ",{angle}")?;
                 }
                 writeln!(file)?;
             }
@@ -235,6 +240,26 @@ mod tests {
             [1.0, 1.0, 0.0, 2.0, 80.5]
         );
         assert!(actuators[[1, 1, 0]].is_nan());
+    }
+
+    #[test]
+    fn joint_angles_stand_beside_the_pixels_in_csv_and_are_no_pixels() {
+        let dir = TempDir::new().unwrap();
+        let path = dir.path().join("images.csv");
+        let mut stack = ImageStack::new(1, 2, 1, 1);
+        stack.push(&TactileImage {
+            width: 1,
+            height: 2,
+            pixels: vec![7, 9],
+            joints: vec![0.25, -1.0],
+            ..Default::default()
+        });
+        stack.write_csv(&path).unwrap();
+        let text = std::fs::read_to_string(&path).unwrap();
+        assert_eq!(text, "t_ns,y0x0,y1x0,J0,J1\n0,7,9,0.25,-1\n");
+        let recording = Recording::open(&path, &ReadOptions::default()).unwrap();
+        assert_eq!(recording.magnitudes(0).unwrap(), [7.0, 9.0]);
+        assert_eq!(recording.joints(0), [0.25, -1.0]);
     }
 
     #[test]

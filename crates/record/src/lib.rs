@@ -5,10 +5,13 @@
 //! by its shape and by options, never guessed. A candump `.log` is not a sequence of frames but of
 //! bus traffic: `taxel_can` reads it.
 //!
-//! [`ImageStack`] collects tactile images and writes them as `.npy`, `.npz` or `.csv`.
+//! [`ImageStack`] collects tactile images and writes them as `.npy`, `.npz` or `.csv`; [`FrameTable`] writes tactile
+//! frames, counts and joint angles, as `.csv`.
 
 mod csv;
+mod csv_columns;
 mod error;
+mod frames;
 mod images;
 mod meaning;
 mod npy;
@@ -18,6 +21,7 @@ mod recording;
 mod table;
 
 pub use error::RecordError;
+pub use frames::FrameTable;
 pub use images::ImageStack;
 pub use recording::{Frames, Recording};
 pub use table::{Columns, DEFAULT_RATE_HZ, ReadOptions, TimeUnit, Void};

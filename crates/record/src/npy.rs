@@ -29,6 +29,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
         shape,
         values: array.numbers()?,
         times_ns: None,
+        joints: None,
         columns: None,
         void: None,
     })

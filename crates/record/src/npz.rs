@@ -60,6 +60,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
         shape,
         values,
         times_ns,
+        joints: None,
         columns: None,
         void,
     })

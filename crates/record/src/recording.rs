@@ -24,6 +24,7 @@ pub struct Recording {
     cells: Option<Vec<bool>>,
     frames: Frames,
     times_ns: Option<Vec<u64>>,
+    joints: Option<Vec<f32>>,
     rate_hz: f64,
 }
 
@@ -35,6 +36,7 @@ impl Recording {
             shape,
             values,
             times_ns,
+            joints,
             columns,
             void,
         } = table;
@@ -91,6 +93,7 @@ impl Recording {
             cells,
             frames,
             times_ns,
+            joints,
             rate_hz,
         })
     }
@@ -149,6 +152,14 @@ impl Recording {
             Some(times) => times[index],
             None => (index as f64 * 1e9 / self.rate_hz).round() as u64,
         }
+    }
+
+    /// The joint angles of frame `index`, radians, not a number where unknown; empty where the file has none, and past the
+    /// end.
+    pub fn joints(&self, index: usize) -> &[f32] {
+        let joints = self.joints.as_deref().unwrap_or_default();
+        let each = joints.len() / self.len.max(1);
+        joints.get(index * each..(index + 1) * each).unwrap_or_default()
     }
 
     /// The usual time from one frame to the next, nanoseconds: the median of the recorded ones, or
@@ -282,6 +293,7 @@ mod tests {
             shape: shape.into(),
             values,
             times_ns: None,
+            joints: None,
             columns: None,
             void: None,
         }

@@ -21,6 +21,8 @@ pub struct ReadOptions {
     pub void: Option<Void>,
     /// Says that the first column of a csv file without a header is time, in this unit.
     pub time_column: Option<TimeUnit>,
+    /// How many of the last columns of a csv file whose header does not name them are joint angles, radians.
+    pub joint_columns: usize,
 }
 
 /// The order of x, y and z counts in the columns of a two-dimensional array.
@@ -60,6 +62,8 @@ pub(crate) struct Table {
     pub(crate) shape: Vec<usize>,
     pub(crate) values: Vec<f64>,
     pub(crate) times_ns: Option<Vec<u64>>,
+    /// Joint angles, as many of each frame, radians.
+    pub(crate) joints: Option<Vec<f32>>,
     /// What the file itself says of its columns.
     pub(crate) columns: Option<Columns>,
     /// Which cells of a frame are no taxels, where the file says so.
