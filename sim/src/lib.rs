@@ -28,6 +28,7 @@ mod contact;
 mod contact_file;
 mod fault;
 mod levels;
+mod objects;
 mod random;
 mod scene;
 pub mod servo;

@@ -5,6 +5,7 @@ use crate::contact::Contact;
 use crate::contact_file::ContactToml;
 use crate::fault::{Fault, FaultToml};
 use crate::levels::Levels;
+use crate::objects;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use toml::Spanned;
@@ -89,7 +90,11 @@ pub enum SceneError {
         known: Vec<String>,
     },
     /// Neither a built-in scene nor a file.
-    #[error("there is no scene `{name}`: neither a file nor one of {}", Scene::names().join(", "))]
+    #[error(
+        "there is no scene `{name}`: neither a file nor one of {}, {}",
+        Scene::names().join(", "),
+        Scene::objects().collect::<Vec<_>>().join(", ")
+    )]
     UnknownScene {
         /// The name given.
         name: String,
@@ -115,22 +120,31 @@ const BUILTIN: [(&str, &str); 7] = [
 ];
 
 impl Scene {
-    /// The names of the built-in scenes.
+    /// The names of the built-in scenes without those of [`Scene::objects`].
     pub fn names() -> [&'static str; 7] {
         BUILTIN.map(|(name, _)| name)
     }
 
+    /// The names of twenty more: simple objects of daily life, each grasped and let go.
+    pub fn objects() -> impl Iterator<Item = &'static str> {
+        objects::names()
+    }
+
     /// A built-in scene; [`SceneError::UnknownScene`] where there is none of that name.
     pub fn builtin(name: &str) -> Result<Self, SceneError> {
-        match BUILTIN.iter().find(|(n, _)| *n == name) {
-            Some((name, text)) => Self::parse(text, &format!("built-in {name}")),
+        match Self::builtin_text(name) {
+            Some(text) => Self::parse(&text, &format!("built-in {name}")),
             None => Err(SceneError::UnknownScene { name: name.into() }),
         }
     }
 
     /// The text of a built-in scene, to start one's own from.
-    pub fn builtin_text(name: &str) -> Option<&'static str> {
-        BUILTIN.iter().find(|(n, _)| *n == name).map(|(_, text)| *text)
+    pub fn builtin_text(name: &str) -> Option<String> {
+        let written = BUILTIN
+            .iter()
+            .find(|(n, _)| *n == name)
+            .map(|(_, text)| (*text).to_owned());
+        written.or_else(|| objects::text(name))
     }
 
     /// Reads a scene file.

@@ -79,7 +79,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     }
     if args.show {
         let text = Scene::builtin_text(name);
-        print(text.with_context(|| format!("{name} is not built in; `taxel sim --list` lists what is"))?)?;
+        print(&text.with_context(|| format!("{name} is not built in; `taxel sim --list` lists what is"))?)?;
         return Ok(());
     }
     let scene = Scene::resolve(name)?;
@@ -153,7 +153,7 @@ fn show_layout(name: &str) -> anyhow::Result<()> {
 
 fn list() -> anyhow::Result<()> {
     let mut text = String::new();
-    for name in Scene::names() {
+    for name in Scene::names().into_iter().chain(Scene::objects()) {
         let scene = Scene::builtin(name)?;
         text += &format!("{name:12} {:>5.1} s  {}\n", scene.seconds(), scene.about());
     }

@@ -30,13 +30,15 @@ fn scenes_are_listed_and_shown_and_an_unknown_one_is_refused() {
     let dir = TempDir::new().unwrap();
     let (out, _) = succeeds(&dir, &["sim", "--list"]);
     assert!(out.contains("ball-grasp") && out.contains("faulty-hand"), "{out}");
-    let (shown, _) = succeeds(&dir, &["sim", "tap", "--show"]);
-    std::fs::write(dir.path().join("mine.toml"), shown).unwrap();
-    succeeds(
-        &dir,
-        &["sim", "mine.toml", "--to", "log:mine.log", "--seconds", "0.1"],
-    );
-    let err = fails(&dir, &["sim", "football", "--to", "-"], 1);
+    for scene in ["tap", "soup-can"] {
+        let (shown, _) = succeeds(&dir, &["sim", scene, "--show"]);
+        std::fs::write(dir.path().join("mine.toml"), shown).unwrap();
+        succeeds(
+            &dir,
+            &["sim", "mine.toml", "--to", "log:mine.log", "--seconds", "0.1"],
+        );
+    }
+    let err = fails(&dir, &["sim", "cannonball", "--to", "-"], 1);
     assert!(err.contains("ball-grasp"), "{err}");
 }
 
