@@ -1,6 +1,7 @@
 //! `taxel compress`: the daemon's compression, offline.
 
 use crate::image_output::{ImageOutput, OutputFormat};
+use crate::input::Input;
 use crate::interrupt::Interrupt;
 use crate::offline::OfflineArgs;
 use crate::output_file::{OutputFile, refuse_overlap};
@@ -8,12 +9,14 @@ use anyhow::bail;
 use std::path::{Path, PathBuf};
 use taxel_compress::learn_codebook;
 use taxel_hand::{FORCE_MAX, ForceFrame, Method, Profile, TactileFrame};
+use taxel_record::FrameTable;
+use taxel_skin::Layout;
 use taxel_wire::Flags;
 use taxeld::Config;
 
 /// Compress a recording offline, with the same core as the daemon and the same bytes as its result.
 ///
-/// CAN traffic (candump .log) and raw counts go the daemon's whole way: decoding, sweep assembly,
+/// CAN traffic (candump .log, or a scene's, sim:SCENE) and raw counts go the daemon's whole way: decoding, sweep assembly,
 /// baseline, contact threshold, faults, compression. Magnitudes go straight to the compression; a
 /// taxel is in contact where its value exceeds --threshold.
 ///
@@ -30,6 +33,8 @@ Examples:
   taxel compress grasp.log --out images.npz
   taxel compress grasps.npz --array WOOD_1 --layout grid:27x18 --threshold 150 --out images.npy
   taxel compress module.npz --array LOG7 --columns xyz-interleaved --tile --out images.jsonl
+  taxel compress sim:ball-grasp --out images.npz --frames grasp.csv
+  taxel compress grasp.csv --out images.csv --method paper
   taxel compress day.log --levels 8 --learn-codebook codebook.toml --out day.npz")]
 pub(crate) struct Args {
     #[command(flatten)]
@@ -39,6 +44,9 @@ pub(crate) struct Args {
     out: PathBuf,
     #[arg(long, value_name = "METHOD", value_parser = method, help = format!("How frames are compressed: {}", methods()))]
     method: Option<Method>,
+    /// Writes the frames that the images are made of as .csv: time, x y z of each taxel, joint angles
+    #[arg(long, value_name = "FILE")]
+    frames: Option<PathBuf>,
     /// Writes the force levels of the whole recording here, to be kept constant as profile.codebook
     #[arg(long, value_name = "FILE")]
     learn_codebook: Option<PathBuf>,
@@ -66,6 +74,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let outputs: Vec<&Path> = [&args.out]
         .into_iter()
         .chain(&args.learn_codebook)
+        .chain(&args.frames)
         .map(PathBuf::as_path)
         .collect();
     refuse_overlap(&outputs, &args.offline.inputs())?;
@@ -73,8 +82,22 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let mut config = args.offline.configure(&input)?;
     config.profile.method = args.method.unwrap_or(config.profile.method);
     config.profile.check()?;
+    if let (Some(path), Input::Frames(recording)) = (&args.frames, &input)
+        && !recording.has_counts()
+    {
+        bail!(
+            "--frames {}: {} holds magnitudes, and no counts to be written",
+            path.display(),
+            recording.name()
+        );
+    }
     let interrupt = Interrupt::install()?;
     let mut run = Run {
+        raw: args
+            .frames
+            .as_deref()
+            .map(|path| RawFrames::create(path, &config.layout))
+            .transpose()?,
         output: ImageOutput::create(&args.out, format, &config.layout, &config.profile)?,
         frames: args.learn_codebook.as_ref().map(|_| Vec::new()),
         images: 0,
@@ -96,6 +119,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
 /// What is made of a recording.
 struct Run {
     output: ImageOutput,
+    /// The frames themselves, where they are wanted.
+    raw: Option<RawFrames>,
     /// Every frame's forces, where a codebook is to be learned.
     frames: Option<Vec<ForceFrame>>,
     images: u64,
@@ -125,6 +150,9 @@ impl Run {
         if let Some(frames) = &mut self.frames {
             frames.push(force.clone());
         }
+        if let (Some(raw), Some(tactile)) = (&mut self.raw, tactile) {
+            raw.table.push(tactile)?;
+        }
         let saturation = tactile.map_or(Flags::NONE, |tactile| {
             Flags::of_saturation(tactile, force, 0..tactile.counts.len())
         });
@@ -133,6 +161,9 @@ impl Run {
 
     fn finish(mut self, args: &Args, config: &Config) -> anyhow::Result<()> {
         self.output.finish()?;
+        if let Some(raw) = self.raw.take() {
+            raw.finish()?;
+        }
         let Self {
             images,
             calibrating,
@@ -189,6 +220,30 @@ impl Run {
             eprintln!("{}: {} levels learned", path.display(), profile.codebook.len());
         }
         Ok(())
+    }
+}
+
+/// A file of tactile frames.
+struct RawFrames {
+    whole: OutputFile,
+    table: FrameTable,
+}
+
+impl RawFrames {
+    fn create(path: &Path, layout: &Layout) -> anyhow::Result<Self> {
+        let whole = OutputFile::begin(path)?;
+        let taxels = layout
+            .taxels
+            .iter()
+            .zip(&layout.k)
+            .map(|(taxel, k)| (taxel.module, *k));
+        let table = FrameTable::create(whole.path(), taxels)?;
+        Ok(Self { whole, table })
+    }
+
+    fn finish(mut self) -> anyhow::Result<()> {
+        self.table.finish()?;
+        self.whole.finish()
     }
 }
 

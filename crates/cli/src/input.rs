@@ -6,15 +6,17 @@ use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use taxel_can::{LogError, LogReader};
 use taxel_record::{Columns, ReadOptions, Recording, TimeUnit, Void};
+use taxel_sim::Scene;
 use taxel_skin::Layout;
 
 /// The hand that is meant where no other is named.
 pub(crate) const DEFAULT_LAYOUT: &str = "allegro-uskin-15";
 
 /// A recording, and what to say about it where the file does not.
-#[derive(Debug, clap::Args)]
+#[derive(Debug, Clone, clap::Args)]
 pub(crate) struct InputArgs {
-    /// The recording: candump .log; or .csv, .npy, .npz of T x H x W or T x N magnitudes or T x N x 3 counts
+    /// The recording: candump .log; .csv, .npy, .npz of T x H x W or T x N magnitudes or T x N x 3 counts; or a
+    /// scene, sim:SCENE
     #[arg(value_name = "INPUT")]
     pub(crate) path: PathBuf,
     /// Which array of an .npz
@@ -24,6 +26,10 @@ pub(crate) struct InputArgs {
     /// (x1,y1,z1,x2,..) or xyz-blocks (x1,x2,..,y1,..,z1,..)
     #[arg(long, value_name = "ORDER")]
     columns: Option<Columns>,
+    /// So many of the last columns of a .csv that does not name them are joint angles, radians: 16 with
+    /// --columns xyz-interleaved for rows of 240 readings x y z and 16 angles
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    joint_columns: usize,
     /// Frames per second, where the file records no times [default: 30]
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
@@ -49,11 +55,17 @@ pub(crate) enum Input {
     Log(PathBuf),
     /// Tactile frames.
     Frames(Recording),
+    /// What a simulated hand goes through.
+    Scene(Box<Scene>),
 }
 
 impl InputArgs {
     /// Opens the recording.
     pub(crate) fn open(&self) -> anyhow::Result<Input> {
+        if let Some(scene) = self.scene() {
+            self.refuse_file_options(&format!("sim:{scene}"))?;
+            return Ok(Input::Scene(Box::new(Scene::resolve(&scene)?)));
+        }
         if self
             .path
             .extension()
@@ -67,10 +79,17 @@ impl InputArgs {
             columns: self.columns,
             rate_hz: self.rate,
             time_column: self.time_column,
+            joint_columns: self.joint_columns,
             image: self.grid()?,
             void: self.void.clone(),
         };
         Ok(Input::Frames(Recording::open(&self.path, &options)?))
+    }
+
+    /// The name of the scene, where one is named.
+    pub(crate) fn scene(&self) -> Option<String> {
+        let path = self.path.to_str()?;
+        path.strip_prefix("sim:").map(str::to_owned)
     }
 
     /// The recording's name, with that of the array.
@@ -90,10 +109,11 @@ impl InputArgs {
     }
 
     /// Options that describe a file of frames, and whether each is given.
-    fn file_options(&self) -> [(bool, &'static str); 6] {
+    fn file_options(&self) -> [(bool, &'static str); 7] {
         [
             (self.array.is_some(), "--array"),
             (self.columns.is_some(), "--columns"),
+            (self.joint_columns > 0, "--joint-columns"),
             (self.rate.is_some(), "--rate"),
             (self.time_column.is_some(), "--time-column"),
             (self.void.is_some(), "--void"),

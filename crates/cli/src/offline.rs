@@ -1,7 +1,9 @@
 //! Recordings as the frames that the daemon would have made of them.
 
 use crate::input::{DEFAULT_LAYOUT, Input, InputArgs, interfaces, interfaces_of_buses, pair};
+use crate::joint_angles::emit_with;
 use crate::progress::Progress;
+use crate::scene_input;
 use crate::sweep::Sweeps;
 use anyhow::{Context, bail};
 use std::ops::ControlFlow;
@@ -15,7 +17,7 @@ use taxel_skin::Layout;
 use taxeld::Config;
 
 /// A recording, and how its frames are conditioned and compressed.
-#[derive(Debug, clap::Args)]
+#[derive(Debug, Clone, clap::Args)]
 pub(crate) struct OfflineArgs {
     #[command(flatten)]
     pub(crate) input: InputArgs,
@@ -87,6 +89,7 @@ impl OfflineArgs {
             (Some(layout), _, _) => layout,
             (None, _, Input::Frames(r)) if r.image_shape().is_some() && !r.has_counts() => grid_of(r)?,
             (None, Some(config), _) => config.layout.clone(),
+            (None, None, Input::Scene(scene)) => Layout::resolve(scene.layout())?,
             (None, None, _) => Layout::resolve(DEFAULT_LAYOUT)?,
         };
         let mut config = match configured {
@@ -133,8 +136,13 @@ impl OfflineArgs {
                 let sweeps = Sweeps::new(recording, &config.layout, self.input.tile)?;
                 let per_sweep = config.layout.len() as u64;
                 let progress = Progress::new(recording.len() as u64 * per_sweep, "frames");
-                pipeline(config, sweeps.frames().inspect(|_| progress.advance(1)), emit)
+                let frames = sweeps.frames().inspect(|_| progress.advance(1));
+                pipeline(config, frames, &mut |tactile, force, image| {
+                    let angles = recording.joints(sweeps.index_at(force.t_ns)).to_vec();
+                    emit_with(emit, angles, tactile, force, image)
+                })
             }
+            Input::Scene(scene) => scene_input::run(scene, config, emit),
             Input::Log(path) => {
                 let (joints, skin): (Vec<_>, Vec<_>) = self
                     .interface
@@ -164,11 +172,7 @@ impl OfflineArgs {
                 "{name} has {taxels} taxels and layout {} has {}; place them with --layout grid:HxW{}",
                 layout.name,
                 layout.len(),
-                if taxels % 3 == 0 {
-                    ", or say with --columns that they are x y z counts"
-                } else {
-                    ""
-                }
+                columns_hint(taxels, layout.len())
             );
         }
         let threshold = self.threshold.unwrap_or(0.0);
@@ -201,10 +205,24 @@ impl OfflineArgs {
                 }
             }
             compressor.compress(&force, &mut image);
+            image.joints.clear();
+            image.joints.extend_from_slice(recording.joints(index));
             emit(None, &force, &image)?;
             progress.advance(1);
         }
         Ok(())
+    }
+}
+
+/// What numbers that are no magnitudes of this hand may be.
+fn columns_hint(columns: usize, taxels: usize) -> String {
+    match columns.checked_sub(3 * taxels) {
+        Some(joints @ 1..=64) => format!(
+            ", or say with --columns xyz-interleaved --joint-columns {joints} that they are x y z counts and {joints} \
+             joint angles"
+        ),
+        _ if columns.is_multiple_of(3) => ", or say with --columns that they are x y z counts".into(),
+        _ => String::new(),
     }
 }
 

@@ -73,7 +73,18 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             }
             Ok(())
         }
+        Input::Scene(scene) => bail!(
+            "sim:{0} is a scene, not a recording; `taxel sim {0} --to SOURCE` plays it",
+            scene.name()
+        ),
         Input::Frames(recording) => {
+            let joints = recording.joints(0).len();
+            if joints > 0 {
+                eprintln!(
+                    "taxel: {}: its {joints} joint angles are left out; boards send counts",
+                    recording.name()
+                );
+            }
             let layout = args
                 .input
                 .named_layout()?

@@ -123,6 +123,13 @@ impl<'a> Sweeps<'a> {
         (0..self.recording.len()).flat_map(move |index| self.sweep(index))
     }
 
+    /// The sweep that has begun last at this time.
+    pub(crate) fn index_at(&self, t_ns: u64) -> usize {
+        self.begins_ns
+            .partition_point(|begin| *begin <= t_ns)
+            .saturating_sub(1)
+    }
+
     /// The frames of one sweep.
     pub(crate) fn sweep(&self, index: usize) -> impl Iterator<Item = (u8, Received)> + '_ {
         let counts = self.recording.counts(index).unwrap_or_default();

@@ -3,6 +3,7 @@
 mod compress;
 mod eval;
 mod files;
+mod publication;
 mod replay;
 mod sim;
 mod watch;

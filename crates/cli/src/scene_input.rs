@@ -1,0 +1,43 @@
+//! A scene as a recording: what a simulated hand goes through, once, with the angles of its joints.
+
+use crate::joint_angles::emit_with;
+use crate::offline::{Emit, pipeline};
+use std::f64::consts::TAU;
+use taxel_can::Received;
+use taxel_sim::servo::servos_of_scene;
+use taxel_sim::{Scene, Simulator};
+use taxeld::Config;
+
+/// Simulated at once.
+const STEP_NS: u64 = 10_000_000;
+/// A servo's pulses in a turn, and where its joint is at 0.
+const PULSES: f64 = 4096.0;
+const ZERO: f64 = 2048.0;
+
+/// Plays the scene through the daemon's pipeline, ticks as configured.
+pub(crate) fn run(scene: &Scene, config: &Config, emit: &mut Emit<'_>) -> anyhow::Result<()> {
+    let mut simulator = Simulator::new(scene, &config.layout, scene.seed())?;
+    simulator.start_all();
+    let servos = servos_of_scene(scene, &config.layout, 0);
+    let angles_at = |t_ns: u64| -> Vec<f32> {
+        let positions = servos.iter().map(|servo| servo.build.motion.position(t_ns));
+        positions
+            .map(|pulses| ((pulses - ZERO) * TAU / PULSES) as f32)
+            .collect()
+    };
+    pipeline(
+        config,
+        traffic(simulator, scene.length_ns()),
+        &mut |tactile, force, image| emit_with(emit, angles_at(force.t_ns), tactile, force, image),
+    )
+}
+
+/// Everything that the buses carry during the scene.
+fn traffic(mut simulator: Simulator, length_ns: u64) -> impl Iterator<Item = (u8, Received)> {
+    let steps = (0..length_ns).step_by(STEP_NS as usize);
+    steps.flat_map(move |from_ns| {
+        let mut frames = Vec::new();
+        simulator.advance((from_ns + STEP_NS).min(length_ns), &mut frames);
+        frames
+    })
+}
