@@ -17,6 +17,7 @@ mod control;
 mod demo;
 mod doctor;
 mod eval;
+mod figures;
 mod image_line;
 mod image_output;
 mod input;
@@ -55,6 +56,7 @@ Examples:
   taxel replay grasp.log --to can:vcan0          a recording back onto a bus
   taxel compress grasp.npz --out images.npz      the daemon's compression, offline
   taxel eval grasp.npz                           what it loses and what it costs, every method
+  taxel figures sim:ball-grasp --out figures     its figures, raw beside compressed, as SVG
   taxel doctor                                   what is wrong with this machine and this hand
 
 `taxel COMMAND --help` explains each. CAN sources are can:INTERFACE, udp:GROUP:PORT, log:FILE and sim:SCENE.";
@@ -66,6 +68,7 @@ enum Command {
     Replay(replay::Args),
     Compress(compress::Args),
     Eval(Box<eval::Args>),
+    Figures(Box<figures::Args>),
     Sim(sim::Args),
     Doctor(Box<doctor::Args>),
     Servo(servo::Args),
@@ -78,6 +81,7 @@ fn main() -> ExitCode {
         Command::Replay(args) => replay::run(&args),
         Command::Compress(args) => compress::run(&args),
         Command::Eval(args) => eval::run(&args),
+        Command::Figures(args) => figures::run(&args),
         Command::Sim(args) => sim::run(&args),
         Command::Servo(args) => servo::run(&args),
         Command::Doctor(args) => match doctor::run(&args) {

@@ -78,6 +78,12 @@ impl Picture {
         self
     }
 
+    /// Another title.
+    pub fn title(mut self, title: impl Into<String>) -> Self {
+        self.title = title.into();
+        self
+    }
+
     /// A line beneath it.
     pub fn caption(mut self, caption: impl Into<String>) -> Self {
         self.caption = caption.into();

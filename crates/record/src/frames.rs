@@ -4,7 +4,7 @@ use crate::error::RecordError;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
-use taxel_hand::TactileFrame;
+use taxel_hand::{Freshness, TactileFrame};
 
 /// A csv file of tactile frames, written frame by frame: `t_ns`, then x, y and z of each taxel as
 /// `{module}B{taxel}X`, `..Y`, `..Z`, then the joint angles as `J0`, `J1`, .., radians. [`crate::Recording`] reads it.
@@ -29,8 +29,16 @@ impl FrameTable {
         })
     }
 
-    /// Writes a frame. A joint angle that is not known, or missing, is `NaN`.
+    /// Writes a frame. A taxel without a value is `0,0,0`, as one whose chip does not answer, a joint angle that is not known
+    /// is `NaN`; a frame in which no taxel has a value is left out.
     pub fn push(&mut self, frame: &TactileFrame) -> Result<(), RecordError> {
+        if frame
+            .freshness
+            .iter()
+            .all(|freshness| *freshness == Freshness::Missing)
+        {
+            return Ok(());
+        }
         self.write(frame).map_err(RecordError::io(&self.path))
     }
 
@@ -82,9 +90,11 @@ mod tests {
         let frame = |t_ns: u64, first: u16| TactileFrame {
             t_ns,
             counts: vec![[first, 2, 65_535], [4, 5, 6]],
+            freshness: vec![Freshness::Fresh; 2],
             joints: vec![0.1, f32::NAN, -1.5],
             ..TactileFrame::default()
         };
+        table.push(&TactileFrame::new(2)).unwrap();
         table.push(&frame(5, 1)).unwrap();
         table.push(&frame(1_700_000_000_123_456_789, 7)).unwrap();
         table.finish().unwrap();

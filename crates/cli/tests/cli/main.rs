@@ -2,6 +2,7 @@
 
 mod compress;
 mod eval;
+mod figures;
 mod files;
 mod publication;
 mod replay;
@@ -65,7 +66,7 @@ pub(crate) fn simulated(dir: &Path, scene: &str) -> Daemon {
 fn wrong_usage_is_told_from_failure_by_the_exit_code() {
     let dir = TempDir::new().unwrap();
     let (out, _) = succeeds(&dir, &["--help"]);
-    for command in ["demo", "watch", "replay", "compress", "eval", "sim"] {
+    for command in ["demo", "watch", "replay", "compress", "eval", "figures", "sim"] {
         assert!(out.contains(command), "{out}");
     }
     fails(&dir, &["wach"], 2);

@@ -1,0 +1,210 @@
+//! `taxel figures`: the first publication's figures of one's own recordings.
+
+mod instants;
+mod overview;
+mod take;
+mod time_course;
+
+use crate::compress::method;
+use crate::offline::OfflineArgs;
+use crate::output_file::{OutputFile, refuse_overlap};
+use anyhow::{Context, bail};
+use std::fs;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use take::Take;
+use taxel_hand::{Method, Profile};
+use taxel_plot::Sheet;
+
+/// Draw what the first publication shows, from recordings: figures as SVG, their numbers as CSV beside them.
+///
+/// Of each INPUT: NAME-frame, a tactile frame as colours, x y z as red green blue (its Figure 3);
+/// NAME-instants, raw beside compressed as a fingertip engages, when the hand holds tightest, and as the
+/// fingertip disengages; NAME-time, the force that this fingertip feels and the force that a display
+/// shows, under each codebook. Of several INPUTs, or a folder of them: `recordings`, a table and a sheet
+/// with the tightest frame of each, raw beside compressed.
+///
+/// INPUT is any recording that `taxel compress` takes, sim:SCENE, or a folder of recordings. Counts show
+/// colours; magnitudes have none. The fingertip is the module that is touched first, unless --module says
+/// otherwise.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  taxel figures sim:ball-grasp --out figures
+  taxel figures grasp.csv --out figures --at 2.2 --at 8.5 --at 4.0
+  taxel figures grasps/ --out figures           a table and a sheet of all recordings of a folder
+  taxel figures sim:objects --out figures       of the twenty simulated objects")]
+pub(crate) struct Args {
+    #[command(flatten)]
+    offline: OfflineArgs,
+    /// More recordings, or folders of them
+    #[arg(value_name = "INPUT")]
+    more: Vec<PathBuf>,
+    /// The folder for the figures; it is made
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Show this instant, seconds from the beginning; may be repeated [default: engaging, tightest, disengaging]
+    #[arg(long, value_name = "S")]
+    at: Vec<f64>,
+    /// The module whose time course is drawn [default: the one that is touched first]
+    #[arg(long, value_name = "NAME")]
+    module: Option<String>,
+    #[arg(long, value_name = "METHOD", value_parser = method, help = "The method of `recordings`; the others show both")]
+    method: Option<Method>,
+}
+
+pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    if let Some(at) = args.at.iter().find(|at| !(0.0..1e9).contains(*at)) {
+        bail!("--at {at} is no time in a recording; it is seconds from its beginning");
+    }
+    let paths = args.paths()?;
+    let names = names(&paths);
+    fs::create_dir_all(&args.out).with_context(|| format!("--out {}", args.out.display()))?;
+    let single = paths.len() == 1;
+    let mut overview = overview::Overview::default();
+    for (path, name) in paths.iter().zip(&names) {
+        let take = args.take(path, name)?;
+        if take.tightest().is_none() {
+            bail!(
+                "{}: nothing is in contact in any of its {} frames, so there is nothing to draw",
+                path.display(),
+                take.force.len()
+            );
+        }
+        if single {
+            args.draw(&take)?;
+        } else {
+            overview.add(&take, &args.profile(&take))?;
+        }
+    }
+    if !single {
+        args.write("recordings", &overview.sheet())?;
+        args.write_text("recordings-table.csv", &overview.table())?;
+        let mut out = io::stdout().lock();
+        out.write_all(overview.human().as_bytes())
+            .and_then(|()| out.flush())
+            .context("stdout")?;
+    }
+    Ok(())
+}
+
+impl Args {
+    /// Every recording that is named, those of a folder in the order of their names.
+    fn paths(&self) -> anyhow::Result<Vec<PathBuf>> {
+        let mut paths = Vec::new();
+        for named in [&self.offline.input.path].into_iter().chain(&self.more) {
+            if named.as_os_str() == "sim:objects" {
+                paths.extend(taxel_sim::Scene::objects().map(|name| PathBuf::from(format!("sim:{name}"))));
+            } else if named.is_dir() {
+                paths.extend(recordings_of(named)?);
+            } else {
+                paths.push(named.clone());
+            }
+        }
+        Ok(paths)
+    }
+
+    /// One recording, conditioned.
+    fn take(&self, path: &Path, name: &str) -> anyhow::Result<Take> {
+        let mut offline = self.offline.clone();
+        offline.input.path = path.into();
+        Take::of(&offline, name)
+    }
+
+    fn profile(&self, take: &Take) -> Profile {
+        Profile {
+            method: self.method.unwrap_or(take.profile.method),
+            ..take.profile.clone()
+        }
+    }
+
+    fn draw(&self, take: &Take) -> anyhow::Result<()> {
+        let module = match &self.module {
+            Some(name) => take.module_named(name)?,
+            None => take.touched_first().unwrap_or(0),
+        };
+        let instants = if self.at.is_empty() {
+            take.usual_instants(module)
+        } else {
+            take.instants_at(&self.at)
+        };
+        if let Some(sheet) = instants::frame(take) {
+            self.write(&format!("{}-frame", take.name), &sheet)?;
+        }
+        self.write(
+            &format!("{}-instants", take.name),
+            &instants::sheet(take, &instants)?,
+        )?;
+        self.write(&format!("{}-time", take.name), &time_course::sheet(take, module)?)
+    }
+
+    /// A figure, and its numbers beside it.
+    fn write(&self, name: &str, sheet: &Sheet) -> anyhow::Result<()> {
+        self.write_text(&format!("{name}.svg"), &sheet.svg()?)?;
+        self.write_text(&format!("{name}.csv"), &sheet.csv())
+    }
+
+    fn write_text(&self, name: &str, text: &str) -> anyhow::Result<()> {
+        let path = self.out.join(name);
+        refuse_overlap(&[&path], &self.offline.inputs())?;
+        OutputFile::write(&path, text)?;
+        eprintln!("{}", path.display());
+        Ok(())
+    }
+}
+
+/// The recordings of a folder by their names.
+fn recordings_of(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    let entries = fs::read_dir(folder).with_context(|| folder.display().to_string())?;
+    let mut paths = Vec::new();
+    for entry in entries {
+        let path = entry.with_context(|| folder.display().to_string())?.path();
+        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("");
+        if ["log", "csv", "npy", "npz"]
+            .iter()
+            .any(|known| extension.eq_ignore_ascii_case(known))
+        {
+            paths.push(path);
+        }
+    }
+    if paths.is_empty() {
+        bail!("{}: no .log, .csv, .npy or .npz in this folder", folder.display());
+    }
+    paths.sort();
+    Ok(paths)
+}
+
+/// What recordings are called in figures and file names: the name without folder and ending; numbered where two are the
+/// same.
+fn names(paths: &[PathBuf]) -> Vec<String> {
+    let mut names: Vec<String> = Vec::new();
+    for path in paths {
+        let text = path.to_str().unwrap_or("recording");
+        let path = Path::new(text.strip_prefix("sim:").unwrap_or(text));
+        let stem = path
+            .file_stem()
+            .and_then(|stem| stem.to_str())
+            .unwrap_or("recording");
+        let same = |name: &String| names.contains(name);
+        let mut name = stem.to_owned();
+        for number in 2.. {
+            if !same(&name) {
+                break;
+            }
+            name = format!("{stem}-{number}");
+        }
+        names.push(name);
+    }
+    names
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_recording_has_a_name_of_its_own() {
+        let paths = ["a/grasp.csv", "sim:tap", "b/grasp.npz", "sim:scenes/own.toml"].map(PathBuf::from);
+        assert_eq!(names(&paths), ["grasp", "tap", "grasp-2", "own"]);
+    }
+}

@@ -1,0 +1,247 @@
+//! One recording as figures need it: every frame, and which of them matter.
+
+use crate::offline::OfflineArgs;
+use anyhow::{Context, bail};
+use taxel_compress::Compressor;
+use taxel_hand::{ForceFrame, Freshness, Profile, TactileFrame, TactileImage};
+use taxel_skin::Layout;
+
+/// A contact that is away for no longer is the same contact, frames.
+const FLICKER: usize = 3;
+
+/// A recording, conditioned as the daemon does it.
+#[derive(Debug)]
+pub(super) struct Take {
+    pub(super) name: String,
+    pub(super) layout: Layout,
+    pub(super) profile: Profile,
+    /// Counts of each frame; empty where the recording holds magnitudes.
+    pub(super) tactile: Vec<TactileFrame>,
+    pub(super) force: Vec<ForceFrame>,
+}
+
+/// A frame, and what it is.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Instant {
+    pub(super) name: String,
+    pub(super) index: usize,
+}
+
+impl Take {
+    pub(super) fn of(offline: &OfflineArgs, name: &str) -> anyhow::Result<Self> {
+        let input = offline.input.open()?;
+        let config = offline.configure(&input)?;
+        config.profile.check()?;
+        let mut take = Self {
+            name: name.into(),
+            layout: config.layout.clone(),
+            profile: config.profile.clone(),
+            tactile: Vec::new(),
+            force: Vec::new(),
+        };
+        offline.run(&input, &config, &mut |tactile, force, _| {
+            take.tactile.extend(tactile.cloned());
+            take.force.push(force.clone());
+            Ok(())
+        })?;
+        Ok(take)
+    }
+
+    /// Time of a frame, seconds from the beginning.
+    pub(super) fn time_s(&self, index: usize) -> f64 {
+        self.force[index].t_ns as f64 / 1e9
+    }
+
+    /// Force on a module in a frame: the largest of its taxels in contact, 0 where there is none.
+    pub(super) fn force_on(&self, module: usize, index: usize) -> f64 {
+        let frame = &self.force[index];
+        let taxels = self.layout.modules[module].taxel_range();
+        taxels
+            .filter(|n| frame.contact[*n])
+            .map(|n| frame.force[n])
+            .fold(0.0, f64::max)
+    }
+
+    /// Sum of the forces of all taxels in contact.
+    pub(super) fn total_force(&self, index: usize) -> f64 {
+        let frame = &self.force[index];
+        let touched = frame
+            .force
+            .iter()
+            .zip(&frame.contact)
+            .filter(|(_, contact)| **contact);
+        touched.map(|(force, _)| force).sum()
+    }
+
+    /// The frame with the largest total force, the first of several; none where nothing is in contact.
+    pub(super) fn tightest(&self) -> Option<usize> {
+        let touched = (0..self.force.len()).filter(|index| self.force[*index].contacts() > 0);
+        touched
+            .rev()
+            .max_by(|a, b| self.total_force(*a).total_cmp(&self.total_force(*b)))
+    }
+
+    /// The module that is touched first, the one pressed hardest of several.
+    pub(super) fn touched_first(&self) -> Option<usize> {
+        let index = self.force.iter().position(|frame| frame.contacts() > 0)?;
+        let modules = (0..self.layout.modules.len()).rev();
+        modules.max_by(|a, b| self.force_on(*a, index).total_cmp(&self.force_on(*b, index)))
+    }
+
+    pub(super) fn module_named(&self, name: &str) -> anyhow::Result<usize> {
+        let modules = &self.layout.modules;
+        let names = || {
+            modules
+                .iter()
+                .map(|m| m.name.as_str())
+                .collect::<Vec<_>>()
+                .join(", ")
+        };
+        let found = modules.iter().position(|m| m.name == name);
+        found.with_context(|| format!("--module {name}: layout {} has {}", self.layout.name, names()))
+    }
+
+    /// The first and the last frame of a module's first contact.
+    pub(super) fn first_contact(&self, module: usize) -> Option<(usize, usize)> {
+        let touched = |index: &usize| self.force_on(module, *index) > 0.0;
+        let first = (0..self.force.len()).find(touched)?;
+        let mut last = first;
+        for index in (first..self.force.len()).filter(touched) {
+            if index > last + FLICKER {
+                break;
+            }
+            last = index;
+        }
+        Some((first, last))
+    }
+
+    /// The module engaging, the hand at its tightest, the module disengaging.
+    pub(super) fn usual_instants(&self, module: usize) -> Vec<Instant> {
+        let name = &self.layout.modules[module].name;
+        let contact = self.first_contact(module);
+        let instants = [
+            (format!("{name} engages"), contact.map(|(first, _)| first)),
+            ("tightest".into(), self.tightest()),
+            (format!("{name} disengages"), contact.map(|(_, last)| last)),
+        ];
+        let known = instants
+            .into_iter()
+            .filter_map(|(name, index)| Some(Instant { name, index: index? }));
+        known.collect()
+    }
+
+    /// The frames nearest to these times, seconds.
+    pub(super) fn instants_at(&self, times: &[f64]) -> Vec<Instant> {
+        let nearest = |at: &f64| {
+            let away = |index: &usize| (self.time_s(*index) - at).abs();
+            let index = (0..self.force.len()).min_by(|a, b| away(a).total_cmp(&away(b)))?;
+            let name = format!("at {at} s");
+            Some(Instant { name, index })
+        };
+        times.iter().filter_map(nearest).collect()
+    }
+
+    /// Every image that a display with this profile is given.
+    pub(super) fn images(&self, profile: &Profile) -> anyhow::Result<Vec<TactileImage>> {
+        let mut compressor = Compressor::new(profile.clone(), &self.layout)?;
+        let mut image = compressor.new_image();
+        let mut images = Vec::with_capacity(self.force.len());
+        for frame in &self.force {
+            compressor.compress(frame, &mut image);
+            images.push(image.clone());
+        }
+        if images.is_empty() {
+            bail!(
+                "{}: no frame: it ends before its first tick or sweep is complete",
+                self.name
+            );
+        }
+        Ok(images)
+    }
+
+    /// Counts at rest: the mean of the frames before the first contact in which the taxel has a value.
+    pub(super) fn at_rest(&self) -> Vec<[f64; 3]> {
+        let end = self
+            .force
+            .iter()
+            .position(|frame| frame.contacts() > 0)
+            .unwrap_or(self.force.len());
+        let mut sums = vec![([0.0; 3], 0.0); self.layout.len()];
+        for frame in self.tactile.iter().take(end.max(1)) {
+            for ((sum, count), (xyz, freshness)) in
+                sums.iter_mut().zip(frame.counts.iter().zip(&frame.freshness))
+            {
+                if *freshness == Freshness::Fresh {
+                    *count += 1.0;
+                    sum.iter_mut()
+                        .zip(xyz)
+                        .for_each(|(sum, value)| *sum += f64::from(*value));
+                }
+            }
+        }
+        sums.into_iter()
+            .map(|(sum, count)| sum.map(|value| value / f64::max(count, 1.0)))
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Forces of one 2 x 1 skin, frame by frame.
+    fn take(forces: &[[f64; 2]]) -> Take {
+        let force = forces.iter().enumerate().map(|(index, forces)| ForceFrame {
+            seq: index as u64,
+            t_ns: index as u64 * 100_000_000,
+            force: forces.to_vec(),
+            contact: forces.iter().map(|force| *force > 0.0).collect(),
+            ..ForceFrame::new(2)
+        });
+        Take {
+            name: "test".into(),
+            layout: Layout::grid(2, 1).unwrap(),
+            profile: Profile::default(),
+            tactile: Vec::new(),
+            force: force.collect(),
+        }
+    }
+
+    #[test]
+    fn a_fingertip_engages_with_its_first_frame_and_disengages_with_its_last() {
+        let quiet = [0.0, 0.0];
+        let frames = [
+            quiet,
+            [3.0, 0.0],
+            quiet,
+            [9.0, 1.0],
+            [2.0, 0.0],
+            quiet,
+            quiet,
+            quiet,
+            quiet,
+            [7.0, 8.0],
+        ];
+        let take = take(&frames);
+        assert_eq!(take.first_contact(0), Some((1, 4)));
+        assert_eq!(take.tightest(), Some(9));
+        let instants: Vec<usize> = take.usual_instants(0).iter().map(|i| i.index).collect();
+        assert_eq!(instants, [1, 9, 4]);
+        let at: Vec<usize> = take
+            .instants_at(&[0.0, 0.34, 99.0])
+            .iter()
+            .map(|i| i.index)
+            .collect();
+        assert_eq!(at, [0, 3, 9]);
+    }
+
+    #[test]
+    fn a_recording_without_contact_has_no_instant() {
+        let take = take(&[[0.0, 0.0]; 3]);
+        assert_eq!(
+            (take.tightest(), take.touched_first(), take.first_contact(0)),
+            (None, None, None)
+        );
+        assert!(take.usual_instants(0).is_empty());
+    }
+}

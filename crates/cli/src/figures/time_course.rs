@@ -1,0 +1,115 @@
+//! The force that a fingertip feels and the force that a display shows, over time, under each codebook.
+
+use super::take::Take;
+use taxel_compress::learn_codebook;
+use taxel_hand::{LevelSteps, Method, Profile, TactileImage};
+use taxel_plot::{Axis, Chart, Sheet};
+
+/// A panel for each codebook, and one with the drive of the display under all of them.
+pub(super) fn sheet(take: &Take, module: usize) -> anyhow::Result<Sheet> {
+    let name = &take.layout.modules[module].name;
+    let time = |index: usize| take.time_s(index);
+    let felt: Vec<(f64, f64)> = (0..take.force.len())
+        .map(|index| (time(index), take.force_on(module, index)))
+        .collect();
+    let mut drive = Chart::new(
+        "what the display is driven with",
+        Axis::new("time, s"),
+        Axis::new("grey, of 255").range(0.0, 255.0),
+    );
+    let mut sheet = Sheet::new(format!("{}: {name}, force felt and force shown", take.name))
+        .columns(2)
+        .panel_size(440, 250);
+    for (title, profile) in codebooks(take) {
+        let images = take.images(&profile)?;
+        let shown: Vec<(f64, u8)> = images.iter().map(|image| shown(take, module, image)).collect();
+        let force = shown
+            .iter()
+            .enumerate()
+            .map(|(index, (force, _))| (time(index), *force));
+        let chart = Chart::new(&title, Axis::new("time, s"), Axis::new("force").from_zero());
+        let chart = chart
+            .line("felt", felt.iter().copied())
+            .line(title.as_str(), steps(force));
+        sheet = sheet.chart(chart);
+        let grey = shown
+            .iter()
+            .enumerate()
+            .map(|(index, (_, grey))| (time(index), f64::from(*grey)));
+        drive = drive.line(title.as_str(), steps(grey));
+    }
+    Ok(sheet.chart(drive))
+}
+
+/// A display holds what it shows until the next image.
+fn steps(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
+    let mut steps: Vec<(f64, f64)> = Vec::new();
+    for (t, value) in points {
+        if let Some((_, before)) = steps.last().copied().filter(|(_, before)| *before != value) {
+            steps.push((t, before));
+        }
+        steps.push((t, value));
+    }
+    steps
+}
+
+/// The largest force and grey of the actuators that stand on a module; 0 where none does.
+fn shown(take: &Take, module: usize, image: &TactileImage) -> (f64, u8) {
+    let here = image.actuators.iter().filter(|actuator| {
+        let taxel = take.layout.taxel_at(actuator.x, actuator.y);
+        taxel.is_some_and(|taxel| usize::from(take.layout.taxels[taxel].module) == module)
+    });
+    here.fold((0.0, 0), |(force, grey), actuator| {
+        let pixel =
+            image.pixels[usize::from(actuator.y) * usize::from(image.width) + usize::from(actuator.x)];
+        (actuator.force.max(force), pixel.max(grey))
+    })
+}
+
+/// Every codebook, each with a name: those that are fitted to each frame, and those that stay.
+fn codebooks(take: &Take) -> Vec<(String, Profile)> {
+    let plain = |method| Profile {
+        method,
+        codebook: Vec::new(),
+        jnd: None,
+        codebook_learning: None,
+        level_steps: LevelSteps::Fitted,
+        levels: take.profile.level_count(),
+        ..take.profile.clone()
+    };
+    let touched = take
+        .force
+        .iter()
+        .flat_map(|frame| frame.force.iter().zip(&frame.contact));
+    let touched = || {
+        touched
+            .clone()
+            .filter(|(_, contact)| **contact)
+            .map(|(force, _)| *force)
+    };
+    let (least, most) = touched().fold((f64::INFINITY, 0.0), |(a, b), f: f64| {
+        (f64::min(a, f), f64::max(b, f))
+    });
+    let range = |level_steps| Profile {
+        level_steps,
+        force_min: Some(least),
+        force_max: Some(most),
+        ..plain(Method::Optimal)
+    };
+    let mut all = vec![
+        ("each frame its own (optimal)".to_owned(), plain(Method::Optimal)),
+        ("each frame its own (paper)".into(), plain(Method::Paper)),
+        (
+            "learned (constant)".into(),
+            Profile {
+                codebook: learn_codebook(&take.force, take.profile.level_count()),
+                ..plain(Method::Optimal)
+            },
+        ),
+    ];
+    if least < most {
+        all.push(("equal steps (constant)".into(), range(LevelSteps::Equal)));
+        all.push(("Weber steps (constant)".into(), range(LevelSteps::Weber)));
+    }
+    all
+}

@@ -1,0 +1,134 @@
+//! `taxel figures`: the first publication's figures, with their numbers.
+
+use crate::{fails, succeeds};
+use std::fs;
+use tempfile::TempDir;
+
+/// A csv file's lines that begin with this.
+fn rows(dir: &TempDir, name: &str, begin: &str) -> Vec<Vec<String>> {
+    let text = fs::read_to_string(dir.path().join("out").join(name)).unwrap();
+    let lines = text.lines().filter(|line| line.starts_with(begin));
+    lines
+        .map(|line| line.split(',').map(str::to_owned).collect())
+        .collect()
+}
+
+fn files(dir: &TempDir) -> Vec<String> {
+    let entries = fs::read_dir(dir.path().join("out")).unwrap();
+    let mut names: Vec<String> = entries
+        .map(|e| e.unwrap().file_name().into_string().unwrap())
+        .collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn a_scene_becomes_the_publications_figures_with_their_numbers() {
+    let dir = TempDir::new().unwrap();
+    succeeds(&dir, &["figures", "sim:ball-grasp", "--out", "out"]);
+    let stems = ["ball-grasp-frame", "ball-grasp-instants", "ball-grasp-time"];
+    let wanted: Vec<String> = stems
+        .iter()
+        .flat_map(|s| [format!("{s}.csv"), format!("{s}.svg")])
+        .collect();
+    assert_eq!(files(&dir), wanted);
+    for name in wanted.iter().filter(|name| name.ends_with(".svg")) {
+        let svg = fs::read_to_string(dir.path().join("out").join(name)).unwrap();
+        assert!(
+            svg.starts_with("<svg") && svg.contains("prefers-color-scheme:dark"),
+            "{name}"
+        );
+        assert!(svg.len() < 200_000, "{name}: {} bytes", svg.len());
+    }
+    // The index fingertip touches first, from 2.2 s to 4 s; its shape is one cell of three instants and four kinds.
+    let instants = fs::read_to_string(dir.path().join("out/ball-grasp-instants.svg")).unwrap();
+    for title in [
+        "raw: index tip engages (2.",
+        "felt: tightest (",
+        "paper: index tip disengages (3.",
+        "optimal: ",
+    ] {
+        assert!(instants.contains(title), "{title}");
+    }
+    let pixels = rows(&dir, "ball-grasp-instants.csv", "felt: tightest");
+    assert_eq!(pixels.len(), 256);
+    assert!(pixels.iter().any(|row| row[7] == "255") && pixels.iter().any(|row| row[7] == "0"));
+    // What is shown under a constant codebook follows what is felt.
+    let felt = rows(&dir, "ball-grasp-time.csv", "learned (constant),line,felt");
+    let shown = rows(&dir, "ball-grasp-time.csv", "learned (constant),line,learned");
+    assert!(felt.len() > 400 && shown.len() >= felt.len());
+}
+
+#[test]
+fn a_recording_of_magnitudes_has_all_but_colours_and_instants_can_be_chosen() {
+    let dir = TempDir::new().unwrap();
+    let text: String = (0..40)
+        .map(|t| format!("{},0,{},1\n", t % 7, (t * t) % 11))
+        .collect();
+    fs::write(dir.path().join("grid.csv"), text).unwrap();
+    succeeds(
+        &dir,
+        &[
+            "figures", "grid.csv", "--layout", "grid:2x2", "--out", "out", "--at", "0.5", "--at", "1",
+        ],
+    );
+    assert_eq!(
+        files(&dir),
+        [
+            "grid-instants.csv",
+            "grid-instants.svg",
+            "grid-time.csv",
+            "grid-time.svg"
+        ]
+    );
+    let svg = fs::read_to_string(dir.path().join("out/grid-instants.svg")).unwrap();
+    assert!(svg.contains("felt: at 0.5 s (0.50 s)") && svg.contains("optimal: at 1 s (1.00 s)"));
+}
+
+#[test]
+fn several_recordings_become_one_table_and_one_sheet() {
+    let dir = TempDir::new().unwrap();
+    let (out, _) = succeeds(
+        &dir,
+        &["figures", "sim:golf-ball", "sim:soup-can", "--out", "out"],
+    );
+    assert!(out.lines().count() == 3 && out.contains("golf-ball"), "{out}");
+    assert_eq!(
+        files(&dir),
+        ["recordings-table.csv", "recordings.csv", "recordings.svg"]
+    );
+    let touched = |name: &str| {
+        rows(&dir, "recordings-table.csv", name)[0][5]
+            .parse::<u32>()
+            .unwrap()
+    };
+    assert!(touched("soup-can") > touched("golf-ball"));
+}
+
+#[test]
+fn what_cannot_be_drawn_is_refused_by_name() {
+    let dir = TempDir::new().unwrap();
+    fs::create_dir(dir.path().join("empty")).unwrap();
+    for (args, wanted) in [
+        (
+            &["figures", "sim:idle", "--out", "out"][..],
+            "sim:idle: nothing is in contact",
+        ),
+        (
+            &["figures", "empty", "--out", "out"],
+            "empty: no .log, .csv, .npy or .npz",
+        ),
+        (
+            &["figures", "sim:tap", "--out", "out", "--module", "toe"],
+            "--module toe: layout allegro-uskin-15 has",
+        ),
+        (
+            &["figures", "sim:tap", "--out", "out", "--at=-1"],
+            "--at -1 is no time",
+        ),
+        (&["figures", "sim:tap", "none.csv", "--out", "out"], "none.csv"),
+    ] {
+        let err = fails(&dir, args, 1);
+        assert!(err.contains(wanted), "{err}");
+    }
+}
