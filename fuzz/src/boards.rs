@@ -2,7 +2,9 @@
 
 use std::sync::LazyLock;
 use taxel_can::{CanFrame, Received};
-use taxel_skin::{BoardStatus, BusMonitor, Decoded, Decoder, Discovery, Layout, Readings, Recogniser};
+use taxel_skin::{
+    BoardStatus, BusMonitor, Decoded, Decoder, Discovery, HubIds, Layout, Readings, Recogniser,
+};
 
 /// The frames that the bytes stand for: four bytes of raw identifier, one of length, and the data.
 pub(crate) fn frames(mut data: &[u8]) -> impl Iterator<Item = CanFrame> + '_ {
@@ -70,10 +72,12 @@ pub(crate) fn cyskin_reassembly(data: &[u8]) {
     };
     static SKINS: LazyLock<Vec<Layout>> = LazyLock::new(|| {
         let mut skins = Vec::new();
-        for checksum in ["unchecked", "unchecked", "unchecked", "crc8"] {
+        let variants = ["extended", "standard"]
+            .map(|ids| ["unchecked", "unchecked", "unchecked", "crc8"].map(|c| (ids, c)));
+        for (ids, checksum) in variants.into_iter().flatten() {
             for (above, sensors) in [(0, 12), (5, 12), (255, 12), (5, 1)] {
                 let text = format!(
-                    "name = \"c\"\nimage = {{ width = 11, height = 248 }}\nbuses = [\"b\"]\n[cyskin]\nbyte_order = \"big\"\n\
+                    "name = \"c\"\nimage = {{ width = 11, height = 248 }}\nbuses = [\"b\"]\n[cyskin]\nids = \"{ids}\"\nbyte_order = \"big\"\n\
                      checksum = \"{checksum}\"\nsequence_bytes_above = {above}\nsensors_per_module = {sensors}\n\
                      [[cyskin.hub]]\nname = \"h\"\nbus = \"b\"\naddress = 1\n"
                 );
@@ -91,12 +95,17 @@ pub(crate) fn cyskin_reassembly(data: &[u8]) {
     });
     let hand = &SKINS[usize::from(*choice) % SKINS.len()];
     let mut decoder = Decoder::new(hand, 0);
+    let ids = hand.cyskin.as_ref().map_or(HubIds::Extended, |setup| setup.ids);
     let frames = std::iter::from_fn(|| {
         let (head, after) = rest.split_first()?;
         let len = usize::from(head >> 3 & 15).min(8).min(after.len());
         let (data, after) = after.split_at(len);
         rest = after;
-        CanFrame::extended(u32::from(head & 7) << 26 | 1, data).ok()
+        let place = u16::from(head & 7);
+        match ids {
+            HubIds::Standard => CanFrame::standard(place << 8 | 1, data).ok(),
+            HubIds::Extended => CanFrame::extended(u32::from(place) << 26 | 1, data).ok(),
+        }
     });
     check_decoder(hand, &mut decoder, frames);
 }

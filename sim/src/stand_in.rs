@@ -2,14 +2,14 @@
 
 use crate::scene::SceneError;
 use std::fmt::Write;
-use taxel_skin::{
-    ByteOrder, Checksum, CyskinHub, CyskinPacket, CyskinSetup, IcubSetup, Layout, Protocol, Wiring,
-};
+use taxel_skin::{CyskinHub, CyskinSetup, IcubSetup, Layout, Protocol, Wiring};
 
 /// Pads of a triangle that are taxels.
 const TAXEL_PADS: [u8; 10] = [0, 1, 2, 3, 4, 5, 7, 8, 9, 11];
 /// Taxels of an iCub board.
 const ICUB_TAXELS: usize = 160;
+/// Of simulated hubs, ms: the layout's default.
+const PERIOD_MS: u16 = 50;
 /// Sensors of a CySkin module besides the temperature.
 const CYSKIN_TAXELS: u16 = 11;
 /// Modules of a hub.
@@ -92,20 +92,6 @@ pub fn stand_in_layout_file(layout: &Layout) -> Result<String, SceneError> {
         wired.width, wired.height, wired.buses
     );
     if let Some(setup) = &wired.cyskin {
-        let packets = |packets: &[CyskinPacket]| {
-            let packet = |p: &CyskinPacket| format!("{{ command = {:#x}, data = {:?} }}", p.command, p.data);
-            packets.iter().map(packet).collect::<Vec<_>>().join(", ")
-        };
-        let _ = write!(
-            text,
-            "\n[cyskin]\nbyte_order = \"big\"\nchecksum = \"sum\"\nsequence_bytes_above = {}\nsensors_per_module = {}\n\
-             timeout_ms = {}\nstart = [{}]\nstop = [{}]\n",
-            setup.sequence_bytes_above,
-            setup.sensors_per_module,
-            setup.timeout_ms,
-            packets(&setup.start),
-            packets(&setup.stop)
-        );
         for hub in &setup.hubs {
             let bus = &wired.buses[usize::from(hub.bus)];
             let _ = write!(
@@ -150,25 +136,12 @@ pub fn stand_in_layout_file(layout: &Layout) -> Result<String, SceneError> {
 }
 
 fn stand_in_hub(bus: u8) -> CyskinSetup {
-    let packet = |command, data: &[u8]| CyskinPacket {
-        command,
-        data: data.to_vec(),
-        pause_ms: 10,
+    let hub = CyskinHub {
+        name: "simulated hub".into(),
+        bus,
+        address: 1,
     };
-    CyskinSetup {
-        byte_order: ByteOrder::Big,
-        checksum: Checksum::Sum,
-        sequence_bytes_above: 5,
-        sensors_per_module: 12,
-        timeout_ms: 50,
-        hubs: vec![CyskinHub {
-            name: "simulated hub".into(),
-            bus,
-            address: 1,
-        }],
-        start: vec![packet(0x38, &[50]), packet(0x37, &[1])],
-        stop: vec![packet(0x37, &[0])],
-    }
+    CyskinSetup::of_library(PERIOD_MS, vec![hub])
 }
 
 #[cfg(test)]

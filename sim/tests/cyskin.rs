@@ -6,16 +6,20 @@ use proptest::prelude::*;
 use support::{Bench, scene};
 use taxel_skin::{Decoded, Decoder, Layout, Readings, cyskin_frames};
 
-const CYSKIN: &str =
-    "byte_order = \"big\"\nchecksum = \"sum\"\nsequence_bytes_above = 5\nsensors_per_module = 12\n";
+const CYSKIN: &str = "ids = \"extended\"\nbyte_order = \"big\"\nchecksum = \"sum\"\nsequence_bytes_above = 5\nsensors_per_module = 12\n";
 const START: &str = "start = [{ command = 0x38, data = [50] }, { command = 0x37, data = [1] }]\n\
                      stop = [{ command = 0x37, data = [0] }]\n";
 
-/// Modules with these numbers and sensors 1 to 7 on hub 0x123.
+/// Modules with these numbers and sensors 1 to 7 on hub 0x123, or 0x23 where ids are standard.
 fn hub(parameters: &str, numbers: &[u32]) -> Layout {
+    let address = if parameters.contains("\"extended\"") {
+        0x123
+    } else {
+        0x23
+    };
     let mut text = format!(
         "name = \"cy\"\nimage = {{ width = 7, height = 300 }}\nbuses = [\"can0\"]\n[cyskin]\n{parameters}\n\
-         [[cyskin.hub]]\nname = \"a\"\nbus = \"can0\"\naddress = 0x123\n"
+         [[cyskin.hub]]\nname = \"a\"\nbus = \"can0\"\naddress = {address:#x}\n"
     );
     for (row, m) in numbers.iter().enumerate() {
         text += &format!(
@@ -26,9 +30,10 @@ fn hub(parameters: &str, numbers: &[u32]) -> Layout {
     Layout::parse(&text, "cy.toml").unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// Sends a packet to the hub.
+/// Sends a packet to all hubs.
 fn tell(bench: &mut Bench, layout: &Layout, ms: u64, command: u8, data: &[u8]) {
-    for frame in cyskin_frames(layout.cyskin.as_ref().unwrap(), 0x123, command, data).unwrap() {
+    let setup = layout.cyskin.as_ref().unwrap();
+    for frame in cyskin_frames(setup, setup.ids.everybody(), command, data).unwrap() {
         bench.sim.command(0, &frame, ms * 1_000_000).unwrap();
     }
 }
@@ -77,6 +82,45 @@ fn a_hub_waits_for_its_start_packets_in_order_and_obeys_its_stop() {
     tell(&mut bench, &faster, 10, 0x37, &[1]);
     let seen = taxels_in(&faster, bench.until_ms(1000));
     assert!(seen.iter().all(|n| (48..=50).contains(n)), "{seen:?}");
+}
+
+#[test]
+fn a_hub_is_started_and_stopped_as_genoa_s_library_does_with_any_period() {
+    let layout = hub("", &[0, 1, 2, 7]);
+    for (period, times) in [([0, 20], 48..=50), ([1, 0], 3..=4)] {
+        let mut bench = Bench::new(&scene(10, ""), &layout);
+        tell(&mut bench, &layout, 0, 0x38, &period);
+        assert_eq!(bench.until_ms(5).len(), 0, "a period alone starts nothing");
+        tell(&mut bench, &layout, 10, 0x37, &[1]);
+        let frames = bench.until_ms(1000).to_vec();
+        assert!(
+            frames
+                .iter()
+                .all(|f| f.frame.standard_id().is_some_and(|id| id & 0xFF == 0x23))
+        );
+        let longest = frames
+            .iter()
+            .filter(|f| f.frame.id() & 0x100 != 0)
+            .map(|f| f.frame.data()[1])
+            .max();
+        assert_eq!(
+            longest,
+            Some(26),
+            "a module a packet: the library was seen to take 40 data bytes"
+        );
+        let seen = taxels_in(&layout, &frames);
+        assert!(seen.iter().all(|n| times.contains(n)), "{period:?}: {seen:?}");
+        tell(&mut bench, &layout, 1000, 0x37, &[0]);
+        bench.until_ms(1100);
+        assert_eq!(bench.until_ms(2000).len(), 0, "stopped");
+    }
+    // A packet with another checksum is none.
+    let mut bench = Bench::new(&scene(10, ""), &layout);
+    for data in [[0x38, 2, 0, 20, 0x51], [0x37, 1, 1, 0xE5, 0]] {
+        let frame = taxel_can::CanFrame::standard(0x5FF, &data[..data.len()]).unwrap();
+        bench.sim.command(0, &frame, 0).unwrap();
+    }
+    assert_eq!(bench.until_ms(500).len(), 0);
 }
 
 #[test]
@@ -165,7 +209,7 @@ proptest! {
         numbers in prop::collection::btree_set(0u32..248, 1..12),
     ) {
         let parameters = format!(
-            "byte_order = \"{order}\"\nchecksum = \"{checksum}\"\nsequence_bytes_above = {numbered_above}\n\
+            "ids = \"extended\"\nbyte_order = \"{order}\"\nchecksum = \"{checksum}\"\nsequence_bytes_above = {numbered_above}\n\
              sensors_per_module = {sensors}\n"
         );
         let numbers: Vec<u32> = numbers.into_iter().collect();

@@ -124,7 +124,7 @@ def two_hubs():
     head, rest = text.split("[[cyskin.hub]]", 1)
     hub, module = rest.split("[[module]]", 1)
     width = tomllib.loads(text)["image"]["width"]
-    second = {'"can0"': '"can1"', '"hub"': '"second"', "0x000001": "0x000002", "at = [0, 0]": f"at = [{width}, 0]"}
+    second = {'"can0"': '"can1"', '"hub"': '"second"', "0x01": "0x02", "at = [0, 0]": f"at = [{width}, 0]"}
     name = tomllib.loads(text)["module"][0]["name"]
 
     def other(part):

@@ -222,7 +222,7 @@ fn every_built_in_hand_feels_what_touches_it() {
 fn thousand_modules() -> Layout {
     let buses: Vec<String> = (0..82).map(|i| format!("\"can{i}\"")).collect();
     let mut text = format!(
-        "name = \"thousand\"\nimage = {{ width = 320, height = 50 }}\nbuses = [{}]\n[cyskin]\nbyte_order = \"little\"\n\
+        "name = \"thousand\"\nimage = {{ width = 320, height = 50 }}\nbuses = [{}]\n[cyskin]\nids = \"extended\"\nbyte_order = \"little\"\n\
          checksum = \"crc8\"\nsequence_bytes_above = 5\nsensors_per_module = 8\n\
          start = [{{ command = 0x37, data = [1] }}]\n",
         buses.join(", ")

@@ -41,7 +41,7 @@ fn icub(protocol: &str) -> (Layout, Vec<CanFrame>) {
 /// Forty modules of seven taxels on two hubs, each in a packet of its own.
 fn cyskin(checksum: &str) -> (Layout, Vec<CanFrame>) {
     let mut text = format!(
-        "name = \"cy\"\nimage = {{ width = 280, height = 2 }}\nbuses = [\"can0\"]\n[cyskin]\nbyte_order = \"big\"\n\
+        "name = \"cy\"\nimage = {{ width = 280, height = 2 }}\nbuses = [\"can0\"]\n[cyskin]\nids = \"extended\"\nbyte_order = \"big\"\n\
          checksum = \"{checksum}\"\nsequence_bytes_above = 5\nsensors_per_module = 12\n"
     );
     for hub in 0..2 {

@@ -9,7 +9,7 @@ use crate::board_status::BoardStatus;
 use crate::layout::Layout;
 use crate::protocol::board_decoder::{BoardDecoder, BoardFrame, NOBODY};
 use crate::protocol::cyskin::decode::HubFrameKind;
-use crate::protocol::cyskin::setup::LARGEST_ADDRESS;
+use crate::protocol::cyskin::setup::HubIds;
 use crate::protocol::id_table::{IdEntry, IdTable, Kind};
 use crate::protocol::mtb::{MtbBoards, MtbFrame};
 use crate::protocol::uskin::decode::payload;
@@ -68,7 +68,7 @@ pub struct BusCounters {
 }
 
 /// Decodes the frames of one bus with a table over the 2048 standard ids: constant time per frame,
-/// no allocation. Frames with extended ids are looked up among the bus's CySkin hubs.
+/// no allocation. Frames with extended ids are looked up among the bus's CySkin hubs, if these use such.
 #[derive(Debug, Clone)]
 pub struct Decoder {
     bus: u8,
@@ -104,10 +104,6 @@ impl Decoder {
         table.settle_aliases();
         if !mtbs.is_empty() {
             table.let_through(IdFilter::standard(0x700, 0x700));
-        }
-        let hubs: Vec<u32> = table.hubs.iter().map(|hub| hub.address).collect();
-        for address in hubs {
-            table.let_through(IdFilter::extended(address, LARGEST_ADDRESS | 1));
         }
         Self {
             bus,
@@ -154,6 +150,14 @@ impl Decoder {
         }
         match entry.kind {
             Kind::Board => self.board_frame(id, entry, data, readings),
+            Kind::Hub => {
+                let place = HubIds::Standard.place(id.into());
+                self.hub_frame(entry.index, place, data, t_ns, readings)
+            }
+            Kind::HubCommand => {
+                self.counters.commands += 1;
+                Decoded::Command
+            }
             Kind::Taxel | Kind::Nobody => self.no_reading(id, entry.board, data),
         }
     }
@@ -176,13 +180,30 @@ impl Decoder {
             self.counters.not_data += 1;
             return Decoded::NotData;
         }
-        let address = frame.id() & (LARGEST_ADDRESS | 1);
-        let Some(hub) = self.table.hubs.iter_mut().find(|hub| hub.address == address) else {
+        let address = frame.id() & HubIds::Extended.everybody();
+        let mut hubs = self.table.hubs.iter();
+        let known = hubs.position(|hub| hub.ids == HubIds::Extended && hub.address == address);
+        let Some(hub) = known else {
             self.counters.unknown += 1;
             return Decoded::Unknown;
         };
+        let place = HubIds::Extended.place(frame.id());
+        self.hub_frame(hub as u16, place, frame.data(), t_ns, readings)
+    }
+
+    /// A frame of a hub of this bus, at a place of its packet.
+    #[inline]
+    fn hub_frame(
+        &mut self,
+        hub: u16,
+        place: u32,
+        data: &[u8],
+        t_ns: u64,
+        readings: &mut Readings,
+    ) -> Decoded {
+        let hub = &mut self.table.hubs[hub as usize];
         let board = hub.first_board;
-        let (heard, abandoned) = hub.handle_frame(frame, t_ns, readings);
+        let (heard, abandoned) = hub.handle_frame(place, data, t_ns, readings);
         self.counters.abandoned += abandoned as u64;
         match heard {
             HubFrameKind::Values => {

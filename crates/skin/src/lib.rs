@@ -34,7 +34,9 @@ pub use layout::{Layout, LayoutError, LayoutProblem, Wiring};
 // Protocols, and what each of them has of its own
 pub use protocol::cpm_finger::decode::cpm_finger_frames;
 pub use protocol::cyskin::packet::{CyskinPacketError, cyskin_frames};
-pub use protocol::cyskin::setup::{ByteOrder, Checksum, CyskinHub, CyskinPacket, CyskinSetup};
+pub use protocol::cyskin::setup::{
+    ByteOrder, Checksum, CommandsTo, CyskinHub, CyskinPacket, CyskinSetup, HubIds,
+};
 pub use protocol::icub::decode::{ICUB_NO_ACK, ICUB_NOT_CONNECTED, ICUB_OUT_OF_RANGE, icub_triangle_data};
 pub use protocol::icub::setup::IcubSetup;
 pub use protocol::mtb::{BoardKind, MtbCommand};

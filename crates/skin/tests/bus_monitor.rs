@@ -333,7 +333,7 @@ fn one_board_of_several_on_the_other_bus_is_not_called_a_swap() {
 fn two_buses_of_hubs(hubs: [&[u32]; 2]) -> Layout {
     let mut text =
         "name = \"hubs\"\nbuses = [\"left\", \"right\"]\nimage = { width = 40, height = 8 }\n[cyskin]\n\
-         byte_order = \"big\"\nchecksum = \"sum\"\nsequence_bytes_above = 5\nsensors_per_module = 12\n"
+         ids = \"extended\"\nbyte_order = \"big\"\nchecksum = \"sum\"\nsequence_bytes_above = 5\nsensors_per_module = 12\n"
             .to_string();
     let mut modules = String::new();
     for (bus, addresses) in hubs.iter().enumerate() {

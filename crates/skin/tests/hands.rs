@@ -247,10 +247,10 @@ fn the_template_in_the_cyskin_file_is_a_layout_once_it_is_filled_in() {
     let layout = Layout::parse(&filled, "filled.toml").unwrap_or_else(|e| panic!("{e}\n{filled}"));
     assert_eq!(layout.wiring[0].protocol, Protocol::CYSKIN);
     comes_through(&layout);
-    let error = Layout::parse(&filled.replace("checksum =", "#"), "filled.toml")
+    let error = Layout::parse(&filled.replace("address =", "#"), "filled.toml")
         .unwrap_err()
         .to_string();
-    assert!(error.contains("lacks checksum"), "{error}");
+    assert!(error.contains("lacks its address"), "{error}");
 }
 
 #[test]

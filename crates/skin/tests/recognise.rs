@@ -162,7 +162,7 @@ fn cyskin_hubs_come_back_with_what_is_not_public_about_them() {
         ("sum-to-zero", 8),
     ] {
         let parameters = format!(
-            "byte_order = \"big\"\nchecksum = \"{checksum}\"\nsequence_bytes_above = {above}\nsensors_per_module = 12\n"
+            "ids = \"extended\"\nbyte_order = \"big\"\nchecksum = \"{checksum}\"\nsequence_bytes_above = {above}\nsensors_per_module = 12\n"
         );
         comes_back(&support::cyskin(&parameters, 5));
     }
@@ -172,7 +172,7 @@ fn cyskin_hubs_come_back_with_what_is_not_public_about_them() {
 fn the_parameters_of_long_cyskin_packets_are_found() {
     for (order, above, sensors) in [("big", 0, 8), ("little", 255, 7), ("little", 12, 12)] {
         let parameters = format!(
-            "byte_order = \"{order}\"\nchecksum = \"xor\"\nsequence_bytes_above = {above}\nsensors_per_module = {sensors}\n"
+            "ids = \"extended\"\nbyte_order = \"{order}\"\nchecksum = \"xor\"\nsequence_bytes_above = {above}\nsensors_per_module = {sensors}\n"
         );
         let layout = support::cyskin(&parameters, 4);
         let setup = layout.cyskin.as_ref().unwrap();

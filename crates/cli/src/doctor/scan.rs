@@ -11,8 +11,11 @@ use anyhow::{Context, bail};
 use serde_json::json;
 use std::io::{self, Write};
 use std::path::Path;
-use taxel_can::{EXTENDED_FLAG, LinkState, Received, SourceAddress};
-use taxel_skin::{Discovery, Layout, MtbCommand, RecognisedBus, Recogniser, Recognition};
+use taxel_can::{CanFrame, EXTENDED_FLAG, LinkState, Received, SourceAddress};
+use taxel_skin::{
+    CyskinPacket, CyskinSetup, Discovery, Layout, MtbCommand, RecognisedBus, Recogniser, Recognition,
+    cyskin_frames,
+};
 
 const DISCOVERY_NS: u64 = 4_000_000_000;
 /// Between two commands to boards (docs/protocols.md, "MTB3 firmware").
@@ -24,7 +27,7 @@ const RECEIVE_BUFFER: usize = 4 << 20;
 pub(super) struct Scan<'a> {
     pub(super) sources: &'a [SourceAddress],
     pub(super) seconds: f64,
-    /// Ask silent buses for MTBs, and start those that answer.
+    /// Ask silent buses for MTBs, and start those that answer, or CySkin hubs.
     pub(super) start: bool,
     pub(super) out: Option<&'a Path>,
     pub(super) json: bool,
@@ -68,8 +71,11 @@ pub(super) fn run(scan: &Scan<'_>, root: &Path, interrupt: Interrupt) -> anyhow:
         recogniser: &mut recogniser,
     };
     let go_on = bus_listener.listen(length_ns, "listening", &mut hearing);
-    for (bus, address) in started {
-        send(&mut bus_listener, bus, &MtbCommand::stop(address));
+    for (bus, board) in started {
+        match board {
+            Started::Mtb(address) => send(&mut bus_listener, bus, &MtbCommand::stop(address).frame()),
+            Started::Hubs => tell_hubs(&mut bus_listener, bus, |hubs| &hubs.stop),
+        }
     }
     if !go_on {
         bail!("stopped before anything was recognised");
@@ -185,12 +191,21 @@ impl Listener for Asking {
     }
 }
 
-/// Asks silent buses for MTBs and starts those that answer; returns them, by bus and address.
+/// What was started on a bus.
+enum Started {
+    /// The MTB of this address.
+    Mtb(u8),
+    /// Whatever CySkin hubs there are.
+    Hubs,
+}
+
+/// Asks silent buses for MTBs and starts those that answer. Where none does, CySkin hubs are started, which answer
+/// no question; returns what was started, by bus.
 fn start_boards(
     bus_listener: &mut BusListener,
     buses: u8,
     recogniser: &mut Recogniser,
-) -> anyhow::Result<Vec<(u8, u8)>> {
+) -> anyhow::Result<Vec<(u8, Started)>> {
     let mut asking = Asking(Discovery::scan(buses));
     if !bus_listener.listen(DISCOVERY_NS, "asking who is there", &mut asking) {
         bail!("stopped before anything was recognised");
@@ -199,15 +214,36 @@ fn start_boards(
     let mut started = Vec::new();
     for board in report.boards.iter().filter(|board| !board.in_bootloader) {
         recogniser.handle_board_kind(board.bus, board.address, board.kind);
-        send(bus_listener, board.bus, &MtbCommand::start(board.address));
-        started.push((board.bus, board.address));
+        send(bus_listener, board.bus, &MtbCommand::start(board.address).frame());
+        started.push((board.bus, Started::Mtb(board.address)));
+    }
+    for bus in 0..buses {
+        let has_mtbs = report.boards.iter().any(|board| board.bus == bus);
+        if !has_mtbs && !report.busy.iter().any(|busy| busy.bus == bus) {
+            tell_hubs(bus_listener, bus, |hubs| &hubs.start);
+            started.push((bus, Started::Hubs));
+        }
     }
     Ok(started)
 }
 
-/// Commands go to boards that stream only as an [`MtbCommand`], which cannot be one that stops the others.
-fn send(bus_listener: &mut BusListener, bus: u8, command: &MtbCommand) {
-    bus_listener.send(bus, &command.frame());
+/// Sends packets of Genoa's library to all CySkin hubs of a bus. Their id, 0x5FF, is no command to any other board or
+/// hand that is known.
+fn tell_hubs(bus_listener: &mut BusListener, bus: u8, packets: fn(&CyskinSetup) -> &[CyskinPacket]) {
+    const PERIOD_MS: u16 = 50;
+    let hubs = CyskinSetup::of_library(PERIOD_MS, Vec::new());
+    for packet in packets(&hubs) {
+        let frames = cyskin_frames(&hubs, hubs.ids.everybody(), packet.command, &packet.data);
+        for frame in frames.into_iter().flatten() {
+            send(bus_listener, bus, &frame);
+        }
+    }
+}
+
+/// Commands go to boards that stream only as an [`MtbCommand`] or to [`tell_hubs`], neither of which can be one that
+/// stops the others.
+fn send(bus_listener: &mut BusListener, bus: u8, frame: &CanFrame) {
+    bus_listener.send(bus, frame);
     std::thread::sleep(GAP);
 }
 
@@ -276,8 +312,12 @@ fn words(bus: &Bus, found: &RecognisedBus, scan: &Scan<'_>) -> Vec<String> {
     if found.frames == 0 {
         let advice = match (&bus.source, scan.start) {
             (SourceAddress::Log { .. }, _) => "",
-            (_, true) => " and no MTB answers: is it powered, and is this its bus and bit rate?",
-            (_, false) => "; MTBs wait to be started: --start asks for them and starts those that answer",
+            (_, true) => {
+                " and no MTB or CySkin hub answers: is it powered, and is this its bus and bit rate?"
+            }
+            (_, false) => {
+                "; MTBs and CySkin hubs wait to be started: --start asks for them and starts those that answer"
+            }
         };
         return vec![format!(
             "{}: nothing was heard in {} s{advice}",

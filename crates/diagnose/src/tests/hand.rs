@@ -105,7 +105,7 @@ fn a_bus_on_which_nobody_speaks_is_one_problem_and_one_silent_board_another() {
 /// A bus with a hub of five modules and one of one.
 fn two_hubs() -> Layout {
     let mut text = "name = \"hubs\"\nbuses = [\"can0\"]\nimage = { width = 42, height = 1 }\n[cyskin]\n\
-         byte_order = \"big\"\nchecksum = \"sum\"\nsequence_bytes_above = 5\nsensors_per_module = 12\n\
+         ids = \"extended\"\nbyte_order = \"big\"\nchecksum = \"sum\"\nsequence_bytes_above = 5\nsensors_per_module = 12\n\
          [[cyskin.hub]]\nname = \"left\"\nbus = \"can0\"\naddress = 1\n\
          [[cyskin.hub]]\nname = \"right\"\nbus = \"can0\"\naddress = 2\n"
         .to_string();

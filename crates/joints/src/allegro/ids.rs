@@ -39,8 +39,8 @@ fn is_hand_id(config: &AllegroConfig, id: u16) -> bool {
 /// [`Layout::buses`]) use, in order; empty if they may share the bus.
 ///
 /// A board uses the ids of its taxels' frames and, if it is an MTB, the one by which it is started,
-/// `0x200 | board`; CySkin's ids are extended and never overlap. Hand and skin are best on
-/// different buses.
+/// `0x200 | board`; a CySkin hub with standard ids uses those of its packets and of what all hubs are
+/// told. Hand and skin are best on different buses.
 pub fn overlapping_ids(layout: &Layout, bus: u8, config: &AllegroConfig) -> Vec<u16> {
     let mut ids: Vec<u16> = (0..layout.len())
         .filter(|taxel| layout.wiring_of(*taxel).bus == bus)
@@ -50,6 +50,7 @@ pub fn overlapping_ids(layout: &Layout, bus: u8, config: &AllegroConfig) -> Vec<
             [frame, wiring.protocol.command_id(wiring.board)]
         })
         .flatten()
+        .chain(hub_ids(layout, bus))
         .filter(|id| is_hand_id(config, *id))
         .collect();
     ids.sort_unstable();
@@ -57,9 +58,35 @@ pub fn overlapping_ids(layout: &Layout, bus: u8, config: &AllegroConfig) -> Vec<
     ids
 }
 
+/// The standard ids of the CySkin hubs of a bus.
+fn hub_ids(layout: &Layout, bus: u8) -> impl Iterator<Item = u16> {
+    layout.cyskin.iter().flat_map(move |setup| {
+        let here = setup.hubs.iter().filter(move |hub| hub.bus == bus);
+        here.flat_map(|hub| [hub.address, setup.ids.everybody()])
+            .flat_map(|address| setup.ids.standard_ids(address))
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_cyskin_hub_with_standard_ids_and_a_hand_that_share_ids_are_told() {
+        let hub = |address: u32| {
+            let text = format!(
+                "name = \"h\"\nbuses = [\"can0\"]\nimage = {{ width = 1, height = 1 }}\n[[cyskin.hub]]\nname = \"h\"\n\
+                 bus = \"can0\"\naddress = {address}\n[[module]]\nname = \"m\"\npart = \"p\"\nbus = \"can0\"\n\
+                 hub = \"h\"\nboard = 0\nprotocol = \"cyskin\"\nat = [0, 0]\norder = [[1]]\n"
+            );
+            Layout::parse(&text, "h.toml").unwrap()
+        };
+        let ids = |version, address| overlapping_ids(&hub(address), 0, &AllegroConfig::new(version));
+        // 0x204 sets the period of a hand of version 4, 0x104 switches it off.
+        assert_eq!(ids(4, 0x04), [0x104, 0x204]);
+        assert!(ids(4, 0x05).is_empty());
+        assert_eq!(ids(3, 0x4A), [0x14A, 0x24A, 0x44A]);
+    }
 
     #[test]
     fn a_hand_and_a_skin_that_share_ids_are_told() {

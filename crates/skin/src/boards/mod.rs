@@ -1,6 +1,6 @@
 //! Starting boards, keeping them going and stopping them: what is sent to the buses, and when.
 //!
-//! Only commands of class 2 and extended frames to CySkin hubs can be built here. A class-7 frame
+//! Only commands of class 2 and packets to CySkin hubs can be built here. A class-7 frame
 //! stops the sampling of every board that takes it for its own (docs/protocols.md, "MTB3 firmware"
 //! and "uSkin commands"), so none is sent once boards have been started;
 //! [`BoardSupervisor::discover`] comes before.
@@ -35,7 +35,7 @@ pub struct OutgoingCommand {
 }
 
 impl OutgoingCommand {
-    /// The frame to send: standard and of class 2, or extended.
+    /// The frame to send: standard and of class 2, or a packet to CySkin hubs: extended, or standard and of class 5.
     pub fn frame(&self) -> CanFrame {
         self.command.frame()
     }

@@ -216,7 +216,9 @@ impl BusMonitor {
         self.advance(received.t_ns);
         let frame = &received.frame;
         if let Some(bus) = self.buses.get_mut(usize::from(bus)) {
-            bus.tally.count(frame);
+            let owner = frame.standard_id().map(|id| bus.owners[usize::from(id) & 0x7FF]);
+            bus.tally
+                .count(frame, owner.is_some_and(|module| module != NOBODY));
             if let Some(address) = answering(frame) {
                 bus.answers[usize::from(address)] = Some(BoardKind::of(frame.data()[1]));
             }
@@ -385,7 +387,7 @@ impl BusMonitor {
     fn find_strangers(&mut self) {
         for bus in self.buses.iter_mut().filter(|bus| !bus.strangers) {
             let mut ids = bus.tally.ids.iter().zip(bus.familiar.iter());
-            bus.strangers = bus.tally.of_no_hub() > 0 || ids.any(|(of, familiar)| of.frames > 0 && !familiar);
+            bus.strangers = bus.tally.of_no_hub > 0 || ids.any(|(of, familiar)| of.frames > 0 && !familiar);
         }
     }
 
@@ -466,11 +468,27 @@ impl BusMonitor {
 
 impl Bus {
     fn new(layout: &Layout) -> Self {
-        let hubs = layout.cyskin.iter().flat_map(|setup| &setup.hubs);
+        let mut familiar = Box::new(std::array::from_fn(|id| matches!(id >> 4, 0x20 | 0x70)));
+        let hub_ids = layout.cyskin.as_ref().map(|setup| setup.ids);
+        let addresses = || {
+            layout
+                .cyskin
+                .iter()
+                .flat_map(|setup| setup.hubs.iter().map(|hub| hub.address))
+        };
+        if let Some(ids) = hub_ids {
+            // What all hubs are told, and what any of them says.
+            for id in addresses()
+                .chain([ids.everybody()])
+                .flat_map(|to| ids.standard_ids(to))
+            {
+                familiar[usize::from(id)] = true;
+            }
+        }
         Self {
-            tally: Tally::new(hubs.map(|hub| hub.address)),
+            tally: Tally::new(hub_ids, addresses()),
             owners: Box::new([NOBODY; 0x800]),
-            familiar: Box::new(std::array::from_fn(|id| matches!(id >> 4, 0x20 | 0x70))),
+            familiar,
             strangers: false,
             load: BusLoad::default(),
             babbles: Held::default(),

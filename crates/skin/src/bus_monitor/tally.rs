@@ -1,7 +1,7 @@
 //! Who sent how much on one bus since a window began.
 
 use crate::protocol::cyskin::packet::{begins_packet, begins_with_values};
-use crate::protocol::cyskin::setup::LARGEST_ADDRESS;
+use crate::protocol::cyskin::setup::HubIds;
 use taxel_can::CanFrame;
 
 /// Different extended ids that are told apart within one window; further ones are only counted to the whole.
@@ -42,16 +42,20 @@ pub(crate) struct OfHub {
 pub(crate) struct Tally {
     pub(crate) ids: Box<[OfId; 0x800]>,
     extended: [(u32, OfId); EXTENDED_IDS],
+    /// Which ids the hand's hubs use, where it has any.
+    hub_ids: Option<HubIds>,
     /// By address.
     hubs: Vec<OfHub>,
+    /// Extended frames that are of none of the hand's hubs.
+    pub(crate) of_no_hub: u32,
     /// In the order in which they were heard.
     foreign: [OfHub; FOREIGN_HUBS],
     pub(crate) all: OfId,
 }
 
 impl Tally {
-    /// A tally that tells hubs of these addresses apart.
-    pub(crate) fn new(hubs: impl Iterator<Item = u32>) -> Self {
+    /// A tally that tells hubs of these addresses apart, by such ids.
+    pub(crate) fn new(hub_ids: Option<HubIds>, hubs: impl Iterator<Item = u32>) -> Self {
         let mut hubs: Vec<OfHub> = hubs
             .map(|address| OfHub {
                 address,
@@ -61,7 +65,9 @@ impl Tally {
         hubs.sort_unstable_by_key(|hub| hub.address);
         hubs.dedup_by_key(|hub| hub.address);
         Self {
+            hub_ids,
             hubs,
+            of_no_hub: 0,
             foreign: [OfHub::default(); FOREIGN_HUBS],
             ids: Box::new([OfId::default(); 0x800]),
             extended: [(0, OfId::default()); EXTENDED_IDS],
@@ -69,29 +75,22 @@ impl Tally {
         }
     }
 
-    /// Error frames never were on the bus and do not count.
+    /// Counts a frame; `of_board` says whether its id is a board's that is no hub. Error frames never
+    /// were on the bus and do not count.
     #[inline]
-    pub(crate) fn count(&mut self, frame: &CanFrame) {
+    pub(crate) fn count(&mut self, frame: &CanFrame, of_board: bool) {
         if frame.is_error() {
             return;
         }
         let bits = frame.bits_within();
         self.all.add(bits);
+        let is_of_hub = self
+            .hub_ids
+            .filter(|_| !of_board)
+            .is_some_and(|ids| self.count_hub(ids, frame));
         if frame.is_extended() {
             let id = frame.id();
-            let address = id & (LARGEST_ADDRESS | 1);
-            let hub = match self.hubs.binary_search_by_key(&address, |hub| hub.address) {
-                Ok(hub) => self.hubs.get_mut(hub),
-                // No hub has address 0, nor the one of commands to all of them.
-                Err(_) if self.hubs.is_empty() || !(1..=LARGEST_ADDRESS).contains(&address) => None,
-                Err(_) => (self.foreign.iter_mut()).find(|hub| hub.address == address || hub.frames == 0),
-            };
-            if let Some(hub) = hub {
-                hub.address = address;
-                hub.frames += 1;
-                hub.packets += u32::from(begins_with_values(frame));
-                hub.begun += u32::from(begins_packet(frame));
-            }
+            self.of_no_hub += u32::from(!is_of_hub);
             let known = self
                 .extended
                 .iter_mut()
@@ -103,6 +102,28 @@ impl Tally {
         } else {
             self.ids[frame.id() as usize & 0x7FF].add(bits);
         }
+    }
+
+    /// Counts a frame that may be a hub's; says whether it is one's of the hand.
+    #[inline]
+    fn count_hub(&mut self, ids: HubIds, frame: &CanFrame) -> bool {
+        let Some((place, address)) = ids.split(frame) else {
+            return false;
+        };
+        let known = self.hubs.binary_search_by_key(&address, |hub| hub.address);
+        let hub = match known {
+            Ok(hub) => self.hubs.get_mut(hub),
+            // No hub has address 0, nor the one of commands to all of them.
+            Err(_) if !(1..=ids.largest_address()).contains(&address) => None,
+            Err(_) => (self.foreign.iter_mut()).find(|hub| hub.address == address || hub.frames == 0),
+        };
+        if let Some(hub) = hub {
+            hub.address = address;
+            hub.frames += 1;
+            hub.packets += u32::from(begins_with_values(place, frame.data()));
+            hub.begun += u32::from(begins_packet(place));
+        }
+        known.is_ok()
     }
 
     /// The id that took most of the bus: whether it is extended, the id, what it sent.
@@ -124,13 +145,6 @@ impl Tally {
         self.foreign.iter().filter(|hub| hub.frames > 0)
     }
 
-    /// Extended frames that are of none of the hand's hubs.
-    pub(crate) fn of_no_hub(&self) -> u32 {
-        let standard: u32 = self.ids.iter().map(|of| of.frames).sum();
-        let hubs: u32 = self.hubs.iter().map(|hub| hub.frames).sum();
-        self.all.frames.saturating_sub(standard + hubs)
-    }
-
     pub(crate) fn clear(&mut self) {
         for hub in &mut self.hubs {
             (hub.frames, hub.packets, hub.begun) = (0, 0, 0);
@@ -139,6 +153,7 @@ impl Tally {
         self.ids.fill(OfId::default());
         self.extended.fill((0, OfId::default()));
         self.all = OfId::default();
+        self.of_no_hub = 0;
     }
 }
 
@@ -148,11 +163,11 @@ mod tests {
 
     #[test]
     fn frames_count_with_their_bits_under_their_id_and_error_frames_not_at_all() {
-        let mut tally = Tally::new([].into_iter());
-        tally.count(&CanFrame::standard(0x123, &[0; 8]).unwrap());
-        tally.count(&CanFrame::standard(0x123, &[]).unwrap());
-        tally.count(&CanFrame::extended(0x123, &[0; 8]).unwrap());
-        tally.count(&CanFrame::error(0x123, [0; 8]));
+        let mut tally = Tally::new(None, [].into_iter());
+        tally.count(&CanFrame::standard(0x123, &[0; 8]).unwrap(), false);
+        tally.count(&CanFrame::standard(0x123, &[]).unwrap(), false);
+        tally.count(&CanFrame::extended(0x123, &[0; 8]).unwrap(), false);
+        tally.count(&CanFrame::error(0x123, [0; 8]), false);
         assert_eq!((tally.ids[0x123].frames, tally.ids[0x123].bits), (2, 111 + 47));
         assert_eq!((tally.all.frames, tally.all.bits), (3, 111 + 47 + 131));
         // docs/protocols.md, "Bus timing": 135 bits at worst for eight bytes.
@@ -164,30 +179,44 @@ mod tests {
 
     #[test]
     fn hubs_are_told_by_their_address_and_their_values_from_commands_to_them() {
-        let mut tally = Tally::new([0x2_0001, 0x123].into_iter());
+        let mut tally = Tally::new(Some(HubIds::Extended), [0x2_0001, 0x123].into_iter());
         const FIRST: u32 = 1 << 26;
         const SINGLE: u32 = FIRST | 1 << 28;
         let extended = |id, data: &[u8]| CanFrame::extended(id, data).unwrap();
-        tally.count(&extended(FIRST | 0x123, &[0x43, 16, 2, 1, 0, 9, 0, 9]));
-        tally.count(&extended(1 << 27 | 0x123, &[0x43, 16, 2, 1, 0, 9, 0, 9]));
-        tally.count(&extended(SINGLE | 0x2_0001, &[0x44, 0, 0x44]));
-        tally.count(&extended(SINGLE | 0x124, &[0x43, 4, 2, 1, 0, 9, 0]));
-        tally.count(&CanFrame::standard(0x123, &[0x43]).unwrap());
+        tally.count(&extended(FIRST | 0x123, &[0x43, 16, 2, 1, 0, 9, 0, 9]), false);
+        tally.count(&extended(1 << 27 | 0x123, &[0x43, 16, 2, 1, 0, 9, 0, 9]), false);
+        tally.count(&extended(SINGLE | 0x2_0001, &[0x44, 0, 0x44]), false);
+        tally.count(&extended(SINGLE | 0x124, &[0x43, 4, 2, 1, 0, 9, 0]), false);
+        tally.count(&CanFrame::standard(0x123, &[0x43]).unwrap(), false);
         let of = |address| (tally.hub(address).frames, tally.hub(address).packets);
         assert_eq!([of(0x123), of(0x2_0001), of(0x124)], [(2, 1), (1, 0), (0, 0)]);
-        assert_eq!(tally.of_no_hub(), 1);
+        assert_eq!(tally.of_no_hub, 1);
         let foreign: Vec<(u32, u32)> = tally.foreign_hubs().map(|h| (h.address, h.packets)).collect();
         assert_eq!(foreign, [(0x124, 1)]);
         tally.clear();
         assert_eq!(tally.foreign_hubs().count(), 0);
-        assert_eq!((tally.hub(0x123).frames, tally.of_no_hub()), (0, 0));
+        assert_eq!((tally.hub(0x123).frames, tally.of_no_hub), (0, 0));
+    }
+
+    #[test]
+    fn hubs_with_standard_ids_are_told_from_boards_by_whose_id_it_is() {
+        let mut tally = Tally::new(Some(HubIds::Standard), [0x23].into_iter());
+        let values = CanFrame::standard(0x523, &[0x43, 4, 2, 1, 0, 9, 0]).unwrap();
+        let foreign = CanFrame::standard(0x131, &[0x43, 16, 2, 1, 0, 9, 0, 9]).unwrap();
+        tally.count(&values, false);
+        tally.count(&foreign, true);
+        assert_eq!((tally.hub(0x23).packets, tally.foreign_hubs().count()), (1, 0));
+        tally.count(&foreign, false);
+        tally.count(&CanFrame::extended(0x1400_0023, &[0x43, 0, 0]).unwrap(), false);
+        let foreign: Vec<(u32, u32)> = tally.foreign_hubs().map(|h| (h.address, h.packets)).collect();
+        assert_eq!((foreign, tally.of_no_hub), (vec![(0x31, 1)], 1));
     }
 
     #[test]
     fn more_extended_ids_than_there_is_room_for_still_count_to_the_whole() {
-        let mut tally = Tally::new([].into_iter());
+        let mut tally = Tally::new(None, [].into_iter());
         for id in 0..100 {
-            tally.count(&CanFrame::extended(id, &[]).unwrap());
+            tally.count(&CanFrame::extended(id, &[]).unwrap(), false);
         }
         assert_eq!(tally.all.frames, 100);
         tally.clear();

@@ -4,7 +4,8 @@ use super::error::{LayoutError, LayoutProblem};
 use super::source::{Accepted, FileModule, Head, Source};
 use super::wiring::Wiring;
 use crate::protocol::Protocol;
-use crate::protocol::cyskin::setup::all_missing;
+use crate::protocol::cyskin::file::no_table;
+use crate::protocol::cyskin::setup::HubIds;
 use crate::protocol::icub::setup::IcubSetup;
 use std::ops::Range;
 use toml::Spanned;
@@ -103,6 +104,27 @@ pub(crate) fn accept_board(
         };
         return source.refuse(&board_span, problem);
     }
+    // A middle frame of a hub's packet would be a command to an MTB, and its other ids are those of data.
+    let hubs_use_standard_ids = head
+        .cyskin
+        .as_ref()
+        .is_some_and(|setup| setup.ids == HubIds::Standard);
+    let other_kind =
+        |m: &Wiring| m.protocol.has_board() && m.bus == bus && (m.hub.is_some() != hub.is_some());
+    if let Some(other) = accepted
+        .wiring
+        .iter()
+        .position(other_kind)
+        .filter(|_| hubs_use_standard_ids)
+    {
+        let problem = format!(
+            "cannot share bus {:?} with module {:?} (line {}): hubs with standard ids use those of other boards and of commands to them; give hubs a bus of their own",
+            head.buses[bus as usize],
+            accepted.modules[other].name,
+            source.line(&accepted.spans[other])
+        );
+        return refuse(&bus_name.span(), &problem);
+    }
     let icub = match &module.icub {
         Some(setup) => {
             if let Some(problem) = setup.get_ref().problem() {
@@ -131,7 +153,7 @@ fn find_hub(
     head: &Head,
 ) -> Result<u8, LayoutError> {
     let Some(setup) = &head.cyskin else {
-        return source.refuse(module_span, LayoutProblem::Cyskin(all_missing()));
+        return source.refuse(module_span, LayoutProblem::Cyskin(no_table()));
     };
     let known = || {
         let names: Vec<&str> = setup.hubs.iter().map(|hub| hub.name.as_str()).collect();

@@ -7,7 +7,7 @@ use super::source::{Accepted, FileModule, Head, Source};
 use super::tile::{check_order, check_positions, check_rotation, turn};
 use super::wiring::Layout;
 use crate::protocol::Protocol;
-use crate::protocol::cyskin::setup::FileCyskin;
+use crate::protocol::cyskin::file::FileCyskin;
 use serde::Deserialize;
 use taxel_hand::{Geometry, MAX_MODULES, MAX_PIXELS, MAX_TAXELS, Module, Taxel};
 use toml::Spanned;

@@ -13,21 +13,22 @@ pub enum TxMode {
 }
 
 /// What can be sent to a board. Neither variant can be a class-7 frame: an MTB command is of class
-/// 2 by construction, and a hub's frames have extended ids, which no MTB takes.
+/// 2 by construction, and a hub's frames have extended ids or are of class 5, which no MTB takes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum BoardCommand {
     Mtb(MtbCommand),
     Hub(HubFrame),
 }
 
-/// A frame with an extended id.
+/// A frame with an extended id, or a standard one from 0x500 to 0x5FF: a CySkin packet in one frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct HubFrame(CanFrame);
 
 impl HubFrame {
-    /// `None` for a frame with a standard id.
+    /// `None` for a frame with another standard id.
     pub(crate) fn new(frame: CanFrame) -> Option<Self> {
-        frame.is_extended().then_some(Self(frame))
+        let of_class_5 = frame.standard_id().is_some_and(|id| id & 0x700 == 0x500);
+        (frame.is_extended() || of_class_5).then_some(Self(frame))
     }
 }
 

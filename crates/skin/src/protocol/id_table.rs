@@ -3,7 +3,7 @@
 use super::board_decoder::{BoardDecoder, BoardFrame, NOBODY};
 use super::cpm_finger::decode::Finger;
 use super::cyskin::decode::Hub;
-use super::cyskin::setup::{CyskinHub, CyskinSetup};
+use super::cyskin::setup::{CyskinHub, CyskinSetup, HubIds};
 use super::icub::decode::Triangle;
 use crate::reading::Readings;
 use taxel_can::IdFilter;
@@ -41,6 +41,10 @@ pub(crate) enum Kind {
     Taxel,
     /// Something that the board's own decoder reads.
     Board,
+    /// A part of a CySkin hub's packet.
+    Hub,
+    /// What all CySkin hubs are told.
+    HubCommand,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -50,7 +54,7 @@ pub(crate) struct IdEntry {
     pub(crate) status_mask: u8,
     /// Index of the module.
     pub(crate) board: u16,
-    /// The taxel, or the place of the decoder, as `kind` says.
+    /// The taxel, or the place of the decoder or hub, as `kind` says.
     pub(crate) index: u16,
 }
 
@@ -118,12 +122,30 @@ impl IdTable {
         self.aliases.push((alias & 0x7FF, id & 0x7FF));
     }
 
-    /// The hub of a CySkin module.
-    pub(crate) fn enter_hub(&mut self, setup: &CyskinSetup, hub: &CyskinHub) -> &mut Hub {
+    /// The hub of a CySkin module (index in the layout).
+    pub(crate) fn enter_hub(&mut self, setup: &CyskinSetup, hub: &CyskinHub, board: u16) -> &mut Hub {
         let known = self.hubs.iter().position(|h| h.address == hub.address);
         let place = known.unwrap_or_else(|| {
+            let place = self.hubs.len();
+            let entry = |kind| IdEntry {
+                kind,
+                status_mask: 0xFF,
+                board,
+                index: place as u16,
+            };
+            for id in setup.ids.standard_ids(setup.ids.everybody()) {
+                self.ids[usize::from(id) & 0x7FF] = entry(Kind::HubCommand);
+            }
+            for id in setup.ids.standard_ids(hub.address) {
+                self.ids[usize::from(id) & 0x7FF] = entry(Kind::Hub);
+            }
             self.hubs.push(Hub::new(setup, hub.address));
-            self.hubs.len() - 1
+            let (address, everybody) = (hub.address, setup.ids.everybody());
+            self.let_through(match setup.ids {
+                HubIds::Standard => IdFilter::standard(address as u16, everybody as u16),
+                HubIds::Extended => IdFilter::extended(address, everybody),
+            });
+            place
         });
         &mut self.hubs[place]
     }

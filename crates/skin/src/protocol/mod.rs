@@ -5,7 +5,7 @@
 //! | `uskin-l1`, `uskin-l2` | one per taxel, three axes | `sda << 2 \| chip` | `SET_TXMODE` |
 //! | `uskin-l3` | one per taxel, three axes | `sda << 4 \| taxel` | none: sends from power-up on |
 //! | `icub-mtb3`, `icub-mtb4` | two per triangle, one axis of 8 bits | `triangle * 12 + pad` | configuration, then `SET_TXMODE` |
-//! | `cyskin` | packets of one or more extended frames, one axis of 16 bits | sensor on the module, 1 to 11 | as configured |
+//! | `cyskin` | packets of one or more frames, one axis of 16 bits | sensor on the module, 1 to 11 | as Genoa's library does, or as configured |
 //! | `cpm-finger` | four per sweep, one axis of 16 bits | channel | none known |
 //!
 //! A new protocol is a folder with an implementation of `BoardProtocol`, a constant and a line in
@@ -43,8 +43,8 @@ impl Protocol {
     /// iCub skin on an MTB4: the frames of an MTB3, but a triangle that fails is calibrated anew by
     /// the board itself.
     pub const ICUB_MTB4: Self = Self(&icub::MTB4);
-    /// One module of a CySkin hub: 29 bit ids, packets that several frames may carry. Much of it is
-    /// not public and has to be configured ([`crate::CyskinSetup`]).
+    /// One module of a CySkin hub: packets that several frames may carry, as Genoa's own CAN library
+    /// drives hubs or as the layout has it ([`crate::CyskinSetup`]).
     pub const CYSKIN: Self = Self(&cyskin::Cyskin);
     /// The published finger with CySkin-type sensors: ids 0x405, 0x407, 0x409, 0x40B, four values each.
     pub const CPM_FINGER: Self = Self(&cpm_finger::CpmFinger);

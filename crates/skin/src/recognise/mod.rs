@@ -14,13 +14,14 @@ mod propose;
 pub use found::Recognition;
 
 use crate::protocol::RECOGNISERS;
-use crate::protocol::cyskin::recognise::{HubTraffic, add_hubs, address, guess};
+use crate::protocol::cyskin::recognise::{CyskinGuess, HubTraffic, add_hubs, guess};
+use crate::protocol::cyskin::setup::HubIds;
 use crate::protocol::mtb::BoardKind;
 use crate::protocol::recognised::{HeardIds, RecognisedBus};
 use std::collections::BTreeMap;
 use taxel_can::{CanFrame, EXTENDED_FLAG, Received};
 
-/// Most hubs with extended ids that are told apart on a bus.
+/// Most hubs of either kind of ids that are told apart on a bus.
 const MOST_HUBS: usize = 64;
 
 /// Listens to buses of which nothing is known. Give it every frame, without kernel filters; some
@@ -56,7 +57,10 @@ struct Traffic {
     first_ns: Option<u64>,
     last_ns: u64,
     heard: HeardIds,
+    /// Hubs with extended ids.
     hubs: BTreeMap<u32, HubTraffic>,
+    /// What may be hubs with standard ids.
+    standard_hubs: BTreeMap<u32, HubTraffic>,
     /// Extended ids beyond those that are told apart.
     more_extended: bool,
 }
@@ -89,19 +93,43 @@ impl Recogniser {
 
     /// What was recognised so far.
     pub fn finish(&self) -> Recognition {
-        let mut buses: Vec<RecognisedBus> = self.buses.iter().map(Traffic::recognise).collect();
-        let hubs: Vec<&HubTraffic> = self.buses.iter().flat_map(|bus| bus.hubs.values()).collect();
+        let [standard, extended] = [HubIds::Standard, HubIds::Extended].map(|ids| {
+            let hubs: Vec<&HubTraffic> = self.buses.iter().flat_map(|bus| bus.hubs(ids).values()).collect();
+            guess(ids, &hubs)
+        });
+        let of_standard = standard.as_ref().map(|(guess, _)| guess);
+        let hubs: Vec<BTreeMap<u32, HubTraffic>> = self
+            .buses
+            .iter()
+            .map(|bus| bus.claimed_hubs(of_standard))
+            .collect();
+        let mut buses: Vec<RecognisedBus> = (self.buses.iter().zip(&hubs))
+            .map(|(bus, hubs)| bus.recognise(hubs.keys().copied()))
+            .collect();
         let mut cyskin = None;
-        if let Some((guess, doubts)) = guess(&hubs) {
-            for (bus, traffic) in buses.iter_mut().zip(&self.buses) {
-                if add_hubs(bus, &traffic.hubs, &guess) {
+        if let Some((guess, doubts)) = &standard {
+            for (bus, hubs) in buses.iter_mut().zip(&hubs) {
+                if add_hubs(bus, hubs, guess) {
                     bus.doubts.extend(doubts.iter().cloned());
-                    cyskin = Some(guess);
+                    cyskin = Some(*guess);
+                }
+            }
+        }
+        if let Some((guess, doubts)) = &extended
+            && cyskin.is_none()
+        {
+            for (bus, traffic) in buses.iter_mut().zip(&self.buses) {
+                if add_hubs(bus, &traffic.hubs, guess) {
+                    bus.doubts.extend(doubts.iter().cloned());
+                    cyskin = Some(*guess);
                 }
             }
         }
         for (bus, traffic) in buses.iter_mut().zip(&self.buses) {
-            let claimed = |hub: &u32| bus.boards.iter().any(|b| b.hub == Some(*hub));
+            let claimed = |hub: &u32| {
+                cyskin.is_some_and(|guess| guess.ids == HubIds::Extended)
+                    && bus.boards.iter().any(|b| b.hub == Some(*hub))
+            };
             let strangers: Vec<u32> = traffic.hubs.keys().filter(|hub| !claimed(hub)).copied().collect();
             bus.others.extend(strangers.iter().map(|hub| hub | EXTENDED_FLAG));
             if traffic.more_extended {
@@ -120,14 +148,23 @@ impl Traffic {
         self.first_ns.get_or_insert(t_ns);
         self.last_ns = self.last_ns.max(t_ns);
         let Some(id) = frame.standard_id() else {
-            let address = address(frame.id());
-            let full = self.hubs.len() >= MOST_HUBS && !self.hubs.contains_key(&address);
-            self.more_extended |= full;
-            if !full {
-                self.hubs.entry(address).or_default().handle_frame(t_ns, frame);
+            if let Some((place, address)) = HubIds::Extended.split(frame) {
+                let full = self.hubs.len() >= MOST_HUBS && !self.hubs.contains_key(&address);
+                self.more_extended |= full;
+                if !full {
+                    let hub = self.hubs.entry(address).or_default();
+                    hub.handle_frame(t_ns, place, frame);
+                }
             }
             return;
         };
+        if let Some((place, address)) = HubIds::Standard.split(frame) {
+            let hubs = &mut self.standard_hubs;
+            let known = hubs.contains_key(&address);
+            if known || (hubs.len() < MOST_HUBS && HubTraffic::may_begin(place, frame)) {
+                hubs.entry(address).or_default().handle_frame(t_ns, place, frame);
+            }
+        }
         let data = frame.data();
         if let (0x700, [0xFF, kind, ..]) = (id & 0x700, data)
             && matches!(data.len(), 4 | 5)
@@ -138,7 +175,25 @@ impl Traffic {
         self.heard.ids.entry(id).or_default().add(t_ns, data);
     }
 
-    fn recognise(&self) -> RecognisedBus {
+    fn hubs(&self, ids: HubIds) -> &BTreeMap<u32, HubTraffic> {
+        match ids {
+            HubIds::Standard => &self.standard_hubs,
+            HubIds::Extended => &self.hubs,
+        }
+    }
+
+    /// The hubs with standard ids, as far as they are hubs under this guess.
+    fn claimed_hubs(&self, guess: Option<&CyskinGuess>) -> BTreeMap<u32, HubTraffic> {
+        let addresses = 1..=HubIds::Standard.largest_address();
+        let hubs = self.standard_hubs.iter();
+        let claimed = hubs.filter(|(address, hub)| {
+            addresses.contains(address) && guess.is_some_and(|guess| hub.is_hub(guess))
+        });
+        claimed.map(|(address, hub)| (*address, hub.clone())).collect()
+    }
+
+    /// What is on the bus beside hubs; `hubs` are the addresses of those with standard ids.
+    fn recognise(&self, hubs: impl ExactSizeIterator<Item = u32>) -> RecognisedBus {
         let mut bus = RecognisedBus {
             frames: self.frames,
             seconds: self
@@ -147,6 +202,13 @@ impl Traffic {
             ..RecognisedBus::default()
         };
         let mut left = self.heard.clone();
+        if hubs.len() > 0 {
+            // Their ids, and those of what all of them are told.
+            for address in hubs.chain([HubIds::Standard.everybody()]) {
+                let ids = HubIds::Standard.standard_ids(address);
+                ids.for_each(|id| _ = left.ids.remove(&id));
+            }
+        }
         for take_boards in RECOGNISERS {
             take_boards(&mut left, &mut bus);
         }

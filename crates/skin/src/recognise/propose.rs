@@ -4,7 +4,7 @@ use super::found::Recognition;
 use crate::layout::Layout;
 use crate::protocol::Order;
 use crate::protocol::cyskin::recognise::CyskinGuess;
-use crate::protocol::cyskin::setup::{ByteOrder, Checksum};
+use crate::protocol::cyskin::setup::{ByteOrder, Checksum, HubIds};
 use crate::protocol::recognised::RecognisedBoard;
 use std::collections::BTreeSet;
 use std::fmt::Write;
@@ -172,12 +172,20 @@ fn write_cyskin(text: &mut String, guess: &CyskinGuess, named: &[(&str, &[Recogn
         Checksum::SumToZero => "sum-to-zero",
         Checksum::InvertedSum => "inverted-sum",
         Checksum::Xor => "xor",
+        Checksum::Crc8Ff => "crc8-ff",
         Checksum::Crc8 => "crc8",
         Checksum::Unchecked => "unchecked",
     };
+    let (ids, known) = match guess.ids {
+        HubIds::Standard => (
+            "standard",
+            "As the packets have it. Hubs are started as Genoa's library does; write `start = []` for such that send\n# by themselves.",
+        ),
+        HubIds::Extended => ("extended", "Not public: as the packets have it."),
+    };
     let _ = write!(
         text,
-        "\n# Not public: as the packets have it.\n[cyskin]\nbyte_order = \"{byte_order}\"\nchecksum = \"{checksum}\"\n\
+        "\n# {known}\n[cyskin]\nids = \"{ids}\"\nbyte_order = \"{byte_order}\"\nchecksum = \"{checksum}\"\n\
          sequence_bytes_above = {}\nsensors_per_module = {}\n",
         guess.sequence_bytes_above, guess.sensors_per_module
     );

@@ -19,16 +19,21 @@ pub(crate) fn icub(protocol: &str, setup: &str) -> Layout {
     Layout::parse(&text, "icub.toml").unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// The parameters of CySkin that a test assumes; nothing in the product does.
-pub(crate) const CYSKIN: &str =
-    "byte_order = \"big\"\nchecksum = \"sum\"\nsequence_bytes_above = 5\nsensors_per_module = 12\n";
+/// A variant of CySkin that a test assumes; nothing in the product does.
+pub(crate) const CYSKIN: &str = "ids = \"extended\"\nbyte_order = \"big\"\nchecksum = \"sum\"\nsequence_bytes_above = 5\n\
+     sensors_per_module = 12\n";
 
-/// Hubs 0x123 and 0x124 on one bus, with `modules` modules of seven taxels (sensors 1 to 7) each.
+/// Hubs 0x123 and 0x124 on one bus, 0x23 and 0x24 where ids are standard, with `modules` modules of seven
+/// taxels (sensors 1 to 7) each.
 pub(crate) fn cyskin_text(parameters: &str, modules: u32) -> String {
+    let [a, b] = match parameters.contains("\"extended\"") {
+        true => [0x123, 0x124],
+        false => [0x23, 0x24],
+    };
     let mut text = format!(
         "name = \"cy\"\nimage = {{ width = 1000, height = 40 }}\nbuses = [\"can0\"]\n[cyskin]\n{parameters}\n\
-         [[cyskin.hub]]\nname = \"a\"\nbus = \"can0\"\naddress = 0x123\n\
-         [[cyskin.hub]]\nname = \"b\"\nbus = \"can0\"\naddress = 0x124\n"
+         [[cyskin.hub]]\nname = \"a\"\nbus = \"can0\"\naddress = {a:#x}\n\
+         [[cyskin.hub]]\nname = \"b\"\nbus = \"can0\"\naddress = {b:#x}\n"
     );
     for (row, hub) in ["a", "b"].into_iter().enumerate() {
         for m in 0..modules {

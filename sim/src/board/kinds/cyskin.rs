@@ -1,5 +1,5 @@
-//! A CySkin hub with its modules (docs/protocols.md, "CySkin"). What is not public is as the layout file
-//! says, and the hub starts when it has heard every packet of the layout's `start`, in that order.
+//! A CySkin hub with its modules (docs/protocols.md, "CySkin"), which speaks as Genoa's own library has it or as the
+//! layout file says. It starts when it has heard every packet of the layout's `start`, in that order, with any period.
 
 use crate::board::firmware::{Blueprint, BoardSimulation, Effect, Firmware, Moment};
 use crate::board::queue::Queue;
@@ -8,15 +8,12 @@ use crate::random::{bell, bits};
 use crate::scene::SceneError;
 use crate::skin_model::taxels_of;
 use taxel_can::CanFrame;
-use taxel_skin::{CyskinPacketError, CyskinSetup, cyskin_frames};
+use taxel_skin::{CyskinPacketError, CyskinSetup, HubIds, cyskin_frames};
 
 const SENSOR_DATA: u8 = 0x43;
 const AUTO_SYNC_PERIOD: u8 = 0x38;
-const BROADCAST: u32 = 0x03FF_FFFF;
-/// Bits of an id that are the address.
-const ADDRESS: u32 = 0x03FF_FFFF;
-/// Modules in one packet at most, if their numbers follow each other.
-const MODULES_PER_PACKET: usize = 4;
+/// Data bytes of a packet at most, unless a module has more: longer ones the library was not seen to take.
+const PACKET_BYTES: usize = 40;
 /// Random numbers of the temperatures.
 const TEMPERATURE_STREAM: u64 = 0x7465;
 
@@ -106,6 +103,7 @@ struct HubModule {
 /// Frames that have to be heard one after another.
 #[derive(Debug)]
 struct Dialogue {
+    setup: CyskinSetup,
     frames: Vec<CanFrame>,
     heard: usize,
 }
@@ -113,10 +111,11 @@ struct Dialogue {
 impl Dialogue {
     /// Whether this frame completes it.
     fn is_completed_by(&mut self, frame: &CanFrame) -> bool {
-        if self.frames.get(self.heard).is_some_and(|f| same_packet(f, frame)) {
+        let is = |own: &CanFrame| same_packet(&self.setup, own, frame);
+        if self.frames.get(self.heard).is_some_and(is) {
             self.heard += 1;
         } else {
-            self.heard = usize::from(self.frames.first().is_some_and(|f| same_packet(f, frame)));
+            self.heard = usize::from(self.frames.first().is_some_and(is));
         }
         let complete = !self.frames.is_empty() && self.heard == self.frames.len();
         if complete {
@@ -126,8 +125,26 @@ impl Dialogue {
     }
 }
 
-fn same_packet(own: &CanFrame, heard: &CanFrame) -> bool {
-    own.data() == heard.data() && own.id() & !ADDRESS == heard.id() & !ADDRESS
+/// Whether it is the packet that is waited for, to whatever hub; a period may be any.
+fn same_packet(setup: &CyskinSetup, own: &CanFrame, heard: &CanFrame) -> bool {
+    let place = |frame: &CanFrame| frame.id() & !setup.ids.everybody();
+    let same_data = own.data() == heard.data() || (period_ns(setup, own) > 0 && period_ns(setup, heard) > 0);
+    same_data && own.data().len() == heard.data().len() && place(own) == place(heard)
+}
+
+/// The period that a whole packet sets: two bytes of milliseconds, the most significant first, or one; 0 if it
+/// sets none.
+fn period_ns(setup: &CyskinSetup, frame: &CanFrame) -> u64 {
+    let Some((checksum, packet)) = frame.data().split_last() else {
+        return 0;
+    };
+    let period_ms = match *packet {
+        _ if setup.checksum.of(packet) != Some(*checksum) => 0,
+        [AUTO_SYNC_PERIOD, 1, period_ms] => u64::from(period_ms),
+        [AUTO_SYNC_PERIOD, 2, high, low] => u64::from(u16::from_be_bytes([high, low])),
+        _ => 0,
+    };
+    period_ms * 1_000_000
 }
 
 impl Hub {
@@ -144,7 +161,11 @@ impl Hub {
             for packet in packets {
                 frames.extend(cyskin_frames(setup, address, packet.command, &packet.data)?);
             }
-            Ok(Dialogue { frames, heard: 0 })
+            Ok(Dialogue {
+                setup: setup.clone(),
+                frames,
+                heard: 0,
+            })
         };
         modules.sort_by_key(|m| m.number);
         Ok(Self {
@@ -195,24 +216,23 @@ impl Firmware for Hub {
 
     fn read(&mut self, _group: usize, moment: &Moment<'_>, send: &mut dyn FnMut(CanFrame)) {
         let mut data: Vec<u8> = Vec::new();
-        let (mut packed, mut next) = (0, None);
+        let most = PACKET_BYTES - 2 * usize::from(self.setup.sensors_per_module);
+        let mut next = None;
         for module in &self.modules {
             let Some(number) = (moment.address)(module.index) else {
                 continue;
             };
-            if next != Some(number) || packed == MODULES_PER_PACKET {
-                if packed > 0 {
+            if next != Some(number) || data.len() > most {
+                if !data.is_empty() {
                     self.send_packet(&data, send);
                 }
                 data.clear();
                 data.extend([number, 0]);
-                packed = 0;
             }
             data.extend(self.values(module, moment).flatten());
-            packed += 1;
             next = number.checked_add(1);
         }
-        if packed > 0 {
+        if !data.is_empty() {
             self.send_packet(&data, send);
         }
     }
@@ -223,14 +243,13 @@ impl Firmware for Hub {
     }
 
     fn handle_frame(&mut self, frame: &CanFrame) -> Effect {
-        let to = frame.id() & ADDRESS;
-        if !frame.is_extended() || (to != self.address && to != BROADCAST) {
+        let ids = self.setup.ids;
+        let to = frame.id() & ids.everybody();
+        let is_packet = frame.is_extended() == (ids == HubIds::Extended);
+        if !is_packet || (to != self.address && to != ids.everybody()) {
             return Effect::default();
         }
-        let period_ns = match *frame.data() {
-            [AUTO_SYNC_PERIOD, 1, period_ms, _] if period_ms > 0 => Some(u64::from(period_ms) * 1_000_000),
-            _ => None,
-        };
+        let period_ns = Some(period_ns(&self.setup, frame)).filter(|period_ns| *period_ns > 0);
         Effect {
             starts: self.start.is_completed_by(frame),
             stops: self.stop.is_completed_by(frame),

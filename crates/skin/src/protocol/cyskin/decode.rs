@@ -1,9 +1,8 @@
 //! One hub: its packets, and the values in them.
 
-use super::packet::{ASSEMBLY, Assembly, Rules, Step};
-use super::setup::{ByteOrder, CyskinSetup, MODULES, SENSOR_DATA, SENSORS};
+use super::packet::{Assembly, Rules, Step};
+use super::setup::{ByteOrder, CyskinSetup, HubIds, MODULES, SENSOR_DATA, SENSORS};
 use crate::reading::{Readings, STATUS_ERROR, TaxelReading};
-use taxel_can::CanFrame;
 
 const NOBODY: u16 = u16::MAX;
 
@@ -20,6 +19,7 @@ struct HubModule {
 #[derive(Debug, Clone)]
 pub(crate) struct Hub {
     pub(crate) address: u32,
+    pub(crate) ids: HubIds,
     /// Module index of its first module, to which malformed packets are counted.
     pub(crate) first_board: u16,
     assembly: Assembly,
@@ -47,6 +47,7 @@ impl Hub {
     pub(crate) fn new(setup: &CyskinSetup, address: u32) -> Self {
         Self {
             address,
+            ids: setup.ids,
             first_board: NOBODY,
             assembly: Assembly::new(),
             rules: Rules {
@@ -81,18 +82,17 @@ impl Hub {
         self.modules.iter().find(|m| m.board == board)?.temperature
     }
 
-    /// Takes a frame with this hub's address and adds its values. Also returns whether a packet
-    /// under way had to be given up.
+    /// Takes the data of a frame with this hub's address, at this place of its packet, and adds its
+    /// values. Also returns whether a packet under way had to be given up.
     #[inline]
     pub(crate) fn handle_frame(
         &mut self,
-        frame: &CanFrame,
+        place: u32,
+        data: &[u8],
         t_ns: u64,
         readings: &mut Readings,
     ) -> (HubFrameKind, bool) {
-        let (step, lost) = self
-            .assembly
-            .handle_frame(frame.id() & ASSEMBLY, frame.data(), t_ns, &self.rules);
+        let (step, lost) = self.assembly.handle_frame(place, data, t_ns, &self.rules);
         let heard = match step {
             Step::Partial => HubFrameKind::Partial,
             Step::Malformed => HubFrameKind::Malformed,

@@ -1,8 +1,9 @@
-//! CySkin hubs on CAN (docs/protocols.md, "CySkin"): packets over one or more extended frames.
+//! CySkin hubs on CAN (docs/protocols.md, "CySkin"): packets over one or more frames.
 //!
 //! A module is what other protocols call a board; what is sent goes to its hub.
 
 pub(crate) mod decode;
+pub(crate) mod file;
 pub(crate) mod packet;
 pub(crate) mod recognise;
 pub(crate) mod setup;
@@ -31,14 +32,14 @@ impl BoardProtocol for Cyskin {
         &CYSKIN
     }
 
-    /// An estimate: which modules a hub puts into one packet is not public.
+    /// An estimate, of a packet for each module: which modules a hub puts into one is not public.
     fn frames_per_sweep(&self, k: &[u8]) -> usize {
         (k.len() * 2 + 7).div_ceil(7)
     }
 
     fn enter(&self, table: &mut IdTable, board: &WiredBoard<'_>) {
         let Some((setup, hub)) = board.hub else { return };
-        let hub = table.enter_hub(setup, hub);
+        let hub = table.enter_hub(setup, hub, board.module);
         for (k, taxel) in board.taxels() {
             hub.add_taxel(board.module, board.address, k, taxel);
         }

@@ -1,14 +1,8 @@
-//! Packets over one or more extended frames: `p[0]` command, `p[1]` size, data, checksum.
+//! Packets over one or more frames: `p[0]` command, `p[1]` size, data, checksum.
 
-use super::setup::{Checksum, CyskinSetup, LARGEST_ADDRESS, SENSOR_DATA};
+use super::setup::{Checksum, CyskinSetup, FIRST, HubIds, LAST, MIDDLE, SENSOR_DATA, SINGLE};
 use taxel_can::CanFrame;
 
-/// The three assembly bits of an id.
-pub(super) const ASSEMBLY: u32 = 0x1C00_0000;
-pub(super) const FIRST: u32 = 0x0400_0000;
-pub(super) const MIDDLE: u32 = 0x0800_0000;
-pub(super) const LAST: u32 = 0x1000_0000;
-pub(super) const SINGLE: u32 = FIRST | LAST;
 /// A first byte below this is a sequence number.
 const FIRST_COMMAND: u8 = 0x10;
 /// Command, size, up to 255 bytes of data, checksum.
@@ -27,19 +21,26 @@ pub enum CyskinPacketError {
     #[error("command {0:#04X} is below 0x10, where sequence numbers are")]
     NotACommand(u8),
     /// An address the ids have no room for.
-    #[error("hub address {0:#X} is not 1 to 0x3FFFFFE")]
-    Address(u32),
+    #[error("hub address {address:#X} is not 1 to {largest:#X}")]
+    Address {
+        /// The address.
+        address: u32,
+        /// The largest one, which means all hubs.
+        largest: u32,
+    },
 }
 
-/// The frames of a packet with this address: for simulators and tests, and for the commands to a hub.
+/// The frames of a packet with this address, which may be [`HubIds::everybody`]: for simulators and tests, and
+/// for the commands to hubs.
 pub fn cyskin_frames(
     setup: &CyskinSetup,
     address: u32,
     command: u8,
     data: &[u8],
 ) -> Result<Vec<CanFrame>, CyskinPacketError> {
-    if !(1..=LARGEST_ADDRESS).contains(&address) {
-        return Err(CyskinPacketError::Address(address));
+    let largest = setup.ids.everybody();
+    if !(1..=largest).contains(&address) {
+        return Err(CyskinPacketError::Address { address, largest });
     }
     if command < FIRST_COMMAND {
         return Err(CyskinPacketError::NotACommand(command));
@@ -48,8 +49,13 @@ pub fn cyskin_frames(
     let mut packet = vec![command, size];
     packet.extend(data);
     packet.push(setup.checksum.of(&packet).ok_or(CyskinPacketError::NoChecksum)?);
-    let frame = |assembly: u32, bytes: &[u8]| {
-        CanFrame::extended(assembly | address, bytes).expect("29 bits and up to eight bytes make a frame")
+    let frame = |place: u32, bytes: &[u8]| {
+        let id = setup.ids.id(place, address);
+        let frame = match setup.ids {
+            HubIds::Standard => CanFrame::standard(id as u16, bytes),
+            HubIds::Extended => CanFrame::extended(id, bytes),
+        };
+        frame.expect("11 or 29 bits and up to eight bytes make a frame")
     };
     if packet.len() <= 8 {
         return Ok(vec![frame(SINGLE, &packet)]);
@@ -59,35 +65,35 @@ pub fn cyskin_frames(
     let numbered = size > setup.sequence_bytes_above;
     let chunks: Vec<&[u8]> = rest.chunks(if numbered { 7 } else { 8 }).collect();
     for (i, chunk) in chunks.iter().enumerate() {
-        let assembly = if i + 1 == chunks.len() { LAST } else { MIDDLE };
+        let place = if i + 1 == chunks.len() { LAST } else { MIDDLE };
         let mut bytes = Vec::with_capacity(8);
         if numbered {
             bytes.push((i as u8 + 1) & 15);
         }
         bytes.extend(*chunk);
-        frames.push(frame(assembly, &bytes));
+        frames.push(frame(place, &bytes));
     }
     Ok(frames)
 }
 
-/// Whether a frame is the first, or the only, of any packet.
-pub(crate) fn begins_packet(frame: &CanFrame) -> bool {
-    frame.is_extended() && matches!(frame.id() & ASSEMBLY, FIRST | SINGLE)
+/// Whether a frame at this place is the first, or the only, of any packet.
+pub(crate) fn begins_packet(place: u32) -> bool {
+    matches!(place, FIRST | SINGLE)
 }
 
-/// Whether a frame is the first, or the only, of a packet of values, by its assembly bits, its
-/// command and its size: the place of the first value, and one value at least.
-pub(crate) fn begins_with_values(frame: &CanFrame) -> bool {
-    let &[SENSOR_DATA, size, ..] = frame.data() else {
+/// Whether a frame at this place is the first, or the only, of a packet of values, by its command and
+/// its size: the place of the first value, and one value at least.
+pub(crate) fn begins_with_values(place: u32, data: &[u8]) -> bool {
+    let &[SENSOR_DATA, size, ..] = data else {
         return false;
     };
     let packet = usize::from(size) + 3;
-    let fits = match frame.id() & ASSEMBLY {
-        SINGLE => frame.data().len() == packet,
-        FIRST => frame.data().len() == 8 && packet > 8,
+    let fits = match place {
+        SINGLE => data.len() == packet,
+        FIRST => data.len() == 8 && packet > 8,
         _ => false,
     };
-    frame.is_extended() && fits && size >= 4 && size.is_multiple_of(2)
+    fits && size >= 4 && size.is_multiple_of(2)
 }
 
 /// A packet under assembly: a buffer of fixed size, whatever the bus carries.
@@ -130,24 +136,18 @@ impl Assembly {
 
     /// Takes a frame of the hub. Also returns whether a packet that was under way had to be given up.
     #[inline]
-    pub(super) fn handle_frame(
-        &mut self,
-        assembly: u32,
-        data: &[u8],
-        t_ns: u64,
-        rules: &Rules,
-    ) -> (Step, bool) {
+    pub(super) fn handle_frame(&mut self, place: u32, data: &[u8], t_ns: u64, rules: &Rules) -> (Step, bool) {
         let late = self.open && t_ns.saturating_sub(self.newest_ns) > rules.timeout_ns;
-        let begins = matches!(assembly, FIRST | SINGLE);
+        let begins = begins_packet(place);
         let lost = self.open && (late || begins);
         self.open &= !lost;
         self.newest_ns = t_ns;
-        let step = match assembly {
+        let step = match place {
             FIRST | SINGLE => {
                 (self.len, self.sequence) = (0, None);
                 let begun = data.first().is_some_and(|command| *command >= FIRST_COMMAND);
                 if begun && self.append(data) {
-                    self.open = assembly == FIRST;
+                    self.open = place == FIRST;
                     Step::Partial
                 } else {
                     Step::Malformed
@@ -171,7 +171,7 @@ impl Assembly {
             self.open = false;
             return (step, true);
         }
-        if step == Step::Partial && assembly & LAST != 0 {
+        if step == Step::Partial && place & LAST != 0 {
             self.open = false;
             return (self.finish(rules.checksum), lost);
         }

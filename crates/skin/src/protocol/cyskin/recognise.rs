@@ -1,21 +1,21 @@
-//! CySkin hubs: what is not public about their packets, found out from packets.
+//! CySkin hubs: which variant of their packets they send, found out from packets.
 
 use super::Cyskin;
-use super::setup::{ByteOrder, Checksum, LARGEST_ADDRESS, MODULES, SENSOR_DATA, SENSORS};
+use super::packet::{begins_packet, begins_with_values};
+use super::setup::{ByteOrder, Checksum, HubIds, LAST, MODULES, SENSOR_DATA, SENSORS};
 use crate::protocol::board_protocol::Protocol;
 use crate::protocol::recognised::{RecognisedBoard, RecognisedBus};
 use std::collections::{BTreeMap, BTreeSet};
 use taxel_can::CanFrame;
 
-const FIRST: u32 = 0x0400_0000;
-const LAST: u32 = 0x1000_0000;
 /// Most frames of one hub that are kept.
 const MOST_FRAMES: usize = 4000;
 /// Longest packet, frames: 258 bytes, seven to a frame.
 const MOST_OF_A_PACKET: usize = 40;
 /// A checksum is believed if it is right for this share of the packets.
 const RIGHT: f64 = 0.9;
-const CHECKSUMS: [Checksum; 5] = [
+const CHECKSUMS: [Checksum; 6] = [
+    Checksum::Crc8Ff,
     Checksum::Sum,
     Checksum::SumToZero,
     Checksum::InvertedSum,
@@ -23,9 +23,11 @@ const CHECKSUMS: [Checksum; 5] = [
     Checksum::Crc8,
 ];
 
-/// What CySkin's unpublished parameters are, as far as packets tell.
+/// How CySkin hubs speak, as far as packets tell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct CyskinGuess {
+    /// Which ids frames have.
+    pub ids: HubIds,
     /// Order of the bytes of a value.
     pub byte_order: ByteOrder,
     /// The checksum that is right for nearly every packet; `Unchecked` if none is.
@@ -34,11 +36,6 @@ pub struct CyskinGuess {
     pub sequence_bytes_above: u8,
     /// See [`crate::CyskinSetup::sensors_per_module`].
     pub sensors_per_module: u8,
-}
-
-/// The address in an extended id.
-pub(crate) fn address(id: u32) -> u32 {
-    id & (LARGEST_ADDRESS | 1)
 }
 
 /// The packets of one hub, as frames.
@@ -58,22 +55,27 @@ struct Ways {
 }
 
 impl HubTraffic {
-    pub(crate) fn handle_frame(&mut self, t_ns: u64, frame: &CanFrame) {
+    /// Whether a frame at this place of a packet is worth to follow the packets of its standard id: boards
+    /// of other kinds have such ids too.
+    pub(crate) fn may_begin(place: u32, frame: &CanFrame) -> bool {
+        begins_with_values(place, frame.data())
+    }
+
+    pub(crate) fn handle_frame(&mut self, t_ns: u64, place: u32, frame: &CanFrame) {
         if self.kept >= MOST_FRAMES {
             return;
         }
         self.kept += 1;
         self.first_ns.get_or_insert(t_ns);
         self.last_ns = t_ns;
-        let assembly = frame.id() & !address(frame.id());
-        if assembly & FIRST != 0 {
+        if begins_packet(place) {
             self.open = Some(Vec::new());
         }
         let Some(mut packet) = self.open.take() else {
             return;
         };
         packet.push(frame.data().to_vec());
-        if assembly & LAST != 0 {
+        if place & LAST != 0 {
             self.packets.push(packet);
         } else if packet.len() < MOST_OF_A_PACKET {
             self.open = Some(packet);
@@ -96,6 +98,12 @@ impl HubTraffic {
                 plain: frames.concat(),
             }
         })
+    }
+
+    /// Whether most packets are whole ones of values, read as the guess has it.
+    pub(crate) fn is_hub(&self, guess: &CyskinGuess) -> bool {
+        let whole = self.values(guess).count();
+        whole >= 2 && 2 * whole >= self.packets.len()
     }
 
     /// The whole packets, read as the guess has it: first module, first sensor, values' bytes.
@@ -126,9 +134,19 @@ fn is_whole(bytes: &[u8], checksum: Checksum) -> bool {
             .is_none_or(|sum| sum == last)
 }
 
-/// What the packets of all hubs tell of their parameters, with what remains doubtful; `None` if
-/// they are no packets of values.
-pub(crate) fn guess(hubs: &[&HubTraffic]) -> Option<(CyskinGuess, Vec<String>)> {
+/// What the packets of all hubs with such ids tell of their parameters, with what remains doubtful;
+/// `None` if they are no packets of values.
+pub(crate) fn guess(ids: HubIds, hubs: &[&HubTraffic]) -> Option<(CyskinGuess, Vec<String>)> {
+    let anything = CyskinGuess {
+        ids,
+        byte_order: ByteOrder::Big,
+        checksum: Checksum::Unchecked,
+        sequence_bytes_above: u8::MAX,
+        sensors_per_module: SENSORS,
+    };
+    // What has standard ids may be boards of another kind.
+    let is_hub = |hub: &&&HubTraffic| ids == HubIds::Extended || hub.is_hub(&anything);
+    let hubs: Vec<&HubTraffic> = hubs.iter().filter(is_hub).copied().collect();
     let ways: Vec<Ways> = hubs.iter().flat_map(|hub| hub.ways()).collect();
     let by_length = |ways: &Ways, checksum| {
         ways.numbered
@@ -143,9 +161,13 @@ pub(crate) fn guess(hubs: &[&HubTraffic]) -> Option<(CyskinGuess, Vec<String>)> 
     if packets.len() < 2 || packets.len() * 2 < ways.len() {
         return None;
     }
-    let mut doubts = vec![
-        "the start and stop packets of CySkin hubs are not public: the hub has to send by itself".to_string(),
-    ];
+    let mut doubts = match ids {
+        HubIds::Standard => Vec::new(),
+        HubIds::Extended => vec![
+            "how CySkin hubs with extended ids are started and stopped is not public: the hub has to send by itself"
+                .to_string(),
+        ],
+    };
     let right = |checksum: Checksum| packets.iter().filter(|p| by_length(p, checksum)).count();
     let good: Vec<Checksum> = CHECKSUMS
         .into_iter()
@@ -196,18 +218,17 @@ pub(crate) fn guess(hubs: &[&HubTraffic]) -> Option<(CyskinGuess, Vec<String>)> 
         }
     };
     let mut guess = CyskinGuess {
-        byte_order: ByteOrder::Big,
         checksum,
         sequence_bytes_above,
-        sensors_per_module: SENSORS,
+        ..anything
     };
-    match sensors_per_module(hubs, &guess) {
+    match sensors_per_module(&hubs, &guess) {
         Some(sensors) => guess.sensors_per_module = sensors,
         None => doubts.push(format!(
             "the packets do not tell how many values a module has; sensors_per_module = {SENSORS} is a guess"
         )),
     }
-    match byte_order(hubs, &guess) {
+    match byte_order(&hubs, &guess) {
         Some(order) => guess.byte_order = order,
         None => doubts.push("the values do not tell their byte order; \"big\" is a guess".into()),
     }
@@ -290,7 +311,7 @@ pub(crate) fn add_hubs(
 ) -> bool {
     let before = bus.boards.len();
     for (address, hub) in hubs {
-        if !(1..=LARGEST_ADDRESS).contains(address) {
+        if !(1..=guess.ids.largest_address()).contains(address) {
             continue;
         }
         // How often each sensor spoke, and whether it ever had a value (0 and 65535 are none).
