@@ -411,3 +411,27 @@ fn the_bus_can_go_wrong_in_every_way_a_scene_names() {
     );
     assert_eq!(bench.until_ms(1000).len(), 0);
 }
+
+#[test]
+fn a_module_of_four_by_six_sends_all_its_taxels_once_it_was_started() {
+    let text = "name = \"tip\"\nbuses = [\"can0\"]\nimage = { width = 6, height = 4 }\n[[module]]\nname = \"m\"\npart = \"p\"\n\
+                bus = \"can0\"\nboard = 1\nprotocol = \"uskin-l2\"\nat = [0, 0]\n\
+                order = [[0, 1, 2, 3, 16, 17], [4, 5, 6, 7, 18, 19], [8, 9, 10, 11, 20, 21], [12, 13, 14, 15, 22, 23]]\n";
+    let layout = taxel_skin::Layout::parse(text, "tip.toml").unwrap();
+    let mut bench = Bench::new(&scene(2, ""), &layout);
+    assert!(bench.until_ms(200).iter().all(|f| f.frame.data()[0] != 0x83));
+    let start = taxel_can::CanFrame::standard(0x201, &[7, 0]).unwrap();
+    bench.sim.command(0, &start, 200_000_000).unwrap();
+    let frames = bench.until_ms(1_200).to_vec();
+    // `0x100 | sda << 4 | chip`, chips 0 to 5; byte 7 is the line.
+    for id in (0..4u32).flat_map(|sda| (0..6).map(move |chip| 0x100 | sda << 4 | chip)) {
+        let of_id: Vec<_> = frames.iter().filter(|f| f.frame.id() == id).collect();
+        assert!(of_id.len() >= 49, "{id:03X}: {}", of_id.len());
+        assert!(
+            of_id
+                .iter()
+                .all(|f| u32::from(f.frame.data()[7]) == (id >> 4 & 3) + 1)
+        );
+    }
+    assert!(frames.iter().all(|f| f.frame.id() & 0x7C8 == 0x100));
+}

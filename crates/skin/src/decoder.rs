@@ -287,7 +287,7 @@ impl Decoder {
     }
 
     /// What to let through a kernel filter. The filters pass every taxel frame of the bus (exactly
-    /// these for L1 and L2), every frame of its CySkin hubs and, where there is an MTB, its class-7
+    /// these for L1), every frame of its CySkin hubs and, where there is an MTB, its class-7
     /// frames (queue overflow, replies to discovery).
     pub fn filters(&self) -> &[IdFilter] {
         &self.table.filters

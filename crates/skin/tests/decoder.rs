@@ -92,8 +92,9 @@ fn each_kind_of_frame_is_told_apart() {
     let cases = [
         (0, frame(0x000, &VALUE), Decoded::Readings),
         (0, frame(0x533, &VALUE), Decoded::Readings),
-        // No such chip, SDA line or board.
+        // No such chip (4 and 5 are those of a 4x6 module), SDA line or board.
         (0, frame(0x004, &VALUE), Decoded::Unknown),
+        (0, frame(0x006, &VALUE), Decoded::Unknown),
         (0, frame(0x040, &VALUE), Decoded::Unknown),
         (0, frame(0x100, &VALUE), Decoded::Unknown),
         (0, frame(0x500, &VALUE[..7]), Decoded::Malformed { board: 1 }),
@@ -172,7 +173,8 @@ fn each_kind_of_frame_is_told_apart() {
 fn the_kernel_filters_pass_what_is_decoded_and_little_else() {
     let layout = layout();
     let mut readings = Readings::new();
-    for (bus, passed_without_use) in [(0, 0x100), (1, 0x100 - 16), (2, 64 - 4)] {
+    // Of L2 on bus 0 also those of four chips more on each line: a 4x6 module has two of them.
+    for (bus, passed_without_use) in [(0, 0x100 + 2 * 16), (1, 0x100 - 16), (2, 64 - 4)] {
         let mut decoder = Decoder::new(&layout, bus);
         let filters = decoder.filters().to_vec();
         let mut useless = 0;

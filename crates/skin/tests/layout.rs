@@ -278,8 +278,8 @@ fn what_cannot_be_is_refused_with_file_and_line() {
             &["hand.toml:11:", "row 1", "1 cells", "first has 2"],
         ),
         (
-            first(&["order = [[0, 16]]"]),
-            &["hand.toml:11:", "taxel 16", "0 to 15"],
+            first(&["order = [[0, 24]]"]),
+            &["hand.toml:11:", "taxel 24", "0 to 23"],
         ),
         (first(&["order = [[-2]]"]), &["hand.toml:11:", "taxel -2"]),
         (first(&["order = [[-1]]"]), &["hand.toml:11:", "no taxel"]),

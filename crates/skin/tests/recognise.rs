@@ -287,6 +287,28 @@ fn xela_controllers_whose_last_byte_is_unused_are_not_taken_for_mtbs() {
 }
 
 #[test]
+fn xela_modules_of_four_by_six_on_ids_of_the_second_layout_come_back_with_all_their_taxels() {
+    let order = "order = [[0, 1, 2, 3, 16, 17], [4, 5, 6, 7, 18, 19], [8, 9, 10, 11, 20, 21], [12, 13, 14, 15, 22, 23]]";
+    for boards in [&[1u8][..], &[1, 4], &[0, 1, 2, 3, 4, 5, 6, 7]] {
+        let mut text =
+            "name = \"tips\"\nbuses = [\"can0\"]\nimage = { width = 48, height = 4 }\n".to_string();
+        for (place, board) in boards.iter().enumerate() {
+            text += &format!(
+                "[[module]]\nname = \"m{board}\"\npart = \"p\"\nbus = \"can0\"\nboard = {board}\nprotocol = \"uskin-l2\"\n\
+                 at = [{}, 0]\n{order}\n",
+                6 * place
+            );
+        }
+        let layout = Layout::parse(&text, "tips.toml").unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(layout.len(), 24 * boards.len());
+        comes_back(&layout);
+        let found = recognise(1, &traffic(&layout));
+        let text = found.layout_file("found", &["can0"]).unwrap();
+        assert!(text.contains("  [ 0,  1,  2,  3, 16, 17],\n"), "{text}");
+    }
+}
+
+#[test]
 fn a_taxel_that_never_speaks_and_one_that_speaks_once_are_told_from_a_board() {
     let ks: Vec<u8> = (0..16).filter(|k| *k != 5).collect();
     let mut traffic = board(Protocol::USKIN_L1, 3, &ks, None);

@@ -192,7 +192,8 @@ impl Protocol {
 
     /// How many taxel numbers a board has, `k = 0..taxel_numbers()`.
     ///
-    /// In L1 and L2 `k = sda << 2 | chip`. In L3 `k = sda << 4 | taxel`; the manual's module uses
+    /// In L1 and L2 `k = sda << 2 | chip`, and in L2 `16 + 2 * sda + chip - 4` for chips 4 and 5 of a
+    /// XELA 4x6 module. In L3 `k = sda << 4 | taxel`; the manual's module uses
     /// taxels 0 to 5 of each SDA line, so the numbers of a 4x6 module have gaps. iCub: `k =
     /// triangle * 12 + pad`, where some pads are no taxels; CySkin: `k = sensor`, where 0 is the
     /// temperature ([`crate::Decoder::auxiliary`] has those).
@@ -289,8 +290,8 @@ impl Protocol {
         self.mtb().map(|_| MtbCommand::start(board).id())
     }
 
-    /// A filter that passes the taxel frames of one board: exact for L1, L2 and the iCub; for L3 it
-    /// passes every taxel number, used or not, and for `cpm-finger` every id from 0x400 to 0x40F.
+    /// A filter that passes the taxel frames of one board: exact for L1 and the iCub; for L2 it passes
+    /// eight chips on a line, for L3 every taxel number, used or not, and for `cpm-finger` every id from 0x400 to 0x40F.
     /// `None` if the protocol has no such board, and for `cyskin`, whose ids are the hub's.
     pub fn filter(self, board: u8) -> Option<IdFilter> {
         let mask = self.0.board_mask()?;

@@ -2,7 +2,7 @@
 //!
 //! | protocol | frames | taxel numbers `k` | start sequence |
 //! |---|---|---|---|
-//! | `uskin-l1`, `uskin-l2` | one per taxel, three axes | `sda << 2 \| chip` | `SET_TXMODE` |
+//! | `uskin-l1`, `uskin-l2` | one per taxel, three axes | `sda << 2 \| chip`; chips 4 and 5 in `uskin-l2`: 16 to 23 | `SET_TXMODE` |
 //! | `uskin-l3` | one per taxel, three axes | `sda << 4 \| taxel` | none: sends from power-up on |
 //! | `icub-mtb3`, `icub-mtb4` | two per triangle, one axis of 8 bits | `triangle * 12 + pad` | configuration, then `SET_TXMODE` |
 //! | `cyskin` | packets of one or more frames, one axis of 16 bits | sensor on the module, 1 to 11 | as Genoa's library does, or as configured |
@@ -33,7 +33,8 @@ use recognised::Recognise;
 impl Protocol {
     /// uSkin on MTB3, firmware of 2017: id `0x700 + (board << 4) + (sda << 2) + chip`.
     pub const USKIN_L1: Self = Self(&uskin::L1);
-    /// uSkin on MTB3, since April 2018: id `(board << 8) + (sda << 4) + chip`, boards 0 to 7.
+    /// uSkin on MTB3, since April 2018, and XELA 4x6 modules with such ids: id
+    /// `(board << 8) + (sda << 4) + chip`, boards 0 to 7.
     pub const USKIN_L2: Self = Self(&uskin::L2);
     /// XELA controllers with `ctr_ver = 3`: id bits 10 group, 9-8 SDA, 7-4 taxel, 3-0 controller.
     pub const USKIN_L3: Self = Self(&uskin::L3);

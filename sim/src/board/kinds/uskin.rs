@@ -9,20 +9,21 @@ use taxel_skin::Protocol;
 
 /// uSkin boards of one id layout.
 pub(super) struct UskinBoards {
-    /// The bits of a taxel's number that are its place on its sensor line.
-    chip_bits: u8,
+    /// The place of a taxel on its sensor line, by its number.
+    chip: fn(u8) -> u8,
     /// A XELA controller, which sends from power-up on and takes no command that is known.
     xela: bool,
 }
 
 const ON_MTB: UskinBoards = UskinBoards {
-    chip_bits: 3,
+    // Chips 4 and 5 are those of 4x6 modules.
+    chip: |k| if k < 16 { k & 3 } else { 4 + (k & 1) },
     xela: false,
 };
 pub(super) const L1: UskinBoards = ON_MTB;
 pub(super) const L2: UskinBoards = ON_MTB;
 pub(super) const L3: UskinBoards = UskinBoards {
-    chip_bits: 15,
+    chip: |k| k & 15,
     xela: true,
 };
 
@@ -58,7 +59,7 @@ impl Uskin {
     /// The four sensor lines are read at once, the chips of a line one after another.
     fn new(boards: &UskinBoards, blueprint: &Blueprint<'_>) -> Self {
         let taxels = blueprint.taxels();
-        let chip = |k: u8| k & boards.chip_bits;
+        let chip = boards.chip;
         let mut chips: Vec<u8> = taxels.iter().map(|(k, _)| chip(*k)).collect();
         chips.sort_unstable();
         chips.dedup();

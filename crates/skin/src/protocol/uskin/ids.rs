@@ -4,7 +4,8 @@
 //! and L2; of L3 the manual's excerpt only gives one example (controller 1: 0x001 to 0x051, 0x101 to 0x151,
 //! ... 0x301 to 0x351), and what the group bit means is not said. Here it extends the controller number.
 
-/// Which of the layouts.
+/// Which of the layouts. L2 has six chips on a line where the module is XELA's 4x6: those beyond the fourth have the
+/// taxel numbers from 16 on, so that a 4x4 module keeps its own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum IdLayout {
     L1,
@@ -18,7 +19,10 @@ impl IdLayout {
         let (board, k) = (board as u16, k as u16);
         match self {
             IdLayout::L1 => 0x700 | board << 4 | k,
-            IdLayout::L2 => board << 8 | (k >> 2) << 4 | (k & 3),
+            IdLayout::L2 => {
+                let (sda, chip) = self.line(k as u8);
+                board << 8 | (sda as u16) << 4 | chip as u16
+            }
             IdLayout::L3 => (board >> 4) << 10 | (k >> 4) << 8 | (k & 15) << 4 | (board & 15),
         }
     }
@@ -27,8 +31,14 @@ impl IdLayout {
     pub(crate) const fn taxel_of(self, id: u16) -> Option<(u8, u8)> {
         match self {
             IdLayout::L1 if 0x700 <= id && id <= 0x7FF => Some(((id >> 4 & 15) as u8, (id & 15) as u8)),
-            IdLayout::L2 if id <= 0x7FF && id & 0xCC == 0 => {
-                Some(((id >> 8) as u8, (id >> 2 & 0xC | id & 3) as u8))
+            IdLayout::L2 if id <= 0x7FF && id & 0xC8 == 0 && id & 7 < 6 => {
+                let (sda, chip) = ((id >> 4 & 3) as u8, (id & 7) as u8);
+                let k = if chip < 4 {
+                    sda << 2 | chip
+                } else {
+                    16 + 2 * sda + chip - 4
+                };
+                Some(((id >> 8) as u8, k))
             }
             IdLayout::L3 if id <= 0x7FF => Some((
                 (id >> 6 & 0x10 | id & 15) as u8,
@@ -42,7 +52,7 @@ impl IdLayout {
     pub(crate) const fn board_mask(self) -> u16 {
         match self {
             IdLayout::L1 => 0x7F0,
-            IdLayout::L2 => 0x7CC,
+            IdLayout::L2 => 0x7C8,
             IdLayout::L3 => 0x40F,
         }
     }
@@ -50,21 +60,24 @@ impl IdLayout {
     /// The SDA line of a taxel, and its place on the line.
     pub(crate) const fn line(self, k: u8) -> (u8, u8) {
         match self {
+            // Chips 4 and 5, of 4x6 modules.
+            IdLayout::L2 if k >= 16 => ((k - 16) >> 1, 4 + (k & 1)),
             IdLayout::L1 | IdLayout::L2 => (k >> 2, k & 3),
             IdLayout::L3 => (k >> 4, k & 15),
         }
     }
 
     /// The taxel numbers that a board would have that has at least these: a phalange of 16 or a
-    /// fingertip of 8; in L3 the same number on each SDA line from 0 on.
+    /// fingertip of 8, in L2 also a 4x6 module of 24; in L3 the same number on each SDA line from 0 on.
     pub(super) fn expected(self, taxels: &[u8]) -> Vec<u8> {
         let largest = taxels.iter().copied().max().unwrap_or(0);
         if self != IdLayout::L3 {
-            return if largest < 8 {
-                (0..8).collect()
-            } else {
-                (0..16).collect()
+            let taxels = match largest {
+                0..8 => 8,
+                8..16 => 16,
+                _ => 24,
             };
+            return (0..taxels).collect();
         }
         let per_line = taxels.iter().map(|k| k & 15).max().unwrap_or(0);
         (0..=largest >> 4)

@@ -47,6 +47,7 @@ pub(crate) const L2: Uskin = Uskin {
     properties: Properties {
         name: "uskin-l2",
         addresses: 0..8,
+        taxel_numbers: 24,
         mtb: MTB,
         ..Properties::USUAL
     },
@@ -112,7 +113,22 @@ impl BoardProtocol for Uskin {
 
     fn proposed_order(&self, taxels: &[u8]) -> Order {
         let mut order = match self.ids {
-            IdLayout::L1 | IdLayout::L2 => phalange((self.ids.expected(taxels).len() / 4) as i16),
+            IdLayout::L1 | IdLayout::L2 => match self.ids.expected(taxels).len() {
+                24 => (0..4)
+                    .map(|sda| {
+                        [
+                            4 * sda,
+                            4 * sda + 1,
+                            4 * sda + 2,
+                            4 * sda + 3,
+                            16 + 2 * sda,
+                            17 + 2 * sda,
+                        ]
+                        .to_vec()
+                    })
+                    .collect(),
+                expected => phalange((expected / 4) as i16),
+            },
             IdLayout::L3 => {
                 let lines = 0..=taxels.iter().map(|k| k >> 4).max().unwrap_or(0);
                 let per_line = taxels.iter().map(|k| k & 15).max().unwrap_or(0);
@@ -161,7 +177,13 @@ mod tests {
             (Protocol::USKIN_L3, 1, 0x35, Some(0x351)),
             (Protocol::USKIN_L3, 0x11, 0x00, Some(0x401)),
             (Protocol::USKIN_L1, 15, 0, None),
-            (Protocol::USKIN_L2, 0, 16, None),
+            // A XELA 4x6 module: chips 4 and 5 of each line.
+            (Protocol::USKIN_L2, 1, 16, Some(0x104)),
+            (Protocol::USKIN_L2, 1, 17, Some(0x105)),
+            (Protocol::USKIN_L2, 1, 22, Some(0x134)),
+            (Protocol::USKIN_L2, 1, 23, Some(0x135)),
+            (Protocol::USKIN_L2, 0, 24, None),
+            (Protocol::USKIN_L1, 0, 16, None),
             (Protocol::USKIN_L3, 32, 0, None),
         ];
         for (protocol, board, k, id) in cases {
