@@ -429,19 +429,20 @@ def test_a_port_that_is_not_there_is_waited_for_and_told_what_to_do(folder):
 
 def allegro_frame(version, finger, counts):
     """The position frame of a finger, at rest at these counts from the centre."""
-    if version == 4:
+    if version >= 4:
         data = b"".join(c.to_bytes(2, "little", signed=True) for c in counts)
         return 0x080 + 4 * finger, data
     data = b"".join((c + 32768).to_bytes(2, "little") for c in counts)
     return 0x3C0 | 2 << 3 | 3 + finger, data
 
 
-@pytest.mark.parametrize("version", [1, 2, 3, 4])
+@pytest.mark.parametrize("version", [1, 2, 3, 4, 5])
 def test_an_allegro_hand_is_listened_to_and_never_spoken_to(folder, version):
     port = free_udp_port()
     address = f"allegro:udp:{GROUP}:{port}?hops=0"
     counts = [[1000 * finger + 100 * j - 2000 for j in range(4)] for finger in range(4)]
-    angles = [c * COUNT_RAD for finger in counts for c in finger]
+    count_rad = COUNT_RAD if version < 5 else math.radians(0.088)
+    angles = [c * count_rad for finger in counts for c in finger]
     stop = threading.Event()
 
     def send(bus):

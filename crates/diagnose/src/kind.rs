@@ -99,6 +99,8 @@ kinds! {
     HandSilent "hand-silent" Error,
     /// A finger of an Allegro hand sends no angles.
     FingerSilent "finger-silent" Error,
+    /// The angles of an Allegro hand cannot be those of the version given.
+    HandVersion "hand-version" Warning,
 }
 
 impl fmt::Display for Kind {

@@ -1,7 +1,7 @@
 //! The problems there are, and what of them is new. Each is told once when it comes and once when
 //! it is over; one that comes and goes is told less and less often.
 
-use crate::joints::{self, JointsReadings, Patience};
+use crate::joints::{self, AnglesUsed, JointsReadings, Patience};
 use crate::kind::{Kind, Severity};
 use crate::problem::{Place, Problem};
 use crate::rate_limiter::RateLimiter;
@@ -47,6 +47,7 @@ pub struct Problems {
     recent: VecDeque<(u64, Vec<SourceCounters>, JointsReadings)>,
     steadiness: boards::Steadiness,
     patience: Patience,
+    angles_used: AnglesUsed,
     now_ns: u64,
 }
 
@@ -84,7 +85,7 @@ impl Problems {
                 look: &look,
                 has: &has,
             };
-            judge.judge(&mut self.patience, &mut found);
+            judge.judge(&mut self.patience, &mut self.angles_used, &mut found);
         }
         self.replace(found)
     }

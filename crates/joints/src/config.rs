@@ -302,7 +302,7 @@ mod tests {
         let bare = r#"source = "allegro:can2""#;
         let config: JointsConfig = toml::from_str(bare).unwrap();
         assert_eq!(config.check(), Err(JointsConfigError::NoAllegro));
-        for (version, good) in [(0, false), (1, true), (3, true), (4, true), (5, false)] {
+        for (version, good) in [(0, false), (1, true), (3, true), (4, true), (5, true), (6, false)] {
             let config: JointsConfig =
                 toml::from_str(&format!("{bare}\nallegro.version = {version}")).unwrap();
             assert_eq!(config.check().is_ok(), good, "{version}");

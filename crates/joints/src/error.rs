@@ -83,10 +83,10 @@ pub enum JointsConfigError {
         source_kind: &'static str,
     },
     /// An Allegro hand whose version is not said.
-    #[error("joints: source allegro needs a table [joints.allegro] with version = 1, 2, 3 or 4")]
+    #[error("joints: source allegro needs a table [joints.allegro] with version = 1, 2, 3, 4 or 5")]
     NoAllegro,
     /// Not a version of the hand.
-    #[error("joints.allegro.version = {0}; there are versions 1, 2, 3 and 4")]
+    #[error("joints.allegro.version = {0}; there are versions 1 to 5")]
     AllegroVersion(u8),
     /// Not a direction.
     #[error("joints.allegro.enc_dir[{joint}] = {value}; write 1 or -1")]

@@ -12,7 +12,7 @@ const AREA: &str = "joints";
 const LISTEN_NS: u64 = 500_000_000;
 const RECEIVE_BUFFER: usize = 4 << 20;
 
-/// Position frames of each finger, as the frames of versions 1 to 3 and as those of version 4.
+/// Position frames of each finger, as the frames of versions 1 to 3 and as those of versions 4 and 5.
 #[derive(Debug, Default, Clone, Copy, PartialEq)]
 pub(super) struct AllegroFacts {
     pub(super) positions: [[u64; 4]; 2],
@@ -41,7 +41,7 @@ pub(super) fn listen(source: &AllegroSource, interrupt: Interrupt) -> anyhow::Re
         let of_this_hand = source
             .hand
             .as_ref()
-            .filter(|c| (c.version == 4) == (version == 4));
+            .filter(|c| c.has_ids_of_4() == (version == 4));
         AllegroDecoder::new(
             &of_this_hand
                 .cloned()
@@ -70,7 +70,8 @@ pub(super) fn check(source: &AllegroSource, facts: &AllegroFacts) -> Vec<Check> 
     let version = source.hand.as_ref().map(|hand| hand.version);
     let [older, four] = facts.positions;
     let speaks = |fingers: [u64; 4]| fingers.iter().all(|n| *n > 0);
-    let (own, other) = if version == Some(4) {
+    let has_ids_of_4 = source.hand.as_ref().is_some_and(|hand| hand.has_ids_of_4());
+    let (own, other) = if has_ids_of_4 {
         (four, older)
     } else {
         (older, four)
@@ -81,7 +82,7 @@ pub(super) fn check(source: &AllegroSource, facts: &AllegroFacts) -> Vec<Check> 
         return vec![Check::ok(AREA, "Allegro hand", object, found)];
     }
     if speaks(other) {
-        let is = if version == Some(4) { "1, 2 or 3" } else { "4" };
+        let is = if has_ids_of_4 { "1, 2 or 3" } else { "4 or 5" };
         let found = format!("a hand of version {is} reports");
         let check = Check::error(AREA, "Allegro hand", object, found)
             .wanted(version.map_or("a version".into(), |v| format!("version {v}")))

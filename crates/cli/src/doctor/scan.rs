@@ -355,7 +355,7 @@ fn words(bus: &Bus, found: &RecognisedBus, scan: &Scan<'_>) -> Vec<String> {
         ),
     });
     if let Some(version) = found.allegro {
-        let version = if version == 4 { "4" } else { "1, 2 or 3" };
+        let version = if version == 4 { "4 or 5" } else { "1, 2 or 3" };
         lines.push(format!(
             "{}: an Allegro hand of version {version} reports its joints; [joints] source = \"allegro:{}\"{}",
             bus.name,

@@ -1,6 +1,7 @@
 //! What is wrong with the joints, and what is to be said of them while all is well.
 
 mod allegro;
+mod angles_used;
 mod patience;
 mod reporter;
 mod servos;
@@ -8,6 +9,7 @@ mod servos;
 pub(crate) mod test_views;
 
 pub use allegro::silent_fingers;
+pub(crate) use angles_used::AnglesUsed;
 pub(crate) use patience::Patience;
 pub use reporter::JointsReporter;
 pub use servos::{missing_servos, servo_state, silent_servo, slow_adapter};
@@ -47,7 +49,7 @@ pub(crate) struct Judge<'a> {
 }
 
 impl Judge<'_> {
-    pub(crate) fn judge(&self, patience: &mut Patience, found: &mut Vec<Problem>) {
+    pub(crate) fn judge(&self, patience: &mut Patience, used: &mut AnglesUsed, found: &mut Vec<Problem>) {
         let unknown = patience.unknown(self.view);
         match self.view.of(self.config) {
             Some(SourceView::Servos {
@@ -55,7 +57,11 @@ impl Judge<'_> {
                 snapshot,
                 port,
             }) => self.servos(config, snapshot, port, &unknown, patience, found),
-            Some(SourceView::Hand(hand)) => self.hand(hand, patience, found),
+            Some(SourceView::Hand(hand)) => {
+                used.add(&self.view.tick.angles);
+                self.hand(hand, patience, found);
+                found.extend(used.problem(hand));
+            }
             None => {}
         }
     }

@@ -4,6 +4,7 @@ use super::*;
 use crate::joints::test_views::{S, allegro, away, finger, open, servo, servos};
 use crate::{Place, Severity};
 use taxel_joints::registers::HardwareError;
+use taxel_joints::{AllegroConfig, JointSource};
 
 struct JointsBench {
     bench: Bench,
@@ -272,4 +273,91 @@ fn a_hand_and_its_fingers_that_are_silent_are_told_and_so_is_its_bus() {
     );
     bench.pass(1000, |view| view.now_ns += S / 1000);
     assert_eq!(bench.bench.kinds(), ["hand-silent"]);
+}
+
+/// A hand of this version whose joints are at these angles, degrees, and at others after a while.
+fn moving_hand(version: u8, angles: [f32; 16], then: [f32; 16]) -> JointsBench {
+    let (mut config, view) = allegro();
+    let JointSource::Allegro(hand) = &mut config.source else {
+        panic!("a hand");
+    };
+    hand.hand = Some(AllegroConfig::new(version));
+    let mut bench = JointsBench::new((config, view));
+    for degrees in [angles, then] {
+        bench.pass(500, |view| {
+            view.link = LinkState::Up;
+            (view.tick.angles.iter_mut().zip(degrees))
+                .for_each(|(angle, degrees)| *angle = degrees.to_radians());
+            (0..4).for_each(|f| finger(view, f));
+        });
+    }
+    bench
+}
+
+#[test]
+fn angles_that_a_hand_of_the_version_given_cannot_have_are_told() {
+    // The thumb of version 4 is never turned in by less than 15 degrees; that of version 5 says up to 190.
+    let open: [f32; 16] = std::array::from_fn(|joint| if joint == 12 { 16.0 } else { 1.0 });
+    let closed: [f32; 16] = std::array::from_fn(|joint| if joint == 13 { 188.0 } else { 70.0 });
+    let scaled = |angles: [f32; 16], by: f32| angles.map(|degrees| degrees * by);
+    let counts = (333.3 / 65_536.0) / 0.088;
+    let none: &[&str] = &[];
+    let cases = [
+        ("as it is", 4, open, scaled(open, 1.2), none),
+        ("as it is, 5", 5, open, closed, none),
+        (
+            "a hand at rest says nothing",
+            4,
+            scaled(open, counts),
+            scaled(open, counts),
+            none,
+        ),
+        (
+            "5 as 4",
+            4,
+            scaled(open, counts),
+            scaled(closed, counts),
+            &["10.9 degrees", "write `version = 5`"],
+        ),
+        (
+            "4 as 5",
+            5,
+            scaled(open, 1.0 / counts),
+            scaled(open, 2.0 / counts),
+            &["joint 12", "write `version = 4`"],
+        ),
+        (
+            "3 with wrong offsets",
+            3,
+            open,
+            scaled(closed, 2.0),
+            &["joint 13", "zero.yaml"],
+        ),
+    ];
+    for (what, version, angles, then, wanted) in cases {
+        let bench = moving_hand(version, angles, then);
+        let found: Vec<_> = bench
+            .bench
+            .problems
+            .current()
+            .iter()
+            .map(|p| &p.problem)
+            .collect();
+        match (&found[..], wanted) {
+            ([], []) => {}
+            ([problem], [_, ..]) => {
+                assert_eq!(
+                    (problem.kind, problem.place),
+                    (Kind::HandVersion, Place::Joints),
+                    "{what}"
+                );
+                let sentence = problem.sentence();
+                assert!(
+                    wanted.iter().all(|part| sentence.contains(part)),
+                    "{what}: {sentence}"
+                );
+            }
+            _ => panic!("{what}: {found:?}"),
+        }
+    }
 }

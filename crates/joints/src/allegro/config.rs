@@ -13,9 +13,9 @@ pub const ALLEGRO_FINGERS: [&str; 4] = ["index", "middle", "ring", "thumb"];
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AllegroConfig {
-    /// 1 to 4.
+    /// 1 to 5.
     pub version: u8,
-    /// Version 4: the hand's device id on the bus, 0 to 3.
+    /// Versions 4 and 5: the hand's device id on the bus, 0 to 3.
     #[serde(default)]
     pub device: u8,
     /// Sign of each encoder, 1 or -1, as in the hand's `zero.yaml`.
@@ -47,12 +47,17 @@ impl AllegroConfig {
         }
     }
 
+    /// Whether the hand has the ids of version 4, with a device id in them; those before have others.
+    pub fn has_ids_of_4(&self) -> bool {
+        self.version >= 4
+    }
+
     /// Refuses what cannot be.
     pub fn check(&self) -> Result<(), JointsConfigError> {
-        if !(1..=4).contains(&self.version) {
+        if !(1..=5).contains(&self.version) {
             return Err(JointsConfigError::AllegroVersion(self.version));
         }
-        let devices = if self.version == 4 { 3.0 } else { 0.0 };
+        let devices = if self.has_ids_of_4() { 3.0 } else { 0.0 };
         check_range(
             "joints.",
             "allegro.device",

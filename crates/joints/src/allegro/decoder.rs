@@ -1,5 +1,5 @@
 //! Position frames of an Allegro hand into angles. Frames are those of the public drivers of
-//! versions 1 to 3 and of version 4.
+//! versions 1 to 3, of version 4 and of version 5.
 
 use super::config::{ALLEGRO_JOINTS, AllegroConfig};
 use super::ids::{V3_POSITION, V4_POSITION};
@@ -9,6 +9,9 @@ use taxel_can::CanFrame;
 
 /// One count of the encoder, radians: 333.3 degrees in 65,536 counts.
 const COUNT_RAD: f64 = 333.3 / 65_536.0 * (PI / 180.0);
+
+/// One count of version 5, radians: 0.088 degrees, 17 times as much.
+const V5_COUNT_RAD: f64 = 0.088 * (PI / 180.0);
 
 /// What one CAN frame was to the decoder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -93,7 +96,7 @@ impl AllegroDecoder {
         let Some(id) = frame.standard_id() else {
             return AllegroFrame::Other;
         };
-        let finger = if self.config.version == 4 {
+        let finger = if self.config.has_ids_of_4() {
             let msg = (id >> 2).wrapping_sub(V4_POSITION);
             (id & 3 == u16::from(self.config.device) && msg < 4).then_some(usize::from(msg))
         } else {
@@ -114,10 +117,11 @@ impl AllegroDecoder {
     fn angle_rad(&self, joint: usize, bytes: [u8; 2]) -> f64 {
         let dir = f64::from(self.config.enc_dir[joint]);
         let offset = f64::from(self.config.enc_offset[joint]);
-        if self.config.version == 4 {
-            (f64::from(i16::from_le_bytes(bytes)) * dir - offset) * COUNT_RAD
-        } else {
-            (f64::from(u16::from_le_bytes(bytes)) * dir - 32_768.0 - offset) * COUNT_RAD
+        let signed = f64::from(i16::from_le_bytes(bytes)) * dir - offset;
+        match self.config.version {
+            5 => signed * V5_COUNT_RAD,
+            4 => signed * COUNT_RAD,
+            _ => (f64::from(u16::from_le_bytes(bytes)) * dir - 32_768.0 - offset) * COUNT_RAD,
         }
     }
 }
@@ -151,6 +155,26 @@ mod tests {
         assert_eq!(d.joint(0), None);
         assert_eq!(d.joint(16), None);
         assert_eq!(d.counters().positions, [0, 1, 0, 0]);
+    }
+
+    #[test]
+    fn version_5_has_the_frames_of_4_with_counts_of_0_088_degrees() {
+        let data = [0xE8, 0x03, 0x18, 0xFC, 0, 0, 1, 0];
+        let angles = |version| {
+            let mut d = decoder(version);
+            assert_eq!(
+                d.push(&frame(0x08C, &data), 1),
+                AllegroFrame::Position { finger: 3 }
+            );
+            [12, 13, 14, 15].map(|joint| d.joint(joint).unwrap().0)
+        };
+        for (angle, degrees) in angles(5).into_iter().zip([88.0_f64, -88.0, 0.0, 0.088]) {
+            assert!((angle - degrees.to_radians()).abs() < 1e-12, "{angle} {degrees}");
+        }
+        assert!(
+            (angles(5)[0] / angles(4)[0] - 17.3).abs() < 0.01,
+            "read as 4 they are 17.3 times too small"
+        );
     }
 
     #[test]
@@ -214,7 +238,7 @@ mod tests {
 
     #[test]
     fn every_id_and_length_is_decoded_or_counted_without_panic() {
-        for version in 1..=4 {
+        for version in 1..=5 {
             let mut d = decoder(version);
             for id in 0..=0x7FF {
                 for len in 0..=8 {
@@ -228,7 +252,7 @@ mod tests {
 
     #[test]
     fn the_filter_lets_every_position_frame_through_and_nothing_of_another_hand() {
-        for (version, device) in [(1, 0), (3, 0), (4, 0), (4, 3)] {
+        for (version, device) in [(1, 0), (3, 0), (4, 0), (4, 3), (5, 0)] {
             let config = AllegroConfig {
                 device,
                 ..AllegroConfig::new(version)
@@ -240,7 +264,7 @@ mod tests {
                 let position = matches!(d.finger_of(&f), AllegroFrame::Position { .. });
                 // Senders 3 to 6 are no range that a mask can name, so versions 1 to 3 let four more through.
                 assert!(passes || !position, "version {version}: {id:03X}");
-                assert!(version != 4 || passes == position, "version 4: {id:03X}");
+                assert!(version < 4 || passes == position, "version {version}: {id:03X}");
             }
         }
     }

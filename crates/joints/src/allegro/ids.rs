@@ -6,13 +6,13 @@ use taxel_skin::Layout;
 
 /// QUERY_CONTROL_DATA of versions 1 to 3: a finger's position report.
 pub(super) const V3_POSITION: u16 = 0x0F;
-/// FINGER_POSE_1 of version 4.
+/// FINGER_POSE_1 of versions 4 and 5.
 pub(super) const V4_POSITION: u16 = 0x20;
 
 impl AllegroConfig {
     /// What a CAN source has to let through for [`crate::AllegroDecoder`].
     pub fn filter(&self) -> IdFilter {
-        if self.version == 4 {
+        if self.has_ids_of_4() {
             // Four fingers, bits 2 and 3, of one device, bits 0 and 1.
             IdFilter::standard(V4_POSITION << 2 | u16::from(self.device), 0x7F3)
         } else {
@@ -23,10 +23,15 @@ impl AllegroConfig {
 
 /// Whether a standard id belongs to this hand: what it sends, and what its controller sends to it.
 fn is_hand_id(config: &AllegroConfig, id: u16) -> bool {
-    if config.version == 4 {
+    if config.has_ids_of_4() {
         let known = matches!(id >> 2,
             0x20..=0x23 | 0x30 | 0x38..=0x3B | 0x40 | 0x41 | 0x60..=0x63 | 0x68 | 0x80 | 0x81 | 0x88 | 0xE0..=0xE3);
-        known && id & 3 == u16::from(config.device)
+        // Grasps, calibration, errors and the fingertips' pressure.
+        let of_5 = matches!(
+            id >> 2,
+            0x11 | 0x12 | 0x50 | 0x52 | 0x89 | 0x92 | 0xEE | 0xF0 | 0xF2
+        );
+        (known || (of_5 && config.version == 5)) && id & 3 == u16::from(config.device)
     } else {
         let (cmd, dst, src) = (id >> 6, id >> 3 & 7, id & 7);
         let from_host = src == 2 && dst == 1 && (0x01..=0x11).contains(&cmd);

@@ -105,12 +105,12 @@ impl AllegroStarter {
 /// What has to be sent so that a hand without another controller reports its positions, in this
 /// order; nothing unless `own_bus` is set.
 ///
-/// For versions 1 to 3 it is the start of the public driver; no torque is sent. For version 4 the
+/// For versions 1 to 3 it is the start of the public driver; no torque is sent. For versions 4 and 5 the
 /// reporting period is set and the hand switched on. Not tried on a hand.
 fn start_commands(config: &AllegroConfig) -> Vec<CanFrame> {
     let frames: &[(u16, &[u8])] = match (config.own_bus, config.version) {
         (false, _) => &[],
-        (true, 4) => &[(0x81 << 2, &[3, 0, 0, 0, 0, 0]), (0x40 << 2, &[])],
+        (true, 4 | 5) => &[(0x81 << 2, &[3, 0, 0, 0, 0, 0]), (0x40 << 2, &[])],
         (true, _) => &[
             (0x08A, &[]),
             (0x0CA, &[3]),
@@ -126,14 +126,14 @@ fn start_commands(config: &AllegroConfig) -> Vec<CanFrame> {
 fn stop_commands(config: &AllegroConfig) -> Vec<CanFrame> {
     let frames: &[(u16, &[u8])] = match (config.own_bus, config.version) {
         (false, _) => &[],
-        (true, 4) => &[(0x41 << 2, &[])],
+        (true, 4 | 5) => &[(0x41 << 2, &[])],
         (true, _) => &[(0x08A, &[])],
     };
     frames_of(config, frames)
 }
 
 fn frames_of(config: &AllegroConfig, frames: &[(u16, &[u8])]) -> Vec<CanFrame> {
-    let device = if config.version == 4 {
+    let device = if config.has_ids_of_4() {
         u16::from(config.device & 3)
     } else {
         0
@@ -168,7 +168,7 @@ mod tests {
 
     #[test]
     fn nothing_is_sent_unless_the_bus_is_its_own() {
-        for version in 1..=4 {
+        for version in 1..=5 {
             let mut listener = AllegroStarter::new(&AllegroConfig::new(version));
             listener.handle_link(true);
             assert_eq!(sends(&mut listener, S), []);
@@ -176,7 +176,7 @@ mod tests {
             listener.stop();
             assert_eq!(sends(&mut listener, S), []);
             let wanted: &[u32] = match version {
-                4 => &[0x204, 0x100],
+                4 | 5 => &[0x204, 0x100],
                 _ => &[0x08A, 0x0CA, 0x14A, 0x04A, 0x38A],
             };
             assert_eq!(sends(&mut starter(version), 0), wanted);

@@ -272,7 +272,7 @@ impl BoardSupervisor {
 
     /// Says whether boards of other buses may be looked for on this one. Not where anything speaks
     /// that is not of the hand: the command to a board has a meaning of its own to an Allegro hand
-    /// (docs/protocols.md, "Allegro 4").
+    /// (docs/protocols.md, "Allegro 4 and 5").
     pub fn allow_search(&mut self, bus: u8, allowed: bool) {
         self.searched.set(bus, allowed);
     }

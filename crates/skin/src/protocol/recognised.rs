@@ -35,7 +35,8 @@ pub struct RecognisedBus {
     pub seconds: f64,
     /// The boards, by protocol and address.
     pub boards: Vec<RecognisedBoard>,
-    /// The version of an Allegro hand that reports its joints here: 3 (for 1 to 3) or 4.
+    /// The version of an Allegro hand that reports its joints here: 3 (for 1 to 3) or 4 (for 4 and 5, whose
+    /// ids are the same).
     pub allegro: Option<u8>,
     /// Ids that belong to nothing recognised, extended ones with [`taxel_can::EXTENDED_FLAG`].
     pub others: Vec<u32>,

@@ -27,7 +27,7 @@ pub(super) fn check(layout: &Layout, bus: u8, hand: &HandFacts) -> Vec<Check> {
         }
         if fingers.iter().all(|n| *n > 1) {
             rest.retain(|(_, u)| !matches!(allegro.push(&u.last, 0), AllegroFrame::Position { .. }));
-            let version = if version == 4 { "4" } else { "1 to 3" };
+            let version = if version == 4 { "4 or 5" } else { "1 to 3" };
             checks.push(
                 Check::error(
                     AREA,
