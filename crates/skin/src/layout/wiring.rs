@@ -19,9 +19,9 @@ pub struct Layout {
     /// How each module's board is wired, in the order of [`Geometry::modules`].
     pub wiring: Vec<Wiring>,
     /// The board's own number for each taxel, in the order of [`Geometry::taxels`], as
-    /// [`Protocol::frame_id`] takes it: `sda << 2 | chip` in L1 and L2 (from 16 on for chips 4 and 5), `sda << 4 | taxel` in L3,
-    /// `triangle * 12 + pad` for the iCub, the sensor's number for CySkin, the channel for
-    /// `cpm-finger`; for an offline array its place in the module, and 0 in a [`Layout::grid`].
+    /// [`Protocol::frame_id`] takes it: `sda << 2 | chip` in L1 and L2 (from 16 on for chips 4 and 5),
+    /// `sda << 4 | taxel` in L3, `triangle * 12 + pad` for the iCub, the sensor's number for CySkin, the
+    /// channel for `cpm-finger`; for an offline array its place in the module, and 0 in a [`Layout::grid`].
     pub k: Vec<u8>,
     /// How the CySkin hubs of this hand speak; `None` where no module is of protocol `cyskin`.
     pub cyskin: Option<CyskinSetup>,

@@ -291,8 +291,8 @@ impl Protocol {
     }
 
     /// A filter that passes the taxel frames of one board: exact for L1 and the iCub; for L2 it passes
-    /// eight chips on a line, for L3 every taxel number, used or not, and for `cpm-finger` every id from 0x400 to 0x40F.
-    /// `None` if the protocol has no such board, and for `cyskin`, whose ids are the hub's.
+    /// eight chips on a line, for L3 every taxel number, used or not, and for `cpm-finger` every id
+    /// from 0x400 to 0x40F. `None` if the protocol has no such board, and for `cyskin`, whose ids are the hub's.
     pub fn filter(self, board: u8) -> Option<IdFilter> {
         let mask = self.0.board_mask()?;
         self.frame_id(board, 0)
