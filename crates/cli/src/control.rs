@@ -10,8 +10,8 @@ use taxel_wire::check_socket_folder;
 
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// Has the daemon do something; an error is its own words why not.
-pub(crate) fn request(socket: &Path, request: &Value) -> anyhow::Result<()> {
+/// Has the daemon do something and returns its reply; an error is its own words why not.
+pub(crate) fn request(socket: &Path, request: &Value) -> anyhow::Result<Value> {
     check_socket_folder(socket)?;
     let connect = || format!("cannot reach taxeld at {}", socket.display());
     let mut stream = UnixStream::connect(socket).with_context(connect)?;
@@ -24,7 +24,7 @@ pub(crate) fn request(socket: &Path, request: &Value) -> anyhow::Result<()> {
         .context("no answer from the daemon")?;
     let reply: Value = serde_json::from_str(&reply).context("the daemon's answer")?;
     match reply["ok"].as_bool() {
-        Some(true) => Ok(()),
+        Some(true) => Ok(reply),
         _ => bail!("{}", reply["error"].as_str().unwrap_or("refused")),
     }
 }

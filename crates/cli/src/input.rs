@@ -220,7 +220,8 @@ pub(crate) fn interfaces(path: &Path) -> anyhow::Result<Vec<String>> {
     let file = File::open(path).with_context(|| path.display().to_string())?;
     let mut names: Vec<String> = Vec::new();
     let mut problem = None;
-    for line in LogReader::new(BufReader::new(file)) {
+    let mut log = LogReader::new(BufReader::new(file));
+    for line in log.by_ref() {
         match line {
             Ok(frame) => {
                 if !names.iter().any(|n| **n == *frame.interface) {
@@ -234,7 +235,16 @@ pub(crate) fn interfaces(path: &Path) -> anyhow::Result<Vec<String>> {
     match (names.is_empty(), problem) {
         (true, Some(problem)) => Err(problem).context(format!("{}: no CAN frame in it", path.display())),
         (true, None) => bail!("{}: no CAN frame in it", path.display()),
-        _ => Ok(names),
+        _ => {
+            if log.without_time() > 0 {
+                eprintln!(
+                    "taxel: {}: {} frames have no time, and are taken to follow each other on a full bus; `candump -l` keeps times",
+                    path.display(),
+                    log.without_time()
+                );
+            }
+            Ok(names)
+        }
     }
 }
 

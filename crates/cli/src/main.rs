@@ -17,6 +17,7 @@ mod control;
 mod demo;
 mod doctor;
 mod eval;
+mod everyday;
 mod figures;
 mod image_line;
 mod image_output;
@@ -31,6 +32,7 @@ mod replay;
 mod scene_input;
 mod servo;
 mod sim;
+mod status_text;
 mod sweep;
 mod target;
 mod watch;
@@ -58,6 +60,7 @@ Examples:
   taxel eval grasp.npz                           what it loses and what it costs, every method
   taxel figures sim:ball-grasp --out figures     its figures, raw beside compressed, as SVG
   taxel doctor                                   what is wrong with this machine and this hand
+  taxel status                                   the running daemon on one screen
 
 `taxel COMMAND --help` explains each. CAN sources are can:INTERFACE, udp:GROUP:PORT, log:FILE and sim:SCENE.";
 
@@ -71,6 +74,12 @@ enum Command {
     Figures(Box<figures::Args>),
     Sim(sim::Args),
     Doctor(Box<doctor::Args>),
+    Status(everyday::StatusArgs),
+    Rezero(everyday::RezeroArgs),
+    Pause(everyday::PauseArgs),
+    Resume(everyday::ResumeArgs),
+    Profile(everyday::ProfileArgs),
+    Mark(everyday::MarkArgs),
     Servo(servo::Args),
 }
 
@@ -83,6 +92,12 @@ fn main() -> ExitCode {
         Command::Eval(args) => eval::run(&args),
         Command::Figures(args) => figures::run(&args),
         Command::Sim(args) => sim::run(&args),
+        Command::Status(args) => everyday::status(&args),
+        Command::Rezero(args) => everyday::rezero(&args),
+        Command::Pause(args) => everyday::pause(&args),
+        Command::Resume(args) => everyday::resume(&args),
+        Command::Profile(args) => everyday::profile(&args),
+        Command::Mark(args) => everyday::mark(&args),
         Command::Servo(args) => servo::run(&args),
         Command::Doctor(args) => match doctor::run(&args) {
             Ok(true) => Ok(()),

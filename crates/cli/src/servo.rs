@@ -51,5 +51,5 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     if let Some(percent) = args.pwm {
         request["pwm_percent"] = percent.into();
     }
-    control::request(&socket, &request)
+    control::request(&socket, &request).map(drop)
 }

@@ -32,7 +32,8 @@ Examples:
   taxel sim tap --to log:tap.log
   taxel sim roll --layout icub-forearm --to udp:           any other hand; roll fits all of them
   taxel sim roll --layout schunk-sdh --show > sdh.toml     the layout file, with boards, of a hand that has none
-  taxel sim ball-grasp --to udp: --servos /tmp/servos   and in taxeld.toml dynamixel:/tmp/servos
+  taxel sim ball-grasp --to udp::43113 --to udp::43114 --servos /tmp/servos > joints.toml
+                                              the table [joints] for taxeld.toml, to read these servos
   taxel sim ball-grasp --show > mine.toml     a scene file to start one's own from")]
 pub(crate) struct Args {
     /// A built-in scene, or a scene file
@@ -55,7 +56,8 @@ pub(crate) struct Args {
     #[arg(long)]
     autostart: bool,
     /// Offer simulated Dynamixel servos of the fingers, too, that move with the scene: LINK is
-    /// made, a link to the pseudo terminal to be read as their serial port
+    /// made, a link to the pseudo terminal to be read as their serial port; stdout tells how, as the
+    /// table [joints] of a taxeld.toml
     #[arg(long, value_name = "LINK")]
     servos: Option<PathBuf>,
     /// Print the text of a built-in scene; with --layout, that of the layout that is simulated
@@ -172,17 +174,27 @@ fn print(text: &str) -> anyhow::Result<()> {
 fn offer_servos(scene: &Scene, layout: &Layout, link: &Path) -> anyhow::Result<(StableLink, ServoPty)> {
     let servos = servos_of_scene(scene, layout, servo_clock_ns());
     let (count, baud) = (servos.len(), SERVO_BAUD);
-    let names: Vec<&str> = servos.iter().map(|servo| servo.name.as_str()).collect();
-    let names = names.join(", ");
+    let names: Vec<String> = servos.iter().map(|servo| servo.name.clone()).collect();
     let bus = ServoBus::new(servos.into_iter().map(|servo| servo.build), baud);
     let pty = ServoPty::open(bus).context("a pseudo terminal for the servos")?;
     let link_made = StableLink::new(link, pty.path())
         .with_context(|| format!("--servos {}: cannot make this link", link.display()))?;
     eprintln!(
-        "{count} servos, ids 1 to {count} ({names}), at {baud} bit/s on {}",
+        "{count} servos, ids 1 to {count}, at {baud} bit/s on {}",
         link.display()
     );
+    print(&joints_table(&std::path::absolute(link)?, baud, &names))?;
     Ok((link_made, pty))
+}
+
+/// The table `[joints]` with which taxeld reads these servos, ids from 1.
+fn joints_table(link: &Path, baud: u32, names: &[String]) -> String {
+    let source = format!("dynamixel:{}", link.display());
+    let mut text = format!("[joints]\nsource = {source:?}\nbaud = {baud}\n");
+    for (id, name) in (1..).zip(names) {
+        text += &format!("\n[[joints.servo]]\nid = {id}\nname = {name:?}\n");
+    }
+    text
 }
 
 impl Args {
@@ -248,5 +260,29 @@ fn play(
         if !interrupt.sleep_until(next.map_or(latest, |next| next.min(latest))) {
             return Ok(());
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_table_of_the_simulated_servos_is_one_that_taxeld_reads() {
+        let scene = Scene::builtin("ball-grasp").unwrap();
+        let layout = Layout::resolve(scene.layout()).unwrap();
+        let names: Vec<String> = servos_of_scene(&scene, &layout, 0)
+            .into_iter()
+            .map(|servo| servo.name)
+            .collect();
+        let table = joints_table(Path::new("/tmp/the \"servos\""), SERVO_BAUD, &names);
+        let text = format!(
+            "layout = {:?}\n{}{table}",
+            layout.name,
+            "[[bus]]\nsource = \"sim:idle\"\n".repeat(2)
+        );
+        let config = taxeld::Config::parse(&text, Path::new("taxeld.toml")).unwrap();
+        let joints = config.joints.unwrap();
+        assert_eq!(joints.joint_names(), names);
     }
 }

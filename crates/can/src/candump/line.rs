@@ -5,7 +5,8 @@ use crate::{CanFrame, ERROR_FLAG, EXTENDED_FLAG};
 
 /// One frame of a log, its interface still as it stands there.
 pub(super) struct Line<'a> {
-    pub(super) t_ns: u64,
+    /// `None` where the line has no time.
+    pub(super) t_ns: Option<u64>,
     pub(super) interface: &'a [u8],
     pub(super) frame: CanFrame,
     pub(super) direction: Option<Direction>,
@@ -21,15 +22,26 @@ pub(super) fn parse_line(bytes: &[u8]) -> Result<Option<Line<'_>>, Problem> {
     if cursor.peek().is_none() {
         return Ok(None);
     }
-    let t_ns = cursor.time()?;
-    cursor.blanks("a blank after the time")?;
+    let before_the_time = cursor.expected("`(` before the time");
+    let t_ns = match cursor.peek() {
+        Some(b'(') => {
+            let t_ns = cursor.time()?;
+            cursor.blanks("a blank after the time")?;
+            Some(t_ns)
+        }
+        _ => None,
+    };
     let interface = cursor.word();
     if interface.is_empty() {
         return Err(cursor.expected("an interface name"));
     }
-    cursor.blanks("a blank after the interface name")?;
-    let frame = cursor.frame()?;
-    let direction = cursor.direction()?;
+    let started = cursor.blanks("a blank after the interface name");
+    let (frame, direction) = match started.and_then(|()| cursor.frame_and_direction(t_ns.is_some())) {
+        Ok(read) => read,
+        // What has no time is a line of candump's screen, or no frame at all.
+        Err(_) if t_ns.is_none() => return Err(before_the_time),
+        Err(problem) => return Err(problem),
+    };
     Ok(Some(Line {
         t_ns,
         interface,
@@ -134,13 +146,62 @@ impl<'a> Cursor<'a> {
             .ok_or(too_large)
     }
 
-    fn frame(&mut self) -> Result<CanFrame, Problem> {
+    /// The frame as in a log, or, which alone may be without a time, as on candump's screen.
+    fn frame_and_direction(&mut self, timed: bool) -> Result<(CanFrame, Option<Direction>), Problem> {
         let start = self.at;
         if self.word().contains(&b':') {
             return Err((start + 1, LineProblem::CanXl));
         }
         self.at = start;
         let raw_id = self.id()?;
+        let after_id = self.at;
+        self.skip_blanks();
+        if self.eat(b'[') {
+            return Ok((self.shown_frame(raw_id)?, None));
+        }
+        self.at = after_id;
+        match timed {
+            true => Ok((self.logged_frame(raw_id)?, self.direction()?)),
+            false => Err(self.expected("`[` before the length")),
+        }
+    }
+
+    /// `[LENGTH]  DATA`, its bytes apart, as candump shows them. What it shows behind them, such as their text, is passed over.
+    fn shown_frame(&mut self, raw_id: u32) -> Result<CanFrame, Problem> {
+        let length = self.at;
+        let len = match self.decimal_digit() {
+            Some(_) if self.peek().is_some_and(|b| b.is_ascii_digit()) => {
+                return Err((self.at, LineProblem::CanFd));
+            }
+            Some(len) if len <= 8 && self.eat(b']') => len as u8,
+            _ => {
+                self.at = length;
+                return Err(self.expected("a length of 0 to 8 in brackets"));
+            }
+        };
+        self.skip_blanks();
+        if self.bytes[self.at..].starts_with(b"remote request") {
+            let frame = CanFrame::remote(raw_id & 0x1FFF_FFFF, raw_id & EXTENDED_FLAG != 0, len);
+            return Ok(frame.unwrap_or_else(|_| frame_of_checked_parts(raw_id, &[])));
+        }
+        let mut data = [0; 8];
+        for byte in &mut data[..usize::from(len)] {
+            self.skip_blanks();
+            let digits = (self.hex_digit(), self.hex_digit());
+            let (Some(high), Some(low)) = digits else {
+                return Err(self.expected("as many data bytes of two hexadecimal digits as the length says"));
+            };
+            *byte = (high << 4 | low) as u8;
+        }
+        self.end_of_frame("a blank after the data")?;
+        Ok(if raw_id & ERROR_FLAG != 0 {
+            CanFrame::error(raw_id, data)
+        } else {
+            frame_of_checked_parts(raw_id, &data[..usize::from(len)])
+        })
+    }
+
+    fn logged_frame(&mut self, raw_id: u32) -> Result<CanFrame, Problem> {
         if !self.eat(b'#') {
             return Err(self.expected("`#` after the CAN id of 3 or 8 hexadecimal digits"));
         }

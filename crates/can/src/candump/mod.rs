@@ -1,7 +1,8 @@
 //! candump's log format, every dialect of it, read and written.
 //!
 //! One frame per line: `(SECONDS.FRACTION) INTERFACE ID#DATA [R|T]`, as `candump -l`, `candump -L`,
-//! python-can and canplayer write and read it.
+//! python-can and canplayer write and read it; or as candump shows it on the screen,
+//! `(SECONDS.FRACTION)  INTERFACE  ID   [LENGTH]  DATA`, where the time may be missing.
 
 mod line;
 
@@ -15,13 +16,16 @@ use std::sync::Arc;
 const LONGEST_LINE: usize = 16 * 1024;
 /// Bytes without a frame after which a file is given up: it is something else, or has no end.
 const MOST_WITHOUT_FRAME: u64 = 64 << 20;
+/// A bit of a bus of 1 Mbit/s.
+const BIT_NS: u64 = 1000;
 /// Interface names that are kept for reuse; no recording has more buses than this.
 const KNOWN_INTERFACES: usize = 64;
 
 /// One frame of a recording.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LogFrame {
-    /// The recorded time in nanoseconds of the log's own clock, often the wall clock.
+    /// The recorded time in nanoseconds of the log's own clock, often the wall clock. A frame without a
+    /// time follows the one before it as soon as a bus of 1 Mbit/s lets it.
     pub t_ns: u64,
     /// The interface it was recorded on. Bytes that are not UTF-8 are replaced.
     pub interface: Arc<str>,
@@ -130,6 +134,9 @@ pub struct LogReader<R> {
     interfaces: Vec<Arc<str>>,
     /// Bytes read since the last frame.
     without_frame: u64,
+    /// Time of the last frame.
+    last_ns: u64,
+    without_time: u64,
     ended: bool,
 }
 
@@ -142,6 +149,8 @@ impl<R: BufRead> LogReader<R> {
             line_number: 0,
             interfaces: Vec::with_capacity(KNOWN_INTERFACES),
             without_frame: 0,
+            last_ns: 0,
+            without_time: 0,
             ended: false,
         }
     }
@@ -149,6 +158,20 @@ impl<R: BufRead> LogReader<R> {
     /// Lines read so far.
     pub fn line_number(&self) -> u64 {
         self.line_number
+    }
+
+    /// Frames so far that had no time; see [`LogFrame::t_ns`].
+    pub fn without_time(&self) -> u64 {
+        self.without_time
+    }
+
+    /// The time of a frame; one that has none takes as long as its bits do.
+    fn time_of(last_ns: &mut u64, without_time: &mut u64, t_ns: Option<u64>, frame: &CanFrame) -> u64 {
+        *last_ns = t_ns.unwrap_or_else(|| {
+            *without_time += 1;
+            last_ns.saturating_add(u64::from(frame.bits()) * BIT_NS)
+        });
+        *last_ns
     }
 
     /// Reads one line without its end into `self.line`; what is over the limit is dropped. `None`
@@ -218,7 +241,12 @@ impl<R: BufRead> Iterator for LogReader<R> {
                 Ok(Some(line)) => {
                     self.without_frame = 0;
                     return Some(Ok(LogFrame {
-                        t_ns: line.t_ns,
+                        t_ns: Self::time_of(
+                            &mut self.last_ns,
+                            &mut self.without_time,
+                            line.t_ns,
+                            &line.frame,
+                        ),
                         interface: interned(&mut self.interfaces, line.interface),
                         frame: line.frame,
                         direction: line.direction,

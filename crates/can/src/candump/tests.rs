@@ -67,6 +67,65 @@ fn every_dialect_of_a_frame_is_read() {
 }
 
 #[test]
+fn what_candump_shows_on_the_screen_is_read_as_well() {
+    let frame = |id, data: &[u8]| CanFrame::standard(id, data).unwrap();
+    let cases = [
+        (
+            "  can0  044   [5]  2A 36 6C 2B BA",
+            frame(0x44, &[0x2A, 0x36, 0x6C, 0x2B, 0xBA]),
+        ),
+        ("  can0       044   [2]  2a 36   '*6'", frame(0x44, &[0x2A, 0x36])),
+        ("  can0  7FF   [0] ", frame(0x7FF, &[])),
+        (
+            "  can0  00000044   [1]  01",
+            CanFrame::extended(0x44, &[1]).unwrap(),
+        ),
+        (
+            "  can0  123   [4]  remote request",
+            CanFrame::remote(0x123, false, 4).unwrap(),
+        ),
+        (
+            "  can0  20000080   [8]  00 00 00 00 00 00 00 00   ERRORFRAME",
+            CanFrame::error(0x80, [0; 8]),
+        ),
+    ];
+    for (text, frame) in cases {
+        let got = read_one(&format!(" (1436509052.249713){text}"));
+        assert_eq!(
+            (got.t_ns, got.frame),
+            (1_436_509_052_249_713_000, frame),
+            "{text}"
+        );
+        assert_eq!(&*read_one(text).interface, "can0", "{text}");
+        assert_eq!(read_one(text).frame, frame, "{text}");
+    }
+    for (text, column) in [
+        ("(1.0)  can0  123   [9]  00", 21),
+        ("(1.0)  can0  123   [2]  00", 27),
+        ("(1.0)  can0  123   [2]  00 0", 29),
+        ("(1.0)  can0  123   [1]  001", 27),
+    ] {
+        assert_eq!(problem(text.as_bytes()).0, column, "{text}");
+    }
+    assert_eq!(
+        problem(b"  can0  123  [64]  00").1.to_string(),
+        "expected `(` before the time, found `c`"
+    );
+    assert_eq!(problem(b"(1.0) can0  123  [64]  00").1, LineProblem::CanFd);
+}
+
+#[test]
+fn frames_without_a_time_follow_each_other_as_on_a_full_bus() {
+    let line = "can0  044   [8]  00 11 22 33 44 55 66 77\n";
+    let text = line.repeat(3);
+    let mut reader = LogReader::new(text.as_bytes());
+    let times: Vec<u64> = reader.by_ref().map(|frame| frame.unwrap().t_ns).collect();
+    let bits = u64::from(read_one(line).frame.bits());
+    assert_eq!(times, [1, 2, 3].map(|n| n * bits * 1000));
+    assert_eq!(reader.without_time(), 3);
+}
+
+#[test]
 fn a_time_may_have_any_number_of_digits() {
     let cases = [
         ("1436509052.249713", 1_436_509_052_249_713_000),

@@ -105,7 +105,7 @@ impl Session {
 impl Control {
     /// Gives the daemon a command that has no arguments.
     pub(super) fn command(&self, command: &str) -> anyhow::Result<()> {
-        control::request(&self.0, &serde_json::json!({ "cmd": command }))
+        control::request(&self.0, &serde_json::json!({ "cmd": command })).map(drop)
     }
 }
 

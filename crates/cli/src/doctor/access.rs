@@ -74,6 +74,14 @@ impl FileFacts {
     }
 }
 
+impl FileFacts {
+    /// The command after which a user may use it, where a group may.
+    pub(super) fn join_its_group(&self) -> Option<String> {
+        let by_group = self.gid != 0 && self.mode >> 3 & 0o6 == 0o6;
+        by_group.then(|| format!("sudo usermod -aG {} $USER    # then log in anew", self.group))
+    }
+}
+
 /// The port of the servos.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct PortFacts {
@@ -149,10 +157,14 @@ pub(super) fn check_port(facts: &PortFacts, user: &User) -> Vec<Check> {
                 "belongs to group {} (mode {:o}), which this user is not in",
                 file.group, file.mode
             );
-            checks.push(Check::error(AREA, "port", &path, found).run(format!(
-                "sudo usermod -aG {} $USER    # then log in anew",
-                file.group
-            )));
+            let check = Check::error(AREA, "port", &path, found);
+            checks.push(match file.join_its_group() {
+                Some(command) => check.run(command),
+                None => check.advise(
+                    "a udev rule gives it to group dialout: systemd/60-taxeld-serial.rules to /etc/udev/rules.d/, then \
+                     `udevadm control --reload && udevadm trigger`",
+                ),
+            });
         }
         _ => checks.push(Check::ok(AREA, "port", &path, "may be opened")),
     }

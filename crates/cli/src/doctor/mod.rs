@@ -161,16 +161,19 @@ impl Doctor {
                 return Ok(true);
             }
             Daemon::Forbidden => {
-                let group = FileFacts::read(root, control).map_or("tactile".into(), |f| f.group);
+                let check = Check::error(
+                    AREA,
+                    "control socket",
+                    path,
+                    "is there, and this user may not use it",
+                );
+                let check = match FileFacts::read(root, control).and_then(|file| file.join_its_group()) {
+                    Some(command) => check.run(command),
+                    None => check
+                        .advise("its owner alone may use it: run the doctor as the user that taxeld runs as"),
+                };
                 self.report(vec![
-                    Check::error(
-                        AREA,
-                        "control socket",
-                        path,
-                        "is there, and this user may not use it",
-                    )
-                    .run(format!("sudo usermod -aG {group} $USER    # then log in anew"))
-                    .advise("a daemon seems to run, so its buses are left alone"),
+                    check.advise("a daemon seems to run, so its buses are left alone"),
                 ])?;
                 return Ok(true);
             }

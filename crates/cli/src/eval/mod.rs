@@ -66,12 +66,20 @@ pub(crate) struct Args {
     csv: Option<PathBuf>,
     /// Write the conditioned frames of INPUT as .npz: force and contact (T x N), x, y (N), t_ns
     /// (T), and the least errors, level_error and place_error (T)
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE.npz", value_parser = npz)]
     export: Option<PathBuf>,
     /// Write every time of INPUT as .npz: condition_us and compress_us (methods x frames with
     /// contact x passes)
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE.npz", value_parser = npz)]
     times: Option<PathBuf>,
+}
+
+/// A file that is written as .npz whatever its name says.
+fn npz(text: &str) -> Result<PathBuf, String> {
+    match Path::new(text).extension() {
+        Some(extension) if extension == "npz" => Ok(text.into()),
+        _ => Err("only .npz is written; name it so".into()),
+    }
 }
 
 /// Levels and actuators of `--sweep-k`.

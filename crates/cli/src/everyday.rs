@@ -1,0 +1,131 @@
+//! `taxel status`, `rezero`, `pause`, `resume`, `profile` and `mark`: one request to the running daemon.
+
+use crate::{control, status_text};
+use serde_json::{Value, json};
+use std::io::Write;
+use std::path::PathBuf;
+use taxel_wire::status::Status;
+
+/// Where the daemon is asked.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Ask {
+    /// The daemon's control socket [default: where the daemon of this user, or of the system, puts it]
+    #[arg(long, value_name = "PATH")]
+    socket: Option<PathBuf>,
+}
+
+/// Print what the running daemon knows of itself and of the hand, on one screen.
+///
+/// Images, buses, boards, joints, who reads, and what is wrong with what to do about it. Counts are those since the
+/// daemon's start; `taxel doctor` looks for causes.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  taxel status
+  watch -n 1 taxel status                    again and again
+  taxel status --json | jq .buses[0].used    every count there is")]
+pub(crate) struct StatusArgs {
+    #[command(flatten)]
+    ask: Ask,
+    /// One JSON object with everything
+    #[arg(long)]
+    json: bool,
+}
+
+/// Measure the baseline anew, as after a warm-up; the hand must not be touched for two seconds.
+#[derive(Debug, clap::Args)]
+pub(crate) struct RezeroArgs {
+    #[command(flatten)]
+    ask: Ask,
+}
+
+/// Show no contact until `taxel resume`, so that every display lets go; frames are read on.
+#[derive(Debug, clap::Args)]
+pub(crate) struct PauseArgs {
+    #[command(flatten)]
+    ask: Ask,
+}
+
+/// Show contacts again after `taxel pause`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct ResumeArgs {
+    #[command(flatten)]
+    ask: Ask,
+}
+
+/// Print or change the display profile of subscribers that state none.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  taxel profile                                       as JSON
+  taxel profile '{\"levels\": 4, \"actuators\": 12}'      what is not named has its default")]
+pub(crate) struct ProfileArgs {
+    /// The new profile, a JSON object; its keys are those of `[profile]` in the configuration
+    #[arg(value_name = "JSON")]
+    profile: Option<String>,
+    #[command(flatten)]
+    ask: Ask,
+}
+
+/// Tell every subscriber and recorder that something happened now.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  taxel mark 'cup 3, second grasp'")]
+pub(crate) struct MarkArgs {
+    /// What happened
+    text: String,
+    #[command(flatten)]
+    ask: Ask,
+}
+
+pub(crate) fn status(args: &StatusArgs) -> anyhow::Result<()> {
+    let reply = args.ask.send(&json!({ "cmd": "status" }))?;
+    let text = match args.json {
+        true => reply["status"].to_string() + "\n",
+        false => status_text::of(&serde_json::from_value::<Status>(reply["status"].clone())?),
+    };
+    print(&text)
+}
+
+pub(crate) fn rezero(args: &RezeroArgs) -> anyhow::Result<()> {
+    args.ask.send(&json!({ "cmd": "rezero" })).map(drop)
+}
+
+pub(crate) fn pause(args: &PauseArgs) -> anyhow::Result<()> {
+    args.ask.send(&json!({ "cmd": "pause" })).map(drop)
+}
+
+pub(crate) fn resume(args: &ResumeArgs) -> anyhow::Result<()> {
+    args.ask.send(&json!({ "cmd": "resume" })).map(drop)
+}
+
+pub(crate) fn profile(args: &ProfileArgs) -> anyhow::Result<()> {
+    let Some(text) = &args.profile else {
+        let reply = args.ask.send(&json!({ "cmd": "profile" }))?;
+        return print(&format!("{}\n", reply["profile"]));
+    };
+    let profile: Value = serde_json::from_str(text).map_err(|error| {
+        anyhow::anyhow!("{text}: {error}; a profile is a JSON object such as {{\"levels\": 4}}")
+    })?;
+    args.ask
+        .send(&json!({ "cmd": "profile", "profile": profile }))
+        .map(drop)
+}
+
+pub(crate) fn mark(args: &MarkArgs) -> anyhow::Result<()> {
+    let reply = args.ask.send(&json!({ "cmd": "mark", "text": args.text }))?;
+    print(&format!("behind image {}\n", reply["mark"]["seq"]))
+}
+
+impl Ask {
+    fn send(&self, request: &Value) -> anyhow::Result<Value> {
+        let default = || taxeld::config::running_socket("control.sock");
+        control::request(&self.socket.clone().unwrap_or_else(default), request)
+    }
+}
+
+fn print(text: &str) -> anyhow::Result<()> {
+    let mut out = std::io::stdout().lock();
+    Ok(out.write_all(text.as_bytes()).and_then(|()| out.flush())?)
+}

@@ -1,0 +1,243 @@
+//! The daemon's status on one screen of 80 columns.
+
+use std::fmt::Write;
+use taxel_wire::status::{JointsStatus, Status};
+
+/// Boards and joints with problems that are listed; the others are counted.
+const LISTED: usize = 6;
+/// Subscribers that are listed.
+const READERS: usize = 8;
+
+/// A status report in words, a line or more for each part of the daemon.
+pub(crate) fn of(status: &Status) -> String {
+    let mut out = String::new();
+    // Writing to a string cannot fail.
+    let _ = write(status, &mut out);
+    out
+}
+
+fn write(status: &Status, out: &mut String) -> std::fmt::Result {
+    let state = match (status.paused, status.calibrating) {
+        (true, _) => "paused",
+        (_, true) => "measuring the baseline; do not touch the hand",
+        _ => "running",
+    };
+    let up = duration(status.uptime_s);
+    writeln!(
+        out,
+        "taxeld {} on {}, up {up}: {state}",
+        status.version, status.layout
+    )?;
+    let images = &status.images;
+    writeln!(
+        out,
+        "images   {:.1} Hz ({}), {} made, {} overruns, {} unpublished; tick p50 {} p99 {}",
+        images.rate_hz,
+        status.tick.mode,
+        images.made,
+        images.overruns,
+        images.unpublished,
+        time(images.lateness_us.p50),
+        time(images.lateness_us.p99),
+    )?;
+    writeln!(
+        out,
+        "hand     {} in contact, {} missing, {} faulty; contact threshold {:.0}",
+        status.contacts, status.missing, status.faulty, status.threshold
+    )?;
+    for (n, bus) in status.buses.iter().enumerate() {
+        let lost = bus.lost_in_kernel + bus.undecodable + bus.malformed + bus.late;
+        writeln!(
+            out,
+            "{:8} {:8} {} {}, {:.0} frames/s, load {:.0} %, {} used, {} unknown, {lost} lost",
+            if n == 0 { "buses" } else { "" },
+            bus.name,
+            bus.link,
+            bus.state,
+            bus.frames_hz,
+            bus.load_percent,
+            bus.used,
+            bus.unknown,
+        )?;
+    }
+    let living = status
+        .boards
+        .iter()
+        .filter(|board| board.state == "living")
+        .count();
+    let silent: Vec<String> = status
+        .boards
+        .iter()
+        .filter(|board| board.state != "living")
+        .map(|board| {
+            format!(
+                "{} ({}, board {}) {}",
+                board.module, board.bus, board.board, board.state
+            )
+        })
+        .collect();
+    writeln!(out, "boards   {living} of {} speak", status.boards.len())?;
+    listed(out, &silent)?;
+    if let Some(joints) = &status.joints {
+        write_joints(joints, out)?;
+    }
+    writeln!(out, "readers  {}", status.subscribers.len())?;
+    for reader in status.subscribers.iter().take(READERS) {
+        let wants = match (reader.raw, reader.every) {
+            (true, true) => ", raw frames, every one",
+            (true, false) => ", raw frames",
+            (false, true) => ", every image",
+            (false, false) => "",
+        };
+        writeln!(
+            out,
+            "         pid {}: {} images, {} skipped in {}{wants}",
+            reader.pid.map_or("?".into(), |pid| pid.to_string()),
+            reader.images,
+            reader.skipped,
+            duration(reader.connected_s),
+        )?;
+    }
+    more(out, status.subscribers.len(), READERS)?;
+    match status.problems.len() {
+        0 => writeln!(out, "problems none"),
+        count => {
+            writeln!(out, "problems {count}")?;
+            for problem in &status.problems {
+                let mark = if problem.severe { "error" } else { "warning" };
+                writeln!(
+                    out,
+                    "  {mark} for {}: {}",
+                    duration(problem.since_s),
+                    problem.sentence
+                )?;
+            }
+            Ok(())
+        }
+    }
+}
+
+fn write_joints(joints: &JointsStatus, out: &mut String) -> std::fmt::Result {
+    let known = joints
+        .joints
+        .iter()
+        .filter(|joint| joint.angle_rad.is_some())
+        .count();
+    writeln!(
+        out,
+        "joints   {known} of {} known, {:.0} readings/s, {} {}",
+        joints.joints.len(),
+        joints.cycle_hz,
+        joints.source,
+        joints.state,
+    )?;
+    let unknown: Vec<String> = joints
+        .joints
+        .iter()
+        .filter(|joint| joint.angle_rad.is_none())
+        .map(|joint| format!("{}: {}", joint.name, joint.state))
+        .collect();
+    listed(out, &unknown)
+}
+
+fn listed(out: &mut String, lines: &[String]) -> std::fmt::Result {
+    for line in lines.iter().take(LISTED) {
+        writeln!(out, "         {line}")?;
+    }
+    more(out, lines.len(), LISTED)
+}
+
+fn more(out: &mut String, count: usize, shown: usize) -> std::fmt::Result {
+    match count.saturating_sub(shown) {
+        0 => Ok(()),
+        more => writeln!(out, "         and {more} more"),
+    }
+}
+
+/// Microseconds, in the unit that fits.
+fn time(us: f64) -> String {
+    match us {
+        us if us < 1000.0 => format!("{us:.0} us"),
+        us => format!("{:.1} ms", us / 1000.0),
+    }
+}
+
+fn duration(seconds: f64) -> String {
+    let whole = seconds as u64;
+    let (days, hours, minutes) = (whole / 86_400, whole / 3600 % 24, whole / 60 % 60);
+    match (days, hours, minutes) {
+        (0, 0, 0) => format!("{whole} s"),
+        (0, 0, minutes) => format!("{minutes} min {} s", whole % 60),
+        (0, hours, minutes) => format!("{hours} h {minutes} min"),
+        (days, hours, _) => format!("{days} d {hours} h"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn status(more: serde_json::Value) -> Status {
+        let mut all = json!({
+            "version": "0.1.0", "layout": "allegro-uskin-15", "uptime_s": 11_520.0, "contacts": 12,
+            "images": { "made": 345_600, "rate_hz": 30.0, "lateness_us": { "p50": 81.0, "p99": 1216.0 } },
+            "tick": { "mode": "timer" },
+            "buses": [{ "name": "can0", "link": "up", "state": "error-active", "used": 9, "late": 2 }],
+            "boards": [{ "module": "index tip", "bus": "can0", "board": 3, "state": "silent" },
+                       { "module": "thumb tip", "bus": "can0", "board": 4, "state": "living" }],
+        });
+        for (key, value) in more.as_object().unwrap() {
+            all[key] = value.clone();
+        }
+        serde_json::from_value(all).unwrap()
+    }
+
+    #[test]
+    fn every_part_of_the_daemon_has_its_lines() {
+        let text = of(&status(json!({
+            "joints": { "source": "dynamixel:/dev/ttyUSB0", "state": "connected", "cycle_hz": 100.0,
+                "joints": [{ "name": "index 0", "state": "silent" }, { "name": "index 1", "angle_rad": 0.1 }] },
+            "problems": [{ "sentence": "can0: nobody acknowledges; is the hand switched on?", "severe": true, "since_s": 4.0 }],
+        })));
+        for line in [
+            "taxeld 0.1.0 on allegro-uskin-15, up 3 h 12 min: running",
+            "images   30.0 Hz (timer), 345600 made, 0 overruns, 0 unpublished; tick p50 81 us p99 1.2 ms",
+            "hand     12 in contact, 0 missing, 0 faulty",
+            "buses    can0     up error-active, 0 frames/s, load 0 %, 9 used, 0 unknown, 2 lost",
+            "boards   1 of 2 speak",
+            "         index tip (can0, board 3) silent",
+            "joints   1 of 2 known, 100 readings/s, dynamixel:/dev/ttyUSB0 connected",
+            "         index 0: silent",
+            "readers  0",
+            "problems 1",
+            "  error for 4 s: can0: nobody acknowledges; is the hand switched on?",
+        ] {
+            assert!(text.contains(line), "{line}\n{text}");
+        }
+    }
+
+    #[test]
+    fn many_of_a_kind_are_counted_and_not_listed() {
+        let boards: Vec<_> = (0..20)
+            .map(|n| json!({ "module": format!("m{n}"), "state": "unheard" }))
+            .collect();
+        let readers: Vec<_> = (0..900).map(|n| json!({ "pid": n })).collect();
+        let text = of(&status(
+            json!({ "boards": boards, "subscribers": readers, "paused": true }),
+        ));
+        assert!(
+            text.contains("0 of 20 speak") && text.contains("and 14 more"),
+            "{text}"
+        );
+        assert!(
+            text.contains("readers  900") && text.contains("and 892 more"),
+            "{text}"
+        );
+        assert!(
+            text.contains(": paused") && text.contains("problems none"),
+            "{text}"
+        );
+        assert!(text.lines().count() < 24, "more than a screen:\n{text}");
+    }
+}
