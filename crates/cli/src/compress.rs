@@ -31,7 +31,7 @@ use taxeld::Config;
 #[command(after_help = "\
 Examples:
   taxel compress grasp.log --out images.npz
-  taxel compress grasps.npz --array WOOD_1 --layout grid:27x18 --threshold 150 --out images.npy
+  taxel compress grasps.npz --array WOOD_1 --layout schunk-sdh --threshold 150 --out images.npy
   taxel compress module.npz --array LOG7 --columns xyz-interleaved --tile --out images.jsonl
   taxel compress sim:ball-grasp --out images.npz --frames grasp.csv
   taxel compress grasp.csv --out images.csv --method paper

@@ -92,6 +92,11 @@ impl InputArgs {
         path.strip_prefix("sim:").map(str::to_owned)
     }
 
+    /// The array named, if one is.
+    pub(crate) fn array(&self) -> Option<&str> {
+        self.array.as_deref()
+    }
+
     /// The recording's name, with that of the array.
     pub(crate) fn name(&self) -> String {
         match &self.array {

@@ -32,7 +32,7 @@ pub(crate) struct OfflineArgs {
     config: Option<PathBuf>,
     /// Magnitudes only: a taxel is in contact above this [default: 0]
     #[arg(long, value_name = "FORCE")]
-    threshold: Option<f64>,
+    pub(crate) threshold: Option<f64>,
     /// Magnitudes only: a taxel in contact stays in contact down to this, so that one at the
     /// threshold does not flicker [default: the threshold]
     #[arg(long, value_name = "FORCE")]
@@ -67,6 +67,17 @@ impl OfflineArgs {
             (None, Some(config)) => config,
             (Some(layout), None) => Config::new(layout, Vec::new()),
             (None, None) => Config::new(Layout::resolve(default_layout)?, Vec::new()),
+        };
+        self.fit_display(&mut config);
+        Ok(config)
+    }
+
+    /// The configuration named, or the defaults, for this hand.
+    pub(crate) fn configure_hand(&self, layout: Layout) -> anyhow::Result<Config> {
+        let configured = self.config.as_deref().map(Config::load).transpose()?;
+        let mut config = match configured {
+            Some(config) => Config { layout, ..config },
+            None => Config::new(layout, Vec::new()),
         };
         self.fit_display(&mut config);
         Ok(config)

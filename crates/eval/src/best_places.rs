@@ -1,5 +1,7 @@
 //! The least error known for `K` actuators: the reference of the actuator stage.
 
+use crate::random::SplitMix64;
+
 /// Runs of k-means++ whose best places are compared with.
 pub const RESTARTS: u32 = 64;
 
@@ -123,20 +125,6 @@ impl Run {
 fn squared_distance(a: [f64; 2], b: [f64; 2]) -> f64 {
     let (dx, dy) = (a[0] - b[0], a[1] - b[1]);
     dx * dx + dy * dy
-}
-
-/// Steele, Lea and Flood 2014.
-struct SplitMix64(u64);
-
-impl SplitMix64 {
-    /// Evenly from 0 to 1, without 1.
-    fn unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
-    }
 }
 
 #[cfg(test)]

@@ -4,9 +4,12 @@
 //! profile to be judged. [`judge`] runs the frames through it once and measures errors; [`time`]
 //! runs them again and again and measures cost. Both results together are a [`MethodReport`]. The
 //! references are computed here, from scratch, and share no code with what they judge.
+//!
+//! A [`Task`] asks another question: whether what was touched can still be told from one image.
 
 mod best_levels;
 mod best_places;
+mod classify;
 mod contact_truth;
 mod cost;
 mod judge;
@@ -14,10 +17,12 @@ mod jump_bound;
 mod method;
 mod pressure;
 mod quantile;
+mod random;
 mod report;
 mod sequence;
 mod synthetic;
 mod tally;
+mod task;
 
 pub use best_levels::least_level_error;
 pub use best_places::{RESTARTS, least_place_error};
@@ -29,3 +34,4 @@ pub use quantile::{Quantiles, quantile};
 pub use report::{CostDetail, EvalReport, MethodReport, ScalingReport};
 pub use sequence::{Reference, References, Sequence};
 pub use synthetic::synthetic;
+pub use task::{BLUR_PX, Shown, Task, TaskError, TaskPoint, TaskRow, grid_places};

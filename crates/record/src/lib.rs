@@ -5,6 +5,8 @@
 //! by its shape and by options, never guessed. A candump `.log` is not a sequence of frames but of
 //! bus traffic: `taxel_can` reads it.
 //!
+//! [`Labelled`] is frames with the classes they are of.
+//!
 //! [`ImageStack`] collects tactile images and writes them as `.npy`, `.npz` or `.csv`; [`FrameTable`] writes tactile
 //! frames, counts and joint angles, as `.csv`.
 
@@ -13,6 +15,7 @@ mod csv_columns;
 mod error;
 mod frames;
 mod images;
+mod labelled;
 mod meaning;
 mod npy;
 mod npz;
@@ -23,5 +26,6 @@ mod table;
 pub use error::RecordError;
 pub use frames::FrameTable;
 pub use images::ImageStack;
+pub use labelled::Labelled;
 pub use recording::{Frames, Recording};
 pub use table::{Columns, DEFAULT_RATE_HZ, ReadOptions, TimeUnit, Void};

@@ -71,14 +71,14 @@ fn unreadable(path: &Path, reason: &str) -> RecordError {
 }
 
 /// An npz file: a zip archive of npy members.
-struct Npz<'a> {
+pub(crate) struct Npz<'a> {
     path: &'a Path,
     zip: zip::ZipArchive<BufReader<File>>,
     names: Vec<String>,
 }
 
 impl<'a> Npz<'a> {
-    fn open(path: &'a Path) -> Result<Self, RecordError> {
+    pub(crate) fn open(path: &'a Path) -> Result<Self, RecordError> {
         let file = File::open(path).map_err(RecordError::io(path))?;
         let zip = zip::ZipArchive::new(BufReader::new(file)).map_err(|e| unreadable(path, &e.to_string()))?;
         let names = zip
@@ -88,8 +88,13 @@ impl<'a> Npz<'a> {
         Ok(Self { path, zip, names })
     }
 
+    /// Whether it holds an array of this name.
+    pub(crate) fn has(&self, array: &str) -> bool {
+        self.names.iter().any(|name| name == array)
+    }
+
     /// An array, of which no more than the header is unpacked.
-    fn array(&mut self, name: &str) -> Result<Array<impl Read + '_>, RecordError> {
+    pub(crate) fn array(&mut self, name: &str) -> Result<Array<impl Read + '_>, RecordError> {
         let at = format!("{} [{name}]", self.path.display());
         let index = self
             .zip
@@ -107,7 +112,7 @@ impl<'a> Npz<'a> {
 
     /// Which cells of a frame an array says are no taxels: those that are not zero in it.
     fn mask(&mut self, name: &str, frame: &[usize], meaning: Meaning) -> Result<Vec<bool>, RecordError> {
-        if !self.names.iter().any(|n| n == name) {
+        if !self.has(name) {
             let holds = format!("has no array {name:?} for --void; it holds:\n{}", self.list());
             return Err(RecordError::unfit(self.path.display(), holds));
         }
@@ -120,7 +125,7 @@ impl<'a> Npz<'a> {
     }
 
     /// The arrays, one a line, as error messages list them.
-    fn list(&mut self) -> String {
+    pub(crate) fn list(&mut self) -> String {
         let names = self.names.clone();
         let width = names.iter().map(String::len).max().unwrap_or(0);
         let describe = |name: &String| {

@@ -3,6 +3,7 @@
 mod export;
 mod scene;
 mod table;
+mod task;
 
 use crate::allocations::COUNTER;
 use crate::offline::OfflineArgs;
@@ -28,13 +29,19 @@ use taxeld::Config;
 ///
 /// INPUT is any recording that `taxel compress` takes, or sim:SCENE, where contacts are compared
 /// with the truth too.
+///
+/// With --task, INPUT is an .npz with the array `frames` and either `labels`, one whole number a frame, or
+/// class and trial (and moment, of which the first is taken) as the first axes of `frames`. What is measured
+/// then is how many of the things touched can be told from one image, by the nearest example and by logistic
+/// regression, as shown by every method, and from the raw forces.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
   taxel eval module.npz --array debug_0B0Z_raw --columns xyz-interleaved --tile
-  taxel eval grasps.npz --array WOOD_1 --layout grid:27x18 --threshold 150 --json
+  taxel eval grasps.npz --array WOOD_1 --layout schunk-sdh --threshold 150 --json
   taxel eval sim:ball-grasp --method paper --method 'optimal history=0.2'
-  taxel eval grasp.log --sweep-k --csv sweep.csv")]
+  taxel eval grasp.log --sweep-k --csv sweep.csv
+  taxel eval objects.npz --task")]
 pub(crate) struct Args {
     #[command(flatten)]
     offline: OfflineArgs,
@@ -52,6 +59,12 @@ pub(crate) struct Args {
     /// Also time both stages on made-up skins of 16 to 65,280 taxels, all in contact
     #[arg(long)]
     scaling: bool,
+    /// Measure what can be told from one image: INPUT is an .npz of labelled frames
+    #[arg(long, conflicts_with_all = ["scene", "sweep_k", "scaling", "restarts", "passes", "export", "times"])]
+    task: bool,
+    /// With --task: draw the share recognised against actuators and bits, as SVG
+    #[arg(long, value_name = "FILE", requires = "task")]
+    figure: Option<PathBuf>,
     /// Print one JSON object
     #[arg(long)]
     json: bool,
@@ -61,7 +74,7 @@ pub(crate) struct Args {
     /// Passes over the frames that times are medians of [default: enough for about 20,000 ticks, 5 to 101]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     passes: Option<u32>,
-    /// Write every number as a table, one line per input, size and method
+    /// Write every number as a table, one line per input, size and method; with --task the curves
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
     /// Write the conditioned frames of INPUT as .npz: force and contact (T x N), x, y (N), t_ns
@@ -119,12 +132,15 @@ struct Frames {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
-    let outputs = [&args.csv, &args.export, &args.times];
+    let outputs = [&args.csv, &args.export, &args.times, &args.figure];
     let outputs: Vec<&Path> = outputs.into_iter().flatten().map(PathBuf::as_path).collect();
     refuse_overlap(&outputs, &args.offline.inputs())?;
     // Before the work, which is long, shows that they cannot be written.
     let begin = |path: &Option<PathBuf>| path.as_deref().map(OutputFile::begin).transpose();
     let (mut csv, mut export, mut times) = (begin(&args.csv)?, begin(&args.export)?, begin(&args.times)?);
+    if args.task {
+        return task::run(args, csv, begin(&args.figure)?);
+    }
     let path = args.offline.input.path.display().to_string();
     let (frames, config) = match path.strip_prefix("sim:") {
         Some(scene) => {

@@ -1,8 +1,9 @@
 //! `taxel eval`: speed and error of every method on the same frames.
 
 use crate::{fails, succeeds};
-use ndarray::{Array2, Array3};
+use ndarray::{Array1, Array2, Array3};
 use serde_json::Value;
+use std::path::Path;
 use tempfile::TempDir;
 
 /// Counts of a module: at rest, then pressed here and there.
@@ -138,6 +139,81 @@ fn eval_takes_magnitudes_and_scenes_and_methods_and_writes_tables() {
     );
 }
 
+/// An .npz of labelled frames, 4 x 4: pressed in the corner of their class, idling elsewhere.
+fn objects(path: &Path) {
+    let frames = Array3::from_shape_fn((16, 4, 4), |(n, y, x)| {
+        let corner = [x / 2, y / 2] == [n % 2, n % 2];
+        if corner {
+            50 + (n * 7 + x * 5 + y) as u16 % 20
+        } else {
+            1
+        }
+    });
+    let mut npz = ndarray_npy::NpzWriter::new(std::fs::File::create(path).unwrap());
+    npz.add_array("frames", &frames).unwrap();
+    npz.add_array("labels", &Array1::from_iter((0..16).map(|n| 3 + n % 2)))
+        .unwrap();
+    npz.finish().unwrap();
+}
+
+#[test]
+fn eval_says_what_can_be_told_from_one_image() {
+    let dir = TempDir::new().unwrap();
+    objects(&dir.path().join("objects.npz"));
+    let args = [
+        "eval",
+        "objects.npz",
+        "--task",
+        "--actuators",
+        "4",
+        "--csv",
+        "curves.csv",
+        "--figure",
+        "curves.svg",
+    ];
+    let (out, _) = succeeds(&dir, &[&args[..], &["--json"]].concat());
+    let report: Value = serde_json::from_str(&out).unwrap();
+    for (key, want) in [
+        ("frames", 16),
+        ("classes", 2),
+        ("taxels", 16),
+        ("levels", 8),
+        ("actuators", 4),
+    ] {
+        assert_eq!(report[key], want, "{key}");
+    }
+    let rows = report["rows"].as_array().unwrap();
+    for (name, share) in [
+        ("raw", 1.0),
+        ("optimal force_weighted=true", 1.0),
+        ("optimal, fixed places in a grid", 1.0),
+    ] {
+        let row = rows.iter().find(|row| row["name"] == name).unwrap();
+        assert_eq!(
+            (row["nearest"].as_f64(), row["logistic"].as_f64()),
+            (Some(share), Some(share)),
+            "{name}"
+        );
+    }
+    assert_eq!(rows[0]["bits"], 256.0);
+    let (text, _) = succeeds(&dir, &["eval", "objects.npz", "--task", "--method", "paper"]);
+    assert!(
+        text.contains("2 classes") && text.contains("paper") && !text.contains("weighted"),
+        "{text}"
+    );
+    assert!(text.lines().all(|line| line.len() <= 120), "{text}");
+    let curves = std::fs::read_to_string(dir.path().join("curves.csv")).unwrap();
+    assert!(
+        curves.starts_with("name,levels,actuators,nearest,bits\n") && curves.contains("\"paper\",8,2,"),
+        "{curves}"
+    );
+    assert!(
+        std::fs::read_to_string(dir.path().join("curves.svg"))
+            .unwrap()
+            .starts_with("<svg")
+    );
+}
+
 #[test]
 fn eval_refuses_what_it_cannot_judge() {
     let dir = TempDir::new().unwrap();
@@ -160,6 +236,7 @@ fn eval_refuses_what_it_cannot_judge() {
             ],
             "--levels",
         ),
+        (&["eval", "forces.npz", "--task"], "forces.npz"),
         (&["eval", "sim:nowhere"], "nowhere"),
         (&["eval", "sim:tap", "--tile"], "--tile"),
     ] {
