@@ -15,7 +15,7 @@ pub(crate) struct Contact {
     pub(crate) on: Vec<String>,
     pub(crate) shape: Shape,
     pub(crate) footprint: Footprint,
-    /// Radius of the footprint; half the width of an edge; in pixels, mm or shares, as the footprint.
+    /// Radius of the footprint; half the width of an edge; in pixels or shares, as the footprint.
     pub(crate) radius: f64,
     /// Counts of z on a taxel of nominal gain under the middle of the contact.
     pub(crate) force: Keyframes<1>,
@@ -44,12 +44,10 @@ pub(crate) enum Shape {
 pub(crate) enum Footprint {
     /// In the middle of each place named, pixels.
     Middle,
-    /// Pixels from the first column and row of each place named; the third coordinate is 0.
-    Pixels(Keyframes<3>),
-    /// Millimetres in the layout's coordinates of the hand.
-    Millimetres(Keyframes<3>),
+    /// Pixels from the first column and row of each place named.
+    Pixels(Keyframes<2>),
     /// Shares of the width and height of each place named, 0 to 1, so that it fits any hand.
-    Shares(Keyframes<3>),
+    Shares(Keyframes<2>),
 }
 
 /// A contact as one taxel sees it.
@@ -57,8 +55,8 @@ pub(crate) enum Footprint {
 pub(crate) struct Seat {
     /// Index of the contact in the scene.
     pub(crate) contact: u16,
-    /// The taxel's place, pixels or mm.
-    pub(crate) place: [f64; 3],
+    /// The taxel's place, pixels from the first column and row of the place named.
+    pub(crate) place: [f64; 2],
     /// From the first to the last pixel of the place named, for [`Footprint::Middle`] and
     /// [`Footprint::Shares`].
     pub(crate) extent: [f64; 2],
@@ -85,14 +83,14 @@ impl Contact {
         }
         let [w, h] = seat.extent;
         let (middle, radius) = match &self.footprint {
-            Footprint::Middle => ([w / 2.0, h / 2.0, 0.0], self.radius),
-            Footprint::Pixels(path) | Footprint::Millimetres(path) => (path.at(scene_ns), self.radius),
+            Footprint::Middle => ([w / 2.0, h / 2.0], self.radius),
+            Footprint::Pixels(path) => (path.at(scene_ns), self.radius),
             Footprint::Shares(path) => {
-                let [x, y, _] = path.at(scene_ns);
-                ([x * w, y * h, 0.0], self.radius * seat.side())
+                let [x, y] = path.at(scene_ns);
+                ([x * w, y * h], self.radius * seat.side())
             }
         };
-        let away: [f64; 3] = std::array::from_fn(|i| (seat.place[i] - middle[i]) / radius);
+        let away: [f64; 2] = std::array::from_fn(|i| (seat.place[i] - middle[i]) / radius);
         let share = self.shape.share(away);
         let bulge = match self.shape {
             Shape::Sphere | Shape::Bump => BULGE * force * share,
@@ -108,15 +106,14 @@ impl Contact {
 
 impl Shape {
     /// Pressure relative to the middle, 0 to 1, at a distance given in radii.
-    fn share(self, [x, y, z]: [f64; 3]) -> f64 {
-        let left = 1.0 - (x * x + y * y + z * z);
+    fn share(self, [x, y]: [f64; 2]) -> f64 {
+        let left = 1.0 - (x * x + y * y);
         match self {
             Shape::Sphere if left > 0.0 => left.sqrt(),
             Shape::Bump if left > 0.0 => left * left,
             Shape::Flat if left >= 0.0 => 1.0,
             Shape::Edge { along } => {
-                let across = x * along[1] - y * along[0];
-                let off = (across * across + z * z).sqrt();
+                let off = (x * along[1] - y * along[0]).abs();
                 if off < 1.0 { 1.0 - off } else { 0.0 }
             }
             _ => 0.0,
@@ -145,7 +142,7 @@ mod tests {
             (edge, [0.0, -1.5], 0.0),
         ];
         for (shape, [x, y], share) in cases {
-            let got = shape.share([x, y, 0.0]);
+            let got = shape.share([x, y]);
             assert!((got - share).abs() < 1e-12, "{shape:?} at {x}, {y}: {got}");
         }
     }

@@ -12,19 +12,15 @@ pub(crate) struct ContactToml {
     shape: ShapeToml,
     on: Vec<String>,
     at: Option<[f64; 2]>,
-    at_mm: Option<[f64; 3]>,
     path: Option<Vec<[f64; 3]>>,
-    path_mm: Option<Vec<[f64; 4]>>,
     at_share: Option<[f64; 2]>,
     path_share: Option<Vec<[f64; 3]>>,
     radius: Option<f64>,
-    radius_mm: Option<f64>,
     radius_share: Option<f64>,
     along: Option<[f64; 2]>,
     force_n: Option<Vec<[f64; 2]>>,
     force_counts: Option<Vec<[f64; 2]>>,
     shear_n: Option<Vec<[f64; 3]>>,
-    shear_counts: Option<Vec<[f64; 3]>>,
 }
 
 #[derive(Deserialize, PartialEq)]
@@ -57,63 +53,31 @@ impl ContactToml {
             }
             (_, Some(_)) => return Err("only an edge has `along`".into()),
         };
-        let in_mm = self.at_mm.is_some() || self.path_mm.is_some() || self.radius_mm.is_some();
         let in_shares = self.at_share.is_some() || self.path_share.is_some() || self.radius_share.is_some();
         let in_pixels = self.at.is_some() || self.path.is_some() || self.radius.is_some();
-        if [in_pixels, in_mm, in_shares]
-            .into_iter()
-            .filter(|given| *given)
-            .count()
-            > 1
-        {
-            return Err("a contact is given in pixels, in mm or in shares, not in two of them".into());
+        if in_pixels && in_shares {
+            return Err("a contact is given in pixels or in shares, not in both".into());
         }
-        if self.at.is_some() && self.path.is_some()
-            || self.at_mm.is_some() && self.path_mm.is_some()
-            || self.at_share.is_some() && self.path_share.is_some()
-        {
+        if self.at.is_some() && self.path.is_some() || self.at_share.is_some() && self.path_share.is_some() {
             return Err("a contact rests `at` a place or follows a `path`, not both".into());
         }
         let usual = if in_shares { 0.4 } else { 2.0 };
-        let radius = self
-            .radius
-            .or(self.radius_mm)
-            .or(self.radius_share)
-            .unwrap_or(usual);
+        let radius = self.radius.or(self.radius_share).unwrap_or(usual);
         if !(0.01..=1e6).contains(&radius) {
             return Err(format!("the radius is {radius}; it must be 0.01 to 1000000"));
         }
-        let path = |name: &str, frames: Vec<(f64, [f64; 3])>| keyframes(name, frames, length_ns);
-        let footprint = if in_mm {
-            let path = match (self.at_mm, self.path_mm) {
-                (Some(at), _) => path("at_mm", vec![(0.0, at)])?,
-                (_, Some(p)) => path(
-                    "path_mm",
-                    p.into_iter().map(|[t, x, y, z]| (t, [x, y, z])).collect(),
-                )?,
-                _ => {
-                    return Err(
-                        "`radius_mm` needs `at_mm` or `path_mm`: places on the hand, [x, y, z]".into(),
-                    );
-                }
-            };
-            Footprint::Millimetres(path)
-        } else if in_shares {
-            let frames = match (self.at_share, self.path_share) {
-                (Some([x, y]), _) => vec![(0.0, [x, y, 0.0])],
-                (_, Some(p)) => p.into_iter().map(|[t, x, y]| (t, [x, y, 0.0])).collect(),
-                _ => vec![(0.0, [0.5, 0.5, 0.0])],
-            };
-            Footprint::Shares(path("path_share", frames)?)
-        } else {
-            match (self.at, self.path) {
-                (Some([x, y]), _) => Footprint::Pixels(path("at", vec![(0.0, [x, y, 0.0])])?),
-                (_, Some(p)) => Footprint::Pixels(path(
-                    "path",
-                    p.into_iter().map(|[t, x, y]| (t, [x, y, 0.0])).collect(),
-                )?),
-                _ => Footprint::Middle,
-            }
+        let path = |name: &str, path: Vec<[f64; 3]>| {
+            let frames = path.into_iter().map(|[t, x, y]| (t, [x, y]));
+            keyframes(name, frames.collect(), length_ns)
+        };
+        let rest = |name: &str, at: [f64; 2]| keyframes(name, vec![(0.0, at)], length_ns);
+        let footprint = match (self.at, self.path, self.at_share, self.path_share) {
+            (Some(at), ..) => Footprint::Pixels(rest("at", at)?),
+            (_, Some(way), ..) => Footprint::Pixels(path("path", way)?),
+            (_, _, Some(at), _) => Footprint::Shares(rest("at_share", at)?),
+            (.., Some(way)) => Footprint::Shares(path("path_share", way)?),
+            _ if in_shares => Footprint::Shares(rest("at_share", [0.5, 0.5])?),
+            _ => Footprint::Middle,
         };
         let scaled =
             |frames: Vec<[f64; 2]>, scale: f64| frames.into_iter().map(|[t, f]| (t, [f * scale])).collect();
@@ -126,21 +90,12 @@ impl ContactToml {
                 );
             }
         };
-        let pair = |frames: Vec<[f64; 3]>, sx: f64, sy: f64| {
-            frames
-                .into_iter()
-                .map(|[t, x, y]| (t, [x * sx, y * sy]))
-                .collect()
-        };
-        let shear = match (self.shear_n, self.shear_counts) {
-            (None, None) => None,
-            (Some(f), None) => {
-                let [sx, sy, _] = levels.counts_per_newton();
-                Some(keyframes("shear_n", pair(f, sx, sy), length_ns)?)
-            }
-            (None, Some(f)) => Some(keyframes("shear_counts", pair(f, 1.0, 1.0), length_ns)?),
-            _ => return Err("a contact has `shear_n` or `shear_counts`, not both".into()),
-        };
+        let shear = self.shear_n.map(|frames| {
+            let [sx, sy, _] = levels.counts_per_newton();
+            let counts = frames.into_iter().map(|[t, x, y]| (t, [x * sx, y * sy]));
+            keyframes("shear_n", counts.collect(), length_ns)
+        });
+        let shear = shear.transpose()?;
         Ok(Contact {
             line,
             on: self.on,

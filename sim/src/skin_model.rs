@@ -1,7 +1,7 @@
 //! The skin itself: what every taxel reads at every instant, as a function of scene, seed and time alone.
 
 use crate::clock::{SceneClock, Span};
-use crate::contact::{Contact, Footprint, Seat};
+use crate::contact::{Contact, Seat};
 use crate::fault::{FaultKind, TaxelFault};
 use crate::levels::{Character, Nature, noise};
 use crate::random::{bits, happens};
@@ -89,7 +89,7 @@ impl SkinModel {
         for (number, contact) in scene.contacts.iter().enumerate() {
             for name in &contact.on {
                 let modules = modules_named(scene, layout, contact.line, name)?;
-                seat(scene, layout, contact, number, &modules, &mut taxels)?;
+                seat(layout, number, &modules, &mut taxels);
             }
         }
         for fault in &scene.faults {
@@ -360,14 +360,7 @@ pub(crate) fn taxels_of(layout: &Layout, module: usize) -> impl Iterator<Item = 
 }
 
 /// Places a contact on modules that form one surface.
-fn seat(
-    scene: &Scene,
-    layout: &Layout,
-    contact: &Contact,
-    number: usize,
-    modules: &[usize],
-    models: &mut [TaxelModel],
-) -> Result<(), SceneError> {
+fn seat(layout: &Layout, number: usize, modules: &[usize], models: &mut [TaxelModel]) {
     let members = || modules.iter().flat_map(|m| taxels_of(layout, *m)).map(|(i, _)| i);
     let range = |axis: fn(&taxel_hand::Taxel) -> u16| {
         let of = || members().map(|i| axis(&layout.taxels[i]));
@@ -377,25 +370,11 @@ fn seat(
     let extent = [f64::from(right - left), f64::from(bottom - top)];
     for i in members() {
         let taxel = &layout.taxels[i];
-        let place = match (&contact.footprint, taxel.position_mm) {
-            (Footprint::Millimetres(_), Some(mm)) => mm.map(f64::from),
-            (Footprint::Millimetres(_), None) => {
-                return Err(SceneError::Invalid {
-                    file: scene.file.clone(),
-                    line: contact.line,
-                    problem: format!(
-                        "the layout {} does not say where taxel {i} of `{}` is in mm; give the contact in pixels",
-                        layout.name, layout.modules[taxel.module as usize].name
-                    ),
-                });
-            }
-            _ => [f64::from(taxel.x - left), f64::from(taxel.y - top), 0.0],
-        };
+        let place = [f64::from(taxel.x - left), f64::from(taxel.y - top)];
         models[i].seats.push(Seat {
             contact: number as u16,
             place,
             extent,
         });
     }
-    Ok(())
 }

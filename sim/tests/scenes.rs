@@ -105,28 +105,6 @@ fn pressure_lies_where_the_contact_is() {
 }
 
 #[test]
-fn millimetres_and_pixels_are_two_ways_to_say_the_same() {
-    let layout = hand();
-    let parse = |place: &str| {
-        let text = format!(
-            "name = \"n\"\nseconds = 2\n[[contact]]\nshape = \"sphere\"\non = [\"index tip\"]\nforce_n = [[0, 1]]\n{place}"
-        );
-        let scene = Scene::parse(&text, "test").unwrap();
-        let sim = Simulator::new(&scene, &layout, 1).unwrap();
-        touched(&sim, &layout, 1.0)
-    };
-    let taxel = layout.taxels[0].position_mm.unwrap();
-    let (x, y) = (layout.taxels[0].x, layout.taxels[0].y);
-    let pixels = parse(&format!("at = [{x}, {y}]\nradius = 1.1"));
-    let mm = parse(&format!(
-        "at_mm = [{}, {}, {}]\nradius_mm = 5.17",
-        taxel[0], taxel[1], taxel[2]
-    ));
-    assert_eq!(pixels, mm);
-    assert!(pixels.1 >= 3);
-}
-
-#[test]
 fn mistakes_are_refused_with_their_line() {
     let contact = "[[contact]]\nshape = \"sphere\"\non = [\"index tip\"]\n";
     let cases = [
