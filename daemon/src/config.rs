@@ -263,7 +263,7 @@ impl Config {
 
     /// Reads and checks a configuration file. A layout file named in it is looked for beside it.
     pub fn load(path: &Path) -> Result<Self, ConfigError> {
-        let text = std::fs::read_to_string(path).map_err(|error| ConfigError::Read {
+        let text = taxel_skin::read_text_file(path).map_err(|error| ConfigError::Read {
             path: path.display().to_string(),
             error,
         })?;

@@ -149,7 +149,7 @@ impl Scene {
 
     /// Reads a scene file.
     pub fn load(path: &Path) -> Result<Self, SceneError> {
-        let text = std::fs::read_to_string(path).map_err(|source| SceneError::Read {
+        let text = taxel_skin::read_text_file(path).map_err(|source| SceneError::Read {
             path: path.into(),
             source,
         })?;

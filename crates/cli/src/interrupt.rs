@@ -1,12 +1,41 @@
 //! Ctrl-C as a question that loops ask.
 
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::iterator::Signals;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// The longest sleep between two looks at the flag.
 const LOOK: Duration = Duration::from_millis(50);
+
+/// Ctrl-C, SIGTERM and SIGHUP for work that does not look at an [`Interrupt`]: from when they are caught until the work is
+/// told what to remove, they wait.
+#[derive(Debug)]
+pub(crate) struct Ending(Signals);
+
+impl Ending {
+    /// Takes the signals over.
+    pub(crate) fn catch() -> std::io::Result<Self> {
+        Ok(Self(Signals::new([SIGINT, SIGTERM, SIGHUP])?))
+    }
+
+    /// Ends the process at the first of them, once these files of half a result are removed.
+    pub(crate) fn remove(mut self, parts: Vec<PathBuf>) -> std::io::Result<()> {
+        std::thread::Builder::new()
+            .name("signals".into())
+            .spawn(move || {
+                if let Some(signal) = self.0.forever().next() {
+                    for part in parts {
+                        let _ = std::fs::remove_file(part);
+                    }
+                    std::process::exit(128 + signal);
+                }
+            })?;
+        Ok(())
+    }
+}
 
 /// Whether the user asked to stop. The first Ctrl-C (or SIGTERM) sets it, the second ends the
 /// process; SIGHUP only sets it.

@@ -108,6 +108,11 @@ impl OutputFile {
         file.finish()
     }
 
+    /// The file that it is called until it is whole, where it is called otherwise.
+    pub(crate) fn part(&self) -> Option<PathBuf> {
+        self.part.as_ref().map(|part| part.path().into())
+    }
+
     /// Where to write.
     pub(crate) fn path(&self) -> &Path {
         self.part.as_ref().map_or(&self.path, |part| part.path())

@@ -2,6 +2,7 @@
 
 use crate::csv_columns::LineColumns;
 use crate::error::RecordError;
+use crate::npy::MAX_NUMBERS;
 use crate::table::{Columns, ReadOptions, Table};
 use csv::{ByteRecord, ReaderBuilder, Terminator};
 use std::fs::File;
@@ -10,8 +11,8 @@ use std::path::Path;
 
 /// What some spreadsheets begin a file with.
 const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
-/// Bytes that one line may have: 40 for each of 200,000 numbers.
-const LINE_BYTES: u64 = 8 << 20;
+/// Bytes that one line may have: 20 for each of 200,000 numbers.
+const LINE_BYTES: u64 = 4 << 20;
 /// Columns that a line may have: three axes of as many taxels as a hand can have, and room for times and joints.
 const MAX_COLUMNS: usize = 200_000;
 
@@ -97,6 +98,10 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
         values.extend(columns.values.iter().map(|&column| row[column]));
         joints.extend(columns.joints.iter().map(|&column| row[column] as f32));
         frames += 1;
+        if values.len() > MAX_NUMBERS {
+            let reason = format!("more than {MAX_NUMBERS} numbers up to here; cut the file into pieces");
+            return Err(line_error(line, reason));
+        }
     }
     if frames == 0 {
         return Err(line_error(1, "no line of numbers in the file".into()));
@@ -121,7 +126,8 @@ fn head(file: &mut impl BufRead) -> io::Result<Vec<u8>> {
         let line = head[begin..].trim_ascii();
         let line = line.strip_prefix(BYTE_ORDER_MARK).unwrap_or(line);
         let says_nothing = line.is_empty() || line.starts_with(b"#");
-        if begin == head.len() || !head.ends_with(b"\n") || !says_nothing {
+        let is_long = head.len() as u64 > LINE_BYTES;
+        if begin == head.len() || !head.ends_with(b"\n") || !says_nothing || is_long {
             return Ok(head);
         }
     }
@@ -284,9 +290,10 @@ mod tests {
             ("1,2\n3,\"", "4\n", LINE_BYTES),
             ("#", "#", 1),
             ("", "x", 1),
+            ("", "# nothing\n", 1),
         ] {
             let message = endless(begin, again);
-            assert!(message.contains("longer than 8 MiB"), "{begin:?}: {message}");
+            assert!(message.contains("longer than 4 MiB"), "{begin:?}: {message}");
             let place: Vec<&str> = message.split(':').collect();
             assert!(place[1].parse::<u64>().unwrap() >= line.min(1_000), "{message}");
         }

@@ -29,7 +29,7 @@ mod recognise;
 mod sweep;
 
 // Layout
-pub use layout::{Layout, LayoutError, LayoutProblem, Wiring};
+pub use layout::{Layout, LayoutError, LayoutProblem, Wiring, read_text_file};
 
 // Protocols, and what each of them has of its own
 pub use protocol::cpm_finger::decode::cpm_finger_frames;

@@ -6,6 +6,7 @@ mod table;
 mod task;
 
 use crate::allocations::COUNTER;
+use crate::interrupt::Ending;
 use crate::offline::OfflineArgs;
 use crate::output_file::{OutputFile, refuse_overlap};
 use crate::progress::Progress;
@@ -135,11 +136,15 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let outputs = [&args.csv, &args.export, &args.times, &args.figure];
     let outputs: Vec<&Path> = outputs.into_iter().flatten().map(PathBuf::as_path).collect();
     refuse_overlap(&outputs, &args.offline.inputs())?;
+    let ending = Ending::catch()?;
     // Before the work, which is long, shows that they cannot be written.
     let begin = |path: &Option<PathBuf>| path.as_deref().map(OutputFile::begin).transpose();
     let (mut csv, mut export, mut times) = (begin(&args.csv)?, begin(&args.export)?, begin(&args.times)?);
+    let figure = if args.task { begin(&args.figure)? } else { None };
+    let parts = [&csv, &export, &times, &figure].into_iter().flatten();
+    ending.remove(parts.filter_map(OutputFile::part).collect())?;
     if args.task {
-        return task::run(args, csv, begin(&args.figure)?);
+        return task::run(args, csv, figure);
     }
     let path = args.offline.input.path.display().to_string();
     let (frames, config) = match path.strip_prefix("sim:") {

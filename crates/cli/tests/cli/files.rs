@@ -3,7 +3,8 @@
 use crate::{fails, succeeds, texts};
 use ndarray::{Array2, Array3};
 use std::os::unix::fs::symlink;
-use std::process::Command;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 /// Images and what is said about them, of a log.
@@ -71,6 +72,24 @@ fn files_without_an_end_are_refused() {
             let err = fails(&dir, &command, 1);
             assert!(err.contains(wanted) && err.contains(name), "{command:?}: {err}");
         }
+    }
+}
+
+#[test]
+fn texts_that_nobody_wrote_are_refused() {
+    let dir = TempDir::new().unwrap();
+    symlink("/dev/zero", dir.path().join("zero.toml")).unwrap();
+    std::fs::write(dir.path().join("in.log"), "(0.0) can0 001#\n").unwrap();
+    for args in [
+        &["compress", "in.log", "--out", "out.bin", "--layout", "zero.toml"][..],
+        &["compress", "in.log", "--out", "out.bin", "--config", "zero.toml"],
+        &["sim", "zero.toml", "--to", "-"],
+    ] {
+        let err = fails(&dir, args, 1);
+        assert!(
+            err.contains("zero.toml") && err.contains("longer than 4 MiB"),
+            "{args:?}: {err}"
+        );
     }
 }
 
@@ -207,6 +226,58 @@ fn cells_that_are_no_taxels_stay_empty_and_one_without_a_value_is_missing() {
                 .iter()
                 .all(|image| image["image"][1] == 0 && image["image"][3] != 0),
             "{lines}"
+        );
+    }
+}
+
+#[test]
+fn work_that_is_told_to_stop_leaves_no_half_of_a_file() {
+    let dir = TempDir::new().unwrap();
+    // Pauses that are just played: hours of images at a tick of 1 kHz.
+    let log: String = (0..400)
+        .map(|i| format!("({}.000000) can0 001#00\n", i * 60))
+        .collect();
+    std::fs::write(dir.path().join("in.log"), log).unwrap();
+    let config = "layout = \"uskin-module\"\ntick = { mode = \"timer\", rate_hz = 1000.0 }\n[[bus]]\nsource = \"log:in.log\"\n";
+    std::fs::write(dir.path().join("hand.toml"), config).unwrap();
+    for (args, code) in [
+        (
+            &["compress", "in.log", "--config", "hand.toml", "--out", "out.bin"][..],
+            1,
+        ),
+        (
+            &["eval", "in.log", "--config", "hand.toml", "--export", "out.npz"],
+            128 + 15,
+        ),
+    ] {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_taxel"));
+        let command = command.args(args).current_dir(dir.path());
+        let child = command
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let parts = || {
+            let names = std::fs::read_dir(dir.path())
+                .unwrap()
+                .map(|entry| entry.unwrap().file_name());
+            names
+                .filter(|name| name.to_string_lossy().starts_with("out."))
+                .count()
+        };
+        let deadline = Instant::now() + Duration::from_secs(30);
+        while parts() == 0 {
+            assert!(Instant::now() < deadline, "{args:?}: no file is begun");
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        let pid = nix::unistd::Pid::from_raw(child.id() as i32);
+        nix::sys::signal::kill(pid, nix::sys::signal::SIGTERM).unwrap();
+        let output = child.wait_with_output().unwrap();
+        let (out, err) = texts(&output);
+        assert_eq!(
+            (output.status.code(), parts()),
+            (Some(code), 0),
+            "{args:?}: {out}{err}"
         );
     }
 }

@@ -5,10 +5,12 @@ mod error;
 mod file;
 mod pose;
 mod source;
+mod text_file;
 mod tile;
 mod wiring;
 
 pub use error::{LayoutError, LayoutProblem};
+pub use text_file::read_text_file;
 pub use wiring::{Layout, Wiring};
 
 use std::path::Path;
@@ -44,7 +46,7 @@ impl Layout {
 
     /// Reads and checks a layout file.
     pub fn load(path: &Path) -> Result<Self, LayoutError> {
-        let text = std::fs::read_to_string(path).map_err(|source| LayoutError::Read {
+        let text = text_file::read_text_file(path).map_err(|source| LayoutError::Read {
             path: path.display().to_string(),
             source,
         })?;
