@@ -1,10 +1,7 @@
 //! INPUT: any recording the tool knows, and what to say about it where the file does not.
 
 use anyhow::{Context, bail};
-use std::fs::File;
-use std::io::BufReader;
-use std::path::{Path, PathBuf};
-use taxel_can::{LogError, LogReader};
+use std::path::PathBuf;
 use taxel_record::{Columns, ReadOptions, Recording, TimeUnit, Void};
 use taxel_sim::Scene;
 use taxel_skin::Layout;
@@ -148,108 +145,6 @@ impl InputArgs {
             .map(Layout::resolve)
             .transpose()
             .context("--layout")
-    }
-}
-
-/// Which interface of a candump log feeds which bus of the layout: one name per bus, `None` for all
-/// of the log.
-///
-/// An interface belongs to the bus of its name; a log of one interface to a hand of one bus.
-/// `pairs` (interface, bus) say otherwise.
-pub(crate) fn interfaces_of_buses(
-    path: &Path,
-    layout: &Layout,
-    pairs: &[(String, String)],
-) -> anyhow::Result<Vec<String>> {
-    let present = interfaces(path)?;
-    for (interface, bus) in pairs {
-        if !present.contains(interface) {
-            bail!(
-                "{}: no frame on interface {interface}; it has {}",
-                path.display(),
-                present.join(", ")
-            );
-        }
-        if !layout.buses.contains(bus) {
-            bail!(
-                "layout {} has no bus {bus}; it has {}",
-                layout.name,
-                layout.buses.join(", ")
-            );
-        }
-    }
-    let of_bus = |bus: &String| {
-        let paired = pairs
-            .iter()
-            .find(|(_, b)| b == bus)
-            .map(|(interface, _)| interface.clone());
-        let only = || match (present.as_slice(), layout.buses.len()) {
-            ([only], 1) => Some(only.clone()),
-            _ => None,
-        };
-        paired
-            .or_else(|| present.contains(bus).then(|| bus.clone()))
-            .or_else(only)
-    };
-    let chosen: Vec<Option<String>> = layout.buses.iter().map(of_bus).collect();
-    if chosen.iter().all(Option::is_none) {
-        bail!(
-            "{}: its interfaces ({}) are none of the buses of layout {} ({}); say which is which with \
-             --interface {}={}",
-            path.display(),
-            present.join(", "),
-            layout.name,
-            layout.buses.join(", "),
-            present.first().map_or("NAME", String::as_str),
-            layout.buses.first().map_or("BUS", String::as_str),
-        );
-    }
-    for (bus, chosen) in layout.buses.iter().zip(&chosen) {
-        if chosen.is_none() {
-            eprintln!(
-                "taxel: {}: nothing for bus {bus}; its taxels will be missing",
-                path.display()
-            );
-        }
-    }
-    // A name that no interface has: the bus stays silent.
-    Ok(chosen
-        .into_iter()
-        .zip(&layout.buses)
-        .map(|(chosen, bus)| chosen.unwrap_or_else(|| bus.clone()))
-        .collect())
-}
-
-/// The interfaces of a candump log, in the order in which they appear.
-pub(crate) fn interfaces(path: &Path) -> anyhow::Result<Vec<String>> {
-    let file = File::open(path).with_context(|| path.display().to_string())?;
-    let mut names: Vec<String> = Vec::new();
-    let mut problem = None;
-    let mut log = LogReader::new(BufReader::new(file));
-    for line in log.by_ref() {
-        match line {
-            Ok(frame) => {
-                if !names.iter().any(|n| **n == *frame.interface) {
-                    names.push(frame.interface.to_string());
-                }
-            }
-            Err(error @ LogError::Line { .. }) => problem = problem.or(Some(error)),
-            Err(error) => return Err(error).with_context(|| path.display().to_string()),
-        }
-    }
-    match (names.is_empty(), problem) {
-        (true, Some(problem)) => Err(problem).context(format!("{}: no CAN frame in it", path.display())),
-        (true, None) => bail!("{}: no CAN frame in it", path.display()),
-        _ => {
-            if log.without_time() > 0 {
-                eprintln!(
-                    "taxel: {}: {} frames have no time, and are taken to follow each other on a full bus; `candump -l` keeps times",
-                    path.display(),
-                    log.without_time()
-                );
-            }
-            Ok(names)
-        }
     }
 }
 

@@ -24,6 +24,7 @@ mod image_output;
 mod input;
 mod interrupt;
 mod joint_angles;
+mod log_interfaces;
 mod offline;
 mod output_file;
 mod progress;

@@ -1,7 +1,8 @@
 //! Recordings as the frames that the daemon would have made of them.
 
-use crate::input::{DEFAULT_LAYOUT, Input, InputArgs, interfaces, interfaces_of_buses, pair};
+use crate::input::{DEFAULT_LAYOUT, Input, InputArgs, pair};
 use crate::joint_angles::emit_with;
+use crate::log_interfaces::{interfaces, interfaces_of_buses};
 use crate::progress::Progress;
 use crate::scene_input;
 use crate::sweep::Sweeps;
@@ -160,8 +161,9 @@ impl OfflineArgs {
                     .iter()
                     .cloned()
                     .partition(|(_, bus)| bus == JOINTS_BUS);
-                let mut interfaces = interfaces_of_buses(path, &config.layout, &skin)?;
-                interfaces.extend(interface_of_joints(path, config, &joints)?);
+                let joints = interface_of_joints(path, config, &joints)?;
+                let mut interfaces = interfaces_of_buses(path, &config.layout, &skin, joints.as_deref())?;
+                interfaces.extend(joints);
                 let open = |name: &String| LogSource::open(path, Some(name), Playback::default());
                 let sources = interfaces.iter().map(open).collect::<Result<Vec<_>, _>>()?;
                 let progress = Progress::counting("CAN frames");

@@ -1,7 +1,8 @@
 //! `taxel replay`: a recording back onto a bus.
 
-use crate::input::{DEFAULT_LAYOUT, Input, InputArgs, interfaces, pair};
+use crate::input::{DEFAULT_LAYOUT, Input, InputArgs, pair};
 use crate::interrupt::Interrupt;
+use crate::log_interfaces::interfaces;
 use crate::output_file::refuse_overlap;
 use crate::progress::Progress;
 use crate::sweep::Sweeps;

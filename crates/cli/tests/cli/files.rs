@@ -235,7 +235,7 @@ fn work_that_is_told_to_stop_leaves_no_half_of_a_file() {
     let dir = TempDir::new().unwrap();
     // Pauses that are just played: hours of images at a tick of 1 kHz.
     let log: String = (0..400)
-        .map(|i| format!("({}.000000) can0 001#00\n", i * 60))
+        .map(|i| format!("({}.000000) can0 710#8380008000300001\n", i * 60))
         .collect();
     std::fs::write(dir.path().join("in.log"), log).unwrap();
     let config = "layout = \"uskin-module\"\ntick = { mode = \"timer\", rate_hz = 1000.0 }\n[[bus]]\nsource = \"log:in.log\"\n";
@@ -280,4 +280,102 @@ fn work_that_is_told_to_stop_leaves_no_half_of_a_file() {
             "{args:?}: {out}{err}"
         );
     }
+}
+
+/// A log of a few seconds of boards that play, with the interfaces renamed.
+fn log_with(dir: &TempDir, file: &str, names: &[(&str, &str)]) -> String {
+    let (log, _) = succeeds(dir, &["sim", "tap", "--to", "-", "--seconds", "2.5"]);
+    let rename = |line: &str| {
+        let mut words: Vec<&str> = line.split(' ').collect();
+        words[1] = names
+            .iter()
+            .find(|(old, _)| *old == words[1])
+            .map_or(words[1], |(_, new)| new);
+        words.join(" ") + "\n"
+    };
+    let text: String = log.lines().map(rename).collect();
+    std::fs::write(dir.path().join(file), &text).unwrap();
+    text
+}
+
+#[test]
+fn an_interface_that_is_no_bus_is_named_and_counted() {
+    let dir = TempDir::new().unwrap();
+    let text = log_with(&dir, "hand.log", &[]);
+    let (_, err) = succeeds(&dir, &["compress", "hand.log", "--out", "a.bin"]);
+    assert!(!err.contains("left out"), "{err}");
+    let more: String = (0..7).map(|n| format!("(0.50000{n}) can5 123#0102\n")).collect();
+    std::fs::write(dir.path().join("more.log"), text + &more).unwrap();
+    let (_, err) = succeeds(&dir, &["compress", "more.log", "--out", "b.bin"]);
+    assert!(
+        err.contains("the 7 frames of interface can5 are left out") && err.contains("--interface can5=BUS"),
+        "{err}"
+    );
+    let read = |file: &str| std::fs::read(dir.path().join(file)).unwrap();
+    assert_eq!(read("a.bin"), read("b.bin"));
+}
+
+#[test]
+fn interfaces_that_were_renamed_on_the_way_are_told_by_their_boards_or_refused() {
+    let dir = TempDir::new().unwrap();
+    let read = |file: &str| std::fs::read(dir.path().join(file)).unwrap();
+    log_with(&dir, "hand.log", &[]);
+    succeeds(&dir, &["compress", "hand.log", "--out", "hand.bin"]);
+    // The recording machine called them can1 and can2.
+    let text = log_with(&dir, "shifted.log", &[("can0", "can1"), ("can1", "can2")]);
+    let (_, err) = succeeds(&dir, &["compress", "shifted.log", "--out", "shifted.bin"]);
+    assert!(
+        err.contains("can1 is taken for bus can0, can2 is taken for bus can1, by the boards"),
+        "{err}"
+    );
+    assert_eq!(read("shifted.bin"), read("hand.bin"));
+    // Without board 7, which one bus alone has, nothing tells them apart.
+    let of_7 = |line: &&str| !line.split(' ').nth(2).is_some_and(|frame| frame.starts_with('7'));
+    let alike: String = text
+        .lines()
+        .filter(of_7)
+        .map(|line| line.to_owned() + "\n")
+        .collect();
+    std::fs::write(dir.path().join("alike.log"), alike).unwrap();
+    let err = fails(&dir, &["compress", "alike.log", "--out", "alike.bin"], 1);
+    assert!(
+        err.contains("do not tell which is which")
+            && err.contains("--interface can1=can0 --interface can2=can1"),
+        "{err}"
+    );
+    let named = ["--interface", "can1=can0", "--interface", "can2=can1"];
+    succeeds(
+        &dir,
+        &[&["compress", "shifted.log", "--out", "named.bin"], &named[..]].concat(),
+    );
+    assert_eq!(read("named.bin"), read("hand.bin"));
+}
+
+#[test]
+fn a_log_of_other_boards_than_the_layout_has_is_refused_with_their_ids() {
+    let dir = TempDir::new().unwrap();
+    succeeds(&dir, &["sim", "tap", "--to", "log:tap.log", "--seconds", "1"]);
+    let err = fails(
+        &dir,
+        &[
+            "compress",
+            "tap.log",
+            "--layout",
+            "icub-forearm",
+            "--out",
+            "o.npz",
+        ],
+        1,
+    );
+    for part in [
+        "layout icub-forearm",
+        "ids of nobody (000, 001,",
+        "taxel doctor --scan log:tap.log",
+    ] {
+        assert!(err.contains(part), "{part}: {err}");
+    }
+    assert!(
+        !err.contains("calibra") && !dir.path().join("o.npz").exists(),
+        "{err}"
+    );
 }

@@ -1,0 +1,410 @@
+//! Which interface of a candump log is which bus of a hand: by its name, by the boards that it carries, or as the
+//! command line says.
+
+use anyhow::{Context, bail};
+use std::collections::BTreeSet;
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+use taxel_can::{EXTENDED_FLAG, LogError, LogFrame, LogReader};
+use taxel_skin::{Decoded, Decoder, Layout, Readings};
+
+/// Frames of an interface that are looked at, or more until one is a board's.
+const SURVEYED: u64 = 50_000;
+/// Ids of nobody that are told apart.
+const MOST_IDS: usize = 4096;
+/// Ids that an error names.
+const NAMED_IDS: usize = 6;
+/// A board that is not heard speaks against a bus as so many ids of nobody do.
+const BOARD_IDS: usize = 4;
+/// Most buses whose orders are all tried.
+const MOST_BUSES: usize = 8;
+
+/// The interfaces of a candump log, in the order in which they appear.
+pub(crate) fn interfaces(path: &Path) -> anyhow::Result<Vec<String>> {
+    let mut names: Vec<String> = Vec::new();
+    for_each_frame(path, |frame| {
+        if !names.iter().any(|name| **name == *frame.interface) {
+            names.push(frame.interface.to_string());
+        }
+    })?;
+    Ok(names)
+}
+
+fn for_each_frame(path: &Path, mut take: impl FnMut(&LogFrame)) -> anyhow::Result<()> {
+    let file = File::open(path).with_context(|| path.display().to_string())?;
+    let (mut any, mut problem) = (false, None);
+    let mut log = LogReader::new(BufReader::new(file));
+    for line in log.by_ref() {
+        match line {
+            Ok(frame) => {
+                any = true;
+                take(&frame);
+            }
+            Err(error @ LogError::Line { .. }) => problem = problem.or(Some(error)),
+            Err(error) => return Err(error).with_context(|| path.display().to_string()),
+        }
+    }
+    match (any, problem) {
+        (false, Some(problem)) => Err(problem).context(format!("{}: no CAN frame in it", path.display())),
+        (false, None) => bail!("{}: no CAN frame in it", path.display()),
+        _ => {
+            if log.without_time() > 0 {
+                eprintln!(
+                    "taxel: {}: {} frames have no time, and are taken to follow each other on a full bus; `candump -l` keeps times",
+                    path.display(),
+                    log.without_time()
+                );
+            }
+            Ok(())
+        }
+    }
+}
+
+/// One interface of a log.
+struct Heard {
+    name: String,
+    frames: u64,
+    /// By bus of the layout.
+    as_bus: Vec<AsBus>,
+}
+
+/// What an interface carries, read as a bus of the layout.
+struct AsBus {
+    decoder: Decoder,
+    modules: BTreeSet<u16>,
+    /// Ids of nobody on that bus, extended ones with their flag.
+    foreign: BTreeSet<u32>,
+}
+
+impl Heard {
+    fn new(name: &str, layout: &Layout) -> Self {
+        let as_bus = |bus| AsBus {
+            decoder: Decoder::new(layout, bus),
+            modules: BTreeSet::new(),
+            foreign: BTreeSet::new(),
+        };
+        Self {
+            name: name.into(),
+            frames: 0,
+            as_bus: (0..layout.buses.len() as u8).map(as_bus).collect(),
+        }
+    }
+
+    fn carries_boards(&self) -> bool {
+        self.as_bus.iter().any(|bus| !bus.modules.is_empty())
+    }
+
+    fn take(&mut self, frame: &LogFrame, layout: &Layout, readings: &mut Readings) {
+        self.frames += 1;
+        if self.frames > SURVEYED && self.carries_boards() {
+            return;
+        }
+        for bus in &mut self.as_bus {
+            match bus.decoder.decode_at(frame.t_ns, &frame.frame, readings) {
+                Decoded::Readings => {
+                    let modules = readings
+                        .iter()
+                        .map(|r| layout.taxels[usize::from(r.taxel)].module);
+                    bus.modules.extend(modules);
+                }
+                Decoded::Unknown if bus.foreign.len() < MOST_IDS => {
+                    let flag = if frame.frame.is_extended() {
+                        EXTENDED_FLAG
+                    } else {
+                        0
+                    };
+                    bus.foreign.insert(frame.frame.id() | flag);
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// How much speaks against its being this bus.
+    fn misfit(&self, bus: usize, boards: &[usize]) -> usize {
+        let as_bus = &self.as_bus[bus];
+        as_bus.foreign.len() + BOARD_IDS * boards[bus].saturating_sub(as_bus.modules.len())
+    }
+}
+
+/// What a log is to a hand.
+struct Survey<'a> {
+    path: &'a Path,
+    layout: &'a Layout,
+    heard: Vec<Heard>,
+}
+
+/// Which interface of a candump log feeds which bus of the layout: one name per bus.
+///
+/// An interface belongs to the bus of its name; a log of one interface to a hand of one bus. `pairs` (interface, bus)
+/// say otherwise. Where a bus has no interface and an interface with boards of the hand no bus, names were changed on
+/// the way: then the boards decide, or the log is refused. `joints` is an interface of which nothing is said.
+pub(crate) fn interfaces_of_buses(
+    path: &Path,
+    layout: &Layout,
+    pairs: &[(String, String)],
+    joints: Option<&str>,
+) -> anyhow::Result<Vec<String>> {
+    let mut survey = Survey {
+        path,
+        layout,
+        heard: Vec::new(),
+    };
+    let mut readings = Readings::new();
+    for_each_frame(path, |frame| {
+        let known = survey
+            .heard
+            .iter()
+            .position(|heard| heard.name == *frame.interface);
+        let place = known.unwrap_or_else(|| {
+            survey.heard.push(Heard::new(&frame.interface, layout));
+            survey.heard.len() - 1
+        });
+        survey.heard[place].take(frame, layout, &mut readings);
+    })?;
+    survey.check_pairs(pairs)?;
+    let mut chosen = survey.by_name(pairs);
+    if chosen.iter().all(Option::is_none) {
+        bail!(
+            "{}: its interfaces ({}) are none of the buses of layout {} ({}); say which is which with \
+             --interface {}={}",
+            path.display(),
+            survey.names(),
+            layout.name,
+            layout.buses.join(", "),
+            survey.heard.first().map_or("NAME", |heard| &heard.name),
+            layout.buses.first().map_or("BUS", String::as_str),
+        );
+    }
+    survey.correct_by_boards(&mut chosen, pairs)?;
+    survey.refuse_other_hands(&chosen)?;
+    survey.tell_left_out(&chosen, joints);
+    // A name that no interface has: the bus stays silent.
+    let name = |(chosen, bus): (Option<usize>, &String)| {
+        chosen.map_or_else(|| bus.clone(), |place| survey.heard[place].name.clone())
+    };
+    Ok(chosen.into_iter().zip(&layout.buses).map(name).collect())
+}
+
+impl Survey<'_> {
+    fn names(&self) -> String {
+        let names: Vec<&str> = self.heard.iter().map(|heard| heard.name.as_str()).collect();
+        names.join(", ")
+    }
+
+    fn place(&self, name: &str) -> Option<usize> {
+        self.heard.iter().position(|heard| heard.name == name)
+    }
+
+    fn check_pairs(&self, pairs: &[(String, String)]) -> anyhow::Result<()> {
+        for (interface, bus) in pairs {
+            if self.place(interface).is_none() {
+                bail!(
+                    "{}: no frame on interface {interface}; it has {}",
+                    self.path.display(),
+                    self.names()
+                );
+            }
+            if !self.layout.buses.contains(bus) {
+                bail!(
+                    "layout {} has no bus {bus}; it has {}",
+                    self.layout.name,
+                    self.layout.buses.join(", ")
+                );
+            }
+        }
+        Ok(())
+    }
+
+    /// The interface of each bus, as the command line and the names have it.
+    fn by_name(&self, pairs: &[(String, String)]) -> Vec<Option<usize>> {
+        let of_bus = |bus: &String| {
+            let paired = pairs.iter().find(|(_, b)| b == bus);
+            let only = (self.heard.len() == 1 && self.layout.buses.len() == 1).then_some(0);
+            match paired {
+                Some((interface, _)) => self.place(interface),
+                None => self.place(bus).or(only),
+            }
+        };
+        self.layout.buses.iter().map(of_bus).collect()
+    }
+
+    /// Puts interfaces where their boards say they belong, where names do not explain the log.
+    fn correct_by_boards(
+        &self,
+        chosen: &mut [Option<usize>],
+        pairs: &[(String, String)],
+    ) -> anyhow::Result<()> {
+        let buses = &self.layout.buses;
+        let is_paired = |bus: &String| pairs.iter().any(|(_, paired)| paired == bus);
+        let open: Vec<usize> = (0..buses.len()).filter(|bus| !is_paired(&buses[*bus])).collect();
+        let is_open = |place: &usize| {
+            !pairs
+                .iter()
+                .any(|(interface, _)| *interface == self.heard[*place].name)
+        };
+        let mut carrying: Vec<usize> = (0..self.heard.len())
+            .filter(|place| is_open(place) && self.heard[*place].carries_boards())
+            .collect();
+        carrying.sort_by_key(|place| &self.heard[*place].name);
+        let is_empty = |bus: &usize| chosen[*bus].is_none_or(|place| !self.heard[place].carries_boards());
+        let has_place = |place: &usize| open.iter().any(|bus| chosen[*bus] == Some(*place));
+        if !open.iter().any(is_empty) || carrying.iter().all(has_place) {
+            return Ok(());
+        }
+        let mut boards = vec![0; buses.len()];
+        for (_, _, wiring) in self.layout.boards() {
+            boards[usize::from(wiring.bus)] += 1;
+        }
+        let misfit = |place: usize, bus: usize| self.heard[place].misfit(bus, &boards);
+        let mut best = Orders::default();
+        if buses.len() <= MOST_BUSES && carrying.len() <= open.len() {
+            best.try_all(&carrying, &open, &mut Vec::new(), 0, &misfit);
+        }
+        let name = |place: usize| &self.heard[place].name;
+        let Some(order) = best.only() else {
+            let say: Vec<String> = (carrying.iter().zip(&open))
+                .map(|(place, bus)| format!("--interface {}={}", name(*place), buses[*bus]))
+                .collect();
+            bail!(
+                "{}: its interfaces ({}) are not all buses of layout {} ({}), and their boards do not tell which is \
+                 which; say so, such as with {}",
+                self.path.display(),
+                self.names(),
+                self.layout.name,
+                buses.join(", "),
+                say.join(" ")
+            );
+        };
+        for bus in &open {
+            if chosen[*bus].is_some_and(|place| carrying.contains(&place)) {
+                chosen[*bus] = None;
+            }
+        }
+        let mut said = Vec::new();
+        for (place, bus) in carrying.iter().zip(order) {
+            chosen[*bus] = Some(*place);
+            if name(*place) != &buses[*bus] {
+                said.push(format!("{} is taken for bus {}", name(*place), buses[*bus]));
+            }
+        }
+        eprintln!(
+            "taxel: {}: {}, by the boards that it carries; --interface NAME=BUS says otherwise",
+            self.path.display(),
+            said.join(", ")
+        );
+        Ok(())
+    }
+
+    /// Refuses a log in which no board of the hand speaks, and others do.
+    fn refuse_other_hands(&self, chosen: &[Option<usize>]) -> anyhow::Result<()> {
+        let used = || {
+            chosen
+                .iter()
+                .enumerate()
+                .filter_map(|(bus, place)| Some((bus, &self.heard[(*place)?])))
+        };
+        if used().any(|(bus, heard)| !heard.as_bus[bus].modules.is_empty()) {
+            return Ok(());
+        }
+        let foreign: BTreeSet<u32> = used()
+            .flat_map(|(bus, heard)| heard.as_bus[bus].foreign.iter().copied())
+            .collect();
+        if foreign.is_empty() {
+            return Ok(());
+        }
+        let id = |id: &u32| match id & EXTENDED_FLAG {
+            0 => format!("{id:03X}"),
+            flag => format!("{:08X}", id & !flag),
+        };
+        let ids: Vec<String> = foreign.iter().take(NAMED_IDS).map(id).collect();
+        let more = if foreign.len() > NAMED_IDS { ", .." } else { "" };
+        bail!(
+            "{path}: none of its {} frames is one of a board of layout {}: {} ids of nobody ({}{more}); `taxel doctor \
+             --scan log:{path}` says which boards these are, and writes their layout",
+            used().map(|(_, heard)| heard.frames).sum::<u64>(),
+            self.layout.name,
+            foreign.len(),
+            ids.join(", "),
+            path = self.path.display(),
+        );
+    }
+
+    /// Names what of the log is not used, and what of the hand is not in it.
+    fn tell_left_out(&self, chosen: &[Option<usize>], joints: Option<&str>) {
+        let path = self.path.display();
+        for (bus, _) in self
+            .layout
+            .buses
+            .iter()
+            .zip(chosen)
+            .filter(|(_, chosen)| chosen.is_none())
+        {
+            eprintln!("taxel: {path}: nothing for bus {bus}; its taxels will be missing");
+        }
+        for (place, heard) in self.heard.iter().enumerate() {
+            if !chosen.contains(&Some(place)) && joints != Some(&heard.name) {
+                eprintln!(
+                    "taxel: {path}: the {} frames of interface {} are left out, which is none of the buses of layout {} \
+                     ({}); --interface {}=BUS says which it is",
+                    heard.frames,
+                    heard.name,
+                    self.layout.name,
+                    self.layout.buses.join(", "),
+                    heard.name
+                );
+            }
+        }
+    }
+}
+
+/// The orders of buses for interfaces that fit best.
+#[derive(Default)]
+struct Orders {
+    misfit: Option<usize>,
+    best: Vec<Vec<usize>>,
+}
+
+impl Orders {
+    fn try_all(
+        &mut self,
+        interfaces: &[usize],
+        buses: &[usize],
+        taken: &mut Vec<usize>,
+        so_far: usize,
+        misfit: &dyn Fn(usize, usize) -> usize,
+    ) {
+        if self.misfit.is_some_and(|best| so_far > best) {
+            return;
+        }
+        let Some(interface) = interfaces.get(taken.len()) else {
+            if self.misfit.is_none_or(|best| so_far < best) {
+                (self.misfit, self.best) = (Some(so_far), Vec::new());
+            }
+            self.best.push(taken.clone());
+            return;
+        };
+        for bus in buses {
+            if !taken.contains(bus) {
+                taken.push(*bus);
+                self.try_all(
+                    interfaces,
+                    buses,
+                    taken,
+                    so_far + misfit(*interface, *bus),
+                    misfit,
+                );
+                taken.pop();
+            }
+        }
+    }
+
+    /// The best order, if no other is as good.
+    fn only(&self) -> Option<&[usize]> {
+        match &self.best[..] {
+            [only] => Some(only),
+            _ => None,
+        }
+    }
+}
