@@ -32,6 +32,8 @@ pub(crate) async fn watch(state: Rc<State>) {
     let mut roll_call_at = Some(Instant::now() + ROLL_CALL);
     loop {
         period.tick().await;
+        // Asked before the snapshot, which then has all that the recordings held.
+        let finished = state.shared.finished.load(std::sync::atomic::Ordering::Acquire);
         let now = state.snapshot();
         if !now.written {
             continue;
@@ -39,7 +41,10 @@ pub(crate) async fn watch(state: Rc<State>) {
         let is_sending = state.call_roster().await;
         report_changes(&state, before.as_ref(), &now);
         let view = state.joints(&now);
-        report_problems(&state, &now, view.as_ref(), roll_call_at.is_none());
+        if !finished {
+            // A recording that is over is no bus that is down.
+            report_problems(&state, &now, view.as_ref(), roll_call_at.is_none());
+        }
         report_joints(&state, view.as_ref(), &mut joints);
         reports.publish(&state, &now);
         before = Some(now);
@@ -57,7 +62,7 @@ pub(crate) async fn watch(state: Rc<State>) {
         if roll_call_at.take_if(|at| *at <= Instant::now()).is_some() {
             call_roll(&state, before.as_ref());
         }
-        if state.shared.finished.load(std::sync::atomic::Ordering::Acquire) {
+        if finished {
             tracing::info!("every recording has been played to its end");
             tokio::time::sleep(PERIOD).await;
             return;
@@ -101,6 +106,14 @@ fn report_changes(state: &State, before: Option<&Snapshot>, now: &Snapshot) {
     for (i, bus) in now.buses.iter().enumerate() {
         // A damaged recording may have thousands: told each time that there are twice as many.
         let jumps = bus.source.jumps;
+        if bus.source.cut_off_line > before.map_or(0, |b| b.buses[i].source.cut_off_line) {
+            let (source, line) = (state.config.sources[i].to_string(), bus.source.cut_off_line);
+            tracing::error!(
+                bus = layout.buses[i],
+                source,
+                "cannot be read past line {line}; it ends there"
+            );
+        }
         let told = before.map_or(0, |b| b.buses[i].source.jumps.count());
         if jumps.count().checked_ilog2() != told.checked_ilog2() {
             let source = state.config.sources[i].to_string();

@@ -153,6 +153,7 @@ impl LogSource {
                 }
                 Some(Err(LogError::Line { .. })) => self.counters.undecodable += 1,
                 Some(Err(failure)) => {
+                    self.counters.cut_off_line = self.reader.line_number().max(1);
                     self.failure = Some(failure);
                     return;
                 }
@@ -321,6 +322,27 @@ mod tests {
         assert!(!source.receive(u64::MAX, &mut batch));
         assert_eq!(batch.len(), 1);
         assert!(!source.receive(u64::MAX, &mut batch));
+    }
+
+    #[test]
+    fn a_recording_that_cannot_be_read_to_its_end_says_where_it_ends() {
+        let mut log = LOG.to_owned().into_bytes();
+        log.resize(log.len() + (65 << 20), 0);
+        let mut file = tempfile::NamedTempFile::new().unwrap();
+        file.write_all(&log).unwrap();
+        let mut source = LogSource::open(file.path(), None, Playback::default()).unwrap();
+        assert_eq!(play(&mut source).len(), 5);
+        assert_eq!(source.counters().cut_off_line, 7);
+        assert!(
+            source
+                .failure()
+                .unwrap()
+                .to_string()
+                .contains("64 MiB without a CAN frame")
+        );
+        let mut whole = open(LOG, None, Playback::default());
+        play(&mut whole);
+        assert_eq!(whole.counters().cut_off_line, 0);
     }
 
     #[test]

@@ -131,6 +131,8 @@ pub struct SourceCounters {
     pub sent: u64,
     /// Frames that could not be sent.
     pub send_failures: u64,
+    /// The last line of a recording that cannot be read any further; 0 where it can be, and from 1 otherwise.
+    pub cut_off_line: u64,
     /// Where the time of a recording was not taken as it stands there.
     pub jumps: ClockJumps,
 }
