@@ -36,6 +36,8 @@ pub struct Config {
     pub profiles: ProfilesConfig,
     /// Where subscribers connect.
     pub socket: SocketConfig,
+    /// Who may change something.
+    pub control: ControlConfig,
     /// Scheduling of the tick thread.
     pub realtime: RealtimeConfig,
     /// How CAN interfaces are opened.
@@ -50,16 +52,28 @@ pub struct Config {
 pub struct SocketConfig {
     /// Path of the socket that carries tactile images (`SOCK_SEQPACKET`).
     pub images: PathBuf,
-    /// Path of the control socket (newline JSON).
+    /// Path of the control socket (newline JSON), for those who may change something.
     pub control: PathBuf,
-    /// Permissions of both, octal.
+    /// Path of the socket that answers what changes nothing (newline JSON); empty: `status.sock` beside `control`.
+    pub status: PathBuf,
+    /// Permissions of the sockets for images and status, octal.
     pub mode: String,
-    /// Group that owns both; empty keeps the daemon's own.
+    /// Group that owns them; empty keeps the daemon's own.
     pub group: String,
     /// Most subscribers at once, 1 to 4096.
     pub max_subscribers: u16,
     /// A subscriber that takes nothing for this long is disconnected, 100 to 60,000 ms.
     pub stall_ms: u32,
+}
+
+/// Who may change something: re-zero, pause, replace the display profile, mark, move a servo.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ControlConfig {
+    /// Permissions of the control socket, octal.
+    pub mode: String,
+    /// Group that owns it; empty keeps the daemon's own.
+    pub group: String,
 }
 
 /// Scheduling of the tick thread. What the system refuses is reported once and done without.
@@ -86,10 +100,20 @@ impl Default for SocketConfig {
         Self {
             images: default_directory().join("images.sock"),
             control: default_directory().join("control.sock"),
+            status: PathBuf::new(),
             mode: "0660".into(),
             group: String::new(),
             max_subscribers: 128,
             stall_ms: 5000,
+        }
+    }
+}
+
+impl Default for ControlConfig {
+    fn default() -> Self {
+        Self {
+            mode: "0600".into(),
+            group: String::new(),
         }
     }
 }
@@ -183,6 +207,7 @@ struct FileConfig {
     profile: Option<Spanned<Profile>>,
     profiles: Option<Spanned<ProfilesConfig>>,
     socket: Option<Spanned<SocketConfig>>,
+    control: Option<Spanned<ControlConfig>>,
     realtime: Option<Spanned<RealtimeConfig>>,
     can: Option<Spanned<CanConfig>>,
     joints: Option<Spanned<JointsConfig>>,
@@ -211,6 +236,7 @@ impl Config {
             profile: Profile::default(),
             profiles: ProfilesConfig::default(),
             socket: SocketConfig::default(),
+            control: ControlConfig::default(),
             realtime: RealtimeConfig::default(),
             can: CanConfig::default(),
             joints: None,
@@ -374,6 +400,7 @@ impl Config {
                 .check()
                 .map_err(|e| e.to_string())),
             socket: section!(socket, SocketConfig::check),
+            control: section!(control, |v: &ControlConfig| v.mode_bits().map(drop)),
             realtime: section!(realtime, RealtimeConfig::check),
             can: section!(can, CanConfig::check),
             joints,
@@ -409,7 +436,13 @@ impl SocketConfig {
         self.mode_bits()?;
         within("socket.", "max_subscribers", self.max_subscribers, 1.0..=4096.0)?;
         within("socket.", "stall_ms", self.stall_ms, 100.0..=60_000.0)?;
-        for path in [&self.images, &self.control] {
+        let status = self.status_path();
+        let paths = [
+            ("images", &self.images),
+            ("control", &self.control),
+            ("status", &status),
+        ];
+        for (_, path) in &paths {
             // sockaddr_un holds 108 bytes with the closing zero; the lock file's path is not bound by it.
             let len = path.as_os_str().len();
             if len == 0 || len > 107 {
@@ -419,24 +452,44 @@ impl SocketConfig {
                 ));
             }
         }
-        if self.images == self.control {
-            return Err(format!(
-                "socket.images and socket.control are both {}",
-                self.images.display()
-            ));
+        for (i, (key, path)) in paths.iter().enumerate() {
+            if let Some((other, _)) = paths[..i].iter().find(|(_, other)| other == path) {
+                return Err(format!(
+                    "socket.{other} and socket.{key} are both {}",
+                    path.display()
+                ));
+            }
         }
         Ok(())
     }
 
+    /// Where the socket is that answers what changes nothing.
+    pub fn status_path(&self) -> PathBuf {
+        match self.status.as_os_str().is_empty() {
+            true => self.control.with_file_name("status.sock"),
+            false => self.status.clone(),
+        }
+    }
+
     /// Permissions as bits.
     pub fn mode_bits(&self) -> Result<u32, String> {
-        match u32::from_str_radix(&self.mode, 8) {
-            Ok(mode) if mode <= 0o777 => Ok(mode),
-            _ => Err(format!(
-                "socket.mode = \"{}\" is not an octal mode such as \"0660\"",
-                self.mode
-            )),
-        }
+        octal("socket", &self.mode)
+    }
+}
+
+impl ControlConfig {
+    /// Permissions as bits.
+    pub fn mode_bits(&self) -> Result<u32, String> {
+        octal("control", &self.mode)
+    }
+}
+
+fn octal(table: &str, mode: &str) -> Result<u32, String> {
+    match u32::from_str_radix(mode, 8) {
+        Ok(bits) if bits <= 0o777 => Ok(bits),
+        _ => Err(format!(
+            "{table}.mode = \"{mode}\" is not an octal mode such as \"0660\""
+        )),
     }
 }
 

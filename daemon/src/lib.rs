@@ -19,7 +19,6 @@ mod tick;
 pub use config::{Config, ConfigError};
 pub use taxel_serve::SocketPathError;
 
-use crate::config::SocketConfig;
 use crate::image_maker::ImageMaker;
 use crate::snapshot::Snapshot;
 use crate::state::State;
@@ -34,6 +33,7 @@ use taxel_engine::{Engine, EngineError};
 use taxel_joints::{JointReader, JointsError};
 use taxel_serve::{Limits, Server, ServerSeed, SocketPath};
 use taxel_wire::Clock;
+use tokio::net::UnixListener;
 use tokio::sync::oneshot;
 use tokio_seqpacket::UnixSeqpacketListener;
 
@@ -92,16 +92,25 @@ const BACKLOG: i32 = 128;
 /// The places of the daemon's sockets. The one that was taken first goes last, and its folder with it.
 #[derive(Debug)]
 struct SocketPaths {
+    status: SocketPath,
     control: SocketPath,
     images: SocketPath,
 }
 
 impl SocketPaths {
-    fn take(config: &SocketConfig) -> Result<Self, SocketPathError> {
-        let mode = config.mode_bits().unwrap_or(0o660);
-        let images = SocketPath::take(&config.images, mode, &config.group)?;
-        let control = SocketPath::take(&config.control, mode, &config.group)?;
-        Ok(Self { control, images })
+    fn take(config: &Config) -> Result<Self, SocketPathError> {
+        let Config { socket, control, .. } = config;
+        // Checked when the configuration was read; what cannot be read is open to nobody else.
+        let mode = socket.mode_bits().unwrap_or(0o600);
+        let images = SocketPath::take(&socket.images, mode, &socket.group)?;
+        let control_mode = control.mode_bits().unwrap_or(0o600);
+        let control = SocketPath::take(&socket.control, control_mode, &control.group)?;
+        let status = SocketPath::take(&socket.status_path(), mode, &socket.group)?;
+        Ok(Self {
+            status,
+            control,
+            images,
+        })
     }
 }
 
@@ -133,12 +142,13 @@ impl Daemon {
                 error: error.into(),
             }
         };
-        let mut paths = SocketPaths::take(&config.socket)?;
+        let mut paths = SocketPaths::take(&config)?;
         let listen = |error| StartError::System {
             what: "listen on a socket",
             error,
         };
         let control = paths.control.listen(SockType::Stream, BACKLOG)?;
+        let status = paths.status.listen(SockType::Stream, BACKLOG)?;
 
         let recorded = sources::are_recorded(&config);
         let clock = PipelineClock {
@@ -245,11 +255,13 @@ impl Daemon {
         let control = {
             let shared = shared.clone();
             serving_thread("control", ready, async move || {
-                let control = tokio::net::UnixListener::from_std(control.into()).map_err(listen)?;
+                let control = UnixListener::from_std(control.into()).map_err(listen)?;
+                let status = UnixListener::from_std(status.into()).map_err(listen)?;
                 Ok(async move {
                     let _stop_images = stop_images;
                     let state = Rc::new(State::new(config, server, shared, clock, commands, joint_reader));
-                    tokio::task::spawn_local(control::serve(control, state.clone()));
+                    tokio::task::spawn_local(control::serve_control(control, state.clone()));
+                    tokio::task::spawn_local(control::serve_status(status, state.clone()));
                     tokio::select! {
                         _ = stopped => {}
                         () = supervise::watch(state) => {}

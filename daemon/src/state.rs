@@ -2,10 +2,12 @@
 //! threads.
 
 use crate::config::Config;
+use crate::control::{ChangeLog, Places};
 use crate::joints::ServoRequest;
 use crate::snapshot::Snapshot;
 use crate::tick::{Command, PipelineClock, Shared};
 use std::cell::{Cell, Ref, RefCell};
+use std::rc::Rc;
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, mpsc};
 use std::time::{Duration, Instant};
@@ -29,6 +31,11 @@ pub(crate) struct State {
     roster: RefCell<Roster>,
     /// What is wrong with buses, boards and joints.
     pub(crate) problems: RefCell<Problems>,
+    /// Who is connected to the socket that only tells, and to the one for changes.
+    pub(crate) looking: Rc<Places>,
+    pub(crate) changing: Rc<Places>,
+    /// Says in the log who has changed something.
+    pub(crate) changes: ChangeLog,
     clock: PipelineClock,
     commands: mpsc::SyncSender<Command>,
     /// The thread that reads joints, where there is one.
@@ -61,6 +68,9 @@ impl State {
             server,
             roster: RefCell::default(),
             problems: RefCell::default(),
+            looking: Rc::default(),
+            changing: Rc::default(),
+            changes: ChangeLog::default(),
             commands,
             joint_reader,
             started: Instant::now(),
@@ -80,8 +90,8 @@ impl State {
         self.command(Command::Pause(paused))
     }
 
-    /// Has a servo told something.
-    pub(crate) async fn write(&self, request: &ServoRequest) -> Result<(), String> {
+    /// Has a servo told something; returns a sentence for the log.
+    pub(crate) async fn write(&self, request: &ServoRequest) -> Result<String, String> {
         crate::joints::write(self.config.joints.as_ref(), self.joint_reader.as_ref(), request).await
     }
 

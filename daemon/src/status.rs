@@ -7,7 +7,7 @@ use taxel_diagnose::{CurrentProblem, Kind, Place, Problems, Severity};
 use taxel_hand::Fault;
 use taxel_joints::JointsConfig;
 use taxel_wire::status::{
-    BoardStatus, BusStatus, ErrorCounterStatus, ErrorFrameStatus, ImagesStatus, ProblemStatus,
+    BoardStatus, BusStatus, ControlStatus, ErrorCounterStatus, ErrorFrameStatus, ImagesStatus, ProblemStatus,
     QuantileStatus, Status, TaxelStatus, TickStatus,
 };
 
@@ -23,6 +23,9 @@ impl State {
             let kinds = |joint: Option<usize>| names(&problems, joint.map_or(Place::Joints, Place::Joint));
             crate::joints::status(config, &view, self.count_joints(&view), &kinds)
         });
+        let mut control = ControlStatus::default();
+        self.looking.add_to(&mut control);
+        self.changing.add_to(&mut control);
         Status {
             version: env!("CARGO_PKG_VERSION").into(),
             uptime_s: self.uptime_s(),
@@ -72,6 +75,7 @@ impl State {
                     reasons: faults.iter().map(|fault: Fault| fault.name().into()).collect(),
                 })
                 .collect(),
+            control,
             subscribers: roster.subscriber_status(),
         }
     }

@@ -1,8 +1,6 @@
 """Start, stop, configuration, and a bus that says nothing."""
 
-import os
 import signal
-import stat
 import subprocess
 
 import pytest
@@ -57,13 +55,6 @@ def test_what_is_no_socket_is_left_alone(folder, buses):
     assert daemon.images.read_text() == "precious" and str(daemon.images) in daemon.log
 
 
-@pytest.mark.parametrize("mode, bits", [(None, 0o660), ("0600", 0o600), ("0666", 0o666)])
-def test_the_sockets_have_the_configured_mode(start, mode, bits):
-    daemon = start(socket={"mode": mode} if mode else {})
-    for path in (daemon.images, daemon.control_path):
-        assert stat.S_IMODE(os.stat(path).st_mode) == bits
-
-
 BUSES = '[[bus]]\nsource = "udp:239.74.163.2:43113"\n[[bus]]\nsource = "udp:239.74.163.2:43114"\n'
 BAD_CONFIGURATIONS = {
     "not toml": ("layout = \n", 1, ""),
@@ -77,7 +68,9 @@ BAD_CONFIGURATIONS = {
     "no levels": (BUSES + "\n[profile]\nlevels = 0\n", 6, "levels"),
     "falling codebook": (BUSES + "[profile]\ncodebook = [2.0, 1.0]\n", 5, "codebook"),
     "margin out of range": (BUSES + "[conditioning]\nthreshold_margin = 0.5\n", 5, "threshold_margin"),
-    "mode is no mode": (BUSES + "[socket]\nmode = 'rw'\n", 5, "mode"),
+    "mode is no mode": (BUSES + "[socket]\nmode = 'rw'\n", 5, "socket.mode"),
+    "mode of control is no mode": (BUSES + "[control]\nmode = '0999'\n", 5, "control.mode"),
+    "one path twice": (BUSES + "[socket]\nstatus = 'a'\ncontrol = 'a'\n", 5, "socket.control and socket.status are both a"),
 }
 
 

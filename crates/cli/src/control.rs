@@ -1,8 +1,8 @@
 //! A daemon's control socket: one request, one reply.
 
-use anyhow::{Context, bail};
+use anyhow::{Context, anyhow, bail};
 use serde_json::Value;
-use std::io::{BufRead, BufReader, Write};
+use std::io::{BufRead, BufReader, ErrorKind, Write};
 use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::time::Duration;
@@ -13,8 +13,13 @@ const PATIENCE: Duration = Duration::from_secs(5);
 /// Has the daemon do something and returns its reply; an error is its own words why not.
 pub(crate) fn request(socket: &Path, request: &Value) -> anyhow::Result<Value> {
     check_socket_folder(socket)?;
-    let connect = || format!("cannot reach taxeld at {}", socket.display());
-    let mut stream = UnixStream::connect(socket).with_context(connect)?;
+    let mut stream = UnixStream::connect(socket).map_err(|error| {
+        let who = match error.kind() {
+            ErrorKind::PermissionDenied => "; [control] in its configuration says who may change something",
+            _ => "",
+        };
+        anyhow!("cannot reach taxeld at {}: {error}{who}", socket.display())
+    })?;
     stream.set_read_timeout(Some(PATIENCE))?;
     stream.set_write_timeout(Some(PATIENCE))?;
     writeln!(stream, "{request}").context("the control socket")?;

@@ -9,7 +9,7 @@ use taxel_wire::status::Status;
 /// Where the daemon is asked.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Ask {
-    /// The daemon's control socket [default: where the daemon of this user, or of the system, puts it]
+    /// The daemon's control or status socket [default: where the daemon of this user, or of the system, puts it]
     #[arg(long, value_name = "PATH")]
     socket: Option<PathBuf>,
 }
@@ -120,7 +120,10 @@ pub(crate) fn mark(args: &MarkArgs) -> anyhow::Result<()> {
 
 impl Ask {
     fn send(&self, request: &Value) -> anyhow::Result<Value> {
-        let default = || taxeld::config::running_socket("control.sock");
+        // What only tells is open to more users.
+        let tells = request["cmd"] == "status" || request == &json!({ "cmd": "profile" });
+        let name = if tells { "status.sock" } else { "control.sock" };
+        let default = || taxeld::config::running_socket(name);
         control::request(&self.socket.clone().unwrap_or_else(default), request)
     }
 }

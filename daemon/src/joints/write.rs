@@ -21,12 +21,19 @@ pub(crate) struct ServoRequest {
 const PATIENCE: Duration = Duration::from_secs(2);
 const LOOK: Duration = Duration::from_millis(2);
 
-/// Has a servo told something, and waits until it has confirmed it; says why if not.
+impl ServoRequest {
+    /// Whether it has a motor switched off, and nothing else.
+    pub(crate) fn releases(&self) -> bool {
+        self.torque == Some(false) && self.pwm_percent.is_none()
+    }
+}
+
+/// Has a servo told something, and waits until it has confirmed it; a sentence that says so, or why not.
 pub(crate) async fn write(
     config: Option<&JointsConfig>,
     reader: Option<&JointReader>,
     request: &ServoRequest,
-) -> Result<(), String> {
+) -> Result<String, String> {
     let (config, servos) = match (config.map(|config| &config.source), reader) {
         (Some(JointSource::Dynamixel(config)), Some(JointReader::Servos(servos))) => (config, servos),
         (Some(source), None) => {
@@ -50,28 +57,38 @@ pub(crate) async fn write(
         .map_err(|refused| failed(WriteError::NotTaken(refused)))?;
     let confirmed = async {
         loop {
-            match servos.written(joint) {
-                Some(written) if written.number == number => return written.result,
-                // A later command to the same servo is done, and so is this one.
-                Some(written) if written.number > number => return Ok(()),
-                _ => tokio::time::sleep(LOOK).await,
+            let off = servos.motor_off(joint);
+            if command == WriteCommand::Torque(false) {
+                // A newer one has taken its place.
+                if let Some(done) = off.written.filter(|off| off.number >= number) {
+                    return done.result;
+                }
+            } else {
+                match servos.written(joint) {
+                    Some(written) if written.number == number => return written.result,
+                    // A later command to the same servo is done. So is this one, unless that was to switch it off.
+                    Some(written) if written.number > number => {
+                        return match off.newest > number {
+                            true => Err(WriteError::SwitchedOff),
+                            false => Ok(()),
+                        };
+                    }
+                    _ => {}
+                }
             }
+            tokio::time::sleep(LOOK).await;
         }
     };
     let outcome = tokio::time::timeout(PATIENCE, confirmed).await;
     outcome.unwrap_or(Err(WriteError::PortLost)).map_err(failed)?;
-    match command {
-        WriteCommand::Torque(true) => tracing::info!(
-            "joints: torque of {} is on, by request; it stops by itself after {} ms of silence",
-            request.joint,
-            config.watchdog_ms
+    Ok(match command {
+        WriteCommand::Torque(true) => format!(
+            "joints: torque of {} is on (it stops by itself after {} ms of silence)",
+            request.joint, config.watchdog_ms
         ),
-        WriteCommand::Torque(false) => {
-            tracing::info!("joints: torque of {} is off, by request", request.joint)
-        }
-        WriteCommand::GoalPwm(counts) => tracing::debug!("joints: {} is given PWM {counts}", request.joint),
-    }
-    Ok(())
+        WriteCommand::Torque(false) => format!("joints: torque of {} is off", request.joint),
+        WriteCommand::GoalPwm(counts) => format!("joints: {} is given PWM {counts}", request.joint),
+    })
 }
 
 /// Which servo, by its index, and what it is told.

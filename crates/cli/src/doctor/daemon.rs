@@ -17,7 +17,7 @@ use taxel_wire::status::{BoardStatus, BusStatus, ProblemStatus, Status};
 const AREA: &str = "daemon";
 const PATIENCE: Duration = Duration::from_secs(3);
 
-/// Whether a daemon answers on its control socket.
+/// Whether a daemon answers on its status socket.
 #[derive(Debug)]
 pub(super) enum Daemon {
     /// Nobody is there.
@@ -37,12 +37,12 @@ struct Reply {
     error: Option<String>,
 }
 
-/// Asks who is at the control socket.
-pub(super) fn ask(control: &Path) -> Daemon {
-    if let Err(untrusted) = check_socket_folder(control) {
+/// Asks who is at the status socket.
+pub(super) fn ask(socket: &Path) -> Daemon {
+    if let Err(untrusted) = check_socket_folder(socket) {
         return Daemon::Strange(untrusted.to_string());
     }
-    let mut stream = match UnixStream::connect(control) {
+    let mut stream = match UnixStream::connect(socket) {
         Ok(stream) => stream,
         Err(error) if error.kind() == ErrorKind::PermissionDenied => return Daemon::Forbidden,
         Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::ConnectionRefused) => {
@@ -319,7 +319,7 @@ mod tests {
     #[test]
     fn nobody_at_the_socket_is_told_from_something_strange() {
         let dir = tempfile::TempDir::new().unwrap();
-        let path = dir.path().join("control.sock");
+        let path = dir.path().join("status.sock");
         assert!(matches!(ask(&path), Daemon::Absent));
         let listener = std::os::unix::net::UnixListener::bind(&path).unwrap();
         std::thread::spawn(move || {

@@ -150,9 +150,9 @@ impl Doctor {
     /// A daemon that runs, or the place where one would have its sockets; says whether one runs.
     fn check_daemon(&mut self, root: &Path, config: &Config) -> anyhow::Result<bool> {
         const AREA: &str = "daemon";
-        let control = &config.socket.control;
-        let path = control.display().to_string();
-        match daemon::ask(control) {
+        let socket = &config.socket.status_path();
+        let path = socket.display().to_string();
+        match daemon::ask(socket) {
             Daemon::Running(status) => {
                 self.report(daemon::check(&status))?;
                 if let Some(marks) = daemon::marks(&status, &config.layout) {
@@ -163,11 +163,11 @@ impl Doctor {
             Daemon::Forbidden => {
                 let check = Check::error(
                     AREA,
-                    "control socket",
+                    "status socket",
                     path,
                     "is there, and this user may not use it",
                 );
-                let check = match FileFacts::read(root, control).and_then(|file| file.join_its_group()) {
+                let check = match FileFacts::read(root, socket).and_then(|file| file.join_its_group()) {
                     Some(command) => check.run(command),
                     None => check
                         .advise("its owner alone may use it: run the doctor as the user that taxeld runs as"),
@@ -180,13 +180,13 @@ impl Doctor {
             Daemon::Strange(why) => self.report(vec![
                 Check::warning(
                     AREA,
-                    "control socket",
+                    "status socket",
                     path,
                     format!("does not answer as taxeld does: {why}"),
                 )
                 .run("systemctl status taxeld"),
             ])?,
-            Daemon::Absent => self.report(vec![check_folder(root, control)])?,
+            Daemon::Absent => self.report(vec![check_folder(root, socket)])?,
         }
         Ok(false)
     }
@@ -402,10 +402,10 @@ fn bitrate_of(config: &Config, interface: &str) -> Option<u64> {
 }
 
 /// Whether a daemon could have its sockets here.
-fn check_folder(root: &Path, control: &Path) -> Check {
+fn check_folder(root: &Path, socket: &Path) -> Check {
     const NAME: &str = "taxeld";
-    let folder = control.parent().unwrap_or(Path::new("."));
-    let not_running = format!("does not run (nobody answers at {})", control.display());
+    let folder = socket.parent().unwrap_or(Path::new("."));
+    let not_running = format!("does not run (nobody answers at {})", socket.display());
     let user = User::read(root);
     let existing = folder
         .ancestors()

@@ -1,7 +1,7 @@
 //! What is written to servos, where that is allowed: never a motor that nobody watches.
 
 use crate::{MS, World};
-use taxel_joints::bus::{WriteCommand, WriteRefused};
+use taxel_joints::bus::{Step, WriteCommand, WriteRefused};
 use taxel_joints::{DynamixelConfig, FastSyncRead};
 use taxel_sim::servo::{ServoBuild, ServoFault};
 
@@ -115,6 +115,109 @@ fn a_write_whose_answer_is_missed_is_sent_again() {
     assert_eq!((counters.writes_ok, counters.writes_failed), (3, 0));
     let sent = w.requests.iter().filter(|r| r[4] == 2 && r[7] == 3).count();
     assert!(sent > 3, "none was missed: {sent}");
+}
+
+/// Servo, address and first byte of a write.
+fn write_of(request: &[u8]) -> Option<(u8, u8, u8)> {
+    (request[7] == 3).then(|| (request[4], request[8], request[10]))
+}
+
+#[test]
+fn to_switch_a_motor_off_goes_before_every_other_command_and_before_the_readings() {
+    let mut w = writable(3);
+    for servo in 0..3 {
+        w.bus.command(servo, WriteCommand::Torque(true)).unwrap();
+    }
+    w.cycles(3);
+    w.requests.clear();
+    while w.bus.command(0, WriteCommand::GoalPwm(1)).is_ok() {}
+    w.bus.command(1, WriteCommand::GoalPwm(2)).unwrap_err();
+    // The queue is full, and yet it is taken.
+    w.bus.command(2, WriteCommand::Torque(false)).unwrap();
+    w.bus.command(0, WriteCommand::Torque(false)).unwrap();
+    w.cycle(5 * MS);
+    let first: Vec<_> = w.requests.iter().take(5).map(|r| write_of(r)).collect();
+    let (torque, watchdog) = (64, 98);
+    let off = |id, at| Some((id, at, 0));
+    let expected = [
+        off(3, torque),
+        off(3, watchdog),
+        off(1, torque),
+        off(1, watchdog),
+        None,
+    ];
+    assert_eq!(first, expected);
+    w.cycles(3);
+    let goals = w
+        .requests
+        .iter()
+        .filter_map(|r| write_of(r))
+        .filter(|(_, at, _)| *at == 100);
+    assert_eq!(goals.count(), 0, "a motor that is off was given goals");
+    assert_eq!(
+        [1, 2, 3].map(|id| w.servos.servo(id).unwrap().register(64, 1)),
+        [0, 1, 0]
+    );
+}
+
+#[test]
+fn a_motor_that_comes_to_be_switched_off_in_the_middle_of_a_command_ends_up_off() {
+    let mut w = writable(1);
+    w.cycles(2);
+    w.bus.command(0, WriteCommand::Torque(true)).unwrap();
+    w.bus.begin(w.now_ns);
+    let mut told = false;
+    loop {
+        match w.bus.step(w.now_ns) {
+            Step::Send => {
+                w.receive();
+                let request = w.bus.request().to_vec();
+                w.servos.receive(&request, w.now_ns);
+                w.bus.sent(w.now_ns);
+                // The watchdog has just been armed; the motor would be switched on next.
+                if write_of(&request) == Some((1, 98, 5)) {
+                    w.bus.command(0, WriteCommand::Torque(false)).unwrap();
+                    told = true;
+                }
+            }
+            Step::Wait { until_ns } => {
+                let next = w.servos.next_due_ns().map_or(until_ns, |t| t.min(until_ns));
+                w.now_ns = w.now_ns.max(next);
+                w.receive();
+            }
+            Step::Done => break,
+        }
+    }
+    assert!(told);
+    w.cycles(2);
+    assert_eq!(
+        [98, 64].map(|at| w.servos.servo(1).unwrap().register(at, 1)),
+        [0, 0]
+    );
+    assert_eq!(w.bus.counters().writes_failed, 0);
+}
+
+#[test]
+fn a_motor_that_nobody_knows_to_be_off_keeps_its_watchdog_and_is_switched_off_at_the_end() {
+    let mut w = writable(1);
+    w.bus.command(0, WriteCommand::Torque(true)).unwrap();
+    w.cycles(3);
+    w.fault(1, ServoFault::Silent);
+    w.bus.command(0, WriteCommand::Torque(false)).unwrap();
+    w.cycles(8);
+    let disarmed = |w: &World| w.requests.iter().any(|r| write_of(r) == Some((1, 98, 0)));
+    w.requests.drain(..w.requests.len().min(4));
+    assert!(!w.bus.has_writes());
+    assert_eq!(w.servos.servo(1).unwrap().register(98, 1), 5);
+    w.requests.clear();
+    w.servos.set_fault(1, None, 1);
+    w.bus.release_motors();
+    w.cycles(200);
+    assert!(disarmed(&w));
+    assert_eq!(
+        [98, 64].map(|at| w.servos.servo(1).unwrap().register(at, 1)),
+        [0, 0]
+    );
 }
 
 #[test]

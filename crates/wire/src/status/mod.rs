@@ -63,8 +63,20 @@ report! {
         joints: Option<JointsStatus>,
         /// The taxels out of use.
         faults: Vec<TaxelStatus>,
+        /// The connections to the control sockets.
+        control: ControlStatus,
         /// Who is connected.
         subscribers: Vec<SubscriberStatus>,
+    }
+
+    /// The connections to both control sockets.
+    ControlStatus {
+        /// How many there are.
+        clients: usize,
+        /// How many lost their place to a new one, idle for longest.
+        made_room: u64,
+        /// Requests that had to wait because their client asks more often than it may.
+        slowed: u64,
     }
 
     /// When images are made.

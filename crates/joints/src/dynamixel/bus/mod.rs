@@ -15,7 +15,7 @@ mod writes;
 
 pub use cycle::{Bus, BusCounters, FastState, Step};
 pub use reading::{JointReading, NoReading};
-pub use servo::{ServoCounters, ServoIdentity, ServoState};
+pub use servo::{MotorOff, ServoCounters, ServoIdentity, ServoState};
 pub use writes::{WriteCommand, WriteError, WriteRefused, Written};
 
 /// Nanoseconds that so many bytes take on the wire: ten bits each.

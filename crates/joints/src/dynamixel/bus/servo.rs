@@ -56,6 +56,17 @@ pub struct ServoState {
     pub alive: bool,
     /// What became of the newest command to it; `None` before any.
     pub written: Option<Written>,
+    /// What became of commands to switch its motor off.
+    pub motor_off: MotorOff,
+}
+
+/// Commands to switch a motor off.
+#[derive(Debug, Default, Clone, Copy, PartialEq)]
+pub struct MotorOff {
+    /// Number of the newest that was taken; 0 before any.
+    pub newest: u64,
+    /// What became of the newest that is done with.
+    pub written: Option<Written>,
 }
 
 impl ServoIdentity {

@@ -52,6 +52,9 @@ pub enum WriteError {
     /// Not taken at all.
     #[error(transparent)]
     NotTaken(WriteRefused),
+    /// Its motor was switched off since.
+    #[error("its motor was switched off since, by another request")]
+    SwitchedOff,
     /// The port was lost before it was sent.
     #[error("the port was lost before it was sent")]
     PortLost,
@@ -99,6 +102,8 @@ pub(crate) struct Write {
     pub(crate) last: bool,
     /// Whether the motor had been switched on before that command.
     pub(crate) motor_was_on: bool,
+    /// Whether it goes before everything else.
+    pub(crate) urgent: bool,
 }
 
 impl Write {
@@ -113,12 +118,21 @@ impl Write {
             number: 0,
             last: false,
             motor_was_on: false,
+            urgent: false,
         }
+    }
+
+    /// Whether it switches a motor off.
+    pub(crate) fn is_motor_off(&self) -> bool {
+        self.address == address::TORQUE_ENABLE && self.data[0] == 0
     }
 
     /// Switches a motor off, for no command.
     pub(crate) fn motor_off(servo: usize) -> Self {
-        Self::new(servo, address::TORQUE_ENABLE, [0])
+        Self {
+            urgent: true,
+            ..Self::new(servo, address::TORQUE_ENABLE, [0])
+        }
     }
 
     /// The writes that a command takes, in order; a watchdog that has tripped is cleared before it is armed.
@@ -149,6 +163,7 @@ impl Write {
         (writes.into_iter().flatten().enumerate()).map(move |(i, write)| Write {
             number,
             last: i + 1 == count,
+            urgent: command == WriteCommand::Torque(false),
             ..write
         })
     }

@@ -58,8 +58,19 @@ impl SerialBus {
 
     /// Runs one cycle. The results are in [`Bus::results`]; the only error is a port that is gone.
     pub fn cycle(&mut self, bus: &mut Bus) -> Result<(), PortError> {
+        self.cycle_with(bus, |_| {})
+    }
+
+    /// The same; `between` is called before it begins and between its requests.
+    pub(crate) fn cycle_with(
+        &mut self,
+        bus: &mut Bus,
+        mut between: impl FnMut(&mut Bus),
+    ) -> Result<(), PortError> {
+        between(bus);
         bus.begin(monotonic_ns());
         loop {
+            between(bus);
             match bus.step(monotonic_ns()) {
                 Step::Send => {
                     self.drain(bus)?;

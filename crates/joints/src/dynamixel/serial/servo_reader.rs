@@ -3,8 +3,8 @@
 use super::port::{PortError, PortLatency};
 use super::serial_bus::SerialBus;
 use crate::dynamixel::bus::{
-    Bus, BusCounters, FastState, JointReading, NoReading, ServoState, WriteCommand, WriteError, WriteRefused,
-    Written,
+    Bus, BusCounters, FastState, JointReading, MotorOff, NoReading, ServoState, WriteCommand, WriteError,
+    WriteRefused, Written,
 };
 use crate::dynamixel::config::{DynamixelConfig, READINGS_KEPT};
 use crate::error::JointsConfigError;
@@ -106,6 +106,8 @@ pub struct ServoReader {
     /// Cycles whose readings are in the history. It grows while `shared` is locked.
     published: Arc<AtomicU64>,
     stop: Arc<AtomicBool>,
+    /// Whether a command waits that is not to wait for the end of the cycle.
+    urgent: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
     names: Vec<String>,
     allow_writes: bool,
@@ -144,9 +146,10 @@ impl ServoReader {
                 latency: None,
                 opened: 0,
             },
-            commands: Vec::with_capacity(COMMANDS),
+            commands: Vec::with_capacity(COMMANDS + n),
             numbers: 0,
         }));
+        let urgent = Arc::new(AtomicBool::new(false));
         let stop = Arc::new(AtomicBool::new(false));
         let published = Arc::new(AtomicU64::new(0));
         let thread = Thread {
@@ -158,7 +161,8 @@ impl ServoReader {
             shared: shared.clone(),
             published: published.clone(),
             stop: stop.clone(),
-            commands: Vec::with_capacity(COMMANDS),
+            urgent: urgent.clone(),
+            commands: Vec::with_capacity(COMMANDS + n),
         };
         let handle = std::thread::Builder::new()
             .name("joints".into())
@@ -171,6 +175,7 @@ impl ServoReader {
             shared,
             published,
             stop,
+            urgent,
             thread: Some(handle),
             names: config.joint_names(),
             allow_writes: config.allow_writes,
@@ -228,12 +233,23 @@ impl ServoReader {
     /// Has a servo told something after the next cycle; refused unless the configuration allows
     /// writing. Commands that wait when the port is lost are forgotten. Returns the number under
     /// which [`ServoReader::written`] tells what became of it.
+    ///
+    /// That a motor is switched off is never refused for want of room, and waits for nothing but the request that is
+    /// out: it goes before other commands and readings, and what else that servo was to be told is forgotten.
     pub fn command(&self, joint: usize, command: WriteCommand) -> Result<u64, WriteRefused> {
         if !self.allow_writes {
             return Err(WriteRefused::ReadOnly);
         }
         command.check(joint, self.names.len())?;
         let mut shared = lock(&self.shared);
+        if command == WriteCommand::Torque(false) {
+            shared.commands.retain(|(_, other, _)| *other != joint);
+            shared.numbers += 1;
+            let number = shared.numbers;
+            shared.commands.insert(0, (number, joint, command));
+            self.urgent.store(true, Ordering::Release);
+            return Ok(number);
+        }
         if shared.commands.len() >= COMMANDS {
             return Err(WriteRefused::QueueFull(shared.commands.len()));
         }
@@ -243,8 +259,15 @@ impl ServoReader {
         Ok(number)
     }
 
+    /// What became of commands to switch a servo's motor off, once they have reached the bus.
+    pub fn motor_off(&self, joint: usize) -> MotorOff {
+        let shared = lock(&self.shared);
+        let servo = shared.snapshot.servos.get(joint);
+        servo.map_or_else(MotorOff::default, |servo| servo.motor_off)
+    }
+
     /// What became of the newest command to a servo that is done with; commands to one servo end in
-    /// the order in which they were given.
+    /// the order in which they were given, but for those that a later one to switch its motor off has overtaken.
     pub fn written(&self, joint: usize) -> Option<Written> {
         lock(&self.shared).snapshot.servos.get(joint)?.written
     }
@@ -281,6 +304,7 @@ struct Thread {
     shared: Arc<Mutex<Shared>>,
     published: Arc<AtomicU64>,
     stop: Arc<AtomicBool>,
+    urgent: Arc<AtomicBool>,
     commands: Vec<(u64, usize, WriteCommand)>,
 }
 
@@ -307,6 +331,8 @@ impl Thread {
                 }
                 Err(error) => self.away(&error),
             }
+            // Nobody can be told anything.
+            self.urgent.store(false, Ordering::Relaxed);
             self.sleep_until(monotonic_ns() + pause.as_nanos() as u64);
             pause = (2 * pause).min(LONGEST_PAUSE);
         }
@@ -317,7 +343,7 @@ impl Thread {
         let mut next_ns = monotonic_ns();
         let mut latency_due_ns = next_ns + LATENCY_NS;
         while !self.stopped() {
-            port.cycle(&mut self.bus)?;
+            self.cycle(port)?;
             self.publish();
             let now = monotonic_ns();
             if now >= latency_due_ns {
@@ -335,6 +361,23 @@ impl Thread {
             port.cycle(&mut self.bus)?;
         }
         Ok(())
+    }
+
+    /// One cycle; what is urgent goes between its requests.
+    fn cycle(&mut self, port: &mut SerialBus) -> Result<(), PortError> {
+        let Self {
+            bus,
+            shared,
+            urgent,
+            commands,
+            ..
+        } = self;
+        port.cycle_with(bus, |bus| {
+            if urgent.swap(false, Ordering::Acquire) {
+                std::mem::swap(&mut lock(shared).commands, commands);
+                hand_over(bus, commands);
+            }
+        })
     }
 
     fn publish(&mut self) {
@@ -362,11 +405,7 @@ impl Thread {
             }
             self.published.fetch_add(1, Ordering::Release);
         }
-        for (number, joint, command) in self.commands.drain(..) {
-            if let Err(refused) = self.bus.numbered_command(number, joint, command) {
-                self.bus.note(joint, number, Err(WriteError::NotTaken(refused)));
-            }
-        }
+        hand_over(&mut self.bus, &mut self.commands);
     }
 
     fn away(&mut self, error: &PortError) {
@@ -388,7 +427,7 @@ impl Thread {
     }
 
     fn sleep_until(&self, until_ns: u64) {
-        while !self.stopped() {
+        while !self.stopped() && !self.urgent.load(Ordering::Relaxed) {
             let now = monotonic_ns();
             if now >= until_ns {
                 return;
@@ -403,6 +442,14 @@ impl Thread {
                 Ok(_) | Err(Errno::EINTR) => {}
                 Err(_) => std::thread::sleep(Duration::from_nanos(t - now)),
             }
+        }
+    }
+}
+
+fn hand_over(bus: &mut Bus, commands: &mut Vec<(u64, usize, WriteCommand)>) {
+    for (number, joint, command) in commands.drain(..) {
+        if let Err(refused) = bus.numbered_command(number, joint, command) {
+            bus.note(joint, number, Err(WriteError::NotTaken(refused)));
         }
     }
 }

@@ -167,7 +167,7 @@ impl Bus {
             lane: SlowLane::default(),
             allow_writes: config.allow_writes,
             watchdog_steps: u8::try_from(config.watchdog_ms / 20).unwrap_or(127).clamp(1, 127),
-            writes: VecDeque::with_capacity(QUEUE),
+            writes: VecDeque::with_capacity(QUEUE + 2 * n),
             write_tries: 0,
             writes_done: false,
             write_refused: None,
@@ -207,7 +207,7 @@ impl Bus {
         self.fast
     }
 
-    /// Has a servo told something, after the next cycle's positions.
+    /// Has a servo told something, after the next cycle's positions; that its motor is switched off goes before them.
     pub fn command(&mut self, servo: usize, command: WriteCommand) -> Result<(), WriteRefused> {
         self.numbered_command(0, servo, command)
     }
@@ -223,6 +223,10 @@ impl Bus {
             return Err(WriteRefused::ReadOnly);
         }
         command.check(servo, self.servos.len())?;
+        if command == WriteCommand::Torque(false) {
+            self.switch_off(number, servo);
+            return Ok(());
+        }
         if matches!(command, WriteCommand::GoalPwm(_)) && !self.motors_on[servo] {
             return Err(WriteRefused::MotorOff(servo));
         }
@@ -235,10 +239,45 @@ impl Bus {
             motor_was_on,
             ..write
         }));
-        if let WriteCommand::Torque(on) = command {
-            self.motors_on[servo] = on;
+        if command == WriteCommand::Torque(true) {
+            self.motors_on[servo] = true;
         }
         Ok(())
+    }
+
+    /// Has a motor switched off before anything else is written or read. What else that servo was to be told is
+    /// forgotten.
+    fn switch_off(&mut self, number: u64, servo: usize) {
+        // The write that is out stays at the front until it is answered.
+        let out = usize::from(self.pass_active && self.pass.kind == Kind::Write);
+        if out == 0 {
+            self.write_tries = 0;
+        }
+        self.servos[servo].state.motor_off.newest = number;
+        let mut i = out;
+        while let Some(write) = self.writes.get(i).copied() {
+            if write.servo == servo {
+                self.writes.remove(i);
+                self.note(servo, write.number, Err(WriteError::SwitchedOff));
+            } else {
+                i += 1;
+            }
+        }
+        let motor_was_on = std::mem::replace(&mut self.motors_on[servo], false);
+        let others = self
+            .writes
+            .iter()
+            .skip(out)
+            .take_while(|write| write.urgent)
+            .count();
+        let off = Write::of(servo, WriteCommand::Torque(false), self.watchdog_steps, number);
+        for (i, write) in off.enumerate() {
+            let write = Write {
+                motor_was_on,
+                ..write
+            };
+            self.writes.insert(out + others + i, write);
+        }
     }
 
     /// Has every motor that was switched on with [`Bus::command`] switched off.
@@ -254,9 +293,15 @@ impl Bus {
 
     /// Tells what became of a command. One of several writes that fails is a command that failed.
     pub(crate) fn note(&mut self, servo: usize, number: u64, result: Result<(), WriteError>) {
-        let written = &mut self.servos[servo].state.written;
+        let ServoState {
+            written, motor_off, ..
+        } = &mut self.servos[servo].state;
+        let done = Some(Written { number, result });
+        if number == motor_off.newest {
+            motor_off.written = done;
+        }
         if number > written.map_or(0, |w| w.number) {
-            *written = Some(Written { number, result });
+            *written = done;
         }
     }
 
@@ -324,6 +369,10 @@ impl Bus {
             self.results[i] = Err(NoReading::Silent);
         }
         if self.pass.order.is_empty() {
+            return;
+        }
+        if self.writes.front().is_some_and(|write| write.urgent) {
+            self.again.append(&mut self.pass.order);
             return;
         }
         if self.fast == FastState::NotSupported && self.fast_again_ns.take_if(|t| *t <= now_ns).is_some() {

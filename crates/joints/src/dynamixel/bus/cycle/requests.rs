@@ -39,13 +39,8 @@ impl Bus {
 
     /// Decides what comes after the pass that ended; `false` if the cycle is over.
     pub(super) fn next_request(&mut self, now_ns: u64) -> bool {
-        if !self.again.is_empty() {
-            self.pass.order.clear();
-            self.pass.order.append(&mut self.again);
-            self.ask_positions(Kind::Plain, now_ns);
-            return true;
-        }
-        if let Some(write) = self.writes.front().filter(|_| !self.writes_done) {
+        let write = self.writes.front().copied().filter(|_| !self.writes_done);
+        if let Some(write) = write.filter(|write| write.urgent || self.again.is_empty()) {
             self.pass.order.clear();
             self.pass.order.push(write.servo);
             let packet = self.encoder.write(
@@ -56,6 +51,12 @@ impl Bus {
             load(&mut self.request, packet);
             self.pass.begin(Kind::Write, 0, 0);
             self.activate();
+            return true;
+        }
+        if !self.again.is_empty() {
+            self.pass.order.clear();
+            self.pass.order.append(&mut self.again);
+            self.ask_positions(Kind::Plain, now_ns);
             return true;
         }
         if self.slow_done {
@@ -183,9 +184,21 @@ impl Bus {
         }
         self.counters.writes_failed += 1;
         self.note(write.servo, write.number, result);
-        if write.address == address::BUS_WATCHDOG {
+        if write.is_motor_off() {
+            self.keep_watchdog(&write);
+        } else if write.address == address::BUS_WATCHDOG {
             self.call_off_torque(&write);
         }
+    }
+
+    /// A motor of which nobody knows whether it is off keeps its watchdog, and is switched off again at the end.
+    fn keep_watchdog(&mut self, failed: &Write) {
+        let next = self.writes.front();
+        if next.is_some_and(|next| next.servo == failed.servo && next.number == failed.number && !failed.last)
+        {
+            self.writes.pop_front();
+        }
+        self.motors_on[failed.servo] = failed.motor_was_on;
     }
 
     /// A motor whose watchdog could not be armed is not switched on; one that runs is switched off.

@@ -1,0 +1,157 @@
+//! The control sockets: one JSON request per line, one JSON reply per line.
+//!
+//! There are two: one that only tells, for everybody who may see images, and one for those who may change something.
+//! Neither can be occupied. A connection too many takes the place of the one that has been idle for longest, a client
+//! that asks without end is slowed, and a request to switch a motor off is neither slowed nor gives up its place.
+
+mod allowance;
+mod asker;
+mod places;
+mod request;
+
+pub(crate) use asker::ChangeLog;
+pub(crate) use places::Places;
+
+use crate::state::State;
+use allowance::Allowance;
+use asker::Asker;
+use places::{Doing, Place};
+use request::{Access, Request, answer, refusal};
+use std::cell::Cell;
+use std::rc::Rc;
+use std::time::Duration;
+use tokio::io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt, BufReader};
+use tokio::net::unix::{OwnedReadHalf, OwnedWriteHalf};
+use tokio::net::{UnixListener, UnixStream};
+use tokio::time::{Instant, sleep, timeout};
+
+/// Longest request line, bytes.
+const MAX_REQUEST: u64 = 64 * 1024;
+/// A client that does not take its reply for this long is disconnected.
+const REPLY_PATIENCE: Duration = Duration::from_secs(5);
+/// A client that asks nothing for this long is disconnected.
+const IDLE_PATIENCE: Duration = Duration::from_secs(300);
+/// What a client may ask without being slowed: so many requests at once, and one per interval.
+const REQUESTS: u32 = 20;
+const REQUEST_INTERVAL: Duration = Duration::from_millis(50);
+
+/// Serves the socket that only tells until the daemon ends.
+pub(crate) async fn serve_status(listener: UnixListener, state: Rc<State>) {
+    serve(listener, state.clone(), Access::Look, &state.looking).await;
+}
+
+/// Serves the socket for those who may change something until the daemon ends.
+pub(crate) async fn serve_control(listener: UnixListener, state: Rc<State>) {
+    serve(listener, state.clone(), Access::Change, &state.changing).await;
+}
+
+async fn serve(listener: UnixListener, state: Rc<State>, access: Access, places: &Rc<Places>) {
+    let mut failing = false;
+    loop {
+        match listener.accept().await {
+            Ok((stream, _)) => {
+                failing = false;
+                let (state, place) = (state.clone(), places.enter(Instant::now()));
+                tokio::task::spawn_local(async move {
+                    // A client that goes away in the middle of a request is no news.
+                    let _ = attend(stream, &state, access, &place).await;
+                });
+                // Those that wait to be accepted do not push out one that has not been heard.
+                tokio::task::yield_now().await;
+            }
+            Err(error) => {
+                // Out of file descriptors, most likely, of which an idle client has one. Said once, however long it
+                // lasts.
+                if !std::mem::replace(&mut failing, true) {
+                    tracing::warn!(%error, "cannot accept a control connection");
+                }
+                places.make_room();
+                sleep(Duration::from_millis(100)).await;
+            }
+        }
+    }
+}
+
+/// Answers a client until it leaves, or has to.
+async fn attend(stream: UnixStream, state: &State, access: Access, place: &Place) -> std::io::Result<()> {
+    let asker = Asker::of(&stream, access);
+    let (read, mut write) = stream.into_split();
+    let replying = Cell::new(false);
+    tokio::select! {
+        left = converse(read, &mut write, &replying, state, &asker, place) => left,
+        () = place.lost() => {
+            let why = "this connection was idle for longest and made room for another; connect again";
+            // Not into the middle of a reply. Who does not read is not told.
+            if !replying.get() {
+                let _ = write.try_write(&line_of(&refusal(why.into())));
+            }
+            Ok(())
+        }
+    }
+}
+
+async fn converse(
+    read: OwnedReadHalf,
+    write: &mut OwnedWriteHalf,
+    replying: &Cell<bool>,
+    state: &State,
+    asker: &Asker,
+    place: &Place,
+) -> std::io::Result<()> {
+    let mut read = BufReader::new(read);
+    let mut line = Vec::new();
+    let mut allowance = Allowance::new(REQUESTS, REQUEST_INTERVAL);
+    loop {
+        line.clear();
+        let mut limited = (&mut read).take(MAX_REQUEST + 1);
+        match timeout(IDLE_PATIENCE, limited.read_until(b'\n', &mut line)).await {
+            Ok(read) => read?,
+            Err(_) => return Ok(()),
+        };
+        if line.is_empty() {
+            return Ok(());
+        }
+        let too_long = line.len() as u64 > MAX_REQUEST;
+        let request = match too_long {
+            true => Err(format!("a request has at most {MAX_REQUEST} bytes")),
+            false => Request::parse(&line),
+        };
+        let releases = request.as_ref().is_ok_and(Request::releases_a_motor);
+        let pause = allowance.take(Instant::now());
+        if !pause.is_zero() && !releases {
+            place.slowed(Instant::now());
+            sleep(pause).await;
+        }
+        if line.iter().all(u8::is_ascii_whitespace) {
+            continue;
+        }
+        place.set(
+            if releases {
+                Doing::Releasing
+            } else {
+                Doing::Obeying
+            },
+            Instant::now(),
+        );
+        let reply = match request {
+            Ok(request) => answer(request, state, asker).await,
+            Err(error) => refusal(error),
+        };
+        place.set(Doing::Nothing, Instant::now());
+        replying.set(true);
+        match timeout(REPLY_PATIENCE, write.write_all(&line_of(&reply))).await {
+            Ok(written) => written?,
+            Err(_) => return Ok(()),
+        }
+        replying.set(false);
+        if too_long {
+            return Ok(());
+        }
+    }
+}
+
+fn line_of(reply: &serde_json::Value) -> Vec<u8> {
+    let mut text = reply.to_string().into_bytes();
+    text.push(b'\n');
+    text
+}

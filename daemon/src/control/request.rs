@@ -1,0 +1,147 @@
+//! What can be asked, and the answers.
+
+use super::asker::Asker;
+use crate::joints::ServoRequest;
+use crate::state::State;
+use serde::Deserialize;
+use serde_json::{Value, json};
+use taxel_hand::Profile;
+use tokio::time::Instant;
+
+/// What a socket's clients may.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Access {
+    /// Be told.
+    Look,
+    /// Move and change something as well.
+    Change,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(tag = "cmd", rename_all = "lowercase", deny_unknown_fields)]
+pub(super) enum Request {
+    Status {},
+    Rezero {},
+    Pause {},
+    Resume {},
+    Profile { profile: Option<Profile> },
+    Servo(ServoRequest),
+    Mark { text: String },
+}
+
+impl Request {
+    /// The error is fit for whoever asked.
+    pub(super) fn parse(line: &[u8]) -> Result<Self, String> {
+        serde_json::from_slice(line).map_err(|error| {
+            format!(
+                "{error}; a request is one line such as {{\"cmd\":\"status\"}}, and cmd is one of status, rezero, \
+                 pause, resume, profile, servo, mark"
+            )
+        })
+    }
+
+    /// Whether it has a motor switched off.
+    pub(super) fn releases_a_motor(&self) -> bool {
+        matches!(self, Self::Servo(request) if request.releases())
+    }
+
+    /// What it moves or changes, in a word; none where it only has something told.
+    fn change(&self) -> Option<&'static str> {
+        match self {
+            Self::Status {} | Self::Profile { profile: None } => None,
+            Self::Rezero {} => Some("baseline measured anew"),
+            Self::Pause {} => Some("paused"),
+            Self::Resume {} => Some("resumed"),
+            Self::Profile { profile: Some(_) } => Some("display profile replaced"),
+            Self::Servo(_) => Some("servo told"),
+            Self::Mark { .. } => Some("marked"),
+        }
+    }
+}
+
+pub(super) fn refusal(error: String) -> Value {
+    json!({ "ok": false, "error": error })
+}
+
+/// Does what is asked, and says so in the log where it changes something.
+pub(super) async fn answer(request: Request, state: &State, asker: &Asker) -> Value {
+    let Some(change) = request.change() else {
+        state.call_roster().await;
+        return match request {
+            Request::Status {} => json!({ "ok": true, "status": state.status() }),
+            _ => json!({ "ok": true, "profile": state.roster().own_profile() }),
+        };
+    };
+    if asker.access == Access::Look {
+        return refusal(format!(
+            "this socket only tells (status, profile); what changes something is asked at {}, which is open to whom \
+             [control] mode and group in the configuration let in",
+            state.config.socket.control.display()
+        ));
+    }
+    let done = match &request {
+        Request::Servo(servo) => state.write(servo).await.map(Done::Said),
+        Request::Profile { profile } => {
+            let profile = profile.clone().unwrap_or_default();
+            state.server.set_own_profile(profile).await.map(|()| Done::Plain)
+        }
+        Request::Mark { text } => (state.mark(text)).map(|(seq, t_ns)| Done::Marked(seq, t_ns)),
+        Request::Rezero {} => state.rezero().map(|()| Done::Plain),
+        Request::Pause {} => state.pause(true).map(|()| Done::Plain),
+        _ => state.pause(false).map(|()| Done::Plain),
+    };
+    let (said, reply) = match done {
+        Ok(Done::Plain) => (change.to_owned(), json!({ "ok": true })),
+        Ok(Done::Said(sentence)) => (sentence, json!({ "ok": true })),
+        Ok(Done::Marked(seq, t_ns)) => (
+            change.to_owned(),
+            json!({ "ok": true, "mark": { "seq": seq, "t_ns": t_ns } }),
+        ),
+        Err(error) => (format!("not {change}: {error}"), refusal(error)),
+    };
+    state.changes.note(&said, asker, Instant::now());
+    reply
+}
+
+/// How a change was done.
+enum Done {
+    Plain,
+    /// With a sentence for the log.
+    Said(String),
+    /// Behind which frame, and when, nanoseconds.
+    Marked(u64, u64),
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_moves_or_changes_something_is_told_from_what_only_tells() {
+        let cases = [
+            (r#"{"cmd":"status"}"#, false, false),
+            (r#"{"cmd":"profile"}"#, false, false),
+            (r#"{"cmd":"profile","profile":{"levels":4}}"#, true, false),
+            (r#"{"cmd":"rezero"}"#, true, false),
+            (r#"{"cmd":"pause"}"#, true, false),
+            (r#"{"cmd":"resume"}"#, true, false),
+            (r#"{"cmd":"mark","text":"a"}"#, true, false),
+            (r#"{"cmd":"servo","joint":"a","torque":true}"#, true, false),
+            (r#"{"cmd":"servo","joint":"a","pwm_percent":0.0}"#, true, false),
+            (r#"{"cmd":"servo","joint":"a","torque":false}"#, true, true),
+            (
+                r#"{"cmd":"servo","joint":"a","torque":false,"pwm_percent":1.0}"#,
+                true,
+                false,
+            ),
+        ];
+        for (line, changes, releases) in cases {
+            let request = Request::parse(line.as_bytes()).unwrap();
+            assert_eq!(
+                (request.change().is_some(), request.releases_a_motor()),
+                (changes, releases),
+                "{line}"
+            );
+        }
+    }
+}

@@ -1,0 +1,151 @@
+"""The control sockets: who may do what, and that nobody keeps others from doing it."""
+
+import json
+import os
+import socket
+import stat
+import threading
+from contextlib import ExitStack
+
+import pytest
+from harness.daemon import Daemon, ask, eventually, read_reply
+from harness.servos import Servos
+from test_joints import SCENE, TICK, TORQUE, dynamixel, servo
+
+PLACES = 128
+
+
+def connect(path):
+    client = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    client.settimeout(20)
+    client.connect(str(path))
+    return client
+
+
+@pytest.fixture
+def daemon(folder):
+    with Daemon(folder / "d", SCENE, tick=TICK) as daemon:
+        yield daemon
+
+
+def test_the_connection_that_was_idle_for_longest_makes_room_and_is_told(daemon):
+    with ExitStack() as stack:
+        idle = [stack.enter_context(connect(daemon.control_path)) for _ in range(PLACES)]
+        # The first asks something, which makes it the last.
+        assert ask(idle[0], {"cmd": "status"})["ok"]
+        late = [stack.enter_context(connect(daemon.control_path)) for _ in range(3)]
+        for client in late:
+            assert ask(client, {"cmd": "status"})["ok"]
+        for client in idle[1:4]:
+            assert "made room" in read_reply(client)["error"]
+            assert client.recv(1) == b""
+        assert ask(idle[0], {"cmd": "status"})["status"]["control"]["made_room"] == 3
+
+
+def test_a_client_that_asks_without_end_is_slowed_and_the_others_are_not(daemon):
+    request = b'{"cmd":"profile"}\n'  # all the answers fit into a socket that nobody reads
+    with connect(daemon.control_path) as flood, connect(daemon.control_path) as other:
+        flood.sendall(request * 200)
+        for _ in range(10):
+            counts = ask(other, {"cmd": "status"})["status"]["control"]
+        # The flood's answers still come when the other has all of its own.
+        assert counts["clients"] == 2 and counts["slowed"] < 180, counts
+        eventually(lambda: daemon.status()["control"]["slowed"] > 0, "nobody is slowed")
+        received = b""
+        while received.count(b"\n") < 200:
+            received += flood.recv(65536)
+        assert all(json.loads(reply)["ok"] for reply in received.splitlines())
+
+
+def test_nothing_keeps_a_motor_from_being_switched_off(folder):
+    servos = Servos("--ids", "1-16")
+    joints = dynamixel(servos.path, allow_writes=True, watchdog_ms=2540)
+    over = threading.Event()
+    requests = [{"cmd": "status"}, {"cmd": "servo", "joint": "joint 5", "pwm_percent": 1.0}, {"cmd": "rezero"}]
+
+    def flood(path, number):
+        request = json.dumps(requests[number % len(requests)]).encode() + b"\n"
+        while not over.is_set():
+            try:
+                with connect(path) as client:
+                    client.settimeout(0.2)
+                    client.sendall(request * 50)
+                    while client.recv(65536) and not over.is_set():
+                        pass
+            except OSError:
+                pass
+
+    def storm(path):
+        while not over.is_set():
+            try:
+                connect(path).close()
+            except OSError:
+                pass
+            over.wait(0.005)
+
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon, ExitStack() as stack:
+        daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+        assert servo(daemon, "joint 5", "--torque", "on") == (0, "")
+        for _ in range(PLACES + 40):
+            stack.enter_context(connect(daemon.control_path))
+        threads = [threading.Thread(target=flood, args=(daemon.control_path, n)) for n in range(16)]
+        threads.append(threading.Thread(target=storm, args=(daemon.control_path,)))
+        stack.callback(lambda: [thread.join() for thread in threads])
+        stack.callback(over.set)
+        for thread in threads:
+            thread.start()
+        for _ in range(5):
+            assert servo(daemon, "joint 5", "--torque", "off") == (0, "")
+            assert servos.register(5, *TORQUE) == 0
+        over.set()
+        for thread in threads:
+            thread.join()
+        assert daemon.status()["control"]["made_room"] > 0
+    servos.close()
+
+
+CHANGES = [
+    {"cmd": "rezero"},
+    {"cmd": "pause"},
+    {"cmd": "resume"},
+    {"cmd": "mark", "text": "now"},
+    {"cmd": "profile", "profile": {"levels": 4}},
+    {"cmd": "servo", "joint": "joint 5", "torque": False},
+]
+
+
+def test_the_status_socket_tells_and_changes_nothing(daemon):
+    with connect(daemon.folder / "status.sock") as client:
+        before = ask(client, {"cmd": "profile"})["profile"]
+        assert ask(client, {"cmd": "status"})["status"]["paused"] is False
+        for request in CHANGES:
+            refused = ask(client, request)
+            assert refused["ok"] is False and str(daemon.control_path) in refused["error"], refused
+        assert ask(client, {"cmd": "profile"})["profile"] == before
+
+
+def test_the_log_says_who_has_changed_something_but_not_without_end(daemon):
+    assert daemon.control("pause") == {"ok": True}
+    who = f"by request of user {os.getuid()}, process {os.getpid()}"
+    eventually(lambda: f"paused, {who}" in daemon.log, "the log does not say who")
+    assert daemon.control("mark", text="")["ok"] is False
+    eventually(lambda: f"not marked: a mark has 1 to 500 bytes of text; this one has 0, {who}" in daemon.log, "nor who failed")
+    for n in range(100):
+        assert daemon.control("resume") == {"ok": True}
+    assert daemon.log.count(who) < 60
+    assert daemon.control("status")["status"]["paused"] is False
+
+
+@pytest.mark.parametrize(
+    "tables, modes",
+    [
+        ({}, (0o660, 0o660, 0o600)),
+        ({"socket": {"mode": "0666"}}, (0o666, 0o666, 0o600)),
+        ({"socket": {"mode": "0600"}, "control": {"mode": "0660"}}, (0o600, 0o600, 0o660)),
+    ],
+)
+def test_each_socket_has_its_configured_mode(folder, tables, modes):
+    with Daemon(folder / "d", SCENE, tick=TICK, **tables) as daemon:
+        paths = (daemon.images, daemon.folder / "status.sock", daemon.control_path)
+        assert tuple(stat.S_IMODE(os.stat(path).st_mode) for path in paths) == modes
+    assert not any(path.exists() for path in paths)
