@@ -12,7 +12,8 @@ import numpy as np
 F = np.float32
 NOWHERE = F(1e17)  # where an id is that was never anywhere
 ROUNDS, SWAPS, FALLS = 6, 4, 16.0
-LEAST_SHARE, QUIET_SHARE, QUIET_FRAMES, RANKED = 0.002, 0.25, 4, 64
+LEAST_SHARE, QUIET_SHARE, FIRST_FRAMES, QUIET_FRAMES, RANKED = 0.002, 0.1, 4, 4, 64
+PATIENCE, TRIED_POINTS, MOST_TRIES = 2.0, 400, 8
 
 
 def in_order(terms):
@@ -38,7 +39,7 @@ class Follower:
         self.id_of = {}  # of the last frame's contacts, by place
         self.done = False  # the last frame left nothing to do
         self.judged = None  # cost at which no swap paid
-        self.changes = self.tried = self.quiet = 0
+        self.changes = self.tried = self.quiet = self.patience = 0
         self.ranking = None
         self.member = {}
         self.label = np.zeros(0, dtype=int)
@@ -52,6 +53,7 @@ class Follower:
                 self.finish()
         else:
             self.ranking = None
+            self.quiet = 0
             self.changes += len(set(places) ^ set(self.id_of))
             self.bound = self.pressed.copy()
             self.xy = np.asarray(xy, dtype=F).reshape(-1, 2)
@@ -88,7 +90,7 @@ class Follower:
         self.member = {int(i): n for n, i in enumerate(label)}
         for i, n in self.member.items():
             self.stood[i] = tuple(self.xy[n].tolist())
-        self.done, self.judged, self.quiet = True, None, 0
+        self.done, self.judged, self.patience = True, None, 0
 
     def rank_of_unused(self, i, place):
         if self.stood[i] is None:
@@ -102,6 +104,7 @@ class Follower:
 
     def gather(self, adopted):
         self.moved = np.zeros(self.k, dtype=bool)
+        self.patience += 1
         if np.all(self.at[:, 0] == NOWHERE):
             self.at[0] = self.xy[0]
         been = [i for i in range(self.k) if self.at[i, 0] != NOWHERE]
@@ -210,6 +213,10 @@ class Follower:
 
     # Swaps
 
+    def quiet_gain(self):
+        """What a swap is asked to save for each jump in a quiet frame: the less, the longer none was made."""
+        return self.jump_gain * QUIET_SHARE * PATIENCE / (PATIENCE + self.patience)
+
     def improve(self):
         cost = self.cost()
         if self.judged is not None and 16 * self.changes < len(self.xy):
@@ -218,6 +225,7 @@ class Follower:
         made = 0
         while made < SWAPS and self.make(self.best_swap()):
             made += 1
+            self.patience = 0
         self.changes = self.tried = 0
         self.judged = self.cost() if made < SWAPS else None
 
@@ -225,25 +233,29 @@ class Follower:
         """In a frame like the last. Returns whether a swap was made."""
         if self.jump_gain >= 1 or len(self.xy) <= self.k:
             return False
+        self.patience += 1
         self.quiet += 1
-        if self.quiet % QUIET_FRAMES:
+        if self.quiet > FIRST_FRAMES and self.quiet % QUIET_FRAMES:
             return False
         self.bound = self.pressed.copy()
         self.moved = np.zeros(self.k, dtype=bool)
         if not self.ranking:
+            self.began = self.patience
             losses, splits = self.losses(), self.splits()
             pairs = [(-(gain - losses[d]), d, s) for s, (gain, _) in splits.items() for d in range(self.k) if d != s]
             self.ranking = sorted(pairs)[:RANKED] if self.k <= RANKED else []
-            return False
-        if self.tried >= len(self.ranking):
-            return False
-        _, dissolved, split = self.ranking[self.tried]
-        self.tried += 1
-        halves = self.splits()[split][1]
-        made = self.make((dissolved, split, halves, self.asked(dissolved, split, halves[0], QUIET_SHARE)))
-        if made:
-            self.tried = 0
-        return made
+        for _ in range(min(max(TRIED_POINTS // len(self.xy), 1), MOST_TRIES)):
+            if self.tried >= len(self.ranking):
+                if self.patience >= 2 * self.began:
+                    self.tried, self.began = 0, self.patience
+                return False
+            _, dissolved, split = self.ranking[self.tried]
+            self.tried += 1
+            halves = self.splits()[split][1]
+            if self.make((dissolved, split, halves, self.asked(dissolved, split, halves[0], self.quiet_gain()))):
+                self.tried = self.patience = 0
+                return True
+        return False
 
     def is_bound(self, i):
         return self.bound[i] and not self.moved[i]
@@ -255,10 +267,10 @@ class Follower:
         dx, dy = (float(F(b) - F(a)) for a, b in zip(self.stood[i], to))
         return dx * dx + dy * dy
 
-    def asked(self, dissolved, split, kept, share=1.0):
+    def asked(self, dissolved, split, kept, gain):
         jumps = int(self.is_bound(dissolved)) + int(self.way(split, kept) > float(self.reach) ** 2)
         cost = self.cost()
-        return max(LEAST_SHARE * cost, jumps * (self.jump_gain * cost * share))
+        return max(LEAST_SHARE * cost, jumps * (gain * cost))
 
     def losses(self):
         """What it costs to dissolve each cluster: its contacts go to their second nearest centroids, or it merges with another."""
@@ -303,7 +315,7 @@ class Follower:
                 others = [i for i in range(self.k) if i != split and self.is_bound(i) == bound]
                 if others:
                     dissolved = min(others, key=lambda i: losses[i])
-                    asked = self.asked(dissolved, split, halves[0])
+                    asked = self.asked(dissolved, split, halves[0], self.jump_gain)
                     beyond = gain - losses[dissolved] - asked
                     if beyond > best[0]:
                         best = (beyond, (dissolved, split, halves, asked))

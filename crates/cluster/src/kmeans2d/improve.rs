@@ -3,11 +3,32 @@
 use super::swap::{Judge, Swap};
 use super::{Kmeans2d, Saved};
 
-/// One frame in so many of those in which nothing changes is used to look further.
+/// So many frames after a change, and then one in so many, are used to look further.
+const FIRST_FRAMES: u32 = 4;
 const QUIET_FRAMES: u32 = 4;
+/// Points in the swaps that are tried in a quiet frame, in all: small frames try several swaps, at most so many.
+const TRIED_POINTS: usize = 400;
+const MOST_TRIES: usize = 8;
 /// Swaps in quiet frames are asked for this share of what others are: there are few of them, and
 /// what they save lasts.
-const QUIET_SHARE: f64 = 0.25;
+const QUIET_SHARE: f64 = 0.1;
+/// Frames without a swap after which half as much is asked of one.
+const PATIENCE: f64 = 2.0;
+
+/// What swaps have to save, for a share of the cost; the search borrows only part of the clusters.
+macro_rules! judge {
+    ($clusters:expr, $gain:expr) => {{
+        let cost = $clusters.assignment.cost();
+        Judge {
+            gain: $gain * cost,
+            least: 0.002 * cost,
+            reach: $clusters.settings.reach * $clusters.settings.reach,
+            pinned: &$clusters.pinned,
+            moved: &$clusters.moved,
+            stands: $clusters.stands.places(),
+        }
+    }};
+}
 
 impl Kmeans2d {
     /// Makes the swaps that pay. Where none paid, it does not ask again before something has changed.
@@ -23,56 +44,63 @@ impl Kmeans2d {
         let mut left = self.settings.swaps;
         while left > 0 && self.swap() {
             left -= 1;
+            self.patience = 0;
         }
         self.changes = 0;
         self.further = 0;
         self.judged = (left > 0).then(|| self.assignment.cost());
     }
 
-    /// In a frame in which nothing has changed, tries one more swap, the next best by judgement:
-    /// judgement does not know how the clusters settle afterwards. Says whether it was made.
+    /// Share of the cost that a swap is asked to save in a quiet frame for each cluster that jumps by it: the
+    /// less, the longer none was made, so that a bad arrangement does not last. Where points flicker, no frame is
+    /// quiet.
+    fn quiet_gain(&self) -> f64 {
+        self.settings.swap_gain * QUIET_SHARE * PATIENCE / (PATIENCE + f64::from(self.patience))
+    }
+
+    /// In a frame in which nothing has changed, tries more swaps, the next best by judgement:
+    /// judgement does not know how the clusters settle afterwards. Says whether one was made.
     pub(super) fn look_further(&mut self) -> bool {
         let may_jump = self.settings.swap_gain < 1.0 && self.assignment.len() > self.x.len();
         if !may_jump {
             return false;
         }
-        self.quiet = self.quiet.wrapping_add(1);
-        if !self.quiet.is_multiple_of(QUIET_FRAMES) {
+        self.patience = self.patience.saturating_add(1);
+        self.quiet = self.quiet.saturating_add(1);
+        if self.quiet > FIRST_FRAMES && !self.quiet.is_multiple_of(QUIET_FRAMES) {
             return false;
         }
         self.pinned.copy_from_slice(&self.live);
         self.moved.fill(false);
-        let mut judge = judge(
-            &self.settings,
-            self.assignment.cost(),
-            &self.pinned,
-            &self.moved,
-            self.stands.places(),
-        );
-        judge.gain *= QUIET_SHARE;
         if !self.splits.is_ranked() {
+            self.began = self.patience;
+            let judge = judge!(self, self.quiet_gain());
             self.splits
                 .rank(&self.assignment, &self.sums, &self.x, &self.y, &judge);
-            return false;
         }
-        let swap = self.splits.ranked(self.further, &self.sums, &judge);
-        self.further += usize::from(swap.is_some());
-        let made = swap.is_some_and(|swap| self.make(&swap));
-        if made {
-            self.further = 0;
+        let tries = (TRIED_POINTS / self.assignment.len()).clamp(1, MOST_TRIES);
+        for _ in 0..tries {
+            let judge = judge!(self, self.quiet_gain());
+            let Some(swap) = self.splits.ranked(self.further, &self.sums, &judge) else {
+                // All were tried. Once half as much is asked, those that saved too little may do.
+                if self.patience >= 2 * self.began {
+                    (self.further, self.began) = (0, self.patience);
+                }
+                return false;
+            };
+            self.further += 1;
+            if self.make(&swap) {
+                self.further = 0;
+                self.patience = 0;
+                return true;
+            }
         }
-        made
+        false
     }
 
     /// Dissolves one cluster and splits another if that saves enough; says whether it did.
     fn swap(&mut self) -> bool {
-        let judge = judge(
-            &self.settings,
-            self.assignment.cost(),
-            &self.pinned,
-            &self.moved,
-            self.stands.places(),
-        );
+        let judge = judge!(self, self.settings.swap_gain);
         let best = self
             .splits
             .best(&self.assignment, &self.sums, &self.x, &self.y, &judge);
@@ -106,23 +134,5 @@ impl Kmeans2d {
         self.assignment.restore();
         self.settled = settled;
         false
-    }
-}
-
-/// What swaps have to save.
-fn judge<'a>(
-    settings: &super::Kmeans2dSettings,
-    cost: f64,
-    pinned: &'a [bool],
-    moved: &'a [bool],
-    stands: &'a [[f32; 2]],
-) -> Judge<'a> {
-    Judge {
-        gain: settings.swap_gain * cost,
-        least: 0.002 * cost,
-        reach: settings.reach * settings.reach,
-        pinned,
-        moved,
-        stands,
     }
 }

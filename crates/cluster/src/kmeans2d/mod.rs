@@ -11,7 +11,8 @@
 //! 2. Single points that move to another cluster where that lowers the cost though they are nearer
 //!    to their own (Hartigan's criterion, `n / (n - 1) * d1 > m / (m + 1) * d2`).
 //! 3. A swap: a cluster that is missed little is dissolved and one that gains much is split, if the
-//!    gain is worth what it makes people feel. Only this move makes an actuator jump.
+//!    gain is worth what it makes people feel. Only this move makes an actuator jump. While nothing
+//!    changes less and less is asked of one, so that a bad arrangement does not last.
 //!
 //! An actuator whose points are gone rests where it stood, for a frame at least, and returns when a
 //! point returns there. Only after that rest it may be put elsewhere: it has been lifted then, and
@@ -40,8 +41,8 @@ pub struct Kmeans2dSettings {
     /// History cost: a centroid is drawn towards its place in the last frame as if by this many
     /// times its own members. 0 follows the points alone.
     pub history: f64,
-    /// Share of the cost that must be saved for each cluster that a swap makes jump; 0 makes every
-    /// swap that saves anything, infinity none.
+    /// Share of the cost that must be saved for each cluster that a swap makes jump, less while nothing changes;
+    /// 0 makes every swap that saves anything, 1 or more none.
     pub swap_gain: f64,
     /// Most swaps in a frame.
     pub swaps: u16,
@@ -81,9 +82,13 @@ pub struct Kmeans2d {
     /// Cost at which swaps were last found not to pay, and points that have come or gone since.
     judged: Option<f64>,
     changes: usize,
-    /// Swaps tried in quiet frames since then, and quiet frames.
+    /// Swaps tried in quiet frames since then, and quiet frames since the last change.
     further: usize,
     quiet: u32,
+    /// Frames since the last swap.
+    patience: u32,
+    /// The same, when the swaps of quiet frames were last begun with.
+    began: u32,
     splits: Splits,
     saved: Saved,
     stands: Stands,
@@ -162,6 +167,8 @@ impl Kmeans2d {
             changes: 0,
             further: 0,
             quiet: 0,
+            patience: 0,
+            began: 0,
             splits: Splits::new(clusters),
             saved: Saved {
                 x: vec![0.0; clusters],
@@ -182,7 +189,7 @@ impl Kmeans2d {
         self.keys.clear();
         self.settled = false;
         self.judged = None;
-        (self.further, self.quiet) = (0, 0);
+        (self.further, self.quiet, self.patience) = (0, 0, 0);
         self.splits.forget();
         self.stands.forget();
     }
@@ -215,6 +222,7 @@ impl Kmeans2d {
             }
         } else {
             self.splits.forget();
+            self.quiet = 0;
             self.changes += self.count_changes(keys);
             self.pinned.copy_from_slice(&self.live);
             self.assignment.place(points, weights);
@@ -275,11 +283,12 @@ impl Kmeans2d {
         self.settled = true;
         // What comes next does not depend on how long the hand was idle.
         self.judged = None;
-        self.quiet = 0;
+        self.patience = 0;
     }
 
     fn follow_many(&mut self, keys: &[u16]) {
         self.moved.fill(false);
+        self.patience = self.patience.saturating_add(1);
         self.assignment.adopt(keys, &self.id_of_key);
         if self.x.iter().all(|x| *x == FAR) {
             let (x, y) = self.assignment.first();

@@ -220,6 +220,28 @@ fn frames_that_do_not_change_change_nothing() {
 }
 
 #[test]
+fn a_bad_arrangement_is_left_while_nothing_changes_though_its_jumps_hardly_pay() {
+    // Warm from three clusters on the left and one on the right, where two and two are a little better.
+    let left: Vec<_> = (0..3).flat_map(|i| blob(0.0, f64::from(i) * 4.0)).collect();
+    let before = [left.clone(), blob(40.0, 0.0)].concat();
+    let right: Vec<_> = (0..21)
+        .map(|i| (40.0 + f64::from(i % 3), f64::from(i / 3)))
+        .collect();
+    let after = [left, right].concat();
+    let run = |swap_gain, frames| {
+        let mut solver = Kmeans2d::new(KEYS, 4, Kmeans2dSettings { swap_gain, ..PLAIN });
+        follow(&mut solver, &before);
+        let labels = (0..frames)
+            .map(|_| follow(&mut solver, &after).labels.to_vec())
+            .last();
+        error(&after, &labels.unwrap_or_default(), 4)
+    };
+    let (stuck, best) = (run(1.0, 60), run(0.0, 60));
+    assert!((0.8..0.99).contains(&(best / stuck)), "{best} and {stuck}");
+    assert_eq!((run(0.95, 1), run(0.95, 60)), (stuck, best));
+}
+
+#[test]
 fn hard_cases_reach_the_exhaustive_optimum() {
     let line = |n: u8| (0..n).map(|x| (f64::from(x), 3.0)).collect::<Vec<_>>();
     let grid = |w: u8, h: u8| {
