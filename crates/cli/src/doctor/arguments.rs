@@ -60,7 +60,7 @@ pub(crate) struct Args {
     /// Recognise what speaks on the buses, and propose a layout file for it; it listens and sends nothing
     #[arg(long, conflicts_with_all = ["layout", "joints", "config"])]
     pub(super) scan: bool,
-    /// With --scan: ask for boards on buses where nobody speaks, and start those that answer
+    /// With --scan: ask for boards on buses where nobody speaks, and start those that answer; where none does, CySkin hubs
     #[arg(long, requires = "scan", conflicts_with = "listen_only")]
     pub(super) start: bool,
     /// With --scan: write the proposed layout file there instead of to stdout
