@@ -106,6 +106,28 @@ fn several_recordings_become_one_table_and_one_sheet() {
 }
 
 #[test]
+fn a_folder_stands_for_its_recordings_in_the_order_of_their_names() {
+    let dir = TempDir::new().unwrap();
+    let folder = dir.path().join("grasps");
+    fs::create_dir(&folder).unwrap();
+    for (name, text) in [
+        ("b.csv", "0,0,9,0\n"),
+        ("a.csv", "0,1,2,3\n0,0,0,1\n"),
+        ("notes.txt", "none\n"),
+    ] {
+        fs::write(folder.join(name), text).unwrap();
+    }
+    let args = ["figures", "grasps", "--layout", "grid:2x2", "--out", "out"];
+    succeeds(&dir, &args);
+    let table = rows(&dir, "recordings-table.csv", "");
+    let told: Vec<(&str, &str)> = table
+        .iter()
+        .map(|row| (row[0].as_str(), row[7].as_str()))
+        .collect();
+    assert_eq!(told, [("recording", "total"), ("a", "6"), ("b", "9")]);
+}
+
+#[test]
 fn what_cannot_be_drawn_is_refused_by_name() {
     let dir = TempDir::new().unwrap();
     fs::create_dir(dir.path().join("empty")).unwrap();
