@@ -207,9 +207,10 @@ impl State {
         let rate = self.rate_hz(images);
         let mode = self.tick_mode();
         format!(
-            "{rate:.1} Hz ({mode}), tick p99 {:.2} ms, {overruns} overruns, {}, {lost} lost, {boards}/{} boards, \
+            "{rate:.1} Hz ({mode}), tick p99 {:.2} ms, sent p99 {:.2} ms, {overruns} overruns, {}, {lost} lost, {boards}/{} boards, \
              {missing} missing, {faulty} faulty{joints}, {} subscribers{}{}",
             p99 as f64 / 1e6,
+            self.roster().sent_status().age_us.p99 / 1e3,
             links.join(", "),
             self.config.layout.modules.len(),
             self.roster().subscribers(),

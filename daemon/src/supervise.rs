@@ -19,6 +19,8 @@ const PERIOD: Duration = Duration::from_millis(100);
 /// How long after the start every board should have been heard.
 const ROLL_CALL: Duration = Duration::from_secs(2);
 const STATUS: Duration = Duration::from_secs(1);
+/// Subscribers that a STATUS message lists: what each costs, it costs everyone who is sent reports.
+const MOST_LISTED: usize = 64;
 
 /// Runs until every recording has been played to its end, and images have reached their subscribers.
 pub(crate) async fn watch(state: Rc<State>) {
@@ -84,7 +86,9 @@ impl Reports {
         }
         if self.next_at.is_none_or(|at| at <= Instant::now()) {
             self.next_at = Some(Instant::now() + STATUS);
-            let text = serde_json::json!(state.status()).to_string();
+            let mut status = state.status();
+            status.subscribers.truncate(MOST_LISTED);
+            let text = serde_json::json!(status).to_string();
             state
                 .server
                 .set_status(text.as_bytes(), now.force.seq, now.force.t_ns);

@@ -57,6 +57,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let mut out = io::stdout().lock();
     let mut clock = Clock::Unknown;
     let mut names = Vec::new();
+    let mut described = String::new();
     let mut lines = 0;
     while args.count.is_none_or(|count| lines < count) {
         let line = match subscriber.next()? {
@@ -77,9 +78,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             Received::Hello(hello) => {
                 clock = hello.clock;
                 names = raw_line::names(hello);
-                if !args.json {
-                    eprintln!("{}", describe(hello));
+                // It also comes in answer to the subscription.
+                let description = describe(hello);
+                if !args.json && description != described {
+                    eprintln!("{description}");
                 }
+                described = description;
                 continue;
             }
             Received::Event(_, event) => {

@@ -128,6 +128,7 @@ impl Roster {
             images: self.images.sent(),
             skipped: self.images.skipped(),
             age_us: self.images.age_us(),
+            ages: self.images.ages(),
             longest_gap_ms: self.images.longest_gap_ms(),
         }
     }

@@ -79,6 +79,16 @@ impl Sent {
         gap_us.max(self.longest_gap_us.load(Relaxed)) as f64 / 1000.0
     }
 
+    /// How many messages were how old when they were sent: the most microseconds of each step that has
+    /// any, and its messages.
+    pub(crate) fn ages(&self) -> Vec<(u64, u64)> {
+        let counts = self.ages.iter().map(|count| count.load(Relaxed)).enumerate();
+        counts
+            .filter(|(_, count)| *count > 0)
+            .map(|(step, count)| (end_of(step) as u64, count))
+            .collect()
+    }
+
     /// How old messages were when they were sent, microseconds; zeros where none was.
     pub(crate) fn age_us(&self) -> QuantileStatus {
         let counts = self.ages.each_ref().map(|count| count.load(Relaxed));
@@ -156,6 +166,9 @@ mod tests {
         assert!((1000.0..1130.0).contains(&age.p99), "{age:?}");
         assert!((10_000.0..11_300.0).contains(&age.p999), "{age:?}");
         assert_eq!(age.max, 100_000.0);
+        let ages = sent.ages();
+        assert_eq!(ages.iter().map(|(_, count)| count).sum::<u64>(), 1000);
+        assert_eq!((ages.len(), ages[0].1), (3, 998), "{ages:?}");
         assert_eq!((sent.sent(), sent.skipped()), (1000, 3));
         sent.rest();
         assert_eq!(sent.longest_gap_ms(), 502.0);

@@ -444,8 +444,8 @@ class Reader:
         `every=True` is for recorders and analyses: every image and raw frame in order, instead of the newest; what
         was lost all the same is counted in `skipped`. It goes with no max_rate_hz.
         `profile={"levels": 4, "actuators": 5}` says what the display can do and `region=["index", "thumb"]` which parts
-        of the hand it shows. The answer to these is a HELLO, after which the images are as asked for, or an event
-        "refused" that says why not.
+        of the hand it shows. The answer is a HELLO, whose "subscription" is in force from then on, or an event "refused"
+        that says why not.
         """
         self.socket.send(encode_subscribe(wanted))
 

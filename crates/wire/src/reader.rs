@@ -143,7 +143,8 @@ impl Subscriber {
     }
 
     /// Tells the daemon what to send; without it every image comes and no raw counts. It replaces
-    /// the subscription before.
+    /// the subscription before. The answer is a HELLO that tells what is in force, or an EVENT that says
+    /// why it is refused.
     pub fn subscribe(&mut self, subscribe: &Subscribe) -> Result<(), ReadError> {
         let packet = subscribe.to_packet();
         retry(|| send(self.socket.as_raw_fd(), &packet, MsgFlags::MSG_NOSIGNAL))

@@ -117,6 +117,9 @@ report! {
         skipped: u64,
         /// From when an image was due until it was sent, microseconds.
         age_us: QuantileStatus,
+        /// The same as a histogram, of which differences can be taken: rows of an age in microseconds
+        /// and the images up to that age and above that of the row before.
+        ages: Vec<(u64, u64)>,
         /// The longest that one of them was without an image between two, milliseconds.
         longest_gap_ms: f64,
     }
