@@ -8,10 +8,11 @@ use std::time::Duration;
 use tokio::time::interval;
 use tokio_seqpacket::UnixSeqpacketListener;
 
-/// Subscribers that are let in without a pause, and the pause: at most 800 in a second, so that those
-/// who come and go without end leave time for the others. The rest wait in `connect`.
-const MOST_AT_ONCE: u32 = 8;
-const PAUSE: Duration = Duration::from_millis(10);
+/// Subscribers that are let in without a pause, and the pause: at most a thousand in a second, so that
+/// those who come and go without end leave time for the others, and few at once, so that an image waits
+/// for no more of them. The rest wait in `connect`.
+const MOST_AT_ONCE: u32 = 2;
+const PAUSE: Duration = Duration::from_millis(2);
 
 impl<M: ProfileMaker> Server<M> {
     /// Lets subscribers in until the program ends.
