@@ -48,12 +48,12 @@ class Hand:
         self.leave()
         self.servos.close()
 
-    def daemon(self, folder, **joints):
-        """A daemon for it, not started; `joints` are further keys of its table `[joints]`."""
+    def daemon(self, folder, tables=None, **joints):
+        """A daemon for it, not started, with further `tables`; `joints` are further keys of its table `[joints]`."""
         servos = [{"id": id, "name": f"joint {id}"} for id in self.ids]
         patient = {"answer_margin_ms": 100.0, "hold_ms": 2000.0}
         table = {"source": f"dynamixel:{self.servos.path}", **patient, **joints, "servo": servos}
-        return Daemon(folder, self.sources, joints=table)
+        return Daemon(folder, self.sources, joints=table, **(tables or {}))
 
 
 def percentiles(values):

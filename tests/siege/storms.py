@@ -1,0 +1,358 @@
+"""Clients by the hundred that read, never read, come and go, ask without end or do nothing: no image and no torque off is lost to them.
+
+    cargo build --release --workspace --bins --examples
+    TAXEL_BIN_DIR=target/release tests/siege/run storms [--seconds 20] [--short] [--only NAME] [--machine quiet|busy]
+
+A daemon with a simulated hand and servos serves 450 readers at 30 Hz through one storm after the other, on a quiet machine and
+beside eight busy loops that it starts and ends itself, with FIFO priority (root, or `LimitRTPRIO`) and without. It prints a row for
+each: age of an image when it was sent (ms from when it was due; the daemon's own histogram, over the storm alone), what the readers
+were not sent and how long the longest went without an image (the readers' own count), how long "torque off" took to be confirmed,
+and the daemon's memory and descriptors before and after. The exit status is 1 where a promise is broken; those are
+in `PROMISES`. `--short` is 3 seconds with a tenth of the clients, to see that the command works: then only what
+does not depend on time is judged.
+"""
+
+import argparse
+import json
+import multiprocessing
+import os
+import resource
+import selectors
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "crates/wire/python")]
+
+import taxel_reader  # noqa: E402
+from harness.daemon import ask, die_with_parent, eventually, must_be_built  # noqa: E402
+from harness.siege import Hand  # noqa: E402
+
+READERS = 450
+BUSY_LOOPS = 8
+# How much the daemon's memory may grow during a storm, and descriptors after it: pages that come into use late.
+SLACK_KIB, SLACK_FDS = 4096, 4
+
+# Name of the storm, what it consists of: kinds of clients and how many, or how many a second.
+STORMS = {
+    "readers alone": {},
+    "never read": {"sleepers": 450},
+    "come and go": {"visitors": 5000},
+    "status by 16": {"askers": 16},
+    "idle control": {"idle": 200},
+    "all of it": {"sleepers": 450, "visitors": 200, "askers": 16, "idle": 40},
+}
+# Storm, machine, FIFO: what must hold. Ages in ms, skipped as a share of all.
+PROMISES = {
+    ("never read", "quiet", True): {"p99.9": 2.0, "skipped": 0.0},
+    ("all of it", "quiet", True): {"p99.9": 2.0, "skipped": 0.0},
+    ("readers alone", "busy", False): {"skipped": 0.01},
+}
+LONGEST_TORQUE_OFF_MS = 100.0
+HEADER = ["storm", "machine", "FIFO", "age p50", "p99", "p99.9", "max", "images", "skipped", "gap ms", "torque off ms", "RSS MiB", "fds"]
+
+
+def read_all(path, count):
+    """A process of its own: reads with so many connections from its first line of input to the second, and prints what it saw."""
+    sockets = [socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) for _ in range(count)]
+    selector = selectors.DefaultSelector()
+    for index, connection in enumerate(sockets):
+        connection.connect(path)
+        connection.setblocking(False)
+        selector.register(connection, selectors.EVENT_READ, index)
+    selector.register(sys.stdin, selectors.EVENT_READ, None)
+    print("connected", flush=True)
+    images = skipped = lost = 0
+    seen_at, gap, counts = [None] * count, 0.0, False
+    packet = bytearray(1 << 17)
+    view = memoryview(packet)
+    while True:
+        for key, _ in selector.select():
+            if key.data is None:
+                sys.stdin.readline()
+                if counts:
+                    print(json.dumps({"images": images, "skipped": skipped, "lost": lost, "gap_ms": gap * 1e3}), flush=True)
+                    return
+                counts, seen_at = True, [None] * count
+                continue
+            try:
+                length = key.fileobj.recv_into(view)
+            except BlockingIOError:
+                continue
+            except ConnectionError:
+                length = 0
+            if length == 0:
+                selector.unregister(key.fileobj)
+                lost += 1
+            elif counts and packet[8] == 2:
+                now = time.monotonic()
+                images += 1
+                skipped += int.from_bytes(packet[32:36], "little")
+                before = seen_at[key.data]
+                if before is not None:
+                    gap = max(gap, now - before)
+                seen_at[key.data] = now
+
+
+FORK = multiprocessing.get_context("fork")
+
+
+class Storm:
+    """Clients that harm; each kind is a process, so that none waits for another."""
+
+    def __init__(self, daemon, **clients):
+        self.images, self.control = str(daemon.images), str(daemon.control_path)
+        jobs = {"sleepers": self.sleep, "visitors": self.visit, "askers": self.ask, "idle": self.idle}
+        start = lambda job, n: FORK.Process(target=job, args=(n,), daemon=True)  # noqa: E731
+        self.over = FORK.Event()
+        self.processes = [start(jobs[kind], n) for kind, n in clients.items() if n]
+
+    def __enter__(self):
+        for process in self.processes:
+            process.start()
+        return self
+
+    def __exit__(self, *_):
+        self.over.set()
+        for process in self.processes:
+            process.join(10)
+            process.kill()
+
+    def reach(self, path, kind):
+        connection = socket.socket(socket.AF_UNIX, kind)
+        # Without a timeout: it waits for its turn to be let in, where it would be refused with one.
+        connection.connect(path)
+        connection.settimeout(5)
+        return connection
+
+    def sleep(self, count):
+        """Readers that never read; the daemon lets them go after a while, and they come again."""
+        while not self.over.is_set():
+            fresh = []
+            for _ in range(count):
+                try:
+                    fresh.append(self.reach(self.images, socket.SOCK_SEQPACKET))
+                except OSError:
+                    pass
+            self.over.wait(5)
+            for connection in fresh:
+                connection.close()
+
+    def visit(self, per_second):
+        """Readers that connect and leave."""
+        start, visits = time.monotonic(), 0
+        while not self.over.is_set():
+            if visits > (time.monotonic() - start) * per_second:
+                time.sleep(0.002)
+                continue
+            try:
+                self.reach(self.images, socket.SOCK_SEQPACKET).close()
+            except OSError:
+                time.sleep(0.001)
+            visits += 1
+
+    def ask(self, count):
+        """Clients that each pipeline status requests as fast as they are answered."""
+        threads = [threading.Thread(target=self.keep_asking) for _ in range(count)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+
+    def keep_asking(self):
+        batch = b'{"cmd":"status"}\n' * 50
+        while not self.over.is_set():
+            try:
+                with self.reach(self.control, socket.SOCK_STREAM) as connection:
+                    connection.settimeout(0.2)
+                    while not self.over.is_set():
+                        try:
+                            connection.sendall(batch)
+                        except TimeoutError:
+                            pass
+                        connection.setblocking(False)
+                        try:
+                            while connection.recv(1 << 20):
+                                pass
+                        except BlockingIOError:
+                            pass
+                        connection.settimeout(0.2)
+            except OSError:
+                time.sleep(0.05)
+
+    def idle(self, count):
+        """Control clients that say nothing; the daemon may let them go, and they come again."""
+        kept = []
+        while not self.over.is_set():
+            for _ in range(count):
+                try:
+                    kept.append(self.reach(self.control, socket.SOCK_STREAM))
+                except OSError:
+                    pass
+            self.over.wait(5)
+            while kept:
+                kept.pop().close()
+
+
+def torque_off_ms(daemon):
+    """How long a new client waits until "torque off" is confirmed; infinite where it is not."""
+    start = time.monotonic()
+    try:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
+            connection.settimeout(10)
+            connection.connect(str(daemon.control_path))
+            reply = ask(connection, {"cmd": "servo", "joint": "joint 1", "torque": False})
+    except (OSError, AssertionError):
+        return float("inf")
+    return (time.monotonic() - start) * 1e3 if reply["ok"] else float("inf")
+
+
+def sent(daemon):
+    """What subscribers were sent so far, as a subscriber is told, whoever crowds the control socket."""
+    with taxel_reader.connect(daemon.images, image=False, status=True) as reader:
+        while True:
+            message = reader.receive()
+            if isinstance(message, taxel_reader.Text) and message.header.type == taxel_reader.STATUS:
+                return message.json()["images"]["sent"]
+
+
+def costs(daemon):
+    pid = daemon.process.pid
+    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    kib = next(int(line.split()[1]) for line in lines if line.startswith("VmRSS:"))
+    return kib, len(os.listdir(f"/proc/{pid}/fd"))
+
+
+def quantiles(before, after):
+    """Of the ages in ms between two histograms: rows of an age in us and a count."""
+    old = dict(map(tuple, before))
+    ages = [(us, count - old.get(us, 0)) for us, count in after]
+    total = sum(count for _, count in ages)
+
+    def at(share):
+        below = 0
+        for us, count in ages:
+            below += count
+            if count and below >= share * total:
+                return us / 1e3
+        return 0.0
+
+    return [at(0.5), at(0.99), at(0.999), at(1.0)]
+
+
+def run(hand, folder, storm, machine, fifo, seconds, scale):
+    """One row of the table, and which promises are broken."""
+    few = lambda n: max(1, n // scale) if n else 0  # noqa: E731
+    clients = {kind: few(n) for kind, n in STORMS[storm].items()}
+    readers = few(READERS)
+    tables = {"socket": {"max_subscribers": 4096}, "realtime": {"priority": 10 if fifo else 0}}
+    daemon = hand.daemon(folder, tables, allow_writes=True)
+    loops = []
+    with daemon:
+        eventually(lambda: daemon.status()["joints"].get("readings"), "no servo")
+        fds = costs(daemon)[1]
+        reading = subprocess.Popen(
+            [sys.executable, __file__, "--read", str(daemon.images), str(readers)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            preexec_fn=die_with_parent,
+        )
+        assert reading.stdout.readline() == "connected\n", "the readers did not connect"
+        if machine == "busy":
+            loop = [sys.executable, "-c", "while True: pass"]
+            loops = [subprocess.Popen(loop, preexec_fn=die_with_parent) for _ in range(BUSY_LOOPS)]
+        try:
+            with Storm(daemon, **clients):
+                there = 0.95 * (readers + clients.get("sleepers", 0))
+                eventually(lambda: sent(daemon)["subscribers"] >= there, "they do not get in", 60)
+                time.sleep(1.0)
+                before = sent(daemon)
+                reading.stdin.write("count\n")
+                reading.stdin.flush()
+                offs, costs_before, begun = [], None, time.monotonic()
+                while time.monotonic() < begun + seconds:
+                    if costs_before is None and time.monotonic() > begun + seconds / 3:
+                        costs_before = costs(daemon)
+                    offs.append(torque_off_ms(daemon))
+                    time.sleep(0.25)
+                costs_before, costs_after = costs_before or costs(daemon), costs(daemon)
+                reading.stdin.write("tell\n")
+                reading.stdin.flush()
+                seen = json.loads(reading.stdout.readline())
+                after = sent(daemon)
+        finally:
+            for loop in loops:
+                loop.kill()
+                loop.wait()
+            reading.kill()
+            reading.wait()
+        eventually(lambda: sent(daemon)["subscribers"] == 1, "subscribers are left", 30)
+        fds_left = costs(daemon)[1]
+    ages = quantiles(before["ages"], after["ages"])
+    p50, p99, p999, oldest = ages
+    row = [storm, machine, "yes" if fifo else "no", *(f"{age:.2f}" for age in ages), seen["images"], seen["skipped"]]
+    row += [f"{seen['gap_ms']:.0f}", f"{max(offs):.0f}", f"{costs_before[0] / 1024:.1f} -> {costs_after[0] / 1024:.1f}"]
+    row += [f"{costs_before[1]} -> {costs_after[1]} -> {fds_left}"]
+    broken = []
+    if seen["lost"]:
+        broken.append(f"{seen['lost']} readers that read were let go")
+    if fds_left > fds + SLACK_FDS:
+        broken.append(f"{fds_left} descriptors are left of {fds}")
+    if "panicked" in daemon.log:
+        broken.append("it panicked")
+    if len(daemon.log.splitlines()) > 2000:
+        broken.append(f"{len(daemon.log.splitlines())} lines of log")
+    if scale == 1:
+        promise = PROMISES.get((storm, machine, fifo), {})
+        share = seen["skipped"] / max(1, seen["images"] + seen["skipped"])
+        if p999 > promise.get("p99.9", float("inf")):
+            broken.append(f"age at send p99.9 is {p999:.2f} ms")
+        if share > promise.get("skipped", 1.0):
+            broken.append(f"{100 * share:.2f} % skipped")
+        if fifo and machine == "quiet" and max(offs) > LONGEST_TORQUE_OFF_MS:
+            broken.append(f"torque off took {max(offs):.0f} ms")
+        if costs_after[0] > costs_before[0] + SLACK_KIB:
+            broken.append(f"memory grew by {costs_after[0] - costs_before[0]} KiB")
+    daemon.log_path.unlink(missing_ok=True)
+    return row, broken
+
+
+def main():
+    if sys.argv[1:2] == ["--read"]:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        return read_all(sys.argv[2], int(sys.argv[3]))
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seconds", type=float, default=20.0, help="how long each storm is measured")
+    parser.add_argument("--short", action="store_true", help="3 seconds, a tenth of the clients, quiet machine, no promises on time")
+    parser.add_argument("--only", choices=STORMS, help="one storm alone")
+    parser.add_argument("--machine", choices=("quiet", "busy"), help="one of both alone")
+    options = parser.parse_args()
+    must_be_built("taxeld", "taxel", "examples/servo_bus")
+    most = resource.getrlimit(resource.RLIMIT_NOFILE)[1]
+    resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
+    seconds, scale = (3.0, 10) if options.short else (options.seconds, 1)
+    storms = [options.only] if options.only else list(STORMS)
+    machines = [options.machine] if options.machine else ["quiet"] if options.short else ["quiet", "busy"]
+    broken = []
+    print("| " + " | ".join(HEADER) + " |\n|" + "---|" * len(HEADER), flush=True)
+    with tempfile.TemporaryDirectory(prefix="siege-") as folder, Hand(scene="ball-grasp") as hand:
+        for machine in machines:
+            for fifo in (True, False):
+                for storm in storms:
+                    row, faults = run(hand, folder, storm, machine, fifo, seconds, scale)
+                    print("| " + " | ".join(map(str, row)) + " |", flush=True)
+                    broken += [f"{storm}, {machine}, FIFO {'yes' if fifo else 'no'}: {fault}" for fault in faults]
+    for fault in broken:
+        print(fault, file=sys.stderr)
+    return 1 if broken else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
