@@ -29,6 +29,7 @@ mod contact_file;
 mod fault;
 mod levels;
 mod objects;
+mod phantom;
 mod random;
 mod scene;
 pub mod servo;
@@ -37,6 +38,7 @@ mod skin_model;
 mod source;
 mod stand_in;
 
+pub use phantom::Palpation;
 pub use scene::{Scene, SceneError};
 pub use simulator::{BoardCounts, CommandError, Simulator};
 pub use source::{SimOptions, SimSource};

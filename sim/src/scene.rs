@@ -6,8 +6,10 @@ use crate::contact_file::ContactToml;
 use crate::fault::{Fault, FaultToml};
 use crate::levels::Levels;
 use crate::objects;
+use crate::phantom::{Palpation, PalpationToml};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
+use taxel_sequence::Motion;
 use toml::Spanned;
 
 /// What a simulated hand goes through: which of its modules are there, what touches them, and what breaks.
@@ -26,6 +28,7 @@ pub struct Scene {
     pub(crate) boards: Boards,
     pub(crate) contacts: Vec<Contact>,
     pub(crate) faults: Vec<Fault>,
+    pub(crate) palpation: Option<Palpation>,
 }
 
 /// How the boards of a scene behave.
@@ -109,7 +112,7 @@ pub enum SceneError {
     },
 }
 
-const BUILTIN: [(&str, &str); 7] = [
+const BUILTIN: [(&str, &str); 9] = [
     ("idle", include_str!("../scenes/idle.toml")),
     ("roll", include_str!("../scenes/roll.toml")),
     ("tap", include_str!("../scenes/tap.toml")),
@@ -117,11 +120,13 @@ const BUILTIN: [(&str, &str); 7] = [
     ("slip", include_str!("../scenes/slip.toml")),
     ("worst-case", include_str!("../scenes/worst-case.toml")),
     ("faulty-hand", include_str!("../scenes/faulty-hand.toml")),
+    ("phantom-1", include_str!("../scenes/phantom-1.toml")),
+    ("phantom-2", include_str!("../scenes/phantom-2.toml")),
 ];
 
 impl Scene {
     /// The names of the built-in scenes without those of [`Scene::objects`].
-    pub fn names() -> [&'static str; 7] {
+    pub fn names() -> [&'static str; 9] {
         BUILTIN.map(|(name, _)| name)
     }
 
@@ -194,13 +199,20 @@ impl Scene {
             }
         };
         let top = invalid(1);
-        if !(0.001..=86_400.0).contains(&scene.seconds) {
-            return Err(top(format!(
-                "`seconds` is {}; it must be 0.001 to 86400",
-                scene.seconds
-            )));
-        }
-        let length_ns = ns_of_seconds(scene.seconds);
+        let line = scene.palpation.as_ref().map_or(1, |p| line_of(p.span().start));
+        let palpation = scene.palpation.map(|p| p.into_inner().check()).transpose();
+        let palpation = palpation.map_err(invalid(line))?;
+        let length_ns = match (scene.seconds, &palpation) {
+            (None, Some(palpation)) => palpation.length_ns(),
+            (Some(seconds), None) if (0.001..=86_400.0).contains(&seconds) => ns_of_seconds(seconds),
+            (Some(_), Some(_)) => {
+                return Err(top("`seconds` follows from [palpation]; leave it out".into()));
+            }
+            (None, None) => return Err(top("`seconds` is missing: how long the scene is".into())),
+            (Some(seconds), None) => {
+                return Err(top(format!("`seconds` is {seconds}; it must be 0.001 to 86400")));
+            }
+        };
         let line = scene.boards.as_ref().map_or(1, |b| line_of(b.span().start));
         let boards = scene.boards.map_or_else(BoardsToml::default, Spanned::into_inner);
         let boards = boards.check().map_err(invalid(line))?;
@@ -233,6 +245,7 @@ impl Scene {
             boards,
             contacts,
             faults,
+            palpation,
         })
     }
 
@@ -266,6 +279,20 @@ impl Scene {
         self.seed
     }
 
+    /// The phantom that is palpated, if it is that.
+    pub fn palpation(&self) -> Option<&Palpation> {
+        self.palpation.as_ref()
+    }
+
+    /// The same scene with another motion of the probe, and so of another length, where a phantom is palpated.
+    pub fn with_motion(mut self, motion: Motion) -> Self {
+        if let Some(palpation) = &mut self.palpation {
+            palpation.motion = motion;
+            self.length_ns = palpation.length_ns();
+        }
+        self
+    }
+
     /// The same scene with another board rate, 1 to 1000 sweeps per second (clamped).
     pub fn with_rate_hz(mut self, rate_hz: u32) -> Self {
         self.boards.rate_hz = Some(rate_hz.clamp(1, 1000));
@@ -279,7 +306,7 @@ struct SceneToml {
     name: String,
     #[serde(default)]
     about: String,
-    seconds: f64,
+    seconds: Option<f64>,
     layout: Option<String>,
     seed: Option<u64>,
     modules: Option<Spanned<Vec<String>>>,
@@ -288,6 +315,7 @@ struct SceneToml {
     contact: Vec<Spanned<ContactToml>>,
     #[serde(default)]
     fault: Vec<Spanned<FaultToml>>,
+    palpation: Option<Spanned<PalpationToml>>,
 }
 
 #[derive(Deserialize)]

@@ -4,6 +4,7 @@ use crate::clock::{SceneClock, Span};
 use crate::contact::{Contact, Seat};
 use crate::fault::{FaultKind, TaxelFault};
 use crate::levels::{Character, Nature, noise};
+use crate::phantom::{TAXELS, Touches};
 use crate::random::{bits, happens};
 use crate::scene::{Scene, SceneError};
 use taxel_hand::Module;
@@ -24,6 +25,7 @@ pub(crate) struct SkinModel {
     clock: SceneClock,
     contacts: Vec<Contact>,
     taxels: Vec<TaxelModel>,
+    touches: Option<Touches>,
 }
 
 #[derive(Debug)]
@@ -126,6 +128,7 @@ impl SkinModel {
             clock,
             contacts: scene.contacts.clone(),
             taxels,
+            touches: touches(scene, layout, seed)?,
         })
     }
 
@@ -229,7 +232,7 @@ impl SkinModel {
                 TaxelFault::Glitch { .. } => {}
             }
         }
-        let moved = self.displacement(model, self.clock.scene_ns(read_ns));
+        let moved = self.displacement(taxel, self.clock.scene_ns(read_ns));
         let values = std::array::from_fn(|axis| {
             let c = &model.character;
             let offset = if axis == 2 && read_ns == t_ns {
@@ -265,7 +268,7 @@ impl SkinModel {
     pub(crate) fn truth_of(&self, taxel: u16, t_ns: u64) -> f64 {
         match self.taxels.get(usize::from(taxel)) {
             Some(model) if model.present => {
-                let [x, y, z] = self.displacement(model, self.clock.scene_ns(t_ns));
+                let [x, y, z] = self.displacement(taxel, self.clock.scene_ns(t_ns));
                 (x * x + y * y + z * z).sqrt() * model.character.decoded
             }
             _ => 0.0,
@@ -293,8 +296,14 @@ impl SkinModel {
         self.taxels.len()
     }
 
-    fn displacement(&self, model: &TaxelModel, scene_ns: u64) -> [f64; 3] {
-        let mut sum = [0.0; 3];
+    fn displacement(&self, taxel: u16, scene_ns: u64) -> [f64; 3] {
+        let model = &self.taxels[usize::from(taxel)];
+        // What a phantom does to its probe is in the counts of that.
+        let touched = self
+            .touches
+            .as_ref()
+            .map_or(0.0, |touches| touches.at(taxel.into(), scene_ns));
+        let mut sum = [0.0, 0.0, touched];
         for seat in &model.seats {
             let moved = self.contacts[seat.contact as usize].on_taxel(seat, scene_ns);
             for ((sum, moved), scale) in sum.iter_mut().zip(moved).zip(model.character.scale) {
@@ -303,6 +312,31 @@ impl SkinModel {
         }
         sum
     }
+}
+
+/// What the probe feels, where the scene is a phantom: the layout is then one of seven taxels whose places are known,
+/// the first in the middle.
+fn touches(scene: &Scene, layout: &Layout, seed: u64) -> Result<Option<Touches>, SceneError> {
+    let Some(palpation) = &scene.palpation else {
+        return Ok(None);
+    };
+    let refuse = |found: String| SceneError::Layout {
+        layout: layout.name.clone(),
+        problem: format!(
+            "a phantom is touched with a probe of {TAXELS} taxels whose places in mm are known, and it has {found}; take \
+             cyskin-triangle"
+        ),
+    };
+    let places = layout.taxels.iter().map(|taxel| taxel.position_mm);
+    let places = places
+        .collect::<Option<Vec<_>>>()
+        .ok_or_else(|| refuse("taxels without a place".into()))?;
+    let Ok(places) = <[_; TAXELS]>::try_from(places) else {
+        return Err(refuse(format!("{} taxels", layout.taxels.len())));
+    };
+    let middle = places[0];
+    let directions = places.map(|place| [0, 1].map(|axis| f64::from(place[axis] - middle[axis])));
+    Ok(Some(Touches::new(palpation, &directions, seed)))
 }
 
 /// Which modules of the layout the scene has, by index.

@@ -1,7 +1,7 @@
 //! Scene files: what is refused and where, and what the built-in scenes contain.
 
 use proptest::prelude::*;
-use taxel_sim::{Scene, SceneError, Simulator};
+use taxel_sim::{Scene, SceneError, Simulator, with_stand_in_boards};
 use taxel_skin::Layout;
 
 fn hand() -> Layout {
@@ -29,10 +29,10 @@ fn touched(sim: &Simulator, layout: &Layout, seconds: f64) -> (Vec<String>, usiz
 
 #[test]
 fn every_built_in_scene_begins_and_ends_untouched() {
-    let layout = hand();
     for name in Scene::names() {
         let scene = Scene::builtin(name).unwrap();
         assert_eq!(scene.name(), name);
+        let layout = with_stand_in_boards(&Layout::resolve(scene.layout()).unwrap()).unwrap();
         let sim = Simulator::new(&scene, &layout, scene.seed()).unwrap();
         for seconds in [0.0, 1.0, 1.99, scene.seconds() - 0.5, scene.seconds()] {
             assert_eq!(touched(&sim, &layout, seconds).1, 0, "{name} at {seconds} s");

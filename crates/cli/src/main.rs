@@ -12,6 +12,7 @@ macro_rules! eprintln {
 }
 
 mod allocations;
+mod categorize;
 mod compress;
 mod control;
 mod demo;
@@ -60,6 +61,7 @@ Examples:
   taxel compress grasp.npz --out images.npz      the daemon's compression, offline
   taxel eval grasp.npz                           what it loses and what it costs, every method
   taxel figures sim:ball-grasp --out figures     its figures, raw beside compressed, as SVG
+  taxel categorize sim:phantom-1 --classes 5     categories of what a probe touches
   taxel doctor                                   what is wrong with this machine and this hand
   taxel status                                   the running daemon on one screen
 
@@ -73,6 +75,7 @@ enum Command {
     Compress(compress::Args),
     Eval(Box<eval::Args>),
     Figures(Box<figures::Args>),
+    Categorize(Box<categorize::Args>),
     Sim(sim::Args),
     Doctor(Box<doctor::Args>),
     Status(everyday::StatusArgs),
@@ -92,6 +95,7 @@ fn main() -> ExitCode {
         Command::Compress(args) => compress::run(&args),
         Command::Eval(args) => eval::run(&args),
         Command::Figures(args) => figures::run(&args),
+        Command::Categorize(args) => categorize::run(&args),
         Command::Sim(args) => sim::run(&args),
         Command::Status(args) => everyday::status(&args),
         Command::Rezero(args) => everyday::rezero(&args),

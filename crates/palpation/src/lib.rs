@@ -23,6 +23,7 @@
 
 mod agreement;
 mod categories;
+mod classifier;
 mod error;
 mod pca;
 mod proof;
@@ -34,6 +35,7 @@ mod truncated;
 
 pub use agreement::Agreement;
 pub use categories::{Categories, PAPER_ATTEMPTS, clusters_by_silhouette, optimal, paper};
+pub use classifier::{Classified, Classifier};
 pub use error::PalpationError;
 pub use pca::{Pca, Solver};
 pub use ranking::Ranking;

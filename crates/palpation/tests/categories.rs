@@ -3,7 +3,8 @@
 use nalgebra::DMatrix;
 use proptest::prelude::*;
 use taxel_palpation::{
-    Agreement, PalpationError, Ranking, Silhouette, clusters_by_silhouette, optimal, paper, stability,
+    Agreement, Classifier, PalpationError, Pca, Ranking, Silhouette, Solver, clusters_by_silhouette, optimal,
+    paper, stability,
 };
 
 fn cost(map: &DMatrix<f64>, labels: &[usize], clusters: usize) -> f64 {
@@ -195,4 +196,41 @@ fn classes_are_ranked_by_their_distance_from_the_reference() {
     assert_eq!(sure, 1.0);
     let missing = PalpationError::NoSuchClass { class: 1 };
     assert_eq!(Ranking::of(&map, &[0, 0, 2, 2, 2, 2, 3, 3], 0), Err(missing));
+}
+
+#[test]
+fn later_touches_are_put_where_they_belong_or_nowhere() {
+    // Two classes along the first feature, noise along the second; the third is always 0.
+    let touches = DMatrix::from_column_slice(
+        3,
+        6,
+        &[
+            0.0, 0.0, 0.0, 1.0, 0.2, 0.0, 0.5, 0.4, 0.0, 100.0, 0.0, 0.0, 101.0, 0.3, 0.0, 99.0, 0.1, 0.0,
+        ],
+    );
+    let pca = Pca::fit(&touches, 1, Solver::Exact).unwrap();
+    let found = optimal(&pca.project(&touches).unwrap(), 2, 1).unwrap();
+    let classifier = Classifier::new(&pca, &touches, &found).unwrap();
+    assert!(classifier.is_whole(3) && !classifier.is_whole(4));
+    for (touch, category, unknown) in [
+        ([2.0, 0.1, 0.0], 0, false),
+        ([90.0, 0.2, 0.1], 1, false),
+        ([400.0, 0.2, 0.0], 1, true),
+        ([100.0, 0.2, 60.0], 1, true),
+    ] {
+        let put = classifier.classify(&touch).unwrap();
+        assert_eq!(
+            (put.category, put.unknown),
+            (category, unknown),
+            "{touch:?}: {put:?}"
+        );
+    }
+    assert!(classifier.classify(&[50.0, 0.2, 0.0]).unwrap().confidence < 0.05);
+    assert!(classifier.classify(&[0.5, 0.2, 0.0]).unwrap().confidence > 0.95);
+    let other = PalpationError::OtherProbe {
+        expected: 3,
+        found: 2,
+    };
+    assert_eq!(classifier.classify(&[1.0, 2.0]), Err(other));
+    assert!(classifier.classify(&[1.0, f64::NAN, 0.0]).is_err());
 }

@@ -82,7 +82,7 @@ pub fn align(touches: &[Touch], along: Alignment, step: f64) -> Result<Aligned, 
     };
     let mut range = (one, i64::MIN, one, i64::MAX);
     for touch in touches {
-        let (first, last) = check(touch, one, along, step)?;
+        let (first, last) = check(touch, along, step)?;
         if first > range.1 {
             (range.0, range.1) = (touch, first);
         }
@@ -100,12 +100,40 @@ pub fn align(touches: &[Touch], along: Alignment, step: f64) -> Result<Aligned, 
             last: last as f64 * step,
         });
     }
-    let (steps, taxels) = ((last - first + 1) as usize, one.taxels);
-    let mut values = vec![0.0; touches.len() * steps * taxels];
-    let mut left_out = 0;
-    let mut counts = vec![0.0; steps];
-    for (touch, row) in touches.iter().zip(values.chunks_exact_mut(steps * taxels)) {
-        counts.fill(0.0);
+    let mut aligned = Aligned {
+        along,
+        first: first as f64 * step,
+        step,
+        steps: (last - first + 1) as usize,
+        taxels: one.taxels,
+        left_out: 0,
+        values: Vec::new(),
+    };
+    for touch in touches {
+        let (row, left_out) = aligned.place(touch)?;
+        aligned.values.extend(row);
+        aligned.left_out += left_out;
+    }
+    Ok(aligned)
+}
+
+impl Aligned {
+    /// Puts another touch on the same steps: its features, and how many of its frames are outside of them.
+    ///
+    /// # Errors
+    /// A touch of another probe, places that are not finite, a step at which it has no frame.
+    pub fn place(&self, touch: &Touch) -> Result<(Vec<f64>, usize), SequenceError> {
+        let (along, taxels, step) = (self.along, self.taxels, self.step);
+        check(touch, along, step)?;
+        if touch.taxels != taxels {
+            return Err(SequenceError::Taxels {
+                touch: touch.name.clone(),
+                found: touch.taxels,
+                expected: taxels,
+            });
+        }
+        let first = number(self.first, step);
+        let (mut row, mut counts, mut left_out) = (vec![0.0; self.features()], vec![0.0; self.steps], 0);
         for (at, frame) in touch.at.iter().zip(touch.values.chunks_exact(taxels)) {
             let number = number(*at, step) - first;
             let Some(count) = usize::try_from(number).ok().and_then(|n| counts.get_mut(n)) else {
@@ -126,16 +154,8 @@ pub fn align(touches: &[Touch], along: Alignment, step: f64) -> Result<Aligned, 
             }
             sums.iter_mut().for_each(|sum| *sum /= count);
         }
+        Ok((row, left_out))
     }
-    Ok(Aligned {
-        along,
-        first: first as f64 * step,
-        step,
-        steps,
-        taxels,
-        left_out,
-        values,
-    })
 }
 
 /// Which step a place belongs to.
@@ -144,7 +164,7 @@ fn number(at: f64, step: f64) -> i64 {
 }
 
 /// The first and last step of a touch.
-fn check(touch: &Touch, one: &Touch, along: Alignment, step: f64) -> Result<(i64, i64), SequenceError> {
+fn check(touch: &Touch, along: Alignment, step: f64) -> Result<(i64, i64), SequenceError> {
     let places = touch.at.len();
     if places == 0 || touch.taxels == 0 || touch.values.len() != places * touch.taxels {
         return Err(SequenceError::Shape {
@@ -152,14 +172,6 @@ fn check(touch: &Touch, one: &Touch, along: Alignment, step: f64) -> Result<(i64
             places,
             values: touch.values.len(),
             taxels: touch.taxels,
-        });
-    }
-    if touch.taxels != one.taxels {
-        return Err(SequenceError::Taxels {
-            touch: touch.name.clone(),
-            found: touch.taxels,
-            other: one.name.clone(),
-            expected: one.taxels,
         });
     }
     // Numbers of steps beyond a million are no motion, and would be memory without end.
@@ -243,7 +255,7 @@ mod tests {
             (
                 vec![whole(), narrow],
                 1.0,
-                "touch narrow has 1 taxels, and whole has 2",
+                "touch narrow has 1 taxels, and 2 were expected",
             ),
             (vec![short], 1.0, "touch whole: 3 places and 1 values"),
             (

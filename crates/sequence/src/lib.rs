@@ -23,13 +23,25 @@
 
 mod align;
 mod cut;
+mod motion;
 
 pub use align::{Aligned, Alignment, Touch, align};
 pub use cut::{Cut, Mark, cut_by_contact, cut_by_marks};
+pub use motion::Motion;
 
 /// Why a stream has no touches, or touches cannot be put side by side.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SequenceError {
+    /// A motion that no probe makes.
+    #[error(
+        "a motion of depth {depth_mm} mm and radius {radius_mm} mm; the depth must be 0.5 to 40 mm, the radius 0 to 100 mm"
+    )]
+    Motion {
+        /// The depth.
+        depth_mm: f64,
+        /// The radius.
+        radius_mm: f64,
+    },
     /// No touch.
     #[error("there is no touch; is the stream cut by the right marks or threshold?")]
     NoTouch,
@@ -46,15 +58,13 @@ pub enum SequenceError {
         taxels: usize,
     },
     /// Touches of different probes.
-    #[error("touch {touch} has {found} taxels, and {other} has {expected}; they are of different probes")]
+    #[error("touch {touch} has {found} taxels, and {expected} were expected; they are of different probes")]
     Taxels {
         /// The touch's name.
         touch: String,
         /// Its taxels.
         found: usize,
-        /// The touch it is compared with.
-        other: String,
-        /// Taxels of that one.
+        /// Taxels of the first touch, or of the map.
         expected: usize,
     },
     /// A step of nothing, or places that are no numbers.

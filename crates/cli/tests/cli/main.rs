@@ -1,5 +1,6 @@
 //! The `taxel` command as a user runs it.
 
+mod categorize;
 mod compress;
 mod eval;
 mod figures;

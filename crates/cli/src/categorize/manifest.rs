@@ -1,0 +1,172 @@
+//! Touches that a manifest names.
+
+use super::touches::{Set, above_baseline, of_scene, places, values};
+use anyhow::{Context, bail, ensure};
+use std::path::{Path, PathBuf};
+use taxel_record::{ReadOptions, Recording};
+use taxel_sequence::{Motion, Touch};
+
+/// A row of a manifest: one touch, or all touches of a scene. Columns may be empty; `file` may not.
+#[derive(Debug, Clone, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Row {
+    #[serde(default)]
+    phantom: String,
+    #[serde(default)]
+    motion: String,
+    depth: Option<f64>,
+    radius: Option<f64>,
+    #[serde(default)]
+    area: String,
+    #[serde(default)]
+    label: String,
+    /// A recording, `FILE:ARRAY` for one array of an npz, or `sim:SCENE`.
+    file: String,
+    /// Where in the file the touch begins, s; its whole length where it is empty.
+    time: Option<f64>,
+}
+
+/// Touches that a manifest names: those of one scene, or rows of the same phantom and motion.
+#[derive(Debug, Clone)]
+pub(crate) struct Job {
+    manifest: PathBuf,
+    motion: Option<Motion>,
+    /// With their line numbers.
+    rows: Vec<(u64, Row)>,
+}
+
+/// What a manifest names, in its order.
+pub(crate) fn read_manifest(path: &Path) -> anyhow::Result<Vec<Job>> {
+    let mut reader = csv::ReaderBuilder::new()
+        .trim(csv::Trim::All)
+        .comment(Some(b'#'))
+        .from_path(path)
+        .with_context(|| path.display().to_string())?;
+    let headers = reader
+        .headers()
+        .with_context(|| path.display().to_string())?
+        .clone();
+    let mut jobs: Vec<Job> = Vec::new();
+    for record in reader.records() {
+        let record = record.with_context(|| path.display().to_string())?;
+        let line = record.position().map_or(0, csv::Position::line);
+        let at = || format!("{}:{line}", path.display());
+        let row: Row = record.deserialize(Some(&headers)).with_context(at)?;
+        let rotary = match row.motion.as_str() {
+            "" => row.radius.is_some_and(|radius| radius > 0.0),
+            "vertical" => false,
+            "rotary" => true,
+            other => bail!("{}: motion {other:?}; it is vertical or rotary", at()),
+        };
+        let radius = row.radius.unwrap_or(0.0);
+        ensure!(
+            rotary == (radius > 0.0),
+            "{}: a {} motion of radius {radius} mm; vertical is 0, rotary above it",
+            at(),
+            row.motion
+        );
+        let motion = row
+            .depth
+            .map(|depth| Motion::new(depth, radius))
+            .transpose()
+            .with_context(at)?;
+        let same = jobs.iter_mut().find(|job| {
+            let of = &job.rows[0].1;
+            job.motion == motion && of.phantom == row.phantom && !of.file.starts_with("sim:")
+        });
+        match same.filter(|_| !row.file.starts_with("sim:")) {
+            Some(job) => job.rows.push((line, row)),
+            None => jobs.push(Job {
+                manifest: path.into(),
+                motion,
+                rows: vec![(line, row)],
+            }),
+        }
+    }
+    ensure!(!jobs.is_empty(), "{}: no touch in it", path.display());
+    Ok(jobs)
+}
+
+impl Job {
+    /// How the touches were made, where it is known.
+    pub(crate) fn motion(&self) -> Option<Motion> {
+        self.motion
+    }
+
+    /// Reads or simulates the touches.
+    pub(crate) fn read(&self) -> anyhow::Result<Set> {
+        let (line, first) = &self.rows[0];
+        let at = |line: &u64| format!("{}:{line}", self.manifest.display());
+        if let Some(scene) = first.file.strip_prefix("sim:") {
+            let mut set = of_scene(scene, self.motion).with_context(|| at(line))?;
+            if !first.phantom.is_empty() {
+                set.phantom.clone_from(&first.phantom);
+            }
+            return Ok(set);
+        }
+        let mut opened: Vec<(String, Recording)> = Vec::new();
+        let mut set = Set {
+            name: match self.motion {
+                Some(motion) => format!("{} {motion}", first.phantom).trim().to_owned(),
+                None => self.manifest.display().to_string(),
+            },
+            phantom: first.phantom.clone(),
+            motion: self.motion,
+            touches: Vec::new(),
+            labels: Vec::new(),
+            period_s: 0.0,
+            rest_ms: None,
+        };
+        for (line, row) in &self.rows {
+            if opened.last().is_none_or(|(name, _)| *name != row.file) {
+                let (file, array) = match row.file.rsplit_once(".npz:") {
+                    Some((stem, array)) => (format!("{stem}.npz"), Some(array.to_owned())),
+                    None => (row.file.clone(), None),
+                };
+                let path = self.manifest.parent().unwrap_or(Path::new("")).join(file);
+                let options = ReadOptions {
+                    array,
+                    ..ReadOptions::default()
+                };
+                let recording = Recording::open(&path, &options).with_context(|| at(line))?;
+                opened = vec![(row.file.clone(), recording)];
+            }
+            let recording = &opened[0].1;
+            let touch = self.touch(row, recording).with_context(|| at(line))?;
+            set.period_s = set.period_s.max(recording.period_ns() as f64 / 1e9);
+            set.touches.push(touch);
+            set.labels.push(row.label.clone());
+        }
+        Ok(set)
+    }
+
+    fn touch(&self, row: &Row, recording: &Recording) -> anyhow::Result<Touch> {
+        let (taxels, values) = values(recording);
+        let times: Vec<u64> = (0..recording.len()).map(|frame| recording.t_ns(frame)).collect();
+        let from_ns = (row.time.unwrap_or(0.0) * 1e9).round() as u64;
+        let first = times.partition_point(|t| *t < from_ns);
+        ensure!(
+            first < times.len(),
+            "{}: no frame at {} s",
+            recording.name(),
+            row.time.unwrap_or(0.0)
+        );
+        let end = match self.motion {
+            Some(motion) => (first + motion.steps()).min(times.len()),
+            None => times.len(),
+        };
+        let name = match (row.area.as_str(), row.label.as_str()) {
+            ("", "") => row.file.clone(),
+            ("", label) => format!("{} ({label})", row.file),
+            (area, label) => format!("{area} ({label})"),
+        };
+        Ok(Touch {
+            at: places(self.motion, &name, &times, first..end)?,
+            name,
+            taxels,
+            values: above_baseline(&values, taxels, recording.has_counts(), first)
+                [first * taxels..end * taxels]
+                .to_vec(),
+        })
+    }
+}

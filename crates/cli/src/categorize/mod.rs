@@ -1,0 +1,413 @@
+//! `taxel categorize`: categories of touches.
+
+mod figures;
+mod live;
+mod manifest;
+mod sweep;
+mod touches;
+
+use anyhow::{Context, bail, ensure};
+use clap::ValueEnum;
+use live::MapFile;
+use nalgebra::DMatrix;
+use serde::Serialize;
+use std::fmt::Write as _;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use taxel_palpation::{
+    Agreement, Categories, Classifier, Pca, Silhouette, Solver, clusters_by_silhouette, optimal, paper,
+    stability,
+};
+use taxel_record::ReadOptions;
+use taxel_sequence::{Aligned, Motion};
+use touches::{Cutting, Set};
+
+/// Find categories of what a probe touches, without being told what it is.
+///
+/// INPUT is a manifest (a .csv with a column `file`; docs/palpation.md), a recording that --marks or --contact cuts into
+/// touches, or sim:SCENE with a phantom. Touches are put side by side by depth, angle or time, reduced to their principal
+/// components, and clustered. Where the classes of touches are known, the categories are compared with them.
+///
+/// Silhouettes come in three readings that differ by much: per category as the publication prints it, averaged per
+/// category (macro), and over touches (standard, scikit-learn's).
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  taxel categorize sim:phantom-1 --classes 5
+  taxel categorize sim:phantom-2 --depth 9.5 --radius 12 --classes 2-6 --json
+  taxel categorize touches.csv --classes 3
+  taxel categorize probe.npz --marks marks.csv --until away --classes 5
+  taxel categorize touches.csv --classes 3 --save map.json
+  taxel categorize --live map.json --publish /tmp/touches.sock
+  taxel categorize --sweep examples/palpation/phantoms.csv --figures figures")]
+pub(crate) struct Args {
+    /// A manifest, a recording, or sim:SCENE
+    #[arg(value_name = "INPUT", required_unless_present_any = ["sweep", "live"])]
+    input: Option<String>,
+    /// How many categories; a range such as 2-6 takes the number of greatest standard silhouette
+    #[arg(long, value_name = "K", required_unless_present_any = ["sweep", "live"], value_parser = clusters)]
+    classes: Option<(usize, usize)>,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+    /// paper: three random starts, discarded unless they agree; optimal: the best there is, proved for few touches
+    #[arg(long, value_enum, default_value_t = Rule::Optimal)]
+    rule: Rule,
+    /// Components of the map
+    #[arg(long, value_name = "C", default_value_t = 2, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    components: u16,
+    /// How components are computed
+    #[arg(long, value_enum, default_value_t = Solvers::Auto)]
+    solver: Solvers,
+    /// Touches that the components come from, as numbers from 0; all are judged [default: all]
+    #[arg(long, value_name = "N,N,..", value_delimiter = ',')]
+    basis: Vec<usize>,
+    /// Depth of the motion, mm: of a scene, or of a recording with a frame for each step
+    #[arg(long, value_name = "MM")]
+    depth: Option<f64>,
+    /// Radius of the motion, mm; 0 is straight down
+    #[arg(long, value_name = "MM", default_value_t = 0.0)]
+    radius: f64,
+    /// From one step to the next: mm, degrees or s [default: the motion's, or the time between frames]
+    #[arg(long, value_name = "STEP")]
+    step: Option<f64>,
+    /// Marks that cut a recording into touches: SECONDS,TEXT a line; the last word of a text is the class
+    #[arg(long, value_name = "FILE", conflicts_with = "contact")]
+    marks: Option<PathBuf>,
+    /// The text of marks that end a touch and begin none
+    #[arg(long, value_name = "TEXT", default_value = "away")]
+    until: String,
+    /// Cut a recording where a taxel is above this; for motions that begin and end with contact
+    #[arg(long, value_name = "COUNTS")]
+    contact: Option<f64>,
+    /// With --contact: fewest frames of a touch
+    #[arg(long, value_name = "N", default_value_t = 5)]
+    least: usize,
+    /// Which array of an .npz
+    #[arg(long, value_name = "NAME")]
+    array: Option<String>,
+    /// Random numbers: the same seed, the same categories
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Keep the map and its categories, for --live
+    #[arg(long, value_name = "MAP", conflicts_with_all = ["sweep", "live"])]
+    save: Option<PathBuf>,
+    /// Put every touch that a running daemon's hand makes into a category of this map: one JSON object a line
+    #[arg(long, value_name = "MAP", conflicts_with_all = ["input", "classes", "sweep"])]
+    live: Option<PathBuf>,
+    /// With --live: the daemon's image socket [default: where the daemon of this user, or of the system, puts it]
+    #[arg(long, value_name = "PATH", requires = "live")]
+    socket: Option<PathBuf>,
+    /// With --live: also publish touches on a socket of this name, as TOUCH messages
+    #[arg(long, value_name = "PATH", requires = "live")]
+    publish: Option<PathBuf>,
+    /// Judge every phantom and motion of a manifest, and say which motion tells the classes apart best
+    #[arg(long, value_name = "MANIFEST", conflicts_with_all = ["input", "classes", "marks", "contact", "basis"])]
+    sweep: Option<PathBuf>,
+    /// With --sweep: draw the publication's figures 6 to 17 here, every number as CSV beside them
+    #[arg(long, value_name = "DIR", requires = "sweep")]
+    figures: Option<PathBuf>,
+}
+
+/// Whose rule makes categories.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Rule {
+    Paper,
+    Optimal,
+}
+
+/// How components are computed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Solvers {
+    Auto,
+    Exact,
+    Truncated,
+}
+
+fn clusters(text: &str) -> Result<(usize, usize), String> {
+    let (from, to) = text.split_once('-').unwrap_or((text, text));
+    match (from.trim().parse(), to.trim().parse()) {
+        (Ok(from), Ok(to)) if 2 <= from && from <= to => Ok((from, to)),
+        _ => Err(format!(
+            "{text:?} is neither a number of categories from 2 on nor a range such as 2-6"
+        )),
+    }
+}
+
+/// What `--json` prints.
+#[derive(Debug, Serialize)]
+struct Report {
+    touches: usize,
+    features: usize,
+    aligned_by: String,
+    first: f64,
+    step: f64,
+    steps: usize,
+    frames_left_out: usize,
+    explained_variance: Vec<f64>,
+    labels: Vec<usize>,
+    proved: bool,
+    attempts: u32,
+    silhouette: Readings,
+    stability: f64,
+    classes: Vec<String>,
+    /// The class that each category stands for; null for one that stands for none.
+    class_of_label: Vec<Option<String>>,
+    confusion: Vec<Vec<usize>>,
+    accuracy: Option<f64>,
+    ari: Option<f64>,
+    map: Vec<Vec<f64>>,
+}
+
+/// The silhouette in three readings.
+#[derive(Debug, Serialize)]
+struct Readings {
+    cluster: f64,
+    #[serde(rename = "macro")]
+    macro_average: f64,
+    standard: f64,
+}
+
+/// Draws of the bootstrap.
+const DRAWS: u32 = 100;
+
+pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    if let Some(map) = &args.live {
+        return live::run(map, args.socket.as_deref(), args.publish.as_deref(), &args.until);
+    }
+    let text = match &args.sweep {
+        Some(manifest) => sweep::run(manifest, args.figures.as_deref(), args.seed, args.json)?,
+        None => {
+            let (set, report) = categorize(args)?;
+            if args.json {
+                serde_json::to_string(&report)? + "\n"
+            } else {
+                human(&set, &report)
+            }
+        }
+    };
+    let mut out = io::stdout().lock();
+    out.write_all(text.as_bytes())
+        .and_then(|()| out.flush())
+        .context("stdout")
+}
+
+/// The touches of INPUT.
+fn read(args: &Args) -> anyhow::Result<Set> {
+    let input = args.input.as_deref().unwrap_or_default();
+    let motion = args
+        .depth
+        .map(|depth| Motion::new(depth, args.radius))
+        .transpose()?;
+    ensure!(
+        motion.is_some() || args.radius == 0.0,
+        "--radius {} needs --depth",
+        args.radius
+    );
+    if let Some(scene) = input.strip_prefix("sim:") {
+        return touches::of_scene(scene, motion);
+    }
+    let path = Path::new(input);
+    if args.marks.is_none() && args.contact.is_none() && is_manifest(path) {
+        let mut jobs = manifest::read_manifest(path)?;
+        if motion.is_some() {
+            jobs.retain(|job| job.motion() == motion);
+        }
+        return match jobs.as_slice() {
+            [job] => job.read(),
+            [] => bail!("{input}: no touch of the motion that --depth and --radius name"),
+            jobs => bail!(
+                "{input}: touches of {} phantoms and motions; --depth and --radius choose one, --sweep judges all",
+                jobs.len()
+            ),
+        };
+    }
+    let options = ReadOptions {
+        array: args.array.clone(),
+        ..ReadOptions::default()
+    };
+    let cutting = Cutting {
+        marks: args.marks.clone(),
+        until: args.until.clone(),
+        contact: args.contact,
+        least: args.least,
+    };
+    touches::of_recording(path, &options, &cutting, motion)
+}
+
+/// Whether a file is a .csv whose first line names a column `file`.
+fn is_manifest(path: &Path) -> bool {
+    let Ok(text) = std::fs::read_to_string(path) else {
+        return false;
+    };
+    let header = text
+        .lines()
+        .find(|line| !line.starts_with('#'))
+        .unwrap_or_default();
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv"))
+        && header.split(',').any(|name| name.trim() == "file")
+}
+
+/// Touches as the columns of a matrix.
+fn matrix(aligned: &Aligned) -> DMatrix<f64> {
+    let touches = aligned.values.len() / aligned.features().max(1);
+    DMatrix::from_column_slice(aligned.features(), touches, &aligned.values)
+}
+
+fn categorize(args: &Args) -> anyhow::Result<(Set, Report)> {
+    let set = read(args)?;
+    let aligned = set.align(args.step)?;
+    let touches = matrix(&aligned);
+    let solver = match args.solver {
+        Solvers::Auto => Solver::Auto,
+        Solvers::Exact => Solver::Exact,
+        Solvers::Truncated => Solver::Truncated,
+    };
+    if let Some(beyond) = args.basis.iter().find(|touch| **touch >= touches.ncols()) {
+        bail!("--basis {beyond}: there are touches 0 to {}", touches.ncols() - 1);
+    }
+    let basis = if args.basis.is_empty() {
+        touches.clone()
+    } else {
+        touches.select_columns(&args.basis)
+    };
+    let map = || -> Result<_, taxel_palpation::PalpationError> {
+        let pca = Pca::fit(&basis, args.components.into(), solver)?;
+        let map = pca.project(&touches)?;
+        let explained_variance = pca.kept_variance(&touches)?;
+        Ok((pca, map, explained_variance))
+    };
+    let (pca, map, explained_variance) = map().with_context(|| set.name.clone())?;
+    let (from, to) = args.classes.unwrap_or((2, 2));
+    let categories = match (args.rule, from == to) {
+        (Rule::Optimal, true) => optimal(&map, from, args.seed),
+        (Rule::Optimal, false) => clusters_by_silhouette(&map, from..=to, args.seed),
+        (Rule::Paper, true) => paper(&map, from, args.seed),
+        (Rule::Paper, false) => {
+            bail!("--rule paper has no way of choosing --classes {from}-{to}; give one number")
+        }
+    };
+    let categories = categories.with_context(|| set.name.clone())?;
+    let classifier = Classifier::new(&pca, &touches, &categories)?;
+    let report = report(&set, &aligned, &map, explained_variance, categories, args.seed)?;
+    if let Some(path) = &args.save {
+        let mut labels = report.class_of_label.clone();
+        labels.resize(classifier.categories(), None);
+        MapFile::new(&set, &aligned, labels, classifier).save(path)?;
+    }
+    Ok((set, report))
+}
+
+fn report(
+    set: &Set,
+    aligned: &Aligned,
+    map: &DMatrix<f64>,
+    explained_variance: Vec<f64>,
+    categories: Categories,
+    seed: u64,
+) -> anyhow::Result<Report> {
+    let silhouette = Silhouette::of(map, &categories.labels)?;
+    let known = set.classes();
+    let agreement = known
+        .as_ref()
+        .map(|(_, classes)| Agreement::of(&categories.labels, classes))
+        .transpose()?;
+    let classes = known.map(|(names, _)| names).unwrap_or_default();
+    let stands_for = |a: &Agreement| {
+        a.class_of
+            .iter()
+            .map(|class| classes.get(*class).cloned())
+            .collect()
+    };
+    let rows = |a: &Agreement| {
+        a.confusion
+            .row_iter()
+            .map(|row| row.iter().copied().collect())
+            .collect()
+    };
+    Ok(Report {
+        touches: map.ncols(),
+        features: aligned.features(),
+        aligned_by: aligned.along.to_string(),
+        first: aligned.first,
+        step: aligned.step,
+        steps: aligned.steps,
+        frames_left_out: aligned.left_out,
+        explained_variance,
+        proved: categories.proved,
+        attempts: categories.attempts,
+        silhouette: Readings {
+            cluster: silhouette.cluster,
+            macro_average: silhouette.macro_average,
+            standard: silhouette.standard,
+        },
+        stability: stability(map, &categories.labels, DRAWS, seed)?,
+        class_of_label: agreement.as_ref().map(stands_for).unwrap_or_default(),
+        confusion: agreement.as_ref().map(rows).unwrap_or_default(),
+        accuracy: agreement.as_ref().map(|a| a.accuracy),
+        ari: agreement.as_ref().map(|a| a.ari),
+        labels: categories.labels,
+        classes,
+        map: map
+            .column_iter()
+            .map(|touch| touch.iter().copied().collect())
+            .collect(),
+    })
+}
+
+fn human(set: &Set, report: &Report) -> String {
+    let mut text = format!(
+        "{}: {} touches of {} features, {} steps by {} from {} on, {} each\n",
+        set.name, report.touches, report.features, report.steps, report.aligned_by, report.first, report.step
+    );
+    if report.frames_left_out > 0 {
+        let _ = writeln!(
+            text,
+            "  {} frames outside the steps that all touches have are left out",
+            report.frames_left_out
+        );
+    }
+    let kept: f64 = report.explained_variance.iter().sum();
+    let _ = writeln!(text, "  variance on the map    {kept:.4} of all");
+    let how = match (report.proved, report.attempts) {
+        (true, _) => "proved to be the optimum".to_owned(),
+        (false, 0) => "the best of many starts".to_owned(),
+        (false, attempts) => format!("three starts agreed at attempt {attempts}"),
+    };
+    let _ = writeln!(
+        text,
+        "  categories             {}, {how}",
+        report.labels.iter().max().map_or(0, |most| most + 1)
+    );
+    let s = &report.silhouette;
+    let _ = writeln!(
+        text,
+        "  silhouette             {:.3} per category as printed, {:.3} macro, {:.3} standard",
+        s.cluster, s.macro_average, s.standard
+    );
+    let _ = writeln!(
+        text,
+        "  found again            {:.3} (mean ARI of {DRAWS} draws)",
+        report.stability
+    );
+    if let (Some(accuracy), Some(ari)) = (report.accuracy, report.ari) {
+        let _ = writeln!(
+            text,
+            "  agrees with classes    {accuracy:.3} of the touches, ARI {ari:.3}"
+        );
+    }
+    for (label, _) in report
+        .labels
+        .iter()
+        .enumerate()
+        .filter(|(n, label)| !report.labels[..*n].contains(label))
+    {
+        let label = report.labels[label];
+        let members = report.labels.iter().enumerate().filter(|(_, l)| **l == label);
+        let names: Vec<&str> = members.map(|(n, _)| set.touches[n].name.as_str()).collect();
+        let class = report.class_of_label.get(label).cloned().flatten();
+        let class = class.map_or_else(String::new, |class| format!(" ({class})"));
+        let _ = writeln!(text, "  category {label}{class}: {}", names.join(", "));
+    }
+    text
+}

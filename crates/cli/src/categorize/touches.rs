@@ -1,0 +1,324 @@
+//! Touches of one motion: from a recording cut by marks or contact, or from a scene.
+
+use anyhow::{Context, bail, ensure};
+use std::path::{Path, PathBuf};
+use taxel_can::Received;
+use taxel_engine::{Engine, Frames, TickMode};
+use taxel_record::{Frames as Recorded, ReadOptions, Recording};
+use taxel_sequence::{Aligned, Alignment, Cut, Mark, Motion, Touch, align, cut_by_contact, cut_by_marks};
+use taxel_sim::{Palpation, Scene, Simulator, with_stand_in_boards};
+use taxel_skin::Layout;
+use taxeld::Config;
+
+/// Touches of one motion and what is known of each.
+#[derive(Debug, Clone)]
+pub(crate) struct Set {
+    /// What was touched, and how.
+    pub(crate) name: String,
+    pub(crate) phantom: String,
+    pub(crate) motion: Option<Motion>,
+    pub(crate) touches: Vec<Touch>,
+    /// The class of each touch; empty where it is not known.
+    pub(crate) labels: Vec<String>,
+    /// Time between frames, s, where touches are aligned by time.
+    pub(super) period_s: f64,
+    /// How long the probe rested on each step, ms, where it made more than one image of it.
+    pub(crate) rest_ms: Option<f64>,
+}
+
+impl Set {
+    /// The touches side by side.
+    pub(crate) fn align(&self, step: Option<f64>) -> anyhow::Result<Aligned> {
+        let (along, usual) = match self.motion {
+            Some(motion) => (motion.along(), motion.step()),
+            None => (Alignment::Time, self.period_s),
+        };
+        align(&self.touches, along, step.unwrap_or(usual)).with_context(|| self.name.clone())
+    }
+
+    /// The classes in the order of their first touches, and the number of that of each touch; `None` where a touch has
+    /// none.
+    pub(crate) fn classes(&self) -> Option<(Vec<String>, Vec<usize>)> {
+        if self.labels.iter().any(String::is_empty) {
+            return None;
+        }
+        let mut names: Vec<String> = Vec::new();
+        let mut number = |label: &String| match names.iter().position(|name| name == label) {
+            Some(number) => number,
+            None => {
+                names.push(label.clone());
+                names.len() - 1
+            }
+        };
+        let numbers = self.labels.iter().map(&mut number).collect();
+        Some((names, numbers))
+    }
+}
+
+/// How a recording is cut into touches.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Cutting {
+    pub(crate) marks: Option<PathBuf>,
+    pub(crate) until: String,
+    pub(crate) contact: Option<f64>,
+    pub(crate) least: usize,
+}
+
+/// The touches of a recording.
+pub(crate) fn of_recording(
+    path: &Path,
+    options: &ReadOptions,
+    cutting: &Cutting,
+    motion: Option<Motion>,
+) -> anyhow::Result<Set> {
+    let recording = Recording::open(path, options)?;
+    let (taxels, values) = values(&recording);
+    let times: Vec<u64> = (0..recording.len()).map(|frame| recording.t_ns(frame)).collect();
+    let mut cuts = match (&cutting.marks, cutting.contact) {
+        (Some(file), _) => cut_by_marks(&times, &read_marks(file)?, &cutting.until),
+        (None, Some(threshold)) => {
+            let above = above_baseline(&values, taxels, recording.has_counts(), 0);
+            cut_by_contact(&above, taxels, threshold, cutting.least)
+        }
+        (None, None) => bail!(
+            "{}: where does a touch begin? --marks FILE says it by marks, --contact COUNTS by contact; or give a manifest",
+            path.display()
+        ),
+    }
+    .with_context(|| path.display().to_string())?;
+    cuts.iter_mut()
+        .for_each(|cut| cut.mark = cut.mark.trim().to_owned());
+    let of_cut = |(number, cut): (usize, &Cut)| {
+        let name = if cut.mark.is_empty() {
+            number.to_string()
+        } else {
+            format!("{number} ({})", cut.mark)
+        };
+        let at = places(motion, &name, &times, cut.frames.clone())?;
+        let above = above_baseline(&values, taxels, recording.has_counts(), cut.frames.start);
+        Ok(Touch {
+            name,
+            at,
+            taxels,
+            values: above[cut.frames.start * taxels..cut.frames.end * taxels].to_vec(),
+        })
+    };
+    let touches = cuts.iter().enumerate().map(of_cut).collect::<anyhow::Result<_>>();
+    Ok(Set {
+        name: recording.name().to_owned(),
+        phantom: String::new(),
+        motion,
+        touches: touches.with_context(|| path.display().to_string())?,
+        labels: cuts.iter().map(|cut| label_of(&cut.mark).to_owned()).collect(),
+        period_s: recording.period_ns() as f64 / 1e9,
+        rest_ms: None,
+    })
+}
+
+/// The class that a mark names: its last word, where there are several, as in `touch 5 SS`.
+fn label_of(mark: &str) -> &str {
+    mark.rsplit_once(' ').map_or("", |(_, label)| label)
+}
+
+/// Where on a motion each frame of a touch was taken. With a motion there is a frame for each of its steps; without,
+/// places are times since the first.
+pub(super) fn places(
+    motion: Option<Motion>,
+    name: &str,
+    times: &[u64],
+    frames: std::ops::Range<usize>,
+) -> anyhow::Result<Vec<f64>> {
+    let Some(motion) = motion else {
+        let first = times[frames.start];
+        return Ok(times[frames].iter().map(|t| (t - first) as f64 / 1e9).collect());
+    };
+    ensure!(
+        frames.len() == motion.steps(),
+        "touch {name} has {} frames, and the motion {motion} has {} steps, a frame each; say --depth and --radius as they \
+         were, or leave them out to align by time",
+        frames.len(),
+        motion.steps()
+    );
+    Ok((0..frames.len()).map(|n| motion.at(n)).collect())
+}
+
+/// All values of a recording as signed numbers, and how many a frame has: magnitudes, or x y z of each taxel.
+pub(super) fn values(recording: &Recording) -> (usize, Vec<f64>) {
+    match recording.frames() {
+        Recorded::Magnitudes(values) => (recording.taxels(), values.clone()),
+        Recorded::Counts(counts) => {
+            let values = counts.as_flattened().iter().map(|count| f64::from(*count));
+            (recording.taxels() * 3, values.collect())
+        }
+    }
+}
+
+/// Values less those of an untouched probe: raw counts are taken from the mean of the frames before the touch, up to
+/// five of them, or from its first frame where there is none; other numbers are above baseline already.
+pub(super) fn above_baseline(values: &[f64], taxels: usize, raw: bool, first: usize) -> Vec<f64> {
+    if !raw {
+        return values.to_vec();
+    }
+    let before = if first == 0 {
+        0..1
+    } else {
+        first.saturating_sub(5)..first
+    };
+    let mut baseline = vec![0.0; taxels];
+    for frame in values[before.start * taxels..before.end * taxels].chunks_exact(taxels) {
+        baseline
+            .iter_mut()
+            .zip(frame)
+            .for_each(|(sum, x)| *sum += x / before.len() as f64);
+    }
+    let less = |frame: &[f64]| {
+        frame
+            .iter()
+            .zip(&baseline)
+            .map(|(x, b)| x - b)
+            .collect::<Vec<_>>()
+    };
+    values.chunks_exact(taxels).flat_map(less).collect()
+}
+
+/// Marks of a file: `seconds,text` a line, in the order of their times.
+fn read_marks(path: &Path) -> anyhow::Result<Vec<Mark>> {
+    let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
+    let mark = |(number, line): (usize, &str)| {
+        let parts = line
+            .split_once(',')
+            .and_then(|(seconds, text)| Some((seconds.trim().parse().ok()?, text)));
+        let Some((seconds, text)) = parts.filter(|(seconds, _): &(f64, _)| (0.0..1e9).contains(seconds))
+        else {
+            bail!(
+                "{}:{}: {line:?} is no mark; a mark is SECONDS,TEXT",
+                path.display(),
+                number + 1
+            );
+        };
+        Ok(Mark {
+            t_ns: (seconds * 1e9).round() as u64,
+            text: text.trim().to_owned(),
+        })
+    };
+    let lines = text
+        .lines()
+        .enumerate()
+        .filter(|(_, line)| !line.trim().is_empty() && !line.starts_with("t_s,"));
+    lines.map(mark).collect()
+}
+
+/// Simulated at once.
+const CHUNK_NS: u64 = 100_000_000;
+/// The probe moves at the beginning of a step; what arrives so soon after was felt before.
+const MOVING_NS: u64 = 10_000_000;
+
+/// The touches of a phantom: its boards' CAN traffic through the engine, cut by the scene's marks.
+pub(crate) fn of_scene(name: &str, motion: Option<Motion>) -> anyhow::Result<Set> {
+    let mut scene = Scene::resolve(name)?;
+    if let Some(motion) = motion {
+        scene = scene.with_motion(motion);
+    }
+    let Some(palpation) = scene.palpation() else {
+        bail!("the scene {name} has no [palpation]; phantom-1 and phantom-2 have");
+    };
+    let layout = with_stand_in_boards(&Layout::resolve(scene.layout())?)?;
+    let mut config = Config::new(layout.clone(), Vec::new());
+    config.tick.mode = TickMode::Sweep;
+    let mut engine = Engine::new(&config.engine(false)?, 0)?;
+    let mut simulator = Simulator::new(&scene, &layout, scene.seed())?;
+    simulator.start_all();
+    let mut cutter = Cutter::new(palpation, layout.taxels.len());
+    let mut received: Vec<(u8, Received)> = Vec::new();
+    for from_ns in (0..scene.length_ns()).step_by(CHUNK_NS as usize) {
+        simulator.advance((from_ns + CHUNK_NS).min(scene.length_ns()), &mut received);
+        for (bus, frame) in received.drain(..) {
+            engine.handle_frame(bus, &frame);
+            engine.drain(&mut |frames| cutter.take(frames));
+        }
+    }
+    let motion = palpation.motion();
+    Ok(Set {
+        name: format!("{name} {motion}"),
+        phantom: name.to_owned(),
+        motion: Some(motion),
+        touches: cutter.touches,
+        labels: palpation.classes().into_iter().map(str::to_owned).collect(),
+        period_s: 0.05,
+        rest_ms: Some(palpation.step_ns() as f64 / 1e6),
+    })
+}
+
+/// Frames of the engine to touches, by marks.
+struct Cutter {
+    marks: Vec<Mark>,
+    motion: Motion,
+    step_ns: u64,
+    /// Of the touch at work.
+    baseline: Vec<f64>,
+    touches: Vec<Touch>,
+}
+
+impl Cutter {
+    fn new(palpation: &Palpation, taxels: usize) -> Self {
+        let marks = palpation.marks();
+        let touches = marks.iter().filter(|mark| mark.text != "away").map(|mark| Touch {
+            name: mark.text.clone(),
+            at: Vec::new(),
+            taxels,
+            values: Vec::new(),
+        });
+        Self {
+            touches: touches.collect(),
+            marks,
+            motion: palpation.motion(),
+            step_ns: palpation.step_ns(),
+            baseline: Vec::new(),
+        }
+    }
+
+    fn take(&mut self, frames: &Frames) {
+        let t_ns = frames.tactile.t_ns;
+        // Marks alternate: a touch, away.
+        let passed = self.marks.partition_point(|mark| mark.t_ns <= t_ns);
+        if passed % 2 == 0 {
+            self.baseline.clear();
+            return;
+        }
+        let since_ns = t_ns - self.marks[passed - 1].t_ns;
+        if self.baseline.is_empty() {
+            self.baseline
+                .extend(frames.baseline.iter().map(|xyz| f64::from(xyz[2])));
+        }
+        if since_ns % self.step_ns < MOVING_NS {
+            return;
+        }
+        let touch = &mut self.touches[passed / 2];
+        touch.at.push(self.motion.at((since_ns / self.step_ns) as usize));
+        let counts = frames.tactile.counts.iter().zip(&self.baseline);
+        touch
+            .values
+            .extend(counts.map(|(count, baseline)| f64::from(count[2]) - baseline));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn raw_counts_are_above_the_frames_before_the_touch() {
+        let values = [10.0, 20.0, 12.0, 22.0, 15.0, 19.0];
+        assert_eq!(above_baseline(&values, 2, true, 2)[4..], [4.0, -2.0]);
+        assert_eq!(above_baseline(&values, 2, true, 0)[..4], [0.0, 0.0, 2.0, 2.0]);
+        assert_eq!(above_baseline(&values, 2, false, 2), values);
+    }
+
+    #[test]
+    fn a_mark_names_a_class_after_its_place() {
+        assert_eq!(
+            (label_of("touch 5 SS"), label_of("touch"), label_of("")),
+            ("SS", "", "")
+        );
+    }
+}
