@@ -139,7 +139,11 @@ async fn converse(
         };
         place.set(Doing::Nothing, Instant::now());
         replying.set(true);
-        match timeout(REPLY_PATIENCE, write.write_all(&line_of(&reply))).await {
+        // The tree of a report of many subscribers is several times its text, and is not kept until
+        // the client has taken that.
+        let text = line_of(&reply);
+        drop(reply);
+        match timeout(REPLY_PATIENCE, write.write_all(&text)).await {
             Ok(written) => written?,
             Err(_) => return Ok(()),
         }
