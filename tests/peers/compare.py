@@ -26,8 +26,8 @@ SWEEP = [2, 4, 8, 16, 32]
 # What a user might pick instead, and on how many frames of an input at most.
 PEERS = [(OpenCv(1), 10**9), (OpenCv(10), 120), (ScikitLearn(1), 100), (ScikitLearn(10), 20), (Kmeans1d(), 300), (Kmeans1dPython(), 100)]
 JUMP_GAINS = [0, 0.01, 0.02, 0.05, 0.1, 0.3]
-# Six pressure arrays of 14 or 13 rows of six, one below the other. Each taxel idles at a level of its own: forces are above the first frames' median.
-SCHUNK_LAYOUT, SCHUNK_IDLE_FRAMES, SCHUNK_THRESHOLD = "grid:81x6", 10, 10
+# Six pressure arrays, stored transposed: the layout puts every cell in its place. Each taxel idles at a level of its own: forces are above the first frames' median.
+SCHUNK_LAYOUT, SCHUNK_IDLE_FRAMES, SCHUNK_THRESHOLD = "schunk-sdh", 10, 10
 # 10 is within the noise, where contacts flicker. With hysteresis a contact begins well above it and ends at it.
 FLICKER = [("10", []), ("20", []), ("20, released at 10", ["--release", "10"])]
 # Switches on their own, beside those that `taxel eval` judges by default.
