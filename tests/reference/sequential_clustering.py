@@ -19,7 +19,7 @@ class Profile:
     force_iterations: int = 10  # I_D
     actuator_iterations: int = 10  # I_A
     grey: str = "level"  # or "centroid"
-    actuator_force: str = "max"  # or "mean"
+    actuator_force: str = "max"  # or "mean" or "closest"
     force_weighted: bool = False
     codebook: tuple = ()  # mark (*): constant force levels
 
@@ -67,7 +67,7 @@ def compress(force, contact, faulty, missing, taxel_xy, shape, profile=Profile()
         a, centroids = quantise_actuators(c, rho, profile)
         ids = [k for k in range(len(centroids)) if np.any(a == k)]
         placed = [medoid(c, a, k, centroids[k]) for k in ids]
-        pressed = [cluster_level(level[a == k], mu, profile) for k in ids]
+        pressed = [cluster_level(level[a == k], rho[a == k], mu, profile) for k in ids]
 
     grey = greys(mu, profile)
     for k, n, l in zip(ids, placed, pressed):
@@ -80,7 +80,7 @@ def compress(force, contact, faulty, missing, taxel_xy, shape, profile=Profile()
 def contact_list(force, contact, unusable, xy):
     """Indices of the contacting taxels in raster order, and how many usable taxels were refused for their force."""
     contact, unusable = np.asarray(contact, dtype=bool), np.asarray(unusable, dtype=bool)
-    in_range = np.isfinite(force) & (force > 0) & (force <= 1e38)
+    in_range = np.isfinite(force) & (force >= 1 / 1e38) & (force <= 1e38)
     listed = contact & ~unusable & in_range
     refused = ~unusable & (~np.isfinite(force) | (contact & ~in_range))
     n = np.flatnonzero(listed)
@@ -93,7 +93,7 @@ def quantise_force(rho, profile):
         mu = np.array(profile.codebook, dtype=np.float64)
         return mu, nearest(rho, mu) + 1
 
-    k = min(profile.levels, len(np.unique(rho)))
+    k = profile.levels
     m, big_m = rho.min(), rho.max()
     mu = m + ((np.arange(1, k + 1) - 0.5) * (big_m - m)) / k  # (3)
     for _ in range(profile.force_iterations):
@@ -102,7 +102,9 @@ def quantise_force(rho, profile):
     ascending = np.argsort(mu, kind="stable")
     number = np.empty(k, dtype=int)
     number[ascending] = np.arange(1, k + 1)
-    return mu[ascending], number[a]  # (7)
+    level = number[a]
+    level[level == level[np.argmax(rho)]] = k
+    return mu[ascending], level  # (7)
 
 
 def quantise_actuators(c, rho, profile):
@@ -154,12 +156,20 @@ def medoid(c, a, k, centroid):
     return members[np.argmin(squared_distances(c[members], centroid[None, :])[:, 0])]
 
 
-def cluster_level(levels, mu, profile):
-    """The level an actuator presses with, for the levels of its contacts."""
-    if profile.actuator_force == "max":
+def cluster_level(levels, rho, mu, profile):
+    """The level an actuator presses with, for the levels and forces of its contacts."""
+    if profile.actuator_force == "max" or len(levels) == 1:
         return int(levels.max())
-    mean = np.cumsum(mu[levels - 1])[-1] / len(levels)
-    return int(nearest(np.array([mean]), mu)[0]) + 1
+    forces = mu[levels - 1] if profile.actuator_force == "mean" else rho
+    mean = np.cumsum(forces)[-1] / len(levels)
+    return int(np.flatnonzero(mu == mu[nearest(np.array([mean]), mu)[0]])[-1]) + 1
+
+
+def spread(levels, numbers, most):
+    """The K levels that the method `optimal` found, as the `most` levels of the display, and the contacts' numbers there."""
+    ends = [0] + [(2 * k * most + len(levels)) // (2 * len(levels)) for k in range(1, len(levels) + 1)]
+    spread_levels = [force for force, begin, end in zip(levels, ends, ends[1:]) for _ in range(begin, end)]
+    return spread_levels, np.array(ends)[numbers]
 
 
 def greys(mu, profile):

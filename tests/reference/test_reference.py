@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from conditioning import Conditioner, faulty_sensors
-from sequential_clustering import Profile, cluster_means, compress, contact_list, maximin, quantise_force
+from sequential_clustering import Profile, cluster_means, compress, contact_list, maximin, quantise_force, spread
 
 ROW = np.array([[x, 0] for x in range(8)])
 
@@ -45,10 +45,24 @@ def test_an_empty_cluster_keeps_its_centroid():
     assert level.tolist() == [1, 1, 3, 3]
 
 
-def test_equal_forces_are_one_level_and_the_lowest_grey():
+def test_equal_forces_are_the_highest_level():
     image = press([7, 7, 7])
-    assert image.levels == [7.0]
-    assert image.pixels[0, :3].tolist() == [32, 32, 32]  # 255 / 8 = 31.875
+    assert image.levels == [7.0] * 8
+    assert [a[3] for a in image.actuators] == [8, 8, 8]
+    assert image.pixels[0, :3].tolist() == [255, 255, 255]
+
+
+def test_few_forces_are_spread_over_all_levels():
+    # Bins of 6/8 from 3 to 9; the two that have a member move to it.
+    image = press([3, 9])
+    assert image.levels == [3.0, 4.125, 4.875, 5.625, 6.375, 7.125, 7.875, 9.0]
+    assert image.pixels[0, :2].tolist() == [32, 255]
+
+
+def test_levels_found_are_spread_over_those_of_the_display():
+    levels, numbers = spread([3.0, 9.0], np.array([1, 2, 1]), 5)
+    assert levels == [3.0, 3.0, 3.0, 9.0, 9.0] and numbers.tolist() == [3, 5, 3]
+    assert spread([3.0], np.array([1]), 8)[1].tolist() == [8]
 
 
 def test_a_force_between_two_levels_goes_to_the_lower():
@@ -93,6 +107,13 @@ def test_mean_force_is_the_level_nearest_to_the_mean_of_the_cluster():
     assert [a[3] for a in image.actuators] == [1, 2]
 
 
+def test_the_closest_level_has_the_least_error_from_the_forces_of_the_cluster():
+    # One level for 1, 2 and 9, 6; one actuator for the first three: their mean, 4, is nearer to the level 2 than to 8.
+    xy = [[0, 0], [1, 0], [2, 0], [6, 0], [7, 0]]
+    closest = Profile(levels=2, actuators=2, actuator_force="closest", codebook=(2.0, 8.0))
+    assert [a[3] for a in press([1, 2, 9, 1, 9.5], closest, xy=xy).actuators] == [1, 2]
+
+
 def test_force_weights_pull_the_actuator_to_the_stronger_contact():
     xy = [[0, 0], [1, 0], [2, 0]]
     plain = press([1, 1, 10], Profile(actuators=1), xy=xy)
@@ -115,6 +136,7 @@ def test_contacts_are_taken_in_raster_order_whatever_their_number():
         (0.0, True, 1),
         (-1.0, True, 1),
         (1.1e38, True, 1),
+        (0.9e-38, True, 1),
         (0.0, False, 0),
         (1e38, True, 0),
     ],

@@ -19,4 +19,4 @@ pub use lloyd1d::{assign1d, lloyd1d, nearest1d};
 pub use lloyd2d::{Plane, lloyd2d, medoids};
 pub use local_search::LocalSearch;
 pub use matching::Matching;
-pub use seed::{distinct_up_to, maximin, uniform};
+pub use seed::{maximin, uniform};

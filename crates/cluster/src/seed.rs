@@ -20,24 +20,6 @@ pub fn uniform(least: f64, greatest: f64, centroids: &mut [f64]) {
     }
 }
 
-/// Counts the different values in `values`, but no further than `seen.len()`; `seen` is scratch.
-///
-/// It is the number of clusters of the force stage, `min(K_D, distinct)`, at the cost of `K_D`
-/// comparisons per value at most; frames of real forces end it after about `K_D` values.
-pub fn distinct_up_to(values: &[f64], seen: &mut [f64]) -> usize {
-    let mut count = 0;
-    for value in values {
-        if count == seen.len() {
-            break;
-        }
-        if !seen[..count].contains(value) {
-            seen[count] = *value;
-            count += 1;
-        }
-    }
-    count
-}
-
 /// Chooses centroids far from one another, eq. (8).
 ///
 /// init: the first centroid is point 0. Each further one is the point whose squared distance to the
@@ -82,23 +64,6 @@ mod tests {
             let mut centroids = vec![0.0; want.len()];
             uniform(least, greatest, &mut centroids);
             assert_eq!(centroids, want, "{least}..{greatest}");
-        }
-    }
-
-    #[test]
-    fn distinct_values_are_counted_up_to_the_limit() {
-        for (values, limit, want) in [
-            (vec![], 3, 0),
-            (vec![7.0; 100], 3, 1),
-            (vec![1.0, 2.0, 1.0, 2.0], 3, 2),
-            (vec![1.0, 2.0, 3.0, 4.0], 3, 3),
-            (vec![1.0], 0, 0),
-        ] {
-            assert_eq!(
-                distinct_up_to(&values, &mut vec![0.0; limit]),
-                want,
-                "{values:?} up to {limit}"
-            );
         }
     }
 

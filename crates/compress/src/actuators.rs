@@ -1,6 +1,6 @@
 //! Actuator quantisation, eqs (8) to (12): where the display presses, and how hard.
 
-use taxel_cluster::{Kmeans2d, Kmeans2dSettings, Plane, lloyd2d, maximin, medoids, nearest1d};
+use taxel_cluster::{Kmeans2d, Kmeans2dSettings, Plane, lloyd2d, maximin, medoids};
 use taxel_hand::{Actuator, ActuatorForce, Geometry, Placement, Profile, ProfileError};
 
 use crate::actuator_groups;
@@ -19,6 +19,8 @@ pub(crate) struct Actuators {
     member: Vec<Option<u32>>,
     nearest: Vec<f64>,
     pressing: Vec<Pressing>,
+    /// Level that each id pressed with in the last frame, from 1; 0 where it did not.
+    held: Vec<u16>,
     /// Parts of the hand that share a number of actuators.
     groups: Vec<Group>,
     group_of_part: Vec<usize>,
@@ -101,6 +103,7 @@ impl Actuators {
             member: vec![None; most],
             nearest: Vec::with_capacity(taxels),
             pressing: vec![Pressing::default(); most],
+            held: vec![0; most],
             groups,
             group_of_part,
             apart: Vec::with_capacity(taxels),
@@ -218,6 +221,7 @@ impl Actuators {
         if contacts.len() <= usize::from(profile.actuators) {
             self.cluster.clear();
             self.cluster.extend(0..contacts.len() as u16);
+            self.held.fill(0);
             out.clear();
             out.extend((contacts.pixel.iter().zip(&levels.level).enumerate()).map(
                 |(id, (&[x, y], &level))| Actuator {
@@ -261,30 +265,34 @@ impl Actuators {
     fn press(&mut self, profile: &Profile, contacts: &Contacts, levels: &Levels, out: &mut Vec<Actuator>) {
         out.clear();
         self.pressing.fill(Pressing::default());
-        let contacts_of = self.cluster.iter().zip(&levels.level);
-        match profile.actuator_force {
-            ActuatorForce::Max => {
-                for (cluster, &level) in contacts_of {
-                    let pressing = &mut self.pressing[usize::from(*cluster)];
-                    pressing.highest = pressing.highest.max(level);
-                }
-            }
-            ActuatorForce::Mean => {
-                for (cluster, &level) in contacts_of {
-                    let pressing = &mut self.pressing[usize::from(*cluster)];
-                    pressing.sum += levels.codebook[usize::from(level)];
-                    pressing.count += 1;
-                }
-            }
+        let kind = profile.actuator_force();
+        for ((cluster, &level), measured) in self.cluster.iter().zip(&levels.level).zip(&contacts.force) {
+            let pressing = &mut self.pressing[usize::from(*cluster)];
+            pressing.highest = pressing.highest.max(level);
+            pressing.sum += match kind {
+                ActuatorForce::Mean => levels.codebook[usize::from(level)],
+                _ => *measured,
+            };
+            pressing.count += 1;
         }
         for (id, (member, pressing)) in self.member.iter().zip(&self.pressing).enumerate() {
-            let Some(member) = *member else { continue };
-            let level = match profile.actuator_force {
-                ActuatorForce::Max => pressing.highest,
-                ActuatorForce::Mean => {
-                    nearest1d(pressing.sum / f64::from(pressing.count), &levels.codebook) as u16
+            let Some(member) = *member else {
+                self.held[id] = 0;
+                continue;
+            };
+            // A contact of its own has its own level, which hysteresis may hold.
+            let level = if kind == ActuatorForce::Max || pressing.count == 1 {
+                pressing.highest
+            } else {
+                let mean = pressing.sum / f64::from(pressing.count);
+                let nearest = levels.nearest(mean);
+                if kind == ActuatorForce::Closest && profile.level_hysteresis > 0.0 {
+                    levels.keep(profile.level_hysteresis, self.held[id], mean, nearest)
+                } else {
+                    nearest
                 }
             };
+            self.held[id] = level + 1;
             let [x, y] = match &self.fixed {
                 Some(fixed) => fixed.pixel[id],
                 None => contacts.pixel[member as usize],

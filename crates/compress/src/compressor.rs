@@ -98,9 +98,9 @@ impl Compressor {
         }
     }
 
-    /// Forces refused since the start: not a number, infinite, or a contact with a force that is not in
-    /// `0 < force <= `[`FORCE_MAX`](taxel_hand::FORCE_MAX). Each is treated as no contact and counted in
-    /// [`TactileImage::faulty`].
+    /// Forces refused since the start: not a number, infinite, or a contact with a force that is not from
+    /// [`FORCE_MIN`](taxel_hand::FORCE_MIN) to [`FORCE_MAX`](taxel_hand::FORCE_MAX). Each is treated as no contact and
+    /// counted in [`TactileImage::faulty`].
     pub fn refused(&self) -> u64 {
         self.refused
     }

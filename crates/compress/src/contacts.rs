@@ -1,6 +1,6 @@
 //! Which taxels take part: the contact list.
 
-use taxel_hand::{ForceFrame, Geometry};
+use taxel_hand::{FORCE_MAX, FORCE_MIN, ForceFrame, Geometry};
 
 /// The contacts of a frame in raster order (row by row, left to right), as columns.
 #[derive(Debug)]
@@ -11,7 +11,7 @@ pub(crate) struct Contacts {
     pub(crate) x: Vec<f64>,
     /// Second coordinates.
     pub(crate) y: Vec<f64>,
-    /// Forces, in `0 < force <= taxel_hand::FORCE_MAX`.
+    /// Forces, from [`FORCE_MIN`] to [`FORCE_MAX`].
     pub(crate) force: Vec<f64>,
     /// The pixels themselves.
     pub(crate) pixel: Vec<[u16; 2]>,
@@ -117,7 +117,7 @@ impl Contacts {
 /// Whether a taxel's force can be used: a finite number, and in range where the taxel is in contact.
 pub(crate) fn is_force(force: f64, contact: bool) -> bool {
     if contact {
-        force > 0.0 && force <= taxel_hand::FORCE_MAX
+        (FORCE_MIN..=FORCE_MAX).contains(&force)
     } else {
         force.is_finite()
     }

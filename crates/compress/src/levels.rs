@@ -1,6 +1,6 @@
 //! Force quantisation, eqs (3) to (7): the force level of each contact.
 
-use taxel_cluster::{Kmeans1d, assign1d, distinct_up_to, lloyd1d, uniform};
+use taxel_cluster::{Kmeans1d, assign1d, lloyd1d, nearest1d, uniform};
 
 use crate::contacts::Contacts;
 use crate::session::Session;
@@ -10,7 +10,8 @@ use taxel_hand::{ForceFit, LevelSteps, Profile};
 /// The force stage: its codebook and the level of each contact.
 #[derive(Debug)]
 pub(crate) struct Levels {
-    /// Force of each level, ascending: `mu_k`.
+    /// Force of each level, ascending: `mu_k`. Neighbours are equal where a frame has fewer different
+    /// forces than levels.
     pub(crate) codebook: Vec<f64>,
     /// Level of each contact, from 0.
     pub(crate) level: Vec<u16>,
@@ -83,17 +84,23 @@ impl Levels {
         }
     }
 
+    /// The level nearest to a force; of levels with equal forces the highest.
+    pub(crate) fn nearest(&self, force: f64) -> u16 {
+        let mut level = nearest1d(force, &self.codebook);
+        while self.codebook.get(level + 1) == Some(&self.codebook[level]) {
+            level += 1;
+        }
+        level as u16
+    }
+
     /// Levels in equal steps over the range of the profile, constant, or else over that of the
     /// frame's forces.
     fn steps(&mut self, profile: &Profile, forces: &[f64]) {
-        if profile.force_min.is_none() {
+        let follows = profile.force_min.is_none();
+        if follows {
             self.codebook.clear();
-            self.codebook.resize(usize::from(profile.levels), 0.0);
-            let levels = distinct_up_to(forces, &mut self.codebook);
-            self.codebook.truncate(levels);
-            let least = forces.iter().copied().fold(f64::INFINITY, f64::min);
-            let greatest = forces.iter().copied().fold(0.0, f64::max);
-            if levels > 0 {
+            if let Some((least, greatest)) = range(forces) {
+                self.codebook.resize(usize::from(profile.levels), 0.0);
                 steps(profile.level_steps, least, greatest, &mut self.codebook);
             }
         }
@@ -103,6 +110,9 @@ impl Levels {
             }
         } else if !forces.is_empty() {
             assign1d(forces, &self.codebook, &mut self.level);
+        }
+        if follows {
+            self.lift_strongest(forces);
         }
     }
 
@@ -139,29 +149,14 @@ impl Levels {
             }
             Err(error) => unreachable!("the contact list holds finite forces within its capacity: {error}"),
         }
+        self.spread(levels);
     }
 
-    /// Keeps contacts at the level their taxel had, unless the force is past the border by a share
-    /// of the distance between the levels.
+    /// Keeps contacts at the level their taxel had, [`Self::keep`].
     fn hold(&mut self, share: f64, contacts: &Contacts) {
-        let levels = &self.codebook;
-        for ((level, force), rank) in self.level.iter_mut().zip(&contacts.force).zip(&contacts.rank) {
-            let held = usize::from(self.held[usize::from(*rank)]);
-            if held == 0 || held > levels.len() {
-                continue;
-            }
-            let held = held - 1;
-            let past = |below: usize| {
-                0.5 * (levels[below] + levels[below + 1]) + {
-                    let gap = levels[below + 1] - levels[below];
-                    if below < held { -share * gap } else { share * gap }
-                }
-            };
-            let above = held == 0 || *force >= past(held - 1);
-            let below = held + 1 == levels.len() || *force <= past(held);
-            if above && below {
-                *level = held as u16;
-            }
+        for n in 0..contacts.len() {
+            let held = self.held[usize::from(contacts.rank[n])];
+            self.level[n] = self.keep(share, held, contacts.force[n], self.level[n]);
         }
         self.held.fill(0);
         for (level, rank) in self.level.iter().zip(&contacts.rank) {
@@ -169,29 +164,86 @@ impl Levels {
         }
     }
 
+    /// The level of a force that had level `held` in the last frame (from 1; 0 for none): that one, unless the force is
+    /// past its border by more than a share of the distance between the levels. Levels with equal forces are one.
+    pub(crate) fn keep(&self, share: f64, held: u16, force: f64, level: u16) -> u16 {
+        let levels = &self.codebook;
+        let Some(first) = usize::from(held)
+            .checked_sub(1)
+            .filter(|held| *held < levels.len())
+        else {
+            return level;
+        };
+        let own = levels[first];
+        let held = first + levels[first..].iter().take_while(|l| **l == own).count() - 1;
+        let below = levels[..first].iter().rfind(|l| **l < own);
+        let above = levels.get(held + 1);
+        let far_below = below.is_some_and(|l| force < 0.5 * (l + own) - share * (own - l));
+        let far_above = above.is_some_and(|l| force > 0.5 * (own + l) + share * (l - own));
+        if far_below || far_above {
+            level
+        } else {
+            held as u16
+        }
+    }
+
     /// The publication's Table I: Lloyd's iterations from a uniform start.
     ///
-    /// - K: `min(K_D, distinct forces)` clusters.
+    /// - K: always `K_D` clusters.
     /// - init: [`uniform`] over the least to the greatest force of the frame.
     /// - distance, ties, update, empty cluster, iterations: [`lloyd1d`], `I_D` times.
     /// - numbering: clusters in ascending order of their centroids; those that ended empty stay in
     ///   the codebook.
+    /// - top: [`Self::lift_strongest`].
     fn lloyd(&mut self, profile: &Profile, forces: &[f64]) {
         self.codebook.clear();
+        let Some((least, greatest)) = range(forces) else {
+            return;
+        };
         self.codebook.resize(usize::from(profile.levels), 0.0);
-        let clusters = distinct_up_to(forces, &mut self.codebook);
-        self.codebook.truncate(clusters);
-        let least = forces.iter().copied().fold(f64::INFINITY, f64::min);
-        let greatest = forces.iter().copied().fold(0.0, f64::max);
         uniform(least, greatest, &mut self.codebook);
         lloyd1d(
             forces,
             profile.force_iterations,
             &mut self.codebook,
             &mut self.level,
-            &mut self.sums[..clusters],
+            &mut self.sums,
         );
         self.number_ascending();
+        self.lift_strongest(forces);
+    }
+
+    /// Puts the strongest contacts, and those that share their level, into the highest level. They are there already
+    /// unless levels are equal, or differ by rounding only.
+    fn lift_strongest(&mut self, forces: &[f64]) {
+        let strongest = (forces.iter().zip(&self.level)).max_by(|(a, _), (b, _)| a.total_cmp(b));
+        let highest = self.codebook.len().saturating_sub(1) as u16;
+        if let Some(strongest) = strongest
+            .map(|(_, level)| *level)
+            .filter(|level| *level < highest)
+        {
+            for level in self.level.iter_mut().filter(|level| **level == strongest) {
+                *level = highest;
+            }
+        }
+    }
+
+    /// Spreads the K levels that were found over the K_D of the display: the k-th is level `floor(k K_D / K + 1/2)`,
+    /// and the levels from the one before it up to there have its force.
+    fn spread(&mut self, levels: usize) {
+        let found = self.codebook.len();
+        if found == 0 || found == levels {
+            return;
+        }
+        let place = |k: usize| (2 * k * levels + found) / (2 * found);
+        self.codebook.resize(levels, 0.0);
+        for k in (0..found).rev() {
+            let force = self.codebook[k];
+            self.codebook[place(k)..place(k + 1)].fill(force);
+        }
+        for level in &mut self.level {
+            *level = place(usize::from(*level) + 1) as u16 - 1;
+        }
     }
 
     /// Renumbers the levels so that their forces ascend; among equal forces the lower number stays first.
@@ -217,9 +269,20 @@ impl Levels {
     }
 }
 
+/// The least and the greatest of the forces, if there are any.
+fn range(forces: &[f64]) -> Option<(f64, f64)> {
+    let (first, others) = forces.split_first()?;
+    Some(
+        (others.iter()).fold((*first, *first), |(least, greatest), force| {
+            (least.min(*force), greatest.max(*force))
+        }),
+    )
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     fn quantise(profile: &Profile, forces: &[f64]) -> (Vec<f64>, Vec<u16>) {
         let geometry = taxel_hand::Geometry::grid(forces.len().max(1) as u16, 1).expect("a grid that fits");
@@ -258,9 +321,16 @@ mod tests {
                 &[1.0, 2.0],
                 &[],
             ),
-            ("one contact", 4, &[], &[7.0], &[7.0], &[0]),
-            ("all equal", 4, &[], &[7.0, 7.0, 7.0], &[7.0], &[0, 0, 0]),
-            ("fewer than K_D", 4, &[], &[9.0, 1.0], &[1.0, 9.0], &[1, 0]),
+            ("one contact", 4, &[], &[7.0], &[7.0; 4], &[3]),
+            ("all equal", 4, &[], &[7.0, 7.0, 7.0], &[7.0; 4], &[3, 3, 3]),
+            (
+                "fewer than K_D",
+                4,
+                &[],
+                &[9.0, 1.0],
+                &[1.0, 4.0, 6.0, 9.0],
+                &[3, 0],
+            ),
             ("one level", 1, &[], &[1.0, 2.0, 6.0], &[3.0], &[0, 0, 0]),
             (
                 "an empty level stays",
@@ -270,7 +340,7 @@ mod tests {
                 &[1.5, 50.5, 100.0],
                 &[0, 0, 2],
             ),
-            ("saturated", 2, &[], &[65535.0; 3], &[65535.0], &[0, 0, 0]),
+            ("saturated", 2, &[], &[65535.0; 3], &[65535.0; 2], &[1, 1, 1]),
             (
                 "saturated, squared",
                 2,
@@ -290,6 +360,92 @@ mod tests {
         ] {
             let got = lloyd(levels, 10, codebook, forces);
             assert_eq!(got, (want.to_vec(), level.to_vec()), "{name}");
+        }
+    }
+
+    #[test]
+    fn levels_found_are_spread_over_those_of_the_display() {
+        let profile = |levels| Profile {
+            levels,
+            ..Profile::default()
+        };
+        for (levels, forces, want, level) in [
+            (8, &[7.0][..], &[7.0; 8][..], &[7][..]),
+            (4, &[9.0, 3.0], &[3.0, 3.0, 9.0, 9.0], &[3, 1]),
+            (5, &[9.0, 3.0], &[3.0, 3.0, 3.0, 9.0, 9.0], &[4, 2]),
+            (5, &[1.0, 9.0, 3.0], &[1.0, 1.0, 3.0, 9.0, 9.0], &[1, 4, 2]),
+            (2, &[1.0, 3.0, 9.0], &[2.0, 9.0], &[0, 0, 1]),
+        ] {
+            let got = quantise(&profile(levels), forces);
+            assert_eq!(got, (want.to_vec(), level.to_vec()), "{forces:?} in {levels}");
+        }
+    }
+
+    #[test]
+    fn of_levels_with_one_force_the_highest_is_the_nearest() {
+        let mut stage = Levels::new(&Profile::default(), 1);
+        stage.codebook = vec![3.0, 3.0, 9.0, 9.0];
+        assert_eq!(
+            [1.0, 3.0, 6.0, 6.1].map(|force| stage.nearest(force)),
+            [1, 1, 1, 3]
+        );
+    }
+
+    #[test]
+    fn of_levels_with_one_force_hysteresis_holds_the_highest() {
+        let profile = Profile {
+            levels: 4,
+            level_hysteresis: 0.3,
+            force_fit: Some(ForceFit::Lloyd),
+            ..Profile::default()
+        };
+        let geometry = taxel_hand::Geometry::grid(4, 1).expect("a grid that fits");
+        let places =
+            crate::actuator_groups::places(&geometry, taxel_hand::Coordinates::Pixels).expect("pixels");
+        let mut contacts = Contacts::new(&geometry, &places);
+        let mut stage = Levels::new(&profile, 4);
+        let mut frame = taxel_hand::ForceFrame::new(4);
+        for (forces, level) in [([2.0, 3.0, 6.0, 9.0], 0), ([2.0, 0.0, 0.0, 0.0], 3)] {
+            frame.force.copy_from_slice(&forces);
+            frame.contact = forces.map(|force| force > 0.0).to_vec();
+            contacts.collect(&frame);
+            stage.quantise(&profile, &contacts);
+            assert_eq!(stage.level[0], level, "{forces:?}");
+        }
+    }
+
+    /// Forces that hardly differ, or not at all, and those at the ends of the range.
+    fn hard_forces() -> impl Strategy<Value = Vec<f64>> {
+        let around = |force: f64| (0u64..4).prop_map(move |step| f64::from_bits(force.to_bits() + step));
+        let close = prop_oneof![
+            Just(1.0),
+            Just(5e9),
+            Just(taxel_hand::FORCE_MIN),
+            Just(taxel_hand::FORCE_MAX / 2.0)
+        ]
+        .prop_flat_map(move |force| prop::collection::vec(around(force), 1..40));
+        let apart = prop::collection::vec((-37i32..38).prop_map(|power| 10f64.powi(power)), 1..40);
+        let few = prop::collection::vec((1u8..5).prop_map(f64::from), 1..40);
+        prop_oneof![close, apart, few]
+    }
+
+    proptest! {
+        #[test]
+        fn the_strongest_force_of_a_frame_is_the_full_drive(
+            exact in any::<bool>(),
+            of in prop_oneof![Just(LevelSteps::Fitted), Just(LevelSteps::Equal), Just(LevelSteps::Weber)],
+            levels in 1u16..40,
+            forces in hard_forces(),
+        ) {
+            let force_fit = Some(if exact { ForceFit::Exact } else { ForceFit::Lloyd });
+            let profile = Profile { levels, force_fit, level_steps: of, ..Profile::default() };
+            let (codebook, level) = quantise(&profile, &forces);
+            prop_assert_eq!(codebook.len(), usize::from(levels));
+            prop_assert!(codebook.is_sorted());
+            let greatest = forces.iter().copied().fold(0.0, f64::max);
+            for (force, level) in forces.iter().zip(&level) {
+                prop_assert!(*force < greatest || *level == levels - 1, "{:?} {:?}", codebook, level);
+            }
         }
     }
 

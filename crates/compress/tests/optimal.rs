@@ -2,7 +2,9 @@
 
 use proptest::prelude::*;
 use taxel_compress::Compressor;
-use taxel_hand::{Actuator, ForceFit, ForceFrame, Method, Placement, Profile, ProfileError, TactileImage};
+use taxel_hand::{
+    Actuator, ActuatorForce, ForceFit, ForceFrame, Method, Placement, Profile, ProfileError, TactileImage,
+};
 use taxel_skin::Layout;
 
 fn grid(width: u16, height: u16) -> Layout {
@@ -197,6 +199,41 @@ fn parts_of_the_hand_share_no_actuator_when_kept_apart() {
 }
 
 #[test]
+fn an_actuator_of_several_contacts_is_as_near_to_their_forces_as_a_level_can_be() {
+    // One actuator; two levels, 2.5 and 20; the mean of the forces is 6.9.
+    let (layout, forces) = (grid(4, 1), [2.0, 3.0, 2.5, 20.0]);
+    let pressed = |actuator_force| {
+        let profile = Profile {
+            actuator_force,
+            ..optimal(2, 1)
+        };
+        images(&profile, &layout, &[forces.to_vec()])[0].actuators[0].force
+    };
+    assert_eq!(pressed(None), 2.5);
+    assert_eq!(pressed(Some(ActuatorForce::Max)), 20.0);
+}
+
+#[test]
+fn hysteresis_holds_the_level_of_an_actuator_of_several_contacts() {
+    let layout = grid(2, 1);
+    let frames = [[14.0, 14.5], [15.5, 15.6], [17.5, 17.6], [14.8, 14.9]].map(Vec::from);
+    let forces = |level_hysteresis| {
+        let profile = Profile {
+            codebook: vec![10.0, 20.0],
+            level_hysteresis,
+            ..optimal(2, 1)
+        };
+        let images = images(&profile, &layout, &frames);
+        images
+            .iter()
+            .map(|image| image.actuators[0].force)
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(forces(0.0), [10.0, 20.0, 20.0, 10.0]);
+    assert_eq!(forces(0.2), [10.0, 10.0, 20.0, 20.0]);
+}
+
+#[test]
 fn each_difference_from_the_paper_can_be_switched_alone() {
     let layout = grid(16, 16);
     let frames: Vec<_> = (0..10)
@@ -211,6 +248,7 @@ fn each_difference_from_the_paper_can_be_switched_alone() {
             &Profile {
                 force_fit,
                 placement,
+                actuator_force: Some(ActuatorForce::Closest),
                 ..paper.clone()
             },
             &layout,

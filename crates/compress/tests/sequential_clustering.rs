@@ -100,7 +100,7 @@ fn many_contacts_are_gathered_at_members_with_the_strongest_level() {
 fn a_cluster_presses_with_the_level_nearest_its_mean_when_asked() {
     let forces = [10.0, 10.0, 50.0, 0.0, 0.0, 0.0, 10.0, 10.0, 10.0];
     let mean = Profile {
-        actuator_force: ActuatorForce::Mean,
+        actuator_force: Some(ActuatorForce::Mean),
         ..profile(2, 2)
     };
     let image = compress(mean, &grid(9, 1), &pressed(&forces));
@@ -151,8 +151,8 @@ fn edges_are_defined() {
             "one contact",
             profile(4, 4),
             [0.0, 9.0, 0.0, 0.0],
-            [0, 64, 0, 0],
-            vec![9.0],
+            [0, 255, 0, 0],
+            vec![9.0; 4],
         ),
         (
             "one contact, one level",
@@ -165,16 +165,26 @@ fn edges_are_defined() {
             "fewer contacts than K_D",
             profile(4, 4),
             [0.0, 9.0, 0.0, 3.0],
-            [0, 128, 0, 64],
-            vec![3.0, 9.0],
+            [0, 255, 0, 64],
+            vec![3.0, 5.25, 6.75, 9.0],
         ),
-        ("all equal", profile(4, 4), [5.0; 4], [64; 4], vec![5.0]),
+        (
+            "fewer contacts than K_D, optimal",
+            Profile {
+                method: Method::Optimal,
+                ..profile(4, 4)
+            },
+            [0.0, 9.0, 0.0, 3.0],
+            [0, 255, 0, 128],
+            vec![3.0, 3.0, 9.0, 9.0],
+        ),
+        ("all equal", profile(4, 4), [5.0; 4], [255; 4], vec![5.0; 4]),
         (
             "saturated",
             profile(4, 4),
             [saturated; 4],
-            [64; 4],
-            vec![saturated],
+            [255; 4],
+            vec![saturated; 4],
         ),
     ] {
         let image = compress(profile, &grid(4, 1), &pressed(&forces));
@@ -202,16 +212,17 @@ fn every_taxel_faulty_gives_an_empty_image_and_the_counts() {
 
 #[test]
 fn forces_that_are_no_forces_are_refused_and_counted() {
-    let layout = grid(8, 1);
+    let layout = grid(9, 1);
     let mut frame = pressed(&[
         f64::NAN,
         f64::INFINITY,
         f64::NEG_INFINITY,
         -1.0,
         0.0,
-        1e101,
+        1e39,
         7.0,
         f64::NAN,
+        1e-39,
     ]);
     frame.contact.fill(true);
     frame.contact[7] = false;
@@ -219,9 +230,9 @@ fn forces_that_are_no_forces_are_refused_and_counted() {
     let mut image = compressor.new_image();
     for round in 1..=2 {
         compressor.compress(&frame, &mut image);
-        assert_eq!(image.pixels, [0, 0, 0, 0, 0, 0, 64, 0]);
-        assert_eq!((image.contacts, image.faulty), (1, 7));
-        assert_eq!(compressor.refused(), 7 * round);
+        assert_eq!(image.pixels, [0, 0, 0, 0, 0, 0, 255, 0, 0]);
+        assert_eq!((image.contacts, image.faulty), (1, 8));
+        assert_eq!(compressor.refused(), 8 * round);
     }
 }
 
@@ -305,16 +316,17 @@ fn forces() -> impl Strategy<Value = Vec<f64>> {
 }
 
 fn any_profile() -> impl Strategy<Value = Profile> {
-    (1u16..12, 1u16..20, 1u16..12, any::<[bool; 6]>()).prop_map(
-        |(levels, actuators, iterations, [grey, force, weighted, exact, follow, drag])| Profile {
+    let force = prop_oneof![
+        Just(ActuatorForce::Max),
+        Just(ActuatorForce::Mean),
+        Just(ActuatorForce::Closest)
+    ];
+    (1u16..12, 1u16..20, 1u16..12, force, any::<[bool; 5]>()).prop_map(
+        |(levels, actuators, iterations, force, [grey, weighted, exact, follow, drag])| Profile {
             force_iterations: iterations,
             actuator_iterations: iterations,
             grey: if grey { Grey::Level } else { Grey::Centroid },
-            actuator_force: if force {
-                ActuatorForce::Max
-            } else {
-                ActuatorForce::Mean
-            },
+            actuator_force: Some(force),
             force_weighted: weighted,
             force_fit: Some(if exact { ForceFit::Exact } else { ForceFit::Lloyd }),
             placement: Some(if follow {

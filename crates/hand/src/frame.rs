@@ -4,6 +4,9 @@
 /// is 3.4e38. The skin's own greatest are 113,509 counts, or 1.3e10 squared.
 pub const FORCE_MAX: f64 = 1e38;
 
+/// The least force of a contact, in the same unit: squares of such forces and of their differences do not vanish.
+pub const FORCE_MIN: f64 = 1.0 / FORCE_MAX;
+
 /// How a taxel's value got into a tactile frame.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
 pub enum Freshness {

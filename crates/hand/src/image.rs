@@ -16,7 +16,8 @@ pub struct TactileImage {
     /// The 8-bit image, row by row from the top left; 0 is no contact. Shape `height x width`.
     pub pixels: Vec<u8>,
     /// The force codebook: the force of each level, ascending, in the unit of [`crate::ForceFrame::force`].
-    /// At most `K_D` entries; fewer where the frame has fewer distinct forces.
+    /// `K_D` entries where levels are fitted to a frame, neighbours equal where it has fewer distinct
+    /// forces, and none without contact; those of the codebook where it is constant.
     pub levels: Vec<f64>,
     /// The actuators that press, in the order of their ids. At most `K_A`.
     pub actuators: Vec<Actuator>,

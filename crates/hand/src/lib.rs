@@ -12,7 +12,7 @@ mod profile;
 mod profile_error;
 mod range;
 
-pub use frame::{FORCE_MAX, Fault, Faults, ForceFrame, Freshness, TactileFrame};
+pub use frame::{FORCE_MAX, FORCE_MIN, Fault, Faults, ForceFrame, Freshness, TactileFrame};
 pub use geometry::{Geometry, GeometryError, MAX_MODULES, MAX_PIXELS, MAX_TAXELS, Module, Taxel};
 pub use image::{Actuator, TactileImage};
 pub use pose::Pose;

@@ -42,8 +42,10 @@ pub struct Profile {
     pub parts_apart: bool,
     /// Meaning of a pixel's grey.
     pub grey: Grey,
-    /// Which force an actuator presses with when its cluster holds several levels.
-    pub actuator_force: ActuatorForce,
+    /// Which force an actuator presses with when its cluster holds several levels; where absent, as
+    /// the method does it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub actuator_force: Option<ActuatorForce>,
     /// Weigh contacts by their force when placing actuators, so that an actuator stands at the centre of
     /// pressure. The publication does not.
     pub force_weighted: bool,
@@ -158,14 +160,15 @@ pub enum Grey {
 
 /// Which force an actuator presses with when its cluster holds several levels (docs/algorithm.md,
 /// "Actuator quantisation").
-#[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ActuatorForce {
-    /// The strongest level in the cluster: never under-reports a force.
-    #[default]
+    /// The strongest level in the cluster, which never under-reports a force: the method `paper`.
     Max,
-    /// The level nearest to the mean force of the cluster.
+    /// The level nearest to the mean of the cluster's levels.
     Mean,
+    /// The level with the least squared error from the measured forces of the cluster: the method `optimal`.
+    Closest,
 }
 
 impl Default for Profile {
@@ -183,7 +186,7 @@ impl Default for Profile {
             jump_gain: 0.02,
             parts_apart: false,
             grey: Grey::default(),
-            actuator_force: ActuatorForce::default(),
+            actuator_force: None,
             force_weighted: false,
             codebook: Vec::new(),
             jnd: None,
@@ -215,6 +218,20 @@ impl Profile {
         })
     }
 
+    /// Which force an actuator presses with: as set, or as the method does it.
+    pub fn actuator_force(&self) -> ActuatorForce {
+        self.actuator_force.unwrap_or(match self.method {
+            Method::Paper => ActuatorForce::Max,
+            Method::Optimal => ActuatorForce::Closest,
+        })
+    }
+
+    /// Whether levels are fitted to each frame by [`Self::force_fit`], since no codebook, no learning and no steps
+    /// give them.
+    pub fn fits_frames(&self) -> bool {
+        self.codebook.is_empty() && self.codebook_learning.is_none() && self.level_steps == LevelSteps::Fitted
+    }
+
     /// `K_D`: `levels`, or the number of just distinguishable steps where a JND is given, at most 255.
     ///
     /// That is the least `k` with `(1 + jnd)^k >= force_max / force_min`: 58 from 1 to 50 at 7 %.
@@ -237,10 +254,7 @@ impl Profile {
     pub fn canonical(&self) -> Self {
         let default = Self::default();
         let is_fixed = !self.fixed.is_empty();
-        let fits = self.codebook.is_empty()
-            && self.codebook_learning.is_none()
-            && self.level_steps == LevelSteps::Fitted;
-        let force_fit = fits.then(|| self.force_fit());
+        let force_fit = self.fits_frames().then(|| self.force_fit());
         let placement = (!is_fixed).then(|| self.placement());
         let follows = placement == Some(Placement::Follow);
         let mut canonical = Self {
@@ -249,6 +263,7 @@ impl Profile {
             jnd: None,
             force_fit,
             placement,
+            actuator_force: Some(self.actuator_force()),
             ..self.clone()
         };
         if force_fit != Some(ForceFit::Lloyd) {
@@ -315,7 +330,7 @@ mod tests {
             ),
             ("force_iterations = 3\nactuator_iterations = 4", "", true),
             (
-                "method = 'paper'\nforce_fit = 'exact'\nplacement = 'follow'",
+                "method = 'paper'\nforce_fit = 'exact'\nplacement = 'follow'\nactuator_force = 'closest'",
                 "",
                 true,
             ),
@@ -332,7 +347,7 @@ mod tests {
             ),
             (
                 "actuators = 1\nfixed = [[1.0, 2.0]]\njump_gain = 0.3",
-                "actuators = 1\nfixed = [[1.0, 2.0]]\nmethod = 'paper'\nforce_fit = 'exact'",
+                "actuators = 1\nfixed = [[1.0, 2.0]]\nmethod = 'paper'\nforce_fit = 'exact'\nactuator_force = 'closest'",
                 true,
             ),
             ("method = 'paper'", "", false),

@@ -1,7 +1,8 @@
 //! What makes no display, and why.
 
 use crate::{
-    CodebookLearning, Coordinates, FORCE_MAX, LevelSteps, Placement, Profile, RangeError, check_range,
+    CodebookLearning, Coordinates, FORCE_MAX, FORCE_MIN, LevelSteps, Placement, Profile, RangeError,
+    check_range,
 };
 
 /// How messages about a key of it begin.
@@ -194,7 +195,7 @@ impl Profile {
         }
         match (self.force_min, self.force_max) {
             (Some(least), Some(greatest)) => {
-                if !(least >= 1.0 / FORCE_MAX && least < greatest && greatest <= FORCE_MAX) {
+                if !(least >= FORCE_MIN && least < greatest && greatest <= FORCE_MAX) {
                     return Err(ProfileError::NoRange { least, greatest });
                 }
             }
