@@ -12,7 +12,8 @@ pub struct ContactTruth {
     pub precision: f64,
     /// Share of the touched taxels that are found.
     pub recall: f64,
-    /// The same of those taxels that are touched harder than the contact threshold.
+    /// The same of those taxels that are touched harder than the contact threshold (its root, where the
+    /// conditioning gives squares of forces).
     pub recall_above_threshold: f64,
     /// Taxels touched, over all frames.
     pub touched: u64,
@@ -27,7 +28,7 @@ pub fn contact_truth(sequence: &Sequence, mut truth: impl FnMut(usize, usize) ->
     for (index, frame) in sequence.force.iter().enumerate().filter(|(_, f)| !f.calibrating) {
         for taxel in (0..frame.contact.len()).filter(|t| frame.faults[*t].is_empty()) {
             let (force, found) = (truth(index, taxel), frame.contact[taxel]);
-            let is_hard = force > frame.threshold;
+            let is_hard = force > sequence.felt().of(frame.threshold);
             touched += u64::from(force > 0.0);
             contacts += u64::from(found);
             right += u64::from(found && force > 0.0);
@@ -75,5 +76,22 @@ mod tests {
             contacts: 3,
         };
         assert_eq!(got, want);
+    }
+
+    #[test]
+    fn a_threshold_in_counts_squared_is_compared_as_counts() {
+        let mut frame = ForceFrame::new(3);
+        frame.threshold = 100.0;
+        frame.contact = vec![true, false, false];
+        let sequence = Sequence {
+            layout: Layout::grid(3, 1).unwrap(),
+            force: vec![frame],
+            tactile: Vec::new(),
+            conditioning: Some(taxel_skin::ConditionConfig::paper()),
+        };
+        // Harder than 10 counts and found; harder and missed; fainter.
+        let truth = [50.0, 20.0, 5.0];
+        let got = contact_truth(&sequence, |_, taxel| truth[taxel]);
+        assert_eq!((got.recall, got.recall_above_threshold), (1.0 / 3.0, 0.5));
     }
 }

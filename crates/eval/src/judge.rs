@@ -3,7 +3,7 @@
 use crate::method::Method;
 use crate::pressure::Places;
 use crate::quantile::{mean, quantile};
-use crate::sequence::{Reference, References, Sequence};
+use crate::sequence::{Felt, Reference, References, Sequence};
 use crate::tally::{Tally, share};
 use serde::Serialize;
 use taxel_compress::Compressor;
@@ -57,7 +57,8 @@ pub struct Errors {
     /// Share of the taxels in contact in consecutive frames whose level changes.
     pub level_change_fraction: f64,
     /// Root of the sum of squared errors over the sum of squared forces, all contacts of all
-    /// frames; forces are those of the levels.
+    /// frames; forces are those of the levels. This and what follows is of forces: where the
+    /// conditioning gives their squares, of the roots of these.
     pub force_nrmse: f64,
     /// Share of the contacts whose level is within one Weber step, 7 %, of their force.
     pub weber_share: f64,
@@ -65,6 +66,9 @@ pub struct Errors {
     pub displayed_nrmse: f64,
     /// As `weber_share`, for the force with which the contact's actuator presses.
     pub displayed_weber_share: f64,
+    /// Difference of the sum of the forces with which the contacts' actuators press, contact by
+    /// contact, from the sum of the measured forces, over that sum: mean over frames with contacts.
+    pub displayed_total_error_mean: f64,
     /// Distance of the centre of pressure that actuators give from that of the contacts, per part
     /// of the hand: mean.
     pub cop_error_mean: f64,
@@ -90,7 +94,10 @@ pub fn judge(sequence: &Sequence, references: &References, method: &Method) -> R
     let mut compressor = Compressor::new(method.profile.clone(), &sequence.layout)?;
     let mut image = compressor.new_image();
     let places = Places::new(&sequence.layout);
-    let mut sums = Sums::default();
+    let mut sums = Sums {
+        felt: sequence.felt(),
+        ..Sums::default()
+    };
     for (frame, reference) in sequence.force.iter().zip(&references.frames) {
         compressor.compress(frame, &mut image);
         let stages = compressor.stages();
@@ -157,6 +164,7 @@ impl Contacts<'_> {
 /// What is collected over the frames.
 #[derive(Debug, Default)]
 struct Sums {
+    felt: Felt,
     frames: usize,
     contact_frames: u64,
     optimal: u64,
@@ -170,6 +178,7 @@ struct Sums {
     shown_squares: f64,
     level_near: u64,
     shown_near: u64,
+    total_errors: f64,
     cop_errors: Vec<f64>,
     cop_missed: u64,
     actuators: u64,
@@ -182,7 +191,8 @@ impl Sums {
         let (reference, image) = (contacts.reference, contacts.image);
         self.frames += 1;
         self.actuators += image.actuators.len() as u64;
-        self.levels += image.levels.len() as u64;
+        // Levels that were spread over several of the display are told once.
+        self.levels += image.levels.chunk_by(|a, b| a == b).count() as u64;
         let (levels, actuators) = (image.levels.len(), image.actuators.len());
         let payload = image_payload_len(image.width, image.height, levels, actuators, image.joints.len());
         self.wire_bytes += (HEADER_LEN + payload) as u64;
@@ -193,8 +203,6 @@ impl Sums {
         self.contact_frames += 1;
         let squares: f64 = reference.force.iter().map(|f| f * f).sum();
         let level_error = contacts.level_error();
-        self.squares += squares;
-        self.level_squares += level_error;
         self.contacts += reference.force.len() as u64;
         self.optimal += u64::from(level_error <= reference.level_error * (1.0 + ROUNDING) + 1e-18 * squares);
         if reference.level_error > 0.0 {
@@ -205,13 +213,27 @@ impl Sums {
             self.place_ratios.push(from_mean / reference.place_error);
             self.snapped_ratios.push(from_pixel / reference.place_error);
         }
+        let felt = |force: f64| self.felt.of(force);
+        let (mut total, mut shown_total) = (0.0, 0.0);
         for ((force, level), (_, actuator)) in contacts.levels().zip(contacts.served()) {
-            let shown = actuator.map_or(0.0, |n| image.actuators[n].force);
+            let (force, level) = (felt(force), felt(level));
+            let shown = actuator.map_or(0.0, |n| felt(image.actuators[n].force));
+            total += force;
+            shown_total += shown;
+            self.squares += force * force;
+            self.level_squares += (force - level).powi(2);
             self.shown_squares += (force - shown).powi(2);
             self.level_near += u64::from((level - force).abs() <= WEBER * force);
             self.shown_near += u64::from((shown - force).abs() <= WEBER * force);
         }
-        self.cop_missed += places.compare(&reference.pixel, &reference.force, image, &mut self.cop_errors);
+        self.total_errors += (shown_total - total).abs() / total;
+        self.cop_missed += places.compare(
+            &reference.pixel,
+            &reference.force,
+            image,
+            self.felt,
+            &mut self.cop_errors,
+        );
     }
 
     fn errors(mut self, sequence: &Sequence, method: &Method, in_mm: bool) -> Errors {
@@ -257,6 +279,7 @@ impl Sums {
             weber_share: share(self.level_near, self.contacts),
             displayed_nrmse: root(self.shown_squares),
             displayed_weber_share: share(self.shown_near, self.contacts),
+            displayed_total_error_mean: self.total_errors / self.contact_frames.max(1) as f64,
             cop_error_mean: mean(&self.cop_errors),
             cop_error_p95: quantile(&mut self.cop_errors, 0.95),
             cop_unit: if in_mm { "mm" } else { "px" }.into(),
@@ -366,13 +389,48 @@ mod tests {
     }
 
     #[test]
+    fn the_total_force_is_that_of_all_contacts_as_displayed() {
+        // Both are displayed with 20: 40 for 30. Then alone: as it is.
+        let got = errors(&[&[10.0, 20.0], &[5.0, 0.0]], 2, 1, "paper");
+        assert_eq!(got.displayed_total_error_mean, (10.0 / 30.0) / 2.0);
+        // With one level, 15 for both, and nothing is missing in all.
+        assert_eq!(
+            errors(&[&[10.0, 20.0]], 1, 2, "optimal").displayed_total_error_mean,
+            0.0
+        );
+    }
+
+    #[test]
+    fn forces_that_are_squares_are_judged_by_their_roots() {
+        // 13 % from 100 to 113 is 6 % of the force.
+        let mut squared = sequence(&[&[100.0, 113.0]]);
+        squared.conditioning = Some(taxel_skin::ConditionConfig::paper());
+        let base = Profile {
+            levels: 2,
+            actuators: 1,
+            ..Profile::default()
+        };
+        let references = References::find(&squared, 2, 1, 4, || ()).unwrap();
+        let method = Method::parse("paper", &base).unwrap();
+        let got = judge(&squared, &references, &method).unwrap();
+        assert_eq!(got.displayed_weber_share, 1.0);
+        assert_eq!(
+            got.displayed_nrmse,
+            ((113.0f64.sqrt() - 10.0).powi(2) / (100.0 + 113.0f64.sqrt().powi(2))).sqrt()
+        );
+        squared.conditioning = None;
+        let got = judge(&squared, &references, &method).unwrap();
+        assert_eq!(got.displayed_weber_share, 0.5);
+    }
+
+    #[test]
     fn bits_are_counted_at_the_rate_of_the_frames() {
         // 10 frames/s; 8 taxels and 4 levels: 3 + 2 bits per actuator, 32 per level; two actuators
-        // and two levels a frame.
+        // and two levels a frame, which are spread over four.
         let frame: &[f64] = &[1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0];
-        let got = errors(&[frame, frame, frame], 4, 16, "paper");
+        let got = errors(&[frame, frame, frame], 4, 16, "optimal");
         assert_eq!(got.bits_per_s, 10.0 * (2.0 * 5.0 + 2.0 * 32.0));
-        let message = HEADER_LEN + image_payload_len(8, 1, 2, 2, 0);
+        let message = HEADER_LEN + image_payload_len(8, 1, 4, 2, 0);
         assert_eq!(got.wire_bits_per_s, 10.0 * 8.0 * message as f64);
     }
 

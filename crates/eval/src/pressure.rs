@@ -1,5 +1,6 @@
 //! Where the force acts: the centre of pressure of each part of the hand, felt and displayed.
 
+use crate::sequence::Felt;
 use taxel_hand::TactileImage;
 use taxel_skin::Layout;
 
@@ -72,17 +73,18 @@ impl Places {
         pixel: &[[u16; 2]],
         force: &[f64],
         image: &TactileImage,
+        felt_as: Felt,
         errors: &mut Vec<f64>,
     ) -> u64 {
         let mut felt = vec![Moment::default(); self.parts];
         let mut shown = felt.clone();
         for (&[x, y], force) in pixel.iter().zip(force) {
             let (part, place) = self.at(x, y);
-            felt[part].add(*force, place);
+            felt[part].add(felt_as.of(*force), place);
         }
         for actuator in &image.actuators {
             let (part, place) = self.at(actuator.x, actuator.y);
-            shown[part].add(actuator.force, place);
+            shown[part].add(felt_as.of(actuator.force), place);
         }
         let mut missed = 0;
         for (felt, shown) in felt.iter().zip(&shown) {
@@ -141,7 +143,7 @@ mod tests {
             let force: Vec<f64> = contacts.iter().map(|c| c.2).collect();
             let mut errors = Vec::new();
             assert_eq!(
-                places.compare(&pixel, &force, &image(&actuators), &mut errors),
+                places.compare(&pixel, &force, &image(&actuators), Felt::Force, &mut errors),
                 0,
                 "{name}"
             );
@@ -166,6 +168,7 @@ mod tests {
             &pixel,
             &[1.0, 1.0],
             &image(&[(index.0, index.1, 1.0)]),
+            Felt::Force,
             &mut errors,
         );
         assert_eq!((missed, errors), (1, vec![0.0]));

@@ -33,6 +33,15 @@ impl Sequence {
         self.force.is_empty()
     }
 
+    /// What its numbers are.
+    pub(crate) fn felt(&self) -> Felt {
+        let squared = self
+            .conditioning
+            .as_ref()
+            .is_some_and(|c| c.magnitude.is_squared());
+        if squared { Felt::Square } else { Felt::Force }
+    }
+
     /// Frames per second, by the first and the last frame's time; 0 of fewer than two frames.
     pub fn rate_hz(&self) -> f64 {
         match (self.force.first(), self.force.last()) {
@@ -40,6 +49,25 @@ impl Sequence {
                 (self.len() - 1) as f64 * 1e9 / (last.t_ns - first.t_ns) as f64
             }
             _ => 0.0,
+        }
+    }
+}
+
+/// What force a number of a force frame is.
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Felt {
+    /// A force.
+    #[default]
+    Force,
+    /// The square of one, [`taxel_skin::MagnitudeMode::is_squared`].
+    Square,
+}
+
+impl Felt {
+    pub(crate) fn of(self, magnitude: f64) -> f64 {
+        match self {
+            Self::Force => magnitude,
+            Self::Square => magnitude.sqrt(),
         }
     }
 }
