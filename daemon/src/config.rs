@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 use taxel_can::SourceAddress;
 use taxel_diagnose::HandSetup;
 use taxel_engine::{EngineConfig, EngineJoints, TickConfig, TickMode};
-use taxel_hand::Profile;
+use taxel_hand::{Method, Profile};
 use taxel_joints::{JointsBus, JointsConfig, JointsError};
 use taxel_serve::ProfilesConfig;
-use taxel_skin::{BoardsConfig, ConditionConfig, Layout, SweepConfig};
+use taxel_skin::{BoardsConfig, ConditionConfig, ConditionSettings, Layout, Preset, SweepConfig};
 use toml::Spanned;
 
 /// Most buses one daemon reads.
@@ -30,6 +30,8 @@ pub struct Config {
     pub sweep: SweepConfig,
     /// Baseline, contact threshold, faults and repair.
     pub conditioning: ConditionConfig,
+    /// What the file says of it; the rest of it belongs to the method of `profile`.
+    pub stated_conditioning: ConditionSettings,
     /// What the display can do, unless a subscriber states its own.
     pub profile: Profile,
     /// How many profiles subscribers may state, and what they may cost.
@@ -203,7 +205,7 @@ struct FileConfig {
     tick: Option<Spanned<TickConfig>>,
     boards: Option<Spanned<BoardsConfig>>,
     sweep: Option<Spanned<SweepConfig>>,
-    conditioning: Option<Spanned<ConditionConfig>>,
+    conditioning: Option<Spanned<ConditionSettings>>,
     profile: Option<Spanned<Profile>>,
     profiles: Option<Spanned<ProfilesConfig>>,
     socket: Option<Spanned<SocketConfig>>,
@@ -233,6 +235,7 @@ impl Config {
             boards: BoardsConfig::default(),
             sweep: SweepConfig::default(),
             conditioning: ConditionConfig::default(),
+            stated_conditioning: ConditionSettings::default(),
             profile: Profile::default(),
             profiles: ProfilesConfig::default(),
             socket: SocketConfig::default(),
@@ -241,6 +244,14 @@ impl Config {
             can: CanConfig::default(),
             joints: None,
         }
+    }
+
+    /// Compresses by another method, with the conditioning that belongs to it: `preset`, or what the file states, or
+    /// the method's own.
+    pub fn set_method(&mut self, method: Method, preset: Option<Preset>) {
+        self.profile.method = method;
+        self.stated_conditioning.preset = preset.or(self.stated_conditioning.preset);
+        self.conditioning = self.stated_conditioning.over(method.into());
     }
 
     /// The CAN bus that joint angles come over; `None` where none do.
@@ -388,14 +399,19 @@ impl Config {
                 value
             }};
         }
+        let profile = section!(profile, |v: &Profile| v.check().map_err(|e| e.to_string()));
+        let implied = Preset::from(profile.method);
+        let stated_conditioning = section!(conditioning, |v: &ConditionSettings| {
+            let settings = v.over(implied);
+            settings.validate(layout.len()).map_err(|e| e.to_string())
+        });
         Ok(Self {
             tick: section!(tick, |v: &TickConfig| v.check().map_err(|e| e.to_string())),
             boards: section!(boards, |v: &BoardsConfig| v.check().map_err(|e| e.to_string())),
             sweep: section!(sweep, |v: &SweepConfig| v.check().map_err(|e| e.to_string())),
-            conditioning: section!(conditioning, |v: &ConditionConfig| {
-                v.validate(layout.len()).map_err(|e| e.to_string())
-            }),
-            profile: section!(profile, |v: &Profile| v.check().map_err(|e| e.to_string())),
+            conditioning: stated_conditioning.over(implied),
+            stated_conditioning,
+            profile,
             profiles: section!(profiles, |v: &ProfilesConfig| v
                 .check()
                 .map_err(|e| e.to_string())),

@@ -3,6 +3,8 @@
 use std::fs::OpenOptions;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
+use taxel_hand::Method;
+use taxel_skin::{ConditionConfig, Preset};
 use taxeld::Config;
 
 #[test]
@@ -51,6 +53,10 @@ fn configuration_errors_name_file_and_line() {
         (
             &format!("{two}[conditioning]\nwindow = 3\n"),
             "hand.toml:6: unknown field `window`",
+        ),
+        (
+            &format!("{two}[conditioning]\npreset = \"best\"\n"),
+            "hand.toml:6: unknown variant `best`",
         ),
     ];
     for (text, expected) in cases {
@@ -102,4 +108,41 @@ fn a_wrong_configuration_ends_with_its_status_though_nobody_can_be_told() {
         let status = taxeld.stdout(stdout).stderr(Stdio::null()).status().unwrap();
         assert_eq!(status.code(), Some(code));
     }
+}
+
+#[test]
+fn conditioning_is_that_of_the_method_unless_the_file_says_otherwise() {
+    let buses = "[[bus]]\nsource = \"udp:\"\n[[bus]]\nsource = \"udp:\"\n";
+    let paper = "[profile]\nmethod = \"paper\"\n";
+    let (papers, robust) = (ConditionConfig::paper(), ConditionConfig::robust());
+    let with_margin = |config: &ConditionConfig| ConditionConfig {
+        threshold_margin: 2.0,
+        ..config.clone()
+    };
+    for (text, want) in [
+        ("", &robust),
+        (paper, &papers),
+        ("[conditioning]\npreset = \"paper\"\n", &papers),
+        (&format!("[conditioning]\npreset = \"robust\"\n{paper}"), &robust),
+        (
+            &format!("[conditioning]\nthreshold_margin = 2.0\n{paper}"),
+            &with_margin(&papers),
+        ),
+        (
+            "[conditioning]\nthreshold_margin = 2.0\npreset = \"paper\"\n",
+            &with_margin(&papers),
+        ),
+    ] {
+        let config = Config::parse(&format!("{buses}{text}"), &PathBuf::from("hand.toml")).expect(text);
+        assert_eq!(config.conditioning, *want, "{text}");
+    }
+    let mut config = Config::parse(
+        &format!("{buses}[conditioning]\nthreshold_margin = 2.0\n"),
+        &PathBuf::from("hand.toml"),
+    )
+    .expect("a configuration");
+    config.set_method(Method::Paper, None);
+    assert_eq!(config.conditioning, with_margin(&papers));
+    config.set_method(Method::Paper, Some(Preset::Robust));
+    assert_eq!(config.conditioning, with_margin(&robust));
 }

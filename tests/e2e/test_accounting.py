@@ -141,7 +141,7 @@ def test_the_dead_taxel_of_log4_is_found(start, lockstep, hand, rule):
     module = module_counts("uskin_waseda.npz", "LOG4")
     dead = [k for k in range(16) if np.all(module[:, k] == 65535)]
     assert len(dead) == 1, "LOG4 has one dead taxel"
-    settings = DAEMON_SETTINGS if rule == "paper" else {"calibration_ms": 200}
+    settings = DAEMON_SETTINGS if rule == "paper" else {"preset": "robust", "calibration_ms": 200}
     daemon = start(conditioning=settings)
     driver = lockstep(daemon)
     for i in range(44):

@@ -43,6 +43,13 @@ def test_every_image_of_a_scene_is_the_references(start, lockstep, hand, scene, 
     assert check_every_image(lockstep, daemon, Reference(hand, profile), frames) >= 6
 
 
+@pytest.mark.parametrize("conditioning", [{}, {"preset": "paper", "threshold_margin": 1.0}], ids=["implied", "stated"])
+def test_the_method_implies_the_publications_conditioning(start, lockstep, hand, conditioning):
+    daemon = start(conditioning=conditioning, profile=in_config(Profile()))
+    frames = list(grasp(Touches.even(hand)))
+    assert check_every_image(lockstep, daemon, Reference(hand, Profile()), frames) >= 6
+
+
 def test_every_image_of_an_uneven_hand_with_dead_taxels_is_the_references(start, lockstep, hand):
     daemon = start(conditioning=DAEMON_SETTINGS)
     touches = Touches.uneven(hand, seed=1, dead=[0, 77, 239])

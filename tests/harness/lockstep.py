@@ -16,7 +16,13 @@ SWEEP = {
     "silent_after_sweeps": 250,
     "settle_ms": 0.0,
 }
-TABLES = {"tick": {"mode": "sweep", "silent_ms": 2000}, "boards": {"mode": "passive"}, "sweep": SWEEP, "profile": {"method": "paper"}}
+TABLES = {
+    "tick": {"mode": "sweep", "silent_ms": 2000},
+    "boards": {"mode": "passive"},
+    "sweep": SWEEP,
+    "profile": {"method": "paper"},
+    "conditioning": {"preset": "robust"},
+}
 
 
 CALIBRATION_FRAMES = 2

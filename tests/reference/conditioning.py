@@ -1,24 +1,15 @@
-"""The publication's section IV-B in numpy: baseline, contact threshold, faulty sensors, from the first two frames.
+"""The publication's equations (1) and (2) and its rule for faulty sensors in numpy, from `docs/algorithm.md`.
 
-This is the daemon's `[conditioning]` with every setting as the publication has it: `magnitude =
-"literal_squared"`, baseline from frame 0, threshold from frame 1, faults by mean plus one standard deviation.
+This is the daemon's `[conditioning]` with `preset = "paper"`.
 """
+
+import math
 
 import numpy as np
 
 # What the daemon's configuration has to say for this to be its reference.
-DAEMON_SETTINGS = {
-    "baseline": "first_frame",
-    "magnitude": "literal_squared",
-    "threshold": "first_pair",
-    "threshold_margin": 1.0,
-    "threshold_release": 1.0,
-    "threshold_min_counts": 0.0,
-    "fault_rule": "paper",
-    "repair_wraps": False,
-    "reject_glitches": False,
-    "follow_drift": False,
-}
+DAEMON_SETTINGS = {"preset": "paper"}
+PATIENCE_FRAMES = 10
 
 
 def squared_magnitude(counts):
@@ -28,34 +19,42 @@ def squared_magnitude(counts):
 
 
 def faulty_sensors(counts, present=None):
-    """f_n on frame 0: any axis above the mean of the present sensors by more than their standard deviation."""
-    s = np.asarray(counts, dtype=np.float64)
+    """f_n on s_0: any axis above the mean of the present sensors by more than their standard deviation; both from exact sums."""
+    s = np.asarray(counts, dtype=np.int64)
     present = np.ones(len(s), dtype=bool) if present is None else present
-    mean, deviation = s[present].mean(axis=0), s[present].std(axis=0)
-    return np.any(s > mean + deviation, axis=1) & present
+    faulty = np.zeros(len(s), dtype=bool)
+    for axis in s.T:
+        values = [int(v) for v in axis[present]]
+        n, total, squares = len(values), sum(values), sum(v * v for v in values)
+        if n:
+            mean, deviation = total / n, math.sqrt(n * squares - total * total) / n
+            faulty |= (axis - mean > deviation) & present
+    return faulty
 
 
 class Conditioner:
-    """Frames in, (force, contact, faulty) out; the first two frames calibrate it.
+    """Frames in, (force, contact, faulty) out; the first pair of frames, s_0 and s_1, calibrates it.
 
-    A missing taxel has no force and no contact in that frame. Calibration frames have to be complete.
+    A missing taxel has no force and no contact in that frame.
     """
 
     def __init__(self):
-        self.frames = 0
+        self.waited = 0
+        self.baseline = self.threshold = None
 
     def feed(self, counts, missing=None):
         missing = np.zeros(len(counts), dtype=bool) if missing is None else missing
+        nothing = np.zeros(len(counts))
         magnitude = squared_magnitude(counts)
-        if self.frames == 0:
-            self.faulty = faulty_sensors(counts)
-            self.baseline = magnitude
-        force = np.where(missing, 0.0, np.abs(magnitude - self.baseline))  # (1)
-        if self.frames == 1:
-            self.threshold = force[~self.faulty].max(initial=0.0)  # (2)
-        if self.frames < 2:
-            contact = np.zeros(len(force), dtype=bool)
-        else:
-            contact = (force > self.threshold) & ~self.faulty & ~missing
-        self.frames += 1
-        return force, contact, self.faulty
+        if self.baseline is None:
+            self.waited += 1
+            self.faulty = nothing > 0
+            if not np.any(missing) or self.waited == PATIENCE_FRAMES:
+                self.faulty = faulty_sensors(counts, ~missing)
+                self.present, self.baseline = ~missing, np.where(missing, 0, magnitude)
+            return nothing, nothing > 0, self.faulty
+        force = np.where(missing, 0, np.abs(magnitude - self.baseline)).astype(np.float64)  # (1)
+        if self.threshold is None:
+            self.threshold = force[self.present & ~self.faulty].max(initial=0.0)  # (2)
+            return force, nothing > 0, self.faulty
+        return force, (force > self.threshold) & ~self.faulty & ~missing, self.faulty

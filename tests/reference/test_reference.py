@@ -208,3 +208,18 @@ def test_a_faulty_sensor_does_not_set_the_threshold():
     wild[1, 1] = 101
     conditioner.feed(wild)
     assert conditioner.threshold == 201
+
+
+def test_the_first_frame_waits_for_every_taxel_but_no_longer_than_ten_frames():
+    rest = np.tile([100, 100, 100], (3, 1))
+    silent = np.array([False, False, True])
+    waits, patient = Conditioner(), Conditioner()
+    waits.feed(rest, silent)
+    assert waits.baseline is None
+    waits.feed(rest)
+    assert waits.baseline.tolist() == [30000] * 3
+    for _ in range(10):
+        patient.feed(rest, silent)
+    assert patient.baseline[:2].tolist() == [30000] * 2 and patient.threshold is None
+    patient.feed(rest, silent)
+    assert patient.threshold == 0.0

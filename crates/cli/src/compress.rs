@@ -42,7 +42,7 @@ pub(crate) struct Args {
     /// Where the images go: .npz, .npy, .csv, .jsonl or .bin
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    #[arg(long, value_name = "METHOD", value_parser = method, help = format!("How frames are compressed: {}", methods()))]
+    #[arg(long, value_name = "METHOD", value_parser = method, help = format!("How frames are compressed: {}; paper has the publication's conditioning too, unless told otherwise", methods()))]
     method: Option<Method>,
     /// Writes the frames that the images are made of as .csv: time, x y z of each taxel, joint angles
     #[arg(long, value_name = "FILE")]
@@ -80,7 +80,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     refuse_overlap(&outputs, &args.offline.inputs())?;
     let input = args.offline.input.open()?;
     let mut config = args.offline.configure(&input)?;
-    config.profile.method = args.method.unwrap_or(config.profile.method);
+    if let Some(method) = args.method {
+        config.set_method(method, None);
+    }
     config.profile.check()?;
     if let (Some(path), Input::Frames(recording)) = (&args.frames, &input)
         && !recording.has_counts()

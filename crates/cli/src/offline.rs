@@ -14,7 +14,7 @@ use taxel_compress::Compressor;
 use taxel_engine::{Display, Frames, TickMode, run_recorded};
 use taxel_hand::{Fault, Faults, ForceFrame, TactileFrame, TactileImage};
 use taxel_record::Recording;
-use taxel_skin::Layout;
+use taxel_skin::{Layout, Preset};
 use taxeld::Config;
 
 /// A recording, and how its frames are conditioned and compressed.
@@ -38,10 +38,20 @@ pub(crate) struct OfflineArgs {
     /// threshold does not flicker [default: the threshold]
     #[arg(long, value_name = "FORCE")]
     release: Option<f64>,
+    /// Counts only: how they become forces, robust or paper, the publication's equations (1) and (2) [default: the
+    /// configuration's, or else that of the method]
+    #[arg(long, value_name = "PRESET", value_parser = preset)]
+    pub(crate) conditioning: Option<Preset>,
     /// Candump only: an interface of the log and the bus of the layout that it is, such as vcan0=can0; the
     /// bus of an Allegro hand is called joints
     #[arg(long, value_name = "NAME=BUS", value_parser = pair)]
     interface: Vec<(String, String)>,
+}
+
+/// A preset of the conditioning by its name in the configuration.
+pub(crate) fn preset(name: &str) -> Result<Preset, String> {
+    serde_json::from_value(name.into())
+        .map_err(|_| format!("there is no conditioning {name:?}; there is robust or paper"))
 }
 
 /// What is made of each instant of a recording: counts, where it holds counts; what the skin feels;
@@ -88,6 +98,7 @@ impl OfflineArgs {
         let profile = &mut config.profile;
         profile.levels = self.levels.unwrap_or(profile.levels);
         profile.actuators = self.actuators.unwrap_or(profile.actuators);
+        config.set_method(config.profile.method, self.conditioning);
     }
 
     /// The configuration named, or the defaults, for the hand that the recording is of.
@@ -123,6 +134,12 @@ impl OfflineArgs {
         if let Some(threshold) = self.threshold.filter(|_| !magnitudes) {
             bail!(
                 "--threshold {threshold} is for magnitudes; counts have their threshold measured in calibration"
+            );
+        }
+        if self.conditioning.is_some() && magnitudes {
+            bail!(
+                "--conditioning is for counts; {} holds magnitudes, which are forces already",
+                self.input.path.display()
             );
         }
         if let Some(release) = self.release.filter(|_| !magnitudes) {

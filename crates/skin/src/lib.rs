@@ -62,8 +62,8 @@ pub use sweep::{Push, SweepAssembler, SweepConfig};
 
 // Conditioning
 pub use condition::{
-    BaselineSource, CalibrationReport, ConditionConfig, ConditionCounters, ConditionError, Conditioner,
-    FaultRule, MagnitudeMode, ThresholdSource,
+    BaselineSource, CalibrationReport, ConditionConfig, ConditionCounters, ConditionError, ConditionSettings,
+    Conditioner, FaultRule, MagnitudeMode, Preset, ThresholdSource,
 };
 
 // Recognition of unknown buses

@@ -8,6 +8,7 @@ mod view;
 
 use crate::compress::{method, methods};
 use crate::interrupt::Interrupt;
+use crate::offline::preset;
 use anyhow::{Context, bail};
 use meter::{Meter, Picture};
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
@@ -18,7 +19,7 @@ use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 use taxel_hand::Method;
 use taxel_sim::{Scene, with_stand_in_boards};
-use taxel_skin::Layout;
+use taxel_skin::{Layout, Preset};
 use taxel_wire::{ReadError, Received, Subscriber};
 
 /// The scene of the default hand, and the one of any.
@@ -68,6 +69,9 @@ pub(crate) struct Args {
     pub(crate) actuators: Option<u16>,
     #[arg(long, value_name = "METHOD", value_parser = method, help = format!("How frames are compressed: {}", methods()))]
     pub(crate) method: Option<Method>,
+    /// How counts become forces, robust or paper, the publication's equations (1) and (2) [default: that of the method]
+    #[arg(long, value_name = "PRESET", value_parser = preset)]
+    pub(crate) conditioning: Option<Preset>,
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {

@@ -57,7 +57,7 @@ impl Session {
         config.tick.mode = TickMode::Sweep;
         config.profile.levels = args.levels.unwrap_or(config.profile.levels);
         config.profile.actuators = args.actuators.unwrap_or(config.profile.actuators);
-        config.profile.method = args.method.unwrap_or(config.profile.method);
+        config.set_method(args.method.unwrap_or(config.profile.method), args.conditioning);
         config.profile.check()?;
         config.socket.images = directory.path().join("images.sock");
         config.socket.control = directory.path().join("control.sock");

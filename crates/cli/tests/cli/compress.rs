@@ -359,3 +359,37 @@ fn what_cannot_be_written_whole_is_not_there() {
     assert!(!killed.status.success());
     assert_eq!(std::fs::read(dir.path().join("images.jsonl")).unwrap(), b"before");
 }
+
+#[test]
+fn the_method_paper_has_the_publications_conditioning_unless_told_otherwise() {
+    let dir = TempDir::new().unwrap();
+    succeeds(
+        &dir,
+        &["sim", "ball-grasp", "--to", "log:grasp.log", "--seconds", "4"],
+    );
+    let bytes = |more: &[&str]| {
+        succeeds(
+            &dir,
+            &[&["compress", "grasp.log", "--out", "a.bin"], more].concat(),
+        );
+        std::fs::read(dir.path().join("a.bin")).unwrap()
+    };
+    let paper = bytes(&["--method", "paper"]);
+    assert_eq!(bytes(&["--method", "paper", "--conditioning", "paper"]), paper);
+    let robust = bytes(&["--method", "paper", "--conditioning", "robust"]);
+    assert_ne!(robust, paper);
+    assert_ne!(bytes(&["--conditioning", "paper"]), bytes(&[]));
+    let err = fails(
+        &dir,
+        &[
+            "compress",
+            "grasp.log",
+            "--out",
+            "a.bin",
+            "--conditioning",
+            "best",
+        ],
+        2,
+    );
+    assert!(err.contains("robust or paper"), "{err}");
+}

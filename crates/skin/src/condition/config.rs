@@ -3,15 +3,43 @@
 use super::magnitude::MagnitudeMode;
 use crate::range::check_ranges;
 use serde::{Deserialize, Serialize};
-use taxel_hand::RangeError;
+use taxel_hand::{Method, RangeError};
 
-/// Settings of a [`Conditioner`](super::Conditioner). Unknown keys are refused; absent keys take
-/// the `robust` values.
-///
-/// Windows are given in time and counted in new samples, so that one setting fits 1 Hz and 1 kHz.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct ConditionConfig {
+/// Makes the settings twice: as a conditioner has them, and as a configuration states them.
+macro_rules! settings {
+    ($( $(#[doc = $doc:literal])* pub $name:ident: $kind:ty, )*) => {
+        /// Settings of a [`Conditioner`](super::Conditioner). Unknown keys are refused; absent keys take
+        /// the values of `preset`, and without one those of `robust`.
+        ///
+        /// Windows are given in time and counted in new samples, so that one setting fits 1 Hz and 1 kHz.
+        #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+        #[serde(from = "ConditionSettings")]
+        pub struct ConditionConfig {
+            $( $(#[doc = $doc])* pub $name: $kind, )*
+        }
+
+        /// What a configuration says of a [`ConditionConfig`]: a preset, and keys that differ from it.
+        #[derive(Debug, Clone, Default, PartialEq, Deserialize)]
+        #[serde(deny_unknown_fields)]
+        pub struct ConditionSettings {
+            /// What keys that are absent are; where absent itself, what [`ConditionSettings::over`] is given.
+            pub preset: Option<Preset>,
+            $( $name: Option<$kind>, )*
+        }
+
+        impl ConditionSettings {
+            /// The settings as stated, over the preset stated, or else `implied`.
+            pub fn over(&self, implied: Preset) -> ConditionConfig {
+                let preset = self.preset.unwrap_or(implied).config();
+                ConditionConfig {
+                    $( $name: self.$name.clone().unwrap_or(preset.$name), )*
+                }
+            }
+        }
+    };
+}
+
+settings! {
     /// Where the baseline `s_0` comes from.
     pub baseline: BaselineSource,
     /// Length of the calibration window, milliseconds, 1 to 600,000.
@@ -82,6 +110,43 @@ pub struct ConditionConfig {
     pub drift_quiet_share: f64,
     /// The baseline follows no further than this from its calibrated value on an axis, counts, 0 to 65,535.
     pub drift_limit_counts: f64,
+}
+
+/// Settings that belong together.
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Preset {
+    /// [`ConditionConfig::robust`].
+    #[default]
+    Robust,
+    /// [`ConditionConfig::paper`].
+    Paper,
+}
+
+impl Preset {
+    /// Its settings.
+    pub fn config(self) -> ConditionConfig {
+        match self {
+            Self::Robust => ConditionConfig::robust(),
+            Self::Paper => ConditionConfig::paper(),
+        }
+    }
+}
+
+impl From<Method> for Preset {
+    /// The conditioning that belongs to a method of compression: the publication's to the publication's.
+    fn from(method: Method) -> Self {
+        match method {
+            Method::Paper => Self::Paper,
+            Method::Optimal => Self::Robust,
+        }
+    }
+}
+
+impl From<ConditionSettings> for ConditionConfig {
+    fn from(stated: ConditionSettings) -> Self {
+        stated.over(Preset::Robust)
+    }
 }
 
 /// Where the baseline `s_0` comes from.

@@ -20,7 +20,9 @@ mod repair;
 mod report;
 mod taxel;
 
-pub use config::{BaselineSource, ConditionConfig, ConditionError, FaultRule, ThresholdSource};
+pub use config::{
+    BaselineSource, ConditionConfig, ConditionError, ConditionSettings, FaultRule, Preset, ThresholdSource,
+};
 pub use magnitude::MagnitudeMode;
 pub use report::{CalibrationReport, ConditionCounters};
 

@@ -123,6 +123,13 @@ fn settings_read_from_toml_refuse_unknown_keys_and_values_out_of_range() {
         toml::from_str::<ConditionConfig>(&paper).expect("its own output"),
         ConditionConfig::paper()
     );
+    assert_eq!(
+        toml::from_str::<ConditionConfig>("repair_wraps = true\npreset = \"paper\"").expect("valid"),
+        ConditionConfig {
+            repair_wraps: true,
+            ..ConditionConfig::paper()
+        }
+    );
     assert!(toml::from_str::<ConditionConfig>("treshold_margin = 2.0").is_err());
 
     assert!(matches!(
