@@ -112,33 +112,50 @@ impl Method {
     }
 }
 
+/// `paper` and `optimal`, then the switches between them and those that change most.
+const MAIN: [&str; 6] = [
+    "paper",
+    "optimal",
+    "paper force_fit=exact",
+    "paper placement=follow",
+    "optimal actuator_force=max",
+    "optimal codebook=learned",
+];
+
+/// Every other switch, on its own.
+const MORE: [&str; 13] = [
+    "paper actuator_force=closest",
+    "optimal history=0.1",
+    "optimal history=0.5",
+    "optimal jump_gain=0",
+    "optimal jump_gain=0.1",
+    "optimal jump_gain=1",
+    "optimal force_weighted=true",
+    "optimal parts_apart=true",
+    "optimal level_hysteresis=0.2",
+    "optimal level_steps=weber",
+    "optimal actuator_force=mean",
+    "optimal codebook_learning={forgetting=0.001}",
+    "optimal codebook_learning={forgetting=0.1}",
+];
+
 /// `paper`, `optimal`, and every switch between and beside them, on its own.
 ///
 /// # Errors
 ///
 /// A `base` that describes no display.
 pub fn standard_methods(base: &Profile) -> Result<Vec<Method>, MethodError> {
-    [
-        "paper",
-        "optimal",
-        "paper force_fit=exact",
-        "paper placement=follow",
-        "optimal history=0.1",
-        "optimal history=0.5",
-        "optimal jump_gain=0",
-        "optimal jump_gain=0.1",
-        "optimal jump_gain=1",
-        "optimal force_weighted=true",
-        "optimal parts_apart=true",
-        "optimal level_hysteresis=0.2",
-        "optimal actuator_force=mean",
-        "optimal codebook=learned",
-        "optimal codebook_learning={forgetting=0.001}",
-        "optimal codebook_learning={forgetting=0.1}",
-    ]
-    .into_iter()
-    .map(|text| Method::parse(text, base))
-    .collect()
+    let all = MAIN.iter().chain(&MORE);
+    all.map(|text| Method::parse(text, base)).collect()
+}
+
+/// Those of the [`standard_methods`] that a first look at a recording needs.
+///
+/// # Errors
+///
+/// A `base` that describes no display.
+pub fn main_methods(base: &Profile) -> Result<Vec<Method>, MethodError> {
+    MAIN.iter().map(|text| Method::parse(text, base)).collect()
 }
 
 #[cfg(test)]

@@ -34,6 +34,9 @@ pub struct EvalReport {
     pub jump_bound_fraction: f64,
     /// Passes that times are medians of.
     pub passes: usize,
+    /// The preset that frames were conditioned by, or closest to: `robust` or `paper`; absent where the recording
+    /// holds magnitudes.
+    pub conditioning: Option<String>,
     /// Whether a tick includes conditioning: not where the recording holds magnitudes.
     pub conditioning_timed: bool,
     /// Contacts against the scene's truth, if the input is a scene.

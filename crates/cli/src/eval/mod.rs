@@ -16,15 +16,18 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use taxel_eval::{
     ContactTruth, EvalReport, Method, MethodReport, References, ScalingReport, Sequence, Timings, judge,
-    quantile, standard_methods, synthetic, time,
+    main_methods, quantile, standard_methods, synthetic, time,
 };
+use taxel_skin::{ConditionConfig, Preset};
 use taxeld::Config;
 
 /// Measure speed against error: every method, on the same frames.
 ///
 /// Errors are against the least that is possible: for force levels the exact optimum of each frame,
 /// for actuators the best of 64 runs of k-means++. Ratios of 1 are optimal. A jump is an actuator
-/// (same id) that moves more than 2 pixels between consecutive images. A tick is conditioning and
+/// (same id) that moves more than 2 pixels between consecutive images. What a display shows is judged
+/// by both stages together: the force of each taxel in contact against that with which its actuator
+/// presses. A tick is conditioning and
 /// compression where the recording holds counts, compression alone where it holds magnitudes; times
 /// are medians over --passes, per frame.
 ///
@@ -51,6 +54,9 @@ pub(crate) struct Args {
     /// best constant codebook for the frames
     #[arg(long, value_name = "METHOD [KEY=VALUE]..")]
     method: Vec<String>,
+    /// Judge every switch, and print every figure, in tables of 200 columns; --json has every switch and figure anyway
+    #[arg(long, conflicts_with = "method")]
+    all: bool,
     /// A scene to judge on besides INPUT: built-in or a file; may be repeated
     #[arg(long, value_name = "SCENE")]
     scene: Vec<String>,
@@ -150,9 +156,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let (frames, config) = match path.strip_prefix("sim:") {
         Some(scene) => {
             args.offline.input.refuse_file_options(&path)?;
-            scene::frames(scene, &args.offline)?
+            scene::frames(scene, args)?
         }
-        None => recorded(&args.offline)?,
+        None => recorded(args)?,
     };
     if frames.sequence.is_empty() {
         bail!("{path}: no frame: it ends before its first tick or sweep is complete");
@@ -168,9 +174,6 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         export::write_times(file.path(), &timings).with_context(|| file.path().display().to_string())?;
         file.finish()?;
     }
-    if input.contact_frames == 0 {
-        eprintln!("taxel: {path}: nothing is in contact in any frame, so there is nothing to judge");
-    }
     let mut output = Output {
         input,
         scenes: Vec::new(),
@@ -178,7 +181,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         scaling: Vec::new(),
     };
     for scene in &args.scene {
-        let (frames, config) = scene::frames(scene, &args.offline)?;
+        let (frames, config) = scene::frames(scene, args)?;
         output
             .scenes
             .push(args.report(&frames, &args.methods(&config.profile)?)?.0);
@@ -212,7 +215,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     if args.json {
         text = serde_json::to_string(&output)? + "\n";
     } else {
-        reports().for_each(|report| text += &table::human(report));
+        let table = if args.all {
+            table::every_figure
+        } else {
+            table::main_figures
+        };
+        reports().for_each(|report| text += &table(report));
         text += &table::scaling(&output.scaling);
     }
     let mut out = io::stdout().lock();
@@ -249,9 +257,11 @@ fn scaling(methods: &[Method]) -> anyhow::Result<Vec<ScalingReport>> {
 }
 
 /// The frames of a recording as the daemon conditions them.
-fn recorded(offline: &OfflineArgs) -> anyhow::Result<(Frames, Config)> {
+fn recorded(args: &Args) -> anyhow::Result<(Frames, Config)> {
+    let offline = &args.offline;
     let input = offline.input.open()?;
-    let config = offline.configure(&input)?;
+    let mut config = offline.configure(&input)?;
+    args.condition(&mut config);
     let mut sequence = empty(&config);
     offline.run(&input, &config, &mut |tactile, force, _| {
         sequence.tactile.extend(tactile.cloned());
@@ -282,11 +292,32 @@ fn empty(config: &Config) -> Sequence {
     }
 }
 
+/// The preset that settings are, by its name.
+fn preset_name(settings: &ConditionConfig) -> String {
+    let preset = [("robust", Preset::Robust), ("paper", Preset::Paper)];
+    let found = preset.iter().find(|(_, preset)| preset.config() == *settings);
+    found.map_or("as configured", |(name, _)| name).into()
+}
+
 impl Args {
+    /// Conditions frames as `paper` does, unless told otherwise, where that is the only method named. Methods that are
+    /// compared have the same frames.
+    fn condition(&self, config: &mut Config) {
+        let is_paper = |text: &String| text.split_whitespace().next() == Some("paper");
+        if !self.method.is_empty() && self.method.iter().all(is_paper) {
+            config.set_method(taxel_hand::Method::Paper, None);
+        }
+    }
+
     fn methods(&self, base: &taxel_hand::Profile) -> anyhow::Result<Vec<Method>> {
         base.check()?;
         if self.method.is_empty() {
-            return Ok(standard_methods(base)?);
+            let every = self.all || self.json;
+            return Ok(if every {
+                standard_methods(base)?
+            } else {
+                main_methods(base)?
+            });
         }
         let parsed = self.method.iter().map(|text| Method::parse(text, base));
         Ok(parsed.collect::<Result<_, _>>()?)
@@ -320,6 +351,18 @@ impl Args {
         let references =
             References::find(sequence, levels, actuators, self.restarts, || progress.advance(1))?;
         drop(progress);
+        if references.contact_frames() == 0 {
+            bail!(
+                "{}: nothing is in contact in any of {} frames, so there is nothing to judge; {}",
+                frames.name,
+                sequence.len(),
+                if sequence.conditioning.is_some() {
+                    "the recording has to begin with the hand at rest, for its baseline, and be touched later"
+                } else {
+                    "give a lower --threshold"
+                }
+            );
+        }
         let progress = Progress::new((methods.len() * (passes + 2)) as u64, "passes");
         let mut errors = Vec::with_capacity(methods.len());
         for method in methods {
@@ -346,6 +389,7 @@ impl Args {
             restarts: self.restarts,
             jump_bound_fraction: references.jump_bound,
             passes,
+            conditioning: sequence.conditioning.as_ref().map(preset_name),
             conditioning_timed: sequence.conditioning.is_some(),
             contact_truth: frames.truth,
             methods: reports.collect(),

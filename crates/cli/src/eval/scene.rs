@@ -1,7 +1,6 @@
 //! The frames of a scene, whose truth is known.
 
-use super::{Frames, empty};
-use crate::offline::OfflineArgs;
+use super::{Args, Frames, empty};
 use crate::scene_input;
 use taxel_eval::{Sequence, contact_truth};
 use taxel_sim::{Scene, Simulator};
@@ -9,9 +8,10 @@ use taxeld::Config;
 
 /// Plays a scene once through the daemon's pipeline, ticks as configured, and compares contacts
 /// with its truth.
-pub(super) fn frames(name: &str, offline: &OfflineArgs) -> anyhow::Result<(Frames, Config)> {
+pub(super) fn frames(name: &str, args: &Args) -> anyhow::Result<(Frames, Config)> {
     let scene = Scene::resolve(name)?;
-    let config = offline.configure_for(scene.layout())?;
+    let mut config = args.offline.configure_for(scene.layout())?;
+    args.condition(&mut config);
     let mut sequence = empty(&config);
     scene_input::run(&scene, &config, &mut |tactile, force, _| {
         sequence.tactile.extend(tactile.cloned());

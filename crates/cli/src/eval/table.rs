@@ -2,13 +2,155 @@
 
 use serde_json::Value;
 use std::fmt::Write;
-use taxel_eval::{EvalReport, ScalingReport};
+use taxel_eval::{EvalReport, MethodReport, ScalingReport};
 
 /// Longer names stand on a line of their own.
 const WIDEST_NAME: usize = 44;
 
+/// No line of the main table is longer.
+const COLUMNS: usize = 100;
+/// Longer names stand on a line of their own there.
+const NAME: usize = 28;
+
+/// What it comes to in a sentence, what was measured, and a line of figures for each method.
+pub(super) fn main_figures(report: &EvalReport) -> String {
+    let unit = report.methods.first().map_or("px", |m| &m.errors.cop_unit);
+    let mut text = wrapped(&verdict(report));
+    text += "\n";
+    text += &wrapped(&format!(
+        "{}: {} frames of {} taxels at {:.1} Hz, {} with contact (median {:.0} taxels); K_D = {}, K_A = {}; the same \
+         frames for every method{}.",
+        report.input,
+        report.frames,
+        report.taxels,
+        report.rate_hz,
+        report.contact_frames,
+        report.contacts_median,
+        report.levels,
+        report.actuators,
+        report
+            .conditioning
+            .as_ref()
+            .map_or(String::new(), |name| format!(", conditioning `{name}`")),
+    ));
+    let mut line = |name: &str, cells: [String; 9]| {
+        let _ = if name.len() > NAME {
+            write!(text, "{name}\n{:NAME$}", "")
+        } else {
+            write!(text, "{name:NAME$}")
+        };
+        cells.iter().for_each(|cell| {
+            let _ = write!(text, "{cell:>8}");
+        });
+        text.push('\n');
+    };
+    let head = [
+        "shown", "in 7 %", "total", unit, "optimal", "places", "jumps", "us p50", "p99",
+    ];
+    line("\nmethod", head.map(String::from));
+    let percent = |share: f64| format!("{:.1} %", 100.0 * share);
+    for m in &report.methods {
+        let e = &m.errors;
+        line(
+            &m.name,
+            [
+                format!("{:.3}", e.displayed_nrmse),
+                percent(e.displayed_weber_share),
+                percent(e.displayed_total_error_mean),
+                format!("{:.2}", e.cop_error_mean),
+                percent(e.force_optimal_fraction),
+                if e.position_frames > 0 {
+                    format!("{:.3}", e.position_sse_ratio_mean)
+                } else {
+                    "-".into()
+                },
+                percent(e.jump_fraction),
+                format!("{:.1}", m.tick_us_p50),
+                format!("{:.1}", m.tick_us_p99),
+            ],
+        );
+    }
+    text.push('\n');
+    text += &wrapped(&format!(
+        "shown: error of the force at each taxel in contact (NRMSE), both stages; in 7 %: taxels shown within a just \
+         noticeable difference; total: error of their sum; {unit}: of the centre of pressure; optimal: frames whose levels \
+         have the least error; places: squared error over the best of {}; us: a tick{}. Every switch and figure: --all.",
+        report.restarts,
+        if report.conditioning_timed {
+            ", conditioning included"
+        } else {
+            ""
+        },
+    ));
+    if let Some(t) = &report.contact_truth {
+        text += &wrapped(&format!(
+            "Contacts against the scene: precision {:.3}, recall {:.3}; {:.3} of taxels touched above the threshold.",
+            t.precision, t.recall, t.recall_above_threshold
+        ));
+    }
+    text.push('\n');
+    text
+}
+
+/// How `optimal` compares with `paper`, or else the method that shows forces best with the one that does worst.
+fn verdict(report: &EvalReport) -> String {
+    let named = |name: &str| report.methods.iter().find(|m| m.name == name);
+    let by_error =
+        |a: &&MethodReport, b: &&MethodReport| a.errors.displayed_nrmse.total_cmp(&b.errors.displayed_nrmse);
+    let (best, other) = match (named("optimal"), named("paper")) {
+        (Some(optimal), Some(paper)) => (optimal, paper),
+        _ => match (
+            report.methods.iter().min_by(by_error),
+            report.methods.iter().max_by(by_error),
+        ) {
+            (Some(best), Some(worst)) => (best, worst),
+            _ => return String::new(),
+        },
+    };
+    let e = &best.errors;
+    let compared = if best.name == other.name {
+        String::new()
+    } else if other.errors.displayed_nrmse > 0.0 {
+        format!(
+            ", {:.2} times that of `{}`",
+            e.displayed_nrmse / other.errors.displayed_nrmse,
+            other.name
+        )
+    } else {
+        format!(", where `{}` has none", other.name)
+    };
+    format!(
+        "`{}` shows forces with an error of {:.3}{compared}; levels are optimal in {:.1} % of frames, {:.1} % of \
+         actuators jump, and a tick takes {:.1} us.",
+        best.name,
+        e.displayed_nrmse,
+        100.0 * e.force_optimal_fraction,
+        100.0 * e.jump_fraction,
+        best.tick_us_p50,
+    )
+}
+
+/// A paragraph in lines that fit.
+fn wrapped(text: &str) -> String {
+    let mut lines = String::new();
+    let mut width = 0;
+    for word in text.split_whitespace() {
+        let length = word.chars().count();
+        if width > 0 && width + 1 + length > COLUMNS {
+            lines.push('\n');
+            width = 0;
+        } else if width > 0 {
+            lines.push(' ');
+            width += 1;
+        }
+        lines += word;
+        width += length;
+    }
+    lines + "\n"
+}
+
 /// Two tables, errors and cost, below a line of what was measured.
-pub(super) fn human(report: &EvalReport) -> String {
+pub(super) fn every_figure(report: &EvalReport) -> String {
     let EvalReport {
         input,
         frames,
@@ -65,6 +207,7 @@ pub(super) fn human(report: &EvalReport) -> String {
         "in 7 %",
         "shown",
         "in 7 %",
+        "total",
         &centre,
         "kbit/s",
     ]));
@@ -87,6 +230,7 @@ pub(super) fn human(report: &EvalReport) -> String {
             percent(e.weber_share),
             format!("{:.3}", e.displayed_nrmse),
             percent(e.displayed_weber_share),
+            percent(e.displayed_total_error_mean),
             format!("{:.2}", e.cop_error_mean),
             format!("{:.1}", e.bits_per_s / 1e3),
         ]);
@@ -227,6 +371,19 @@ fn flatten(key: &str, value: &Value, cells: &mut Vec<(String, String)>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn paragraphs_fit_the_columns_and_lose_no_word() {
+        let text = "a bb ccc ".repeat(60);
+        let got = wrapped(&text);
+        assert!(got.lines().all(|line| line.len() <= COLUMNS) && got.lines().next().unwrap().len() > 95);
+        assert_eq!(
+            got.split_whitespace().collect::<Vec<_>>(),
+            text.split_whitespace().collect::<Vec<_>>()
+        );
+        let long = "x".repeat(130);
+        assert_eq!(wrapped(&format!("a {long} b")), format!("a\n{long}\nb\n"));
+    }
 
     #[test]
     fn leaves_are_named_by_their_paths_and_text_is_quoted() {

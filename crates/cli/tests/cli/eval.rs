@@ -244,3 +244,73 @@ fn eval_refuses_what_it_cannot_judge() {
         assert!(err.contains(wanted), "{args:?}: {err}");
     }
 }
+
+#[test]
+fn the_main_table_fits_a_terminal_and_begins_with_a_verdict() {
+    let dir = TempDir::new().unwrap();
+    let quick = ["--restarts", "1", "--passes", "1"];
+    let (out, _) = succeeds(&dir, &[&["eval", "sim:ball-grasp"], &quick[..]].concat());
+    let first = out.lines().next().unwrap();
+    assert!(
+        first.starts_with("`optimal` shows forces with an error of") && out.contains("times that of `paper`"),
+        "{out}"
+    );
+    assert!(out.lines().all(|line| line.chars().count() <= 100), "{out}");
+    assert!(
+        out.contains("optimal codebook=learned") && !out.contains("history="),
+        "{out}"
+    );
+    let (all, _) = succeeds(&dir, &[&["eval", "sim:tap", "--all"], &quick[..]].concat());
+    assert!(
+        all.contains("optimal history=0.5") && all.contains("allocs"),
+        "{all}"
+    );
+}
+
+#[test]
+fn a_method_named_alone_has_its_own_conditioning_and_methods_together_have_one() {
+    let dir = TempDir::new().unwrap();
+    let conditioning = |methods: &[&str]| {
+        let quick = ["eval", "sim:tap", "--restarts", "1", "--passes", "1", "--json"];
+        let (out, _) = succeeds(&dir, &[&quick[..], methods].concat());
+        let report: Value = serde_json::from_str(&out).unwrap();
+        report["conditioning"].as_str().unwrap().to_string()
+    };
+    assert_eq!(conditioning(&["--method", "paper"]), "paper");
+    assert_eq!(
+        conditioning(&["--method", "paper", "--method", "optimal"]),
+        "robust"
+    );
+    assert_eq!(
+        conditioning(&["--method", "paper", "--conditioning", "robust"]),
+        "robust"
+    );
+    assert_eq!(
+        conditioning(&["--method", "optimal", "--conditioning", "paper"]),
+        "paper"
+    );
+}
+
+#[test]
+fn frames_without_contact_are_said_and_fail() {
+    let dir = TempDir::new().unwrap();
+    ndarray_npy::write_npy(dir.path().join("forces.npy"), &Array2::from_elem((3, 16), 1.0)).unwrap();
+    let args = [
+        "eval",
+        "forces.npy",
+        "--layout",
+        "grid:4x4",
+        "--threshold",
+        "5",
+        "--csv",
+        "all.csv",
+    ];
+    for more in [&[][..], &["--json"]] {
+        let err = fails(&dir, &[&args[..], more].concat(), 1);
+        assert!(
+            err.contains("nothing is in contact in any of 3 frames") && err.contains("--threshold"),
+            "{err}"
+        );
+        assert!(!dir.path().join("all.csv").exists());
+    }
+}
