@@ -8,17 +8,18 @@ use serde::Serialize;
 use std::fmt::Write as _;
 use std::io::{self, Write};
 use taxel_eval::{BLUR_PX, Method, Shown, Task, TaskPoint, TaskRow, grid_places};
-use taxel_hand::{Coordinates, Profile};
+use taxel_hand::{ActuatorForce, Coordinates, Profile};
 use taxel_plot::{Axis, Chart, Sheet};
 use taxel_record::Labelled;
 use taxel_skin::Layout;
 
 /// What is judged where no method is named; places in a regular grid besides.
-const METHODS: [&str; 4] = [
+const METHODS: [&str; 5] = [
     "paper",
     "optimal",
+    "optimal actuator_force=max",
     "optimal force_weighted=true",
-    "optimal force_weighted=true actuator_force=mean",
+    "optimal force_weighted=true actuator_force=max",
 ];
 /// Levels and actuators of the curves; each is varied while the other is as it is.
 const SIZES: [u16; 5] = [2, 4, 8, 16, 32];
@@ -160,10 +161,14 @@ impl Args {
             let profile = Profile {
                 fixed: grid_places(layout, cells),
                 coordinates: Coordinates::Pixels,
+                actuator_force: Some(ActuatorForce::Max),
                 ..base.clone()
             };
             profile.check()?;
-            add("optimal, fixed places in a grid".into(), profile);
+            add(
+                "optimal actuator_force=max, fixed places in a grid".into(),
+                profile,
+            );
         }
         Ok(shown)
     }
