@@ -165,10 +165,7 @@ impl Args {
                 ..base.clone()
             };
             profile.check()?;
-            add(
-                "optimal actuator_force=max, fixed places in a grid".into(),
-                profile,
-            );
+            add("fixed places in a grid, actuator_force=max".into(), profile);
         }
         Ok(shown)
     }

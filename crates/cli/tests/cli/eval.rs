@@ -185,8 +185,8 @@ fn eval_says_what_can_be_told_from_one_image() {
     let rows = report["rows"].as_array().unwrap();
     for (name, share) in [
         ("raw", 1.0),
-        ("optimal force_weighted=true", 1.0),
-        ("optimal, fixed places in a grid", 1.0),
+        ("optimal force_weighted=true actuator_force=max", 1.0),
+        ("fixed places in a grid, actuator_force=max", 1.0),
     ] {
         let row = rows.iter().find(|row| row["name"] == name).unwrap();
         assert_eq!(

@@ -138,7 +138,9 @@ impl Pictures {
                     f64::from(method.profile.actuators) * bits(levels + 1)
                 };
                 self.level_bits += sent;
-                self.bits += sent + 32.0 * image.levels.len() as f64;
+                // Levels that were spread over several of the display are told once.
+                let levels = image.levels.chunk_by(|a, b| a == b).count();
+                self.bits += sent + 32.0 * levels as f64;
             }
         }
         self.force.push(picture);
