@@ -22,8 +22,10 @@ pub(super) fn frame(take: &Take) -> Option<Sheet> {
     )
 }
 
-/// A row of pictures for what is felt, and one for each method; a column for each instant.
-pub(super) fn sheet(take: &Take, instants: &[Instant]) -> anyhow::Result<Sheet> {
+/// A row of pictures for what is read, for what is felt, and for each method; a column for each instant.
+///
+/// `by_paper` is the same recording under the publication's conditioning.
+pub(super) fn sheet(take: &Take, by_paper: &Take, instants: &[Instant]) -> anyhow::Result<Sheet> {
     let mut sheet = Sheet::new(format!("{}: raw beside compressed", take.name))
         .columns(instants.len())
         .panel_size(250, 280);
@@ -38,7 +40,9 @@ pub(super) fn sheet(take: &Take, instants: &[Instant]) -> anyhow::Result<Sheet> 
     for instant in instants {
         sheet = sheet.picture(felt(take, instant.index, title("felt", instant)));
     }
-    for method in [Method::Paper, Method::Optimal] {
+    // The publication's method on the publication's conditioning, and on that of this recording.
+    let methods = [(by_paper, Method::Paper), (take, Method::Optimal)];
+    for (take, method) in methods {
         let profile = Profile {
             method,
             ..take.profile.clone()
@@ -46,7 +50,8 @@ pub(super) fn sheet(take: &Take, instants: &[Instant]) -> anyhow::Result<Sheet> 
         let images = take.images(&profile)?;
         let name = format!("{method:?}").to_lowercase();
         for instant in instants {
-            sheet = sheet.picture(compressed(&images[instant.index], title(&name, instant)));
+            let image = images.get(instant.index).unwrap_or(&images[images.len() - 1]);
+            sheet = sheet.picture(compressed(image, title(&name, instant)));
         }
     }
     Ok(sheet)

@@ -13,7 +13,7 @@ use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use take::Take;
-use taxel_hand::{Method, Profile};
+use taxel_hand::Method;
 use taxel_plot::Sheet;
 
 /// Draw what the first publication shows, from recordings: figures as SVG, their numbers as CSV beside them.
@@ -63,7 +63,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let single = paths.len() == 1;
     let mut overview = overview::Overview::default();
     for (path, name) in paths.iter().zip(&names) {
-        let take = args.take(path, name)?;
+        let take = args.take(path, name, args.method)?;
         if take.tightest().is_none() {
             bail!(
                 "{}: nothing is in contact in any of its {} frames, so there is nothing to draw",
@@ -72,9 +72,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             );
         }
         if single {
-            args.draw(&take)?;
+            args.draw(&take, &args.take(path, name, Some(Method::Paper))?)?;
         } else {
-            overview.add(&take, &args.profile(&take))?;
+            overview.add(&take)?;
         }
     }
     if !single {
@@ -104,21 +104,14 @@ impl Args {
         Ok(paths)
     }
 
-    /// One recording, conditioned.
-    fn take(&self, path: &Path, name: &str) -> anyhow::Result<Take> {
+    /// One recording, conditioned as this method asks for.
+    fn take(&self, path: &Path, name: &str, method: Option<Method>) -> anyhow::Result<Take> {
         let mut offline = self.offline.clone();
         offline.input.path = path.into();
-        Take::of(&offline, name)
+        Take::of(&offline, name, method)
     }
 
-    fn profile(&self, take: &Take) -> Profile {
-        Profile {
-            method: self.method.unwrap_or(take.profile.method),
-            ..take.profile.clone()
-        }
-    }
-
-    fn draw(&self, take: &Take) -> anyhow::Result<()> {
+    fn draw(&self, take: &Take, by_paper: &Take) -> anyhow::Result<()> {
         let module = match &self.module {
             Some(name) => take.module_named(name)?,
             None => take.touched_first().unwrap_or(0),
@@ -133,7 +126,7 @@ impl Args {
         }
         self.write(
             &format!("{}-instants", take.name),
-            &instants::sheet(take, &instants)?,
+            &instants::sheet(take, by_paper, &instants)?,
         )?;
         self.write(&format!("{}-time", take.name), &time_course::sheet(take, module)?)
     }

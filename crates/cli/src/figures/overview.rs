@@ -2,7 +2,6 @@
 
 use super::instants::{compressed, felt};
 use super::take::Take;
-use taxel_hand::Profile;
 use taxel_plot::{Picture, Sheet};
 
 /// What is told of each recording, at its tightest frame.
@@ -45,11 +44,11 @@ const COLUMNS: [&str; 11] = [
 
 impl Overview {
     /// Takes a recording that has contacts.
-    pub(super) fn add(&mut self, take: &Take, profile: &Profile) -> anyhow::Result<()> {
+    pub(super) fn add(&mut self, take: &Take) -> anyhow::Result<()> {
         let Some(index) = take.tightest() else {
             return Ok(());
         };
-        let images = take.images(profile)?;
+        let images = take.images(&take.profile)?;
         let image = &images[index];
         let frame = &take.force[index];
         let touched = || (0..take.layout.len()).filter(|taxel| frame.contact[*taxel]);

@@ -3,7 +3,7 @@
 use crate::offline::OfflineArgs;
 use anyhow::{Context, bail};
 use taxel_compress::Compressor;
-use taxel_hand::{ForceFrame, Freshness, Profile, TactileFrame, TactileImage};
+use taxel_hand::{ForceFrame, Freshness, Method, Profile, TactileFrame, TactileImage};
 use taxel_skin::Layout;
 
 /// A contact that is away for no longer is the same contact, frames.
@@ -28,9 +28,13 @@ pub(super) struct Instant {
 }
 
 impl Take {
-    pub(super) fn of(offline: &OfflineArgs, name: &str) -> anyhow::Result<Self> {
+    /// With the conditioning that belongs to the method, where one is given and the user states no other.
+    pub(super) fn of(offline: &OfflineArgs, name: &str, method: Option<Method>) -> anyhow::Result<Self> {
         let input = offline.input.open()?;
-        let config = offline.configure(&input)?;
+        let mut config = offline.configure(&input)?;
+        if let Some(method) = method {
+            config.set_method(method, offline.conditioning);
+        }
         config.profile.check()?;
         let mut take = Self {
             name: name.into(),
