@@ -2,7 +2,7 @@
 
 use super::take::Take;
 use taxel_compress::learn_codebook;
-use taxel_hand::{LevelSteps, Method, Profile, TactileImage};
+use taxel_hand::{ActuatorForce, LevelSteps, Method, Profile, TactileImage};
 use taxel_plot::{Axis, Chart, Sheet};
 
 /// A panel for each codebook, and one with the drive of the display under all of them.
@@ -74,6 +74,8 @@ fn codebooks(take: &Take) -> Vec<(String, Profile)> {
         jnd: None,
         codebook_learning: None,
         level_steps: LevelSteps::Fitted,
+        // What is compared is codebooks, at the strongest taxel.
+        actuator_force: Some(ActuatorForce::Max),
         levels: take.profile.level_count(),
         ..take.profile.clone()
     };
