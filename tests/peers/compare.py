@@ -92,13 +92,18 @@ def place_error(pixels, labels):
     return total, np.array(list(snapped.values()))
 
 
-def jumps(before, now):
+def jump_px(taxels):
+    """A move beyond this is a jump, as `taxel eval` has it."""
+    return 2 * max(taxels**0.5 / 16, 1)
+
+
+def jumps(before, now, jump):
     """Actuators matched so that they move least in all, which no peer does for its user: jumps and pairs."""
     if before is None or len(before) == 0 or len(now) == 0:
         return 0, 0
     distances = np.linalg.norm(before[:, None] - now[None], axis=2)
     moved = distances[linear_sum_assignment(distances**2)]
-    return int(np.sum(moved > 2)), len(moved)
+    return int(np.sum(moved > jump)), len(moved)
 
 
 def has_work(forces):
@@ -139,7 +144,7 @@ class Peer:
                 error, now = place_error(pixels, labels)
                 place_ratios.append(error / frames["place_error"][t])
                 if step == 1:
-                    j, k = jumps(before, now)
+                    j, k = jumps(before, now, jump_px(contact.shape[1]))
                     jumped, kept, before = jumped + j, kept + k, now
             times.append(us)
         self.times.append(times)

@@ -50,7 +50,7 @@ pub struct Errors {
     /// ... 95 in 100 frames have no more.
     pub snapped_sse_ratio_p95: f64,
     /// Share of the actuators (same id in consecutive images that both have contacts) that move
-    /// more than 2 pixels.
+    /// more than [`jump_px`](crate::jump_px).
     pub jump_fraction: f64,
     /// Mean distance that they move, pixels.
     pub moved_px_mean: f64,
@@ -96,6 +96,7 @@ pub fn judge(sequence: &Sequence, references: &References, method: &Method) -> R
     let places = Places::new(&sequence.layout);
     let mut sums = Sums {
         felt: sequence.felt(),
+        tally: Tally::new(sequence.layout.taxels.len()),
         ..Sums::default()
     };
     for (frame, reference) in sequence.force.iter().zip(&references.frames) {

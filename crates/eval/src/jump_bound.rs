@@ -4,8 +4,6 @@ use crate::best_places::least_place_error;
 
 /// Position error over the best known that the bound allows in a frame.
 pub(crate) const ALLOWED: f64 = 1.08;
-/// A move beyond this, pixels, is a jump.
-const JUMP_PX: f64 = 2.0;
 
 /// How many of `clusters` actuators must jump from one frame to the next, whatever the method, if
 /// the position error of neither frame may exceed [`ALLOWED`] times the best.
@@ -20,12 +18,13 @@ const JUMP_PX: f64 = 2.0;
 /// higher.
 ///
 /// `before` and `now` are contacts and their least place errors; "best" is what `restarts` runs of
-/// k-means++ find.
+/// k-means++ find. A jump is a move of more than `jump_px` pixels.
 pub(crate) fn unavoidable_jumps(
     before: (&[[u16; 2]], f64),
     now: (&[[u16; 2]], f64),
     clusters: usize,
     restarts: u32,
+    jump_px: f64,
 ) -> u64 {
     let ((old, old_error), (new, error)) = (before, now);
     let alone = new.iter().enumerate().filter(|(n, place)| {
@@ -35,7 +34,7 @@ pub(crate) fn unavoidable_jumps(
             .fold(f64::INFINITY, f64::min);
         let is_new = old
             .iter()
-            .all(|other| squared(**place, *other) > JUMP_PX * JUMP_PX);
+            .all(|other| squared(**place, *other) > jump_px * jump_px);
         is_new && 0.5 * nearest > ALLOWED * error
     });
     let alone = alone.count();
@@ -67,7 +66,7 @@ mod tests {
 
     fn jumps(before: &[[u16; 2]], now: &[[u16; 2]], clusters: usize) -> u64 {
         let of = |places| least_place_error(places, clusters, 64);
-        unavoidable_jumps((before, of(before)), (now, of(now)), clusters, 64)
+        unavoidable_jumps((before, of(before)), (now, of(now)), clusters, 64, 2.0)
     }
 
     #[test]

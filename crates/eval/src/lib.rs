@@ -34,4 +34,5 @@ pub use quantile::{Quantiles, quantile};
 pub use report::{CostDetail, EvalReport, MethodReport, ScalingReport};
 pub use sequence::{Reference, References, Sequence};
 pub use synthetic::synthetic;
+pub use tally::jump_px;
 pub use task::{BLUR_PX, Shown, Task, TaskError, TaskPoint, TaskRow, grid_places};

@@ -3,7 +3,7 @@
 use crate::best_levels::least_level_error;
 use crate::best_places::least_place_error;
 use crate::jump_bound::unavoidable_jumps;
-use crate::tally::share;
+use crate::tally::{jump_px, share};
 use std::collections::HashMap;
 use taxel_compress::Compressor;
 use taxel_hand::{ForceFrame, Profile, ProfileError, TactileFrame};
@@ -125,6 +125,7 @@ impl References {
         let mut known: HashMap<Vec<[u16; 2]>, f64> = HashMap::new();
         let mut frames: Vec<Reference> = Vec::with_capacity(sequence.len());
         let (mut jumps, mut kept) = (0, 0);
+        let jump_px = jump_px(sequence.layout.taxels.len());
         for frame in &sequence.force {
             compressor.compress(frame, &mut image);
             let stages = compressor.stages();
@@ -141,7 +142,7 @@ impl References {
                 // No more ids than that can be in both images.
                 kept += most.min(before.0.len()).min(pixel.len()) as u64;
                 if before.0 != &pixel[..] {
-                    jumps += unavoidable_jumps(before, (&pixel, place_error), most, restarts);
+                    jumps += unavoidable_jumps(before, (&pixel, place_error), most, restarts, jump_px);
                 }
             }
             frames.push(Reference {

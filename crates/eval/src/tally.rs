@@ -2,19 +2,24 @@
 
 use taxel_hand::TactileImage;
 
-/// A move beyond this, pixels, is a jump.
-const JUMP_PX: f64 = 2.0;
+/// A move beyond this is a jump, pixels: two on a hand of up to 256 taxels, an eighth of the side of 16 x 16. On a skin
+/// of more and smaller taxels it is the same share of the side of a square of them: two taxels are no distance there.
+pub fn jump_px(taxels: usize) -> f64 {
+    2.0 * ((taxels as f64).sqrt() / 16.0).max(1.0)
+}
 
 /// Counts how actuators move and levels change between consecutive images, both of which have contacts.
 #[derive(Debug, Default)]
 pub(crate) struct Tally {
+    /// A move beyond this is a jump, pixels.
+    jump_px: f64,
     last: Option<TactileImage>,
     /// Level of the contact at each pixel of the last image; 0 for none.
     last_levels: Vec<u16>,
     levels: Vec<u16>,
     /// Actuators whose id presses in both images, over all pairs of images.
     pub(crate) kept: u64,
-    /// Those that moved more than [`JUMP_PX`].
+    /// Those that jumped.
     pub(crate) jumps: u64,
     /// Pixels that they moved in all.
     pub(crate) moved_px: f64,
@@ -25,6 +30,14 @@ pub(crate) struct Tally {
 }
 
 impl Tally {
+    /// For images of a hand of so many taxels, [`jump_px`].
+    pub(crate) fn new(taxels: usize) -> Self {
+        Self {
+            jump_px: jump_px(taxels),
+            ..Self::default()
+        }
+    }
+
     /// The next image, and the pixel and level (from 0) of each of its contacts.
     pub(crate) fn add(&mut self, image: &TactileImage, pixel: &[[u16; 2]], level: &[u16]) {
         let width = usize::from(image.width);
@@ -48,7 +61,7 @@ impl Tally {
                 );
                 let moved = (dx * dx + dy * dy).sqrt();
                 self.kept += 1;
-                self.jumps += u64::from(moved > JUMP_PX);
+                self.jumps += u64::from(moved > self.jump_px);
                 self.moved_px += moved;
             }
             for (now, before) in self.levels.iter().zip(&self.last_levels) {
@@ -117,7 +130,7 @@ mod tests {
             ("no contact before", &[], &[(0, 3, 3)], 0, 0),
             ("no contact after", &[(0, 3, 3)], &[], 0, 0),
         ] {
-            let mut tally = Tally::default();
+            let mut tally = Tally::new(256);
             tally.add(&image(before), &[], &[]);
             tally.add(&image(after), &[], &[]);
             assert_eq!((tally.kept, tally.jumps), (kept, jumps), "{name}");
@@ -125,8 +138,18 @@ mod tests {
     }
 
     #[test]
+    fn a_jump_is_farther_on_a_skin_of_more_taxels() {
+        assert_eq!([1, 240, 256, 1024].map(jump_px), [2.0, 2.0, 2.0, 4.0]);
+        let mut tally = Tally::new(1024);
+        for x in [0, 4, 9] {
+            tally.add(&image(&[(0, x, 3)]), &[], &[]);
+        }
+        assert_eq!((tally.kept, tally.jumps), (2, 1));
+    }
+
+    #[test]
     fn a_level_changes_where_a_taxel_stays_in_contact() {
-        let mut tally = Tally::default();
+        let mut tally = Tally::new(256);
         let image = image(&[(0, 0, 0)]);
         tally.add(&image, &[[0, 0], [1, 0], [2, 0]], &[0, 1, 1]);
         tally.add(&image, &[[1, 0], [2, 0], [3, 0]], &[1, 0, 4]);
@@ -135,7 +158,7 @@ mod tests {
 
     #[test]
     fn an_empty_image_in_between_breaks_the_comparison() {
-        let mut tally = Tally::default();
+        let mut tally = Tally::new(256);
         for actuators in [&[(0, 0, 0)][..], &[], &[(0, 9, 9)]] {
             tally.add(&image(actuators), &[], &[]);
         }

@@ -25,11 +25,11 @@ use taxeld::Config;
 ///
 /// Errors are against the least that is possible: for force levels the exact optimum of each frame,
 /// for actuators the best of 64 runs of k-means++. Ratios of 1 are optimal. A jump is an actuator
-/// (same id) that moves more than 2 pixels between consecutive images. What a display shows is judged
+/// (same id) that moves more than 2 pixels between consecutive images, or on a skin of more than 256
+/// taxels more than an eighth of the side of a square of them. What a display shows is judged
 /// by both stages together: the force of each taxel in contact against that with which its actuator
-/// presses. A tick is conditioning and
-/// compression where the recording holds counts, compression alone where it holds magnitudes; times
-/// are medians over --passes, per frame.
+/// presses. A tick is conditioning and compression where the recording holds counts, compression alone
+/// where it holds magnitudes; times are medians over --passes, per frame.
 ///
 /// INPUT is any recording that `taxel compress` takes, or sim:SCENE, where contacts are compared
 /// with the truth too.

@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 use std::fmt::Write;
-use taxel_eval::{EvalReport, MethodReport, ScalingReport};
+use taxel_eval::{EvalReport, MethodReport, ScalingReport, jump_px};
 
 /// Longer names stand on a line of their own.
 const WIDEST_NAME: usize = 44;
@@ -82,6 +82,7 @@ pub(super) fn main_figures(report: &EvalReport) -> String {
             ""
         },
     ));
+    text += &jump_on_large_skins(report);
     if let Some(t) = &report.contact_truth {
         text += &wrapped(&format!(
             "Contacts against the scene: precision {:.3}, recall {:.3}; {:.3} of taxels touched above the threshold.",
@@ -90,6 +91,18 @@ pub(super) fn main_figures(report: &EvalReport) -> String {
     }
     text.push('\n');
     text
+}
+
+/// How far a jump goes at least, where that is not the 2 pixels of most hands.
+fn jump_on_large_skins(report: &EvalReport) -> String {
+    let jump = jump_px(report.taxels);
+    if jump == 2.0 {
+        return String::new();
+    }
+    format!(
+        "Jumps: moves of more than {jump:.1} pixels, an eighth of the side of a square of {} taxels.\n",
+        report.taxels
+    )
 }
 
 /// How `optimal` compares with `paper`, or else the method that shows forces best with the one that does worst.
@@ -280,6 +293,7 @@ pub(super) fn every_figure(report: &EvalReport) -> String {
         },
         report.raw_bits_per_s / 1e3,
     );
+    text += &jump_on_large_skins(report);
     if report.jump_bound_fraction > 0.0 {
         let _ = writeln!(
             text,
