@@ -32,6 +32,7 @@ mod progress;
 mod raw_line;
 mod replay;
 mod scene_input;
+mod scene_marks;
 mod servo;
 mod sim;
 mod status_text;

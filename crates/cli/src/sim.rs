@@ -1,6 +1,7 @@
 //! `taxel sim`: a scene on a real or virtual bus.
 
 use crate::interrupt::Interrupt;
+use crate::scene_marks::SceneMarks;
 use crate::target::{TargetAddress, Targets, of_buses, refuse_shared_ids};
 use anyhow::{Context, bail};
 use std::path::{Path, PathBuf};
@@ -34,6 +35,8 @@ Examples:
   taxel sim roll --layout schunk-sdh --show > sdh.toml     the layout file, with boards, of a hand that has none
   taxel sim ball-grasp --to udp::43113 --to udp::43114 --servos /tmp/servos > joints.toml
                                               the table [joints] for taxeld.toml, to read these servos
+  taxel sim phantom-1 --to can:vcan0 --control /run/taxeld/control.sock
+                                              a phantom's touches, and the marks that cut them (docs/palpation.md)
   taxel sim ball-grasp --show > mine.toml     a scene file to start one's own from")]
 pub(crate) struct Args {
     /// A built-in scene, or a scene file
@@ -60,6 +63,9 @@ pub(crate) struct Args {
     /// table [joints] of a taxeld.toml
     #[arg(long, value_name = "LINK")]
     servos: Option<PathBuf>,
+    /// Make the scene's marks on the daemon with this control socket, as a robot would; phantoms have marks
+    #[arg(long, value_name = "SOCKET")]
+    control: Option<PathBuf>,
     /// Print the text of a built-in scene; with --layout, that of the layout that is simulated
     #[arg(long, conflicts_with_all = ["to", "list"])]
     show: bool,
@@ -106,6 +112,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
                 link.display()
             );
         }
+        if let Some(socket) = &args.control {
+            bail!(
+                "--control {}: marks are made in real time; a log is written at once and has none",
+                socket.display()
+            );
+        }
         let mut simulator = Simulator::new(&scene, &layout, seed)?;
         simulator.start_all();
         let interrupt = Interrupt::install()?;
@@ -129,7 +141,14 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             Some(link) => Some(offer_servos(&scene, &layout, link)?),
             None => None,
         };
-        play(simulator, limit_ns, layout.buses.len(), &mut targets)?;
+        let begin = Instant::now();
+        let _marks = match &args.control {
+            Some(socket) => Some(SceneMarks::start(&scene, begin, socket.clone(), |text| {
+                eprintln!("taxel: {text}")
+            })?),
+            None => None,
+        };
+        play(simulator, begin, limit_ns, layout.buses.len(), &mut targets)?;
     }
     targets.finish()?;
     eprintln!(
@@ -231,12 +250,12 @@ fn write_log(
 /// Runs the scene in real time and obeys what is commanded on the buses.
 fn play(
     mut simulator: Simulator,
+    begin: Instant,
     limit_ns: Option<u64>,
     buses: usize,
     targets: &mut Targets,
 ) -> anyhow::Result<()> {
     let interrupt = Interrupt::install()?;
-    let begin = Instant::now();
     let mut frames = Vec::new();
     let mut commands: Vec<Received> = Vec::new();
     loop {

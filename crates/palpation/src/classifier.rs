@@ -25,6 +25,8 @@ pub struct Classifier {
 pub struct Classified {
     /// The nearest category, from 0.
     pub category: usize,
+    /// Where it is on the map, a number for each component.
+    pub place: Vec<f64>,
     /// Distance to the mean of each category, on the map.
     pub distances: Vec<f64>,
     /// 0 where two categories are equally near, towards 1 where the second is far off: `1 - nearest / second`.
@@ -123,6 +125,7 @@ impl Classifier {
             confidence: if second > 0.0 { 1.0 - nearest / second } else { 0.0 },
             unknown: nearest > self.far_on_map || off_map > self.far_off_map,
             distances,
+            place,
         })
     }
 

@@ -1,89 +1,20 @@
 //! `taxel categorize --live MAP`: touch after touch into its category, beside a running daemon.
 
-use super::touches::Set;
-use anyhow::{Context, bail, ensure};
-use serde::{Deserialize, Serialize};
+use super::map_file::MapFile;
+use anyhow::{Context, bail};
+use serde::Serialize;
 use std::io::{self, Write};
 use std::path::Path;
 use taxel_palpation::Classifier;
 use taxel_sequence::{Aligned, Alignment, Motion, Touch};
 use taxel_serve::{Announcements, Limits, ProfilesConfig, Server, ServerHandle, ServerSeed, SocketPath};
-use taxel_wire::{EventKind, Hello, Kind, Received, Subscribe, Subscriber};
+use taxel_wire::{Clock, EventKind, Hello, Kind, Received, Subscribe, Subscriber};
 use tokio_seqpacket::UnixSeqpacketListener;
 
-/// A map in a file: categories, and how touches were put side by side.
-#[derive(Debug, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct MapFile {
-    /// What it is of, for messages.
-    name: String,
-    /// Depth and radius, mm; null where touches are aligned by time.
-    motion: Option<[f64; 2]>,
-    /// How long the probe rests on each step, ms; null where there is a frame for each.
-    rest_ms: Option<f64>,
-    first: f64,
-    step: f64,
-    steps: usize,
-    /// Values of a frame: one or three for each taxel.
-    values: usize,
-    /// The name of each category.
-    labels: Vec<Option<String>>,
-    classifier: Classifier,
-}
-
-impl MapFile {
-    pub(super) fn new(
-        set: &Set,
-        aligned: &Aligned,
-        labels: Vec<Option<String>>,
-        classifier: Classifier,
-    ) -> Self {
-        Self {
-            name: set.name.clone(),
-            motion: set.motion.map(|motion| [motion.depth_mm, motion.radius_mm]),
-            rest_ms: set.rest_ms,
-            first: aligned.first,
-            step: aligned.step,
-            steps: aligned.steps,
-            values: aligned.taxels,
-            labels,
-            classifier,
-        }
-    }
-
-    pub(super) fn save(&self, path: &Path) -> anyhow::Result<()> {
-        let mut file = crate::output_file::OutputFile::begin(path)?;
-        std::fs::write(file.path(), serde_json::to_vec(self)?).with_context(|| path.display().to_string())?;
-        file.finish()
-    }
-
-    fn load(path: &Path) -> anyhow::Result<Self> {
-        let text = std::fs::read(path).with_context(|| path.display().to_string())?;
-        let not_a_map = || {
-            format!(
-                "{}: no map as `taxel categorize --save` writes it",
-                path.display()
-            )
-        };
-        let map: Self = serde_json::from_slice(&text).with_context(not_a_map)?;
-        // Numbers of frames are bounded before anything is made of them.
-        let features = map
-            .steps
-            .checked_mul(map.values)
-            .filter(|n| (1..=10_000_000).contains(n));
-        let whole =
-            features.is_some_and(|n| map.classifier.is_whole(n)) && map.step > 0.0 && map.first.is_finite();
-        ensure!(
-            whole && map.labels.len() == map.classifier.categories(),
-            "{}: its parts do not fit",
-            not_a_map()
-        );
-        Ok(map)
-    }
-}
-
 /// Touches as they come: frames and marks in, categories out. No socket and no clock.
-struct Live {
+pub(crate) struct Live {
+    /// What the map is of, for messages.
+    name: String,
     grid: Aligned,
     motion: Option<Motion>,
     rest_ns: Option<u64>,
@@ -95,25 +26,29 @@ struct Live {
 }
 
 /// A touch and its category: the keys of a TOUCH message, and the mark that began it.
-#[derive(Debug, Serialize, PartialEq)]
-struct Categorised {
-    category: usize,
-    label: Option<String>,
+#[derive(Debug, Clone, Serialize, PartialEq)]
+pub(crate) struct Categorised {
+    pub(crate) category: usize,
+    pub(crate) label: Option<String>,
     distances: Vec<f64>,
-    confidence: f64,
-    unknown: bool,
+    pub(crate) confidence: f64,
+    pub(crate) unknown: bool,
     start_ns: u64,
     end_ns: u64,
-    mark: String,
+    pub(crate) mark: String,
+    /// Where it is on the map.
+    #[serde(skip)]
+    pub(crate) place: Vec<f64>,
 }
 
 impl Live {
-    fn new(map: MapFile, until: &str) -> anyhow::Result<Self> {
+    pub(super) fn new(map: MapFile, until: &str) -> anyhow::Result<Self> {
         let motion = map
             .motion
             .map(|[depth, radius]| Motion::new(depth, radius))
             .transpose()?;
         Ok(Self {
+            name: map.name,
             grid: Aligned {
                 along: motion.map_or(Alignment::Time, Motion::along),
                 first: map.first,
@@ -180,32 +115,37 @@ impl Live {
             start_ns,
             end_ns,
             mark: touch.name,
+            place: found.place,
         })
     }
 }
 
-/// Reads every frame of a daemon and writes a line for each touch; publishes it too, where there is a socket for that.
-pub(super) fn run(
-    map: &Path,
-    socket: Option<&Path>,
-    publish: Option<&Path>,
-    until: &str,
-) -> anyhow::Result<()> {
-    let map = MapFile::load(map)?;
-    let (name, values) = (map.name.clone(), map.values);
-    let mut live = Live::new(map, until)?;
-    let socket = socket.map_or_else(
-        || taxeld::config::running_socket("images.sock"),
-        Path::to_path_buf,
-    );
-    let mut subscriber = Subscriber::connect(&socket)?;
+/// What comes of the frames and marks of a daemon.
+pub(crate) trait Listener {
+    /// The hand, each time it is described.
+    fn hello(&mut self, _: &Hello) -> anyhow::Result<()> {
+        Ok(())
+    }
+
+    /// A touch, when the mark that ends it has come, or why it has no category. The mark's instant is `ended_ns` on the
+    /// daemon's clock, and `newest` the number of the newest frame.
+    fn touch(&mut self, touch: anyhow::Result<Categorised>, ended_ns: u64, newest: u64)
+    -> anyhow::Result<()>;
+
+    /// Frames that this reader was too slow for, before frame `seq`, while something was touched.
+    fn lost(&mut self, _frames: u32, _seq: u64) {}
+}
+
+/// Takes every frame and mark of a daemon, in order, until it ends.
+pub(crate) fn follow(socket: &Path, mut live: Live, listener: &mut dyn Listener) -> anyhow::Result<()> {
+    let values = live.grid.taxels;
+    let mut subscriber = Subscriber::connect(socket)?;
     subscriber.subscribe(&Subscribe {
         image: false,
         raw: true,
         every: true,
         ..Subscribe::default()
     })?;
-    let mut publisher = None;
     let mut newest = 0;
     loop {
         match subscriber.next()? {
@@ -213,20 +153,16 @@ pub(super) fn run(
                 let taxels = hello.taxels.len();
                 if values != taxels && values != 3 * taxels {
                     bail!(
-                        "the map of {name} has {values} values a frame, and {} has {taxels} taxels; it is of another probe",
+                        "the map of {} has {values} values a frame, and {} has {taxels} taxels; it is of another probe",
+                        live.name,
                         hello.layout
                     );
                 }
-                if let (None, Some(path)) = (&publisher, publish) {
-                    publisher = Some(Publisher::start(path, hello.clone())?);
-                }
+                listener.hello(hello)?;
             }
             Received::Raw(header, raw) => {
                 if header.skipped > 0 && live.touch.is_some() {
-                    eprintln!(
-                        "taxel: {} frames were lost before frame {}; this reader was slow",
-                        header.skipped, header.seq
-                    );
+                    listener.lost(header.skipped, header.seq);
                 }
                 newest = header.seq;
                 let one = values == raw.taxels().len();
@@ -243,25 +179,92 @@ pub(super) fn run(
                 live.handle_frame(header.t_ns, values.map(f64::from));
             }
             Received::Event(header, event) if event.event == EventKind::Mark => {
-                match live.handle_mark(header.t_ns, &event.message) {
-                    None => {}
-                    Some(Err(error)) => eprintln!("taxel: {error}"),
-                    Some(Ok(touch)) => {
-                        let line = serde_json::to_string(&touch)?;
-                        if let Some(publisher) = &publisher {
-                            publisher
-                                .handle
-                                .publish_text(Kind::Touch, line.as_bytes(), newest, touch.end_ns);
-                        }
-                        let mut out = io::stdout().lock();
-                        writeln!(out, "{line}")
-                            .and_then(|()| out.flush())
-                            .context("stdout")?;
-                    }
+                if let Some(touch) = live.handle_mark(header.t_ns, &event.message) {
+                    listener.touch(touch, header.t_ns, newest)?;
                 }
             }
             _ => {}
         }
+    }
+}
+
+/// Reads every frame of a daemon and writes a line for each touch; publishes it too, where there is a socket for that.
+pub(super) fn run(
+    map: &Path,
+    socket: Option<&Path>,
+    publish: Option<&Path>,
+    until: &str,
+) -> anyhow::Result<()> {
+    let live = Live::new(MapFile::load(map)?, until)?;
+    let socket = socket.map_or_else(
+        || taxeld::config::running_socket("images.sock"),
+        Path::to_path_buf,
+    );
+    let mut lines = Lines {
+        publish,
+        publisher: None,
+        monotonic: false,
+    };
+    follow(&socket, live, &mut lines)
+}
+
+/// A line for each touch on stdout, and a message for each where there is a socket for that.
+struct Lines<'a> {
+    publish: Option<&'a Path>,
+    publisher: Option<Publisher>,
+    /// Whether the times of the daemon are of this machine's clock.
+    monotonic: bool,
+}
+
+/// A touch, and how long after its end it is told, microseconds; null where the daemon plays a recording.
+#[derive(Debug, Serialize)]
+struct TouchLine<'a> {
+    #[serde(flatten)]
+    touch: &'a Categorised,
+    latency_us: Option<f64>,
+}
+
+impl Listener for Lines<'_> {
+    fn hello(&mut self, hello: &Hello) -> anyhow::Result<()> {
+        self.monotonic = hello.clock == Clock::Monotonic;
+        if let (None, Some(path)) = (&self.publisher, self.publish) {
+            self.publisher = Some(Publisher::start(path, hello.clone())?);
+        }
+        Ok(())
+    }
+
+    fn touch(
+        &mut self,
+        touch: anyhow::Result<Categorised>,
+        ended_ns: u64,
+        newest: u64,
+    ) -> anyhow::Result<()> {
+        let touch = match touch {
+            Ok(touch) => touch,
+            Err(error) => {
+                eprintln!("taxel: {error:#}");
+                return Ok(());
+            }
+        };
+        let since_ns = || taxel_can::monotonic_ns().saturating_sub(ended_ns);
+        let line = TouchLine {
+            touch: &touch,
+            latency_us: self.monotonic.then(|| since_ns() as f64 / 1e3),
+        };
+        let line = serde_json::to_string(&line)?;
+        if let Some(publisher) = &self.publisher {
+            publisher
+                .handle
+                .publish_text(Kind::Touch, line.as_bytes(), newest, touch.end_ns);
+        }
+        let mut out = io::stdout().lock();
+        writeln!(out, "{line}")
+            .and_then(|()| out.flush())
+            .context("stdout")
+    }
+
+    fn lost(&mut self, frames: u32, seq: u64) {
+        eprintln!("taxel: {frames} frames were lost before frame {seq}; this reader was slow");
     }
 }
 
@@ -309,30 +312,29 @@ impl Publisher {
 }
 
 #[cfg(test)]
+impl Categorised {
+    /// A touch on a map of two components.
+    pub(crate) fn sample(place: [f64; 2], category: usize, label: Option<&str>, mark: &str) -> Self {
+        Self {
+            category,
+            label: label.map(Into::into),
+            distances: vec![1.0, 2.0],
+            confidence: 0.5,
+            unknown: false,
+            start_ns: 0,
+            end_ns: 1,
+            mark: mark.into(),
+            place: place.into(),
+        }
+    }
+}
+
+#[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::DMatrix;
-    use taxel_palpation::{Pca, Solver, optimal};
 
-    /// A map of two classes on one taxel, three steps of half a millimetre.
     fn live(rest_ms: Option<f64>) -> Live {
-        let touches = DMatrix::from_fn(3, 6, |step, n| {
-            (step + 1) as f64 * (1.0 + (n / 3) as f64) * 10.0 + n as f64 * 0.1
-        });
-        let pca = Pca::fit(&touches, 1, Solver::Auto).unwrap();
-        let found = optimal(&pca.project(&touches).unwrap(), 2, 1).unwrap();
-        let map = MapFile {
-            name: "test".into(),
-            motion: Some([1.5, 0.0]),
-            rest_ms,
-            first: 0.5,
-            step: 0.5,
-            steps: 3,
-            values: 1,
-            labels: vec![Some("soft".into()), None],
-            classifier: Classifier::new(&pca, &touches, &found).unwrap(),
-        };
-        Live::new(map, "away").unwrap()
+        Live::new(MapFile::of_two_classes(rest_ms), "away").unwrap()
     }
 
     #[test]
@@ -381,46 +383,5 @@ mod tests {
             live.handle_frame(6, std::iter::once(value));
         }
         assert!(live.handle_mark(7, "away").unwrap().unwrap().unknown);
-    }
-
-    #[test]
-    fn a_map_comes_back_from_its_file_and_another_file_is_none() {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("map.json");
-        let live = live(None);
-        let map = MapFile {
-            name: "test".into(),
-            motion: None,
-            rest_ms: None,
-            first: 0.0,
-            step: 0.1,
-            steps: 3,
-            values: 1,
-            labels: live.labels.clone(),
-            classifier: live.classifier.clone(),
-        };
-        map.save(&path).unwrap();
-        let back = MapFile::load(&path)
-            .unwrap()
-            .classifier
-            .classify(&[1.0, 2.0, 3.0])
-            .unwrap();
-        assert_eq!(
-            back.category,
-            live.classifier.classify(&[1.0, 2.0, 3.0]).unwrap().category
-        );
-        let text = std::fs::read_to_string(&path).unwrap();
-        for (from, to) in [
-            ("\"steps\":3", "\"steps\":4"),
-            ("\"labels\":[", "\"labels\":[null,"),
-            ("{", "["),
-        ] {
-            std::fs::write(&path, text.replacen(from, to, 1)).unwrap();
-            let error = format!("{:#}", MapFile::load(&path).unwrap_err());
-            assert!(
-                error.contains("no map as `taxel categorize --save` writes it"),
-                "{error}"
-            );
-        }
     }
 }

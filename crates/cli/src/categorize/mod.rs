@@ -3,13 +3,17 @@
 mod figures;
 mod live;
 mod manifest;
+mod map_file;
+mod phantom_map;
 mod sweep;
 mod touches;
 
 use anyhow::{Context, bail, ensure};
 use clap::ValueEnum;
-use live::MapFile;
+pub(crate) use live::{Categorised, Listener, Live, follow};
+use map_file::MapFile;
 use nalgebra::DMatrix;
+pub(crate) use phantom_map::PhantomMap;
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::io::{self, Write};
@@ -20,6 +24,7 @@ use taxel_palpation::{
 };
 use taxel_record::ReadOptions;
 use taxel_sequence::{Aligned, Motion};
+pub(crate) use touches::label_of;
 use touches::{Cutting, Set};
 
 /// Find categories of what a probe touches, without being told what it is.

@@ -116,7 +116,7 @@ pub(crate) fn of_recording(
 }
 
 /// The class that a mark names: its last word, where there are several, as in `touch 5 SS`.
-fn label_of(mark: &str) -> &str {
+pub(crate) fn label_of(mark: &str) -> &str {
     mark.rsplit_once(' ').map_or("", |(_, label)| label)
 }
 

@@ -1,5 +1,6 @@
 //! What the demo's subscriber has seen: the newest picture, and the figures of the whole run.
 
+use super::palpation::Palpation;
 use hdrhistogram::Histogram;
 use std::collections::VecDeque;
 use std::fmt::Write;
@@ -42,6 +43,8 @@ pub(super) struct Meter {
     newest: Newest,
     /// Whether the displays were told to let go.
     pub(super) paused: bool,
+    /// Where touches fell, where a phantom is palpated.
+    pub(super) palpation: Option<Palpation>,
     /// Something the user should read.
     pub(super) note: String,
     /// The daemon has closed the connection.
@@ -107,6 +110,7 @@ pub(super) struct Picture {
     pub(super) image_bits_per_s: f64,
     pub(super) calibrating: bool,
     pub(super) paused: bool,
+    pub(super) palpation: Option<Palpation>,
     pub(super) note: String,
 }
 
@@ -135,6 +139,7 @@ impl Meter {
             scale: 0.0,
             newest: Newest::default(),
             paused: false,
+            palpation: None,
             note: String::new(),
             closed: false,
             failure: None,
@@ -154,7 +159,7 @@ impl Meter {
         match event.event {
             EventKind::Paused => self.paused = true,
             EventKind::Resumed => self.paused = false,
-            EventKind::Calibrating | EventKind::Calibrated | EventKind::Disconnect => {}
+            EventKind::Calibrating | EventKind::Calibrated | EventKind::Disconnect | EventKind::Mark => {}
             _ => self.note = event.message,
         }
     }
@@ -284,6 +289,7 @@ impl Meter {
             image_bits_per_s: image_bits * rate_hz,
             calibrating: self.newest.calibrating,
             paused: self.paused,
+            palpation: self.palpation.clone(),
             note: self.note.clone(),
         }
     }
@@ -357,6 +363,11 @@ impl Meter {
                 self.newest.joints.len()
             );
         }
+        text += &self
+            .palpation
+            .as_ref()
+            .map(Palpation::summary)
+            .unwrap_or_default();
         let _ = writeln!(
             text,
             "data       {} raw, {} to the display, {:.0}:1",

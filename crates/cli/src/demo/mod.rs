@@ -3,14 +3,17 @@
 mod colour;
 mod joints;
 mod meter;
+mod palpation;
 mod session;
 mod view;
 
+use crate::categorize::PhantomMap;
 use crate::compress::{method, methods};
 use crate::interrupt::Interrupt;
 use crate::offline::preset;
 use anyhow::{Context, bail};
 use meter::{Meter, Picture};
+use palpation::Palpating;
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use session::{Control, Session};
 use std::io::{IsTerminal, Write};
@@ -38,6 +41,9 @@ const REDRAW: Duration = Duration::from_millis(33);
 /// the daemon reads them as it would read a serial bus, and the angles that each image carries are
 /// the bars below the fingers.
 ///
+/// Where the scene palpates a phantom, the demo makes its marks, and each touch falls into its category on a map of the
+/// touches' first two components.
+///
 /// Keys: q quits, z measures the baseline anew (as after a warm-up; not while the hand is touched),
 /// p pauses, so that every display lets go.
 #[derive(Debug, clap::Args)]
@@ -46,6 +52,7 @@ Examples:
   taxel demo
   taxel demo --scene slip --actuators 6
   taxel demo --layout icub-forearm     another hand, with the boards it has
+  taxel demo --scene phantom-1         touches of a phantom fall into their categories
   taxel demo --headless --seconds 10
   taxel sim --list                     the scenes there are")]
 pub(crate) struct Args {
@@ -82,6 +89,10 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let (scene_name, layout) = scene_and_layout(args)?;
     let scene = Scene::resolve(&scene_name)?;
     let interrupt = Interrupt::install()?;
+    let map = scene
+        .palpation()
+        .map(|_| PhantomMap::of_scene(&scene_name))
+        .transpose()?;
     let session = Session::start(args, &scene_name, &scene, layout)?;
     let headless = args.headless || !std::io::stdout().is_terminal();
     let limit = match (seconds, headless) {
@@ -101,10 +112,16 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             .name("reader".into())
             .spawn(move || read(subscriber, &meter))?
     };
+    let palpating = map.map(|map| {
+        let sockets = [session.images.clone(), session.control.0.clone()];
+        Palpating::start(&scene, map, session.began, sockets, &meter)
+    });
+    let palpating = palpating.transpose()?;
     let outcome = match headless {
         true => wait(&interrupt, deadline, &meter),
         false => show(&interrupt, deadline, &meter, &session.control),
     };
+    drop(palpating);
     let stopped = session.stop();
     // The daemon has closed the socket, so the reader has come to its end.
     let _ = reader.join();

@@ -19,7 +19,7 @@ use tempfile::TempDir;
 /// A running daemon on simulated buses, with its sockets in a directory of its own.
 pub(super) struct Session {
     daemon: Daemon,
-    images: PathBuf,
+    pub(super) images: PathBuf,
     pub(super) control: Control,
     /// When the scene began, on the clock of the images' times, nanoseconds.
     pub(super) scene_began_ns: u64,
@@ -32,7 +32,7 @@ pub(super) struct Session {
 }
 
 /// The daemon's control socket.
-pub(super) struct Control(PathBuf);
+pub(super) struct Control(pub(super) PathBuf);
 
 impl Session {
     /// Starts the daemon. Images are made as soon as a sweep is complete.

@@ -1,8 +1,8 @@
 //! The demo's picture on the terminal.
 
 use super::colour::Palette;
-use super::joints;
 use super::meter::{Cell, Picture};
+use super::{joints, palpation};
 use ratatui::Frame;
 use ratatui::buffer::Buffer;
 use ratatui::layout::{Alignment, Constraint, Layout as Split, Rect};
@@ -13,6 +13,8 @@ use taxel_skin::Layout;
 
 /// Lines below the panels.
 const STATUS_LINES: u16 = 5;
+/// Columns that the map of touches needs.
+const LEAST_MAP: u16 = 24;
 
 /// Where the pixels of an image are drawn: so many columns and rows for each, with gaps between the
 /// hand's parts.
@@ -31,30 +33,28 @@ impl Grid {
     fn fit(layout: &Layout, area: Rect) -> Option<Self> {
         let (width, height) = (layout.width, layout.height);
         let edges = part_edges(layout);
-        for cell_height in (1..=4).rev() {
-            for (cell_width, gap) in [
-                (2 * cell_height, 1),
-                (2 * cell_height, 0),
-                (2 * cell_height - 1, 1),
-                (1, 0),
-            ] {
-                let shift: Vec<u16> = (0..width)
-                    .map(|x| gap * edges.iter().filter(|e| **e <= x).count() as u16)
-                    .collect();
-                let inner = width * cell_width + shift.last().copied().unwrap_or(0);
-                let fits_across = 2 * (inner + 2) < area.width;
-                // A line of names, and two of border.
-                let fits_down = height * cell_height + 3 + STATUS_LINES <= area.height;
-                if fits_across && fits_down {
-                    let height = height * cell_height;
-                    return Some(Self {
-                        cell_width,
-                        cell_height,
-                        shift,
-                        width: inner,
-                        height,
-                    });
-                }
+        // As square as characters can be, as large as there is room; narrow ones where there is none.
+        let square = (1..=4)
+            .rev()
+            .flat_map(|height| [(2 * height, 1), (2 * height, 0), (2 * height - 1, 1)].map(|w| (height, w)));
+        let narrow = (1..=4).rev().map(|height| (height, (1, 0)));
+        for (cell_height, (cell_width, gap)) in square.chain(narrow) {
+            let shift: Vec<u16> = (0..width)
+                .map(|x| gap * edges.iter().filter(|e| **e <= x).count() as u16)
+                .collect();
+            let inner = width * cell_width + shift.last().copied().unwrap_or(0);
+            let fits_across = 2 * (inner + 2) < area.width;
+            // A line of names, and two of border.
+            let fits_down = height * cell_height + 3 + STATUS_LINES <= area.height;
+            if fits_across && fits_down {
+                let height = height * cell_height;
+                return Some(Self {
+                    cell_width,
+                    cell_height,
+                    shift,
+                    width: inner,
+                    height,
+                });
             }
         }
         None
@@ -98,7 +98,8 @@ fn parts(layout: &Layout) -> Vec<(&str, u16, u16)> {
 /// Draws the picture into the whole terminal.
 pub(super) fn draw(frame: &mut Frame<'_>, picture: &Picture, palette: &Palette) {
     let area = frame.area();
-    let Some(grid) = Grid::fit(&picture.layout, area) else {
+    let (hand, map) = beside_map(picture, area);
+    let Some(grid) = Grid::fit(&picture.layout, hand) else {
         let text = format!(
             "The terminal has {}x{} characters; the demo needs {}x{}. Make it larger, or use --headless. q quits.",
             area.width,
@@ -112,18 +113,21 @@ pub(super) fn draw(frame: &mut Frame<'_>, picture: &Picture, palette: &Palette) 
         );
         return;
     };
+    let panels_height = map.map_or(grid.height + 3, |map| map.height);
     let [panels, status] =
-        Split::vertical([Constraint::Length(grid.height + 3), Constraint::Min(STATUS_LINES)]).areas(area);
+        Split::vertical([Constraint::Length(panels_height), Constraint::Min(STATUS_LINES)]).areas(area);
     let across = grid.width + 2;
-    let margin = (area.width - 2 * across) / 3;
+    let margin = (hand.width - 2 * across) / 3;
     let left = Rect {
         x: panels.x + margin,
         width: across,
+        height: grid.height + 3,
         ..panels
     };
     let right = Rect {
-        x: panels.x + area.width - margin - across,
+        x: panels.x + hand.width - margin - across,
         width: across,
+        height: grid.height + 3,
         ..panels
     };
     let buffer = frame.buffer_mut();
@@ -146,9 +150,27 @@ pub(super) fn draw(frame: &mut Frame<'_>, picture: &Picture, palette: &Palette) 
     let origin = panel(buffer, right, &image_title, picture, &grid, palette);
     draw_image(buffer, origin, picture, &grid, palette);
 
+    if let (Some(map), Some(palpation)) = (map, &picture.palpation) {
+        palpation::draw(buffer, map, palpation, palette);
+    }
     draw_status(buffer, status, picture, palette);
     let names: Vec<&str> = parts(&picture.layout).iter().map(|(name, ..)| *name).collect();
     joints::draw_degrees(buffer, status, picture, &names, palette);
+}
+
+/// The columns of the panels, and where the map of touches is beside them: nowhere where nothing is palpated or the
+/// panels would not fit.
+fn beside_map(picture: &Picture, area: Rect) -> (Rect, Option<Rect>) {
+    let [hand, map] = Split::horizontal([Constraint::Fill(3), Constraint::Fill(2)]).areas(area);
+    let fits = map.width >= LEAST_MAP && Grid::fit(&picture.layout, hand).is_some();
+    if picture.palpation.is_none() || !fits {
+        return (area, None);
+    }
+    let map = Rect {
+        height: area.height - STATUS_LINES,
+        ..map
+    };
+    (hand, Some(map))
 }
 
 /// A frame with a title and the names of the hand's parts; returns where the pixels begin.
@@ -407,6 +429,7 @@ mod tests {
             image_bits_per_s: 8.8e3,
             calibrating: false,
             paused: false,
+            palpation: None,
             note: String::new(),
         }
     }
@@ -447,6 +470,35 @@ mod tests {
                 assert!(text.contains(part), "{width}x{height} lacks {part:?}:\n{text}");
             }
         }
+    }
+
+    #[test]
+    fn a_palpated_phantoms_touches_are_on_a_map_beside_the_hand() {
+        let layout = Layout::builtin("cyskin-triangle").unwrap();
+        let picture = Picture {
+            cells: vec![Cell::Force(0.0); layout.len()],
+            layout,
+            actuators: Vec::new(),
+            joints: Vec::new(),
+            palpation: Some(palpation::Palpation::sample()),
+            ..picture()
+        };
+        for (width, height) in [(80, 24), (120, 40), (200, 60)] {
+            let text = text(&drawn(width, height, &picture));
+            for part in [
+                "raw: 7",
+                "touches: first two",
+                "NA",
+                "◆ touch 3 BS is like BS 0.50",
+                "1 of 1",
+                "q quit",
+            ] {
+                assert!(text.contains(part), "{width}x{height} lacks {part:?}:\n{text}");
+            }
+            assert_eq!(text.matches('◆').count(), 2, "on the map and below it:\n{text}");
+        }
+        let small = text(&drawn(30, 24, &picture));
+        assert!(small.contains("raw") && !small.contains("touches"), "{small}");
     }
 
     #[test]
