@@ -2,7 +2,7 @@
 //! threads.
 
 use crate::config::Config;
-use crate::control::{ChangeLog, Places};
+use crate::control::{ChangeLog, Places, Reports};
 use crate::joints::ServoRequest;
 use crate::snapshot::Snapshot;
 use crate::tick::{Command, PipelineClock, Shared};
@@ -36,6 +36,8 @@ pub(crate) struct State {
     pub(crate) changing: Rc<Places>,
     /// Says in the log who has changed something.
     pub(crate) changes: ChangeLog,
+    /// Replies to `status`.
+    pub(crate) reports: Reports,
     clock: PipelineClock,
     commands: mpsc::SyncSender<Command>,
     /// The thread that reads joints, where there is one.
@@ -71,6 +73,7 @@ impl State {
             looking: Rc::default(),
             changing: Rc::default(),
             changes: ChangeLog::default(),
+            reports: Reports::default(),
             commands,
             joint_reader,
             started: Instant::now(),

@@ -206,7 +206,7 @@ mod tests {
         let (flags, image) = encoded(Some(&names(&["thumb"])));
         assert_eq!(flags, Flags::NONE);
         assert_eq!((usize::from(image.contacts), image.faulty), (inside, 0));
-        assert_eq!(image.levels, [100.0]);
+        assert_eq!(image.levels, [100.0; 8]);
         for actuator in &image.actuators {
             let under = |t: &&taxel_hand::Taxel| (t.x, t.y) == (actuator.x, actuator.y);
             let taxel = layout.taxels.iter().find(under).unwrap();

@@ -7,10 +7,12 @@
 mod allowance;
 mod asker;
 mod places;
+mod report;
 mod request;
 
 pub(crate) use asker::ChangeLog;
 pub(crate) use places::Places;
+pub(crate) use report::Reports;
 
 use crate::state::State;
 use allowance::Allowance;
@@ -133,17 +135,14 @@ async fn converse(
             },
             Instant::now(),
         );
-        let reply = match request {
-            Ok(request) => answer(request, state, asker).await,
-            Err(error) => refusal(error),
+        let reply: Rc<[u8]> = match request {
+            Ok(Request::Status {}) => state.reports.line(state).await,
+            Ok(request) => line_of(&answer(request, state, asker).await).into(),
+            Err(error) => line_of(&refusal(error)).into(),
         };
         place.set(Doing::Nothing, Instant::now());
         replying.set(true);
-        // The tree of a report of many subscribers is several times its text, and is not kept until
-        // the client has taken that.
-        let text = line_of(&reply);
-        drop(reply);
-        match timeout(REPLY_PATIENCE, write.write_all(&text)).await {
+        match timeout(REPLY_PATIENCE, write.write_all(&reply)).await {
             Ok(written) => written?,
             Err(_) => return Ok(()),
         }

@@ -63,14 +63,11 @@ pub(super) fn refusal(error: String) -> Value {
     json!({ "ok": false, "error": error })
 }
 
-/// Does what is asked, and says so in the log where it changes something.
+/// Does what is asked, but for `status`, and says so in the log where it changes something.
 pub(super) async fn answer(request: Request, state: &State, asker: &Asker) -> Value {
     let Some(change) = request.change() else {
         state.call_roster().await;
-        return match request {
-            Request::Status {} => json!({ "ok": true, "status": state.status() }),
-            _ => json!({ "ok": true, "profile": state.roster().own_profile() }),
-        };
+        return json!({ "ok": true, "profile": state.roster().own_profile() });
     };
     if asker.access == Access::Look {
         return refusal(format!(
@@ -100,6 +97,7 @@ pub(super) async fn answer(request: Request, state: &State, asker: &Asker) -> Va
         Err(error) => (format!("not {change}: {error}"), refusal(error)),
     };
     state.changes.note(&said, asker, Instant::now());
+    state.reports.outdate();
     reply
 }
 

@@ -106,7 +106,7 @@ fn the_demo_without_a_terminal_prints_a_summary() {
 #[test]
 fn a_command_that_can_tell_nobody_anything_ends_as_it_would_have() {
     let dir = TempDir::new().unwrap();
-    succeeds(&dir, &["sim", "tap", "--seconds", "1", "--to", "log:tap.log"]);
+    succeeds(&dir, &["sim", "tap", "--to", "log:tap.log"]);
     let code = |args: &[&str], stdout: Stdio, stderr: Stdio| {
         let mut taxel = Command::new(env!("CARGO_BIN_EXE_taxel"));
         let taxel = taxel
@@ -129,7 +129,7 @@ fn a_command_that_can_tell_nobody_anything_ends_as_it_would_have() {
         }
     }
     for args in [
-        &["eval", "tap.log"][..],
+        &["eval", "tap.log", "--passes", "1", "--restarts", "1"][..],
         &["demo", "--seconds", "1", "--headless"],
     ] {
         assert_eq!(code(args, gone(), Stdio::null()), Some(0), "{args:?}");
