@@ -32,7 +32,10 @@ impl Reports {
     pub(super) async fn line(&self, state: &State) -> Rc<[u8]> {
         let mut newest = self.newest.lock().await;
         let changes = self.changes.get();
-        if let Some(report) = newest.as_ref().filter(|r| r.changes == changes && r.made.elapsed() < FRESH) {
+        if let Some(report) = newest
+            .as_ref()
+            .filter(|r| r.changes == changes && r.made.elapsed() < FRESH)
+        {
             return report.line.clone();
         }
         state.call_roster().await;
