@@ -1,6 +1,6 @@
 """Actuators that follow the contacts, in numpy: the position stage of the method `optimal`.
 
-An implementation of `docs/algorithm.md`, "Actuators: `follow`", without history, budgets and more than 1,023 contacts. There is no optimum to compare the
+An implementation of `docs/algorithm.md`, "Actuators: `follow`", without history and budgets. There is no optimum to compare the
 daemon's places with, but there is a recipe, which says which of the nearly equal arrangements a frame ends in, and which id stands where.
 Everything is remembered under names, with no thought of speed; distances are computed anew for each contact.
 
@@ -119,13 +119,13 @@ class Follower:
         self.finish()
 
     def assign(self):
-        """To the nearest centroids; the lowest bits of a distance say whose it is. Returns whether a label changed."""
+        """To the nearest centroids; the lowest bits of a distance say whose it is. Returns how many labels changed."""
         d = self.xy[:, None, :] - self.at[None, :, :]
         d = d * d
         bits = (d[:, :, 0] + d[:, :, 1]).view(np.uint32)
         tagged = np.sort(bits & ~self.id_bits | np.arange(self.k, dtype=np.uint32), axis=1)
         label = (tagged[:, 0] & self.id_bits).astype(int)
-        changed = bool(np.any(label != self.label))
+        changed = int(np.count_nonzero(label != self.label))
         second = tagged[:, 1] if self.k > 1 else np.full(len(label), np.finfo(F).max, dtype=F).view(np.uint32)
         self.label = label
         self.near, self.next = ((t & ~self.id_bits).view(F) for t in (tagged[:, 0].copy(), second.copy()))
@@ -147,6 +147,7 @@ class Follower:
     def settle(self, most=None):
         """Until nothing changes. With `most`: returns False when the cost does not fall fast enough to come below it."""
         self.done, before = True, np.inf
+        few = len(self.xy) // 1024
         for _ in range(ROUNDS):
             changed = self.assign()
             if changed:
@@ -155,21 +156,21 @@ class Follower:
             if most is not None and cost - FALLS * (before - cost) >= most:
                 return False
             before = cost
-            if changed:
+            if changed > few:
                 self.centre()
-            elif not self.move_single_contacts():
+            elif self.move_single_contacts() <= few:
                 return True
-        self.done = not self.assign()
+        self.done = self.assign() <= few
         self.add_up()
         return True
 
     def move_single_contacts(self):
         """Distances to the own and the second nearest centroid are those of the assignment, to the others as they are by now."""
-        moved = False
+        moved, most = 0, self.weight.max()
         for n, (x, y) in enumerate(self.xy.astype(np.float64)):
             own, w = self.label[n], self.weight[n]
             left = self.sums[own, 2] - w
-            if self.stays(n) or left <= 0:
+            if self.stays(n, most) or left <= 0:
                 continue
             to, least = own, float(self.near[n]) * self.sums[own, 2] / left
             for i in range(self.k):
@@ -183,12 +184,12 @@ class Follower:
                     self.sums[i] += sign * w * np.array([x, y, 1.0])
                 self.centre((own, to))
                 self.label[n] = to
-                moved = True
+                moved += 1
         return moved
 
-    def stays(self, n):
-        """Whether a contact stays whatever the weights of the others, as far as the two nearest centroids say."""
-        heavy, most = self.sums[self.label[n], 2], self.weight.max()
+    def stays(self, n, most):
+        """Whether a contact stays whatever the weights of the others, `most` the greatest, as far as the two nearest centroids say."""
+        heavy = self.sums[self.label[n], 2]
         if heavy - most <= 0:
             return not self.weighted
         lightest = self.sums[self.sums[:, 2] > 0, 2].min()
@@ -208,7 +209,8 @@ class Follower:
                     return woke
                 self.at[i] = self.xy[n]
                 self.moved[i] = woke = True
-                self.near = np.minimum(self.near, [squared(p, self.xy[n]) for p in self.xy])
+                d = (self.xy - self.xy[n]) ** 2
+                self.near = np.minimum(self.near, d[:, 0] + d[:, 1])
         return woke
 
     # Swaps
@@ -276,14 +278,12 @@ class Follower:
         """What it costs to dissolve each cluster: its contacts go to their second nearest centroids, or it merges with another."""
         apart = self.next - self.near
         loss = np.bincount(self.label, weights=self.weight * apart.astype(np.float64), minlength=self.k)
-        for a in range(self.k):
-            for b in range(a):
-                n, m = self.sums[a, 2], self.sums[b, 2]
-                if n > 0 and m > 0:
-                    dx, dy = (self.at[a] - self.at[b]).astype(np.float64)
-                    merged = n * m / (n + m) * (dx * dx + dy * dy)
-                    loss[a], loss[b] = min(loss[a], merged), min(loss[b], merged)
-        return loss
+        n, m = self.sums[:, None, 2], self.sums[None, :, 2]
+        dx, dy = np.moveaxis((self.at[:, None] - self.at[None]).astype(np.float64), 2, 0)
+        with np.errstate(invalid="ignore"):
+            merged = n * m / (n + m) * (dx * dx + dy * dy)
+        possible = (n > 0) & (m > 0) & ~np.eye(self.k, dtype=bool)
+        return np.minimum(loss, np.where(possible, merged, np.inf).min(axis=1))
 
     def splits(self):
         """What each cluster gains by being halved across its principal axis, and its halves, that nearer to where it stood first."""

@@ -160,6 +160,40 @@ fn points_in_one_place_are_survived() {
 }
 
 #[test]
+fn places_a_kilometre_from_the_origin_are_clustered_as_well() {
+    // Single precision has steps of a sixteenth of a millimetre there.
+    let settings = Kmeans2dSettings { reach: 9.4, ..PLAIN };
+    let keys: Vec<u16> = (0..240).collect();
+    let at = |origin: f64| {
+        let mut solver = Kmeans2d::new(240, 8, settings);
+        let place = |n: u16| {
+            let (x, y) = (f64::from(n % 16), f64::from(n / 16));
+            (origin + 4.7 * x, origin - 4.7 * y)
+        };
+        let points: Vec<_> = keys.iter().map(|n| place(*n)).collect();
+        let near: Vec<_> = keys
+            .iter()
+            .map(|n| (4.7 * f64::from(n % 16), -4.7 * f64::from(n / 16)))
+            .collect();
+        let mut errors = Vec::new();
+        for frame in 0..60 {
+            // Held for a while, then two rows less.
+            let some = if frame < 40 { 240 } else { 208 };
+            let (x, y) = plane(&points[..some]);
+            let found = solver.follow(Plane { x: &x, y: &y }, &keys[..some], None);
+            assert!(found.live.iter().all(|live| *live));
+            errors.push(error(&near[..some], found.labels, 8));
+        }
+        (errors[39], errors[59])
+    };
+    let (here, there) = (at(0.0), at(1e6));
+    assert!(
+        there.0 < 1.01 * here.0 && there.1 < 1.01 * here.1,
+        "{here:?} and {there:?}"
+    );
+}
+
+#[test]
 fn an_id_whose_point_flickers_comes_back_and_none_goes_elsewhere() {
     let steady = [blob(0.0, 0.0), blob(20.0, 0.0), blob(0.0, 20.0)].concat();
     let flickering = [steady.clone(), vec![(30.0, 30.0)]].concat();
