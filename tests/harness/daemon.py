@@ -76,7 +76,8 @@ class Daemon:
         self.config = self.folder / "taxeld.toml"
         self.log_path = self.folder / "taxeld.log"
         self.environment = environment or {}
-        tables["socket"] = {"images": self.images, "control": self.control_path, **tables.get("socket", {})}
+        # A test that looks at something else for a while has not stopped reading.
+        tables["socket"] = {"images": self.images, "control": self.control_path, "stall_ms": 60_000, **tables.get("socket", {})}
         buses = "".join(f"\n[[bus]]\nsource = {toml(s)}\n" for s in sources)
         self.config.write_text(f"layout = {toml(layout)}\n{buses}\n{toml(tables)}\n")
         self.process = None

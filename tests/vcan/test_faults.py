@@ -85,11 +85,13 @@ def problem(status, kind):
 
 
 def comes(daemon, kind, *words, seconds=15):
-    status = daemon.wait_status(lambda s: problem(s, kind), f"no problem {kind}", seconds)
-    found = problem(status, kind)
-    for word in words:
-        assert word in found["sentence"], found
-    return found
+    """The problem of this kind, once its sentence says all of this: it may know more a moment later."""
+
+    def said(status):
+        found = problem(status, kind)
+        return found and all(word in found["sentence"] for word in words)
+
+    return problem(daemon.wait_status(said, f"no problem {kind} with {words}", seconds), kind)
 
 
 def is_well_again(daemon, since, what, living=len(MODULES), seconds=20):

@@ -60,7 +60,7 @@ pub(crate) struct Args {
     autostart: bool,
     /// Offer simulated Dynamixel servos of the fingers, too, that move with the scene: LINK is
     /// made, a link to the pseudo terminal to be read as their serial port; stdout tells how, as the
-    /// table [joints] of a taxeld.toml
+    /// table `[joints]` of a taxeld.toml
     #[arg(long, value_name = "LINK")]
     servos: Option<PathBuf>,
     /// Make the scene's marks on the daemon with this control socket, as a robot would; phantoms have marks
