@@ -1,6 +1,7 @@
 //! `taxel demo`: simulator, daemon and live view in one process.
 
 mod colour;
+mod grid;
 mod joints;
 mod meter;
 mod palpation;
