@@ -11,6 +11,8 @@ What may end it later all the same: memory that is refused. Prints a table; the 
 """
 
 import argparse
+import signal
+import subprocess
 import sys
 import tempfile
 import time
@@ -117,7 +119,7 @@ def run(hand, seconds, call=None, fault=None):
             strace += ["-P", daemon.log_path, "-P", Path(hand.servos.path).resolve()]
         daemon.spawn(under=strace)
         try:
-            outcome = watch(daemon, seconds)
+            outcome = watch(daemon, seconds, call)
         finally:
             daemon.kill()
         log = daemon.log
@@ -128,7 +130,7 @@ def run(hand, seconds, call=None, fault=None):
         return outcome, "(INJECTED)" in text, text
 
 
-def watch(daemon, seconds):
+def watch(daemon, seconds, call):
     end = time.monotonic() + 15
     while True:
         status = daemon.process.poll()
@@ -152,18 +154,26 @@ def watch(daemon, seconds):
         raise Lie(f"it does not serve: {error!r}; its log:\n{daemon.log[-1500:]}") from None
     if not after or not reply["ok"]:
         raise Lie(f"{after} images after the first, control says {str(reply)[:200]}; its log:\n{daemon.log[-1500:]}")
-    status = daemon.stop()
+    daemon.process.send_signal(signal.SIGTERM)
+    try:
+        status = daemon.process.wait(2 if call == "sendto" else 10)
+    except subprocess.TimeoutExpired:
+        # A signal wakes its thread by a send, and one whose wake-up the fault took is sent again.
+        status = daemon.stop()
     if status != 0:
         raise Lie(f"SIGTERM ends it with {status}:\n{daemon.log[-1500:]}")
     return "went on"
 
 
 def asked(daemon):
-    """The control socket's answer; a connection that failed may be made once more."""
+    """The control socket's answer; a connection that failed, or made room for another, may be made once more."""
     try:
-        return daemon.control("status")
+        reply = daemon.control("status")
+        if reply["ok"]:
+            return reply
     except (OSError, AssertionError):
-        return daemon.control("status")
+        pass
+    return daemon.control("status")
 
 
 def refused(daemon, status):

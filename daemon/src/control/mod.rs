@@ -62,8 +62,11 @@ async fn serve(listener: UnixListener, state: Rc<State>, access: Access, places:
                 tokio::task::yield_now().await;
             }
             Err(error) => {
-                // Out of file descriptors, most likely, of which an idle client has one. Said once, however long it
-                // lasts.
+                // Out of file descriptors, most likely, of which an idle client has one; or a client that was gone before
+                // it was let in. Said once, however long it lasts.
+                if error.kind() == std::io::ErrorKind::ConnectionAborted {
+                    continue;
+                }
                 if !std::mem::replace(&mut failing, true) {
                     tracing::warn!(%error, "cannot accept a control connection");
                 }

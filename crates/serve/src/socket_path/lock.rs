@@ -2,16 +2,16 @@
 
 use super::SocketPathError;
 use nix::errno::Errno;
-use nix::fcntl::{Flock, FlockArg, OFlag};
+use nix::fcntl::OFlag;
 use nix::unistd::geteuid;
-use std::fs::{self, File, OpenOptions, Permissions};
+use std::fs::{self, File, OpenOptions, Permissions, TryLockError};
 use std::io;
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
 /// An exclusive lock on a file that nobody else can open, held until dropped; none by default.
 #[derive(Debug, Default)]
-pub(super) struct Lock(Option<(PathBuf, Flock<File>)>);
+pub(super) struct Lock(Option<(PathBuf, File)>);
 
 impl Lock {
     /// Takes the lock of a socket; `InUse` where it is held.
@@ -19,18 +19,17 @@ impl Lock {
         let path = PathBuf::from(format!("{}.lock", socket.display()));
         loop {
             let file = open(&path)?;
-            let locked = Flock::lock(file, FlockArg::LockExclusiveNonblock);
-            let lock = locked.map_err(|(_, errno)| match errno {
-                Errno::EWOULDBLOCK => SocketPathError::InUse { path: socket.into() },
-                errno => SocketPathError::io("lock", &path, errno.into()),
+            file.try_lock().map_err(|error| match error {
+                TryLockError::WouldBlock => SocketPathError::InUse { path: socket.into() },
+                TryLockError::Error(error) => SocketPathError::io("lock", &path, error),
             })?;
             // Whoever held it may have removed the file between our opening it and locking it.
-            let is_there = match (fs::symlink_metadata(&path), lock.metadata()) {
+            let is_there = match (fs::symlink_metadata(&path), file.metadata()) {
                 (Ok(there), Ok(ours)) => (there.dev(), there.ino()) == (ours.dev(), ours.ino()),
                 _ => false,
             };
             if is_there {
-                return Ok(Self(Some((path, lock))));
+                return Ok(Self(Some((path, file))));
             }
         }
     }
