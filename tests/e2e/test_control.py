@@ -17,8 +17,8 @@ PLACES = 128
 
 def connect(path):
     client = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    client.connect(str(path))  # waits where more come at once than are let in; with a time limit it would fail
     client.settimeout(20)
-    client.connect(str(path))
     return client
 
 
@@ -31,6 +31,9 @@ def daemon(folder):
 def test_the_connection_that_was_idle_for_longest_makes_room_and_is_told(daemon):
     with ExitStack() as stack:
         idle = [stack.enter_context(connect(daemon.control_path)) for _ in range(PLACES)]
+        with connect(daemon.folder / "status.sock") as looker:
+            let_in = lambda: ask(looker, {"cmd": "status"})["status"]["control"]["clients"] == PLACES + 1  # noqa: E731
+            eventually(let_in, "not all of them are let in")
         # The first asks something, which makes it the last.
         assert ask(idle[0], {"cmd": "status"})["ok"]
         late = [stack.enter_context(connect(daemon.control_path)) for _ in range(3)]

@@ -1,17 +1,12 @@
-//! The reply to `status`, made once for all who ask within a moment.
+//! The reply to `status`, made once for all who wait for one.
 
 use super::line_of;
 use crate::state::State;
 use serde_json::json;
 use std::cell::Cell;
 use std::rc::Rc;
-use std::time::Duration;
 use tokio::sync::Mutex;
 use tokio::time::Instant;
-
-/// How long a report is told again. Clients that ask without end cost one report in that time, and the thread that sends
-/// images one look at who is connected.
-const FRESH: Duration = Duration::from_millis(20);
 
 /// The newest reply, and how many changes there were before it.
 #[derive(Debug, Default)]
@@ -22,27 +17,28 @@ pub(crate) struct Reports {
 
 #[derive(Debug)]
 struct Report {
-    made: Instant,
+    begun: Instant,
     changes: u64,
     line: Rc<[u8]>,
 }
 
 impl Reports {
-    /// The reply: at most [`FRESH`] old, and from after the last change.
+    /// The reply, of a report that was begun after this was called and after the last change. However many ask at once, one
+    /// report is made for all of them while another one is: who asks without end costs no more than that.
     pub(super) async fn line(&self, state: &State) -> Rc<[u8]> {
+        let asked = Instant::now();
         let mut newest = self.newest.lock().await;
         let changes = self.changes.get();
-        if let Some(report) = newest
-            .as_ref()
-            .filter(|r| r.changes == changes && r.made.elapsed() < FRESH)
-        {
+        let is_new = |report: &&Report| report.begun >= asked && report.changes == changes;
+        if let Some(report) = newest.as_ref().filter(is_new) {
             return report.line.clone();
         }
+        let begun = Instant::now();
         state.call_roster().await;
         // The tree of a report of many subscribers is several times its text, and gone before anybody takes that.
         let line: Rc<[u8]> = line_of(&json!({ "ok": true, "status": state.status() })).into();
         *newest = Some(Report {
-            made: Instant::now(),
+            begun,
             changes,
             line: line.clone(),
         });
