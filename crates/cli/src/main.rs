@@ -19,6 +19,7 @@ mod demo;
 mod doctor;
 mod eval;
 mod everyday;
+mod extension;
 mod figures;
 mod image_line;
 mod image_output;
@@ -40,7 +41,8 @@ mod sweep;
 mod target;
 mod watch;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
+use std::ffi::OsString;
 use std::io;
 use std::process::ExitCode;
 
@@ -48,9 +50,13 @@ use std::process::ExitCode;
 /// compress offline.
 #[derive(Debug, Parser)]
 #[command(name = "taxel", version, after_help = EXAMPLES, max_term_width = 110)]
+#[command(arg_required_else_help = true)]
 struct Cli {
+    /// List every command there is, those of other programs with their files
+    #[arg(long, exclusive = true)]
+    list: bool,
     #[command(subcommand)]
-    command: Command,
+    command: Option<Command>,
 }
 
 const EXAMPLES: &str = "\
@@ -66,7 +72,7 @@ Examples:
   taxel doctor                                   what is wrong with this machine and this hand
   taxel status                                   the running daemon on one screen
 
-`taxel COMMAND --help` explains each. CAN sources are can:INTERFACE, udp:GROUP:PORT, log:FILE and sim:SCENE.";
+`taxel COMMAND --help` explains each; a program `taxel-NAME` beside this one or in PATH is `taxel NAME`. CAN sources are can:INTERFACE, udp:GROUP:PORT, log:FILE and sim:SCENE.";
 
 #[derive(Debug, Subcommand)]
 enum Command {
@@ -86,10 +92,16 @@ enum Command {
     Profile(everyday::ProfileArgs),
     Mark(everyday::MarkArgs),
     Servo(servo::Args),
+    /// A program `taxel-NAME` with its arguments.
+    #[command(external_subcommand)]
+    Extension(Vec<OsString>),
 }
 
 fn main() -> ExitCode {
-    let result = match Cli::parse().command {
+    let Some(command) = Cli::parse().command else {
+        return extension::list(&Cli::command());
+    };
+    let result = match command {
         Command::Demo(args) => demo::run(&args),
         Command::Watch(args) => watch::run(&args),
         Command::Replay(args) => replay::run(&args),
@@ -105,6 +117,7 @@ fn main() -> ExitCode {
         Command::Profile(args) => everyday::profile(&args),
         Command::Mark(args) => everyday::mark(&args),
         Command::Servo(args) => servo::run(&args),
+        Command::Extension(words) => return extension::run(&words, &Cli::command()),
         Command::Doctor(args) => match doctor::run(&args) {
             Ok(true) => Ok(()),
             // What is wrong was said already.
@@ -145,7 +158,6 @@ fn describe(error: &anyhow::Error) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use clap::CommandFactory;
 
     #[test]
     fn the_command_line_is_consistent() {

@@ -4,6 +4,7 @@
 //! Only data: nothing here decodes, computes an image or does I/O. How the boards of a hand are
 //! wired is no concern of this crate; that is the layout of `taxel-skin`.
 
+mod did_you_mean;
 mod frame;
 mod geometry;
 mod image;
@@ -12,6 +13,7 @@ mod profile;
 mod profile_error;
 mod range;
 
+pub use did_you_mean::{closest, did_you_mean};
 pub use frame::{FORCE_MAX, FORCE_MIN, Fault, Faults, ForceFrame, Freshness, TactileFrame};
 pub use geometry::{Geometry, GeometryError, MAX_MODULES, MAX_PIXELS, MAX_TAXELS, Module, Taxel};
 pub use image::{Actuator, TactileImage};

@@ -3,6 +3,7 @@
 mod categorize;
 mod compress;
 mod eval;
+mod extension;
 mod figures;
 mod files;
 mod publication;
