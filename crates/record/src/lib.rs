@@ -5,7 +5,7 @@
 //! by its shape and by options, never guessed. A candump `.log` is not a sequence of frames but of
 //! bus traffic: `taxel_can` reads it.
 //!
-//! [`Labelled`] is frames with the classes they are of.
+//! [`Labelled`] is frames with the classes they are of; [`NumberArray`] any array, for files that are no recordings.
 //!
 //! [`ImageStack`] collects tactile images and writes them as `.npy`, `.npz` or `.csv`; [`FrameTable`] writes tactile
 //! frames, counts and joint angles, as `.csv`.
@@ -19,6 +19,7 @@ mod labelled;
 mod meaning;
 mod npy;
 mod npz;
+mod number_array;
 mod open;
 mod recording;
 mod table;
@@ -27,5 +28,6 @@ pub use error::RecordError;
 pub use frames::FrameTable;
 pub use images::ImageStack;
 pub use labelled::Labelled;
+pub use number_array::NumberArray;
 pub use recording::{Frames, Recording};
 pub use table::{Columns, DEFAULT_RATE_HZ, ReadOptions, TimeUnit, Void};

@@ -1,0 +1,79 @@
+//! Why a squeeze cannot be read, or a place not be estimated.
+
+use crate::mat::TornMat;
+use std::io;
+use std::path::PathBuf;
+
+/// Why a squeeze cannot be read, or a place not be estimated. Rows count from 0.
+#[derive(Debug, thiserror::Error)]
+pub enum ForearmError {
+    /// The file cannot be opened, read or written.
+    #[error("{path}: {source}")]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// A `.mat` file that is damaged or of another kind.
+    #[error("{path}: {torn}")]
+    Mat {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong, and at which byte.
+        torn: TornMat,
+    },
+    /// A readable file with something else in it.
+    #[error("{path}: {what}")]
+    Unfit {
+        /// The file or folder.
+        path: PathBuf,
+        /// What it holds, and what was expected.
+        what: String,
+    },
+    /// An `.npz` that cannot be read.
+    #[error(transparent)]
+    Arrays(#[from] taxel_record::RecordError),
+    /// A squeeze of a file that is none.
+    #[error("{at}: {source}")]
+    In {
+        /// The file, and the trial where it has several.
+        at: String,
+        /// What is wrong with it.
+        source: Box<ForearmError>,
+    },
+    /// Columns of unequal length.
+    #[error("a column has {found} samples, and there are {rows} times; every sample needs all columns")]
+    Columns {
+        /// Samples of the column.
+        found: usize,
+        /// Times.
+        rows: usize,
+    },
+    /// Tactile images that are not one for each sample.
+    #[error("{counts} tactile counts are not {rows} images of 28 x 50; give one for each sample, or none")]
+    Images {
+        /// Counts there are.
+        counts: usize,
+        /// Samples there are.
+        rows: usize,
+    },
+    /// Times that stand still or run backwards.
+    #[error("row {row} is at {time_ms} ms, after one at {before_ms} ms; times must be numbers that increase")]
+    Time {
+        /// The row.
+        row: usize,
+        /// Its time.
+        time_ms: f64,
+        /// The time before.
+        before_ms: f64,
+    },
+    /// A PWM that no motor takes.
+    #[error("row {row} commands PWM {pwm}; it must be -885 to 885")]
+    Pwm {
+        /// The row.
+        row: usize,
+        /// Its PWM.
+        pwm: f64,
+    },
+}

@@ -1,0 +1,45 @@
+//! What estimators have in common.
+
+use crate::error::ForearmError;
+use crate::squeeze::Squeeze;
+
+/// What an estimate was made from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Source {
+    /// Angles of the fingers.
+    Kinesthetic,
+    /// Tactile images.
+    Tactile,
+    /// Both.
+    Fused,
+}
+
+impl std::fmt::Display for Source {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.pad(match self {
+            Source::Kinesthetic => "kinesthetic",
+            Source::Tactile => "tactile",
+            Source::Fused => "fused",
+        })
+    }
+}
+
+/// Where a squeeze was made.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Estimate {
+    /// From 0 (wrist) to 100 (elbow).
+    pub percent: f64,
+    /// Nine of ten places, also of those that no training squeeze was made at, are within this of the estimate.
+    pub half_width_90: f64,
+    /// What it was made from.
+    pub source: Source,
+}
+
+/// Something that was trained on squeezes and says where others were made.
+pub trait Estimator {
+    /// The place of a squeeze, or of as much of it as there is.
+    ///
+    /// # Errors
+    /// A squeeze that is too short or damaged, or of another gripper.
+    fn estimate(&self, squeeze: &Squeeze) -> Result<Estimate, ForearmError>;
+}

@@ -1,0 +1,19 @@
+//! Where on the forearm a gripper holds, from one squeeze (Pastor, Gandarias, Garcia-Cerezo and Gomez-de-Gabriel,
+//! "Dataset with Tactile and Kinesthetic Information from a Human Forearm and Its Application to Deep Learning", 2022).
+//!
+//! A [`Squeeze`] is what the gripper felt while it closed and opened: angles of its two fingers, the commanded PWM, and
+//! the tactile images of a third finger where there is one. A [`Session`] is squeezes with the places they were made
+//! at, read from the publication's folders of `.mat` files or from an `.npz`. An [`Estimator`] says where a squeeze was
+//! made, from 0 % (wrist) to 100 % (elbow), and how far that may be off; it takes as much of a squeeze as there is.
+
+mod error;
+mod estimate;
+mod mat;
+mod session;
+mod squeeze;
+
+pub use error::ForearmError;
+pub use estimate::{Estimate, Estimator, Source};
+pub use mat::{Matrix, TornMat, read_mat, write_mat};
+pub use session::{PLACES, Session, Trial, location_percent};
+pub use squeeze::{COLUMNS, FINGERS, FULL_PWM, Sample, Squeeze, TACTELS, TACTILE_COLUMNS, TACTILE_ROWS};

@@ -1,0 +1,437 @@
+//! MATLAB's level 5 MAT-files ("MAT-File Format", The MathWorks): real matrices, read and written.
+
+use flate2::read::ZlibDecoder;
+use std::io::Read;
+
+/// A real matrix of a MAT-file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Matrix {
+    /// The variable's name.
+    pub name: String,
+    /// How many rows it has.
+    pub rows: usize,
+    /// Its columns, one after another, `rows` numbers each.
+    pub values: Vec<f64>,
+}
+
+/// Why bytes are no MAT-file with a matrix, and where.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("byte {offset}: {reason}")]
+pub struct TornMat {
+    /// The byte; in what a compressed element unpacks to, of that.
+    pub offset: usize,
+    /// What is wrong, and what to do.
+    pub reason: String,
+}
+
+/// Length of the header.
+const HEADER: usize = 128;
+/// A compressed element is unpacked no further: a hundred thousand rows.
+const MOST_UNPACKED: u64 = 16 << 20;
+const INT8: u32 = 1;
+const INT32: u32 = 5;
+const UINT32: u32 = 6;
+const DOUBLE: u32 = 9;
+const MATRIX: u32 = 14;
+const COMPRESSED: u32 = 15;
+/// The class of a matrix of doubles.
+const DOUBLE_CLASS: u32 = 6;
+/// Classes of matrices of numbers: double to uint64.
+const NUMBERS: std::ops::RangeInclusive<u32> = 6..=15;
+
+/// Reads the matrix called `name`, or the only one.
+///
+/// # Errors
+/// Bytes of another kind or cut off; no such matrix; one that is complex or of more than two dimensions.
+pub fn read_mat(bytes: &[u8], name: &str) -> Result<Matrix, TornMat> {
+    let whole = Bytes::open(bytes)?;
+    let mut at = HEADER;
+    let mut found: Vec<Matrix> = Vec::new();
+    while at < bytes.len() {
+        let element = whole.element(at)?;
+        let matrix = match element.kind {
+            COMPRESSED => {
+                let unpacked = unpack(element.data, element.begins)?;
+                let inner = Bytes {
+                    bytes: &unpacked,
+                    ..whole
+                };
+                let element = inner.element(0)?;
+                let is_matrix = element.kind == MATRIX;
+                is_matrix.then(|| inner.matrix(&element)).transpose()?
+            }
+            MATRIX => Some(whole.matrix(&element)?),
+            _ => None,
+        };
+        found.extend(matrix.flatten());
+        // Only what is compressed is not filled up to eight bytes.
+        at = if element.kind == COMPRESSED {
+            element.ends
+        } else {
+            element.next
+        };
+    }
+    let torn = |reason| {
+        Err(TornMat {
+            offset: bytes.len(),
+            reason,
+        })
+    };
+    match (found.iter().position(|m| m.name == name), found.len()) {
+        (Some(at), _) => Ok(found.swap_remove(at)),
+        (None, 1) => Ok(found.swap_remove(0)),
+        (None, 0) => torn(format!("the file ends without a matrix; it should hold {name:?}")),
+        (None, _) => {
+            let names: Vec<&str> = found.iter().map(|m| m.name.as_str()).collect();
+            torn(format!(
+                "the file has no {name:?} among its matrices {}",
+                names.join(", ")
+            ))
+        }
+    }
+}
+
+/// Writes a matrix of doubles as a MAT-file, not compressed.
+///
+/// # Panics
+/// If values are no whole columns, or the name is longer than MATLAB's 63 letters.
+pub fn write_mat(matrix: &Matrix) -> Vec<u8> {
+    let columns = matrix.values.len() / matrix.rows.max(1);
+    assert!(
+        columns * matrix.rows == matrix.values.len() && matrix.name.len() <= 63,
+        "{}",
+        matrix.name
+    );
+    let size = |n: usize| u32::try_from(n).expect("less than 4 GB").to_le_bytes();
+    let mut body = Vec::new();
+    let mut element = |kind: u32, data: &[u8]| {
+        body.extend(kind.to_le_bytes());
+        body.extend(size(data.len()));
+        body.extend(data);
+        body.resize(body.len().next_multiple_of(8), 0);
+    };
+    element(UINT32, &[DOUBLE_CLASS.to_le_bytes(), [0; 4]].concat());
+    element(INT32, &[size(matrix.rows), size(columns)].concat());
+    element(INT8, matrix.name.as_bytes());
+    let values: Vec<u8> = matrix.values.iter().flat_map(|v| v.to_le_bytes()).collect();
+    element(DOUBLE, &values);
+    let mut file = b"MATLAB 5.0 MAT-file, written by taxel".to_vec();
+    file.resize(HEADER - 12, b' ');
+    file.extend([0; 8]);
+    file.extend([0x00, 0x01, b'I', b'M']);
+    file.extend(MATRIX.to_le_bytes());
+    file.extend(size(body.len()));
+    file.extend(body);
+    file
+}
+
+/// A run of elements.
+#[derive(Clone, Copy)]
+struct Bytes<'a> {
+    bytes: &'a [u8],
+    big_endian: bool,
+}
+
+struct Element<'a> {
+    kind: u32,
+    data: &'a [u8],
+    /// Where its data begin and end, and where the next element begins.
+    begins: usize,
+    ends: usize,
+    next: usize,
+}
+
+fn torn<T>(offset: usize, reason: impl Into<String>) -> Result<T, TornMat> {
+    let reason = reason.into();
+    Err(TornMat { offset, reason })
+}
+
+impl<'a> Bytes<'a> {
+    /// The bytes of a file, whose header says their order.
+    fn open(bytes: &'a [u8]) -> Result<Self, TornMat> {
+        let Some(order) = bytes.get(HEADER - 2..HEADER) else {
+            return torn(
+                bytes.len(),
+                "cut off within the header of a MAT-file; get the file again",
+            );
+        };
+        let big_endian = match order {
+            b"IM" => false,
+            b"MI" => true,
+            _ => {
+                return torn(
+                    HEADER - 2,
+                    "no level 5 MAT-file; save it in MATLAB with -v7 or -v6",
+                );
+            }
+        };
+        Ok(Self { bytes, big_endian })
+    }
+
+    fn word(&self, at: usize) -> Result<u32, TornMat> {
+        let Some(bytes) = at.checked_add(4).and_then(|end| self.bytes.get(at..end)) else {
+            return torn(self.bytes.len(), "cut off within an element; get the file again");
+        };
+        let bytes = [bytes[0], bytes[1], bytes[2], bytes[3]];
+        Ok(if self.big_endian {
+            u32::from_be_bytes(bytes)
+        } else {
+            u32::from_le_bytes(bytes)
+        })
+    }
+
+    fn element(&self, at: usize) -> Result<Element<'a>, TornMat> {
+        let tag = self.word(at)?;
+        // A small element has its size in the upper half of the tag and at most four bytes behind it.
+        let small = (tag >> 16) as usize;
+        let (kind, size, begins) = if small > 0 {
+            (tag & 0xFFFF, small, at + 4)
+        } else {
+            (tag, self.word(at + 4)? as usize, at + 8)
+        };
+        if small > 4 {
+            return torn(
+                at,
+                format!("a small element of {small} bytes; the file is damaged"),
+            );
+        }
+        let ends = begins.checked_add(size).filter(|end| *end <= self.bytes.len());
+        let Some(ends) = ends else {
+            let rest = self.bytes.len().saturating_sub(begins);
+            let reason = format!("an element of {size} bytes is cut off after {rest}; get the file again");
+            return torn(at, reason);
+        };
+        let next = if small > 0 {
+            at + 8
+        } else {
+            ends.next_multiple_of(8)
+        };
+        Ok(Element {
+            kind,
+            data: &self.bytes[begins..ends],
+            begins,
+            ends,
+            next,
+        })
+    }
+
+    /// A matrix of numbers; none where it is one of anything else.
+    fn matrix(&self, whole: &Element<'_>) -> Result<Option<Matrix>, TornMat> {
+        let inner = Self {
+            bytes: &self.bytes[..whole.ends],
+            ..*self
+        };
+        let flags = inner.element(whole.begins)?;
+        if flags.kind != UINT32 || flags.data.len() != 8 {
+            return torn(flags.begins, "a matrix without its flags; the file is damaged");
+        }
+        let flag_word = inner.word(flags.begins)?;
+        if !NUMBERS.contains(&(flag_word & 0xFF)) {
+            return Ok(None);
+        }
+        let dimensions = inner.element(flags.next)?;
+        if dimensions.kind != INT32 || dimensions.data.len() != 8 {
+            return torn(
+                dimensions.begins,
+                "a matrix that is not of two dimensions; save it as rows and columns",
+            );
+        }
+        let [rows, columns] = [0, 4].map(|n| inner.word(dimensions.begins + n));
+        let (rows, columns) = (rows? as usize, columns? as usize);
+        let name = inner.element(dimensions.next)?;
+        let text = String::from_utf8_lossy(name.data).into_owned();
+        if flag_word >> 8 & 8 != 0 {
+            return torn(flags.begins, format!("{text:?} is complex; save its real part"));
+        }
+        let real = inner.element(name.next)?;
+        let Some(bytes) = number_bytes(real.kind) else {
+            return torn(
+                real.begins,
+                format!("{text:?} has elements of unknown kind {}", real.kind),
+            );
+        };
+        if rows.checked_mul(columns).and_then(|n| n.checked_mul(bytes)) != Some(real.data.len()) {
+            let reason = format!(
+                "{text:?} is {rows} x {columns} and has {} bytes of numbers",
+                real.data.len()
+            );
+            return torn(real.begins, reason);
+        }
+        let values = real
+            .data
+            .chunks_exact(bytes)
+            .map(|n| self.number(real.kind, n))
+            .collect();
+        Ok(Some(Matrix {
+            name: text,
+            rows,
+            values,
+        }))
+    }
+
+    fn number(&self, kind: u32, bytes: &[u8]) -> f64 {
+        let mut little = [0; 8];
+        little[..bytes.len()].copy_from_slice(bytes);
+        if self.big_endian {
+            little[..bytes.len()].reverse();
+        }
+        let bits = u64::from_le_bytes(little);
+        match kind {
+            1 => f64::from(bits as i8),
+            3 => f64::from(bits as i16),
+            5 => f64::from(bits as i32),
+            7 => f64::from(f32::from_bits(bits as u32)),
+            9 => f64::from_bits(bits),
+            12 => bits as i64 as f64,
+            _ => bits as f64,
+        }
+    }
+}
+
+/// Bytes of a number of a kind: signed and unsigned integers, single and double.
+fn number_bytes(kind: u32) -> Option<usize> {
+    Some(match kind {
+        1 | 2 => 1,
+        3 | 4 => 2,
+        5..=7 => 4,
+        9 | 12 | 13 => 8,
+        _ => return None,
+    })
+}
+
+fn unpack(data: &[u8], offset: usize) -> Result<Vec<u8>, TornMat> {
+    let mut unpacked = Vec::new();
+    match ZlibDecoder::new(data)
+        .take(MOST_UNPACKED)
+        .read_to_end(&mut unpacked)
+    {
+        Err(error) => torn(
+            offset,
+            format!("a compressed element cannot be unpacked: {error}"),
+        ),
+        Ok(n) if n as u64 == MOST_UNPACKED => torn(
+            offset,
+            "a compressed element of more than 16 MB; this is no squeeze",
+        ),
+        Ok(_) => Ok(unpacked),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use flate2::Compression;
+    use flate2::write::ZlibEncoder;
+    use proptest::prelude::*;
+    use std::io::Write;
+
+    fn matrix() -> Matrix {
+        let values = (0..30).map(|n| f64::from(n) / 7.0).collect();
+        Matrix {
+            name: "datos".into(),
+            rows: 3,
+            values,
+        }
+    }
+
+    fn compressed(file: &[u8]) -> Vec<u8> {
+        let mut packer = ZlibEncoder::new(Vec::new(), Compression::default());
+        packer.write_all(&file[HEADER..]).unwrap();
+        let packed = packer.finish().unwrap();
+        let mut out = file[..HEADER].to_vec();
+        out.extend(COMPRESSED.to_le_bytes());
+        out.extend((packed.len() as u32).to_le_bytes());
+        out.extend(packed);
+        out
+    }
+
+    #[test]
+    fn a_matrix_comes_back_to_the_bit_packed_or_not() {
+        let file = write_mat(&matrix());
+        assert_eq!(read_mat(&file, "datos").unwrap(), matrix());
+        assert_eq!(read_mat(&compressed(&file), "datos").unwrap(), matrix());
+        assert_eq!(
+            read_mat(&file, "other").unwrap(),
+            matrix(),
+            "the only matrix needs no name"
+        );
+    }
+
+    #[test]
+    fn small_elements_integers_and_the_other_byte_order_are_read() {
+        // One row of the numbers 1, -2 as int16 in a small element, most significant byte first.
+        let mut file = vec![b' '; HEADER - 4];
+        file.extend([1, 0, b'M', b'I']);
+        let words = |words: &[u32]| words.iter().flat_map(|w| w.to_be_bytes()).collect::<Vec<u8>>();
+        let mut body = words(&[6, 8, 6, 0, 5, 8, 1, 2, 1 << 16 | 1]);
+        body.extend(b"x\0\0\0");
+        body.extend(words(&[4 << 16 | 3, 0x0001_FFFE]));
+        file.extend(words(&[14, body.len() as u32]));
+        file.extend(body);
+        let read = read_mat(&file, "datos").unwrap();
+        assert_eq!(
+            (read.name.as_str(), read.rows, read.values),
+            ("x", 1, vec![1.0, -2.0])
+        );
+    }
+
+    #[test]
+    fn a_file_that_is_cut_off_names_the_byte() {
+        for file in [write_mat(&matrix()), compressed(&write_mat(&matrix()))] {
+            for end in 0..file.len() {
+                let torn = read_mat(&file[..end], "datos").unwrap_err();
+                assert!(torn.offset <= end && !torn.reason.is_empty(), "{end}: {torn}");
+            }
+        }
+        let file = write_mat(&matrix());
+        let torn = read_mat(&file[..200], "datos").unwrap_err().to_string();
+        assert_eq!(
+            torn,
+            "byte 128: an element of 296 bytes is cut off after 64; get the file again"
+        );
+    }
+
+    #[test]
+    fn other_files_are_told_from_damaged_ones() {
+        let mut hdf = write_mat(&matrix());
+        hdf[HEADER - 2..HEADER].copy_from_slice(b"\0\0");
+        assert!(read_mat(&hdf, "datos").unwrap_err().reason.contains("-v7"));
+        let mut complex = write_mat(&matrix());
+        complex[HEADER + 17] = 8;
+        assert!(
+            read_mat(&complex, "datos")
+                .unwrap_err()
+                .reason
+                .contains("complex")
+        );
+        assert!(
+            read_mat(&write_mat(&matrix())[..HEADER], "datos")
+                .unwrap_err()
+                .reason
+                .contains("without a matrix")
+        );
+    }
+
+    #[test]
+    fn what_unpacks_without_end_is_not_unpacked() {
+        let mut file = write_mat(&matrix())[..HEADER].to_vec();
+        file.resize(HEADER + (20 << 20), 0);
+        let torn = read_mat(&compressed(&file), "datos").unwrap_err();
+        assert!(torn.reason.contains("16 MB"), "{torn}");
+    }
+
+    proptest! {
+        #[test]
+        fn no_bytes_make_the_reader_fail_otherwise(changes in proptest::collection::vec((0usize..450, any::<u8>()), 1..12)) {
+            for mut file in [write_mat(&matrix()), compressed(&write_mat(&matrix()))] {
+                let length = file.len();
+                for (at, byte) in &changes {
+                    file[at % length] = *byte;
+                }
+                if let Ok(matrix) = read_mat(&file, "datos") {
+                    prop_assert!(matrix.rows == 0 || matrix.values.len() % matrix.rows == 0);
+                }
+            }
+        }
+    }
+}

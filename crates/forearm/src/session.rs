@@ -1,0 +1,287 @@
+//! Squeezes with the places they were made at, in and out of files.
+
+use crate::error::ForearmError;
+use crate::mat::{Matrix, read_mat, write_mat};
+use crate::squeeze::{COLUMNS, Squeeze, TACTELS, TACTILE_COLUMNS, TACTILE_ROWS};
+use ndarray::{Array1, Array4, Array5};
+use ndarray_npy::NpzWriter;
+use std::fs::{self, File};
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+use taxel_record::NumberArray;
+
+/// Places of the publication, evenly from wrist to elbow.
+pub const PLACES: usize = 13;
+/// The variable of the publication's `.mat` files: "data" in Spanish.
+const VARIABLE: &str = "datos";
+/// Folders of folders that are looked through.
+const DEPTH: usize = 2;
+
+/// Where the publication's place `index` is, from 0 (wrist) to 100 (elbow).
+pub fn location_percent(index: usize) -> f64 {
+    100.0 * index as f64 / (PLACES - 1) as f64
+}
+
+/// A squeeze and where it was made.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Trial {
+    /// From 0 (wrist) to 100 (elbow).
+    pub location_percent: f64,
+    /// Which squeeze at this place, from 0.
+    pub repetition: usize,
+    /// The squeeze.
+    pub squeeze: Squeeze,
+}
+
+/// Squeezes of one arm and gripper.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Session {
+    /// File or folder, for messages.
+    pub name: String,
+    /// In the order of places and repetitions.
+    pub trials: Vec<Trial>,
+}
+
+impl Squeeze {
+    /// Reads one of the publication's files: `datos`, n x 10.
+    ///
+    /// # Errors
+    /// A file that cannot be read, is torn, or holds something else.
+    pub fn read_mat(path: &Path) -> Result<Self, ForearmError> {
+        let bytes = fs::read(path).map_err(io(path))?;
+        let matrix = read_mat(&bytes, VARIABLE).map_err(|torn| ForearmError::Mat {
+            path: path.into(),
+            torn,
+        })?;
+        let (rows, columns) = (matrix.rows, matrix.values.len() / matrix.rows.max(1));
+        if rows == 0 || columns != COLUMNS {
+            let what = format!(
+                "{} is {rows} x {columns}; a squeeze has a row for each sample and 10 columns",
+                matrix.name
+            );
+            return Err(ForearmError::Unfit {
+                path: path.into(),
+                what,
+            });
+        }
+        let mut columns = matrix.values.chunks_exact(rows);
+        let columns = std::array::from_fn(|_| columns.next().unwrap_or_default().to_vec());
+        Self::from_columns(columns).map_err(within(path.display()))
+    }
+
+    /// The bytes of such a file, without touch, which the publication keeps elsewhere.
+    pub fn to_mat(&self) -> Vec<u8> {
+        write_mat(&Matrix {
+            name: VARIABLE.into(),
+            rows: self.len(),
+            values: self.columns().concat(),
+        })
+    }
+}
+
+impl Session {
+    /// Reads a session: an `.npz` (`data`, places x repetitions x samples x 10, and `location_percent`), or a folder of the
+    /// publication's, `PLACE/distancePLACE_REPETITION.mat` with places 0 to 12.
+    ///
+    /// # Errors
+    /// What cannot be read, with its file; a folder without any such file.
+    pub fn open(path: &Path) -> Result<Self, ForearmError> {
+        let trials = if path.is_dir() {
+            read_folders(path)?
+        } else {
+            read_npz(path)?
+        };
+        let name = path.display().to_string();
+        Ok(Self { name, trials })
+    }
+
+    /// Where its squeezes were made, ascending, each place once.
+    pub fn locations(&self) -> Vec<f64> {
+        let mut places: Vec<f64> = self.trials.iter().map(|trial| trial.location_percent).collect();
+        places.sort_by(f64::total_cmp);
+        places.dedup();
+        places
+    }
+
+    /// Whether every squeeze has touch.
+    pub fn has_touch(&self) -> bool {
+        !self.trials.is_empty() && self.trials.iter().all(|trial| trial.squeeze.tactile.is_some())
+    }
+
+    /// Writes an `.npz` that [`Session::open`] reads: shorter squeezes are filled up with rows that are not numbers, and
+    /// squeezes that were not made are nothing else. With `tactile`, places x repetitions x samples x 28 x 50, where every
+    /// squeeze has touch.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn write_npz(&self, path: &Path) -> Result<(), ForearmError> {
+        let places = self.locations();
+        let repetitions = 1 + self.trials.iter().map(|t| t.repetition).max().unwrap_or(0);
+        let samples = self.trials.iter().map(|t| t.squeeze.len()).max().unwrap_or(0);
+        let mut data = Array4::from_elem((places.len(), repetitions, samples, COLUMNS), f64::NAN);
+        let images = (places.len(), repetitions, samples, TACTILE_ROWS, TACTILE_COLUMNS);
+        let mut tactile = self.has_touch().then(|| Array5::<u16>::zeros(images));
+        for trial in &self.trials {
+            let is_here = |place: &f64| *place == trial.location_percent;
+            let place = places.iter().position(is_here).unwrap_or_default();
+            for (column, values) in trial.squeeze.columns().iter().enumerate() {
+                for (row, value) in values.iter().enumerate() {
+                    data[(place, trial.repetition, row, column)] = *value;
+                }
+            }
+            if let (Some(all), Some(counts)) = (&mut tactile, &trial.squeeze.tactile) {
+                for (n, count) in counts.iter().enumerate() {
+                    let (row, tactel) = (n / TACTELS, n % TACTELS);
+                    let (y, x) = (tactel / TACTILE_COLUMNS, tactel % TACTILE_COLUMNS);
+                    all[(place, trial.repetition, row, y, x)] = *count;
+                }
+            }
+        }
+        let file = BufWriter::new(File::create(path).map_err(io(path))?);
+        let mut writer = NpzWriter::new_compressed(file);
+        let write = || {
+            writer.add_array("data", &data)?;
+            writer.add_array("location_percent", &Array1::from(places))?;
+            if let Some(tactile) = &tactile {
+                writer.add_array("tactile", tactile)?;
+            }
+            writer.finish().map(drop)
+        };
+        write().map_err(|error| io(path)(std::io::Error::other(error.to_string())))
+    }
+}
+
+fn io(path: &Path) -> impl Fn(std::io::Error) -> ForearmError + use<'_> {
+    move |source| ForearmError::Io {
+        path: path.into(),
+        source,
+    }
+}
+
+fn within(at: impl std::fmt::Display) -> impl Fn(ForearmError) -> ForearmError {
+    let at = at.to_string();
+    move |source| ForearmError::In {
+        at: at.clone(),
+        source: Box::new(source),
+    }
+}
+
+fn read_folders(path: &Path) -> Result<Vec<Trial>, ForearmError> {
+    let mut files = Vec::new();
+    list(path, DEPTH, &mut files)?;
+    if files.is_empty() {
+        let what =
+            "no file such as 0/distance0_1.mat in it or its folders; name the folder of the places 0 to 12";
+        return Err(ForearmError::Unfit {
+            path: path.into(),
+            what: what.into(),
+        });
+    }
+    files.sort();
+    let trial = |(place, repetition, file): &(usize, usize, PathBuf)| {
+        Ok(Trial {
+            location_percent: location_percent(*place),
+            repetition: repetition - 1,
+            squeeze: Squeeze::read_mat(file)?,
+        })
+    };
+    files.iter().map(trial).collect()
+}
+
+/// Files of squeezes in a folder, with place and repetition from their names.
+fn list(folder: &Path, depth: usize, files: &mut Vec<(usize, usize, PathBuf)>) -> Result<(), ForearmError> {
+    for entry in fs::read_dir(folder).map_err(io(folder))? {
+        let path = entry.map_err(io(folder))?.path();
+        if path.is_dir() && depth > 0 {
+            list(&path, depth - 1, files)?;
+        } else if let Some((place, repetition)) = numbers(&path) {
+            if place >= PLACES || repetition == 0 {
+                let what = "places are 0 to 12 and repetitions from 1 on; rename the file or take it away";
+                return Err(ForearmError::Unfit {
+                    path,
+                    what: what.into(),
+                });
+            }
+            files.push((place, repetition, path));
+        }
+    }
+    Ok(())
+}
+
+/// Place and repetition of `distancePLACE_REPETITION.mat`.
+fn numbers(path: &Path) -> Option<(usize, usize)> {
+    let name = path.file_name()?.to_str()?;
+    let (place, repetition) = name
+        .strip_prefix("distance")?
+        .strip_suffix(".mat")?
+        .split_once('_')?;
+    Some((place.parse().ok()?, repetition.parse().ok()?))
+}
+
+fn read_npz(path: &Path) -> Result<Vec<Trial>, ForearmError> {
+    let unfit = |what: String| ForearmError::Unfit {
+        path: path.into(),
+        what,
+    };
+    let array = |name: &str| NumberArray::of_npz(path, name);
+    let data = array("data")?
+        .ok_or_else(|| unfit("no array data; a session has data and location_percent".into()))?;
+    let &[places, repetitions, samples, COLUMNS] = data.shape.as_slice() else {
+        let found = data.shape;
+        return Err(unfit(format!(
+            "data has shape {found:?}; expected places x repetitions x samples x 10"
+        )));
+    };
+    let at = array("location_percent")?.ok_or_else(|| unfit("no array location_percent".into()))?;
+    if at.shape != [places] || at.values.iter().any(|p| !(0.0..=100.0).contains(p)) {
+        return Err(unfit(format!(
+            "location_percent must be {places} numbers from 0 to 100"
+        )));
+    }
+    let touch = array("tactile")?;
+    if let Some(touch) = &touch {
+        let expected = [places, repetitions, samples, TACTILE_ROWS, TACTILE_COLUMNS];
+        let is_count = |v: &f64| (0.0..=f64::from(u16::MAX)).contains(v) && v.fract() == 0.0;
+        if touch.shape != expected || !touch.values.iter().all(is_count) {
+            return Err(unfit(format!(
+                "tactile must be {expected:?} whole numbers from 0 to 65535"
+            )));
+        }
+    }
+    let mut trials = Vec::with_capacity(places * repetitions);
+    for (n, rows) in data.values.chunks_exact(samples * COLUMNS).enumerate() {
+        let (place, repetition) = (n / repetitions, n % repetitions);
+        let filled = rows
+            .chunks_exact(COLUMNS)
+            .take_while(|row| !row[0].is_nan())
+            .count();
+        if filled == 0 {
+            continue;
+        }
+        let column = |c: usize| {
+            rows.chunks_exact(COLUMNS)
+                .take(filled)
+                .map(|row| row[c])
+                .collect()
+        };
+        let place_in_file = format!(
+            "{} [data, place {place}, repetition {repetition}]",
+            path.display()
+        );
+        let mut squeeze =
+            Squeeze::from_columns(std::array::from_fn(column)).map_err(within(place_in_file))?;
+        squeeze.tactile = touch.as_ref().map(|touch| {
+            let counts = &touch.values[n * samples * TACTELS..][..filled * TACTELS];
+            counts.iter().map(|count| *count as u16).collect()
+        });
+        trials.push(Trial {
+            location_percent: at.values[place],
+            repetition,
+            squeeze,
+        });
+    }
+    if trials.is_empty() {
+        return Err(unfit("data has no squeeze; every row is empty".into()));
+    }
+    Ok(trials)
+}
