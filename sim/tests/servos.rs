@@ -1,8 +1,9 @@
 //! The simulated servo bus, packet by packet, in its own time.
 
+use std::sync::Arc;
 use taxel_joints::bus::wire_ns;
 use taxel_joints::protocol2::{Encoder, FastBlocks, Instruction, Parser};
-use taxel_sim::servo::{ServoBuild, ServoBus};
+use taxel_sim::servo::{ServoBuild, ServoBus, SpringWall};
 
 const BAUD: u32 = 1_000_000;
 const MS: u64 = 1_000_000;
@@ -265,4 +266,47 @@ fn a_motor_stops_within_its_watchdog_though_nobody_speaks() {
         None,
         "the other's is not armed"
     );
+}
+
+#[test]
+fn a_motor_under_pwm_comes_to_rest_where_the_load_holds_it_and_opens_when_it_is_let_go() {
+    let wall = SpringWall {
+        open: 2058.0,
+        touch: 2500.0,
+        counts_per_pulse: 1.0,
+        efficiency: 0.5,
+    };
+    let build = ServoBuild {
+        load: Some(Arc::new(wall)),
+        ..ServoBuild::new(1)
+    };
+    let mut bench = Bench {
+        bus: ServoBus::new([build], BAUD),
+        now_ns: 0,
+    };
+    bench.bus.servo_mut(1).unwrap().set_operating_mode(16);
+    bench.write(1, GOAL_PWM, &0i16.to_le_bytes());
+    bench.write(1, TORQUE, &[1]);
+    for (pwm, at) in [(200i16, 2600.0), (400, 2700.0), (100, 2700.0), (50, 2600.0)] {
+        bench.write(1, GOAL_PWM, &pwm.to_le_bytes());
+        bench.now_ns += 1000 * MS;
+        assert_eq!(bench.position(1), at, "{pwm}");
+        bench.send(1, Instruction::Read, &[124, 0, 2, 0]);
+        assert_eq!(bench.register(1, PRESENT_PWM, 2), i32::from(pwm));
+    }
+    // Nobody speaks any more: the watchdog takes the torque away, and the finger opens.
+    bench.write(1, WATCHDOG, &[5]);
+    bench.now_ns += 1000 * MS;
+    bench.bus.handle_time(bench.now_ns);
+    assert_eq!(bench.position(1), 2058.0);
+    bench.send(1, Instruction::Read, &[124, 0, 2, 0]);
+    assert_eq!(bench.register(1, PRESENT_PWM, 2), 0);
+    // So it does when it is switched off.
+    bench.write(1, WATCHDOG, &[0]);
+    bench.write(1, GOAL_PWM, &200i16.to_le_bytes());
+    bench.now_ns += 1000 * MS;
+    assert_eq!(bench.position(1), 2600.0);
+    bench.write(1, TORQUE, &[0]);
+    bench.now_ns += 1000 * MS;
+    assert_eq!(bench.position(1), 2058.0);
 }

@@ -1,13 +1,15 @@
 //! One simulated servo: what it answers to an instruction.
 
 use super::fault::ServoFault;
+use super::load::Load;
 use super::motion::{Drive, Motion};
 use super::table::{ControlTable, TRIPPED};
+use std::sync::Arc;
 use taxel_joints::protocol2::{Instruction, StatusError};
 use taxel_joints::registers::{address, baud_of};
 
 /// A servo to be built.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct ServoBuild {
     /// Id, 0 to 252.
     pub id: u8,
@@ -17,6 +19,9 @@ pub struct ServoBuild {
     pub return_delay: u8,
     /// Whether its firmware knows the fast reads.
     pub fast: bool,
+    /// What holds against its motor in PWM mode, and opens it when it is off; `None`: nothing, so that it turns for
+    /// ever.
+    pub load: Option<Arc<dyn Load>>,
 }
 
 impl ServoBuild {
@@ -27,6 +32,7 @@ impl ServoBuild {
             motion: Motion::Still(2048 + 10 * i32::from(id)),
             return_delay: 0,
             fast: true,
+            load: None,
         }
     }
 }
@@ -62,6 +68,8 @@ const RESTART_NS: u64 = 100_000_000;
 const PULSES_PER_COUNT: f64 = 0.229 / 60.0 * 4096.0;
 /// Operating Mode in which Goal PWM turns the motor.
 const PWM_MODE: i32 = 16;
+/// Goal PWM at full PWM, counts.
+const FULL_PWM: f64 = 885.0;
 /// Speed at full PWM, counts of velocity.
 const NO_LOAD_COUNTS: f64 = 330.0;
 const REGISTERED_INSTRUCTION: u16 = 69;
@@ -196,7 +204,8 @@ impl SimServo {
             Some(Instruction::Reboot) => {
                 let error = self.error_byte(None);
                 self.table.restart();
-                (self.drive, self.registered, self.cleared) = (Drive::Off, None, 0.0);
+                (self.registered, self.cleared) = (None, 0.0);
+                self.release(t_ns);
                 self.up_ns = t_ns + RESTART_NS;
                 return (level >= 2 && !broadcast).then_some((error, Vec::new()));
             }
@@ -243,7 +252,7 @@ impl SimServo {
         let new_goal = touches(address::GOAL_POSITION, 4) || touches(address::GOAL_PWM, 2);
         if now_torque == 0 {
             if torque != 0 {
-                self.drive = Drive::Off;
+                self.release(t_ns);
             }
         } else if torque == 0 {
             // It holds where it is.
@@ -298,9 +307,11 @@ impl SimServo {
     fn drive(&mut self, t_ns: u64) {
         let from = self.position(t_ns);
         let pwm_mode = self.table.get(address::OPERATING_MODE, 1) == PWM_MODE;
-        let (goal, counts) = if pwm_mode {
-            let share = f64::from(self.table.get(address::GOAL_PWM, 2)) / 885.0;
-            (None, share * NO_LOAD_COUNTS)
+        let pwm = f64::from(self.table.get(address::GOAL_PWM, 2));
+        let (goal, counts) = if let Some(load) = self.build.load.as_ref().filter(|_| pwm_mode) {
+            (Some(load.rest(from, pwm)), NO_LOAD_COUNTS)
+        } else if pwm_mode {
+            (None, pwm / FULL_PWM * NO_LOAD_COUNTS)
         } else {
             let profile = self.table.get(PROFILE_VELOCITY, 4);
             let limit = self.table.get(VELOCITY_LIMIT, 4);
@@ -318,8 +329,24 @@ impl SimServo {
         };
     }
 
+    /// The motor gives nothing any more: what holds against it moves it, where something does.
+    fn release(&mut self, t_ns: u64) {
+        let from = self.position(t_ns);
+        self.drive = match &self.build.load {
+            None => Drive::Off,
+            Some(load) => Drive::On {
+                from,
+                since_ns: t_ns,
+                goal: Some(load.rest(from, 0.0)),
+                speed: NO_LOAD_COUNTS * PULSES_PER_COUNT,
+            },
+        };
+    }
+
     fn stop_at(&mut self, t_ns: u64) {
-        if let Drive::On { .. } = self.drive {
+        if self.build.load.is_some() {
+            self.release(t_ns);
+        } else if let Drive::On { .. } = self.drive {
             let here = self.position(t_ns);
             self.drive = Drive::On {
                 from: here,
@@ -330,18 +357,29 @@ impl SimServo {
         }
     }
 
+    /// What the motor is given though it stands, counts.
+    fn pwm_under_load(&self) -> f64 {
+        let on = self.table.get(address::TORQUE_ENABLE, 1) != 0;
+        let stopped = self.table.get(address::BUS_WATCHDOG, 1) == i32::from(TRIPPED);
+        let pwm_mode = self.table.get(address::OPERATING_MODE, 1) == PWM_MODE;
+        match on && pwm_mode && !stopped {
+            true => f64::from(self.table.get(address::GOAL_PWM, 2)),
+            false => 0.0,
+        }
+    }
+
     /// Brings the measured registers up to date.
     fn refresh(&mut self, t_ns: u64) {
         let position = self.position(t_ns);
         let velocity = self.drive.velocity(t_ns, &self.build.motion) / PULSES_PER_COUNT;
+        let pwm = match self.build.load {
+            Some(_) => self.pwm_under_load(),
+            None => velocity / NO_LOAD_COUNTS * FULL_PWM,
+        };
         let table = &mut self.table;
         table.put(address::REALTIME_TICK, 2, (t_ns / 1_000_000 % 32_768) as i32);
         table.put(122, 1, i32::from(velocity.abs() >= 10.0));
-        table.put(
-            address::PRESENT_PWM,
-            2,
-            (velocity / NO_LOAD_COUNTS * 885.0).round() as i32,
-        );
+        table.put(address::PRESENT_PWM, 2, pwm.round() as i32);
         table.put(address::PRESENT_CURRENT, 2, velocity.round() as i32 / 4);
         table.put(address::PRESENT_VELOCITY, 4, velocity.round() as i32);
         table.put(address::PRESENT_POSITION, 4, position.round() as i32);

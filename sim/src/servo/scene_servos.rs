@@ -23,7 +23,7 @@ const TOUCHING: f64 = 0.8;
 const CLOSING_STEPS: f64 = 35.0;
 
 /// A servo of a finger.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct NamedServo {
     /// Name of its joint: the finger, and the joint's number from base to tip, such as `index 0`.
     pub name: String,

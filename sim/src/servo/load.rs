@@ -1,0 +1,77 @@
+//! What holds against a motor under PWM, so that it comes to rest at an angle as a real gripper does.
+
+use std::fmt::Debug;
+
+/// What holds against a motor under PWM: the place where its torque, the load and the friction between them balance.
+pub trait Load: Debug + Send + Sync {
+    /// Where a motor that stands at `from` comes to rest under `pwm`; both places in pulses, `pwm` in counts, -885 to
+    /// 885, 0 for one that is switched off.
+    fn rest(&self, from: f64, pwm: f64) -> f64;
+}
+
+/// A finger that closes freely up to something springy, through a gear with friction; without PWM a spring of its own
+/// opens it.
+///
+/// Closing, the gear passes on the share [`SpringWall::efficiency`] of the torque. Opening, the wall has to overcome the
+/// motor's torque divided by it. Between the two it stands: the angle freezes when the PWM sinks after the peak.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SpringWall {
+    /// Where it stands open, pulses.
+    pub open: f64,
+    /// Where it touches, pulses; the way it closes is from `open` to there.
+    pub touch: f64,
+    /// How much PWM presses it in by one pulse, without friction, counts.
+    pub counts_per_pulse: f64,
+    /// Share of the torque that the gear passes on, above 0 to 1.
+    pub efficiency: f64,
+}
+
+impl Load for SpringWall {
+    fn rest(&self, from: f64, pwm: f64) -> f64 {
+        let closing = if self.touch < self.open { -1.0 } else { 1.0 };
+        let torque = pwm * closing;
+        if torque <= 0.0 {
+            return self.open;
+        }
+        let pressed = |torque: f64| torque / self.counts_per_pulse;
+        // Pulses behind the place where it touches.
+        let behind = (from - self.touch) * closing;
+        let rest = behind.clamp(
+            pressed(torque * self.efficiency),
+            pressed(torque / self.efficiency),
+        );
+        self.touch + closing * rest
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn it_presses_in_stands_while_the_torque_sinks_and_opens_late() {
+        for closing in [1.0, -1.0] {
+            let wall = SpringWall {
+                open: 2048.0,
+                touch: 2048.0 + closing * 500.0,
+                counts_per_pulse: 2.0,
+                efficiency: 0.5,
+            };
+            let mut at = 2048.0;
+            for (pwm, behind) in [
+                (0.0, -500.0),
+                (40.0, 10.0),
+                (400.0, 100.0),
+                (200.0, 100.0),
+                (100.0, 100.0),
+                (90.0, 90.0),
+                (40.0, 40.0),
+                (0.0, -500.0),
+                (-100.0, -500.0),
+            ] {
+                at = wall.rest(at, closing * pwm);
+                assert_eq!((at - wall.touch) * closing, behind, "{closing} {pwm}");
+            }
+        }
+    }
+}
