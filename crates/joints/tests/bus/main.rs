@@ -49,27 +49,33 @@ impl World {
         }
     }
 
+    /// One turn of a cycle that has begun; `false` when it is over.
+    fn turn(&mut self) -> bool {
+        match self.bus.step(self.now_ns) {
+            Step::Send => {
+                self.receive();
+                let request = self.bus.request().to_vec();
+                self.servos.receive(&request, self.now_ns);
+                self.requests.push(request);
+                self.bus.sent(self.now_ns);
+            }
+            Step::Wait { until_ns } => {
+                let next = self.servos.next_due_ns().map_or(until_ns, |t| t.min(until_ns));
+                self.now_ns = self.now_ns.max(next);
+                self.receive();
+            }
+            Step::Done => return false,
+        }
+        true
+    }
+
     /// One cycle; the next begins `pause_ns` later.
     fn cycle(&mut self, pause_ns: u64) -> Vec<Result<i32, NoReading>> {
         self.bus.begin(self.now_ns);
         for _ in 0..10_000 {
-            match self.bus.step(self.now_ns) {
-                Step::Send => {
-                    self.receive();
-                    let request = self.bus.request().to_vec();
-                    self.servos.receive(&request, self.now_ns);
-                    self.requests.push(request);
-                    self.bus.sent(self.now_ns);
-                }
-                Step::Wait { until_ns } => {
-                    let next = self.servos.next_due_ns().map_or(until_ns, |t| t.min(until_ns));
-                    self.now_ns = self.now_ns.max(next);
-                    self.receive();
-                }
-                Step::Done => {
-                    self.now_ns += pause_ns;
-                    return self.bus.results().iter().map(|r| r.map(|r| r.position)).collect();
-                }
+            if !self.turn() {
+                self.now_ns += pause_ns;
+                return self.bus.results().iter().map(|r| r.map(|r| r.position)).collect();
             }
         }
         panic!("the cycle does not end");

@@ -1,7 +1,8 @@
 //! What is written to servos, where that is allowed: never a motor that nobody watches.
 
 use crate::{MS, World};
-use taxel_joints::bus::{Step, WriteCommand, WriteRefused};
+use taxel_joints::bus::{Step, WriteCommand, WriteError, WriteRefused};
+use taxel_joints::protocol2::{Encoder, Instruction};
 use taxel_joints::{DynamixelConfig, FastSyncRead};
 use taxel_sim::servo::{ServoBuild, ServoFault};
 
@@ -239,4 +240,151 @@ fn commands_that_cannot_be_are_refused() {
     w.bus.command(0, WriteCommand::Torque(true)).unwrap();
     let full = (0..1000).find_map(|_| w.bus.command(0, WriteCommand::GoalPwm(1)).err());
     assert!(matches!(full, Some(WriteRefused::QueueFull(_))));
+}
+
+fn register(w: &World, id: u8, at: u16, size: u8) -> i32 {
+    w.servos.servo(id).unwrap().register(at, size)
+}
+
+/// Switches these motors on, each with no PWM.
+fn start(w: &mut World, servos: impl IntoIterator<Item = usize>) {
+    for servo in servos {
+        w.bus.command(servo, WriteCommand::Start(0)).unwrap();
+        w.cycles(2);
+    }
+}
+
+#[test]
+fn a_motor_is_given_its_first_goal_before_it_is_switched_on() {
+    let mut w = writable(2);
+    assert_eq!(register(&w, 2, 100, 2), 885, "all of it, from the factory");
+    w.bus.command(1, WriteCommand::Start(40)).unwrap();
+    w.cycles(3);
+    assert_eq!(
+        [
+            register(&w, 2, 98, 1),
+            register(&w, 2, 100, 2),
+            register(&w, 2, 64, 1)
+        ],
+        [5, 40, 1]
+    );
+    let written: Vec<u8> = (w.requests.iter()).filter(|r| r[7] == 3).map(|r| r[8]).collect();
+    assert_eq!(written, [98, 98, 100, 64]);
+}
+
+#[test]
+fn a_motor_whose_first_goal_is_not_taken_stays_off() {
+    let mut w = writable(2);
+    // PWM Limit 300.
+    let limit = [&36u16.to_le_bytes()[..], &300u16.to_le_bytes()].concat();
+    let packet = Encoder::default()
+        .packet(2, Instruction::Write, limit.iter().copied())
+        .unwrap()
+        .to_vec();
+    w.servos.receive(&packet, w.now_ns);
+    w.servos.take_due(u64::MAX, &mut Vec::new());
+    w.bus.command(1, WriteCommand::Start(301)).unwrap();
+    w.cycles(4);
+    assert_eq!(register(&w, 2, 64, 1), 0);
+    assert_eq!(
+        w.bus.command(1, WriteCommand::GoalPwm(1)),
+        Err(WriteRefused::MotorOff(1))
+    );
+}
+
+#[test]
+fn goals_of_several_servos_go_out_in_one_packet_and_are_read_back() {
+    let mut w = writable(3);
+    start(&mut w, 0..3);
+    let before = w.bus.counters();
+    w.requests.clear();
+    w.bus.command_together(7, &[(2, 300), (0, -300)]).unwrap();
+    w.cycles(1);
+    assert_eq!(
+        [1, 2, 3].map(|id| register(&w, id, 100, 2)),
+        [-300, 0, 300],
+        "both, and nobody else"
+    );
+    let sync_writes = w.requests.iter().filter(|r| r[7] == 0x83).count();
+    let writes = w.requests.iter().filter(|r| r[7] == 0x03).count();
+    assert_eq!((sync_writes, writes), (1, 0));
+    for servo in [0, 2] {
+        let written = w.bus.servo(servo).unwrap().written.unwrap();
+        assert_eq!((written.number, written.result), (7, Ok(())));
+    }
+    assert_eq!(w.bus.counters().writes_ok, before.writes_ok + 2);
+    assert!(w.bus.results().iter().all(Result::is_ok));
+}
+
+#[test]
+fn one_that_has_not_taken_its_goal_is_told_from_one_that_is_silent_and_one_that_has() {
+    let mut w = writable(4);
+    start(&mut w, 0..4);
+    // Servo 1's watchdog has stopped it: it refuses goals. Servo 3's answers come damaged, servo 4's not at all.
+    let trip = Encoder::default()
+        .packet(1, Instruction::Write, [98, 0, 1])
+        .unwrap()
+        .to_vec();
+    w.servos.receive(&trip, w.now_ns);
+    w.servos.take_due(u64::MAX, &mut Vec::new());
+    w.now_ns += 50 * MS;
+    w.servos.handle_time(w.now_ns);
+    w.fault(3, ServoFault::BadCrc);
+    w.fault(4, ServoFault::Silent);
+    w.bus
+        .command_together(9, &[(0, 50), (1, 50), (2, 50), (3, 50)])
+        .unwrap();
+    w.cycles(1);
+    let results = [0, 1, 2, 3].map(|servo| w.bus.servo(servo).unwrap().written.unwrap().result);
+    assert_eq!(
+        results,
+        [
+            Err(WriteError::NotHeld),
+            Ok(()),
+            Err(WriteError::Damaged),
+            Err(WriteError::Silent)
+        ]
+    );
+    assert_eq!(register(&w, 2, 100, 2), 50);
+    assert!(!w.bus.has_writes(), "goals together are not sent twice");
+}
+
+#[test]
+fn several_are_given_goals_or_none_is() {
+    let mut w = writable(3);
+    start(&mut w, [0, 1]);
+    for (goals, refused) in [
+        (&[(0, 10), (2, 10)][..], WriteRefused::MotorOff(2)),
+        (&[(0, 10), (0, 20)], WriteRefused::Twice(0)),
+        (&[(0, 10), (1, 900)], WriteRefused::Range(900)),
+        (&[(0, 10), (3, 10)], WriteRefused::NoSuchJoint(3)),
+    ] {
+        assert_eq!(w.bus.command_together(1, goals), Err(refused), "{goals:?}");
+    }
+    w.cycles(2);
+    assert_eq!([1, 2].map(|id| register(&w, id, 100, 2)), [0, 0]);
+}
+
+#[test]
+fn a_motor_is_switched_off_right_behind_the_goals_that_are_out() {
+    let mut w = writable(2);
+    start(&mut w, 0..2);
+    w.bus.command_together(5, &[(0, 80), (1, 90)]).unwrap();
+    w.bus.begin(w.now_ns);
+    let mut ordered = false;
+    loop {
+        // As soon as the goals are out.
+        if w.bus.request().get(7) == Some(&0x83) && !ordered {
+            ordered = true;
+            w.bus.command(1, WriteCommand::Torque(false)).unwrap();
+        }
+        if !w.turn() {
+            break;
+        }
+    }
+    w.cycles(1);
+    assert!(ordered);
+    assert_eq!([1, 2].map(|id| register(&w, id, 64, 1)), [1, 0]);
+    assert_eq!([1, 2].map(|id| register(&w, id, 100, 2)), [80, 90]);
+    assert!(!w.bus.has_writes());
 }

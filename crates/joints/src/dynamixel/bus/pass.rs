@@ -13,6 +13,10 @@ pub(crate) enum Kind {
     Slow(super::slow::Task),
     /// One servo is written to.
     Write,
+    /// Several servos are given goals in one packet, which nobody answers.
+    Together,
+    /// Those are asked what goals they have.
+    ReadBack,
 }
 
 /// How far a servo's answer has come.
@@ -92,6 +96,7 @@ impl Pass {
     pub(crate) fn is_complete(&self) -> bool {
         match self.kind {
             Kind::Fast => self.fast_done,
+            Kind::Together => true,
             _ => self.answers.iter().all(|a| *a != Answer::Awaited),
         }
     }

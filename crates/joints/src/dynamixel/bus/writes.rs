@@ -10,6 +10,9 @@ pub enum WriteCommand {
     /// servo that hears nothing for the configured time stops its motor and refuses goals until
     /// torque is enabled anew.
     Torque(bool),
+    /// The same as `Torque(true)` with this goal PWM, written before the motor is switched on: from the factory a servo
+    /// in PWM mode would begin with all that its PWM Limit allows.
+    Start(i16),
     /// Goal PWM (address 100), counts of 0.113 %, -885 to 885, in the servo's own direction; only
     /// of a motor that was switched on with `Torque`, so that its watchdog is armed.
     GoalPwm(i16),
@@ -27,6 +30,9 @@ pub enum WriteRefused {
     /// Out of range.
     #[error("goal PWM {0} is outside -885 to 885")]
     Range(i16),
+    /// One joint twice in a command to several.
+    #[error("it is named twice in one request")]
+    Twice(usize),
     /// A goal for a motor that was not switched on here, whose watchdog is not armed therefore.
     #[error("its motor was not switched on here; enable its torque first, which arms its watchdog")]
     MotorOff(usize),
@@ -49,6 +55,11 @@ pub enum WriteError {
         "the servo refuses: {0}. A goal is refused beyond its PWM Limit, and after its watchdog has stopped it until torque is enabled anew"
     )]
     Servo(StatusError),
+    /// It answers, and holds another goal than it was given together with others.
+    #[error(
+        "the servo has not taken its goal. One beyond its PWM Limit is refused, and any after its watchdog has stopped it until torque is enabled anew"
+    )]
+    NotHeld,
     /// Not taken at all.
     #[error(transparent)]
     NotTaken(WriteRefused),
@@ -73,13 +84,20 @@ impl WriteCommand {
     /// Full PWM in one direction, counts.
     pub const PWM_COUNTS: i16 = 885;
 
+    /// Whether it has a motor switched on.
+    pub(crate) fn starts(self) -> bool {
+        matches!(self, Self::Torque(true) | Self::Start(_))
+    }
+
     /// Refuses a joint that is not there and a value that cannot be.
     pub(crate) fn check(self, joint: usize, joints: usize) -> Result<(), WriteRefused> {
         if joint >= joints {
             return Err(WriteRefused::NoSuchJoint(joint));
         }
         match self {
-            WriteCommand::GoalPwm(counts) if !(-Self::PWM_COUNTS..=Self::PWM_COUNTS).contains(&counts) => {
+            WriteCommand::GoalPwm(counts) | WriteCommand::Start(counts)
+                if !(-Self::PWM_COUNTS..=Self::PWM_COUNTS).contains(&counts) =>
+            {
                 Err(WriteRefused::Range(counts))
             }
             _ => Ok(()),
@@ -87,6 +105,8 @@ impl WriteCommand {
     }
 }
 
+/// Most writes that a command takes.
+pub(crate) const WRITES_PER_COMMAND: usize = 4;
 /// Most writes that wait.
 pub(crate) const QUEUE: usize = 256;
 
@@ -146,15 +166,24 @@ impl Write {
             WriteCommand::Torque(true) => [
                 Some(Self::new(servo, address::BUS_WATCHDOG, [0])),
                 Some(Self::new(servo, address::BUS_WATCHDOG, [watchdog_steps])),
+                None,
+                Some(Self::new(servo, address::TORQUE_ENABLE, [1])),
+            ],
+            WriteCommand::Start(counts) => [
+                Some(Self::new(servo, address::BUS_WATCHDOG, [0])),
+                Some(Self::new(servo, address::BUS_WATCHDOG, [watchdog_steps])),
+                Some(Self::new(servo, address::GOAL_PWM, counts.to_le_bytes())),
                 Some(Self::new(servo, address::TORQUE_ENABLE, [1])),
             ],
             WriteCommand::Torque(false) => [
                 Some(Self::motor_off(servo)),
                 Some(Self::new(servo, address::BUS_WATCHDOG, [0])),
                 None,
+                None,
             ],
             WriteCommand::GoalPwm(counts) => [
                 Some(Self::new(servo, address::GOAL_PWM, counts.to_le_bytes())),
+                None,
                 None,
                 None,
             ],

@@ -146,7 +146,7 @@ impl ServoReader {
                 latency: None,
                 opened: 0,
             },
-            commands: Vec::with_capacity(COMMANDS + n),
+            commands: Vec::with_capacity(COMMANDS + 2 * n),
             numbers: 0,
         }));
         let urgent = Arc::new(AtomicBool::new(false));
@@ -162,7 +162,7 @@ impl ServoReader {
             published: published.clone(),
             stop: stop.clone(),
             urgent: urgent.clone(),
-            commands: Vec::with_capacity(COMMANDS + n),
+            commands: Vec::with_capacity(COMMANDS + 2 * n),
         };
         let handle = std::thread::Builder::new()
             .name("joints".into())
@@ -256,6 +256,26 @@ impl ServoReader {
         shared.numbers += 1;
         let number = shared.numbers;
         shared.commands.push((number, joint, command));
+        Ok(number)
+    }
+
+    /// Gives several joints' servos a goal PWM (counts) in one packet, so that all take it at once; one number for all of
+    /// them, under which [`ServoReader::written`] tells what became of each. All or none are given it.
+    pub fn command_together(&self, goals: &[(usize, i16)]) -> Result<u64, WriteRefused> {
+        if !self.allow_writes {
+            return Err(WriteRefused::ReadOnly);
+        }
+        for (joint, counts) in goals {
+            WriteCommand::GoalPwm(*counts).check(*joint, self.names.len())?;
+        }
+        let mut shared = lock(&self.shared);
+        if shared.commands.len() >= COMMANDS || goals.len() > self.names.len() {
+            return Err(WriteRefused::QueueFull(shared.commands.len()));
+        }
+        shared.numbers += 1;
+        let number = shared.numbers;
+        let commands = (goals.iter()).map(|(joint, counts)| (number, *joint, WriteCommand::GoalPwm(*counts)));
+        shared.commands.extend(commands);
         Ok(number)
     }
 
@@ -447,9 +467,21 @@ impl Thread {
 }
 
 fn hand_over(bus: &mut Bus, commands: &mut Vec<(u64, usize, WriteCommand)>) {
-    for (number, joint, command) in commands.drain(..) {
-        if let Err(refused) = bus.numbered_command(number, joint, command) {
-            bus.note(joint, number, Err(WriteError::NotTaken(refused)));
+    for together in commands.chunk_by(|a, b| a.0 == b.0) {
+        let goals = together.iter().filter_map(|(_, joint, command)| match command {
+            WriteCommand::GoalPwm(counts) => Some((*joint, *counts)),
+            _ => None,
+        });
+        let refused = bus.check_together(goals).err();
+        for (number, joint, command) in together.iter().copied() {
+            let taken = match refused {
+                Some(refused) => Err(refused),
+                None => bus.numbered_command(number, joint, command),
+            };
+            if let Err(refused) = taken {
+                bus.note(joint, number, Err(WriteError::NotTaken(refused)));
+            }
         }
     }
+    commands.clear();
 }

@@ -91,6 +91,8 @@ impl Bus {
                 }
             }
             Kind::Write => self.write_refused = status.error(),
+            Kind::ReadBack => self.take_goal(position, data),
+            Kind::Together => {}
         }
     }
 

@@ -2,13 +2,14 @@
 
 mod answers;
 mod requests;
+mod together;
 
 use super::pass::{Kind, Pass};
 use super::reading::{JointReading, NoReading, PRESENT_BYTES};
 use super::servo::{Servo, ServoState};
 use super::slow::SlowLane;
 use super::wire_ns;
-use super::writes::{QUEUE, Write, WriteCommand, WriteError, WriteRefused, Written};
+use super::writes::{QUEUE, WRITES_PER_COMMAND, Write, WriteCommand, WriteError, WriteRefused, Written};
 use crate::dynamixel::config::{DynamixelConfig, FastSyncRead, ServoConfig};
 use crate::dynamixel::protocol2::{Encoder, FAST_BLOCK_OVERHEAD, Parser, StatusError};
 use std::collections::VecDeque;
@@ -145,8 +146,8 @@ impl Bus {
             results: vec![Err(NoReading::NotAsked); n],
             baud: config.baud,
             margin_ns: DEFAULT_MARGIN_NS,
-            encoder: Encoder::with_capacity(64 + 2 * n),
-            request: Vec::with_capacity(64 + 2 * n),
+            encoder: Encoder::with_capacity(64 + 4 * n),
+            request: Vec::with_capacity(64 + 4 * n),
             parser: Parser::new(longest),
             pass: Pass::new(n),
             pass_active: false,
@@ -219,18 +220,12 @@ impl Bus {
         servo: usize,
         command: WriteCommand,
     ) -> Result<(), WriteRefused> {
-        if !self.allow_writes {
-            return Err(WriteRefused::ReadOnly);
-        }
-        command.check(servo, self.servos.len())?;
+        self.check(servo, command)?;
         if command == WriteCommand::Torque(false) {
             self.switch_off(number, servo);
             return Ok(());
         }
-        if matches!(command, WriteCommand::GoalPwm(_)) && !self.motors_on[servo] {
-            return Err(WriteRefused::MotorOff(servo));
-        }
-        if self.writes.len() + 3 > QUEUE {
+        if self.writes.len() + WRITES_PER_COMMAND > QUEUE {
             return Err(WriteRefused::QueueFull(self.writes.len()));
         }
         let writes = Write::of(servo, command, self.watchdog_steps, number);
@@ -239,17 +234,29 @@ impl Bus {
             motor_was_on,
             ..write
         }));
-        if command == WriteCommand::Torque(true) {
+        if command.starts() {
             self.motors_on[servo] = true;
         }
         Ok(())
     }
 
+    /// Refuses what may not be told to a servo now.
+    fn check(&self, servo: usize, command: WriteCommand) -> Result<(), WriteRefused> {
+        if !self.allow_writes {
+            return Err(WriteRefused::ReadOnly);
+        }
+        command.check(servo, self.servos.len())?;
+        match command {
+            WriteCommand::GoalPwm(_) if !self.motors_on[servo] => Err(WriteRefused::MotorOff(servo)),
+            _ => Ok(()),
+        }
+    }
+
     /// Has a motor switched off before anything else is written or read. What else that servo was to be told is
     /// forgotten.
     fn switch_off(&mut self, number: u64, servo: usize) {
-        // The write that is out stays at the front until it is answered.
-        let out = usize::from(self.pass_active && self.pass.kind == Kind::Write);
+        // What is out stays at the front until it is answered.
+        let out = self.writes_out();
         if out == 0 {
             self.write_tries = 0;
         }

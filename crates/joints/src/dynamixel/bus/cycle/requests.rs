@@ -41,6 +41,9 @@ impl Bus {
     pub(super) fn next_request(&mut self, now_ns: u64) -> bool {
         let write = self.writes.front().copied().filter(|_| !self.writes_done);
         if let Some(write) = write.filter(|write| write.urgent || self.again.is_empty()) {
+            if self.write_together() {
+                return true;
+            }
             self.pass.order.clear();
             self.pass.order.push(write.servo);
             let packet = self.encoder.write(
@@ -82,7 +85,7 @@ impl Bus {
         true
     }
 
-    fn activate(&mut self) {
+    pub(super) fn activate(&mut self) {
         self.pass.request_bytes = self.request.len();
         self.pass_active = true;
     }
@@ -90,6 +93,10 @@ impl Bus {
     /// Draws the conclusions of a pass that is complete or past its deadline.
     pub(super) fn end_pass(&mut self, now_ns: u64) {
         self.pass_active = false;
+        if self.pass.kind == Kind::Together {
+            self.read_goals_back();
+            return;
+        }
         let unanswered = self.pass.answers.contains(&Answer::Awaited);
         if unanswered {
             // An answer may still come: the next requests ask for another length.
@@ -107,6 +114,8 @@ impl Bus {
                 };
                 self.end_write(result);
             }
+            Kind::ReadBack => self.end_together(),
+            Kind::Together => {}
             Kind::Slow(_) => self.counters.slow_unanswered += u64::from(unanswered),
             Kind::Plain => self.end_plain(now_ns),
             Kind::Fast => self.end_fast(unanswered, now_ns),
@@ -186,7 +195,8 @@ impl Bus {
         self.note(write.servo, write.number, result);
         if write.is_motor_off() {
             self.keep_watchdog(&write);
-        } else if write.address == address::BUS_WATCHDOG {
+        } else if write.address == address::BUS_WATCHDOG || write.address == address::GOAL_PWM && !write.last
+        {
             self.call_off_torque(&write);
         }
     }
@@ -201,7 +211,7 @@ impl Bus {
         self.motors_on[failed.servo] = failed.motor_was_on;
     }
 
-    /// A motor whose watchdog could not be armed is not switched on; one that runs is switched off.
+    /// A motor whose watchdog could not be armed, or whose first goal was not taken, is not switched on; one that runs is switched off.
     fn call_off_torque(&mut self, failed: &Write) {
         let mut torque = false;
         let mut i = 0;
@@ -229,7 +239,7 @@ impl Bus {
     }
 }
 
-fn load(request: &mut Vec<u8>, packet: Option<&[u8]>) {
+pub(super) fn load(request: &mut Vec<u8>, packet: Option<&[u8]>) {
     request.clear();
     // At most 64 servos are asked, so every request fits in a packet.
     request.extend_from_slice(packet.unwrap_or_default());

@@ -1,0 +1,135 @@
+//! Goals of several servos in one packet, so that all take them at the same instant.
+//!
+//! Nobody answers a sync write; so the servos are asked behind it what they hold: Bus Watchdog and Goal PWM.
+
+use super::requests::load;
+use super::{Bus, QUEUE};
+use crate::dynamixel::bus::pass::{Answer, Kind};
+use crate::dynamixel::bus::writes::{WriteCommand, WriteError, WriteRefused};
+use crate::dynamixel::protocol2::Assignment;
+use crate::dynamixel::registers::address;
+use crate::error::MAX_JOINTS;
+
+/// From Bus Watchdog to Goal PWM; no other question has this length.
+const HELD_BYTES: u16 = address::GOAL_PWM + 2 - address::BUS_WATCHDOG;
+/// Bus Watchdog after it has stopped its motor.
+const TRIPPED: u8 = 0xFF;
+
+impl Bus {
+    /// Gives several servos goals (counts) in one packet, after the next cycle's positions; all or none.
+    pub fn command_together(&mut self, number: u64, goals: &[(usize, i16)]) -> Result<(), WriteRefused> {
+        self.check_together(goals.iter().copied())?;
+        for (servo, counts) in goals.iter().copied() {
+            self.numbered_command(number, servo, WriteCommand::GoalPwm(counts))?;
+        }
+        Ok(())
+    }
+
+    /// Refuses goals of which one may not be given now.
+    pub(crate) fn check_together(
+        &self,
+        goals: impl Iterator<Item = (usize, i16)> + Clone,
+    ) -> Result<(), WriteRefused> {
+        for (i, (servo, counts)) in goals.clone().enumerate() {
+            self.check(servo, WriteCommand::GoalPwm(counts))?;
+            if goals.clone().take(i).any(|(other, _)| other == servo) {
+                return Err(WriteRefused::Twice(servo));
+            }
+        }
+        match self.writes.len() + goals.count() {
+            waiting if waiting > QUEUE => Err(WriteRefused::QueueFull(waiting)),
+            _ => Ok(()),
+        }
+    }
+
+    /// How many writes at the front are on their way to the servos.
+    pub(super) fn writes_out(&self) -> usize {
+        match self.pass.kind {
+            _ if !self.pass_active => 0,
+            Kind::Write => 1,
+            Kind::Together | Kind::ReadBack => self.pass.order.len(),
+            Kind::Plain | Kind::Fast | Kind::Slow(_) => 0,
+        }
+    }
+
+    /// Prepares the packet with the goals at the front that belong together; `false` where it is only one.
+    pub(super) fn write_together(&mut self) -> bool {
+        let Some(first) = self.writes.front().copied() else {
+            return false;
+        };
+        let mut goals = [(0, [0; 2]); MAX_JOINTS];
+        self.pass.order.clear();
+        let same = (self.writes.iter())
+            .take_while(|write| write.address == address::GOAL_PWM && write.number == first.number);
+        for (goal, write) in goals.iter_mut().zip(same) {
+            *goal = (self.servos[write.servo].id, write.data);
+            self.pass.order.push(write.servo);
+        }
+        let count = self.pass.order.len();
+        if first.number == 0 || count < 2 {
+            return false;
+        }
+        let mut assignments = [Assignment { id: 0, data: &[] }; MAX_JOINTS];
+        for (assignment, (id, data)) in assignments.iter_mut().zip(&goals[..count]) {
+            *assignment = Assignment { id: *id, data };
+        }
+        load(
+            &mut self.request,
+            self.encoder.sync_write(address::GOAL_PWM, &assignments[..count]),
+        );
+        self.pass.begin(Kind::Together, address::GOAL_PWM, 0);
+        self.activate();
+        true
+    }
+
+    /// Asks those servos what they hold now.
+    pub(super) fn read_goals_back(&mut self) {
+        let mut ids = [0; MAX_JOINTS];
+        let count = self.pass.order.len();
+        for (id, servo) in ids.iter_mut().zip(&self.pass.order) {
+            *id = self.servos[*servo].id;
+        }
+        let before = self.pass.request_bytes;
+        let packet = self
+            .encoder
+            .sync_read(address::BUS_WATCHDOG, HELD_BYTES, &ids[..count]);
+        load(&mut self.request, packet);
+        self.pass.begin(Kind::ReadBack, address::BUS_WATCHDOG, HELD_BYTES);
+        self.activate();
+        // The goals may still be on the wire.
+        self.pass.request_bytes += before;
+    }
+
+    /// A servo says what it holds.
+    pub(super) fn take_goal(&mut self, position: usize, data: &[u8]) {
+        let Some(write) = self.writes.get(position).copied() else {
+            return;
+        };
+        let held = data.len() == usize::from(HELD_BYTES)
+            && data[0] != TRIPPED
+            && data[data.len() - 2..] == write.data;
+        let result = if held { Ok(()) } else { Err(WriteError::NotHeld) };
+        self.end_goal(position, result);
+    }
+
+    fn end_goal(&mut self, position: usize, result: Result<(), WriteError>) {
+        let write = self.writes[position];
+        match result {
+            Ok(()) => self.counters.writes_ok += 1,
+            Err(_) => self.counters.writes_failed += 1,
+        }
+        self.note(write.servo, write.number, result);
+    }
+
+    /// All have said what they hold, or will not any more.
+    pub(super) fn end_together(&mut self) {
+        for position in 0..self.pass.order.len() {
+            match self.pass.answers[position] {
+                Answer::Got => {}
+                Answer::Damaged => self.end_goal(position, Err(WriteError::Damaged)),
+                Answer::Awaited => self.end_goal(position, Err(WriteError::Silent)),
+            }
+        }
+        self.writes.drain(..self.pass.order.len());
+    }
+}
