@@ -3,7 +3,7 @@
 
 use crate::config::Config;
 use crate::control::{ChangeLog, Places, Reports};
-use crate::joints::ServoRequest;
+use crate::joints::{Hold, ServoRequest, ServosRequest};
 use crate::snapshot::Snapshot;
 use crate::tick::{Command, PipelineClock, Shared};
 use std::cell::{Cell, Ref, RefCell};
@@ -96,6 +96,16 @@ impl State {
     /// Has a servo told something; returns a sentence for the log.
     pub(crate) async fn write(&self, request: &ServoRequest) -> Result<String, String> {
         crate::joints::write(self.config.joints.as_ref(), self.joint_reader.as_ref(), request).await
+    }
+
+    /// Has several servos told something at once; returns a sentence for the log.
+    pub(crate) async fn write_together(&self, request: &ServosRequest) -> Result<String, String> {
+        crate::joints::write_together(self.config.joints.as_ref(), self.joint_reader.as_ref(), request).await
+    }
+
+    /// For the motors that a client holds.
+    pub(crate) fn hold(&self) -> Hold<'_> {
+        Hold::new(self.config.joints.as_ref(), self.joint_reader.as_ref())
     }
 
     /// Asks who is connected now; says whether the thread that sends images has answered.

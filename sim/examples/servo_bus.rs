@@ -9,16 +9,18 @@
 //! stopped it (CLOCK_MONOTONIC, nanoseconds; 0 for never); `traffic` prints how
 //! many bytes the bus has heard, has said, and has still to say, and whether its client has hung up
 //! (1) or not (0). Options: `--return-delay STEPS` (of 2 us), `--motion still|sine`, `--no-fast`,
-//! `--stop-after-silence`, `--link PATH` (a stable name that points to the terminal).
+//! `--stop-after-silence`, `--link PATH` (a stable name that points to the terminal), `--load` (servos of a gripper that
+//! squeezes something springy: in PWM mode, each comes to rest at an angle).
 
 use std::error::Error;
 use std::io::BufRead;
 use std::path::PathBuf;
-use taxel_sim::servo::{AfterSilence, Motion, ServoBuild, ServoBus, ServoPty, StableLink};
+use std::sync::Arc;
+use taxel_sim::servo::{AfterSilence, Load, Motion, ServoBuild, ServoBus, ServoPty, SpringWall, StableLink};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let (mut ids, mut baud, mut delay) = (1..=16, 1_000_000, 0);
-    let (mut sine, mut fast, mut after) = (false, true, AfterSilence::Answer);
+    let (mut sine, mut fast, mut loaded, mut after) = (false, true, false, AfterSilence::Answer);
     let mut link: Option<PathBuf> = None;
     let mut arguments = std::env::args().skip(1);
     while let Some(argument) = arguments.next() {
@@ -33,6 +35,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             "--return-delay" => delay = value()?.parse()?,
             "--motion" => sine = value()? == "sine",
             "--no-fast" => fast = false,
+            "--load" => loaded = true,
             "--stop-after-silence" => after = AfterSilence::Stop,
             "--link" => link = Some(value()?.into()),
             other => {
@@ -40,7 +43,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             }
         }
     }
-    let servos = ids.map(|id| {
+    let servos = ids.clone().map(|id| {
         let motion = if sine {
             Motion::Sine {
                 centre: 2048.0,
@@ -51,14 +54,31 @@ fn main() -> Result<(), Box<dyn Error>> {
         } else {
             ServoBuild::new(id).motion
         };
+        let open = motion.position(0);
+        let wall = || -> Arc<dyn Load> {
+            Arc::new(SpringWall {
+                open,
+                touch: open + 400.0,
+                counts_per_pulse: 2.0,
+                efficiency: 0.5,
+            })
+        };
         ServoBuild {
             motion,
             return_delay: delay,
             fast,
+            load: loaded.then(wall),
             ..ServoBuild::new(id)
         }
     });
     let mut bus = ServoBus::new(servos, baud);
+    if loaded {
+        for id in ids {
+            if let Some(servo) = bus.servo_mut(id) {
+                servo.set_operating_mode(16);
+            }
+        }
+    }
     bus.set_after_silence(after);
     let pty = ServoPty::open(bus)?;
     let _link = link.map(|link| StableLink::new(&link, pty.path())).transpose()?;

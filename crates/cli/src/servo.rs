@@ -15,17 +15,18 @@ PWM turns the motor in operating mode 16 (PWM control) and limits it in the othe
 with ROBOTIS's tools.
 
 Examples:
-  taxel servo \"index 0\" --torque on
+  taxel servo \"index 0\" --torque on --pwm 0     it begins with this PWM
   taxel servo \"index 0\" --pwm -12.5
   taxel servo \"index 0\" --torque off")]
-#[command(group(clap::ArgGroup::new("what").required(true).args(["torque", "pwm"])))]
+#[command(group(clap::ArgGroup::new("what").required(true).multiple(true).args(["torque", "pwm"])))]
 pub(crate) struct Args {
     /// The joint's name in the configuration
     joint: String,
     /// Switch its motor on or off
     #[arg(long, value_name = "WHICH")]
     torque: Option<Switch>,
-    /// Percent of full PWM, -100 to 100, positive the way in which the joint's angle grows; after --torque on
+    /// Percent of full PWM, -100 to 100, positive the way in which the joint's angle grows; with --torque on or after
+    /// it
     #[arg(long, value_name = "PERCENT", allow_negative_numbers = true)]
     pwm: Option<f64>,
     /// The daemon's control socket [default: where the daemon of this user, or of the system, puts it]

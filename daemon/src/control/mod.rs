@@ -14,6 +14,7 @@ pub(crate) use asker::ChangeLog;
 pub(crate) use places::Places;
 pub(crate) use report::Reports;
 
+use crate::joints::Hold;
 use crate::state::State;
 use allowance::Allowance;
 use asker::Asker;
@@ -82,8 +83,9 @@ async fn attend(stream: UnixStream, state: &State, access: Access, place: &Place
     let asker = Asker::of(&stream, access);
     let (read, mut write) = stream.into_split();
     let replying = Cell::new(false);
+    let hold = state.hold();
     tokio::select! {
-        left = converse(read, &mut write, &replying, state, &asker, place) => left,
+        left = converse(read, &mut write, &replying, state, &asker, place, &hold) => left,
         () = place.lost() => {
             let why = "this connection was idle for longest and made room for another; connect again";
             // Not into the middle of a reply. Who does not read is not told.
@@ -102,6 +104,7 @@ async fn converse(
     state: &State,
     asker: &Asker,
     place: &Place,
+    hold: &Hold<'_>,
 ) -> std::io::Result<()> {
     let mut read = BufReader::new(read);
     let mut line = Vec::new();
@@ -109,8 +112,16 @@ async fn converse(
     loop {
         line.clear();
         let mut limited = (&mut read).take(MAX_REQUEST + 1);
-        match timeout(IDLE_PATIENCE, limited.read_until(b'\n', &mut line)).await {
+        let patience = hold.patience().unwrap_or(IDLE_PATIENCE);
+        match timeout(patience, limited.read_until(b'\n', &mut line)).await {
             Ok(read) => read?,
+            Err(_) if hold.patience().is_some() => {
+                let why = format!(
+                    "nothing was asked for {patience:?}, so the motors that this connection held are off"
+                );
+                let _ = write.try_write(&line_of(&refusal(why)));
+                return Ok(());
+            }
             Err(_) => return Ok(()),
         };
         if line.is_empty() {
@@ -140,10 +151,16 @@ async fn converse(
         );
         let reply: Rc<[u8]> = match request {
             Ok(Request::Status {}) => state.reports.line(state).await,
-            Ok(request) => line_of(&answer(request, state, asker).await).into(),
+            Ok(request) => line_of(&answer(request, state, asker, hold).await).into(),
             Err(error) => line_of(&refusal(error)).into(),
         };
-        place.set(Doing::Nothing, Instant::now());
+        place.set(
+            match hold.patience() {
+                Some(_) => Doing::Obeying,
+                None => Doing::Nothing,
+            },
+            Instant::now(),
+        );
         replying.set(true);
         match timeout(REPLY_PATIENCE, write.write_all(&reply)).await {
             Ok(written) => written?,

@@ -1,7 +1,7 @@
 //! What can be asked, and the answers.
 
 use super::asker::Asker;
-use crate::joints::ServoRequest;
+use crate::joints::{Hold, ServoRequest, ServosRequest};
 use crate::state::State;
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -26,6 +26,7 @@ pub(super) enum Request {
     Resume {},
     Profile { profile: Option<Profile> },
     Servo(ServoRequest),
+    Servos(ServosRequest),
     Mark { text: String },
 }
 
@@ -35,7 +36,7 @@ impl Request {
         serde_json::from_slice(line).map_err(|error| {
             format!(
                 "{error}; a request is one line such as {{\"cmd\":\"status\"}}, and cmd is one of status, rezero, \
-                 pause, resume, profile, servo, mark"
+                 pause, resume, profile, servo, servos, mark"
             )
         })
     }
@@ -53,7 +54,7 @@ impl Request {
             Self::Pause {} => Some("paused"),
             Self::Resume {} => Some("resumed"),
             Self::Profile { profile: Some(_) } => Some("display profile replaced"),
-            Self::Servo(_) => Some("servo told"),
+            Self::Servo(_) | Self::Servos(_) => Some("servo told"),
             Self::Mark { .. } => Some("marked"),
         }
     }
@@ -63,8 +64,9 @@ pub(super) fn refusal(error: String) -> Value {
     json!({ "ok": false, "error": error })
 }
 
-/// Does what is asked, but for `status`, and says so in the log where it changes something.
-pub(super) async fn answer(request: Request, state: &State, asker: &Asker) -> Value {
+/// Does what is asked, but for `status`, and says so in the log where it changes something. Motors that run only as long
+/// as the asker is there are noted in `hold`.
+pub(super) async fn answer(request: Request, state: &State, asker: &Asker, hold: &Hold<'_>) -> Value {
     let Some(change) = request.change() else {
         state.call_roster().await;
         return json!({ "ok": true, "profile": state.roster().own_profile() });
@@ -77,7 +79,11 @@ pub(super) async fn answer(request: Request, state: &State, asker: &Asker) -> Va
         ));
     }
     let done = match &request {
-        Request::Servo(servo) => state.write(servo).await.map(Done::Said),
+        Request::Servo(servo) => {
+            hold.note(servo);
+            state.write(servo).await.map(Done::Said)
+        }
+        Request::Servos(servos) => state.write_together(servos).await.map(Done::Said),
         Request::Profile { profile } => {
             let profile = profile.clone().unwrap_or_default();
             state.server.set_own_profile(profile).await.map(|()| Done::Plain)
@@ -126,6 +132,7 @@ mod tests {
             (r#"{"cmd":"mark","text":"a"}"#, true, false),
             (r#"{"cmd":"servo","joint":"a","torque":true}"#, true, false),
             (r#"{"cmd":"servo","joint":"a","pwm_percent":0.0}"#, true, false),
+            (r#"{"cmd":"servos","pwm_percent":{"a":0.0,"b":1}}"#, true, false),
             (r#"{"cmd":"servo","joint":"a","torque":false}"#, true, true),
             (
                 r#"{"cmd":"servo","joint":"a","torque":false,"pwm_percent":1.0}"#,

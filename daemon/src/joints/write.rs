@@ -1,23 +1,34 @@
-//! The one way in which taxeld moves anything: a control request to one servo, where the
-//! configuration allows it.
+//! The one way in which taxeld moves anything: control requests to servos, where the configuration allows it.
 
 use serde::Deserialize;
+use std::collections::BTreeMap;
 use std::time::Duration;
+use taxel_hand::check_range;
 use taxel_joints::bus::{WriteCommand, WriteError, WriteRefused};
-use taxel_joints::{DynamixelConfig, JointReader, JointSource, JointsConfig, PortState};
+use taxel_joints::{DynamixelConfig, JointReader, JointSource, JointsConfig, PortState, ServoReader};
 
-/// What a servo is to do; one of both.
+/// What a servo is to do: torque, PWM, or torque that begins with a PWM.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct ServoRequest {
     /// The joint's name.
-    joint: String,
-    torque: Option<bool>,
+    pub(super) joint: String,
+    pub(super) torque: Option<bool>,
     /// Share of full PWM in the joint's direction, percent.
-    pwm_percent: Option<f64>,
+    pub(super) pwm_percent: Option<f64>,
+    /// Its motor is switched off when the connection that asks ends, or asks nothing for so long, ms, 20 to 10,000.
+    pub(super) hold_ms: Option<f64>,
 }
 
-/// How long the servo may take to confirm it: many cycles of a slow bus.
+/// What several servos are to do at the same instant.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct ServosRequest {
+    /// Share of full PWM by the joint's name, in the joint's direction, percent.
+    pwm_percent: BTreeMap<String, f64>,
+}
+
+/// How long a servo may take to confirm it: many cycles of a slow bus.
 const PATIENCE: Duration = Duration::from_secs(2);
 const LOOK: Duration = Duration::from_millis(2);
 
@@ -28,12 +39,11 @@ impl ServoRequest {
     }
 }
 
-/// Has a servo told something, and waits until it has confirmed it; a sentence that says so, or why not.
-pub(crate) async fn write(
-    config: Option<&JointsConfig>,
-    reader: Option<&JointReader>,
-    request: &ServoRequest,
-) -> Result<String, String> {
+/// The servos that may be told something, or why there are none.
+fn servos<'a>(
+    config: Option<&'a JointsConfig>,
+    reader: Option<&'a JointReader>,
+) -> Result<(&'a DynamixelConfig, &'a ServoReader), String> {
     let (config, servos) = match (config.map(|config| &config.source), reader) {
         (Some(JointSource::Dynamixel(config)), Some(JointReader::Servos(servos))) => (config, servos),
         (Some(source), None) => {
@@ -44,9 +54,19 @@ pub(crate) async fn write(
         }
         _ => return Err("there are no servos; the configuration has no table [joints]".into()),
     };
-    if !config.allow_writes {
-        return Err(WriteRefused::ReadOnly.to_string());
+    match config.allow_writes {
+        true => Ok((config, servos)),
+        false => Err(WriteRefused::ReadOnly.to_string()),
     }
+}
+
+/// Has a servo told something, and waits until it has confirmed it; a sentence that says so, or why not.
+pub(crate) async fn write(
+    config: Option<&JointsConfig>,
+    reader: Option<&JointReader>,
+    request: &ServoRequest,
+) -> Result<String, String> {
+    let (config, servos) = servos(config, reader)?;
     let (joint, command) = command(config, request)?;
     if let PortState::Away { reason, .. } = servos.port().state {
         return Err(format!("{}: {reason}", request.joint));
@@ -55,6 +75,58 @@ pub(crate) async fn write(
     let number = servos
         .command(joint, command)
         .map_err(|refused| failed(WriteError::NotTaken(refused)))?;
+    confirmed(servos, joint, command, number).await.map_err(failed)?;
+    Ok(match command {
+        WriteCommand::Torque(true) | WriteCommand::Start(_) => format!(
+            "joints: torque of {} is on (it stops by itself after {} ms of silence)",
+            request.joint, config.watchdog_ms
+        ),
+        WriteCommand::Torque(false) => format!("joints: torque of {} is off", request.joint),
+        WriteCommand::GoalPwm(counts) => format!("joints: {} is given PWM {counts}", request.joint),
+    })
+}
+
+/// Has several servos given their PWM in one packet, and waits until each has confirmed it.
+pub(crate) async fn write_together(
+    config: Option<&JointsConfig>,
+    reader: Option<&JointReader>,
+    request: &ServosRequest,
+) -> Result<String, String> {
+    let (config, servos) = servos(config, reader)?;
+    let goals: Vec<(usize, i16)> = (request.pwm_percent.iter())
+        .map(|(name, percent)| {
+            let joint = joint_called(config, name)?;
+            Ok((joint, counts(config, joint, *percent)?))
+        })
+        .collect::<Result<_, String>>()?;
+    if goals.is_empty() {
+        return Err("pwm_percent names no joint; write {\"pwm_percent\":{\"JOINT\":PERCENT,...}}".into());
+    }
+    if let PortState::Away { reason, .. } = servos.port().state {
+        return Err(reason);
+    }
+    let number = servos.command_together(&goals).map_err(|e| e.to_string())?;
+    let mut failed = Vec::new();
+    for (joint, counts) in &goals {
+        let done = confirmed(servos, *joint, WriteCommand::GoalPwm(*counts), number).await;
+        if let Err(error) = done {
+            failed.push(format!("{}: {error}", config.servo[*joint].name));
+        }
+    }
+    let names: Vec<&str> = request.pwm_percent.keys().map(String::as_str).collect();
+    match failed.is_empty() {
+        true => Ok(format!("joints: {} are given PWM together", names.join(", "))),
+        false => Err(failed.join("; ")),
+    }
+}
+
+/// Waits until a servo has confirmed the command of this number.
+async fn confirmed(
+    servos: &ServoReader,
+    joint: usize,
+    command: WriteCommand,
+    number: u64,
+) -> Result<(), WriteError> {
     let confirmed = async {
         loop {
             let off = servos.motor_off(joint);
@@ -80,34 +152,50 @@ pub(crate) async fn write(
         }
     };
     let outcome = tokio::time::timeout(PATIENCE, confirmed).await;
-    outcome.unwrap_or(Err(WriteError::PortLost)).map_err(failed)?;
-    Ok(match command {
-        WriteCommand::Torque(true) => format!(
-            "joints: torque of {} is on (it stops by itself after {} ms of silence)",
-            request.joint, config.watchdog_ms
-        ),
-        WriteCommand::Torque(false) => format!("joints: torque of {} is off", request.joint),
-        WriteCommand::GoalPwm(counts) => format!("joints: {} is given PWM {counts}", request.joint),
+    outcome.unwrap_or(Err(WriteError::PortLost))
+}
+
+/// The servo of a joint, by its index.
+pub(super) fn joint_called(config: &DynamixelConfig, name: &str) -> Result<usize, String> {
+    let joint = config.servo.iter().position(|servo| servo.name == name);
+    joint.ok_or_else(|| {
+        let names = config.joint_names().join(", ");
+        format!("no joint is called {name}; there are {names}")
     })
+}
+
+/// A PWM in the servo's own direction.
+fn counts(config: &DynamixelConfig, joint: usize, percent: f64) -> Result<i16, String> {
+    if !(-100.0..=100.0).contains(&percent) {
+        return Err(format!("pwm_percent = {percent} is outside -100 to 100"));
+    }
+    let share = percent / 100.0 * f64::from(config.servo[joint].direction);
+    Ok((share * f64::from(WriteCommand::PWM_COUNTS)).round() as i16)
 }
 
 /// Which servo, by its index, and what it is told.
 fn command(config: &DynamixelConfig, request: &ServoRequest) -> Result<(usize, WriteCommand), String> {
-    let name = &request.joint;
-    let Some(joint) = config.servo.iter().position(|servo| servo.name == *name) else {
-        let names = config.joint_names().join(", ");
-        return Err(format!("no joint is called {name}; there are {names}"));
-    };
-    match (request.torque, request.pwm_percent) {
-        (Some(on), None) => Ok((joint, WriteCommand::Torque(on))),
-        (None, Some(percent)) if (-100.0..=100.0).contains(&percent) => {
-            let share = percent / 100.0 * f64::from(config.servo[joint].direction);
-            let counts = (share * f64::from(WriteCommand::PWM_COUNTS)).round() as i16;
-            Ok((joint, WriteCommand::GoalPwm(counts)))
+    let joint = joint_called(config, &request.joint)?;
+    if let Some(ms) = request.hold_ms {
+        check_range("", "hold_ms", ms, 20.0..=10_000.0, "ms").map_err(|error| error.to_string())?;
+        if request.torque != Some(true) {
+            return Err("hold_ms goes with \"torque\":true alone".into());
         }
-        (None, Some(percent)) => Err(format!("pwm_percent = {percent} is outside -100 to 100")),
-        _ => Err("say either torque (true or false) or pwm_percent (-100 to 100)".into()),
     }
+    let counts = |percent| counts(config, joint, percent);
+    let command = match (request.torque, request.pwm_percent) {
+        (Some(true), Some(percent)) => WriteCommand::Start(counts(percent)?),
+        (Some(on), None) => WriteCommand::Torque(on),
+        (None, Some(percent)) => WriteCommand::GoalPwm(counts(percent)?),
+        _ => {
+            return Err(
+                "say torque (true or false), pwm_percent (-100 to 100), or torque true with the pwm_percent it begins \
+                 with"
+                    .into(),
+            );
+        }
+    };
+    Ok((joint, command))
 }
 
 #[cfg(test)]
@@ -119,6 +207,7 @@ mod tests {
             joint: joint.into(),
             torque,
             pwm_percent,
+            hold_ms: None,
         }
     }
 
@@ -145,14 +234,40 @@ mod tests {
             ),
             (of("servo 7", None, Some(-100.5)), Err("outside -100 to 100")),
             (of("servo 7", None, Some(f64::NAN)), Err("outside -100 to 100")),
-            (of("servo 7", None, None), Err("say either")),
-            (of("servo 7", Some(true), Some(1.0)), Err("say either")),
+            (of("servo 7", None, None), Err("say torque")),
+            (of("servo 7", Some(false), Some(1.0)), Err("say torque")),
+            (
+                of("servo 9", Some(true), Some(10.0)),
+                Ok((1, WriteCommand::Start(-89))),
+            ),
+            (of("servo 7", Some(true), Some(101.0)), Err("outside -100 to 100")),
             (of("thumb", Some(true), None), Err("there are servo 7, servo 9")),
         ];
         for (request, wanted) in cases {
             match (command(&config, &request), wanted) {
                 (Ok(got), Ok(wanted)) => assert_eq!(got, wanted, "{request:?}"),
                 (Err(got), Err(wanted)) => assert!(got.contains(wanted), "{request:?}: {got}"),
+                (got, _) => panic!("{request:?}: {got:?}"),
+            }
+        }
+    }
+
+    #[test]
+    fn only_a_motor_that_is_switched_on_is_held() {
+        let config = DynamixelConfig::new("/dev/servos", [7]);
+        for (torque, hold_ms, wanted) in [
+            (Some(true), 20.0, None),
+            (Some(true), 10_000.0, None),
+            (Some(true), 19.0, Some("hold_ms = 19 is outside 20 to 10000")),
+            (Some(true), f64::NAN, Some("hold_ms = NaN is outside")),
+            (Some(false), 500.0, Some("goes with \"torque\":true")),
+            (None, 500.0, Some("goes with \"torque\":true")),
+        ] {
+            let mut request = of("servo 7", torque, None);
+            request.hold_ms = Some(hold_ms);
+            match (command(&config, &request), wanted) {
+                (Ok(_), None) => {}
+                (Err(error), Some(words)) => assert!(error.contains(words), "{error}"),
                 (got, _) => panic!("{request:?}: {got:?}"),
             }
         }
