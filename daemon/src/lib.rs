@@ -257,6 +257,10 @@ impl Daemon {
             serving_thread("control", ready, async move || {
                 let control = UnixListener::from_std(control.into()).map_err(listen)?;
                 let status = UnixListener::from_std(status.into()).map_err(listen)?;
+                // Not FIFO: what clients ask of it may take long. But torque off waits for no compiler.
+                if realtime.priority > 0 {
+                    let _ = realtime::set_nice();
+                }
                 Ok(async move {
                     let _stop_images = stop_images;
                     let state = Rc::new(State::new(config, server, shared, clock, commands, joint_reader));

@@ -1,4 +1,4 @@
-//! Scheduling of the tick thread: the two calls that `nix` does not offer.
+//! Scheduling of the threads: the calls that `nix` does not offer.
 
 #![allow(unsafe_code)]
 
@@ -7,10 +7,25 @@ use std::io;
 /// Puts the calling thread under `SCHED_FIFO` at `priority` (1 to 99), and not those that it starts. Needs
 /// `LimitRTPRIO` or `CAP_SYS_NICE`.
 pub(crate) fn set_fifo(priority: u8) -> io::Result<()> {
+    set_policy(nix::libc::SCHED_FIFO, priority)
+}
+
+/// Gives the calling thread ten times the share of the processor that a program has, and not those that it starts. Needs
+/// `LimitNICE=-10` or `CAP_SYS_NICE`.
+pub(crate) fn set_nice() -> io::Result<()> {
+    set_policy(nix::libc::SCHED_OTHER, 0)?;
+    // SAFETY: setpriority takes no pointer; 0 names the calling thread.
+    match unsafe { nix::libc::setpriority(nix::libc::PRIO_PROCESS, 0, -10) } {
+        0 => Ok(()),
+        _ => Err(io::Error::last_os_error()),
+    }
+}
+
+fn set_policy(policy: nix::libc::c_int, priority: u8) -> io::Result<()> {
     let param = nix::libc::sched_param {
         sched_priority: priority.into(),
     };
-    let policy = nix::libc::SCHED_FIFO | nix::libc::SCHED_RESET_ON_FORK;
+    let policy = policy | nix::libc::SCHED_RESET_ON_FORK;
     // SAFETY: `param` lives across the call, and pid 0 names the calling thread.
     match unsafe { nix::libc::sched_setscheduler(0, policy, &param) } {
         0 => Ok(()),

@@ -88,7 +88,7 @@ impl Reports {
             self.next_at = Some(Instant::now() + STATUS);
             let mut status = state.status();
             status.subscribers.truncate(MOST_LISTED);
-            let text = serde_json::json!(status).to_string();
+            let text = serde_json::to_string(&status).unwrap_or_default();
             state
                 .server
                 .set_status(text.as_bytes(), now.force.seq, now.force.t_ns);

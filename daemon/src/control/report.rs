@@ -1,12 +1,12 @@
 //! The reply to `status`, made once for all who wait for one.
 
-use super::line_of;
 use crate::state::State;
-use serde_json::json;
+use serde::Serialize;
 use std::cell::Cell;
 use std::rc::Rc;
+use taxel_wire::status::Status;
 use tokio::sync::Mutex;
-use tokio::time::Instant;
+use tokio::time::{Instant, sleep_until};
 
 /// The newest reply, and how many changes there were before it.
 #[derive(Debug, Default)]
@@ -18,13 +18,22 @@ pub(crate) struct Reports {
 #[derive(Debug)]
 struct Report {
     begun: Instant,
+    /// When this thread has done other things for as long as the report took it.
+    paid: Instant,
     changes: u64,
     line: Rc<[u8]>,
 }
 
+#[derive(Serialize)]
+struct Reply {
+    ok: bool,
+    status: Status,
+}
+
 impl Reports {
     /// The reply, of a report that was begun after this was called and after the last change. However many ask at once, one
-    /// report is made for all of them while another one is: who asks without end costs no more than that.
+    /// report is made for all of them while another one is, and this thread does other things for as long as the last one
+    /// took: who asks without end costs half of it, and torque off waits for one report.
     pub(super) async fn line(&self, state: &State) -> Rc<[u8]> {
         let asked = Instant::now();
         let mut newest = self.newest.lock().await;
@@ -33,12 +42,22 @@ impl Reports {
         if let Some(report) = newest.as_ref().filter(is_new) {
             return report.line.clone();
         }
-        let begun = Instant::now();
+        if let Some(last) = newest.as_ref() {
+            sleep_until(last.paid).await;
+        }
+        let (begun, changes) = (Instant::now(), self.changes.get());
         state.call_roster().await;
-        // The tree of a report of many subscribers is several times its text, and gone before anybody takes that.
-        let line: Rc<[u8]> = line_of(&json!({ "ok": true, "status": state.status() })).into();
+        let making = Instant::now();
+        let reply = Reply {
+            ok: true,
+            status: state.status(),
+        };
+        let mut text = serde_json::to_vec(&reply).unwrap_or_default();
+        text.push(b'\n');
+        let line: Rc<[u8]> = text.into();
         *newest = Some(Report {
             begun,
+            paid: Instant::now() + making.elapsed(),
             changes,
             line: line.clone(),
         });
