@@ -1,6 +1,7 @@
 //! Categories on a map: the publication's rule, and the best there are.
 
 use crate::error::PalpationError;
+use crate::labels::canonical;
 use crate::proof::least;
 use crate::random::Random;
 use crate::silhouette::Silhouette;
@@ -77,19 +78,6 @@ impl Categories {
         let nearest = distances.enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
         nearest.unwrap_or((0, f64::INFINITY))
     }
-}
-
-/// Labels numbered in the order of their first touches: equal for equal partitions.
-pub(crate) fn canonical(labels: &[usize]) -> Vec<usize> {
-    let mut seen: Vec<usize> = Vec::new();
-    let number = |label: &usize| match seen.iter().position(|s| s == label) {
-        Some(number) => number,
-        None => {
-            seen.push(*label);
-            seen.len() - 1
-        }
-    };
-    labels.iter().map(number).collect()
 }
 
 /// Categories by the publication's rule: k-means from three random starts, each on different touches, discarded unless

@@ -24,7 +24,9 @@
 mod agreement;
 mod categories;
 mod classifier;
+mod decomposition;
 mod error;
+mod labels;
 mod pca;
 mod proof;
 mod random;

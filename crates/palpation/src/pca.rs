@@ -1,5 +1,6 @@
 //! The cognitive map: principal components of touches.
 
+use crate::decomposition::Decomposition;
 use crate::error::PalpationError;
 use crate::truncated::truncated;
 use nalgebra::{DMatrix, DVector, QR, SVD};
@@ -37,13 +38,6 @@ pub struct Pca {
     residuals: Vec<f64>,
     total: f64,
     rank: usize,
-}
-
-/// Singular values, descending, with the vectors on the side of the features as columns, and the residual of each.
-pub(crate) struct Decomposition {
-    pub(crate) values: Vec<f64>,
-    pub(crate) vectors: DMatrix<f64>,
-    pub(crate) residuals: Vec<f64>,
 }
 
 impl Pca {

@@ -1,6 +1,7 @@
 //! How clear categories are: the silhouette, in its three readings.
 
 use crate::error::PalpationError;
+use crate::labels::canonical;
 use nalgebra::DMatrix;
 
 /// The silhouette of categories, each reading from -1 to 1. They differ by much: always say which.
@@ -35,7 +36,7 @@ impl Silhouette {
                 touches,
             });
         }
-        let labels = crate::categories::canonical(labels);
+        let labels = canonical(labels);
         let clusters = labels.iter().max().map_or(0, |most| most + 1);
         if clusters < 2 {
             return Err(PalpationError::OneCluster { clusters });

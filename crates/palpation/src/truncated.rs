@@ -1,6 +1,6 @@
 //! The first components of a large matrix.
 
-use crate::pca::Decomposition;
+use crate::decomposition::Decomposition;
 use crate::random::Random;
 use nalgebra::{DMatrix, QR, SVD};
 

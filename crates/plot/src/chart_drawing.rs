@@ -3,8 +3,8 @@
 use crate::axis::{Scale, tick_text};
 use crate::chart::{Chart, Marks};
 use crate::colour;
+use crate::error::PlotError;
 use crate::pen::{Pen, Place, Side, text_width};
-use crate::sheet::PlotError;
 use crate::spread::{Quartiles, ellipse};
 
 const TEXT: f64 = 11.0;

@@ -20,7 +20,9 @@ mod axis;
 mod chart;
 mod chart_drawing;
 mod colour;
+mod error;
 mod numbers;
+mod panel;
 mod pen;
 mod picture;
 mod sheet;
@@ -28,6 +30,7 @@ mod spread;
 
 pub use axis::Axis;
 pub use chart::Chart;
+pub use error::PlotError;
 pub use picture::Picture;
-pub use sheet::{PlotError, Sheet};
+pub use sheet::Sheet;
 pub use spread::{Quartiles, ellipse};

@@ -3,8 +3,8 @@
 use crate::axis::Axis;
 use crate::chart::{Layer, Marks};
 use crate::colour;
+use crate::panel::Panel;
 use crate::picture::Cell;
-use crate::sheet::Panel;
 
 /// One row: kind, series, x, y, low, high, value.
 type Row<'a> = [&'a str; 7];

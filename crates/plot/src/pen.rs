@@ -1,7 +1,7 @@
 //! The pen: marks on paper, in pixels. The only file that draws with plotters.
 
 use crate::colour::{self, Rgb};
-use crate::sheet::PlotError;
+use crate::error::PlotError;
 use plotters::coord::Shift;
 use plotters::drawing::{DrawingArea, IntoDrawingArea};
 use plotters::element::{Circle, Drawable, PathElement, PointCollection, Polygon, Rectangle, Text};

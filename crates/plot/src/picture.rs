@@ -1,8 +1,8 @@
 //! Pictures: tactile images, frames as colours, and matrices of numbers.
 
 use crate::colour::{self, Rgb};
+use crate::error::PlotError;
 use crate::pen::{Pen, Place, Side, text_width};
-use crate::sheet::PlotError;
 
 /// A picture of square cells, row by row from the top left.
 #[derive(Debug, Clone)]
