@@ -142,7 +142,13 @@ const SYSTEM_DIRECTORY: &str = "/run/taxeld";
 
 /// Where the daemon's sockets are unless the configuration says otherwise: `/run/taxeld` for root and where that folder
 /// is this user's to write to, else `taxeld` in the user's own runtime directory, else `/tmp/taxeld-UID`.
+///
+/// In a service it is the folder that systemd has made for it (`RuntimeDirectory=`).
 pub fn default_directory() -> PathBuf {
+    if let Some(own) = std::env::var_os("RUNTIME_DIRECTORY").filter(|own| !own.is_empty()) {
+        // A service with several has them in one variable.
+        return own.to_string_lossy().split(':').next().unwrap_or_default().into();
+    }
     let is_ours = || nix::unistd::access(SYSTEM_DIRECTORY, AccessFlags::W_OK).is_ok();
     if nix::unistd::geteuid().is_root() || is_ours() {
         return SYSTEM_DIRECTORY.into();
@@ -345,6 +351,13 @@ impl Config {
                 .get_ref()
                 .parse::<SourceAddress>()
                 .map_err(|e| refuse(source.span().start, e.to_string()))?;
+            // Buses of a simulated hand have the scene in common.
+            let is_read_twice = !matches!(address, SourceAddress::Sim { .. }) && sources.contains(&address);
+            if is_read_twice {
+                let message =
+                    format!("{address} is given twice; each bus of the hand has a source of its own");
+                return Err(refuse(source.span().start, message));
+            }
             sources.push(address);
         }
         let scenes = sources.iter().all(|s| matches!(s, SourceAddress::Sim { .. }));

@@ -9,6 +9,7 @@ mod gather;
 mod image_maker;
 mod joints;
 mod realtime;
+mod reload;
 mod snapshot;
 mod sources;
 mod state;
@@ -46,6 +47,8 @@ pub struct Daemon {
     control: Option<JoinHandle<()>>,
     /// Dropped to end the control thread, which ends that of the images with it.
     stop: Option<oneshot::Sender<()>>,
+    /// Configurations to be taken up by the control thread.
+    reload: tokio::sync::mpsc::UnboundedSender<Config>,
     /// Gone when nobody serves any more.
     _paths: SocketPaths,
 }
@@ -61,6 +64,8 @@ pub enum StartError {
     Source {
         /// Name of the bus in the layout.
         bus: String,
+        /// Whether it would fail the next time as well.
+        is_lasting: bool,
         /// What is wrong with its source.
         error: Box<dyn std::error::Error + Send + Sync>,
     },
@@ -123,10 +128,22 @@ impl StartError {
                 SocketPathError::UnknownGroup { .. } | SocketPathError::NotASocket { .. }
             ),
             Self::JointsBeside(_) | Self::Engine(_) => true,
+            Self::Source { is_lasting, .. } => *is_lasting,
             // A profile may be too dear only while the machine is busy.
-            Self::Source { .. } | Self::Joints(_) | Self::Profile(_) | Self::System { .. } => false,
+            Self::Joints(_) | Self::Profile(_) | Self::System { .. } => false,
         }
     }
+}
+
+/// Whether a daemon could start on this machine, as far as that can be told without its buses and sockets: groups,
+/// recordings, scenes, and what the hand asks of the engine.
+pub fn check(config: &Config) -> Result<(), StartError> {
+    for group in [&config.socket.group, &config.control.group] {
+        taxel_serve::check_group(group)?;
+    }
+    sources::check(config)?;
+    Engine::new(&config.engine(true)?, 0)?;
+    Ok(())
 }
 
 impl Daemon {
@@ -252,6 +269,7 @@ impl Daemon {
             })
         })?;
         let (stop, stopped) = oneshot::channel();
+        let (reload, changed) = tokio::sync::mpsc::unbounded_channel();
         let control = {
             let shared = shared.clone();
             serving_thread("control", ready, async move || {
@@ -266,6 +284,7 @@ impl Daemon {
                     let state = Rc::new(State::new(config, server, shared, clock, commands, joint_reader));
                     tokio::task::spawn_local(control::serve_control(control, state.clone()));
                     tokio::task::spawn_local(control::serve_status(status, state.clone()));
+                    tokio::task::spawn_local(reload::take_up(changed, state.clone()));
                     tokio::select! {
                         _ = stopped => {}
                         () = supervise::watch(state) => {}
@@ -279,6 +298,7 @@ impl Daemon {
             images: Some(images),
             control: Some(control),
             stop: Some(stop),
+            reload,
             _paths: paths,
         };
         for _ in [&daemon.images, &daemon.control] {
@@ -298,6 +318,12 @@ impl Daemon {
         // images have reached their subscribers.
         let finished = self.shared.finished.load(Ordering::Acquire);
         (finished || runs(&self.tick)) && runs(&self.images) && runs(&self.control)
+    }
+
+    /// Takes up what can be changed while the hand is read, the display profile, and says in the log what cannot. No
+    /// subscriber is let go.
+    pub fn reload(&self, config: Config) {
+        let _ = self.reload.send(config);
     }
 
     /// Stops the boards, lets every subscriber go, and removes the sockets.

@@ -2,8 +2,10 @@
 
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
+mod journal;
 mod log;
 
+use crate::journal::Journal;
 use crate::log::{Flush, Log};
 use anyhow::Context;
 use clap::Parser;
@@ -20,6 +22,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 use taxeld::{Config, ConfigError, Daemon, StartError};
+use tracing::Level;
 use tracing_subscriber::EnvFilter;
 
 /// Reads a robot hand's skin from CAN and gives tactile images to display drivers.
@@ -33,7 +36,7 @@ struct Arguments {
     /// The configuration file.
     #[arg(long, value_name = "FILE")]
     config: PathBuf,
-    /// Only check the configuration file, and say what it would run.
+    /// Only check the configuration file, the groups, recordings and scenes that it names, and say what it would run.
     #[arg(long)]
     check: bool,
 }
@@ -46,7 +49,11 @@ fn main() -> ExitCode {
         Ok(status) => status,
         Err(error) => {
             // Not eprintln!, which panics where stderr is gone or full.
-            let _ = writeln!(std::io::stderr(), "Error: {error:#}");
+            let _ = writeln!(
+                std::io::stderr(),
+                "{}Error: {error:#}",
+                journal::prefix(&Level::ERROR)
+            );
             let start = error.downcast_ref::<StartError>();
             if error.is::<ConfigError>() || start.is_some_and(StartError::is_lasting) {
                 ExitCode::from(BAD_CONFIG)
@@ -61,6 +68,7 @@ fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     let _flush = log_to_stderr().context("cannot start the thread that writes the log")?;
     let config = Config::load(&arguments.config)?;
     if arguments.check {
+        taxeld::check(&config)?;
         return match std::io::stdout().write_all(describe(&config).as_bytes()) {
             Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(error).context("stdout"),
             _ => Ok(ExitCode::SUCCESS),
@@ -91,9 +99,12 @@ fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     let mut status = ExitCode::SUCCESS;
     while daemon.is_running() {
         match stop.recv_timeout(Duration::from_millis(200)) {
-            Ok(SIGHUP) => {
-                tracing::warn!("SIGHUP: the configuration is read at the start only; restart to change it")
-            }
+            Ok(SIGHUP) => match Config::load(&arguments.config) {
+                Ok(config) => daemon.reload(config),
+                Err(error) => {
+                    tracing::error!("the configuration is not taken up, the one before goes on: {error}")
+                }
+            },
             Ok(signal) => {
                 let name = signal_name(signal).map_or_else(|| format!("signal {signal}"), str::to_owned);
                 tracing::info!("{name}: stopping");
@@ -143,7 +154,8 @@ fn describe(config: &Config) -> String {
     text
 }
 
-/// Plain lines under systemd, which stamps them itself; with times and colours in a terminal.
+/// Plain lines for the journal, which stamps them itself and is told how much each matters; with times and colours in
+/// a terminal.
 fn log_to_stderr() -> std::io::Result<Flush> {
     let (log, flush) = Log::start(std::io::stderr())?;
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
@@ -151,8 +163,11 @@ fn log_to_stderr() -> std::io::Result<Flush> {
         .with_env_filter(filter)
         .with_writer(log)
         .with_target(false);
-    if std::env::var_os("JOURNAL_STREAM").is_some() {
-        builder.without_time().with_ansi(false).init();
+    if journal::is_stderr() {
+        let plain = tracing_subscriber::fmt::format()
+            .without_time()
+            .with_target(false);
+        builder.with_ansi(false).event_format(Journal(plain)).init();
     } else {
         builder
             .with_ansi(std::io::IsTerminal::is_terminal(&std::io::stderr()))

@@ -23,13 +23,6 @@ pub(crate) fn open(config: &Config, start_ns: u64) -> Result<Vec<Box<dyn CanSour
         .chain(own.map(|bus| (&bus.address, &joints_name)))
         .enumerate())
     .map(|(bus, (address, name))| {
-        let fail = |error| StartError::Source {
-            bus: name.clone(),
-            error,
-        };
-        if let SourceAddress::Sim { scene } = address {
-            return open_scene(scene, config, bus as u8, start_ns).map_err(fail);
-        }
         // Of a bus of the skin everything: a node that babbles is to be seen, and what is nobody's counted.
         let filters = own
             .filter(|_| bus >= config.layout.buses.len())
@@ -42,21 +35,65 @@ pub(crate) fn open(config: &Config, start_ns: u64) -> Result<Vec<Box<dyn CanSour
                 ..Playback::default()
             },
         };
-        taxel_can::open(address, &options).map_err(|e| fail(e.into()))
+        open_one(config, bus, address, name, &options)
     })
     .collect()
 }
 
-type OpenError = Box<dyn std::error::Error + Send + Sync>;
+/// Whether the recordings and scenes can be opened; buses are left alone.
+pub(crate) fn check(config: &Config) -> Result<(), StartError> {
+    for (bus, (address, name)) in config.sources.iter().zip(&config.layout.buses).enumerate() {
+        if matches!(address, SourceAddress::Log { .. } | SourceAddress::Sim { .. }) {
+            open_one(config, bus, address, name, &SourceOptions::default())?;
+        }
+    }
+    match config.joints_bus() {
+        Some(bus) if !bus.shared && matches!(bus.address, SourceAddress::Log { .. }) => open_one(
+            config,
+            bus.index.into(),
+            &bus.address,
+            "joints",
+            &SourceOptions::default(),
+        )
+        .map(drop),
+        _ => Ok(()),
+    }
+}
+
+fn open_one(
+    config: &Config,
+    bus: usize,
+    address: &SourceAddress,
+    name: &str,
+    options: &SourceOptions,
+) -> Result<Box<dyn CanSource>, StartError> {
+    let fail = |is_lasting, error| StartError::Source {
+        bus: name.to_owned(),
+        is_lasting,
+        error,
+    };
+    match address {
+        SourceAddress::Sim { scene } => {
+            open_scene(scene, config, bus as u8, options.playback.start_ns).map_err(|error| fail(true, error))
+        }
+        // Recordings do not come by themselves.
+        _ => taxel_can::open(address, options).map_err(|error| {
+            let is_lasting = matches!(address, SourceAddress::Log { .. }) || error.is_lasting();
+            fail(is_lasting, error.into())
+        }),
+    }
+}
+
+type Refusal = Box<dyn std::error::Error + Send + Sync>;
 
 #[cfg(feature = "sim")]
-fn open_scene(scene: &str, config: &Config, bus: u8, start_ns: u64) -> Result<Box<dyn CanSource>, OpenError> {
+fn open_scene(scene: &str, config: &Config, bus: u8, start_ns: u64) -> Result<Box<dyn CanSource>, Refusal> {
     let source = taxel_sim::SimSource::open(scene, Some(&config.layout), bus, start_ns)?;
     Ok(Box::new(source))
 }
 
 #[cfg(not(feature = "sim"))]
-fn open_scene(scene: &str, _: &Config, _: u8, _: u64) -> Result<Box<dyn CanSource>, OpenError> {
+fn open_scene(scene: &str, _: &Config, _: u8, _: u64) -> Result<Box<dyn CanSource>, Refusal> {
     Err(
         format!("sim:{scene} needs the simulator, which this taxeld was built without; `taxel demo` has it")
             .into(),

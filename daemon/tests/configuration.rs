@@ -10,7 +10,7 @@ use taxeld::Config;
 #[test]
 fn configuration_errors_name_file_and_line() {
     let path = PathBuf::from("hand.toml");
-    let two = "[[bus]]\nsource = \"udp:\"\n[[bus]]\nsource = \"udp:\"\n";
+    let two = "[[bus]]\nsource = \"udp:\"\n[[bus]]\nsource = \"udp::43114\"\n";
     let cases = [
         ("layout = 3\n", "hand.toml:1: "),
         ("layout = \"no-such-hand\"\n", "hand.toml:1: "),
@@ -21,6 +21,14 @@ fn configuration_errors_name_file_and_line() {
         (
             "[[bus]]\nsource = \"usb:3\"\n",
             "hand.toml:2: `usb:3` is not a CAN source",
+        ),
+        (
+            "[[bus]]\nsource = \"can:can0\"\n[[bus]]\nsource = \"can:can0\"\n",
+            "hand.toml:4: can:can0 is given twice",
+        ),
+        (
+            &two.replace("::43114", "::43113"),
+            "hand.toml:4: udp:239.74.163.2:43113 is given twice",
         ),
         (
             &format!("{two}[tick]\nrate_hz = 2000.0\n"),
@@ -111,8 +119,45 @@ fn a_wrong_configuration_ends_with_its_status_though_nobody_can_be_told() {
 }
 
 #[test]
+fn what_would_not_start_is_refused_by_check_as_by_the_start_and_for_good() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("taxeld.toml");
+    let buses = |source: &str| {
+        let bus = |n| format!("[[bus]]\nsource = '{}'\n", source.replace("N", n));
+        [bus("0"), bus("1")].concat()
+    };
+    let sockets = format!(
+        "[socket]\nimages = '{0}/images.sock'\ncontrol = '{0}/control.sock'\n",
+        folder.path().display()
+    );
+    let scenes = buses("sim:idle");
+    let cases = [
+        (buses("log:no-such-N.log") + &sockets, "no-such-0.log"),
+        (buses("sim:no-such-scene") + &sockets, "no-such-scene"),
+        (
+            format!("{scenes}{sockets}group = 'no-such-group'\n"),
+            "no-such-group",
+        ),
+        (
+            format!("{scenes}{sockets}[control]\ngroup = 'no-such-operators'\n"),
+            "no-such-operators",
+        ),
+    ];
+    for (text, about) in cases {
+        std::fs::write(&path, &text).unwrap();
+        for check in [&["--check"][..], &[]] {
+            let mut taxeld = Command::new(env!("CARGO_BIN_EXE_taxeld"));
+            let ended = taxeld.args(check).arg("--config").arg(&path).output().unwrap();
+            let said = String::from_utf8_lossy(&ended.stderr);
+            assert_eq!(ended.status.code(), Some(78), "{check:?} {text}\n{said}");
+            assert!(said.contains(about), "{check:?} {text}\n{said}");
+        }
+    }
+}
+
+#[test]
 fn conditioning_is_that_of_the_method_unless_the_file_says_otherwise() {
-    let buses = "[[bus]]\nsource = \"udp:\"\n[[bus]]\nsource = \"udp:\"\n";
+    let buses = "[[bus]]\nsource = \"udp:\"\n[[bus]]\nsource = \"udp::43114\"\n";
     let paper = "[profile]\nmethod = \"paper\"\n";
     let (papers, robust) = (ConditionConfig::paper(), ConditionConfig::robust());
     let with_margin = |config: &ConditionConfig| ConditionConfig {

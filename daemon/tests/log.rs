@@ -1,6 +1,7 @@
 //! That the log, wherever it goes, is in nobody's way.
 
 use std::fs::OpenOptions;
+use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -28,7 +29,7 @@ fn start_with(folder: &Path, stderr: Stdio, before: &str) -> Running {
     let text = format!(
         "layout = 'allegro-uskin-15'\n\
          [[bus]]\nsource = 'sim:idle'\n[[bus]]\nsource = 'sim:idle'\n\
-         [socket]\nimages = '{}'\ncontrol = '{}'\n",
+         [socket]\nimages = '{}'\ncontrol = '{}'\nstall_ms = 60000\n",
         path("images.sock"),
         path("control.sock")
     );
@@ -141,4 +142,37 @@ fn a_daemon_out_of_file_descriptors_says_so_once() {
     drop(connected);
     // And it goes on when there are some.
     served(&mut daemon, folder.path());
+}
+
+#[test]
+fn lines_for_the_journal_bear_their_priority_and_others_do_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = folder.path().join("log");
+    let started = |is_journal: bool| {
+        std::fs::write(&log, "").unwrap();
+        let file = OpenOptions::new().append(true).open(&log).unwrap();
+        let found = file.metadata().unwrap();
+        // A terminal that a service has opened inherits the variable, with another file in it.
+        let stream = format!("{}:{}", found.dev(), found.ino() + u64::from(!is_journal));
+        let mut daemon = start_with(
+            folder.path(),
+            file.try_clone().unwrap().into(),
+            &format!("export JOURNAL_STREAM={stream}"),
+        );
+        served(&mut daemon, folder.path());
+        let refused = Command::new(env!("CARGO_BIN_EXE_taxeld"))
+            .args(["--config", "/no-such.toml"])
+            .env("JOURNAL_STREAM", stream)
+            .stderr(file)
+            .status();
+        assert!(!refused.unwrap().success());
+        std::fs::read_to_string(&log).unwrap()
+    };
+    let (journal, other) = (started(true), started(false));
+    assert!(journal.lines().all(|line| line.starts_with('<')), "{journal}");
+    assert!(
+        journal.contains("<6> INFO ready") && journal.contains("<3>Error: cannot read /no-such.toml"),
+        "{journal}"
+    );
+    assert!(other.contains("ready") && !other.contains('<'), "{other}");
 }

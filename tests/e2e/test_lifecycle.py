@@ -85,6 +85,26 @@ def test_a_bad_configuration_is_refused_with_its_place(folder, name):
     assert about in ended.stderr, ended.stderr
 
 
+def test_reload_takes_up_the_profile_names_what_needs_a_restart_and_lets_nobody_go(start):
+    daemon = start(profile={"levels": 8, "actuators": 16})
+
+    def reload(text, said):
+        daemon.config.write_text(text)
+        daemon.process.send_signal(signal.SIGHUP)
+        eventually(lambda: said in daemon.log, lambda: f"not said: {said}\n{daemon.log}")
+
+    with taxel_reader.connect(daemon.images) as reader:
+        next_image(reader)
+        text = daemon.config.read_text()
+        reload(text.replace("levels = 8", "levels = 3"), "[profile] is taken up")
+        assert daemon.control("profile")["profile"]["levels"] == 3
+        reload(text.replace("levels = 8", "levels = 0"), f"{daemon.config}:")
+        reload(text.replace("levels = 8", "levels = 3") + "\n[can]\nreceive_buffer_kib = 128\n", "only by a restart: [can]")
+        assert daemon.control("profile")["profile"]["levels"] == 3
+        before = next_image(reader).seq
+        assert next_image(reader).seq > before
+
+
 def test_a_configuration_that_is_not_there_is_named(folder):
     missing = folder / "no.toml"
     ended = subprocess.run([binary("taxeld"), "--config", missing], capture_output=True, text=True, timeout=20)

@@ -4,7 +4,9 @@ use crate::{
     CanSource, IdFilter, LogSource, Playback, SocketCan, SocketCanOptions, SourceAddress, UdpMulticast,
     UdpOptions,
 };
+use nix::errno::Errno;
 use std::io;
+use std::net::IpAddr;
 
 /// What a source needs to know beside its address.
 #[derive(Debug, Clone, PartialEq)]
@@ -53,6 +55,18 @@ pub enum OpenError {
         /// What the system said.
         source: io::Error,
     },
+    /// The process may have no socket of the address family of a multicast group.
+    #[error(
+        "cannot open udp multicast {group}: this process can have no network socket ({source}). As a service it needs \
+         the drop-in `taxeld-network.conf` of the folder `systemd` (docs/guide.md, \"Run it for months\"); elsewhere \
+         the kernel was started without this version of IP"
+    )]
+    NoNetwork {
+        /// The group.
+        group: IpAddr,
+        /// What the system said.
+        source: io::Error,
+    },
     /// The recording cannot be read, or the multicast group not be joined.
     #[error("cannot {what}: {source}")]
     Io {
@@ -65,6 +79,26 @@ pub enum OpenError {
     /// frame, a speed that is none, a scene.
     #[error("{0}")]
     Refused(String),
+}
+
+impl OpenError {
+    fn udp(group: IpAddr, port: u16, source: io::Error) -> Self {
+        match source.raw_os_error().map(Errno::from_raw) {
+            Some(Errno::EAFNOSUPPORT) => Self::NoNetwork { group, source },
+            _ => Self::Io {
+                what: format!("open udp multicast {group} port {port}"),
+                source,
+            },
+        }
+    }
+
+    /// Whether the source is wrong as it is named, so that opening it later fails as well.
+    pub fn is_lasting(&self) -> bool {
+        match self {
+            Self::NotCan { .. } | Self::NoNetwork { .. } | Self::Refused(_) => true,
+            Self::NotSupported { .. } | Self::Socket { .. } | Self::Io { .. } => false,
+        }
+    }
 }
 
 /// Opens what an address names. A `sim:` address is refused: scenes are the simulator's.
@@ -91,11 +125,10 @@ pub fn open(address: &SourceAddress, options: &SourceOptions) -> Result<Box<dyn 
                 hop_limit: *hop_limit,
                 receive_buffer: options.receive_buffer,
             };
-            let source = UdpMulticast::with_options(&udp_options).map_err(|source| OpenError::Io {
-                what: format!("open udp multicast {group} port {port}"),
-                source,
-            })?;
-            Ok(Box::new(source))
+            match UdpMulticast::with_options(&udp_options) {
+                Ok(source) => Ok(Box::new(source)),
+                Err(error) => Err(OpenError::udp(*group, *port, error)),
+            }
         }
         SourceAddress::Log { path, interface } => Ok(Box::new(LogSource::open(
             path,
@@ -105,5 +138,26 @@ pub fn open(address: &SourceAddress, options: &SourceOptions) -> Result<Box<dyn 
         SourceAddress::Sim { scene } => Err(OpenError::Refused(format!(
             "sim:{scene} is not a bus: simulated scenes are opened by the simulator"
         ))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::net::Ipv4Addr;
+
+    #[test]
+    fn a_process_without_network_is_told_how_it_gets_one_and_that_waiting_does_not_help() {
+        let refused =
+            |errno: Errno| OpenError::udp(Ipv4Addr::new(239, 74, 163, 2).into(), 43113, errno.into());
+        let error = refused(Errno::EAFNOSUPPORT);
+        assert!(error.is_lasting());
+        let said = error.to_string();
+        assert!(
+            said.contains("239.74.163.2") && said.contains("taxeld-network.conf"),
+            "{said}"
+        );
+        // No route leads to the group, as long as no interface is up.
+        assert!(!refused(Errno::ENODEV).is_lasting());
     }
 }

@@ -36,4 +36,4 @@ pub use handle::{Roster, ServerHandle};
 pub use output_slots::OutputSlots;
 pub use profiles::{Cost, DisplayProfile, MadeOutput, Measurement, ProfileMaker};
 pub use server::{Server, ServerSeed};
-pub use socket_path::{SocketPath, SocketPathError};
+pub use socket_path::{SocketPath, SocketPathError, check_group};

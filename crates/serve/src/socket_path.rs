@@ -44,10 +44,7 @@ impl SocketPath {
     /// will have this mode and, unless it is empty, this group.
     pub fn take(path: &Path, mode: u32, group: &str) -> Result<Self, SocketPathError> {
         // First what may be wrong with the configuration, so that nothing is left behind.
-        let group = match group {
-            "" => None,
-            name => Some(group_id(name)?),
-        };
+        let group = group_id(group)?;
         check_socket_folder(path)?;
         let mut taken = Self {
             path: path.to_owned(),
@@ -114,11 +111,18 @@ impl SocketPath {
     }
 }
 
-fn group_id(name: &str) -> Result<Gid, SocketPathError> {
+/// Refuses a group that this machine does not know; the empty name is that of the program's own.
+pub fn check_group(name: &str) -> Result<(), SocketPathError> {
+    group_id(name).map(drop)
+}
+
+fn group_id(name: &str) -> Result<Option<Gid>, SocketPathError> {
+    if name.is_empty() {
+        return Ok(None);
+    }
     let group = Group::from_name(name).ok().flatten();
-    group
-        .map(|group| group.gid)
-        .ok_or_else(|| SocketPathError::UnknownGroup { group: name.into() })
+    let unknown = || SocketPathError::UnknownGroup { group: name.into() };
+    group.map(|group| Some(group.gid)).ok_or_else(unknown)
 }
 
 /// Removes a socket on which nobody listens.

@@ -65,7 +65,7 @@ impl Reports {
     }
 
     /// Something was changed, which the next reply is to show.
-    pub(super) fn outdate(&self) {
+    pub(crate) fn outdate(&self) {
         self.changes.set(self.changes.get() + 1);
     }
 }

@@ -118,6 +118,16 @@ mod tests {
     }
 
     #[test]
+    fn the_configuration_that_is_installed_overloads_no_bus() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../systemd/taxeld.toml");
+        let config = taxeld::Config::load(path.as_ref()).unwrap();
+        for bus in 0..config.sources.len() {
+            let check = check(&config.layout, bus as u8, &config.boards, 1_000_000, "b").unwrap();
+            assert_eq!(check.state, State::Ok, "{}", check.found);
+        }
+    }
+
+    #[test]
     fn a_lower_rate_or_a_shorter_hand_fits() {
         let triggered = BoardsConfig {
             mode: BoardsMode::Triggered,

@@ -1,0 +1,86 @@
+//! Another configuration for a daemon that runs.
+
+use crate::config::Config;
+use crate::state::State;
+use std::rc::Rc;
+use tokio::sync::mpsc::UnboundedReceiver;
+
+/// Takes up configurations as they come.
+pub(crate) async fn take_up(mut configs: UnboundedReceiver<Config>, state: Rc<State>) {
+    while let Some(config) = configs.recv().await {
+        take_up_one(&config, &state).await;
+    }
+}
+
+async fn take_up_one(config: &Config, state: &State) {
+    let differing = differing_tables(&state.config, config);
+    if !differing.is_empty() {
+        tracing::warn!("taken up only by a restart: {}", differing.join(", "));
+    }
+    state.call_roster().await;
+    if state.roster().own_profile() == config.profile {
+        tracing::info!("the configuration was read again; [profile] is as it was");
+        return;
+    }
+    match state.server.set_own_profile(config.profile.clone()).await {
+        Ok(()) => tracing::info!("the configuration was read again; [profile] is taken up"),
+        Err(error) => tracing::error!("[profile] is not taken up, the one before goes on: {error}"),
+    }
+    state.reports.outdate();
+}
+
+/// What is different between two configurations but for the display profile, as the file calls it.
+fn differing_tables(running: &Config, new: &Config) -> Vec<&'static str> {
+    let tables = [
+        ("layout", running.layout == new.layout),
+        ("[[bus]]", running.sources == new.sources),
+        ("[tick]", running.tick == new.tick),
+        ("[boards]", running.boards == new.boards),
+        ("[sweep]", running.sweep == new.sweep),
+        ("[conditioning]", running.conditioning == new.conditioning),
+        ("[profiles]", running.profiles == new.profiles),
+        ("[socket]", running.socket == new.socket),
+        ("[control]", running.control == new.control),
+        ("[realtime]", running.realtime == new.realtime),
+        ("[can]", running.can == new.can),
+        ("[joints]", running.joints == new.joints),
+    ];
+    let differs = |&(name, same): &(&'static str, bool)| (!same).then_some(name);
+    tables.iter().filter_map(differs).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    #[test]
+    fn each_table_that_needs_a_restart_is_named_and_the_profile_is_not() {
+        let buses = "[[bus]]\nsource = 'can:can0'\n[[bus]]\nsource = 'can:can1'\n";
+        let parse = |text: &str| Config::parse(text, Path::new("hand.toml")).expect(text);
+        let running = parse(buses);
+        let with = |table: &str| differing_tables(&running, &parse(&format!("{buses}{table}")));
+        for (table, name) in [
+            ("[tick]\nrate_hz = 40.0", "[tick]"),
+            ("[boards]\nmode = 'triggered'", "[boards]"),
+            ("[sweep]\nsettle_ms = 77.0", "[sweep]"),
+            ("[conditioning]\nthreshold_margin = 2.0", "[conditioning]"),
+            ("[profiles]\nmax = 3", "[profiles]"),
+            ("[socket]\nmax_subscribers = 3", "[socket]"),
+            ("[control]\nmode = '0660'", "[control]"),
+            ("[realtime]\npriority = 0", "[realtime]"),
+            ("[can]\nreceive_buffer_kib = 128", "[can]"),
+            (
+                "[joints]\nsource = 'allegro:can2'\n[joints.allegro]\nversion = 3",
+                "[joints]",
+            ),
+        ] {
+            assert_eq!(with(table), [name], "{table}");
+        }
+        assert_eq!(with("[profile]\nlevels = 3\nactuators = 5"), [""; 0]);
+        let others = buses.replace("can1", "can2");
+        assert_eq!(differing_tables(&running, &parse(&others)), ["[[bus]]"]);
+        let hand = "layout = 'uskin-module'\n[[bus]]\nsource = 'can:can0'\n";
+        assert_eq!(differing_tables(&running, &parse(hand)), ["layout", "[[bus]]"]);
+    }
+}
