@@ -1,6 +1,6 @@
 //! The publication's figures 6 to 17, of any sweep.
 
-use super::sweep::{CLASSES, RANKS, READINGS, Row, Trial, abstractions, phantoms};
+use super::trial::{CLASSES, RANKS, READINGS, Row, Trial, abstractions, phantoms};
 use crate::progress::Progress;
 use anyhow::Context;
 use nalgebra::DMatrix;

@@ -7,6 +7,7 @@ mod map_file;
 mod phantom_map;
 mod sweep;
 mod touches;
+mod trial;
 
 use anyhow::{Context, bail, ensure};
 use clap::ValueEnum;
