@@ -5,7 +5,7 @@
 //! [`Simulator`] plays it on every bus of a layout, with time as an argument; a [`SimSource`] plays
 //! one bus in real time behind [`taxel_can::CanSource`]. The same scene with the same seed gives
 //! the same bytes on every platform. The joints are in [`servo`]: simulated servos behind a pseudo
-//! terminal.
+//! terminal. What a gripper feels that squeezes a forearm is in [`forearm`].
 //!
 //! ```
 //! use taxel_sim::{Scene, Simulator};
@@ -27,6 +27,7 @@ mod clock;
 mod contact;
 mod contact_file;
 mod fault;
+pub mod forearm;
 mod levels;
 mod objects;
 mod phantom;

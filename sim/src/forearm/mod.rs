@@ -1,0 +1,10 @@
+//! A forearm that a gripper squeezes, and what the gripper feels (Pastor, Gandarias, Garcia-Cerezo and Gomez-de-Gabriel,
+//! "Dataset with Tactile and Kinesthetic Information from a Human Forearm and Its Application to Deep Learning", 2022).
+//! What is made here is synthetic: it is no evidence about people.
+//!
+//! A [`Grip`] is the two fingers on one place of the forearm: PWM goes in, angles come out.
+
+mod grip;
+mod section;
+
+pub use grip::{FingerAngles, Grip, NoPlace};
