@@ -76,4 +76,61 @@ pub enum ForearmError {
         /// Its PWM.
         pwm: f64,
     },
+    /// A squeeze of which too little is known.
+    #[error("{samples} samples are no squeeze; it takes at least {least}")]
+    TooShort {
+        /// Samples there are.
+        samples: usize,
+        /// Fewest that say anything.
+        least: usize,
+    },
+    /// A squeeze with another PWM profile than those of the training.
+    #[error(
+        "PWM rises to {peak}, and to {expected} where the model was trained; squeeze with the same profile"
+    )]
+    Profile {
+        /// Highest PWM of the squeeze.
+        peak: f64,
+        /// That of the training, median.
+        expected: f64,
+    },
+    /// Angles that the gripper of the training does not have.
+    #[error(
+        "{name} is {value:.2}, and {low:.1} to {high:.1} degrees where the model was trained; is it in degrees, and of \
+         the same gripper?"
+    )]
+    Angle {
+        /// Which angle.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+        /// Least that the gripper has, degrees.
+        low: f64,
+        /// Most that the gripper has, degrees.
+        high: f64,
+    },
+    /// Angles that are lost or stuck, and without which nothing can be said.
+    #[error("{what}: lost or stuck; look at the potentiometers and servos")]
+    Lost {
+        /// The angles.
+        what: String,
+    },
+    /// A training squeeze that was broken off.
+    #[error("the squeeze breaks off at phase {reached:.2}, and ends at 2; take it away or make it again")]
+    NoEnd {
+        /// How far it came.
+        reached: f64,
+    },
+    /// Squeezes that no estimator can be made of.
+    #[error("no estimator can be trained: {what}")]
+    Untrained {
+        /// Why not, and what it takes.
+        what: String,
+    },
+    /// A file that is no model.
+    #[error("no model as `taxel forearm train` writes it: {what}")]
+    Model {
+        /// Why not.
+        what: String,
+    },
 }

@@ -33,6 +33,8 @@ pub struct Estimate {
     pub half_width_90: f64,
     /// What it was made from.
     pub source: Source,
+    /// How far the squeeze had come: 0 as PWM begins to rise, 1 at its peak, 2 where it is back at rest.
+    pub phase: f64,
 }
 
 /// Something that was trained on squeezes and says where others were made.

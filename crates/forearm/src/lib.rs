@@ -6,14 +6,27 @@
 //! at, read from the publication's folders of `.mat` files or from an `.npz`. An [`Estimator`] says where a squeeze was
 //! made, from 0 % (wrist) to 100 % (elbow), and how far that may be off; it takes as much of a squeeze as there is.
 
+mod disturbance;
 mod error;
 mod estimate;
+mod kinesthetic;
+mod least_squares;
 mod mat;
+mod model;
+mod phase;
+mod protocol;
+mod random;
+mod regression;
 mod session;
 mod squeeze;
 
+pub use disturbance::Disturbance;
 pub use error::ForearmError;
 pub use estimate::{Estimate, Estimator, Source};
+pub use kinesthetic::Kinesthetic;
 pub use mat::{Matrix, TornMat, read_mat, write_mat};
+pub use model::{Model, TrainedOn};
+pub use protocol::{Errors, Judged, PlaceErrors, Split, splits};
+pub use regression::{Choice, Tried};
 pub use session::{PLACES, Session, Trial, location_percent};
 pub use squeeze::{COLUMNS, FINGERS, FULL_PWM, Sample, Squeeze, TACTELS, TACTILE_COLUMNS, TACTILE_ROWS};

@@ -1,0 +1,157 @@
+//! Models in files.
+
+use crate::error::ForearmError;
+use crate::estimate::{Estimate, Estimator};
+use crate::kinesthetic::Kinesthetic;
+use crate::session::Session;
+use crate::squeeze::Squeeze;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// What the first line of a model file says it is.
+const KIND: &str = "taxel forearm model";
+/// The version that is written, and the only one that is read.
+const VERSION: u32 = 1;
+/// A model file is no larger: what is read first is bounded.
+const MOST_BYTES: u64 = 64 << 20;
+
+/// The first line of a model file, as JSON. The second line is the model.
+#[derive(Debug, Serialize, Deserialize)]
+struct Header {
+    kind: String,
+    version: u32,
+    /// Units of what the model takes and gives.
+    units: Units,
+    trained_on: TrainedOn,
+    /// CRC-32 of the second line.
+    checksum: u32,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+struct Units {
+    angles: String,
+    pwm: String,
+    time: String,
+    estimate: String,
+}
+
+/// What a model was trained on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TrainedOn {
+    /// File or folder.
+    pub session: String,
+    /// Squeezes of it.
+    pub squeezes: usize,
+    /// Places, from 0 (wrist) to 100 (elbow).
+    pub places: Vec<f64>,
+}
+
+/// A trained estimator with what it was trained on.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Model {
+    /// What it was trained on.
+    pub trained_on: TrainedOn,
+    /// The estimator from the fingers' angles.
+    pub kinesthetic: Kinesthetic,
+}
+
+impl Model {
+    /// Trains on every squeeze of a session.
+    ///
+    /// # Errors
+    /// As [`Kinesthetic::train`].
+    pub fn train(session: &Session) -> Result<Self, ForearmError> {
+        let trials: Vec<_> = session.trials.iter().collect();
+        Ok(Self {
+            trained_on: TrainedOn {
+                session: session.name.clone(),
+                squeezes: trials.len(),
+                places: session.locations(),
+            },
+            kinesthetic: Kinesthetic::train(&trials)?,
+        })
+    }
+
+    /// The bytes of a model file: two lines of JSON, what it is and the model. Data, no code.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let model = serde_json::to_string(&self.kinesthetic).unwrap_or_default();
+        let header = Header {
+            kind: KIND.into(),
+            version: VERSION,
+            units: Units {
+                angles: "degrees".into(),
+                pwm: "of 885".into(),
+                time: "ms".into(),
+                estimate: "percent from wrist to elbow".into(),
+            },
+            trained_on: self.trained_on.clone(),
+            checksum: crc32fast::hash(model.as_bytes()),
+        };
+        let header = serde_json::to_string(&header).unwrap_or_default();
+        format!("{header}\n{model}\n").into_bytes()
+    }
+
+    /// Reads what [`Model::to_bytes`] writes.
+    ///
+    /// # Errors
+    /// Another kind of file, another version, a file that is damaged.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, ForearmError> {
+        let not = |what: &str| ForearmError::Model { what: what.into() };
+        let text = std::str::from_utf8(bytes).map_err(|_| not("it is no text"))?;
+        let (first, rest) = text
+            .split_once('\n')
+            .ok_or_else(|| not("it has one line, and two are needed"))?;
+        let header: Header = serde_json::from_str(first).map_err(|e| not(&format!("its first line: {e}")))?;
+        if header.kind != KIND {
+            return Err(not(&format!("it says that it is a {:?}", header.kind)));
+        }
+        if header.version != VERSION {
+            let what = format!(
+                "it is of version {}, and {VERSION} is read; train it again",
+                header.version
+            );
+            return Err(not(&what));
+        }
+        let model = rest.strip_suffix('\n').unwrap_or(rest);
+        if crc32fast::hash(model.as_bytes()) != header.checksum {
+            return Err(not(
+                "its checksum is wrong: it was changed or cut off; train it again",
+            ));
+        }
+        let kinesthetic: Kinesthetic = serde_json::from_str(model).map_err(|e| not(&e.to_string()))?;
+        if !kinesthetic.is_whole() {
+            return Err(not("its parts do not fit each other"));
+        }
+        Ok(Self {
+            trained_on: header.trained_on,
+            kinesthetic,
+        })
+    }
+
+    /// Reads a model file.
+    ///
+    /// # Errors
+    /// As [`Model::from_bytes`], with the file, and a file that cannot be read.
+    pub fn open(path: &Path) -> Result<Self, ForearmError> {
+        let io = |source| ForearmError::Io {
+            path: path.into(),
+            source,
+        };
+        let at = |source: ForearmError| ForearmError::In {
+            at: path.display().to_string(),
+            source: Box::new(source),
+        };
+        if std::fs::metadata(path).map_err(io)?.len() > MOST_BYTES {
+            return Err(at(ForearmError::Model {
+                what: "it is larger than 64 MB".into(),
+            }));
+        }
+        Self::from_bytes(&std::fs::read(path).map_err(io)?).map_err(at)
+    }
+}
+
+impl Estimator for Model {
+    fn estimate(&self, squeeze: &Squeeze) -> Result<Estimate, ForearmError> {
+        self.kinesthetic.estimate(squeeze)
+    }
+}

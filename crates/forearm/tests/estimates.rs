@@ -1,0 +1,195 @@
+//! Places from squeezes: what an estimator promises, on squeezes that follow a simple rule and on the public ones.
+
+use taxel_forearm::{
+    Disturbance, Errors, Estimator, FULL_PWM, Judged, Kinesthetic, Model, PLACES, Sample, Session, Squeeze,
+    Trial, location_percent, splits,
+};
+
+/// A squeeze whose angles fall evenly from wrist to elbow, and move with PWM.
+fn squeeze(percent: f64, off: f64) -> Squeeze {
+    let mut squeeze = Squeeze::default();
+    for row in 0..95 {
+        let pwm = 10.0 * (40.0 - (f64::from(row) - 50.0).abs()).max(0.0);
+        let closed = 60.0 - 0.4 * percent + 0.05 * pwm * (1.0 + 0.005 * percent) + off;
+        squeeze.push(Sample {
+            time_ms: 121.0 * f64::from(row),
+            theta_p_deg: [
+                45.0 - 0.05 * percent + 0.01 * pwm,
+                40.0 - 0.05 * percent + 0.01 * pwm,
+            ],
+            theta_a_deg: [closed, closed + 8.0],
+            pwm,
+        });
+    }
+    squeeze
+}
+
+fn session() -> Session {
+    let trial = |n: usize| Trial {
+        location_percent: location_percent(n / 6),
+        repetition: n % 6,
+        squeeze: squeeze(location_percent(n / 6), (n % 6) as f64 - 2.5),
+    };
+    Session {
+        name: "test".into(),
+        trials: (0..6 * PLACES).map(trial).collect(),
+    }
+}
+
+fn model() -> Model {
+    Model::train(&session()).unwrap()
+}
+
+#[test]
+fn a_place_between_those_of_the_training_is_estimated_from_any_part_of_a_squeeze() {
+    let model = model();
+    let whole = squeeze(37.0, 0.0);
+    let estimate = model.estimate(&whole).unwrap();
+    assert!((estimate.percent - 37.0).abs() < 2.0, "{estimate:?}");
+    for len in 2..=whole.len() {
+        let part = model.estimate(&whole.prefix(len)).unwrap();
+        assert!((0.0..=100.0).contains(&part.percent) && part.half_width_90 > 0.0);
+        assert!(part.phase <= estimate.phase);
+    }
+    assert_eq!(model.estimate(&whole.prefix(95)).unwrap(), estimate);
+}
+
+#[test]
+fn what_happens_to_a_squeeze_is_survived_without_being_told() {
+    let model = model();
+    let whole = squeeze(37.0, 0.0);
+    for what in [
+        Disturbance::Missing(0.3),
+        Disturbance::Gap(2000.0),
+        Disturbance::Noise(0.3),
+        Disturbance::Faster(2),
+        Disturbance::Slower(2),
+        Disturbance::PotentiometerStuck,
+        Disturbance::PotentiometerLost,
+        Disturbance::PotentiometerDead,
+    ] {
+        for seed in 0..20 {
+            let percent = model.estimate(&what.apply(&whole, seed)).unwrap().percent;
+            assert!((percent - 37.0).abs() < 6.0, "{what}, seed {seed}: {percent}");
+        }
+    }
+}
+
+#[test]
+fn squeezes_that_say_nothing_are_refused_by_what_is_wrong_with_them() {
+    let model = model();
+    let whole = squeeze(37.0, 0.0);
+    let refused = |change: &dyn Fn(&mut Squeeze), words: &str| {
+        let mut squeeze = whole.clone();
+        change(&mut squeeze);
+        let error = model.estimate(&squeeze).unwrap_err().to_string();
+        assert!(error.contains(words), "{error}");
+    };
+    refused(&|s| *s = s.prefix(1), "1 samples are no squeeze");
+    refused(
+        &|s| s.pwm.iter_mut().for_each(|p| *p *= 1.5),
+        "PWM rises to 600, and to 400",
+    );
+    refused(&|s| s.pwm[3] = FULL_PWM + 1.0, "row 3 commands PWM 886");
+    refused(
+        &|s| s.theta_a_deg[1].iter_mut().for_each(|a| *a = a.to_radians()),
+        "is it in degrees",
+    );
+    refused(&|s| s.time_ms[7] = 0.0, "row 7 is at 0 ms");
+    let lose_motors = |s: &mut Squeeze| s.theta_a_deg.iter_mut().for_each(|column| column.fill(f64::NAN));
+    refused(&lose_motors, "theta_a of finger 0, theta_a of finger 1: lost");
+}
+
+#[test]
+fn training_names_the_squeeze_that_it_cannot_take() {
+    let refused = |change: &dyn Fn(&mut Session), words: &str| {
+        let mut session = session();
+        change(&mut session);
+        let error = Model::train(&session).unwrap_err().to_string();
+        assert!(error.contains(words), "{error}");
+    };
+    refused(
+        &|s| s.trials.truncate(12),
+        "12 squeezes at 2 places; it takes at least 3",
+    );
+    refused(
+        &|s| s.trials[7].squeeze = s.trials[7].squeeze.prefix(60),
+        "the squeeze 1 at 8.3 %: the squeeze breaks off",
+    );
+    refused(
+        &|s| s.trials[7].squeeze.theta_p_deg[0].fill(f64::NAN),
+        "theta_p of finger 0",
+    );
+}
+
+#[test]
+fn a_model_comes_back_from_its_bytes_and_nothing_else_is_one() {
+    let model = model();
+    let bytes = model.to_bytes();
+    let back = Model::from_bytes(&bytes).unwrap();
+    let whole = squeeze(37.0, 0.0);
+    let (one, other) = (model.estimate(&whole).unwrap(), back.estimate(&whole).unwrap());
+    assert!((one.percent - other.percent).abs() < 1e-9);
+    assert_eq!(back.trained_on.squeezes, 78);
+    let text = String::from_utf8(bytes).unwrap();
+    let refused = |text: &str, words: &str| {
+        let error = Model::from_bytes(text.as_bytes()).unwrap_err().to_string();
+        assert!(
+            error.contains("no model as `taxel forearm train` writes it") && error.contains(words),
+            "{error}"
+        );
+    };
+    refused(
+        &text.replacen("\"version\":1", "\"version\":2", 1),
+        "of version 2",
+    );
+    refused(
+        &text.replacen("forearm model", "palm model", 1),
+        "taxel palm model",
+    );
+    refused(
+        &text.replacen("\"offset\":", "\"offset\":1", 1),
+        "its checksum is wrong",
+    );
+    refused(&text[..text.len() / 2], "its checksum is wrong");
+    refused("{}", "one line");
+    refused("{}\n", "its first line");
+}
+
+/// The figures of docs/forearm.md, with room for another order of additions.
+#[test]
+fn on_the_public_squeezes_errors_are_those_of_the_page() {
+    let Some(path) = taxel_recordings::find("forearm_kinesthetic.npz") else {
+        return;
+    };
+    let session = Session::open(&path).unwrap();
+    let mut judged = Vec::new();
+    for (repetition, split) in splits(&session, 5, 1).iter().enumerate() {
+        let trials: Vec<&Trial> = split.train.iter().map(|n| &session.trials[*n]).collect();
+        let model = Kinesthetic::train(&trials).unwrap();
+        for trial in split.test.iter().map(|n| &session.trials[*n]) {
+            let estimate = model.estimate(&trial.squeeze).unwrap();
+            judged.push(Judged {
+                repetition,
+                percent: trial.location_percent,
+                estimate: estimate.percent,
+                half_width_90: estimate.half_width_90,
+                seen: trials
+                    .iter()
+                    .any(|t| t.location_percent == trial.location_percent),
+            });
+        }
+    }
+    let errors = Errors::of(&judged).unwrap();
+    assert!(
+        errors.macro_rmse < 6.4 && errors.macro_mae < 5.7,
+        "{:?}",
+        errors.macro_rmses
+    );
+    assert!(errors.pooled_rmse < 8.9 && errors.half_width_90 < 15.5);
+    assert!(
+        errors.coverage_seen_and_new[1] > 0.87,
+        "{:?}",
+        errors.coverage_seen_and_new
+    );
+}
