@@ -78,6 +78,11 @@ impl Grip {
             passive_deg: PASSIVE_DEG,
         }
     }
+
+    /// The torque by which the tissue is pressed, as a share of what a PWM of 400 presses with.
+    pub(super) fn pressed(&self) -> f64 {
+        self.held_nm / (EFFICIENCY * STALL_NM * 400.0 / FULL_PWM)
+    }
 }
 
 #[cfg(test)]
