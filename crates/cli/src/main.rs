@@ -26,6 +26,7 @@ mod image_output;
 mod input;
 mod interrupt;
 mod joint_angles;
+mod layouts;
 mod log_interfaces;
 mod offline;
 mod output_file;
@@ -39,6 +40,8 @@ mod sim;
 mod status_text;
 mod sweep;
 mod target;
+mod terminal;
+mod view;
 mod watch;
 
 use clap::{CommandFactory, Parser, Subcommand};
@@ -62,6 +65,7 @@ struct Cli {
 const EXAMPLES: &str = "\
 Examples:
   taxel demo                                     a simulated hand grasps a ball, here, now
+  taxel view                                     the hand of the daemon on this machine, drawn
   taxel watch                                    one line per image of the daemon on this machine
   taxel sim tap --to can:vcan0 --to can:vcan1    a simulated hand on two virtual buses
   taxel replay grasp.log --to can:vcan0          a recording back onto a bus
@@ -77,7 +81,9 @@ Examples:
 #[derive(Debug, Subcommand)]
 enum Command {
     Demo(demo::Args),
+    View(Box<view::Args>),
     Watch(watch::Args),
+    Layouts(layouts::Args),
     Replay(replay::Args),
     Compress(compress::Args),
     Eval(Box<eval::Args>),
@@ -103,6 +109,8 @@ fn main() -> ExitCode {
     };
     let result = match command {
         Command::Demo(args) => demo::run(&args),
+        Command::View(args) => view::run(&args),
+        Command::Layouts(args) => layouts::run(&args),
         Command::Watch(args) => watch::run(&args),
         Command::Replay(args) => replay::run(&args),
         Command::Compress(args) => compress::run(&args),

@@ -1,6 +1,15 @@
 //! How far a long job has come, on stderr, where somebody is looking.
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Whether the terminal shows something else.
+static HIDDEN: AtomicBool = AtomicBool::new(false);
+
+/// Shows no progress from now on: the terminal is drawn on.
+pub(crate) fn hide() {
+    HIDDEN.store(true, Ordering::Relaxed);
+}
 
 /// A progress bar, or nothing when stderr is not a terminal.
 #[derive(Debug)]
@@ -27,7 +36,11 @@ impl Progress {
 
     fn with(total: Option<u64>, template: &str) -> Self {
         // Draws to stderr, and to nothing when that is no terminal.
-        let bar = ProgressBar::with_draw_target(total, ProgressDrawTarget::stderr());
+        let target = match HIDDEN.load(Ordering::Relaxed) {
+            true => ProgressDrawTarget::hidden(),
+            false => ProgressDrawTarget::stderr(),
+        };
+        let bar = ProgressBar::with_draw_target(total, target);
         bar.set_style(ProgressStyle::with_template(template).expect("a template of known fields"));
         Self(bar)
     }

@@ -1,36 +1,33 @@
 //! `taxel demo`: simulator, daemon and live view in one process.
 
-mod colour;
-mod grid;
-mod joints;
 mod meter;
 mod palpation;
 mod session;
-mod view;
 
 use crate::categorize::PhantomMap;
 use crate::compress::{method, methods};
 use crate::interrupt::Interrupt;
 use crate::offline::preset;
+use crate::terminal::{self, Shown};
 use anyhow::{Context, bail};
-use meter::{Meter, Picture};
+use meter::Meter;
 use palpation::Palpating;
-use ratatui::crossterm::event::{self, Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
+use ratatui::Frame;
+use ratatui::crossterm::event::KeyEvent;
+use serde_json::json;
 use session::{Control, Session};
-use std::io::{IsTerminal, Write};
-use std::sync::mpsc::{self, RecvTimeoutError};
+use std::io::Write;
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
-use taxel_hand::Method;
+use taxel_hand::{Method, Profile};
 use taxel_sim::{Scene, with_stand_in_boards};
 use taxel_skin::{Layout, Preset};
+use taxel_view::{Action, Palette, Screen};
 use taxel_wire::{ReadError, Received, Subscriber};
 
 /// The scene of the default hand, and the one of any.
 const GRASP: &str = "ball-grasp";
 const ANY_HAND: &str = "roll";
-/// Time between two pictures on the terminal.
-const REDRAW: Duration = Duration::from_millis(33);
 
 /// A simulated hand, the real daemon and a live view of both, here and now: no hardware, no root.
 ///
@@ -45,8 +42,8 @@ const REDRAW: Duration = Duration::from_millis(33);
 /// Where the scene palpates a phantom, the demo makes its marks, and each touch falls into its category on a map of the
 /// touches' first two components.
 ///
-/// Keys: q quits, z measures the baseline anew (as after a warm-up; not while the hand is touched),
-/// p pauses, so that every display lets go.
+/// Keys: q quits, ? lists the others: z measures the baseline anew, p pauses, so that every display lets go, arrow
+/// keys look at a taxel.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -95,7 +92,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         .map(|_| PhantomMap::of_scene(&scene_name))
         .transpose()?;
     let session = Session::start(args, &scene_name, &scene, layout)?;
-    let headless = args.headless || !std::io::stdout().is_terminal();
+    let headless = args.headless || !terminal::can_draw();
     let limit = match (seconds, headless) {
         (Some(seconds), _) => Some(Duration::from_secs_f64(seconds)),
         (None, true) => Some(Duration::from_secs_f64(scene.seconds())),
@@ -103,7 +100,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     };
     let deadline = limit.map(|limit| session.began + limit);
     let meter = Arc::new(Mutex::new(Meter::new(
-        session.layout.clone(),
+        &session.layout,
         session.scene_began_ns,
         &scene,
     )));
@@ -120,7 +117,16 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let palpating = palpating.transpose()?;
     let outcome = match headless {
         true => wait(&interrupt, deadline, &meter),
-        false => show(&interrupt, deadline, &meter, &session.control),
+        false => {
+            let mut show = Show {
+                meter: &meter,
+                control: &session.control,
+                own: session.profile.clone(),
+                screen: Screen::new(),
+                palette: Palette::of_terminal(),
+            };
+            terminal::show(&mut show, &interrupt, deadline)
+        }
     };
     drop(palpating);
     let stopped = session.stop();
@@ -136,7 +142,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     out.write_all(meter.summary().as_bytes())
         .and_then(|()| out.flush())
         .context("stdout")?;
-    if meter.images() == 0 {
+    if meter.seen.images() == 0 {
         bail!(
             "no image came; give it more than --seconds {}",
             seconds.unwrap_or(scene.seconds())
@@ -177,13 +183,14 @@ fn lock(meter: &Mutex<Meter>) -> MutexGuard<'_, Meter> {
 fn read(mut subscriber: Subscriber, meter: &Mutex<Meter>) {
     loop {
         match subscriber.next() {
-            Ok(Received::Hello(hello)) => lock(meter).hello(hello),
+            Ok(Received::Hello(hello)) => lock(meter).seen.see_hello(hello, taxel_can::monotonic_ns()),
             Ok(Received::Image(header, image)) => {
                 let now_ns = taxel_can::monotonic_ns();
-                lock(meter).image(&header, &image, now_ns);
+                lock(meter).seen.see_image(&header, &image, now_ns);
             }
-            Ok(Received::Raw(header, raw)) => lock(meter).raw(&header, &raw),
-            Ok(Received::Event(_, event)) => lock(meter).event(event),
+            Ok(Received::Raw(header, raw)) => lock(meter).seen.see_raw(&header, &raw),
+            Ok(Received::Status(_, status)) => lock(meter).seen.see_status(status),
+            Ok(Received::Event(_, event)) => lock(meter).seen.see_event(event, taxel_can::monotonic_ns()),
             Ok(_) => {}
             Err(error) => {
                 let mut meter = lock(meter);
@@ -209,100 +216,56 @@ fn wait(interrupt: &Interrupt, deadline: Option<Instant>, meter: &Mutex<Meter>) 
     Ok(())
 }
 
-/// Draws until the time is up, `q`, Ctrl-C, or the daemon's end.
-fn show(
-    interrupt: &Interrupt,
-    deadline: Option<Instant>,
-    meter: &Mutex<Meter>,
-    control: &Control,
-) -> anyhow::Result<()> {
-    let keys = keys()?;
-    // Restores the terminal on panic, too.
-    let mut terminal = ratatui::try_init().context("the terminal; --headless does without")?;
-    let palette = colour::Palette::of_terminal();
-    let mut drawn = || -> anyhow::Result<()> {
-        let mut next = Instant::now();
-        while !interrupt.is_set() && deadline.is_none_or(|deadline| Instant::now() < deadline) {
-            let picture: Picture = {
-                let mut meter = lock(meter);
-                if meter.closed {
-                    break;
-                }
-                meter.picture(taxel_can::monotonic_ns())
-            };
-            terminal
-                .draw(|frame| view::draw(frame, &picture, &palette))
-                .context("the terminal")?;
-            next = (next + REDRAW).max(Instant::now());
-            loop {
-                match keys.recv_timeout(next.saturating_duration_since(Instant::now())) {
-                    Ok(key) if press(key, meter, control) => {}
-                    Ok(_) => return Ok(()),
-                    Err(RecvTimeoutError::Timeout) => break,
-                    Err(RecvTimeoutError::Disconnected) => {
-                        interrupt.sleep_until(next);
-                        break;
-                    }
-                }
-            }
-        }
-        Ok(())
-    };
-    let outcome = drawn();
-    if ratatui::try_restore().is_err() {
-        // The terminal was closed. Dropped, it would complain on it, and panic.
-        std::mem::forget(terminal);
-    }
-    outcome
+/// What is drawn, and what keys do.
+struct Show<'a> {
+    meter: &'a Mutex<Meter>,
+    control: &'a Control,
+    /// The profile that the demo was started with.
+    own: Profile,
+    screen: Screen,
+    palette: Palette,
 }
 
-/// The keys pressed from now on.
-///
-/// They are read on a thread of their own, which ends with the process: reading from a terminal
-/// that was closed may never return.
-fn keys() -> anyhow::Result<mpsc::Receiver<KeyEvent>> {
-    let (sender, keys) = mpsc::channel();
-    let read = move || {
-        while let Ok(event) = event::read() {
-            if let Event::Key(key) = event
-                && sender.send(key).is_err()
-            {
-                return;
+impl Shown for Show<'_> {
+    fn draw(&mut self, frame: &mut Frame<'_>) -> bool {
+        let (picture, heading, palpation) = {
+            let mut meter = lock(self.meter);
+            if meter.closed {
+                return false;
             }
+            let picture = meter.seen.picture(&self.screen, taxel_can::monotonic_ns());
+            (picture, meter.heading(), meter.palpation.clone())
+        };
+        let Some(picture) = picture else { return true };
+        let (area, palette) = (frame.area(), self.palette);
+        let buffer = frame.buffer_mut();
+        let has_map = palpation.is_some();
+        let map = taxel_view::draw(buffer, area, &picture, &self.screen, &heading, palette, has_map);
+        if let (Some(map), Some(palpation)) = (map, &palpation) {
+            palpation::draw(buffer, map, palpation, palette);
         }
-    };
-    std::thread::Builder::new()
-        .name("keys".into())
-        .spawn(read)
-        .context("a thread for the keyboard")?;
-    Ok(keys)
-}
-
-/// Does what a key asks; returns whether to go on.
-fn press(key: KeyEvent, meter: &Mutex<Meter>, control: &Control) -> bool {
-    if key.kind == KeyEventKind::Release {
-        return true;
+        true
     }
-    let command = match key.code {
-        KeyCode::Char('q') | KeyCode::Esc => return false,
-        KeyCode::Char('c') if key.modifiers.contains(KeyModifiers::CONTROL) => return false,
-        KeyCode::Char('z') => "rezero",
-        KeyCode::Char('p') => match lock(meter).paused {
-            true => "resume",
-            false => "pause",
-        },
-        _ => return true,
-    };
-    let note = match control.command(command) {
-        Ok(()) => {
-            let mut meter = lock(meter);
-            if command != "rezero" {
-                meter.paused = command == "pause";
+
+    fn key(&mut self, key: KeyEvent) -> bool {
+        let action = self.screen.key(key, &lock(self.meter).seen);
+        let request = match action {
+            Action::Quit => return false,
+            Action::Rezero => json!({ "cmd": "rezero" }),
+            Action::Pause(true) => json!({ "cmd": "pause" }),
+            Action::Pause(false) => json!({ "cmd": "resume" }),
+            Action::Mark(text) => json!({ "cmd": "mark", "text": text }),
+            // This view is the only display.
+            Action::Profile(profile) => {
+                json!({ "cmd": "profile", "profile": profile.map_or_else(|| self.own.clone(), |profile| *profile) })
             }
-            String::new()
+            _ => return true,
+        };
+        if let Err(error) = self.control.request(&request) {
+            lock(self.meter)
+                .seen
+                .say(format!("{error:#}"), taxel_can::monotonic_ns());
         }
-        Err(error) => format!("{command}: {error:#}"),
-    };
-    lock(meter).note = note;
-    true
+        true
+    }
 }

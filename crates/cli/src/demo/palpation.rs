@@ -1,6 +1,5 @@
 //! A palpated phantom in the demo's picture: touches on the map of the first two components.
 
-use super::colour::Palette;
 use super::{Meter, lock};
 use crate::categorize::{Categorised, Listener, Live, PhantomMap, follow, label_of};
 use crate::scene_marks::SceneMarks;
@@ -13,6 +12,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
 use taxel_sim::Scene;
+use taxel_view::Palette;
 
 /// Colours of the categories, by their number.
 const COLOURS: [[u8; 3]; 6] = [
@@ -99,7 +99,7 @@ impl Palpating {
         let marks = SceneMarks::start(scene, began, control, move |text| {
             let mut meter = lock(&told);
             if !meter.closed {
-                meter.note = text;
+                meter.seen.say(text, taxel_can::monotonic_ns());
             }
         })?;
         let mut onto_map = OntoMap(meter.clone());
@@ -119,7 +119,9 @@ impl OntoMap {
         let mut meter = lock(&self.0);
         // The daemon's end is the demo's.
         if let (Err(error), false) = (outcome, meter.closed) {
-            meter.note = format!("touches: {error:#}");
+            meter
+                .seen
+                .say(format!("touches: {error:#}"), taxel_can::monotonic_ns());
         }
     }
 }
@@ -129,7 +131,7 @@ impl Listener for OntoMap {
         let mut meter = lock(&self.0);
         match (touch, &mut meter.palpation) {
             (Ok(touch), Some(palpation)) => palpation.touch(touch),
-            (Err(error), _) => meter.note = format!("{error:#}"),
+            (Err(error), _) => meter.seen.say(format!("{error:#}"), taxel_can::monotonic_ns()),
             (Ok(_), None) => {}
         }
         Ok(())
@@ -137,7 +139,7 @@ impl Listener for OntoMap {
 }
 
 /// Draws the map into a place of its own.
-pub(super) fn draw(buffer: &mut Buffer, area: Rect, palpation: &Palpation, palette: &Palette) {
+pub(super) fn draw(buffer: &mut Buffer, area: Rect, palpation: &Palpation, palette: Palette) {
     let border = Style::new().fg(palette.rgb(110, 110, 120));
     let block = Block::bordered()
         .border_style(border)
@@ -198,7 +200,7 @@ impl Palpation {
     }
 }
 
-fn draw_lines(buffer: &mut Buffer, lines: Rect, palpation: &Palpation, palette: &Palette) {
+fn draw_lines(buffer: &mut Buffer, lines: Rect, palpation: &Palpation, palette: Palette) {
     let dim = Style::new().fg(palette.rgb(138, 138, 138));
     let bold = Style::new().add_modifier(Modifier::BOLD);
     let newest = match &palpation.newest {
@@ -234,7 +236,7 @@ fn draw_lines(buffer: &mut Buffer, lines: Rect, palpation: &Palpation, palette: 
     }
 }
 
-fn colour(category: usize, palette: &Palette) -> Color {
+fn colour(category: usize, palette: Palette) -> Color {
     let [r, g, b] = COLOURS[category % COLOURS.len()];
     palette.rgb(r, g, b)
 }

@@ -8,6 +8,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 use taxel_can::SourceAddress;
 use taxel_engine::TickMode;
+use taxel_hand::Profile;
 use taxel_joints::{DynamixelConfig, JointSource, JointsConfig};
 use taxel_sim::Scene;
 use taxel_sim::servo::{ServoBus, ServoPty, servos_of_scene};
@@ -25,6 +26,8 @@ pub(super) struct Session {
     pub(super) scene_began_ns: u64,
     pub(super) began: Instant,
     pub(super) layout: Layout,
+    /// The profile that it was started with.
+    pub(super) profile: Profile,
     /// The servos' serial port is gone when this is.
     _servos: Option<ServoPty>,
     /// Removed, with the sockets in it, when the session ends.
@@ -70,6 +73,7 @@ impl Session {
             true => Some(servos(scene, &layout, &mut config)?),
             false => None,
         };
+        let profile = config.profile.clone();
         let (scene_began_ns, began) = (taxel_can::monotonic_ns(), Instant::now());
         let daemon = Daemon::start(config)?;
         Ok(Self {
@@ -79,16 +83,18 @@ impl Session {
             scene_began_ns,
             began,
             layout,
+            profile,
             _servos: servos,
             _directory: directory,
         })
     }
 
-    /// A subscriber of images and raw frames.
+    /// A subscriber of images, raw frames and the status.
     pub(super) fn subscribe(&self) -> anyhow::Result<Subscriber> {
         let mut subscriber = Subscriber::connect(&self.images)?;
         subscriber.subscribe(&Subscribe {
             raw: true,
+            status: true,
             ..Subscribe::default()
         })?;
         Ok(subscriber)
@@ -103,9 +109,9 @@ impl Session {
 }
 
 impl Control {
-    /// Gives the daemon a command that has no arguments.
-    pub(super) fn command(&self, command: &str) -> anyhow::Result<()> {
-        control::request(&self.0, &serde_json::json!({ "cmd": command })).map(drop)
+    /// Has the daemon do something.
+    pub(super) fn request(&self, request: &serde_json::Value) -> anyhow::Result<()> {
+        control::request(&self.0, request).map(drop)
     }
 }
 

@@ -9,6 +9,7 @@ mod files;
 mod publication;
 mod replay;
 mod sim;
+mod view;
 mod watch;
 
 use std::fs::OpenOptions;

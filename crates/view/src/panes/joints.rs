@@ -1,7 +1,7 @@
-//! The joints in the demo's picture: a bar each under its finger, and the degrees where there is room.
+//! The joints: a bar each under its finger, and the degrees where there is room.
 
-use super::colour::Palette;
-use super::meter::Picture;
+use crate::colour::Palette;
+use crate::picture::{Joint, Picture};
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::{Modifier, Style};
@@ -16,9 +16,6 @@ const DEGREES_WIDTH: usize = 5;
 /// Columns that the status lines may take at the left of the degrees.
 const STATUS_WIDTH: u16 = 80;
 
-/// A joint as the picture has it: its name, and its angle in radians where that is known.
-type Joint = (String, Option<f32>);
-
 fn bar(angle: f32) -> &'static str {
     let share = (angle.abs() / FRAC_PI_2).min(1.0);
     BARS[(share * (BARS.len() - 1) as f32).round() as usize]
@@ -26,20 +23,20 @@ fn bar(angle: f32) -> &'static str {
 
 /// The joints of a part of the hand: those whose names begin with its own.
 fn of_part<'a>(joints: &'a [Joint], part: &str) -> Vec<&'a Joint> {
-    let belongs = |(name, _): &&Joint| name.strip_prefix(part).is_some_and(|rest| rest.starts_with(' '));
+    let belongs = |joint: &&Joint| (joint.name.strip_prefix(part)).is_some_and(|rest| rest.starts_with(' '));
     joints.iter().filter(belongs).collect()
 }
 
 /// Draws the bars of a part's joints into `place`, one row, in its middle; nothing where they do not fit.
-pub(super) fn draw_bars(buffer: &mut Buffer, place: Rect, picture: &Picture, part: &str, palette: &Palette) {
+pub(crate) fn draw_bars(buffer: &mut Buffer, place: Rect, picture: &Picture, part: &str, palette: Palette) {
     let joints = of_part(&picture.joints, part);
     let width = joints.len() as u16;
     if width == 0 || width > place.width {
         return;
     }
     let known = Style::new().fg(palette.rgb(120, 170, 220));
-    let bars = joints.iter().map(|(_, angle)| match angle {
-        Some(angle) => Span::styled(bar(*angle), known),
+    let bars = joints.iter().map(|joint| match joint.angle_rad {
+        Some(angle) => Span::styled(bar(angle), known),
         None => Span::styled("?", unknown(palette)),
     });
     let place = Rect {
@@ -50,21 +47,21 @@ pub(super) fn draw_bars(buffer: &mut Buffer, place: Rect, picture: &Picture, par
     Line::from_iter(bars).render(place, buffer);
 }
 
-fn unknown(palette: &Palette) -> Style {
+fn unknown(palette: Palette) -> Style {
     Style::new()
         .fg(palette.rgb(255, 175, 0))
         .add_modifier(Modifier::BOLD)
 }
 
 /// Draws the angles in degrees at the right of the status lines, a row for each part of the hand;
-/// nothing where there is no room for all of them.
-pub(super) fn draw_degrees(
+/// nothing where there is no room for all of them. Returns the columns at their left.
+pub(crate) fn draw_degrees(
     buffer: &mut Buffer,
     status: Rect,
     picture: &Picture,
     parts: &[&str],
-    palette: &Palette,
-) {
+    palette: Palette,
+) -> u16 {
     let rows: Vec<(&str, Vec<&Joint>)> = (parts.iter())
         .map(|part| (*part, of_part(&picture.joints, part)))
         .filter(|(_, joints)| !joints.is_empty())
@@ -76,15 +73,14 @@ pub(super) fn draw_degrees(
         .unwrap_or(0);
     let most = rows.iter().map(|(_, joints)| joints.len()).max().unwrap_or(0);
     let width = (name_width + DEGREES_WIDTH * most + 2) as u16;
-    // Below the line of the scene, whose sentence takes what width there is.
-    let fits = STATUS_WIDTH + width <= status.width && rows.len() < usize::from(status.height);
+    let fits = STATUS_WIDTH + width <= status.width && rows.len() <= usize::from(status.height);
     if most == 0 || !fits {
-        return;
+        return status.width;
     }
     let dim = Style::new().fg(palette.rgb(138, 138, 138));
-    for (row, (name, joints)) in (status.y + 1..).zip(&rows) {
+    for (row, (name, joints)) in (status.y..).zip(&rows) {
         let mut spans = vec![Span::styled(format!("{name:name_width$}"), dim)];
-        spans.extend(joints.iter().map(|(_, angle)| match angle {
+        spans.extend(joints.iter().map(|joint| match joint.angle_rad {
             // Adding zero turns -0 into 0.
             Some(angle) => Span::raw(format!(" {:>3}°", angle.to_degrees().round() + 0.0)),
             None => Span::styled("    ?", unknown(palette)),
@@ -97,6 +93,7 @@ pub(super) fn draw_degrees(
         };
         Line::from(spans).render(place, buffer);
     }
+    status.width - width
 }
 
 #[cfg(test)]
@@ -119,11 +116,14 @@ mod tests {
 
     #[test]
     fn joints_belong_to_the_part_whose_name_they_begin_with() {
-        let joint = |name: &str| (name.to_string(), Some(0.0));
+        let joint = |name: &str| Joint {
+            name: name.into(),
+            angle_rad: Some(0.0),
+        };
         let joints = [joint("ring 0"), joint("ringer 0"), joint("ring 1"), joint("ring")];
         let names: Vec<&str> = of_part(&joints, "ring")
             .iter()
-            .map(|(name, _)| name.as_str())
+            .map(|joint| joint.name.as_str())
             .collect();
         assert_eq!(names, ["ring 0", "ring 1"]);
     }

@@ -11,18 +11,28 @@ const STOPS: [[f64; 3]; 5] = [
     [252.0, 250.0, 180.0],
 ];
 
+/// Steps of colour from no force to the greatest.
+const FORCES: f64 = 25.0;
+
 /// Colours as the terminal can show them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Palette {
+pub enum Palette {
     /// 24 bit.
     True,
     /// The 256 that nearly every terminal has.
     Indexed,
+    /// None: shades of the terminal's own.
+    Shades,
 }
 
 impl Palette {
     /// What the environment says of the terminal.
-    pub(super) fn of_terminal() -> Self {
+    ///
+    /// `NO_COLOR` that is not empty gives shades (<https://no-color.org>).
+    pub fn of_terminal() -> Self {
+        if std::env::var_os("NO_COLOR").is_some_and(|set| !set.is_empty()) {
+            return Self::Shades;
+        }
         let colours = std::env::var("COLORTERM").unwrap_or_default();
         match colours.as_str() {
             "truecolor" | "24bit" => Self::True,
@@ -32,8 +42,9 @@ impl Palette {
 
     /// The colour of a force, 0 to 1 of the scale, on a taxel that is `idle` grey without any. The
     /// scale is a square root, so that light touches show.
-    pub(super) fn force(self, share: f64, idle: u8) -> Color {
-        let place = share.clamp(0.0, 1.0).sqrt() * STOPS.len() as f64;
+    pub fn force(self, share: f64, idle: u8) -> Color {
+        // In steps: a colour that flickers by a shade is sent over the line for nothing.
+        let place = (share.clamp(0.0, 1.0).sqrt() * FORCES).round() / FORCES * STOPS.len() as f64;
         let below = (place as usize).min(STOPS.len() - 1);
         let from = if below == 0 {
             [f64::from(idle); 3]
@@ -45,8 +56,14 @@ impl Palette {
         self.rgb(mix(0) as u8, mix(1) as u8, mix(2) as u8)
     }
 
+    /// A character as dark as a force, 0 to 1 of the scale, is great; a dot where there is none.
+    pub fn shade(share: f64) -> &'static str {
+        const SHADES: [&str; 5] = ["·", "░", "▒", "▓", "█"];
+        SHADES[(share.clamp(0.0, 1.0).sqrt() * 4.0).round() as usize]
+    }
+
     /// Black or white, whichever can be read on the colour of a force.
-    pub(super) fn ink(self, share: f64) -> Color {
+    pub fn ink(self, share: f64) -> Color {
         if share > 0.3 {
             self.rgb(0, 0, 0)
         } else {
@@ -55,10 +72,11 @@ impl Palette {
     }
 
     /// The nearest colour the terminal has.
-    pub(super) fn rgb(self, r: u8, g: u8, b: u8) -> Color {
+    pub fn rgb(self, r: u8, g: u8, b: u8) -> Color {
         match self {
             Self::True => Color::Rgb(r, g, b),
             Self::Indexed => Color::Indexed(nearest_indexed(r, g, b)),
+            Self::Shades => Color::Reset,
         }
     }
 }

@@ -1,0 +1,188 @@
+//! The hand of a running daemon.
+
+use super::{GLANCE_S, Source, lock, look, print_summary};
+use crate::control;
+use crate::interrupt::Interrupt;
+use crate::terminal;
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+use taxel_hand::Profile;
+use taxel_view::{Action, Heading, Screen, Seen};
+use taxel_wire::{ReadError, Received, Subscribe, Subscriber};
+
+/// Images and raw frames asked for, per second: as many as are drawn.
+const RATE_HZ: f64 = 20.0;
+/// Between two looks whether the daemon is back, or whether a key was pressed.
+const LOOK: Duration = Duration::from_millis(300);
+
+/// A connection that is made again, and what is asked of it.
+struct Daemon {
+    images: PathBuf,
+    control: PathBuf,
+    seen: Mutex<Seen>,
+    /// The profile of this view alone.
+    profile: Mutex<Option<Box<Profile>>>,
+    /// Whether it is to be asked for.
+    asks: AtomicBool,
+    over: AtomicBool,
+}
+
+pub(super) fn run(socket: Option<&Path>, limit: Option<Duration>) -> anyhow::Result<()> {
+    let images = socket.map_or_else(|| taxeld::config::running_socket("images.sock"), Path::to_owned);
+    let control = match socket {
+        Some(socket) => socket.with_file_name("control.sock"),
+        None => taxeld::config::running_socket("control.sock"),
+    };
+    let interrupt = Interrupt::install()?;
+    let daemon = Arc::new(Daemon {
+        images,
+        control,
+        seen: Mutex::new(Seen::new()),
+        profile: Mutex::new(None),
+        asks: AtomicBool::new(false),
+        over: AtomicBool::new(false),
+    });
+    // Nobody to wait for at the start is an error; later the daemon may come back.
+    let subscriber = daemon.connect()?;
+    let reader = daemon.clone();
+    let reader = std::thread::Builder::new()
+        .name("reader".into())
+        .spawn(move || reader.read(subscriber))?;
+    let began_ns = taxel_can::monotonic_ns();
+    let outcome = match terminal::can_draw() {
+        true => look(&daemon.seen, &*daemon, Screen::new(), &interrupt, limit),
+        false => {
+            let limit = limit.unwrap_or(Duration::from_secs_f64(GLANCE_S));
+            interrupt.sleep_until(Instant::now() + limit);
+            let seen = lock(&daemon.seen);
+            let name = seen.hello().map_or("taxeld".into(), |hello| hello.daemon.clone());
+            print_summary(&seen, &name, began_ns)
+        }
+    };
+    daemon.over.store(true, Ordering::Relaxed);
+    let _ = reader.join();
+    outcome
+}
+
+impl Daemon {
+    fn connect(&self) -> Result<Subscriber, ReadError> {
+        let mut subscriber = Subscriber::connect(&self.images)?;
+        self.subscribe(&mut subscriber)?;
+        Ok(subscriber)
+    }
+
+    fn subscribe(&self, subscriber: &mut Subscriber) -> Result<(), ReadError> {
+        self.asks.store(false, Ordering::Relaxed);
+        let profile = self.profile.lock().unwrap_or_else(|e| e.into_inner()).clone();
+        subscriber.subscribe(&Subscribe {
+            raw: true,
+            status: true,
+            max_rate_hz: Some(RATE_HZ),
+            profile: profile.map(|profile| *profile),
+            ..Subscribe::default()
+        })
+    }
+
+    /// Takes what the daemon publishes, and waits for it when it is gone, until the view is over.
+    fn read(&self, subscriber: Subscriber) {
+        let mut subscriber = Some(subscriber);
+        while !self.over.load(Ordering::Relaxed) {
+            let failure = match &mut subscriber {
+                Some(connected) => self.take(connected).err(),
+                None => match self.connect() {
+                    Ok(connected) => {
+                        subscriber = Some(connected);
+                        None
+                    }
+                    Err(_) => {
+                        std::thread::sleep(LOOK);
+                        None
+                    }
+                },
+            };
+            match failure {
+                None => {}
+                Some(error @ (ReadError::Closed | ReadError::Socket(_))) => {
+                    subscriber = None;
+                    lock(&self.seen).set_gone(error.to_string());
+                }
+                // The next message may be read.
+                Some(error) => lock(&self.seen).say(error.to_string(), taxel_can::monotonic_ns()),
+            }
+        }
+    }
+
+    fn take(&self, subscriber: &mut Subscriber) -> Result<(), ReadError> {
+        if self.asks.load(Ordering::Relaxed) {
+            self.subscribe(subscriber)?;
+        }
+        let Some(received) = subscriber.next_timeout(LOOK)? else {
+            return Ok(());
+        };
+        let now_ns = taxel_can::monotonic_ns();
+        let mut seen = lock(&self.seen);
+        match received {
+            Received::Hello(hello) => seen.see_hello(hello, now_ns),
+            Received::Image(header, image) => seen.see_image(&header, &image, now_ns),
+            Received::Raw(header, raw) => seen.see_raw(&header, &raw),
+            Received::Status(_, status) => seen.see_status(status),
+            Received::Event(_, event) => seen.see_event(event, now_ns),
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn request(&self, request: &Value) -> Option<String> {
+        control::request(&self.control, request)
+            .err()
+            .map(|error| format!("{error:#}"))
+    }
+}
+
+impl Source for Daemon {
+    fn heading(&self, seen: &Seen) -> Heading {
+        let Some(hello) = seen.hello() else {
+            return Heading {
+                name: self.images.display().to_string(),
+                ..Heading::default()
+            };
+        };
+        let rate = match hello.rate.hz {
+            Some(hz) => format!("{} {hz:.0} Hz", hello.rate.mode),
+            None => hello.rate.mode.clone(),
+        };
+        Heading {
+            name: hello.daemon.clone(),
+            detail: hello.layout.clone(),
+            about: rate,
+        }
+    }
+
+    fn now_ns(&self, _: &Seen) -> u64 {
+        taxel_can::monotonic_ns()
+    }
+
+    fn act(&self, action: Action) -> Option<String> {
+        match action {
+            Action::Rezero => self.request(&json!({ "cmd": "rezero" })),
+            Action::Pause(pause) => {
+                let cmd = if pause { "pause" } else { "resume" };
+                let refused = self.request(&json!({ "cmd": cmd }));
+                if refused.is_none() {
+                    lock(&self.seen).set_paused(pause);
+                }
+                refused
+            }
+            Action::Mark(text) => self.request(&json!({ "cmd": "mark", "text": text })),
+            Action::Profile(profile) => {
+                *self.profile.lock().unwrap_or_else(|e| e.into_inner()) = profile;
+                self.asks.store(true, Ordering::Relaxed);
+                None
+            }
+            _ => None,
+        }
+    }
+}

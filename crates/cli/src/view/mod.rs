@@ -1,0 +1,210 @@
+//! `taxel view`: one's own hand on the terminal, live or recorded.
+
+mod live;
+mod recording;
+
+use crate::interrupt::Interrupt;
+use crate::offline::OfflineArgs;
+use crate::terminal::{self, Shown};
+use anyhow::Context;
+use clap::error::ErrorKind;
+use clap::parser::ValueSource;
+use clap::{Arg, ArgMatches, Command, FromArgMatches};
+use ratatui::Frame;
+use ratatui::crossterm::event::KeyEvent;
+use std::io::Write;
+use std::path::PathBuf;
+use std::sync::{Mutex, MutexGuard};
+use std::time::{Duration, Instant};
+use taxel_view::{Action, Heading, Palette, Screen, Seen, draw};
+
+/// Without a terminal a daemon is looked at for so long.
+const GLANCE_S: f64 = 2.0;
+
+/// Draw the hand of a running daemon, or of a recording, on this terminal.
+///
+/// Left is the skin, laid flat, coloured by force, with arrows where it is pulled aside; right the tactile image with
+/// the actuators' levels. Below: one taxel in words, and where there is room force over time and what is wrong.
+/// `?` lists the keys: look at a taxel, show it over time, hold the scale; change method, levels and actuators for
+/// this view alone; measure the baseline anew, pause, make a mark. The view waits for a daemon that was restarted.
+///
+/// Without a terminal, or where TERM is dumb, it prints a summary. With NO_COLOR it draws shades.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  taxel view                           the daemon on this machine
+  taxel view grasp.log                 a recording
+  taxel view sim:faulty-hand           a scene as a recording
+  taxel view --seconds 10 | cat        a summary of ten seconds")]
+pub(crate) struct Args {
+    #[command(flatten)]
+    recording: Recording,
+    /// The daemon's image socket [default: where the daemon of this user, or of the system, puts it]
+    #[arg(long, value_name = "PATH", conflicts_with = "path")]
+    socket: Option<PathBuf>,
+    /// Stop after so long [default: never; without a terminal a daemon is looked at for 2 s]
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    seconds: Option<f64>,
+}
+
+/// A recording, where one is named.
+#[derive(Debug)]
+struct Recording(Option<OfflineArgs>);
+
+impl clap::Args for Recording {
+    fn augment_args(command: Command) -> Command {
+        OfflineArgs::augment_args(command).mut_arg("path", |path| path.required(false))
+    }
+
+    fn augment_args_for_update(command: Command) -> Command {
+        OfflineArgs::augment_args_for_update(command)
+    }
+}
+
+impl FromArgMatches for Recording {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        if matches.contains_id("path") {
+            return OfflineArgs::from_arg_matches(matches).map(|recording| Self(Some(recording)));
+        }
+        let of_recordings = <OfflineArgs as clap::Args>::augment_args(Command::new("recording"));
+        let is_given =
+            |arg: &&Arg| matches.value_source(arg.get_id().as_str()) == Some(ValueSource::CommandLine);
+        match of_recordings.get_arguments().find(is_given) {
+            Some(arg) => Err(clap::Error::raw(
+                ErrorKind::MissingRequiredArgument,
+                format!(
+                    "--{} is for a recording; name one\n",
+                    arg.get_long().unwrap_or_default()
+                ),
+            )),
+            None => Ok(Self(None)),
+        }
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(seconds) if seconds > 0.0 && seconds < 1e9 => Ok(seconds),
+        _ => Err(format!(
+            "{text} is no time to look at a hand; give seconds, such as 10"
+        )),
+    }
+}
+
+pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    let limit = args.seconds.map(Duration::from_secs_f64);
+    match &args.recording.0 {
+        Some(recording) => recording::run(recording, limit),
+        None => live::run(args.socket.as_deref(), limit),
+    }
+}
+
+fn lock(seen: &Mutex<Seen>) -> MutexGuard<'_, Seen> {
+    // A reader that panicked leaves numbers that can still be read.
+    seen.lock().unwrap_or_else(|e| e.into_inner())
+}
+
+/// Where a picture comes from, and who does what a key asks.
+trait Source {
+    fn heading(&self, seen: &Seen) -> Heading;
+    /// Now, on the clock of the images' times, nanoseconds.
+    fn now_ns(&self, seen: &Seen) -> u64;
+    /// Does it; a sentence is for whoever pressed the key.
+    fn act(&self, action: Action) -> Option<String>;
+}
+
+struct View<'a> {
+    seen: &'a Mutex<Seen>,
+    source: &'a dyn Source,
+    screen: Screen,
+    palette: Palette,
+}
+
+impl Shown for View<'_> {
+    fn draw(&mut self, frame: &mut Frame<'_>) -> bool {
+        let (picture, heading) = {
+            let mut seen = lock(self.seen);
+            if let Some(hand) = seen.hand() {
+                self.screen.fit(hand);
+            }
+            let now_ns = self.source.now_ns(&seen);
+            (seen.picture(&self.screen, now_ns), self.source.heading(&seen))
+        };
+        let area = frame.area();
+        match picture {
+            Some(picture) => {
+                let (screen, palette) = (&self.screen, self.palette);
+                draw(
+                    frame.buffer_mut(),
+                    area,
+                    &picture,
+                    screen,
+                    &heading,
+                    palette,
+                    false,
+                );
+            }
+            None => frame.render_widget(format!(" {}: waiting for the hand; q quits", heading.name), area),
+        }
+        true
+    }
+
+    fn key(&mut self, key: KeyEvent) -> bool {
+        let action = self.screen.key(key, &lock(self.seen));
+        match action {
+            Action::Quit => return false,
+            Action::None => {}
+            action => {
+                if let Some(words) = self.source.act(action) {
+                    let mut seen = lock(self.seen);
+                    let now_ns = self.source.now_ns(&seen);
+                    seen.say(words, now_ns);
+                }
+            }
+        }
+        true
+    }
+}
+
+/// Draws until the person there has seen enough.
+fn look(
+    seen: &Mutex<Seen>,
+    source: &dyn Source,
+    screen: Screen,
+    interrupt: &Interrupt,
+    limit: Option<Duration>,
+) -> anyhow::Result<()> {
+    let mut view = View {
+        seen,
+        source,
+        screen,
+        palette: Palette::of_terminal(),
+    };
+    let deadline = limit.map(|limit| Instant::now() + limit);
+    terminal::show(&mut view, interrupt, deadline)
+}
+
+/// What was seen in a few lines, for whoever has no terminal.
+fn print_summary(seen: &Seen, name: &str, began_ns: u64) -> anyhow::Result<()> {
+    let mut text = match seen.hello() {
+        Some(hello) => format!(
+            "{name}: {}, {} taxels; method {}, {} levels, {} actuators\n",
+            hello.layout,
+            hello.taxels.len(),
+            hello.profile.method,
+            hello.profile.levels,
+            hello.profile.actuators,
+        ),
+        None => format!("{name}: no description of a hand came\n"),
+    };
+    text += &seen.summary(began_ns);
+    let mut out = std::io::stdout().lock();
+    out.write_all(text.as_bytes())
+        .and_then(|()| out.flush())
+        .context("stdout")
+}

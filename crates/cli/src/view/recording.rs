@@ -1,0 +1,229 @@
+//! The hand of a recording, played in its own time.
+
+use super::{Source, lock, look, print_summary};
+use crate::interrupt::Interrupt;
+use crate::offline::OfflineArgs;
+use crate::progress;
+use crate::terminal;
+use anyhow::{Context, bail};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard};
+use std::time::{Duration, Instant};
+use taxel_hand::{ForceFrame, Freshness, TactileFrame, TactileImage};
+use taxel_view::{Action, Heading, Screen, Seen};
+use taxel_wire::{Clock, Header, Hello, HelloRate, ImageView, RawView};
+use taxel_wire::{encode_image_payload, encode_raw_payload};
+
+/// The fastest and slowest that a recording is played, times its own speed.
+const SPEEDS: (f64, f64) = (1.0 / 64.0, 64.0);
+
+/// A recording that is played on a thread of its own.
+struct Player {
+    name: String,
+    seen: Mutex<Seen>,
+    pace: Mutex<Pace>,
+    changed: Condvar,
+}
+
+/// How it is played.
+#[derive(Debug, Clone)]
+struct Pace {
+    halted: bool,
+    speed: f64,
+    /// Nothing before this time of the recording is waited for.
+    skip_to_ns: u64,
+    /// A time of the recording, and when it was shown.
+    anchor: Option<(u64, Instant)>,
+    again: bool,
+    at_end: bool,
+    over: bool,
+    failure: Option<String>,
+}
+
+impl Default for Pace {
+    fn default() -> Self {
+        Self {
+            halted: false,
+            speed: 1.0,
+            skip_to_ns: 0,
+            anchor: None,
+            again: false,
+            at_end: false,
+            over: false,
+            failure: None,
+        }
+    }
+}
+
+pub(super) fn run(recording: &OfflineArgs, limit: Option<Duration>) -> anyhow::Result<()> {
+    let interrupt = Interrupt::install()?;
+    let player = Arc::new(Player {
+        name: recording.input.name(),
+        seen: Mutex::new(Seen::new()),
+        pace: Mutex::new(Pace::default()),
+        changed: Condvar::new(),
+    });
+    if !terminal::can_draw() {
+        // As fast as it can be read.
+        player.pace().skip_to_ns = u64::MAX;
+        player.play(recording)?;
+        return print_summary(&lock(&player.seen), &player.name, 0);
+    }
+    // What is wrong with the file is said before the terminal is taken.
+    recording.configure(&recording.input.open()?)?;
+    progress::hide();
+    let thread = {
+        let (player, recording) = (player.clone(), recording.clone());
+        std::thread::Builder::new()
+            .name("player".into())
+            .spawn(move || player.repeat(&recording))?
+    };
+    let outcome = look(&player.seen, &*player, Screen::of_recording(), &interrupt, limit);
+    player.change(|pace| pace.over = true);
+    let _ = thread.join();
+    outcome?;
+    match player.pace().failure.take() {
+        Some(failure) => bail!("{failure}"),
+        None => Ok(()),
+    }
+}
+
+impl Player {
+    fn pace(&self) -> MutexGuard<'_, Pace> {
+        self.pace.lock().unwrap_or_else(|e| e.into_inner())
+    }
+
+    fn change(&self, change: impl FnOnce(&mut Pace)) {
+        let mut pace = self.pace();
+        change(&mut pace);
+        pace.anchor = None;
+        self.changed.notify_all();
+    }
+
+    /// Plays it, and again where that is asked for, until the view is over.
+    fn repeat(&self, recording: &OfflineArgs) {
+        loop {
+            self.change(|pace| (pace.again, pace.at_end) = (false, false));
+            let outcome = self.play(recording);
+            let mut pace = self.pace();
+            if let Err(error) = outcome
+                && !(pace.over || pace.again)
+            {
+                pace.failure = Some(format!("{error:#}"));
+            }
+            pace.at_end = true;
+            while !pace.again && !pace.over {
+                pace = self.changed.wait(pace).unwrap_or_else(|e| e.into_inner());
+            }
+            if pace.over {
+                return;
+            }
+        }
+    }
+
+    fn play(&self, recording: &OfflineArgs) -> anyhow::Result<()> {
+        let input = recording.input.open()?;
+        let config = recording.configure(&input)?;
+        let rate = HelloRate {
+            mode: "recording".into(),
+            hz: None,
+        };
+        let geometry = &config.layout.geometry;
+        let hello = Hello::new(&self.name, geometry, &config.profile, rate, Clock::Recording);
+        lock(&self.seen).see_hello(&hello, 0);
+        let mut payload = Vec::new();
+        let mut counts = TactileFrame::new(geometry.len());
+        counts.freshness.fill(Freshness::Fresh);
+        counts.age_ns.fill(0);
+        recording.run(&input, &config, &mut |tactile, force, image| {
+            self.wait_until(force.t_ns)?;
+            let tactile = tactile.unwrap_or_else(|| {
+                (counts.seq, counts.t_ns) = (force.seq, force.t_ns);
+                &counts
+            });
+            self.see(tactile, force, image, &mut payload)
+        })
+    }
+
+    fn see(
+        &self,
+        tactile: &TactileFrame,
+        force: &ForceFrame,
+        image: &TactileImage,
+        payload: &mut Vec<u8>,
+    ) -> anyhow::Result<()> {
+        let mut seen = lock(&self.seen);
+        encode_image_payload(image, payload)?;
+        let header = Header::of_image(image, payload.len());
+        let view = ImageView::decode(payload).context("an image made here")?;
+        seen.see_image(&header, &view, force.t_ns);
+        encode_raw_payload(tactile, force, None, payload)?;
+        let view = RawView::decode(payload).context("a raw frame made here")?;
+        seen.see_raw(&Header::of_frame(tactile, force, payload.len()), &view);
+        Ok(())
+    }
+
+    /// Waits until this time of the recording is due.
+    fn wait_until(&self, t_ns: u64) -> anyhow::Result<()> {
+        let mut pace = self.pace();
+        loop {
+            if pace.over || pace.again {
+                bail!("stopped");
+            }
+            if t_ns < pace.skip_to_ns {
+                pace.anchor = None;
+                return Ok(());
+            }
+            let wait = match (pace.halted, pace.anchor) {
+                (true, _) => Duration::from_secs(1),
+                (false, None) => {
+                    pace.anchor = Some((t_ns, Instant::now()));
+                    return Ok(());
+                }
+                (false, Some((from_ns, at))) => {
+                    let ahead_s = t_ns.saturating_sub(from_ns) as f64 / 1e9 / pace.speed;
+                    (at + Duration::from_secs_f64(ahead_s)).saturating_duration_since(Instant::now())
+                }
+            };
+            if wait.is_zero() {
+                return Ok(());
+            }
+            let woken = self.changed.wait_timeout(pace, wait);
+            pace = woken.unwrap_or_else(|e| e.into_inner()).0;
+        }
+    }
+}
+
+impl Source for Player {
+    fn heading(&self, seen: &Seen) -> Heading {
+        let pace = self.pace();
+        let layout = seen.hello().map_or("", |hello| hello.layout.as_str());
+        let about = match (pace.at_end, pace.halted, pace.speed) {
+            (true, ..) if pace.failure.is_some() => pace.failure.clone().unwrap_or_default(),
+            (true, ..) => "the end; 0 plays it again".into(),
+            (_, true, _) => "halted; p goes on".into(),
+            (_, _, 1.0) => layout.into(),
+            (_, _, speed) => format!("{speed} times its own speed"),
+        };
+        Heading {
+            name: self.name.clone(),
+            detail: format!("{:.1} s", seen.t_ns() as f64 / 1e9),
+            about,
+        }
+    }
+
+    fn now_ns(&self, seen: &Seen) -> u64 {
+        seen.t_ns()
+    }
+
+    fn act(&self, action: Action) -> Option<String> {
+        let t_ns = lock(&self.seen).t_ns();
+        self.change(|pace| match action {
+            Action::Halt => pace.halted = !pace.halted,
+            Action::Skip(seconds) => pace.skip_to_ns = t_ns + (seconds * 1e9) as u64,
+            Action::Again => (pace.again, pace.halted, pace.skip_to_ns) = (true, false, 0),
+            Action::Speed(times) => pace.speed = (pace.speed * times).clamp(SPEEDS.0, SPEEDS.1),
+            _ => {}
+        });
+        None
+    }
+}

@@ -1,0 +1,80 @@
+//! `taxel view` without a terminal, and `taxel layouts`.
+
+use crate::{fails, simulated, succeeds};
+use serde_json::Value;
+use taxel_skin::Layout;
+use tempfile::TempDir;
+
+#[test]
+fn without_a_terminal_a_daemon_is_summed_up() {
+    let dir = TempDir::new().unwrap();
+    let _daemon = simulated(dir.path(), "idle");
+    let (out, _) = succeeds(&dir, &["view", "--socket", "images.sock", "--seconds", "1"]);
+    for part in [
+        "allegro-uskin-15, 240 taxels",
+        "method optimal",
+        "images",
+        "latency",
+        "Hz",
+    ] {
+        assert!(out.contains(part), "{part}: {out}");
+    }
+}
+
+#[test]
+fn without_a_terminal_a_recording_is_read_to_its_end_and_summed_up() {
+    let dir = TempDir::new().unwrap();
+    succeeds(&dir, &["sim", "tap", "--to", "log:tap.log"]);
+    let (out, _) = succeeds(&dir, &["view", "tap.log", "--actuators", "9"]);
+    for part in [
+        "tap.log: allegro-uskin-15, 240 taxels",
+        "9 actuators",
+        "contact    in",
+    ] {
+        assert!(out.contains(part), "{part}: {out}");
+    }
+    assert!(!out.contains("latency"), "a recording's clock tells none: {out}");
+}
+
+#[test]
+fn what_is_said_of_a_recording_needs_one() {
+    let dir = TempDir::new().unwrap();
+    let err = fails(&dir, &["view", "--levels", "4"], 2);
+    assert!(err.contains("--levels is for a recording; name one"), "{err}");
+    let err = fails(&dir, &["view", "tap.log", "--socket", "images.sock"], 2);
+    assert!(err.contains("--socket"), "{err}");
+    let err = fails(&dir, &["view", "tap.log"], 1);
+    assert!(err.contains("tap.log"), "{err}");
+    let err = fails(&dir, &["view", "--socket", "nowhere.sock"], 1);
+    assert!(
+        err.contains("nowhere.sock") && err.contains("is taxeld running"),
+        "{err}"
+    );
+}
+
+#[test]
+fn the_built_in_layouts_are_listed_and_each_is_drawn() {
+    let dir = TempDir::new().unwrap();
+    let (list, _) = succeeds(&dir, &["layouts"]);
+    for name in Layout::builtin_names() {
+        let hand = Layout::builtin(name).unwrap();
+        assert!(list.lines().any(|line| line.starts_with(name)), "{name}: {list}");
+        let (drawing, _) = succeeds(&dir, &["layouts", name]);
+        for module in &hand.modules {
+            assert!(drawing.contains(&format!("{:20}", module.name)), "{drawing}");
+        }
+        let (file, _) = succeeds(&dir, &["layouts", name, "--file"]);
+        assert_eq!(file, Layout::builtin_text(name).unwrap());
+    }
+    let (json, _) = succeeds(&dir, &["layouts", "uskin-module", "--json"]);
+    let json: Value = serde_json::from_str(&json).unwrap();
+    assert_eq!(
+        (&json["taxels"], &json["modules"][0]["protocol"]),
+        (&16.into(), &"uskin-l1".into())
+    );
+    let err = fails(&dir, &["layouts", "nobodys-hand"], 1);
+    assert!(
+        err.contains("nobodys-hand") && err.contains("uskin-module"),
+        "{err}"
+    );
+}

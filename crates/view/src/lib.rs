@@ -1,0 +1,30 @@
+//! A hand on the terminal: the panes of `taxel view` and of `taxel demo`.
+//!
+//! [`Seen`] takes what a subscriber receives and remembers what is worth showing. [`Seen::picture`] is all of it at one
+//! instant, [`draw`] its panes. [`Screen`] is what the person there has chosen, [`Screen::key`] what keys do; what a key
+//! asks of others is an [`Action`].
+//!
+//! Nothing here connects, has a clock, or writes to a terminal: messages, times and the buffer that is drawn into are
+//! arguments.
+
+mod colour;
+mod flat;
+mod history;
+mod keys;
+mod outline;
+mod paint;
+mod panes;
+mod picture;
+mod raster;
+mod scale;
+mod screen;
+mod seen;
+
+pub use colour::Palette;
+pub use flat::Hand;
+pub use keys::Action;
+pub use outline::{letter, outline};
+pub use panes::{Heading, draw};
+pub use picture::Picture;
+pub use screen::Screen;
+pub use seen::{Figures, Seen};

@@ -1,0 +1,222 @@
+//! The line above the panels and those below.
+
+use crate::colour::Palette;
+use crate::paint::shortened;
+use crate::picture::{Picture, fault_in_words};
+use crate::screen::Screen;
+use ratatui::buffer::Buffer;
+use ratatui::layout::Rect;
+use ratatui::style::{Modifier, Style};
+use ratatui::text::{Line, Span};
+use ratatui::widgets::Widget;
+use taxel_hand::{Fault, Freshness};
+
+/// Columns of the legend of colours.
+const LEGEND: usize = 16;
+
+/// What is seen; then what is most important to know.
+pub(super) fn heading(
+    buffer: &mut Buffer,
+    area: Rect,
+    picture: &Picture,
+    heading: &super::Heading,
+    palette: Palette,
+) {
+    let dim = Style::new().fg(palette.rgb(138, 138, 138));
+    let bold = Style::new().add_modifier(Modifier::BOLD);
+    let mut spans = vec![
+        Span::styled(format!(" {} ", heading.name), bold),
+        Span::raw(heading.detail.clone()),
+    ];
+    let used: usize = spans.iter().map(Span::width).sum();
+    let room = usize::from(area.width).saturating_sub(used + 3);
+    let problem = picture.problems.first().map(|problem| {
+        let count = picture.problems.len();
+        match count {
+            1 => problem.sentence.clone(),
+            _ => format!("{count} problems: {}", problem.sentence),
+        }
+    });
+    let urgent = if let Some(why) = &picture.gone {
+        Some(format!("the daemon is gone ({why}); looking for it"))
+    } else if picture.paused {
+        Some("paused: every actuator has let go; p goes on".into())
+    } else if picture.calibrating {
+        Some("measuring the baseline: hands off".into())
+    } else {
+        picture.note.clone().or(problem)
+    };
+    let (words, style) = match urgent {
+        Some(words) => (words, warning(palette)),
+        None => (heading.about.clone(), dim),
+    };
+    spans.push(Span::styled(format!("  {}", shortened(&words, room)), style));
+    Line::from(spans).render(area, buffer);
+}
+
+fn warning(palette: Palette) -> Style {
+    Style::new()
+        .fg(palette.rgb(255, 175, 0))
+        .add_modifier(Modifier::BOLD)
+}
+
+/// Counts; rates; one taxel in words; the legend and where keys are listed.
+pub(super) fn draw(buffer: &mut Buffer, area: Rect, picture: &Picture, screen: &Screen, palette: Palette) {
+    let dim = Style::new().fg(palette.rgb(138, 138, 138));
+    let bold = Style::new().add_modifier(Modifier::BOLD);
+    let value = |text: String| Span::styled(text, bold);
+    let label = |text: &'static str| Span::styled(text, dim);
+    let count = |n: u64| Span::styled(n.to_string(), if n > 0 { warning(palette) } else { bold });
+    let mut contacts = vec![
+        label(" contact "),
+        value(format!("{:3}", picture.contacts)),
+        label(" taxels → "),
+        value(format!("{:2}", picture.actuators.len())),
+        label(" actuators"),
+        label("   missing "),
+        count(picture.missing.into()),
+        label("   faulty "),
+        count(picture.faulty.into()),
+    ];
+    if let Some(skipped) = picture.skipped {
+        contacts.extend([label("   skipped "), count(skipped)]);
+    }
+    contacts.extend([label("   "), value(picture.method.clone())]);
+    let figures = &picture.figures;
+    let mut rates = vec![label(" rate "), value(format!("{:5.1} Hz", figures.rate_hz))];
+    if let (Some(p50), Some(p99)) = (figures.latency_p50_ms, figures.latency_p99_ms) {
+        rates.extend([
+            label("   latency p50 "),
+            value(format!("{p50:.2}")),
+            label(" p99 "),
+            value(format!("{p99:.2} ms")),
+        ]);
+    }
+    rates.extend([
+        label("   data "),
+        value(format!("{:.0}", figures.raw_bits_per_s / 1e3)),
+        label(" → "),
+        value(format!("{:.1} kbit/s", figures.image_bits_per_s / 1e3)),
+    ]);
+    if figures.image_bits_per_s > 0.0 {
+        rates.push(value(format!(
+            " {:.0}:1",
+            figures.raw_bits_per_s / figures.image_bits_per_s
+        )));
+    }
+    let last = match &screen.prompt {
+        Some(text) => vec![
+            label(" mark: "),
+            value(format!("{text}▏")),
+            label("  Enter makes it, Esc leaves"),
+        ],
+        None => legend(picture, palette),
+    };
+    let taxel = vec![Span::raw(shortened(
+        &taxel_in_words(picture, area.width),
+        usize::from(area.width),
+    ))];
+    for (y, line) in (area.top()..area.bottom()).zip([contacts, rates, taxel, last]) {
+        Line::from(line).render(Rect { y, height: 1, ..area }, buffer);
+    }
+}
+
+fn legend(picture: &Picture, palette: Palette) -> Vec<Span<'static>> {
+    let dim = Style::new().fg(palette.rgb(138, 138, 138));
+    let bold = Style::new().add_modifier(Modifier::BOLD);
+    let label = |text: &'static str| Span::styled(text, dim);
+    let mut legend = vec![label(" force 0 ")];
+    // The colours are a square root of the force; so are the places of the legend.
+    legend.extend((0..LEGEND).map(|i| {
+        let share = (i as f64 / (LEGEND - 1) as f64).powi(2);
+        match palette {
+            Palette::Shades => Span::raw(Palette::shade(share)),
+            _ => Span::styled(" ", Style::new().bg(palette.force(share, 30))),
+        }
+    }));
+    // Two digits: the last ones change with every image.
+    let scale = picture.scale;
+    let step = 10f64.powi((scale.log10().floor() as i32 - 1).max(0));
+    legend.push(Span::raw(format!(" {:.0} ", (scale / step).round() * step)));
+    legend.push(Span::styled(
+        if picture.held {
+            "held".into()
+        } else {
+            picture.unit.clone()
+        },
+        dim,
+    ));
+    legend.extend([
+        label("  digits: level, 1 to "),
+        Span::raw(picture.levels.to_string()),
+    ]);
+    legend.extend([
+        Span::styled("   ? ", bold),
+        label("keys  "),
+        Span::styled("q", bold),
+        label(" quit"),
+    ]);
+    legend
+}
+
+/// A taxel's name: its module and its number there.
+pub(super) fn name(picture: &Picture, taxel: usize) -> String {
+    let module = picture.hand.module_of(taxel);
+    format!("{} {}", module.name, taxel - usize::from(module.first_taxel))
+}
+
+/// Columns that the press of a taxel needs besides its counts.
+const WIDE: u16 = 100;
+
+/// What is known of the taxel that is looked at.
+fn taxel_in_words(picture: &Picture, width: u16) -> String {
+    let Some(taxel) = picture.cursor else {
+        return " arrow keys: look at a taxel; Enter: show it over time".into();
+    };
+    let name = name(picture, taxel);
+    let Some(now) = picture.taxels.get(taxel) else {
+        return format!(" {name}: no raw counts");
+    };
+    let raw = &now.raw;
+    let [x, y, z] = raw.counts;
+    let faults: Vec<Fault> = raw.faults().collect();
+    // What is missing has a reason of its own, or none.
+    let named = faults
+        .iter()
+        .filter(|fault| **fault != Fault::Missing || faults.len() == 1);
+    let reasons: Vec<&str> = named.map(|fault| fault_in_words(*fault)).collect();
+    if raw.freshness == Freshness::Missing {
+        return format!(" {name}: no value ever came");
+    }
+    if !reasons.is_empty() {
+        return format!(
+            " {name}: {}; counts {x} {y} {z}, {} old",
+            reasons.join("; "),
+            age(raw.age_us)
+        );
+    }
+    let press = now
+        .press
+        .filter(|_| width >= WIDE)
+        .map_or(String::new(), |[x, y, z]| {
+            format!(", press {x:+.0} {y:+.0} {z:+.0}")
+        });
+    let state = match (raw.contact, raw.repaired) {
+        (_, true) => ", repaired",
+        (true, _) => ", in contact",
+        (false, false) => "",
+    };
+    format!(
+        " {name}: force {:.0}{state}; counts {x} {y} {z}{press}, {} old",
+        raw.force,
+        age(raw.age_us)
+    )
+}
+
+fn age(age_us: u32) -> String {
+    match age_us {
+        u32::MAX => "very".into(),
+        us if us < 1_000_000 => format!("{} ms", us / 1000),
+        us => format!("{} s", us / 1_000_000),
+    }
+}

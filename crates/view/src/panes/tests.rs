@@ -1,0 +1,418 @@
+use super::*;
+use crate::flat::Hand;
+use crate::picture::{Joint, TaxelNow, Trace};
+use crate::seen::Figures;
+use ratatui::buffer::Buffer;
+use std::sync::Arc;
+use taxel_hand::{Fault, Freshness};
+use taxel_skin::Layout;
+use taxel_wire::status::ProblemStatus;
+use taxel_wire::{RawTaxel, WireActuator};
+
+const SIZES: [(u16, u16); 3] = [(80, 24), (120, 40), (200, 60)];
+
+fn taxel(force: f32) -> TaxelNow {
+    TaxelNow {
+        raw: RawTaxel {
+            counts: [1000, 2000, 3000],
+            faults: 0,
+            force,
+            age_us: 4200,
+            freshness: Freshness::Fresh,
+            status: 0,
+            contact: force > 0.0,
+            repaired: false,
+        },
+        press: Some([0.0, 0.0, force]),
+    }
+}
+
+/// A hand of this layout whose first taxel is pressed, with an actuator on it.
+fn picture_of(name: &str) -> Picture {
+    let hand = Layout::builtin(name).unwrap().geometry;
+    let mut taxels = vec![taxel(0.0); hand.len()];
+    taxels[0] = taxel(100.0);
+    let (x, y) = (hand.taxels[0].x, hand.taxels[0].y);
+    Picture {
+        hand: Arc::new(Hand::new(hand)),
+        taxels,
+        actuators: vec![WireActuator {
+            id: 0,
+            x,
+            y,
+            level: 8,
+            force: 100.0,
+        }],
+        joints: Vec::new(),
+        scale: 100.0,
+        held: false,
+        threshold: 10.0,
+        unit: "counts".into(),
+        levels: 8,
+        max_actuators: 16,
+        method: "paper".into(),
+        figures: Figures {
+            rate_hz: 50.0,
+            latency_p50_ms: Some(0.25),
+            latency_p99_ms: Some(0.5),
+            raw_bits_per_s: 576e3,
+            image_bits_per_s: 8.8e3,
+        },
+        contacts: 1,
+        missing: 1,
+        faulty: 1,
+        skipped: Some(0),
+        calibrating: false,
+        paused: false,
+        gone: None,
+        note: None,
+        problems: Vec::new(),
+        traces: Vec::new(),
+        cursor: Some(0),
+    }
+}
+
+fn picture() -> Picture {
+    let joints = ["index", "middle", "ring", "thumb"].iter().flat_map(|finger| {
+        (0..4).map(move |joint| Joint {
+            name: format!("{finger} {joint}"),
+            angle_rad: Some(0.5 * joint as f32),
+        })
+    });
+    Picture {
+        joints: joints.collect(),
+        ..picture_of("allegro-uskin-15")
+    }
+}
+
+fn heading() -> Heading {
+    Heading {
+        name: "scene ball-grasp".into(),
+        detail: "1.5 of 10.0 s".into(),
+        about: "a ball".into(),
+    }
+}
+
+fn drawn_with(size: (u16, u16), picture: &Picture, screen: &Screen, palette: Palette) -> Buffer {
+    let area = Rect::new(0, 0, size.0, size.1);
+    let mut buffer = Buffer::empty(area);
+    draw(&mut buffer, area, picture, screen, &heading(), palette, false);
+    buffer
+}
+
+fn drawn(size: (u16, u16), picture: &Picture) -> Buffer {
+    drawn_with(size, picture, &Screen::new(), Palette::True)
+}
+
+fn text(buffer: &Buffer) -> String {
+    let rows = buffer.content().chunks(usize::from(buffer.area.width));
+    rows.map(|row| row.iter().map(|c| c.symbol()).collect::<String>() + "\n")
+        .collect()
+}
+
+#[test]
+fn everything_is_there_on_a_small_and_on_a_large_terminal() {
+    for size in SIZES {
+        let text = text(&drawn(size, &picture()));
+        for part in [
+            "raw: 240 taxels",
+            "tactile image: 16 actuators",
+            "index",
+            "thumb",
+            "scene ball-grasp 1.5 of 10.0 s  a ball",
+            "50.0 Hz",
+            "p50 0.25 p99 0.50 ms",
+            "level, 1 to 8",
+            "576 → 8.8 kbit/s 65:1",
+            "missing 1",
+            "faulty 1",
+            "index tip 0: force 100, in contact; counts 1000 2000 3000,",
+            "4 ms old",
+            " paper ",
+            "? keys  q quit",
+        ] {
+            assert!(text.contains(part), "{size:?} lacks {part:?}:\n{text}");
+        }
+    }
+}
+
+#[test]
+fn every_taxel_of_every_built_in_hand_is_drawn_once_and_nothing_is_cut_off() {
+    for name in Layout::builtin_names() {
+        let picture = picture_of(name);
+        for (width, height) in SIZES {
+            let area = Rect::new(0, 1, width, height - 1 - LINES);
+            let Arrangement {
+                raster,
+                panels,
+                lower,
+            } = Arrangement::of(&picture, area);
+            assert!(!raster.is_crowded(), "{name} {width}x{height}");
+            let mut blocks = vec![0; picture.hand.len()];
+            for y in 0..raster.height {
+                for x in 0..raster.width {
+                    if let Some(taxel) = raster.taxel_at(x, y) {
+                        blocks[taxel] += 1;
+                    }
+                }
+            }
+            assert!(
+                blocks.iter().all(|blocks| *blocks > 0),
+                "{name} {width}x{height}: {blocks:?}"
+            );
+            for panel in panels {
+                assert!(panel.width >= raster.width && panel.height >= HEAD + raster.rows());
+                assert_eq!(panel.intersection(area), panel, "{name} {width}x{height}");
+            }
+            assert_eq!(
+                panels[0].intersection(panels[1]).area(),
+                0,
+                "{name} {width}x{height}"
+            );
+            if let Some(lower) = lower {
+                assert_eq!(lower.intersection(area), lower, "{name} {width}x{height}");
+                assert_eq!(lower.intersection(panels[1]).area(), 0, "{name} {width}x{height}");
+            }
+            let text = text(&drawn((width, height), &picture));
+            for part in crate::flat::parts(&picture.hand) {
+                let name = &part.name[..part.name.len().min(3)];
+                assert!(text.matches(name).count() >= 2, "{name} {width}x{height}\n{text}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_hand_of_a_thousand_modules_shows_its_strongest_taxels() {
+    let hand = Layout::resolve("grid:128x125").unwrap().geometry;
+    let mut picture = picture_of("uskin-module");
+    picture.taxels = vec![taxel(0.0); hand.len()];
+    picture.taxels[7777] = taxel(100.0);
+    picture.hand = Arc::new(Hand::new(hand));
+    let buffer = drawn((80, 24), &picture);
+    let brightest = Palette::True.force(1.0, 0);
+    let lit = buffer
+        .content()
+        .iter()
+        .filter(|cell| cell.bg == brightest || cell.fg == brightest);
+    // Once in the skin, once under the actuator, and in the legend.
+    assert!(lit.count() >= 3, "{}", text(&buffer));
+}
+
+#[test]
+fn a_terminal_that_is_too_small_says_so_instead_of_breaking() {
+    for size in [(30, 40), (80, 10), (1, 1)] {
+        let text = text(&drawn(size, &picture()));
+        assert!(size.0 < 30 || text.contains("needed"), "{text}");
+    }
+    let picture = picture();
+    for width in (40..90).step_by(3) {
+        for height in 14..45 {
+            drawn((width, height), &picture);
+        }
+    }
+}
+
+#[test]
+fn force_has_the_same_colour_in_both_panels_and_the_actuator_its_level() {
+    let buffer = drawn((80, 24), &picture());
+    let brightest = Palette::True.force(1.0, 0);
+    let lit: Vec<_> = (0..20u16)
+        .flat_map(|y| (0..80u16).map(move |x| (x, y)))
+        .filter(|(x, y)| buffer[(*x, *y)].bg == brightest)
+        .collect();
+    assert_eq!(
+        lit.len(),
+        4,
+        "two columns in each panel: {lit:?}\n{}",
+        text(&buffer)
+    );
+    let symbols: String = lit.iter().map(|(x, y)| buffer[(*x, *y)].symbol()).collect();
+    assert_eq!(symbols.trim(), "8");
+}
+
+#[test]
+fn broken_taxels_are_marked_and_told_in_words() {
+    let mut picture = picture();
+    picture.taxels[20].raw.faults = Fault::Dead as u16;
+    picture.taxels[21].raw.freshness = Freshness::Missing;
+    picture.cursor = Some(20);
+    let text = text(&drawn((80, 24), &picture));
+    let panels: String = text.lines().take(19).skip(3).collect();
+    assert_eq!(panels.matches('?').count(), 1, "{text}");
+    assert_eq!(panels.matches('x').count(), 1, "{text}");
+    assert!(
+        text.contains("index distal 4: dead, it reads 0 or 65535 on every axis; counts 1000 2000 3000"),
+        "{text}"
+    );
+}
+
+#[test]
+fn skin_that_is_pulled_aside_has_arrows_until_they_are_switched_off() {
+    let mut picture = picture();
+    for (taxel, press) in [
+        (0, [80.0, 0.0, 60.0]),
+        (5, [0.0, -50.0, 50.0]),
+        (10, [5.0, 0.0, 90.0]),
+    ] {
+        picture.taxels[taxel] = self::taxel(100.0);
+        picture.taxels[taxel].press = Some(press);
+    }
+    let mut screen = Screen::new();
+    let shown = text(&drawn_with((80, 24), &picture, &screen, Palette::True));
+    let panels: String = shown.lines().take(19).skip(3).collect();
+    for (arrow, count) in [("→", 1), ("↑", 1), ("↓", 0)] {
+        assert_eq!(panels.matches(arrow).count(), count, "{arrow}\n{shown}");
+    }
+    screen.no_arrows = true;
+    let shown = text(&drawn_with((80, 24), &picture, &screen, Palette::True));
+    assert!(!shown.contains('↑'), "{shown}");
+}
+
+#[test]
+fn a_terminal_without_colour_shows_shades() {
+    let mut picture = picture();
+    picture.taxels[20].raw.faults = Fault::Stuck as u16;
+    for size in SIZES {
+        let buffer = drawn_with(size, &picture, &Screen::new(), Palette::Shades);
+        let text = text(&buffer);
+        assert!(
+            text.contains('█') && text.contains('·') && text.contains('x'),
+            "{text}"
+        );
+        let coloured = |cell: &&ratatui::buffer::Cell| {
+            cell.fg != ratatui::style::Color::Reset || cell.bg != ratatui::style::Color::Reset
+        };
+        assert_eq!(buffer.content().iter().filter(coloured).count(), 0, "{text}");
+    }
+}
+
+#[test]
+fn joints_are_bars_under_their_fingers_and_degrees_where_there_is_room() {
+    let mut picture = picture();
+    picture.joints[6].angle_rad = None;
+    for (size, degrees) in [((80, 24), false), ((120, 40), true), ((200, 60), true)] {
+        let text = text(&drawn(size, &picture));
+        assert_eq!(text.matches("▁▃▅█").count(), 3, "{size:?}:\n{text}");
+        assert_eq!(text.matches("▁▃?█").count(), 1, "{size:?}:\n{text}");
+        let rows = text.matches("  0°  29°  57°  86°").count();
+        assert_eq!(rows, if degrees { 3 } else { 0 }, "{size:?}:\n{text}");
+        assert_eq!(text.contains("  0°  29°    ?  86°"), degrees, "{size:?}:\n{text}");
+    }
+    picture.joints.clear();
+    let text = text(&drawn((120, 40), &picture));
+    assert!(!text.contains('°') && !text.contains('▁'), "{text}");
+}
+
+#[test]
+fn what_the_user_must_know_replaces_the_sentence_above() {
+    type Change = fn(&mut Picture);
+    let changes: [(Change, &str); 5] = [
+        (|picture| picture.calibrating = true, "hands off"),
+        (|picture| picture.paused = true, "let go"),
+        (
+            |picture| picture.gone = Some("it ended".into()),
+            "the daemon is gone (it ended)",
+        ),
+        (|picture| picture.note = Some("mark: cup 3".into()), "mark: cup 3"),
+        (
+            |picture| picture.problems = problems(),
+            "2 problems: can0: nobody",
+        ),
+    ];
+    for (change, words) in changes {
+        let mut picture = picture();
+        change(&mut picture);
+        let text = text(&drawn((80, 24), &picture));
+        assert!(text.contains(words), "{words}\n{text}");
+        assert!(!text.contains("a ball"), "{text}");
+    }
+}
+
+fn problems() -> Vec<ProblemStatus> {
+    let problem = |sentence: &str, severe| ProblemStatus {
+        sentence: sentence.into(),
+        severe,
+        since_s: 4.0,
+        ..ProblemStatus::default()
+    };
+    vec![
+        problem("can0: nobody acknowledges; is the hand switched on?", true),
+        problem("index tip is slow", false),
+    ]
+}
+
+#[test]
+fn force_over_time_and_problems_are_beside_the_skin_or_below_where_there_is_room() {
+    let mut picture = picture();
+    picture.problems = problems();
+    picture.traces = vec![
+        Trace {
+            taxel: 3,
+            points: (0..100).map(|i| (-0.1 * f64::from(i), f64::from(i))).collect(),
+        },
+        Trace {
+            taxel: 17,
+            points: Vec::new(),
+        },
+    ];
+    let mut screen = Screen::new();
+    screen.chosen = vec![3, 17];
+    for (right, words) in [
+        (Right::Traces, "force over time  a index tip 3  b index distal 1"),
+        (Right::Problems, "error can0: nobody acknowledges"),
+    ] {
+        screen.right = right;
+        let text = text(&drawn_with((80, 24), &picture, &screen, Palette::True));
+        assert!(text.contains(&words[..38.min(words.len())]), "{text}");
+        assert!(
+            text.contains("raw: 240") && !text.contains("tactile image"),
+            "{text}"
+        );
+    }
+    screen.right = Right::Image;
+    let text = text(&drawn_with((200, 60), &picture, &screen, Palette::True));
+    for part in [
+        "tactile image",
+        "force over time  a index tip 3  b index distal 1",
+        "error can0",
+        "warning index",
+    ] {
+        assert!(text.contains(part), "{part}\n{text}");
+    }
+}
+
+#[test]
+fn every_key_is_listed_and_an_extra_pane_has_its_room() {
+    let mut screen = Screen::new();
+    screen.help = true;
+    let shown = text(&drawn_with((80, 24), &picture(), &screen, Palette::True));
+    for keys in crate::keys::KEYS
+        .iter()
+        .enumerate()
+        .filter(|(list, _)| *list != 1)
+    {
+        for (key, what) in *keys.1 {
+            assert!(shown.contains(&format!("{key:8}{what}")), "{key}\n{shown}");
+        }
+    }
+    for (size, fits) in [((80, 24), true), ((120, 40), true), ((50, 24), false)] {
+        let area = Rect::new(0, 0, size.0, size.1);
+        let mut buffer = Buffer::empty(area);
+        let picture = picture_of("cyskin-triangle");
+        let extra = draw(
+            &mut buffer,
+            area,
+            &picture,
+            &Screen::new(),
+            &heading(),
+            Palette::True,
+            true,
+        );
+        assert_eq!(extra.is_some(), fits, "{size:?}");
+        if let Some(extra) = extra {
+            let blank = extra.positions().all(|at| buffer[at].symbol() == " ");
+            assert!(blank, "{}", text(&buffer));
+        }
+    }
+}

@@ -1,0 +1,522 @@
+//! What a subscriber has seen: the newest image and raw frame, and the figures of the whole time.
+
+use crate::flat::Hand;
+use crate::history::History;
+use crate::picture::{Joint, Picture, TaxelNow, Trace};
+use crate::scale::Scale;
+use crate::screen::Screen;
+use hdrhistogram::Histogram;
+use std::collections::VecDeque;
+use std::fmt::Write;
+use std::ops::Deref;
+use std::sync::Arc;
+use taxel_hand::{Geometry, Module, Profile, Taxel};
+use taxel_wire::status::ProblemStatus;
+use taxel_wire::{Clock, Event, EventKind, Flags, Header, Hello, ImageView, RawView, Status, WireActuator};
+
+/// The rate is measured over this time.
+const RATE_WINDOW_NS: u64 = 1_000_000_000;
+/// The latencies shown are those of so many images; the summary's are those of all.
+const RECENT_IMAGES: usize = 500;
+/// Figures are made anew as often: nobody reads faster.
+const FIGURES_NS: u64 = 500_000_000;
+/// A sentence of the daemon or about a key stays as long.
+const NOTE_NS: u64 = 6_000_000_000;
+/// Bits of one taxel's raw counts: three axes of 16.
+const RAW_TAXEL_BITS: f64 = 48.0;
+
+/// Everything seen so far.
+#[derive(Debug)]
+pub struct Seen {
+    hello: Option<Hello>,
+    hand: Option<Arc<Hand>>,
+    status: Option<Status>,
+    latency_ns: Histogram<u64>,
+    recent_latency_ns: VecDeque<u64>,
+    /// When images came, and how many had been made since the one before.
+    arrivals: VecDeque<(u64, u64)>,
+    first_ns: u64,
+    last_ns: u64,
+    images: u64,
+    skipped: u64,
+    in_contact: u64,
+    joints_known: u64,
+    most_contacts: u32,
+    most_actuators: usize,
+    calibrated_ns: Option<u64>,
+    scale: Scale,
+    history: History,
+    newest: Newest,
+    figures: Figures,
+    figures_ns: u64,
+    paused: bool,
+    gone: Option<String>,
+    note: Option<(String, u64)>,
+}
+
+/// The newest image and raw frame.
+#[derive(Debug, Default, Clone)]
+struct Newest {
+    t_ns: u64,
+    contacts: u32,
+    missing: u32,
+    faulty: u32,
+    calibrating: bool,
+    threshold: f64,
+    actuators: Vec<WireActuator>,
+    taxels: Vec<TaxelNow>,
+    /// Radians; not a number where unknown.
+    joints: Vec<f32>,
+}
+
+/// Rates and latencies of late.
+#[derive(Debug, Default, Clone, Copy, PartialEq)]
+pub struct Figures {
+    /// Images made per second.
+    pub rate_hz: f64,
+    /// Median age of images at their arrival, milliseconds; `None` where their clock tells none.
+    pub latency_p50_ms: Option<f64>,
+    /// What 99 of 100 do not exceed.
+    pub latency_p99_ms: Option<f64>,
+    /// The raw counts, bits per second.
+    pub raw_bits_per_s: f64,
+    /// What tells a display as much as its actuators can render, bits per second
+    /// (docs/algorithm.md, "Figures from elsewhere").
+    pub image_bits_per_s: f64,
+}
+
+impl Default for Seen {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Seen {
+    /// Nothing yet.
+    pub fn new() -> Self {
+        Self {
+            hello: None,
+            hand: None,
+            status: None,
+            latency_ns: Histogram::new_with_bounds(1, 10_000_000_000, 2).expect("bounds of a histogram"),
+            recent_latency_ns: VecDeque::with_capacity(RECENT_IMAGES),
+            arrivals: VecDeque::new(),
+            first_ns: 0,
+            last_ns: 0,
+            images: 0,
+            skipped: 0,
+            in_contact: 0,
+            joints_known: 0,
+            most_contacts: 0,
+            most_actuators: 0,
+            calibrated_ns: None,
+            scale: Scale::default(),
+            history: History::default(),
+            newest: Newest::default(),
+            figures: Figures::default(),
+            figures_ns: 0,
+            paused: false,
+            gone: None,
+            note: None,
+        }
+    }
+
+    /// Images received.
+    pub fn images(&self) -> u64 {
+        self.images
+    }
+
+    /// Time of validity of the newest image, nanoseconds.
+    pub fn t_ns(&self) -> u64 {
+        self.newest.t_ns
+    }
+
+    /// The hand, once its description has come.
+    pub fn hand(&self) -> Option<&Arc<Hand>> {
+        self.hand.as_ref()
+    }
+
+    /// The newest description of hand and display.
+    pub fn hello(&self) -> Option<&Hello> {
+        self.hello.as_ref()
+    }
+
+    /// The newest status report.
+    pub fn status(&self) -> Option<&Status> {
+        self.status.as_ref()
+    }
+
+    /// The force that the brightest colour stands for, unless somebody holds another, in the unit of the forces.
+    pub(crate) fn scale(&self) -> f64 {
+        self.scale
+            .force(4.0 * self.newest.threshold)
+            .max(f64::MIN_POSITIVE)
+    }
+
+    /// The profile of the images shown: the daemon's own as its status has it, with what HELLO says of this
+    /// subscriber's.
+    pub(crate) fn profile(&self) -> Profile {
+        let own = self.status.as_ref().map(|status| status.profile.clone());
+        let mut profile = own.unwrap_or_default();
+        if let Some(hello) = &self.hello {
+            let method = serde_json::from_value(hello.profile.method.clone().into());
+            profile.method = method.unwrap_or(profile.method);
+            profile.levels = hello.profile.levels;
+            profile.actuators = hello.profile.actuators;
+        }
+        profile
+    }
+
+    /// Whether displays were told to let go.
+    pub fn is_paused(&self) -> bool {
+        self.paused
+    }
+
+    /// Whether displays were told to let go, where no event says so.
+    pub fn set_paused(&mut self, paused: bool) {
+        self.paused = paused;
+    }
+
+    /// Says something to whoever is looking, for a few seconds from now on.
+    pub fn say(&mut self, note: impl Into<String>, now_ns: u64) {
+        self.note = Some((note.into(), now_ns));
+    }
+
+    /// The connection ended, and why; what was seen of the hand is true no more.
+    pub fn set_gone(&mut self, why: impl Into<String>) {
+        self.gone = Some(why.into());
+        self.arrivals.clear();
+        self.recent_latency_ns.clear();
+        self.figures_ns = 0;
+        self.newest.actuators.clear();
+        self.newest.taxels.clear();
+    }
+
+    /// A description of hand and display. One that describes no hand is told as a note.
+    pub fn see_hello(&mut self, hello: &Hello, now_ns: u64) {
+        match geometry(hello) {
+            Ok(hand) if self.hand.as_deref().map(Deref::deref) != Some(&hand) => {
+                self.hand = Some(Arc::new(Hand::new(hand)))
+            }
+            Ok(_) => {}
+            Err(error) => self.say(format!("the hand cannot be drawn: {error}"), now_ns),
+        }
+        self.gone = None;
+        self.hello = Some(hello.clone());
+    }
+
+    /// A status report.
+    pub fn see_status(&mut self, status: serde_json::Value) {
+        if let Ok(status) = serde_json::from_value::<Status>(status) {
+            self.paused = status.paused;
+            self.status = Some(status);
+        }
+    }
+
+    /// Something that the daemon tells people.
+    pub fn see_event(&mut self, event: Event, now_ns: u64) {
+        match event.event {
+            EventKind::Paused => self.paused = true,
+            EventKind::Resumed => self.paused = false,
+            EventKind::Calibrating | EventKind::Calibrated => {}
+            EventKind::Mark => self.say(format!("mark: {}", event.message), now_ns),
+            _ => self.say(event.message, now_ns),
+        }
+    }
+
+    /// An image, and when it came on the clock of its times, nanoseconds.
+    pub fn see_image(&mut self, header: &Header, image: &ImageView<'_>, now_ns: u64) {
+        if self.images == 0 {
+            self.first_ns = now_ns;
+        }
+        self.last_ns = now_ns;
+        self.images += 1;
+        self.skipped += u64::from(header.skipped);
+        let latency_ns = now_ns.saturating_sub(header.t_ns).max(1);
+        self.latency_ns.saturating_record(latency_ns);
+        if self.recent_latency_ns.len() == RECENT_IMAGES {
+            self.recent_latency_ns.pop_front();
+        }
+        self.recent_latency_ns.push_back(latency_ns);
+        self.arrivals.push_back((now_ns, 1 + u64::from(header.skipped)));
+        while (self.arrivals.front()).is_some_and(|(at, _)| now_ns.saturating_sub(*at) > RATE_WINDOW_NS) {
+            self.arrivals.pop_front();
+        }
+        self.in_contact += u64::from(image.contacts > 0);
+        self.most_contacts = self.most_contacts.max(image.contacts);
+        self.most_actuators = self.most_actuators.max(image.actuators().len());
+        let newest = &mut self.newest;
+        newest.t_ns = header.t_ns;
+        newest.contacts = image.contacts;
+        newest.missing = image.missing;
+        newest.faulty = image.faulty;
+        newest.calibrating = header.flags.contains(Flags::CALIBRATING);
+        newest.actuators.clear();
+        newest.actuators.extend(image.actuators());
+        newest.joints.clear();
+        newest.joints.extend(image.joints());
+        let known = !newest.joints.is_empty() && newest.joints.iter().all(|angle| angle.is_finite());
+        self.joints_known += u64::from(known);
+        if !newest.calibrating && self.calibrated_ns.is_none() {
+            self.calibrated_ns = Some(header.t_ns);
+        }
+        let forces = newest.actuators.iter().map(|a| f64::from(a.force));
+        self.scale.see(forces.fold(0.0, f64::max), header.t_ns);
+    }
+
+    /// A raw frame.
+    pub fn see_raw(&mut self, header: &Header, raw: &RawView<'_>) {
+        let newest = &mut self.newest;
+        newest.threshold = f64::from(raw.threshold);
+        newest.taxels.clear();
+        let taxels = raw.taxels();
+        newest.taxels.extend(taxels.map(|taxel| TaxelNow {
+            raw: taxel,
+            press: None,
+        }));
+        if let Some(baselines) = raw.baselines() {
+            for (taxel, baseline) in newest.taxels.iter_mut().zip(baselines) {
+                let press = taxel.raw.press(baseline);
+                taxel.press = press.iter().all(|axis| axis.is_finite()).then_some(press);
+            }
+        }
+        let forces = self.newest.taxels.iter().map(|taxel| taxel.raw.force);
+        self.history.see(header.t_ns, forces);
+    }
+
+    /// Images per second over the last second.
+    fn rate_hz(&self, now_ns: u64) -> f64 {
+        let (Some((first, _)), Some((last, _))) = (self.arrivals.front(), self.arrivals.back()) else {
+            return 0.0;
+        };
+        if last <= first || now_ns.saturating_sub(*last) > RATE_WINDOW_NS {
+            return 0.0;
+        }
+        let made: u64 = self.arrivals.iter().skip(1).map(|(_, made)| made).sum();
+        made as f64 * 1e9 / (last - first) as f64
+    }
+
+    /// Bits of one raw frame, and of what its image tells a display.
+    fn bits_per_frame(&self) -> (f64, f64) {
+        let raw = self
+            .hand
+            .as_ref()
+            .map_or(0.0, |hand| hand.len() as f64 * RAW_TAXEL_BITS);
+        let image = self.hello.as_ref().map_or(0.0, |hello| {
+            let pixels = f64::from(hello.width) * f64::from(hello.height);
+            let levels = f64::from(hello.profile.levels);
+            f64::from(hello.profile.actuators) * (pixels.log2().ceil() + levels.log2().ceil())
+        });
+        (raw, image)
+    }
+
+    /// Rates and latencies of late, made anew twice a second.
+    pub fn figures(&mut self, now_ns: u64) -> Figures {
+        if self.figures_ns != 0 && now_ns.saturating_sub(self.figures_ns) < FIGURES_NS {
+            return self.figures;
+        }
+        self.figures_ns = now_ns;
+        let rate_hz = self.rate_hz(now_ns);
+        let (raw_bits, image_bits) = self.bits_per_frame();
+        let mut latency_ns: Vec<u64> = self.recent_latency_ns.iter().copied().collect();
+        latency_ns.sort_unstable();
+        let tells_age = |hello: &Hello| matches!(hello.clock, Clock::Monotonic | Clock::Realtime);
+        let tells_age = self.hello.as_ref().is_some_and(tells_age);
+        let quantile_ms = |q: f64| {
+            let place = (latency_ns.len() as f64 * q) as usize;
+            let ns = latency_ns.get(place.min(latency_ns.len().saturating_sub(1)))?;
+            tells_age.then_some(*ns as f64 / 1e6)
+        };
+        self.figures = Figures {
+            rate_hz,
+            latency_p50_ms: quantile_ms(0.5),
+            latency_p99_ms: quantile_ms(0.99),
+            raw_bits_per_s: raw_bits * rate_hz,
+            image_bits_per_s: image_bits * rate_hz,
+        };
+        self.figures
+    }
+
+    /// All that is drawn now; `None` before the hand is known.
+    pub fn picture(&mut self, screen: &Screen, now_ns: u64) -> Option<Picture> {
+        let hand = self.hand.clone()?;
+        let figures = self.figures(now_ns);
+        let (hello, newest) = (self.hello.as_ref()?, &self.newest);
+        if self
+            .note
+            .as_ref()
+            .is_some_and(|(_, at)| now_ns.saturating_sub(*at) > NOTE_NS)
+        {
+            self.note = None;
+        }
+        let limited = hello
+            .subscription
+            .as_ref()
+            .is_some_and(|s| s.max_rate_hz.is_some());
+        let traced = |taxel: usize| Trace {
+            taxel,
+            points: self.history.of(taxel),
+        };
+        let cursor = screen
+            .cursor
+            .or_else(|| self.strongest())
+            .filter(|taxel| *taxel < hand.len());
+        let scale = screen.held.unwrap_or_else(|| self.scale());
+        Some(Picture {
+            taxels: newest.taxels.clone(),
+            actuators: newest.actuators.clone(),
+            joints: (hello.joints.iter().zip(&newest.joints))
+                .map(|(name, angle)| Joint {
+                    name: name.clone(),
+                    angle_rad: angle.is_finite().then_some(*angle),
+                })
+                .collect(),
+            scale,
+            held: screen.held.is_some(),
+            threshold: newest.threshold,
+            unit: hello.force_unit.clone(),
+            levels: hello.profile.levels,
+            max_actuators: hello.profile.actuators,
+            method: hello.profile.method.clone(),
+            figures,
+            contacts: newest.contacts,
+            missing: newest.missing,
+            faulty: newest.faulty,
+            skipped: (!limited).then_some(self.skipped),
+            calibrating: newest.calibrating,
+            paused: self.paused,
+            gone: self.gone.clone(),
+            note: self.note.as_ref().map(|(note, _)| note.clone()),
+            problems: self.problems(),
+            traces: match screen.chosen.is_empty() {
+                true => cursor.into_iter().map(traced).collect(),
+                false => screen.chosen.iter().copied().map(traced).collect(),
+            },
+            cursor,
+            hand,
+        })
+    }
+
+    fn problems(&self) -> Vec<ProblemStatus> {
+        let mut problems = self
+            .status
+            .as_ref()
+            .map(|s| s.problems.clone())
+            .unwrap_or_default();
+        problems.sort_by_key(|problem| !problem.severe);
+        problems
+    }
+
+    /// The taxel with the greatest force, if any has one.
+    pub fn strongest(&self) -> Option<usize> {
+        let forces = self.newest.taxels.iter().map(|taxel| taxel.raw.force).enumerate();
+        let touched = forces.filter(|(taxel, force)| *force > 0.0 && self.newest.taxels[*taxel].raw.contact);
+        touched.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(taxel, _)| taxel)
+    }
+
+    /// The whole time in a few lines; `began_ns` is when it began, on the clock of the images' times.
+    pub fn summary(&self, began_ns: u64) -> String {
+        let mut text = String::new();
+        let _ = self.write_summary(began_ns, &mut text);
+        text
+    }
+
+    fn write_summary(&self, began_ns: u64, text: &mut String) -> std::fmt::Result {
+        let seconds = self.last_ns.saturating_sub(self.first_ns) as f64 / 1e9;
+        let made = self.images + self.skipped;
+        let rate_hz = if seconds > 0.0 {
+            made.saturating_sub(1) as f64 / seconds
+        } else {
+            0.0
+        };
+        let ms = |ns: u64| ns as f64 / 1e6;
+        let (raw_bits, image_bits) = self.bits_per_frame();
+        writeln!(
+            text,
+            "images     {} in {seconds:.1} s, {rate_hz:.1} Hz, {} skipped",
+            self.images, self.skipped
+        )?;
+        let latency = |q: f64| ms(self.latency_ns.value_at_quantile(q));
+        if self
+            .hello
+            .as_ref()
+            .is_some_and(|hello| hello.clock == Clock::Monotonic)
+        {
+            writeln!(
+                text,
+                "latency    p50 {:.2} ms, p99 {:.2} ms, max {:.2} ms, from a sweep's last frame to this subscriber",
+                latency(0.5),
+                latency(0.99),
+                ms(self.latency_ns.max()),
+            )?;
+        }
+        let share = 100.0 * self.in_contact as f64 / self.images.max(1) as f64;
+        writeln!(
+            text,
+            "contact    in {share:.0} % of images, up to {} taxels and {} actuators",
+            self.most_contacts, self.most_actuators
+        )?;
+        let calibrated = match self.calibrated_ns {
+            Some(at) if at < began_ns => "calibrated before the start".into(),
+            Some(at) => format!("calibrated {:.1} s after the start", ms(at - began_ns) / 1e3),
+            None => "still calibrating".into(),
+        };
+        writeln!(
+            text,
+            "taxels     {calibrated}; {} missing and {} faulty at the end",
+            self.newest.missing, self.newest.faulty
+        )?;
+        let joints = &self.newest.joints;
+        if !joints.is_empty() {
+            let known = joints.iter().filter(|angle| angle.is_finite()).count();
+            let share = 100.0 * self.joints_known as f64 / self.images.max(1) as f64;
+            writeln!(
+                text,
+                "joints     {known} of {} known at the end, all of them in {share:.1} % of images",
+                joints.len()
+            )?;
+        }
+        for problem in self.problems() {
+            writeln!(text, "problem    {}", problem.sentence)?;
+        }
+        writeln!(
+            text,
+            "data       {} raw, {} to the display, {:.0}:1",
+            bits_per_s(raw_bits * rate_hz),
+            bits_per_s(image_bits * rate_hz),
+            raw_bits / image_bits.max(1.0),
+        )
+    }
+}
+
+/// The hand that a HELLO describes.
+fn geometry(hello: &Hello) -> Result<Geometry, taxel_hand::GeometryError> {
+    let modules = hello.modules.iter().map(|module| Module {
+        name: module.name.clone(),
+        part: module.part.clone(),
+        first_taxel: module.first_taxel,
+        taxels: module.taxels,
+        pose: module.pose,
+        joint: module.joint.clone(),
+    });
+    let taxels = hello.taxels.iter().map(|taxel| Taxel {
+        module: taxel.module,
+        x: taxel.x,
+        y: taxel.y,
+        position_mm: taxel.position_mm,
+    });
+    let size = [hello.width, hello.height];
+    Geometry::new(hello.layout.clone(), size, modules.collect(), taxels.collect())
+}
+
+/// A rate of data as people say it.
+fn bits_per_s(bits: f64) -> String {
+    match bits {
+        b if b >= 1e6 => format!("{:.2} Mbit/s", b / 1e6),
+        b if b >= 1e3 => format!("{:.1} kbit/s", b / 1e3),
+        b => format!("{b:.0} bit/s"),
+    }
+}
+
+#[cfg(test)]
+mod tests;

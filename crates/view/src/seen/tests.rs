@@ -1,0 +1,194 @@
+use super::*;
+use crate::keys::Action;
+use crate::screen::Screen;
+use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
+use taxel_hand::{Actuator, Method, TactileImage};
+use taxel_skin::Layout;
+use taxel_wire::{HelloRate, encode_image_payload};
+
+const SECOND_NS: u64 = 1_000_000_000;
+
+fn hello() -> Hello {
+    let layout = Layout::builtin("allegro-uskin-15").unwrap();
+    let rate = HelloRate {
+        mode: "timer".into(),
+        hz: Some(50.0),
+    };
+    Hello::new(
+        "taxeld 0.1.0",
+        &layout,
+        &Profile::default(),
+        rate,
+        Clock::Monotonic,
+    )
+}
+
+fn seen() -> Seen {
+    let mut seen = Seen::new();
+    seen.see_hello(&hello(), 0);
+    seen
+}
+
+/// Image `index` at 50 Hz, with as many passed over before it.
+fn see(seen: &mut Seen, index: u64, skipped: u32, force: f64) {
+    let image = TactileImage {
+        seq: index,
+        t_ns: SECOND_NS + index * 20_000_000,
+        width: 2,
+        height: 1,
+        pixels: vec![0, 255],
+        levels: vec![force],
+        actuators: vec![Actuator {
+            id: 0,
+            x: 1,
+            y: 0,
+            level: 1,
+            force,
+        }],
+        contacts: 1,
+        ..TactileImage::default()
+    };
+    let mut payload = Vec::new();
+    encode_image_payload(&image, &mut payload).unwrap();
+    let header = Header::of_image(&image, payload.len()).with_skipped(skipped);
+    seen.see_image(
+        &header,
+        &ImageView::decode(&payload).unwrap(),
+        image.t_ns + 250_000,
+    );
+}
+
+fn press(seen: &Seen, screen: &mut Screen, key: char) -> Action {
+    screen.key(KeyEvent::new(KeyCode::Char(key), KeyModifiers::NONE), seen)
+}
+
+#[test]
+fn rate_and_latency_are_those_of_the_images() {
+    let mut seen = seen();
+    (0..200).for_each(|index| see(&mut seen, index, 0, 10.0));
+    let figures = seen.figures(SECOND_NS + 199 * 20_000_000 + 300_000);
+    assert!((figures.rate_hz - 50.0).abs() < 0.01, "{figures:?}");
+    assert_eq!(
+        (figures.latency_p50_ms, figures.latency_p99_ms),
+        (Some(0.25), Some(0.25))
+    );
+    let summary = seen.summary(SECOND_NS);
+    for part in [
+        "images     200 in 4.0 s, 50.0 Hz",
+        "p50 0.25 ms",
+        "in 100 % of images, up to 1 taxels",
+        "calibrated 0.0 s after the start",
+    ] {
+        assert!(summary.contains(part), "{part}: {summary}");
+    }
+}
+
+#[test]
+fn the_rate_is_the_daemons_also_where_fewer_images_are_asked_for() {
+    let mut seen = seen();
+    (0..50).for_each(|index| see(&mut seen, 4 * index, 3, 10.0));
+    let figures = seen.figures(SECOND_NS + 196 * 20_000_000);
+    assert!((figures.rate_hz - 50.0).abs() < 0.01, "{figures:?}");
+}
+
+#[test]
+fn the_rate_falls_to_zero_when_images_stay_away() {
+    let mut seen = seen();
+    (0..20).for_each(|index| see(&mut seen, index, 0, 10.0));
+    assert_eq!(seen.figures(10 * SECOND_NS).rate_hz, 0.0);
+}
+
+#[test]
+fn a_daemon_that_is_gone_shows_no_force_and_one_that_is_back_says_no_more_of_it() {
+    let mut seen = seen();
+    see(&mut seen, 0, 0, 10.0);
+    seen.set_gone("it ended");
+    let picture = seen.picture(&Screen::new(), SECOND_NS).unwrap();
+    assert_eq!(picture.gone.as_deref(), Some("it ended"));
+    assert!(picture.actuators.is_empty() && picture.taxels.is_empty());
+    seen.see_hello(&hello(), SECOND_NS);
+    assert_eq!(seen.picture(&Screen::new(), SECOND_NS).unwrap().gone, None);
+}
+
+#[test]
+fn another_hand_takes_the_place_of_the_one_before() {
+    let mut seen = seen();
+    let mut screen = Screen::new();
+    screen.cursor = Some(200);
+    screen.chosen = vec![3, 200];
+    let layout = Layout::builtin("uskin-module").unwrap();
+    let rate = HelloRate {
+        mode: "timer".into(),
+        hz: None,
+    };
+    let hello = Hello::new("taxeld", &layout, &Profile::default(), rate, Clock::Monotonic);
+    seen.see_hello(&hello, 0);
+    assert_eq!(seen.picture(&screen, 0).unwrap().hand.len(), 16);
+    screen.fit(seen.hand().unwrap());
+    assert_eq!((screen.cursor, screen.chosen), (None, vec![3]));
+}
+
+#[test]
+fn keys_ask_for_the_profile_shown_with_one_thing_changed() {
+    let mut seen = seen();
+    seen.see_status(serde_json::json!({ "profile": { "level_hysteresis": 0.1, "levels": 5 } }));
+    let mut screen = Screen::new();
+    let mut profile = |key| match press(&seen, &mut screen, key) {
+        Action::Profile(Some(profile)) => *profile,
+        other => panic!("{key}: {other:?}"),
+    };
+    let own = Profile {
+        level_hysteresis: 0.1,
+        ..Profile::default()
+    };
+    assert_eq!(
+        profile('+'),
+        Profile {
+            levels: 9,
+            ..own.clone()
+        }
+    );
+    assert_eq!(
+        profile('-'),
+        Profile {
+            levels: 7,
+            ..own.clone()
+        }
+    );
+    assert_eq!(
+        profile('{'),
+        Profile {
+            actuators: 15,
+            ..own.clone()
+        }
+    );
+    assert_eq!(
+        profile('o'),
+        Profile {
+            method: Method::Paper,
+            ..own
+        }
+    );
+    assert_eq!(press(&seen, &mut screen, '0'), Action::Profile(None));
+}
+
+#[test]
+fn a_mark_is_written_and_then_made() {
+    let seen = seen();
+    let mut screen = Screen::new();
+    for key in "mq p".chars() {
+        assert_eq!(press(&seen, &mut screen, key), Action::None, "{key}");
+    }
+    let enter = KeyEvent::new(KeyCode::Enter, KeyModifiers::NONE);
+    assert_eq!(screen.key(enter, &seen), Action::Mark("q p".into()));
+    assert_eq!(press(&seen, &mut screen, 'q'), Action::Quit);
+}
+
+#[test]
+fn a_recording_has_keys_of_its_own() {
+    let seen = seen();
+    let mut screen = Screen::of_recording();
+    assert_eq!(press(&seen, &mut screen, 'p'), Action::Halt);
+    assert_eq!(press(&seen, &mut screen, '>'), Action::Skip(5.0));
+    assert_eq!(press(&seen, &mut screen, 'z'), Action::None);
+}
