@@ -1,4 +1,4 @@
-"""A gripper that squeezes, on simulated servos: what moves it goes off with whoever moved it."""
+"""A gripper that squeezes, on simulated servos: what it records, and that it goes off with whoever moved it."""
 
 import json
 import math
@@ -7,8 +7,9 @@ import socket
 import subprocess
 import sys
 
+import numpy as np
 import pytest
-from harness.daemon import Daemon, ask, die_with_parent, eventually, read_reply
+from harness.daemon import Daemon, ask, binary, die_with_parent, eventually, read_reply
 from harness.servos import Servos
 
 SCENE = ["sim:idle", "sim:idle"]
@@ -133,3 +134,105 @@ def test_a_connection_that_holds_fingers_and_asks_nothing_is_told_that_they_are_
         with control(daemon) as other:
             torque_on(other, "right", 10_000)
         eventually(lambda: registers(servos, TORQUE) == [1, 0], "one is held, the other is not")
+
+
+def record(daemon, *arguments, **pipes):
+    sockets = ["--socket", daemon.images, "--control", daemon.control_path]
+    return subprocess.Popen(
+        [binary("taxel"), "forearm", "record", daemon.folder / "session", *sockets, *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        stdin=subprocess.DEVNULL,
+        text=True,
+        preexec_fn=die_with_parent,
+        **pipes,
+    )
+
+
+ONE = ("--places", 1, "--repetitions", 1, "--no-wait")
+
+
+def squeezing(servos, at_least=0):
+    """Waits until both motors are driven."""
+    eventually(
+        lambda: registers(servos, TORQUE) == [1, 1] and min(registers(servos, PRESENT_PWM)) > at_least,
+        "the gripper does not squeeze",
+        seconds=30,
+    )
+
+
+def test_a_squeeze_is_recorded_as_the_publication_s_files_are(folder, servos):
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=gripper(servos.path)) as daemon:
+        daemon.wait_status(lambda s: s["joints"]["readings"] > 20, "nothing is read")
+        out, said = record(daemon, *ONE).communicate(timeout=60)
+        assert "nothing moves without --allow-motion" in said and registers(servos, TORQUE) == [0, 0]
+        assert not (daemon.folder / "session").exists()
+        npz = daemon.folder / "session.npz"
+        process = record(daemon, *ONE, "--allow-motion", "--npz", npz)
+        out, said = process.communicate(timeout=90)
+        assert process.returncode == 0, said
+        assert "next is place 0 (0.0 %, the wrist), squeeze 1 of 1" in said
+        line = json.loads(out)
+        assert line["file"] == str(daemon.folder / "session" / "0" / "distance0_1.mat") and line["samples"] == 95
+        assert registers(servos, TORQUE) == [0, 0] and registers(servos, WATCHDOG) == [0, 0]
+        with np.load(npz) as arrays:
+            data, places = arrays["data"], arrays["location_percent"]
+        assert data.shape == (1, 1, 95, 10) and places.tolist() == [0.0]
+        time_ms, pwm, left, right = data[0, 0][:, [0, 5, 3, 4]].T
+        assert time_ms[0] == 0 and np.all(np.diff(time_ms) > 0) and time_ms[-1] >= 94 * 121 - 1000
+        assert (data[0, 0][:, 6] == pwm).all() and (data[0, 0][:, 8] == -pwm).all()
+        assert pwm.argmax() == 50 and 395 <= pwm.max() <= 405 and not pwm[:10].any() and not pwm[90:].any()
+        assert np.isnan(data[0, 0][:, [1, 2]]).all(), "there are no potentiometers"
+        # Open, pressed in at the peak, still pressed in when the torque sinks, and open again.
+        open_deg, touch_deg = 10 * 360 / 4096, 410 * 360 / 4096
+        assert left[5] == pytest.approx(open_deg, abs=0.2)
+        assert left[50] == pytest.approx(touch_deg + pwm[50] / 4 * 360 / 4096, abs=1.0)
+        assert left[55] > left[45] and abs(left[94] - open_deg) < 0.2 and (right > left).all()
+        # It is there, and the session at its end; another ramp is another session.
+        out, said = record(daemon, *ONE, "--allow-motion").communicate(timeout=60)
+        assert out == "" and "all 1 squeezes are there" in said
+        process = record(daemon, *ONE, "--allow-motion", "--ramp", "article", "--max-pwm", 92)
+        assert "begun with ramp data" in process.communicate(timeout=60)[1] and process.returncode == 1
+        process = record(daemon, *ONE, "--allow-motion", "--ramp", "article")
+        assert "allow it with --max-pwm 92" in process.communicate(timeout=60)[1] and process.returncode == 1
+
+
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
+def test_the_gripper_opens_when_the_recorder_is_killed_and_its_squeeze_is_made_again(folder, servos, how):
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=gripper(servos.path)) as daemon:
+        daemon.wait_status(lambda s: s["joints"]["readings"] > 20, "nothing is read")
+        process = record(daemon, *ONE, "--allow-motion")
+        squeezing(servos, at_least=50)
+        process.send_signal(how)
+        eventually(lambda: registers(servos, TORQUE) == [0, 0], "the gripper squeezes on", seconds=30)
+        _, said = process.communicate(timeout=30)
+        if how == signal.SIGINT:
+            assert process.returncode == 0 and "stopped" in said and "next is place 0" in said
+        # The daemon went on speaking to them: no watchdog has done this.
+        assert [servos.stopped_ns(id) for id in FINGERS.values()] == [0, 0]
+        assert not list((daemon.folder / "session").glob("*/*"))
+
+
+def test_the_gripper_opens_when_the_daemon_is_killed(folder, servos):
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=gripper(servos.path)) as daemon:
+        daemon.wait_status(lambda s: s["joints"]["readings"] > 20, "nothing is read")
+        process = record(daemon, *ONE, "--allow-motion")
+        squeezing(servos, at_least=50)
+        daemon.kill()
+        eventually(lambda: registers(servos, PRESENT_PWM) == [0, 0], "the motors go on without the daemon")
+        assert all(servos.stopped_ns(id) for id in FINGERS.values())
+        _, said = process.communicate(timeout=30)
+        assert process.returncode == 1 and "this squeeze is not kept" in said
+        assert not list((daemon.folder / "session").glob("*/*"))
+
+
+def test_the_gripper_opens_at_a_fault_of_one_finger(folder, servos):
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=gripper(servos.path)) as daemon:
+        daemon.wait_status(lambda s: s["joints"]["readings"] > 20, "nothing is read")
+        process = record(daemon, *ONE, "--allow-motion")
+        squeezing(servos)
+        servos.tell("fault 2 silent")
+        _, said = process.communicate(timeout=30)
+        assert process.returncode == 1 and "right: the servo does not answer" in said, said
+        assert registers(servos, TORQUE)[0] == 0
+        assert not list((daemon.folder / "session").glob("*/*"))

@@ -12,24 +12,40 @@ const PATIENCE: Duration = Duration::from_secs(5);
 
 /// Has the daemon do something and returns its reply; an error is its own words why not.
 pub(crate) fn request(socket: &Path, request: &Value) -> anyhow::Result<Value> {
-    check_socket_folder(socket)?;
-    let mut stream = UnixStream::connect(socket).map_err(|error| {
-        let who = match error.kind() {
-            ErrorKind::PermissionDenied => "; [control] in its configuration says who may change something",
-            _ => "",
-        };
-        anyhow!("cannot reach taxeld at {}: {error}{who}", socket.display())
-    })?;
-    stream.set_read_timeout(Some(PATIENCE))?;
-    stream.set_write_timeout(Some(PATIENCE))?;
-    writeln!(stream, "{request}").context("the control socket")?;
-    let mut reply = String::new();
-    BufReader::new(stream)
-        .read_line(&mut reply)
-        .context("no answer from the daemon")?;
-    let reply: Value = serde_json::from_str(&reply).context("the daemon's answer")?;
-    match reply["ok"].as_bool() {
-        Some(true) => Ok(reply),
-        _ => bail!("{}", reply["error"].as_str().unwrap_or("refused")),
+    Connection::open(socket)?.ask(request)
+}
+
+/// A connection that carries request after request.
+#[derive(Debug)]
+pub(crate) struct Connection(BufReader<UnixStream>);
+
+impl Connection {
+    /// Connects to a daemon.
+    pub(crate) fn open(socket: &Path) -> anyhow::Result<Self> {
+        check_socket_folder(socket)?;
+        let stream = UnixStream::connect(socket).map_err(|error| {
+            let who = match error.kind() {
+                ErrorKind::PermissionDenied => {
+                    "; [control] in its configuration says who may change something"
+                }
+                _ => "",
+            };
+            anyhow!("cannot reach taxeld at {}: {error}{who}", socket.display())
+        })?;
+        stream.set_read_timeout(Some(PATIENCE))?;
+        stream.set_write_timeout(Some(PATIENCE))?;
+        Ok(Self(BufReader::new(stream)))
+    }
+
+    /// Has the daemon do something and returns its reply; an error is its own words why not.
+    pub(crate) fn ask(&mut self, request: &Value) -> anyhow::Result<Value> {
+        writeln!(self.0.get_mut(), "{request}").context("the control socket")?;
+        let mut reply = String::new();
+        (self.0.read_line(&mut reply)).context("no answer from the daemon")?;
+        let reply: Value = serde_json::from_str(&reply).context("the daemon's answer")?;
+        match reply["ok"].as_bool() {
+            Some(true) => Ok(reply),
+            _ => bail!("{}", reply["error"].as_str().unwrap_or("refused")),
+        }
     }
 }

@@ -21,6 +21,7 @@ mod eval;
 mod everyday;
 mod extension;
 mod figures;
+mod forearm;
 mod image_line;
 mod image_output;
 mod input;
@@ -89,6 +90,7 @@ enum Command {
     Eval(Box<eval::Args>),
     Figures(Box<figures::Args>),
     Categorize(Box<categorize::Args>),
+    Forearm(Box<forearm::Args>),
     Sim(sim::Args),
     Doctor(Box<doctor::Args>),
     Status(everyday::StatusArgs),
@@ -117,6 +119,7 @@ fn main() -> ExitCode {
         Command::Eval(args) => eval::run(&args),
         Command::Figures(args) => figures::run(&args),
         Command::Categorize(args) => categorize::run(&args),
+        Command::Forearm(args) => forearm::run(&args),
         Command::Sim(args) => sim::run(&args),
         Command::Status(args) => everyday::status(&args),
         Command::Rezero(args) => everyday::rezero(&args),

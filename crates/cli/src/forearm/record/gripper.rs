@@ -1,0 +1,257 @@
+//! The gripper, moved through the daemon.
+
+use super::newest::{Joints, Newest};
+use crate::control::{self, Connection};
+use crate::interrupt::Interrupt;
+use anyhow::{Context, anyhow, bail};
+use serde_json::{Map, Value, json};
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+use taxel_forearm::{FINGERS, FULL_PWM, Sample, Squeeze};
+use taxel_wire::status::{JointsStatus, Status};
+
+/// After so long without a request the daemon lets the motors go: eight samples.
+const HOLD_MS: f64 = 1000.0;
+/// So many samples in a row a potentiometer may be unknown.
+const UNKNOWN: usize = 8;
+/// A finger that has moved less than this, degrees, has not squeezed.
+const MOVED_DEG: f64 = 1.0;
+
+/// The gripper of a daemon.
+#[derive(Debug)]
+pub(super) struct Gripper {
+    control: PathBuf,
+    newest: Newest,
+    watchdog_ms: f64,
+    fingers: [String; FINGERS],
+    potentiometers: Vec<String>,
+    /// Numbers of those joints.
+    theta_a: [usize; FINGERS],
+    theta_p: Vec<usize>,
+}
+
+impl Gripper {
+    /// The gripper that the daemon's joints are, with these names or the first that fit.
+    pub(super) fn find(
+        control: PathBuf,
+        images: &Path,
+        fingers: &[String],
+        potentiometers: &[String],
+    ) -> anyhow::Result<Self> {
+        let reply = control::request(&control, &json!({ "cmd": "status" }))?;
+        let status: Status = serde_json::from_value(reply["status"].clone())?;
+        let joints =
+            (status.joints).context("the daemon reads no joints; its configuration has no table [joints]")?;
+        let watchdog_ms = (joints.servos.as_ref())
+            .and_then(|servos| servos.watchdog_ms)
+            .context("the daemon may not move its servos; set allow_writes = true in its table [joints]")?;
+        let (fingers, potentiometers) = choose(&joints, fingers, potentiometers)?;
+        let place = |name: &String| joints.joints.iter().position(|joint| joint.name == *name);
+        let theta_a = fingers.each_ref().map(|name| place(name).unwrap_or_default());
+        Ok(Self {
+            newest: Newest::start(images)?,
+            control,
+            watchdog_ms: watchdog_ms.into(),
+            theta_a,
+            theta_p: potentiometers.iter().filter_map(place).collect(),
+            fingers,
+            potentiometers,
+        })
+    }
+
+    /// Names of the joints that are its servos.
+    pub(super) fn fingers(&self) -> &[String] {
+        &self.fingers
+    }
+
+    /// Names of the joints that are its potentiometers; none, or two.
+    pub(super) fn potentiometers(&self) -> &[String] {
+        &self.potentiometers
+    }
+
+    /// Squeezes and releases with this PWM, counts of 885, one sample after another; `None` where it was asked to stop.
+    /// However it ends, the motors are switched off.
+    pub(super) fn squeeze(
+        &self,
+        pwm: &[f64],
+        period: Duration,
+        interrupt: &Interrupt,
+    ) -> anyhow::Result<Option<Squeeze>> {
+        let mut motors = Motors::start(self)?;
+        let begun = Instant::now();
+        let mut squeeze = Squeeze::default();
+        let mut first_ns = None;
+        let mut unknown = [0; FINGERS];
+        for (row, pwm) in pwm.iter().enumerate() {
+            motors.drive(*pwm)?;
+            // The finger has until the next step to come to rest.
+            if !interrupt.sleep_until(begun + period * (row as u32 + 1)) {
+                return Ok(None);
+            }
+            let joints = self.newest.joints()?;
+            let first_ns = *first_ns.get_or_insert(joints.t_ns);
+            let time_ms = joints.t_ns.saturating_sub(first_ns) as f64 / 1e6;
+            if squeeze.time_ms.last().is_some_and(|last| time_ms <= *last) {
+                bail!("the daemon's frames stand still; `taxel status` says why");
+            }
+            let sample = Sample {
+                time_ms,
+                theta_a_deg: self.theta_a.map(|joint| degrees(&joints, Some(joint))),
+                theta_p_deg: [0, 1].map(|finger| degrees(&joints, self.theta_p.get(finger).copied())),
+                pwm: *pwm,
+            };
+            for (finger, unknown) in unknown.iter_mut().enumerate() {
+                if sample.theta_a_deg[finger].is_nan() {
+                    bail!(
+                        "the angle of {} is unknown; `taxel status` says why",
+                        self.fingers[finger]
+                    );
+                }
+                let is_known = self.potentiometers.is_empty() || !sample.theta_p_deg[finger].is_nan();
+                *unknown = if is_known { 0 } else { *unknown + 1 };
+                if *unknown > UNKNOWN {
+                    let name = &self.potentiometers[finger];
+                    bail!("the angle of {name} is unknown; `taxel status` says why");
+                }
+            }
+            squeeze.push(sample);
+        }
+        motors.let_go()?;
+        self.has_moved(&squeeze)?;
+        Ok(Some(squeeze))
+    }
+
+    fn has_moved(&self, squeeze: &Squeeze) -> anyhow::Result<()> {
+        for (name, angles) in self.fingers.iter().zip(&squeeze.theta_a_deg) {
+            let least = angles.iter().copied().fold(f64::INFINITY, f64::min);
+            let most = angles.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            if most - least < MOVED_DEG {
+                bail!(
+                    "{name} has moved by {:.1} degrees only: its servo has to be in operating mode 16 (PWM), with its supply \
+                     on, and PWM above 0 has to close it (direction)",
+                    most - least
+                );
+            }
+        }
+        Ok(())
+    }
+}
+
+impl fmt::Display for Gripper {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "fingers {}, ", self.fingers.join(" and "))?;
+        match self.potentiometers.is_empty() {
+            true => write!(f, "no potentiometers")?,
+            false => write!(f, "potentiometers {}", self.potentiometers.join(" and "))?,
+        }
+        write!(
+            f,
+            "; a motor stops by itself {} ms after the daemon falls silent, and {HOLD_MS} ms after this program does",
+            self.watchdog_ms
+        )
+    }
+}
+
+fn degrees(joints: &Joints, joint: Option<usize>) -> f64 {
+    let angle = joint.and_then(|joint| joints.angles.get(joint));
+    angle.map_or(f64::NAN, |angle| f64::from(*angle).to_degrees())
+}
+
+/// The joints of these names, or the first that fit.
+fn choose(
+    joints: &JointsStatus,
+    fingers: &[String],
+    potentiometers: &[String],
+) -> anyhow::Result<([String; FINGERS], Vec<String>)> {
+    let names = |are_servos: bool| -> Vec<String> {
+        (joints.joints.iter())
+            .filter(|joint| joint.servo.is_some() == are_servos)
+            .map(|joint| joint.name.clone())
+            .collect()
+    };
+    let named = |wanted: &[String], are_servos: bool, what: &str| {
+        let there = names(are_servos);
+        if let Some(missing) = wanted.iter().find(|name| !there.contains(name)) {
+            return Err(anyhow!(
+                "no {what} is a joint called {missing}; there are {}",
+                there.join(", ")
+            ));
+        }
+        Ok(match wanted.is_empty() {
+            true => there.into_iter().take(FINGERS).collect::<Vec<_>>(),
+            false => wanted.to_vec(),
+        })
+    };
+    let fingers = named(fingers, true, "servo")?;
+    let fingers = <[String; FINGERS]>::try_from(fingers).map_err(|found| {
+        anyhow!(
+            "the gripper has two fingers; {} servos were found or named",
+            found.len()
+        )
+    })?;
+    let potentiometers = named(potentiometers, false, "potentiometer")?;
+    match potentiometers.len() {
+        0 | FINGERS if fingers[0] != fingers[1] => Ok((fingers, potentiometers)),
+        0 | FINGERS => bail!("both fingers are called {}", fingers[0]),
+        n => bail!(
+            "the gripper has a potentiometer in each of its two fingers, or none; {n} were found or named"
+        ),
+    }
+}
+
+/// The motors as long as they run. When it is dropped they are switched off; when the process dies, the daemon does it.
+struct Motors<'a> {
+    gripper: &'a Gripper,
+    daemon: Connection,
+    running: bool,
+}
+
+impl<'a> Motors<'a> {
+    /// Switches both on, with no PWM.
+    fn start(gripper: &'a Gripper) -> anyhow::Result<Self> {
+        let mut motors = Self {
+            gripper,
+            daemon: Connection::open(&gripper.control)?,
+            running: true,
+        };
+        for joint in &gripper.fingers {
+            motors.daemon.ask(&json!({
+                "cmd": "servo", "joint": joint, "torque": true, "pwm_percent": 0, "hold_ms": HOLD_MS,
+            }))?;
+        }
+        Ok(motors)
+    }
+
+    /// Gives both a PWM at once, counts of 885.
+    fn drive(&mut self, pwm: f64) -> anyhow::Result<()> {
+        let percent = 100.0 * pwm / FULL_PWM;
+        let fingers = self.gripper.fingers.iter();
+        let goals: Map<String, Value> = fingers.map(|joint| (joint.clone(), percent.into())).collect();
+        let request = json!({ "cmd": "servos", "pwm_percent": goals });
+        self.daemon.ask(&request).map(drop)
+    }
+
+    /// Switches both off.
+    fn let_go(&mut self) -> anyhow::Result<()> {
+        self.running = false;
+        let off = |joint: &String| json!({ "cmd": "servo", "joint": joint, "torque": false });
+        let mut done = Ok(());
+        for joint in &self.gripper.fingers {
+            let told = self.daemon.ask(&off(joint)).map(drop);
+            // Where this connection is of no use any more, another one may be.
+            done = done.and(told.or_else(|_| control::request(&self.gripper.control, &off(joint)).map(drop)));
+        }
+        done
+    }
+}
+
+impl Drop for Motors<'_> {
+    fn drop(&mut self) {
+        if self.running
+            && let Err(error) = self.let_go()
+        {
+            eprintln!("taxel: the motors may still be on: {error:#}");
+        }
+    }
+}

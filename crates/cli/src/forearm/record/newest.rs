@@ -1,0 +1,85 @@
+//! The newest joint angles that the daemon sends, kept by a thread.
+
+use anyhow::{Context, bail};
+use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+use taxel_wire::{Received, Subscribe, Subscriber};
+
+/// The newest frame's joints.
+#[derive(Debug, Clone)]
+pub(super) struct Joints {
+    /// The frame's instant on the daemon's clock, nanoseconds.
+    pub(super) t_ns: u64,
+    /// Radians; not a number where unknown.
+    pub(super) angles: Vec<f32>,
+    came: Instant,
+}
+
+/// What is known of the stream.
+#[derive(Debug, Default)]
+struct State {
+    joints: Option<Joints>,
+    ended: Option<String>,
+}
+
+/// The thread that reads frames.
+#[derive(Debug)]
+pub(super) struct Newest(Arc<Mutex<State>>);
+
+/// A daemon that sends no frame for so long is no help.
+const STALE: Duration = Duration::from_secs(1);
+const FIRST: Duration = Duration::from_secs(5);
+
+impl Newest {
+    /// Subscribes to a daemon, and waits for its first frame.
+    pub(super) fn start(socket: &Path) -> anyhow::Result<Self> {
+        let mut subscriber = Subscriber::connect(socket)?;
+        subscriber.subscribe(&Subscribe {
+            image: false,
+            raw: true,
+            ..Subscribe::default()
+        })?;
+        let newest = Self(Arc::default());
+        let state = newest.0.clone();
+        std::thread::Builder::new().name("frames".into()).spawn(move || {
+            loop {
+                let joints = match subscriber.next() {
+                    Ok(Received::Raw(header, raw)) => Joints {
+                        t_ns: header.t_ns,
+                        angles: raw.joints().collect(),
+                        came: Instant::now(),
+                    },
+                    Ok(_) => continue,
+                    Err(error) => {
+                        lock_of(&state).ended = Some(error.to_string());
+                        return;
+                    }
+                };
+                lock_of(&state).joints = Some(joints);
+            }
+        })?;
+        let end = Instant::now() + FIRST;
+        while lock_of(&newest.0).joints.is_none() && Instant::now() < end {
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        newest.joints().context("the daemon sends no frames")?;
+        Ok(newest)
+    }
+
+    /// The newest frame's; an error where the daemon has ended or sends nothing.
+    pub(super) fn joints(&self) -> anyhow::Result<Joints> {
+        let state = lock_of(&self.0);
+        if let Some(ended) = &state.ended {
+            bail!("{ended}");
+        }
+        match &state.joints {
+            Some(joints) if joints.came.elapsed() < STALE => Ok(joints.clone()),
+            _ => bail!("no frame has come for {STALE:?}; `taxel status` says why"),
+        }
+    }
+}
+
+fn lock_of(state: &Mutex<State>) -> std::sync::MutexGuard<'_, State> {
+    state.lock().unwrap_or_else(PoisonError::into_inner)
+}

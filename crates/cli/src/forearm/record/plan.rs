@@ -1,0 +1,239 @@
+//! Which squeezes a session has, which are there, and which comes next.
+
+use crate::output_file::OutputFile;
+use anyhow::{Context, bail};
+use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::fs;
+use std::path::{Path, PathBuf};
+use taxel_forearm::{PLACES, Ramp, Squeeze, location_percent};
+
+/// The squeezes of a session and the folder that they go into.
+#[derive(Debug)]
+pub(super) struct Plan {
+    folder: PathBuf,
+    places: Vec<usize>,
+    repetitions: usize,
+}
+
+/// One squeeze to be made.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Next {
+    /// From 0 (wrist).
+    pub(super) place: usize,
+    /// From 1, as files are numbered.
+    pub(super) repetition: usize,
+    repetitions: usize,
+    pub(super) file: PathBuf,
+}
+
+/// What all squeezes of a session have in common.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Settings {
+    pub(super) ramp: Ramp,
+    pub(super) fingers: Vec<String>,
+    pub(super) potentiometers: Vec<String>,
+}
+
+/// The file `session.json`.
+#[derive(Debug, PartialEq, Serialize, Deserialize)]
+struct Kept {
+    version: u32,
+    ramp: String,
+    fingers: Vec<String>,
+    potentiometers: Vec<String>,
+}
+
+const KEPT: &str = "session.json";
+const VERSION: u32 = 1;
+
+impl Plan {
+    /// A plan of so many places, evenly from wrist to elbow, or of one of them.
+    pub(super) fn new(
+        folder: &Path,
+        places: usize,
+        repetitions: usize,
+        only: Option<usize>,
+    ) -> anyhow::Result<Self> {
+        let all: Vec<usize> = match places {
+            1 => vec![0],
+            _ => (0..places).map(|n| n * (PLACES - 1) / (places - 1)).collect(),
+        };
+        let places = match only {
+            None => all,
+            Some(place) if all.contains(&place) => vec![place],
+            Some(place) => bail!("there is no place {place}; there are {all:?}"),
+        };
+        Ok(Self {
+            folder: folder.into(),
+            places,
+            repetitions,
+        })
+    }
+
+    /// Settings of the session: kept where it begins, and refused where it was begun with others.
+    pub(super) fn keep(&self, settings: &Settings) -> anyhow::Result<()> {
+        let name = Ramp::NAMES.iter().find(|(_, ramp)| *ramp == settings.ramp);
+        let kept = Kept {
+            version: VERSION,
+            ramp: name.map_or("", |(name, _)| name).into(),
+            fingers: settings.fingers.clone(),
+            potentiometers: settings.potentiometers.clone(),
+        };
+        let path = self.folder.join(KEPT);
+        let text = match fs::read_to_string(&path) {
+            Ok(text) => text,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+                fs::create_dir_all(&self.folder).with_context(|| self.folder.display().to_string())?;
+                return OutputFile::write(&path, serde_json::to_string_pretty(&kept)? + "\n");
+            }
+            Err(error) => return Err(error).with_context(|| path.display().to_string()),
+        };
+        let before: Kept = serde_json::from_str(&text).with_context(|| path.display().to_string())?;
+        if before != kept {
+            bail!(
+                "{}: this session was begun with ramp {}, fingers {:?} and potentiometers {:?}; go on with the same, or \
+                 record into another folder",
+                path.display(),
+                before.ramp,
+                before.fingers,
+                before.potentiometers
+            );
+        }
+        Ok(())
+    }
+
+    /// The first squeeze that is missing; `None` when all are there.
+    pub(super) fn next(&self) -> Option<Next> {
+        self.squeezes().find(|next| !next.file.exists())
+    }
+
+    /// How many are there.
+    pub(super) fn done(&self) -> usize {
+        self.squeezes().filter(|next| next.file.exists()).count()
+    }
+
+    /// How many there are to be.
+    pub(super) fn all(&self) -> usize {
+        self.places.len() * self.repetitions
+    }
+
+    /// Writes a squeeze, whole or not at all.
+    pub(super) fn write(&self, next: &Next, squeeze: &Squeeze) -> anyhow::Result<()> {
+        if let Some(folder) = next.file.parent() {
+            fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+        }
+        OutputFile::write(&next.file, squeeze.to_mat())
+    }
+
+    fn squeezes(&self) -> impl Iterator<Item = Next> + '_ {
+        self.places.iter().flat_map(move |place| {
+            (1..=self.repetitions).map(move |repetition| Next {
+                place: *place,
+                repetition,
+                repetitions: self.repetitions,
+                file: (self.folder.join(place.to_string())).join(format!("distance{place}_{repetition}.mat")),
+            })
+        })
+    }
+}
+
+impl fmt::Display for Plan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{}: {} of {} squeezes are there",
+            self.folder.display(),
+            self.done(),
+            self.all()
+        )?;
+        match self.next() {
+            Some(next) => write!(f, "; next is {next}"),
+            None => Ok(()),
+        }
+    }
+}
+
+impl fmt::Display for Next {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let name = match self.place {
+            0 => ", the wrist",
+            place if place + 1 == PLACES => ", the elbow",
+            _ => "",
+        };
+        write!(
+            f,
+            "place {} ({:.1} %{name}), squeeze {} of {}",
+            self.place,
+            location_percent(self.place),
+            self.repetition,
+            self.repetitions
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use taxel_forearm::{Sample, Session};
+    use tempfile::TempDir;
+
+    fn squeeze() -> Squeeze {
+        let mut squeeze = Squeeze::default();
+        for row in 0..3 {
+            squeeze.push(Sample {
+                time_ms: 121.0 * f64::from(row),
+                theta_p_deg: [42.0, 41.0],
+                theta_a_deg: [1.0, 2.0],
+                pwm: 10.0,
+            });
+        }
+        squeeze
+    }
+
+    #[test]
+    fn a_session_that_was_interrupted_goes_on_with_the_first_squeeze_that_is_missing() {
+        let dir = TempDir::new().unwrap();
+        let folder = dir.path().join("session");
+        let plan = Plan::new(&folder, 3, 2, None).unwrap();
+        let mut order = Vec::new();
+        while let Some(next) = plan.next() {
+            order.push((next.place, next.repetition));
+            plan.write(&next, &squeeze()).unwrap();
+            // Somebody begins anew.
+            let again = Plan::new(&folder, 3, 2, None).unwrap();
+            assert_eq!(again.done(), order.len());
+        }
+        assert_eq!(order, [(0, 1), (0, 2), (6, 1), (6, 2), (12, 1), (12, 2)]);
+        std::fs::remove_file(folder.join("6/distance6_1.mat")).unwrap();
+        let next = plan.next().unwrap();
+        assert_eq!((next.place, next.repetition), (6, 1));
+        assert!(
+            plan.to_string()
+                .ends_with("5 of 6 squeezes are there; next is place 6 (50.0 %), squeeze 1 of 2")
+        );
+        // What is written is what the publication's reader reads.
+        let session = Session::open(&folder).unwrap();
+        assert_eq!(session.trials.len(), 5);
+        assert_eq!(session.locations(), [0.0, 50.0, 100.0]);
+        assert_eq!(session.trials[0].squeeze.theta_p_deg, squeeze().theta_p_deg);
+    }
+
+    #[test]
+    fn a_session_is_not_gone_on_with_under_other_settings() {
+        let dir = TempDir::new().unwrap();
+        let plan = Plan::new(dir.path(), 13, 60, Some(5)).unwrap();
+        assert_eq!(plan.all(), 60);
+        let mut settings = Settings {
+            ramp: Ramp::Data,
+            fingers: vec!["left".into(), "right".into()],
+            potentiometers: Vec::new(),
+        };
+        plan.keep(&settings).unwrap();
+        plan.keep(&settings).unwrap();
+        settings.ramp = Ramp::Article;
+        let error = plan.keep(&settings).unwrap_err().to_string();
+        assert!(error.contains("begun with ramp data"), "{error}");
+        assert!(Plan::new(dir.path(), 3, 2, Some(5)).is_err());
+    }
+}
