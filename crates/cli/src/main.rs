@@ -74,6 +74,7 @@ Examples:
   taxel eval grasp.npz                           what it loses and what it costs, every method
   taxel figures sim:ball-grasp --out figures     its figures, raw beside compressed, as SVG
   taxel categorize sim:phantom-1 --classes 5     categories of what a probe touches
+  taxel forearm eval session.npz                 where on a forearm a gripper holds, and how well one can tell
   taxel doctor                                   what is wrong with this machine and this hand
   taxel status                                   the running daemon on one screen
 

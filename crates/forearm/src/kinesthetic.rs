@@ -3,7 +3,7 @@
 use crate::error::ForearmError;
 use crate::estimate::{Estimate, Estimator, Source};
 use crate::phase::{Course, PHASES, step_at};
-use crate::regression::{Choice, Regression, Rows, Tried, try_all};
+use crate::regression::{Regression, Rows, Tried, try_all};
 use crate::session::Trial;
 use crate::squeeze::Squeeze;
 use serde::{Deserialize, Serialize};
@@ -64,38 +64,23 @@ impl Kinesthetic {
     /// Fewer than three places, or a place of one squeeze; a squeeze that does not come to its end, lacks an angle, or is
     /// of another PWM profile.
     pub fn train(trials: &[&Trial]) -> Result<Self, ForearmError> {
+        Self::train_by(trials, Tried::score)
+    }
+
+    /// The same by another score of what was tried; the least is taken.
+    ///
+    /// # Errors
+    /// As [`Kinesthetic::train`].
+    pub fn train_by(trials: &[&Trial], score: impl Fn(&Tried) -> f64) -> Result<Self, ForearmError> {
         let set = Training::of(trials)?;
-        let tried = try_all(&set.rows(READINGS[0]));
+        let mut tried = try_all(&set.rows(READINGS[0]));
+        tried.sort_by(|a, b| score(a).total_cmp(&score(b)));
         let chosen = tried.first().copied();
         chosen
             .map(|chosen| set.model(chosen))
             .ok_or(ForearmError::Untrained {
                 what: "nothing to choose from".into(),
             })
-    }
-
-    /// Trains with a choice made elsewhere, and says how it does on the training squeezes.
-    ///
-    /// # Errors
-    /// As [`Kinesthetic::train`], and a choice that is not among those that are tried.
-    pub fn train_with(trials: &[&Trial], choice: Choice) -> Result<Self, ForearmError> {
-        let set = Training::of(trials)?;
-        let tried = try_all(&set.rows(READINGS[0]))
-            .into_iter()
-            .find(|t| t.choice == choice);
-        tried
-            .map(|chosen| set.model(chosen))
-            .ok_or(ForearmError::Untrained {
-                what: format!("{choice} are not among what is tried"),
-            })
-    }
-
-    /// All choices with their errors on the training squeezes, the best first.
-    ///
-    /// # Errors
-    /// As [`Kinesthetic::train`].
-    pub fn choices(trials: &[&Trial]) -> Result<Vec<Tried>, ForearmError> {
-        Ok(try_all(&Training::of(trials)?.rows(READINGS[0])))
     }
 
     /// What was chosen, and its errors on the training squeezes.

@@ -196,7 +196,7 @@ fn picks(columns: usize, steps: &[usize]) -> Vec<usize> {
     (0..columns).flat_map(of_column).collect()
 }
 
-/// Tries everything on the training squeezes alone; the best first.
+/// Tries everything on the training squeezes alone.
 pub(crate) fn try_all(rows: &Rows) -> Vec<Tried> {
     let left_out = LeftOut::of(rows);
     let mut tried = Vec::new();
@@ -214,7 +214,6 @@ pub(crate) fn try_all(rows: &Rows) -> Vec<Tried> {
             }
         }
     }
-    tried.sort_by(|a, b| a.score().total_cmp(&b.score()));
     tried
 }
 

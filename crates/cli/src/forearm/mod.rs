@@ -1,11 +1,32 @@
 //! `taxel forearm`: where on the forearm a gripper holds.
 
+mod disturbed;
+mod eval;
+mod figures;
+mod judge;
 mod record;
+mod report;
 
+use crate::output_file::{OutputFile, refuse_overlap};
+use anyhow::Context;
 use clap::Subcommand;
+use serde::Serialize;
+use std::fmt::Write as _;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use taxel_forearm::{Estimate, Estimator, Model, Session, Squeeze, Trial};
 
-/// Where on the forearm a gripper holds, from the squeeze.
+/// Say where on a forearm a gripper holds, from one squeeze.
+///
+/// DATA is a session: an .npz (`data`, places x repetitions x samples x 10, and `location_percent`), or a folder of the
+/// publication's files, PLACE/distancePLACE_REPETITION.mat with places 0 (wrist) to 12 (elbow).
 #[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  taxel forearm train session.npz --out arm.model
+  taxel forearm estimate arm.model squeeze.mat
+  taxel forearm eval session.npz
+  taxel forearm figures session.npz --out figures")]
 pub(crate) struct Args {
     #[command(subcommand)]
     command: Command,
@@ -14,10 +35,150 @@ pub(crate) struct Args {
 #[derive(Debug, Subcommand)]
 enum Command {
     Record(record::Args),
+    Train(TrainArgs),
+    Estimate(EstimateArgs),
+    Eval(eval::Args),
+    Figures(figures::Args),
+}
+
+/// Train an estimator on every squeeze of a session, and keep it in a file.
+#[derive(Debug, clap::Args)]
+struct TrainArgs {
+    /// A session: an .npz or a folder of .mat files
+    #[arg(value_name = "DATA")]
+    data: PathBuf,
+    /// Where to keep the model: two lines of JSON
+    #[arg(long, value_name = "MODEL")]
+    out: PathBuf,
+}
+
+/// Say where squeezes were made.
+#[derive(Debug, clap::Args)]
+struct EstimateArgs {
+    /// What `taxel forearm train` made
+    #[arg(value_name = "MODEL")]
+    model: PathBuf,
+    /// Squeezes: .mat files, or sessions as `train` takes them
+    #[arg(value_name = "FILE", required = true)]
+    files: Vec<PathBuf>,
+    /// Print one JSON object a squeeze
+    #[arg(long)]
+    json: bool,
+}
+
+/// A line of `estimate --json`.
+#[derive(Debug, Serialize)]
+struct Line {
+    file: String,
+    /// Where the session says that it was made; null for a single file.
+    location_percent: Option<f64>,
+    repetition: Option<usize>,
+    percent: f64,
+    half_width_90: f64,
+    source: String,
+    /// How far the squeeze came: 1 is its peak, 2 its end.
+    phase: f64,
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
-    match &args.command {
-        Command::Record(args) => record::run(args),
+    let text = match &args.command {
+        Command::Record(args) => return record::run(args),
+        Command::Train(args) => train(args)?,
+        Command::Estimate(args) => estimate(args)?,
+        Command::Eval(args) => eval::run(args)?,
+        Command::Figures(args) => figures::run(args)?,
+    };
+    let mut out = io::stdout().lock();
+    out.write_all(text.as_bytes())
+        .and_then(|()| out.flush())
+        .context("stdout")
+}
+
+fn train(args: &TrainArgs) -> anyhow::Result<String> {
+    refuse_overlap(&[&args.out], &[&args.data])?;
+    let session = Session::open(&args.data)?;
+    let model = Model::train(&session).with_context(|| session.name.clone())?;
+    OutputFile::write(&args.out, model.to_bytes())?;
+    let chosen = model.kinesthetic.chosen();
+    Ok(format!(
+        "{}: trained on {} squeezes at {} places\n\
+         looks at {}, chosen on these squeezes\n\
+         off by {:.1} % of the forearm where repetitions are left out, by {:.1} % where a place is (RMSE, mean over places)\n\
+         90 % interval: +-{:.1} %\n",
+        args.out.display(),
+        session.trials.len(),
+        session.locations().len(),
+        chosen.choice,
+        chosen.repetitions_out,
+        chosen.place_out,
+        model.kinesthetic.half_width_90(),
+    ))
+}
+
+fn estimate(args: &EstimateArgs) -> anyhow::Result<String> {
+    let model = Model::open(&args.model)?;
+    let mut text = String::new();
+    for path in &args.files {
+        let file = path.display().to_string();
+        if !path.is_dir() && path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mat")) {
+            let squeeze = Squeeze::read_mat(path)?;
+            let estimate = model.estimate(&squeeze).with_context(|| file.clone())?;
+            line(&mut text, &file, None, estimate, args.json)?;
+            continue;
+        }
+        for trial in &Session::open(path)?.trials {
+            let place = || {
+                format!(
+                    "{file}, squeeze {} at {:.1} %",
+                    trial.repetition, trial.location_percent
+                )
+            };
+            let estimate = model.estimate(&trial.squeeze).with_context(place)?;
+            line(&mut text, &file, Some(trial), estimate, args.json)?;
+        }
     }
+    Ok(text)
+}
+
+fn line(
+    text: &mut String,
+    file: &str,
+    trial: Option<&Trial>,
+    estimate: Estimate,
+    json: bool,
+) -> anyhow::Result<()> {
+    if json {
+        let line = Line {
+            file: file.into(),
+            location_percent: trial.map(|t| t.location_percent),
+            repetition: trial.map(|t| t.repetition),
+            percent: estimate.percent,
+            half_width_90: estimate.half_width_90,
+            source: estimate.source.to_string(),
+            phase: estimate.phase,
+        };
+        writeln!(text, "{}", serde_json::to_string(&line)?)?;
+    } else {
+        let made = trial.map(|t| format!(", squeeze {} at {:.1} %", t.repetition, t.location_percent));
+        let (percent, width) = (estimate.percent, estimate.half_width_90);
+        let made = made.unwrap_or_default();
+        writeln!(
+            text,
+            "{file}{made}: {percent:.1} % +-{width:.1} ({})",
+            estimate.source
+        )?;
+    }
+    Ok(())
+}
+
+/// A session, where every place has squeezes enough for the publication's protocol.
+fn session(path: &Path) -> anyhow::Result<Session> {
+    let session = Session::open(path)?;
+    let places = session.locations().len();
+    anyhow::ensure!(
+        places >= 6,
+        "{}: {places} places; the protocol trains on every second one and takes at least 6",
+        path.display()
+    );
+    Ok(session)
 }

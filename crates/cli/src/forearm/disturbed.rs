@@ -1,0 +1,67 @@
+//! Estimates of squeezes that something happened to, and of squeezes that are not over.
+
+use super::judge::{Outcome, judge_all};
+use super::report;
+use crate::progress::Progress;
+use taxel_forearm::{Disturbance, Kinesthetic, Session, Split, Squeeze};
+
+const DISTURBANCES: [Disturbance; 11] = [
+    Disturbance::Missing(0.3),
+    Disturbance::Gap(1000.0),
+    Disturbance::Gap(2000.0),
+    Disturbance::Noise(0.5),
+    Disturbance::Noise(1.0),
+    Disturbance::Faster(2),
+    Disturbance::Slower(2),
+    Disturbance::Zero(1.0),
+    Disturbance::PotentiometerStuck,
+    Disturbance::PotentiometerLost,
+    Disturbance::PotentiometerDead,
+];
+
+/// Shares of a squeeze's time after which it is asked for an estimate.
+pub(super) const SHARES: [f64; 12] = [0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9];
+
+pub(super) fn disturbances(
+    session: &Session,
+    splits: &[Split],
+    models: &[Kinesthetic],
+) -> anyhow::Result<String> {
+    let progress = Progress::new(DISTURBANCES.len() as u64, "disturbances");
+    let mut rows = Vec::new();
+    for what in DISTURBANCES {
+        let change = |squeeze: &Squeeze, seed: u64| what.apply(squeeze, seed);
+        rows.push((
+            what.to_string(),
+            judge_all(session, splits, models, Some(&change))?,
+        ));
+        progress.advance(1);
+    }
+    Ok(report::table(
+        "disturbed, each squeeze drawn anew in each repetition, without being told",
+        &rows,
+    ))
+}
+
+/// Outcomes after each of `SHARES`.
+pub(super) fn by_share(
+    session: &Session,
+    splits: &[Split],
+    models: &[Kinesthetic],
+) -> anyhow::Result<Vec<(f64, Outcome)>> {
+    let after = |share: f64| {
+        let change = |squeeze: &Squeeze, _: u64| {
+            let end = share * squeeze.time_ms.last().copied().unwrap_or(0.0);
+            squeeze.filtered(|row| squeeze.time_ms[row] <= end)
+        };
+        Ok((share, judge_all(session, splits, models, Some(&change))?))
+    };
+    SHARES.into_iter().map(after).collect()
+}
+
+pub(super) fn early(session: &Session, splits: &[Split], models: &[Kinesthetic]) -> anyhow::Result<String> {
+    let rows = by_share(session, splits, models)?;
+    let name = |(share, outcome)| (format!("after {:.0} % of its time", 100.0 * share), outcome);
+    let rows: Vec<(String, Outcome)> = rows.into_iter().map(name).collect();
+    Ok(report::table("before the squeeze is over", &rows))
+}

@@ -1,0 +1,141 @@
+//! `taxel forearm eval`: the publication's protocol.
+
+use super::disturbed;
+use super::judge::{Outcome, judge_all, leave_places_out, train};
+use super::report;
+use clap::ValueEnum;
+use serde::Serialize;
+use std::path::PathBuf;
+use taxel_forearm::{Kinesthetic, Session, Tried, splits};
+
+/// Judge estimators by the publication's protocol.
+///
+/// In each of --repetitions random repetitions an estimator is trained on nine tenths of the squeezes at every second
+/// place and judged on the other tenth and on all squeezes at the places between. Everything is chosen on the training
+/// squeezes alone. Errors are percent of the forearm: macro is the mean over places of the error at each, pooled is over
+/// squeezes.
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    /// A session: an .npz or a folder of .mat files
+    #[arg(value_name = "DATA")]
+    data: PathBuf,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+    /// Whose estimators
+    #[arg(long, value_enum, default_value_t = Method::Best)]
+    method: Method,
+    /// Random repetitions
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    repetitions: u16,
+    /// Random numbers: the same seed, the same repetitions
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Only the protocol: no disturbances, early estimates, places left out and other procedures
+    #[arg(long)]
+    brief: bool,
+}
+
+/// Whose estimators.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Method {
+    /// Partial least squares on angles at phases of the squeeze
+    Best,
+}
+
+/// What `--json` prints.
+#[derive(Debug, Serialize)]
+struct Report {
+    protocol: &'static str,
+    repetitions: usize,
+    kinesthetic: Figures,
+    tactile: Option<Figures>,
+    fused: Option<Figures>,
+}
+
+#[derive(Debug, Serialize)]
+struct Figures {
+    macro_rmse: f64,
+    macro_mae: f64,
+    pooled_rmse: f64,
+    pooled_mae: f64,
+    coverage_90: f64,
+    train_s: f64,
+    estimate_us: f64,
+}
+
+impl Figures {
+    fn of(outcome: &Outcome, train_s: f64) -> Self {
+        let errors = &outcome.errors;
+        Self {
+            macro_rmse: errors.macro_rmse,
+            macro_mae: errors.macro_mae,
+            pooled_rmse: errors.pooled_rmse,
+            pooled_mae: errors.pooled_mae,
+            coverage_90: errors.coverage_90,
+            train_s,
+            estimate_us: outcome.estimate_us,
+        }
+    }
+}
+
+/// What the choice of least value is taken by.
+type Score = fn(&Tried) -> f64;
+
+/// Other ways to choose, to see what the choice is worth.
+const OTHER_PROCEDURES: [(&str, Score); 5] = [
+    ("chosen with repetitions left out alone", |t| t.repetitions_out),
+    ("chosen with a place left out alone", |t| t.place_out),
+    ("10 phases, first sample to last, 3 components", |t| fixed(t, 3)),
+    ("10 phases, first sample to last, 4 components", |t| fixed(t, 4)),
+    ("10 phases, first sample to last, 5 components", |t| fixed(t, 5)),
+];
+
+fn fixed(tried: &Tried, components: usize) -> f64 {
+    let choice = tried.choice;
+    f64::from(u8::from(
+        (choice.points, choice.from, choice.to, choice.components) != (10, 0, 47, components),
+    ))
+}
+
+pub(super) fn run(args: &Args) -> anyhow::Result<String> {
+    let session = super::session(&args.data)?;
+    let splits = splits(&session, args.repetitions.into(), args.seed);
+    let Method::Best = args.method;
+    let trained = train(&session, &splits, Kinesthetic::train)?;
+    let outcome = judge_all(&session, &splits, &trained.estimators, None)?;
+    let train_s = trained.took.as_secs_f64();
+    if args.json {
+        let report = Report {
+            protocol: "Pastor et al. 2022: trained on nine tenths of every second place, judged on all else",
+            repetitions: splits.len(),
+            kinesthetic: Figures::of(&outcome, train_s),
+            tactile: None,
+            fused: None,
+        };
+        return Ok(serde_json::to_string(&report)? + "\n");
+    }
+    let mut text = report::procedure(&session, &splits, &trained.estimators);
+    text += &report::errors("kinesthetic", &outcome, train_s);
+    text += &report::places(&outcome);
+    if args.brief {
+        return Ok(text);
+    }
+    text += &disturbed::disturbances(&session, &splits, &trained.estimators)?;
+    text += &disturbed::early(&session, &splits, &trained.estimators)?;
+    text += &report::places_left_out(&leave_places_out(&session, Kinesthetic::train)?);
+    text += &other_procedures(&session, &splits)?;
+    Ok(text)
+}
+
+fn other_procedures(session: &Session, splits: &[taxel_forearm::Split]) -> anyhow::Result<String> {
+    let mut rows = Vec::new();
+    for (name, score) in OTHER_PROCEDURES {
+        let trained = train(session, splits, |trials| Kinesthetic::train_by(trials, score))?;
+        rows.push((
+            name.to_owned(),
+            judge_all(session, splits, &trained.estimators, None)?,
+        ));
+    }
+    Ok(report::table("other procedures", &rows))
+}

@@ -1,0 +1,172 @@
+//! The publication's Figures 5, 7 and 8, and error against how much of the squeeze has been.
+
+use super::disturbed::by_share;
+use super::judge::{judge_all, train};
+use super::report::PUBLISHED;
+use crate::output_file::OutputFile;
+use anyhow::Context;
+use std::path::PathBuf;
+use taxel_forearm::{Errors, Kinesthetic, PlaceErrors, Session, splits};
+use taxel_plot::{Axis, Chart, Picture, Sheet};
+
+/// Draw the publication's figures 5, 7 and 8 and error against elapsed squeeze, numbers as CSV beside them.
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    /// A session: an .npz or a folder of .mat files
+    #[arg(value_name = "DATA")]
+    data: PathBuf,
+    /// Where figures go
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Random repetitions
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    repetitions: u16,
+    /// Random numbers: the same seed, the same repetitions
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+}
+
+pub(super) fn run(args: &Args) -> anyhow::Result<String> {
+    let session = super::session(&args.data)?;
+    std::fs::create_dir_all(&args.out).with_context(|| args.out.display().to_string())?;
+    let splits = splits(&session, args.repetitions.into(), args.seed);
+    let models = train(&session, &splits, Kinesthetic::train)?.estimators;
+    let errors = judge_all(&session, &splits, &models, None)?.errors;
+    let early = by_share(&session, &splits, &models)?;
+    let sheets = [
+        ("forearm-05", squeezes(&session)),
+        ("forearm-07", estimates(&errors)),
+        ("forearm-08", errors_by_place(&errors)),
+        (
+            "forearm-early",
+            elapsed(early.iter().map(|(share, o)| (*share, &o.errors)), &errors),
+        ),
+    ];
+    let mut text = String::new();
+    for (name, sheet) in sheets {
+        for (end, content) in [("svg", sheet.svg()?), ("csv", sheet.csv())] {
+            let path = args.out.join(format!("{name}.{end}"));
+            OutputFile::write(&path, content)?;
+            text += &format!("{}\n", path.display());
+        }
+    }
+    Ok(text)
+}
+
+/// Figure 5: angles over a squeeze at the wrist, in the middle and at the elbow; tactile images where there are any.
+fn squeezes(session: &Session) -> Sheet {
+    let places = session.locations();
+    let shown = [0, places.len() / 2, places.len() - 1].map(|n| places[n]);
+    let mut sheet = Sheet::new("Squeeze and release: angles of the fingers")
+        .columns(3)
+        .panel_size(380, 300);
+    let trials = || {
+        shown
+            .iter()
+            .filter_map(|place| session.trials.iter().find(|t| t.location_percent == *place))
+    };
+    for trial in trials() {
+        let squeeze = &trial.squeeze;
+        let column = |column: &[f64]| {
+            squeeze
+                .time_ms
+                .iter()
+                .map(|t| t / 1000.0)
+                .zip(column.iter().copied())
+                .collect::<Vec<_>>()
+        };
+        let mut chart = Chart::new(
+            format!("{:.1} %", trial.location_percent),
+            Axis::new("time, s"),
+            Axis::new("angle, degrees").range(0.0, 90.0),
+        );
+        for finger in 0..2 {
+            chart = chart
+                .line(
+                    format!("motor of finger {finger}"),
+                    column(&squeeze.theta_a_deg[finger]),
+                )
+                .line(
+                    format!("joint of finger {finger}"),
+                    column(&squeeze.theta_p_deg[finger]),
+                );
+        }
+        let tenth: Vec<f64> = squeeze.pwm.iter().map(|pwm| pwm / 10.0).collect();
+        sheet = sheet.chart(chart.line("PWM / 10", column(&tenth)));
+    }
+    for trial in trials() {
+        let peak =
+            (0..trial.squeeze.len()).max_by(|a, b| trial.squeeze.pwm[*a].total_cmp(&trial.squeeze.pwm[*b]));
+        if let Some(image) = peak.and_then(|row| trial.squeeze.tactile_image(row)) {
+            let counts = image.iter().map(|count| f64::from(*count));
+            let title = format!("{:.1} %, at the peak", trial.location_percent);
+            sheet = sheet.picture(Picture::heat(title, taxel_forearm::TACTILE_COLUMNS, counts));
+        }
+    }
+    sheet
+}
+
+fn names(errors: &Errors) -> Vec<String> {
+    errors
+        .places
+        .iter()
+        .map(|place| format!("{:.1}", place.percent))
+        .collect()
+}
+
+/// Figure 7: estimates at each place.
+fn estimates(errors: &Errors) -> Sheet {
+    let places = Axis::of_names("place, % from wrist to elbow", names(errors));
+    let chart = Chart::new("", places, Axis::new("estimate, %").range(0.0, 100.0));
+    let samples = errors.places.iter().map(|place| place.estimates.clone());
+    Sheet::new("Estimates at each place, all repetitions")
+        .panel_size(760, 420)
+        .chart(chart.boxes("kinesthetic", samples))
+}
+
+/// Figure 8: errors at each place.
+fn errors_by_place(errors: &Errors) -> Sheet {
+    let mut sheet = Sheet::new("Errors at each place").columns(2).panel_size(560, 340);
+    type Value = fn(&PlaceErrors) -> f64;
+    let (_, rmse, mae, _) = PUBLISHED[1];
+    let parts: [(&str, Value, f64); 2] = [
+        ("RMSE", |place| place.rmse, rmse),
+        ("MAE", |place| place.mae, mae),
+    ];
+    for (name, value, published) in parts {
+        let places = Axis::of_names("place, % from wrist to elbow", names(errors));
+        let chart = Chart::new(
+            name,
+            places,
+            Axis::new(format!("{name}, % of the forearm")).from_zero(),
+        );
+        sheet = sheet.chart(
+            chart
+                .bars("kinesthetic", errors.places.iter().map(value))
+                .at_y("publication, mean", published),
+        );
+    }
+    sheet
+}
+
+/// How early can one know?
+fn elapsed<'a>(early: impl Iterator<Item = (f64, &'a Errors)>, whole: &'a Errors) -> Sheet {
+    let all: Vec<(f64, &Errors)> = early.chain([(1.0, whole)]).collect();
+    let line = |value: fn(&Errors) -> f64| {
+        all.iter()
+            .map(move |(share, e)| (100.0 * share, value(e)))
+            .collect::<Vec<_>>()
+    };
+    let chart = Chart::new(
+        "",
+        Axis::new("time since the squeeze began, % of the whole"),
+        Axis::new("% of the forearm").from_zero(),
+    );
+    Sheet::new("How early one can know").panel_size(700, 400).chart(
+        chart
+            .line("RMSE, mean over places", line(|e| e.macro_rmse))
+            .line("RMSE over squeezes", line(|e| e.pooled_rmse))
+            .line("half-width of the 90 % interval", line(|e| e.half_width_90))
+            .at_y("publication, kinesthetic", PUBLISHED[1].1),
+    )
+}

@@ -1,0 +1,144 @@
+//! Estimators trained and judged by the publication's protocol.
+
+use crate::progress::Progress;
+use anyhow::Context;
+use std::time::{Duration, Instant};
+use taxel_forearm::{Errors, Estimator, ForearmError, Judged, Session, Split, Squeeze, Trial};
+
+/// Estimators of each repetition, and how long their training took.
+pub(super) struct Trained<E> {
+    pub(super) estimators: Vec<E>,
+    pub(super) took: Duration,
+}
+
+/// Estimates of a protocol, summed up.
+pub(super) struct Outcome {
+    pub(super) errors: Errors,
+    /// Mean time of an estimate.
+    pub(super) estimate_us: f64,
+    /// Squeezes of which nothing could be said, and why in the words of the first.
+    pub(super) refused: Option<(usize, String)>,
+}
+
+pub(super) fn trials<'a>(session: &'a Session, numbers: &[usize]) -> Vec<&'a Trial> {
+    numbers.iter().map(|n| &session.trials[*n]).collect()
+}
+
+/// Trains once for each repetition.
+pub(super) fn train<E>(
+    session: &Session,
+    splits: &[Split],
+    train: impl Fn(&[&Trial]) -> Result<E, ForearmError>,
+) -> anyhow::Result<Trained<E>> {
+    let began = Instant::now();
+    let estimators = splits.iter().map(|split| train(&trials(session, &split.train)));
+    let estimators = estimators
+        .collect::<Result<_, _>>()
+        .with_context(|| session.name.clone())?;
+    let took = began.elapsed();
+    Ok(Trained { estimators, took })
+}
+
+/// An estimator, what it was trained on, and what it is judged on, as numbers of trials.
+struct Part<'a, E> {
+    repetition: usize,
+    estimator: &'a E,
+    train: &'a [usize],
+    test: &'a [usize],
+}
+
+/// What happens to a squeeze before it is judged; it is given a number of the squeeze's own in each repetition.
+pub(super) type Change<'a> = Option<&'a dyn Fn(&Squeeze, u64) -> Squeeze>;
+
+fn judge<E: Estimator>(
+    session: &Session,
+    parts: &[Part<'_, E>],
+    change: Change<'_>,
+) -> anyhow::Result<Outcome> {
+    let (mut judged, mut refused) = (Vec::new(), None);
+    let mut took = Duration::ZERO;
+    for part in parts {
+        let mut known: Vec<f64> = part
+            .train
+            .iter()
+            .map(|n| session.trials[*n].location_percent)
+            .collect();
+        known.dedup();
+        for number in part.test {
+            let trial = &session.trials[*number];
+            let seed = ((part.repetition as u64) << 32) | *number as u64;
+            let changed = change.map(|change| change(&trial.squeeze, seed));
+            let began = Instant::now();
+            let estimate = part
+                .estimator
+                .estimate(changed.as_ref().unwrap_or(&trial.squeeze));
+            took += began.elapsed();
+            match estimate {
+                Ok(estimate) => judged.push(Judged {
+                    repetition: part.repetition,
+                    percent: trial.location_percent,
+                    estimate: estimate.percent,
+                    half_width_90: estimate.half_width_90,
+                    seen: known.contains(&trial.location_percent),
+                }),
+                Err(error) => refused.get_or_insert((0, error.to_string())).0 += 1,
+            }
+        }
+    }
+    let why = || {
+        refused
+            .as_ref()
+            .map_or("there is nothing to judge".into(), |(_, why)| why.clone())
+    };
+    Ok(Outcome {
+        estimate_us: took.as_secs_f64() * 1e6 / judged.len().max(1) as f64,
+        errors: Errors::of(&judged).with_context(why)?,
+        refused,
+    })
+}
+
+/// Judges the estimators of all repetitions on what the protocol says.
+pub(super) fn judge_all<E: Estimator>(
+    session: &Session,
+    splits: &[Split],
+    estimators: &[E],
+    change: Change<'_>,
+) -> anyhow::Result<Outcome> {
+    let mut parts = Vec::new();
+    for (repetition, (split, estimator)) in splits.iter().zip(estimators).enumerate() {
+        parts.push(Part {
+            repetition,
+            estimator,
+            train: &split.train,
+            test: &split.test,
+        });
+    }
+    judge(session, &parts, change)
+}
+
+/// Trains without each place in turn and judges there.
+pub(super) fn leave_places_out<E: Estimator>(
+    session: &Session,
+    train: impl Fn(&[&Trial]) -> Result<E, ForearmError>,
+) -> anyhow::Result<Outcome> {
+    let places = session.locations();
+    let progress = Progress::new(places.len() as u64, "places left out");
+    let mut parts = Vec::new();
+    for place in places {
+        let is_elsewhere = |n: &usize| session.trials[*n].location_percent != place;
+        let (rest, here): (Vec<usize>, Vec<usize>) = (0..session.trials.len()).partition(is_elsewhere);
+        parts.push((train(&trials(session, &rest))?, rest, here));
+        progress.advance(1);
+    }
+    // Each place is judged once: one repetition.
+    let mut all = Vec::new();
+    for (estimator, train, test) in &parts {
+        all.push(Part {
+            repetition: 0,
+            estimator,
+            train,
+            test,
+        });
+    }
+    judge(session, &all, None)
+}

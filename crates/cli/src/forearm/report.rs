@@ -1,0 +1,148 @@
+//! What `taxel forearm eval` says to people.
+
+use super::judge::Outcome;
+use std::fmt::Write as _;
+use taxel_forearm::{Kinesthetic, Session, Split};
+
+/// The publication's Table 3, and the mean range of its estimates.
+pub(super) const PUBLISHED: [(&str, f64, f64, f64); 3] = [
+    ("tactile", 13.42, 13.09, 50.87),
+    ("kinesthetic", 9.74, 8.81, 41.56),
+    ("fused", 7.61, 7.08, 28.24),
+];
+
+pub(super) fn procedure(session: &Session, splits: &[Split], models: &[Kinesthetic]) -> String {
+    let counts = splits
+        .first()
+        .map_or((0, 0), |split| (split.train.len(), split.test.len()));
+    let mut choices: Vec<(String, usize)> = Vec::new();
+    for model in models {
+        let choice = model.chosen().choice.to_string();
+        match choices.iter_mut().find(|(name, _)| *name == choice) {
+            Some((_, count)) => *count += 1,
+            None => choices.push((choice, 1)),
+        }
+    }
+    choices.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+    let mut text = format!(
+        "{}: {} squeezes at {} places, {} repetitions: trained on {}, judged on {}\n\n\
+         Procedure, fixed beforehand. Partial least squares on the two sums of both fingers' angles, standardised, at\n\
+         evenly spaced phases of the commanded PWM. Tried are 5, 8, 10, 14 and 20 phases, from the first sample or where\n\
+         PWM rises, to where PWM is back at rest or the last sample, and 1 to 6 components: 120 choices. The one of least\n\
+         error on the training squeezes alone is taken: seven parts with repetitions left out in fifths, six parts with a\n\
+         place left out, as the test has seven places that were trained on and six others. Taken were:\n",
+        session.name,
+        session.trials.len(),
+        session.locations().len(),
+        splits.len(),
+        counts.0,
+        counts.1,
+    );
+    for (choice, count) in choices {
+        let _ = writeln!(text, "  {count:3} times  {choice}");
+    }
+    text
+}
+
+pub(super) fn errors(source: &str, outcome: &Outcome, train_s: f64) -> String {
+    let e = &outcome.errors;
+    let least = e.macro_rmses.iter().copied().fold(f64::INFINITY, f64::min);
+    let most = e.macro_rmses.iter().copied().fold(0.0, f64::max);
+    let published = PUBLISHED.iter().find(|(name, ..)| *name == source);
+    let beside = published
+        .map(|(_, rmse, mae, range)| (*rmse, *mae, *range))
+        .unwrap_or((f64::NAN, f64::NAN, f64::NAN));
+    let [seen, new] = e.coverage_seen_and_new;
+    format!(
+        "\n{source}, % of the forearm        here   publication (its Table 3; which mean it does not say)\n\
+         \x20 RMSE, mean over places   {:8.2}{:10.2}\n\
+         \x20 MAE, mean over places    {:8.2}{:10.2}\n\
+         \x20 RMSE over squeezes       {:8.2}\n\
+         \x20 MAE over squeezes        {:8.2}\n\
+         \x20 range of estimates, mean {:8.2}{:10.2}\n\
+         Over the repetitions the first is {least:.2} to {most:.2}.\n\
+         90 % intervals of +-{:.1} hold {:.1} % (mean over places): {:.1} % of squeezes at places that were trained on,\n\
+         {:.1} % at others. Training took {train_s:.2} s for all repetitions, an estimate {:.1} us.\n",
+        e.macro_rmse,
+        beside.0,
+        e.macro_mae,
+        beside.1,
+        e.pooled_rmse,
+        e.pooled_mae,
+        e.mean_range(),
+        beside.2,
+        e.half_width_90,
+        100.0 * e.coverage_90,
+        100.0 * seen,
+        100.0 * new,
+        outcome.estimate_us,
+    )
+}
+
+pub(super) fn places(outcome: &Outcome) -> String {
+    let mut text =
+        "\n   place    RMSE     MAE     min      q1  median      q3     max   range  in interval\n"
+            .to_owned();
+    for place in &outcome.errors.places {
+        let [low, first, median, third, high] = place.spread;
+        let _ = writeln!(
+            text,
+            "{:6.1} %{:8.2}{:8.2}{low:8.1}{first:8.1}{median:8.1}{third:8.1}{high:8.1}{:8.1}{:11.1} %",
+            place.percent,
+            place.rmse,
+            place.mae,
+            place.range(),
+            100.0 * place.covered,
+        );
+    }
+    text
+}
+
+pub(super) fn table(title: &str, rows: &[(String, Outcome)]) -> String {
+    let mut text = format!(
+        "\n{title}\n{:50}    macro RMSE  MAE   pooled RMSE  MAE   in interval\n",
+        ""
+    );
+    for (name, outcome) in rows {
+        let e = &outcome.errors;
+        let _ = write!(
+            text,
+            "  {name:50}{:10.2}{:6.2}{:12.2}{:6.2}{:11.1} %",
+            e.macro_rmse,
+            e.macro_mae,
+            e.pooled_rmse,
+            e.pooled_mae,
+            100.0 * e.coverage_90,
+        );
+        if let Some((count, why)) = &outcome.refused {
+            let _ = write!(text, "  {count} refused: {why}");
+        }
+        text.push('\n');
+    }
+    text
+}
+
+/// Why the floor is where it is: places that no neighbour tells of.
+pub(super) fn places_left_out(outcome: &Outcome) -> String {
+    let mut text = format!(
+        "\ntrained on all other places: RMSE {:.2} (mean over places), {:.2} (over squeezes); by place\n ",
+        outcome.errors.macro_rmse, outcome.errors.pooled_rmse
+    );
+    for place in &outcome.errors.places {
+        let _ = write!(text, " {:.1} %: {:.1}", place.percent, place.rmse);
+    }
+    let mut worst: Vec<_> = outcome.errors.places.iter().collect();
+    worst.sort_by(|a, b| b.rmse.total_cmp(&a.rmse));
+    let named: Vec<String> = worst
+        .iter()
+        .take(3)
+        .map(|place| format!("{:.1} %", place.percent))
+        .collect();
+    let _ = writeln!(
+        text,
+        "\nThe floor: {} stay the farthest off even with all other places known. They are out of order: how far\n\
+         fingers close there is not between their neighbours', so no curve through the others passes them.",
+        named.join(", ")
+    );
+    text
+}
