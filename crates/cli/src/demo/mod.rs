@@ -1,5 +1,6 @@
 //! `taxel demo`: simulator, daemon and live view in one process.
 
+mod forearm;
 mod meter;
 mod palpation;
 mod session;
@@ -51,6 +52,7 @@ Examples:
   taxel demo --scene slip --actuators 6
   taxel demo --layout icub-forearm     another hand, with the boards it has
   taxel demo --scene phantom-1         touches of a phantom fall into their categories
+  taxel demo --scene forearm           a gripper squeezes a simulated forearm and says where it holds
   taxel demo --headless --seconds 10
   taxel sim --list                     the scenes there are")]
 pub(crate) struct Args {
@@ -84,6 +86,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         Some(s) if !(s > 0.0 && s < 1e9) => bail!("--seconds {s} is no time to run a demo"),
         seconds => seconds,
     };
+    if args.scene.as_deref() == Some(forearm::SCENE) {
+        return forearm::run(args, seconds, args.headless || !terminal::can_draw());
+    }
     let (scene_name, layout) = scene_and_layout(args)?;
     let scene = Scene::resolve(&scene_name)?;
     let interrupt = Interrupt::install()?;

@@ -6,6 +6,7 @@ mod figures;
 mod judge;
 mod record;
 mod report;
+pub(crate) mod simulate;
 
 use crate::output_file::{OutputFile, refuse_overlap};
 use anyhow::Context;
@@ -26,7 +27,8 @@ Examples:
   taxel forearm train session.npz --out arm.model
   taxel forearm estimate arm.model squeeze.mat
   taxel forearm eval session.npz
-  taxel forearm figures session.npz --out figures")]
+  taxel forearm figures session.npz --out figures
+  taxel forearm simulate --out synthetic.npz    a session of a simulated forearm, with touch")]
 pub(crate) struct Args {
     #[command(subcommand)]
     command: Command,
@@ -35,6 +37,7 @@ pub(crate) struct Args {
 #[derive(Debug, Subcommand)]
 enum Command {
     Record(record::Args),
+    Simulate(simulate::Args),
     Train(TrainArgs),
     Estimate(EstimateArgs),
     Eval(eval::Args),
@@ -83,6 +86,7 @@ struct Line {
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let text = match &args.command {
         Command::Record(args) => return record::run(args),
+        Command::Simulate(args) => simulate::run(args)?,
         Command::Train(args) => train(args)?,
         Command::Estimate(args) => estimate(args)?,
         Command::Eval(args) => eval::run(args)?,
