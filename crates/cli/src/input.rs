@@ -1,5 +1,7 @@
 //! INPUT: any recording the tool knows, and what to say about it where the file does not.
 
+use crate::recorded::{self, Head};
+use crate::traffic::Traffic;
 use anyhow::{Context, bail};
 use std::path::PathBuf;
 use taxel_record::{Columns, ReadOptions, Recording, TimeUnit, Void};
@@ -12,7 +14,7 @@ pub(crate) const DEFAULT_LAYOUT: &str = "allegro-uskin-15";
 /// A recording, and what to say about it where the file does not.
 #[derive(Debug, Clone, clap::Args)]
 pub(crate) struct InputArgs {
-    /// The recording: candump .log; .csv, .npy, .npz of T x H x W or T x N magnitudes or T x N x 3 counts; or a
+    /// The recording: candump .log; .mcap as `taxel record` writes it; .csv, .npy, .npz of T x H x W or T x N magnitudes or T x N x 3 counts; or a
     /// scene, sim:SCENE
     #[arg(value_name = "INPUT")]
     pub(crate) path: PathBuf,
@@ -49,7 +51,7 @@ pub(crate) struct InputArgs {
 #[derive(Debug)]
 pub(crate) enum Input {
     /// CAN traffic.
-    Log(PathBuf),
+    Log(Traffic),
     /// Tactile frames.
     Frames(Recording),
     /// What a simulated hand goes through.
@@ -63,13 +65,17 @@ impl InputArgs {
             self.refuse_file_options(&format!("sim:{scene}"))?;
             return Ok(Input::Scene(Box::new(Scene::resolve(&scene)?)));
         }
-        if self
-            .path
-            .extension()
-            .is_some_and(|e| e.eq_ignore_ascii_case("log"))
-        {
-            self.refuse_file_options(&format!("{}, a candump log", self.path.display()))?;
-            return Ok(Input::Log(self.path.clone()));
+        let path = &self.path;
+        if self.is_called("log") {
+            self.refuse_file_options(&format!("{}, a candump log", path.display()))?;
+            return Ok(Input::Log(Traffic::candump(path)));
+        }
+        if self.is_mcap() {
+            self.refuse_file_options(&format!("{}, a recording", path.display()))?;
+            return Ok(match Head::read(path)?.has_can {
+                true => Input::Log(Traffic::mcap(path)),
+                false => Input::Frames(recorded::frames(path)?),
+            });
         }
         let options = ReadOptions {
             array: self.array.clone(),
@@ -81,6 +87,16 @@ impl InputArgs {
             void: self.void.clone(),
         };
         Ok(Input::Frames(Recording::open(&self.path, &options)?))
+    }
+
+    fn is_called(&self, ending: &str) -> bool {
+        let extension = self.path.extension();
+        extension.is_some_and(|e| e.eq_ignore_ascii_case(ending))
+    }
+
+    /// Whether it is a recording of `taxel record`, which knows its own hand and configuration.
+    pub(crate) fn is_mcap(&self) -> bool {
+        self.is_called("mcap")
     }
 
     /// The name of the scene, where one is named.

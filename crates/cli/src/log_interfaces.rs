@@ -1,12 +1,11 @@
-//! Which interface of a candump log is which bus of a hand: by its name, by the boards that it carries, or as the
+//! Which interface of recorded traffic is which bus of a hand: by its name, by the boards that it carries, or as the
 //! command line says.
 
-use anyhow::{Context, bail};
+use crate::traffic::Traffic;
+use anyhow::bail;
 use std::collections::BTreeSet;
-use std::fs::File;
-use std::io::BufReader;
 use std::path::Path;
-use taxel_can::{EXTENDED_FLAG, LogError, LogFrame, LogReader};
+use taxel_can::{EXTENDED_FLAG, LogFrame};
 use taxel_skin::{Decoded, Decoder, Layout, Readings};
 
 /// Frames of an interface that are looked at, or more until one is a board's.
@@ -19,47 +18,6 @@ const NAMED_IDS: usize = 6;
 const BOARD_IDS: usize = 4;
 /// Most buses whose orders are all tried.
 const MOST_BUSES: usize = 8;
-
-/// The interfaces of a candump log, in the order in which they appear.
-pub(crate) fn interfaces(path: &Path) -> anyhow::Result<Vec<String>> {
-    let mut names: Vec<String> = Vec::new();
-    for_each_frame(path, |frame| {
-        if !names.iter().any(|name| **name == *frame.interface) {
-            names.push(frame.interface.to_string());
-        }
-    })?;
-    Ok(names)
-}
-
-fn for_each_frame(path: &Path, mut take: impl FnMut(&LogFrame)) -> anyhow::Result<()> {
-    let file = File::open(path).with_context(|| path.display().to_string())?;
-    let (mut any, mut problem) = (false, None);
-    let mut log = LogReader::new(BufReader::new(file));
-    for line in log.by_ref() {
-        match line {
-            Ok(frame) => {
-                any = true;
-                take(&frame);
-            }
-            Err(error @ LogError::Line { .. }) => problem = problem.or(Some(error)),
-            Err(error) => return Err(error).with_context(|| path.display().to_string()),
-        }
-    }
-    match (any, problem) {
-        (false, Some(problem)) => Err(problem).context(format!("{}: no CAN frame in it", path.display())),
-        (false, None) => bail!("{}: no CAN frame in it", path.display()),
-        _ => {
-            if log.without_time() > 0 {
-                eprintln!(
-                    "taxel: {}: {} frames have no time, and are taken to follow each other on a full bus; `candump -l` keeps times",
-                    path.display(),
-                    log.without_time()
-                );
-            }
-            Ok(())
-        }
-    }
-}
 
 /// One interface of a log.
 struct Heard {
@@ -131,28 +89,31 @@ impl Heard {
 /// What a log is to a hand.
 struct Survey<'a> {
     path: &'a Path,
+    /// Whether the doctor can look at it.
+    scan: bool,
     layout: &'a Layout,
     heard: Vec<Heard>,
 }
 
-/// Which interface of a candump log feeds which bus of the layout: one name per bus.
+/// Which interface of recorded traffic feeds which bus of the layout: one name per bus.
 ///
 /// An interface belongs to the bus of its name; a log of one interface to a hand of one bus. `pairs` (interface, bus)
 /// say otherwise. Where a bus has no interface and an interface with boards of the hand no bus, names were changed on
 /// the way: then the boards decide, or the log is refused. `joints` is an interface of which nothing is said.
 pub(crate) fn interfaces_of_buses(
-    path: &Path,
+    traffic: &Traffic,
     layout: &Layout,
     pairs: &[(String, String)],
     joints: Option<&str>,
 ) -> anyhow::Result<Vec<String>> {
     let mut survey = Survey {
-        path,
+        path: traffic.path(),
+        scan: traffic.is_candump(),
         layout,
         heard: Vec::new(),
     };
     let mut readings = Readings::new();
-    for_each_frame(path, |frame| {
+    traffic.survey(|frame| {
         let known = survey
             .heard
             .iter()
@@ -169,7 +130,7 @@ pub(crate) fn interfaces_of_buses(
         bail!(
             "{}: its interfaces ({}) are none of the buses of layout {} ({}); say which is which with \
              --interface {}={}",
-            path.display(),
+            traffic.path().display(),
             survey.names(),
             layout.name,
             layout.buses.join(", "),
@@ -320,14 +281,23 @@ impl Survey<'_> {
         };
         let ids: Vec<String> = foreign.iter().take(NAMED_IDS).map(id).collect();
         let more = if foreign.len() > NAMED_IDS { ", .." } else { "" };
+        let path = self.path.display();
+        let log = match self.scan {
+            true => path.to_string(),
+            false => self.path.with_extension("log").display().to_string(),
+        };
         bail!(
-            "{path}: none of its {} frames is one of a board of layout {}: {} ids of nobody ({}{more}); `taxel doctor \
-             --scan log:{path}` says which boards these are, and writes their layout",
+            "{path}: none of its {} frames is one of a board of layout {}: {} ids of nobody ({}{more}); {}`taxel doctor \
+             --scan log:{log}` says which boards these are, and writes their layout",
             used().map(|(_, heard)| heard.frames).sum::<u64>(),
             self.layout.name,
             foreign.len(),
             ids.join(", "),
-            path = self.path.display(),
+            if self.scan {
+                String::new()
+            } else {
+                format!("behind `taxel convert {path} {log}`, ")
+            },
         );
     }
 

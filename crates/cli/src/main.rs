@@ -15,6 +15,7 @@ mod allocations;
 mod categorize;
 mod compress;
 mod control;
+mod convert;
 mod demo;
 mod doctor;
 mod eval;
@@ -33,6 +34,8 @@ mod offline;
 mod output_file;
 mod progress;
 mod raw_line;
+mod record;
+mod recorded;
 mod replay;
 mod scene_input;
 mod scene_marks;
@@ -42,6 +45,7 @@ mod status_text;
 mod sweep;
 mod target;
 mod terminal;
+mod traffic;
 mod view;
 mod watch;
 
@@ -69,7 +73,9 @@ Examples:
   taxel view                                     the hand of the daemon on this machine, drawn
   taxel watch                                    one line per image of the daemon on this machine
   taxel sim tap --to can:vcan0 --to can:vcan1    a simulated hand on two virtual buses
+  taxel record grasp.mcap                        everything the daemon on this machine has, until Ctrl-C
   taxel replay grasp.log --to can:vcan0          a recording back onto a bus
+  taxel convert grasp.mcap grasp.npz             a recording in another format
   taxel compress grasp.npz --out images.npz      the daemon's compression, offline
   taxel eval grasp.npz                           what it loses and what it costs, every method
   taxel figures sim:ball-grasp --out figures     its figures, raw beside compressed, as SVG
@@ -86,7 +92,9 @@ enum Command {
     View(Box<view::Args>),
     Watch(watch::Args),
     Layouts(layouts::Args),
+    Record(record::Args),
     Replay(replay::Args),
+    Convert(convert::Args),
     Compress(compress::Args),
     Eval(Box<eval::Args>),
     Figures(Box<figures::Args>),
@@ -115,7 +123,9 @@ fn main() -> ExitCode {
         Command::View(args) => view::run(&args),
         Command::Layouts(args) => layouts::run(&args),
         Command::Watch(args) => watch::run(&args),
+        Command::Record(args) => record::run(&args),
         Command::Replay(args) => replay::run(&args),
+        Command::Convert(args) => convert::run(&args),
         Command::Compress(args) => compress::run(&args),
         Command::Eval(args) => eval::run(&args),
         Command::Figures(args) => figures::run(&args),

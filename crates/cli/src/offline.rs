@@ -2,10 +2,12 @@
 
 use crate::input::{DEFAULT_LAYOUT, Input, InputArgs, pair};
 use crate::joint_angles::emit_with;
-use crate::log_interfaces::{interfaces, interfaces_of_buses};
+use crate::log_interfaces::interfaces_of_buses;
 use crate::progress::Progress;
+use crate::recorded::Head;
 use crate::scene_input;
 use crate::sweep::Sweeps;
+use crate::traffic::{RecordedBuses, Traffic};
 use anyhow::{Context, bail};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -42,7 +44,7 @@ pub(crate) struct OfflineArgs {
     /// configuration's, or else that of the method]
     #[arg(long, value_name = "PRESET", value_parser = preset)]
     pub(crate) conditioning: Option<Preset>,
-    /// Candump only: an interface of the log and the bus of the layout that it is, such as vcan0=can0; the
+    /// CAN traffic only: an interface of the recording and the bus of the layout that it is, such as vcan0=can0; the
     /// bus of an Allegro hand is called joints
     #[arg(long, value_name = "NAME=BUS", value_parser = pair)]
     interface: Vec<(String, String)>,
@@ -70,9 +72,18 @@ impl OfflineArgs {
             .collect()
     }
 
+    /// The configuration named, or that of the recording.
+    fn configured(&self) -> anyhow::Result<Option<Config>> {
+        match &self.config {
+            Some(path) => Ok(Some(Config::load(path)?)),
+            None if self.input.is_mcap() => Head::read(&self.input.path)?.config(&self.input.path),
+            None => Ok(None),
+        }
+    }
+
     /// The configuration named, or the defaults, without the hand of a recording.
     pub(crate) fn configure_for(&self, default_layout: &str) -> anyhow::Result<Config> {
-        let configured = self.config.as_deref().map(Config::load).transpose()?;
+        let configured = self.configured()?;
         let mut config = match (self.input.named_layout()?, configured) {
             (Some(layout), Some(config)) => Config { layout, ..config },
             (None, Some(config)) => config,
@@ -85,7 +96,7 @@ impl OfflineArgs {
 
     /// The configuration named, or the defaults, for this hand.
     pub(crate) fn configure_hand(&self, layout: Layout) -> anyhow::Result<Config> {
-        let configured = self.config.as_deref().map(Config::load).transpose()?;
+        let configured = self.configured()?;
         let mut config = match configured {
             Some(config) => Config { layout, ..config },
             None => Config::new(layout, Vec::new()),
@@ -103,7 +114,7 @@ impl OfflineArgs {
 
     /// The configuration named, or the defaults, for the hand that the recording is of.
     pub(crate) fn configure(&self, input: &Input) -> anyhow::Result<Config> {
-        let configured = self.config.as_deref().map(Config::load).transpose()?;
+        let configured = self.configured()?;
         let named = self.input.named_layout()?;
         let layout = match (named, &configured, input) {
             (Some(_), _, Input::Frames(r)) if self.input.is_grid() && r.image_shape().is_some() => {
@@ -113,6 +124,10 @@ impl OfflineArgs {
             (None, _, Input::Frames(r)) if r.image_shape().is_some() && !r.has_counts() => grid_of(r)?,
             (None, Some(config), _) => config.layout.clone(),
             (None, None, Input::Scene(scene)) => Layout::resolve(scene.layout())?,
+            (None, None, _) if self.input.is_mcap() => match Head::read(&self.input.path)?.layout() {
+                Some(layout) => layout,
+                None => Layout::resolve(DEFAULT_LAYOUT)?,
+            },
             (None, None, _) => Layout::resolve(DEFAULT_LAYOUT)?,
         };
         let mut config = match configured {
@@ -149,7 +164,7 @@ impl OfflineArgs {
         }
         if !matches!(input, Input::Log(_)) && !self.interface.is_empty() {
             bail!(
-                "--interface is for candump logs; {} has no interfaces",
+                "--interface is for CAN traffic; {} has no interfaces",
                 self.input.path.display()
             );
         }
@@ -172,15 +187,21 @@ impl OfflineArgs {
                 })
             }
             Input::Scene(scene) => scene_input::run(scene, config, emit),
-            Input::Log(path) => {
+            Input::Log(traffic) => {
+                let path = traffic.path();
                 let (joints, skin): (Vec<_>, Vec<_>) = self
                     .interface
                     .iter()
                     .cloned()
                     .partition(|(_, bus)| bus == JOINTS_BUS);
-                let joints = interface_of_joints(path, config, &joints)?;
-                let mut interfaces = interfaces_of_buses(path, &config.layout, &skin, joints.as_deref())?;
+                let joints = interface_of_joints(traffic, config, &joints)?;
+                let mut interfaces = interfaces_of_buses(traffic, &config.layout, &skin, joints.as_deref())?;
                 interfaces.extend(joints);
+                if !traffic.is_candump() {
+                    let mut frames = RecordedBuses::open(traffic, &interfaces)?;
+                    pipeline(config, frames.by_ref(), emit)?;
+                    return frames.check();
+                }
                 let open = |name: &String| LogSource::open(path, Some(name), Playback::default());
                 let sources = interfaces.iter().map(open).collect::<Result<Vec<_>, _>>()?;
                 let progress = Progress::counting("CAN frames");
@@ -262,10 +283,11 @@ const JOINTS_BUS: &str = "joints";
 /// The interface of a log that joints were recorded on, where the configuration gives them a bus of
 /// their own.
 fn interface_of_joints(
-    path: &Path,
+    traffic: &Traffic,
     config: &Config,
     pairs: &[(String, String)],
 ) -> anyhow::Result<Option<String>> {
+    let path = traffic.path();
     let source = config.joints.as_ref().map(|joints| joints.source.config());
     let own = config.joints_bus().filter(|bus| !bus.shared);
     let (Some(source), Some(bus)) = (source, own.map(|own| own.address)) else {
@@ -289,7 +311,7 @@ fn interface_of_joints(
         (None, SourceAddress::Log { interface, .. }) => interface.clone(),
         _ => None,
     };
-    let present = interfaces(path)?;
+    let present = traffic.interfaces()?;
     match named.as_ref().filter(|named| present.contains(named)) {
         Some(_) => {}
         None if !pairs.is_empty() => bail!(

@@ -24,6 +24,11 @@ impl Progress {
         )
     }
 
+    /// Of a file of this many bytes.
+    pub(crate) fn bytes(total: u64) -> Self {
+        Self::with(Some(total), "{bar:40} {percent:>3}% of {total_bytes}, {eta} left")
+    }
+
     /// Of something that takes `total_ms` milliseconds, or less.
     pub(crate) fn waiting(total_ms: u64, what: &str) -> Self {
         Self::with(Some(total_ms), &format!("{{bar:40}} {what}, {{eta}} left"))
@@ -43,6 +48,11 @@ impl Progress {
         let bar = ProgressBar::with_draw_target(total, target);
         bar.set_style(ProgressStyle::with_template(template).expect("a template of known fields"));
         Self(bar)
+    }
+
+    /// A reader that counts what is read.
+    pub(crate) fn reading<R: std::io::Read>(&self, reader: R) -> impl std::io::Read + use<R> {
+        self.0.wrap_read(reader)
     }
 
     /// So many more are done.

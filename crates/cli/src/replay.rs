@@ -2,19 +2,16 @@
 
 use crate::input::{DEFAULT_LAYOUT, Input, InputArgs, pair};
 use crate::interrupt::Interrupt;
-use crate::log_interfaces::interfaces;
 use crate::output_file::refuse_overlap;
 use crate::progress::Progress;
 use crate::sweep::Sweeps;
 use crate::target::{TargetAddress, Targets, refuse_shared_ids};
-use anyhow::{Context, anyhow, bail};
+use crate::traffic::Line;
+use anyhow::{anyhow, bail};
 use std::cell::Cell;
-use std::fs::File;
-use std::io::BufReader;
 use std::ops::Range;
 use std::path::Path;
 use std::time::{Duration, Instant};
-use taxel_can::{ClockJumps, LogClock, LogError, LogReader, Received};
 use taxel_skin::Layout;
 
 /// From the last frame of one pass to the first of the next, with --loop.
@@ -22,7 +19,7 @@ const PASS_GAP_NS: u64 = 1_000_000;
 
 /// Put a recording back onto a bus, at the times at which it was recorded.
 ///
-/// A candump log is sent frame by frame; error frames and lines that hold no classic frame are
+/// A candump log, or the raw CAN of an .mcap, is sent frame by frame; error frames and lines that hold no classic frame are
 /// counted and left out. Counts (.npy, .npz, .csv) become what the boards of the hand would have
 /// sent: one sweep of CAN frames per recorded frame, on each of the layout's buses.
 ///
@@ -43,7 +40,7 @@ pub(crate) struct Args {
     /// candump lines on stdout
     #[arg(long, value_name = "SOURCE")]
     to: Option<TargetAddress>,
-    /// Where to for one interface of the log, or one bus of the layout; --to is for the others
+    /// Where to for one interface of the recording, or one bus of the layout; --to is for the others
     #[arg(long, value_name = "NAME=SOURCE", value_parser = pair)]
     interface: Vec<(String, String)>,
     /// How fast: 2 is twice as fast, inf does not wait
@@ -63,14 +60,14 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let window = args.window()?;
     match args.input.open()? {
-        Input::Log(path) => {
-            let names = interfaces(&path)?;
-            let named = args.route(&names, "interface of the log")?;
-            refuse_overlap(&logs(&named), &[&path])?;
+        Input::Log(traffic) => {
+            let names = traffic.interfaces()?;
+            let named = args.route(&names, "interface of the recording")?;
+            refuse_overlap(&logs(&named), &[traffic.path()])?;
             let jumps = Cell::default();
-            Player::new(args, window, &named)?.play(|| log_frames(&path, &names, &jumps))?;
+            Player::new(args, window, &named)?.play(|| traffic.pass(&names, &jumps))?;
             if jumps.get().count() > 0 {
-                eprintln!("taxel: {}: {}", path.display(), jumps.get());
+                eprintln!("taxel: {}: {}", traffic.path().display(), jumps.get());
             }
             Ok(())
         }
@@ -169,45 +166,6 @@ fn logs(named: &[(String, TargetAddress)]) -> Vec<&Path> {
         }
     }
     logs
-}
-
-/// What a recording holds at one place.
-enum Line {
-    /// A frame, the index of its interface or bus, and its time from the beginning.
-    Frame(usize, Received),
-    /// Nothing that can be sent.
-    Other,
-}
-
-/// One pass over a candump log; times start at zero and never fall. Where they were not taken as they stand there is
-/// noted in `jumps`.
-fn log_frames<'a>(
-    path: &'a Path,
-    names: &'a [String],
-    jumps: &'a Cell<ClockJumps>,
-) -> anyhow::Result<impl Iterator<Item = anyhow::Result<Line>> + use<'a>> {
-    let file = File::open(path).with_context(|| path.display().to_string())?;
-    let (mut clock, mut newest_ns) = (LogClock::default(), 0);
-    let mut reader = LogReader::new(BufReader::new(file));
-    let lines = std::iter::from_fn(move || reader.next().map(|line| (reader.line_number(), line)));
-    Ok(lines.map(move |(number, line)| match line {
-        Ok(line) => {
-            newest_ns = clock.since_first_ns(line.t_ns, number).max(newest_ns);
-            jumps.set(clock.jumps());
-            match names.iter().position(|n| **n == *line.interface) {
-                Some(name) if !line.frame.is_error() => Ok(Line::Frame(
-                    name,
-                    Received {
-                        t_ns: newest_ns,
-                        frame: line.frame,
-                    },
-                )),
-                _ => Ok(Line::Other),
-            }
-        }
-        Err(LogError::Line { .. }) => Ok(Line::Other),
-        Err(error) => Err(error).with_context(|| path.display().to_string()),
-    }))
 }
 
 /// Sends a recording, pass after pass.

@@ -8,11 +8,12 @@
 //! [`Labelled`] is frames with the classes they are of; [`NumberArray`] any array, for files that are no recordings.
 //!
 //! [`ImageStack`] collects tactile images and writes them as `.npy`, `.npz` or `.csv`; [`FrameTable`] writes tactile
-//! frames, counts and joint angles, as `.csv`.
+//! frames, counts and joint angles, as `.csv`, [`FrameArrays`] as `.npz`.
 
 mod csv;
 mod csv_columns;
 mod error;
+mod frame_arrays;
 mod frames;
 mod images;
 mod labelled;
@@ -25,6 +26,7 @@ mod recording;
 mod table;
 
 pub use error::RecordError;
+pub use frame_arrays::FrameArrays;
 pub use frames::FrameTable;
 pub use images::ImageStack;
 pub use labelled::Labelled;

@@ -10,6 +10,8 @@ use std::path::Path;
 
 /// The array that gives the time of each frame, nanoseconds.
 const TIMES: &str = "t_ns";
+/// The array that gives the joint angles of each frame, radians.
+const JOINTS: &str = "joints";
 /// Reads the named array of an npz file, or its only one, and the times that belong to it.
 pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordError> {
     let mut npz = Npz::open(path)?;
@@ -22,6 +24,8 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
         .iter()
         .filter(|n| *n != TIMES && Some(*n) != mask)
         .collect();
+    let but_joints: Vec<&String> = frames.iter().copied().filter(|n| *n != JOINTS).collect();
+    let frames = if but_joints.is_empty() { frames } else { but_joints };
     let name = match (options.array.as_deref(), frames.as_slice()) {
         (Some(name), _) if npz.names.iter().any(|n| n == name) => name.to_owned(),
         (Some(name), _) => {
@@ -52,6 +56,14 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
     } else {
         None
     };
+    let joints = if name != JOINTS && npz.has(JOINTS) {
+        let joints = npz.array(JOINTS)?;
+        let belong = matches!(joints.shape(), [frames, _] if Some(frames) == shape.first());
+        let angles = || -> Result<Vec<f64>, RecordError> { joints.numbers() };
+        belong.then(angles).transpose()?
+    } else {
+        None
+    };
     let void = mask
         .map(|mask| npz.mask(mask, &shape[1..], meaning))
         .transpose()?;
@@ -60,7 +72,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
         shape,
         values,
         times_ns,
-        joints: None,
+        joints: joints.map(|angles| angles.into_iter().map(|angle| angle as f32).collect()),
         columns: None,
         void,
     })

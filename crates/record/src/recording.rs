@@ -98,6 +98,47 @@ impl Recording {
         })
     }
 
+    /// A recording of raw counts x, y, z of `taxels` taxels per frame, with a time in nanoseconds and the joint angles of each,
+    /// radians; `joints` is empty where there are none.
+    ///
+    /// # Errors
+    /// Where there is no frame, where lengths do not fit together, or times run backwards.
+    pub fn of_counts(
+        name: String,
+        taxels: usize,
+        counts: Vec<[u16; 3]>,
+        times_ns: Vec<u64>,
+        joints: Vec<f32>,
+    ) -> Result<Self, RecordError> {
+        let len = times_ns.len();
+        if len == 0 || taxels == 0 || counts.len() != len * taxels || !joints.len().is_multiple_of(len) {
+            let reason = format!(
+                "{} counts and {} angles for {len} frames of {taxels} taxels",
+                counts.len(),
+                joints.len()
+            );
+            return Err(RecordError::unreadable(name, reason));
+        }
+        if let Some(i) = times_ns.windows(2).position(|w| w[1] < w[0]) {
+            let reason = format!(
+                "the time of frame {} is before that of the frame before it",
+                i + 1
+            );
+            return Err(RecordError::unreadable(name, reason));
+        }
+        Ok(Self {
+            name,
+            len,
+            taxels,
+            shape: None,
+            cells: None,
+            frames: Frames::Counts(counts),
+            times_ns: Some(times_ns),
+            joints: Some(joints).filter(|joints| !joints.is_empty()),
+            rate_hz: DEFAULT_RATE_HZ,
+        })
+    }
+
     /// The file, and the array where there is one, for messages: `FILE [ARRAY]`.
     pub fn name(&self) -> &str {
         &self.name

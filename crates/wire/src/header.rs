@@ -84,6 +84,16 @@ impl Flags {
     /// The text goes on in the next message, which is of the same type.
     pub const MORE: Self = Self(1 << 15);
 
+    /// The flags of these bits, unknown ones included.
+    pub fn from_bits(bits: u16) -> Self {
+        Self(bits)
+    }
+
+    /// The flags as bits, as they go over the wire.
+    pub fn bits(self) -> u16 {
+        self.0
+    }
+
     /// Whether every bit of `other` is set.
     pub fn contains(self, other: Self) -> bool {
         self.0 & other.0 == other.0

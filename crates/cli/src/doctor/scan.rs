@@ -5,8 +5,8 @@ use super::capacity::plural;
 use super::link;
 use super::report;
 use crate::interrupt::Interrupt;
-use crate::log_interfaces::interfaces;
 use crate::output_file::OutputFile;
+use crate::traffic::Traffic;
 use anyhow::{Context, bail};
 use serde_json::json;
 use std::io::{self, Write};
@@ -109,7 +109,7 @@ fn buses(sources: &[SourceAddress], root: &Path) -> anyhow::Result<Vec<Bus>> {
                 path,
                 interface: None,
             } => {
-                let mut names = interfaces(path)?;
+                let mut names = Traffic::candump(path).interfaces()?;
                 names.sort();
                 for interface in names {
                     found.push(Bus {

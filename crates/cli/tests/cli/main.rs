@@ -7,6 +7,7 @@ mod extension;
 mod figures;
 mod files;
 mod publication;
+mod recordings;
 mod replay;
 mod sim;
 mod view;

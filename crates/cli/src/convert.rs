@@ -1,0 +1,346 @@
+//! `taxel convert`: a recording in another format.
+
+use crate::input::{DEFAULT_LAYOUT, Input};
+use crate::interrupt::Interrupt;
+use crate::offline::OfflineArgs;
+use crate::output_file::{OutputFile, refuse_overlap};
+use crate::progress::Progress;
+use crate::recorded;
+use crate::sweep::Sweeps;
+use anyhow::{Context, bail};
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+use taxel_can::{LogWriter, Received};
+use taxel_hand::{Freshness, TactileFrame};
+use taxel_record::{FrameArrays, FrameTable, Recording};
+use taxel_recorder::{CanBlock, Entry, Preamble, RecordingWriter, Topic};
+use taxel_skin::Layout;
+
+/// Write a recording in another format.
+///
+/// Into .log (candump) and .mcap goes CAN traffic, frame by frame: that of a log or an .mcap, or what the boards of the hand
+/// would have sent for the counts of a .csv, .npy or .npz. Into .npz and .csv go tactile frames, counts, times and joint
+/// angles: those that the daemon made, where an .mcap holds them, or else those that it would make of the traffic.
+///
+/// BLF, ASC and TRC are python-can's: `can_logconvert grasp.log grasp.blf`, and back. Images are made by `taxel compress`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  taxel convert grasp.mcap grasp.log
+  taxel convert grasp.mcap grasp.npz          counts T x N x 3, t_ns, joints
+  taxel convert grasp.mcap grasp.csv          the publication's columns, a reading of the hand a line
+  taxel convert grasp.log grasp.mcap")]
+pub(crate) struct Args {
+    #[command(flatten)]
+    offline: OfflineArgs,
+    /// Where it goes: .log, .mcap, .npz or .csv
+    #[arg(value_name = "OUT")]
+    out: PathBuf,
+}
+
+pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    let out = &args.out;
+    let ending = out
+        .extension()
+        .and_then(|ending| ending.to_str())
+        .unwrap_or_default()
+        .to_ascii_lowercase();
+    if !["log", "mcap", "npz", "csv"].contains(&ending.as_str()) {
+        bail!(
+            "{}: a recording is written as .log, .mcap, .npz or .csv",
+            out.display()
+        );
+    }
+    refuse_overlap(&[out], &args.offline.inputs())?;
+    let input = args.offline.input.open()?;
+    let interrupt = Interrupt::install()?;
+    let check = || match interrupt.is_set() {
+        true => bail!("stopped; {} was not written", out.display()),
+        false => Ok(()),
+    };
+    let mut whole = OutputFile::begin(out)?;
+    let count = match ending.as_str() {
+        "log" | "mcap" => {
+            let mut output = TrafficOutput::create(whole.path(), &ending)?;
+            let mut frames = 0_u64;
+            traffic(args, &input, &mut |name, wall_ns, received| {
+                frames += 1;
+                if frames.is_multiple_of(4096) {
+                    check()?;
+                }
+                output.put(name, wall_ns, received)
+            })?;
+            output.finish()?;
+            format!("{frames} CAN frames")
+        }
+        _ => {
+            let mut output = FrameOutput::create(whole.path(), &ending)?;
+            frames(args, &input, &mut |layout, frame| {
+                check()?;
+                output.put(layout, frame)
+            })?;
+            match output.finish()? {
+                0 => bail!("{}: there is no frame in it", args.offline.input.name()),
+                frames => format!("{frames} frames"),
+            }
+        }
+    };
+    whole.finish()?;
+    eprintln!("{}: {count}", out.display());
+    Ok(())
+}
+
+/// What takes traffic: the name of a frame's bus, its time on the wall clock where that is known, and the frame.
+type TakeTraffic<'a> = dyn FnMut(&str, u64, &Received) -> anyhow::Result<()> + 'a;
+
+fn traffic(args: &Args, input: &Input, take: &mut TakeTraffic<'_>) -> anyhow::Result<()> {
+    match input {
+        Input::Log(traffic) => traffic.copy(take),
+        Input::Scene(scene) => bail!(
+            "sim:{0} is a scene, not a recording; `taxel sim {0} --to log:{1}` writes its traffic",
+            scene.name(),
+            args.out.with_extension("log").display()
+        ),
+        Input::Frames(recording) => {
+            let named = args.offline.input.named_layout()?;
+            let layout = named.map_or_else(|| Layout::resolve(DEFAULT_LAYOUT), Ok)?;
+            let sweeps = Sweeps::new(recording, &layout, args.offline.input.tile)?;
+            tell_joints(recording);
+            for (bus, received) in sweeps.frames() {
+                take(&layout.buses[usize::from(bus)], received.t_ns, &received)?;
+            }
+            Ok(())
+        }
+    }
+}
+
+fn tell_joints(recording: &Recording) {
+    let joints = recording.joints(0).len();
+    if joints > 0 {
+        eprintln!(
+            "taxel: {}: its {joints} joint angles are left out; boards send counts",
+            recording.name()
+        );
+    }
+}
+
+/// What takes tactile frames.
+type TakeFrame<'a> = dyn FnMut(&Layout, &TactileFrame) -> anyhow::Result<()> + 'a;
+
+fn frames(args: &Args, input: &Input, take: &mut TakeFrame<'_>) -> anyhow::Result<()> {
+    let config = args.offline.configure(input)?;
+    let recorded = match input {
+        Input::Log(traffic) if !traffic.is_candump() => recorded::frames(traffic.path()).ok(),
+        _ => None,
+    };
+    match recorded
+        .as_ref()
+        .map(|recording| (recording, recording.taxels() == config.layout.len()))
+    {
+        Some((recording, true)) => copy_frames(recording, &config.layout, take),
+        Some((recording, false)) => bail!(
+            "{} has frames of {} taxels and layout {} has {}; name its hand with --layout",
+            recording.name(),
+            recording.taxels(),
+            config.layout.name,
+            config.layout.len()
+        ),
+        None => match input {
+            Input::Frames(recording)
+                if recording.has_counts() && recording.taxels() == config.layout.len() =>
+            {
+                copy_frames(recording, &config.layout, take)
+            }
+            Input::Frames(recording) if !recording.has_counts() => bail!(
+                "{} holds magnitudes, and no counts; `taxel compress` makes images of it",
+                recording.name()
+            ),
+            _ => args
+                .offline
+                .run(input, &config, &mut |tactile, _, _| match tactile {
+                    Some(tactile) => take(&config.layout, tactile),
+                    None => Ok(()),
+                }),
+        },
+    }
+}
+
+fn copy_frames(recording: &Recording, layout: &Layout, take: &mut TakeFrame<'_>) -> anyhow::Result<()> {
+    let progress = Progress::new(recording.len() as u64, "frames");
+    let mut frame = TactileFrame {
+        freshness: vec![Freshness::Fresh; recording.taxels()],
+        ..TactileFrame::default()
+    };
+    for index in 0..recording.len() {
+        frame.t_ns = recording.t_ns(index);
+        frame.counts.clear();
+        frame
+            .counts
+            .extend_from_slice(recording.counts(index).unwrap_or_default());
+        frame.joints.clear();
+        frame.joints.extend_from_slice(recording.joints(index));
+        take(layout, &frame)?;
+        progress.advance(1);
+    }
+    Ok(())
+}
+
+/// A file of CAN traffic.
+enum TrafficOutput {
+    Candump(LogWriter<BufWriter<File>>, PathBuf),
+    Mcap {
+        writer: Box<RecordingWriter<BufWriter<File>>>,
+        block: CanBlock,
+        names: Vec<String>,
+        wall_ns: u64,
+    },
+}
+
+impl TrafficOutput {
+    fn create(path: &Path, ending: &str) -> anyhow::Result<Self> {
+        let file = File::create(path).with_context(|| path.display().to_string())?;
+        let file = BufWriter::with_capacity(1 << 20, file);
+        if ending == "log" {
+            return Ok(Self::Candump(LogWriter::new(file), path.into()));
+        }
+        let recorder = format!("taxel {} convert", env!("CARGO_PKG_VERSION"));
+        let preamble = Preamble {
+            facts: BTreeMap::from([("recorder".into(), recorder)]),
+            attached: Vec::new(),
+        };
+        Ok(Self::Mcap {
+            writer: Box::new(RecordingWriter::begin(file, &preamble, 0)?),
+            block: CanBlock::default(),
+            names: Vec::new(),
+            wall_ns: 0,
+        })
+    }
+
+    fn put(&mut self, name: &str, wall_ns: u64, received: &Received) -> anyhow::Result<()> {
+        match self {
+            Self::Candump(writer, path) => {
+                let written = writer.write(wall_ns, name, &received.frame);
+                written.with_context(|| path.display().to_string())
+            }
+            Self::Mcap {
+                writer,
+                block,
+                names,
+                wall_ns: begins_ns,
+            } => {
+                let place = match names.iter().position(|known| known == name) {
+                    Some(place) => place,
+                    None => {
+                        names.push(name.into());
+                        names.len() - 1
+                    }
+                };
+                let bus = u8::try_from(place).context("more than 256 buses")?;
+                if block.is_empty() {
+                    *begins_ns = wall_ns;
+                }
+                if !block.push(bus, received) {
+                    put_block(writer, block, names, *begins_ns)?;
+                    *begins_ns = wall_ns;
+                    block.push(bus, received);
+                }
+                Ok(())
+            }
+        }
+    }
+
+    fn finish(self) -> anyhow::Result<()> {
+        match self {
+            Self::Candump(mut writer, path) => writer.flush().with_context(|| path.display().to_string()),
+            Self::Mcap {
+                mut writer,
+                mut block,
+                names,
+                wall_ns,
+            } => {
+                if !block.is_empty() {
+                    put_block(&mut writer, &mut block, &names, wall_ns)?;
+                }
+                Ok((*writer).finish()?.flush()?)
+            }
+        }
+    }
+}
+
+fn put_block(
+    writer: &mut RecordingWriter<BufWriter<File>>,
+    block: &mut CanBlock,
+    names: &[String],
+    wall_ns: u64,
+) -> anyhow::Result<()> {
+    let data = block.take(names, &vec![0; names.len()]);
+    let topic = Topic::Can;
+    Ok(writer.put(&Entry { topic, wall_ns, data })?)
+}
+
+/// A file of tactile frames.
+enum FrameOutput {
+    Table(PathBuf, Option<FrameTable>, u64),
+    Arrays(PathBuf, FrameArrays),
+}
+
+impl FrameOutput {
+    fn create(path: &Path, ending: &str) -> anyhow::Result<Self> {
+        Ok(match ending {
+            "csv" => Self::Table(path.into(), None, 0),
+            _ => Self::Arrays(path.into(), FrameArrays::default()),
+        })
+    }
+
+    fn put(&mut self, layout: &Layout, frame: &TactileFrame) -> anyhow::Result<()> {
+        if frame
+            .freshness
+            .iter()
+            .all(|freshness| *freshness == Freshness::Missing)
+        {
+            return Ok(());
+        }
+        match self {
+            Self::Table(path, table, count) => {
+                if table.is_none() {
+                    let taxels = layout.taxels.iter().zip(&layout.k);
+                    *table = Some(FrameTable::create(
+                        path,
+                        taxels.map(|(taxel, k)| (taxel.module, *k)),
+                    )?);
+                }
+                *count += 1;
+                table
+                    .as_mut()
+                    .map_or(Ok(()), |table| table.push(frame))
+                    .map_err(Into::into)
+            }
+            Self::Arrays(_, arrays) => {
+                arrays.push(
+                    frame.t_ns,
+                    frame.counts.iter().copied(),
+                    frame.joints.iter().copied(),
+                );
+                Ok(())
+            }
+        }
+    }
+
+    /// Writes what is left; returns how many frames there are.
+    fn finish(self) -> anyhow::Result<u64> {
+        Ok(match self {
+            Self::Table(_, Some(table), count) => {
+                table.finish()?;
+                count
+            }
+            Self::Table(_, None, _) => 0,
+            Self::Arrays(_, arrays) if arrays.is_empty() => 0,
+            Self::Arrays(path, arrays) => {
+                arrays.write_npz(&path)?;
+                arrays.len() as u64
+            }
+        })
+    }
+}

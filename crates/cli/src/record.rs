@@ -1,0 +1,338 @@
+//! `taxel record`: everything that a running hand sends and the daemon makes of it, into an MCAP file.
+
+use crate::control;
+use crate::input::DEFAULT_LAYOUT;
+use crate::interrupt::Interrupt;
+use crate::recorded::{CONFIG, LAYOUT};
+use anyhow::{Context, bail};
+use serde_json::json;
+use signal_hook::consts::SIGUSR1;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+use taxel_can::SourceAddress;
+use taxel_recorder::{Around, Attached, CanInput, Finished, Plan, Preamble, Signals, Split};
+use taxel_skin::Layout;
+use taxel_wire::status::Status;
+use taxeld::Config;
+
+/// Seconds of a recording.
+const LONGEST_S: f64 = 1e6;
+
+/// Record a running hand: raw CAN, every tactile frame and image, joints, marks, events, and what was wrong.
+///
+/// The file is MCAP with ROS 2 messages: Foxglove, Lichtblick, rosbags and the mcap tools open it, and so does everything
+/// here that takes a recording. CAN comes over sockets of its own, those of the daemon's buses unless --can names others;
+/// the daemon does not notice. What was recorded up to a second before a crash or a power loss can be read.
+///
+/// With --keep it records all the time and keeps only what is around a trigger: `taxel mark`, or the signal USR1.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  taxel record grasp.mcap
+  taxel record grasp.mcap --config /etc/taxeld/taxeld.toml --seconds 60
+  taxel record day.mcap --split-size 1GB --most-files 24      day-0001.mcap, day-0002.mcap, ..
+  taxel record slip.mcap --keep 30 --after 5                  slip-0001.mcap at the first `taxel mark slipped`
+  taxel record bus.mcap --no-daemon --can can0=can:can0       CAN alone")]
+pub(crate) struct Args {
+    /// The recording, or the name that recordings are named after; none is overwritten
+    #[arg(value_name = "OUT.mcap")]
+    out: PathBuf,
+    /// The daemon's image socket [default: the configuration's, or where the daemon of this user, or of the system, puts it]
+    #[arg(long, value_name = "PATH")]
+    socket: Option<PathBuf>,
+    /// A bus, can:INTERFACE or udp:GROUP:PORT, and what it is called in the recording; repeat it for several [default: those
+    /// of the configuration, or that the daemon reads]
+    #[arg(long, value_name = "[NAME=]SOURCE")]
+    can: Vec<String>,
+    /// No raw CAN
+    #[arg(long, conflicts_with = "can")]
+    no_can: bool,
+    /// CAN alone
+    #[arg(long, conflicts_with_all = ["socket", "no_can", "trigger"], requires = "can")]
+    no_daemon: bool,
+    /// The daemon's configuration: it and its layout go into the recording, which then can be read without them
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// How long to record [default: until Ctrl-C]
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    seconds: Option<Duration>,
+    /// Goes on in another file after so many bytes, such as 500MB or 2GB
+    #[arg(long, value_name = "SIZE", value_parser = size)]
+    split_size: Option<u64>,
+    /// Goes on in another file after so many seconds
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    split_seconds: Option<Duration>,
+    /// Removes the oldest of this recording's files where there are more
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    most_files: Option<u16>,
+    /// Keeps only what is around a trigger: so many seconds before it
+    #[arg(long, value_name = "S", value_parser = seconds, conflicts_with_all = ["split_size", "split_seconds"])]
+    keep: Option<Duration>,
+    /// And so many seconds behind it
+    #[arg(long, value_name = "S", value_parser = seconds, default_value = "5", requires = "keep")]
+    after: Duration,
+    /// What is a trigger; the signal USR1 is one in either case
+    #[arg(long, value_name = "mark|signal", default_value = "mark", requires = "keep")]
+    trigger: Trigger,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Trigger {
+    Mark,
+    Signal,
+}
+
+fn seconds(text: &str) -> Result<Duration, String> {
+    let number = text.strip_suffix('s').unwrap_or(text).trim().parse::<f64>();
+    match number {
+        Ok(seconds) if seconds > 0.0 && seconds <= LONGEST_S => Ok(Duration::from_secs_f64(seconds)),
+        _ => Err(format!(
+            "{text:?} is no number of seconds from 0 to {LONGEST_S}, such as 30 or 0.5"
+        )),
+    }
+}
+
+fn size(text: &str) -> Result<u64, String> {
+    let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+    let unit = match text[digits.len()..].to_ascii_lowercase().as_str() {
+        "" | "b" => 1.0,
+        "k" | "kb" => 1e3,
+        "m" | "mb" => 1e6,
+        "g" | "gb" => 1e9,
+        "kib" => 1024.0,
+        "mib" => 1024.0 * 1024.0,
+        "gib" => 1024.0 * 1024.0 * 1024.0,
+        _ => f64::NAN,
+    };
+    match digits.trim().parse::<f64>().map(|number| number * unit) {
+        Ok(bytes) if (1.0..1e18).contains(&bytes) => Ok(bytes as u64),
+        _ => Err(format!("{text:?} is no size; write it like 500MB or 2GiB")),
+    }
+}
+
+pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    let ending = args.out.extension();
+    if !ending.is_some_and(|ending| ending.eq_ignore_ascii_case("mcap")) {
+        bail!(
+            "{}: a recording is called NAME.mcap; `taxel convert` makes other formats of it",
+            args.out.display()
+        );
+    }
+    let config = args.config.as_deref().map(Config::load).transpose()?;
+    let configured = || config.as_ref().map(|config| config.socket.images.clone());
+    let socket = (!args.no_daemon).then(|| {
+        let named = args.socket.clone().or_else(configured);
+        named.unwrap_or_else(|| taxeld::config::running_socket("images.sock"))
+    });
+    let can = match (&args.can[..], &config, &socket) {
+        _ if args.no_can => Vec::new(),
+        ([], Some(config), _) => buses_of(config),
+        ([], None, Some(socket)) => buses_of_daemon(socket)?,
+        (named, ..) => named
+            .iter()
+            .enumerate()
+            .map(|(place, text)| bus(place, text))
+            .collect::<Result<_, _>>()?,
+    };
+    if !args.no_can && can.is_empty() {
+        eprintln!("taxel: no raw CAN: the daemon reads neither can: nor udp:; --can SOURCE names a bus");
+    }
+    let plan = Plan {
+        out: args.out.clone(),
+        socket,
+        can,
+        split: Split {
+            bytes: args.split_size,
+            after_ns: args.split_seconds.map(|time| time.as_nanos() as u64),
+            most_files: args.most_files.map(usize::from),
+        },
+        around: args.keep.map(|keep| Around {
+            before_ns: keep.as_nanos() as u64,
+            after_ns: args.after.as_nanos() as u64,
+        }),
+        mark_triggers: args.trigger == Trigger::Mark,
+        duration: args.seconds,
+        preamble: preamble(args)?,
+    };
+    let interrupt = Interrupt::install()?;
+    let asked = Arc::new(AtomicBool::new(false));
+    signal_hook::flag::register(SIGUSR1, Arc::clone(&asked))?;
+    let signals = Signals {
+        stop: &|| interrupt.is_set(),
+        trigger: &|| asked.swap(false, Ordering::Relaxed),
+        say: &|text| eprintln!("taxel: {text}"),
+    };
+    let finished = taxel_recorder::record(&plan, &signals)?;
+    report(&plan, &finished);
+    Ok(())
+}
+
+/// `NAME=SOURCE`, or a source that is called as its interface is, or can0, can1, .. by its place.
+fn bus(place: usize, text: &str) -> anyhow::Result<CanInput> {
+    let (name, address) = match text.split_once('=') {
+        Some((name, address)) if !name.contains(':') => (Some(name), address),
+        _ => (None, text),
+    };
+    let address: SourceAddress = address.parse()?;
+    let name = match (&address, name) {
+        (SourceAddress::Log { .. } | SourceAddress::Sim { .. }, _) => {
+            bail!("--can {text}: a recording or a scene is no bus; name can:INTERFACE or udp:GROUP:PORT")
+        }
+        (_, Some(name)) => name.to_owned(),
+        (SourceAddress::Can { interface }, None) => interface.clone(),
+        (SourceAddress::Udp { .. }, None) => format!("can{place}"),
+    };
+    if name.is_empty() || name.chars().any(char::is_whitespace) {
+        bail!("--can {text}: {name:?} is no name of a bus; it has one character or more, and no blanks");
+    }
+    Ok(CanInput { name, address })
+}
+
+fn is_bus(address: &SourceAddress) -> bool {
+    matches!(address, SourceAddress::Can { .. } | SourceAddress::Udp { .. })
+}
+
+fn buses_of(config: &Config) -> Vec<CanInput> {
+    let skin = config
+        .layout
+        .buses
+        .iter()
+        .cloned()
+        .zip(config.sources.iter().cloned());
+    let joints = config
+        .joints_bus()
+        .filter(|bus| !bus.shared)
+        .map(|bus| ("joints".to_owned(), bus.address));
+    let all = skin.chain(joints).filter(|(_, address)| is_bus(address));
+    all.map(|(name, address)| CanInput { name, address }).collect()
+}
+
+/// The buses that a daemon reads, by what it tells of itself.
+fn buses_of_daemon(socket: &Path) -> anyhow::Result<Vec<CanInput>> {
+    let status = socket.with_file_name("status.sock");
+    let reply = control::request(&status, &json!({"cmd": "status"}))
+        .context("to know its buses; --can SOURCE names them, --no-can leaves them out")?;
+    let status: Status = serde_json::from_value(reply["status"].clone()).context("the daemon's status")?;
+    let buses = status.buses.into_iter().filter_map(|bus| {
+        let address = bus.source.parse().ok().filter(is_bus)?;
+        Some(CanInput {
+            name: bus.name,
+            address,
+        })
+    });
+    Ok(buses.collect())
+}
+
+fn preamble(args: &Args) -> anyhow::Result<Preamble> {
+    let mut facts = BTreeMap::from([(
+        "recorder".to_owned(),
+        format!("taxel {}", env!("CARGO_PKG_VERSION")),
+    )]);
+    let mut attached = Vec::new();
+    if let Some(path) = &args.config {
+        let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
+        let table: toml::Table = toml::from_str(&text)?;
+        let name = table
+            .get("layout")
+            .and_then(toml::Value::as_str)
+            .unwrap_or(DEFAULT_LAYOUT);
+        facts.insert("layout".into(), name.into());
+        let beside = path.parent().unwrap_or(Path::new("")).join(name);
+        let mut attach = |name: &str, text: String| {
+            attached.push(Attached {
+                name: name.into(),
+                media_type: "application/toml".into(),
+                data: text.into_bytes(),
+            });
+        };
+        attach(CONFIG, text);
+        if Layout::builtin(name).is_none() && !name.starts_with("grid:") {
+            let layout = std::fs::read_to_string(&beside).or_else(|_| std::fs::read_to_string(name));
+            attach(LAYOUT, layout.with_context(|| beside.display().to_string())?);
+        }
+    }
+    Ok(Preamble { facts, attached })
+}
+
+fn report(plan: &Plan, finished: &Finished) {
+    let Finished {
+        files,
+        can_frames,
+        can_lost,
+        images,
+        skipped,
+        dropped,
+        messages,
+    } = finished;
+    let bytes: u64 = files
+        .iter()
+        .filter_map(|file| std::fs::metadata(file).ok())
+        .map(|file| file.len())
+        .sum();
+    let name = match &files[..] {
+        [] if plan.around.is_some() => return eprintln!("taxel: no trigger came, and nothing was kept"),
+        [only] => only.display().to_string(),
+        files => format!("{} files of {}", files.len(), plan.out.display()),
+    };
+    eprintln!(
+        "{name}: {:.1} MB, {messages} messages; {images} images and {can_frames} CAN frames were read",
+        bytes as f64 / 1e6
+    );
+    for (count, what) in [
+        (
+            *can_lost,
+            "CAN frames were lost in the kernel; a larger net.core.rmem_max holds more",
+        ),
+        (
+            *skipped,
+            "images or frames were passed over by the daemon, since this machine is too busy",
+        ),
+        (*dropped, "messages were dropped, since the disk is too slow"),
+    ] {
+        if count > 0 {
+            eprintln!("taxel: {count} {what}");
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_and_times_are_read_as_people_write_them() {
+        for (text, bytes) in [
+            ("500MB", 500_000_000),
+            ("2 GiB", 2 << 30),
+            ("1.5k", 1500),
+            ("12", 12),
+        ] {
+            assert_eq!(size(text), Ok(bytes), "{text}");
+        }
+        for text in ["", "MB", "-1k", "1 parsec", "nan"] {
+            assert!(size(text).is_err(), "{text}");
+        }
+        assert_eq!(seconds("30s"), Ok(Duration::from_secs(30)));
+        assert_eq!(seconds("0.5"), Ok(Duration::from_millis(500)));
+        for text in ["", "0", "-3", "inf", "nan", "1h"] {
+            assert!(seconds(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_bus_is_called_as_it_is_said_or_as_its_interface_or_by_its_place() {
+        let name = |place, text: &str| bus(place, text).map(|bus| bus.name).map_err(|e| e.to_string());
+        assert_eq!(name(0, "can:vcan3"), Ok("vcan3".into()));
+        assert_eq!(name(1, "udp::43114"), Ok("can1".into()));
+        assert_eq!(
+            name(1, "left=udp:239.74.163.2:43114?interface=lo"),
+            Ok("left".into())
+        );
+        assert_eq!(name(1, "udp:239.74.163.2:43114?interface=lo"), Ok("can1".into()));
+        assert!(name(0, "sim:tap").unwrap_err().contains("no bus"));
+        assert!(name(0, "=can:can0").unwrap_err().contains("no name"));
+    }
+}

@@ -1,0 +1,129 @@
+//! An MCAP recording as an input: whose hand it is, what it was configured as, and its frames where it has no CAN.
+
+use anyhow::{Context, bail};
+use std::path::Path;
+use taxel_record::Recording;
+use taxel_recorder::{Attached, Item, RecordedFrame, RecordingReader, Topic, read_text};
+use taxel_skin::Layout;
+use taxel_wire::Hello;
+use taxeld::Config;
+
+/// The daemon's configuration in a recording.
+pub(crate) const CONFIG: &str = "taxeld.toml";
+/// The hand's layout in a recording, where it is no built-in one.
+pub(crate) const LAYOUT: &str = "layout.toml";
+
+/// How much of a recording is looked at for what it is, nanoseconds.
+const HEAD_NS: u64 = 10_000_000_000;
+
+/// What the first seconds of a recording tell.
+#[derive(Debug, Default)]
+pub(crate) struct Head {
+    config: Option<String>,
+    layout: Option<String>,
+    hello: Option<Hello>,
+    /// Whether there is CAN traffic in it.
+    pub(crate) has_can: bool,
+}
+
+impl Head {
+    /// Looks at the beginning of a recording.
+    pub(crate) fn read(path: &Path) -> anyhow::Result<Self> {
+        let mut head = Self::default();
+        let mut reader = RecordingReader::open(path, &[Topic::Can, Topic::Hello, Topic::Frames])?;
+        let mut began_ns = None;
+        while let Some(item) = reader.next_item()? {
+            match item {
+                Item::Attached(attached) => head.take(attached),
+                Item::Message { topic, wall_ns, data } => {
+                    match topic {
+                        Topic::Can => head.has_can = true,
+                        Topic::Hello => {
+                            head.hello = read_text(data).and_then(|text| Hello::parse(text.as_bytes()).ok())
+                        }
+                        _ => {}
+                    }
+                    let is_known = head.has_can && (head.hello.is_some() || head.config.is_some());
+                    if is_known || wall_ns.saturating_sub(*began_ns.get_or_insert(wall_ns)) > HEAD_NS {
+                        break;
+                    }
+                }
+            }
+        }
+        Ok(head)
+    }
+
+    fn take(&mut self, attached: Attached) {
+        let text = String::from_utf8(attached.data).ok();
+        match attached.name.as_str() {
+            CONFIG => self.config = text,
+            LAYOUT => self.layout = text,
+            _ => {}
+        }
+    }
+
+    /// The configuration that it was recorded with, where it is in there.
+    pub(crate) fn config(&self, path: &Path) -> anyhow::Result<Option<Config>> {
+        let Some(text) = &self.config else {
+            return Ok(None);
+        };
+        let what = || format!("{}: {CONFIG} in it", path.display());
+        let folder = tempfile::tempdir()?;
+        let mut table: toml::Table = toml::from_str(text).with_context(what)?;
+        if let Some(layout) = &self.layout {
+            std::fs::write(folder.path().join(LAYOUT), layout)?;
+            table.insert("layout".into(), LAYOUT.into());
+        }
+        let text = toml::to_string(&table).with_context(what)?;
+        Config::parse(&text, &folder.path().join(CONFIG))
+            .map(Some)
+            .with_context(what)
+    }
+
+    /// The hand that it was recorded on, where it names one that is built in.
+    pub(crate) fn layout(&self) -> Option<Layout> {
+        Layout::builtin(&self.hello.as_ref()?.layout)
+    }
+}
+
+/// The tactile frames that the daemon made, counts and joint angles.
+pub(crate) fn frames(path: &Path) -> anyhow::Result<Recording> {
+    let name = path.display().to_string();
+    let mut reader = RecordingReader::open(path, &[Topic::Frames])?;
+    let (mut counts, mut times_ns, mut joints) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut size, mut restarted) = (None, false);
+    while let Some(item) = reader.next_item()? {
+        let Item::Message { data, .. } = item else {
+            continue;
+        };
+        let Some(frame) = RecordedFrame::read(data).filter(RecordedFrame::has_values) else {
+            continue;
+        };
+        let present = (frame.counts().len(), frame.joints().len());
+        // Where the daemon was started anew, or its hand changed, another recording begins.
+        restarted |=
+            *size.get_or_insert(present) != present || times_ns.last().is_some_and(|last| *last > frame.t_ns);
+        if restarted {
+            break;
+        }
+        counts.extend(frame.counts());
+        joints.extend(frame.joints());
+        times_ns.push(frame.t_ns);
+    }
+    if let Some(why) = reader.torn() {
+        eprintln!("taxel: {name}: torn off ({why}); read to its last whole chunk");
+    }
+    if restarted {
+        eprintln!(
+            "taxel: {name}: the daemon began anew after {} frames; read up to there",
+            times_ns.len()
+        );
+    }
+    let Some((taxels, _)) = size else {
+        bail!("{name}: neither CAN traffic nor tactile frames in it");
+    };
+    if let Some(first_ns) = times_ns.first().copied() {
+        times_ns.iter_mut().for_each(|t_ns| *t_ns -= first_ns);
+    }
+    Ok(Recording::of_counts(name, taxels, counts, times_ns, joints)?)
+}

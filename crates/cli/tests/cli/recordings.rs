@@ -1,0 +1,193 @@
+//! `taxel convert`, and MCAP recordings as inputs: the same frames and the same images whatever the file.
+
+use crate::{fails, succeeds};
+use ndarray::{Array1, Array3};
+use ndarray_npy::NpzReader;
+use std::fs::File;
+use tempfile::TempDir;
+
+const SCENE: [&str; 6] = ["sim", "ball-grasp", "--to", "log:grasp.log", "--seconds", "4"];
+
+fn read(dir: &TempDir, file: &str) -> Vec<u8> {
+    std::fs::read(dir.path().join(file)).unwrap()
+}
+
+#[test]
+fn traffic_comes_back_from_mcap_to_the_byte() {
+    let dir = TempDir::new().unwrap();
+    succeeds(&dir, &SCENE);
+    // Frames of every kind, one before its time, and a name that no layout has.
+    let odd = "(0000000004.000100) vcan9 1FFFFFFF#0102030405060708\n\
+               (0000000004.000050) can0 123#R4\n\
+               (0000000004.000200) can1 20000040#0000000000000000\n\
+               (0000000004.000300) can1 7FF#\n";
+    let path = dir.path().join("grasp.log");
+    let log = [std::fs::read(&path).unwrap(), odd.into()].concat();
+    std::fs::write(&path, &log).unwrap();
+    let (_, err) = succeeds(&dir, &["convert", "grasp.log", "grasp.mcap"]);
+    assert!(
+        err.starts_with("grasp.mcap: ") && err.contains("CAN frames"),
+        "{err}"
+    );
+    assert!(read(&dir, "grasp.mcap").len() * 2 < log.len());
+    succeeds(&dir, &["convert", "grasp.mcap", "again.log"]);
+    assert!(read(&dir, "again.log") == log, "not the same traffic");
+}
+
+#[test]
+fn an_mcap_gives_the_images_of_the_log_bit_for_bit() {
+    let dir = TempDir::new().unwrap();
+    succeeds(&dir, &SCENE);
+    succeeds(&dir, &["convert", "grasp.log", "grasp.mcap"]);
+    for input in ["grasp.log", "grasp.mcap"] {
+        let (_, err) = succeeds(&dir, &["compress", input, "--out", &format!("{input}.bin")]);
+        assert!(err.contains("with contact"), "{err}");
+        succeeds(
+            &dir,
+            &[
+                "replay",
+                input,
+                "--to",
+                &format!("log:{input}.replayed.log"),
+                "--start",
+                "1",
+                "--end",
+                "3",
+            ],
+        );
+        let (out, _) = succeeds(
+            &dir,
+            &["eval", input, "--restarts", "1", "--passes", "1", "--json"],
+        );
+        std::fs::write(dir.path().join(format!("{input}.json")), out).unwrap();
+    }
+    for of in ["bin", "replayed.log"] {
+        let [log, mcap] = ["log", "mcap"].map(|input| read(&dir, &format!("grasp.{input}.{of}")));
+        assert!(!log.is_empty() && log == mcap, "not the same {of}");
+    }
+    // Times are measured anew; what they were measured on is the same.
+    let [log, mcap] = ["log", "mcap"].map(|input| {
+        let told: serde_json::Value =
+            serde_json::from_slice(&read(&dir, &format!("grasp.{input}.json"))).unwrap();
+        (
+            told["frames"].clone(),
+            told["contact_frames"].clone(),
+            told["methods"][0]["force_sse_ratio_mean"].clone(),
+        )
+    });
+    assert!(log.0.as_u64().unwrap() > 0 && log == mcap, "{log:?} {mcap:?}");
+}
+
+#[test]
+fn buses_whose_frames_are_not_in_order_play_as_the_log_does() {
+    let dir = TempDir::new().unwrap();
+    succeeds(&dir, &SCENE);
+    // Bus after bus within each tenth of a second, as a recorder would write that reads them one after the other.
+    let log = String::from_utf8(read(&dir, "grasp.log")).unwrap();
+    let key = |line: &str| {
+        let (time, rest) = line.split_once(' ').unwrap();
+        let seconds: f64 = time.trim_matches(['(', ')']).parse().unwrap();
+        ((seconds * 10.0) as u64, rest.starts_with("can0"))
+    };
+    let mut lines: Vec<&str> = log.lines().collect();
+    lines.sort_by_key(|line| key(line));
+    std::fs::write(dir.path().join("shuffled.log"), lines.join("\n")).unwrap();
+    succeeds(&dir, &["convert", "shuffled.log", "shuffled.mcap"]);
+    for input in ["shuffled.log", "shuffled.mcap"] {
+        succeeds(&dir, &["compress", input, "--out", &format!("{input}.bin")]);
+    }
+    assert!(
+        read(&dir, "shuffled.log.bin") == read(&dir, "shuffled.mcap.bin"),
+        "not the same images"
+    );
+}
+
+#[test]
+fn counts_come_out_as_npz_and_csv_and_are_read_again() {
+    let dir = TempDir::new().unwrap();
+    succeeds(&dir, &SCENE);
+    succeeds(&dir, &["convert", "grasp.log", "grasp.mcap"]);
+    succeeds(&dir, &["convert", "grasp.mcap", "grasp.npz"]);
+    succeeds(&dir, &["convert", "grasp.log", "grasp.csv"]);
+    let mut npz = NpzReader::new(File::open(dir.path().join("grasp.npz")).unwrap()).unwrap();
+    let counts: Array3<u16> = npz.by_name("counts").unwrap();
+    let times: Array1<u64> = npz.by_name("t_ns").unwrap();
+    let csv = String::from_utf8(read(&dir, "grasp.csv")).unwrap();
+    let frames = csv.lines().count() - 1;
+    assert_eq!((counts.dim(), times.len()), ((frames, 240, 3), frames));
+    let first: Vec<&str> = csv.lines().nth(1).unwrap().split(',').collect();
+    assert_eq!(first[0], times[0].to_string());
+    assert_eq!(first[1], counts[[0, 0, 0]].to_string());
+    for input in ["grasp.npz", "grasp.csv"] {
+        succeeds(&dir, &["compress", input, "--out", &format!("{input}.npy")]);
+        succeeds(&dir, &["convert", input, &format!("{input}.mcap")]);
+    }
+    assert!(
+        read(&dir, "grasp.npz.npy") == read(&dir, "grasp.csv.npy"),
+        "not the same images"
+    );
+    succeeds(&dir, &["convert", "grasp.npz.mcap", "from_npz.log"]);
+    succeeds(&dir, &["replay", "grasp.npz", "--to", "log:replayed.log"]);
+    assert!(
+        read(&dir, "from_npz.log") == read(&dir, "replayed.log"),
+        "not the same traffic"
+    );
+}
+
+#[test]
+fn a_recording_that_was_torn_off_is_read_to_its_last_whole_chunk() {
+    let dir = TempDir::new().unwrap();
+    succeeds(&dir, &SCENE);
+    succeeds(&dir, &["convert", "grasp.log", "grasp.mcap"]);
+    let whole = read(&dir, "grasp.mcap");
+    std::fs::write(dir.path().join("torn.mcap"), &whole[..whole.len() * 3 / 4]).unwrap();
+    let (_, err) = succeeds(&dir, &["convert", "torn.mcap", "torn.log"]);
+    assert!(err.contains("torn.mcap: torn off"), "{err}");
+    let (torn, log) = (read(&dir, "torn.log"), read(&dir, "grasp.log"));
+    assert!(!torn.is_empty() && torn.len() < log.len() && log.starts_with(&torn));
+    let (_, err) = succeeds(&dir, &["compress", "torn.mcap", "--out", "torn.npy"]);
+    assert!(
+        err.contains("torn.mcap: torn off") && err.contains("images of 16x16"),
+        "{err}"
+    );
+}
+
+#[test]
+fn what_cannot_be_converted_or_recorded_is_refused_with_what_to_do() {
+    let dir = TempDir::new().unwrap();
+    std::fs::write(dir.path().join("no.mcap"), "(1.0) can0 001#\n").unwrap();
+    std::fs::write(dir.path().join("a.log"), "(1.0) can0 001#\n").unwrap();
+    std::fs::write(dir.path().join("there.mcap"), "").unwrap();
+    for (args, wanted) in [
+        (
+            &["convert", "a.log", "a.blf"][..],
+            "a.blf: a recording is written as .log, .mcap, .npz or .csv",
+        ),
+        (&["convert", "no.mcap", "b.log"], "no.mcap: no MCAP file"),
+        (&["convert", "a.log", "a.log"], "overwrite the input"),
+        (
+            &["convert", "sim:tap", "tap.mcap"],
+            "`taxel sim tap --to log:tap.log`",
+        ),
+        (&["convert", "a.log", "a.npz"], "a.log: there is no frame in it"),
+        (
+            &["record", "a.log", "--no-can"],
+            "a recording is called NAME.mcap",
+        ),
+        (
+            &["record", "a.mcap", "--no-daemon", "--can", "log:a.log"],
+            "is no bus",
+        ),
+        (
+            &["record", "a.mcap", "--socket", "none.sock"],
+            "--can SOURCE names them, --no-can leaves them out",
+        ),
+        (
+            &["record", "there.mcap", "--socket", "none.sock", "--no-can"],
+            "a recording is not overwritten",
+        ),
+    ] {
+        let err = fails(&dir, args, 1);
+        assert!(err.contains(wanted), "taxel {args:?}: {err}");
+    }
+}

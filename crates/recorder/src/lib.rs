@@ -1,0 +1,33 @@
+//! MCAP recordings of a running hand: what is in them, how they are written beside the daemon, and how they are read.
+//!
+//! A recording holds raw CAN from sockets of its own, every tactile frame and image that the daemon made, joints, marks
+//! and events, what was wrong, and the configuration. All messages are ROS 2's encoding (CDR) with their definitions in
+//! the file, so that stock tools read them; `docs/recordings.md` has the list.
+//!
+//! - [`RecordingWriter`], [`RecordingReader`]: a file, one way and the other.
+//! - [`Store`]: what comes, into files that are split, or only around a trigger.
+//! - [`record`]: the threads that read a hand and write it.
+
+mod can_block;
+mod can_reader;
+mod cdr;
+mod live;
+mod reader;
+mod schema;
+mod standard;
+mod store;
+mod tactile;
+mod writer;
+
+pub use can_block::{CanBlock, CanFrames};
+pub use can_reader::CanReader;
+pub use live::{CanInput, Finished, LiveError, Plan, Signals, record};
+pub use reader::{Item, ReadError, RecordingReader};
+pub use schema::Topic;
+pub use standard::{
+    clock_message, diagnostics_message, event_message, event_name, joints_message, picture_message,
+    read_event, read_text, text_message,
+};
+pub use store::{Around, Split, Store, StoreError};
+pub use tactile::{RecordedFrame, frame_message, image_message, read_image};
+pub use writer::{Attached, Entry, Preamble, RecordingWriter};

@@ -1,0 +1,134 @@
+//! The thread that reads the daemon.
+
+use super::{LOOK, Message, Shared};
+use crate::schema::Topic;
+use crate::standard::{
+    diagnostics_message, event_message, event_name, joints_message, picture_message, text_message,
+};
+use crate::tactile::{frame_message, image_message};
+use std::path::Path;
+use std::sync::atomic::Ordering;
+use std::sync::mpsc::SyncSender;
+use std::thread;
+use std::time::{Duration, Instant};
+use taxel_can::monotonic_ns;
+use taxel_wire::status::Status;
+use taxel_wire::{Clock, EventKind, Received, Subscribe, Subscriber};
+
+/// Between two attempts to reach the daemon.
+const AGAIN: Duration = Duration::from_millis(500);
+
+/// Reads the daemon, and the one that comes after it, until it is over.
+pub(super) fn read_daemon(
+    socket: &Path,
+    mark_triggers: bool,
+    queue: &SyncSender<Message>,
+    shared: &Shared<'_>,
+) {
+    let mut told = false;
+    while !shared.is_over() {
+        match Subscriber::connect(socket) {
+            Ok(subscriber) => {
+                told = false;
+                let ended = read_subscription(subscriber, mark_triggers, queue, shared);
+                if let Err(error) = ended {
+                    tell(&error.to_string(), queue, shared);
+                }
+            }
+            Err(error) if !told => {
+                told = true;
+                tell(&format!("{error}; waiting for it"), queue, shared);
+            }
+            Err(_) => {}
+        }
+        let again = Instant::now() + AGAIN;
+        while !shared.is_over() && Instant::now() < again {
+            thread::sleep(LOOK);
+        }
+    }
+}
+
+/// Says something about the recording, there and to people.
+fn tell(text: &str, queue: &SyncSender<Message>, shared: &Shared<'_>) {
+    (shared.signals.say)(text);
+    let wall_ns = shared.wall.at(monotonic_ns());
+    shared.entry(
+        queue,
+        Topic::Events,
+        wall_ns,
+        event_message("recorder", text, wall_ns),
+    );
+}
+
+fn read_subscription(
+    mut subscriber: Subscriber,
+    mark_triggers: bool,
+    queue: &SyncSender<Message>,
+    shared: &Shared<'_>,
+) -> Result<(), taxel_wire::ReadError> {
+    subscriber.subscribe(&Subscribe {
+        raw: true,
+        status: true,
+        every: true,
+        ..Subscribe::default()
+    })?;
+    let (mut joints, mut is_monotonic) = (Vec::new(), false);
+    while !shared.is_over() {
+        let Some(received) = subscriber.next_timeout(LOOK)? else {
+            continue;
+        };
+        let now_ns = shared.wall.at(monotonic_ns());
+        let wall = |t_ns| {
+            if is_monotonic {
+                shared.wall.at(t_ns)
+            } else {
+                now_ns
+            }
+        };
+        let put = |topic, wall_ns, data| shared.entry(queue, topic, wall_ns, data);
+        match received {
+            Received::Hello(hello) => {
+                is_monotonic = hello.clock == Clock::Monotonic;
+                joints.clone_from(&hello.joints);
+                let text = String::from_utf8_lossy(&hello.to_json()).into_owned();
+                put(Topic::Hello, now_ns, text_message(&text));
+            }
+            Received::Raw(header, raw) => {
+                let wall_ns = wall(header.t_ns);
+                shared.skipped.fetch_add(header.skipped.into(), Ordering::Relaxed);
+                put(Topic::Frames, wall_ns, frame_message(&header, &raw));
+                if raw.joints().len() == joints.len() && !joints.is_empty() {
+                    put(Topic::Joints, wall_ns, joints_message(&joints, &raw, wall_ns));
+                }
+            }
+            Received::Image(header, image) => {
+                let wall_ns = wall(header.t_ns);
+                shared.images.fetch_add(1, Ordering::Relaxed);
+                shared.skipped.fetch_add(header.skipped.into(), Ordering::Relaxed);
+                put(Topic::Images, wall_ns, image_message(&header, &image));
+                put(Topic::Picture, wall_ns, picture_message(&image, wall_ns));
+            }
+            Received::Status(_, status) => {
+                put(Topic::Status, now_ns, text_message(&status.to_string()));
+                if let Ok(status) = serde_json::from_value::<Status>(status) {
+                    put(Topic::Diagnostics, now_ns, diagnostics_message(&status, now_ns));
+                }
+            }
+            Received::Event(header, event) => {
+                let wall_ns = if event.event == EventKind::Mark {
+                    wall(header.t_ns)
+                } else {
+                    now_ns
+                };
+                let text = event_message(event_name(event.event), &event.message, wall_ns);
+                put(Topic::Events, wall_ns, text);
+                if mark_triggers && event.event == EventKind::Mark {
+                    let why = format!("mark {:?}", event.message);
+                    shared.hand_over(queue, Message::Trigger { wall_ns, why });
+                }
+            }
+            Received::Touch(..) | Received::Estimate(..) | Received::Other(_) => {}
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,352 @@
+//! The threads that read a hand and write it: one per kind of source, one that writes, one that waits for the disk.
+//!
+//! None of them holds up the daemon: the buses are read from sockets of their own, and a reader that is slow is passed over.
+//! Nor does the disk hold up the readers: what they read waits in a queue of fixed size, and what finds no room there is
+//! counted.
+
+mod can;
+mod daemon;
+
+use self::can::read_can;
+use self::daemon::read_daemon;
+use crate::schema::Topic;
+use crate::standard::{clock_message, event_message};
+use crate::store::{Around, Split, Store, StoreError};
+use crate::writer::{Entry, Preamble};
+use std::fs::File;
+use std::io;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
+use std::thread;
+use std::time::{Duration, Instant, SystemTime};
+use taxel_can::{OpenError, SourceAddress, SourceOptions, monotonic_ns};
+
+/// Between two cuts. With the time that a disk takes, a crash costs less than a second.
+const CUT: Duration = Duration::from_millis(500);
+/// Between two notes of both clocks.
+const CLOCK: Duration = Duration::from_secs(1);
+/// Messages that wait for a disk: some eight seconds of a hand at 100 Hz.
+const QUEUE: usize = 4096;
+/// How often to look whether it is over.
+const LOOK: Duration = Duration::from_millis(100);
+
+/// A bus to be recorded.
+#[derive(Debug, Clone)]
+pub struct CanInput {
+    /// Its name in the recording.
+    pub name: String,
+    /// Where its frames come from.
+    pub address: SourceAddress,
+}
+
+/// What is to be recorded, and where.
+#[derive(Debug, Clone)]
+pub struct Plan {
+    /// The file, or the name that files are named after.
+    pub out: PathBuf,
+    /// The daemon's image socket; none records CAN alone.
+    pub socket: Option<PathBuf>,
+    /// The buses.
+    pub can: Vec<CanInput>,
+    /// When it goes on in another file.
+    pub split: Split,
+    /// What is kept around triggers; none keeps everything.
+    pub around: Option<Around>,
+    /// Whether a mark is a trigger.
+    pub mark_triggers: bool,
+    /// How long it takes; none until it is stopped.
+    pub duration: Option<Duration>,
+    /// What stands at the beginning of every file.
+    pub preamble: Preamble,
+}
+
+/// What comes from outside while it records. Each is asked ten times a second.
+pub struct Signals<'a> {
+    /// Whether to stop.
+    pub stop: &'a (dyn Fn() -> bool + Sync),
+    /// Whether something happened that is to be kept, since it was last asked.
+    pub trigger: &'a (dyn Fn() -> bool + Sync),
+    /// Tells people something.
+    pub say: &'a (dyn Fn(&str) + Sync),
+}
+
+/// What became of a recording.
+#[derive(Debug, Default, Clone)]
+pub struct Finished {
+    /// The files, without those that were removed to make room.
+    pub files: Vec<PathBuf>,
+    /// CAN frames recorded.
+    pub can_frames: u64,
+    /// CAN frames that the kernel dropped.
+    pub can_lost: u64,
+    /// Images recorded.
+    pub images: u64,
+    /// Images and tactile frames that the daemon passed over.
+    pub skipped: u64,
+    /// Messages dropped because the disk was too slow.
+    pub dropped: u64,
+    /// Messages written.
+    pub messages: u64,
+}
+
+/// Why there is no recording, or only a part of one.
+#[derive(Debug, thiserror::Error)]
+pub enum LiveError {
+    /// A bus cannot be opened.
+    #[error("{name}: {source}")]
+    Bus {
+        /// Its name.
+        name: String,
+        /// Why.
+        source: OpenError,
+    },
+    /// The files cannot be written.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The disk did not take what was written.
+    #[error("{path}: the disk did not take what was written: {source}")]
+    Sync {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// No thread can be had.
+    #[error("cannot start a thread: {0}")]
+    Thread(io::Error),
+}
+
+/// What the readers hand to the writer.
+enum Message {
+    Entry(Entry),
+    Trigger { wall_ns: u64, why: String },
+}
+
+/// From `CLOCK_MONOTONIC` to the wall clock, by what both showed when the recording began: time in it never jumps.
+#[derive(Debug, Clone, Copy)]
+struct Wall {
+    minus_monotonic_ns: u64,
+}
+
+impl Wall {
+    fn now() -> Self {
+        Self {
+            minus_monotonic_ns: realtime_ns().saturating_sub(monotonic_ns()),
+        }
+    }
+
+    fn at(self, t_ns: u64) -> u64 {
+        self.minus_monotonic_ns.saturating_add(t_ns)
+    }
+}
+
+fn realtime_ns() -> u64 {
+    let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
+    since.map_or(0, |since| since.as_nanos() as u64)
+}
+
+/// What the threads share.
+struct Shared<'a> {
+    signals: &'a Signals<'a>,
+    wall: Wall,
+    ended: AtomicBool,
+    can_frames: AtomicU64,
+    can_lost: AtomicU64,
+    images: AtomicU64,
+    skipped: AtomicU64,
+    dropped: AtomicU64,
+}
+
+impl Shared<'_> {
+    fn is_over(&self) -> bool {
+        self.ended.load(Ordering::Relaxed)
+    }
+
+    fn hand_over(&self, queue: &SyncSender<Message>, message: Message) {
+        match queue.try_send(message) {
+            Ok(()) | Err(TrySendError::Disconnected(_)) => {}
+            Err(TrySendError::Full(_)) => {
+                self.dropped.fetch_add(1, Ordering::Relaxed);
+            }
+        }
+    }
+
+    fn entry(&self, queue: &SyncSender<Message>, topic: Topic, wall_ns: u64, data: Vec<u8>) {
+        self.hand_over(queue, Message::Entry(Entry { topic, wall_ns, data }));
+    }
+}
+
+/// Records until it is stopped, its time is over, or it cannot go on. What was recorded until then is in the files in
+/// every case.
+///
+/// # Errors
+/// Where a bus cannot be opened or the first file not be made, nothing was recorded; any other is why it stopped.
+pub fn record(plan: &Plan, signals: &Signals<'_>) -> Result<Finished, LiveError> {
+    let mut sources = Vec::new();
+    for input in &plan.can {
+        let opened = taxel_can::open(&input.address, &SourceOptions::default());
+        sources.push(opened.map_err(|source| LiveError::Bus {
+            name: input.name.clone(),
+            source,
+        })?);
+    }
+    let shared = Shared {
+        signals,
+        wall: Wall::now(),
+        ended: AtomicBool::new(false),
+        can_frames: AtomicU64::new(0),
+        can_lost: AtomicU64::new(0),
+        images: AtomicU64::new(0),
+        skipped: AtomicU64::new(0),
+        dropped: AtomicU64::new(0),
+    };
+    let mut store = Store::new(&plan.out, plan.preamble.clone(), plan.split.clone(), plan.around);
+    store.begin(shared.wall.at(monotonic_ns()))?;
+    let (queue, messages) = sync_channel(QUEUE);
+    // One file on its way to the disk, one behind it; more would only be synced for nothing.
+    let (to_sync, syncing) = sync_channel::<Arc<File>>(1);
+    let (sync_failed, sync_failure) = sync_channel::<io::Error>(1);
+    let outcome = thread::scope(|scope| {
+        let (shared, store) = (&shared, &mut store);
+        let spawn = |name: &str| thread::Builder::new().name(name.into());
+        let run = || -> Result<(), LiveError> {
+            if !sources.is_empty() {
+                let names: Vec<String> = plan.can.iter().map(|input| input.name.clone()).collect();
+                let queue = queue.clone();
+                let read = move || read_can(sources, &names, &queue, shared);
+                spawn("can")
+                    .spawn_scoped(scope, read)
+                    .map_err(LiveError::Thread)?;
+            }
+            if let Some(socket) = &plan.socket {
+                let queue = queue.clone();
+                let read = move || read_daemon(socket, plan.mark_triggers, &queue, shared);
+                spawn("daemon")
+                    .spawn_scoped(scope, read)
+                    .map_err(LiveError::Thread)?;
+            }
+            let sync = move || {
+                while let Ok(file) = syncing.recv() {
+                    if let Err(error) = file.sync_data() {
+                        let _ = sync_failed.try_send(error);
+                    }
+                }
+            };
+            spawn("disk")
+                .spawn_scoped(scope, sync)
+                .map_err(LiveError::Thread)?;
+            drop(queue);
+            let written = write(plan, store, &messages, &to_sync, &sync_failure, shared);
+            shared.ended.store(true, Ordering::Relaxed);
+            written?;
+            // What the readers had in hand when they were told.
+            for message in &messages {
+                if let Message::Entry(entry) = message {
+                    store.take(entry)?;
+                }
+            }
+            Ok(())
+        };
+        let outcome = run();
+        shared.ended.store(true, Ordering::Relaxed);
+        drop((to_sync, messages));
+        outcome
+    });
+    let closed = store.close();
+    outcome?;
+    if let Some(file) = closed? {
+        file.sync_all().map_err(|source| LiveError::Sync {
+            path: plan.out.clone(),
+            source,
+        })?;
+    }
+    let count = |count: &AtomicU64| count.load(Ordering::Relaxed);
+    Ok(Finished {
+        files: store.files().map(PathBuf::from).collect(),
+        can_frames: count(&shared.can_frames),
+        can_lost: count(&shared.can_lost),
+        images: count(&shared.images),
+        skipped: count(&shared.skipped),
+        dropped: count(&shared.dropped),
+        messages: store.messages(),
+    })
+}
+
+/// Writes what the readers hand over.
+fn write(
+    plan: &Plan,
+    store: &mut Store,
+    messages: &Receiver<Message>,
+    to_sync: &SyncSender<Arc<File>>,
+    sync_failure: &Receiver<io::Error>,
+    shared: &Shared<'_>,
+) -> Result<(), LiveError> {
+    let began = Instant::now();
+    let (mut cut, mut noted, mut looked) = (began, None::<Instant>, began);
+    let mut told_dropped = 0;
+    loop {
+        match messages.recv_timeout(LOOK) {
+            Ok(Message::Entry(entry)) => store.take(entry)?,
+            Ok(Message::Trigger { wall_ns, why }) => trigger(store, wall_ns, &why, shared)?,
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => thread::sleep(LOOK),
+        }
+        let now = Instant::now();
+        let wall_ns = shared.wall.at(monotonic_ns());
+        if now - looked >= LOOK {
+            looked = now;
+            if (shared.signals.trigger)() {
+                trigger(store, wall_ns, "asked by signal", shared)?;
+            }
+            if (shared.signals.stop)() || plan.duration.is_some_and(|duration| now - began >= duration) {
+                return Ok(());
+            }
+            if let Ok(source) = sync_failure.try_recv() {
+                let path = store.files().last().unwrap_or(&plan.out).into();
+                return Err(LiveError::Sync { path, source });
+            }
+        }
+        if noted.is_none_or(|noted| now - noted >= CLOCK) {
+            noted = Some(now);
+            let data = clock_message(monotonic_ns(), realtime_ns());
+            store.take(Entry {
+                topic: Topic::Clock,
+                wall_ns,
+                data,
+            })?;
+            let dropped = shared.dropped.load(Ordering::Relaxed);
+            if dropped > told_dropped {
+                let text = format!(
+                    "{} messages were dropped: the disk is too slow",
+                    dropped - told_dropped
+                );
+                (shared.signals.say)(&text);
+                told_dropped = dropped;
+                let data = event_message("recorder", &text, wall_ns);
+                store.take(Entry {
+                    topic: Topic::Events,
+                    wall_ns,
+                    data,
+                })?;
+            }
+        }
+        if now - cut >= CUT {
+            cut = now;
+            if let Some(file) = store.cut(wall_ns)? {
+                // Where the disk is busy with the one before, the next takes this along.
+                let _ = to_sync.try_send(file);
+            }
+        }
+    }
+}
+
+fn trigger(store: &mut Store, wall_ns: u64, why: &str, shared: &Shared<'_>) -> Result<(), LiveError> {
+    if store.trigger(wall_ns)?
+        && let Some(file) = store.files().last()
+    {
+        (shared.signals.say)(&format!("{}: {why}", file.display()));
+    }
+    Ok(())
+}

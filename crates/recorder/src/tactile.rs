@@ -1,0 +1,172 @@
+//! Tactile frames and images.
+
+use crate::cdr::{CdrReader, CdrWriter, Cells};
+use crate::standard::freshness_number;
+use taxel_hand::{Actuator, TactileImage};
+use taxel_wire::{Flags, Header, ImageView, RawView};
+
+/// A tactile frame from taxeld's RAW message.
+pub fn frame_message(header: &Header, raw: &RawView<'_>) -> Vec<u8> {
+    let (taxels, joints) = (raw.taxels().len(), raw.joints().len());
+    let mut cdr = CdrWriter::with_capacity(128 + 32 * taxels + 16 * joints);
+    put_head(&mut cdr, header);
+    cdr.f32(raw.threshold);
+    let counts: Vec<u16> = raw.taxels().flat_map(|taxel| taxel.counts).collect();
+    cdr.u16s(counts.into_iter());
+    cdr.u16s(raw.taxels().map(|taxel| taxel.faults));
+    cdr.f32s(raw.taxels().map(|taxel| taxel.force));
+    cdr.u32s(raw.taxels().map(|taxel| taxel.age_us));
+    cdr.u8s(raw.taxels().map(|taxel| freshness_number(taxel.freshness)));
+    cdr.u8s(raw.taxels().map(|taxel| taxel.status));
+    cdr.u8s(
+        raw.taxels()
+            .map(|taxel| u8::from(taxel.contact) | u8::from(taxel.repaired) << 1),
+    );
+    cdr.f32s(raw.joints());
+    match raw.joint_ages_us() {
+        Some(ages) => cdr.u32s(ages),
+        None => cdr.u32(0),
+    }
+    match raw.joint_velocities_rad_s() {
+        Some(velocities) => cdr.f32s(velocities),
+        None => cdr.u32(0),
+    }
+    match raw.joint_currents_a() {
+        Some(currents) => cdr.f32s(currents),
+        None => cdr.u32(0),
+    }
+    match raw.baselines() {
+        Some(baselines) => cdr.f32s(baselines.flatten().collect::<Vec<_>>().into_iter()),
+        None => cdr.u32(0),
+    }
+    cdr.finish()
+}
+
+fn put_head(cdr: &mut CdrWriter, header: &Header) {
+    cdr.u64(header.seq);
+    cdr.u64(header.t_ns);
+    cdr.u16(header.flags.bits());
+    cdr.u32(header.skipped);
+}
+
+/// What an analysis takes of a recorded tactile frame.
+#[derive(Debug, Clone)]
+pub struct RecordedFrame<'a> {
+    /// Number of the frame since the daemon started.
+    pub seq: u64,
+    /// Time of validity, nanoseconds on the daemon's clock.
+    pub t_ns: u64,
+    counts: Cells<'a, 2>,
+    freshness: &'a [u8],
+    joints: Cells<'a, 4>,
+}
+
+impl<'a> RecordedFrame<'a> {
+    /// Reads a message; none where it is none.
+    pub fn read(message: &'a [u8]) -> Option<Self> {
+        let mut cdr = CdrReader::new(message)?;
+        let (seq, t_ns) = (cdr.u64()?, cdr.u64()?);
+        let (_flags, _skipped, _threshold) = (cdr.u16()?, cdr.u32()?, cdr.f32()?);
+        let counts = cdr.list()?;
+        let (_faults, _force, _age) = (cdr.list::<2>()?, cdr.list::<4>()?, cdr.list::<4>()?);
+        let (freshness, _status, _marks) = (cdr.bytes()?, cdr.bytes()?, cdr.bytes()?);
+        let joints = cdr.list()?;
+        (counts.len() == 3 * freshness.len()).then_some(Self {
+            seq,
+            t_ns,
+            counts,
+            freshness,
+            joints,
+        })
+    }
+
+    /// Counts x, y, z of each taxel; zeros where there never was a value.
+    pub fn counts(&self) -> impl ExactSizeIterator<Item = [u16; 3]> + use<'a> {
+        self.counts
+            .as_chunks::<3>()
+            .0
+            .iter()
+            .map(|xyz| xyz.map(u16::from_le_bytes))
+    }
+
+    /// Whether any taxel has a value.
+    pub fn has_values(&self) -> bool {
+        self.freshness.iter().any(|freshness| *freshness > 0)
+    }
+
+    /// Joint angles, radians; not a number where unknown.
+    pub fn joints(&self) -> impl ExactSizeIterator<Item = f32> + use<'a> {
+        self.joints.iter().map(|angle| f32::from_le_bytes(*angle))
+    }
+}
+
+/// A tactile image from taxeld's IMAGE message.
+pub fn image_message(header: &Header, image: &ImageView<'_>) -> Vec<u8> {
+    let mut cdr = CdrWriter::with_capacity(
+        96 + image.pixels().len()
+            + 12 * image.actuators().len()
+            + 4 * (image.levels().len() + image.joints().len()),
+    );
+    put_head(&mut cdr, header);
+    cdr.u16(image.width);
+    cdr.u16(image.height);
+    cdr.u32(image.contacts);
+    cdr.u32(image.faulty);
+    cdr.u32(image.missing);
+    cdr.f32s(image.levels());
+    cdr.u16s(image.actuators().map(|actuator| actuator.id));
+    cdr.u16s(image.actuators().map(|actuator| actuator.x));
+    cdr.u16s(image.actuators().map(|actuator| actuator.y));
+    cdr.u16s(image.actuators().map(|actuator| actuator.level));
+    cdr.f32s(image.actuators().map(|actuator| actuator.force));
+    cdr.f32s(image.joints());
+    cdr.bytes(image.pixels());
+    cdr.finish()
+}
+
+/// Reads a tactile image, with the flags of its message; none where the message is none.
+pub fn read_image(message: &[u8]) -> Option<(TactileImage, Flags)> {
+    let mut cdr = CdrReader::new(message)?;
+    let (seq, t_ns, flags, _skipped) = (cdr.u64()?, cdr.u64()?, cdr.u16()?, cdr.u32()?);
+    let (width, height) = (cdr.u16()?, cdr.u16()?);
+    let mut count = || Some(u16::try_from(cdr.u32()?).unwrap_or(u16::MAX));
+    let (contacts, faulty, missing) = (count()?, count()?, count()?);
+    let floats =
+        |cells: Cells<'_, 4>| -> Vec<f32> { cells.iter().map(|cell| f32::from_le_bytes(*cell)).collect() };
+    let levels = floats(cdr.list()?);
+    let [id, x, y, level]: [Cells<'_, 2>; 4] = [cdr.list()?, cdr.list()?, cdr.list()?, cdr.list()?];
+    let force = floats(cdr.list()?);
+    let joints = floats(cdr.list()?);
+    let pixels = cdr.bytes()?;
+    let flags = Flags::from_bits(flags);
+    let fit = [id, x, y, level].iter().all(|list| list.len() == force.len());
+    if !fit || pixels.len() != usize::from(width) * usize::from(height) {
+        return None;
+    }
+    let actuators = (0..force.len()).map(|i| {
+        let [id, x, y, level] = [id[i], x[i], y[i], level[i]].map(u16::from_le_bytes);
+        Actuator {
+            id,
+            x,
+            y,
+            level,
+            force: force[i].into(),
+        }
+    });
+    let image = TactileImage {
+        seq,
+        t_ns,
+        width,
+        height,
+        pixels: pixels.to_vec(),
+        levels: levels.into_iter().map(f64::from).collect(),
+        actuators: actuators.collect(),
+        contacts,
+        faulty,
+        missing,
+        calibrating: flags.contains(Flags::CALIBRATING),
+        repaired: flags.contains(Flags::REPAIRED),
+        joints,
+    };
+    Some((image, flags))
+}

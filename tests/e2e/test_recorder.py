@@ -1,0 +1,250 @@
+"""`taxel record` beside a live daemon: what is in the file, who can read it, and what crashes and full disks leave of it."""
+
+import json
+import resource
+import signal
+import subprocess
+from contextlib import contextmanager, suppress
+
+import numpy as np
+import pytest
+import taxel_reader
+from conditioning import DAEMON_SETTINGS
+from harness.compare import content
+from harness.daemon import binary, die_with_parent, eventually
+from harness.lockstep import SWEEP
+from harness.touches import Touches, grasp
+from mcap.exceptions import McapError
+from mcap.reader import NonSeekingReader, make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+
+
+# Bytes of a disk that is soon full: some seconds.
+LIMIT = 400_000
+# Those of a hand without joints.
+TYPES = {
+    "/taxel/can": "taxel_msgs/msg/CanFrames",
+    "/taxel/frames": "taxel_msgs/msg/TactileFrame",
+    "/taxel/images": "taxel_msgs/msg/TactileImage",
+    "/tactile_image": "sensor_msgs/msg/Image",
+    "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
+    "/rosout": "rcl_interfaces/msg/Log",
+    "/taxel/hello": "std_msgs/msg/String",
+    "/taxel/status": "std_msgs/msg/String",
+    "/taxel/clock": "taxel_msgs/msg/Clocks",
+}
+
+
+class Recorder:
+    """`taxel record` of a daemon; what it says is in `said`."""
+
+    def __init__(self, daemon, out, *arguments, limit=None):
+        self.daemon, self.out = daemon, out
+        self.log = out.with_suffix(".said")
+
+        def limited():
+            die_with_parent()
+            if limit:
+                resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+
+        with self.log.open("wb") as log:
+            self.process = subprocess.Popen(
+                [binary("taxel"), "record", out, "--config", daemon.config, *arguments],
+                stderr=log,
+                preexec_fn=limited,
+                restore_signals=False,  # the limit is told by an error instead of a signal
+            )
+        before = len(daemon.status()["subscribers"])
+        # It opens its buses before it subscribes.
+        daemon.wait_status(lambda s: len(s["subscribers"]) > before, "taxel record does not subscribe")
+
+    @property
+    def said(self):
+        return self.log.read_text()
+
+    def end(self, by=signal.SIGINT):
+        self.process.send_signal(by)
+        return self.process.wait(20)
+
+
+@contextmanager
+def recording(daemon, out, *arguments, **options):
+    recorder = Recorder(daemon, out, *arguments, **options)
+    try:
+        yield recorder
+    finally:
+        recorder.process.kill()
+        recorder.process.wait()
+
+
+def taxel(*arguments):
+    """Runs a command; what it says on stderr."""
+    done = subprocess.run([binary("taxel"), *arguments], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stderr
+
+
+def messages(path):
+    """Every message by topic, decoded by mcap-ros2-support; also of a file without its end."""
+    decoder, by_topic = DecoderFactory(), {}
+    with path.open("rb") as file, suppress(McapError):
+        read = NonSeekingReader(file, decoder_factories=[decoder]).iter_decoded_messages(log_time_order=False)
+        for schema, channel, message, decoded in read:
+            by_topic.setdefault(channel.topic, []).append((schema.name, message.log_time, decoded))
+    return by_topic
+
+
+def marks(path):
+    """Time and text of the marks in a recording."""
+    return [(at_ns, log.msg) for _, at_ns, log in messages(path).get("/rosout", []) if log.name == "mark"]
+
+
+def full_images(path):
+    """What images with every taxel show, calibration over, in a file of IMAGE messages."""
+    data, images = path.read_bytes(), []
+    while data:
+        image, length = taxel_reader.decode(data)
+        data = data[length:]
+        if image.missing == 0 and not image.header.flags & taxel_reader.FLAG_CALIBRATING:
+            images.append(content(image))
+    return images
+
+
+def test_a_recording_holds_what_was_sent_and_shown_and_gives_the_same_images(start, lockstep, folder, hand):
+    frames = list(grasp(Touches.uneven(hand, seed=4)))
+    daemon = start(conditioning=DAEMON_SETTINGS, sweep=SWEEP)
+    out = folder / "grasp.mcap"
+    with recording(daemon, out) as recorder:
+        driver = lockstep(daemon)
+        live = [driver.step(counts) for counts in frames]
+        marked = daemon.control("mark", text="the grasp is over")["mark"]
+        eventually(lambda: marks(out), lambda: f"the mark does not come into the file: {recorder.said}")
+        assert recorder.end() == 0, recorder.said
+        assert "lost" not in recorder.said and "passed over" not in recorder.said, recorder.said
+
+    by_topic = messages(out)
+    types = {topic: found[0][0] for topic, found in by_topic.items()}
+    once_a_second = {"/taxel/status", "/diagnostics"}
+    assert types.items() <= TYPES.items() and types.keys() | once_a_second == TYPES.keys()
+    blocks = [m for _, _, m in by_topic["/taxel/can"]]
+    assert sum(len(b.id) for b in blocks) == driver.sweeps * len(hand)
+    assert blocks[-1].buses == hand.buses and list(blocks[-1].lost) == [0] * len(hand.buses)
+    [(at_ns, text)] = marks(out)
+    assert text == "the grasp is over"
+    clock = by_topic["/taxel/clock"][0][2]
+    offset_ns = clock.realtime_ns - clock.monotonic_ns
+    assert abs(at_ns - marked["t_ns"] - offset_ns) < 1_000_000_000
+    assert json.loads(by_topic["/taxel/hello"][-1][2].data)["layout"] == "allegro-uskin-15"
+
+    recorded = {m.seq: m for _, _, m in by_topic["/taxel/images"]}
+    for image in live:
+        same = recorded[image.seq]
+        assert bytes(same.pixels) == image.pixels and list(same.levels) == list(image.levels)
+        got = list(zip(same.actuator_id, same.actuator_x, same.actuator_y, same.actuator_level))
+        assert got == [tuple(a[:4]) for a in image.actuators]
+    raw = {m.seq: m for _, _, m in by_topic["/taxel/frames"]}
+    last = np.array(raw[live[-1].seq].counts).reshape(-1, 3)
+    assert (last == np.asarray(frames[-1])).all()
+    pictures = [bytes(m.data) for _, _, m in by_topic["/tactile_image"]]
+    assert live[-1].pixels in pictures
+
+    # The configuration is in the file, so the command needs none, and begins where the recording did.
+    taxel("compress", out, "--out", folder / "images.bin")
+    calibrated = [content(i) for i in live if not i.header.flags & taxel_reader.FLAG_CALIBRATING]
+    assert len(calibrated) >= 10
+    again = full_images(folder / "images.bin")
+    assert [i for i in again if i in calibrated] == again and again[-len(calibrated) :] == calibrated
+
+    taxel("convert", out, folder / "grasp.npz")
+    with np.load(folder / "grasp.npz") as arrays:
+        assert arrays["counts"].shape[1:] == (len(hand), 3)
+        assert (arrays["counts"][-1] == last).all() or len(arrays["counts"]) > len(live)
+
+
+def test_rosbags_and_the_index_of_mcap_read_it(start, lockstep, folder, hand):
+    daemon = start(conditioning=DAEMON_SETTINGS, sweep=SWEEP)
+    out = folder / "grasp.mcap"
+    with recording(daemon, out) as recorder:
+        driver = lockstep(daemon)
+        for counts in list(grasp(Touches.even(hand)))[:10]:
+            driver.step(counts)
+        daemon.wait_status(lambda s: s["uptime_s"] > 2.5, "no second passes")
+        assert recorder.end() == 0, recorder.said
+    with out.open("rb") as file:
+        reader = make_reader(file)
+        summary = reader.get_summary()
+        assert {a.name for a in reader.iter_attachments()} == {"taxeld.toml"}
+        assert [m.name for m in reader.iter_metadata()] == ["taxel"]
+        counted = {summary.channels[c].topic: n for c, n in summary.statistics.channel_message_counts.items()}
+    with AnyReader([out]) as bag:
+        seen = {}
+        for connection, _, data in bag.messages():
+            bag.deserialize(data, connection.msgtype)
+            seen[connection.topic] = seen.get(connection.topic, 0) + 1
+    assert seen == counted and seen["/taxel/frames"] >= 10 and seen["/diagnostics"] >= 1
+
+
+def test_what_was_recorded_can_be_read_while_it_is_and_after_kill_9(start, lockstep, folder, hand):
+    daemon = start(conditioning=DAEMON_SETTINGS, sweep=SWEEP)
+    out, log = folder / "torn.mcap", folder / "torn.log"
+    with recording(daemon, out) as recorder:
+        driver = lockstep(daemon)
+        for counts in list(grasp(Touches.even(hand)))[:10]:
+            driver.step(counts)
+        sent = driver.sweeps * len(hand)
+
+        def are_all_there():
+            subprocess.run([binary("taxel"), "convert", out, log], capture_output=True)
+            return log.exists() and len(log.read_text().splitlines()) == sent
+
+        eventually(are_all_there, f"the {sent} frames sent do not come into the file", 20)
+        before = log.read_bytes()
+        assert recorder.end(signal.SIGKILL) == -signal.SIGKILL
+    assert "torn off" in taxel("convert", out, log)
+    assert log.read_bytes() == before
+    assert "torn off" in taxel("compress", out, "--out", folder / "images.npz")
+
+
+def test_a_full_disk_stops_the_recording_says_so_and_costs_no_image(start, lockstep, folder, hand):
+    daemon = start(conditioning=DAEMON_SETTINGS, sweep=SWEEP)
+    out = folder / "full.mcap"
+    with recording(daemon, out, limit=LIMIT) as recorder:
+        driver = lockstep(daemon)
+        frames = list(grasp(Touches.even(hand)))
+        images = 0
+        while recorder.process.poll() is None:
+            driver.step(frames[images % len(frames)])
+            images += 1
+            assert images < 2000, "the recorder does not notice that the disk is full"
+        assert recorder.process.returncode == 1
+        assert "full.mcap: File too large" in recorder.said and "the recording stopped there" in recorder.said
+        driver.step(frames[0])
+    assert out.stat().st_size <= LIMIT
+    assert "torn off" in taxel("convert", out, folder / "full.log")
+    assert (folder / "full.log").stat().st_size > 0
+
+
+@pytest.mark.parametrize("trigger", ["mark", "signal"])
+def test_a_trigger_keeps_what_was_before_it_and_nothing_is_written_until_then(start, lockstep, folder, hand, trigger):
+    daemon = start(conditioning=DAEMON_SETTINGS, sweep=SWEEP)
+    out = folder / "slip.mcap"
+    with recording(daemon, out, "--keep", "60", "--after", "0.2", "--trigger", trigger) as recorder:
+        driver = lockstep(daemon)
+        for counts in list(grasp(Touches.even(hand)))[:8]:
+            driver.step(counts)
+        sent = driver.sweeps * len(hand)
+        # What the daemon has made of them the recorder has, too, once it is told of a status of later.
+        daemon.wait_status(lambda s: s["images"]["made"] >= 8, "no images")
+        assert list(folder.glob("*.mcap")) == []
+        if trigger == "mark":
+            daemon.control("mark", text="slipped")
+        else:
+            recorder.process.send_signal(signal.SIGUSR1)
+        first = folder / "slip-0001.mcap"
+        eventually(first.exists, lambda: f"no file comes of the trigger: {recorder.said}")
+        assert recorder.end() == 0, recorder.said
+    by_topic = messages(first)
+    assert sum(len(m.id) for _, _, m in by_topic["/taxel/can"]) == sent
+    assert [text for _, text in marks(first)] == (["slipped"] if trigger == "mark" else [])
+    assert by_topic["/taxel/hello"]
