@@ -3,6 +3,8 @@
 use super::disturbed;
 use super::judge::{Outcome, judge_all, leave_places_out, train};
 use super::report;
+#[cfg(feature = "networks")]
+use anyhow::Context;
 use clap::ValueEnum;
 use serde::Serialize;
 use std::path::PathBuf;
@@ -34,6 +36,32 @@ pub(super) struct Args {
     /// Only the protocol: no disturbances, early estimates, places left out and other procedures
     #[arg(long)]
     brief: bool,
+    #[command(flatten)]
+    networks: NetworkArgs,
+}
+
+/// What is asked of the publication's networks.
+#[derive(Debug, clap::Args)]
+#[cfg_attr(not(feature = "networks"), allow(dead_code))]
+pub(super) struct NetworkArgs {
+    /// With --method paper: what the kinesthetic network takes for time; the publication does not say
+    #[arg(long, value_enum, default_value_t = Reading::Transposed)]
+    pub(super) reading: Reading,
+    /// With --method paper: fewer epochs than the publication's, for a try
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub(super) epochs: Option<u16>,
+    /// With --method paper: keep checkpoints here, and go on from those that are there
+    #[arg(long, value_name = "DIR")]
+    pub(super) checkpoints: Option<PathBuf>,
+}
+
+/// What a network takes for time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum Reading {
+    /// Samples, one after another
+    Time,
+    /// Angles, one after another, each with all its samples, as an earlier article's code does
+    Transposed,
 }
 
 /// Whose estimators.
@@ -41,7 +69,11 @@ pub(super) struct Args {
 enum Method {
     /// Partial least squares on angles at phases of the squeeze
     Best,
+    /// The publication's neural networks, as printed; days of training
+    Paper,
 }
+
+const PROTOCOL: &str = "Pastor et al. 2022: trained on nine tenths of every second place, judged on all else";
 
 /// What `--json` prints.
 #[derive(Debug, Serialize)]
@@ -62,6 +94,9 @@ struct Figures {
     coverage_90: f64,
     train_s: f64,
     estimate_us: f64,
+    /// Of a network: the fewest epochs that any repetition had. A training may have been cut short.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    epochs: Option<usize>,
 }
 
 impl Figures {
@@ -75,6 +110,7 @@ impl Figures {
             coverage_90: errors.coverage_90,
             train_s,
             estimate_us: outcome.estimate_us,
+            epochs: None,
         }
     }
 }
@@ -98,16 +134,60 @@ fn fixed(tried: &Tried, components: usize) -> f64 {
     ))
 }
 
+#[cfg(not(feature = "networks"))]
+fn paper(_: &NetworkArgs, _: &Args, _: &Session, _: &[taxel_forearm::Split]) -> anyhow::Result<String> {
+    anyhow::bail!(
+        "this taxel is built without the publication's networks; build one that has them with \
+         `cargo build --release -p taxel-cli --features networks`"
+    )
+}
+
+#[cfg(feature = "networks")]
+fn paper(
+    asked: &NetworkArgs,
+    args: &Args,
+    session: &Session,
+    splits: &[taxel_forearm::Split],
+) -> anyhow::Result<String> {
+    let judgements = super::networks::judge(session, splits, asked, args.seed)?;
+    if !args.json {
+        return Ok(super::networks::report(
+            session,
+            splits.len(),
+            asked.reading,
+            &judgements,
+        ));
+    }
+    let figures = |source: &str| {
+        let judgement = judgements.iter().find(|judgement| judgement.source == source)?;
+        let mut figures = Figures::of(&judgement.outcome, judgement.train_s);
+        figures.coverage_90 = f64::NAN;
+        figures.epochs = Some(judgement.epochs[0]);
+        Some(figures)
+    };
+    let report = Report {
+        protocol: PROTOCOL,
+        repetitions: judgements.first().map_or(0, |judgement| judgement.repetitions),
+        kinesthetic: figures("kinesthetic")
+            .context("Ctrl-C came before the first epoch; nothing is judged")?,
+        tactile: figures("tactile"),
+        fused: figures("fused"),
+    };
+    Ok(serde_json::to_string(&report)? + "\n")
+}
+
 pub(super) fn run(args: &Args) -> anyhow::Result<String> {
     let session = super::session(&args.data)?;
     let splits = splits(&session, args.repetitions.into(), args.seed);
-    let Method::Best = args.method;
+    if args.method == Method::Paper {
+        return paper(&args.networks, args, &session, &splits);
+    }
     let trained = train(&session, &splits, Kinesthetic::train)?;
     let outcome = judge_all(&session, &splits, &trained.estimators, None)?;
     let train_s = trained.took.as_secs_f64();
     if args.json {
         let report = Report {
-            protocol: "Pastor et al. 2022: trained on nine tenths of every second place, judged on all else",
+            protocol: PROTOCOL,
             repetitions: splits.len(),
             kinesthetic: Figures::of(&outcome, train_s),
             tactile: None,

@@ -4,6 +4,8 @@ mod disturbed;
 mod eval;
 mod figures;
 mod judge;
+#[cfg(feature = "networks")]
+mod networks;
 mod record;
 mod report;
 pub(crate) mod simulate;
