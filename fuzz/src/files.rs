@@ -1,6 +1,7 @@
 //! Files that people write and programs leave behind.
 
 use std::path::Path;
+use taxel_forearm::{Matrix, read_mat, write_mat};
 use taxel_record::{Columns, ReadOptions, Recording, TimeUnit};
 use taxel_sim::Scene;
 use taxel_skin::{Decoder, Layout};
@@ -75,6 +76,25 @@ pub(crate) fn csv_file(data: &[u8]) {
         ..ReadOptions::default()
     };
     check_recording("csv", bytes, &options);
+}
+
+/// A MATLAB file: a matrix of whole columns, or an error with a byte of the file.
+pub(crate) fn mat_file(data: &[u8]) {
+    match read_mat(data, "datos") {
+        Ok(matrix) => {
+            assert!(matrix.rows == 0 || matrix.values.len() % matrix.rows == 0);
+            let again = read_mat(
+                &write_mat(&Matrix {
+                    name: "datos".into(),
+                    ..matrix.clone()
+                }),
+                "datos",
+            )
+            .expect("what was written");
+            assert_eq!(again.values.len(), matrix.values.len());
+        }
+        Err(torn) => assert!(!torn.reason.is_empty()),
+    }
 }
 
 fn columns(choice: u8) -> Option<Columns> {

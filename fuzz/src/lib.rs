@@ -13,7 +13,7 @@ mod messages;
 pub type Target = (&'static str, fn(&[u8]));
 
 /// Every target.
-pub const TARGETS: [Target; 14] = [
+pub const TARGETS: [Target; 15] = [
     ("candump_line", messages::candump_line),
     ("python_can_datagram", messages::python_can_datagram),
     ("wire_decode", messages::wire_decode),
@@ -28,6 +28,7 @@ pub const TARGETS: [Target; 14] = [
     ("scene_file", files::scene_file),
     ("array_file", files::array_file),
     ("csv_file", files::csv_file),
+    ("mat_file", files::mat_file),
 ];
 
 /// A target with a bug, to see that fuzzing finds bugs: it panics on what begins with `TAXELBUG`.

@@ -2,6 +2,7 @@
 
 use std::io::Write;
 use std::path::Path;
+use taxel_forearm::{Matrix, write_mat};
 use taxel_fuzz::TARGETS;
 use taxel_joints::protocol2::Encoder;
 use taxel_sim::{Scene, Simulator, with_stand_in_boards};
@@ -133,6 +134,11 @@ fn seeds(target: &str) -> Vec<Vec<u8>> {
             .into_iter()
             .filter_map(|name| Some(Scene::builtin_text(name)?.as_bytes().to_vec()))
             .collect(),
+        "mat_file" => vec![write_mat(&Matrix {
+            name: "datos".into(),
+            rows: 4,
+            values: (0..40).map(f64::from).collect(),
+        })],
         "array_file" => {
             let npy = npy("'descr': '<u2', 'fortran_order': False, 'shape': (2, 3, 3), ", &[1; 36]);
             let mut zip = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
@@ -260,6 +266,7 @@ targets! {
     scene_file: 3_000,
     array_file: 3_000,
     csv_file: 3_000,
+    mat_file: 3_000,
 }
 
 #[test]

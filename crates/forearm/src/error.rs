@@ -133,4 +133,10 @@ pub enum ForearmError {
         /// Why not.
         what: String,
     },
+    /// A squeeze without the touch that is to be looked at.
+    #[error("the squeeze has no tactile images; record the tactile finger too, or estimate from the angles")]
+    NoTouch,
+    /// Touch in which nothing is ever felt.
+    #[error("tactile images cannot be told apart: {0}")]
+    Blind(#[from] taxel_palpation::PalpationError),
 }

@@ -2,7 +2,8 @@
 
 use crate::error::ForearmError;
 use crate::estimate::{Estimate, Estimator, Source};
-use crate::phase::{Course, PHASES, step_at};
+use crate::phase::{Course, PHASES};
+use crate::profile::{Profile, places, within};
 use crate::regression::{Regression, Rows, Tried, try_all};
 use crate::session::Trial;
 use crate::squeeze::Squeeze;
@@ -31,25 +32,15 @@ const READINGS: [[bool; 4]; 8] = [
 const BEYOND_DEG: f64 = 10.0;
 /// An angle that moves by no more than this until the peak is stuck, degrees: less than a step of either sensor.
 const STUCK_DEG: f64 = 0.05;
-/// A squeeze whose peak is higher by more than this share of the training's, or lower by more than the other, is of
-/// another PWM profile. The peak may be in a gap of seconds, which hides a quarter of it.
-const HIGHER_PEAK: f64 = 0.15;
-const LOWER_PEAK: f64 = 0.3;
 /// Where angles are lost there is a line for every so many steps only.
 const STAGE_OF_FEWER: usize = 6;
-/// Least samples of a squeeze.
-const LEAST: usize = 2;
-/// Least places of a training, and squeezes at each.
-const LEAST_PLACES: usize = 3;
-const LEAST_SQUEEZES: usize = 2;
 
 /// The kinesthetic estimator: partial least squares on the fingers' angles at phases of the squeeze. What is looked at is
 /// chosen on the training squeezes alone.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Kinesthetic {
-    /// Highest PWM of a training squeeze, median.
-    peak_pwm: f64,
+    profile: Profile,
     /// Smallest and largest angle of the training squeezes, degrees, in the order of `ANGLES`.
     range_deg: [[f64; 2]; 4],
     chosen: Tried,
@@ -101,7 +92,7 @@ impl Kinesthetic {
             .zip(READINGS)
             .map(|(r, reading)| r.is_whole(columns_of(reading).count()));
         let ranges = self.range_deg.iter().all(|[low, high]| low < high);
-        self.readings.len() == READINGS.len() && ranges && self.peak_pwm > 0.0 && fit.all(|f| f)
+        self.readings.len() == READINGS.len() && ranges && self.profile.is_one() && fit.all(|f| f)
     }
 
     /// Which angles can be used.
@@ -143,24 +134,7 @@ impl Kinesthetic {
 
 impl Estimator for Kinesthetic {
     fn estimate(&self, squeeze: &Squeeze) -> Result<Estimate, ForearmError> {
-        squeeze.check()?;
-        let samples = squeeze.len();
-        if samples < LEAST {
-            return Err(ForearmError::TooShort {
-                samples,
-                least: LEAST,
-            });
-        }
-        let course = Course::of(&squeeze.time_ms, &squeeze.pwm, self.peak_pwm);
-        let peak = squeeze.pwm.iter().copied().fold(0.0, f64::max);
-        let (least, most) = (
-            (1.0 - LOWER_PEAK) * self.peak_pwm,
-            (1.0 + HIGHER_PEAK) * self.peak_pwm,
-        );
-        if peak > most || peak < least && course.reached() > 1.0 {
-            let expected = self.peak_pwm;
-            return Err(ForearmError::Profile { peak, expected });
-        }
+        let course = self.profile.course(squeeze)?;
         let healthy = self.healthy(squeeze, &course)?;
         let usable = |reading: &&[bool; 4]| reading.iter().zip(&healthy).all(|(needs, has)| *has || !needs);
         let at = READINGS.iter().position(|reading| usable(&reading));
@@ -184,16 +158,12 @@ impl Estimator for Kinesthetic {
                     f64::NAN
                 }
             };
-            course.at_phases(|row| pair.iter().map(|n| value(*n, row)).sum(), &mut features);
+            if !course.at_phases(|row| pair.iter().map(|n| value(*n, row)).sum(), &mut features) {
+                let what = pair.iter().map(|n| ANGLES[*n]).collect::<Vec<_>>().join(" or ");
+                return Err(ForearmError::Lost { what });
+            }
         }
-        let steps = course.steps();
-        let estimate = regression
-            .estimate(&features, steps)
-            .filter(|_| features.len() % PHASES == 0);
-        let (percent, half_width_90) = estimate.ok_or(ForearmError::TooShort {
-            samples,
-            least: LEAST,
-        })?;
+        let (percent, half_width_90) = regression.estimate(&features, course.steps());
         Ok(Estimate {
             percent,
             half_width_90,
@@ -219,7 +189,7 @@ fn columns_of(reading: [bool; 4]) -> impl Iterator<Item = Vec<usize>> {
 
 /// Squeezes with their angles at phases.
 struct Training {
-    peak_pwm: f64,
+    profile: Profile,
     range_deg: [[f64; 2]; 4],
     /// Four angles at phases for each squeeze.
     angles: Vec<f64>,
@@ -229,61 +199,22 @@ struct Training {
 
 impl Training {
     fn of(trials: &[&Trial]) -> Result<Self, ForearmError> {
-        let mut percents: Vec<f64> = trials.iter().map(|trial| trial.location_percent).collect();
-        percents.sort_by(f64::total_cmp);
-        percents.dedup();
-        let place = |trial: &&Trial| {
-            percents
-                .iter()
-                .position(|p| *p == trial.location_percent)
-                .unwrap_or(0)
-        };
-        let places: Vec<usize> = trials.iter().map(place).collect();
-        let few = |n: &usize| places.iter().filter(|place| *place == n).count() < LEAST_SQUEEZES;
-        if percents.len() < LEAST_PLACES || (0..percents.len()).any(|n| few(&n)) {
-            let what = format!(
-                "{} squeezes at {} places; it takes at least 3 places and 2 squeezes at each",
-                trials.len(),
-                percents.len()
-            );
-            return Err(ForearmError::Untrained { what });
-        }
-        let peak = |trial: &&Trial| trial.squeeze.pwm.iter().copied().fold(0.0, f64::max);
-        let mut peaks: Vec<f64> = trials.iter().map(peak).collect();
-        peaks.sort_by(f64::total_cmp);
-        let peak_pwm = peaks[peaks.len() / 2];
+        let (places, percents) = places(trials)?;
         let mut set = Self {
-            peak_pwm,
+            profile: Profile::of(trials)?,
             range_deg: [[f64::INFINITY, f64::NEG_INFINITY]; 4],
             angles: Vec::with_capacity(trials.len() * 4 * PHASES),
             places,
             percents,
         };
         for trial in trials {
-            set.add(trial).map_err(|source| ForearmError::In {
-                at: format!(
-                    "the squeeze {} at {:.1} %",
-                    trial.repetition, trial.location_percent
-                ),
-                source: Box::new(source),
-            })?;
+            set.add(&trial.squeeze).map_err(within(trial))?;
         }
         Ok(set)
     }
 
-    fn add(&mut self, trial: &Trial) -> Result<(), ForearmError> {
-        let squeeze = &trial.squeeze;
-        squeeze.check()?;
-        let peak = squeeze.pwm.iter().copied().fold(0.0, f64::max);
-        let expected = self.peak_pwm;
-        if peak <= 0.0 || (peak - expected).abs() > HIGHER_PEAK * expected {
-            return Err(ForearmError::Profile { peak, expected });
-        }
-        let course = Course::of(&squeeze.time_ms, &squeeze.pwm, expected);
-        if course.steps() <= step_at(2.0) {
-            let reached = course.reached();
-            return Err(ForearmError::NoEnd { reached });
-        }
+    fn add(&mut self, squeeze: &Squeeze) -> Result<(), ForearmError> {
+        let course = self.profile.whole(squeeze)?;
         for (n, column) in angles(squeeze).into_iter().enumerate() {
             if !course.at_phases(|row| column[row], &mut self.angles) {
                 return Err(ForearmError::Lost {
@@ -321,7 +252,7 @@ impl Training {
             Regression::train(&self.rows(reading), chosen.choice, every)
         };
         Kinesthetic {
-            peak_pwm: self.peak_pwm,
+            profile: self.profile,
             range_deg: self.range_deg,
             chosen,
             readings: READINGS.map(reading).into(),

@@ -2,9 +2,11 @@
 
 use crate::error::ForearmError;
 use crate::estimate::{Estimate, Estimator};
+use crate::fusion::Fusion;
 use crate::kinesthetic::Kinesthetic;
 use crate::session::Session;
 use crate::squeeze::Squeeze;
+use crate::tactile::Tactile;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -53,13 +55,23 @@ pub struct Model {
     pub trained_on: TrainedOn,
     /// The estimator from the fingers' angles.
     pub kinesthetic: Kinesthetic,
+    /// The estimator from tactile images, and how the two are weighed, where every squeeze of the session had touch.
+    pub touch: Option<(Tactile, Fusion)>,
+}
+
+/// The second line of a model file.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Parts<K, T> {
+    kinesthetic: K,
+    touch: T,
 }
 
 impl Model {
     /// Trains on every squeeze of a session.
     ///
     /// # Errors
-    /// As [`Kinesthetic::train`].
+    /// As [`Kinesthetic::train`] and, where every squeeze has touch, [`Tactile::train`].
     pub fn train(session: &Session) -> Result<Self, ForearmError> {
         let trials: Vec<_> = session.trials.iter().collect();
         Ok(Self {
@@ -69,12 +81,20 @@ impl Model {
                 places: session.locations(),
             },
             kinesthetic: Kinesthetic::train(&trials)?,
+            touch: match session.has_touch() {
+                true => Some((Tactile::train(&trials)?, Fusion::by_intervals())),
+                false => None,
+            },
         })
     }
 
     /// The bytes of a model file: two lines of JSON, what it is and the model. Data, no code.
     pub fn to_bytes(&self) -> Vec<u8> {
-        let model = serde_json::to_string(&self.kinesthetic).unwrap_or_default();
+        let parts = Parts {
+            kinesthetic: &self.kinesthetic,
+            touch: &self.touch,
+        };
+        let model = serde_json::to_string(&parts).unwrap_or_default();
         let header = Header {
             kind: KIND.into(),
             version: VERSION,
@@ -118,13 +138,18 @@ impl Model {
                 "its checksum is wrong: it was changed or cut off; train it again",
             ));
         }
-        let kinesthetic: Kinesthetic = serde_json::from_str(model).map_err(|e| not(&e.to_string()))?;
-        if !kinesthetic.is_whole() {
+        let Parts::<Kinesthetic, Option<(Tactile, Fusion)>> { kinesthetic, touch } =
+            serde_json::from_str(model).map_err(|e| not(&e.to_string()))?;
+        let touches = touch
+            .as_ref()
+            .is_none_or(|(tactile, fusion)| tactile.is_whole() && fusion.is_whole());
+        if !(kinesthetic.is_whole() && touches) {
             return Err(not("its parts do not fit each other"));
         }
         Ok(Self {
             trained_on: header.trained_on,
             kinesthetic,
+            touch,
         })
     }
 
@@ -152,6 +177,12 @@ impl Model {
 
 impl Estimator for Model {
     fn estimate(&self, squeeze: &Squeeze) -> Result<Estimate, ForearmError> {
-        self.kinesthetic.estimate(squeeze)
+        let angles = self.kinesthetic.estimate(squeeze);
+        match &self.touch {
+            Some((tactile, fusion)) if squeeze.tactile.is_some() => {
+                fusion.fuse(angles, tactile.estimate(squeeze))
+            }
+            _ => angles,
+        }
     }
 }

@@ -21,11 +21,6 @@ pub(crate) fn phase_of(step: usize) -> f64 {
     FIRST + STEP * step as f64
 }
 
-/// The step at or next after a phase.
-pub(crate) fn step_at(phase: f64) -> usize {
-    (((phase - FIRST) / STEP - 1e-9).ceil().max(0.0) as usize).min(PHASES - 1)
-}
-
 /// The phase of every sample of a squeeze.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Course {
@@ -33,11 +28,12 @@ pub(crate) struct Course {
 }
 
 impl Course {
-    /// From times, increasing, and PWM, where the peak is about `peak_pwm`. The phase never decreases. It is that of the
-    /// whole squeeze as far as the squeeze has come: between 0 and 2 it is PWM over the peak, up and down; before, the share
-    /// of the rest that is over; after, time.
-    pub(crate) fn of(time_ms: &[f64], pwm: &[f64], peak_pwm: f64) -> Self {
-        let rest = REST_PWM * peak_pwm;
+    /// From times, increasing, and PWM, whose profile goes from about `least_pwm` to about `peak_pwm` and back. The phase
+    /// never decreases. It is that of the whole squeeze as far as the squeeze has come: between 0 and 2 it is the share of the
+    /// peak, up and down; before, the share of the rest that is over; after, time.
+    pub(crate) fn of(time_ms: &[f64], pwm: &[f64], [least_pwm, peak_pwm]: [f64; 2]) -> Self {
+        let swing = peak_pwm - least_pwm;
+        let rest = least_pwm + REST_PWM * swing;
         let mut phases = vec![FIRST; pwm.len()];
         // The last sample at rest before PWM rises.
         let Some(start) = pwm
@@ -52,7 +48,7 @@ impl Course {
         for (row, level) in pwm.iter().enumerate().skip(start) {
             if *level > pwm[top] {
                 top = row;
-            } else if pwm[top] - level > TURNED * peak_pwm {
+            } else if pwm[top] - level > TURNED * swing {
                 turned = row;
                 break;
             }
@@ -67,7 +63,7 @@ impl Course {
         let squeezed = time_ms.get(end).map_or(f64::INFINITY, |t| t - time_ms[start]);
         let mut highest = FIRST;
         for (row, phase) in phases.iter_mut().enumerate() {
-            let level = (pwm[row] / peak_pwm).clamp(0.0, 1.0);
+            let level = ((pwm[row] - least_pwm) / swing).clamp(0.0, 1.0);
             let now = if row < start {
                 FIRST * (time_ms[start] - time_ms[row]) / before
             } else if row == start {
@@ -88,6 +84,13 @@ impl Course {
     /// How far the squeeze has come, -0.25 to 2.1.
     pub(crate) fn reached(&self) -> f64 {
         self.phases.last().copied().unwrap_or(FIRST)
+    }
+
+    /// The sample that is nearest to a phase.
+    pub(crate) fn row_at(&self, phase: f64) -> usize {
+        let distance = |row: &usize| (self.phases[*row] - phase).abs();
+        let nearest = (0..self.phases.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)));
+        nearest.unwrap_or(0)
     }
 
     /// The number of the phases that the squeeze has come to.
@@ -146,7 +149,7 @@ mod tests {
     #[test]
     fn the_phase_is_the_pwm_up_and_down_whatever_the_speed() {
         let (time, pwm) = squeeze(120.0);
-        let course = Course::of(&time, &pwm, 400.0);
+        let course = Course::of(&time, &pwm, [0.0, 400.0]);
         let close = |row: usize, phase: f64| {
             assert!(
                 (course.phases[row] - phase).abs() < 1e-9,
@@ -163,7 +166,7 @@ mod tests {
         close(96, 2.1);
         assert_eq!(course.steps(), PHASES);
         let (slow, _) = squeeze(240.0);
-        let other = Course::of(&slow, &pwm, 400.0);
+        let other = Course::of(&slow, &pwm, [0.0, 400.0]);
         assert!(
             course
                 .phases
@@ -176,22 +179,34 @@ mod tests {
     #[test]
     fn a_squeeze_has_the_phases_of_the_whole_as_far_as_it_has_come() {
         let (time, pwm) = squeeze(120.0);
-        let whole = Course::of(&time, &pwm, 400.0);
+        let whole = Course::of(&time, &pwm, [0.0, 400.0]);
         for end in 1..=time.len() {
-            let part = Course::of(&time[..end], &pwm[..end], 400.0);
+            let part = Course::of(&time[..end], &pwm[..end], [0.0, 400.0]);
             // Until PWM rises nobody knows how long the rest is, and at the top whether it has turned.
             if end > 11 && !(51..56).contains(&end) {
                 assert_eq!(part.phases[..], whole.phases[..end], "{end}");
             }
             assert!(part.steps() <= whole.steps());
         }
-        assert_eq!(Course::of(&time[..8], &pwm[..8], 400.0).steps(), 1);
+        assert_eq!(Course::of(&time[..8], &pwm[..8], [0.0, 400.0]).steps(), 1);
+    }
+
+    #[test]
+    fn a_profile_that_is_never_at_rest_has_phases_too() {
+        // From 10 to 90 % and back in steps of half a second, four samples each.
+        let pwm: Vec<f64> = (0..132)
+            .map(|n| 88.5 + 44.25 * f64::from((n / 4).min(32 - n / 4)))
+            .collect();
+        let time: Vec<f64> = (0..pwm.len()).map(|n| 125.0 * n as f64).collect();
+        let course = Course::of(&time, &pwm, [88.5, 796.5]);
+        assert!((course.phases[32] - 0.5).abs() < 1e-9 && (course.phases[96] - 1.5).abs() < 1e-9);
+        assert!(course.reached() >= 2.0, "{}", course.reached());
     }
 
     #[test]
     fn columns_are_interpolated_over_what_is_missing() {
         let (time, pwm) = squeeze(120.0);
-        let course = Course::of(&time, &pwm, 400.0);
+        let course = Course::of(&time, &pwm, [0.0, 400.0]);
         let mut whole = Vec::new();
         assert!(course.at_phases(|row| 3.0 * course.phases[row], &mut whole));
         let mut holed = Vec::new();

@@ -276,16 +276,18 @@ impl Regression {
     }
 
     /// Estimate and half-width from columns at phases of which `steps` have been reached.
-    pub(crate) fn estimate(&self, features: &[f64], steps: usize) -> Option<(f64, f64)> {
+    pub(crate) fn estimate(&self, features: &[f64], steps: usize) -> (f64, f64) {
         let reached = |stage: &&Stage| stage.last < steps;
-        let stage = self.stages.iter().rev().find(reached).or(self.stages.first())?;
+        let Some(stage) = self.stages.iter().rev().find(reached).or(self.stages.first()) else {
+            return (50.0, 50.0);
+        };
         let terms = stage
             .weights
             .iter()
             .zip(&stage.picks)
             .map(|(w, pick)| w * features[*pick]);
         let percent = stage.offset + terms.sum::<f64>();
-        Some((percent.clamp(0.0, 100.0), stage.half_width_90))
+        (percent.clamp(0.0, 100.0), stage.half_width_90)
     }
 
     /// The half-width where the whole squeeze is known.

@@ -1,8 +1,8 @@
 //! Places from squeezes: what an estimator promises, on squeezes that follow a simple rule and on the public ones.
 
 use taxel_forearm::{
-    Disturbance, Errors, Estimator, FULL_PWM, Judged, Kinesthetic, Model, PLACES, Sample, Session, Squeeze,
-    Trial, location_percent, splits,
+    Disturbance, Errors, Estimator, FULL_PWM, Judged, Kinesthetic, Model, PLACES, Sample, Session, Source,
+    Squeeze, TACTELS, TACTILE_COLUMNS, Trial, location_percent, splits,
 };
 
 /// A squeeze whose angles fall evenly from wrist to elbow, and move with PWM.
@@ -34,6 +34,67 @@ fn session() -> Session {
         name: "test".into(),
         trials: (0..6 * PLACES).map(trial).collect(),
     }
+}
+
+/// The same with touch: a ridge that is wider towards the elbow, and stronger with PWM.
+fn session_with_touch() -> Session {
+    let mut session = session();
+    session.trials.retain(|trial| trial.repetition < 2);
+    for trial in &mut session.trials {
+        touch(&mut trial.squeeze, trial.location_percent);
+    }
+    session
+}
+
+fn touch(squeeze: &mut Squeeze, percent: f64) {
+    let width = 4.0 + percent / 10.0;
+    let tactel = |n: usize| {
+        let across = (n % TACTILE_COLUMNS) as f64 - 24.5;
+        (-across * across / (width * width)).exp()
+    };
+    let image: Vec<f64> = (0..TACTELS).map(tactel).collect();
+    let counts = squeeze
+        .pwm
+        .iter()
+        .flat_map(|pwm| image.iter().map(move |felt| (0.5 * pwm * felt) as u16));
+    squeeze.tactile = Some(counts.collect());
+}
+
+#[test]
+fn touch_alone_and_with_angles_tells_the_place_and_a_lost_sense_is_done_without() {
+    let session = session_with_touch();
+    let model = Model::train(&session).unwrap();
+    let tactile = &model.touch.as_ref().unwrap().0;
+    let mut whole = squeeze(37.0, 0.0);
+    assert_eq!(model.estimate(&whole).unwrap().source, Source::Kinesthetic);
+    assert!(
+        tactile
+            .estimate(&whole)
+            .unwrap_err()
+            .to_string()
+            .contains("no tactile images")
+    );
+    touch(&mut whole, 37.0);
+    let felt = tactile.estimate(&whole).unwrap();
+    assert!(
+        (felt.percent - 37.0).abs() < 3.0 && felt.source == Source::Tactile,
+        "{felt:?}"
+    );
+    let fused = model.estimate(&whole).unwrap();
+    assert!(
+        (fused.percent - 37.0).abs() < 2.0 && fused.source == Source::Fused,
+        "{fused:?}"
+    );
+    for len in (2..whole.len()).step_by(9) {
+        assert!(model.estimate(&whole.prefix(len)).is_ok());
+    }
+    whole
+        .theta_a_deg
+        .iter_mut()
+        .for_each(|column| column.fill(f64::NAN));
+    assert_eq!(model.estimate(&whole).unwrap(), felt);
+    let back = Model::from_bytes(&model.to_bytes()).unwrap();
+    assert!((back.estimate(&whole).unwrap().percent - felt.percent).abs() < 1e-6);
 }
 
 fn model() -> Model {

@@ -1,14 +1,15 @@
 //! `taxel forearm eval`: the publication's protocol.
 
 use super::disturbed;
-use super::judge::{Outcome, judge_all, leave_places_out, train};
+use super::judge::{Outcome, judge_all, judge_fused, leave_places_out, train, trials};
 use super::report;
 #[cfg(feature = "networks")]
 use anyhow::Context;
 use clap::ValueEnum;
 use serde::Serialize;
 use std::path::PathBuf;
-use taxel_forearm::{Kinesthetic, Session, Tried, splits};
+use std::time::Instant;
+use taxel_forearm::{Fused, Fusion, Kinesthetic, Session, Split, Tactile, Tried, splits};
 
 /// Judge estimators by the publication's protocol.
 ///
@@ -185,30 +186,75 @@ pub(super) fn run(args: &Args) -> anyhow::Result<String> {
     let trained = train(&session, &splits, Kinesthetic::train)?;
     let outcome = judge_all(&session, &splits, &trained.estimators, None)?;
     let train_s = trained.took.as_secs_f64();
+    let touch = match session.has_touch() {
+        true => Some(with_touch(&session, &splits, &trained.estimators)?),
+        false => None,
+    };
     if args.json {
         let report = Report {
             protocol: PROTOCOL,
             repetitions: splits.len(),
             kinesthetic: Figures::of(&outcome, train_s),
-            tactile: None,
-            fused: None,
+            tactile: touch
+                .as_ref()
+                .map(|touch| Figures::of(&touch.tactile.0, touch.tactile.1)),
+            fused: touch
+                .as_ref()
+                .map(|touch| Figures::of(&touch.fused.0, touch.fused.1)),
         };
         return Ok(serde_json::to_string(&report)? + "\n");
     }
     let mut text = report::procedure(&session, &splits, &trained.estimators);
     text += &report::errors("kinesthetic", &outcome, train_s);
     text += &report::places(&outcome);
+    for (name, (outcome, train_s)) in touch.iter().flat_map(Touch::parts) {
+        text += &report::errors(name, outcome, *train_s);
+        text += &report::places(outcome);
+    }
     if args.brief {
         return Ok(text);
     }
     text += &disturbed::disturbances(&session, &splits, &trained.estimators)?;
     text += &disturbed::early(&session, &splits, &trained.estimators)?;
-    text += &report::places_left_out(&leave_places_out(&session, Kinesthetic::train)?);
+    text += &report::places_left_out(&session, &leave_places_out(&session, Kinesthetic::train)?);
     text += &other_procedures(&session, &splits)?;
     Ok(text)
 }
 
-fn other_procedures(session: &Session, splits: &[taxel_forearm::Split]) -> anyhow::Result<String> {
+/// Outcomes of the estimators that need touch, and how long their training took, s.
+struct Touch {
+    tactile: (Outcome, f64),
+    fused: (Outcome, f64),
+}
+
+impl Touch {
+    fn parts(&self) -> [(&'static str, &(Outcome, f64)); 2] {
+        [("tactile", &self.tactile), ("fused", &self.fused)]
+    }
+}
+
+fn with_touch(session: &Session, splits: &[Split], angles: &[Kinesthetic]) -> anyhow::Result<Touch> {
+    let tactile = train(session, splits, Tactile::train)?;
+    let outcome = judge_all(session, splits, &tactile.estimators, None)?;
+    let began = Instant::now();
+    let mut fused = Vec::new();
+    for ((kinesthetic, tactile), split) in angles.iter().zip(tactile.estimators).zip(splits) {
+        let fusion = Fusion::train(kinesthetic, &tactile, &trials(session, &split.fusion_train))?;
+        let kinesthetic = kinesthetic.clone();
+        fused.push(Fused {
+            kinesthetic,
+            tactile,
+            fusion,
+        });
+    }
+    let took = began.elapsed();
+    Ok(Touch {
+        tactile: (outcome, tactile.took.as_secs_f64()),
+        fused: (judge_fused(session, splits, &fused)?, took.as_secs_f64()),
+    })
+}
+
+fn other_procedures(session: &Session, splits: &[Split]) -> anyhow::Result<String> {
     let mut rows = Vec::new();
     for (name, score) in OTHER_PROCEDURES {
         let trained = train(session, splits, |trials| Kinesthetic::train_by(trials, score))?;

@@ -97,20 +97,44 @@ fn judge<E: Estimator>(
     })
 }
 
-/// Judges the estimators of all repetitions on what the protocol says.
+/// Judges the single estimators of all repetitions on what the protocol says.
 pub(super) fn judge_all<E: Estimator>(
     session: &Session,
     splits: &[Split],
     estimators: &[E],
     change: Change<'_>,
 ) -> anyhow::Result<Outcome> {
+    judge_parts(session, splits, estimators, change, |split| {
+        (&split.train, &split.test)
+    })
+}
+
+/// Judges fused estimators, which learn and are judged at the other places.
+pub(super) fn judge_fused<E: Estimator>(
+    session: &Session,
+    splits: &[Split],
+    estimators: &[E],
+) -> anyhow::Result<Outcome> {
+    judge_parts(session, splits, estimators, None, |split| {
+        (&split.fusion_train, &split.fusion_test)
+    })
+}
+
+fn judge_parts<E: Estimator>(
+    session: &Session,
+    splits: &[Split],
+    estimators: &[E],
+    change: Change<'_>,
+    of: fn(&Split) -> (&Vec<usize>, &Vec<usize>),
+) -> anyhow::Result<Outcome> {
     let mut parts = Vec::new();
     for (repetition, (split, estimator)) in splits.iter().zip(estimators).enumerate() {
+        let (train, test) = of(split);
         parts.push(Part {
             repetition,
             estimator,
-            train: &split.train,
-            test: &split.test,
+            train,
+            test,
         });
     }
     judge(session, &parts, change)

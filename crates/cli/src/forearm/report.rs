@@ -122,27 +122,50 @@ pub(super) fn table(title: &str, rows: &[(String, Outcome)]) -> String {
     text
 }
 
-/// Why the floor is where it is: places that no neighbour tells of.
-pub(super) fn places_left_out(outcome: &Outcome) -> String {
+/// Why the floor is where it is: places that their neighbours tell nothing of.
+pub(super) fn places_left_out(session: &Session, outcome: &Outcome) -> String {
+    let errors = &outcome.errors;
     let mut text = format!(
-        "\ntrained on all other places: RMSE {:.2} (mean over places), {:.2} (over squeezes); by place\n ",
-        outcome.errors.macro_rmse, outcome.errors.pooled_rmse
+        "\ntrained on all other places: RMSE {:.2} (mean over places), {:.2} (over squeezes)\n   place    RMSE  closed\n",
+        errors.macro_rmse, errors.pooled_rmse
     );
-    for place in &outcome.errors.places {
-        let _ = write!(text, " {:.1} %: {:.1}", place.percent, place.rmse);
-    }
-    let mut worst: Vec<_> = outcome.errors.places.iter().collect();
-    worst.sort_by(|a, b| b.rmse.total_cmp(&a.rmse));
-    let named: Vec<String> = worst
+    let closed: Vec<f64> = session
+        .locations()
         .iter()
-        .take(3)
-        .map(|place| format!("{:.1} %", place.percent))
+        .map(|place| closed_at_peak(session, *place))
         .collect();
-    let _ = writeln!(
-        text,
-        "\nThe floor: {} stay the farthest off even with all other places known. They are out of order: how far\n\
-         fingers close there is not between their neighbours', so no curve through the others passes them.",
-        named.join(", ")
-    );
+    for (place, closed) in errors.places.iter().zip(&closed) {
+        let _ = writeln!(text, "{:6.1} %{:8.2}{closed:8.1}", place.percent, place.rmse);
+    }
+    let is_between = |w: &[f64]| w[0].min(w[2]) <= w[1] && w[1] <= w[0].max(w[2]);
+    let odd = closed
+        .windows(3)
+        .zip(&errors.places[1..])
+        .filter(|(window, _)| !is_between(window));
+    let odd: Vec<String> = odd.map(|(_, place)| format!("{:.1} %", place.percent)).collect();
+    if !odd.is_empty() {
+        let _ = writeln!(
+            text,
+            "Closed is the sum of both motors' angles at the peak, degrees. At {} it is not between that of the\n\
+             neighbours: no curve that goes one way passes these places, whatever it is trained on.",
+            odd.join(", ")
+        );
+    }
     text
+}
+
+/// Mean over the squeezes of a place of how far both fingers close at the highest PWM, degrees.
+fn closed_at_peak(session: &Session, place: f64) -> f64 {
+    let here = session
+        .trials
+        .iter()
+        .filter(|trial| trial.location_percent == place);
+    let closed = here.filter_map(|trial| {
+        let squeeze = &trial.squeeze;
+        let peak = (0..squeeze.len()).max_by(|a, b| squeeze.pwm[*a].total_cmp(&squeeze.pwm[*b]))?;
+        let [first, second] = squeeze.sample(peak).theta_a_deg;
+        Some(first + second).filter(|sum| sum.is_finite())
+    });
+    let (sum, count) = closed.fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
+    sum / count
 }

@@ -1,0 +1,157 @@
+//! Angles and touch together.
+
+use crate::error::ForearmError;
+use crate::estimate::{Estimate, Estimator, Source};
+use crate::kinesthetic::Kinesthetic;
+use crate::session::Trial;
+use crate::squeeze::Squeeze;
+use crate::tactile::Tactile;
+use serde::{Deserialize, Serialize};
+
+/// Estimates that are farther apart than so many times what their errors explain contradict each other.
+const CONTRADICTS: f64 = 3.0;
+/// How many standard deviations the half of a 90 % interval is.
+const DEVIATIONS: f64 = 1.6449;
+
+/// How the two estimates are weighed.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Fusion {
+    /// How far each is off compared with what its own interval says, kinesthetic and tactile: 1 is as it says.
+    off: [f64; 2],
+}
+
+impl Fusion {
+    /// Weighs by what the intervals say.
+    pub fn by_intervals() -> Self {
+        Self { off: [1.0; 2] }
+    }
+
+    /// Learns how far both are off from squeezes that neither was trained on.
+    ///
+    /// # Errors
+    /// A squeeze that one of them cannot estimate; no squeeze.
+    pub fn train(
+        kinesthetic: &Kinesthetic,
+        tactile: &Tactile,
+        trials: &[&Trial],
+    ) -> Result<Self, ForearmError> {
+        let off = |estimator: &dyn Estimator| -> Result<f64, ForearmError> {
+            let mut sum = 0.0;
+            for trial in trials {
+                let estimate = estimator.estimate(&trial.squeeze)?;
+                let deviation = estimate.half_width_90 / DEVIATIONS;
+                sum += ((estimate.percent - trial.location_percent) / deviation).powi(2);
+            }
+            Ok((sum / trials.len() as f64).sqrt())
+        };
+        let off = [off(kinesthetic)?, off(tactile)?];
+        if off.iter().all(|off| off.is_finite() && *off > 0.0) {
+            Ok(Self { off })
+        } else {
+            Err(ForearmError::Untrained {
+                what: "fusion needs squeezes that the two estimators were not trained on".into(),
+            })
+        }
+    }
+
+    pub(crate) fn is_whole(&self) -> bool {
+        self.off.iter().all(|off| off.is_finite() && *off > 0.0)
+    }
+
+    /// Both estimates as one: weighed by the inverse of their variances. Where they contradict each other, or one is
+    /// missing, the surer one is taken alone. The interval is no narrower than if both erred together, since a place that is
+    /// out of order is so for both.
+    ///
+    /// # Errors
+    /// The first one's, where both are missing.
+    pub fn fuse(
+        &self,
+        kinesthetic: Result<Estimate, ForearmError>,
+        tactile: Result<Estimate, ForearmError>,
+    ) -> Result<Estimate, ForearmError> {
+        let (angles, touch) = match (kinesthetic, tactile) {
+            (Ok(angles), Ok(touch)) => (angles, touch),
+            (one, Err(_)) => return one,
+            (Err(_), other) => return other,
+        };
+        let [a, b] = [
+            self.off[0] * angles.half_width_90,
+            self.off[1] * touch.half_width_90,
+        ];
+        let apart = (angles.percent - touch.percent).abs() * DEVIATIONS;
+        if apart > CONTRADICTS * a.hypot(b) {
+            return Ok(if a <= b { angles } else { touch });
+        }
+        let weight = b * b / (a * a + b * b);
+        Ok(Estimate {
+            percent: weight * angles.percent + (1.0 - weight) * touch.percent,
+            half_width_90: weight * angles.half_width_90 + (1.0 - weight) * touch.half_width_90,
+            source: Source::Fused,
+            phase: angles.phase,
+        })
+    }
+}
+
+/// The fused estimator.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Fused {
+    /// From angles.
+    pub kinesthetic: Kinesthetic,
+    /// From tactile images.
+    pub tactile: Tactile,
+    /// How they are weighed.
+    pub fusion: Fusion,
+}
+
+impl Estimator for Fused {
+    fn estimate(&self, squeeze: &Squeeze) -> Result<Estimate, ForearmError> {
+        self.fusion
+            .fuse(self.kinesthetic.estimate(squeeze), self.tactile.estimate(squeeze))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn estimate(percent: f64, half_width_90: f64, source: Source) -> Result<Estimate, ForearmError> {
+        Ok(Estimate {
+            percent,
+            half_width_90,
+            source,
+            phase: 2.0,
+        })
+    }
+
+    #[test]
+    fn the_surer_estimate_weighs_more_and_alone_where_the_other_is_missing_or_contradicts() {
+        let angles = |percent| estimate(percent, 8.0, Source::Kinesthetic);
+        let touch = |percent| estimate(percent, 16.0, Source::Tactile);
+        let fuse = |a, b| {
+            Fusion::by_intervals()
+                .fuse(a, b)
+                .map(|e| (e.percent, e.half_width_90, e.source))
+        };
+        assert_eq!(
+            fuse(angles(40.0), touch(50.0)).unwrap(),
+            (42.0, 9.6, Source::Fused)
+        );
+        assert_eq!(
+            fuse(angles(10.0), touch(90.0)).unwrap(),
+            (10.0, 8.0, Source::Kinesthetic)
+        );
+        assert_eq!(
+            fuse(angles(40.0), Err(ForearmError::NoTouch)).unwrap(),
+            (40.0, 8.0, Source::Kinesthetic)
+        );
+        assert_eq!(
+            fuse(Err(ForearmError::NoTouch), touch(50.0)).unwrap(),
+            (50.0, 16.0, Source::Tactile)
+        );
+        assert!(fuse(Err(ForearmError::NoTouch), Err(ForearmError::NoTouch)).is_err());
+        // An estimator that is farther off than it says weighs less.
+        let learnt = Fusion { off: [4.0, 1.0] };
+        assert_eq!(learnt.fuse(angles(40.0), touch(50.0)).unwrap().percent, 48.0);
+    }
+}

@@ -1,0 +1,159 @@
+//! Where a gripper holds, from the tactile images of its third finger.
+
+use crate::error::ForearmError;
+use crate::estimate::{Estimate, Estimator, Source};
+use crate::phase::{Course, PHASES};
+use crate::profile::{Profile, places, within};
+use crate::regression::{Regression, Rows, Tried, try_all};
+use crate::session::Trial;
+use crate::squeeze::{Squeeze, TACTELS};
+use nalgebra::DMatrix;
+use serde::{Deserialize, Serialize};
+use taxel_palpation::{Pca, Solver};
+
+/// Principal components that an image is reduced to.
+const COMPONENTS: usize = 6;
+/// Images that components come from, at most.
+const IMAGES: usize = 600;
+/// Phases that these images are taken at, evenly from 0 to 2.
+const MOMENTS: usize = 9;
+
+/// The tactile estimator: principal components of the images at phases of the squeeze, and partial least squares on
+/// them as on the angles.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Tactile {
+    profile: Profile,
+    /// The mean image, [`TACTELS`] counts.
+    mean: Vec<f64>,
+    /// Loadings, [`TACTELS`] for each component.
+    components: Vec<f64>,
+    chosen: Tried,
+    regression: Regression,
+}
+
+impl Tactile {
+    /// Trains on squeezes with touch. What is looked at is chosen on them alone.
+    ///
+    /// # Errors
+    /// As [`Kinesthetic::train`](crate::Kinesthetic::train); squeezes without touch, or in which nothing is felt.
+    pub fn train(trials: &[&Trial]) -> Result<Self, ForearmError> {
+        let (places, percents) = places(trials)?;
+        let profile = Profile::of(trials)?;
+        let mut courses = Vec::with_capacity(trials.len());
+        for trial in trials {
+            let squeeze = &trial.squeeze;
+            let course = squeeze.tactile.as_ref().ok_or(ForearmError::NoTouch);
+            courses.push(
+                course
+                    .and_then(|_| profile.whole(squeeze))
+                    .map_err(within(trial))?,
+            );
+        }
+        let pca = Pca::fit(&images(trials, &courses), COMPONENTS, Solver::Auto)?;
+        let mean: Vec<f64> = pca.mean().iter().copied().collect();
+        let components: Vec<f64> = pca.components().iter().copied().collect();
+        let mut features = Vec::with_capacity(trials.len() * COMPONENTS * PHASES);
+        for (trial, course) in trials.iter().zip(&courses) {
+            scores_at_phases(&mean, &components, &trial.squeeze, course, &mut features);
+        }
+        let rows = Rows {
+            columns: COMPONENTS,
+            features,
+            places,
+            percents,
+        };
+        let mut tried = try_all(&rows);
+        tried.sort_by(|a, b| a.score().total_cmp(&b.score()));
+        let chosen = *tried.first().ok_or(ForearmError::NoTouch)?;
+        Ok(Self {
+            profile,
+            mean,
+            components,
+            chosen,
+            regression: Regression::train(&rows, chosen.choice, 2),
+        })
+    }
+
+    /// What was chosen, and its errors on the training squeezes.
+    pub fn chosen(&self) -> Tried {
+        self.chosen
+    }
+
+    /// Half-width of the 90 % interval of a whole squeeze, percent of the forearm.
+    pub fn half_width_90(&self) -> f64 {
+        self.regression.half_width_90()
+    }
+
+    /// Whether a model that was read is one.
+    pub(crate) fn is_whole(&self) -> bool {
+        self.mean.len() == TACTELS
+            && self.components.len() == TACTELS * COMPONENTS
+            && self.profile.is_one()
+            && self.regression.is_whole(COMPONENTS)
+    }
+}
+
+impl Estimator for Tactile {
+    fn estimate(&self, squeeze: &Squeeze) -> Result<Estimate, ForearmError> {
+        let course = self.profile.course(squeeze)?;
+        if squeeze.tactile.is_none() {
+            return Err(ForearmError::NoTouch);
+        }
+        let mut features = Vec::with_capacity(COMPONENTS * PHASES);
+        scores_at_phases(&self.mean, &self.components, squeeze, &course, &mut features);
+        let (percent, half_width_90) = self.regression.estimate(&features, course.steps());
+        Ok(Estimate {
+            percent,
+            half_width_90,
+            source: Source::Tactile,
+            phase: course.reached(),
+        })
+    }
+}
+
+/// Images of the training to find components in, one in each column.
+fn images(trials: &[&Trial], courses: &[Course]) -> DMatrix<f64> {
+    let every = (trials.len() * MOMENTS).div_ceil(IMAGES);
+    let mut columns = Vec::new();
+    let mut count = 0;
+    for (trial, course) in trials.iter().zip(courses).step_by(every) {
+        for moment in 0..MOMENTS {
+            let row = course.row_at(2.0 * moment as f64 / (MOMENTS - 1) as f64);
+            if let Some(image) = trial.squeeze.tactile_image(row) {
+                columns.extend(image.iter().map(|count| f64::from(*count)));
+                count += 1;
+            }
+        }
+    }
+    DMatrix::from_vec(TACTELS, count, columns)
+}
+
+/// Adds the components of a squeeze's images at all phases, component after component.
+fn scores_at_phases(
+    mean: &[f64],
+    components: &[f64],
+    squeeze: &Squeeze,
+    course: &Course,
+    features: &mut Vec<f64>,
+) {
+    let mut centred = vec![0.0; TACTELS];
+    let mut scores = Vec::with_capacity(squeeze.len() * COMPONENTS);
+    for row in 0..squeeze.len() {
+        let image = squeeze.tactile_image(row).unwrap_or_default();
+        let differences = image
+            .iter()
+            .zip(mean)
+            .map(|(count, mean)| f64::from(*count) - mean);
+        centred
+            .iter_mut()
+            .zip(differences)
+            .for_each(|(place, difference)| *place = difference);
+        for loadings in components.chunks_exact(TACTELS) {
+            scores.push(loadings.iter().zip(&centred).map(|(a, b)| a * b).sum::<f64>());
+        }
+    }
+    for component in 0..COMPONENTS {
+        course.at_phases(|row| scores[row * COMPONENTS + component], features);
+    }
+}
