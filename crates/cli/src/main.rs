@@ -33,6 +33,7 @@ mod log_interfaces;
 mod offline;
 mod output_file;
 mod progress;
+mod rates;
 mod raw_line;
 mod record;
 mod recorded;

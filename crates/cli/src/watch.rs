@@ -1,11 +1,12 @@
 //! `taxel watch`: one line per image of a running daemon.
 
+use crate::rates::Rates;
 use crate::{image_line, raw_line};
 use anyhow::Context;
-use std::io::{self, Write};
-use std::path::PathBuf;
-use std::time::SystemTime;
-use taxel_wire::{Clock, Header, Hello, Received, Subscribe, Subscriber};
+use std::io::{self, IsTerminal, Write};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant, SystemTime};
+use taxel_wire::{Clock, Header, Hello, ReadError, Received, Subscribe, Subscriber};
 
 /// Print one line per tactile image of a running daemon.
 ///
@@ -20,11 +21,14 @@ With --json each line is one object:
 latency_us is null when the daemon plays a recording. With --raw as well:
   {\"seq\",\"t_ns\",\"latency_us\",\"threshold\",\"taxels\":[{\"counts\":[x,y,z],\"force\",\"contact\",\"repaired\",
    \"age_us\",\"status\",\"faults\":[names]}],\"joints\":[rad]}
+With --hz: {\"hz\",\"received_hz\",\"skipped\",\"longest_gap_ms\",\"latency_p50_us\",\"latency_p99_us\",\"latency_max_us\",
+   \"contacts\",\"missing\",\"faulty\"}
 
 Examples:
   taxel watch --count 10
   taxel watch --json | jq .contacts
   taxel watch --raw --json --count 1 > counts.json
+  taxel watch --hz --reconnect               is it still running, and how well
   taxel watch --socket /tmp/taxeld-1000/images.sock")]
 pub(crate) struct Args {
     /// The daemon's image socket [default: where the daemon of this user, or of the system, puts it]
@@ -39,63 +43,153 @@ pub(crate) struct Args {
     /// Raw frames instead of images: every taxel's counts, force and faults
     #[arg(long)]
     raw: bool,
+    /// Rates instead of images, a line a second, in place on a terminal: images made and received here, their latency,
+    /// the longest time without one
+    #[arg(long)]
+    hz: bool,
+    /// Wait for the daemon, at the start and whenever it is gone, instead of ending
+    #[arg(long)]
+    reconnect: bool,
 }
+
+/// Between two looks whether the daemon is back.
+const LOOK: Duration = Duration::from_millis(500);
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let socket = args
         .socket
         .clone()
         .unwrap_or_else(|| taxeld::config::running_socket("images.sock"));
-    let mut subscriber = Subscriber::connect(&socket)?;
-    if args.raw {
-        subscriber.subscribe(&Subscribe {
-            image: false,
-            raw: true,
-            ..Subscribe::default()
-        })?;
+    let mut watch = Watch {
+        args,
+        in_place: args.hz && !args.json && io::stdout().is_terminal(),
+        out: io::stdout().lock(),
+        lines: 0,
+        described: String::new(),
+    };
+    let mut is_waiting = false;
+    loop {
+        let outcome = watch.connection(&socket, &mut is_waiting);
+        match outcome.map_err(|error| (is_gone(&error), error)) {
+            Ok(()) => break,
+            Err((true, error)) if args.reconnect => {
+                if !std::mem::replace(&mut is_waiting, true) {
+                    eprintln!("taxel: {error:#}; waiting for it");
+                }
+                std::thread::sleep(LOOK);
+            }
+            Err((_, error)) => return Err(error),
+        }
     }
-    let mut out = io::stdout().lock();
-    let mut clock = Clock::Unknown;
-    let mut names = Vec::new();
-    let mut described = String::new();
-    let mut lines = 0;
-    while args.count.is_none_or(|count| lines < count) {
-        let line = match subscriber.next()? {
-            Received::Image(header, image) if !args.raw => {
-                let latency_ns = latency_ns(clock, &header);
-                match args.json {
-                    true => image_line::json(&header, &image, latency_ns),
-                    false => image_line::words(&header, &image, latency_ns),
-                }
-            }
-            Received::Raw(header, raw) if args.raw => {
-                let latency_ns = latency_ns(clock, &header);
-                match args.json {
-                    true => raw_line::json(&header, &raw, latency_ns),
-                    false => raw_line::words(&header, &raw, latency_ns, &names),
-                }
-            }
-            Received::Hello(hello) => {
-                clock = hello.clock;
-                names = raw_line::names(hello);
-                // It also comes in answer to the subscription.
-                let description = describe(hello);
-                if !args.json && description != described {
-                    eprintln!("{description}");
-                }
-                described = description;
-                continue;
-            }
-            Received::Event(_, event) => {
-                eprintln!("taxeld: {}", event.message);
-                continue;
-            }
-            _ => continue,
-        };
-        writeln!(out, "{line}").context("stdout")?;
-        lines += 1;
+    if watch.in_place {
+        writeln!(watch.out).context("stdout")?;
     }
     Ok(())
+}
+
+/// Whether it is the connection that failed.
+fn is_gone(error: &anyhow::Error) -> bool {
+    matches!(
+        error.downcast_ref::<ReadError>(),
+        Some(ReadError::Connect { .. } | ReadError::Closed | ReadError::Socket(_))
+    )
+}
+
+struct Watch<'a> {
+    args: &'a Args,
+    /// Whether each line takes the place of the one before.
+    in_place: bool,
+    out: io::StdoutLock<'a>,
+    lines: u64,
+    /// What was said of the hand.
+    described: String,
+}
+
+impl Watch<'_> {
+    /// Prints lines until there are as many as were asked for, or the connection ends.
+    fn connection(&mut self, socket: &Path, is_waiting: &mut bool) -> anyhow::Result<()> {
+        let args = self.args;
+        let mut subscriber = Subscriber::connect(socket)?;
+        *is_waiting = false;
+        if args.raw {
+            subscriber.subscribe(&Subscribe {
+                image: false,
+                raw: true,
+                ..Subscribe::default()
+            })?;
+        }
+        let mut clock = Clock::Unknown;
+        let mut names = Vec::new();
+        let mut rates = args.hz.then(|| Rates::new(Instant::now()));
+        while args.count.is_none_or(|count| self.lines < count) {
+            if let Some(rates) = &mut rates {
+                let now = Instant::now();
+                if now >= rates.due() {
+                    self.line(&rates.line(now, args.json))?;
+                    continue;
+                }
+            }
+            let left = rates
+                .as_ref()
+                .map(|rates| rates.due().saturating_duration_since(Instant::now()));
+            let received = match left {
+                Some(left) => subscriber.next_timeout(left)?,
+                None => Some(subscriber.next()?),
+            };
+            let line = match received {
+                Some(Received::Image(header, image)) if !args.raw => {
+                    let latency_ns = latency_ns(clock, &header);
+                    if let Some(rates) = &mut rates {
+                        rates.image(&header, &image, latency_ns, Instant::now());
+                        continue;
+                    }
+                    match args.json {
+                        true => image_line::json(&header, &image, latency_ns),
+                        false => image_line::words(&header, &image, latency_ns),
+                    }
+                }
+                Some(Received::Raw(header, raw)) if args.raw => {
+                    let latency_ns = latency_ns(clock, &header);
+                    if let Some(rates) = &mut rates {
+                        rates.raw(&header, &raw, latency_ns, Instant::now());
+                        continue;
+                    }
+                    match args.json {
+                        true => raw_line::json(&header, &raw, latency_ns),
+                        false => raw_line::words(&header, &raw, latency_ns, &names),
+                    }
+                }
+                Some(Received::Hello(hello)) => {
+                    clock = hello.clock;
+                    names = raw_line::names(hello);
+                    // It also comes in answer to the subscription.
+                    let description = describe(hello);
+                    if !args.json && description != self.described {
+                        eprintln!("{description}");
+                    }
+                    self.described = description;
+                    continue;
+                }
+                Some(Received::Event(_, event)) => {
+                    eprintln!("taxeld: {}", event.message);
+                    continue;
+                }
+                _ => continue,
+            };
+            self.line(&line)?;
+        }
+        Ok(())
+    }
+
+    fn line(&mut self, line: &str) -> anyhow::Result<()> {
+        self.lines += 1;
+        match self.in_place {
+            // To the start of the line, and the rest of it cleared; a line that is too long is cut off.
+            true => write!(self.out, "\r\x1b[?7l{line}\x1b[K\x1b[?7h").and_then(|()| self.out.flush()),
+            false => writeln!(self.out, "{line}"),
+        }
+        .context("stdout")
+    }
 }
 
 /// From a message's time of validity to now, nanoseconds; none where the clock tells none.

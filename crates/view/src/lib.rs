@@ -19,6 +19,7 @@ mod raster;
 mod scale;
 mod screen;
 mod seen;
+mod svg;
 
 pub use colour::Palette;
 pub use flat::Hand;
@@ -28,3 +29,4 @@ pub use panes::{Heading, draw};
 pub use picture::Picture;
 pub use screen::Screen;
 pub use seen::{Figures, Seen};
+pub use svg::svg;

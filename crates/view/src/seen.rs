@@ -390,7 +390,13 @@ impl Seen {
             problems: self.problems(),
             traces: match screen.chosen.is_empty() {
                 true => cursor.into_iter().map(traced).collect(),
-                false => screen.chosen.iter().copied().map(traced).collect(),
+                false => screen
+                    .chosen
+                    .iter()
+                    .copied()
+                    .filter(|taxel| *taxel < hand.len())
+                    .map(traced)
+                    .collect(),
             },
             cursor,
             hand,

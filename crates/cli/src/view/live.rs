@@ -1,6 +1,6 @@
 //! The hand of a running daemon.
 
-use super::{GLANCE_S, Source, lock, look, print_summary};
+use super::{GLANCE_S, Sheet, Source, lock, look, print_summary};
 use crate::control;
 use crate::interrupt::Interrupt;
 use crate::terminal;
@@ -30,7 +30,11 @@ struct Daemon {
     over: AtomicBool,
 }
 
-pub(super) fn run(socket: Option<&Path>, limit: Option<Duration>) -> anyhow::Result<()> {
+pub(super) fn run(
+    socket: Option<&Path>,
+    limit: Option<Duration>,
+    sheet: Option<&Sheet<'_>>,
+) -> anyhow::Result<()> {
     let images = socket.map_or_else(|| taxeld::config::running_socket("images.sock"), Path::to_owned);
     let control = match socket {
         Some(socket) => socket.with_file_name("control.sock"),
@@ -52,11 +56,16 @@ pub(super) fn run(socket: Option<&Path>, limit: Option<Duration>) -> anyhow::Res
         .name("reader".into())
         .spawn(move || reader.read(subscriber))?;
     let began_ns = taxel_can::monotonic_ns();
-    let outcome = match terminal::can_draw() {
-        true => look(&daemon.seen, &*daemon, Screen::new(), &interrupt, limit),
-        false => {
-            let limit = limit.unwrap_or(Duration::from_secs_f64(GLANCE_S));
-            interrupt.sleep_until(Instant::now() + limit);
+    let glance =
+        || interrupt.sleep_until(Instant::now() + limit.unwrap_or(Duration::from_secs_f64(GLANCE_S)));
+    let outcome = match sheet {
+        Some(sheet) => {
+            glance();
+            sheet.draw(&daemon.seen, &*daemon, &Screen::new())
+        }
+        None if terminal::can_draw() => look(&daemon.seen, &*daemon, Screen::new(), &interrupt, limit),
+        None => {
+            glance();
             let seen = lock(&daemon.seen);
             let name = seen.hello().map_or("taxeld".into(), |hello| hello.daemon.clone());
             print_summary(&seen, &name, began_ns)

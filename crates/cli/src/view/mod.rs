@@ -11,12 +11,14 @@ use clap::error::ErrorKind;
 use clap::parser::ValueSource;
 use clap::{Arg, ArgMatches, Command, FromArgMatches};
 use ratatui::Frame;
+use ratatui::buffer::Buffer;
 use ratatui::crossterm::event::KeyEvent;
+use ratatui::layout::Rect;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard};
 use std::time::{Duration, Instant};
-use taxel_view::{Action, Heading, Palette, Screen, Seen, draw};
+use taxel_view::{Action, Heading, Palette, Screen, Seen, draw, svg};
 
 /// Without a terminal a daemon is looked at for so long.
 const GLANCE_S: f64 = 2.0;
@@ -35,7 +37,9 @@ Examples:
   taxel view                           the daemon on this machine
   taxel view grasp.log                 a recording
   taxel view sim:faulty-hand           a scene as a recording
-  taxel view --seconds 10 | cat        a summary of ten seconds")]
+  taxel view --seconds 10 | cat        a summary of ten seconds
+  taxel view sim:ball-grasp --seconds 8 --svg grasp.svg
+                                       a picture of the eighth second")]
 pub(crate) struct Args {
     #[command(flatten)]
     recording: Recording,
@@ -45,6 +49,49 @@ pub(crate) struct Args {
     /// Stop after so long [default: never; without a terminal a daemon is looked at for 2 s]
     #[arg(long, value_name = "S", value_parser = seconds)]
     seconds: Option<f64>,
+    /// Draw into this SVG file what is to be seen at the end, instead of on the terminal
+    #[arg(long, value_name = "FILE")]
+    svg: Option<PathBuf>,
+    /// Columns and rows of that picture
+    #[arg(long, value_name = "WxH", default_value = "120x40", value_parser = size, requires = "svg")]
+    size: (u16, u16),
+}
+
+/// What is drawn into, where it is no terminal.
+struct Sheet<'a> {
+    path: &'a Path,
+    size: (u16, u16),
+}
+
+fn size(text: &str) -> Result<(u16, u16), String> {
+    let sides = text.split_once('x');
+    let side = |text: &str| text.parse().ok().filter(|side| (20..=1000).contains(side));
+    sides
+        .and_then(|(width, height)| Some((side(width)?, side(height)?)))
+        .ok_or_else(|| format!("{text} is no size of a terminal; give columns x rows, such as 120x40"))
+}
+
+impl Sheet<'_> {
+    /// Draws what is to be seen now.
+    fn draw(&self, seen: &Mutex<Seen>, source: &dyn Source, screen: &Screen) -> anyhow::Result<()> {
+        let area = Rect::new(0, 0, self.size.0, self.size.1);
+        let mut buffer = Buffer::empty(area);
+        let mut seen = lock(seen);
+        let (now_ns, heading) = (source.now_ns(&seen), source.heading(&seen));
+        let picture = seen
+            .picture(screen, now_ns)
+            .context("no description of a hand came; give it more --seconds")?;
+        draw(
+            &mut buffer,
+            area,
+            &picture,
+            screen,
+            &heading,
+            Palette::True,
+            false,
+        );
+        std::fs::write(self.path, svg(&buffer)).with_context(|| self.path.display().to_string())
+    }
 }
 
 /// A recording, where one is named.
@@ -98,9 +145,13 @@ fn seconds(text: &str) -> Result<f64, String> {
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let limit = args.seconds.map(Duration::from_secs_f64);
+    let sheet = args.svg.as_deref().map(|path| Sheet {
+        path,
+        size: args.size,
+    });
     match &args.recording.0 {
-        Some(recording) => recording::run(recording, limit),
-        None => live::run(args.socket.as_deref(), limit),
+        Some(recording) => recording::run(recording, limit, sheet.as_ref()),
+        None => live::run(args.socket.as_deref(), limit, sheet.as_ref()),
     }
 }
 

@@ -1,6 +1,6 @@
 //! The hand of a recording, played in its own time.
 
-use super::{Source, lock, look, print_summary};
+use super::{Sheet, Source, lock, look, print_summary};
 use crate::interrupt::Interrupt;
 use crate::offline::OfflineArgs;
 use crate::progress;
@@ -31,6 +31,8 @@ struct Pace {
     speed: f64,
     /// Nothing before this time of the recording is waited for.
     skip_to_ns: u64,
+    /// Nothing after this time of the recording is shown.
+    stop_ns: u64,
     /// A time of the recording, and when it was shown.
     anchor: Option<(u64, Instant)>,
     again: bool,
@@ -45,6 +47,7 @@ impl Default for Pace {
             halted: false,
             speed: 1.0,
             skip_to_ns: 0,
+            stop_ns: u64::MAX,
             anchor: None,
             again: false,
             at_end: false,
@@ -54,7 +57,11 @@ impl Default for Pace {
     }
 }
 
-pub(super) fn run(recording: &OfflineArgs, limit: Option<Duration>) -> anyhow::Result<()> {
+pub(super) fn run(
+    recording: &OfflineArgs,
+    limit: Option<Duration>,
+    sheet: Option<&Sheet<'_>>,
+) -> anyhow::Result<()> {
     let interrupt = Interrupt::install()?;
     let player = Arc::new(Player {
         name: recording.input.name(),
@@ -62,11 +69,20 @@ pub(super) fn run(recording: &OfflineArgs, limit: Option<Duration>) -> anyhow::R
         pace: Mutex::new(Pace::default()),
         changed: Condvar::new(),
     });
-    if !terminal::can_draw() {
+    if sheet.is_some() || !terminal::can_draw() {
         // As fast as it can be read.
-        player.pace().skip_to_ns = u64::MAX;
-        player.play(recording)?;
-        return print_summary(&lock(&player.seen), &player.name, 0);
+        player.change(|pace| {
+            pace.skip_to_ns = u64::MAX;
+            pace.stop_ns = limit.map_or(u64::MAX, |limit| limit.as_nanos() as u64);
+        });
+        let outcome = player.play(recording);
+        if !player.pace().over {
+            outcome?;
+        }
+        return match sheet {
+            Some(sheet) => sheet.draw(&player.seen, &*player, &Screen::of_recording()),
+            None => print_summary(&lock(&player.seen), &player.name, 0),
+        };
     }
     // What is wrong with the file is said before the terminal is taken.
     recording.configure(&recording.input.open()?)?;
@@ -166,6 +182,7 @@ impl Player {
     fn wait_until(&self, t_ns: u64) -> anyhow::Result<()> {
         let mut pace = self.pace();
         loop {
+            pace.over |= t_ns > pace.stop_ns;
             if pace.over || pace.again {
                 bail!("stopped");
             }

@@ -37,6 +37,30 @@ fn without_a_terminal_a_recording_is_read_to_its_end_and_summed_up() {
 }
 
 #[test]
+fn a_picture_is_of_the_second_that_was_asked_for() {
+    let dir = TempDir::new().unwrap();
+    let picture = |name: &str, seconds: &str| {
+        let svg = ["--svg", name, "--size", "100x30", "--seconds", seconds];
+        succeeds(&dir, &[&["view", "sim:tap"], &svg[..]].concat());
+        std::fs::read_to_string(dir.path().join(name)).unwrap()
+    };
+    let (early, late) = (picture("early.svg", "0.5"), picture("late.svg", "4"));
+    for (svg, time) in [(&early, "0.5 s"), (&late, "4.0 s")] {
+        assert!(
+            svg.contains("viewBox=\"0 0 800 480\"") && svg.contains("raw: 240 taxels"),
+            "{svg}"
+        );
+        assert!(svg.contains(time), "{svg}");
+    }
+    assert!(
+        early.contains("hands off") && !late.contains("hands off"),
+        "{early}"
+    );
+    let err = fails(&dir, &["view", "sim:tap", "--svg", "a.svg", "--size", "9x9"], 2);
+    assert!(err.contains("120x40"), "{err}");
+}
+
+#[test]
 fn what_is_said_of_a_recording_needs_one() {
     let dir = TempDir::new().unwrap();
     let err = fails(&dir, &["view", "--levels", "4"], 2);

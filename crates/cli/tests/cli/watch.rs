@@ -96,3 +96,55 @@ fn a_reader_that_has_seen_enough_is_no_failure() {
     assert!(output.status.success(), "{}: {:?}", output.status, texts(&output));
     assert!(!texts(&output).1.contains("pipe"), "{:?}", texts(&output));
 }
+
+#[test]
+fn rates_are_a_line_a_second() {
+    let dir = TempDir::new().unwrap();
+    let _daemon = simulated(dir.path(), "idle");
+    let (out, _) = succeeds(
+        &dir,
+        &[
+            "watch",
+            "--socket",
+            "images.sock",
+            "--hz",
+            "--json",
+            "--count",
+            "2",
+        ],
+    );
+    for line in out.lines() {
+        let line: Value = serde_json::from_str(line).unwrap();
+        assert!(line["hz"].as_f64().unwrap() > 0.0, "{line}");
+        assert!(
+            line["latency_p99_us"].as_f64() >= line["latency_p50_us"].as_f64(),
+            "{line}"
+        );
+    }
+    assert_eq!(out.lines().count(), 2);
+}
+
+#[test]
+fn watch_waits_for_a_daemon_that_is_not_there_and_for_one_that_ended() {
+    let dir = TempDir::new().unwrap();
+    let mut child = Command::new(env!("CARGO_BIN_EXE_taxel"))
+        .args(["watch", "--socket", "images.sock", "--reconnect"])
+        .current_dir(dir.path())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut said = BufReader::new(child.stderr.take().unwrap()).lines();
+    let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
+    let waits = said.next().unwrap().unwrap();
+    assert!(waits.contains("waiting for it"), "{waits}");
+    for _ in 0..2 {
+        let daemon = simulated(dir.path(), "idle");
+        assert!(lines.next().unwrap().unwrap().contains("contacts"));
+        daemon.stop().unwrap();
+        let waits = said.find(|line| line.as_ref().is_ok_and(|line| line.contains("waiting for it")));
+        assert!(waits.is_some());
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+}

@@ -36,7 +36,13 @@ pub(super) fn skin(
         let now = picture.taxels.get(taxel);
         let mut ink = match now.map(|now| now.condition()) {
             Some(Condition::Force(force)) => {
-                let share = force / picture.scale;
+                // Noise would be sent over the line for nothing.
+                let felt = if force < 0.5 * picture.threshold {
+                    0.0
+                } else {
+                    force
+                };
+                let share = felt / picture.scale;
                 let arrow = now
                     .filter(|_| !screen.no_arrows)
                     .and_then(|now| now.shear(picture.threshold));

@@ -162,7 +162,11 @@ fn legend(picture: &Picture, palette: Palette) -> Vec<Span<'static>> {
 /// A taxel's name: its module and its number there.
 pub(super) fn name(picture: &Picture, taxel: usize) -> String {
     let module = picture.hand.module_of(taxel);
-    format!("{} {}", module.name, taxel - usize::from(module.first_taxel))
+    format!(
+        "{} {}",
+        module.name,
+        taxel.saturating_sub(usize::from(module.first_taxel))
+    )
 }
 
 /// Columns that the press of a taxel needs besides its counts.

@@ -1,0 +1,124 @@
+//! A drawn screen as SVG.
+
+use ratatui::buffer::{Buffer, Cell};
+use ratatui::style::{Color, Modifier};
+use std::fmt::Write;
+
+/// Width and height of a character, units of the picture.
+const CELL: (usize, usize) = (8, 16);
+/// Where letters stand in their character.
+const BASE: usize = 12;
+const GROUND: &str = "#101014";
+const INK: &str = "#d8d8d8";
+
+/// What was drawn into a buffer with [`Palette::True`](crate::Palette::True), on a dark ground.
+pub fn svg(buffer: &Buffer) -> String {
+    let mut text = String::new();
+    // Writing to a string cannot fail.
+    let _ = write_svg(buffer, &mut text);
+    text
+}
+
+fn write_svg(buffer: &Buffer, out: &mut String) -> std::fmt::Result {
+    let (columns, rows) = (usize::from(buffer.area.width), usize::from(buffer.area.height));
+    let (width, height) = (columns * CELL.0, rows * CELL.1);
+    writeln!(
+        out,
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" \
+         font-family=\"monospace\" font-size=\"13\" xml:space=\"preserve\">\n<rect width=\"{width}\" height=\"{height}\" fill=\"{GROUND}\"/>"
+    )?;
+    for (row, cells) in buffer.content().chunks(columns).enumerate() {
+        let mut column = 0;
+        while column < columns {
+            let cell = &cells[column];
+            let alike = cells[column..]
+                .iter()
+                .take_while(|other| is_alike(cell, other))
+                .count();
+            write_run(out, (column, row), &cells[column..column + alike])?;
+            column += alike;
+        }
+    }
+    writeln!(out, "</svg>")
+}
+
+/// Whether two characters go into one run: both of the same block, or both letters or blanks of the same colour.
+fn is_alike(a: &Cell, b: &Cell) -> bool {
+    let is_block = |cell: &Cell| matches!(cell.symbol(), "▀" | "▄");
+    let style = |cell: &Cell| (cell.fg, cell.bg, cell.modifier);
+    style(a) == style(b) && (a.symbol() == b.symbol() || (!is_block(a) && !is_block(b)))
+}
+
+fn write_run(out: &mut String, (column, row): (usize, usize), cells: &[Cell]) -> std::fmt::Result {
+    let (x, y) = (column * CELL.0, row * CELL.1);
+    let (width, half) = (cells.len() * CELL.0, CELL.1 / 2);
+    let cell = &cells[0];
+    if let Some(ground) = colour(cell.bg) {
+        writeln!(
+            out,
+            "<rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{}\" fill=\"{ground}\"/>",
+            CELL.1
+        )?;
+    }
+    let ink = colour(cell.fg).unwrap_or(INK.into());
+    match cell.symbol() {
+        _ if cells.iter().all(|cell| cell.symbol() == " ") => Ok(()),
+        "▀" => writeln!(
+            out,
+            "<rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{half}\" fill=\"{ink}\"/>"
+        ),
+        "▄" => {
+            let y = y + half;
+            writeln!(
+                out,
+                "<rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{half}\" fill=\"{ink}\"/>"
+            )
+        }
+        _ => {
+            let bold = if cell.modifier.contains(Modifier::BOLD) {
+                " font-weight=\"bold\""
+            } else {
+                ""
+            };
+            let words: String = cells.iter().map(Cell::symbol).collect();
+            let words = words.replace('&', "&amp;").replace('<', "&lt;");
+            writeln!(
+                out,
+                "<text x=\"{x}\" y=\"{}\" textLength=\"{width}\" fill=\"{ink}\"{bold}>{words}</text>",
+                y + BASE
+            )
+        }
+    }
+}
+
+fn colour(colour: Color) -> Option<String> {
+    match colour {
+        Color::Rgb(r, g, b) => Some(format!("#{r:02x}{g:02x}{b:02x}")),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ratatui::layout::Rect;
+    use ratatui::style::Style;
+
+    #[test]
+    fn blocks_are_rectangles_and_letters_are_text() {
+        let mut buffer = Buffer::empty(Rect::new(0, 0, 10, 2));
+        let red = Style::new().fg(Color::Rgb(255, 0, 0));
+        buffer.set_string(0, 0, "▀▀ a<b", red);
+        buffer.set_string(2, 1, " ", Style::new().bg(Color::Rgb(0, 0, 255)));
+        let svg = svg(&buffer);
+        for part in [
+            "viewBox=\"0 0 80 32\"",
+            "<rect x=\"0\" y=\"0\" width=\"16\" height=\"8\" fill=\"#ff0000\"/>",
+            "<text x=\"16\" y=\"12\" textLength=\"32\" fill=\"#ff0000\"> a&lt;b</text>",
+            "<rect x=\"16\" y=\"16\" width=\"8\" height=\"16\" fill=\"#0000ff\"/>",
+        ] {
+            assert!(svg.contains(part), "{part}\n{svg}");
+        }
+        assert_eq!(svg.matches("<text").count(), 1, "{svg}");
+    }
+}
