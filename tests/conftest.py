@@ -13,14 +13,15 @@ LONGEST_TEST_S = 100
 
 
 @pytest.fixture(autouse=True)
-def hang_is_a_failure():
-    """Ends a test that waits for what never comes, so that the others still run."""
+def hang_is_a_failure(request):
+    """Ends a test that waits for what never comes, so that the others still run. A module may state a limit of its own."""
+    longest_s = getattr(request.module, "LONGEST_TEST_S", LONGEST_TEST_S)
 
     def give_up(_signal, _frame):
-        pytest.fail(f"hung: not done after {LONGEST_TEST_S} s")
+        pytest.fail(f"hung: not done after {longest_s} s")
 
     before = signal.signal(signal.SIGALRM, give_up)
-    signal.alarm(LONGEST_TEST_S)
+    signal.alarm(longest_s)
     yield
     signal.alarm(0)
     signal.signal(signal.SIGALRM, before)

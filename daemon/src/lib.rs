@@ -3,6 +3,7 @@
 //! `taxeld` is this and a `main`; `taxel demo` runs the same daemon inside its own process, and
 //! `taxel compress` runs the same [`taxel_engine::Engine`] without any of the rest.
 
+mod arguments;
 pub mod config;
 mod control;
 mod gather;
@@ -17,6 +18,7 @@ mod status;
 mod supervise;
 mod tick;
 
+pub use arguments::Arguments;
 pub use config::{Config, ConfigError};
 pub use taxel_serve::SocketPathError;
 

@@ -18,28 +18,11 @@ use signal_hook::consts::{
 use signal_hook::iterator::Signals;
 use signal_hook::low_level::signal_name;
 use std::io::{ErrorKind, Write};
-use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
-use taxeld::{Config, ConfigError, Daemon, StartError};
+use taxeld::{Arguments, Config, ConfigError, Daemon, StartError};
 use tracing::Level;
 use tracing_subscriber::EnvFilter;
-
-/// Reads a robot hand's skin from CAN and gives tactile images to display drivers.
-///
-/// The configuration is one TOML file; docs/guide.md says what is in it. Display drivers connect to
-/// the images socket (docs/wire.md); `taxel watch` shows what they are given. RUST_LOG=debug says
-/// more.
-#[derive(Parser)]
-#[command(version, after_help = "Example:\n  taxeld --config /etc/taxeld/taxeld.toml")]
-struct Arguments {
-    /// The configuration file.
-    #[arg(long, value_name = "FILE")]
-    config: PathBuf,
-    /// Only check the configuration file, the groups, recordings and scenes that it names, and say what it would run.
-    #[arg(long)]
-    check: bool,
-}
 
 /// The exit status where the configuration is at fault: `EX_CONFIG` of sysexits(3). To start again would not help.
 const BAD_CONFIG: u8 = 78;

@@ -30,6 +30,7 @@ mod interrupt;
 mod joint_angles;
 mod layouts;
 mod log_interfaces;
+mod manual;
 mod offline;
 mod output_file;
 mod progress;
@@ -110,6 +111,9 @@ enum Command {
     Profile(everyday::ProfileArgs),
     Mark(everyday::MarkArgs),
     Servo(servo::Args),
+    Completions(manual::CompletionsArgs),
+    #[command(hide = true)]
+    Man(manual::ManArgs),
     /// A program `taxel-NAME` with its arguments.
     #[command(external_subcommand)]
     Extension(Vec<OsString>),
@@ -140,6 +144,8 @@ fn main() -> ExitCode {
         Command::Profile(args) => everyday::profile(&args),
         Command::Mark(args) => everyday::mark(&args),
         Command::Servo(args) => servo::run(&args),
+        Command::Completions(args) => manual::completions(&args, Cli::command()),
+        Command::Man(args) => manual::man(&args, Cli::command()),
         Command::Extension(words) => return extension::run(&words, &Cli::command()),
         Command::Doctor(args) => match doctor::run(&args) {
             Ok(true) => Ok(()),

@@ -6,6 +6,7 @@ mod eval;
 mod extension;
 mod figures;
 mod files;
+mod manual;
 mod publication;
 mod recordings;
 mod replay;

@@ -1,0 +1,50 @@
+"""The Debian package under a real systemd: installed, upgraded, removed, purged."""
+
+import grp
+import os
+import pwd
+from pathlib import Path
+
+from harness.service import dpkg, install, run, systemctl
+
+LONGEST_TEST_S = 600  # in an emulated machine
+ENABLED = Path("/etc/systemd/system/multi-user.target.wants/taxeld.service")
+
+
+def is_active():
+    return systemctl("is-active", "taxeld.service").stdout.strip() == "active"
+
+
+def test_installed_it_waits_for_its_configuration_with_user_groups_and_kernel_setting_in_place(package):
+    assert pwd.getpwnam("taxeld").pw_name in grp.getgrnam("tactile-control").gr_mem
+    assert int(Path("/proc/sys/net/core/rmem_max").read_text()) == 4194304
+    # What is started speaks to boards; the buses of this hand are not in the configuration yet.
+    assert systemctl("is-enabled", "taxeld.service").stdout.strip() == "disabled" and not is_active()
+    assert run("taxeld", "--config", "/etc/taxeld/taxeld.toml", "--check").returncode == 0
+    assert "watch" in run("bash", "-c", ". /usr/share/bash-completion/completions/taxel; complete -p taxel; type _taxel").stdout
+    for page in ("man8/taxeld.8.gz", "man1/taxel.1.gz", "man1/taxel-watch.1.gz"):
+        assert Path("/usr/share/man", page).exists()
+
+
+def test_an_upgrade_runs_the_new_one_where_the_old_one_ran_and_keeps_the_configuration(service):
+    with service.config.open("a") as config:
+        config.write("# mine\n")
+    service.start()
+    pid = service.pid
+    install(os.environ["TAXEL_PACKAGE"])
+    assert is_active() and service.pid != pid
+    assert service.config.read_text().endswith("# mine\n")
+
+
+def test_removed_it_is_stopped_and_purged_it_is_gone(service):
+    try:
+        systemctl("enable", "--now", "taxeld.service", check=True)
+        assert ENABLED.is_symlink() and is_active()
+        dpkg("--remove", "taxeld")
+        assert not is_active() and service.config.exists()
+        dpkg("--purge", "taxeld")
+        assert not service.config.exists() and not ENABLED.is_symlink()
+        for left in ("/usr/bin/taxel", "/usr/share/doc/taxeld", "/usr/lib/systemd/system/taxeld.service"):
+            assert not Path(left).exists(), left
+    finally:
+        install(os.environ["TAXEL_PACKAGE"])
