@@ -157,26 +157,68 @@ impl CanFrame {
     }
 }
 
+/// Most bytes of a frame in candump's notation.
+const LONGEST_TEXT: usize = 8 + 1 + 16;
+
+/// A frame in candump's notation, without the machinery of formatting: a recording writes millions.
+pub(crate) struct FrameText {
+    bytes: [u8; LONGEST_TEXT],
+    len: usize,
+}
+
+impl FrameText {
+    pub(crate) fn of(frame: &CanFrame) -> Self {
+        let mut text = Self {
+            bytes: [0; LONGEST_TEXT],
+            len: 0,
+        };
+        if frame.is_error() {
+            text.hex(frame.raw_id & (ERROR_FLAG | 0x1FFF_FFFF), 8);
+        } else if frame.is_extended() {
+            text.hex(frame.id(), 8);
+        } else if frame.id() > 0xFFF {
+            // None that a bus has: its flags are wrong.
+            text.hex(frame.id(), 8 - frame.id().leading_zeros() / 4);
+        } else {
+            text.hex(frame.id(), 3);
+        }
+        text.push(b'#');
+        if frame.is_remote() {
+            text.push(b'R');
+            match frame.len {
+                0 => {}
+                len => text.push(b'0' + len % 10),
+            }
+        }
+        for byte in frame.data() {
+            text.hex((*byte).into(), 2);
+        }
+        text
+    }
+
+    fn push(&mut self, byte: u8) {
+        self.bytes[self.len] = byte;
+        self.len += 1;
+    }
+
+    fn hex(&mut self, number: u32, digits: u32) {
+        for digit in (0..digits).rev() {
+            self.push(b"0123456789ABCDEF"[(number >> (4 * digit) & 0xF) as usize]);
+        }
+    }
+
+    pub(crate) fn as_bytes(&self) -> &[u8] {
+        &self.bytes[..self.len]
+    }
+}
+
 /// The frame in candump's notation, such as `20B#0700` or `00000123#R4`.
 impl fmt::Display for CanFrame {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if self.is_error() {
-            write!(f, "{:08X}#", self.raw_id & (ERROR_FLAG | 0x1FFF_FFFF))?;
-        } else if self.is_extended() {
-            write!(f, "{:08X}#", self.id())?;
-        } else {
-            write!(f, "{:03X}#", self.id())?;
-        }
-        if self.is_remote() {
-            f.write_str("R")?;
-            if self.len > 0 {
-                write!(f, "{}", self.len)?;
-            }
-        }
-        for byte in self.data() {
-            write!(f, "{byte:02X}")?;
-        }
-        Ok(())
+        FrameText::of(self)
+            .as_bytes()
+            .iter()
+            .try_for_each(|byte| fmt::Write::write_char(f, char::from(*byte)))
     }
 }
 

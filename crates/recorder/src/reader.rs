@@ -3,7 +3,7 @@
 use crate::schema::Topic;
 use crate::writer::Attached;
 use mcap::McapError;
-use mcap::records::{Record, op};
+use mcap::records::op;
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use std::collections::HashMap;
 use std::fs::File;
@@ -11,7 +11,7 @@ use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 /// Bytes of the longest record that is read.
-const LONGEST: usize = 256 << 20;
+const LONGEST: usize = 64 << 20;
 /// Bytes asked from the file at once.
 const BLOCK: usize = 256 << 10;
 
@@ -115,9 +115,11 @@ impl RecordingReader {
                 }
                 Some(Ok(LinearReadEvent::Record { opcode, data })) => {
                     self.begun = true;
-                    look(opcode, data, &self.channels, &mut self.message)
+                    let found = look(opcode, data, &self.channels, &mut self.message);
+                    found.ok_or_else(|| "a record is cut off".to_owned())
                 }
-                Some(Err(error)) => Err(error),
+                Some(Err(McapError::UnexpectedEof)) => Err("it ends in the middle".into()),
+                Some(Err(error)) => Err(error.to_string()),
             };
             match found {
                 Ok(Found::Other) => {}
@@ -131,18 +133,13 @@ impl RecordingReader {
                     let data = &self.message;
                     return Ok(Some(Item::Message { topic, wall_ns, data }));
                 }
-                Err(error) if !self.begun => {
-                    return Err(ReadError::NotMcap {
-                        path: self.path.clone(),
-                        problem: error.to_string(),
-                    });
+                Err(problem) if !self.begun => {
+                    let path = self.path.clone();
+                    return Err(ReadError::NotMcap { path, problem });
                 }
-                Err(error) => {
+                Err(problem) => {
                     self.ended = true;
-                    self.torn = Some(match error {
-                        McapError::UnexpectedEof => "it ends in the middle".into(),
-                        error => error.to_string(),
-                    });
+                    self.torn = Some(problem);
                 }
             }
         }
@@ -185,35 +182,75 @@ impl std::fmt::Debug for RecordingReader {
     }
 }
 
-/// Takes a record; a message's bytes are put into `message`.
-fn look(
-    opcode: u8,
-    data: &[u8],
-    channels: &HashMap<u16, Topic>,
-    message: &mut Vec<u8>,
-) -> Result<Found, McapError> {
-    if ![op::MESSAGE, op::CHANNEL, op::ATTACHMENT, op::DATA_END].contains(&opcode) {
-        return Ok(Found::Other);
-    }
-    Ok(match mcap::parse_record(opcode, data)? {
-        Record::Message { header, data } => match channels.get(&header.channel_id) {
-            Some(topic) => {
-                message.clear();
-                message.extend_from_slice(&data);
-                Found::Message(*topic, header.log_time)
+/// Takes a record; a message's bytes are put into `message`. None where the record is cut off.
+fn look(opcode: u8, data: &[u8], channels: &HashMap<u16, Topic>, message: &mut Vec<u8>) -> Option<Found> {
+    let mut fields = Fields(data);
+    Some(match opcode {
+        op::MESSAGE => {
+            let (channel, _sequence, wall_ns, _published_ns) =
+                (fields.u16()?, fields.u32()?, fields.u64()?, fields.u64()?);
+            match channels.get(&channel) {
+                Some(topic) => {
+                    message.clear();
+                    message.extend_from_slice(fields.0);
+                    Found::Message(*topic, wall_ns)
+                }
+                None => Found::Other,
             }
-            None => Found::Other,
-        },
-        Record::Channel(channel) => {
-            let topic = Topic::ALL.into_iter().find(|topic| topic.name() == channel.topic);
-            Found::Channel(channel.id, topic.filter(|_| channel.message_encoding == "cdr"))
         }
-        Record::Attachment { header, data, .. } => Found::Attached(Attached {
-            name: header.name,
-            media_type: header.media_type,
-            data: data.into_owned(),
-        }),
-        Record::DataEnd(_) => Found::End,
+        op::CHANNEL => {
+            let (id, _schema) = (fields.u16()?, fields.u16()?);
+            let (name, encoding) = (fields.text()?, fields.text()?);
+            let topic = Topic::ALL
+                .into_iter()
+                .find(|topic| topic.name().as_bytes() == name);
+            Found::Channel(id, topic.filter(|_| encoding == b"cdr"))
+        }
+        op::ATTACHMENT => {
+            let (_logged_ns, _created_ns) = (fields.u64()?, fields.u64()?);
+            let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+            let (name, media_type) = (text(fields.text()?), text(fields.text()?));
+            let len = usize::try_from(fields.u64()?).ok()?;
+            let data = fields.take(len)?.into();
+            Found::Attached(Attached {
+                name,
+                media_type,
+                data,
+            })
+        }
+        op::DATA_END => Found::End,
         _ => Found::Other,
     })
+}
+
+/// The fields of a record, one after the other.
+struct Fields<'a>(&'a [u8]);
+
+impl<'a> Fields<'a> {
+    fn take(&mut self, len: usize) -> Option<&'a [u8]> {
+        let (taken, rest) = self.0.split_at_checked(len)?;
+        self.0 = rest;
+        Some(taken)
+    }
+
+    fn number<const N: usize>(&mut self) -> Option<[u8; N]> {
+        self.take(N)?.try_into().ok()
+    }
+
+    fn u16(&mut self) -> Option<u16> {
+        self.number().map(u16::from_le_bytes)
+    }
+
+    fn u32(&mut self) -> Option<u32> {
+        self.number().map(u32::from_le_bytes)
+    }
+
+    fn u64(&mut self) -> Option<u64> {
+        self.number().map(u64::from_le_bytes)
+    }
+
+    fn text(&mut self) -> Option<&'a [u8]> {
+        let len = self.u32()? as usize;
+        self.take(len)
+    }
 }

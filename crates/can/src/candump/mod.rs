@@ -7,6 +7,7 @@
 mod line;
 
 use crate::CanFrame;
+use crate::frame::FrameText;
 use line::parse_line;
 use std::fmt;
 use std::io::{self, BufRead, Write};
@@ -280,12 +281,26 @@ fn interned(known: &mut Vec<Arc<str>>, name: &[u8]) -> Arc<str> {
 #[derive(Debug)]
 pub struct LogWriter<W> {
     output: W,
+    line: Vec<u8>,
+}
+
+/// The number in so many digits, zeros before it; in more where it has more.
+fn put_decimal(line: &mut Vec<u8>, mut number: u64, digits: usize) {
+    let mut text = [b'0'; 20];
+    let mut at = text.len();
+    while number > 0 || at > text.len() - digits {
+        at -= 1;
+        text[at] = b'0' + (number % 10) as u8;
+        number /= 10;
+    }
+    line.extend_from_slice(&text[at..]);
 }
 
 impl<W: Write> LogWriter<W> {
     /// A writer onto `output`, which should be buffered: each frame is one small write.
     pub fn new(output: W) -> Self {
-        Self { output }
+        let line = Vec::with_capacity(128);
+        Self { output, line }
     }
 
     /// Writes one frame. The time is cut off to whole microseconds, so that the order of frames is kept.
@@ -300,10 +315,17 @@ impl<W: Write> LogWriter<W> {
             ));
         }
         let (seconds, microseconds) = (t_ns / 1_000_000_000, t_ns % 1_000_000_000 / 1_000);
-        writeln!(
-            self.output,
-            "({seconds:010}.{microseconds:06}) {interface} {frame}"
-        )
+        self.line.clear();
+        self.line.push(b'(');
+        put_decimal(&mut self.line, seconds, 10);
+        self.line.push(b'.');
+        put_decimal(&mut self.line, microseconds, 6);
+        self.line.extend_from_slice(b") ");
+        self.line.extend_from_slice(interface.as_bytes());
+        self.line.push(b' ');
+        self.line.extend_from_slice(FrameText::of(frame).as_bytes());
+        self.line.push(b'\n');
+        self.output.write_all(&self.line)
     }
 
     /// Hands buffered bytes on.
