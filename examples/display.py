@@ -10,6 +10,7 @@ feels. When the daemon goes away the driver lets go at once and connects again.
 SPDX-License-Identifier: Apache-2.0 OR MIT
 """
 
+import os
 import signal
 import sys
 import time
@@ -74,6 +75,8 @@ def main() -> int:
             try:
                 with taxel_reader.connect(sys.argv[1]) as reader:
                     follow(reader, display)
+            except BrokenPipeError:
+                raise
             except OSError as error:
                 print(f"display: {error}", file=sys.stderr)
             drive({}, "closed")
@@ -89,4 +92,8 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    try:
+        sys.exit(main())
+    except BrokenPipeError:
+        # Whoever read the output has seen enough; nothing more is to be written to it, not even at the end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

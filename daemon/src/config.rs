@@ -1,5 +1,7 @@
 //! The daemon's one configuration file.
 
+mod syntax;
+
 use nix::unistd::AccessFlags;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -330,7 +332,7 @@ impl Config {
         let parsed: FileConfig = toml::from_str(text).map_err(|e| ConfigError::Syntax {
             file: file.clone(),
             line: line_at(e.span().map_or(0, |s| s.start)),
-            message: e.message().to_string(),
+            message: syntax::problem(text, e.span(), e.message()),
         })?;
 
         let mut layout = {

@@ -36,7 +36,7 @@ fn configuration_errors_name_file_and_line() {
         ),
         (
             &format!("{two}[tick]\nmode = \"when\"\n"),
-            "hand.toml:6: unknown variant `when`",
+            "hand.toml:6: unknown word `when`",
         ),
         (
             &format!("{two}[profile]\nlevels = 0\n"),
@@ -56,15 +56,47 @@ fn configuration_errors_name_file_and_line() {
         ),
         (
             &format!("{two}\n\nspeed = 3\n"),
-            "hand.toml:7: unknown field `speed`",
+            "hand.toml:7: unknown key `speed`",
         ),
         (
             &format!("{two}[conditioning]\nwindow = 3\n"),
-            "hand.toml:6: unknown field `window`",
+            "hand.toml:6: unknown key `window`; there are preset, ",
         ),
         (
             &format!("{two}[conditioning]\npreset = \"best\"\n"),
-            "hand.toml:6: unknown variant `best`",
+            "hand.toml:6: unknown word `best`",
+        ),
+        (
+            "[bus]\nsource = \"can:can0\"\n",
+            "hand.toml:1: write [[bus]], with two brackets",
+        ),
+        (
+            "bus = \"can:can0\"\n",
+            "hand.toml:1: write [[bus]], with two brackets",
+        ),
+        (
+            "source = \"can:can0\"\n",
+            "hand.toml:1: unknown key `source` here: it belongs below a line [[bus]]",
+        ),
+        (
+            "rate_hz = 30.0\n",
+            "hand.toml:1: unknown key `rate_hz`; there are layout, bus, ",
+        ),
+        (
+            "calibration_ms = 30.0\n",
+            "hand.toml:1: unknown key `calibration_ms` here: it belongs below a line [conditioning]",
+        ),
+        (
+            &format!("{two}[tick]\nrate_hz = \"30\"\n"),
+            "hand.toml:6: a number is wanted here, not the text \"30\"; leave out the quotes",
+        ),
+        (
+            &format!("{two}[profile]\nlvels = 3\n"),
+            "hand.toml:6: unknown key `lvels`; did you mean `levels`? There are method, ",
+        ),
+        (
+            "layout = \"uskin-modul\"\n",
+            "hand.toml:1: there is no layout \"uskin-modul\": it is neither a file nor built in",
         ),
     ];
     for (text, expected) in cases {

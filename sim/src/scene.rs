@@ -9,6 +9,7 @@ use crate::objects;
 use crate::phantom::{Palpation, PalpationToml};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
+use taxel_hand::{did_you_mean, plain_words};
 use taxel_sequence::Motion;
 use toml::Spanned;
 
@@ -94,9 +95,10 @@ pub enum SceneError {
     },
     /// Neither a built-in scene nor a file.
     #[error(
-        "there is no scene `{name}`: neither a file nor one of {}, {}",
+        "there is no scene `{name}`: neither a file nor one of {}, {}{}",
         Scene::names().join(", "),
-        Scene::objects().collect::<Vec<_>>().join(", ")
+        Scene::objects().collect::<Vec<_>>().join(", "),
+        did_you_mean(name, Scene::names().into_iter().chain(Scene::objects()))
     )]
     UnknownScene {
         /// The name given.
@@ -189,7 +191,7 @@ impl Scene {
         let scene: SceneToml = toml::from_str(text).map_err(|e| SceneError::Syntax {
             file: file.into(),
             line: e.span().map_or(1, |s| line_of(s.start)),
-            message: e.message().trim().replace('\n', "; "),
+            message: plain_words(e.message()),
         })?;
         let invalid = |line: u32| {
             move |problem: String| SceneError::Invalid {

@@ -5,10 +5,11 @@ use crate::input::Input;
 use crate::interrupt::Interrupt;
 use crate::offline::OfflineArgs;
 use crate::output_file::{OutputFile, refuse_overlap};
+use crate::progress::Progress;
 use anyhow::bail;
 use std::path::{Path, PathBuf};
 use taxel_compress::learn_codebook;
-use taxel_hand::{FORCE_MAX, ForceFrame, Method, Profile, TactileFrame};
+use taxel_hand::{FORCE_MAX, ForceFrame, Method, Profile, TactileFrame, did_you_mean};
 use taxel_record::FrameTable;
 use taxel_skin::Layout;
 use taxel_wire::Flags;
@@ -66,7 +67,10 @@ fn parse_method(name: &str) -> Option<Method> {
 
 /// A method by its name in the configuration.
 pub(crate) fn method(name: &str) -> Result<Method, String> {
-    parse_method(name).ok_or_else(|| format!("there is no method {name:?}; there is {}", methods()))
+    parse_method(name).ok_or_else(|| {
+        let meant = did_you_mean(name, ["paper", "optimal"]);
+        format!("there is no method {name:?}; there is {}{meant}", methods())
+    })
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
@@ -162,7 +166,9 @@ impl Run {
     }
 
     fn finish(mut self, args: &Args, config: &Config) -> anyhow::Result<()> {
+        let writing = Progress::busy(format!("writing {}", args.out.display()));
         self.output.finish()?;
+        drop(writing);
         if let Some(raw) = self.raw.take() {
             raw.finish()?;
         }
@@ -274,5 +280,6 @@ mod tests {
         assert_eq!(method("paper"), Ok(Method::Paper));
         assert!(methods().starts_with("paper"));
         assert!(method("best").unwrap_err().contains("paper"));
+        assert!(method("papper").unwrap_err().ends_with("did you mean `paper`?"));
     }
 }

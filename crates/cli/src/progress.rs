@@ -2,6 +2,7 @@
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 /// Whether the terminal shows something else.
 static HIDDEN: AtomicBool = AtomicBool::new(false);
@@ -37,6 +38,14 @@ impl Progress {
     /// Of a job whose size is not known.
     pub(crate) fn counting(what: &str) -> Self {
         Self::with(None, &format!("{{spinner}} {{pos}} {what}, {{elapsed}}"))
+    }
+
+    /// Of something that is done in one piece, such as writing a file.
+    pub(crate) fn busy(what: String) -> Self {
+        let progress = Self::with(None, "{spinner} {msg}, {elapsed}");
+        progress.0.set_message(what);
+        progress.0.enable_steady_tick(Duration::from_millis(100));
+        progress
     }
 
     fn with(total: Option<u64>, template: &str) -> Self {

@@ -284,7 +284,8 @@ pub(crate) fn refuse_shared_ids(named: &[(String, TargetAddress)], layout: &Layo
         };
         if let Some(other) = senders.insert((address, id), name).filter(|other| other != name) {
             bail!(
-                "boards of {other} and {name} would both send id {id:03X} on {address}; give each bus its own target"
+                "boards of {other} and {name} would both send id {id:03X} on {address}; give each bus its own, such as \
+                 udp::43113 and udp::43114"
             );
         }
     }

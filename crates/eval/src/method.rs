@@ -1,7 +1,7 @@
 //! The methods that are judged: profiles by name.
 
 use taxel_compress::learn_codebook;
-use taxel_hand::{ForceFrame, Profile, ProfileError};
+use taxel_hand::{ForceFrame, Profile, ProfileError, plain_words};
 
 /// A way to compress frames, and what it is called in reports.
 #[derive(Debug, Clone, PartialEq)]
@@ -64,7 +64,7 @@ impl Method {
         let form = || MethodError::Form { text: text.into() };
         let setting = |problem: String| MethodError::Setting {
             text: text.into(),
-            problem: problem.trim().replace('\n', "; "),
+            problem,
         };
         let mut words = text.split_whitespace();
         let method = words.next().filter(|word| !word.contains('=')).ok_or_else(form)?;
@@ -81,7 +81,7 @@ impl Method {
             let read = line
                 .parse::<toml::Table>()
                 .or_else(|_| format!("{key} = \"{value}\"").parse())
-                .map_err(|e| setting(e.message().to_string()))?;
+                .map_err(|e| setting(plain_words(e.message())))?;
             // A whole number where the profile has a fraction.
             for (key, value) in read {
                 let value = match (table.get(&key), &value) {
@@ -91,7 +91,9 @@ impl Method {
                 table.insert(key, value);
             }
         }
-        let profile: Profile = table.try_into().map_err(|e| setting(e.to_string()))?;
+        let profile: Profile = table
+            .try_into()
+            .map_err(|e| setting(plain_words(&e.to_string())))?;
         profile.check().map_err(|source| MethodError::Profile {
             text: text.into(),
             source,

@@ -8,6 +8,7 @@ mod did_you_mean;
 mod frame;
 mod geometry;
 mod image;
+mod plain_words;
 mod pose;
 mod profile;
 mod profile_error;
@@ -17,6 +18,7 @@ pub use did_you_mean::{closest, did_you_mean};
 pub use frame::{FORCE_MAX, FORCE_MIN, Fault, Faults, ForceFrame, Freshness, TactileFrame};
 pub use geometry::{Geometry, GeometryError, MAX_MODULES, MAX_PIXELS, MAX_TAXELS, Module, Taxel};
 pub use image::{Actuator, TactileImage};
+pub use plain_words::plain_words;
 pub use pose::Pose;
 pub use profile::{
     ActuatorForce, CodebookLearning, Coordinates, ForceFit, Grey, LevelSteps, Method, Placement, Profile,

@@ -358,7 +358,7 @@ fn what_is_not_public_of_extended_ids_has_no_default_and_is_asked_for_by_name() 
         (text.replace("hub = \"b\"\n", ""), vec!["needs the key `hub`"]),
         (
             text.replace("checksum = \"sum\"", "checksum = \"md5\""),
-            vec!["unknown variant `md5`"],
+            vec!["unknown word `md5`"],
         ),
         (
             text.replace("order = [[1,", "order = [[0,"),

@@ -290,9 +290,9 @@ fn what_cannot_be_is_refused_with_file_and_line() {
         ),
         (
             first(&["colour = \"red\""]),
-            &["hand.toml:11:", "unknown field `colour`"],
+            &["hand.toml:11:", "unknown key `colour`"],
         ),
-        (first(&["board = \"0\""]), &["hand.toml:8:", "invalid type"]),
+        (first(&["board = \"0\""]), &["hand.toml:8:", "wanted here, not"]),
         (first(&["at = [0, 0"]), &["hand.toml:"]),
         (
             second(&[]).replace("\"b\"", "\"a\""),
@@ -404,7 +404,7 @@ fn what_cannot_be_is_refused_with_file_and_line() {
             HEAD.to_string() + "module = []\n",
             &["number of modules is 0", "1 to 1000"],
         ),
-        (String::new(), &["hand.toml:1:", "missing field"]),
+        (String::new(), &["hand.toml:1:", "is missing here"]),
     ];
     for (text, parts) in cases {
         let message = error(&text);

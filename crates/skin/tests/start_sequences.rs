@@ -118,7 +118,7 @@ fn the_commands_carry_what_the_layout_says() {
         ("icub = { skin_type = 16 }", "icub.skin_type = 16"),
         ("icub = { shift = 16 }", "icub.shift = 16"),
         ("icub = { noload = 256 }", "256"),
-        ("icub = { gain = 1 }", "unknown field `gain`"),
+        ("icub = { gain = 1 }", "unknown key `gain`"),
         ("hub = \"a\"", "has no use for the key `hub`"),
     ] {
         let text = Layout::builtin_text("icub-forearm").unwrap();

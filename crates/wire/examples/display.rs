@@ -8,6 +8,7 @@
 //! once and connects again.
 
 use std::collections::BTreeMap;
+use std::io::Write;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -30,7 +31,10 @@ fn drive(levels: &Levels, why: &str) {
     } else {
         pressed.join(" ")
     };
-    println!("{why}: {pressed}");
+    if writeln!(std::io::stdout(), "{why}: {pressed}").is_err() {
+        // Whoever read it has seen enough.
+        std::process::exit(0);
+    }
 }
 
 /// What the display shows now.

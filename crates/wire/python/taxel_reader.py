@@ -538,6 +538,9 @@ def main(arguments: List[str]) -> int:
         with connect(arguments[0]) as reader:
             for image in reader:
                 print(line(image, reader.latency_ns(image.header)), flush=True)
+    except BrokenPipeError:
+        # Whoever read the output has seen enough; nothing more is to be written to it, not even at the end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except (OSError, DecodeError) as error:
         print(f"taxel_reader: {arguments[0]}: {error}", file=sys.stderr)
         return 1

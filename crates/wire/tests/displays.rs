@@ -193,6 +193,44 @@ fn the_python_reader_prints_a_line_per_image_and_the_reason_of_the_end() {
     assert_eq!(driver.child.wait().unwrap().code(), Some(1));
 }
 
+/// One whose output is no longer read: ends well, and says nothing of it.
+fn ends_with_its_reader(mut program: Command) {
+    let daemon = FakeDaemon::new();
+    let mut driver = Driver::start({
+        program.arg(daemon.path()).stderr(Stdio::piped());
+        program
+    });
+    let client = daemon.accept();
+    client.send(&image(1, &[(0, 1)]));
+    assert!(driver.line().contains('1'));
+    let mut stderr = driver.child.stderr.take().unwrap();
+    // The pipe's only reader goes.
+    let (_, nothing) = std::io::pipe().unwrap();
+    driver.lines = BufReader::new(std::process::ChildStdout::from(std::os::fd::OwnedFd::from(
+        nothing,
+    )));
+    client.send(&image(2, &[(0, 2)]));
+    let mut said = String::new();
+    stderr.read_to_string(&mut said).unwrap();
+    assert_eq!(said, "");
+    assert_eq!(driver.child.wait().unwrap().code(), Some(0));
+}
+
+#[test]
+fn drivers_and_readers_end_quietly_when_nobody_reads_their_output() {
+    let tests = std::env::current_exe().unwrap();
+    let in_rust = tests.parent().unwrap().with_file_name("examples").join("display");
+    ends_with_its_reader(Command::new(in_rust));
+    for script in ["../../examples/display.py", "python/taxel_reader.py"] {
+        let Some(mut python) = python() else {
+            println!("SKIPPED: no python3 on this machine; {script} was NOT run");
+            return;
+        };
+        python.arg(here(script));
+        ends_with_its_reader(python);
+    }
+}
+
 #[test]
 fn the_python_reader_waits_in_a_process_with_many_open_files() {
     let Some(mut python) = python() else {

@@ -5,7 +5,7 @@ use crate::joints::{Hold, ServoRequest, ServosRequest};
 use crate::state::State;
 use serde::Deserialize;
 use serde_json::{Value, json};
-use taxel_hand::Profile;
+use taxel_hand::{Profile, plain_words};
 use tokio::time::Instant;
 
 /// What a socket's clients may.
@@ -35,8 +35,9 @@ impl Request {
     pub(super) fn parse(line: &[u8]) -> Result<Self, String> {
         serde_json::from_slice(line).map_err(|error| {
             format!(
-                "{error}; a request is one line such as {{\"cmd\":\"status\"}}, and cmd is one of status, rezero, \
-                 pause, resume, profile, servo, servos, mark"
+                "{}; a request is one line such as {{\"cmd\":\"status\"}}, and cmd is one of status, rezero, \
+                 pause, resume, profile, servo, servos, mark",
+                plain_words(&error.to_string())
             )
         })
     }

@@ -89,3 +89,36 @@ fn the_list_has_built_in_commands_and_programs_but_no_other_files() {
     assert!(out.lines().any(|line| line.starts_with("watch ")), "{out}");
     assert!(!out.contains("notes") && !out.contains("folder"), "{out}");
 }
+
+#[test]
+fn a_misspelt_scene_layout_or_method_is_told_with_what_was_meant() {
+    let dir = TempDir::new().unwrap();
+    for (args, meant) in [
+        (
+            ["compress", "sim:bal-grasp", "--method", "paper"],
+            "did you mean `ball-grasp`?",
+        ),
+        (
+            ["compress", "sim:tap", "--layout", "uskn-module"],
+            "did you mean `uskin-module`?",
+        ),
+        (
+            ["compress", "sim:tap", "--method", "papper"],
+            "did you mean `paper`?",
+        ),
+    ] {
+        let mut command = Command::new(built());
+        let output = command
+            .args(args)
+            .args(["--out", "a.npz"])
+            .current_dir(dir.path())
+            .output();
+        let output = output.unwrap();
+        assert!(!output.status.success());
+        let (_, err) = texts(&output);
+        assert!(err.contains(meant), "{args:?}: {err}");
+    }
+    let output = run(built(), dir.path(), &["sim", "tap", "--to", "udp:"]);
+    let (_, err) = texts(&output);
+    assert!(err.contains("such as udp::43113 and udp::43114"), "{err}");
+}

@@ -22,7 +22,7 @@ macro_rules! settings {
         #[derive(Debug, Clone, Default, PartialEq, Deserialize)]
         #[serde(deny_unknown_fields)]
         pub struct ConditionSettings {
-            /// What keys that are absent are; where absent itself, what [`ConditionSettings::over`] is given.
+            /// What the keys that are absent are; without it, what belongs to `method` of `[profile]`.
             pub preset: Option<Preset>,
             $( $name: Option<$kind>, )*
         }
@@ -116,10 +116,10 @@ settings! {
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Preset {
-    /// [`ConditionConfig::robust`].
+    /// Robust against faults, noise and drift ([`ConditionConfig::robust`]).
     #[default]
     Robust,
-    /// [`ConditionConfig::paper`].
+    /// The publication's equations and its rule for faulty sensors ([`ConditionConfig::paper`]).
     Paper,
 }
 

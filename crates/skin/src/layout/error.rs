@@ -1,7 +1,7 @@
 //! What can be wrong with a layout, in words that name the place.
 
 use crate::protocol::Protocol;
-use taxel_hand::{MAX_PIXELS, MAX_TAXELS};
+use taxel_hand::{MAX_PIXELS, MAX_TAXELS, did_you_mean};
 
 /// Why there is no layout.
 #[derive(Debug, thiserror::Error)]
@@ -15,7 +15,8 @@ pub enum LayoutError {
         source: std::io::Error,
     },
     /// Neither a built-in hand nor a file.
-    #[error("there is no layout {name:?}: it is neither a file nor built in ({builtin}) nor grid:HxW")]
+    #[error("there is no layout {name:?}: it is neither a file nor built in ({builtin}) nor grid:HxW{}",
+        did_you_mean(name, builtin.split(", ")))]
     Unknown {
         /// The name given.
         name: String,

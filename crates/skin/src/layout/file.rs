@@ -9,7 +9,7 @@ use super::wiring::Layout;
 use crate::protocol::Protocol;
 use crate::protocol::cyskin::file::FileCyskin;
 use serde::Deserialize;
-use taxel_hand::{Geometry, MAX_MODULES, MAX_PIXELS, MAX_TAXELS, Module, Taxel};
+use taxel_hand::{Geometry, MAX_MODULES, MAX_PIXELS, MAX_TAXELS, Module, Taxel, plain_words};
 use toml::Spanned;
 
 #[derive(Deserialize)]
@@ -35,7 +35,7 @@ pub(crate) fn parse(text: &str, file: &str) -> Result<Layout, LayoutError> {
     let source = Source::new(file, text);
     let parsed: FileLayout = toml::from_str(text).or_else(|e| {
         let span = e.span().unwrap_or(0..0);
-        source.refuse(&span, LayoutProblem::Syntax(e.message().to_string()))
+        source.refuse(&span, LayoutProblem::Syntax(plain_words(e.message())))
     })?;
 
     let image = &parsed.image;

@@ -1,0 +1,74 @@
+//! What is wrong with a configuration file that cannot be read as one, in words for who wrote it.
+
+use super::{
+    CanConfig, ConditionSettings, ControlConfig, JointsConfig, Profile, ProfilesConfig, RealtimeConfig,
+    SocketConfig,
+};
+use serde::de::DeserializeOwned;
+use std::ops::Range;
+use taxel_engine::TickConfig;
+use taxel_hand::plain_words;
+use taxel_skin::{BoardsConfig, SweepConfig};
+
+/// The message of the parser in plain words, with what the place in the file adds to it.
+pub(super) fn problem(text: &str, span: Option<Range<usize>>, message: &str) -> String {
+    let said = plain_words(message);
+    let at = span.map_or(0, |span| span.start).min(text.len());
+    let line_start = text.as_bytes()[..at]
+        .iter()
+        .rposition(|b| *b == b'\n')
+        .map_or(0, |i| i + 1);
+    let line = text.get(line_start..).and_then(|rest| rest.lines().next());
+    let line = line.unwrap_or_default().trim_start();
+    let is_bus = line.starts_with("[bus]") || line.starts_with("bus");
+    if is_bus && said.starts_with("a list is wanted") {
+        return "write [[bus]], with two brackets, once for each bus of the hand, and below it a line such as \
+                source = \"can:can0\""
+            .into();
+    }
+    let unknown = said
+        .strip_prefix("unknown key `")
+        .and_then(|rest| rest.split_once('`'));
+    let belongs = unknown.and_then(|(key, _)| Some((key, table_of(key)?)));
+    match belongs {
+        Some((key, table)) => format!("unknown key `{key}` here: it belongs below a line {table}"),
+        None => said,
+    }
+}
+
+/// The table that has this key, as its line in the file.
+fn table_of(key: &str) -> Option<&'static str> {
+    if key == "source" {
+        return Some("[[bus]]");
+    }
+    let tables = [
+        ("[tick]", keys::<TickConfig>()),
+        ("[boards]", keys::<BoardsConfig>()),
+        ("[sweep]", keys::<SweepConfig>()),
+        ("[conditioning]", keys::<ConditionSettings>()),
+        ("[profile]", keys::<Profile>()),
+        ("[profiles]", keys::<ProfilesConfig>()),
+        ("[socket]", keys::<SocketConfig>()),
+        ("[control]", keys::<ControlConfig>()),
+        ("[realtime]", keys::<RealtimeConfig>()),
+        ("[can]", keys::<CanConfig>()),
+        ("[joints]", keys::<JointsConfig>()),
+    ];
+    let mut having = tables.iter().filter(|(_, keys)| keys.iter().any(|k| k == key));
+    match (having.next(), having.next()) {
+        (Some((table, _)), None) => Some(table),
+        // In several tables it would be a guess.
+        _ => None,
+    }
+}
+
+/// Every key that a table may have: the parser lists them where it refuses one.
+pub(super) fn keys<T: DeserializeOwned>() -> Vec<String> {
+    match toml::from_str::<T>("'?' = 0") {
+        Err(error) => {
+            let names = error.message().split('`').skip(3).step_by(2);
+            names.map(str::to_owned).collect()
+        }
+        Ok(_) => Vec::new(),
+    }
+}
