@@ -1,0 +1,1 @@
+../../../crates/wire/python/taxel_reader.py

@@ -1,0 +1,140 @@
+"""Images, restarts, refusals and asyncio, against the fake daemon."""
+
+import asyncio
+import threading
+
+import numpy as np
+import pytest
+import taxel
+
+
+def test_an_image_comes_as_arrays(daemon):
+    with taxel.connect(daemon.path) as hand:
+        sent = daemon.press([(1, 2, 1), (3, 0, 4)], joints=[0.5, float("nan")])
+        image = hand.next(timeout=10)
+    assert image.pixels.tolist() == [[0, 0, 0, 255], [0, 0, 0, 0], [0, 64, 0, 0]]
+    assert image.actuators.id.tolist() == [0, 1]
+    assert [(a.x, a.y, a.level, a.force) for a in image.actuators] == [(1, 2, 1, 100), (3, 0, 4, 400)]
+    assert image.levels.tolist() == [100, 200, 300, 400]
+    assert image.joints[0] == 0.5 and np.isnan(image.joints[1])
+    assert (image.seq, image.t_ns, image.contacts, image.width, image.height) == (sent.seq, sent.t_ns, 2, 4, 3)
+    assert not image.calibrating
+
+
+def test_an_image_without_contact_has_empty_arrays(daemon):
+    with taxel.connect(daemon.path) as hand:
+        daemon.press()
+        image = hand.next(timeout=10)
+    assert len(image.actuators) == len(image.levels) == len(image.joints) == 0
+    assert not image.pixels.any()
+
+
+def press_when_subscribed_again(daemon):
+    daemon.wait_for_subscription(2)
+    daemon.press([(0, 0, 2)])
+
+
+def test_iterating_goes_on_after_a_restart_of_the_daemon(daemon):
+    seen = []
+    with taxel.connect(daemon.path, profile={"levels": 4}) as hand:
+        daemon.wait_for_subscription()
+        daemon.press([(0, 0, 1)])
+        for image in hand:
+            seen.append(image.actuators.level.tolist())
+            if len(seen) == 2:
+                break
+            daemon.restart()
+            later = threading.Thread(target=press_when_subscribed_again, args=(daemon,))
+            later.start()
+        later.join()
+        assert hand.restarts == 1 and hand.gone == ""
+    assert seen == [[1], [2]]
+    assert daemon.subscriptions == [{"profile": {"levels": 4}}] * 2, "it subscribes anew"
+
+
+def test_a_display_learns_that_no_image_comes(daemon):
+    with taxel.connect(daemon.path) as hand:
+        images = hand.images(timeout=0.05)
+        assert next(images) is None
+        daemon.stop()
+        assert next(images) is None, "nor while the daemon is gone"
+        assert hand.gone
+
+
+def test_a_refused_subscription_says_why(daemon):
+    daemon.refuses = "the profile costs too much"
+    refused = pytest.raises(taxel.Refused, match="costs too much")
+    with taxel.connect(daemon.path, profile={"levels": 200}) as hand, refused:
+        hand.next(timeout=10)
+
+
+def test_no_daemon_is_told_with_its_place_unless_it_is_waited_for(tmp_path):
+    path = tmp_path / "images.sock"
+    with pytest.raises(FileNotFoundError, match="no taxeld listens at .*images.sock"):
+        taxel.connect(path)
+    with taxel.connect(path, wait=True) as hand:
+        assert hand.next(timeout=0.05) is None
+
+
+def test_what_was_asked_for_comes_beside_images(daemon):
+    with taxel.connect(daemon.path, raw=True) as hand:
+        daemon.wait_for_subscription()
+        daemon.event("mark", "cup 3")
+        daemon.press()
+        everything = iter(hand)
+        assert next(everything) == taxel.Event("mark", "cup 3", 0, 0)
+        assert isinstance(next(everything), taxel.Image)
+        assert hand.hello["joints"] == ["a", "b"]
+
+
+def test_a_closed_stream_ends(daemon):
+    hand = taxel.connect(daemon.path)
+    hand.close()
+    assert list(hand) == [] and hand.next() is None
+
+
+def test_images_come_to_asyncio_across_a_restart(daemon):
+    async def follow():
+        seen = []
+        async with taxel.aio.connect(daemon.path) as hand:
+            loop = asyncio.get_running_loop()
+            press = loop.run_in_executor(None, daemon.press, [(0, 0, 1)])
+            async for image in hand:
+                await press
+                seen.append(image.actuators.level.tolist())
+                if len(seen) == 2:
+                    return seen, hand.restarts
+                daemon.restart()
+                press = loop.run_in_executor(None, daemon.press, [(0, 0, 2)])
+
+    assert asyncio.run(asyncio.wait_for(follow(), 20)) == ([[1], [2]], 1)
+
+
+def test_nothing_is_lost_by_a_wait_that_is_given_up(daemon):
+    async def follow():
+        async with taxel.aio.connect(daemon.path) as hand:
+            with pytest.raises(asyncio.TimeoutError):
+                await asyncio.wait_for(hand.next(), 0.05)
+            await asyncio.get_running_loop().run_in_executor(None, daemon.press, [(0, 0, 3)])
+            return (await asyncio.wait_for(hand.next(), 10)).actuators.level.tolist()
+
+    assert asyncio.run(follow()) == [3]
+
+
+def test_images_of_before_the_answer_are_not_taken_for_what_was_asked(daemon):
+    daemon.answers = False
+    with taxel.connect(daemon.path, profile={"levels": 2}) as hand:
+        daemon.press([(0, 0, 4)])
+        assert hand.next(timeout=0.2) is None
+        daemon.answers = True
+        daemon.wait_for_subscription()
+        daemon.press([(0, 0, 2)])
+        assert hand.next(timeout=10).actuators.level.tolist() == [2]
+
+
+def test_a_daemon_that_answers_no_plain_subscription_is_not_waited_for(daemon):
+    del daemon.hello["subscription"]
+    daemon.answers = False
+    with taxel.connect(daemon.path, max_rate_hz=10) as hand:
+        daemon.press([(0, 0, 1)])
+        assert hand.next(timeout=10).actuators.level.tolist() == [1]
