@@ -1,5 +1,6 @@
 //! The daemon's one configuration file.
 
+mod summary;
 mod syntax;
 
 use nix::unistd::AccessFlags;
@@ -13,6 +14,9 @@ use taxel_joints::{JointsBus, JointsConfig, JointsError};
 use taxel_serve::ProfilesConfig;
 use taxel_skin::{BoardsConfig, ConditionConfig, ConditionSettings, Layout, Preset, SweepConfig};
 use toml::Spanned;
+
+/// Every key of a configuration behind `#`, with its default and what it means; `layout` and `[[bus]]` go above it.
+pub const ANNOTATED: &str = include_str!("config/annotated.toml");
 
 /// Most buses one daemon reads.
 pub const MAX_BUSES: usize = 8;

@@ -52,7 +52,7 @@ fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     let config = Config::load(&arguments.config)?;
     if arguments.check {
         taxeld::check(&config)?;
-        return match std::io::stdout().write_all(describe(&config).as_bytes()) {
+        return match std::io::stdout().write_all(config.summary().as_bytes()) {
             Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(error).context("stdout"),
             _ => Ok(ExitCode::SUCCESS),
         };
@@ -115,26 +115,6 @@ fn ending_signals() -> impl Iterator<Item = i32> {
         .into_iter()
         .chain(rare)
         .chain(libc::SIGRTMIN()..=libc::SIGRTMAX())
-}
-
-/// What a configuration would run, for people.
-fn describe(config: &Config) -> String {
-    let layout = &config.layout;
-    let mut text = format!(
-        "{}: {} modules, {} taxels, {}x{} image\n",
-        layout.name,
-        layout.modules.len(),
-        layout.len(),
-        layout.width,
-        layout.height
-    );
-    for (bus, source) in layout.buses.iter().zip(&config.sources) {
-        text += &format!("  {bus}: {source}\n");
-    }
-    if let Some(joints) = &config.joints {
-        text += &format!("  {} joints: {}\n", joints.joint_names().len(), joints.source);
-    }
-    text
 }
 
 /// Plain lines for the journal, which stamps them itself and is told how much each matters; with times and colours in

@@ -119,7 +119,8 @@ pub(crate) fn mark(args: &MarkArgs) -> anyhow::Result<()> {
 }
 
 impl Ask {
-    fn send(&self, request: &Value) -> anyhow::Result<Value> {
+    /// Sends a request and returns the reply; an error is the daemon's own words why not.
+    pub(crate) fn send(&self, request: &Value) -> anyhow::Result<Value> {
         // What only tells is open to more users.
         let tells = request["cmd"] == "status" || request == &json!({ "cmd": "profile" });
         let name = if tells { "status.sock" } else { "control.sock" };

@@ -14,6 +14,7 @@ macro_rules! eprintln {
 mod allocations;
 mod categorize;
 mod compress;
+mod config;
 mod control;
 mod convert;
 mod demo;
@@ -31,6 +32,7 @@ mod joint_angles;
 mod layouts;
 mod log_interfaces;
 mod manual;
+mod metrics;
 mod offline;
 mod output_file;
 mod progress;
@@ -84,6 +86,7 @@ Examples:
   taxel categorize sim:phantom-1 --classes 5     categories of what a probe touches
   taxel forearm eval session.npz                 where on a forearm a gripper holds, and how well one can tell
   taxel doctor                                   what is wrong with this machine and this hand
+  taxel config init > taxeld.toml                a configuration to start from
   taxel status                                   the running daemon on one screen
 
 `taxel COMMAND --help` explains each; a program `taxel-NAME` beside this one or in PATH is `taxel NAME`. CAN sources are can:INTERFACE, udp:GROUP:PORT, log:FILE and sim:SCENE.";
@@ -110,10 +113,12 @@ enum Command {
     Resume(everyday::ResumeArgs),
     Profile(everyday::ProfileArgs),
     Mark(everyday::MarkArgs),
+    Metrics(metrics::Args),
     Servo(servo::Args),
     Completions(manual::CompletionsArgs),
     #[command(hide = true)]
     Man(manual::ManArgs),
+    Config(config::Args),
     /// A program `taxel-NAME` with its arguments.
     #[command(external_subcommand)]
     Extension(Vec<OsString>),
@@ -143,9 +148,11 @@ fn main() -> ExitCode {
         Command::Resume(args) => everyday::resume(&args),
         Command::Profile(args) => everyday::profile(&args),
         Command::Mark(args) => everyday::mark(&args),
+        Command::Metrics(args) => metrics::run(&args),
         Command::Servo(args) => servo::run(&args),
         Command::Completions(args) => manual::completions(&args, Cli::command()),
         Command::Man(args) => manual::man(&args, Cli::command()),
+        Command::Config(args) => config::run(&args),
         Command::Extension(words) => return extension::run(&words, &Cli::command()),
         Command::Doctor(args) => match doctor::run(&args) {
             Ok(true) => Ok(()),

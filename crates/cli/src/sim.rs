@@ -4,6 +4,7 @@ use crate::interrupt::Interrupt;
 use crate::scene_marks::SceneMarks;
 use crate::target::{TargetAddress, Targets, of_buses, refuse_shared_ids};
 use anyhow::{Context, bail};
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use taxel_can::Received;
@@ -72,11 +73,14 @@ pub(crate) struct Args {
     /// List the built-in scenes
     #[arg(long, conflicts_with = "scene")]
     list: bool,
+    /// The list as JSON
+    #[arg(long, requires = "list")]
+    json: bool,
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     if args.list {
-        return list();
+        return list(args.json);
     }
     let name = args
         .scene
@@ -172,9 +176,19 @@ fn show_layout(name: &str) -> anyhow::Result<()> {
     print(&text)
 }
 
-fn list() -> anyhow::Result<()> {
+fn list(as_json: bool) -> anyhow::Result<()> {
     let mut text = String::new();
-    for name in Scene::names().into_iter().chain(Scene::objects()) {
+    let names = || Scene::names().into_iter().chain(Scene::objects());
+    if as_json {
+        let scenes = names().map(|name| {
+            let scene = Scene::builtin(name)?;
+            let (seconds, about, layout) = (scene.seconds(), scene.about(), scene.layout());
+            Ok(json!({ "name": name, "seconds": seconds, "about": about, "layout": layout }))
+        });
+        let scenes = scenes.collect::<anyhow::Result<Vec<Value>>>()?;
+        return print(&format!("{}\n", Value::from(scenes)));
+    }
+    for name in names() {
         let scene = Scene::builtin(name)?;
         text += &format!("{name:12} {:>5.1} s  {}\n", scene.seconds(), scene.about());
     }

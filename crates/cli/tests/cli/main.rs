@@ -2,11 +2,13 @@
 
 mod categorize;
 mod compress;
+mod config;
 mod eval;
 mod extension;
 mod figures;
 mod files;
 mod manual;
+mod metrics;
 mod publication;
 mod recordings;
 mod replay;

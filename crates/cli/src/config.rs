@@ -1,0 +1,159 @@
+//! `taxel config`: the daemon's configuration file.
+
+use crate::output_file::OutputFile;
+use anyhow::Context;
+use std::io::{Read, Write};
+use std::path::{Path, PathBuf};
+use taxel_can::SourceAddress;
+use taxel_skin::Layout;
+use taxeld::Config;
+use taxeld::config::ANNOTATED;
+
+/// Where the service has its configuration.
+const SERVICE: &str = "/etc/taxeld/taxeld.toml";
+
+/// Write, check or print the daemon's configuration file.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  taxel config init > taxeld.toml                          the default hand on can0 and can1
+  taxel config init --layout uskin-module --source udp:    another hand elsewhere
+  taxel config check taxeld.toml                           what is wrong with it, or what it would run
+  taxel config show taxeld.toml --json                     every value in force, also those it does not state
+  taxel config init | taxel config check -                 through stdout and stdin")]
+pub(crate) struct Args {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Command {
+    /// Print a file to start from: the hand, its buses, and every other key with its default behind #
+    Init(Init),
+    /// Say what is wrong with a file, or what it would run
+    Check(File),
+    /// Print every value in force, also those that the file does not state
+    Show(Show),
+}
+
+#[derive(Debug, clap::Args)]
+struct Init {
+    /// The hand: a built-in name, or a layout file
+    #[arg(long, value_name = "LAYOUT", default_value = "allegro-uskin-15")]
+    layout: String,
+    /// Where the buses are, once for each in the layout's order [default: can:NAME, by the layout's names]
+    #[arg(long, value_name = "SOURCE")]
+    source: Vec<SourceAddress>,
+    /// Where to write; - for stdout
+    #[arg(long, value_name = "FILE", default_value = "-")]
+    out: PathBuf,
+}
+
+#[derive(Debug, clap::Args)]
+struct File {
+    /// The configuration; - for stdin
+    #[arg(value_name = "FILE", default_value = SERVICE)]
+    file: PathBuf,
+}
+
+#[derive(Debug, clap::Args)]
+struct Show {
+    #[command(flatten)]
+    file: File,
+    /// One JSON object instead of TOML
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    match &args.command {
+        Command::Init(args) => {
+            let text = init(&args.layout, &args.source)?;
+            match args.out.as_os_str() == "-" {
+                true => print(&text),
+                false => OutputFile::write(&args.out, text),
+            }
+        }
+        Command::Check(file) => {
+            let (config, _) = file.read()?;
+            taxeld::check(&config)?;
+            print(&config.summary())
+        }
+        Command::Show(args) => {
+            let (config, text) = args.file.read()?;
+            let table = in_force(&config, &text)?;
+            print(&match args.json {
+                true => format!("{}\n", serde_json::to_string_pretty(&table)?),
+                false => toml::to_string(&table)?,
+            })
+        }
+    }
+}
+
+impl File {
+    /// The configuration, and its text.
+    fn read(&self) -> anyhow::Result<(Config, String)> {
+        if self.file.as_os_str() == "-" {
+            let mut text = String::new();
+            std::io::stdin().read_to_string(&mut text).context("stdin")?;
+            return Ok((Config::parse(&text, Path::new("stdin"))?, text));
+        }
+        let config = Config::load(&self.file)?;
+        let text = std::fs::read_to_string(&self.file).with_context(|| self.file.display().to_string())?;
+        Ok((config, text))
+    }
+}
+
+/// A file for this hand that states nothing else.
+fn init(name: &str, sources: &[SourceAddress]) -> anyhow::Result<String> {
+    let layout = Layout::resolve(name)?;
+    let buses = &layout.buses;
+    anyhow::ensure!(
+        !buses.is_empty(),
+        "layout {name} has no buses, so there is nothing to read; `taxel sim roll --layout {name} --show` prints it \
+         with simulated boards"
+    );
+    anyhow::ensure!(
+        sources.is_empty() || sources.len() == buses.len(),
+        "layout {name} has {} buses ({}); give --source once for each, in this order",
+        buses.len(),
+        buses.join(", ")
+    );
+    let mut text = format!(
+        "# taxeld's configuration. What stands behind # is the default; `taxel config check` says what is wrong.\n\n\
+         # The hand: a built-in one (`taxel layouts`), or a layout file.\nlayout = {}\n",
+        toml::Value::from(name)
+    );
+    for (index, bus) in buses.iter().enumerate() {
+        let source = sources
+            .get(index)
+            .map_or_else(|| format!("can:{bus}"), ToString::to_string);
+        text += &format!(
+            "\n# Bus {bus} of the layout.\n[[bus]]\nsource = {}\n",
+            toml::Value::from(source)
+        );
+    }
+    text += ANNOTATED;
+    Config::parse(&text, Path::new("taxeld.toml"))?;
+    Ok(text)
+}
+
+/// Every value in force, and what the file says of the hand and its joints.
+fn in_force(config: &Config, text: &str) -> anyhow::Result<toml::Table> {
+    let stated: toml::Table = text.parse()?;
+    let mut table = config.in_force();
+    let layout = stated.get("layout").cloned();
+    table.insert(
+        "layout".into(),
+        layout.unwrap_or_else(|| config.layout.name.clone().into()),
+    );
+    if let Some(joints) = stated.get("joints") {
+        table.insert("joints".into(), joints.clone());
+    }
+    Ok(table)
+}
+
+fn print(text: &str) -> anyhow::Result<()> {
+    let mut out = std::io::stdout().lock();
+    Ok(out.write_all(text.as_bytes()).and_then(|()| out.flush())?)
+}

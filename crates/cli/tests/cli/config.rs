@@ -1,0 +1,77 @@
+//! `taxel config`.
+
+use crate::{fails, succeeds, texts};
+use std::fs;
+use std::io::Write;
+use std::process::{Command, Stdio};
+use taxel_skin::Layout;
+use tempfile::TempDir;
+
+#[test]
+fn a_file_to_start_from_is_one_that_is_well_for_every_hand_with_buses() {
+    let dir = TempDir::new().unwrap();
+    for name in Layout::builtin_names() {
+        let layout = Layout::builtin(name).unwrap();
+        if layout.buses.is_empty() {
+            assert!(fails(&dir, &["config", "init", "--layout", name], 1).contains("no buses"));
+            continue;
+        }
+        let sources: Vec<String> = (0..layout.buses.len())
+            .map(|bus| format!("udp::{}", 43113 + bus))
+            .collect();
+        let mut args = vec!["config", "init", "--layout", name, "--out", "taxeld.toml"];
+        sources
+            .iter()
+            .for_each(|source| args.extend(["--source", source]));
+        succeeds(&dir, &args);
+        let (out, _) = succeeds(&dir, &["config", "check", "taxeld.toml"]);
+        assert!(
+            out.starts_with(&format!("{name}: ")) && out.contains("43113"),
+            "{out}"
+        );
+    }
+    let err = fails(&dir, &["config", "init", "--source", "udp:"], 1);
+    assert!(err.contains("2 buses (can0, can1)"), "{err}");
+}
+
+#[test]
+fn what_is_in_force_is_a_configuration_that_says_the_same() {
+    let dir = TempDir::new().unwrap();
+    let text = "layout = 'uskin-module'\n[[bus]]\nsource = 'udp:'\n[profile]\nmethod = 'paper'\n[joints]\n\
+                source = 'allegro:can2'\nallegro.version = 4\n";
+    fs::write(dir.path().join("a.toml"), text).unwrap();
+    let (shown, _) = succeeds(&dir, &["config", "show", "a.toml"]);
+    for wanted in [
+        "layout = \"uskin-module\"",
+        "rate_hz = 30.0",
+        "fault_rule = \"paper\"",
+        "version = 4",
+    ] {
+        assert!(shown.contains(wanted), "{wanted} in {shown}");
+    }
+    fs::write(dir.path().join("b.toml"), &shown).unwrap();
+    assert_eq!(succeeds(&dir, &["config", "show", "b.toml"]).0, shown);
+    let (json, _) = succeeds(&dir, &["config", "show", "a.toml", "--json"]);
+    let value: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert_eq!(value["tick"]["rate_hz"], 30.0);
+    assert_eq!(value["bus"][0]["source"], "udp:239.74.163.2:43113");
+}
+
+#[test]
+fn what_is_wrong_is_told_with_file_and_line_and_stdin_is_a_file_too() {
+    let dir = TempDir::new().unwrap();
+    fs::write(dir.path().join("a.toml"), "[bus]\nsource = 'udp:'\n").unwrap();
+    let err = fails(&dir, &["config", "check", "a.toml"], 1);
+    assert!(err.contains("a.toml:1: write [[bus]]"), "{err}");
+    let err = fails(&dir, &["config", "check", "none.toml"], 1);
+    assert!(err.contains("none.toml"), "{err}");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_taxel"));
+    command
+        .args(["config", "check", "-"])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped());
+    let mut child = command.stderr(Stdio::piped()).spawn().unwrap();
+    child.stdin.take().unwrap().write_all(b"rate = 3\n").unwrap();
+    let output = child.wait_with_output().unwrap();
+    assert!(texts(&output).1.contains("stdin:1: unknown key `rate`"));
+}

@@ -1,0 +1,83 @@
+//! `taxel metrics`, of a real daemon in this process.
+
+use crate::{simulated, succeeds};
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
+use std::process::{Child, Command, Stdio};
+use tempfile::TempDir;
+
+/// `taxel metrics --listen`, gone with the test.
+struct Exporter(Child, String);
+
+impl Exporter {
+    fn start(dir: &TempDir) -> Self {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_taxel"));
+        command.args(["metrics", "--listen", "127.0.0.1:0", "--socket", "control.sock"]);
+        let mut child = command
+            .current_dir(dir.path())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut line = String::new();
+        BufReader::new(child.stderr.take().unwrap())
+            .read_line(&mut line)
+            .unwrap();
+        let address = line
+            .split("http://")
+            .nth(1)
+            .expect(&line)
+            .split('/')
+            .next()
+            .unwrap()
+            .to_owned();
+        Self(child, address)
+    }
+
+    fn get(&self, request: &str) -> String {
+        let mut stream = TcpStream::connect(&self.1).unwrap();
+        write!(stream, "{request}\r\nHost: a\r\n\r\n").unwrap();
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).unwrap();
+        answer
+    }
+}
+
+impl Drop for Exporter {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+#[test]
+fn the_metrics_of_a_daemon_are_fetched_over_http_while_it_runs_and_after() {
+    let dir = TempDir::new().unwrap();
+    let exporter = Exporter::start(&dir);
+    assert!(exporter.get("GET /metrics HTTP/1.1").contains("\ntaxeld_up 0\n"));
+    let daemon = simulated(dir.path(), "tap");
+    let answer = exporter.get("GET /metrics HTTP/1.1");
+    assert!(
+        answer.starts_with("HTTP/1.1 200 OK\r\nContent-Type: application/openmetrics-text"),
+        "{answer}"
+    );
+    for wanted in [
+        "\ntaxeld_up 1\n",
+        "layout=\"allegro-uskin-15\"",
+        "taxeld_bus_received_total{bus=\"can1\"} ",
+    ] {
+        assert!(answer.contains(wanted), "{wanted} in {answer}");
+    }
+    let (out, _) = succeeds(&dir, &["metrics", "--socket", "control.sock"]);
+    assert!(
+        out.starts_with("# TYPE taxeld_up gauge\n") && out.ends_with("# EOF\n"),
+        "{out}"
+    );
+    daemon.stop().unwrap();
+    assert!(
+        exporter
+            .get("GET /metrics?a=b HTTP/1.1")
+            .contains("\ntaxeld_up 0\n")
+    );
+    assert!(exporter.get("GET / HTTP/1.1").starts_with("HTTP/1.1 404"));
+    assert!(exporter.get("POST /metrics HTTP/1.1").starts_with("HTTP/1.1 405"));
+}

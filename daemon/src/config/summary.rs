@@ -1,0 +1,54 @@
+//! What a configuration would run, for people and programs.
+
+use super::Config;
+use serde::Serialize;
+
+impl Config {
+    /// The hand, its buses and its joints in a few lines.
+    pub fn summary(&self) -> String {
+        let layout = &self.layout;
+        let mut text = format!(
+            "{}: {} modules, {} taxels, {}x{} image\n",
+            layout.name,
+            layout.modules.len(),
+            layout.len(),
+            layout.width,
+            layout.height
+        );
+        for (bus, source) in layout.buses.iter().zip(&self.sources) {
+            text += &format!("  {bus}: {source}\n");
+        }
+        if let Some(joints) = &self.joints {
+            text += &format!("  {} joints: {}\n", joints.joint_names().len(), joints.source);
+        }
+        text
+    }
+
+    /// Every value in force, as the tables of a configuration file. Not those of `[joints]`, which are only read, nor
+    /// `layout`, of which the name alone is known.
+    pub fn in_force(&self) -> toml::Table {
+        fn table(value: impl Serialize) -> toml::Value {
+            toml::Value::try_from(value).expect("numbers, texts and lists are TOML")
+        }
+        let buses = self.sources.iter().map(|source| {
+            let source = toml::Value::from(source.to_string());
+            toml::Value::Table(toml::Table::from_iter([("source".to_owned(), source)]))
+        });
+        toml::Table::from_iter(
+            [
+                ("bus", toml::Value::Array(buses.collect())),
+                ("tick", table(self.tick)),
+                ("boards", table(&self.boards)),
+                ("sweep", table(&self.sweep)),
+                ("conditioning", table(&self.conditioning)),
+                ("profile", table(&self.profile)),
+                ("profiles", table(self.profiles)),
+                ("socket", table(&self.socket)),
+                ("control", table(&self.control)),
+                ("realtime", table(self.realtime)),
+                ("can", table(self.can)),
+            ]
+            .map(|(name, value)| (name.to_owned(), value)),
+        )
+    }
+}
