@@ -1,0 +1,126 @@
+"""What the pages for users tell them to type."""
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+
+import pytest
+from harness.daemon import REPOSITORY, binary, die_with_parent, eventually
+
+DOCS = REPOSITORY / "docs"
+PAGES = [*sorted(DOCS.glob("*.md")), REPOSITORY / "README.md"]
+
+
+def commands(page):
+    """The lines of the indented blocks of a page, those that go on behind a backslash joined."""
+    text = re.sub(r"^```.*?^```", "", page.read_text(), flags=re.M | re.S).replace("\\\n", " ")
+    return [line.strip() for line in text.splitlines() if line.startswith("    ") and not line.startswith("     ")]
+
+
+def python_blocks(page):
+    return re.findall(r"^```python\n(.*?)^```", page.read_text(), flags=re.M | re.S)
+
+
+@pytest.fixture
+def environment(folder):
+    """Our programs in PATH, sockets in the test's folder, and the package as it is here."""
+    path = os.pathsep.join([str(binary("taxel").parent), os.environ["PATH"]])
+    run = folder / "run"
+    return {**os.environ, "PATH": path, "RUNTIME_DIRECTORY": str(run), "PYTHONPATH": str(REPOSITORY / "python/src")}
+
+
+def test_ten_minutes_without_hardware_run_line_by_line(folder, environment):
+    page = DOCS / "first-steps.md"
+    running, ran = [], 0
+    try:
+        for command in commands(page):
+            if command.startswith(("cargo ", "export PATH", "pip install")):
+                continue
+            ran += 1
+            if not command.endswith("&"):
+                ended = subprocess.run(
+                    command, shell=True, cwd=folder, env=environment, capture_output=True, text=True, timeout=60
+                )
+                assert ended.returncode == 0, f"{command}\n{ended.stdout}{ended.stderr}"
+                continue
+            sockets = len(list(folder.rglob("*.sock")))
+            words = shlex.split(command.removesuffix("&"))
+            started = subprocess.Popen(words, cwd=folder, env=environment, preexec_fn=die_with_parent)
+            running.append(started)
+            if words[0] == "taxeld":
+                eventually(lambda: len(list(folder.rglob("*.sock"))) > sockets, f"{command} makes no socket")
+        (code,) = python_blocks(page)
+        script = [sys.executable, "-c", code]
+        ended = subprocess.run(script, cwd=folder, env=environment, capture_output=True, text=True, timeout=60)
+        assert ended.returncode == 0, ended.stderr
+        assert ended.stdout.startswith("(") and len(ended.stdout.splitlines()) >= 2, ended.stdout
+    finally:
+        for process in running:
+            process.terminate()
+        for process in running:
+            process.wait(10)
+    assert ran >= 15, "the page has lost its commands"
+
+
+def test_a_drivers_own_test_runs_without_a_hand(environment):
+    *drivers, test = python_blocks(DOCS / "display-driver.md")
+    for driver in drivers:
+        compile(driver, "display-driver.md", "exec")
+    ended = subprocess.run([sys.executable, "-c", test], env=environment, capture_output=True, text=True, timeout=60)
+    assert ended.returncode == 0, ended.stderr
+
+
+def helps(words):
+    """What --help says of a command and those below it."""
+    said = subprocess.run([binary("taxel"), *words, "--help"], capture_output=True, text=True, timeout=20)
+    assert said.returncode == 0, f"there is no `taxel {' '.join(words)}`: {said.stderr}"
+    below = re.search(r"^Commands:\n((?:  .*\n)+)", said.stdout, flags=re.M)
+    names = re.findall(r"^  ([a-z][a-z-]*) ", below[1], flags=re.M) if below else []
+    return said.stdout + "".join(helps([*words, name]) for name in names if name != "help")
+
+
+def test_every_command_of_every_page_has_the_options_that_it_is_told_with():
+    known, seen = {}, 0
+    for page in PAGES:
+        for line in commands(page):
+            for command in re.split(r"[|;&]", line.split("  #")[0]):
+                words = command.split()
+                if words[:1] == ["sudo"]:
+                    words = words[1:]
+                if len(words) < 2 or words[0].rsplit("/", 1)[-1] != "taxel" or words[1].startswith("-"):
+                    continue
+                name = words[1]
+                if name not in known:
+                    known[name] = helps([name])
+                options = {word.split("=")[0] for word in words[2:] if re.match("--[a-z]", word)}
+                wrong = {option for option in options if not re.search(rf"(?<!\S){option}\b(?!-)", known[name])}
+                assert not wrong, f"{page.name}: {line}\n`taxel {name}` has no {wrong}"
+                seen += 1
+    assert seen > 50
+
+
+def test_every_page_is_a_chapter_of_the_book_and_every_chapter_a_page():
+    chapters = re.findall(r"\]\(([^)]*)\)", (DOCS / "SUMMARY.md").read_text())
+    pages = {page.name for page in DOCS.glob("*.md")} - {"SUMMARY.md"}
+    assert set(chapters) == pages and len(chapters) == len(pages)
+
+
+def heading_id(heading):
+    words = re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", heading).strip().lower()
+    return re.sub(r"[^\w\- ]", "", words).replace(" ", "-")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_of_a_page_lead_somewhere(page):
+    text = re.sub(r"^```.*?^```", "", page.read_text(), flags=re.M | re.S)
+    for target in re.findall(r"\]\(([^)\s]+)\)", text):
+        if "://" in target:
+            continue
+        name, _, anchor = target.partition("#")
+        there = page.parent / name if name else page
+        assert there.exists(), f"{page.name}: {target}"
+        if anchor and there.suffix == ".md":
+            headings = re.findall(r"^#+ (.*)$", there.read_text(), flags=re.M)
+            assert anchor in map(heading_id, headings), f"{page.name}: {target}"
