@@ -219,7 +219,7 @@ impl Daemon {
         let thread = TickThread {
             engine,
             joint_reader: joint_reader.clone(),
-            joints_seen: 0,
+            joints_seen: [0; JointReader::SOURCES],
             outputs,
             clock,
             commands: obeyed,

@@ -156,7 +156,10 @@ impl State {
             source: snapshot.joints_source,
             link: snapshot.joints_link,
             servos: (self.joint_reader.as_ref())
-                .map(|JointReader::Servos(servos)| (servos.snapshot(), servos.port())),
+                .and_then(|reader| reader.servos.as_ref())
+                .map(|servos| (servos.snapshot(), servos.port())),
+            analogue: (self.joint_reader.as_ref())
+                .and_then(|reader| Some(reader.analogue.as_ref()?.snapshot())),
         })
     }
 

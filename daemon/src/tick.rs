@@ -82,7 +82,7 @@ pub(crate) struct TickThread {
     pub(crate) engine: Engine,
     /// The thread that reads joints, where there is one, and which of its readings were taken.
     pub(crate) joint_reader: Option<JointReader>,
-    pub(crate) joints_seen: u64,
+    pub(crate) joints_seen: [u64; JointReader::SOURCES],
     /// What is made of each tick.
     pub(crate) outputs: OutputSlots<Frames>,
     pub(crate) clock: PipelineClock,
@@ -142,9 +142,11 @@ impl TickThread {
                 ..
             } = &mut self;
             if let Some(reader) = joint_reader {
-                engine.handle_joints(|history| {
-                    *joints_seen = reader.try_history_since(*joints_seen, history);
-                });
+                for (source, seen) in joints_seen.iter_mut().enumerate() {
+                    engine.handle_joints(source, |history| {
+                        *seen = reader.try_history_since(source, *seen, history);
+                    });
+                }
             }
             let mut emit = |frames: &Frames| {
                 let late_ns = clock.now_ns().saturating_sub(frames.due_ns);
@@ -390,7 +392,7 @@ mod tests {
             sources: vec![Box::new(Flooded::default())],
             engine: Engine::new(&config.engine(false).unwrap(), now_ns).unwrap(),
             joint_reader: None,
-            joints_seen: 0,
+            joints_seen: [0; JointReader::SOURCES],
             outputs,
             clock: PipelineClock {
                 offset_ns: 0,

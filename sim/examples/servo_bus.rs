@@ -10,17 +10,25 @@
 //! many bytes the bus has heard, has said, and has still to say, and whether its client has hung up
 //! (1) or not (0). Options: `--return-delay STEPS` (of 2 us), `--motion still|sine`, `--no-fast`,
 //! `--stop-after-silence`, `--link PATH` (a stable name that points to the terminal), `--load` (servos of a gripper that
-//! squeezes something springy: in PWM mode, each comes to rest at an angle).
+//! squeezes something springy: in PWM mode, each comes to rest at an angle), `--forearm PLACE` (that of a simulated
+//! forearm, 0 wrist to 1 elbow), `--potentiometers PATH` (a link to a terminal on which a line comes every 10 ms, `pID
+//! COUNT ...`, a quarter of each servo's position; `line TEXT` has this text come instead, with `\\n` at its ends, `line`
+//! nothing, and `lines` what was).
 
 use std::error::Error;
 use std::io::BufRead;
 use std::path::PathBuf;
-use std::sync::Arc;
-use taxel_sim::servo::{AfterSilence, Load, Motion, ServoBuild, ServoBus, ServoPty, SpringWall, StableLink};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+use taxel_sim::servo::{
+    AfterSilence, ForearmFinger, LinePty, Load, Motion, ServoBuild, ServoBus, ServoPty, SpringWall,
+    StableLink,
+};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let (mut ids, mut baud, mut delay) = (1..=16, 1_000_000, 0);
     let (mut sine, mut fast, mut loaded, mut after) = (false, true, false, AfterSilence::Answer);
+    let (mut place, mut potentiometers) = (None, None);
     let mut link: Option<PathBuf> = None;
     let mut arguments = std::env::args().skip(1);
     while let Some(argument) = arguments.next() {
@@ -36,6 +44,8 @@ fn main() -> Result<(), Box<dyn Error>> {
             "--motion" => sine = value()? == "sine",
             "--no-fast" => fast = false,
             "--load" => loaded = true,
+            "--forearm" => (loaded, place) = (true, Some(ForearmFinger::at(value()?.parse()?)?)),
+            "--potentiometers" => potentiometers = Some(PathBuf::from(value()?)),
             "--stop-after-silence" => after = AfterSilence::Stop,
             "--link" => link = Some(value()?.into()),
             other => {
@@ -54,8 +64,12 @@ fn main() -> Result<(), Box<dyn Error>> {
         } else {
             ServoBuild::new(id).motion
         };
+        let motion = place.map_or(motion, |finger| Motion::Still(finger.open().round() as i32));
         let open = motion.position(0);
         let wall = || -> Arc<dyn Load> {
+            if let Some(finger) = place {
+                return Arc::new(finger);
+            }
             Arc::new(SpringWall {
                 open,
                 touch: open + 400.0,
@@ -73,18 +87,46 @@ fn main() -> Result<(), Box<dyn Error>> {
     });
     let mut bus = ServoBus::new(servos, baud);
     if loaded {
-        for id in ids {
+        for id in ids.clone() {
             if let Some(servo) = bus.servo_mut(id) {
                 servo.set_operating_mode(16);
             }
         }
     }
     bus.set_after_silence(after);
-    let pty = ServoPty::open(bus)?;
+    let pty = Arc::new(ServoPty::open(bus)?);
+    let instead: Arc<Mutex<Option<String>>> = Arc::default();
+    let _lines = (potentiometers.as_ref())
+        .map(|link| -> Result<_, Box<dyn Error>> {
+            let (pty, instead) = (pty.clone(), instead.clone());
+            let lines = LinePty::open(Duration::from_millis(10), move |now_ns| {
+                if let Some(text) = instead.lock().ok().and_then(|text| text.clone()) {
+                    return text.replace("\\n", "\n").into_bytes();
+                }
+                let bus = pty.bus();
+                let each = ids.clone().filter_map(|id| {
+                    let count = bus.servo(id)?.position(now_ns) / 4.0;
+                    Some(format!("p{id} {count:.0} "))
+                });
+                (each.collect::<String>() + "\n").into_bytes()
+            })?;
+            Ok((StableLink::new(link, lines.path())?, lines))
+        })
+        .transpose()?;
     let _link = link.map(|link| StableLink::new(&link, pty.path())).transpose()?;
     println!("{}", pty.path().display());
     for line in std::io::stdin().lock().lines() {
         let line = line?;
+        let told = match line.split_once(' ').unwrap_or((&line, "")) {
+            ("line", text) => Some(Some(text.to_owned())),
+            ("lines", _) => Some(None),
+            _ => None,
+        };
+        if let (Some(told), Ok(mut instead)) = (told, instead.lock()) {
+            *instead = told;
+            println!("ok");
+            continue;
+        }
         match command(&pty, &line) {
             Ok(answer) => println!("{answer}"),
             Err(problem) => println!("`{line}`: {problem}"),

@@ -27,11 +27,19 @@ def gripper(path, **more):
 
 
 @pytest.fixture
-def servos():
-    """Two servos in PWM mode with something springy between them."""
-    servos = Servos("--ids", "1-2", "--load")
+def servos(folder):
+    """Two servos in PWM mode with something springy between them, and potentiometers at `folder / "lines"`."""
+    servos = Servos("--ids", "1-2", "--load", "--potentiometers", folder / "lines")
     yield servos
     servos.close()
+
+
+def with_potentiometers(servos, path):
+    """The same, with a potentiometer in each finger: a quarter of the servo's position, 100 counts for 90 degrees."""
+    joints = [
+        {"name": f"{name} p", "channel": f"p{id}", "counts": [512, 612], "degrees": [0, 90]} for name, id in FINGERS.items()
+    ]
+    return {**gripper(servos.path), "analogue": {"device": path, "joint": joints}}
 
 
 def control(daemon):
@@ -236,3 +244,46 @@ def test_the_gripper_opens_at_a_fault_of_one_finger(folder, servos):
         assert process.returncode == 1 and "right: the servo does not answer" in said, said
         assert registers(servos, TORQUE)[0] == 0
         assert not list((daemon.folder / "session").glob("*/*"))
+
+
+def test_potentiometers_are_joints_beside_the_servos_and_unknown_when_a_wire_is_off(folder, servos):
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=with_potentiometers(servos, folder / "lines")) as daemon:
+        angles = lambda status: [joint["angle_rad"] for joint in status["joints"]["joints"]]
+        # Positions 2058 and 2068 of 4096 are 514 or 515 and 517 counts.
+        near = lambda status: angles(status)[2:] == pytest.approx([math.radians(2.2), math.radians(4.5)], abs=0.02)
+        status = daemon.wait_status(lambda s: None not in angles(s) and near(s), "they are not read")["joints"]
+        assert [joint["name"] for joint in status["joints"]] == ["left", "right", "left p", "right p"]
+        assert status["analogue_lines"] > 0 and status["analogue_malformed"] == 0
+        assert "lines of 2 potentiometers come" in eventually(lambda: "potentiometers" in daemon.log and daemon.log, "no log")
+        # A wire is off: that joint alone is unknown, and named.
+        servos.tell("line p1 1023 p2 540\\n")
+        lost = lambda s: angles(s)[2] is None and None not in (angles(s)[0], angles(s)[3])
+        status = daemon.wait_status(lost, "a wire that is off has an angle", seconds=20)["joints"]
+        assert "stands at an end (1023 counts)" in status["joints"][2]["state"]
+        daemon.wait_status(lambda s: s["joints"]["joints"][2]["problems"] == ["potentiometer-lost"], "it is not named")
+        # Nothing comes: both are unknown, never the last angle for ever.
+        servos.tell("line ")
+        silent = lambda s: angles(s)[2:] == [None, None] and "analogue-silent" in s["joints"]["problems"]
+        daemon.wait_status(silent, "silence is not told", seconds=20)
+        servos.tell("lines")
+        daemon.wait_status(near, "they do not come back", seconds=20)
+
+
+def test_a_squeeze_has_the_potentiometers_of_its_fingers_and_ends_when_one_is_lost(folder, servos):
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=with_potentiometers(servos, folder / "lines")) as daemon:
+        daemon.wait_status(lambda s: s["joints"]["joints"][3]["angle_rad"] is not None, "they are not read")
+        npz = daemon.folder / "session.npz"
+        process = record(daemon, *ONE, "--allow-motion", "--npz", npz)
+        out, said = process.communicate(timeout=90)
+        assert process.returncode == 0 and "potentiometers left p and right p" in said, said
+        with np.load(npz) as arrays:
+            row = arrays["data"][0, 0, 50]
+        # 180 degrees are 2048 pulses of the servo, and as many quarters of counts of its potentiometer.
+        expected = [(2048 + angle * 4096 / 360) / 4 - 512 for angle in row[3:5]]
+        assert row[1:3] == pytest.approx([count * 0.9 for count in expected], abs=2.0)
+        process = record(daemon, "--places", 1, "--repetitions", 2, "--no-wait", "--allow-motion")
+        squeezing(servos)
+        servos.tell("line p2 540\\n")
+        _, said = process.communicate(timeout=60)
+        assert process.returncode == 1 and "the angle of left p is unknown" in said, said
+        assert registers(servos, TORQUE) == [0, 0]

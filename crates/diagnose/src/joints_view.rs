@@ -2,7 +2,8 @@
 
 use taxel_can::{LinkState, SourceCounters};
 use taxel_joints::{
-    AllegroSource, DynamixelConfig, JointSource, JointsConfig, JointsSnapshot, PortStatus, ServoSnapshot,
+    AllegroSource, AnalogueSnapshot, DynamixelConfig, JointSource, JointsConfig, JointsSnapshot, PortStatus,
+    ServoSnapshot,
 };
 
 /// A finger that is silent for this long counts as gone, nanoseconds.
@@ -21,6 +22,8 @@ pub struct JointsView {
     pub link: LinkState,
     /// From the thread that reads servos, where there are any.
     pub servos: Option<(ServoSnapshot, PortStatus)>,
+    /// From the thread that reads potentiometers, where there are any.
+    pub analogue: Option<AnalogueSnapshot>,
 }
 
 /// The joints' source with what is known of that kind alone.

@@ -93,6 +93,14 @@ kinds! {
     ServoError "servo-error" Error,
     /// A servo is about to switch its motor off.
     ServoHot "servo-hot" Warning,
+    /// The port of the potentiometers cannot be opened.
+    AnalogueAbsent "analogue-absent" Error,
+    /// No line comes from the potentiometers.
+    AnalogueSilent "analogue-silent" Error,
+    /// Lines of the potentiometers cannot be read.
+    AnalogueMalformed "analogue-malformed" Warning,
+    /// One potentiometer gives no angle.
+    PotentiometerLost "potentiometer-lost" Error,
     /// A joint's angle is unknown, and nothing else says why.
     JointStale "joint-stale" Error,
     /// An Allegro hand sends no angles.

@@ -17,7 +17,10 @@ mod rate_limiter;
 mod traffic;
 mod view;
 
-pub use joints::{JointsReporter, missing_servos, servo_state, silent_fingers, silent_servo, slow_adapter};
+pub use joints::{
+    JointsReporter, absent_potentiometers, missing_servos, potentiometer_state, servo_state, silent_fingers,
+    silent_potentiometers, silent_servo, slow_adapter, unread_lines,
+};
 pub use joints_view::{JointsView, SourceView};
 pub use kind::{Kind, Severity};
 pub use names::board_name;

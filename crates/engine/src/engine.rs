@@ -145,10 +145,10 @@ impl Engine {
         self.until_ns = now_ns;
     }
 
-    /// Has the readings of joints that come over no CAN bus brought up to date: `update` is given
-    /// those known so far.
-    pub fn handle_joints(&mut self, update: impl FnOnce(&mut JointHistory)) {
-        self.joints.handle_joints(0, update);
+    /// Has the readings of a source of joints (0 the joints' own, 1 the potentiometers beside it) that come over no CAN bus
+    /// brought up to date: `update` is given those known so far.
+    pub fn handle_joints(&mut self, source: usize, update: impl FnOnce(&mut JointHistory)) {
+        self.joints.handle_joints(source, update);
     }
 
     /// Whether a bus can be reached, told at every round before [`Engine::poll_command`]: `is_up`

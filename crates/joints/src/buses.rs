@@ -89,13 +89,19 @@ impl JointsConfig {
         let source = self.source.config();
         let what = source.device();
         let recording = |bus: &&SourceAddress| matches!(bus, SourceAddress::Log { .. });
-        if let (Some(device), Some(recording)) = (source.serial_device(), skin.iter().find(recording)) {
+        let potentiometers = self.analogue.as_ref().map(|analogue| analogue.device.as_path());
+        let (what, device) = match source.serial_device() {
+            Some(device) => (what, Some(device)),
+            None => ("potentiometers", potentiometers),
+        };
+        if let (Some(device), Some(recording)) = (device, skin.iter().find(recording)) {
             return Err(JointsError::Recording {
                 what,
                 device: device.display().to_string(),
                 source_address: recording.to_string(),
             });
         }
+        let what = source.device();
         let Some(address) = source.can_bus() else {
             return Ok(());
         };

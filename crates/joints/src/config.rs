@@ -1,8 +1,9 @@
 //! The `[joints]` table of the configuration file, and the list of the kinds of sources.
 
 use crate::allegro::{AllegroConfig, AllegroSource};
+use crate::analogue::AnalogueConfig;
 use crate::dynamixel::{DynamixelConfig, FastSyncRead, ServoConfig};
-use crate::error::{JointSourceError, JointsConfigError};
+use crate::error::{JointSourceError, JointsConfigError, MAX_JOINTS};
 use crate::source::SourceConfig;
 use serde::Deserialize;
 use std::path::PathBuf;
@@ -31,6 +32,8 @@ use taxel_hand::check_range;
 pub struct JointsConfig {
     /// `dynamixel:DEVICE` or `allegro:INTERFACE`, with what the table says of it.
     pub source: JointSource,
+    /// Potentiometers beside it, whose joints come behind its own.
+    pub analogue: Option<AnalogueConfig>,
     /// An angle whose nearest reading is further than this from a frame's instant is given as
     /// unknown, ms, 10 to 60,000.
     pub hold_ms: f64,
@@ -63,6 +66,7 @@ struct Table {
     #[serde(default)]
     servo: Vec<ServoConfig>,
     allegro: Option<AllegroConfig>,
+    analogue: Option<AnalogueConfig>,
 }
 
 const DEFAULT_HOLD_MS: f64 = 250.0;
@@ -102,6 +106,7 @@ impl TryFrom<Table> for JointsConfig {
         };
         Ok(Self {
             source,
+            analogue: table.analogue,
             hold_ms: table.hold_ms.unwrap_or(DEFAULT_HOLD_MS),
         })
     }
@@ -152,6 +157,7 @@ impl JointsConfig {
     pub fn new(source: JointSource) -> Self {
         Self {
             source,
+            analogue: None,
             hold_ms: DEFAULT_HOLD_MS,
         }
     }
@@ -164,13 +170,30 @@ impl JointsConfig {
 
     /// Names of the joints, in the order in which their angles are given.
     pub fn joint_names(&self) -> Vec<String> {
-        self.source.config().joint_names()
+        let mut names = self.source.config().joint_names();
+        names.extend(self.analogue.iter().flat_map(AnalogueConfig::joint_names));
+        names
     }
 
     /// Refuses what cannot be.
     pub fn check(&self) -> Result<(), JointsConfigError> {
         check_range("joints.", "hold_ms", self.hold_ms, 10.0..=60_000.0, "ms")?;
-        self.source.config().check()
+        self.source.config().check()?;
+        let Some(analogue) = &self.analogue else {
+            return Ok(());
+        };
+        analogue.check()?;
+        let names = self.joint_names();
+        let first = names.len() - analogue.joint.len();
+        for (n, name) in names.iter().enumerate().skip(first) {
+            if name.trim().is_empty() || names[..n].contains(name) {
+                return Err(JointsConfigError::AnalogueName(name.clone()));
+            }
+        }
+        match names.len() {
+            count if count > MAX_JOINTS => Err(JointsConfigError::TooMany(count)),
+            _ => Ok(()),
+        }
     }
 }
 
@@ -244,6 +267,68 @@ mod tests {
             let message = read(&text).unwrap_err();
             assert!(message.contains(words), "{to}: {message}");
         }
+    }
+
+    const POTENTIOMETERS: &str = r#"
+        [analogue]
+        device = "/dev/ttyACM0"
+        [[analogue.joint]]
+        name = "left p"
+        channel = "p0"
+        counts = [100, 900]
+        degrees = [0, 80]
+        [[analogue.joint]]
+        name = "right p"
+        channel = 1
+        counts = [900, 100]
+        degrees = [0, 80]
+    "#;
+
+    #[test]
+    fn potentiometers_come_behind_the_joints_of_the_source() {
+        let config = read(&format!("{TWO}{POTENTIOMETERS}")).unwrap();
+        assert_eq!(config.joint_names(), ["a", "b", "left p", "right p"]);
+        let analogue = config.analogue.unwrap();
+        assert_eq!((analogue.baud, analogue.ends), (115_200, [0.0, 1023.0]));
+        assert_eq!(analogue.joint[1].angle_rad(300.0).to_degrees().round(), 60.0);
+    }
+
+    #[test]
+    fn potentiometers_that_cannot_be_are_refused_in_words() {
+        for (from, to, words) in [
+            ("\"left p\"", "\"b\"", "the name \"b\" is empty or taken"),
+            (
+                "\"right p\"",
+                "\"left p\"",
+                "the name \"left p\" is empty or taken",
+            ),
+            (
+                "channel = 1",
+                "channel = \"p0\"",
+                "channel p0 is given to both left p and right p",
+            ),
+            ("channel = 1", "channel = \"p 1\"", "\"p 1\" is no channel"),
+            ("channel = 1", "channel = \"1\"", "\"1\" is no channel"),
+            ("[100, 900]", "[100, 100]", "both counts of left p are 100"),
+            (
+                "[100, 900]",
+                "[100, 2000]",
+                "joint[0].counts[1] = 2000 is outside 0 to 1023",
+            ),
+            ("[100, 900]", "[nan, 900]", "joint[0].counts[0] = NaN"),
+            ("device", "ends = [5, 5]\ndevice", "ends = [5, 5]"),
+            (
+                "device",
+                "baud = 1\ndevice",
+                "joints.analogue.baud = 1 is outside",
+            ),
+        ] {
+            let text = POTENTIOMETERS.replacen(from, to, 1);
+            let message = read(&format!("{TWO}{text}")).unwrap_err();
+            assert!(message.contains(words), "{to}: {message}");
+        }
+        let none = read(&format!("{TWO}[analogue]\ndevice = \"/dev/x\"\njoint = []")).unwrap_err();
+        assert!(none.contains("no [[joints.analogue.joint]] tables"), "{none}");
     }
 
     #[test]

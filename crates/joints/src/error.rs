@@ -74,6 +74,52 @@ pub enum JointsConfigError {
         /// Cycles per second.
         rate_hz: f64,
     },
+    /// No potentiometer.
+    #[error(
+        "joints.analogue has no [[joints.analogue.joint]] tables; write one per joint with its name and channel"
+    )]
+    NoPotentiometer,
+    /// Ends of a converter that are none.
+    #[error(
+        "joints.analogue.ends = [{low}, {high}]: write the lowest and the highest count that the converter gives"
+    )]
+    ConverterEnds {
+        /// The first.
+        low: f64,
+        /// The second.
+        high: f64,
+    },
+    /// Two points for one count give no line.
+    #[error("joints.analogue: both counts of {name} are {counts}; write two for which the angle is known")]
+    SameCounts {
+        /// The joint.
+        name: String,
+        /// Its counts.
+        counts: f64,
+    },
+    /// Not a name that a line can have.
+    #[error(
+        "joints.analogue: \"{0}\" is no channel; write its place in the line from 0, or a name of letters and digits"
+    )]
+    ChannelName(String),
+    /// Two joints with one channel.
+    #[error(
+        "joints.analogue: channel {channel} is given to both {first} and {second}; each joint needs its own"
+    )]
+    SameChannel {
+        /// The channel.
+        channel: String,
+        /// A joint.
+        first: String,
+        /// Another joint.
+        second: String,
+    },
+    /// A joint of the potentiometers without name, or with that of another.
+    #[error("joints.analogue: the name \"{0}\" is empty or taken; each joint needs its own")]
+    AnalogueName(String),
+    /// More joints than one daemon reads.
+    #[error("there are {0} joints; one daemon reads at most {MAX_JOINTS}")]
+    TooMany(usize),
     /// A table for the other kind of source.
     #[error("joints: {table} has no meaning with source {source_kind}; leave it out")]
     WrongTable {

@@ -2,6 +2,7 @@
 //! in, and each frame gets every joint's angle at its own instant. No I/O and no clock; after the
 //! start nothing allocates.
 
+use crate::analogue::READINGS_KEPT;
 use crate::config::JointsConfig;
 use crate::error::JointsConfigError;
 use crate::source::{CanJoints, JointCount, JointReadings};
@@ -62,15 +63,21 @@ impl JointFeed {
     pub fn new(config: &JointsConfig, bus: Option<u8>, is_read: bool) -> Result<Self, JointsConfigError> {
         let source = config.source.config();
         let can = bus.zip(source.can_joints()?);
-        let readings = || JointReadings::new(source.joint_names().len(), source.readings_kept());
+        let mut sources = Vec::new();
+        if can.is_some() || is_read {
+            sources.push(FedSource {
+                readings: JointReadings::new(source.joint_names().len(), source.readings_kept()),
+                can,
+            });
+        }
+        if let Some(analogue) = config.analogue.as_ref().filter(|_| is_read) {
+            sources.push(FedSource {
+                readings: JointReadings::new(analogue.joint.len(), READINGS_KEPT),
+                can: None,
+            });
+        }
         Ok(Self {
-            sources: (can.is_some() || is_read)
-                .then(|| FedSource {
-                    readings: readings(),
-                    can,
-                })
-                .into_iter()
-                .collect(),
+            sources,
             hold_ns: (config.hold_ms * 1e6) as u64,
         })
     }

@@ -1,4 +1,5 @@
-//! The joint angles of a robot hand: Dynamixel servos on a serial bus, and the Allegro hand on CAN.
+//! The joint angles of a robot hand: Dynamixel servos on a serial bus, the Allegro hand on CAN, and potentiometers beside
+//! either.
 //!
 //! Each kind of source is a folder behind one seam ([`SourceConfig`], [`CanJoints`]);
 //! [`JointSource`] is their list. [`JointFeed`] puts their angles into tactile frames, each at the
@@ -6,6 +7,7 @@
 //! thread that a source on a serial port is read by.
 
 mod allegro;
+mod analogue;
 mod buses;
 mod config;
 mod dynamixel;
@@ -18,6 +20,10 @@ mod synchrony;
 pub use allegro::{
     ALLEGRO_FINGERS, ALLEGRO_JOINTS, AllegroConfig, AllegroCounters, AllegroDecoder, AllegroFrame,
     AllegroSource, AllegroStarter, overlapping_ids,
+};
+pub use analogue::{
+    AnalogueConfig, AnalogueCounters, AnalogueJointConfig, AnalogueLines, AnalogueReader, AnalogueSnapshot,
+    Channel, NoAngle,
 };
 pub use buses::{JointsBus, JointsError};
 pub use config::{JointSource, JointsConfig};

@@ -1,40 +1,49 @@
-//! The thread that reads a source's angles, where they do not come over CAN.
+//! The threads that read a hand's angles, where they do not come over CAN.
 
+use crate::analogue::AnalogueReader;
 use crate::config::{JointSource, JointsConfig};
 use crate::dynamixel::{ServoReader, StartError};
 use crate::synchrony::JointHistory;
 use std::sync::Arc;
 
-/// A running thread. It ends when the last copy of this is dropped.
-#[derive(Debug, Clone)]
-pub enum JointReader {
-    /// One that reads servos.
-    Servos(Arc<ServoReader>),
+/// The running threads. They end when the last copy of this is dropped.
+#[derive(Debug, Clone, Default)]
+pub struct JointReader {
+    /// The one that reads servos.
+    pub servos: Option<Arc<ServoReader>>,
+    /// The one that reads potentiometers.
+    pub analogue: Option<Arc<AnalogueReader>>,
 }
 
 impl JointReader {
-    /// Starts the thread that the source needs; `None` where it needs none. The thread calls
-    /// `first` before anything else: to take a real-time priority, for example.
+    /// How many sources it may be asked for.
+    pub const SOURCES: usize = 2;
+
+    /// Starts the threads that the joints need; `None` where they need none. Each thread calls `first` before anything
+    /// else: to take a real-time priority, for example.
     pub fn start(
         config: &JointsConfig,
-        first: impl FnOnce() + Send + 'static,
+        first: impl FnOnce() + Clone + Send + 'static,
     ) -> Result<Option<Self>, StartError> {
         config.check()?;
-        match &config.source {
-            JointSource::Dynamixel(servos) => {
-                let reader = ServoReader::start_with(servos, first)?;
-                Ok(Some(Self::Servos(Arc::new(reader))))
-            }
-            JointSource::Allegro(_) => Ok(None),
-        }
+        let servos = match &config.source {
+            JointSource::Dynamixel(servos) => Some(Arc::new(ServoReader::start_with(servos, first.clone())?)),
+            JointSource::Allegro(_) => None,
+        };
+        let analogue = (config.analogue.as_ref())
+            .map(|analogue| AnalogueReader::start(analogue, first).map(Arc::new))
+            .transpose()?;
+        Ok((servos.is_some() || analogue.is_some()).then_some(Self { servos, analogue }))
     }
 
-    /// Copies the readings that are kept, if there are others than when this returned `seen` (0
-    /// before the first time) and unless the thread is at them just now. Never waits, and allocates
-    /// nothing where `into` has the memory for them ([`crate::SourceConfig::readings_kept`]).
-    pub fn try_history_since(&self, seen: u64, into: &mut JointHistory) -> u64 {
-        match self {
-            Self::Servos(reader) => reader.try_history_since(seen, into),
+    /// Copies the readings of a source (0 the joints' own, 1 the potentiometers beside it) that are kept, if there are
+    /// others than when this returned `seen` (0 before the first time) and unless the thread is at them just now. Never
+    /// waits, and allocates nothing where `into` has the memory for them ([`crate::SourceConfig::readings_kept`]).
+    pub fn try_history_since(&self, source: usize, seen: u64, into: &mut JointHistory) -> u64 {
+        match (source, &self.servos, &self.analogue) {
+            (0, Some(servos), _) => servos.try_history_since(seen, into),
+            (1, _, Some(analogue)) => analogue.try_history_since(seen, into),
+            _ => seen,
         }
     }
 }

@@ -6,10 +6,10 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 use taxel_joints::bus::{FastState, NoReading, WriteCommand, WriteError, WriteRefused, Written};
 use taxel_joints::{
-    AngleAt, DynamixelConfig, FastSyncRead, JointHistory, JointReader, JointsConfig, PortState, ServoReader,
-    ServoSnapshot, StartError, scan, survey,
+    AnalogueConfig, AnalogueReader, AnalogueSnapshot, AngleAt, DynamixelConfig, FastSyncRead, JointHistory,
+    JointReader, JointsConfig, NoAngle, PortState, ServoReader, ServoSnapshot, StartError, scan, survey,
 };
-use taxel_sim::servo::{Motion, ServoBuild, ServoBus, ServoFault, ServoPty, servo_clock_ns};
+use taxel_sim::servo::{LinePty, Motion, ServoBuild, ServoBus, ServoFault, ServoPty, servo_clock_ns};
 
 const BAUD: u32 = 1_000_000;
 
@@ -304,4 +304,42 @@ fn a_survey_counts_damaged_answers_and_goes_on() {
         "the broadcast and the one of its own: {}",
         found.damaged
     );
+}
+
+#[test]
+fn potentiometers_are_read_line_by_line_and_their_port_is_opened_again() {
+    let line = |_: u64| b"p0 500 p1 0\n".to_vec();
+    let pty = LinePty::open(Duration::from_millis(2), line).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let link = folder.path().join("lines");
+    std::os::unix::fs::symlink(pty.path(), &link).unwrap();
+    let joints: String = (0..2)
+        .map(|n| {
+            format!("[[joint]]\nname = \"{n}\"\nchannel = \"p{n}\"\ncounts = [100, 900]\ndegrees = [0, 80]\n")
+        })
+        .collect();
+    let config: AnalogueConfig = toml::from_str(&format!("device = {link:?}\n{joints}")).unwrap();
+    let reader = AnalogueReader::start(&config, || ()).unwrap();
+    let wait = |what: &str, done: &dyn Fn(&AnalogueSnapshot) -> bool| {
+        let end = Instant::now() + Duration::from_secs(20);
+        while !done(&reader.snapshot()) {
+            assert!(Instant::now() < end, "never {what}: {:?}", reader.snapshot());
+            std::thread::sleep(Duration::from_millis(2));
+        }
+    };
+    wait("read", &|s| s.counters.lines > 5);
+    let snapshot = reader.snapshot();
+    assert!((snapshot.angles[0].unwrap().to_degrees() - 40.0).abs() < 1e-9);
+    assert_eq!(snapshot.angles[1], Err(NoAngle::AtEnd(0.0)));
+    let mut history = JointHistory::new(2, 32);
+    let seen = reader.try_history_since(0, &mut history);
+    assert!(seen > 0 && history.at(0, u64::MAX).is_some());
+    assert_eq!(history.at(1, u64::MAX), None, "what is at an end is no angle");
+    drop(pty);
+    wait("away", &|s| matches!(s.port.state, PortState::Away { .. }));
+    let again = LinePty::open(Duration::from_millis(2), line).unwrap();
+    std::fs::remove_file(&link).unwrap();
+    std::os::unix::fs::symlink(again.path(), &link).unwrap();
+    let before = reader.snapshot().counters.lines;
+    wait("back", &|s| s.port.opened == 2 && s.counters.lines > before);
 }

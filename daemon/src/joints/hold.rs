@@ -59,7 +59,7 @@ impl<'a> Hold<'a> {
 
 impl Drop for Hold<'_> {
     fn drop(&mut self) {
-        let Some(JointReader::Servos(servos)) = self.reader else {
+        let Some(servos) = self.reader.and_then(|reader| reader.servos.as_deref()) else {
             return;
         };
         for joint in self.joints.take() {

@@ -3,10 +3,12 @@
 use taxel_diagnose::{JointsView, SourceView};
 use taxel_joints::bus::{FastState, ServoState};
 use taxel_joints::{
-    ALLEGRO_FINGERS, AllegroSource, DynamixelConfig, JointsConfig, JointsSnapshot, PortState, PortStatus,
-    ServoSnapshot,
+    ALLEGRO_FINGERS, AllegroSource, AnalogueConfig, AnalogueSnapshot, DynamixelConfig, JointsConfig,
+    JointsSnapshot, PortState, PortStatus, ServoSnapshot,
 };
-use taxel_wire::status::{AllegroStatus, JointStatus, JointsStatus, ServoStatus, ServosStatus};
+use taxel_wire::status::{
+    AllegroStatus, AnalogueStatus, JointStatus, JointsStatus, ServoStatus, ServosStatus,
+};
 
 /// How many angles are known, for the line of `systemctl status`; empty where no joints are read.
 pub(crate) fn summary(joints: &JointsSnapshot) -> String {
@@ -35,8 +37,11 @@ pub(crate) fn status(
             snapshot,
             port,
         } => servos(config, view, snapshot, port),
-        SourceView::Hand(source) => hand(source, &config.joint_names(), view),
+        SourceView::Hand(source) => hand(source, &config.source.config().joint_names(), view),
     };
+    if let (Some(config), Some(snapshot)) = (&config.analogue, &view.analogue) {
+        potentiometers(config, snapshot, view, &mut status);
+    }
     status.source = config.source.to_string();
     status.cycle_hz = cycle_hz;
     status.problems = problems(None);
@@ -51,6 +56,35 @@ fn angle(view: &JointsView, joint: usize) -> (Option<f64>, Option<f64>) {
     let angle = view.tick.angles.get(joint).copied().filter(|a| a.is_finite());
     let age = view.tick.age_ns.get(joint).filter(|age| **age != u64::MAX);
     (angle.map(f64::from), age.map(|age| *age as f64 / 1e6))
+}
+
+fn potentiometers(
+    config: &AnalogueConfig,
+    snapshot: &AnalogueSnapshot,
+    view: &JointsView,
+    status: &mut JointsStatus,
+) {
+    let (port, counters) = (&snapshot.port, snapshot.counters);
+    for (joint, newest) in config.joint.iter().zip(&snapshot.angles) {
+        let (angle_rad, age_ms) = angle(view, status.joints.len());
+        status.joints.push(JointStatus {
+            name: joint.name.clone(),
+            state: (newest.as_ref().err()).map_or("speaks".to_string(), ToString::to_string),
+            angle_rad,
+            age_ms,
+            ..JointStatus::default()
+        });
+    }
+    status.analogue = Some(AnalogueStatus {
+        analogue_source: config.device.display().to_string(),
+        analogue_reason: match &port.state {
+            PortState::Away { reason, .. } => Some(reason.clone()),
+            PortState::Starting | PortState::Open => None,
+        },
+        analogue_opened: port.opened,
+        analogue_lines: counters.lines,
+        analogue_malformed: counters.malformed,
+    });
 }
 
 fn servos(

@@ -44,8 +44,9 @@ fn servos<'a>(
     config: Option<&'a JointsConfig>,
     reader: Option<&'a JointReader>,
 ) -> Result<(&'a DynamixelConfig, &'a ServoReader), String> {
-    let (config, servos) = match (config.map(|config| &config.source), reader) {
-        (Some(JointSource::Dynamixel(config)), Some(JointReader::Servos(servos))) => (config, servos),
+    let servos = reader.and_then(|reader| reader.servos.as_deref());
+    let (config, servos) = match (config.map(|config| &config.source), servos) {
+        (Some(JointSource::Dynamixel(config)), Some(servos)) => (config, servos),
         (Some(source), None) => {
             let what = source.config().device();
             return Err(format!(

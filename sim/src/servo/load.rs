@@ -1,5 +1,6 @@
 //! What holds against a motor under PWM, so that it comes to rest at an angle as a real gripper does.
 
+use crate::forearm::{Grip, NoPlace};
 use std::fmt::Debug;
 
 /// What holds against a motor under PWM: the place where its torque, the load and the friction between them balance.
@@ -44,9 +45,55 @@ impl Load for SpringWall {
     }
 }
 
+/// A finger of the forearm gripper on one place of a simulated forearm ([`Grip`]), its angle in pulses from 2048.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ForearmFinger(Grip);
+
+impl ForearmFinger {
+    /// A finger on a place from 0 (wrist) to 1 (elbow).
+    ///
+    /// # Errors
+    /// A place that is on no forearm.
+    pub fn at(location: f64) -> Result<Self, NoPlace> {
+        Grip::at(location).map(Self)
+    }
+
+    /// Where it stands while it just touches, pulses.
+    pub fn open(&self) -> f64 {
+        pulses(self.0)
+    }
+}
+
+impl Load for ForearmFinger {
+    fn rest(&self, from: f64, pwm: f64) -> f64 {
+        // Where it comes to from below, and where it stays that was closed further.
+        let closing = pulses(self.0.under(pwm));
+        let opening = pulses(self.0.under(FULL_PWM).under(pwm));
+        from.clamp(closing, opening.max(closing))
+    }
+}
+
+const FULL_PWM: f64 = 885.0;
+
+fn pulses(grip: Grip) -> f64 {
+    2048.0 + grip.angles().actuated_deg * 4096.0 / 360.0
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_finger_on_a_forearm_goes_where_its_grip_does() {
+        let finger = ForearmFinger::at(0.5).unwrap();
+        let (mut at, mut grip) = (finger.open(), Grip::at(0.5).unwrap());
+        for pwm in [0.0, 10.0, 200.0, 400.0, 300.0, 95.0, 80.0, 20.0, 150.0, 0.0] {
+            at = finger.rest(at, pwm);
+            grip = grip.under(pwm);
+            assert!((at - pulses(grip)).abs() < 1e-6, "{pwm}: {at}");
+        }
+        assert_eq!(at, finger.open());
+    }
 
     #[test]
     fn it_presses_in_stands_while_the_torque_sinks_and_opens_late() {

@@ -8,6 +8,7 @@
 mod bus;
 mod device;
 mod fault;
+mod line_pty;
 mod link;
 mod load;
 mod motion;
@@ -18,8 +19,9 @@ mod table;
 pub use bus::{AfterSilence, ServoBus, ServoTraffic};
 pub use device::{ServoBuild, SimServo};
 pub use fault::ServoFault;
+pub use line_pty::LinePty;
 pub use link::StableLink;
-pub use load::{Load, SpringWall};
+pub use load::{ForearmFinger, Load, SpringWall};
 pub use motion::{Motion, Track};
 pub use pty::{ServoPty, servo_clock_ns};
 pub use scene_servos::{NamedServo, servos_of_scene};

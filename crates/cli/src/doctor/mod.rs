@@ -2,6 +2,7 @@
 
 mod access;
 mod allegro;
+mod analogue;
 mod arguments;
 mod bus_listener;
 mod capacity;
@@ -328,9 +329,9 @@ impl Doctor {
             return Ok(());
         };
         match &joints.source {
-            JointSource::Dynamixel(servos) => self.check_servos(args, servos, root),
+            JointSource::Dynamixel(servos) => self.check_servos(args, servos, root)?,
             JointSource::Allegro(hand) => {
-                let checks = match allegro::listen(hand, interrupt) {
+                let checks = match allegro::listen(hand, interrupt.clone()) {
                     Ok(facts) => allegro::check(hand, &facts),
                     Err(error) => {
                         let object = hand.bus.to_string();
@@ -342,9 +343,15 @@ impl Doctor {
                         )]
                     }
                 };
-                self.report(checks)
+                self.report(checks)?;
             }
         }
+        let Some(potentiometers) = &joints.analogue else {
+            return Ok(());
+        };
+        let first = joints.joint_names().len() - potentiometers.joint.len();
+        let heard = analogue::listen(potentiometers, &interrupt)?;
+        self.report(analogue::check(potentiometers, first, &heard))
     }
 
     fn check_servos(&mut self, args: &Args, servos: &DynamixelConfig, root: &Path) -> anyhow::Result<()> {

@@ -1,6 +1,7 @@
 //! What is wrong with the joints, and what is to be said of them while all is well.
 
 mod allegro;
+mod analogue;
 mod angles_used;
 mod patience;
 mod reporter;
@@ -9,6 +10,7 @@ mod servos;
 pub(crate) mod test_views;
 
 pub use allegro::silent_fingers;
+pub use analogue::{absent_potentiometers, potentiometer_state, silent_potentiometers, unread_lines};
 pub(crate) use angles_used::AnglesUsed;
 pub(crate) use patience::Patience;
 pub use reporter::JointsReporter;
@@ -18,23 +20,28 @@ use crate::joints_view::{JointsView, SourceView};
 use crate::kind::Kind;
 use crate::problem::{Place, Problem};
 use crate::view::Look;
-use taxel_joints::JointsConfig;
 use taxel_joints::bus::ServoCounters;
+use taxel_joints::{AnalogueCounters, JointsConfig};
 
 /// How often each thing happened to servos, at one look.
 #[derive(Debug, Default, Clone)]
 pub(crate) struct JointsReadings {
     servos: Vec<ServoCounters>,
     late_fast: u64,
+    analogue: AnalogueCounters,
 }
 
 impl JointsReadings {
     pub(crate) fn of(view: Option<&JointsView>) -> Self {
-        view.and_then(|view| view.servos.as_ref())
-            .map_or_else(Self::default, |(snapshot, _)| Self {
-                servos: snapshot.servos.iter().map(|s| s.counters).collect(),
-                late_fast: snapshot.counters.late_fast,
-            })
+        let servos = view.and_then(|view| view.servos.as_ref());
+        let analogue = view.and_then(|view| view.analogue.as_ref());
+        Self {
+            servos: servos.map_or_else(Vec::new, |(snapshot, _)| {
+                snapshot.servos.iter().map(|s| s.counters).collect()
+            }),
+            late_fast: servos.map_or(0, |(snapshot, _)| snapshot.counters.late_fast),
+            analogue: analogue.map_or_else(AnalogueCounters::default, |analogue| analogue.counters),
+        }
     }
 }
 
@@ -63,6 +70,9 @@ impl Judge<'_> {
                 found.extend(used.problem(hand));
             }
             None => {}
+        }
+        if let (Some(config), Some(snapshot)) = (&self.config.analogue, &self.view.analogue) {
+            self.potentiometers(config, snapshot, found);
         }
     }
 }

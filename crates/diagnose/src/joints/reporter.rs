@@ -16,6 +16,7 @@ const LONG_DELAY_US: u16 = 50;
 pub struct JointsReporter {
     up: bool,
     opened: u64,
+    analogue_opened: u64,
     roll_call_ns: Option<u64>,
     fast: Option<FastState>,
     /// Whether it was said that fast sync read works, and that it does not.
@@ -39,6 +40,19 @@ impl JointsReporter {
             }) => self.of_servos(config, snapshot, port, view.now_ns, &mut news),
             Some(SourceView::Hand(hand)) => self.of_hand(&hand.bus.to_string(), view, &mut news),
             None => {}
+        }
+        if let (Some(config), Some(analogue)) = (&config.analogue, &view.analogue)
+            && analogue
+                .counters
+                .heard_ns
+                .is_some_and(|ns| ns >= analogue.open_ns)
+            && analogue.port.opened != std::mem::replace(&mut self.analogue_opened, analogue.port.opened)
+        {
+            let (count, device) = (config.joint.len(), config.device.display());
+            news.push((
+                None,
+                format!("joints: lines of {count} potentiometers come on {device}"),
+            ));
         }
         news
     }

@@ -33,6 +33,7 @@ pub(crate) fn servos(n: u8) -> (JointsConfig, JointsView) {
         source: SourceCounters::default(),
         link: LinkState::default(),
         servos: Some((snapshot, port)),
+        analogue: None,
     };
     (config, view)
 }

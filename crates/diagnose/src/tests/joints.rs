@@ -4,7 +4,10 @@ use super::*;
 use crate::joints::test_views::{S, allegro, away, finger, open, servo, servos};
 use crate::{Place, Severity};
 use taxel_joints::registers::HardwareError;
-use taxel_joints::{AllegroConfig, JointSource};
+use taxel_joints::{
+    AllegroConfig, AnalogueConfig, AnalogueCounters, AnalogueJointConfig, AnalogueSnapshot, Channel,
+    JointSource, NoAngle, PortState, PortStatus,
+};
 
 struct JointsBench {
     bench: Bench,
@@ -360,4 +363,92 @@ fn angles_that_a_hand_of_the_version_given_cannot_have_are_told() {
             _ => panic!("{what}: {found:?}"),
         }
     }
+}
+
+/// Two servos that answer, and two potentiometers beside them.
+fn with_potentiometers() -> JointsBench {
+    let (mut config, mut view) = servos(2);
+    let potentiometer = |n: u8, name: &str| AnalogueJointConfig {
+        name: name.into(),
+        channel: Channel::Place(n),
+        counts: [100.0, 900.0],
+        degrees: [0.0, 80.0],
+    };
+    config.analogue = Some(AnalogueConfig {
+        device: "/dev/lines".into(),
+        baud: 115_200,
+        ends: [0.0, 1023.0],
+        joint: vec![potentiometer(0, "left p"), potentiometer(1, "right p")],
+    });
+    open(&mut view, "/dev/ttyUSB0", 1);
+    for joint in 0..2 {
+        servo(&mut view, joint).alive = true;
+    }
+    view.tick = taxel_joints::JointsSnapshot::new(4);
+    view.tick.angles.fill(0.0);
+    view.analogue = Some(AnalogueSnapshot {
+        angles: vec![Ok(0.5); 2],
+        counters: AnalogueCounters::default(),
+        port: PortStatus {
+            path: "/dev/lines".into(),
+            device: None,
+            state: PortState::Open,
+            latency: None,
+            opened: 1,
+        },
+        open_ns: view.now_ns,
+    });
+    JointsBench::new((config, view))
+}
+
+/// A line comes.
+fn line(view: &mut JointsView) {
+    let now_ns = view.now_ns;
+    let counters = &mut view.analogue.as_mut().expect("potentiometers").counters;
+    counters.lines += 1;
+    counters.heard_ns = Some(now_ns);
+}
+
+#[test]
+fn potentiometers_that_fall_silent_are_one_problem_and_one_whose_wire_is_off_is_named() {
+    let mut bench = with_potentiometers();
+    bench.pass(900, |_| {});
+    bench.said(&[]);
+    bench.pass(300, |_| {});
+    bench.said(&[&[
+        "nothing comes from the potentiometers on /dev/lines",
+        "115200 bit/s",
+        "p0 512",
+    ]]);
+    assert_eq!(bench.bench.kinds(), ["analogue-silent"]);
+    bench.pass(2000, line);
+    bench.said(&[&["lines come from the potentiometers on /dev/lines"]]);
+    let angles = |view: &mut JointsView, angle| view.analogue.as_mut().unwrap().angles[1] = angle;
+    bench.pass(300, |view| {
+        line(view);
+        angles(view, Err(NoAngle::AtEnd(1023.0)));
+    });
+    bench.said(&[&[
+        "the potentiometer of right p",
+        "at an end (1023 of 0 to 1023 counts)",
+        "a wire that is off",
+    ]]);
+    assert_eq!(bench.bench.problems.current()[0].problem.place, Place::Joint(3));
+    bench.pass(3000, |view| {
+        line(view);
+        angles(view, Ok(0.1));
+    });
+    bench.said(&[&["the potentiometer of right p gives its angle again"]]);
+    bench.pass(1000, |view| {
+        line(view);
+        view.analogue.as_mut().unwrap().counters.malformed += 5;
+    });
+    bench.said(&[&["lines of the potentiometers on /dev/lines in", "cannot be read"]]);
+    bench.pass(3000, |view| {
+        view.analogue.as_mut().unwrap().port.state = PortState::Away {
+            reason: "No such file".into(),
+            since_ns: 0,
+        };
+    });
+    assert_eq!(bench.bench.kinds(), ["analogue-absent"]);
 }

@@ -10,6 +10,7 @@ pub mod registers;
 mod serial;
 
 pub use config::{DynamixelConfig, FastSyncRead, ServoConfig};
+pub(crate) use serial::Port;
 pub use serial::{
     BusSurvey, FoundServo, PortError, PortLatency, PortState, PortStatus, SerialBus, ServoReader,
     ServoSnapshot, StartError, SurveyedServo, scan, survey,

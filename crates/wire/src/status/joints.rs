@@ -40,6 +40,9 @@ report! {
         /// What an Allegro hand has to tell.
         #[serde(flatten)]
         allegro: Option<AllegroStatus>,
+        /// What potentiometers have to tell, which are the last of the joints.
+        #[serde(flatten)]
+        analogue: Option<AnalogueStatus>,
     }
 
     /// One joint.
@@ -128,6 +131,20 @@ part! {
         reopens: u64,
         /// Frames sent.
         sent: u64,
+    }
+
+    /// What potentiometers have to tell.
+    AnalogueStatus {
+        /// The device of the potentiometers, as the configuration has it.
+        analogue_source: String,
+        /// Why it is not open; null where it is.
+        analogue_reason: Option<String>,
+        /// How often it was opened.
+        analogue_opened: u64,
+        /// Lines that could be read.
+        analogue_lines: u64,
+        /// Lines that could not.
+        analogue_malformed: u64,
     }
 
     /// What one servo has to tell.

@@ -6,7 +6,7 @@
 
 mod joints;
 
-pub use joints::{AllegroStatus, JointStatus, JointsStatus, ServoStatus, ServosStatus};
+pub use joints::{AllegroStatus, AnalogueStatus, JointStatus, JointsStatus, ServoStatus, ServosStatus};
 
 use serde::{Deserialize, Deserializer, Serialize};
 use taxel_hand::Profile;

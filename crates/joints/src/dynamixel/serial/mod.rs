@@ -7,6 +7,7 @@ mod serial_bus;
 mod servo_reader;
 mod survey;
 
+pub(crate) use port::Port;
 pub use port::{PortError, PortLatency};
 pub use scan::{FoundServo, scan};
 pub use serial_bus::SerialBus;

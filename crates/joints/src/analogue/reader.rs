@@ -1,0 +1,203 @@
+//! The thread that reads potentiometers, and what it shows.
+
+use super::config::{AnalogueConfig, READINGS_KEPT};
+use super::lines::{AnalogueCounters, AnalogueLines, NoAngle};
+use crate::dynamixel::{Port, PortError, PortState, PortStatus, StartError};
+use crate::synchrony::JointHistory;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
+use std::thread::JoinHandle;
+use std::time::Duration;
+use taxel_can::monotonic_ns;
+
+/// Pause before a port is opened again.
+const PAUSE: Duration = Duration::from_millis(200);
+/// How often the thread looks whether it shall end.
+const LOOK: Duration = Duration::from_millis(20);
+
+/// What is known of the potentiometers, one entry per joint in the order of the configuration.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AnalogueSnapshot {
+    /// Angles of the newest good line, radians, or why there is none.
+    pub angles: Vec<Result<f64, NoAngle>>,
+    /// What happened on the port.
+    pub counters: AnalogueCounters,
+    /// The serial port.
+    pub port: PortStatus,
+    /// Since when it is open, nanoseconds; 0 before.
+    pub open_ns: u64,
+}
+
+#[derive(Debug)]
+struct Shared {
+    snapshot: AnalogueSnapshot,
+    history: JointHistory,
+}
+
+/// Reads potentiometers on a serial port in a thread of its own, for ever: a port that goes away is opened again. Nothing
+/// is ever written to it. Dropping it ends the thread.
+#[derive(Debug)]
+pub struct AnalogueReader {
+    shared: Arc<Mutex<Shared>>,
+    /// Good lines whose angles are in the history. It grows while `shared` is locked.
+    published: Arc<AtomicU64>,
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl AnalogueReader {
+    /// Starts the thread, which calls `first` before anything else. A port that is not there yet is no error.
+    pub fn start(config: &AnalogueConfig, first: impl FnOnce() + Send + 'static) -> Result<Self, StartError> {
+        config.check()?;
+        let lines = AnalogueLines::new(config);
+        let shared = Arc::new(Mutex::new(Shared {
+            snapshot: AnalogueSnapshot {
+                angles: lines.angles().to_vec(),
+                counters: lines.counters(),
+                port: PortStatus {
+                    path: config.device.clone(),
+                    device: None,
+                    state: PortState::Starting,
+                    latency: None,
+                    opened: 0,
+                },
+                open_ns: 0,
+            },
+            history: JointHistory::new(config.joint.len(), READINGS_KEPT),
+        }));
+        let (stop, published) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicU64::new(0)));
+        let thread = Thread {
+            lines,
+            path: config.device.clone(),
+            baud: config.baud,
+            shared: shared.clone(),
+            published: published.clone(),
+            stop: stop.clone(),
+        };
+        let handle = std::thread::Builder::new()
+            .name("analogue".into())
+            .spawn(move || {
+                first();
+                thread.run();
+            })
+            .map_err(StartError::Thread)?;
+        Ok(Self {
+            shared,
+            published,
+            stop,
+            thread: Some(handle),
+        })
+    }
+
+    /// A copy of what is known.
+    pub fn snapshot(&self) -> AnalogueSnapshot {
+        lock(&self.shared).snapshot.clone()
+    }
+
+    /// Copies the readings that are kept, as [`crate::ServoReader::try_history_since`] does.
+    pub fn try_history_since(&self, seen: u64, into: &mut JointHistory) -> u64 {
+        if self.published.load(Ordering::Acquire) == seen {
+            return seen;
+        }
+        let shared = match self.shared.try_lock() {
+            Ok(shared) => shared,
+            Err(TryLockError::Poisoned(poisoned)) => poisoned.into_inner(),
+            Err(TryLockError::WouldBlock) => return seen,
+        };
+        into.copy_from(&shared.history);
+        self.published.load(Ordering::Acquire)
+    }
+}
+
+impl Drop for AnalogueReader {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+fn lock(shared: &Mutex<Shared>) -> MutexGuard<'_, Shared> {
+    shared.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+struct Thread {
+    lines: AnalogueLines,
+    path: PathBuf,
+    baud: u32,
+    shared: Arc<Mutex<Shared>>,
+    published: Arc<AtomicU64>,
+    stop: Arc<AtomicBool>,
+}
+
+impl Thread {
+    fn run(mut self) {
+        while !self.stopped() {
+            let lost = match Port::open(&self.path, self.baud) {
+                Ok(mut port) => {
+                    self.lines.port_opened();
+                    {
+                        let mut shared = lock(&self.shared);
+                        shared.snapshot.port.state = PortState::Open;
+                        shared.snapshot.port.device = Some(port.device().to_path_buf());
+                        shared.snapshot.port.latency = Some(port.latency());
+                        shared.snapshot.port.opened += 1;
+                        shared.snapshot.open_ns = monotonic_ns();
+                    }
+                    self.read(&mut port)
+                }
+                Err(error) => Err(error),
+            };
+            if let Err(error) = lost {
+                self.away(&error);
+            }
+            for _ in 0..PAUSE.as_millis() / LOOK.as_millis() {
+                if !self.stopped() {
+                    std::thread::sleep(LOOK);
+                }
+            }
+        }
+    }
+
+    /// Line after line until the port is lost or the thread shall end.
+    fn read(&mut self, port: &mut Port) -> Result<(), PortError> {
+        let mut buffer = [0; 256];
+        while !self.stopped() {
+            let count = port.read(&mut buffer, LOOK)?;
+            if count == 0 {
+                continue;
+            }
+            let now_ns = monotonic_ns();
+            let mut shared = lock(&self.shared);
+            let Shared { snapshot, history } = &mut *shared;
+            let before = self.lines.counters().lines;
+            self.lines.push(&buffer[..count], now_ns, |joint, angle| {
+                history.push(joint, now_ns, angle);
+            });
+            snapshot.counters = self.lines.counters();
+            snapshot.angles.copy_from_slice(self.lines.angles());
+            let lines = snapshot.counters.lines - before;
+            self.published.fetch_add(lines, Ordering::Release);
+        }
+        Ok(())
+    }
+
+    fn away(&mut self, error: &PortError) {
+        let mut shared = lock(&self.shared);
+        let port = &mut shared.snapshot.port;
+        let since_ns = match port.state {
+            PortState::Away { since_ns, .. } => since_ns,
+            _ => monotonic_ns(),
+        };
+        port.state = PortState::Away {
+            reason: error.to_string(),
+            since_ns,
+        };
+    }
+
+    fn stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+}
