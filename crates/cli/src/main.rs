@@ -36,6 +36,7 @@ mod metrics;
 mod offline;
 mod output_file;
 mod progress;
+mod publisher;
 mod rates;
 mod raw_line;
 mod record;

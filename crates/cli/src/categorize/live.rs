@@ -1,15 +1,14 @@
 //! `taxel categorize --live MAP`: touch after touch into its category, beside a running daemon.
 
 use super::map_file::MapFile;
+use crate::publisher::Publisher;
 use anyhow::{Context, bail};
 use serde::Serialize;
 use std::io::{self, Write};
 use std::path::Path;
 use taxel_palpation::Classifier;
 use taxel_sequence::{Aligned, Alignment, Motion, Touch};
-use taxel_serve::{Announcements, Limits, ProfilesConfig, Server, ServerHandle, ServerSeed, SocketPath};
 use taxel_wire::{Clock, EventKind, Hello, Kind, Received, Subscribe, Subscriber};
-use tokio_seqpacket::UnixSeqpacketListener;
 
 /// Touches as they come: frames and marks in, categories out. No socket and no clock.
 pub(crate) struct Live {
@@ -228,7 +227,7 @@ impl Listener for Lines<'_> {
     fn hello(&mut self, hello: &Hello) -> anyhow::Result<()> {
         self.monotonic = hello.clock == Clock::Monotonic;
         if let (None, Some(path)) = (&self.publisher, self.publish) {
-            self.publisher = Some(Publisher::start(path, hello.clone())?);
+            self.publisher = Some(Publisher::start(path, hello.clone(), "touches")?);
         }
         Ok(())
     }
@@ -253,9 +252,7 @@ impl Listener for Lines<'_> {
         };
         let line = serde_json::to_string(&line)?;
         if let Some(publisher) = &self.publisher {
-            publisher
-                .handle
-                .publish_text(Kind::Touch, line.as_bytes(), newest, touch.end_ns);
+            publisher.publish(Kind::Touch, line.as_bytes(), newest, touch.end_ns);
         }
         let mut out = io::stdout().lock();
         writeln!(out, "{line}")
@@ -265,49 +262,6 @@ impl Listener for Lines<'_> {
 
     fn lost(&mut self, frames: u32, seq: u64) {
         eprintln!("taxel: {frames} frames were lost before frame {seq}; this reader was slow");
-    }
-}
-
-/// The socket that touches are published on, served by a thread of its own as long as the program runs.
-struct Publisher {
-    handle: ServerHandle,
-    _path: SocketPath,
-}
-
-impl Publisher {
-    fn start(path: &Path, hello: Hello) -> anyhow::Result<Self> {
-        let mut path = SocketPath::take(path, 0o660, "")?;
-        let listening = path.listen(nix::sys::socket::SockType::SeqPacket, 16)?;
-        let limits = Limits {
-            max_subscribers: 16,
-            stall_ms: 2000,
-        };
-        let maker = Announcements::new(Hello {
-            daemon: format!("taxel {}", env!("CARGO_PKG_VERSION")),
-            ..hello
-        });
-        let profile = taxel_hand::Profile::default();
-        let (seed, _) = ServerSeed::new(maker, limits, ProfilesConfig::default(), profile, || ())
-            .map_err(anyhow::Error::msg)?;
-        let handle = seed.handle();
-        let serve = move || -> io::Result<()> {
-            let runtime = tokio::runtime::Builder::new_current_thread()
-                .enable_all()
-                .build()?;
-            let local = tokio::task::LocalSet::new();
-            runtime.block_on(local.run_until(async {
-                let listener = UnixSeqpacketListener::try_from(listening)?;
-                Server::new(seed).serve(listener).await;
-                Ok(())
-            }))
-        };
-        let report = move || {
-            if let Err(error) = serve() {
-                eprintln!("taxel: touches are not published: {error}");
-            }
-        };
-        std::thread::Builder::new().name("publish".into()).spawn(report)?;
-        Ok(Self { handle, _path: path })
     }
 }
 

@@ -4,6 +4,7 @@ mod disturbed;
 mod eval;
 mod figures;
 mod judge;
+mod live;
 #[cfg(feature = "networks")]
 mod networks;
 mod record;
@@ -28,6 +29,7 @@ use taxel_forearm::{Estimate, Estimator, Model, Session, Squeeze, Trial};
 Examples:
   taxel forearm train session.npz --out arm.model
   taxel forearm estimate arm.model squeeze.mat
+  taxel forearm estimate --live arm.model --publish /tmp/forearm.sock
   taxel forearm eval session.npz
   taxel forearm figures session.npz --out figures
   taxel forearm simulate --out synthetic.npz    a session of a simulated forearm, with touch")]
@@ -64,11 +66,31 @@ struct EstimateArgs {
     #[arg(value_name = "MODEL")]
     model: PathBuf,
     /// Squeezes: .mat files, or sessions as `train` takes them
-    #[arg(value_name = "FILE", required = true)]
+    #[arg(
+        value_name = "FILE",
+        required_unless_present = "live",
+        conflicts_with = "live"
+    )]
     files: Vec<PathBuf>,
     /// Print one JSON object a squeeze
-    #[arg(long)]
+    #[arg(long, conflicts_with = "live")]
     json: bool,
+    /// Estimate at every sample of the squeezes that a running daemon's gripper makes, one JSON object a line, as `taxel
+    /// forearm record` and whoever else makes its marks squeeze
+    #[arg(long)]
+    live: bool,
+    /// With --live: also publish estimates on a socket of this name, as ESTIMATE messages
+    #[arg(long, value_name = "PATH", requires = "live")]
+    publish: Option<PathBuf>,
+    /// With --live: the daemon's image socket [default: where the daemon of this user, or of the system, puts it]
+    #[arg(long, value_name = "PATH", requires = "live")]
+    socket: Option<PathBuf>,
+    /// With --live: joints of the two servos [default: the first two]
+    #[arg(long, value_name = "NAME,NAME", value_delimiter = ',', requires = "live")]
+    fingers: Vec<String>,
+    /// With --live: joints of the two potentiometers, in the order of the fingers [default: the next two]
+    #[arg(long, value_name = "NAME,NAME", value_delimiter = ',', requires = "live")]
+    potentiometers: Vec<String>,
 }
 
 /// A line of `estimate --json`.
@@ -123,6 +145,13 @@ fn train(args: &TrainArgs) -> anyhow::Result<String> {
 
 fn estimate(args: &EstimateArgs) -> anyhow::Result<String> {
     let model = Model::open(&args.model)?;
+    if args.live {
+        let sockets = live::Sockets {
+            images: args.socket.as_deref(),
+            publish: args.publish.as_deref(),
+        };
+        live::run(&model, &sockets, &args.fingers, &args.potentiometers)?;
+    }
     let mut text = String::new();
     for path in &args.files {
         let file = path.display().to_string();

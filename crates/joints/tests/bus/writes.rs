@@ -334,7 +334,7 @@ fn one_that_has_not_taken_its_goal_is_told_from_one_that_is_silent_and_one_that_
     w.bus
         .command_together(9, &[(0, 50), (1, 50), (2, 50), (3, 50)])
         .unwrap();
-    w.cycles(1);
+    w.cycles(4);
     let results = [0, 1, 2, 3].map(|servo| w.bus.servo(servo).unwrap().written.unwrap().result);
     assert_eq!(
         results,
@@ -346,7 +346,32 @@ fn one_that_has_not_taken_its_goal_is_told_from_one_that_is_silent_and_one_that_
         ]
     );
     assert_eq!(register(&w, 2, 100, 2), 50);
-    assert!(!w.bus.has_writes(), "goals together are not sent twice");
+    assert!(!w.bus.has_writes());
+}
+
+#[test]
+fn goals_whose_confirmation_is_missed_are_sent_again() {
+    let mut w = writable(3);
+    start(&mut w, 0..3);
+    // Both are silent for the next two answers: their reading, and what they hold.
+    w.fault(1, ServoFault::Silent);
+    w.fault(3, ServoFault::Silent);
+    w.bus.command_together(4, &[(0, 60), (1, 60), (2, 60)]).unwrap();
+    w.cycles(1);
+    let written = |w: &World, servo| w.bus.servo(servo).unwrap().written.unwrap();
+    assert_eq!(written(&w, 1).number, 4);
+    assert!(w.bus.has_writes() && written(&w, 0).number != 4 && written(&w, 2).number != 4);
+    for id in [1, 3] {
+        w.servos.set_fault(id, None, 1);
+    }
+    w.cycles(1);
+    for servo in 0..3 {
+        assert_eq!(
+            (written(&w, servo).number, written(&w, servo).result),
+            (4, Ok(()))
+        );
+    }
+    assert!(!w.bus.has_writes());
 }
 
 #[test]

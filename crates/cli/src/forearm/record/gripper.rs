@@ -1,5 +1,6 @@
 //! The gripper, moved through the daemon.
 
+use super::super::live::{BEGINS, ENDS, SAMPLE};
 use super::newest::{Joints, Newest};
 use crate::control::{self, Connection};
 use crate::interrupt::Interrupt;
@@ -79,11 +80,13 @@ impl Gripper {
         interrupt: &Interrupt,
     ) -> anyhow::Result<Option<Squeeze>> {
         let mut motors = Motors::start(self)?;
+        motors.mark(BEGINS)?;
         let begun = Instant::now();
         let mut squeeze = Squeeze::default();
         let mut first_ns = None;
         let mut unknown = [0; FINGERS];
         for (row, pwm) in pwm.iter().enumerate() {
+            motors.mark(&format!("{SAMPLE}{pwm}"))?;
             motors.drive(*pwm)?;
             // The finger has until the next step to come to rest.
             if !interrupt.sleep_until(begun + period * (row as u32 + 1)) {
@@ -117,6 +120,7 @@ impl Gripper {
             }
             squeeze.push(sample);
         }
+        motors.mark(ENDS)?;
         motors.let_go()?;
         self.has_moved(&squeeze)?;
         Ok(Some(squeeze))
@@ -221,6 +225,12 @@ impl<'a> Motors<'a> {
             }))?;
         }
         Ok(motors)
+    }
+
+    /// Tells whoever reads the daemon's frames what is done with them.
+    fn mark(&mut self, text: &str) -> anyhow::Result<()> {
+        let request = json!({ "cmd": "mark", "text": text });
+        self.daemon.ask(&request).map(drop)
     }
 
     /// Gives both a PWM at once, counts of 885.

@@ -3,7 +3,7 @@
 //! Nobody answers a sync write; so the servos are asked behind it what they hold: Bus Watchdog and Goal PWM.
 
 use super::requests::load;
-use super::{Bus, QUEUE};
+use super::{Bus, QUEUE, WRITE_TRIES};
 use crate::dynamixel::bus::pass::{Answer, Kind};
 use crate::dynamixel::bus::writes::{WriteCommand, WriteError, WriteRefused};
 use crate::dynamixel::protocol2::Assignment;
@@ -112,8 +112,8 @@ impl Bus {
         self.end_goal(position, result);
     }
 
-    fn end_goal(&mut self, position: usize, result: Result<(), WriteError>) {
-        let write = self.writes[position];
+    fn end_goal(&mut self, at: usize, result: Result<(), WriteError>) {
+        let write = self.writes[at];
         match result {
             Ok(()) => self.counters.writes_ok += 1,
             Err(_) => self.counters.writes_failed += 1,
@@ -121,15 +121,28 @@ impl Bus {
         self.note(write.servo, write.number, result);
     }
 
-    /// All have said what they hold, or will not any more.
+    /// All have said what they hold, or will not any more. Those that were not heard are given their goals again in the next
+    /// cycle: a busy host can miss an answer.
     pub(super) fn end_together(&mut self) {
+        let again = self.write_tries + 1 < WRITE_TRIES;
+        let mut at = 0;
         for position in 0..self.pass.order.len() {
-            match self.pass.answers[position] {
-                Answer::Got => {}
-                Answer::Damaged => self.end_goal(position, Err(WriteError::Damaged)),
-                Answer::Awaited => self.end_goal(position, Err(WriteError::Silent)),
+            let error = match self.pass.answers[position] {
+                Answer::Got => None,
+                Answer::Damaged => Some(WriteError::Damaged),
+                Answer::Awaited => Some(WriteError::Silent),
+            };
+            match error {
+                Some(_) if again => {
+                    at += 1;
+                    continue;
+                }
+                Some(error) => self.end_goal(at, Err(error)),
+                None => {}
             }
+            self.writes.remove(at);
         }
-        self.writes.drain(..self.pass.order.len());
+        self.writes_done = at > 0;
+        self.write_tries = if at > 0 { self.write_tries + 1 } else { 0 };
     }
 }

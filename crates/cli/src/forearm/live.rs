@@ -1,0 +1,335 @@
+//! `taxel forearm estimate --live MODEL`: where the gripper holds while it squeezes, beside a running daemon.
+
+use crate::publisher::Publisher;
+use anyhow::{Context, bail};
+use serde::Serialize;
+use std::io::{self, Write};
+use std::path::Path;
+use taxel_forearm::{Estimator, FINGERS, ForearmError, Sample, Squeeze};
+use taxel_wire::{Clock, EventKind, Kind, Received, Subscribe, Subscriber};
+
+/// What a program that squeezes marks: a squeeze begins; a sample of this PWM, counts of 885, begins and the one before is
+/// over; the squeeze is over.
+pub(super) const BEGINS: &str = "squeeze";
+pub(super) const SAMPLE: &str = "pwm ";
+pub(super) const ENDS: &str = "release";
+
+/// A squeeze as it goes on: frames and marks in, estimates out. No socket and no clock.
+struct Live<'a> {
+    estimator: &'a dyn Estimator,
+    /// Numbers of the joints: the fingers' servos, and their potentiometers where there are any.
+    theta_a: [usize; FINGERS],
+    theta_p: Option<[usize; FINGERS]>,
+    /// The newest frame: its number, its time in nanoseconds, its angles in radians.
+    frame: Option<(u64, u64, Vec<f32>)>,
+    /// The squeeze at work, and the time of its first sample.
+    squeeze: Option<(Squeeze, Option<u64>)>,
+    /// PWM of the sample at work.
+    pwm: Option<f64>,
+    /// Why the squeeze at work has no estimate was said.
+    told: bool,
+}
+
+/// The keys of an ESTIMATE message.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct Line {
+    location_percent: f64,
+    low: f64,
+    high: f64,
+    source: String,
+    /// How far the squeeze came: 1 is its peak, 2 its end.
+    phase: f64,
+    samples: usize,
+    /// Whether the squeeze is over.
+    ended: bool,
+    /// How long after the sample's end it is told, microseconds; null where the daemon plays a recording.
+    latency_us: Option<f64>,
+}
+
+impl Live<'_> {
+    fn handle_frame(&mut self, seq: u64, t_ns: u64, angles: impl Iterator<Item = f32>) {
+        let (newest_seq, newest_ns, newest) = self.frame.get_or_insert_with(Default::default);
+        (*newest_seq, *newest_ns) = (seq, t_ns);
+        newest.clear();
+        newest.extend(angles);
+    }
+
+    /// Takes a mark: the estimate of the sample that it ends, if it ends one, or why there is none, said once a squeeze.
+    fn handle_mark(&mut self, text: &str) -> Option<Result<Line, ForearmError>> {
+        match text {
+            BEGINS => {
+                self.squeeze = Some((Squeeze::default(), None));
+                (self.pwm, self.told) = (None, false);
+                None
+            }
+            ENDS => {
+                let line = self.end_sample(true);
+                (self.squeeze, self.pwm) = (None, None);
+                line
+            }
+            _ => {
+                let pwm: f64 = text.strip_prefix(SAMPLE)?.parse().ok()?;
+                let line = self.end_sample(false);
+                self.pwm = Some(pwm).filter(|pwm| pwm.is_finite() && self.squeeze.is_some());
+                line
+            }
+        }
+    }
+
+    fn end_sample(&mut self, ended: bool) -> Option<Result<Line, ForearmError>> {
+        let pwm = self.pwm.take()?;
+        let (squeeze, first_ns) = self.squeeze.as_mut()?;
+        let (_, t_ns, angles) = self.frame.as_ref()?;
+        let degrees = |joint: usize| angles.get(joint).map_or(f64::NAN, |a| f64::from(*a).to_degrees());
+        let first_ns = *first_ns.get_or_insert(*t_ns);
+        let time_ms = t_ns.saturating_sub(first_ns) as f64 / 1e6;
+        // A mark without a frame since the last one ends no sample.
+        if squeeze.time_ms.last().is_some_and(|last| time_ms <= *last) {
+            return None;
+        }
+        squeeze.push(Sample {
+            time_ms,
+            theta_p_deg: self
+                .theta_p
+                .map_or([f64::NAN; FINGERS], |joints| joints.map(degrees)),
+            theta_a_deg: self.theta_a.map(degrees),
+            pwm,
+        });
+        match self.estimator.estimate(squeeze) {
+            Ok(estimate) => Some(Ok(Line {
+                location_percent: estimate.percent,
+                low: (estimate.percent - estimate.half_width_90)
+                    .max(0.0)
+                    .min(estimate.percent),
+                high: (estimate.percent + estimate.half_width_90)
+                    .min(100.0)
+                    .max(estimate.percent),
+                source: estimate.source.to_string(),
+                phase: estimate.phase,
+                samples: squeeze.len(),
+                ended,
+                latency_us: None,
+            })),
+            // There will be more of it.
+            Err(ForearmError::TooShort { .. }) if !ended => None,
+            Err(error) => (!std::mem::replace(&mut self.told, true)).then_some(Err(error)),
+        }
+    }
+}
+
+/// Where it listens and tells.
+pub(super) struct Sockets<'a> {
+    pub(super) images: Option<&'a Path>,
+    pub(super) publish: Option<&'a Path>,
+}
+
+/// Reads every frame of a daemon until it ends and writes a line for each sample of a squeeze; publishes it too, where there
+/// is a socket for that. Without names, the first two joints are the fingers' servos and the next two their potentiometers.
+pub(super) fn run(
+    estimator: &dyn Estimator,
+    sockets: &Sockets<'_>,
+    fingers: &[String],
+    potentiometers: &[String],
+) -> anyhow::Result<()> {
+    let images = sockets.images.map_or_else(
+        || taxeld::config::running_socket("images.sock"),
+        Path::to_path_buf,
+    );
+    let mut subscriber = Subscriber::connect(&images)?;
+    subscriber.subscribe(&Subscribe {
+        image: false,
+        raw: true,
+        every: true,
+        ..Subscribe::default()
+    })?;
+    let mut live = Live {
+        estimator,
+        theta_a: [0, 1],
+        theta_p: None,
+        frame: None,
+        squeeze: None,
+        pwm: None,
+        told: false,
+    };
+    let mut publisher = None;
+    let mut monotonic = false;
+    loop {
+        match subscriber.next()? {
+            Received::Hello(hello) => {
+                (live.theta_a, live.theta_p) = joints(&hello.joints, fingers, potentiometers)?;
+                monotonic = hello.clock == Clock::Monotonic;
+                if let (None, Some(path)) = (&publisher, sockets.publish) {
+                    publisher = Some(Publisher::start(path, hello.clone(), "estimates")?);
+                }
+            }
+            Received::Raw(header, raw) => live.handle_frame(header.seq, header.t_ns, raw.joints()),
+            Received::Event(header, event) if event.event == EventKind::Mark => {
+                let line = match live.handle_mark(&event.message) {
+                    None => continue,
+                    Some(Err(error)) => {
+                        eprintln!("taxel: {error}");
+                        continue;
+                    }
+                    Some(Ok(line)) => line,
+                };
+                let since_ns = taxel_can::monotonic_ns().saturating_sub(header.t_ns);
+                let line = Line {
+                    latency_us: monotonic.then_some(since_ns as f64 / 1e3),
+                    ..line
+                };
+                let line = serde_json::to_string(&line)?;
+                if let (Some(publisher), Some((seq, t_ns, _))) = (&publisher, &live.frame) {
+                    publisher.publish(Kind::Estimate, line.as_bytes(), *seq, *t_ns);
+                }
+                let mut out = io::stdout().lock();
+                writeln!(out, "{line}")
+                    .and_then(|()| out.flush())
+                    .context("stdout")?;
+            }
+            _ => {}
+        }
+    }
+}
+
+/// Numbers of the joints of these names, or of the first there are.
+fn joints(
+    there: &[String],
+    fingers: &[String],
+    potentiometers: &[String],
+) -> anyhow::Result<([usize; FINGERS], Option<[usize; FINGERS]>)> {
+    let place = |name: &String| {
+        let found = there.iter().position(|joint| joint == name);
+        found.with_context(|| format!("no joint is called {name}; there are {}", there.join(", ")))
+    };
+    let two = |names: &[String], first: usize| match names {
+        [] if there.len() >= first + FINGERS => Ok(Some([first, first + 1])),
+        [] => Ok(None),
+        [a, b] => Ok(Some([place(a)?, place(b)?])),
+        _ => bail!("the gripper has two fingers; name a joint for each"),
+    };
+    match two(fingers, 0)? {
+        Some(fingers) => Ok((fingers, two(potentiometers, FINGERS)?)),
+        None => bail!("the daemon reads no two joints; its [joints] has to have the gripper's servos"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use taxel_forearm::{Estimate, Source};
+
+    /// Says the angle of the first finger, from two samples on; refuses PWM beyond 500.
+    struct FirstAngle;
+
+    impl Estimator for FirstAngle {
+        fn estimate(&self, squeeze: &Squeeze) -> Result<Estimate, ForearmError> {
+            let samples = squeeze.len();
+            let last = samples - 1;
+            if samples < 2 {
+                return Err(ForearmError::TooShort { samples, least: 2 });
+            }
+            if squeeze.pwm[last] > 500.0 {
+                let (peak, expected) = (squeeze.pwm[last], 400.0);
+                return Err(ForearmError::Profile { peak, expected });
+            }
+            Ok(Estimate {
+                percent: squeeze.theta_a_deg[0][last],
+                half_width_90: 10.0,
+                source: Source::Kinesthetic,
+                phase: squeeze.time_ms[last],
+            })
+        }
+    }
+
+    fn live() -> Live<'static> {
+        Live {
+            estimator: &FirstAngle,
+            theta_a: [0, 1],
+            theta_p: Some([2, 3]),
+            frame: None,
+            squeeze: None,
+            pwm: None,
+            told: false,
+        }
+    }
+
+    fn frame(live: &mut Live<'_>, ms: u64, degrees: f32) {
+        live.handle_frame(
+            ms,
+            ms * 1_000_000,
+            [degrees.to_radians(), 0.0, 0.0, 0.0].into_iter(),
+        );
+    }
+
+    #[test]
+    fn a_sample_is_estimated_with_the_newest_frame_when_the_next_begins() {
+        let mut live = live();
+        frame(&mut live, 1000, 5.0);
+        assert!(live.handle_mark("pwm 10").is_none(), "of no squeeze");
+        assert!(live.handle_mark(BEGINS).is_none());
+        assert!(live.handle_mark("pwm 10").is_none(), "it has just begun");
+        frame(&mut live, 1121, 7.0);
+        assert!(
+            live.handle_mark("pwm 20").is_none(),
+            "one sample is too short, and there will be more"
+        );
+        frame(&mut live, 1200, 8.0);
+        frame(&mut live, 1242, 9.0);
+        let line = live.handle_mark("pwm 30").unwrap().unwrap();
+        assert!(
+            (line.location_percent - 9.0).abs() < 1e-5 && line.phase == 121.0,
+            "{line:?}"
+        );
+        assert_eq!((line.low, line.samples, line.ended), (0.0, 2, false));
+        assert!(live.handle_mark("pwm 40").is_none(), "no frame has come since");
+        assert!(live.handle_mark("a cup").is_none());
+        frame(&mut live, 1363, 95.0);
+        let line = live.handle_mark(ENDS).unwrap().unwrap();
+        assert_eq!((line.high, line.samples, line.ended), (100.0, 3, true));
+        assert!(live.handle_mark(ENDS).is_none());
+        assert!(live.handle_mark("pwm 10").is_none());
+    }
+
+    #[test]
+    fn why_a_squeeze_has_no_estimate_is_said_once() {
+        let mut live = live();
+        for _ in 0..2 {
+            live.handle_mark(BEGINS);
+            let mut errors = 0;
+            for ms in 1..9 {
+                live.handle_mark("pwm 600");
+                frame(&mut live, ms, 1.0);
+                errors += live
+                    .handle_mark("pwm 600")
+                    .map_or(0, |line| usize::from(line.is_err()));
+            }
+            assert_eq!(errors, 1);
+            live.handle_mark(ENDS);
+            live.handle_frame(0, 0, std::iter::empty());
+        }
+    }
+
+    #[test]
+    fn joints_are_taken_by_name_or_in_order() {
+        let there: Vec<String> = ["a", "b", "ap", "bp"].map(String::from).to_vec();
+        let names = |names: &[&str]| -> Vec<String> { names.iter().map(ToString::to_string).collect() };
+        for (fingers, potentiometers, wanted) in [
+            (&[][..], &[][..], Ok(([0, 1], Some([2, 3])))),
+            (&["b", "a"], &["bp", "ap"], Ok(([1, 0], Some([3, 2])))),
+            (&["b"], &[], Err("two fingers")),
+            (
+                &["b", "c"],
+                &[],
+                Err("no joint is called c; there are a, b, ap, bp"),
+            ),
+        ] {
+            match (joints(&there, &names(fingers), &names(potentiometers)), wanted) {
+                (Ok(got), Ok(wanted)) => assert_eq!(got, wanted),
+                (Err(error), Err(words)) => assert!(error.to_string().contains(words), "{error}"),
+                (got, _) => panic!("{fingers:?}: {got:?}"),
+            }
+        }
+        assert_eq!(joints(&there[..2], &[], &[]).unwrap(), ([0, 1], None));
+        assert!(joints(&there[..1], &[], &[]).is_err());
+    }
+}

@@ -1,0 +1,56 @@
+//! What programs beside the daemon publish: one text for all subscribers, in the daemon's own manner.
+
+use std::io;
+use std::path::Path;
+use taxel_serve::{Announcements, Limits, ProfilesConfig, Server, ServerHandle, ServerSeed, SocketPath};
+use taxel_wire::{Hello, Kind};
+use tokio_seqpacket::UnixSeqpacketListener;
+
+/// A socket that texts are published on, served by a thread of its own as long as the program runs.
+pub(crate) struct Publisher {
+    handle: ServerHandle,
+    _path: SocketPath,
+}
+
+impl Publisher {
+    /// Takes the socket of this name; `what` is published there, and `hello` is what subscribers are told of the hand.
+    pub(crate) fn start(path: &Path, hello: Hello, what: &'static str) -> anyhow::Result<Self> {
+        let mut path = SocketPath::take(path, 0o660, "")?;
+        let listening = path.listen(nix::sys::socket::SockType::SeqPacket, 16)?;
+        let limits = Limits {
+            max_subscribers: 16,
+            stall_ms: 2000,
+        };
+        let maker = Announcements::new(Hello {
+            daemon: format!("taxel {}", env!("CARGO_PKG_VERSION")),
+            ..hello
+        });
+        let profile = taxel_hand::Profile::default();
+        let (seed, _) = ServerSeed::new(maker, limits, ProfilesConfig::default(), profile, || ())
+            .map_err(anyhow::Error::msg)?;
+        let handle = seed.handle();
+        let serve = move || -> io::Result<()> {
+            let runtime = tokio::runtime::Builder::new_current_thread()
+                .enable_all()
+                .build()?;
+            let local = tokio::task::LocalSet::new();
+            runtime.block_on(local.run_until(async {
+                let listener = UnixSeqpacketListener::try_from(listening)?;
+                Server::new(seed).serve(listener).await;
+                Ok(())
+            }))
+        };
+        let report = move || {
+            if let Err(error) = serve() {
+                eprintln!("taxel: {what} are not published: {error}");
+            }
+        };
+        std::thread::Builder::new().name("publish".into()).spawn(report)?;
+        Ok(Self { handle, _path: path })
+    }
+
+    /// Sends a text to every subscriber; `seq` and `t_ns` are those of the newest frame that it is about.
+    pub(crate) fn publish(&self, kind: Kind, text: &[u8], seq: u64, t_ns: u64) {
+        self.handle.publish_text(kind, text, seq, t_ns);
+    }
+}
