@@ -6,9 +6,11 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 
 import numpy as np
 import pytest
+import taxel_reader
 from harness.daemon import Daemon, ask, binary, die_with_parent, eventually, read_reply
 from harness.servos import Servos
 
@@ -160,13 +162,14 @@ def record(daemon, *arguments, **pipes):
 ONE = ("--places", 1, "--repetitions", 1, "--no-wait")
 
 
-def squeezing(servos, at_least=0):
+def squeezing(servos, process, at_least=0):
     """Waits until both motors are driven."""
-    eventually(
-        lambda: registers(servos, TORQUE) == [1, 1] and min(registers(servos, PRESENT_PWM)) > at_least,
-        "the gripper does not squeeze",
-        seconds=30,
-    )
+
+    def driven():
+        assert process.poll() is None, f"it has ended: {process.communicate()[1]}"
+        return registers(servos, TORQUE) == [1, 1] and min(registers(servos, PRESENT_PWM)) > at_least
+
+    eventually(driven, "the gripper does not squeeze", seconds=30)
 
 
 def test_a_squeeze_is_recorded_as_the_publication_s_files_are(folder, servos):
@@ -210,7 +213,7 @@ def test_the_gripper_opens_when_the_recorder_is_killed_and_its_squeeze_is_made_a
     with Daemon(folder / "d", SCENE, tick=TICK, joints=gripper(servos.path)) as daemon:
         daemon.wait_status(lambda s: s["joints"]["readings"] > 20, "nothing is read")
         process = record(daemon, *ONE, "--allow-motion")
-        squeezing(servos, at_least=50)
+        squeezing(servos, process, at_least=50)
         process.send_signal(how)
         eventually(lambda: registers(servos, TORQUE) == [0, 0], "the gripper squeezes on", seconds=30)
         _, said = process.communicate(timeout=30)
@@ -225,7 +228,7 @@ def test_the_gripper_opens_when_the_daemon_is_killed(folder, servos):
     with Daemon(folder / "d", SCENE, tick=TICK, joints=gripper(servos.path)) as daemon:
         daemon.wait_status(lambda s: s["joints"]["readings"] > 20, "nothing is read")
         process = record(daemon, *ONE, "--allow-motion")
-        squeezing(servos, at_least=50)
+        squeezing(servos, process, at_least=50)
         daemon.kill()
         eventually(lambda: registers(servos, PRESENT_PWM) == [0, 0], "the motors go on without the daemon")
         assert all(servos.stopped_ns(id) for id in FINGERS.values())
@@ -238,7 +241,7 @@ def test_the_gripper_opens_at_a_fault_of_one_finger(folder, servos):
     with Daemon(folder / "d", SCENE, tick=TICK, joints=gripper(servos.path)) as daemon:
         daemon.wait_status(lambda s: s["joints"]["readings"] > 20, "nothing is read")
         process = record(daemon, *ONE, "--allow-motion")
-        squeezing(servos)
+        squeezing(servos, process)
         servos.tell("fault 2 silent")
         _, said = process.communicate(timeout=30)
         assert process.returncode == 1 and "right: the servo does not answer" in said, said
@@ -282,8 +285,78 @@ def test_a_squeeze_has_the_potentiometers_of_its_fingers_and_ends_when_one_is_lo
         expected = [(2048 + angle * 4096 / 360) / 4 - 512 for angle in row[3:5]]
         assert row[1:3] == pytest.approx([count * 0.9 for count in expected], abs=2.0)
         process = record(daemon, "--places", 1, "--repetitions", 2, "--no-wait", "--allow-motion")
-        squeezing(servos)
+        squeezing(servos, process)
         servos.tell("line p2 540\\n")
         _, said = process.communicate(timeout=60)
         assert process.returncode == 1 and "the angle of left p is unknown" in said, said
         assert registers(servos, TORQUE) == [0, 0]
+
+
+def taxel(*arguments, **more):
+    command = [binary("taxel"), *map(str, arguments)]
+    return subprocess.run(command, check=True, capture_output=True, text=True, timeout=90, **more).stdout
+
+
+def session_of_springy_arms(path):
+    """A session of the fingers' own kind of arm: softer from place to place, and where it touches with it.
+
+    The fingers of these tests touch at 400 pulses, as they do at place 6.
+    """
+    random, places = np.random.default_rng(1), 13
+    data = np.zeros((places, 6, 95, 10))
+    pwm = np.array([max(0, 400 - 10 * abs(row - 50)) for row in range(95)], float)
+    for place in range(places):
+        for squeeze in data[place]:
+            at = None
+            for row, torque in enumerate(pwm):
+                low, high = torque * 0.5 / 2, torque / 0.5 / 2
+                at = -400.0 if torque == 0 else min(max(low if at is None else at, low), high)
+                touch = 600 - 400 * place / 12
+                closed = 10 if torque == 0 else 10 + touch + at
+                squeeze[row] = [121 * row, 42, 42, 0, 0, torque, torque, torque, -torque, 0]
+                squeeze[row, 3:5] = [closed * 360 / 4096, (closed + 10) * 360 / 4096]
+            squeeze[:, 1:5] += random.normal(0, 0.3, (95, 4))
+    np.savez(path, data=data, location_percent=np.arange(places) * 100 / 12)
+
+
+def test_a_gripper_is_told_where_it_holds_while_it_squeezes(folder, servos):
+    session, model, estimates = folder / "session.npz", folder / "arm.model", folder / "estimates.sock"
+    session_of_springy_arms(session)
+    taxel("forearm", "train", session, "--out", model)
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=gripper(servos.path)) as daemon:
+        daemon.wait_status(lambda s: s["joints"]["readings"] > 20, "nothing is read")
+        live = subprocess.Popen(
+            [binary("taxel"), "forearm", "estimate", "--live", model, "--socket", daemon.images, "--publish", estimates],
+            stdout=subprocess.PIPE,
+            text=True,
+            preexec_fn=die_with_parent,
+        )
+        eventually(estimates.exists, "estimates are not published", seconds=30)
+        published, reader = [], taxel_reader.connect(estimates)
+
+        def read():
+            try:
+                while True:
+                    message = reader.receive()
+                    if message.header.type == taxel_reader.ESTIMATE:
+                        published.append(message.json())
+            except taxel_reader.Closed:
+                pass
+
+        threading.Thread(target=read, daemon=True).start()
+        process = record(daemon, *ONE, "--allow-motion")
+        out, said = process.communicate(timeout=90)
+        assert process.returncode == 0, said
+        eventually(lambda: published and published[-1]["ended"], "the last estimate does not come")
+        live.kill()
+        lines = [json.loads(line) for line in live.stdout]
+        live.wait()
+        live.stdout.close()
+    assert lines == published and [line["ended"] for line in lines] == [False] * (len(lines) - 1) + [True]
+    samples = [line["samples"] for line in lines]
+    assert samples == list(range(samples[0], 96)) and samples[0] <= 30, "one at every sample"
+    last = lines[-1]
+    assert last["low"] <= last["location_percent"] <= last["high"] and last["source"] == "kinesthetic"
+    assert abs(last["location_percent"] - 50) < 15
+    latency_us = sorted(line["latency_us"] for line in lines)
+    print(f"told {latency_us[len(lines) // 2]:.0f} us (median), {latency_us[-1]:.0f} us (most) after the sample")

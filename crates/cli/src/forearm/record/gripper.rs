@@ -81,23 +81,22 @@ impl Gripper {
     ) -> anyhow::Result<Option<Squeeze>> {
         let mut motors = Motors::start(self)?;
         motors.mark(BEGINS)?;
-        let begun = Instant::now();
+        let mut due = Instant::now();
         let mut squeeze = Squeeze::default();
-        let mut first_ns = None;
+        let (mut first_ns, mut newest_ns) = (None, None);
         let mut unknown = [0; FINGERS];
-        for (row, pwm) in pwm.iter().enumerate() {
+        for pwm in pwm {
             motors.mark(&format!("{SAMPLE}{pwm}"))?;
             motors.drive(*pwm)?;
             // The finger has until the next step to come to rest.
-            if !interrupt.sleep_until(begun + period * (row as u32 + 1)) {
+            // One that came late does not make the next ones short.
+            due = (due + period).max(Instant::now());
+            if !interrupt.sleep_until(due) {
                 return Ok(None);
             }
-            let joints = self.newest.joints()?;
-            let first_ns = *first_ns.get_or_insert(joints.t_ns);
-            let time_ms = joints.t_ns.saturating_sub(first_ns) as f64 / 1e6;
-            if squeeze.time_ms.last().is_some_and(|last| time_ms <= *last) {
-                bail!("the daemon's frames stand still; `taxel status` says why");
-            }
+            let joints = self.newest.after(newest_ns)?;
+            newest_ns = Some(joints.t_ns);
+            let time_ms = joints.t_ns.saturating_sub(*first_ns.get_or_insert(joints.t_ns)) as f64 / 1e6;
             let sample = Sample {
                 time_ms,
                 theta_a_deg: self.theta_a.map(|joint| degrees(&joints, Some(joint))),

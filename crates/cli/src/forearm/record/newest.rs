@@ -67,6 +67,21 @@ impl Newest {
         Ok(newest)
     }
 
+    /// Those of a frame that is newer than the one of this time; waits for it, at most a second.
+    pub(super) fn after(&self, t_ns: Option<u64>) -> anyhow::Result<Joints> {
+        let end = Instant::now() + STALE;
+        loop {
+            let joints = self.joints()?;
+            if t_ns.is_none_or(|before| joints.t_ns > before) {
+                return Ok(joints);
+            }
+            if Instant::now() > end {
+                bail!("the daemon's frames stand still; `taxel status` says why");
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
+    }
+
     /// The newest frame's; an error where the daemon has ended or sends nothing.
     pub(super) fn joints(&self) -> anyhow::Result<Joints> {
         let state = lock_of(&self.0);
