@@ -149,6 +149,9 @@ impl Playing {
             };
             let _ = writeln!(text, "squeeze    at {:5.1} %, {what:10} {said}", outcome.held_at);
         }
+        if self.outcomes.is_empty() {
+            return text;
+        }
         let offs: Vec<f64> = self.outcomes.iter().filter_map(Outcome::off).collect();
         let within = self.outcomes.iter().filter(|outcome| outcome.is_within()).count();
         let _ = writeln!(

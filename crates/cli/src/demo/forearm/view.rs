@@ -14,8 +14,10 @@ const TOUCH: [u16; 2] = [TACTILE_COLUMNS as u16 + 2, TACTILE_ROWS as u16 / 2 + 2
 /// The least panels of numbers, across, and of the arm, down.
 const LEAST_NUMBERS: u16 = 26;
 const LEAST_ARM: u16 = 8;
-/// Full scale of a tactel, counts.
+/// Full scale of a tactel, counts, and up to where it is noise, which is not drawn: it would go over the line again and
+/// again.
 const FULL_COUNTS: f64 = 255.0;
+const NOISE_COUNTS: u16 = 4;
 /// The picture goes a little beyond wrist and elbow, percent.
 const BEYOND: f64 = 6.0;
 /// Wrist by elbow, and elbow by the height of the picture.
@@ -182,7 +184,15 @@ fn draw_touch(buffer: &mut Buffer, area: Rect, playing: &Playing, palette: Palet
     let Some(image) = sample.and_then(|sample| playing.so_far.tactile_image(sample)) else {
         return;
     };
-    let share = |row: usize, column: usize| f64::from(image[row * TACTILE_COLUMNS + column]) / FULL_COUNTS;
+    let share = |row: usize, column: usize| {
+        let counts = image[row * TACTILE_COLUMNS + column];
+        let is_noise = counts <= NOISE_COUNTS;
+        if is_noise {
+            0.0
+        } else {
+            f64::from(counts) / FULL_COUNTS
+        }
+    };
     for row in 0..TACTILE_ROWS / 2 {
         for column in 0..TACTILE_COLUMNS {
             let (top, bottom) = (share(2 * row, column), share(2 * row + 1, column));
@@ -224,7 +234,7 @@ fn draw_numbers(buffer: &mut Buffer, area: Rect, playing: &Playing, palette: Pal
         line(" motors   ", pair(&squeeze.theta_a_deg) + " °", Style::new()),
         line(" phalanges", pair(&squeeze.theta_p_deg) + " °", Style::new()),
         line(" estimate ", estimate, bold),
-        line("  from    ", source, Style::new()),
+        line("  from     ", source, Style::new()),
         line(" holds at ", format!("{held:5.1} % {place}"), Style::new()),
         Line::default(),
         Line::styled(" held at  estimate", dim),
