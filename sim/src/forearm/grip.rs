@@ -58,11 +58,17 @@ impl Grip {
     /// The finger once it has come to rest under a PWM, of 885; below 0 opens. It never leaves the forearm: at 0 and
     /// below it just touches.
     pub fn under(self, pwm: f64) -> Self {
-        let torque_nm = STALL_NM * (pwm / FULL_PWM).clamp(0.0, 1.0);
+        let [least, most] = held_nm(pwm);
         Self {
-            held_nm: self.held_nm.clamp(EFFICIENCY * torque_nm, torque_nm / EFFICIENCY),
+            held_nm: self.held_nm.clamp(least, most),
             ..self
         }
+    }
+
+    /// Between which angles of the motor, degrees, it may rest under a PWM.
+    pub(super) fn resting_deg(self, pwm: f64) -> [f64; 2] {
+        let deg = |held_nm| Self { held_nm, ..self }.angles().actuated_deg;
+        held_nm(pwm).map(deg)
     }
 
     /// Its angles. They depend on the torque that is held and on nothing else of the past.
@@ -83,6 +89,12 @@ impl Grip {
     pub(super) fn pressed(&self) -> f64 {
         self.held_nm / (EFFICIENCY * STALL_NM * 400.0 / FULL_PWM)
     }
+}
+
+/// Between which torques, N m, the tissue may hold a finger under a PWM.
+fn held_nm(pwm: f64) -> [f64; 2] {
+    let torque_nm = STALL_NM * (pwm / FULL_PWM).clamp(0.0, 1.0);
+    [EFFICIENCY * torque_nm, torque_nm / EFFICIENCY]
 }
 
 #[cfg(test)]
@@ -124,9 +136,16 @@ mod tests {
         for location in (-10..=110).map(|n| f64::from(n) / 100.0) {
             let mut before = f64::NEG_INFINITY;
             for pwm in (0..=885).step_by(15) {
-                let grip = Grip::beyond(location).under(f64::from(pwm));
+                // Also under the torque at which the finger opens, the most that it ever holds.
+                let [held, most] = held_nm(f64::from(pwm));
+                let section = Section::at(location);
                 let passive_rad = PASSIVE_DEG.to_radians();
-                let proximal_rad = grip.section.touched_rad(passive_rad, grip.held_nm);
+                let opens_rad = section.touched_rad(passive_rad, most);
+                assert!(
+                    FiveBar::FINGER.actuated_rad(opens_rad, passive_rad).is_ok(),
+                    "{location} {pwm}"
+                );
+                let proximal_rad = section.touched_rad(passive_rad, held);
                 let actuated = FiveBar::FINGER.actuated_rad(proximal_rad, passive_rad);
                 let angle = actuated.unwrap().to_degrees();
                 assert!(
