@@ -7,6 +7,7 @@ mod eval;
 mod extension;
 mod figures;
 mod files;
+mod forearm;
 mod forearm_scene;
 mod manual;
 mod metrics;
