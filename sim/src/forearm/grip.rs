@@ -65,12 +65,6 @@ impl Grip {
         }
     }
 
-    /// Between which angles of the motor, degrees, it may rest under a PWM.
-    pub(super) fn resting_deg(self, pwm: f64) -> [f64; 2] {
-        let deg = |held_nm| Self { held_nm, ..self }.angles().actuated_deg;
-        held_nm(pwm).map(deg)
-    }
-
     /// Its angles. They depend on the torque that is held and on nothing else of the past.
     pub fn angles(&self) -> FingerAngles {
         let passive_rad = PASSIVE_DEG.to_radians();
