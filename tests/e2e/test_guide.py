@@ -45,12 +45,12 @@ def test_ten_minutes_without_hardware_run_line_by_line(folder, environment):
                 )
                 assert ended.returncode == 0, f"{command}\n{ended.stdout}{ended.stderr}"
                 continue
-            sockets = len(list(folder.rglob("*.sock")))
+            sockets = len(list(folder.rglob("*images.sock")))
             words = shlex.split(command.removesuffix("&"))
             started = subprocess.Popen(words, cwd=folder, env=environment, preexec_fn=die_with_parent)
             running.append(started)
             if words[0] == "taxeld":
-                eventually(lambda: len(list(folder.rglob("*.sock"))) > sockets, f"{command} makes no socket")
+                eventually(lambda: len(list(folder.rglob("*images.sock"))) > sockets, f"{command} makes no socket")
         (code,) = python_blocks(page)
         script = [sys.executable, "-c", code]
         ended = subprocess.run(script, cwd=folder, env=environment, capture_output=True, text=True, timeout=60)
