@@ -2,8 +2,11 @@
 //! Garcia-Cerezo and Gomez-de-Gabriel, "Dataset with Tactile and Kinesthetic Information from a Human Forearm and Its
 //! Application to Deep Learning", 2022, section 4), as printed, and their training.
 //!
-//! They are here to be compared with, not to be used: `taxel-forearm` estimates better, and a million times cheaper. What
-//! the article leaves open is settled in the documents of [`Reading`], [`Examples`] and [`BATCH`].
+//! They are here to be compared with, not to be used: `taxel-forearm` is trained in milliseconds instead of hours. What
+//! the article leaves open is settled in the documents of [`Reading`], [`Examples`] and [`BATCH`]. All of it needs the
+//! feature `candle`.
+
+#![cfg(feature = "candle")]
 
 mod adam;
 mod checkpoint;

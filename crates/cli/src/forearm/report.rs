@@ -26,11 +26,12 @@ pub(super) fn procedure(session: &Session, splits: &[Split], models: &[Kinesthet
     choices.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
     let mut text = format!(
         "{}: {} squeezes at {} places, {} repetitions: trained on {}, judged on {}\n\n\
-         Procedure, fixed beforehand. Partial least squares on the two sums of both fingers' angles, standardised, at\n\
+         Procedure. Partial least squares on the two sums of both fingers' angles, standardised, at\n\
          evenly spaced phases of the commanded PWM. Tried are 5, 8, 10, 14 and 20 phases, from the first sample or where\n\
          PWM rises, to where PWM is back at rest or the last sample, and 1 to 6 components: 120 choices. The one of least\n\
          error on the training squeezes alone is taken: seven parts with repetitions left out in fifths, six parts with a\n\
-         place left out, as the test has seven places that were trained on and six others. Taken were:\n",
+         place left out, as the test has seven places that were trained on and six others. No squeeze of the test chooses\n\
+         anything in this run; whoever settled this family of choices had seen errors on public test data. Taken were:\n",
         session.name,
         session.trials.len(),
         session.locations().len(),
