@@ -1,8 +1,11 @@
 //! Files that people write and programs leave behind.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use taxel_forearm::{Matrix, read_mat, write_mat};
 use taxel_record::{Columns, ReadOptions, Recording, TimeUnit};
+use taxel_recorder::{
+    CanFrames, CanReader, RecordedFrame, RecordingReader, Topic, read_event, read_image, read_text,
+};
 use taxel_sim::Scene;
 use taxel_skin::{Decoder, Layout};
 use taxeld::Config;
@@ -97,6 +100,52 @@ pub(crate) fn mat_file(data: &[u8]) {
     }
 }
 
+/// The first byte says whether the rest is an `.mcap` or a message of one.
+pub(crate) fn recording_file(data: &[u8]) {
+    let Some((choice, bytes)) = data.split_first() else {
+        return;
+    };
+    match choice % 4 {
+        0 => {
+            let path = put("mcap", bytes);
+            let mut reader = RecordingReader::open(&path, &Topic::ALL).expect("the file is there");
+            while let Ok(Some(_)) = reader.next_item() {}
+            assert!(reader.position() <= bytes.len() as u64);
+            let mut frames = CanReader::open(&path).expect("the file is there");
+            while let Ok(Some((bus, received))) = frames.next_frame() {
+                assert!(bus < frames.names().len() && received.frame.data().len() <= 8);
+            }
+            std::fs::remove_file(&path).expect("the file is there");
+        }
+        1 => {
+            if let Some(frames) = CanFrames::read(bytes) {
+                assert_eq!(
+                    frames
+                        .iter()
+                        .filter(|(bus, _)| usize::from(*bus) < frames.buses.len())
+                        .count(),
+                    frames.len()
+                );
+            }
+        }
+        2 => {
+            if let Some(frame) = RecordedFrame::read(bytes) {
+                assert!(frame.counts().count() + frame.joints().count() <= bytes.len());
+            }
+            if let Some((image, _)) = read_image(bytes) {
+                assert_eq!(
+                    image.pixels.len(),
+                    usize::from(image.width) * usize::from(image.height)
+                );
+            }
+        }
+        _ => {
+            let texts = [read_text(bytes), read_event(bytes).map(|(_, text)| text)];
+            assert!(texts.into_iter().flatten().all(|text| text.len() < bytes.len()));
+        }
+    }
+}
+
 fn columns(choice: u8) -> Option<Columns> {
     match choice >> 1 & 3 {
         1 => Some(Columns::XyzInterleaved),
@@ -105,9 +154,8 @@ fn columns(choice: u8) -> Option<Columns> {
     }
 }
 
-/// A recording whose every frame is as large as it says, or an error that can be printed.
-fn check_recording(extension: &str, bytes: &[u8], options: &ReadOptions) {
-    // The readers take paths. A file in memory, one for each process.
+/// The bytes as a file in memory, one for each process: the readers take paths.
+fn put(extension: &str, bytes: &[u8]) -> PathBuf {
     let folder = if Path::new("/dev/shm").is_dir() {
         "/dev/shm".into()
     } else {
@@ -115,6 +163,12 @@ fn check_recording(extension: &str, bytes: &[u8], options: &ReadOptions) {
     };
     let path = folder.join(format!("taxel-fuzz-{}.{extension}", std::process::id()));
     std::fs::write(&path, bytes).expect("a place for files");
+    path
+}
+
+/// A recording whose every frame is as large as it says, or an error that can be printed.
+fn check_recording(extension: &str, bytes: &[u8], options: &ReadOptions) {
+    let path = put(extension, bytes);
     let read = Recording::open(&path, options);
     std::fs::remove_file(&path).expect("the file is there");
     match read {

@@ -13,7 +13,7 @@ mod messages;
 pub type Target = (&'static str, fn(&[u8]));
 
 /// Every target.
-pub const TARGETS: [Target; 15] = [
+pub const TARGETS: [Target; 16] = [
     ("candump_line", messages::candump_line),
     ("python_can_datagram", messages::python_can_datagram),
     ("wire_decode", messages::wire_decode),
@@ -29,6 +29,7 @@ pub const TARGETS: [Target; 15] = [
     ("array_file", files::array_file),
     ("csv_file", files::csv_file),
     ("mat_file", files::mat_file),
+    ("recording_file", files::recording_file),
 ];
 
 /// A target with a bug, to see that fuzzing finds bugs: it panics on what begins with `TAXELBUG`.

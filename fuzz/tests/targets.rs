@@ -2,9 +2,11 @@
 
 use std::io::Write;
 use std::path::Path;
+use taxel_can::{CanFrame, Received};
 use taxel_forearm::{Matrix, write_mat};
 use taxel_fuzz::TARGETS;
 use taxel_joints::protocol2::Encoder;
+use taxel_recorder::{Attached, CanBlock, Entry, Preamble, RecordingWriter, Topic, event_message};
 use taxel_sim::{Scene, Simulator, with_stand_in_boards};
 use taxel_skin::{Layout, icub_triangle_data};
 
@@ -154,6 +156,29 @@ fn seeds(target: &str) -> Vec<Vec<u8>> {
             b"\x0A5,1,2,3\n6,4,5,6\n".to_vec(),
             b"\x00\xEF\xBB\xBF# c\r\n\"t\";a\r\n0;\"1\"\r\n".to_vec(),
         ],
+        "recording_file" => {
+            let mut block = CanBlock::default();
+            let frame = CanFrame::standard(0x201, &[7, 0]).expect("a frame");
+            block.push(0, &Received { t_ns: 5, frame });
+            let can = block.take(&["can0".into()], &[0]);
+            let attached = vec![Attached {
+                name: "taxeld.toml".into(),
+                media_type: "application/toml".into(),
+                data: vec![b'#'],
+            }];
+            let preamble = Preamble { attached, ..Preamble::default() };
+            let mut file = RecordingWriter::begin(std::io::Cursor::new(Vec::new()), &preamble, 1).expect("memory");
+            let entry = Entry { topic: Topic::Can, wall_ns: 2, data: can.clone() };
+            file.put(&entry).expect("memory");
+            let file = file.finish().expect("memory").into_inner();
+            let event = event_message("mark", "squeeze 3", 7);
+            // Numbers that are lengths of lists, and what is in them.
+            let lists = [&[0, 1, 0, 0][..], &[1, 0, 0, 0].repeat(60)].concat();
+            [(0, file), (1, can), (2, lists), (3, event)]
+                .into_iter()
+                .map(|(choice, bytes)| [&[choice][..], &bytes].concat())
+                .collect()
+        }
         "layout_file" => Layout::builtin_names()
             .filter_map(Layout::builtin_text)
             .flat_map(|text| {
@@ -267,6 +292,7 @@ targets! {
     array_file: 3_000,
     csv_file: 3_000,
     mat_file: 3_000,
+    recording_file: 1_000,
 }
 
 #[test]
