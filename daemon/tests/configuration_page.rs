@@ -13,7 +13,7 @@ use taxel_skin::{BoardsConfig, ConditionConfig, Layout, SweepConfig};
 use taxeld::Config;
 use taxeld::config::{ANNOTATED, CanConfig, ControlConfig, RealtimeConfig, SocketConfig};
 
-const FILES: [&str; 11] = [
+const FILES: [&str; 12] = [
     "daemon/src/config.rs",
     "crates/engine/src/config.rs",
     "crates/serve/src/config.rs",
@@ -25,6 +25,7 @@ const FILES: [&str; 11] = [
     "crates/joints/src/config.rs",
     "crates/joints/src/dynamixel/config.rs",
     "crates/joints/src/allegro/config.rs",
+    "crates/joints/src/analogue/config.rs",
 ];
 
 /// A table of the file with its keys and their defaults.
@@ -91,6 +92,16 @@ fn tables() -> Vec<Table> {
         .keys
         .retain(|(key, _)| !["path", "servo"].contains(&key.name.as_str()));
     servos.keys.splice(0..0, joints("", "JointsConfig").keys);
+    servos.keys.retain(|(key, _)| key.name != "analogue");
+    let mut potentiometers = Table {
+        optional: true,
+        ..table(
+            "[joints.analogue]",
+            "AnalogueConfig",
+            toml::from_str("baud = 115200\nends = [0.0, 1023.0]\n").unwrap(),
+        )
+    };
+    potentiometers.keys.retain(|(key, _)| key.name != "joint");
     vec![
         table("[tick]", "TickConfig", defaults(config.tick)),
         table("[boards]", "BoardsConfig", defaults(BoardsConfig::default())),
@@ -109,6 +120,8 @@ fn tables() -> Vec<Table> {
         servos,
         joints("[[joints.servo]]", "ServoConfig"),
         joints("[joints.allegro]", "AllegroConfig"),
+        potentiometers,
+        joints("[[joints.analogue.joint]]", "AnalogueJointConfig"),
     ]
 }
 
@@ -214,7 +227,16 @@ fn every_key_that_the_daemon_reads_is_told_with_its_meaning() {
             None => format!("[{heading}]\nno_such_key = 0\n"),
             Some("") => "[joints]\nno_such_key = 0\n".into(),
             Some(".servo") => "[joints]\nsource = 'dynamixel:a'\n[[joints.servo]]\nno_such_key = 0\n".into(),
-            Some(_) => "[joints]\nsource = 'allegro:can2'\n[joints.allegro]\nno_such_key = 0\n".into(),
+            Some(".allegro") => {
+                "[joints]\nsource = 'allegro:can2'\n[joints.allegro]\nno_such_key = 0\n".into()
+            }
+            Some(table) => {
+                let table = match table.matches('.').count() {
+                    1 => format!("[joints{table}]"),
+                    _ => format!("[[joints{table}]]"),
+                };
+                format!("[joints]\nsource = 'allegro:can2'\n{table}\nno_such_key = 0\n")
+            }
         };
         let error = Config::parse(&unknown, Path::new("a.toml"))
             .unwrap_err()
@@ -223,7 +245,11 @@ fn every_key_that_the_daemon_reads_is_told_with_its_meaning() {
         let listed = listed.trim_start_matches("are ").trim_start_matches("is only ");
         let mut read: Vec<&str> = listed.split(", ").collect();
         // Tables of their own.
-        read.retain(|key| !(heading == "joints" && ["servo", "allegro"].contains(key)));
+        read.retain(|key| match heading {
+            "joints" => !["servo", "allegro", "analogue"].contains(key),
+            "joints.analogue" => *key != "joint",
+            _ => true,
+        });
         told.sort_unstable();
         read.sort_unstable();
         assert_eq!(told, read, "{heading}");
@@ -263,7 +289,8 @@ fn the_file_to_start_from_is_the_defaults_with_and_without_its_marks() {
         ("dynamixel:/dev/ttyUSB0", "joints.allegro]"),
         ("allegro:can2", "[joints.servo]]"),
     ] {
-        let parts = joints.split("\n[").filter(|part| !part.starts_with(left_out));
+        let parts = joints.split("\n[");
+        let parts = parts.filter(|part| !part.starts_with(left_out) && !part.contains("joints.analogue"));
         let mut text = parts.collect::<Vec<_>>().join("\n[");
         text = text.replacen("[joints]", &format!("[joints]\nsource = {source:?}"), 1);
         for (key, value) in [("id", "1"), ("name", "\"a\""), ("version", "4")] {

@@ -619,5 +619,5 @@ def test_a_hand_on_the_skins_bus_is_read_beside_it_and_either_goes_on_without_th
 
 
 def test_servos_beside_a_recording_are_refused(folder):
-    log = refused(folder, ["log:a.log", "log:a.log"], dynamixel("/dev/ttyUSB0"))
+    log = refused(folder, ["log:a.log", "log:b.log"], dynamixel("/dev/ttyUSB0"))
     assert "recording of another time" in log and "/dev/ttyUSB0" in log, log

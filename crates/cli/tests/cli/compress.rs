@@ -263,6 +263,7 @@ fn input_that_cannot_be_read_says_what_to_do() {
     std::fs::write(path("words.log"), "hello\n").unwrap();
     std::fs::write(path("other.log"), "(1.0) vcan7 123#00\n").unwrap();
     std::fs::write(path("bad.npy"), "hello").unwrap();
+    std::fs::write(path("grasp.mcap"), "hello").unwrap();
     for (input, wanted) in [
         ("absent.npz", "absent.npz"),
         ("empty.log", "no CAN frame"),
