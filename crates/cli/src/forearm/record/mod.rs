@@ -17,7 +17,7 @@ use taxel_forearm::{FULL_PWM, PLACES, Ramp, Session, Squeeze, location_percent};
 
 /// Record squeezes of a forearm: moves the gripper through the running daemon, and says what comes next.
 ///
-/// The daemon's [joints] has the two servos of the fingers, in operating mode 16 (PWM), with allow_writes = true, and
+/// The daemon's `[joints]` has the two servos of the fingers, in operating mode 16 (PWM), with allow_writes = true, and
 /// the potentiometers of the fingers where there are any. Nothing moves without --allow-motion. The motors are switched
 /// off between squeezes, on any fault, on Ctrl-C, and by the daemon when this program dies or hangs for a second.
 ///
