@@ -246,14 +246,16 @@ def test_what_is_wrong_with_a_servo_is_a_problem_in_words_and_is_over_when_it_is
         assert status["joints"][4]["problems"] == [kind] and status["joints"][3]["problems"] == []
         # A servo whose every answer is late answers now and then in the end; its silence is not told beside.
         time.sleep(0.5)
-        assert {p["kind"] for p in daemon.status()["problems"]} == {kind}
+        # (On a busy machine another one may be late too.)
+        own = lambda: [p for p in daemon.status()["problems"] if p["joint"] == "joint 5"]  # noqa: E731
+        assert {p["kind"] for p in own()} == {kind}
         others_go_on(daemon, watch, but=5, unknown=None)
         doctor = subprocess.run(
             [binary("taxel"), "doctor", "--json", "--config", daemon.config], capture_output=True, text=True, timeout=60
         )
         # What the daemon tells, the doctor tells once, in the same words; its numbers are those of another moment.
         (found,) = [c for c in json.loads(doctor.stdout)["checks"] if "joint 5" in c["object"] + c["found"]]
-        (now,) = daemon.status()["problems"]
+        (now,) = own()
         but_numbers = lambda sentence: re.sub(r"\d+(\.\d+)?", "N", sentence)
         assert (found["name"], found["object"], but_numbers(found["found"])) == (kind, "joint 5", but_numbers(now["sentence"]))
         assert found["state"] == ("error" if severe else "warning")
