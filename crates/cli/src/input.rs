@@ -42,6 +42,9 @@ pub(crate) struct InputArgs {
     /// of a frame's shape that is not zero there
     #[arg(long, value_name = "nan|NAME")]
     void: Option<Void>,
+    /// Magnitudes only: nothing is touched in so many of the first frames, and forces are above each taxel's median there
+    #[arg(long, value_name = "FRAMES")]
+    idle: Option<usize>,
     /// Repeats the recording of one module on every module of the hand
     #[arg(long)]
     pub(crate) tile: bool,
@@ -85,6 +88,7 @@ impl InputArgs {
             joint_columns: self.joint_columns,
             image: self.grid()?,
             void: self.void.clone(),
+            idle_frames: self.idle,
         };
         Ok(Input::Frames(Recording::open(&self.path, &options)?))
     }
@@ -120,14 +124,20 @@ impl InputArgs {
 
     /// Refuses options that say something about a file, where there is none: `what` is a scene.
     pub(crate) fn refuse_file_options(&self, what: &str) -> anyhow::Result<()> {
-        match self.file_options().into_iter().find(|(given, _)| *given) {
+        self.refuse_file_options_but("", what)
+    }
+
+    /// The same, where one option does say something.
+    pub(crate) fn refuse_file_options_but(&self, known: &str, what: &str) -> anyhow::Result<()> {
+        let mut given = self.file_options().into_iter().filter(|(given, _)| *given);
+        match given.find(|(_, option)| *option != known) {
             Some((_, option)) => bail!("{what}: {option} says nothing about it; leave it out"),
             None => Ok(()),
         }
     }
 
     /// Options that describe a file of frames, and whether each is given.
-    fn file_options(&self) -> [(bool, &'static str); 7] {
+    fn file_options(&self) -> [(bool, &'static str); 8] {
         [
             (self.array.is_some(), "--array"),
             (self.columns.is_some(), "--columns"),
@@ -135,6 +145,7 @@ impl InputArgs {
             (self.rate.is_some(), "--rate"),
             (self.time_column.is_some(), "--time-column"),
             (self.void.is_some(), "--void"),
+            (self.idle.is_some(), "--idle"),
             (self.tile, "--tile"),
         ]
     }

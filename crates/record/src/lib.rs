@@ -15,6 +15,7 @@ mod csv_columns;
 mod error;
 mod frame_arrays;
 mod frames;
+mod idle;
 mod images;
 mod labelled;
 mod meaning;

@@ -1,6 +1,7 @@
 //! A sequence of tactile frames, read from a file.
 
 use crate::error::RecordError;
+use crate::idle;
 use crate::meaning::Meaning;
 use crate::table::{Columns, DEFAULT_RATE_HZ, ReadOptions, Table, Void};
 
@@ -46,6 +47,10 @@ impl Recording {
             counts,
         } = Meaning::of(&at, &shape, columns, options)?;
         let (frames, cells) = match counts {
+            Some(_) if options.idle_frames.is_some() => {
+                let holds = "holds counts, whose baseline is measured; --idle is for magnitudes";
+                return Err(RecordError::unfit(at, holds));
+            }
             Some(columns) => (
                 Frames::Counts(counts_of_columns(&at, taxels, columns, &values)?),
                 None,
@@ -57,10 +62,11 @@ impl Recording {
                 };
                 let (frames, cells) = without_void(&at, taxels, values, void)?;
                 let may_be_missing = options.void == Some(Void::Nan);
-                (
-                    magnitudes(&at, cells.as_deref(), taxels, frames, may_be_missing)?,
-                    cells,
-                )
+                let mut frames = magnitudes(&at, cells.as_deref(), taxels, frames, may_be_missing)?;
+                if let Some(idle) = options.idle_frames {
+                    idle::subtract(&at, frames.len() / shape[0], idle, &mut frames)?;
+                }
+                (Frames::Magnitudes(frames), cells)
             }
         };
         let taxels = cells
@@ -271,10 +277,10 @@ fn magnitudes(
     all: usize,
     values: Vec<f64>,
     may_be_missing: bool,
-) -> Result<Frames, RecordError> {
+) -> Result<Vec<f64>, RecordError> {
     let bad = |value: &f64| !(value.is_finite() || may_be_missing && value.is_nan());
     let Some(i) = values.iter().position(bad) else {
-        return Ok(Frames::Magnitudes(values));
+        return Ok(values);
     };
     let taxels: Vec<usize> = match cells {
         Some(cells) => (0..all).filter(|cell| cells[*cell]).collect(),
@@ -395,6 +401,18 @@ mod tests {
             message.contains("2 x 8 x 8") && message.contains("T x 4 x 16"),
             "{message}"
         );
+    }
+
+    #[test]
+    fn magnitudes_are_above_the_level_at_which_their_taxel_idles() {
+        let idle = ReadOptions {
+            idle_frames: Some(2),
+            ..Default::default()
+        };
+        let recording = Recording::from_table(ramp(&[3, 2]), &idle).unwrap();
+        assert_eq!(recording.magnitudes(2).unwrap(), [3.0, 3.0]);
+        let message = message(ramp(&[3, 2, 3]), &idle);
+        assert!(message.contains("--idle is for magnitudes"), "{message}");
     }
 
     #[test]

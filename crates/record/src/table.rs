@@ -23,6 +23,8 @@ pub struct ReadOptions {
     pub time_column: Option<TimeUnit>,
     /// How many of the last columns of a csv file whose header does not name them are joint angles, radians.
     pub joint_columns: usize,
+    /// Says that no taxel is touched in so many of the first frames: its magnitudes are above their median.
+    pub idle_frames: Option<usize>,
 }
 
 /// The order of x, y and z counts in the columns of a two-dimensional array.

@@ -41,6 +41,8 @@ struct Report {
 }
 
 pub(super) fn run(args: &Args, csv: Option<OutputFile>, figure: Option<OutputFile>) -> anyhow::Result<()> {
+    let what = format!("{}, frames with labels", args.offline.input.path.display());
+    args.offline.input.refuse_file_options_but("--array", &what)?;
     let labelled = Labelled::open(&args.offline.input.path, args.offline.input.array())?;
     let config = match (args.offline.input.named_layout()?, labelled.image_shape) {
         (None, Some((height, width))) => {

@@ -237,6 +237,10 @@ fn eval_refuses_what_it_cannot_judge() {
             "--levels",
         ),
         (&["eval", "forces.npz", "--task"], "forces.npz"),
+        (
+            &["eval", "forces.npz", "--task", "--idle", "3"],
+            "--idle says nothing",
+        ),
         (&["eval", "sim:nowhere"], "nowhere"),
         (&["eval", "sim:tap", "--tile"], "--tile"),
     ] {

@@ -188,6 +188,21 @@ fn numpys_own_types_are_read_and_a_shape_is_never_bent_to_a_layout() {
 }
 
 #[test]
+fn forces_are_above_what_a_taxel_has_at_rest() {
+    let dir = TempDir::new().unwrap();
+    let frames = Array3::from_shape_vec((3, 1, 2), vec![40, 900, 42, 904, 41, 990]).unwrap();
+    ndarray_npy::write_npy(dir.path().join("in.npy"), &frames).unwrap();
+    let out = ["compress", "in.npy", "--threshold", "20", "--out", "out.npy"];
+    let images = || ndarray_npy::read_npy::<_, Array3<u8>>(dir.path().join("out.npy")).unwrap();
+    succeeds(&dir, &out);
+    assert!(images().iter().all(|grey| *grey > 0));
+    succeeds(&dir, &[&out[..], &["--idle", "2"]].concat());
+    assert_eq!(images().into_raw_vec_and_offset().0, [0, 0, 0, 0, 0, 255]);
+    let err = fails(&dir, &[&out[..], &["--idle", "4"]].concat(), 1);
+    assert!(err.contains("has 3 frames"), "{err}");
+}
+
+#[test]
 fn cells_that_are_no_taxels_stay_empty_and_one_without_a_value_is_missing() {
     let dir = TempDir::new().unwrap();
     let nan = f32::NAN;
