@@ -119,12 +119,20 @@ fn init(name: &str, sources: &[SourceAddress]) -> anyhow::Result<String> {
         buses.len(),
         buses.join(", ")
     );
+    let text = text_for(&layout, name, sources);
+    Config::parse(&text, Path::new("taxeld.toml"))?;
+    Ok(text)
+}
+
+/// The text of a file for a hand that it calls `name`, with every key at its default; buses without a source are
+/// interfaces of their names.
+pub(crate) fn text_for(layout: &Layout, name: &str, sources: &[SourceAddress]) -> String {
     let mut text = format!(
         "# taxeld's configuration. What stands behind # is the default; `taxel config check` says what is wrong.\n\n\
          # The hand: a built-in one (`taxel layouts`), or a layout file.\nlayout = {}\n",
         toml::Value::from(name)
     );
-    for (index, bus) in buses.iter().enumerate() {
+    for (index, bus) in layout.buses.iter().enumerate() {
         let source = sources
             .get(index)
             .map_or_else(|| format!("can:{bus}"), ToString::to_string);
@@ -133,9 +141,7 @@ fn init(name: &str, sources: &[SourceAddress]) -> anyhow::Result<String> {
             toml::Value::from(source)
         );
     }
-    text += ANNOTATED;
-    Config::parse(&text, Path::new("taxeld.toml"))?;
-    Ok(text)
+    text + ANNOTATED
 }
 
 /// Every value in force, and what the file says of the hand and its joints.

@@ -45,6 +45,7 @@ mod replay;
 mod scene_input;
 mod scene_marks;
 mod servo;
+mod setup;
 mod sim;
 mod status_text;
 mod sweep;
@@ -86,6 +87,7 @@ Examples:
   taxel figures sim:ball-grasp --out figures     its figures, raw beside compressed, as SVG
   taxel categorize sim:phantom-1 --classes 5     categories of what a probe touches
   taxel forearm eval session.npz                 where on a forearm a gripper holds, and how well one can tell
+  taxel setup                                    boards on a bus, to a configuration
   taxel doctor                                   what is wrong with this machine and this hand
   taxel config init > taxeld.toml                a configuration to start from
   taxel status                                   the running daemon on one screen
@@ -116,6 +118,7 @@ enum Command {
     Mark(everyday::MarkArgs),
     Metrics(metrics::Args),
     Servo(servo::Args),
+    Setup(Box<setup::Args>),
     Completions(manual::CompletionsArgs),
     #[command(hide = true)]
     Man(manual::ManArgs),
@@ -151,6 +154,7 @@ fn main() -> ExitCode {
         Command::Mark(args) => everyday::mark(&args),
         Command::Metrics(args) => metrics::run(&args),
         Command::Servo(args) => servo::run(&args),
+        Command::Setup(args) => setup::run(&args),
         Command::Completions(args) => manual::completions(&args, Cli::command()),
         Command::Man(args) => manual::man(&args, Cli::command()),
         Command::Config(args) => config::run(&args),

@@ -48,6 +48,11 @@ impl Progress {
         progress
     }
 
+    /// Of something that says itself how far it has come.
+    pub(crate) fn none() -> Self {
+        Self(ProgressBar::hidden())
+    }
+
     fn with(total: Option<u64>, template: &str) -> Self {
         // Draws to stderr, and to nothing when that is no terminal.
         let target = match HIDDEN.load(Ordering::Relaxed) {

@@ -16,7 +16,7 @@ const TURN: Duration = Duration::from_millis(1);
 const BATCH: usize = 4096;
 
 /// The buses of a hand, or a recording of them.
-pub(super) struct BusListener {
+pub(crate) struct BusListener {
     sources: Vec<Option<Box<dyn CanSource>>>,
     /// Whether the clock is the machine's; recordings bring their own.
     live: bool,
@@ -26,7 +26,7 @@ pub(super) struct BusListener {
 }
 
 /// Who listens.
-pub(super) trait Listener {
+pub(crate) trait Listener {
     /// A frame of a bus; frames of one turn come in the order of their times.
     fn handle_frame(&mut self, bus: u8, received: &Received);
 
@@ -39,7 +39,7 @@ impl BusListener {
     /// of the bus.
     ///
     /// `layout` is what a `sim:` source simulates.
-    pub(super) fn open(
+    pub(crate) fn open(
         addresses: &[SourceAddress],
         layout: Option<&Layout>,
         receive_buffer: usize,
@@ -88,7 +88,7 @@ impl BusListener {
     }
 
     /// The time of the buses, nanoseconds.
-    pub(super) fn now_ns(&self) -> u64 {
+    pub(crate) fn now_ns(&self) -> u64 {
         if self.live {
             monotonic_ns()
         } else {
@@ -96,22 +96,22 @@ impl BusListener {
         }
     }
 
-    pub(super) fn is_live(&self) -> bool {
+    pub(crate) fn is_live(&self) -> bool {
         self.live
     }
 
-    pub(super) fn counters(&self, bus: usize) -> SourceCounters {
+    pub(crate) fn counters(&self, bus: usize) -> SourceCounters {
         let source = self.sources.get(bus).and_then(Option::as_ref);
         source.map_or_else(SourceCounters::default, |s| *s.counters())
     }
 
-    pub(super) fn link(&self, bus: usize) -> LinkState {
+    pub(crate) fn link(&self, bus: usize) -> LinkState {
         let source = self.sources.get(bus).and_then(Option::as_ref);
         source.map_or(LinkState::Absent, |s| s.link())
     }
 
     /// Sends a frame; says whether the bus took it.
-    pub(super) fn send(&mut self, bus: u8, frame: &CanFrame) -> bool {
+    pub(crate) fn send(&mut self, bus: u8, frame: &CanFrame) -> bool {
         match self.sources.get_mut(usize::from(bus)) {
             Some(Some(source)) => source.send(frame).is_ok(),
             _ => false,
@@ -119,7 +119,7 @@ impl BusListener {
     }
 
     /// Listens for `length_ns`, or to the end of a recording. Returns false if the user asked to stop.
-    pub(super) fn listen(&mut self, length_ns: u64, what: &str, listener: &mut dyn Listener) -> bool {
+    pub(crate) fn listen(&mut self, length_ns: u64, what: &str, listener: &mut dyn Listener) -> bool {
         let progress = match self.live {
             true => Progress::waiting(length_ns / 1_000_000, what),
             false => Progress::counting("ms of the recording"),
@@ -127,8 +127,13 @@ impl BusListener {
         self.run(length_ns, true, &progress, listener)
     }
 
-    /// The same for what has to be done even if the user asked to stop, such as stopping boards.
-    pub(super) fn finish(&mut self, length_ns: u64, listener: &mut dyn Listener) {
+    /// Listens until the listener ends it. Returns false if the user asked to stop.
+    pub(crate) fn attend(&mut self, listener: &mut dyn Listener) -> bool {
+        self.run(u64::MAX / 2, true, &Progress::none(), listener)
+    }
+
+    /// As [`BusListener::listen`], for what has to be done even if the user asked to stop, such as stopping boards.
+    pub(crate) fn finish(&mut self, length_ns: u64, listener: &mut dyn Listener) {
         let progress = Progress::waiting(length_ns / 1_000_000, "stopping the boards");
         self.run(length_ns, false, &progress, listener);
     }

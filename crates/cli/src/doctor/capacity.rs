@@ -14,8 +14,61 @@ fn nominal_hz(wiring: &Wiring, boards: &BoardsConfig) -> Option<f64> {
     }
 }
 
+/// What the boards of a bus want of it.
+struct Load {
+    boards: usize,
+    can_be_triggered: bool,
+    /// Sweeps per second of the fastest board.
+    wanted_hz: f64,
+    /// Frames per second.
+    needed: f64,
+    /// Share of the bus, %, at least and at most.
+    share: [f64; 2],
+    /// Sweeps per second that the bus carries, at least and at most.
+    carried_hz: [f64; 2],
+}
+
+impl Load {
+    /// `None` where what boards send is not public.
+    fn of(layout: &Layout, bus: u8, boards: &BoardsConfig, bitrate: u64) -> Option<Self> {
+        let wired: Vec<&Wiring> = layout.wiring.iter().filter(|m| m.bus == bus).collect();
+        let rates: Vec<f64> = wired.iter().filter_map(|m| nominal_hz(m, boards)).collect();
+        let wanted_hz = rates.iter().copied().fold(0.0, f64::max);
+        if rates.len() < wired.len() || wanted_hz == 0.0 {
+            return None;
+        }
+        let frames = layout.frames_per_sweep(bus) as f64;
+        let full = CanFrame::standard(0, &[0; 8]).expect("a frame of eight bytes");
+        let [most, least] = full.bits_within().map(|bits| bitrate as f64 / f64::from(bits));
+        let needed = frames * wanted_hz;
+        Some(Self {
+            boards: wired.len(),
+            can_be_triggered: wired.iter().all(|m| m.can_be_triggered()),
+            wanted_hz,
+            needed,
+            share: [needed / most, needed / least].map(|share| share * 100.0),
+            carried_hz: [least / frames, most / frames],
+        })
+    }
+
+    /// Sweeps per second to trigger the boards at, with some room, since commands share the bus: 86 % is what is known
+    /// to work (docs/protocols.md, "Bus timing").
+    fn trigger_hz(&self) -> f64 {
+        (self.carried_hz[0] * 0.86).floor().max(1.0)
+    }
+}
+
+/// Sweeps per second at which the boards of a hand have to be triggered, since a bus does not carry what they send by
+/// themselves; `None` where it does, or where triggering them is no way out.
+pub(crate) fn trigger_hz(layout: &Layout, bitrate: u64) -> Option<f64> {
+    let buses = 0..layout.buses.len() as u8;
+    let loads = buses.filter_map(|bus| Load::of(layout, bus, &BoardsConfig::default(), bitrate));
+    let full = loads.filter(|load| load.share[1] > 100.0 && load.can_be_triggered);
+    full.map(|load| load.trigger_hz()).reduce(f64::min)
+}
+
 /// Whether a bus carries what its boards send at their usual rate. `None` where that is not public.
-pub(super) fn check(
+pub(crate) fn check(
     layout: &Layout,
     bus: u8,
     boards: &BoardsConfig,
@@ -24,50 +77,42 @@ pub(super) fn check(
 ) -> Option<Check> {
     const AREA: &str = "hand";
     const NAME: &str = "bus capacity";
-    let wired: Vec<&Wiring> = layout.wiring.iter().filter(|m| m.bus == bus).collect();
-    let rates: Vec<f64> = wired.iter().filter_map(|m| nominal_hz(m, boards)).collect();
-    let wanted_hz = rates.iter().copied().fold(0.0, f64::max);
-    if rates.len() < wired.len() || wanted_hz == 0.0 {
-        return None;
-    }
-    let frames = layout.frames_per_sweep(bus) as f64;
-    let full = CanFrame::standard(0, &[0; 8]).expect("a frame of eight bytes");
-    let [most, least] = full.bits_within().map(|bits| bitrate as f64 / f64::from(bits));
-    let needed = frames * wanted_hz;
-    let [low, high] = [needed / most, needed / least].map(|share| share * 100.0);
-    let [slow, fast] = [least / frames, most / frames];
-    let load = format!(
+    let load = Load::of(layout, bus, boards, bitrate)?;
+    let Load {
+        wanted_hz,
+        needed,
+        share: [low, high],
+        carried_hz: [slow, fast],
+        ..
+    } = load;
+    let words = format!(
         "{} at {wanted_hz:.0} Hz: {needed:.0} frames/s, {low:.0} to {high:.0} % of {} Mbit/s",
-        plural(wired.len(), "board"),
+        plural(load.boards, "board"),
         bitrate as f64 / 1e6
     );
     if high <= 100.0 {
-        return Some(Check::ok(AREA, NAME, object, load));
+        return Some(Check::ok(AREA, NAME, object, words));
     }
     let buses = (high / 86.0).ceil();
     let found = match low > 100.0 {
         true => format!(
-            "{load}: they cannot reach {wanted_hz:.0} Hz, at most {slow:.0} to {fast:.0} Hz, and lose sweeps instead"
+            "{words}: they cannot reach {wanted_hz:.0} Hz, at most {slow:.0} to {fast:.0} Hz, and lose sweeps instead"
         ),
-        false => format!("{load}: at the limit, {slow:.0} to {fast:.0} Hz can be reached"),
+        false => format!("{words}: at the limit, {slow:.0} to {fast:.0} Hz can be reached"),
     };
-    let can_be_triggered = wired.iter().all(|m| m.can_be_triggered());
     let check = Check::warning(AREA, NAME, object, found).wanted("at most 100 %");
-    let check = match can_be_triggered {
-        // Some room, since commands share the bus: as 86 % is what is known to work (docs/protocols.md,
-        // "Bus timing").
+    Some(match load.can_be_triggered {
         true => check.advise(format!(
             "write [boards] mode = \"triggered\" and trigger_hz = {:.0} into the configuration, or spread the boards over \
              {buses:.0} buses",
-            (slow * 0.86).floor().max(1.0)
+            load.trigger_hz()
         )),
         false => check.advise(format!("spread the boards over {buses:.0} buses, or give them a longer period")),
-    };
-    Some(check)
+    })
 }
 
 /// `1 board`, `2 boards`.
-pub(super) fn plural(n: usize, word: &str) -> String {
+pub(crate) fn plural(n: usize, word: &str) -> String {
     format!("{n} {word}{}", if n == 1 { "" } else { "s" })
 }
 

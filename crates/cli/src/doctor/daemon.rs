@@ -19,7 +19,7 @@ const PATIENCE: Duration = Duration::from_secs(3);
 
 /// Whether a daemon answers on its status socket.
 #[derive(Debug)]
-pub(super) enum Daemon {
+pub(crate) enum Daemon {
     /// Nobody is there.
     Absent,
     /// Its status.
@@ -38,7 +38,7 @@ struct Reply {
 }
 
 /// Asks who is at the status socket.
-pub(super) fn ask(socket: &Path) -> Daemon {
+pub(crate) fn ask(socket: &Path) -> Daemon {
     if let Err(untrusted) = check_socket_folder(socket) {
         return Daemon::Strange(untrusted.to_string());
     }

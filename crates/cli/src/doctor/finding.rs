@@ -7,7 +7,7 @@ use taxel_wire::status::ProblemStatus;
 
 /// How it stands with what was looked at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum State {
+pub(crate) enum State {
     /// As it should be.
     Ok,
     /// It works, but not as well as it could.
@@ -19,7 +19,7 @@ pub(super) enum State {
 }
 
 impl State {
-    pub(super) const fn name(self) -> &'static str {
+    pub(crate) const fn name(self) -> &'static str {
         match self {
             State::Ok => "ok",
             State::Warning => "warning",
@@ -31,7 +31,7 @@ impl State {
 
 /// What to do about it.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) enum Mend {
+pub(crate) enum Mend {
     /// A command, as it is typed.
     Run(String),
     /// Something that no command does.
@@ -40,19 +40,19 @@ pub(super) enum Mend {
 
 /// One finding.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Check {
+pub(crate) struct Check {
     /// Which part of the whole: `machine`, `link`, `daemon`, `hand`, `servos`.
-    pub(super) area: &'static str,
+    pub(crate) area: &'static str,
     /// What was looked at, in a word or two that scripts can compare.
-    pub(super) name: Cow<'static, str>,
+    pub(crate) name: Cow<'static, str>,
     /// Of which thing: an interface, a bus, a board, a servo; empty where there is one only.
-    pub(super) object: String,
-    pub(super) state: State,
+    pub(crate) object: String,
+    pub(crate) state: State,
     /// What was found.
-    pub(super) found: String,
+    pub(crate) found: String,
     /// What should have been found; empty where there is nothing to add.
-    pub(super) wanted: String,
-    pub(super) mend: Vec<Mend>,
+    pub(crate) wanted: String,
+    pub(crate) mend: Vec<Mend>,
 }
 
 impl Check {
@@ -74,7 +74,7 @@ impl Check {
         }
     }
 
-    pub(super) fn ok(
+    pub(crate) fn ok(
         area: &'static str,
         name: &'static str,
         object: impl Into<String>,
@@ -83,7 +83,7 @@ impl Check {
         Self::new(State::Ok, area, name, object, found)
     }
 
-    pub(super) fn warning(
+    pub(crate) fn warning(
         area: &'static str,
         name: &'static str,
         object: impl Into<String>,
@@ -92,7 +92,7 @@ impl Check {
         Self::new(State::Warning, area, name, object, found)
     }
 
-    pub(super) fn error(
+    pub(crate) fn error(
         area: &'static str,
         name: &'static str,
         object: impl Into<String>,
@@ -101,7 +101,7 @@ impl Check {
         Self::new(State::Error, area, name, object, found)
     }
 
-    pub(super) fn skipped(
+    pub(crate) fn skipped(
         area: &'static str,
         name: &'static str,
         object: impl Into<String>,
@@ -111,7 +111,7 @@ impl Check {
     }
 
     /// A problem: what is wrong in its words, and what to do.
-    pub(super) fn of_problem(area: &'static str, object: impl Into<String>, problem: &Problem) -> Self {
+    pub(crate) fn of_problem(area: &'static str, object: impl Into<String>, problem: &Problem) -> Self {
         let state = match problem.severity() {
             Severity::Warning => State::Warning,
             Severity::Error => State::Error,
@@ -124,7 +124,7 @@ impl Check {
     }
 
     /// A problem that a daemon tells, in its own sentence.
-    pub(super) fn told(area: &'static str, object: impl Into<String>, problem: &ProblemStatus) -> Self {
+    pub(crate) fn told(area: &'static str, object: impl Into<String>, problem: &ProblemStatus) -> Self {
         let state = match problem.severe {
             true => State::Error,
             false => State::Warning,
@@ -140,33 +140,33 @@ impl Check {
 
     /// The same, without what it says on how to mend it.
     #[must_use]
-    pub(super) fn without_mend(mut self) -> Self {
+    pub(crate) fn without_mend(mut self) -> Self {
         self.mend.clear();
         self
     }
 
     #[must_use]
-    pub(super) fn wanted(mut self, wanted: impl Into<String>) -> Self {
+    pub(crate) fn wanted(mut self, wanted: impl Into<String>) -> Self {
         self.wanted = wanted.into();
         self
     }
 
     /// A command that mends it.
     #[must_use]
-    pub(super) fn run(mut self, command: impl Into<String>) -> Self {
+    pub(crate) fn run(mut self, command: impl Into<String>) -> Self {
         self.mend.push(Mend::Run(command.into()));
         self
     }
 
     /// Advice.
     #[must_use]
-    pub(super) fn advise(mut self, advice: impl Into<String>) -> Self {
+    pub(crate) fn advise(mut self, advice: impl Into<String>) -> Self {
         self.mend.push(Mend::Do(advice.into()));
         self
     }
 
     /// As `--json` has it; `mend` is one text, a line per step, or null.
-    pub(super) fn json(&self) -> Value {
+    pub(crate) fn json(&self) -> Value {
         let steps: Vec<&str> = self
             .mend
             .iter()

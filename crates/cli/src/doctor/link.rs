@@ -3,7 +3,7 @@
 mod facts;
 mod netlink;
 
-pub(super) use facts::{LinkFacts, can_interfaces};
+pub(crate) use facts::{LinkFacts, can_interfaces};
 
 use super::finding::Check;
 use facts::CAN_TYPE;
@@ -13,12 +13,12 @@ const AREA: &str = "link";
 /// `IFF_UP` of `linux/if.h`.
 const UP: u32 = 1;
 /// What every public description of these boards says (docs/protocols.md, "Bus timing").
-pub(super) const BITRATE: u64 = 1_000_000;
+pub(crate) const BITRATE: u64 = 1_000_000;
 const RESTART_MS: u64 = 100;
 const TXQUEUELEN: u64 = 100;
 
 /// What is to be said of an interface. `bitrate` is what the boards need, where that is known.
-pub(super) fn check(facts: &LinkFacts, bitrate: Option<u64>) -> Vec<Check> {
+pub(crate) fn check(facts: &LinkFacts, bitrate: Option<u64>) -> Vec<Check> {
     let name = &facts.name;
     let ok = |what, found: String| Check::ok(AREA, what, name, found);
     let Some(sysfs) = &facts.sysfs else {

@@ -4,17 +4,17 @@ mod access;
 mod allegro;
 mod analogue;
 mod arguments;
-mod bus_listener;
-mod capacity;
-mod daemon;
-mod finding;
+pub(crate) mod bus_listener;
+pub(crate) mod capacity;
+pub(crate) mod daemon;
+pub(crate) mod finding;
 mod hand;
-mod link;
+pub(crate) mod link;
 mod live;
 mod machine;
 mod picture;
-mod report;
-mod scan;
+pub(crate) mod report;
+pub(crate) mod scan;
 mod servos;
 
 pub(crate) use arguments::Args;
@@ -38,7 +38,7 @@ use taxel_skin::{Layout, Wiring};
 use taxeld::Config;
 
 /// Bit rates that servos may be set to, the likely ones first.
-const BAUDS: [u32; 7] = [
+pub(crate) const BAUDS: [u32; 7] = [
     57_600, 1_000_000, 3_000_000, 4_000_000, 2_000_000, 115_200, 4_500_000,
 ];
 

@@ -13,22 +13,33 @@ const FEW: usize = 2;
 
 /// How the findings are written.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Style {
+pub(crate) struct Style {
     colour: bool,
 }
 
 impl Style {
     /// Without colour.
     #[cfg(test)]
-    pub(super) const PLAIN: Self = Self { colour: false };
+    pub(crate) const PLAIN: Self = Self { colour: false };
 
     /// Colour where stdout is a terminal and nobody objects (`NO_COLOR`).
-    pub(super) fn of_stdout() -> Self {
+    pub(crate) fn of_stdout() -> Self {
+        Self {
+            colour: Self::may_colour(io::stdout().is_terminal()),
+        }
+    }
+
+    /// The same for stderr.
+    pub(crate) fn of_stderr() -> Self {
+        Self {
+            colour: Self::may_colour(io::stderr().is_terminal()),
+        }
+    }
+
+    fn may_colour(is_terminal: bool) -> bool {
         let objects = std::env::var_os("NO_COLOR").is_some_and(|v| !v.is_empty())
             || std::env::var_os("TERM").is_some_and(|v| v == "dumb");
-        Self {
-            colour: io::stdout().is_terminal() && !objects,
-        }
+        is_terminal && !objects
     }
 
     fn paint(self, code: &str, text: &str) -> String {
@@ -54,19 +65,19 @@ fn code(state: State) -> &'static str {
 }
 
 /// Writes findings of one area after the other, as they come.
-pub(super) struct Report<W> {
+pub(crate) struct Report<W> {
     out: W,
     style: Style,
     area: &'static str,
 }
 
 impl<W: Write> Report<W> {
-    pub(super) fn new(out: W, style: Style) -> Self {
+    pub(crate) fn new(out: W, style: Style) -> Self {
         Self { out, style, area: "" }
     }
 
     /// Writes these findings; those of one area follow one another.
-    pub(super) fn write(&mut self, checks: &[Check]) -> io::Result<()> {
+    pub(crate) fn write(&mut self, checks: &[Check]) -> io::Result<()> {
         let mut rest = checks;
         while let Some(first) = rest.first() {
             if first.area != self.area {
@@ -91,7 +102,7 @@ impl<W: Write> Report<W> {
     }
 
     /// Writes lines as they are, such as a drawing.
-    pub(super) fn lines(&mut self, lines: &[String]) -> io::Result<()> {
+    pub(crate) fn lines(&mut self, lines: &[String]) -> io::Result<()> {
         for line in lines {
             writeln!(self.out, "{:INDENT$}{line}", "")?;
         }
@@ -189,7 +200,7 @@ fn is_alike(a: &Check, b: &Check) -> bool {
 }
 
 /// Breaks a text into lines of at most `width` characters, at blanks where there are any.
-pub(super) fn wrap(text: &str, width: usize) -> Vec<String> {
+pub(crate) fn wrap(text: &str, width: usize) -> Vec<String> {
     let mut lines = Vec::new();
     let mut line = String::new();
     for word in text.split_whitespace() {
@@ -206,7 +217,7 @@ pub(super) fn wrap(text: &str, width: usize) -> Vec<String> {
 }
 
 /// The last line: how many of each.
-pub(super) fn summary(checks: &[Check], style: Style) -> String {
+pub(crate) fn summary(checks: &[Check], style: Style) -> String {
     let count = |state: State| checks.iter().filter(|c| c.state == state).count();
     let (errors, warnings) = (count(State::Error), count(State::Warning));
     let plural = |n: usize, word: &str| format!("{n} {word}{}", if n == 1 { "" } else { "s" });

@@ -34,14 +34,27 @@ pub(super) struct Scan<'a> {
 }
 
 /// A bus to listen to, and how it is called in the layout file.
-struct Bus {
-    name: String,
-    source: SourceAddress,
+#[derive(Debug, Clone)]
+pub(crate) struct Bus {
+    pub(crate) name: String,
+    pub(crate) source: SourceAddress,
 }
 
 /// Listens, recognises, and writes the proposed file; says whether any board was recognised.
 pub(super) fn run(scan: &Scan<'_>, root: &Path, interrupt: Interrupt) -> anyhow::Result<bool> {
     let buses = buses(scan.sources, root)?;
+    let found = hear(&buses, scan.seconds, scan.start, interrupt)?;
+    tell(scan, &buses, &found)
+}
+
+/// Listens to these buses and recognises what speaks there. With `start`, silent buses are asked for boards, and those
+/// that answer speak meanwhile; a recording is heard to its end.
+pub(crate) fn hear(
+    buses: &[Bus],
+    seconds: f64,
+    start: bool,
+    interrupt: Interrupt,
+) -> anyhow::Result<Recognition> {
     let sources: Vec<SourceAddress> = buses.iter().map(|bus| bus.source.clone()).collect();
     let (mut bus_listener, failures) = BusListener::open(&sources, None, RECEIVE_BUFFER, interrupt);
     if let Some((bus, error)) = failures.into_iter().next() {
@@ -59,11 +72,11 @@ pub(super) fn run(scan: &Scan<'_>, root: &Path, interrupt: Interrupt) -> anyhow:
     }
     let mut recogniser = Recogniser::new(buses.len());
     let mut started = Vec::new();
-    if scan.start && bus_listener.is_live() {
+    if start && bus_listener.is_live() {
         started = start_boards(&mut bus_listener, buses.len() as u8, &mut recogniser)?;
     }
     let length_ns = if bus_listener.is_live() {
-        (scan.seconds * 1e9) as u64
+        (seconds * 1e9) as u64
     } else {
         u64::MAX / 2
     };
@@ -80,12 +93,12 @@ pub(super) fn run(scan: &Scan<'_>, root: &Path, interrupt: Interrupt) -> anyhow:
     if !go_on {
         bail!("stopped before anything was recognised");
     }
-    tell(scan, &buses, &recogniser.finish())
+    Ok(recogniser.finish())
 }
 
 /// The buses that are meant: a recording of several interfaces is several buses, and nothing named
 /// is every CAN interface there is.
-fn buses(sources: &[SourceAddress], root: &Path) -> anyhow::Result<Vec<Bus>> {
+pub(crate) fn buses(sources: &[SourceAddress], root: &Path) -> anyhow::Result<Vec<Bus>> {
     let mut found = Vec::new();
     if sources.is_empty() {
         let names = link::can_interfaces(&root.join("sys/class/net"));
@@ -271,7 +284,13 @@ fn tell(scan: &Scan<'_>, buses: &[Bus], found: &Recognition) -> anyhow::Result<b
     // The file goes to stdout, so that it can be redirected; what is said about it does not.
     let mut said = Vec::new();
     for (bus, found) in buses.iter().zip(&found.buses) {
-        said.extend(words(bus, found, scan));
+        let unheard = match scan.start {
+            true => ASKED,
+            false => {
+                "; MTBs and CySkin hubs wait to be started: --start asks for them and starts those that answer"
+            }
+        };
+        said.extend(words(bus, found, scan.seconds, unheard));
     }
     if let Some(builtin) = found.builtin() {
         said.push(format!("These are the boards of the built-in hand {builtin}."));
@@ -307,22 +326,19 @@ fn sources(buses: &[Bus], found: &Recognition) -> String {
     sources.join(" ")
 }
 
-fn words(bus: &Bus, found: &RecognisedBus, scan: &Scan<'_>) -> Vec<String> {
+/// What there is to say of a silent bus that was asked for boards.
+pub(crate) const ASKED: &str =
+    " and no MTB or CySkin hub answers: is it powered, and is this its bus and bit rate?";
+
+/// What was found on a bus, a sentence each; `unheard` goes on where nothing was heard on a live one.
+pub(crate) fn words(bus: &Bus, found: &RecognisedBus, seconds: f64, unheard: &str) -> Vec<String> {
     let mut lines = Vec::new();
     if found.frames == 0 {
-        let advice = match (&bus.source, scan.start) {
-            (SourceAddress::Log { .. }, _) => "",
-            (_, true) => {
-                " and no MTB or CySkin hub answers: is it powered, and is this its bus and bit rate?"
-            }
-            (_, false) => {
-                "; MTBs and CySkin hubs wait to be started: --start asks for them and starts those that answer"
-            }
+        let advice = match &bus.source {
+            SourceAddress::Log { .. } => "",
+            _ => unheard,
         };
-        return vec![format!(
-            "{}: nothing was heard in {} s{advice}",
-            bus.name, scan.seconds
-        )];
+        return vec![format!("{}: nothing was heard in {seconds} s{advice}", bus.name)];
     }
     let mut protocols: Vec<&str> = found.boards.iter().map(|b| b.protocol.name()).collect();
     protocols.dedup();
@@ -389,7 +405,7 @@ fn words(bus: &Bus, found: &RecognisedBus, scan: &Scan<'_>) -> Vec<String> {
     lines
 }
 
-fn json(bus: &Bus, found: &RecognisedBus) -> serde_json::Value {
+pub(crate) fn json(bus: &Bus, found: &RecognisedBus) -> serde_json::Value {
     let boards: Vec<_> = found
         .boards
         .iter()

@@ -14,6 +14,7 @@ mod metrics;
 mod publication;
 mod recordings;
 mod replay;
+mod setup;
 mod sim;
 mod view;
 mod watch;

@@ -12,7 +12,7 @@ pub(super) const CAN_TYPE: u32 = 280;
 
 /// An interface of the configuration.
 #[derive(Debug, Clone, PartialEq)]
-pub(in crate::doctor) struct LinkFacts {
+pub(crate) struct LinkFacts {
     pub(in crate::doctor) name: String,
     /// What sysfs has of it; `None` where there is no interface of that name.
     pub(in crate::doctor) sysfs: Option<SysfsLink>,
@@ -36,7 +36,7 @@ pub(in crate::doctor) struct SysfsLink {
 
 impl LinkFacts {
     /// Looks at an interface; `root` is `/` but in tests.
-    pub(in crate::doctor) fn read(root: &Path, name: &str) -> Self {
+    pub(crate) fn read(root: &Path, name: &str) -> Self {
         let net = root.join("sys/class/net");
         let sysfs = SysfsLink::read(&net.join(name));
         let details = match sysfs {
@@ -52,7 +52,7 @@ impl LinkFacts {
     }
 
     /// The bit rate of the interface, where it is known.
-    pub(in crate::doctor) fn bitrate(&self) -> Option<u64> {
+    pub(crate) fn bitrate(&self) -> Option<u64> {
         self.details.as_ref().ok()?.bitrate
     }
 }
@@ -74,7 +74,7 @@ impl SysfsLink {
 }
 
 /// The CAN interfaces in `/sys/class/net`.
-pub(in crate::doctor) fn can_interfaces(net: &Path) -> Vec<String> {
+pub(crate) fn can_interfaces(net: &Path) -> Vec<String> {
     let mut names: Vec<String> = std::fs::read_dir(net)
         .into_iter()
         .flatten()

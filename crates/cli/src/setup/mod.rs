@@ -1,0 +1,354 @@
+//! `taxel setup`: from boards on a bus to a configuration in which each module is where it was pressed.
+
+mod answers;
+mod hand;
+mod joints;
+mod layout_text;
+mod outcome;
+mod place;
+mod touch;
+
+use crate::doctor::daemon::{self, Daemon};
+use crate::doctor::finding::{Check, State};
+use crate::doctor::link::{self, LinkFacts};
+use crate::doctor::report::{Report, Style};
+use crate::doctor::scan::{self, Bus};
+use crate::interrupt::Interrupt;
+use answers::{Answers, say};
+use anyhow::{Context, bail};
+use hand::Heard;
+use joints::Joints;
+use outcome::{Hand, Outcome, may_write};
+use place::Pressing;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use taxel_can::SourceAddress;
+use taxel_skin::{Layout, Recognition};
+
+/// Boards that were heard, taken as they are: a hand of one's own.
+const NEW: &str = "new";
+
+/// Set a hand up: find its buses and boards, place each module by pressing it, write the configuration.
+///
+/// Each step is a question with a proposal in [ ]; Enter takes it. Options answer questions beforehand, the lines of
+/// stdin answer the rest in their order, and --yes takes every proposal. Boards that wait for it are started and
+/// stopped again. Nothing is written before the end, and no file is overwritten without being told.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  taxel setup                                  every CAN interface there is, questions as they come
+  taxel setup can:can0 --out left.toml         one bus
+  taxel setup --layout allegro-uskin-15        whatever the boards, it is this hand
+  taxel setup --yes                            no questions: a built-in hand, or the boards as they were heard
+  taxel setup --yes --touch --patience 120     no questions but presses
+  taxel setup --dry-run --json log:hand.log    what would be written for a recording")]
+pub(crate) struct Args {
+    /// Where the buses are: can:INTERFACE, udp:GROUP:PORT or log:FILE [default: every CAN interface that is up]
+    #[arg(value_name = "SOURCE")]
+    sources: Vec<SourceAddress>,
+    /// The hand: a built-in name, a layout file, or `new` for one whose modules are named as they are pressed
+    #[arg(long, value_name = "LAYOUT")]
+    layout: Option<String>,
+    /// Place the modules by pressing them
+    #[arg(long, overrides_with = "no_touch")]
+    touch: bool,
+    /// Take the boards as the layout has them, without pressing
+    #[arg(long)]
+    no_touch: bool,
+    /// Where joint angles come from: dynamixel:DEVICE, allegro:INTERFACE or none
+    #[arg(long, value_name = "SOURCE")]
+    joints: Option<Joints>,
+    /// Where to write; a layout file that is needed goes beside it
+    #[arg(long, value_name = "FILE", default_value = "taxeld.toml")]
+    out: PathBuf,
+    /// Overwrite files that exist
+    #[arg(long)]
+    force: bool,
+    /// Write nothing, print what would be written
+    #[arg(long)]
+    dry_run: bool,
+    /// Answer every question with its proposal
+    #[arg(long, short)]
+    yes: bool,
+    /// Send nothing: boards that wait to be started are not found
+    #[arg(long)]
+    listen_only: bool,
+    /// How long to listen for boards
+    #[arg(long, value_name = "S", default_value_t = 2.0)]
+    seconds: f64,
+    /// How long to wait for each press where nobody types
+    #[arg(long, value_name = "S", default_value_t = 60.0)]
+    patience: f64,
+    /// One JSON object on stdout in the end: the hand, the files and their text
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    for (option, seconds) in [("--seconds", args.seconds), ("--patience", args.patience)] {
+        if !(seconds > 0.0 && seconds <= 86_400.0) {
+            bail!("{option} {seconds} is no time to wait");
+        }
+    }
+    let interrupt = Interrupt::install()?;
+    let answers = Answers::new(args.yes, interrupt.clone())?;
+    if !args.dry_run {
+        may_write(&args.out, args.force, &answers)?;
+    }
+    let buses = find_buses(args, Path::new("/"), &answers)?;
+    let found = find_boards(args, &buses, &answers, &interrupt)?;
+    let name = args.out.file_stem().unwrap_or_default().to_string_lossy();
+    let heard = Heard::new(&buses, &found, &name)?.context(
+        "no board was recognised, so there is nothing to set up; `taxel doctor` looks at the buses",
+    )?;
+    let mut hand = choose(args, &heard, &name, &answers, &interrupt)?;
+    let allegro = buses
+        .iter()
+        .zip(&found.buses)
+        .find_map(|(bus, found)| Some((bus.source.to_string(), found.allegro?)));
+    hand.joints = joints::table(args.joints.as_ref(), allegro, &answers)?;
+    let outcome = Outcome::new(&hand, &args.out, &answers, args.force)?;
+    if interrupt.is_set() {
+        bail!(answers::STOPPED);
+    }
+    if !args.dry_run {
+        outcome.write()?;
+        outcome.next_steps(&hand);
+    }
+    if args.json {
+        writeln!(std::io::stdout(), "{}", outcome.json(&hand, !args.dry_run)).context("stdout")?;
+    } else if args.dry_run {
+        outcome.print()?;
+    }
+    Ok(())
+}
+
+/// The buses that are named, or the CAN interfaces that are up; says what is wrong with the others.
+fn find_buses(args: &Args, root: &Path, answers: &Answers) -> anyhow::Result<Vec<Bus>> {
+    if let Some(scene) = args
+        .sources
+        .iter()
+        .find(|s| matches!(s, SourceAddress::Sim { .. }))
+    {
+        bail!("{scene}: a scene is no bus; `taxel sim SCENE --to udp:` puts it on one");
+    }
+    if let Daemon::Running(_) | Daemon::Forbidden =
+        daemon::ask(&taxeld::config::running_socket("status.sock"))
+    {
+        say(
+            "A daemon runs on this machine. If these are its boards, stop it first: sudo systemctl stop taxeld",
+        );
+    }
+    let names: Vec<String> = match args.sources.is_empty() {
+        true => link::can_interfaces(&root.join("sys/class/net")),
+        false => args.sources.iter().filter_map(interface).collect(),
+    };
+    let mut usable = Vec::new();
+    let mut report = Report::new(std::io::stderr(), Style::of_stderr());
+    for name in names {
+        let checks = link::check(&LinkFacts::read(root, &name), None);
+        let is_wrong = |check: &Check| matches!(check.state, State::Error | State::Warning);
+        let is_down =
+            |check: &Check| check.state == State::Error && ["interface", "link"].contains(&&*check.name);
+        let wrong: Vec<Check> = checks.iter().filter(|check| is_wrong(check)).cloned().collect();
+        report.write(&wrong).context("stderr")?;
+        if !checks.iter().any(is_down) {
+            usable.push(name);
+        }
+    }
+    if !args.sources.is_empty() {
+        if let Some(down) = args
+            .sources
+            .iter()
+            .filter_map(interface)
+            .find(|name| !usable.contains(name))
+        {
+            bail!("{down} cannot be heard; what stands above brings it up");
+        }
+        return scan::buses(&args.sources, root);
+    }
+    if usable.is_empty() {
+        bail!(
+            "there is no CAN interface that is up; `taxel doctor` says what is wrong, and a bus elsewhere is named, such as \
+             udp::43113"
+        );
+    }
+    let proposal = usable.join(" ");
+    let chosen = answers.ask("CAN interfaces of this hand", &proposal)?;
+    let sources = chosen
+        .split_whitespace()
+        .map(|name| format!("can:{}", name.trim_start_matches("can:")).parse())
+        .collect::<Result<Vec<SourceAddress>, _>>()?;
+    scan::buses(&sources, root)
+}
+
+fn interface(source: &SourceAddress) -> Option<String> {
+    match source {
+        SourceAddress::Can { interface } => Some(interface.clone()),
+        _ => None,
+    }
+}
+
+/// Listens, and starts boards that wait for it, where that is allowed; says what was found.
+fn find_boards(
+    args: &Args,
+    buses: &[Bus],
+    answers: &Answers,
+    interrupt: &Interrupt,
+) -> anyhow::Result<Recognition> {
+    let mut found = scan::hear(buses, args.seconds, false, interrupt.clone())?;
+    let mut unheard = "";
+    let silent: Vec<&str> = buses
+        .iter()
+        .zip(&found.buses)
+        .filter(|(bus, found)| !matches!(bus.source, SourceAddress::Log { .. }) && found.boards.is_empty())
+        .map(|(bus, _)| bus.name.as_str())
+        .collect();
+    if !silent.is_empty() && !args.listen_only {
+        let question = format!(
+            "No board speaks on {}. Ask for boards there and start them",
+            silent.join(", ")
+        );
+        if answers.confirm(&question, true)? {
+            found = scan::hear(buses, args.seconds, true, interrupt.clone())?;
+            unheard = scan::ASKED;
+        }
+    }
+    for (bus, found) in buses.iter().zip(&found.buses) {
+        for line in scan::words(bus, found, args.seconds, unheard) {
+            say(&line);
+        }
+    }
+    Ok(found)
+}
+
+/// The hand that these boards are, each module with its board.
+fn choose(
+    args: &Args,
+    heard: &Heard,
+    name: &str,
+    answers: &Answers,
+    interrupt: &Interrupt,
+) -> anyhow::Result<Hand> {
+    let fitting: Vec<(&str, Layout)> = Layout::builtin_names()
+        .filter_map(|name| Some((name, Layout::builtin(name)?)))
+        .filter(|(_, layout)| heard.fits(layout))
+        .collect();
+    let is_same = |(_, layout): &&(&str, Layout)| heard.same_buses(layout).is_some();
+    let proposal = match fitting.iter().find(is_same) {
+        Some((name, _)) => name,
+        // Without anybody to press its modules, a hand cannot be told from another of as many.
+        None if args.yes && !args.touch => NEW,
+        None => fitting.first().map_or(NEW, |(name, _)| name),
+    };
+    let layout = match &args.layout {
+        Some(layout) => layout.clone(),
+        None => {
+            if !fitting.is_empty() {
+                let names: Vec<&str> = fitting.iter().map(|(name, _)| *name).collect();
+                say(&format!("The boards fit {}.", names.join(" and ")));
+            }
+            answers.ask("Which hand is it (a layout's name or file, or `new`)", proposal)?
+        }
+    };
+    let can_press = heard
+        .sources
+        .iter()
+        .all(|s| !matches!(s, SourceAddress::Log { .. }));
+    if args.touch && !can_press {
+        bail!("--touch: nobody can press a recording");
+    }
+    let press = |proposal: bool| match (args.touch, args.no_touch || !can_press) {
+        (true, _) => Ok(true),
+        (_, true) => Ok(false),
+        _ => answers.confirm("Place the modules by pressing them", proposal),
+    };
+    let begin = || Pressing::begin(heard, answers, args.listen_only, args.patience, interrupt.clone());
+    if layout == NEW {
+        let names = match press(!args.yes)? {
+            true => begin()?.name()?,
+            false => Vec::new(),
+        };
+        let text = heard.named_hand(&names, name)?;
+        return hand_of(text, heard);
+    }
+    let (template, text) = hand::resolve(&layout)?;
+    let same = heard.same_buses(&template);
+    let as_it_is = |buses: &[usize]| Hand {
+        layout: template.clone(),
+        layout_file: None,
+        layout_name: layout_name(&layout),
+        sources: buses.iter().map(|bus| heard.sources[*bus].clone()).collect(),
+        joints: String::new(),
+    };
+    let is_one = template.modules.len() == 1 && heard.layout.modules.len() == 1;
+    if !is_one && press(!args.yes)? {
+        let places = begin()?.place(&template)?;
+        tell_left_out(heard, &template, &places);
+        if !places.iter().any(Option::is_some) {
+            bail!("no module has a board, so there is no hand; nothing was written");
+        }
+        return match same.filter(|buses| is_as_wired(heard, &template, &places, buses)) {
+            Some(buses) => Ok(as_it_is(&buses)),
+            None => hand_of(heard.placed(&template, &text, &places, name)?, heard),
+        };
+    }
+    match same {
+        Some(buses) => Ok(as_it_is(&buses)),
+        None if is_one && heard.can_be(0, &template, 0) => {
+            hand_of(heard.placed(&template, &text, &[Some(0)], name)?, heard)
+        }
+        None => bail!(
+            "the boards of {layout} have other addresses than those that were heard: press its modules (--touch), or take the \
+             boards as they are (--layout new)"
+        ),
+    }
+}
+
+/// Every module has the board that the layout gives it.
+fn is_as_wired(heard: &Heard, template: &Layout, places: &[Option<usize>], buses: &[usize]) -> bool {
+    places.iter().zip(&template.wiring).all(|(place, wanted)| {
+        place.is_some_and(|board| {
+            let wiring = &heard.layout.wiring[board];
+            usize::from(wiring.bus) == buses[usize::from(wanted.bus)]
+                && (wiring.board, wiring.protocol) == (wanted.board, wanted.protocol)
+        })
+    })
+}
+
+fn tell_left_out(heard: &Heard, template: &Layout, places: &[Option<usize>]) {
+    let modules = template
+        .modules
+        .iter()
+        .zip(places)
+        .filter(|(_, place)| place.is_none());
+    let modules: Vec<&str> = modules.map(|(module, _)| module.name.as_str()).collect();
+    if !modules.is_empty() {
+        say(&format!("Without a board, and left out: {}", modules.join(", ")));
+    }
+    let boards = (0..heard.layout.modules.len()).filter(|board| !places.contains(&Some(*board)));
+    let boards: Vec<String> = boards.map(|board| heard.board(board)).collect();
+    if !boards.is_empty() {
+        say(&format!("On no module, and not read: {}", boards.join(", ")));
+    }
+}
+
+/// A hand with a layout file of its own, its buses as they were heard.
+fn hand_of(text: String, heard: &Heard) -> anyhow::Result<Hand> {
+    let layout = Layout::parse(&text, "the layout")?;
+    Ok(Hand {
+        layout_name: layout.name.clone(),
+        layout,
+        layout_file: Some(text),
+        sources: heard.sources.clone(),
+        joints: String::new(),
+    })
+}
+
+/// What a configuration calls a layout: a file by its whole path.
+fn layout_name(layout: &str) -> String {
+    match Layout::builtin_text(layout) {
+        Some(_) => layout.into(),
+        None => std::path::absolute(layout).map_or(layout.into(), |path| path.display().to_string()),
+    }
+}

@@ -1,0 +1,102 @@
+//! `taxel setup` without anybody to press a module: what it writes for boards that were heard, and what it refuses.
+
+use crate::{fails, succeeds};
+use serde_json::Value;
+use std::fs;
+use taxel_skin::Layout;
+use tempfile::TempDir;
+
+/// A recording of a built-in hand, as both its buses are named on the command line.
+fn recording(layout: &str) -> (TempDir, String) {
+    let dir = TempDir::new().unwrap();
+    succeeds(
+        &dir,
+        &[
+            "sim",
+            "roll",
+            "--layout",
+            layout,
+            "--to",
+            "log:hand.log",
+            "--seconds",
+            "1",
+        ],
+    );
+    (dir, "log:hand.log".into())
+}
+
+#[test]
+fn a_built_in_hand_is_known_by_its_boards_and_needs_no_layout_file() {
+    let (dir, log) = recording("allegro-uskin-15");
+    let (_, said) = succeeds(&dir, &["setup", "--yes", &log]);
+    assert!(
+        said.contains("8 boards of uskin-l2") && said.contains("sudo systemctl enable"),
+        "{said}"
+    );
+    let config = taxeld::Config::load(&dir.path().join("taxeld.toml")).unwrap();
+    assert_eq!(config.layout.name, "allegro-uskin-15");
+    // Eight boards on a bus would send more than it carries.
+    assert_eq!(config.boards.trigger_hz, 49.0);
+    assert!(!dir.path().join("hand.toml").exists());
+}
+
+#[test]
+fn boards_of_no_known_hand_are_taken_as_they_were_heard() {
+    let (dir, log) = recording("uskin-module");
+    succeeds(
+        &dir,
+        &["setup", "--yes", "--layout", "new", "--out", "a.toml", &log],
+    );
+    let layout = Layout::load(&dir.path().join("hand.toml")).unwrap();
+    assert_eq!(
+        (layout.name.as_str(), layout.modules.len(), layout.len()),
+        ("a", 1, 16)
+    );
+    // The next hand takes the next name.
+    succeeds(
+        &dir,
+        &["setup", "--yes", "--layout", "new", "--out", "b.toml", &log],
+    );
+    assert_eq!(Layout::load(&dir.path().join("hand-2.toml")).unwrap().name, "b");
+}
+
+#[test]
+fn a_dry_run_writes_nothing_and_prints_all_of_it() {
+    let (dir, log) = recording("uskin-module");
+    let arguments = ["setup", "--yes", "--dry-run", "--layout", "new", &log];
+    let (files, _) = succeeds(&dir, &arguments);
+    assert!(
+        files.contains("# hand.toml:") && files.contains("# taxeld.toml:"),
+        "{files}"
+    );
+    let (object, _) = succeeds(&dir, &[&arguments[..], &["--json"]].concat());
+    let object: Value = serde_json::from_str(&object).unwrap();
+    assert_eq!(object["written"], false);
+    assert_eq!(object["modules"][0]["protocol"], "uskin-l1");
+    Layout::parse(object["layout_file"].as_str().unwrap(), "hand.toml").unwrap();
+    assert_eq!(
+        fs::read_dir(dir.path()).unwrap().count(),
+        1,
+        "the recording alone"
+    );
+}
+
+#[test]
+fn what_cannot_be_done_is_refused_before_anything_is_written() {
+    let (dir, log) = recording("uskin-module");
+    fs::write(dir.path().join("mine.toml"), "mine").unwrap();
+    for (arguments, named) in [
+        (&["--yes", "--out", "mine.toml"][..], "--force"),
+        (&["--yes", "--touch"], "--touch"),
+        (&["--yes", "--layout", "allegro-uskin-15"], "--layout new"),
+        (&["--yes", "--seconds", "0"], "--seconds"),
+        // Nobody answers.
+        (&["--layout", "new", "--no-touch"], "--yes"),
+    ] {
+        let said = fails(&dir, &[&["setup", &log][..], arguments].concat(), 1);
+        assert!(said.contains(named), "{arguments:?}: {said}");
+    }
+    assert!(fails(&dir, &["setup", "--yes", "sim:tap"], 1).contains("taxel sim"));
+    assert_eq!(fs::read_to_string(dir.path().join("mine.toml")).unwrap(), "mine");
+    assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 2);
+}

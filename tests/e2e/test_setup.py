@@ -1,0 +1,170 @@
+"""`taxel setup` on a hand whose boards nobody has written down: modules are placed by pressing them, and the daemon that
+the written configuration starts shows each press where it was said to be."""
+
+import os
+import random
+import socket
+import subprocess
+import threading
+import time
+
+import numpy as np
+import pytest
+import taxel_reader
+from can.interfaces.udp_multicast.utils import pack_message
+from harness.bus import GROUP
+from harness.daemon import Daemon, binary, die_with_parent, eventually
+from harness.hand import Hand
+from harness.touches import Touches
+
+PERIOD_S = 0.05
+PRESS = 2000  # counts
+
+
+class ShuffledHand:
+    """The default hand, its boards in an order of their own, speaking by themselves while it is used as a context."""
+
+    def __init__(self, ports, seed=7):
+        self.hand = Hand()
+        addresses = sorted({(t.bus, t.board) for t in self.hand.taxels})
+        shuffled = random.Random(seed).sample(addresses, len(addresses))
+        self.address = dict(zip(self.hand.modules, shuffled))
+        self.hand.taxels = [
+            t._replace(bus=shuffled[n // 16][0], board=shuffled[n // 16][1]) for n, t in enumerate(self.hand.taxels)
+        ]
+        touches = Touches.uneven(self.hand, seed)
+        resting = list(touches.resting(8, seed))
+        pressed = np.tile([0, 0, PRESS], (len(self.hand), 1))
+        self.at_rest = [self.packed(ports, counts) for counts in resting]
+        self.pressed_frames = [self.packed(ports, counts + pressed) for counts in resting]
+        self.pressed = None
+        self.stop = threading.Event()
+        self.thread = threading.Thread(target=self._run, daemon=True)
+
+    def packed(self, ports, counts):
+        return [(pack_message(message), (GROUP, ports[bus])) for bus, message in self.hand.sweep(counts)]
+
+    def __enter__(self):
+        self.thread.start()
+        return self
+
+    def __exit__(self, *_):
+        self.stop.set()
+        self.thread.join()
+
+    def _run(self):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            sender.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
+            turn = 0
+            while not self.stop.wait(PERIOD_S):
+                turn = (turn + 1) % len(self.at_rest)
+                pressed = self.pressed
+                first = None if pressed is None else self.hand.modules.index(pressed) * 16
+                for n, frame in enumerate(self.at_rest[turn]):
+                    # The middle four taxels of a module are pressed.
+                    if first is not None and n - first in (5, 6, 9, 10):
+                        frame = self.pressed_frames[turn][n]
+                    sender.sendto(*frame)
+
+
+class Setup:
+    """`taxel setup` as a process, and what it has said so far."""
+
+    def __init__(self, folder, *arguments, answers=""):
+        self.log = folder / "setup.log"
+        with self.log.open("wb") as log:
+            self.process = subprocess.Popen(
+                [binary("taxel"), "setup", *map(str, arguments)],
+                cwd=folder,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=log,
+                preexec_fn=die_with_parent,
+                env={**os.environ, "RUNTIME_DIRECTORY": str(folder / "none")},
+            )
+        self.process.stdin.write(answers.encode())
+        self.process.stdin.close()
+
+    @property
+    def said(self):
+        return self.log.read_text()
+
+    def wait_for(self, text):
+        def is_said():
+            assert text in self.said or self.process.poll() is None, f"it ended:\n{self.said}"
+            return text in self.said
+
+        eventually(is_said, lambda: f"`{text}` is not said:\n{self.said}", 40)
+
+    def end(self):
+        status = self.process.wait(20)
+        return status, self.process.stdout.read().decode()
+
+
+@pytest.fixture
+def shuffled(buses):
+    with ShuffledHand(buses.ports) as hand:
+        yield hand
+
+
+def press(shuffled, setup, module):
+    """Presses a module once it is asked for, until it is named, and lets go."""
+    setup.wait_for(f"Press the {module} (")
+    time.sleep(4 * PERIOD_S)  # a person is not faster
+    shuffled.pressed = module
+    bus, board = shuffled.address[module]
+    setup.wait_for(f"can{bus} board {board}, which")
+    shuffled.pressed = None
+
+
+def test_the_daemon_of_the_written_configuration_shows_a_press_where_it_was_said_to_be(buses, shuffled, folder):
+    by_touch, by_word = shuffled.hand.modules[:3], shuffled.hand.modules[3:]
+    words = "".join("can{}/{}\n".format(*shuffled.address[module]) for module in by_word)
+    options = ["--layout", "allegro-uskin-15", "--touch", "--joints", "none", "--out", "left.toml"]
+    setup = Setup(folder, *buses.sources, *options, answers="\n" * len(by_touch) + words + "\n")
+    for module in by_touch:
+        press(shuffled, setup, module)
+    status, _ = setup.end()
+    assert status == 0, setup.said
+    assert sorted(p.name for p in folder.glob("*.toml")) == ["hand.toml", "left.toml"]
+
+    run = folder / "run"
+    run.mkdir()
+    daemon = Daemon(folder / "d", buses.sources, environment={"RUNTIME_DIRECTORY": str(run)})
+    daemon.config = folder / "left.toml"
+    daemon.images, daemon.control_path = run / "images.sock", run / "control.sock"
+    with daemon, taxel_reader.connect(daemon.images) as reader:
+
+        def image_of(is_wanted, what):
+            for _ in range(600):
+                image = reader.receive(10)
+                if isinstance(image, taxel_reader.Image) and not image.calibrating and is_wanted(image):
+                    return np.frombuffer(image.pixels, np.uint8).reshape(shuffled.hand.shape)
+            raise AssertionError(what)
+
+        for module in ["index tip", "ring middle", "thumb tip"]:
+            image_of(lambda image: image.contacts == 0, "the hand is not at rest")
+            shuffled.pressed = module
+            image = image_of(lambda image: image.contacts >= 4, f"nobody feels the {module}")
+            shuffled.pressed = None
+            first = shuffled.hand.modules.index(module) * 16
+            wanted = {shuffled.hand.taxels[first + k][3:] for k in (5, 6, 9, 10)}
+            lit = {(int(x), int(y)) for y, x in np.argwhere(image)}
+            assert lit == wanted, f"{module}: {sorted(lit)} instead of {sorted(wanted)}"
+
+
+def test_nothing_is_written_over_a_file_or_after_an_answer_is_missing(buses, shuffled, folder):
+    (folder / "taxeld.toml").write_text("mine")
+    setup = Setup(folder, *buses.sources, "--yes")
+    status, _ = setup.end()
+    assert status == 1 and "--force" in setup.said, setup.said
+    setup = Setup(folder, *buses.sources, "--out", "other.toml")
+    status, _ = setup.end()
+    assert status == 1 and "--yes" in setup.said, setup.said
+    setup = Setup(folder, *buses.sources, "--out", "other.toml", "--layout", "allegro-uskin-15", "--touch", answers="\n")
+    setup.wait_for("Press the index tip (")
+    setup.process.terminate()
+    status, _ = setup.end()
+    assert status == 1 and "nothing was written" in setup.said, setup.said
+    assert [p.name for p in folder.glob("*.toml*")] == ["taxeld.toml"]
+    assert (folder / "taxeld.toml").read_text() == "mine"
