@@ -7,9 +7,8 @@ use crate::profile::{Profile, places, within};
 use crate::regression::{Regression, Rows, Tried, try_all};
 use crate::session::Trial;
 use crate::squeeze::{Squeeze, TACTELS};
-use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
-use taxel_palpation::{Pca, Solver};
+use taxel_palpation::{Matrix, Pca, Solver};
 
 /// Principal components that an image is reduced to.
 const COMPONENTS: usize = 6;
@@ -51,8 +50,8 @@ impl Tactile {
             );
         }
         let pca = Pca::fit(&images(trials, &courses), COMPONENTS, Solver::Auto)?;
-        let mean: Vec<f64> = pca.mean().iter().copied().collect();
-        let components: Vec<f64> = pca.components().iter().copied().collect();
+        let mean = pca.mean().to_vec();
+        let components = pca.components().as_slice().to_vec();
         let mut features = Vec::with_capacity(trials.len() * COMPONENTS * PHASES);
         for (trial, course) in trials.iter().zip(&courses) {
             scores_at_phases(&mean, &components, &trial.squeeze, course, &mut features);
@@ -113,7 +112,7 @@ impl Estimator for Tactile {
 }
 
 /// Images of the training to find components in, one in each column.
-fn images(trials: &[&Trial], courses: &[Course]) -> DMatrix<f64> {
+fn images(trials: &[&Trial], courses: &[Course]) -> Matrix {
     let every = (trials.len() * MOMENTS).div_ceil(IMAGES);
     let mut columns = Vec::new();
     let mut count = 0;
@@ -126,7 +125,7 @@ fn images(trials: &[&Trial], courses: &[Course]) -> DMatrix<f64> {
             }
         }
     }
-    DMatrix::from_vec(TACTELS, count, columns)
+    Matrix::new(TACTELS, count, columns)
 }
 
 /// Adds the components of a squeeze's images at all phases, component after component.

@@ -3,14 +3,13 @@
 //!
 //!     cargo run --release -p taxel-palpation --example times -- FEATURES TOUCHES CLUSTERS REPEATS
 
-use nalgebra::DMatrix;
 use serde_json::json;
 use std::time::Instant;
-use taxel_palpation::{Pca, Silhouette, Solver, optimal};
+use taxel_palpation::{Matrix, Pca, Silhouette, Solver, optimal};
 
 /// Touches of five classes with noise, `D x N`: of integers, so that other programs make the same.
-fn touches(features: usize, count: usize) -> DMatrix<f64> {
-    DMatrix::from_fn(features, count, |d, n| {
+fn touches(features: usize, count: usize) -> Matrix {
+    Matrix::from_fn(features, count, |d, n| {
         let class = n % 5;
         let signal = class * ((d * 31 + class * 17) % 101);
         let noise = (d * d * 7919 + n * 104_729 + d * n * 613) % 1009;

@@ -1,14 +1,13 @@
 //! How categories agree with classes that are known.
 
 use crate::error::PalpationError;
-use nalgebra::DMatrix;
 use taxel_cluster::Matching;
 
 /// Categories beside classes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Agreement {
-    /// Touches of each category (row) and class (column).
-    pub confusion: DMatrix<usize>,
+    /// Touches of each category, a row of one number per class.
+    pub confusion: Vec<Vec<usize>>,
     /// The class that each category stands for: such that most touches agree, and the smallest of such matchings in
     /// the order of numbers. Numbers beyond the classes are new ones, for categories that stand for none.
     pub class_of: Vec<usize>,
@@ -33,9 +32,9 @@ impl Agreement {
         let (Some(most_label), Some(most_class)) = (labels.iter().max(), classes.iter().max()) else {
             return Err(PalpationError::TooFew { touches: 0 });
         };
-        let mut confusion = DMatrix::zeros(most_label + 1, most_class + 1);
+        let mut confusion = vec![vec![0; most_class + 1]; most_label + 1];
         for (label, class) in labels.iter().zip(classes) {
-            confusion[(*label, *class)] += 1;
+            confusion[*label][*class] += 1;
         }
         let class_of = matched(&confusion);
         let agree = labels
@@ -58,14 +57,21 @@ impl Agreement {
 
 /// The matching of most touches, by the Hungarian method; among equals the smallest in the order of numbers, found by
 /// holding the class of one category after another as small as the sum allows.
-fn matched(confusion: &DMatrix<usize>) -> Vec<usize> {
-    let size = confusion.nrows().max(confusion.ncols());
+fn matched(confusion: &[Vec<usize>]) -> Vec<usize> {
+    let (categories, classes) = (confusion.len(), confusion[0].len());
+    let size = categories.max(classes);
     let mut matching = Matching::new(size, size);
     let mut held: Vec<usize> = Vec::new();
     let mut most = |held: &[usize]| {
         let cost = |row: usize, column: usize| match held.get(row) {
-            Some(class) if *class != column => confusion.len() as f64 * f64::from(u32::MAX),
-            _ => -(confusion.get((row, column)).copied().unwrap_or(0) as f64),
+            Some(class) if *class != column => (categories * classes) as f64 * f64::from(u32::MAX),
+            _ => {
+                -(confusion
+                    .get(row)
+                    .and_then(|row| row.get(column))
+                    .copied()
+                    .unwrap_or(0) as f64)
+            }
         };
         let found = matching.solve(size, size, cost);
         found
@@ -75,7 +81,7 @@ fn matched(confusion: &DMatrix<usize>) -> Vec<usize> {
             .sum::<f64>()
     };
     let least = most(&[]);
-    for row in 0..confusion.nrows() {
+    for row in 0..categories {
         held.push(0);
         while most(&held) > least {
             held[row] += 1;
@@ -84,14 +90,12 @@ fn matched(confusion: &DMatrix<usize>) -> Vec<usize> {
     held
 }
 
-fn adjusted_rand_index(confusion: &DMatrix<usize>, touches: usize) -> f64 {
+fn adjusted_rand_index(confusion: &[Vec<usize>], touches: usize) -> f64 {
     let pairs = |n: usize| n as f64 * (n as f64 - 1.0) / 2.0;
-    let both: f64 = confusion.iter().map(|n| pairs(*n)).sum();
-    let rows: f64 = confusion.row_iter().map(|row| pairs(row.iter().sum())).sum();
-    let columns: f64 = confusion
-        .column_iter()
-        .map(|column| pairs(column.iter().sum()))
-        .sum();
+    let both: f64 = confusion.iter().flatten().map(|n| pairs(*n)).sum();
+    let rows: f64 = confusion.iter().map(|row| pairs(row.iter().sum())).sum();
+    let column = |class: usize| confusion.iter().map(|row| row[class]).sum();
+    let columns: f64 = (0..confusion[0].len()).map(|class| pairs(column(class))).sum();
     let chance = if touches > 1 {
         rows * columns / pairs(touches)
     } else {

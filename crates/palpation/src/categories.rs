@@ -2,10 +2,11 @@
 
 use crate::error::PalpationError;
 use crate::labels::canonical;
+use crate::matrix::{Matrix, squared_distance};
 use crate::proof::least;
 use crate::random::Random;
 use crate::silhouette::Silhouette;
-use nalgebra::DMatrix;
+use std::cmp::Ordering;
 use std::ops::RangeInclusive;
 use taxel_cluster::LocalSearch;
 
@@ -13,6 +14,11 @@ use taxel_cluster::LocalSearch;
 pub const PAPER_ATTEMPTS: u32 = 100;
 /// Random starts whose best is taken.
 const STARTS: usize = 32;
+/// Those taken first where there may be a proof.
+const QUICK_STARTS: usize = 4;
+/// Branches after which a proof is given up, at first and after all starts.
+const QUICK_BRANCHES: u64 = 30_000;
+const BRANCHES: u64 = 3_000_000;
 /// Touches up to which a proof is tried.
 const PROVED_UP_TO: usize = 48;
 
@@ -22,7 +28,7 @@ pub struct Categories {
     /// The category of each touch, numbered from 0 in the order of their first touches.
     pub labels: Vec<usize>,
     /// The mean of each category on the map, `C x K`.
-    pub centroids: DMatrix<f64>,
+    pub centroids: Matrix,
     /// Sum of squared distances from the means.
     pub cost: f64,
     /// Whether it is known that no other categories have a lower cost.
@@ -37,22 +43,22 @@ impl Categories {
     /// # Panics
     ///
     /// If there is not one label per touch.
-    fn labelled(map: &DMatrix<f64>, labels: &[usize]) -> Self {
+    fn labelled(map: &Matrix, labels: &[usize]) -> Self {
         assert_eq!(labels.len(), map.ncols(), "one label per touch");
         let labels = canonical(labels);
         let count = labels.iter().max().map_or(0, |most| most + 1);
-        let mut centroids = DMatrix::zeros(map.nrows(), count);
+        let mut centroids = Matrix::zeros(map.nrows(), count);
         let mut counts = vec![0.0; count];
         for (column, label) in map.column_iter().zip(&labels) {
             counts[*label] += 1.0;
-            let mut centroid = centroids.column_mut(*label);
-            centroid += column;
+            let centroid = centroids.column_mut(*label);
+            centroid.iter_mut().zip(column).for_each(|(sum, x)| *sum += x);
         }
-        for (mut centroid, count) in centroids.column_iter_mut().zip(counts) {
-            centroid /= count;
+        for (centroid, count) in centroids.column_iter_mut().zip(counts) {
+            centroid.iter_mut().for_each(|x| *x /= count);
         }
         let own = map.column_iter().zip(&labels);
-        let cost = own.map(|(touch, label)| (touch - centroids.column(*label)).norm_squared());
+        let cost = own.map(|(touch, label)| squared_distance(touch, centroids.column(*label)));
         Self {
             cost: cost.sum(),
             labels,
@@ -73,8 +79,8 @@ impl Categories {
     }
 
     /// The category whose mean is nearest to a touch on the map, and how far it is.
-    pub fn nearest(&self, touch: nalgebra::DVectorView<'_, f64>) -> (usize, f64) {
-        let distances = self.centroids.column_iter().map(|mean| (touch - mean).norm());
+    pub fn nearest(&self, touch: &[f64]) -> (usize, f64) {
+        let distances = (self.centroids.column_iter()).map(|mean| squared_distance(touch, mean).sqrt());
         let nearest = distances.enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
         nearest.unwrap_or((0, f64::INFINITY))
     }
@@ -85,7 +91,7 @@ impl Categories {
 ///
 /// # Errors
 /// `clusters` that are not 2 to the number of different touches, and [`PalpationError::NoAgreement`].
-pub fn paper(map: &DMatrix<f64>, clusters: usize, seed: u64) -> Result<Categories, PalpationError> {
+pub fn paper(map: &Matrix, clusters: usize, seed: u64) -> Result<Categories, PalpationError> {
     check(map, clusters)?;
     let mut random = Random(seed);
     let mut search = LocalSearch::new(map.ncols(), map.nrows(), clusters);
@@ -115,25 +121,39 @@ pub fn paper(map: &DMatrix<f64>, clusters: usize, seed: u64) -> Result<Categorie
 ///
 /// # Errors
 /// `clusters` that are not 2 to the number of different touches.
-pub fn optimal(map: &DMatrix<f64>, clusters: usize, seed: u64) -> Result<Categories, PalpationError> {
+pub fn optimal(map: &Matrix, clusters: usize, seed: u64) -> Result<Categories, PalpationError> {
     check(map, clusters)?;
-    let found = best_of_many(map, clusters, seed);
     if map.ncols() > PROVED_UP_TO {
-        return Ok(found);
+        return Ok(best_of(STARTS, map, clusters, seed));
     }
-    let (better, proved) = least(map, clusters, &found.labels, found.cost);
-    Ok(Categories {
-        proved,
-        ..better.map_or(found, |labels| Categories::labelled(map, &labels))
+    // Where a proof is easy, a few starts have found the optimum, or the proof does.
+    let quick = prove(best_of(QUICK_STARTS, map, clusters, seed), map, QUICK_BRANCHES);
+    Ok(if quick.proved {
+        quick
+    } else {
+        prove(best_of(STARTS, map, clusters, seed), map, BRANCHES)
     })
 }
 
+/// Categories, or better ones if there are and the search comes to its end.
+fn prove(found: Categories, map: &Matrix, branches: u64) -> Categories {
+    let (better, proved) = least(map, found.len(), &found.labels, found.cost, branches);
+    Categories {
+        proved,
+        ..better.map_or(found, |labels| Categories::labelled(map, &labels))
+    }
+}
+
 /// The best of many starts, without a proof.
-pub(crate) fn best_of_many(map: &DMatrix<f64>, clusters: usize, seed: u64) -> Categories {
+pub(crate) fn best_of_many(map: &Matrix, clusters: usize, seed: u64) -> Categories {
+    best_of(STARTS, map, clusters, seed)
+}
+
+fn best_of(starts: usize, map: &Matrix, clusters: usize, seed: u64) -> Categories {
     let mut random = Random(seed);
     let mut search = LocalSearch::new(map.ncols(), map.nrows(), clusters);
     let (mut labels, mut least) = (Vec::new(), f64::INFINITY);
-    for _ in 0..STARTS {
+    for _ in 0..starts {
         search.seed_far(map.as_slice(), || random.unit());
         search.lloyd(map.as_slice());
         let cost = search.improve(map.as_slice());
@@ -152,7 +172,7 @@ pub(crate) fn best_of_many(map: &DMatrix<f64>, clusters: usize, seed: u64) -> Ca
 /// # Errors
 /// Where the touches allow none of them.
 pub fn clusters_by_silhouette(
-    map: &DMatrix<f64>,
+    map: &Matrix,
     range: RangeInclusive<usize>,
     seed: u64,
 ) -> Result<Categories, PalpationError> {
@@ -172,22 +192,27 @@ pub fn clusters_by_silhouette(
         .expect("the first number is allowed"))
 }
 
-fn check(map: &DMatrix<f64>, clusters: usize) -> Result<(), PalpationError> {
+fn check(map: &Matrix, clusters: usize) -> Result<(), PalpationError> {
     if map.ncols() < 2 {
         return Err(PalpationError::TooFew { touches: map.ncols() });
     }
-    if let Some(at) = map.iter().position(|x| !x.is_finite()) {
+    if let Some((feature, touch)) = map.not_finite() {
         return Err(PalpationError::NotFinite {
-            touch: at / map.nrows(),
-            feature: at % map.nrows(),
-            value: map[at],
+            touch,
+            feature,
+            value: map[(feature, touch)],
         });
     }
-    let mut different: Vec<Vec<u64>> = map
-        .column_iter()
-        .map(|touch| touch.iter().map(|x| (x + 0.0).to_bits()).collect())
-        .collect();
-    different.sort_unstable();
+    // Lexically; -0 is 0.
+    let compare = |a: &&[f64], b: &&[f64]| {
+        let places = a.iter().zip(*b).map(|(a, b)| a.partial_cmp(b));
+        places
+            .flatten()
+            .find(|order| order.is_ne())
+            .unwrap_or(Ordering::Equal)
+    };
+    let mut different: Vec<&[f64]> = map.column_iter().collect();
+    different.sort_unstable_by(compare);
     different.dedup();
     match different.len() {
         most if (2..=most).contains(&clusters) => Ok(()),

@@ -2,8 +2,8 @@
 
 use crate::categories::Categories;
 use crate::error::PalpationError;
+use crate::matrix::{Matrix, squared_distance};
 use crate::pca::Pca;
-use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
 /// A map with its categories, for touches to come. It can be kept in a file.
@@ -46,23 +46,18 @@ impl Classifier {
     ///
     /// # Errors
     /// Touches that the map is not of.
-    pub fn new(pca: &Pca, touches: &DMatrix<f64>, categories: &Categories) -> Result<Self, PalpationError> {
+    pub fn new(pca: &Pca, touches: &Matrix, categories: &Categories) -> Result<Self, PalpationError> {
         let map = pca.project(touches)?;
-        let rows = |matrix: &DMatrix<f64>| {
-            matrix
-                .column_iter()
-                .map(|c| c.iter().copied().collect())
-                .collect()
-        };
+        let rows = |matrix: &Matrix| matrix.column_iter().map(<[f64]>::to_vec).collect();
         let mut new = Self {
-            mean: pca.mean().iter().copied().collect(),
+            mean: pca.mean().to_vec(),
             components: rows(pca.components()),
             centroids: rows(&categories.centroids),
             far_on_map: 0.0,
             far_off_map: 0.0,
         };
         for (touch, label) in map.column_iter().zip(&categories.labels) {
-            let own = (touch - categories.centroids.column(*label)).norm();
+            let own = distance(touch, categories.centroids.column(*label));
             new.far_on_map = new.far_on_map.max(MARGIN * own);
         }
         let means = &new.centroids;
@@ -72,8 +67,7 @@ impl Classifier {
             .flat_map(|(n, a)| means[n + 1..].iter().map(|b| distance(a, b)));
         new.far_on_map = new.far_on_map.max(others.fold(f64::INFINITY, f64::min) / 2.0);
         for touch in touches.column_iter() {
-            let touch: Vec<f64> = touch.iter().copied().collect();
-            new.far_off_map = new.far_off_map.max(MARGIN * new.place(&touch).1);
+            new.far_off_map = new.far_off_map.max(MARGIN * new.place(touch).1);
         }
         Ok(new)
     }
@@ -145,9 +139,5 @@ impl Classifier {
 }
 
 fn distance(a: &[f64], b: &[f64]) -> f64 {
-    a.iter()
-        .zip(b)
-        .map(|(a, b)| (a - b) * (a - b))
-        .sum::<f64>()
-        .sqrt()
+    squared_distance(a, b).sqrt()
 }

@@ -33,9 +33,9 @@ pub enum PalpationError {
     /// No component was asked for.
     #[error("a map of 0 components has no distances; ask for at least 1")]
     NoComponents,
-    /// The decomposition did not end.
+    /// There is no decomposition.
     #[error(
-        "the singular values of {touches} touches of {features} features were not found in {steps} steps; \
+        "the squares of {touches} touches of {features} features are beyond what numbers can be; \
              are the values of one scale?"
     )]
     NotConverged {
@@ -43,8 +43,6 @@ pub enum PalpationError {
         touches: usize,
         /// Features of each.
         features: usize,
-        /// Steps tried.
-        steps: usize,
     },
     /// The map is of another probe or motion.
     #[error(

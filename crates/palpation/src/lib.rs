@@ -10,10 +10,9 @@
 //! categories. `docs/palpation.md` has the whole way with examples.
 //!
 //! ```
-//! use nalgebra::DMatrix;
-//! use taxel_palpation::{Pca, Silhouette, Solver, optimal};
+//! use taxel_palpation::{Matrix, Pca, Silhouette, Solver, optimal};
 //!
-//! let touches = DMatrix::from_column_slice(3, 4, &[1.0, 2.0, 0.0, 1.1, 2.0, 0.1, 8.0, 9.0, 5.0, 8.1, 9.0, 5.0]);
+//! let touches = Matrix::new(3, 4, vec![1.0, 2.0, 0.0, 1.1, 2.0, 0.1, 8.0, 9.0, 5.0, 8.1, 9.0, 5.0]);
 //! let map = Pca::fit(&touches, 2, Solver::Auto)?.project(&touches)?;
 //! let categories = optimal(&map, 2, 1)?;
 //! assert_eq!(categories.labels, [0, 0, 1, 1]);
@@ -24,9 +23,11 @@
 mod agreement;
 mod categories;
 mod classifier;
-mod decomposition;
 mod error;
+mod householder;
+mod jacobi;
 mod labels;
+mod matrix;
 mod pca;
 mod proof;
 mod random;
@@ -39,6 +40,7 @@ pub use agreement::Agreement;
 pub use categories::{Categories, PAPER_ATTEMPTS, clusters_by_silhouette, optimal, paper};
 pub use classifier::{Classified, Classifier};
 pub use error::PalpationError;
+pub use matrix::Matrix;
 pub use pca::{Pca, Solver};
 pub use ranking::Ranking;
 pub use silhouette::Silhouette;

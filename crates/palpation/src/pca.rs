@@ -1,9 +1,10 @@
 //! The cognitive map: principal components of touches.
 
-use crate::decomposition::Decomposition;
 use crate::error::PalpationError;
+use crate::householder::Qr;
+use crate::jacobi::singular;
+use crate::matrix::{Matrix, dots};
 use crate::truncated::truncated;
-use nalgebra::{DMatrix, DVector, QR, SVD};
 
 /// How components are computed.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
@@ -11,7 +12,7 @@ pub enum Solver {
     /// `Exact` for small matrices or many components, else `Truncated`.
     #[default]
     Auto,
-    /// QR, then SVD of the centred matrix: all that double precision has, at `O(D N^2)`.
+    /// QR of the centred matrix, then SVD of the triangle: all that double precision has, at `O(D N^2)`.
     Exact,
     /// Block power iteration from a random start (Halko, Martinsson and Tropp 2011), at `O(D N)` per component and
     /// pass. [`Pca::residuals`] says how exact it is.
@@ -20,8 +21,6 @@ pub enum Solver {
 
 /// Touches and features from which on few components are computed without the others.
 const LARGE: usize = 256;
-/// Steps of the SVD of a triangle of N columns at most, per column.
-const STEPS: usize = 200;
 
 /// Principal components of touches, descending, from the centred matrix itself and never from its scatter or Gram
 /// matrix, which square its condition.
@@ -32,8 +31,8 @@ const STEPS: usize = 200;
 /// 5,000 features.)
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pca {
-    mean: DVector<f64>,
-    components: DMatrix<f64>,
+    mean: Vec<f64>,
+    components: Matrix,
     singular_values: Vec<f64>,
     residuals: Vec<f64>,
     total: f64,
@@ -45,8 +44,8 @@ impl Pca {
     ///
     /// # Errors
     /// Fewer than two touches, no features, numbers that are not finite, touches that are all the same, 0 components.
-    pub fn fit(touches: &DMatrix<f64>, components: usize, solver: Solver) -> Result<Self, PalpationError> {
-        let (features, count) = touches.shape();
+    pub fn fit(touches: &Matrix, components: usize, solver: Solver) -> Result<Self, PalpationError> {
+        let (features, count) = (touches.nrows(), touches.ncols());
         if count < 2 {
             return Err(PalpationError::TooFew { touches: count });
         }
@@ -58,9 +57,16 @@ impl Pca {
         }
         finite(touches)?;
         let (mean, centred) = centre(touches);
-        let total = centred.norm_squared();
+        let total = total(&centred);
+        let not_converged = PalpationError::NotConverged {
+            touches: count,
+            features,
+        };
+        if !total.is_finite() {
+            return Err(not_converged);
+        }
         // What is left of equal touches is rounding: half a unit in the last place of each value.
-        let largest = mean.amax();
+        let largest = mean.iter().fold(0.0f64, |most, x| most.max(x.abs()));
         if total <= (largest * f64::EPSILON).powi(2) * (features * count) as f64 {
             return Err(PalpationError::Constant { touches: count });
         }
@@ -70,11 +76,12 @@ impl Pca {
             Solver::Exact => false,
             Solver::Truncated => components < least,
         };
-        let mut found = if truncates {
+        let found = if truncates {
             truncated(&centred, components)
         } else {
-            exact(centred)?
+            exact(centred, components)
         };
+        let mut found = found.ok_or(not_converged)?;
         let tolerance = least as f64 + (features.max(count) as f64).sqrt();
         let floor = tolerance * f64::EPSILON * found.values[0];
         let rank = found
@@ -87,18 +94,21 @@ impl Pca {
         found.values.resize(components, 0.0);
         found.residuals.truncate(rank);
         found.residuals.resize(components, 0.0);
-        let mut loadings = found.vectors.columns(0, rank).into_owned();
-        for mut column in loadings.column_iter_mut() {
-            let largest = column
+        let mut loadings = Matrix::zeros(features, components);
+        for (loading, vector) in loadings
+            .column_iter_mut()
+            .zip(found.vectors.column_iter())
+            .take(rank)
+        {
+            let largest = vector
                 .iter()
                 .fold(0.0f64, |most, x| if x.abs() > most.abs() { *x } else { most });
-            if largest < 0.0 {
-                column.neg_mut();
-            }
+            let sign = 1.0f64.copysign(largest);
+            loading.iter_mut().zip(vector).for_each(|(to, x)| *to = sign * x);
         }
         Ok(Self {
             mean,
-            components: loadings.resize_horizontally(components, 0.0),
+            components: loadings,
             singular_values: found.values,
             residuals: found.residuals,
             total,
@@ -107,12 +117,12 @@ impl Pca {
     }
 
     /// The mean touch, `D` numbers.
-    pub fn mean(&self) -> &DVector<f64> {
+    pub fn mean(&self) -> &[f64] {
         &self.mean
     }
 
     /// The loadings, `D x C`, a component in each column.
-    pub fn components(&self) -> &DMatrix<f64> {
+    pub fn components(&self) -> &Matrix {
         &self.components
     }
 
@@ -142,7 +152,7 @@ impl Pca {
     ///
     /// # Errors
     /// Touches of another number of features, and numbers that are not finite.
-    pub fn project(&self, touches: &DMatrix<f64>) -> Result<DMatrix<f64>, PalpationError> {
+    pub fn project(&self, touches: &Matrix) -> Result<Matrix, PalpationError> {
         if touches.nrows() != self.mean.len() {
             return Err(PalpationError::OtherProbe {
                 expected: self.mean.len(),
@@ -150,11 +160,18 @@ impl Pca {
             });
         }
         finite(touches)?;
-        let mut centred = touches.clone();
-        for mut column in centred.column_iter_mut() {
-            column -= &self.mean;
+        let mut centred = vec![0.0; self.mean.len()];
+        let mut places = Vec::with_capacity(self.components.ncols() * touches.ncols());
+        for touch in touches.column_iter() {
+            let differences = touch.iter().zip(&self.mean).map(|(x, mean)| x - mean);
+            centred.iter_mut().zip(differences).for_each(|(to, x)| *to = x);
+            places.extend(
+                self.components
+                    .column_iter()
+                    .map(|loadings| dots(&centred, [loadings])[0]),
+            );
         }
-        Ok(self.components.tr_mul(&centred))
+        Ok(Matrix::new(self.components.ncols(), touches.ncols(), places))
     }
 
     /// The share of the variance of any touches that the map keeps in each component: about their own mean, so that a
@@ -162,70 +179,82 @@ impl Pca {
     ///
     /// # Errors
     /// As [`Pca::project`]; fewer than two touches, or touches that are all the same.
-    pub fn kept_variance(&self, touches: &DMatrix<f64>) -> Result<Vec<f64>, PalpationError> {
+    pub fn kept_variance(&self, touches: &Matrix) -> Result<Vec<f64>, PalpationError> {
         if touches.ncols() < 2 {
             return Err(PalpationError::TooFew {
                 touches: touches.ncols(),
             });
         }
         let (_, map) = centre(&self.project(touches)?);
-        let total = centre(touches).1.norm_squared();
+        let total = total(&centre(touches).1);
         if total == 0.0 {
             return Err(PalpationError::Constant {
                 touches: touches.ncols(),
             });
         }
-        Ok(map.row_iter().map(|row| row.norm_squared() / total).collect())
+        let mut kept = vec![0.0; map.nrows()];
+        for place in map.column_iter() {
+            kept.iter_mut()
+                .zip(place)
+                .for_each(|(sum, x)| *sum += x * x / total);
+        }
+        Ok(kept)
     }
+}
+
+/// Singular values, descending, with the vectors on the side of the features as columns, and the residual of each.
+pub(crate) struct Decomposition {
+    pub(crate) values: Vec<f64>,
+    pub(crate) vectors: Matrix,
+    pub(crate) residuals: Vec<f64>,
 }
 
 /// The mean column and what the columns differ from it. The mean is corrected by the mean of the differences, so that
 /// an offset of a million costs no digit of the signal.
-fn centre(touches: &DMatrix<f64>) -> (DVector<f64>, DMatrix<f64>) {
+fn centre(touches: &Matrix) -> (Vec<f64>, Matrix) {
+    let less = |columns: &mut Matrix, mean: &[f64]| {
+        for column in columns.column_iter_mut() {
+            column.iter_mut().zip(mean).for_each(|(x, mean)| *x -= mean);
+        }
+    };
     let mut mean = touches.column_mean();
     let mut centred = touches.clone();
-    for mut column in centred.column_iter_mut() {
-        column -= &mean;
-    }
+    less(&mut centred, &mean);
     let rest = centred.column_mean();
-    for mut column in centred.column_iter_mut() {
-        column -= &rest;
-    }
-    mean += rest;
+    less(&mut centred, &rest);
+    mean.iter_mut().zip(rest).for_each(|(mean, rest)| *mean += rest);
     (mean, centred)
 }
 
-fn finite(touches: &DMatrix<f64>) -> Result<(), PalpationError> {
-    match touches.iter().position(|x| !x.is_finite()) {
-        Some(at) => Err(PalpationError::NotFinite {
-            touch: at / touches.nrows(),
-            feature: at % touches.nrows(),
-            value: touches[at],
+/// The sum of all squares.
+fn total(a: &Matrix) -> f64 {
+    a.column_iter().map(|column| dots(column, [column])[0]).sum()
+}
+
+fn finite(touches: &Matrix) -> Result<(), PalpationError> {
+    match touches.not_finite() {
+        Some((feature, touch)) => Err(PalpationError::NotFinite {
+            touch,
+            feature,
+            value: touches[(feature, touch)],
         }),
         None => Ok(()),
     }
 }
 
-/// All of it: QR of the longer side, then SVD of the triangle.
-fn exact(centred: DMatrix<f64>) -> Result<Decomposition, PalpationError> {
-    let (features, touches) = centred.shape();
-    let wide = touches > features;
-    let qr = QR::new(if wide { centred.transpose() } else { centred });
-    let steps = STEPS * features.min(touches);
-    let not_converged = PalpationError::NotConverged {
-        touches,
-        features,
-        steps,
+/// All values and the first vectors: QR of the longer side, then SVD of the triangle.
+fn exact(centred: Matrix, wanted: usize) -> Option<Decomposition> {
+    let wide = centred.ncols() > centred.nrows();
+    let wanted = wanted.min(centred.ncols()).min(centred.nrows());
+    let (values, vectors) = if wide {
+        singular(Qr::new(centred.transpose()).r().transpose())?
+    } else {
+        let qr = Qr::new(centred);
+        // The other triangle of this one has the same vectors on this side, and columns that hardly need turning.
+        let (values, vectors) = singular(Qr::new(qr.r().transpose()).r().transpose())?;
+        (values, qr.q_times(&vectors, wanted))
     };
-    let svd = SVD::try_new(qr.r(), !wide, wide, f64::EPSILON, steps).ok_or(not_converged)?;
-    // The vectors of the features: Q U of the matrix itself, V of its transpose.
-    let vectors = match (svd.u, svd.v_t) {
-        (Some(u), _) => qr.q() * u,
-        (None, Some(v_t)) => v_t.transpose(),
-        (None, None) => unreachable!("one of the two was asked for"),
-    };
-    let values: Vec<f64> = svd.singular_values.iter().copied().collect();
-    Ok(Decomposition {
+    Some(Decomposition {
         residuals: vec![0.0; values.len()],
         values,
         vectors,

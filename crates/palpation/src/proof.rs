@@ -2,22 +2,22 @@
 //! within-cluster sums of squares partitioning", Psychometrika 71, 2006).
 //!
 //! Touches are put in an order and given to categories one after another. What is left of them costs at least what it
-//! costs by itself (as few touches as categories: nothing), so once the last `m` are solved, they bound every branch that still has `m` to place.
+//! costs by itself (as few touches as categories: nothing), so once the last `m` are solved, they bound every branch that
+//! still has `m` to place.
 
-use nalgebra::DMatrix;
+use crate::matrix::{Matrix, squared_distance};
 
-/// Branches after which it gives up.
-const BRANCHES: u64 = 3_000_000;
 /// Costs that agree to this share are equal: rounding.
 const EQUAL: f64 = 1e-12;
 
 /// Looks for categories that cost less than `cost`, that of `labels`: such labels if there are, and whether those, or
-/// else `labels`, are known to be the optimum.
+/// else `labels`, are known to be the optimum. It gives up after some number of `branches`.
 pub(crate) fn least(
-    map: &DMatrix<f64>,
+    map: &Matrix,
     clusters: usize,
     labels: &[usize],
     cost: f64,
+    branches: u64,
 ) -> (Option<Vec<usize>>, bool) {
     let order = order(map, labels, clusters);
     let n = order.len();
@@ -26,13 +26,13 @@ pub(crate) fn least(
         order: &order,
         clusters,
         bound: vec![0.0; n + 1],
-        sums: DMatrix::zeros(map.nrows(), clusters),
+        sums: Matrix::zeros(map.nrows(), clusters),
         counts: vec![0; clusters],
         labels: vec![0; n],
         best: Vec::new(),
         least: 0.0,
         last: n,
-        branches: 0,
+        left: branches,
     };
     // The last m touches of the order: as good as any guess, what they cost in the categories that were found.
     for m in clusters + 1..=n {
@@ -45,7 +45,7 @@ pub(crate) fn least(
         };
         search.least = guess;
         search.place(n - m, 0.0, 0);
-        if search.branches > BRANCHES {
+        if search.left == 0 {
             return (None, false);
         }
         search.bound[m] = search.least * (1.0 - 8.0 * EQUAL);
@@ -55,25 +55,26 @@ pub(crate) fn least(
 }
 
 struct Search<'a> {
-    map: &'a DMatrix<f64>,
+    map: &'a Matrix,
     order: &'a [usize],
     clusters: usize,
     /// What the last m touches cost at least.
     bound: Vec<f64>,
-    sums: DMatrix<f64>,
+    sums: Matrix,
     counts: Vec<usize>,
     labels: Vec<usize>,
     best: Vec<usize>,
     least: f64,
     last: usize,
-    branches: u64,
+    /// Branches until it gives up.
+    left: u64,
 }
 
 impl Search<'_> {
     /// Gives the touch at this place of the order, and those after it, to categories; `used` have touches.
     fn place(&mut self, at: usize, cost: f64, used: usize) {
-        self.branches += 1;
-        if self.branches > BRANCHES {
+        self.left = self.left.saturating_sub(1);
+        if self.left == 0 {
             return;
         }
         let Some(&touch) = self.order.get(at) else {
@@ -114,19 +115,15 @@ impl Search<'_> {
 
 /// Touches in an order that takes one of each category in turn, the outermost of each last: then few branches are open
 /// when the bound begins to bite.
-fn order(map: &DMatrix<f64>, labels: &[usize], clusters: usize) -> Vec<usize> {
+fn order(map: &Matrix, labels: &[usize], clusters: usize) -> Vec<usize> {
     let mut members: Vec<Vec<usize>> = vec![Vec::new(); clusters];
     for (touch, label) in labels.iter().enumerate() {
         members[*label].push(touch);
     }
     for members in &mut members {
-        let mut mean = map.column(members[0]) * 0.0;
-        for m in members.iter() {
-            mean += map.column(*m);
-        }
-        mean /= members.len() as f64;
+        let mean = map.select_columns(members).column_mean();
         members.sort_by(|a, b| {
-            let distance = |m: usize| (map.column(m) - &mean).norm_squared();
+            let distance = |m: usize| squared_distance(map.column(m), &mean);
             distance(*b).total_cmp(&distance(*a))
         });
     }
@@ -139,15 +136,13 @@ fn order(map: &DMatrix<f64>, labels: &[usize], clusters: usize) -> Vec<usize> {
 }
 
 /// What some touches cost in the categories that they are in.
-fn within(map: &DMatrix<f64>, touches: &[usize], labels: &[usize], clusters: usize) -> f64 {
-    let of = |k: usize| touches.iter().filter(move |t| labels[**t] == k);
+fn within(map: &Matrix, touches: &[usize], labels: &[usize], clusters: usize) -> f64 {
     let cost = |k: usize| {
-        let count = of(k).count() as f64;
-        let mut mean = map.column(0) * 0.0;
-        of(k).for_each(|t| mean += map.column(*t));
-        mean /= count.max(1.0);
-        of(k)
-            .map(|t| (map.column(*t) - &mean).norm_squared())
+        let own: Vec<usize> = touches.iter().copied().filter(|t| labels[*t] == k).collect();
+        let own = map.select_columns(&own);
+        let mean = own.column_mean();
+        own.column_iter()
+            .map(|touch| squared_distance(touch, &mean))
             .sum::<f64>()
     };
     // A hair more, so that the same partition is found to be the least.

@@ -1,8 +1,8 @@
 //! Classes in the order of their distance from one of them.
 
 use crate::error::PalpationError;
+use crate::matrix::{Matrix, squared_distance};
 use crate::random::Random;
-use nalgebra::{DMatrix, DVector};
 
 /// How far the mean of each class is from that of a reference, such as tissue without an inclusion.
 #[derive(Debug, Clone, PartialEq)]
@@ -17,7 +17,7 @@ impl Ranking {
     ///
     /// # Errors
     /// Not one class per touch; a reference or a class up to the greatest that no touch has.
-    pub fn of(map: &DMatrix<f64>, classes: &[usize], reference: usize) -> Result<Self, PalpationError> {
+    pub fn of(map: &Matrix, classes: &[usize], reference: usize) -> Result<Self, PalpationError> {
         let touches: Vec<usize> = (0..map.ncols()).collect();
         if classes.len() != touches.len() {
             return Err(PalpationError::Labels {
@@ -36,11 +36,11 @@ impl Ranking {
         Self::between(map, &(0..count).map(members).collect::<Vec<_>>(), reference)
     }
 
-    fn between(map: &DMatrix<f64>, members: &[Vec<usize>], reference: usize) -> Result<Self, PalpationError> {
+    fn between(map: &Matrix, members: &[Vec<usize>], reference: usize) -> Result<Self, PalpationError> {
         if let Some(class) = members.iter().position(Vec::is_empty) {
             return Err(PalpationError::NoSuchClass { class });
         }
-        let means: Vec<DVector<f64>> = members
+        let means: Vec<Vec<f64>> = members
             .iter()
             .map(|touches| map.select_columns(touches).column_mean())
             .collect();
@@ -48,7 +48,7 @@ impl Ranking {
             reference,
             distances: means
                 .iter()
-                .map(|mean| (mean - &means[reference]).norm())
+                .map(|mean| squared_distance(mean, &means[reference]).sqrt())
                 .collect(),
         })
     }
@@ -90,7 +90,7 @@ impl Ranking {
     /// # Errors
     /// As [`Ranking::of`].
     pub fn probability(
-        map: &DMatrix<f64>,
+        map: &Matrix,
         classes: &[usize],
         reference: usize,
         groups: &[&[usize]],

@@ -2,7 +2,7 @@
 
 use crate::error::PalpationError;
 use crate::labels::canonical;
-use nalgebra::DMatrix;
+use crate::matrix::{Matrix, squared_distance};
 
 /// The silhouette of categories, each reading from -1 to 1. They differ by much: always say which.
 #[derive(Debug, Clone, PartialEq)]
@@ -28,7 +28,7 @@ impl Silhouette {
     ///
     /// # Errors
     /// Not one label per touch; fewer than two categories.
-    pub fn of(map: &DMatrix<f64>, labels: &[usize]) -> Result<Self, PalpationError> {
+    pub fn of(map: &Matrix, labels: &[usize]) -> Result<Self, PalpationError> {
         let touches = map.ncols();
         if labels.len() != touches {
             return Err(PalpationError::Labels {
@@ -43,17 +43,14 @@ impl Silhouette {
         }
         let mut counts = vec![0.0; clusters];
         labels.iter().for_each(|label| counts[*label] += 1.0);
-        let (dimensions, values) = (map.nrows(), map.as_slice());
         // Sums of distances: of a touch to each category, and between categories.
-        let mut pairs: DMatrix<f64> = DMatrix::zeros(clusters, clusters);
+        let mut pairs = Matrix::zeros(clusters, clusters);
         let mut sums = vec![0.0; clusters];
         let mut of_cluster = vec![0.0; clusters];
-        for (n, own) in labels.iter().enumerate() {
+        for (touch, own) in map.column_iter().zip(&labels) {
             sums.fill(0.0);
-            let touch = &values[n * dimensions..][..dimensions];
-            for (other, label) in values.chunks_exact(dimensions).zip(&labels) {
-                let squared: f64 = touch.iter().zip(other).map(|(a, b)| (a - b) * (a - b)).sum();
-                sums[*label] += squared.sqrt();
+            for (other, label) in map.column_iter().zip(&labels) {
+                sums[*label] += squared_distance(touch, other).sqrt();
             }
             let others = (0..clusters).filter(|k| k != own);
             let b = others.map(|k| sums[k] / counts[k]).fold(f64::INFINITY, f64::min);

@@ -3,8 +3,8 @@
 use crate::agreement::Agreement;
 use crate::categories::best_of_many;
 use crate::error::PalpationError;
+use crate::matrix::Matrix;
 use crate::random::Random;
-use nalgebra::DMatrix;
 
 /// Mean adjusted Rand index between categories and those of touches drawn anew with replacement, every touch put into
 /// the nearest of them (Hennig 2007): 1 where the same are always found. `labels` are of the map, `C x N`.
@@ -13,7 +13,7 @@ use nalgebra::DMatrix;
 ///
 /// # Errors
 /// Not one label per touch.
-pub fn stability(map: &DMatrix<f64>, labels: &[usize], draws: u32, seed: u64) -> Result<f64, PalpationError> {
+pub fn stability(map: &Matrix, labels: &[usize], draws: u32, seed: u64) -> Result<f64, PalpationError> {
     let touches = map.ncols();
     if labels.len() != touches {
         return Err(PalpationError::Labels {
@@ -33,10 +33,7 @@ pub fn stability(map: &DMatrix<f64>, labels: &[usize], draws: u32, seed: u64) ->
             continue;
         }
         let again = best_of_many(&map.select_columns(&drawn), clusters, seed);
-        let nearest: Vec<usize> = map
-            .column_iter()
-            .map(|touch| again.nearest(touch.as_view()).0)
-            .collect();
+        let nearest: Vec<usize> = map.column_iter().map(|touch| again.nearest(touch).0).collect();
         sum += Agreement::of(&nearest, labels)?.ari;
         counted += 1;
     }

@@ -1,21 +1,19 @@
 //! Categories against exhaustion, silhouettes against their definitions, matching against the publication's example.
 
-use nalgebra::DMatrix;
 use proptest::prelude::*;
 use taxel_palpation::{
-    Agreement, Classifier, PalpationError, Pca, Ranking, Silhouette, Solver, clusters_by_silhouette, optimal,
-    paper, stability,
+    Agreement, Classifier, Matrix, PalpationError, Pca, Ranking, Silhouette, Solver, clusters_by_silhouette,
+    optimal, paper, stability,
 };
 
-fn cost(map: &DMatrix<f64>, labels: &[usize], clusters: usize) -> f64 {
+fn cost(map: &Matrix, labels: &[usize], clusters: usize) -> f64 {
     let of = |k: usize| -> Vec<usize> { (0..labels.len()).filter(|n| labels[*n] == k).collect() };
     let within = |touches: Vec<usize>| -> f64 {
         let members = map.select_columns(&touches);
-        let mean = members.column_mean();
-        members
-            .column_iter()
-            .map(|touch| (touch - &mean).norm_squared())
-            .sum()
+        let mean = |d: usize| members.column_iter().map(|touch| touch[d]).sum::<f64>() / touches.len() as f64;
+        let means: Vec<f64> = (0..map.nrows()).map(mean).collect();
+        let differences = members.column_iter().flat_map(|touch| touch.iter().zip(&means));
+        differences.map(|(x, mean)| (x - mean).powi(2)).sum()
     };
     (0..clusters)
         .map(of)
@@ -25,7 +23,7 @@ fn cost(map: &DMatrix<f64>, labels: &[usize], clusters: usize) -> f64 {
 }
 
 /// The least cost, by trying every labelling.
-fn exhausted(map: &DMatrix<f64>, clusters: usize) -> f64 {
+fn exhausted(map: &Matrix, clusters: usize) -> f64 {
     let n = map.ncols();
     let labelling = |mut number: usize| -> Vec<usize> {
         (0..n)
@@ -48,7 +46,7 @@ proptest! {
         (dimensions, values) in (1usize..4).prop_flat_map(|d| (Just(d), prop::collection::vec(-20i32..20, d * 7))),
         clusters in 2usize..4,
     ) {
-        let map = DMatrix::from_column_slice(dimensions, 7, &values.iter().map(|x| f64::from(*x)).collect::<Vec<_>>());
+        let map = Matrix::new(dimensions, 7, values.iter().map(|x| f64::from(*x)).collect());
         match optimal(&map, clusters, 3) {
             Err(PalpationError::Clusters { different, .. }) => prop_assert!(different < clusters),
             Err(error) => prop_assert!(false, "{error}"),
@@ -85,7 +83,7 @@ proptest! {
 
 #[test]
 fn the_optimum_of_sixteen_touches_without_structure_is_proved() {
-    let map = DMatrix::from_fn(2, 16, |d, n| ((n * n * 37 + d * 53 * n + 11 * n) % 101) as f64);
+    let map = Matrix::from_fn(2, 16, |d, n| ((n * n * 37 + d * 53 * n + 11 * n) % 101) as f64);
     for clusters in 2..=6 {
         assert!(optimal(&map, clusters, 1).unwrap().proved, "{clusters} clusters");
     }
@@ -93,12 +91,12 @@ fn the_optimum_of_sixteen_touches_without_structure_is_proved() {
 
 #[test]
 fn the_publications_rule_takes_what_three_starts_agree_on() {
-    let clear = DMatrix::from_row_slice(1, 6, &[0.0, 1.0, 50.0, 51.0, 52.0, 0.5]);
+    let clear = Matrix::new(1, 6, vec![0.0, 1.0, 50.0, 51.0, 52.0, 0.5]);
     let found = paper(&clear, 2, 7).unwrap();
     assert_eq!(found.labels, [0, 0, 1, 1, 1, 0]);
     assert!(found.attempts >= 1 && !found.proved);
     // Twelve points on a circle have twelve equal cuts into two, which three starts hardly ever share.
-    let circle = DMatrix::from_fn(2, 64, |d, n| {
+    let circle = Matrix::from_fn(2, 64, |d, n| {
         let angle = n as f64 / 64.0 * std::f64::consts::TAU;
         if d == 0 { angle.cos() } else { angle.sin() }
     });
@@ -111,7 +109,7 @@ fn the_publications_rule_takes_what_three_starts_agree_on() {
 
 #[test]
 fn the_number_of_categories_is_refused_by_what_differs() {
-    let map = DMatrix::from_row_slice(1, 4, &[1.0, 1.0, 2.0, -0.0]);
+    let map = Matrix::new(1, 4, vec![1.0, 1.0, 2.0, -0.0]);
     for clusters in [0, 1, 4, 9] {
         for found in [paper(&map, clusters, 1), optimal(&map, clusters, 1)] {
             assert_eq!(
@@ -128,7 +126,7 @@ fn the_number_of_categories_is_refused_by_what_differs() {
 #[test]
 fn readings_of_the_silhouette_are_as_computed_by_hand() {
     // {0, 2} and {10}: as printed a = 2, b = 9 and a = 0, b = 9; Rousseeuw 8/10, 6/8 and, alone, 0.
-    let map = DMatrix::from_row_slice(1, 3, &[0.0, 2.0, 10.0]);
+    let map = Matrix::new(1, 3, vec![0.0, 2.0, 10.0]);
     let found = Silhouette::of(&map, &[4, 4, 1]).unwrap();
     assert_eq!(found.clusters, [7.0 / 9.0, 1.0]);
     assert_eq!((found.within, found.between), (vec![2.0, 0.0], vec![9.0, 9.0]));
@@ -146,7 +144,7 @@ fn readings_of_the_silhouette_are_as_computed_by_hand() {
             touches: 3
         })
     );
-    let same = DMatrix::from_element(1, 4, 3.0);
+    let same = Matrix::new(1, 4, vec![3.0; 4]);
     assert_eq!(Silhouette::of(&same, &[0, 0, 1, 1]).unwrap().cluster, 0.0);
 }
 
@@ -174,18 +172,18 @@ fn categories_without_a_class_have_numbers_of_their_own() {
 
 #[test]
 fn clear_categories_are_found_again_and_vague_ones_are_not() {
-    let clear = DMatrix::from_fn(1, 12, |_, n| (n % 3) as f64 * 100.0 + n as f64);
+    let clear = Matrix::from_fn(1, 12, |_, n| (n % 3) as f64 * 100.0 + n as f64);
     let found = clusters_by_silhouette(&clear, 2..=6, 1).unwrap();
     assert_eq!(found.len(), 3);
     assert_eq!(stability(&clear, &found.labels, 50, 1).unwrap(), 1.0);
-    let vague = DMatrix::from_fn(1, 12, |_, n| n as f64);
+    let vague = Matrix::from_fn(1, 12, |_, n| n as f64);
     let labels = optimal(&vague, 4, 1).unwrap().labels;
     assert!(stability(&vague, &labels, 50, 1).unwrap() < 0.9);
 }
 
 #[test]
 fn classes_are_ranked_by_their_distance_from_the_reference() {
-    let map = DMatrix::from_row_slice(1, 8, &[0.0, 1.0, 3.0, 4.0, 5.0, 6.0, 9.0, 10.0]);
+    let map = Matrix::new(1, 8, vec![0.0, 1.0, 3.0, 4.0, 5.0, 6.0, 9.0, 10.0]);
     let classes = [0, 0, 2, 2, 1, 1, 3, 3];
     let ranking = Ranking::of(&map, &classes, 0).unwrap();
     assert_eq!(ranking.distances(), [0.0, 5.0, 3.0, 9.0]);
@@ -201,10 +199,10 @@ fn classes_are_ranked_by_their_distance_from_the_reference() {
 #[test]
 fn later_touches_are_put_where_they_belong_or_nowhere() {
     // Two classes along the first feature, noise along the second; the third is always 0.
-    let touches = DMatrix::from_column_slice(
+    let touches = Matrix::new(
         3,
         6,
-        &[
+        vec![
             0.0, 0.0, 0.0, 1.0, 0.2, 0.0, 0.5, 0.4, 0.0, 100.0, 0.0, 0.0, 101.0, 0.3, 0.0, 99.0, 0.1, 0.0,
         ],
     );

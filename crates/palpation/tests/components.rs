@@ -2,11 +2,11 @@
 
 use nalgebra::{DMatrix, DVector, QR};
 use serde_json::Value;
-use taxel_palpation::{Agreement, PalpationError, Pca, Silhouette, Solver, optimal};
+use taxel_palpation::{Agreement, Matrix, PalpationError, Pca, Silhouette, Solver, optimal};
 
 /// The same touches as `fixtures/scikit_learn.py`, `D x N`.
-fn touches(features: usize, count: usize, offset: u64) -> DMatrix<f64> {
-    DMatrix::from_fn(features, count, |d, n| {
+fn touches(features: usize, count: usize, offset: u64) -> Matrix {
+    Matrix::from_fn(features, count, |d, n| {
         let class = n % 5;
         let signal = class * ((d * 31 + class * 17) % 101);
         let noise = (d * d * 7919 + n * 104_729 + d * n * 613) % 1009;
@@ -55,10 +55,9 @@ fn what_scikit_learn_says_is_said_here() {
             .unwrap()
             .project(&touches)
             .unwrap();
-        let map = map
-            .rows(0, numbers(&case["abs_scores"]).len() / touches.ncols())
-            .into_owned();
-        let scores: Vec<f64> = map.iter().map(|x| x.abs()).collect();
+        let kept = numbers(&case["abs_scores"]).len() / touches.ncols();
+        let map = Matrix::from_fn(kept, touches.ncols(), |row, column| map[(row, column)]);
+        let scores: Vec<f64> = map.as_slice().iter().map(|x| x.abs()).collect();
         assert_near(&name, &scores, &numbers(&case["abs_scores"]), 1e-9);
 
         let categories = optimal(&map, size("clusters"), 1).unwrap();
@@ -90,7 +89,7 @@ fn what_scikit_learn_says_is_said_here() {
 }
 
 /// Touches `D x N` whose centred matrix has these singular values, and an offset on every feature.
-fn of_spectrum(features: usize, count: usize, spectrum: &[f64], offset: f64) -> DMatrix<f64> {
+fn of_spectrum(features: usize, count: usize, spectrum: &[f64], offset: f64) -> Matrix {
     let scatter = |rows: usize, columns: usize, salt: usize| {
         DMatrix::from_fn(rows, columns, |i, j| {
             ((i * 7919 + j * j * 613 + i * j * 31 + salt) % 1009) as f64 / 504.0 - 1.0
@@ -101,7 +100,8 @@ fn of_spectrum(features: usize, count: usize, spectrum: &[f64], offset: f64) -> 
     let mut ones = scatter(count, spectrum.len() + 1, 2);
     ones.column_mut(0).fill(1.0);
     let right = QR::new(ones).q().columns(1, spectrum.len()).into_owned();
-    (left * DMatrix::from_diagonal(&DVector::from_row_slice(spectrum)) * right.transpose()).add_scalar(offset)
+    let centred = left * DMatrix::from_diagonal(&DVector::from_row_slice(spectrum)) * right.transpose();
+    Matrix::new(features, count, centred.iter().map(|x| x + offset).collect())
 }
 
 #[test]
@@ -129,7 +129,8 @@ fn spectra_of_any_condition_come_back() {
                 "{features} x {count}: {found}, not {expected}"
             );
         }
-        let gram = pca.components().tr_mul(pca.components());
+        let loadings = DMatrix::from_column_slice(features, spectrum.len(), pca.components().as_slice());
+        let gram = loadings.tr_mul(&loadings);
         assert!(
             (gram - DMatrix::identity(pca.rank(), pca.rank())).amax() < 1e-12,
             "{features} x {count}"
@@ -148,8 +149,7 @@ fn an_offset_of_a_million_costs_the_signal_its_rounding_alone() {
 #[test]
 fn components_beyond_the_rank_are_zero() {
     // Two touches have one component; constant taxels have none.
-    let mut two = DMatrix::zeros(6, 2);
-    two.set_column(1, &DVector::from_row_slice(&[0.0, 3.0, 0.0, -4.0, 0.0, 0.0]));
+    let two = Matrix::new(6, 2, [[0.0; 6], [0.0, 3.0, 0.0, -4.0, 0.0, 0.0]].concat());
     for solver in [Solver::Auto, Solver::Exact, Solver::Truncated] {
         let pca = Pca::fit(&two, 2, solver).unwrap();
         assert_eq!(pca.rank(), 1, "{solver:?}");
@@ -213,6 +213,19 @@ fn the_truncated_solver_keeps_its_bound() {
 }
 
 #[test]
+fn many_touches_are_gone_over_in_parts_that_make_a_whole() {
+    // More than a million values, and rows, columns and components that no block divides.
+    let spectrum = [9.0, 5.0, 1.0];
+    let pca = Pca::fit(&of_spectrum(1101, 1003, &spectrum, 5.0), 3, Solver::Truncated).unwrap();
+    assert_near("singular values", pca.singular_values(), &spectrum, 1e-12);
+    assert!(
+        pca.residuals().iter().all(|residual| *residual < 1e-9),
+        "{:?}",
+        pca.residuals()
+    );
+}
+
+#[test]
 fn a_map_of_few_touches_is_judged_on_all() {
     let all = touches(91, 16, 0);
     let kept = |basis: &[usize]| -> f64 {
@@ -238,13 +251,18 @@ fn touches_that_have_no_map_are_refused_by_name() {
         touches
     };
     for (touches, components, words) in [
-        (good.columns(0, 1).into_owned(), 2, "there are 1 touches"),
-        (DMatrix::zeros(0, 4), 2, "no features"),
+        (good.select_columns(&[0]), 2, "there are 1 touches"),
+        (Matrix::new(0, 4, vec![]), 2, "no features"),
         (good.clone(), 0, "0 components"),
         (with(f64::NAN), 2, "touch 2, feature 3 is NaN"),
         (with(f64::INFINITY), 2, "touch 2, feature 3 is inf"),
-        (DMatrix::from_element(7, 4, 0.1), 2, "all 4 touches are the same"),
-        (DMatrix::zeros(7, 4), 2, "all 4 touches are the same"),
+        (
+            with(1e200),
+            2,
+            "the squares of 4 touches of 7 features are beyond",
+        ),
+        (Matrix::new(7, 4, vec![0.1; 28]), 2, "all 4 touches are the same"),
+        (Matrix::new(7, 4, vec![0.0; 28]), 2, "all 4 touches are the same"),
     ] {
         let error = Pca::fit(&touches, components, Solver::Auto)
             .unwrap_err()

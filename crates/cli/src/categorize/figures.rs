@@ -3,9 +3,8 @@
 use super::trial::{CLASSES, RANKS, READINGS, Row, Trial, abstractions, phantoms};
 use crate::progress::Progress;
 use anyhow::Context;
-use nalgebra::DMatrix;
 use std::path::Path;
-use taxel_palpation::{Pca, Silhouette, Solver, optimal};
+use taxel_palpation::{Matrix, Pca, Silhouette, Solver, optimal};
 use taxel_plot::{Axis, Chart, Picture, Sheet};
 
 /// Subsets of a size that are drawn where there are more.
@@ -115,7 +114,7 @@ impl Figures<'_> {
             first.set.phantom
         );
         let mut sheet = Sheet::new(title).columns(2).panel_size(420, 190);
-        let most = last.touches.amax();
+        let most = (last.touches.as_slice().iter()).fold(0.0f64, |most, x| most.max(x.abs()));
         for trial in [first, last] {
             for class in ["NA", "BD"] {
                 let Some(touch) = trial.set.labels.iter().position(|label| label == class) else {
@@ -368,7 +367,7 @@ fn map(title: String, trial: &Trial, classes: &[&str], ellipses: bool) -> Chart 
 }
 
 /// What a map of some touches keeps of all, and the silhouette of categories on it, as printed.
-fn judged(touches: &DMatrix<f64>, basis: &[usize], clusters: usize, seed: u64) -> anyhow::Result<[f64; 2]> {
+fn judged(touches: &Matrix, basis: &[usize], clusters: usize, seed: u64) -> anyhow::Result<[f64; 2]> {
     let pca = Pca::fit(&touches.select_columns(basis), 2, Solver::Auto)?;
     let map = pca.project(touches)?;
     let found = optimal(&map, clusters, seed)?;

@@ -81,13 +81,12 @@ impl MapFile {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::DMatrix;
-    use taxel_palpation::{Pca, Solver, optimal};
+    use taxel_palpation::{Matrix, Pca, Solver, optimal};
 
     impl MapFile {
         /// A map of two classes on one taxel, three steps of half a millimetre.
         pub(in crate::categorize) fn of_two_classes(rest_ms: Option<f64>) -> Self {
-            let touches = DMatrix::from_fn(3, 6, |step, n| {
+            let touches = Matrix::from_fn(3, 6, |step, n| {
                 (step + 1) as f64 * (1.0 + (n / 3) as f64) * 10.0 + n as f64 * 0.1
             });
             let pca = Pca::fit(&touches, 1, Solver::Auto).unwrap();

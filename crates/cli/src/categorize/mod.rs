@@ -13,15 +13,14 @@ use anyhow::{Context, bail, ensure};
 use clap::ValueEnum;
 pub(crate) use live::{Categorised, Listener, Live, follow};
 use map_file::MapFile;
-use nalgebra::DMatrix;
 pub(crate) use phantom_map::PhantomMap;
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use taxel_palpation::{
-    Agreement, Categories, Classifier, Pca, Silhouette, Solver, clusters_by_silhouette, optimal, paper,
-    stability,
+    Agreement, Categories, Classifier, Matrix, Pca, Silhouette, Solver, clusters_by_silhouette, optimal,
+    paper, stability,
 };
 use taxel_record::ReadOptions;
 use taxel_sequence::{Aligned, Motion};
@@ -255,9 +254,9 @@ fn is_manifest(path: &Path) -> bool {
 }
 
 /// Touches as the columns of a matrix.
-fn matrix(aligned: &Aligned) -> DMatrix<f64> {
+fn matrix(aligned: &Aligned) -> Matrix {
     let touches = aligned.values.len() / aligned.features().max(1);
-    DMatrix::from_column_slice(aligned.features(), touches, &aligned.values)
+    Matrix::new(aligned.features(), touches, aligned.values.clone())
 }
 
 fn categorize(args: &Args) -> anyhow::Result<(Set, Report)> {
@@ -307,7 +306,7 @@ fn categorize(args: &Args) -> anyhow::Result<(Set, Report)> {
 fn report(
     set: &Set,
     aligned: &Aligned,
-    map: &DMatrix<f64>,
+    map: &Matrix,
     explained_variance: Vec<f64>,
     categories: Categories,
     seed: u64,
@@ -323,12 +322,6 @@ fn report(
         a.class_of
             .iter()
             .map(|class| classes.get(*class).cloned())
-            .collect()
-    };
-    let rows = |a: &Agreement| {
-        a.confusion
-            .row_iter()
-            .map(|row| row.iter().copied().collect())
             .collect()
     };
     Ok(Report {
@@ -349,15 +342,12 @@ fn report(
         },
         stability: stability(map, &categories.labels, DRAWS, seed)?,
         class_of_label: agreement.as_ref().map(stands_for).unwrap_or_default(),
-        confusion: agreement.as_ref().map(rows).unwrap_or_default(),
+        confusion: (agreement.as_ref()).map_or_else(Vec::new, |a| a.confusion.clone()),
         accuracy: agreement.as_ref().map(|a| a.accuracy),
         ari: agreement.as_ref().map(|a| a.ari),
         labels: categories.labels,
         classes,
-        map: map
-            .column_iter()
-            .map(|touch| touch.iter().copied().collect())
-            .collect(),
+        map: map.column_iter().map(<[f64]>::to_vec).collect(),
     })
 }
 

@@ -3,9 +3,8 @@
 use super::matrix;
 use super::touches::Set;
 use anyhow::{Context, ensure};
-use nalgebra::DMatrix;
 use serde::Serialize;
-use taxel_palpation::{Agreement, Pca, Ranking, Silhouette, Solver, optimal};
+use taxel_palpation::{Agreement, Matrix, Pca, Ranking, Silhouette, Solver, optimal};
 use taxel_sequence::Motion;
 
 /// The classes of the publication: nothing, small and shallow, big and shallow, small and deep, big and deep.
@@ -24,10 +23,10 @@ pub(super) struct Trial {
     pub(super) set: Set,
     pub(super) motion: Motion,
     /// `D x N`.
-    pub(super) touches: DMatrix<f64>,
+    pub(super) touches: Matrix,
     pub(super) taxels: usize,
     /// The map of all touches.
-    pub(super) map: DMatrix<f64>,
+    pub(super) map: Matrix,
     pub(super) explained_variance: Vec<f64>,
     pub(super) rows: Vec<Row>,
     /// Distance of each of [`CLASSES`] from the first, and the probability of each of [`RANKS`]; `None` where a touch is
@@ -171,7 +170,7 @@ pub(super) fn numbers(labels: &[String], clusters: usize) -> Vec<usize> {
 }
 
 /// Distances of the classes as they are matched with five categories, as in the publication's section 4.4.
-fn ranking(set: &Set, map: &DMatrix<f64>, seed: u64) -> anyhow::Result<Option<(Vec<f64>, [f64; 2])>> {
+fn ranking(set: &Set, map: &Matrix, seed: u64) -> anyhow::Result<Option<(Vec<f64>, [f64; 2])>> {
     let number = |label: &String| CLASSES.iter().position(|class| class == label);
     let Some(classes) = set.labels.iter().map(number).collect::<Option<Vec<_>>>() else {
         return Ok(None);
