@@ -224,7 +224,6 @@ impl Daemon {
             clock,
             commands: obeyed,
             shared: shared.clone(),
-            timer: tick::timer().map_err(system("make a timer"))?,
             gather: gather::Gather::new(&config.tick),
             sources,
         };

@@ -5,11 +5,10 @@
 
 use crate::gather::Gather;
 use crate::snapshot::Snapshot;
-use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+use nix::poll::{PollFd, PollFlags, ppoll};
 use nix::sys::eventfd::EventFd;
 use nix::sys::time::TimeSpec;
-use nix::sys::timerfd::{ClockId, Expiration, TimerFd, TimerFlags, TimerSetTimeFlags};
-use std::os::fd::{AsFd, BorrowedFd};
+use std::os::fd::AsFd;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, mpsc};
 use std::time::{Duration, Instant};
@@ -88,16 +87,7 @@ pub(crate) struct TickThread {
     pub(crate) clock: PipelineClock,
     pub(crate) commands: mpsc::Receiver<Command>,
     pub(crate) shared: Arc<Shared>,
-    pub(crate) timer: TimerFd,
     pub(crate) gather: Gather,
-}
-
-/// The timer the thread waits with.
-pub(crate) fn timer() -> nix::Result<TimerFd> {
-    TimerFd::new(
-        ClockId::CLOCK_MONOTONIC,
-        TimerFlags::TFD_NONBLOCK | TimerFlags::TFD_CLOEXEC,
-    )
 }
 
 impl TickThread {
@@ -177,9 +167,10 @@ impl TickThread {
 
             if drained {
                 let frames = merge.taken().take(self.engine.skin_buses()).sum();
+                let ended_ns = self.engine.frames().tactile.t_ns;
                 let pause_ns = self
                     .gather
-                    .pause_ns(now_ns, frames, self.engine.sweep().awaited());
+                    .pause_ns(now_ns, frames, self.engine.sweep().awaited(), ended_ns);
                 quiet_until_ns = if more { 0 } else { now_ns + pause_ns };
             }
 
@@ -208,9 +199,9 @@ impl TickThread {
             sooner(Some(quiet_until_ns));
         }
 
-        let mut fds: [Option<BorrowedFd<'_>>; 2 + crate::config::MAX_BUSES] = Default::default();
-        fds[0] = Some(self.timer.as_fd());
-        fds[1] = Some(self.shared.wake.as_fd());
+        // POLLERR is always reported, asked for or not: that is how a vanished CAN interface shows itself.
+        let mut fds = [self.shared.wake.as_fd(); 1 + crate::config::MAX_BUSES];
+        let mut used = 1;
         let skin = self.engine.skin_buses();
         if let Some(joints) = self.sources.get(skin) {
             // Nothing is due with a joint's frame: those that came are taken with the next of the
@@ -218,34 +209,30 @@ impl TickThread {
             // be to wake up again at once.
             sooner(joints.wakeup().at_ns.map(|at| at.max(quiet_until_ns)));
         }
-        for (slot, source) in fds[2..].iter_mut().zip(&self.sources[..skin]) {
+        for source in &self.sources[..skin] {
             let wakeup = source.wakeup();
             if quiet {
                 sooner(wakeup.at_ns.map(|at| at.max(quiet_until_ns)));
             } else {
                 sooner(wakeup.at_ns);
-                *slot = wakeup.fd;
+                if let Some(fd) = wakeup.fd {
+                    fds[used] = fd;
+                    used += 1;
+                }
             }
         }
         if until_ns <= now_ns {
             return;
         }
-        let until = Duration::from_nanos(until_ns + self.clock.offset_ns);
-        let expiration = Expiration::OneShot(TimeSpec::from_duration(until));
-        if self
-            .timer
-            .set(expiration, TimerSetTimeFlags::TFD_TIMER_ABSTIME)
-            .is_err()
-        {
-            return;
+        let mut polled = fds.map(|fd| PollFd::new(fd, PollFlags::POLLIN));
+        let pause = TimeSpec::from_duration(Duration::from_nanos(until_ns - now_ns));
+        let _ = ppoll(&mut polled[..used], Some(pause), None);
+        if polled[0].any().unwrap_or(true) {
+            let _ = self.shared.wake.read();
         }
-        // POLLERR is always reported, asked for or not: that is how a vanished CAN interface shows itself.
-        let mut polled = fds.map(|fd| PollFd::new(fd.unwrap_or(self.timer.as_fd()), PollFlags::POLLIN));
-        let _ = poll(&mut polled, PollTimeout::NONE);
     }
 
     fn handle_commands(&mut self) {
-        let _ = self.shared.wake.read();
         while let Ok(command) = self.commands.try_recv() {
             match command {
                 Command::Rezero => self.engine.rezero(),
@@ -400,7 +387,6 @@ mod tests {
             },
             commands: mpsc::sync_channel(1).1,
             shared: shared.clone(),
-            timer: timer().unwrap(),
             gather: Gather::new(&config.tick),
         };
         let thread = std::thread::spawn(move || thread.run());

@@ -1,10 +1,12 @@
 """What the daemon costs: CPU time, memory, overruns, with a simulated hand on udp_multicast and one subscriber.
 
     cargo build --release --workspace --bins
-    TAXEL_BIN_DIR=target/release tests/.cache/venv/bin/python tests/bench/resources.py [--seconds 60]
+    TAXEL_BIN_DIR=target/release tests/.cache/venv/bin/python tests/bench/resources.py [--seconds 60] [--fifo]
 
 Prints a table for docs/benchmarks.md. `tests/run reference` makes the Python environment. The share of a core counts
-the daemon's user and system time, the kernel's work for its datagrams included; a socket of SocketCAN is cheaper.
+the daemon's user and system time, the kernel's work for its datagrams included; a socket of SocketCAN is cheaper. With
+`--fifo` (root) hand and daemon have real-time priority: a hand that shares its core is held up and then sends in
+handfuls, as no bus does, and in `sweep` mode the daemon is woken more often by it.
 """
 
 import argparse
@@ -62,15 +64,19 @@ def traffic(hand, sources, scene, folder):
     return ["replay", log, "--loop", *(a for pair in zip(hand.buses, sources) for a in ("--interface", "=".join(pair)))]
 
 
-def measure(tick, board_period_ms, scene, seconds):
+def measure(tick, board_period_ms, scene, seconds, fifo):
     hand = Hand()
     ports = MulticastBuses(len(hand.buses))  # its ports only: python-can would be one more receiver
     tables = {"tick": tick, "sweep": {"board_period_ms": board_period_ms}}
+    if fifo:
+        tables["realtime"] = {"priority": 40}
     if scene == "recording":
         tables["boards"] = {"mode": "passive"}
     with tempfile.TemporaryDirectory(prefix="taxel-") as folder, Daemon(folder, ports.sources, **tables) as daemon:
         command = [binary("taxel"), *traffic(hand, ports.sources, scene, folder)]
         simulator = subprocess.Popen(command, stderr=subprocess.DEVNULL, preexec_fn=die_with_parent)
+        if fifo:
+            os.sched_setscheduler(simulator.pid, os.SCHED_FIFO, os.sched_param(30))
         try:
             stop = threading.Event()
             with taxel_reader.connect(daemon.images) as reader:
@@ -100,6 +106,7 @@ def measure(tick, board_period_ms, scene, seconds):
                 "overruns": str(after["images"]["overruns"] - before["images"]["overruns"]),
                 "lost": str(lost),
                 "tick p99 us": f"{after['images']['lateness_us']['p99']:.0f}",
+                "age at send p50, p99 us": "{p50:.0f}, {p99:.0f}".format(**after["images"]["sent"]["age_us"]),
             }
         finally:
             simulator.kill()
@@ -110,11 +117,12 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=30.0, help="length of each measurement")
     parser.add_argument("--only", default="", help="only the measurements with this in their name, such as '1000 Hz'")
+    parser.add_argument("--fifo", action="store_true", help="real-time priority for hand and daemon")
     arguments = parser.parse_args()
     seconds = arguments.seconds
     columns = None
     for name, *case in (c for c in CASES if arguments.only in c[0]):
-        row = measure(*case, seconds)
+        row = measure(*case, seconds, arguments.fifo)
         if columns is None:
             columns = list(row)
             print("| " + " | ".join(["", *columns]) + " |\n" + "|---" * (len(columns) + 1) + "|")

@@ -73,8 +73,6 @@ FAULTS = {
     "socket": ["EMFILE", "ENFILE", "ENOBUFS"],
     "socketpair": ["EMFILE"],
     "statx": ["ENOMEM", "EACCES"],
-    "timerfd_create": ["EMFILE", "ENOMEM"],
-    "timerfd_settime": ["EINVAL"],
     "unlink": ["EACCES", "EBUSY"],
     "unlinkat": ["EACCES", "EBUSY"],
     "write": ["EINTR", "ENOSPC", "EIO", "EPIPE"],
