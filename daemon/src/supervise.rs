@@ -80,12 +80,7 @@ struct Reports {
 
 impl Reports {
     fn publish(&mut self, state: &State, now: &Snapshot) {
-        if !state.roster().wants_status() {
-            self.next_at = None;
-            return;
-        }
-        if self.next_at.is_none_or(|at| at <= Instant::now()) {
-            self.next_at = Some(Instant::now() + STATUS);
+        if self.is_due(state.roster().wants_status(), Instant::now()) {
             let mut status = state.status();
             status.subscribers.truncate(MOST_LISTED);
             let text = serde_json::to_string(&status).unwrap_or_default();
@@ -93,6 +88,17 @@ impl Reports {
                 .server
                 .set_status(text.as_bytes(), now.force.seq, now.force.t_ns);
         }
+    }
+
+    /// Whether a report is due where anybody wants one.
+    fn is_due(&mut self, is_wanted: bool, now: Instant) -> bool {
+        let is_due = is_wanted && self.next_at.is_none_or(|at| at <= now);
+        if is_due {
+            self.next_at = Some(now + STATUS);
+        } else if !is_wanted {
+            self.next_at = None;
+        }
+        is_due
     }
 }
 
@@ -244,5 +250,21 @@ fn call_roll(state: &State, now: Option<&Snapshot>) {
     match layout.modules.len() {
         boards if boards == heard => tracing::info!("all {boards} boards speak"),
         boards => tracing::warn!("{heard} of {boards} boards speak so far"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_report_is_made_at_once_where_one_asks_and_then_each_second_however_many_do() {
+        let start = Instant::now();
+        let mut reports = Reports::default();
+        // As often as it is looked at, tenths of a second; nobody wants reports before and in between.
+        let made: Vec<u32> = (0..60)
+            .filter(|at| reports.is_due(!matches!(at, 0..5 | 36..40), start + PERIOD * *at))
+            .collect();
+        assert_eq!(made, [5, 15, 25, 35, 40, 50]);
     }
 }

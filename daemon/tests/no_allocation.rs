@@ -150,6 +150,16 @@ fn allocations_per_run(mode: TickMode, rate_hz: f64, joints: JointsConfig) -> u6
     for other in others {
         std::thread::spawn(move || drain(other));
     }
+    for raw in [false, true] {
+        let mut recorder = Subscriber::connect(&config.socket.images).unwrap();
+        let wanted = Subscribe {
+            every: true,
+            raw,
+            ..Subscribe::default()
+        };
+        recorder.subscribe(&wanted).unwrap();
+        std::thread::spawn(move || drain(recorder));
+    }
     // Past the calibration window, and every buffer has grown to its size.
     watch(&mut subscriber, (3.0 * rate_hz) as u64);
 

@@ -1,6 +1,8 @@
 //! What a subscriber is promised that is sent the newest image, whatever others do and whatever it asks for.
 
 use crate::stage::{Got, PATIENCE, Reader, on_stage};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use taxel_hand::Profile;
 use taxel_wire::{Hello, Received, Subscribe, Subscriber, Subscription};
 
@@ -36,6 +38,45 @@ fn a_reader_that_takes_nothing_costs_the_others_no_image() {
             sent.age_us.max > 0.0 && sent.age_us.p50 <= sent.age_us.max,
             "{sent:?}"
         );
+    });
+}
+
+#[test]
+fn who_asks_for_the_roster_without_end_costs_no_image() {
+    on_stage(async |mut stage| {
+        let mut reader = Reader::connect(&stage.path, false);
+        stage
+            .until("it is there", |server| server.roster().subscribers() == 1)
+            .await;
+        let (is_over, answers) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicU64::new(0)));
+        let asker = {
+            let (handle, is_over, answers) = (stage.handle.clone(), is_over.clone(), answers.clone());
+            std::thread::spawn(move || {
+                let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
+                let ask = async || {
+                    while !is_over.load(Ordering::Relaxed) && handle.roster().await.is_some() {
+                        answers.fetch_add(1, Ordering::Relaxed);
+                    }
+                };
+                // More than there is room for at once.
+                let all = async || tokio::join!(ask(), ask(), ask(), ask(), ask(), ask(), ask(), ask());
+                runtime.block_on(async { tokio::join!(all(), all(), all()) });
+            })
+        };
+        stage
+            .until("they ask", |_| answers.load(Ordering::Relaxed) > 100)
+            .await;
+        for seq in 0..200 {
+            stage.publish(1);
+            // Every task that has something to do has its turn, however much the others have.
+            for _ in 0..3 {
+                tokio::task::yield_now().await;
+            }
+            assert_eq!(stage.server.roster().sent_status().images, seq + 1);
+            assert_eq!(reader.read(1).await, [Got::Image(seq, 0)]);
+        }
+        is_over.store(true, Ordering::Relaxed);
+        stage.until("the last answer", |_| asker.is_finished()).await;
     });
 }
 
