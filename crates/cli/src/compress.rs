@@ -117,7 +117,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         if interrupt.is_set() {
             bail!("stopped; {} was not written", args.out.display());
         }
-        run.take(tactile, force, image)
+        run.take(tactile.map(|measured| measured.tactile), force, image)
     })?;
     run.finish(args, &config)
 }

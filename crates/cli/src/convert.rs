@@ -160,7 +160,7 @@ fn frames(args: &Args, input: &Input, take: &mut TakeFrame<'_>) -> anyhow::Resul
             _ => args
                 .offline
                 .run(input, &config, &mut |tactile, _, _| match tactile {
-                    Some(tactile) => take(&config.layout, tactile),
+                    Some(measured) => take(&config.layout, measured.tactile),
                     None => Ok(()),
                 }),
         },

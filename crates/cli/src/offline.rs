@@ -59,7 +59,23 @@ pub(crate) fn preset(name: &str) -> Result<Preset, String> {
 /// What is made of each instant of a recording: counts, where it holds counts; what the skin feels;
 /// the image.
 pub(crate) type Emit<'a> =
-    dyn FnMut(Option<&TactileFrame>, &ForceFrame, &TactileImage) -> anyhow::Result<()> + 'a;
+    dyn FnMut(Option<Measured<'_>>, &ForceFrame, &TactileImage) -> anyhow::Result<()> + 'a;
+
+/// The counts of an instant, and of what they are above.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Measured<'a> {
+    pub(crate) tactile: &'a TactileFrame,
+    /// Baseline of each taxel, counts x, y, z; not a number where it has none.
+    pub(crate) baseline: &'a [[f32; 3]],
+}
+
+impl std::ops::Deref for Measured<'_> {
+    type Target = TactileFrame;
+
+    fn deref(&self) -> &TactileFrame {
+        self.tactile
+    }
+}
 
 impl OfflineArgs {
     /// The files that are read, as they were named.
@@ -169,6 +185,21 @@ impl OfflineArgs {
             );
         }
         Ok(config)
+    }
+
+    /// What the joints of the recording are called, in the order of their angles: by the configuration or the scene; in an
+    /// array of frames, which has no names, by their numbers.
+    pub(crate) fn joint_names(&self, input: &Input, config: &Config) -> Vec<String> {
+        match (input, &config.joints) {
+            (Input::Scene(scene), _) => scene_input::joint_names(scene, config),
+            (Input::Frames(recording), joints) => {
+                let count = recording.joints(0).len();
+                let named = joints.as_ref().map(|joints| joints.joint_names());
+                let named = named.filter(|names| names.len() == count);
+                named.unwrap_or_else(|| (0..count).map(|joint| format!("joint {joint}")).collect())
+            }
+            (Input::Log(_), joints) => joints.as_ref().map_or(Vec::new(), |joints| joints.joint_names()),
+        }
     }
 
     /// Takes the recording through the daemon's pipeline, or magnitudes straight to compression,
@@ -360,7 +391,11 @@ pub(crate) fn pipeline(
         frames,
         None,
         |frames: &Frames, image| {
-            failure = emit(Some(&frames.tactile), &frames.force, image).err();
+            let measured = Measured {
+                tactile: &frames.tactile,
+                baseline: &frames.baseline,
+            };
+            failure = emit(Some(measured), &frames.force, image).err();
             match failure {
                 None => ControlFlow::Continue(()),
                 Some(_) => ControlFlow::Break(()),

@@ -257,7 +257,35 @@ fn preamble(args: &Args) -> anyhow::Result<Preamble> {
     Ok(Preamble { facts, attached })
 }
 
+/// A recording of all that the daemon with this image socket has, until it is stopped.
+pub(crate) fn plan_of_daemon(socket: &Path, out: PathBuf) -> anyhow::Result<Plan> {
+    let recorder = (
+        "recorder".to_owned(),
+        format!("taxel {}", env!("CARGO_PKG_VERSION")),
+    );
+    Ok(Plan {
+        out,
+        socket: Some(socket.into()),
+        can: buses_of_daemon(socket)?,
+        split: Split::default(),
+        around: None,
+        mark_triggers: false,
+        duration: None,
+        preamble: Preamble {
+            facts: BTreeMap::from([recorder]),
+            attached: Vec::new(),
+        },
+    })
+}
+
 fn report(plan: &Plan, finished: &Finished) {
+    for line in words(plan, finished) {
+        eprintln!("{line}");
+    }
+}
+
+/// What became of a recording, and what is missing of it, a sentence each.
+pub(crate) fn words(plan: &Plan, finished: &Finished) -> Vec<String> {
     let Finished {
         files,
         can_frames,
@@ -273,14 +301,14 @@ fn report(plan: &Plan, finished: &Finished) {
         .map(|file| file.len())
         .sum();
     let name = match &files[..] {
-        [] if plan.around.is_some() => return eprintln!("taxel: no trigger came, and nothing was kept"),
+        [] if plan.around.is_some() => return vec!["taxel: no trigger came, and nothing was kept".into()],
         [only] => only.display().to_string(),
         files => format!("{} files of {}", files.len(), plan.out.display()),
     };
-    eprintln!(
+    let mut lines = vec![format!(
         "{name}: {:.1} MB, {messages} messages; {images} images and {can_frames} CAN frames were read",
         bytes as f64 / 1e6
-    );
+    )];
     for (count, what) in [
         (
             *can_lost,
@@ -293,9 +321,10 @@ fn report(plan: &Plan, finished: &Finished) {
         (*dropped, "messages were dropped, since the disk is too slow"),
     ] {
         if count > 0 {
-            eprintln!("taxel: {count} {what}");
+            lines.push(format!("taxel: {count} {what}"));
         }
     }
+    lines
 }
 
 #[cfg(test)]

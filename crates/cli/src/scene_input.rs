@@ -32,6 +32,12 @@ pub(crate) fn run(scene: &Scene, config: &Config, emit: &mut Emit<'_>) -> anyhow
     )
 }
 
+/// What the joints of the scene are called, in the order of their angles.
+pub(crate) fn joint_names(scene: &Scene, config: &Config) -> Vec<String> {
+    let servos = servos_of_scene(scene, &config.layout, 0);
+    servos.into_iter().map(|servo| servo.name).collect()
+}
+
 /// Everything that the buses carry during the scene.
 fn traffic(mut simulator: Simulator, length_ns: u64) -> impl Iterator<Item = (u8, Received)> {
     let steps = (0..length_ns).step_by(STEP_NS as usize);

@@ -18,6 +18,8 @@ pub enum Action {
     Pause(bool),
     /// Make a mark.
     Mark(String),
+    /// Record what the daemon sends, or end that.
+    Record,
     /// Show images of this profile; `None` for the daemon's own.
     Profile(Option<Box<Profile>>),
     /// Halt a recording, or go on.
@@ -36,6 +38,7 @@ pub(crate) const KEYS: [&[(&str, &str)]; 3] = [
         ("z", "measure the baseline anew: hands off"),
         ("p", "pause: every display lets go; again: go on"),
         ("m", "make a mark, with a text"),
+        ("r", "record into a file of its own here; again: end it"),
         ("o", "method of the images, for this view alone"),
         ("- +", "force levels K_D, for this view alone"),
         ("{ }", "actuators K_A, for this view alone"),
@@ -127,6 +130,7 @@ impl Screen {
             KeyCode::Char('z') => return Action::Rezero,
             KeyCode::Char('p') => return Action::Pause(!seen.is_paused()),
             KeyCode::Char('m') => self.prompt = Some(String::new()),
+            KeyCode::Char('r') => return Action::Record,
             KeyCode::Char('0') => return Action::Profile(None),
             KeyCode::Char(key) => return profile(key, seen),
             _ => {}

@@ -264,7 +264,9 @@ fn recorded(args: &Args) -> anyhow::Result<(Frames, Config)> {
     args.condition(&mut config);
     let mut sequence = empty(&config);
     offline.run(&input, &config, &mut |tactile, force, _| {
-        sequence.tactile.extend(tactile.cloned());
+        sequence
+            .tactile
+            .extend(tactile.map(|measured| measured.tactile.clone()));
         sequence.force.push(force.clone());
         Ok(())
     })?;

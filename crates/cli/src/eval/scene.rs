@@ -14,7 +14,9 @@ pub(super) fn frames(name: &str, args: &Args) -> anyhow::Result<(Frames, Config)
     args.condition(&mut config);
     let mut sequence = empty(&config);
     scene_input::run(&scene, &config, &mut |tactile, force, _| {
-        sequence.tactile.extend(tactile.cloned());
+        sequence
+            .tactile
+            .extend(tactile.map(|measured| measured.tactile.clone()));
         sequence.force.push(force.clone());
         Ok(())
     })?;

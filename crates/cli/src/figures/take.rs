@@ -44,7 +44,8 @@ impl Take {
             force: Vec::new(),
         };
         offline.run(&input, &config, &mut |tactile, force, _| {
-            take.tactile.extend(tactile.cloned());
+            take.tactile
+                .extend(tactile.map(|measured| measured.tactile.clone()));
             take.force.push(force.clone());
             Ok(())
         })?;

@@ -1,5 +1,6 @@
 //! The hand of a running daemon.
 
+use super::recorder::Recorder;
 use super::{GLANCE_S, Sheet, Source, lock, look, print_summary};
 use crate::control;
 use crate::interrupt::Interrupt;
@@ -22,7 +23,8 @@ const LOOK: Duration = Duration::from_millis(300);
 struct Daemon {
     images: PathBuf,
     control: PathBuf,
-    seen: Mutex<Seen>,
+    seen: Arc<Mutex<Seen>>,
+    recorder: Recorder,
     /// The profile of this view alone.
     profile: Mutex<Option<Box<Profile>>>,
     /// Whether it is to be asked for.
@@ -44,7 +46,8 @@ pub(super) fn run(
     let daemon = Arc::new(Daemon {
         images,
         control,
-        seen: Mutex::new(Seen::new()),
+        seen: Arc::default(),
+        recorder: Recorder::default(),
         profile: Mutex::new(None),
         asks: AtomicBool::new(false),
         over: AtomicBool::new(false),
@@ -73,6 +76,9 @@ pub(super) fn run(
     };
     daemon.over.store(true, Ordering::Relaxed);
     let _ = reader.join();
+    for line in daemon.recorder.finish() {
+        eprintln!("{line}");
+    }
     outcome
 }
 
@@ -166,7 +172,10 @@ impl Source for Daemon {
         Heading {
             name: hello.daemon.clone(),
             detail: hello.layout.clone(),
-            about: rate,
+            about: match self.recorder.file() {
+                Some(file) => format!("{rate}, recording {file}"),
+                None => rate,
+            },
         }
     }
 
@@ -186,6 +195,7 @@ impl Source for Daemon {
                 refused
             }
             Action::Mark(text) => self.request(&json!({ "cmd": "mark", "text": text })),
+            Action::Record => self.recorder.toggle(&self.images, &self.seen),
             Action::Profile(profile) => {
                 *self.profile.lock().unwrap_or_else(|e| e.into_inner()) = profile;
                 self.asks.store(true, Ordering::Relaxed);

@@ -1,6 +1,7 @@
 //! `taxel view`: one's own hand on the terminal, live or recorded.
 
 mod live;
+mod recorder;
 mod recording;
 
 use crate::interrupt::Interrupt;
@@ -28,7 +29,7 @@ const GLANCE_S: f64 = 2.0;
 /// Left is the skin, laid flat, coloured by force, with arrows where it is pulled aside; right the tactile image with
 /// the actuators' levels. Below: one taxel in words, and where there is room force over time and what is wrong.
 /// `?` lists the keys: look at a taxel, show it over time, hold the scale; change method, levels and actuators for
-/// this view alone; measure the baseline anew, pause, make a mark. The view waits for a daemon that was restarted.
+/// this view alone; measure the baseline anew, pause, make a mark, record. The view waits for a daemon that was restarted.
 ///
 /// Without a terminal, or where TERM is dumb, it prints a summary. With NO_COLOR it draws shades.
 #[derive(Debug, clap::Args)]

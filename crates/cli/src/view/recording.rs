@@ -145,24 +145,37 @@ impl Player {
         };
         let geometry = &config.layout.geometry;
         let hello = Hello::new(&self.name, geometry, &config.profile, rate, Clock::Recording);
+        let hello = Hello {
+            joints: recording.joint_names(&input, &config),
+            ..hello
+        };
         lock(&self.seen).see_hello(&hello, 0);
         let mut payload = Vec::new();
         let mut counts = TactileFrame::new(geometry.len());
         counts.freshness.fill(Freshness::Fresh);
         counts.age_ns.fill(0);
-        recording.run(&input, &config, &mut |tactile, force, image| {
+        recording.run(&input, &config, &mut |measured, force, image| {
             self.wait_until(force.t_ns)?;
-            let tactile = tactile.unwrap_or_else(|| {
-                (counts.seq, counts.t_ns) = (force.seq, force.t_ns);
-                &counts
-            });
-            self.see(tactile, force, image, &mut payload)
+            match measured {
+                Some(measured) => self.see(
+                    measured.tactile,
+                    Some(measured.baseline),
+                    force,
+                    image,
+                    &mut payload,
+                ),
+                None => {
+                    (counts.seq, counts.t_ns) = (force.seq, force.t_ns);
+                    self.see(&counts, None, force, image, &mut payload)
+                }
+            }
         })
     }
 
     fn see(
         &self,
         tactile: &TactileFrame,
+        baseline: Option<&[[f32; 3]]>,
         force: &ForceFrame,
         image: &TactileImage,
         payload: &mut Vec<u8>,
@@ -172,7 +185,7 @@ impl Player {
         let header = Header::of_image(image, payload.len());
         let view = ImageView::decode(payload).context("an image made here")?;
         seen.see_image(&header, &view, force.t_ns);
-        encode_raw_payload(tactile, force, None, payload)?;
+        encode_raw_payload(tactile, force, baseline, payload)?;
         let view = RawView::decode(payload).context("a raw frame made here")?;
         seen.see_raw(&Header::of_frame(tactile, force, payload.len()), &view);
         Ok(())

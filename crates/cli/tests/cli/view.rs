@@ -61,6 +61,27 @@ fn a_picture_is_of_the_second_that_was_asked_for() {
 }
 
 #[test]
+fn a_recording_has_the_arrows_and_joints_that_a_live_hand_has() {
+    let dir = TempDir::new().unwrap();
+    succeeds(
+        &dir,
+        &[
+            "view",
+            "sim:slip",
+            "--svg",
+            "slip.svg",
+            "--size",
+            "100x30",
+            "--seconds",
+            "4",
+        ],
+    );
+    let svg = std::fs::read_to_string(dir.path().join("slip.svg")).unwrap();
+    assert!(svg.contains('→'), "the skin is pulled aside: {svg}");
+    assert!(svg.contains('▅') && svg.contains('▁'), "fingers are bent: {svg}");
+}
+
+#[test]
 fn what_is_said_of_a_recording_needs_one() {
     let dir = TempDir::new().unwrap();
     let err = fails(&dir, &["view", "--levels", "4"], 2);

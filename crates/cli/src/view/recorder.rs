@@ -1,0 +1,145 @@
+//! A recording that a key begins and ends, while the hand is looked at.
+
+use super::lock;
+use crate::record::{plan_of_daemon, words};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
+use std::time::{SystemTime, UNIX_EPOCH};
+use taxel_recorder::Signals;
+use taxel_view::Seen;
+
+/// At most one recording at a time.
+#[derive(Debug, Default)]
+pub(super) struct Recorder(Mutex<Option<Ongoing>>);
+
+#[derive(Debug)]
+struct Ongoing {
+    file: String,
+    stop: Arc<AtomicBool>,
+    /// What became of it, in the end.
+    thread: JoinHandle<Vec<String>>,
+}
+
+impl Ongoing {
+    fn finish(self) -> Vec<String> {
+        self.stop.store(true, Ordering::Relaxed);
+        let failed = |_| vec![format!("{}: the recorder panicked", self.file)];
+        self.thread.join().unwrap_or_else(failed)
+    }
+}
+
+impl Recorder {
+    /// The file that is being written.
+    pub(super) fn file(&self) -> Option<String> {
+        let mut ongoing = self.0.lock().unwrap_or_else(|e| e.into_inner());
+        // One that has failed has said why.
+        if ongoing
+            .as_ref()
+            .is_some_and(|ongoing| ongoing.thread.is_finished())
+        {
+            *ongoing = None;
+        }
+        ongoing.as_ref().map(|ongoing| ongoing.file.clone())
+    }
+
+    /// Begins a recording in a file of its own in the current folder, or ends the one there is; what there is to say.
+    pub(super) fn toggle(&self, images: &Path, seen: &Arc<Mutex<Seen>>) -> Option<String> {
+        let mut ongoing = self.0.lock().unwrap_or_else(|e| e.into_inner());
+        if let Some(ongoing) = ongoing.take() {
+            return Some(ongoing.finish().join("; "));
+        }
+        match begin(images, PathBuf::from(file_name(SystemTime::now())), seen.clone()) {
+            Ok(begun) => {
+                let words = format!("recording {}; r ends it", begun.file);
+                *ongoing = Some(begun);
+                Some(words)
+            }
+            Err(error) => Some(format!("{error:#}")),
+        }
+    }
+
+    /// Ends the recording, if there is one; what became of it.
+    pub(super) fn finish(&self) -> Vec<String> {
+        let ongoing = self.0.lock().unwrap_or_else(|e| e.into_inner()).take();
+        ongoing.map_or(Vec::new(), Ongoing::finish)
+    }
+}
+
+fn begin(images: &Path, out: PathBuf, seen: Arc<Mutex<Seen>>) -> anyhow::Result<Ongoing> {
+    let plan = plan_of_daemon(images, out)?;
+    let file = plan.out.display().to_string();
+    let stop = Arc::new(AtomicBool::new(false));
+    let is_stopped = stop.clone();
+    let record = move || {
+        let say = |text: &str| lock(&seen).say(text, taxel_can::monotonic_ns());
+        let signals = Signals {
+            stop: &|| is_stopped.load(Ordering::Relaxed),
+            trigger: &|| false,
+            say: &say,
+        };
+        match taxel_recorder::record(&plan, &signals) {
+            Ok(finished) => words(&plan, &finished),
+            Err(error) => {
+                let words = format!("{error}; nothing is recorded any more");
+                say(&words);
+                vec![words]
+            }
+        }
+    };
+    let thread = std::thread::Builder::new()
+        .name("recorder".into())
+        .spawn(record)?;
+    Ok(Ongoing { file, stop, thread })
+}
+
+/// A name by the time, UTC: `taxel-20261122T120455Z.mcap`.
+fn file_name(now: SystemTime) -> String {
+    let seconds = now.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
+    let [mut days, of_day] = [seconds / 86_400, seconds % 86_400];
+    let mut year = 1970;
+    let is_leap =
+        |year: u64| year.is_multiple_of(4) && (!year.is_multiple_of(100) || year.is_multiple_of(400));
+    while days >= 365 + u64::from(is_leap(year)) {
+        days -= 365 + u64::from(is_leap(year));
+        year += 1;
+    }
+    let mut month = 0;
+    let of_month = |month: usize| match month {
+        1 => 28 + u64::from(is_leap(year)),
+        3 | 5 | 8 | 10 => 30,
+        _ => 31,
+    };
+    while days >= of_month(month) {
+        days -= of_month(month);
+        month += 1;
+    }
+    format!(
+        "taxel-{year:04}{:02}{:02}T{:02}{:02}{:02}Z.mcap",
+        month + 1,
+        days + 1,
+        of_day / 3600,
+        of_day / 60 % 60,
+        of_day % 60
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::Duration;
+
+    #[test]
+    fn a_recording_is_named_by_the_time() {
+        for (seconds, name) in [
+            (0, "taxel-19700101T000000Z.mcap"),
+            (951_782_400, "taxel-20000229T000000Z.mcap"),
+            (1_795_349_095, "taxel-20261122T120455Z.mcap"),
+            (4_107_542_399, "taxel-21000228T235959Z.mcap"),
+            (4_107_542_400, "taxel-21000301T000000Z.mcap"),
+        ] {
+            assert_eq!(file_name(UNIX_EPOCH + Duration::from_secs(seconds)), name);
+        }
+    }
+}

@@ -1,0 +1,75 @@
+"""`taxel view` on a terminal: what its keys do outside of the picture."""
+
+import fcntl
+import os
+import pty
+import struct
+import subprocess
+import termios
+
+import pytest
+from harness.daemon import binary, die_with_parent, eventually
+
+
+@pytest.fixture
+def buses():
+    """The daemon of these tests simulates its own."""
+    yield None
+
+
+class Terminal:
+    """A program on a terminal of 100x30."""
+
+    def __init__(self, folder, *arguments):
+        self.keys, theirs = pty.openpty()
+        fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 30, 100, 0, 0))
+        os.set_blocking(self.keys, False)
+        self.process = subprocess.Popen(
+            [binary("taxel"), *map(str, arguments)],
+            cwd=folder,
+            stdin=theirs,
+            stdout=theirs,
+            stderr=theirs,
+            start_new_session=True,
+            preexec_fn=die_with_parent,
+            env={**os.environ, "TERM": "xterm-256color"},
+        )
+        os.close(theirs)
+        self.shown = b""
+
+    def shows(self, text):
+        try:
+            while part := os.read(self.keys, 65536):
+                self.shown += part
+        except (BlockingIOError, OSError):
+            pass
+        return text.encode() in self.shown
+
+    def wait_for(self, text):
+        eventually(lambda: self.shows(text), lambda: f"{text} is not shown: {self.shown[-3000:]!r}", 20)
+
+    def press(self, key):
+        os.write(self.keys, key.encode())
+
+
+def test_a_key_records_into_a_file_named_by_the_time_and_ends_it(start, folder):
+    daemon = start(sources=["sim:ball-grasp"] * 2, tick={"mode": "timer", "rate_hz": 30.0}, boards={"mode": "free-running"})
+    terminal = Terminal(folder, "view", "--socket", daemon.images)
+    try:
+        terminal.wait_for("allegro")
+        before = daemon.status()["images"]["made"]
+        terminal.press("r")
+        (file,) = eventually(lambda: list(folder.glob("taxel-*.mcap")), "no file is made")
+        terminal.wait_for(file.name)
+        daemon.wait_status(lambda status: status["images"]["made"] > before + 60, "the hand makes no images")
+        terminal.press("r")
+        terminal.wait_for("images and")
+        terminal.press("q")
+        assert terminal.process.wait(10) == 0
+    finally:
+        terminal.process.kill()
+        os.close(terminal.keys)
+    made = subprocess.run(
+        [binary("taxel"), "convert", file.name, "frames.npz"], cwd=folder, capture_output=True, text=True, timeout=30
+    )
+    assert made.returncode == 0 and "frames" in made.stderr, made.stderr
