@@ -7,6 +7,8 @@ use crate::offline::OfflineArgs;
 use crate::output_file::{OutputFile, refuse_overlap};
 use crate::progress::Progress;
 use anyhow::bail;
+use serde_json::json;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use taxel_compress::learn_codebook;
 use taxel_hand::{FORCE_MAX, ForceFrame, Method, Profile, TactileFrame, did_you_mean};
@@ -40,7 +42,7 @@ Examples:
 pub(crate) struct Args {
     #[command(flatten)]
     offline: OfflineArgs,
-    /// Where the images go: .npz, .npy, .csv, .jsonl or .bin
+    /// Where the images go: .npz, .npy, .csv, .jsonl or .bin; - for JSON lines on stdout
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
     #[arg(long, value_name = "METHOD", value_parser = method, help = format!("How frames are compressed: {}; paper has the publication's conditioning too, unless told otherwise", methods()))]
@@ -51,6 +53,9 @@ pub(crate) struct Args {
     /// Writes the force levels of the whole recording here, to be kept constant as profile.codebook
     #[arg(long, value_name = "FILE")]
     learn_codebook: Option<PathBuf>,
+    /// One JSON object on stdout in the end: how many images there are, and of which kinds
+    #[arg(long)]
+    json: bool,
 }
 
 /// The names of the methods, those that the compression has.
@@ -75,6 +80,9 @@ pub(crate) fn method(name: &str) -> Result<Method, String> {
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let format = OutputFormat::of(&args.out)?;
+    if args.json && args.out.as_os_str() == "-" {
+        bail!("--json: the images go to stdout already; give --out a file");
+    }
     let outputs: Vec<&Path> = [&args.out]
         .into_iter()
         .chain(&args.learn_codebook)
@@ -226,6 +234,19 @@ impl Run {
             profile.check()?;
             write_codebook(path, args, &profile)?;
             eprintln!("{}: {} levels learned", path.display(), profile.codebook.len());
+        }
+        if args.json {
+            let object = json!({
+                "out": args.out.display().to_string(),
+                "width": config.layout.width,
+                "height": config.layout.height,
+                "images": images,
+                "calibrating": calibrating,
+                "with_contact": with_contact,
+                "with_missing": with_missing,
+                "with_faulty": with_faulty,
+            });
+            writeln!(std::io::stdout(), "{object}")?;
         }
         Ok(())
     }

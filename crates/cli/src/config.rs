@@ -2,6 +2,7 @@
 
 use crate::output_file::OutputFile;
 use anyhow::Context;
+use serde_json::json;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use taxel_can::SourceAddress;
@@ -31,7 +32,7 @@ enum Command {
     /// Print a file to start from: the hand, its buses, and every other key with its default behind #
     Init(Init),
     /// Say what is wrong with a file, or what it would run
-    Check(File),
+    Check(Check),
     /// Print every value in force, also those that the file does not state
     Show(Show),
 }
@@ -57,6 +58,15 @@ struct File {
 }
 
 #[derive(Debug, clap::Args)]
+struct Check {
+    #[command(flatten)]
+    file: File,
+    /// One JSON object: whether a daemon could start with it, or what is wrong
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, clap::Args)]
 struct Show {
     #[command(flatten)]
     file: File,
@@ -74,10 +84,22 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
                 false => OutputFile::write(&args.out, text),
             }
         }
-        Command::Check(file) => {
-            let (config, _) = file.read()?;
-            taxeld::check(&config)?;
-            print(&config.summary())
+        Command::Check(args) => {
+            let checked = args.file.read().and_then(|(config, _)| {
+                taxeld::check(&config)?;
+                Ok(config)
+            });
+            if args.json {
+                let error = checked.as_ref().err().map(crate::describe);
+                let summary = checked.as_ref().ok().map(Config::summary);
+                let object = json!({ "valid": error.is_none(), "error": error, "summary": summary });
+                print(&format!("{object}\n"))?;
+            }
+            let config = checked?;
+            match args.json {
+                true => Ok(()),
+                false => print(&config.summary()),
+            }
         }
         Command::Show(args) => {
             let (config, text) = args.file.read()?;

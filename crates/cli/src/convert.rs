@@ -3,11 +3,12 @@
 use crate::input::{DEFAULT_LAYOUT, Input};
 use crate::interrupt::Interrupt;
 use crate::offline::OfflineArgs;
-use crate::output_file::{OutputFile, refuse_overlap};
+use crate::output_file::{OutputFile, create_stream, refuse_overlap};
 use crate::progress::Progress;
 use crate::recorded;
 use crate::sweep::Sweeps;
 use anyhow::{Context, bail};
+use serde_json::json;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -35,21 +36,31 @@ Examples:
 pub(crate) struct Args {
     #[command(flatten)]
     offline: OfflineArgs,
-    /// Where it goes: .log, .mcap, .npz or .csv
+    /// Where it goes: .log, .mcap, .npz or .csv; - for candump lines on stdout
     #[arg(value_name = "OUT")]
     out: PathBuf,
+    /// One JSON object on stdout in the end: the file, and how many CAN frames or frames are in it
+    #[arg(long)]
+    json: bool,
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let out = &args.out;
-    let ending = out
-        .extension()
+    let is_stdout = out.as_os_str() == "-";
+    if args.json && is_stdout {
+        bail!("--json: the recording goes to stdout already; name a file");
+    }
+    let ending = match is_stdout {
+        true => Path::new("-.log").extension(),
+        false => out.extension(),
+    };
+    let ending = ending
         .and_then(|ending| ending.to_str())
         .unwrap_or_default()
         .to_ascii_lowercase();
     if !["log", "mcap", "npz", "csv"].contains(&ending.as_str()) {
         bail!(
-            "{}: a recording is written as .log, .mcap, .npz or .csv",
+            "{}: a recording is written as .log, .mcap, .npz or .csv, or as candump lines to -",
             out.display()
         );
     }
@@ -61,7 +72,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         false => Ok(()),
     };
     let mut whole = OutputFile::begin(out)?;
-    let count = match ending.as_str() {
+    let (count, what) = match ending.as_str() {
         "log" | "mcap" => {
             let mut output = TrafficOutput::create(whole.path(), &ending)?;
             let mut frames = 0_u64;
@@ -73,7 +84,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
                 output.put(name, wall_ns, received)
             })?;
             output.finish()?;
-            format!("{frames} CAN frames")
+            (frames, "CAN frames")
         }
         _ => {
             let mut output = FrameOutput::create(whole.path(), &ending)?;
@@ -83,12 +94,17 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             })?;
             match output.finish()? {
                 0 => bail!("{}: there is no frame in it", args.offline.input.name()),
-                frames => format!("{frames} frames"),
+                frames => (frames, "frames"),
             }
         }
     };
     whole.finish()?;
-    eprintln!("{}: {count}", out.display());
+    eprintln!("{}: {count} {what}", out.display());
+    if args.json {
+        let key = what.to_ascii_lowercase().replace(' ', "_");
+        let object = json!({ "out": out.display().to_string(), key: count });
+        writeln!(std::io::stdout(), "{object}").context("stdout")?;
+    }
     Ok(())
 }
 
@@ -200,7 +216,7 @@ enum TrafficOutput {
 
 impl TrafficOutput {
     fn create(path: &Path, ending: &str) -> anyhow::Result<Self> {
-        let file = File::create(path).with_context(|| path.display().to_string())?;
+        let file = create_stream(path).with_context(|| path.display().to_string())?;
         let file = BufWriter::with_capacity(1 << 20, file);
         if ending == "log" {
             return Ok(Self::Candump(LogWriter::new(file), path.into()));

@@ -75,6 +75,9 @@ Examples:
 pub(crate) struct MarkArgs {
     /// What happened
     text: String,
+    /// One JSON object: behind which image it is, and its time
+    #[arg(long)]
+    json: bool,
     #[command(flatten)]
     ask: Ask,
 }
@@ -115,7 +118,10 @@ pub(crate) fn profile(args: &ProfileArgs) -> anyhow::Result<()> {
 
 pub(crate) fn mark(args: &MarkArgs) -> anyhow::Result<()> {
     let reply = args.ask.send(&json!({ "cmd": "mark", "text": args.text }))?;
-    print(&format!("behind image {}\n", reply["mark"]["seq"]))
+    print(&match args.json {
+        true => format!("{}\n", reply["mark"]),
+        false => format!("behind image {}\n", reply["mark"]["seq"]),
+    })
 }
 
 impl Ask {

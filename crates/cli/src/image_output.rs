@@ -1,7 +1,7 @@
 //! Where compressed images go: a file, in the format its name tells.
 
 use crate::image_line;
-use crate::output_file::OutputFile;
+use crate::output_file::{OutputFile, create_stream};
 use anyhow::{Context, bail};
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -27,8 +27,11 @@ pub(crate) enum OutputFormat {
 }
 
 impl OutputFormat {
-    /// By the file's name.
+    /// By the file's name; on stdout (`-`), JSON.
     pub(crate) fn of(path: &Path) -> anyhow::Result<Self> {
+        if path.as_os_str() == "-" {
+            return Ok(Self::Jsonl);
+        }
         let extension = path
             .extension()
             .and_then(|e| e.to_str())
@@ -41,7 +44,7 @@ impl OutputFormat {
             "jsonl" => Self::Jsonl,
             "bin" => Self::Bin,
             _ => bail!(
-                "--out {}: images are written as .npz, .npy, .csv, .jsonl or .bin",
+                "--out {}: images are written as .npz, .npy, .csv, .jsonl or .bin, or as JSON lines to -",
                 path.display()
             ),
         })
@@ -69,7 +72,7 @@ impl ImageOutput {
         let whole = OutputFile::begin(path)?;
         let file = match format {
             OutputFormat::Jsonl | OutputFormat::Bin => {
-                let file = File::create(whole.path()).with_context(|| path.display().to_string())?;
+                let file = create_stream(whole.path()).with_context(|| path.display().to_string())?;
                 Some(BufWriter::new(file))
             }
             _ => None,

@@ -1,6 +1,7 @@
 //! INPUT: any recording the tool knows, and what to say about it where the file does not.
 
 use crate::recorded::{self, Head};
+use crate::stdin_file::recording_parser;
 use crate::traffic::Traffic;
 use anyhow::{Context, bail};
 use std::path::PathBuf;
@@ -15,8 +16,8 @@ pub(crate) const DEFAULT_LAYOUT: &str = "allegro-uskin-15";
 #[derive(Debug, Clone, clap::Args)]
 pub(crate) struct InputArgs {
     /// The recording: candump .log; .mcap as `taxel record` writes it; .csv, .npy, .npz of T x H x W or T x N magnitudes or T x N x 3 counts; or a
-    /// scene, sim:SCENE
-    #[arg(value_name = "INPUT")]
+    /// scene, sim:SCENE; - for a recording on stdin
+    #[arg(value_name = "INPUT", value_parser = recording_parser())]
     pub(crate) path: PathBuf,
     /// Which array of an .npz
     #[arg(long, value_name = "NAME")]

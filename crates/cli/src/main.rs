@@ -48,6 +48,7 @@ mod servo;
 mod setup;
 mod sim;
 mod status_text;
+mod stdin_file;
 mod sweep;
 mod target;
 mod terminal;
@@ -166,6 +167,7 @@ fn main() -> ExitCode {
             Err(error) => Err(error),
         },
     };
+    stdin_file::remove();
     match result {
         Ok(()) => ExitCode::SUCCESS,
         // Whoever read the output has seen enough: `taxel watch | head`.
@@ -203,6 +205,79 @@ mod tests {
     #[test]
     fn the_command_line_is_consistent() {
         Cli::command().debug_assert();
+    }
+
+    /// Every command that does something, as it is typed behind `taxel`.
+    fn leaves(command: &clap::Command, path: &str) -> Vec<(String, clap::Command)> {
+        let below: Vec<_> = command.get_subcommands().filter(|c| !c.is_hide_set()).collect();
+        if below.is_empty() {
+            return vec![(path.trim().to_owned(), command.clone())];
+        }
+        let below = below.into_iter().filter(|c| c.get_name() != "help");
+        below
+            .flat_map(|c| leaves(c, &format!("{path} {}", c.get_name())))
+            .collect()
+    }
+
+    /// Commands without `--json`, and why.
+    const WITHOUT_JSON: [(&str, &str); 16] = [
+        ("demo", "a picture"),
+        ("view", "a picture; `taxel watch --json` has what it shows"),
+        ("figures", "pictures, and a table as .csv"),
+        ("forearm figures", "pictures"),
+        ("replay", "sends what it reads"),
+        ("rezero", "prints nothing"),
+        ("pause", "prints nothing"),
+        ("resume", "prints nothing"),
+        ("servo", "prints nothing"),
+        ("profile", "prints JSON in any case"),
+        ("metrics", "prints OpenMetrics"),
+        ("completions", "prints a script"),
+        ("config init", "prints a file"),
+        ("forearm record", "writes a session"),
+        ("forearm simulate", "writes a session"),
+        ("forearm train", "writes a model"),
+    ];
+
+    #[test]
+    fn every_command_has_an_answer_for_scripts_or_a_reason_why_not_and_the_guide_lists_them() {
+        let guide = include_str!("../../../docs/guide.md");
+        for (name, command) in leaves(&Cli::command(), "") {
+            let has_json = command.get_arguments().any(|arg| arg.get_long() == Some("json"));
+            let is_excused = WITHOUT_JSON.iter().any(|(without, _)| *without == name);
+            assert!(
+                has_json != is_excused,
+                "taxel {name}: give it --json, or WITHOUT_JSON the reason why it has none"
+            );
+            let row = guide
+                .lines()
+                .find(|line| line.starts_with(&format!("| `taxel {name}` |")));
+            assert_eq!(
+                row.is_some(),
+                has_json,
+                "the table of docs/guide.md on `taxel {name} --json`"
+            );
+        }
+    }
+
+    /// Files that cannot come over stdin, and why.
+    const NOT_STDIN: [(&str, &str); 1] = [("forearm estimate", "reads stdin where no file is named")];
+
+    #[test]
+    fn every_recording_or_configuration_that_is_named_may_be_on_stdin() {
+        for (name, command) in leaves(&Cli::command(), "") {
+            if NOT_STDIN.iter().any(|(without, _)| *without == name) {
+                continue;
+            }
+            for arg in command.get_positionals() {
+                let value = arg.get_value_names().and_then(<[_]>::first).map(|v| v.as_str());
+                if !matches!(value, Some("INPUT" | "FILE" | "OUT")) || arg.get_id() == "more" {
+                    continue;
+                }
+                let help = arg.get_help().map(ToString::to_string).unwrap_or_default();
+                assert!(help.contains("- for"), "taxel {name} {value:?}: {help}");
+            }
+        }
     }
 
     #[test]

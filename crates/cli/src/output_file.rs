@@ -1,8 +1,9 @@
 //! Files that hold a result: written whole or not at all, and never over what the result is made of.
 
 use anyhow::{Context, bail};
-use std::fs::{self, OpenOptions, Permissions};
+use std::fs::{self, File, OpenOptions, Permissions};
 use std::io;
+use std::os::fd::AsFd;
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
@@ -37,6 +38,14 @@ fn is_same(a: &Path, b: &Path) -> bool {
     }
 }
 
+/// Opens a file that is written from its beginning to its end, and nowhere else; `-` is stdout.
+pub(crate) fn create_stream(path: &Path) -> io::Result<File> {
+    match path.as_os_str() == "-" {
+        true => io::stdout().as_fd().try_clone_to_owned().map(File::from),
+        false => File::create(path),
+    }
+}
+
 /// Where a file will be: its folder without links and dots, and its name.
 fn place(path: &Path) -> Option<PathBuf> {
     Some(folder(path).canonicalize().ok()?.join(path.file_name()?))
@@ -52,7 +61,7 @@ fn folder(path: &Path) -> &Path {
 /// A file that has its name only once it is whole. Until then it is called `NAME.XXXXXX.part` in
 /// the same folder; what is given up is removed, and a file of that name from before stays.
 ///
-/// What is no regular file, such as a device or a pipe, is written as it is.
+/// What is no regular file, such as a device or a pipe, is written as it is; `-` is for [`create_stream`] alone.
 #[derive(Debug)]
 pub(crate) struct OutputFile {
     path: PathBuf,
@@ -66,6 +75,10 @@ impl OutputFile {
     }
 
     fn prepare(path: &Path) -> io::Result<Self> {
+        if path.as_os_str() == "-" {
+            let path = path.into();
+            return Ok(Self { path, part: None });
+        }
         let before = match fs::metadata(path) {
             Ok(before) if before.is_dir() => return Err(io::ErrorKind::IsADirectory.into()),
             Ok(before) if !before.is_file() => {

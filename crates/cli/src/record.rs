@@ -8,6 +8,7 @@ use anyhow::{Context, bail};
 use serde_json::json;
 use signal_hook::consts::SIGUSR1;
 use std::collections::BTreeMap;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -77,6 +78,9 @@ pub(crate) struct Args {
     /// What is a trigger; the signal USR1 is one in either case
     #[arg(long, value_name = "mark|signal", default_value = "mark", requires = "keep")]
     trigger: Trigger,
+    /// One JSON object on stdout in the end: the files, what is in them, and what is missing
+    #[arg(long)]
+    json: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -167,6 +171,23 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     };
     let finished = taxel_recorder::record(&plan, &signals)?;
     report(&plan, &finished);
+    if args.json {
+        let files: Vec<_> = finished
+            .files
+            .iter()
+            .map(|file| file.display().to_string())
+            .collect();
+        let object = json!({
+            "files": files,
+            "can_frames": finished.can_frames,
+            "can_lost": finished.can_lost,
+            "images": finished.images,
+            "skipped": finished.skipped,
+            "dropped": finished.dropped,
+            "messages": finished.messages,
+        });
+        writeln!(std::io::stdout(), "{object}").context("stdout")?;
+    }
     Ok(())
 }
 

@@ -9,8 +9,10 @@ mod sweep;
 mod touches;
 mod trial;
 
+use crate::stdin_file::recording_parser;
 use anyhow::{Context, bail, ensure};
 use clap::ValueEnum;
+use clap::builder::TypedValueParser;
 pub(crate) use live::{Categorised, Listener, Live, follow};
 use map_file::MapFile;
 pub(crate) use phantom_map::PhantomMap;
@@ -46,8 +48,8 @@ Examples:
   taxel categorize --live map.json --publish /tmp/touches.sock
   taxel categorize --sweep examples/palpation/phantoms.csv --figures figures")]
 pub(crate) struct Args {
-    /// A manifest, a recording, or sim:SCENE
-    #[arg(value_name = "INPUT", required_unless_present_any = ["sweep", "live"])]
+    /// A manifest, a recording, or sim:SCENE; - for a recording on stdin
+    #[arg(value_name = "INPUT", value_parser = recording_parser().map(|path| path.to_string_lossy().into_owned()), required_unless_present_any = ["sweep", "live"])]
     input: Option<String>,
     /// How many categories; a range such as 2-6 takes the number of greatest standard silhouette
     #[arg(long, value_name = "K", required_unless_present_any = ["sweep", "live"], value_parser = clusters)]

@@ -264,6 +264,11 @@ impl Shown for Show<'_> {
             Action::Profile(profile) => {
                 json!({ "cmd": "profile", "profile": profile.map_or_else(|| self.own.clone(), |profile| *profile) })
             }
+            Action::Record => {
+                let words = "the demo records nothing; `taxel view` does, of a daemon";
+                lock(self.meter).seen.say(words, taxel_can::monotonic_ns());
+                return true;
+            }
             _ => return true,
         };
         if let Err(error) = self.control.request(&request) {

@@ -16,6 +16,7 @@ mod recordings;
 mod replay;
 mod setup;
 mod sim;
+mod streams;
 mod view;
 mod watch;
 

@@ -1,0 +1,100 @@
+//! Recordings on stdin and stdout, and answers for scripts.
+
+use crate::{fails, succeeds, texts};
+use serde_json::Value;
+use std::fs::{self, File};
+use std::process::{Command, Output, Stdio};
+use tempfile::TempDir;
+
+/// Runs with a file of the folder on stdin.
+fn reading(dir: &TempDir, file: &str, args: &[&str]) -> Output {
+    let stdin = File::open(dir.path().join(file)).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_taxel"));
+    let command = command
+        .args(args)
+        .current_dir(dir.path())
+        .stdin(Stdio::from(stdin));
+    command.env("TMPDIR", dir.path()).output().unwrap()
+}
+
+fn object(text: &str) -> Value {
+    serde_json::from_str(text).unwrap_or_else(|e| panic!("{e}: {text}"))
+}
+
+#[test]
+fn a_recording_of_any_kind_is_read_from_stdin_and_leaves_no_file() {
+    let dir = TempDir::new().unwrap();
+    let seconds = ["--seconds", "3"];
+    succeeds(
+        &dir,
+        &[&["sim", "tap", "--to", "log:tap.log"][..], &seconds].concat(),
+    );
+    for name in ["tap.mcap", "tap.npz", "tap.csv"] {
+        succeeds(&dir, &["convert", "tap.log", name]);
+    }
+    for name in ["tap.log", "tap.mcap", "tap.npz", "tap.csv"] {
+        succeeds(&dir, &["compress", name, "--out", "named.npy"]);
+        let before = fs::read_dir(dir.path()).unwrap().count();
+        let output = reading(&dir, name, &["compress", "-", "--out", "stdin.npy"]);
+        assert!(output.status.success(), "{name}: {}", texts(&output).1);
+        let [named, stdin] = ["named.npy", "stdin.npy"].map(|file| fs::read(dir.path().join(file)).unwrap());
+        assert!(named == stdin, "{name}: other images from stdin");
+        fs::remove_file(dir.path().join("stdin.npy")).unwrap();
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), before, "{name}");
+    }
+    let missing = reading(&dir, "tap.log", &["figures", "-", "-", "--out", "figures"]);
+    assert!(!missing.status.success());
+}
+
+#[test]
+fn images_and_traffic_go_to_stdout_as_they_go_into_files() {
+    let dir = TempDir::new().unwrap();
+    succeeds(&dir, &["sim", "tap", "--to", "log:tap.log", "--seconds", "3"]);
+    succeeds(&dir, &["compress", "tap.log", "--out", "images.jsonl"]);
+    let (images, _) = succeeds(&dir, &["compress", "tap.log", "--out", "-"]);
+    assert_eq!(
+        images,
+        fs::read_to_string(dir.path().join("images.jsonl")).unwrap()
+    );
+    succeeds(&dir, &["convert", "tap.log", "tap.mcap"]);
+    succeeds(&dir, &["convert", "tap.mcap", "again.log"]);
+    let (traffic, _) = succeeds(&dir, &["convert", "tap.mcap", "-"]);
+    assert_eq!(traffic, fs::read_to_string(dir.path().join("again.log")).unwrap());
+    assert!(!dir.path().join("-").exists());
+    for arguments in [
+        ["compress", "tap.log", "--out", "-", "--json"],
+        ["convert", "tap.mcap", "-", "--json", "--tile"],
+    ] {
+        assert!(
+            fails(&dir, &arguments, 1).contains("stdout already"),
+            "{arguments:?}"
+        );
+    }
+}
+
+#[test]
+fn what_was_made_is_told_to_scripts() {
+    let dir = TempDir::new().unwrap();
+    succeeds(&dir, &["sim", "tap", "--to", "log:tap.log", "--seconds", "3"]);
+    let (images, _) = succeeds(&dir, &["compress", "tap.log", "--out", "a.npy", "--json"]);
+    let images = object(&images);
+    assert_eq!((&images["out"], &images["width"]), (&"a.npy".into(), &16.into()));
+    assert!(images["images"].as_u64().unwrap() > images["calibrating"].as_u64().unwrap());
+    let (frames, _) = succeeds(&dir, &["convert", "tap.log", "tap.mcap", "--json"]);
+    assert!(object(&frames)["can_frames"].as_u64().unwrap() > 1000, "{frames}");
+    let (frames, _) = succeeds(&dir, &["convert", "tap.log", "tap.npz", "--json"]);
+    assert!(object(&frames)["frames"].as_u64().unwrap() > 50, "{frames}");
+
+    let source = ["--source", "sim:tap", "--source", "sim:tap"];
+    succeeds(
+        &dir,
+        &[&["config", "init", "--out", "a.toml"][..], &source].concat(),
+    );
+    let (checked, _) = succeeds(&dir, &["config", "check", "a.toml", "--json"]);
+    assert_eq!(object(&checked)["valid"], true);
+    fs::write(dir.path().join("b.toml"), "layuot = 1\n").unwrap();
+    let output = crate::taxel(&dir, &["config", "check", "b.toml", "--json"]);
+    let wrong = object(&texts(&output).0);
+    assert_eq!((output.status.code(), &wrong["valid"]), (Some(1), &false.into()));
+    assert!(wrong["error"].as_str().unwrap().contains("b.toml:1"), "{wrong}");
+}
