@@ -22,7 +22,9 @@ use std::process::ExitCode;
 use std::time::Duration;
 use taxeld::{Arguments, Config, ConfigError, Daemon, StartError};
 use tracing::Level;
-use tracing_subscriber::EnvFilter;
+use tracing_subscriber::filter::{LevelFilter, Targets};
+use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::util::SubscriberInitExt;
 
 /// The exit status where the configuration is at fault: `EX_CONFIG` of sysexits(3). To start again would not help.
 const BAD_CONFIG: u8 = 78;
@@ -117,24 +119,66 @@ fn ending_signals() -> impl Iterator<Item = i32> {
         .chain(libc::SIGRTMIN()..=libc::SIGRTMAX())
 }
 
+/// What is logged where RUST_LOG has these words: `debug`, or `warn,taxeld=debug`; from `info` on where it has none or
+/// others. Spans and fields, which `EnvFilter` reads too, there are none, and it brings regular expressions.
+fn filter(words: &str) -> Targets {
+    let info = || Targets::new().with_default(LevelFilter::INFO);
+    match words {
+        "" => info(),
+        words => words.parse().unwrap_or_else(|_| info()),
+    }
+}
+
 /// Plain lines for the journal, which stamps them itself and is told how much each matters; with times and colours in
 /// a terminal.
 fn log_to_stderr() -> std::io::Result<Flush> {
     let (log, flush) = Log::start(std::io::stderr())?;
-    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
+    let filter = filter(&std::env::var("RUST_LOG").unwrap_or_default());
     let builder = tracing_subscriber::fmt()
-        .with_env_filter(filter)
+        .with_max_level(LevelFilter::TRACE)
         .with_writer(log)
         .with_target(false);
     if journal::is_stderr() {
         let plain = tracing_subscriber::fmt::format()
             .without_time()
             .with_target(false);
-        builder.with_ansi(false).event_format(Journal(plain)).init();
+        let lines = builder.with_ansi(false).event_format(Journal(plain));
+        lines.finish().with(filter).init();
     } else {
         builder
             .with_ansi(std::io::IsTerminal::is_terminal(&std::io::stderr()))
+            .finish()
+            .with(filter)
             .init();
     }
     Ok(flush)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rust_log_says_what_is_logged() {
+        for (words, own, of_others) in [
+            ("", Level::INFO, Level::INFO),
+            ("debug", Level::DEBUG, Level::DEBUG),
+            ("warn,taxeld=trace", Level::TRACE, Level::WARN),
+            ("taxeld=what", Level::INFO, Level::INFO),
+        ] {
+            let filter = filter(words);
+            for level in [Level::ERROR, Level::WARN, Level::INFO, Level::DEBUG, Level::TRACE] {
+                assert_eq!(
+                    filter.would_enable("taxeld::tick", &level),
+                    level <= own,
+                    "{words}, {level}"
+                );
+                assert_eq!(
+                    filter.would_enable("tokio", &level),
+                    level <= of_others,
+                    "{words}, {level}"
+                );
+            }
+        }
+    }
 }
