@@ -11,6 +11,7 @@ mod lloyd1d;
 mod lloyd2d;
 mod local_search;
 mod matching;
+mod random;
 mod seed;
 
 pub use kmeans1d::{Kmeans1d, Kmeans1dError, Partition};
@@ -19,4 +20,5 @@ pub use lloyd1d::{assign1d, lloyd1d, nearest1d};
 pub use lloyd2d::{Plane, lloyd2d, medoids};
 pub use local_search::LocalSearch;
 pub use matching::Matching;
+pub use random::Random;
 pub use seed::{maximin, uniform};

@@ -1,6 +1,6 @@
 //! The least error known for `K` actuators: the reference of the actuator stage.
 
-use crate::random::SplitMix64;
+use taxel_cluster::Random;
 
 /// Runs of k-means++ whose best places are compared with.
 pub const RESTARTS: u32 = 64;
@@ -29,7 +29,7 @@ pub fn least_place_error(places: &[[u16; 2]], clusters: usize, restarts: u32) ->
     }
     assert!(clusters > 0, "places without actuators");
     let mut run = Run::new(places, clusters);
-    let mut random = SplitMix64(0x7461_7865_6c20_6576);
+    let mut random = Random::new(0x7461_7865_6c20_6576);
     (0..restarts)
         .map(|_| run.error(&mut random))
         .fold(f64::INFINITY, f64::min)
@@ -53,7 +53,7 @@ impl Run {
         }
     }
 
-    fn error(&mut self, random: &mut SplitMix64) -> f64 {
+    fn error(&mut self, random: &mut Random) -> f64 {
         self.seed(random);
         self.labels.fill(usize::MAX);
         for _ in 0..ITERATIONS {
@@ -65,7 +65,7 @@ impl Run {
         self.nearest.iter().sum()
     }
 
-    fn seed(&mut self, random: &mut SplitMix64) {
+    fn seed(&mut self, random: &mut Random) {
         let clusters = self.centres.capacity();
         self.centres.clear();
         let first = (random.unit() * self.places.len() as f64) as usize;

@@ -17,7 +17,6 @@ mod jump_bound;
 mod method;
 mod pressure;
 mod quantile;
-mod random;
 mod report;
 mod sequence;
 mod synthetic;

@@ -1,7 +1,7 @@
 //! What goes wrong with squeezes, to see what an estimator makes of it without being told.
 
-use crate::random::Random;
 use crate::squeeze::{Sample, Squeeze};
+use taxel_cluster::Random;
 
 /// Something that happens to a squeeze.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -18,7 +18,6 @@ mod phase;
 mod profile;
 mod protocol;
 mod ramp;
-mod random;
 mod regression;
 mod session;
 mod squeeze;

@@ -1,7 +1,7 @@
 //! The publication's protocol: which squeezes are trained on, which are judged, and how errors are summed up.
 
-use crate::random::Random;
 use crate::session::Session;
+use taxel_cluster::Random;
 
 /// Share of the squeezes at a place that is trained on.
 const TRAINED: f64 = 0.9;

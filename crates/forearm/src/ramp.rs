@@ -1,7 +1,7 @@
 //! How hard the gripper is driven during a squeeze: two ramps of PWM, up and down again.
 
-use crate::random::Random;
 use crate::squeeze::FULL_PWM;
+use taxel_cluster::Random;
 
 /// A ramp of PWM, by name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,7 +1,7 @@
 //! Weights before training, as Keras 2 draws them. The draws themselves are others: its generator is not ours.
 
-use crate::random::Random;
 use candle_core::{Device, Result, Tensor};
+use taxel_cluster::Random;
 
 /// Evenly within sqrt(6 / (inputs + outputs)) of 0 (Glorot and Bengio 2010), rows x columns. A kernel that slides over an
 /// image counts inputs and outputs once for each of its places.
@@ -74,7 +74,7 @@ mod tests {
     #[test]
     fn recurrent_kernels_are_orthogonal() {
         for (rows, columns) in [(5, 20), (30, 8)] {
-            let q = orthogonal(&mut Random::new(1, 2), rows, columns).unwrap();
+            let q = orthogonal(&mut Random::for_purpose(1, 2), rows, columns).unwrap();
             let product = if rows < columns {
                 q.matmul(&q.t().unwrap())
             } else {
@@ -94,7 +94,7 @@ mod tests {
 
     #[test]
     fn first_weights_stay_within_their_limit_and_fill_it() {
-        let drawn = glorot_uniform(&mut Random::new(1, 2), 30, 20, 1).unwrap();
+        let drawn = glorot_uniform(&mut Random::for_purpose(1, 2), 30, 20, 1).unwrap();
         let drawn = drawn.flatten_all().unwrap().to_vec1::<f32>().unwrap();
         let limit = (6.0f32 / 50.0).sqrt();
         let largest = drawn.iter().fold(0.0f32, |a, b| a.max(b.abs()));

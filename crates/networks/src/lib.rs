@@ -15,7 +15,6 @@ mod examples;
 mod initial;
 mod network;
 mod protocol;
-mod random;
 mod recurrence;
 #[cfg(test)]
 mod tests;

@@ -1,10 +1,10 @@
 //! The three networks, layer by layer (section 4.1 and Figure 6 of the article).
 
 use crate::initial::{glorot_uniform, orthogonal};
-use crate::random::Random;
 use crate::recurrence::{Gate, Recurrence};
 use crate::window::Window;
 use candle_core::{DType, Device, Result, Tensor, Var};
+use taxel_cluster::Random;
 
 /// What the long short-term memory takes for time, of which the article says nothing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -140,7 +140,7 @@ pub(crate) struct Network {
 impl Network {
     /// A network for examples of a form, with weights as Keras draws them first.
     pub(crate) fn new(layers: Vec<Layer>, form: Form, seed: u64) -> Result<Self> {
-        let mut random = Random::new(seed, 0);
+        let mut random = Random::for_purpose(seed, 0);
         let mut parameters = Vec::new();
         let [_, mut rows, mut columns, mut channels] = form;
         for (n, layer) in layers.iter().enumerate() {

@@ -3,11 +3,11 @@
 use crate::error::NetworksError;
 use crate::examples::Examples;
 use crate::network::{Kind, Reading};
-use crate::random::Random;
 use crate::training::{Losses, Training};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
+use taxel_cluster::Random;
 use taxel_forearm::{Judged, Session, Split};
 
 /// Share of the training squeezes that is kept for validation.
@@ -81,7 +81,7 @@ pub fn train(
     report: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Training, NetworksError> {
     let mut order: Vec<usize> = (0..examples.len()).collect();
-    Random::new(seed, u64::MAX).shuffle(&mut order);
+    Random::for_purpose(seed, u64::MAX).shuffle(&mut order);
     let (own, rest) = order.split_at(((1.0 - VALIDATION) * order.len() as f64) as usize);
     let (own, rest) = (examples.select(own)?, examples.select(rest)?);
     let mut training = Training::new(stage.kind, &own, seed)?;

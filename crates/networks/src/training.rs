@@ -4,8 +4,8 @@ use crate::adam::{Moments, descend};
 use crate::error::NetworksError;
 use crate::examples::Examples;
 use crate::network::{Form, Kind, Layer, Network};
-use crate::random::Random;
 use std::time::Instant;
+use taxel_cluster::Random;
 
 /// Examples that a step of Adam is made from. The article does not say; it is that of the laboratory's earlier code.
 pub const BATCH: usize = 16;
@@ -103,7 +103,7 @@ impl Training {
     pub fn epoch(&mut self, training: &Examples, validation: &Examples) -> Result<Losses, NetworksError> {
         let begun = Instant::now();
         let mut order: Vec<usize> = (0..training.len()).collect();
-        Random::new(self.seed, 1 + self.losses.len() as u64).shuffle(&mut order);
+        Random::for_purpose(self.seed, 1 + self.losses.len() as u64).shuffle(&mut order);
         let mut squares = 0.0;
         for batch in order.chunks(BATCH) {
             let batch = training.select(batch)?;

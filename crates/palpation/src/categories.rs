@@ -4,11 +4,10 @@ use crate::error::PalpationError;
 use crate::labels::canonical;
 use crate::matrix::{Matrix, squared_distance};
 use crate::proof::least;
-use crate::random::Random;
 use crate::silhouette::Silhouette;
 use std::cmp::Ordering;
 use std::ops::RangeInclusive;
-use taxel_cluster::LocalSearch;
+use taxel_cluster::{LocalSearch, Random};
 
 /// Attempts of three runs each after which the publication's rule gives up.
 pub const PAPER_ATTEMPTS: u32 = 100;
@@ -93,7 +92,7 @@ impl Categories {
 /// `clusters` that are not 2 to the number of different touches, and [`PalpationError::NoAgreement`].
 pub fn paper(map: &Matrix, clusters: usize, seed: u64) -> Result<Categories, PalpationError> {
     check(map, clusters)?;
-    let mut random = Random(seed);
+    let mut random = Random::new(seed);
     let mut search = LocalSearch::new(map.ncols(), map.nrows(), clusters);
     for attempt in 1..=PAPER_ATTEMPTS {
         let mut run = || {
@@ -150,7 +149,7 @@ pub(crate) fn best_of_many(map: &Matrix, clusters: usize, seed: u64) -> Categori
 }
 
 fn best_of(starts: usize, map: &Matrix, clusters: usize, seed: u64) -> Categories {
-    let mut random = Random(seed);
+    let mut random = Random::new(seed);
     let mut search = LocalSearch::new(map.ncols(), map.nrows(), clusters);
     let (mut labels, mut least) = (Vec::new(), f64::INFINITY);
     for _ in 0..starts {

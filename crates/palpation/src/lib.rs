@@ -30,7 +30,6 @@ mod labels;
 mod matrix;
 mod pca;
 mod proof;
-mod random;
 mod ranking;
 mod silhouette;
 mod stability;

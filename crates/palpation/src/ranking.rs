@@ -2,7 +2,7 @@
 
 use crate::error::PalpationError;
 use crate::matrix::{Matrix, squared_distance};
-use crate::random::Random;
+use taxel_cluster::Random;
 
 /// How far the mean of each class is from that of a reference, such as tissue without an inclusion.
 #[derive(Debug, Clone, PartialEq)]
@@ -105,7 +105,7 @@ impl Ranking {
                 .collect()
         };
         let members: Vec<Vec<usize>> = (0..count).map(members).collect();
-        let mut random = Random(seed);
+        let mut random = Random::new(seed);
         let mut held = 0;
         for _ in 0..draws {
             let drawn: Vec<Vec<usize>> = members

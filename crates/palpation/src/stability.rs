@@ -4,7 +4,7 @@ use crate::agreement::Agreement;
 use crate::categories::best_of_many;
 use crate::error::PalpationError;
 use crate::matrix::Matrix;
-use crate::random::Random;
+use taxel_cluster::Random;
 
 /// Mean adjusted Rand index between categories and those of touches drawn anew with replacement, every touch put into
 /// the nearest of them (Hennig 2007): 1 where the same are always found. `labels` are of the map, `C x N`.
@@ -22,7 +22,7 @@ pub fn stability(map: &Matrix, labels: &[usize], draws: u32, seed: u64) -> Resul
         });
     }
     let clusters = labels.iter().max().map_or(0, |most| most + 1);
-    let mut random = Random(seed);
+    let mut random = Random::new(seed);
     let (mut sum, mut counted) = (0.0, 0);
     for _ in 0..draws {
         let drawn: Vec<usize> = (0..touches).map(|_| random.below(touches)).collect();

@@ -4,9 +4,9 @@ use crate::householder::Qr;
 use crate::jacobi::singular;
 use crate::matrix::{Matrix, add_scaled, dots, norm};
 use crate::pca::Decomposition;
-use crate::random::Random;
 use std::ops::Range;
 use std::thread;
+use taxel_cluster::Random;
 
 /// Columns iterated beside those wanted, which make the wanted ones converge.
 const BESIDE: usize = 10;
@@ -30,7 +30,7 @@ const ROWS: usize = 512;
 /// [`singular`].
 pub(crate) fn truncated(a: &Matrix, wanted: usize) -> Option<Decomposition> {
     let block = (wanted + BESIDE).min(a.nrows().min(a.ncols()));
-    let mut random = Random(0x7061_6C70_6174_6521);
+    let mut random = Random::new(0x7061_6C70_6174_6521);
     // Columns of the touches' side; the first pass takes it to the features'.
     let start = Matrix::from_fn(a.ncols(), block, |_, _| random.normal());
     let mut side = Qr::new(start).q();

@@ -6,10 +6,10 @@ pub use picture::{BLUR_PX, Shown, grid_places};
 
 use crate::classify::{Logistic, nearest};
 use crate::quantile::quantile;
-use crate::random::SplitMix64;
 use picture::{Pictures, blur};
 use serde::Serialize;
 use std::collections::BTreeMap;
+use taxel_cluster::Random;
 use taxel_hand::{ForceFrame, ProfileError};
 use taxel_skin::Layout;
 
@@ -189,7 +189,7 @@ impl Task {
     ///
     /// A profile that describes no display, or not for this hand.
     pub fn judge(&self, name: &str, shown: &Shown) -> Result<TaskRow, ProfileError> {
-        let mut random = SplitMix64(0x6f62_6a65_6374);
+        let mut random = Random::new(0x6f62_6a65_6374);
         let mut pictures = self.pictures(shown, None)?;
         let (mut nearest, mut logistic, mut level_nearest) = (0.0, 0.0, 0.0);
         for _ in 0..DRAWS {
@@ -236,7 +236,7 @@ impl Task {
         levels: u16,
         actuators: u16,
     ) -> Result<TaskPoint, ProfileError> {
-        let mut random = SplitMix64(0x6f62_6a65_6374);
+        let mut random = Random::new(0x6f62_6a65_6374);
         let pictures = self.pictures(shown, None)?;
         let of_draw = |_| self.nearest(&pictures.force, &self.draw(EXAMPLES, &mut random));
         Ok(TaskPoint {
@@ -249,7 +249,7 @@ impl Task {
     }
 
     /// So many examples of each class, or all there are.
-    fn draw(&self, count: usize, random: &mut SplitMix64) -> Vec<usize> {
+    fn draw(&self, count: usize, random: &mut Random) -> Vec<usize> {
         let mut drawn = Vec::new();
         for examples in &self.examples {
             let mut left = examples.clone();

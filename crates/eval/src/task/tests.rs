@@ -8,12 +8,12 @@ use taxel_hand::Profile;
 
 /// Presses of two kinds on an 8 x 8 skin, with noise everywhere: an upright bar and a flat one.
 fn bars(threshold: f64) -> Task {
-    let mut random = SplitMix64(1);
-    let frame = |label: usize, random: &mut SplitMix64| -> Vec<f64> {
+    let mut random = Random::new(1);
+    let frame = |label: usize, random: &mut Random| -> Vec<f64> {
         let on = |x: usize, y: usize| [x, y][label] == 3 && (1..7).contains(&[y, x][label]);
-        let noise = |random: &mut SplitMix64| 1.0 + random.unit();
+        let noise = |random: &mut Random| 1.0 + random.unit();
         let force =
-            |n: usize, random: &mut SplitMix64| f64::from(u8::from(on(n % 8, n / 8))) * 90.0 + noise(random);
+            |n: usize, random: &mut Random| f64::from(u8::from(on(n % 8, n / 8))) * 90.0 + noise(random);
         (0..64).map(|n| force(n, random)).collect()
     };
     let labels: Vec<usize> = (0..40).map(|n| 5 + n % 2).collect();
@@ -47,7 +47,7 @@ fn one_actuator_that_is_always_in_the_middle_tells_nothing() {
 
 /// Two classes that do not differ.
 fn task_of_noise() -> Task {
-    let mut random = SplitMix64(3);
+    let mut random = Random::new(3);
     let frames: Vec<Vec<f64>> = (0..40)
         .map(|_| (0..16).map(|_| random.unit()).collect())
         .collect();
