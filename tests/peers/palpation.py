@@ -3,8 +3,9 @@
     cargo build --release -p taxel-palpation --example times -p taxel-cli
     python tests/peers/palpation.py [--large | --recordings]
 
-`--large` adds 2,000 touches of 20,000 features, which takes a minute and 1.5 GB. scikit-learn is in
-tests/peers/requirements.txt. Nothing else should run on the machine meanwhile.
+`--large` adds 2,000 touches of 20,000 features, by scikit-learn's `auto` and `full`, which takes minutes and 2 GB.
+scikit-learn is in tests/peers/requirements.txt. Nothing else should run on the machine meanwhile; where it does,
+seconds of a processor are said too.
 
 Recordings of others, where they are ($TAXEL_DATA, else shared/data beside the repository), are categorised by `taxel
 categorize` and by scikit-learn: grasps, whose objects are known, and trials of a uSkin module, whose objects are not.
@@ -13,6 +14,7 @@ categorize` and by scikit-learn: grasps, whose objects are known, and trials of 
 
 import json
 import os
+import resource
 import subprocess
 import sys
 import tempfile
@@ -60,14 +62,20 @@ def theirs(x: np.ndarray, clusters: int, solver: str, repeats: int) -> dict:
 
 def compare(features: int, count: int, clusters: int, solver: str, repeats: tuple[int, int]) -> None:
     sizes = [str(size) for size in (features, count, clusters, repeats[0])]
+    before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
     ours = json.loads(subprocess.run([TIMES, *sizes], check=True, capture_output=True, text=True).stdout)
+    used = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before
+    began = time.process_time()
     peer = theirs(touches(features, count), clusters, solver, repeats[1])
+    ended = time.process_time()
     print(f"\nN = {count}, D = {features}, K = {clusters}; scikit-learn {sklearn.__version__}, svd_solver={solver}, n_init=10")
     print(f"{'':14}{'taxel':>14}{'scikit-learn':>14}{'times faster':>14}")
     for part in ["map_s", "categories_s", "silhouette_s"]:
         print(f"{part[:-2]:14}{ours[part] * 1e3:>11.3f} ms{peer[part] * 1e3:>11.3f} ms{peer[part] / ours[part]:>14.1f}")
     total, other = (sum(r[p] for p in ["map_s", "categories_s", "silhouette_s"]) for r in (ours, peer))
     print(f"{'all':14}{total * 1e3:>11.3f} ms{other * 1e3:>11.3f} ms{other / total:>14.1f}")
+    if repeats == (1, 1):
+        print(f"{'processor, s':14}{used:>14.1f}{ended - began:>14.1f}   touches made included")
     kept = [sum(r["explained_variance"]) for r in (ours, peer)]
     print(f"{'variance kept':14}{kept[0]:>14.9f}{kept[1]:>14.9f}")
     print(f"{'cost':14}{ours['cost']:>14.8g}{peer['cost']:>14.8g}   proved: {ours['proved']}")
@@ -124,3 +132,4 @@ recordings("schunk_sdh_grasps.npz", 5, 10, lambda name: name.split("_")[0])
 recordings("uskin_pick_and_move.npz", 3, 2)
 if "--large" in sys.argv[1:]:
     compare(20_000, 2_000, 5, "auto", (1, 1))
+    compare(20_000, 2_000, 5, "full", (1, 1))
