@@ -106,6 +106,30 @@ def jumps(before, now, jump):
     return int(np.sum(moved > jump)), len(moved)
 
 
+def displayed_error(forces, shown, labels):
+    """Squared error from the forces to those that actuators press with: an actuator has the level closest to its contacts' mean force,
+    as `optimal` has it, and the level of its contact where it is one's alone. `shown` is the force of each contact's level."""
+    levels, error = np.unique(shown), 0.0
+    for label in np.unique(labels):
+        of = labels == label
+        mean = forces[of].mean()
+        pressed = shown[of][0] if np.count_nonzero(of) == 1 else levels[np.argmin((levels - mean) ** 2)]
+        error += squared_error(forces[of], pressed)
+    return error
+
+
+def displayed_nrmse(peer, contact, force, xy):
+    """Over all contacts of all frames. Where there is nothing to cluster, every force has its level and every contact its actuator."""
+    error = squares = 0.0
+    for t in np.flatnonzero(contact.any(axis=1)):
+        forces, pixels = force[t][contact[t]], np.ascontiguousarray(xy[contact[t]])
+        shown = peer.levels(forces, LEVELS, t)[0] if len(np.unique(forces)) > LEVELS else forces
+        labels = peer.places(pixels, ACTUATORS, t)[0] if len(forces) > ACTUATORS else np.arange(len(forces))
+        error += displayed_error(forces, shown, labels)
+        squares += float(np.sum(forces**2))
+    return (error / squares) ** 0.5
+
+
 def has_work(forces):
     return len(forces) > ACTUATORS and len(np.unique(forces)) > LEVELS
 
@@ -164,6 +188,8 @@ class Peer:
                 "position_sse_ratio_mean": float(np.mean(place_ratios)),
                 "position_sse_ratio_p95": at(place_ratios, 0.95),
                 "jump_fraction": jumped / kept if kept else None,
+                # The ten attempts of a peer on every frame would take an hour.
+                "displayed_nrmse": displayed_nrmse(self.peer, contact, frames["force"], xy) if self.peer.is_quick else None,
             }
 
     def result(self):
@@ -255,6 +281,13 @@ def flicker(taxel, inputs, measured):
     return found
 
 
+def display(taxel, inputs):
+    """What the display shows in the end, both stages together."""
+    methods = ["paper", "optimal", "optimal force_distance=0", "optimal actuator_force=max", "optimal force_weighted=true"]
+    more = [a for m in methods for a in ("--method", m)]
+    return [{"name": name, "eval": untimed(taxel, args, *more)} for name, args, _ in inputs]
+
+
 def history(taxel, inputs, first):
     """Error against movement."""
     chosen = (first, "Schunk ORANGE_FRESH_1300205837, six arrays", "scene ball-grasp", "scene slip")
@@ -305,6 +338,7 @@ def main():
     results["sweep"] = [size.result() for size in sweep]
     results["scaling"] = scaling.result()
     results["kernel_scaling"] = kernel_scaling.result()
+    results["display"] = display(options.taxel, [i for i in inputs if i[0] in [r.name for r in measured]])
     results["history"] = history(options.taxel, recordings(False, frames_dir), first[0])
     results["flicker"] = flicker(options.taxel, inputs, results["recordings"])
     (options.out / "results.json").write_text(json.dumps(results, indent=1))

@@ -31,6 +31,7 @@ def clock(call):
 class ScikitLearn:
     def __init__(self, starts):
         self.starts = starts
+        self.is_quick = starts == 1
         self.name = f"scikit-learn KMeans, {starts} start{'s' if starts > 1 else ''}"
 
     def _fit(self, points, k, seed):
@@ -52,6 +53,7 @@ class OpenCv:
 
     def __init__(self, attempts):
         self.attempts = attempts
+        self.is_quick = attempts == 1
         self.name = f"OpenCV kmeans, {attempts} attempt{'s' if attempts > 1 else ''}"
 
     def _fit(self, points, k):

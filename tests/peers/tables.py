@@ -20,6 +20,10 @@ def percent(value):
     return "" if value is None else f"{100 * value:.1f} %"
 
 
+def number(value):
+    return "" if value is None else f"{value:.3f}"
+
+
 def method(report, name):
     return next(m for m in report["methods"] if m["name"] == name)
 
@@ -32,7 +36,7 @@ def place(m, key):
 def programs(recording):
     """Both stages: time and error beside `optimal`."""
     head = ["program", "both stages, us p50", "p99", "times optimal's", "less call overhead", "force SSE p50", "mean", "p95", "frames optimal"]
-    head += ["position SSE mean", "p95", "jumps"]
+    head += ["position SSE mean", "p95", "jumps", "displayed NRMSE"]
     own = method(recording["eval"], "optimal")["compress_us"]["p50"]
     rows = []
     for m in recording["eval"]["methods"]:
@@ -41,6 +45,7 @@ def programs(recording):
             [f"taxeld `{m['name']}`", f"{us['p50']:.1f}", f"{us['p99']:.1f}", f"{us['p50'] / own:.1f}", ""]
             + [f"{m['force_sse_ratio_p50']:.3f}", f"{m['force_sse_ratio_mean']:.3g}", f"{m['force_sse_ratio_p95']:.3g}"]
             + [percent(m["force_optimal_fraction"]), place(m, "position_sse_ratio_mean"), place(m, "position_sse_ratio_p95"), percent(m["jump_fraction"])]
+            + [number(m["displayed_nrmse"])]
         )
     for p in both_stages(recording):
         net = net_us(p)
@@ -48,6 +53,7 @@ def programs(recording):
             [p["name"], f"{p['both_us_p50']:.0f}", f"{p['both_us_p99']:.0f}", f"{p['both_us_p50'] / own:.0f}", f"{net:.0f} ({net / own:.1f} times)"]
             + [f"{p['force_sse_ratio_p50']:.3f}", f"{p['force_sse_ratio_mean']:.3g}", f"{p['force_sse_ratio_p95']:.3g}"]
             + [percent(p["force_optimal_fraction"]), f"{p['position_sse_ratio_mean']:.3f}", f"{p['position_sse_ratio_p95']:.3f}", percent(p["jump_fraction"])]
+            + [number(p["displayed_nrmse"])]
         )
     return table(head, rows)
 
@@ -116,6 +122,24 @@ def summary(results):
             + [place(m, "position_sse_ratio_mean"), place(m, "position_sse_ratio_p95"), percent(m["jump_fraction"]), percent(m["weber_share"])]
             + [f"{m['cop_error_mean']:.1f} {m['cop_unit']}", f"{m['bits_per_s'] / 1e3:.1f}", f"{m['allocations_per_tick']:g}"]
         )
+    return table(head, rows)
+
+
+def display(results):
+    """Errors from the forces felt to those that the display shows, beside the peers'."""
+    head = ["recording", "`paper` NRMSE", "in 7 %", "sum", "`optimal` NRMSE", "in 7 %", "sum", "of `paper`'s"]
+    head += ["OpenCV", "scikit-learn", "`optimal` with `force_distance` 0", "with `max`", "with `force_weighted`"]
+    rows = []
+    for r in results["display"]:
+        of = {m["name"]: m for m in r["eval"]["methods"]}
+        paper, own = of["paper"], of["optimal"]
+        peer = {p["name"]: p["displayed_nrmse"] for p in named(results, r["name"])["peers"] if "displayed_nrmse" in p}
+        row = [r["name"]]
+        for m in (paper, own):
+            row += [number(m["displayed_nrmse"]), percent(m["displayed_weber_share"]), percent(m["displayed_total_error_mean"])]
+        row += [f"{own['displayed_nrmse'] / paper['displayed_nrmse']:.2f}"]
+        row += [number(peer.get(name)) for name in ("OpenCV kmeans, 1 attempt", "scikit-learn KMeans, 1 start")]
+        rows.append(row + [number(of[f"optimal {key}"]["displayed_nrmse"]) for key in ("force_distance=0", "actuator_force=max", "force_weighted=true")])
     return table(head, rows)
 
 
@@ -306,6 +330,7 @@ TABLES = {
     "summary": summary,
     **{name: shown(name) for name in SHOWN},
     "figures": figures,
+    "display": display,
     "kernels": kernels,
     "flicker": flicker,
     "switches": switches,

@@ -14,6 +14,7 @@ NOWHERE = F(1e17)  # where an id is that was never anywhere
 ROUNDS, SWAPS, FALLS = 6, 4, 16.0
 LEAST_SHARE, QUIET_SHARE, FIRST_FRAMES, QUIET_FRAMES, RANKED = 0.002, 0.1, 4, 4, 64
 PATIENCE, TRIED_POINTS, MOST_TRIES = 2.0, 400, 8
+MOST_FOUND, NEAR_LEAST = 8, 1.06
 
 
 def in_order(terms):
@@ -34,6 +35,7 @@ class Follower:
         self.k, self.jump_gain, self.reach = actuators, jump_gain, F(reach)
         self.id_bits = np.uint32((1 << (actuators - 1).bit_length()) - 1)
         self.at = np.full((actuators, 2), NOWHERE, dtype=F)
+        self.tall = np.zeros(actuators, dtype=F)  # mean height of each id's contacts
         self.stood = [None] * actuators  # where each id stood when it last pressed
         self.pressed = np.zeros(actuators, dtype=bool)
         self.id_of = {}  # of the last frame's contacts, by place
@@ -44,12 +46,11 @@ class Follower:
         self.member = {}
         self.label = np.zeros(0, dtype=int)
 
-    def follow(self, xy, weight=None):
+    def follow(self, xy, weight=None, height=None):
         """xy: (N, 2), in the order of the contact list. Returns each contact's id, and for each id that presses its contact."""
         places = [(float(x), float(y)) for x, y in xy]
         if self.done and weight is None and places == list(self.id_of):
-            if self.look_further():
-                self.ranking = None
+            if self.rest(height):
                 self.finish()
         else:
             self.ranking = None
@@ -60,9 +61,15 @@ class Follower:
             self.weighted = weight is not None
             self.weight = np.ones(len(xy)) if weight is None else np.asarray(weight, dtype=F).astype(np.float64)
             adopted = [self.id_of.get(place) for place in places]
+            self.raise_contacts(height)
+            self.tall[:] = 0
             self.pass_through(adopted) if len(xy) <= self.k else self.gather(adopted)
         self.id_of = dict(zip(places, self.label.tolist()))
         return self.label, self.member
+
+    def raise_contacts(self, height):
+        self.raised = height is not None
+        self.height = np.asarray(height, dtype=F) if self.raised else np.zeros(len(self.xy), dtype=F)
 
     # N_C <= K_A
 
@@ -129,20 +136,28 @@ class Follower:
         second = tagged[:, 1] if self.k > 1 else np.full(len(label), np.finfo(F).max, dtype=F).view(np.uint32)
         self.label = label
         self.near, self.next = ((t & ~self.id_bits).view(F) for t in (tagged[:, 0].copy(), second.copy()))
+        self.second = (second & self.id_bits).astype(int)
+        if changed:
+            self.add_up()
         return changed
 
     def add_up(self):
         sums = lambda w: np.bincount(self.label, weights=w, minlength=self.k)
         w, (x, y) = self.weight, self.xy.T.astype(np.float64)
-        self.sums = np.column_stack([sums(w * x), sums(w * y), sums(w)])
+        self.sums = np.column_stack([sums(w * x), sums(w * y), sums(w), sums(w * self.height.astype(np.float64))])
 
     def centre(self, ids=None):
         for i in range(self.k) if ids is None else ids:
             if self.sums[i, 2] > 0:
                 self.at[i] = self.sums[i, :2] / self.sums[i, 2]
+                self.tall[i] = self.sums[i, 3] / self.sums[i, 2]
 
     def cost(self):
-        return in_order(self.weight * self.near.astype(np.float64))
+        flat = in_order(self.weight * self.near.astype(np.float64))
+        if not self.raised:
+            return flat
+        height = self.height.astype(np.float64)
+        return flat + (in_order(self.weight * height * height) - in_order([h * h / w for _, _, w, h in self.sums if w > 0]))
 
     def settle(self, most=None):
         """Until nothing changes. With `most`: returns False when the cost does not fall fast enough to come below it."""
@@ -150,8 +165,6 @@ class Follower:
         few = len(self.xy) // 1024
         for _ in range(ROUNDS):
             changed = self.assign()
-            if changed:
-                self.add_up()
             cost = self.cost()
             if most is not None and cost - FALLS * (before - cost) >= most:
                 return False
@@ -161,7 +174,6 @@ class Follower:
             elif self.move_single_contacts() <= few:
                 return True
         self.done = self.assign() <= few
-        self.add_up()
         return True
 
     def move_single_contacts(self):
@@ -170,31 +182,42 @@ class Follower:
         for n, (x, y) in enumerate(self.xy.astype(np.float64)):
             own, w = self.label[n], self.weight[n]
             left = self.sums[own, 2] - w
-            if self.stays(n, most) or left <= 0:
+            below = self.height[n] - self.tall[own]
+            near = self.near[n] + below * below
+            if self.stays(n, near, most) or left <= 0:
                 continue
-            to, least = own, float(self.near[n]) * self.sums[own, 2] / left
-            for i in range(self.k):
-                if i != own and self.sums[i, 2] > 0:
-                    dx, dy = x - float(self.at[i, 0]), y - float(self.at[i, 1])
-                    cost = (dx * dx + dy * dy) * self.sums[i, 2] / (self.sums[i, 2] + w)
-                    if cost < least * 0.999_999:
-                        to, least = i, cost
-            if to != own:
+            to = self.cheapest(n, own)
+            if to is None:
+                continue
+            dx, dy, dz = x - float(self.at[to, 0]), y - float(self.at[to, 1]), float(self.height[n] - self.tall[to])
+            joined = self.sums[to, 2]
+            if (dx * dx + dy * dy + dz * dz) * joined / (joined + w) < float(near) * self.sums[own, 2] / left * 0.999_999:
                 for i, sign in ((own, -1.0), (to, 1.0)):
-                    self.sums[i] += sign * w * np.array([x, y, 1.0])
+                    self.sums[i] += sign * w * np.array([x, y, 1.0, float(self.height[n])])
                 self.centre((own, to))
                 self.label[n] = to
                 moved += 1
         return moved
 
-    def stays(self, n, most):
+    def cheapest(self, n, own):
+        """The other cluster that a contact joins at the least cost, as far as single precision with room for the id tells."""
+        d = self.xy[n] - self.at
+        dz = self.height[n] - self.tall
+        mass = self.sums[:, 2].astype(F)
+        with np.errstate(over="ignore"):
+            cost = (d[:, 0] * d[:, 0] + d[:, 1] * d[:, 1] + dz * dz) * (mass / (mass + F(self.weight[n])))
+        bits = cost.view(np.uint32) & ~self.id_bits | np.arange(self.k, dtype=np.uint32)
+        others = [int(b) for i, b in enumerate(bits) if i != own and self.sums[i, 2] > 0]
+        return min(others) & int(self.id_bits) if others else None
+
+    def stays(self, n, near, most):
         """Whether a contact stays whatever the weights of the others, `most` the greatest, as far as the two nearest centroids say."""
         heavy = self.sums[self.label[n], 2]
         if heavy - most <= 0:
             return not self.weighted
         lightest = self.sums[self.sums[:, 2] > 0, 2].min()
         times = F(heavy / (heavy - most) * (lightest + most) / lightest) * F(1.000_01)
-        return self.near[n] * times <= self.next[n]
+        return near * times <= self.next[n]
 
     def wake(self):
         woke = False
@@ -225,15 +248,15 @@ class Follower:
             if abs(cost - self.judged) <= 0.5 * self.jump_gain * self.judged:
                 return
         made = 0
-        while made < SWAPS and self.make(self.best_swap()):
+        while made < SWAPS and any(self.make(swap) for swap in self.best_swaps()):
             made += 1
             self.patience = 0
         self.changes = self.tried = 0
         self.judged = self.cost() if made < SWAPS else None
 
-    def look_further(self):
-        """In a frame like the last. Returns whether a swap was made."""
-        if self.jump_gain >= 1 or len(self.xy) <= self.k:
+    def rest(self, height):
+        """In a frame like the last. Returns whether anything has changed."""
+        if len(self.xy) <= self.k:
             return False
         self.patience += 1
         self.quiet += 1
@@ -241,6 +264,24 @@ class Follower:
             return False
         self.bound = self.pressed.copy()
         self.moved = np.zeros(self.k, dtype=bool)
+        changed = False
+        if height is not None:
+            self.raise_contacts(height)
+            self.add_up()
+            for i in range(self.k):
+                if self.sums[i, 2] > 0:
+                    self.tall[i] = self.sums[i, 3] / self.sums[i, 2]
+            self.ranking = None
+            changed = self.move_single_contacts() > 0
+            if changed:
+                self.settle()
+        if self.jump_gain < 1 and self.look_further():
+            self.ranking = None
+            changed = True
+        return changed
+
+    def look_further(self):
+        """Tries swaps in the order of their ranking. Returns whether one was made."""
         if not self.ranking:
             self.began = self.patience
             losses, splits = self.losses(), self.splits()
@@ -276,12 +317,16 @@ class Follower:
 
     def losses(self):
         """What it costs to dissolve each cluster: its contacts go to their second nearest centroids, or it merges with another."""
-        apart = self.next - self.near
-        loss = np.bincount(self.label, weights=self.weight * apart.astype(np.float64), minlength=self.k)
+        own, other = self.height - self.tall[self.label], self.height - self.tall[self.second]
+        near, next = (d.astype(np.float64) for d in (self.near + own * own, self.next + other * other))
+        joined = self.sums[self.second, 2]
+        share = np.where(joined > 0, joined / (joined + self.weight), 1.0)
+        loss = np.bincount(self.label, weights=self.weight * (share * next - near), minlength=self.k)
         n, m = self.sums[:, None, 2], self.sums[None, :, 2]
         dx, dy = np.moveaxis((self.at[:, None] - self.at[None]).astype(np.float64), 2, 0)
+        dz = (self.tall[:, None] - self.tall[None]).astype(np.float64)
         with np.errstate(invalid="ignore"):
-            merged = n * m / (n + m) * (dx * dx + dy * dy)
+            merged = n * m * (dx * dx + dy * dy + dz * dz) / (n + m)
         possible = (n > 0) & (m > 0) & ~np.eye(self.k, dtype=bool)
         return np.minimum(loss, np.where(possible, merged, np.inf).min(axis=1))
 
@@ -297,36 +342,46 @@ class Follower:
             root = np.sqrt(half * half + xy * xy)
             axis = (half + root, xy) if half >= 0 else (xy, root - half)
             side = (self.label == i) & (dx * axis[0] + dy * axis[1] > 0)
-            one = np.array([in_order((w * v)[side]) for v in (x, y, np.ones(len(x)))])
+            one = np.array([in_order((w * v)[side]) for v in (x, y, np.ones(len(x)), self.height.astype(np.float64))])
             other = self.sums[i] - one
             if one[2] <= 0 or other[2] <= 0:
                 continue
             a, b = one[:2] / one[2], other[:2] / other[2]
-            gain = one[2] * other[2] / self.sums[i, 2] * ((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]))
+            ax, ay, az = a[0] - b[0], a[1] - b[1], one[3] / one[2] - other[3] / other[2]
+            gain = one[2] * other[2] / self.sums[i, 2] * (ax * ax + ay * ay + az * az)
             a, b = a.astype(F), b.astype(F)
             found[i] = (gain, (b, a) if self.way(i, b) < self.way(i, a) else (a, b))
         return found
 
-    def best_swap(self):
-        """(dissolved, split, halves, what it is asked to save); None where none is judged to save that."""
-        losses, best = self.losses(), (0.0, None)
+    def best_swaps(self):
+        """(dissolved, split, halves, what it is asked to save), in the order they are tried in."""
+        losses, found = self.losses(), []
         for split, (gain, halves) in self.splits().items():
             for bound in (False, True):
                 others = [i for i in range(self.k) if i != split and self.is_bound(i) == bound]
                 if others:
                     dissolved = min(others, key=lambda i: losses[i])
                     asked = self.asked(dissolved, split, halves[0], self.jump_gain)
-                    beyond = gain - losses[dissolved] - asked
-                    if beyond > best[0]:
-                        best = (beyond, (dissolved, split, halves, asked))
-        return best[1]
+                    found.append((gain - losses[dissolved] - asked, (dissolved, split, halves, asked)))
+        found.sort(key=lambda swap: -swap[0])
+        most = self.most_tried()
+        return [swap for beyond, swap in found[:most] if most > 1 or beyond > 0]
+
+    def most_tried(self):
+        if not self.raised:
+            return 1
+        over = len(self.xy) - self.k
+        if over > self.k:
+            return 2
+        pitch = 0.5 * float(self.reach)
+        return MOST_FOUND if in_order(self.weight * self.near.astype(np.float64)) > NEAR_LEAST * (0.5 * pitch * pitch * over) else 1
 
     def make(self, swap):
         """Makes a swap, and unmakes it unless it saves what it is asked to."""
         if swap is None:
             return False
         dissolved, split, halves, asked = swap
-        kept = ("at", "sums", "near", "next", "label", "moved", "done")
+        kept = ("at", "tall", "sums", "near", "next", "second", "label", "moved", "done")
         before, saved = self.cost(), {name: np.copy(getattr(self, name)) for name in kept}
         self.moved[dissolved] = True
         self.at[split], self.at[dissolved] = halves

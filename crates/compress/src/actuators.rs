@@ -1,7 +1,7 @@
 //! Actuator quantisation, eqs (8) to (12): where the display presses, and how hard.
 
 use taxel_cluster::{Kmeans2d, Kmeans2dSettings, Plane, lloyd2d, maximin, medoids};
-use taxel_hand::{Actuator, ActuatorForce, Geometry, Placement, Profile, ProfileError};
+use taxel_hand::{Actuator, ActuatorForce, Coordinates, Geometry, Placement, Profile, ProfileError};
 
 use crate::actuator_groups;
 use crate::contacts::Contacts;
@@ -26,6 +26,10 @@ pub(crate) struct Actuators {
     group_of_part: Vec<usize>,
     /// First coordinates, moved apart by part of the hand.
     apart: Vec<f64>,
+    /// Forces in the unit of the coordinates.
+    heights: Vec<f64>,
+    /// Distance of neighbouring taxels.
+    pitch: f64,
     fixed: Option<Fixed>,
 }
 
@@ -40,6 +44,7 @@ struct Group {
     y: Vec<f64>,
     key: Vec<u16>,
     force: Vec<f64>,
+    height: Vec<f64>,
 }
 
 impl Group {
@@ -52,6 +57,7 @@ impl Group {
             y: Vec::with_capacity(taxels),
             key: Vec::with_capacity(taxels),
             force: Vec::with_capacity(taxels),
+            height: Vec::with_capacity(taxels),
         }
     }
 }
@@ -59,6 +65,9 @@ impl Group {
 /// How far columns of different parts of the hand are moved apart, pixels or millimetres: an
 /// actuator in between would be worth nothing.
 const PART_DISTANCE: f64 = 4096.0;
+
+/// Most contacts for each actuator whose forces decide with which others they share it.
+const MOST_RAISED: usize = 3;
 
 /// What presses on an actuator.
 #[derive(Debug, Default, Clone, Copy)]
@@ -83,7 +92,10 @@ impl Actuators {
             swap_gain: profile.jump_gain,
             swaps: 4,
             iterations: 6,
-            reach: actuator_groups::reach(geometry, places),
+            reach: match profile.coordinates {
+                Coordinates::Pixels => 2.0,
+                Coordinates::Hand => actuator_groups::reach(geometry, places),
+            },
         };
         let (sizes, group_of_part) = actuator_groups::groups(geometry, profile)?;
         let mut first_id = 0;
@@ -107,6 +119,8 @@ impl Actuators {
             groups,
             group_of_part,
             apart: Vec::with_capacity(taxels),
+            heights: Vec::with_capacity(taxels),
+            pitch: 0.5 * settings.reach,
             fixed,
         })
     }
@@ -141,6 +155,7 @@ impl Actuators {
 
     /// From where the actuators were, [`Kmeans2d`], each group of parts on its own.
     fn follow(&mut self, profile: &Profile, contacts: &Contacts, levels: &Levels, out: &mut Vec<Actuator>) {
+        self.raise(profile, &contacts.force);
         let mut x = &contacts.x;
         if profile.parts_apart {
             let parts = contacts.x.iter().zip(&contacts.part);
@@ -152,27 +167,52 @@ impl Actuators {
         if let [all] = &mut self.groups[..] {
             let points = Plane { x, y: &contacts.y };
             let weights = profile.force_weighted.then_some(&contacts.force[..]);
-            let clusters = all.follower.follow(points, &contacts.rank, weights);
+            let heights = (!self.heights.is_empty()).then_some(&self.heights[..]);
+            let clusters = all.follower.follow(points, &contacts.rank, weights, heights);
             self.cluster.clear();
             self.cluster.extend_from_slice(clusters.labels);
             // A budget for the only part may be less than all actuators.
             self.member[..clusters.member.len()].copy_from_slice(clusters.member);
         } else {
             let y = &contacts.y;
-            Self::share_out(&mut self.groups, &self.group_of_part, contacts, Plane { x, y });
+            Self::share_out(
+                &mut self.groups,
+                &self.group_of_part,
+                contacts,
+                Plane { x, y },
+                &self.heights,
+            );
             self.follow_groups(profile.force_weighted, contacts.len());
         }
         self.press(profile, contacts, levels, out);
     }
 
+    /// Heights of the contacts: forces as shares of the frame's greatest, times `force_distance`; none where there are
+    /// so many contacts that the forces of an actuator's own hardly depend on which they are.
+    fn raise(&mut self, profile: &Profile, forces: &[f64]) {
+        self.heights.clear();
+        if profile.force_distance > 0.0 && forces.len() <= MOST_RAISED * usize::from(profile.actuators) {
+            let greatest = forces.iter().copied().fold(0.0, f64::max);
+            let scale = profile.force_distance * self.pitch / greatest;
+            self.heights.extend(forces.iter().map(|force| scale * force));
+        }
+    }
+
     /// Gives each group the contacts of its parts.
-    fn share_out(groups: &mut [Group], group_of_part: &[usize], contacts: &Contacts, at: Plane<'_>) {
+    fn share_out(
+        groups: &mut [Group],
+        group_of_part: &[usize],
+        contacts: &Contacts,
+        at: Plane<'_>,
+        heights: &[f64],
+    ) {
         for group in groups.iter_mut() {
             group.contact.clear();
             group.x.clear();
             group.y.clear();
             group.key.clear();
             group.force.clear();
+            group.height.clear();
         }
         for n in 0..contacts.len() {
             let group = &mut groups[group_of_part[usize::from(contacts.part[n])]];
@@ -181,6 +221,7 @@ impl Actuators {
             group.y.push(at.y[n]);
             group.key.push(contacts.rank[n]);
             group.force.push(contacts.force[n]);
+            group.height.extend(heights.get(n));
         }
     }
 
@@ -194,7 +235,8 @@ impl Actuators {
                 y: &group.y,
             };
             let weights = force_weighted.then_some(&group.force[..]);
-            let clusters = group.follower.follow(points, &group.key, weights);
+            let heights = (!group.height.is_empty()).then_some(&group.height[..]);
+            let clusters = group.follower.follow(points, &group.key, weights, heights);
             for (n, label) in group.contact.iter().zip(clusters.labels) {
                 self.cluster[*n as usize] = group.first_id + label;
             }

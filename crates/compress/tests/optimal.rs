@@ -214,6 +214,37 @@ fn an_actuator_of_several_contacts_is_as_near_to_their_forces_as_a_level_can_be(
 }
 
 #[test]
+fn contacts_of_like_force_share_an_actuator() {
+    for forces in [[10.0, 11.0, 900.0], [900.0, 11.0, 10.0]] {
+        let image = &images(&optimal(8, 2), &grid(3, 1), &[forces.to_vec()])[0];
+        let alone = image.actuators.iter().find(|a| a.force == 900.0);
+        let strongest = forces.iter().position(|f| *f == 900.0);
+        assert_eq!(
+            alone.map(|a| usize::from(a.x)),
+            strongest,
+            "{forces:?}: {image:?}"
+        );
+        assert!(image.actuators.iter().all(|a| a.force != 11.0), "{image:?}");
+    }
+}
+
+#[test]
+fn with_more_than_three_contacts_for_each_actuator_places_alone_decide() {
+    let frames = [touches(4, &[(3.0, 2.0, 2.5), (11.0, 1.0, 3.0)])];
+    let contacts = frames[0].iter().filter(|f| **f > 0.0).count() as u16;
+    let differ = |actuators| {
+        let by_place = Profile {
+            force_distance: 0.0,
+            ..optimal(8, actuators)
+        };
+        let [a, b] = [&optimal(8, actuators), &by_place].map(|p| images(p, &grid(16, 4), &frames));
+        a != b
+    };
+    assert!(!differ((contacts - 1) / 3));
+    assert!(differ(contacts / 2));
+}
+
+#[test]
 fn hysteresis_holds_the_level_of_an_actuator_of_several_contacts() {
     let layout = grid(2, 1);
     let frames = [[14.0, 14.5], [15.5, 15.6], [17.5, 17.6], [14.8, 14.9]].map(Vec::from);
@@ -328,6 +359,13 @@ fn shares_outside_their_range_are_refused() {
                 ..optimal(4, 4)
             },
             "jump_gain",
+        ),
+        (
+            Profile {
+                force_distance: 2.1,
+                ..optimal(4, 4)
+            },
+            "force_distance",
         ),
     ] {
         let refused = profile.check().unwrap_err();

@@ -37,6 +37,10 @@ pub struct Profile {
     pub history: f64,
     /// Share of the position error that an actuator must save to be moved elsewhere, 0 to 1, for `follow`.
     pub jump_gain: f64,
+    /// How far apart two contacts count whose forces differ by the frame's greatest, in distances of neighbouring taxels,
+    /// 0 to 2, for `follow` with at most three contacts for each actuator. It decides which contacts share an actuator
+    /// where places leave that open; 0 leaves forces out.
+    pub force_distance: f64,
     /// Whether `follow` keeps the parts of the hand apart, so that no actuator stands for contacts
     /// of two fingers.
     pub parts_apart: bool,
@@ -184,6 +188,7 @@ impl Default for Profile {
             level_hysteresis: 0.0,
             history: 0.0,
             jump_gain: 0.02,
+            force_distance: 1.0,
             parts_apart: false,
             grey: Grey::default(),
             actuator_force: None,
@@ -275,6 +280,7 @@ impl Profile {
         if !follows {
             (canonical.history, canonical.jump_gain) = (default.history, default.jump_gain);
             canonical.parts_apart = default.parts_apart;
+            canonical.force_distance = default.force_distance;
         }
         if is_fixed {
             canonical.force_weighted = default.force_weighted;

@@ -161,6 +161,7 @@ impl Profile {
             ("level_hysteresis", self.level_hysteresis, 0.5),
             ("history", self.history, 100.0),
             ("jump_gain", self.jump_gain, 1.0),
+            ("force_distance", self.force_distance, 2.0),
         ];
         for (key, value, max) in shares {
             check_range(TABLE, key, value, 0.0..=max, "")?;

@@ -27,9 +27,13 @@ pub(super) struct Assignment {
     x: Vec<[f32; LANES]>,
     y: Vec<[f32; LANES]>,
     weight: Vec<f32>,
+    /// Height of each point; empty where points have none.
+    height: Vec<f32>,
+    /// Weighted sum of their squares.
+    squared_heights: f64,
     /// Squared distance to the nearest centroid; 0 for the points that fill up the last step.
     near: Vec<[f32; LANES]>,
-    /// Squared distance to the second nearest.
+    /// Squared distance to the second nearest, with its id in the lowest bits.
     next: Vec<[f32; LANES]>,
     label: Vec<u16>,
     saved: Saved,
@@ -52,6 +56,8 @@ impl Assignment {
             x: Vec::with_capacity(steps),
             y: Vec::with_capacity(steps),
             weight: Vec::with_capacity(points),
+            height: Vec::with_capacity(points),
+            squared_heights: 0.0,
             near: vec![[0.0; LANES]; steps],
             next: vec![[0.0; LANES]; steps],
             label: Vec::with_capacity(points),
@@ -65,6 +71,11 @@ impl Assignment {
 
     pub(super) fn len(&self) -> usize {
         self.n
+    }
+
+    /// The bits of a number that make room for an id.
+    pub(super) fn id_bits(&self) -> u32 {
+        self.ids
     }
 
     pub(super) fn labels(&self) -> &[u16] {
@@ -86,7 +97,38 @@ impl Assignment {
 
     /// Squared distances of a point to the two nearest centroids.
     pub(super) fn distances(&self, n: usize) -> (f32, f32) {
-        (self.near.as_flattened()[n], self.next.as_flattened()[n])
+        let next = self.next.as_flattened()[n].to_bits() & !self.ids;
+        (self.near.as_flattened()[n], f32::from_bits(next))
+    }
+
+    /// Id of the second nearest centroid of a point.
+    pub(super) fn second(&self, n: usize) -> usize {
+        (self.next.as_flattened()[n].to_bits() & self.ids) as usize
+    }
+
+    /// Height of a point; 0 where points have none.
+    pub(super) fn height(&self, n: usize) -> f32 {
+        self.height.get(n).copied().unwrap_or(0.0)
+    }
+
+    /// Weighted sum of the squares of the heights.
+    pub(super) fn squared_heights(&self) -> f64 {
+        self.squared_heights
+    }
+
+    /// Whether points have heights.
+    pub(super) fn is_raised(&self) -> bool {
+        !self.height.is_empty()
+    }
+
+    /// Gives the points their heights.
+    pub(super) fn raise(&mut self, heights: Option<&[f64]>) {
+        self.height.clear();
+        self.height
+            .extend(heights.unwrap_or(&[]).iter().map(|height| *height as f32));
+        let squares =
+            (self.height.iter().enumerate()).map(|(n, h)| self.weight(n) * f64::from(*h) * f64::from(*h));
+        self.squared_heights = squares.sum();
     }
 
     /// Whether points have weights.
@@ -148,9 +190,9 @@ impl Assignment {
                     first[lane] = lesser(first[lane], tagged);
                 }
             }
+            *next = second;
             for lane in 0..LANES {
                 near[lane] = f32::from_bits(first[lane].to_bits() & !ids);
-                next[lane] = f32::from_bits(second[lane].to_bits() & !ids);
             }
             let nearest = first.map(|first| (first.to_bits() & ids) as u16);
             if nearest[..labels.len()] == *labels {
@@ -158,14 +200,15 @@ impl Assignment {
             }
             for (lane, label) in labels.iter_mut().enumerate() {
                 if *label != nearest[lane] {
-                    sums[usize::from(*label)].add(px[lane], py[lane], -1.0);
-                    sums[usize::from(nearest[lane])].add(px[lane], py[lane], 1.0);
+                    sums[usize::from(*label)].add(px[lane], py[lane], 0.0, -1.0);
+                    sums[usize::from(nearest[lane])].add(px[lane], py[lane], 0.0, 1.0);
                     *label = nearest[lane];
                     changed += 1;
                 }
             }
         }
-        if changed > 0 && self.is_weighted() {
+        // Sums of whole numbers are exact, whatever their order; others are not.
+        if changed > 0 && (self.is_weighted() || self.is_raised()) {
             self.add_up(sums);
         }
         changed
@@ -267,15 +310,9 @@ impl Assignment {
     /// Adds the points of each cluster up.
     pub(super) fn add_up(&self, sums: &mut [Sums]) {
         sums.fill(Sums::default());
-        let places = self.x.as_flattened().iter().zip(self.y.as_flattened());
-        if self.weight.is_empty() {
-            for ((x, y), label) in places.zip(&self.label) {
-                sums[usize::from(*label)].add(*x, *y, 1.0);
-            }
-        } else {
-            for (((x, y), label), weight) in places.zip(&self.label).zip(&self.weight) {
-                sums[usize::from(*label)].add(*x, *y, f64::from(*weight));
-            }
+        for (n, label) in self.label.iter().enumerate() {
+            let [x, y] = self.place_of(n);
+            sums[usize::from(*label)].add(x, y, self.height(n), self.weight(n));
         }
     }
 

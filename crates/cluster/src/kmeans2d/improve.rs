@@ -1,6 +1,6 @@
 //! Swaps: those that are judged to pay, and in quiet frames those that may.
 
-use super::swap::{Judge, Swap};
+use super::swap::{Judge, MOST_FOUND, Swap};
 use super::{Kmeans2d, Saved};
 
 /// So many frames after a change, and then one in so many, are used to look further.
@@ -12,13 +12,15 @@ const MOST_TRIES: usize = 8;
 /// Swaps in quiet frames are asked for this share of what others are: there are few of them, and
 /// what they save lasts.
 const QUIET_SHARE: f64 = 0.1;
+/// A cost within this of the least there can be is good enough.
+const NEAR_LEAST: f64 = 1.06;
 /// Frames without a swap after which half as much is asked of one.
 const PATIENCE: f64 = 2.0;
 
 /// What swaps have to save, for a share of the cost; the search borrows only part of the clusters.
 macro_rules! judge {
     ($clusters:expr, $gain:expr) => {{
-        let cost = $clusters.assignment.cost();
+        let cost = $clusters.cost();
         Judge {
             gain: $gain * cost,
             least: 0.002 * cost,
@@ -33,7 +35,7 @@ macro_rules! judge {
 impl Kmeans2d {
     /// Makes the swaps that pay. Where none paid, it does not ask again before something has changed.
     pub(super) fn improve(&mut self) {
-        let cost = self.assignment.cost();
+        let cost = self.cost();
         let few = 16 * self.changes < self.assignment.len();
         if let Some(before) = self.judged
             && few
@@ -48,7 +50,7 @@ impl Kmeans2d {
         }
         self.changes = 0;
         self.further = 0;
-        self.judged = (left > 0).then(|| self.assignment.cost());
+        self.judged = (left > 0).then(|| self.cost());
     }
 
     /// Share of the cost that a swap is asked to save in a quiet frame for each cluster that jumps by it: the
@@ -58,11 +60,10 @@ impl Kmeans2d {
         self.settings.swap_gain * QUIET_SHARE * PATIENCE / (PATIENCE + f64::from(self.patience))
     }
 
-    /// In a frame in which nothing has changed, tries more swaps, the next best by judgement:
-    /// judgement does not know how the clusters settle afterwards. Says whether one was made.
-    pub(super) fn look_further(&mut self) -> bool {
-        let may_jump = self.settings.swap_gain < 1.0 && self.assignment.len() > self.x.len();
-        if !may_jump {
+    /// In a frame whose points are those of the last, moves single points by their new heights and tries more
+    /// swaps, now and then. Says whether anything has changed.
+    pub(super) fn rest(&mut self, heights: Option<&[f64]>) -> bool {
+        if self.assignment.len() <= self.x.len() {
             return false;
         }
         self.patience = self.patience.saturating_add(1);
@@ -72,11 +73,40 @@ impl Kmeans2d {
         }
         self.pinned.copy_from_slice(&self.live);
         self.moved.fill(false);
+        let moved = heights.is_some() && self.raise_again(heights);
+        let swapped = self.settings.swap_gain < 1.0 && self.look_further();
+        if swapped {
+            self.splits.forget();
+        }
+        moved || swapped
+    }
+
+    /// Gives the same points other heights; says whether any moved for them.
+    fn raise_again(&mut self, heights: Option<&[f64]>) -> bool {
+        self.assignment.raise(heights);
+        self.assignment.add_up(&mut self.sums);
+        self.raise();
+        // What was ranked was ranked by other heights.
+        self.splits.forget();
+        let moved = self.move_points() > 0;
+        if moved {
+            self.settle();
+        }
+        moved
+    }
+
+    /// Tries more swaps, the next best by judgement: judgement does not know how the clusters settle afterwards.
+    /// Says whether one was made.
+    fn look_further(&mut self) -> bool {
         if !self.splits.is_ranked() {
             self.began = self.patience;
             let judge = judge!(self, self.quiet_gain());
-            self.splits
-                .rank(&self.assignment, &self.sums, &self.x, &self.y, &judge);
+            self.splits.rank(
+                &self.assignment,
+                &self.sums,
+                [&self.x, &self.y, &self.height],
+                &judge,
+            );
         }
         let tries = (TRIED_POINTS / self.assignment.len()).clamp(1, MOST_TRIES);
         for _ in 0..tries {
@@ -100,17 +130,47 @@ impl Kmeans2d {
 
     /// Dissolves one cluster and splits another if that saves enough; says whether it did.
     fn swap(&mut self) -> bool {
+        // Heights leave fewer ways for single points: the best two are tried, whatever they are judged to save.
+        let most = self.most_tried();
         let judge = judge!(self, self.settings.swap_gain);
-        let best = self
-            .splits
-            .best(&self.assignment, &self.sums, &self.x, &self.y, &judge);
-        best.is_some_and(|swap| self.make(&swap))
+        let at = [&self.x[..], &self.y, &self.height];
+        self.splits.find(&self.assignment, &self.sums, at, &judge, most);
+        for rank in 0..most {
+            let Some(swap) = self.splits.found(rank) else {
+                return false;
+            };
+            if self.make(&swap) {
+                return true;
+            }
+        }
+        false
+    }
+
+    /// How many swaps are tried before none is made. Heights leave fewer ways for single points; so where points have
+    /// them, more than one is, unless the points can hardly be nearer to their centroids than they are. A cluster of n
+    /// points that are `d` apart or more has a cost of at least `d^2 (n - 1) / 2`, and so all clusters together.
+    fn most_tried(&self) -> usize {
+        let (points, clusters) = (self.assignment.len(), self.x.len());
+        if !self.assignment.is_raised() {
+            1
+        } else if points > 2 * clusters {
+            2
+        } else {
+            let pitch = 0.5 * self.settings.reach;
+            let least = 0.5 * pitch * pitch * (points - clusters) as f64;
+            if self.assignment.cost() > NEAR_LEAST * least {
+                MOST_FOUND
+            } else {
+                1
+            }
+        }
     }
 
     /// Makes a swap, and unmakes it unless it saves what it was asked to.
     fn make(&mut self, swap: &Swap) -> bool {
-        let before = self.assignment.cost();
-        let Saved { x, y, sums } = &mut self.saved;
+        let before = self.cost();
+        let Saved { x, y, height, sums } = &mut self.saved;
+        height.copy_from_slice(&self.height);
         x.copy_from_slice(&self.x);
         y.copy_from_slice(&self.y);
         sums.copy_from_slice(&self.sums);
@@ -122,13 +182,14 @@ impl Kmeans2d {
         (self.x[swap.dissolved], self.y[swap.dissolved]) = other;
         let most = before - swap.asked;
         if self.settle_below(most) {
-            let after = self.assignment.cost();
+            let after = self.cost();
             if after < before && after < most {
                 return true;
             }
         }
         self.x.copy_from_slice(&self.saved.x);
         self.y.copy_from_slice(&self.saved.y);
+        self.height.copy_from_slice(&self.saved.height);
         self.sums.copy_from_slice(&self.saved.sums);
         self.moved[swap.dissolved] = moved;
         self.assignment.restore();

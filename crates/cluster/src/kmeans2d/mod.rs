@@ -60,6 +60,8 @@ pub struct Kmeans2d {
     /// Where each cluster is, by id; [`FAR`] where it has never been anywhere.
     x: Vec<f32>,
     y: Vec<f32>,
+    /// Mean height of each cluster.
+    height: Vec<f32>,
     /// Where each cluster was at the end of the last frame.
     last_x: Vec<f32>,
     last_y: Vec<f32>,
@@ -73,6 +75,8 @@ pub struct Kmeans2d {
     sums: Vec<Sums>,
     /// How much nearer than another centroid points of each id must be to be sure to stay.
     asks: Vec<f32>,
+    /// Weight of each id's points while single ones move.
+    mass: Vec<f32>,
     /// Id that each key had in the last frame; [`NONE`] where it had none.
     id_of_key: Vec<u16>,
     /// Keys of the last frame.
@@ -107,15 +111,17 @@ const FAR: f32 = 1e17;
 struct Sums {
     x: f64,
     y: f64,
+    height: f64,
     weight: f64,
 }
 
 impl Sums {
     /// Adds a point; with a negative weight, takes it away.
     #[inline]
-    fn add(&mut self, x: f32, y: f32, weight: f64) {
+    fn add(&mut self, x: f32, y: f32, height: f32, weight: f64) {
         self.x += weight * f64::from(x);
         self.y += weight * f64::from(y);
+        self.height += weight * f64::from(height);
         self.weight += weight;
     }
 }
@@ -125,6 +131,7 @@ impl Sums {
 struct Saved {
     x: Vec<f32>,
     y: Vec<f32>,
+    height: Vec<f32>,
     sums: Vec<Sums>,
 }
 
@@ -153,6 +160,7 @@ impl Kmeans2d {
             assignment: Assignment::new(keys, clusters),
             x: vec![FAR; clusters],
             y: vec![FAR; clusters],
+            height: vec![0.0; clusters],
             last_x: vec![FAR; clusters],
             last_y: vec![FAR; clusters],
             live: vec![false; clusters],
@@ -160,6 +168,7 @@ impl Kmeans2d {
             moved: vec![false; clusters],
             sums: vec![Sums::default(); clusters],
             asks: vec![0.0; clusters],
+            mass: vec![0.0; clusters],
             id_of_key: vec![NONE; keys],
             keys: Vec::with_capacity(keys),
             settled: false,
@@ -173,6 +182,7 @@ impl Kmeans2d {
             saved: Saved {
                 x: vec![0.0; clusters],
                 y: vec![0.0; clusters],
+                height: vec![0.0; clusters],
                 sums: vec![Sums::default(); clusters],
             },
             stands: Stands::new(clusters),
@@ -197,7 +207,9 @@ impl Kmeans2d {
     /// Clusters the points of the next frame.
     ///
     /// `keys` names the points: a key is always at the same place, and in a frame at most once.
-    /// `weights`, where given, must be positive.
+    /// `weights`, where given, must be positive. `heights`, in the unit of the coordinates, decide between
+    /// arrangements that are nearly as good in the plane: where single points move, heights are a third coordinate,
+    /// and nowhere else. While the points stay the same, new heights count in the frames that try further swaps.
     ///
     /// With no more points than clusters each point is a cluster of its own. It keeps its id, or
     /// takes that of an actuator within reach, nearest pairs first; other points get ids that were
@@ -206,7 +218,13 @@ impl Kmeans2d {
     /// # Panics
     ///
     /// If the lengths do not match, or a key is out of range.
-    pub fn follow(&mut self, points: Plane<'_>, keys: &[u16], weights: Option<&[f64]>) -> Clusters<'_> {
+    pub fn follow(
+        &mut self,
+        points: Plane<'_>,
+        keys: &[u16],
+        weights: Option<&[f64]>,
+        heights: Option<&[f64]>,
+    ) -> Clusters<'_> {
         assert_eq!(points.x.len(), points.y.len(), "as many x as y");
         assert_eq!(points.x.len(), keys.len(), "a key for each point");
         assert!(
@@ -215,8 +233,7 @@ impl Kmeans2d {
         );
         let resting = self.settled && weights.is_none() && self.keys == keys;
         if resting {
-            if self.look_further() {
-                self.splits.forget();
+            if self.rest(heights) {
                 self.finish();
                 self.remember(keys);
             }
@@ -226,6 +243,8 @@ impl Kmeans2d {
             self.changes += self.count_changes(keys);
             self.pinned.copy_from_slice(&self.live);
             self.assignment.place(points, weights);
+            self.assignment.raise(heights);
+            self.height.fill(0.0);
             if points.len() <= self.x.len() {
                 self.follow_few(keys);
             } else {
@@ -333,7 +352,7 @@ impl Kmeans2d {
                 let Some((place, saving)) = self.assignment.farthest() else {
                     return woke;
                 };
-                if jumps && saving <= self.settings.swap_gain * self.assignment.cost() {
+                if jumps && saving <= self.settings.swap_gain * self.cost() {
                     return woke;
                 }
                 (self.x[id], self.y[id]) = place;

@@ -1,6 +1,18 @@
 //! Lloyd's iterations and Hartigan's moves.
 
-use super::{FAR, Kmeans2d};
+use super::{FAR, Kmeans2d, Sums};
+
+/// Clusters side by side in one step.
+const LANES: usize = 8;
+
+/// Weight of a cluster for single points that may join it; not a number for one without points, which none joins.
+fn mass(sums: &Sums) -> f32 {
+    if sums.weight > 0.0 {
+        sums.weight as f32
+    } else {
+        f32::NAN
+    }
+}
 
 /// A swap that is settled goes on while falling so many times as far as in the last round would be enough.
 const FALLS: f64 = 16.0;
@@ -32,7 +44,7 @@ impl Kmeans2d {
         let mut before = f64::INFINITY;
         for _ in 0..self.settings.iterations {
             let changed = self.assignment.assign(&self.x, &self.y, &mut self.sums);
-            let cost = self.assignment.cost();
+            let cost = self.cost();
             if cost - FALLS * (before - cost) >= most {
                 return false;
             }
@@ -47,6 +59,17 @@ impl Kmeans2d {
         }
         self.settled = self.assignment.assign(&self.x, &self.y, &mut self.sums) <= few;
         true
+    }
+
+    /// Sum of squared distances of the points from their centroids, and of squared differences from the mean heights.
+    pub(super) fn cost(&self) -> f64 {
+        let flat = self.assignment.cost();
+        if !self.assignment.is_raised() {
+            return flat;
+        }
+        let live = self.sums.iter().filter(|sums| sums.weight > 0.0);
+        let means: f64 = live.map(|sums| sums.height * sums.height / sums.weight).sum();
+        flat + (self.assignment.squared_heights() - means)
     }
 
     /// How many labels may change, or points move, without a reason to go on: none of fewer than
@@ -71,15 +94,32 @@ impl Kmeans2d {
                 self.y[id] = ((sums.y + pull * f64::from(self.last_y[id])) / weight) as f32;
             }
         }
+        self.raise();
     }
 
-    /// Moves single points where that lowers the cost; returns how many moved.
-    fn move_points(&mut self) -> usize {
+    /// Takes every cluster to the mean height of its points.
+    pub(super) fn raise(&mut self) {
+        for (height, sums) in self.height.iter_mut().zip(&self.sums) {
+            if sums.weight > 0.0 {
+                *height = (sums.height / sums.weight) as f32;
+            }
+        }
+    }
+
+    /// Moves single points where that lowers the cost, to which the squared differences of heights are added here;
+    /// returns how many moved.
+    pub(super) fn move_points(&mut self) -> usize {
         let mut moved = 0;
         self.ask();
+        for (held, sums) in self.mass.iter_mut().zip(&self.sums) {
+            *held = mass(sums);
+        }
         for n in 0..self.assignment.len() {
             let from = usize::from(self.assignment.labels()[n]);
             let (near, next) = self.assignment.distances(n);
+            let height = self.assignment.height(n);
+            let below = height - self.height[from];
+            let near = near + below * below;
             if near * self.asks[from] <= next {
                 continue;
             }
@@ -89,28 +129,61 @@ impl Kmeans2d {
             if left <= 0.0 {
                 continue;
             }
-            let mut to = (from, f64::from(near) * heavy / left * 0.999_999);
-            for (id, sums) in self.sums.iter().enumerate() {
-                let (dx, dy) = (x - f64::from(self.x[id]), y - f64::from(self.y[id]));
-                let (cost, share) = ((dx * dx + dy * dy) * sums.weight, sums.weight + weight);
-                // A division for those only that are nearer than any before.
-                if cost < to.1 * share && id != from && sums.weight > 0.0 {
-                    to = (id, cost / share * 0.999_999);
-                }
-            }
-            if to.0 != from {
-                for (id, weight) in [(from, -weight), (to.0, weight)] {
+            let Some(to) = self.cheapest([x as f32, y as f32, height], weight as f32, from) else {
+                continue;
+            };
+            let (dx, dy) = (x - f64::from(self.x[to]), y - f64::from(self.y[to]));
+            let dz = f64::from(height - self.height[to]);
+            let joined = self.sums[to].weight;
+            let costs = (dx * dx + dy * dy + dz * dz) * joined / (joined + weight);
+            if costs < f64::from(near) * heavy / left * 0.999_999 {
+                for (id, weight) in [(from, -weight), (to, weight)] {
                     let sums = &mut self.sums[id];
-                    sums.add(x as f32, y as f32, weight);
+                    sums.add(x as f32, y as f32, height, weight);
+                    self.height[id] = (sums.height / sums.weight) as f32;
                     self.x[id] = (sums.x / sums.weight) as f32;
                     self.y[id] = (sums.y / sums.weight) as f32;
+                    self.mass[id] = mass(sums);
                 }
-                self.assignment.relabel(n, to.0);
+                self.assignment.relabel(n, to);
                 self.ask();
                 moved += 1;
             }
         }
         moved
+    }
+
+    /// The cluster that a point joins at the least cost, `m / (m + w)` of its squared distance, other than its own;
+    /// ties, within what [`Assignment::assign`] takes for one, to the lowest id. `None` where there is no other.
+    fn cheapest(&mut self, point: [f32; 3], weight: f32, own: usize) -> Option<usize> {
+        let ids = self.assignment.id_bits();
+        let held = std::mem::replace(&mut self.mass[own], f32::NAN);
+        let mut least = [f32::MAX; LANES];
+        let cost = |x: f32, y: f32, height: f32, mass: f32, id: u32| {
+            let (dx, dy, dz) = (point[0] - x, point[1] - y, point[2] - height);
+            let cost = (dx * dx + dy * dy + dz * dz) * (mass / (mass + weight));
+            f32::from_bits(cost.to_bits() & !ids | id)
+        };
+        let ([x, y, height], mass) = ([&self.x, &self.y, &self.height], &self.mass);
+        let whole = x.len() / LANES * LANES;
+        for first in (0..whole).step_by(LANES) {
+            let of = |values: &Vec<f32>| -> [f32; LANES] { std::array::from_fn(|lane| values[first + lane]) };
+            let (x, y, height, mass) = (of(x), of(y), of(height), of(mass));
+            for lane in 0..LANES {
+                let cost = cost(x[lane], y[lane], height[lane], mass[lane], (first + lane) as u32);
+                least[lane] = if cost < least[lane] { cost } else { least[lane] };
+            }
+        }
+        let mut best = least
+            .iter()
+            .copied()
+            .fold(f32::MAX, |a, b| if b < a { b } else { a });
+        for id in whole..x.len() {
+            let cost = cost(x[id], y[id], height[id], mass[id], id as u32);
+            best = if cost < best { cost } else { best };
+        }
+        self.mass[own] = held;
+        (best < f32::MAX).then_some((best.to_bits() & ids) as usize)
     }
 
     /// How many times nearer than the second nearest centroid a point of each cluster must be for

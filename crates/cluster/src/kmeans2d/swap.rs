@@ -10,8 +10,12 @@ pub(super) struct Splits {
     halves: Vec<Sums>,
     /// Pairs that may be dissolved and split, by what that is judged to save.
     ranked: Vec<(f64, u16, u16)>,
+    /// The swaps found last, that which saves most first.
+    found: Vec<(f64, Swap)>,
 }
 
+/// Most swaps that are found at once.
+pub(super) const MOST_FOUND: usize = 8;
 /// Most clusters whose pairs are ranked, and most pairs kept.
 const RANKED_CLUSTERS: usize = 64;
 const RANKED: usize = 64;
@@ -88,22 +92,23 @@ impl Splits {
             } else {
                 0
             }),
+            found: Vec::with_capacity(MOST_FOUND),
         }
     }
 
-    /// The swap that saves most beyond what it has to save, judged by the second nearest centroids
-    /// and by halving clusters across their principal axis; `None` where none saves enough.
-    pub(super) fn best(
+    /// Finds the swaps that save most beyond what they have to save, judged by the second nearest centroids and by
+    /// halving clusters across their principal axis: `most` of them, or if that is 1, only one that saves enough.
+    pub(super) fn find(
         &mut self,
         points: &Assignment,
         sums: &[Sums],
-        x: &[f32],
-        y: &[f32],
+        at: [&[f32]; 3],
         judge: &Judge<'_>,
-    ) -> Option<Swap> {
-        self.measure(points, x, y);
-        self.merge(sums, x, y);
-        self.halve(points, x, y);
+        most: usize,
+    ) {
+        self.measure(points, sums, at);
+        self.merge(sums, at);
+        self.halve(points, at);
         // The two that are missed least, among those that would jump and those that would not.
         let mut least = [[(usize::MAX, f64::INFINITY); 2]; 2];
         for (id, shape) in self.shape.iter().enumerate() {
@@ -114,7 +119,7 @@ impl Splits {
                 least[1] = (id, shape.loss);
             }
         }
-        let mut best: Option<(f64, Swap)> = None;
+        self.found.clear();
         for split in 0..sums.len() {
             let Some((gain, halves)) = self.split(split, sums, judge) else {
                 continue;
@@ -126,20 +131,28 @@ impl Splits {
                 }
                 let asked = judge.asks(dissolved, split, halves[0]);
                 let beyond = gain - loss - asked;
-                if beyond > 0.0 && best.as_ref().is_none_or(|(most, _)| beyond > *most) {
-                    best = Some((
-                        beyond,
-                        Swap {
-                            dissolved,
-                            split,
-                            halves,
-                            asked,
-                        },
-                    ));
+                let rank = self
+                    .found
+                    .iter()
+                    .take_while(|(other, _)| *other >= beyond)
+                    .count();
+                if rank < most && (beyond > 0.0 || most > 1) {
+                    self.found.truncate(most - 1);
+                    let swap = Swap {
+                        dissolved,
+                        split,
+                        halves,
+                        asked,
+                    };
+                    self.found.insert(rank, (beyond, swap));
                 }
             }
         }
-        best.map(|(_, swap)| swap)
+    }
+
+    /// The swap that was found, by rank from 0.
+    pub(super) fn found(&self, rank: usize) -> Option<Swap> {
+        self.found.get(rank).map(|(_, swap)| *swap)
     }
 
     /// What a cluster gains by being halved, and the means of its halves, the one nearer to where
@@ -149,6 +162,7 @@ impl Splits {
         let rest = Sums {
             x: all.x - half.x,
             y: all.y - half.y,
+            height: all.height - half.height,
             weight: all.weight - half.weight,
         };
         if half.weight <= 0.0 || rest.weight <= 0.0 {
@@ -156,7 +170,9 @@ impl Splits {
         }
         let (ax, ay) = (half.x / half.weight, half.y / half.weight);
         let (bx, by) = (rest.x / rest.weight, rest.y / rest.weight);
-        let gain = half.weight * rest.weight / all.weight * ((ax - bx) * (ax - bx) + (ay - by) * (ay - by));
+        let dz = half.height / half.weight - rest.height / rest.weight;
+        let apart = (ax - bx) * (ax - bx) + (ay - by) * (ay - by) + dz * dz;
+        let gain = half.weight * rest.weight / all.weight * apart;
         let (a, b) = ((ax as f32, ay as f32), (bx as f32, by as f32));
         let halves = if judge.way(split, b) < judge.way(split, a) {
             [b, a]
@@ -177,21 +193,14 @@ impl Splits {
     }
 
     /// Ranks the swaps of the present clusters, whether or not they are judged to save anything.
-    pub(super) fn rank(
-        &mut self,
-        points: &Assignment,
-        sums: &[Sums],
-        x: &[f32],
-        y: &[f32],
-        judge: &Judge<'_>,
-    ) {
+    pub(super) fn rank(&mut self, points: &Assignment, sums: &[Sums], at: [&[f32]; 3], judge: &Judge<'_>) {
         self.ranked.clear();
         if sums.len() > RANKED_CLUSTERS {
             return;
         }
-        self.measure(points, x, y);
-        self.merge(sums, x, y);
-        self.halve(points, x, y);
+        self.measure(points, sums, at);
+        self.merge(sums, at);
+        self.halve(points, at);
         for split in 0..sums.len() {
             let Some((gain, _)) = self.split(split, sums, judge) else {
                 continue;
@@ -223,7 +232,7 @@ impl Splits {
         })
     }
 
-    fn measure(&mut self, points: &Assignment, x: &[f32], y: &[f32]) {
+    fn measure(&mut self, points: &Assignment, sums: &[Sums], [x, y, height]: [&[f32]; 3]) {
         self.shape.fill(Shape::default());
         for n in 0..points.len() {
             let id = usize::from(points.labels()[n]);
@@ -234,7 +243,17 @@ impl Splits {
             shape.xx += weight * dx * dx;
             shape.xy += weight * dx * dy;
             shape.yy += weight * dy * dy;
-            shape.loss += weight * f64::from(next - near);
+            let second = points.second(n);
+            let (own, other) = (points.height(n) - height[id], points.height(n) - height[second]);
+            let (near, next) = (near + own * own, next + other * other);
+            let other = sums[second].weight;
+            // The other centroid comes to meet a point that joins it; one without points rests where it is.
+            let share = if other > 0.0 {
+                other / (other + weight)
+            } else {
+                1.0
+            };
+            shape.loss += weight * (share * f64::from(next) - f64::from(near));
         }
         for shape in &mut self.shape {
             let half = 0.5 * (shape.xx - shape.yy);
@@ -250,16 +269,17 @@ impl Splits {
     /// Lowers the loss of each cluster to the cost of merging it with the best other, `n m / (n +
     /// m) d^2`, where that is less: the points' distances to second nearest centroids do not know
     /// that a centroid makes room for them.
-    fn merge(&mut self, sums: &[Sums], x: &[f32], y: &[f32]) {
+    fn merge(&mut self, sums: &[Sums], [x, y, height]: [&[f32]; 3]) {
         for a in 0..sums.len() {
             for b in 0..a {
                 if sums[a].weight <= 0.0 || sums[b].weight <= 0.0 {
                     continue;
                 }
                 let (dx, dy) = (f64::from(x[a] - x[b]), f64::from(y[a] - y[b]));
+                let dz = f64::from(height[a] - height[b]);
                 let (n, m) = (sums[a].weight, sums[b].weight);
                 let most = self.shape[a].loss.max(self.shape[b].loss);
-                let product = n * m * (dx * dx + dy * dy);
+                let product = n * m * (dx * dx + dy * dy + dz * dz);
                 if product >= most * (n + m) {
                     continue;
                 }
@@ -272,7 +292,7 @@ impl Splits {
     }
 
     /// Adds up the points on one side of each cluster's centroid, along its principal axis.
-    fn halve(&mut self, points: &Assignment, x: &[f32], y: &[f32]) {
+    fn halve(&mut self, points: &Assignment, [x, y, _]: [&[f32]; 3]) {
         self.halves.fill(Sums::default());
         for n in 0..points.len() {
             let id = usize::from(points.labels()[n]);
@@ -282,6 +302,7 @@ impl Splits {
                 let half = &mut self.halves[id];
                 half.x += weight * px;
                 half.y += weight * py;
+                half.height += weight * f64::from(points.height(n));
                 half.weight += weight;
             }
         }

@@ -19,7 +19,7 @@ fn follow<'a>(solver: &'a mut Kmeans2d, points: &[(f64, f64)]) -> Clusters<'a> {
         .iter()
         .map(|(x, y)| (x * 2.0) as u16 + 128 * (y * 2.0) as u16)
         .collect();
-    solver.follow(Plane { x: &x, y: &y }, &keys, None)
+    solver.follow(Plane { x: &x, y: &y }, &keys, None, None)
 }
 
 /// Keys of points at different places, of halves below 64.
@@ -122,6 +122,37 @@ fn swaps_leave_a_local_optimum_only_when_it_pays() {
     );
 }
 
+/// Ids of points at 0, 1 and 2 on a line, of these heights, for two clusters.
+fn pairs(solver: &mut Kmeans2d, heights: [f64; 3]) -> [u16; 3] {
+    let x = [0.0, 1.0, 2.0];
+    let y = [0.0; 3];
+    let found = solver.follow(Plane { x: &x, y: &y }, &[0, 1, 2], None, Some(&heights));
+    [found.labels[0], found.labels[1], found.labels[2]]
+}
+
+#[test]
+fn heights_decide_between_pairs_that_are_equally_near() {
+    for (heights, alike) in [([0.0, 0.1, 0.9], [0, 1]), ([0.9, 0.1, 0.0], [1, 2])] {
+        let got = pairs(&mut Kmeans2d::new(3, 2, PLAIN), heights);
+        let [a, b] = alike.map(|n: usize| got[n]);
+        assert!(a == b && got[0] != got[2], "{heights:?}: {got:?}");
+    }
+}
+
+#[test]
+fn new_heights_of_the_same_points_count_within_four_frames() {
+    let mut solver = Kmeans2d::new(3, 2, PLAIN);
+    for _ in 0..9 {
+        let got = pairs(&mut solver, [0.0, 0.1, 0.9]);
+        assert_eq!(got[0], got[1]);
+    }
+    let changed = (0..4).any(|_| {
+        let got = pairs(&mut solver, [0.9, 0.1, 0.0]);
+        got[1] == got[2]
+    });
+    assert!(changed);
+}
+
 #[test]
 fn history_holds_centroids_back() {
     let run = |history| {
@@ -138,7 +169,7 @@ fn weights_pull_centroids() {
     let mut solver = Kmeans2d::new(3, 1, PLAIN);
     assert_eq!(
         solver
-            .follow(Plane { x: &x, y: &y }, &[0, 1, 2], Some(&[6.0, 1.0, 1.0]))
+            .follow(Plane { x: &x, y: &y }, &[0, 1, 2], Some(&[6.0, 1.0, 1.0]), None)
             .x,
         [1.0]
     );
@@ -153,7 +184,7 @@ fn points_in_one_place_are_survived() {
             x: &x[..n],
             y: &x[..n],
         };
-        let clusters = solver.follow(points, &keys[..n], None);
+        let clusters = solver.follow(points, &keys[..n], None, None);
         assert_eq!(clusters.live.iter().filter(|l| **l).count(), n.min(1));
         assert!(clusters.x.iter().all(|x| x.is_finite()));
     }
@@ -180,7 +211,7 @@ fn places_a_kilometre_from_the_origin_are_clustered_as_well() {
             // Held for a while, then two rows less.
             let some = if frame < 40 { 240 } else { 208 };
             let (x, y) = plane(&points[..some]);
-            let found = solver.follow(Plane { x: &x, y: &y }, &keys[..some], None);
+            let found = solver.follow(Plane { x: &x, y: &y }, &keys[..some], None, None);
             assert!(found.live.iter().all(|live| *live));
             errors.push(error(&near[..some], found.labels, 8));
         }

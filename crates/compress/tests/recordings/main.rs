@@ -12,8 +12,10 @@ use restarts::best_of_restarts;
 use taxel_compress::Compressor;
 use taxel_hand::{Actuator, Method, Profile};
 
-/// One in so many frames is compared with the best of 64 restarts, which takes long.
+/// One in so many frames is compared with the best of 64 restarts, which takes long where there are many contacts.
 const EVERY: usize = if cfg!(debug_assertions) { 97 } else { 7 };
+const EVERY_OF_FEW: usize = if cfg!(debug_assertions) { 13 } else { 7 };
+const FEW: u16 = 64;
 
 /// What was measured on a recording.
 #[derive(Debug, Default)]
@@ -86,7 +88,12 @@ fn measure(session: &Session, profile: &Profile) -> Measured {
                 }
             }
             before.clone_from(&image.actuators);
-            if number % EVERY == 0 && image.contacts > profile.actuators {
+            let every = if image.contacts <= FEW {
+                EVERY_OF_FEW
+            } else {
+                EVERY
+            };
+            if number % every == 0 && image.contacts > profile.actuators {
                 let best =
                     best_of_restarts(compressor.stages().pixel, profile.actuators.into(), number as u64);
                 if best > 0.0 {
