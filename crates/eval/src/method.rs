@@ -125,13 +125,14 @@ const MAIN: [&str; 6] = [
 ];
 
 /// Every other switch, on its own.
-const MORE: [&str; 13] = [
+const MORE: [&str; 14] = [
     "paper actuator_force=closest",
     "optimal history=0.1",
     "optimal history=0.5",
     "optimal jump_gain=0",
     "optimal jump_gain=0.1",
     "optimal jump_gain=1",
+    "optimal force_distance=0",
     "optimal force_weighted=true",
     "optimal parts_apart=true",
     "optimal level_hysteresis=0.2",
