@@ -179,4 +179,5 @@ def read_reply(connection):
         part = connection.recv(65536)
         assert part, f"the control connection closed in the middle of a reply: {line!r}"
         line += part
-    return json.loads(line)
+    # Behind it may stand why the connection is closed.
+    return json.loads(line.splitlines()[0])
