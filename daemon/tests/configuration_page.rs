@@ -13,8 +13,9 @@ use taxel_skin::{BoardsConfig, ConditionConfig, Layout, SweepConfig};
 use taxeld::Config;
 use taxeld::config::{ANNOTATED, CanConfig, ControlConfig, RealtimeConfig, SocketConfig};
 
-const FILES: [&str; 12] = [
+const FILES: [&str; 13] = [
     "daemon/src/config.rs",
+    "daemon/src/config/sockets.rs",
     "crates/engine/src/config.rs",
     "crates/serve/src/config.rs",
     "crates/hand/src/profile.rs",

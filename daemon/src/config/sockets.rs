@@ -1,0 +1,152 @@
+//! The tables `[socket]` and `[control]`: where the daemon's sockets are, and who may use them.
+
+use super::within;
+use nix::unistd::AccessFlags;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// Where subscribers connect, and who may.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SocketConfig {
+    /// Path of the socket that carries tactile images (`SOCK_SEQPACKET`).
+    pub images: PathBuf,
+    /// Path of the control socket (newline JSON), for those who may change something.
+    pub control: PathBuf,
+    /// Path of the socket that answers what changes nothing (newline JSON); empty: `status.sock` beside `control`.
+    pub status: PathBuf,
+    /// Permissions of the sockets for images and status, octal.
+    pub mode: String,
+    /// Group that owns them; empty keeps the daemon's own.
+    pub group: String,
+    /// Most subscribers at once, 1 to 4096.
+    pub max_subscribers: u16,
+    /// A subscriber that takes nothing for this long is disconnected, 100 to 60,000 ms.
+    pub stall_ms: u32,
+}
+
+/// Who may change something: re-zero, pause, replace the display profile, mark, move a servo.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ControlConfig {
+    /// Permissions of the control socket, octal.
+    pub mode: String,
+    /// Group that owns it; empty keeps the daemon's own.
+    pub group: String,
+}
+
+impl Default for SocketConfig {
+    fn default() -> Self {
+        Self {
+            images: default_directory().join("images.sock"),
+            control: default_directory().join("control.sock"),
+            status: PathBuf::new(),
+            mode: "0660".into(),
+            group: String::new(),
+            max_subscribers: 128,
+            stall_ms: 5000,
+        }
+    }
+}
+
+impl Default for ControlConfig {
+    fn default() -> Self {
+        Self {
+            mode: "0600".into(),
+            group: String::new(),
+        }
+    }
+}
+
+impl SocketConfig {
+    pub(super) fn check(&self) -> Result<(), String> {
+        self.mode_bits()?;
+        within("socket.", "max_subscribers", self.max_subscribers, 1.0..=4096.0)?;
+        within("socket.", "stall_ms", self.stall_ms, 100.0..=60_000.0)?;
+        let status = self.status_path();
+        let paths = [
+            ("images", &self.images),
+            ("control", &self.control),
+            ("status", &status),
+        ];
+        for (_, path) in &paths {
+            // sockaddr_un holds 108 bytes with the closing zero; the lock file's path is not bound by it.
+            let len = path.as_os_str().len();
+            if len == 0 || len > 107 {
+                return Err(format!(
+                    "socket path {} has {len} bytes; a Unix socket path has 1 to 107",
+                    path.display()
+                ));
+            }
+        }
+        for (i, (key, path)) in paths.iter().enumerate() {
+            if let Some((other, _)) = paths[..i].iter().find(|(_, other)| other == path) {
+                return Err(format!(
+                    "socket.{other} and socket.{key} are both {}",
+                    path.display()
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// Where the socket is that answers what changes nothing.
+    pub fn status_path(&self) -> PathBuf {
+        match self.status.as_os_str().is_empty() {
+            true => self.control.with_file_name("status.sock"),
+            false => self.status.clone(),
+        }
+    }
+
+    /// Permissions as bits.
+    pub fn mode_bits(&self) -> Result<u32, String> {
+        octal("socket", &self.mode)
+    }
+}
+
+impl ControlConfig {
+    /// Permissions as bits.
+    pub fn mode_bits(&self) -> Result<u32, String> {
+        octal("control", &self.mode)
+    }
+}
+
+fn octal(table: &str, mode: &str) -> Result<u32, String> {
+    match u32::from_str_radix(mode, 8) {
+        Ok(bits) if bits <= 0o777 => Ok(bits),
+        _ => Err(format!(
+            "{table}.mode = \"{mode}\" is not an octal mode such as \"0660\""
+        )),
+    }
+}
+
+/// Where the sockets of root's daemon and of the service are, which systemd gives that folder.
+const SYSTEM_DIRECTORY: &str = "/run/taxeld";
+
+/// Where the daemon's sockets are unless the configuration says otherwise: `/run/taxeld` for root and where that folder
+/// is this user's to write to, else `taxeld` in the user's own runtime directory, else `/tmp/taxeld-UID`.
+///
+/// In a service it is the folder that systemd has made for it (`RuntimeDirectory=`).
+pub fn default_directory() -> PathBuf {
+    if let Some(own) = std::env::var_os("RUNTIME_DIRECTORY").filter(|own| !own.is_empty()) {
+        // A service with several has them in one variable.
+        return own.to_string_lossy().split(':').next().unwrap_or_default().into();
+    }
+    let is_ours = || nix::unistd::access(SYSTEM_DIRECTORY, AccessFlags::W_OK).is_ok();
+    if nix::unistd::geteuid().is_root() || is_ours() {
+        return SYSTEM_DIRECTORY.into();
+    }
+    match std::env::var_os("XDG_RUNTIME_DIR") {
+        Some(dir) if !dir.is_empty() => PathBuf::from(dir).join("taxeld"),
+        _ => PathBuf::from(format!("/tmp/taxeld-{}", nix::unistd::getuid())),
+    }
+}
+
+/// The socket of this name, such as `images.sock`, of the daemon that this user has started, or else of the system's.
+pub fn running_socket(name: &str) -> PathBuf {
+    let own = default_directory().join(name);
+    if own.exists() || !Path::new(SYSTEM_DIRECTORY).is_dir() {
+        return own;
+    }
+    Path::new(SYSTEM_DIRECTORY).join(name)
+}
