@@ -312,6 +312,27 @@ impl Config {
             ));
         }
 
+        for (index, bus) in parsed.bus.iter().enumerate() {
+            let (name, source) = (&layout.buses[index], &bus.get_ref().source);
+            let problem = match (&sources[index], layout.array_on(index)) {
+                (SourceAddress::Pressure { .. }, None) => format!(
+                    "{} is for a pressure array, and bus {name:?} of layout {} has none; name its bus, such as can:{name}",
+                    sources[index], layout.name
+                ),
+                (SourceAddress::Can { .. } | SourceAddress::Udp { .. }, Some(_)) => format!(
+                    "bus {name:?} of layout {} is a pressure array, whose frames come over a Unix socket; write \
+                     pressure:PATH",
+                    layout.name
+                ),
+                (SourceAddress::Pressure { path }, _) => match sockets::check_path(path) {
+                    Ok(()) => continue,
+                    Err(problem) => problem,
+                },
+                _ => continue,
+            };
+            return Err(refuse(source.span().start, problem));
+        }
+
         let joints = match parsed.joints {
             Some(table) => {
                 let offset = table.span().start;

@@ -20,6 +20,7 @@ mod tick;
 
 pub use arguments::Arguments;
 pub use config::{Config, ConfigError};
+pub use sources::open_array;
 pub use taxel_serve::SocketPathError;
 
 use crate::image_maker::ImageMaker;

@@ -2,7 +2,10 @@
 
 use crate::StartError;
 use crate::config::Config;
-use taxel_can::{CanSource, Playback, SourceAddress, SourceOptions};
+use nix::sys::socket::SockType;
+use std::path::Path;
+use taxel_can::{CanSource, Playback, PressureSocket, SourceAddress, SourceOptions};
+use taxel_serve::SocketPath;
 
 /// Whether every bus is a recording: then time is the recordings' own and starts at zero.
 pub(crate) fn are_recorded(config: &Config) -> bool {
@@ -76,12 +79,34 @@ fn open_one(
         SourceAddress::Sim { scene } => {
             open_scene(scene, config, bus as u8, options.playback.start_ns).map_err(|error| fail(true, error))
         }
+        SourceAddress::Pressure { path } => {
+            open_array(config, bus, path).map_err(|error| StartError::Source {
+                bus: name.to_owned(),
+                is_lasting: error.is_lasting(),
+                error: error.into(),
+            })
+        }
         // Recordings do not come by themselves.
         _ => taxel_can::open(address, options).map_err(|error| {
             let is_lasting = matches!(address, SourceAddress::Log { .. }) || error.is_lasting();
             fail(is_lasting, error.into())
         }),
     }
+}
+
+/// Makes the socket that the frames of the pressure array on a bus (index) are sent to, with the owner and mode of the
+/// control socket: who sends touch changes what is felt. It is there as long as the source.
+pub fn open_array(config: &Config, bus: usize, path: &Path) -> Result<Box<dyn CanSource>, StartError> {
+    // The configuration was checked.
+    let size = config.layout.array_on(bus).unwrap_or([1, 1]);
+    let mode = config.control.mode_bits().unwrap_or(0o600);
+    let mut place = SocketPath::take(path, mode, &config.control.group)?;
+    let socket = place.bind(SockType::Datagram)?;
+    let source = PressureSocket::new(socket, size, place).map_err(|error| StartError::System {
+        what: "read the socket of a pressure array",
+        error,
+    })?;
+    Ok(Box::new(source))
 }
 
 type Refusal = Box<dyn std::error::Error + Send + Sync>;

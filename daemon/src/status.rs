@@ -3,12 +3,13 @@
 use crate::snapshot::{BusSnapshot, Snapshot};
 use crate::state::State;
 use hdrhistogram::Histogram;
+use taxel_can::{ArrayCounters, SourceAddress};
 use taxel_diagnose::{CurrentProblem, Kind, Place, Problems, Severity};
 use taxel_hand::Fault;
 use taxel_joints::JointsConfig;
 use taxel_wire::status::{
-    BoardStatus, BusStatus, ControlStatus, ErrorCounterStatus, ErrorFrameStatus, ImagesStatus, ProblemStatus,
-    QuantileStatus, Status, TaxelStatus, TickStatus,
+    ArrayStatus, BoardStatus, BusStatus, ControlStatus, ErrorCounterStatus, ErrorFrameStatus, ImagesStatus,
+    ProblemStatus, QuantileStatus, Status, TaxelStatus, TickStatus,
 };
 
 impl State {
@@ -121,6 +122,8 @@ impl State {
             (self.config.joints_bus()).is_some_and(|b| b.shared && usize::from(b.index) == index);
         let source = &bus.source;
         let [tx, rx] = source.error_counters;
+        let is_array = matches!(self.config.sources[index], SourceAddress::Pressure { .. });
+        let array = is_array.then(|| array_status(&source.array));
         BusStatus {
             name: layout.buses[index].clone(),
             source: self.config.sources[index].to_string(),
@@ -129,8 +132,17 @@ impl State {
             state_changes: source.state_changes,
             error_counters: ErrorCounterStatus { tx, rx },
             frames_hz: bus.load.frames_hz,
-            load_percent: 100.0 * bus.load.share,
-            load_percent_most: 100.0 * bus.load.share_most,
+            load_percent: if array.is_some() {
+                0.0
+            } else {
+                100.0 * bus.load.share
+            },
+            load_percent_most: if array.is_some() {
+                0.0
+            } else {
+                100.0 * bus.load.share_most
+            },
+            array,
             problems: names(problems, Place::Bus(index)),
             received: source.received,
             used: sum(|b| b.used),
@@ -181,6 +193,19 @@ fn board_status(board: &taxel_skin::BoardStatus, now_ns: u64) -> BoardStatus {
         period_ms: board.period_ns.map(|period| period as f64 / 1e6),
         silent_ms: board.last_ns.map(|last| now_ns.saturating_sub(last) / 1_000_000),
         ..BoardStatus::default()
+    }
+}
+
+fn array_status(array: &ArrayCounters) -> ArrayStatus {
+    ArrayStatus {
+        taken: array.taken,
+        lost: array.lost,
+        late: array.late,
+        restarts: array.restarts,
+        foreign: array.foreign,
+        version: array.version,
+        size: array.size,
+        torn: array.torn,
     }
 }
 

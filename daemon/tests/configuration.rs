@@ -95,6 +95,21 @@ fn configuration_errors_name_file_and_line() {
             "hand.toml:6: unknown key `lvels`; did you mean `levels`? There are method, ",
         ),
         (
+            "layout = \"tekscan-6077\"\n[[bus]]\nsource = \"can:can0\"\n",
+            "hand.toml:3: bus \"touch\" of layout tekscan-6077 is a pressure array, whose frames come over a Unix socket",
+        ),
+        (
+            "layout = \"uskin-module\"\n[[bus]]\nsource = \"pressure:/run/touch.sock\"\n",
+            "hand.toml:3: pressure:/run/touch.sock is for a pressure array, and bus \"can0\" of layout uskin-module has none",
+        ),
+        (
+            &format!(
+                "layout = \"tekscan-6077\"\n[[bus]]\nsource = \"pressure:/{}\"\n",
+                "x".repeat(107)
+            ),
+            "hand.toml:3: socket path /xxx",
+        ),
+        (
             "layout = \"uskin-modul\"\n",
             "hand.toml:1: there is no layout \"uskin-modul\": it is neither a file nor built in",
         ),
@@ -107,6 +122,14 @@ fn configuration_errors_name_file_and_line() {
         );
     }
     Config::parse(two, &path).unwrap();
+    let array = "layout = \"tekscan-6077\"\n[[bus]]\nsource = \"pressure:/run/touch.sock\"\n";
+    for text in [
+        array.to_owned(),
+        array.replace("pressure:", "log:"),
+        array.replace("pressure:/run/", "sim:"),
+    ] {
+        Config::parse(&text, &path).unwrap();
+    }
 }
 
 /// A stderr or stdout that takes nothing: a full disk, and a pipe whose reader has gone.

@@ -13,6 +13,8 @@ use taxel_skin::Layout;
 
 /// Nanoseconds per bit at 1 Mbit/s, the rate of every uSkin bus (docs/protocols.md, "Bus timing").
 const BIT_NS: u64 = 1000;
+/// The same of a pressure array, whose frames come over no bus, and all at once.
+const ARRAY_BIT_NS: u64 = 1;
 /// Frames the host's controller keeps until they win the bus; SocketCAN's usual `txqueuelen`.
 const HOST_QUEUE: usize = 10;
 /// A frame held back to be overtaken is let go after this time if none comes.
@@ -24,6 +26,7 @@ const HOST_STREAM: u64 = 0x6873;
 #[derive(Debug)]
 pub(crate) struct Bus {
     index: u8,
+    bit_ns: u64,
     seed: u64,
     skin: Arc<SkinModel>,
     boards: Vec<Board>,
@@ -138,6 +141,10 @@ impl Bus {
         }
         let mut bus = Self {
             index,
+            bit_ns: match layout.array_on(index.into()) {
+                Some(_) => ARRAY_BIT_NS,
+                None => BIT_NS,
+            },
             seed,
             skin,
             boards,
@@ -259,7 +266,7 @@ impl Bus {
             self.in_flight = Some(Flight {
                 sender,
                 frame,
-                end_ns: t_ns + u64::from(frame.bits()) * BIT_NS,
+                end_ns: t_ns + u64::from(frame.bits()) * self.bit_ns,
             });
         }
     }

@@ -388,9 +388,11 @@ pub(crate) fn modules_named(
     })
 }
 
-/// Numbers of a module's taxels in the layout, with the board's own numbers.
+/// Numbers of a module's taxels in the layout, with the board's own numbers, which are a byte on CAN.
 pub(crate) fn taxels_of(layout: &Layout, module: usize) -> impl Iterator<Item = (usize, u8)> {
-    layout.modules[module].taxel_range().map(|i| (i, layout.k[i]))
+    layout.modules[module]
+        .taxel_range()
+        .map(|i| (i, layout.k[i] as u8))
 }
 
 /// Places a contact on modules that form one surface.

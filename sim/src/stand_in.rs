@@ -64,13 +64,14 @@ pub fn with_stand_in_boards(layout: &Layout) -> Result<Layout, SceneError> {
             },
             icub: (!as_cyskin).then(IcubSetup::default),
             hub: as_cyskin.then_some(0),
+            array: None,
         };
         let taxels = &mut wired.k[layout.modules[m].taxel_range()];
         for (i, k) in (0..).zip(taxels) {
             *k = if as_cyskin {
                 i + 1
             } else {
-                i / 10 * 12 + TAXEL_PADS[usize::from(i % 10)]
+                i / 10 * 12 + u16::from(TAXEL_PADS[usize::from(i % 10)])
             };
         }
     }
@@ -113,7 +114,7 @@ pub fn stand_in_layout_file(layout: &Layout) -> Result<String, SceneError> {
         let ((x0, width), (y0, height)) = (range(|t| t.x), range(|t| t.y));
         let mut order = vec![vec![-1; width]; height];
         for (taxel, k) in taxels.iter().zip(wired.k_of(module)) {
-            order[usize::from(taxel.y - y0)][usize::from(taxel.x - x0)] = i16::from(*k);
+            order[usize::from(taxel.y - y0)][usize::from(taxel.x - x0)] = *k as i16;
         }
         let _ = write!(
             text,

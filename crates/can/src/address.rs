@@ -12,7 +12,8 @@ pub const DEFAULT_UDP_PORT: u16 = 43113;
 /// The hop limit (IPv4: TTL) of python-can's `udp_multicast` interface: the local network only.
 pub const DEFAULT_UDP_HOP_LIMIT: u8 = 1;
 
-/// Where CAN frames come from, as text: `can:vcan0`, `udp:239.74.163.2:43113`, `log:FILE`, `sim:SCENE`.
+/// Where CAN frames come from, as text: `can:vcan0`, `udp:239.74.163.2:43113`, `log:FILE`, `sim:SCENE`; and the frames of
+/// a pressure array, `pressure:PATH`.
 ///
 /// `Display` writes the form that `FromStr` reads back to the same value.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
@@ -46,6 +47,11 @@ pub enum SourceAddress {
         /// The scene's name or file.
         scene: String,
     },
+    /// The Unix socket to which a program sends the frames of a pressure array: `pressure:/run/taxeld/touch.sock`.
+    Pressure {
+        /// The socket's path.
+        path: PathBuf,
+    },
 }
 
 /// Why a text names no CAN source.
@@ -53,7 +59,7 @@ pub enum SourceAddress {
 #[error(
     "`{text}` is not a CAN source: {problem}. Write can:INTERFACE, udp:GROUP:PORT \
      (udp: alone is {DEFAULT_UDP_GROUP}:{DEFAULT_UDP_PORT}; an IPv6 group goes in brackets), \
-     log:FILE, log:FILE?interface=can0, or sim:SCENE"
+     log:FILE, log:FILE?interface=can0, sim:SCENE, or pressure:SOCKET"
 )]
 pub struct AddressError {
     /// The text given.
@@ -62,7 +68,7 @@ pub struct AddressError {
     pub problem: String,
 }
 
-const UNKNOWN_SCHEME: &str = "it starts with none of can:, udp:, log:, sim:";
+const UNKNOWN_SCHEME: &str = "it starts with none of can:, udp:, log:, sim:, pressure:";
 /// What the name of an interface is.
 pub(crate) const INTERFACE_NAME: &str = "1 to 15 bytes without blanks, `/` or `:`";
 
@@ -103,6 +109,10 @@ fn parse(text: &str) -> Result<SourceAddress, String> {
             scene => Ok(SourceAddress::Sim {
                 scene: scene.to_owned(),
             }),
+        },
+        "pressure" => match rest {
+            "" => Err("the socket's path is missing".into()),
+            path => Ok(SourceAddress::Pressure { path: path.into() }),
         },
         _ => Err(UNKNOWN_SCHEME.into()),
     }
@@ -243,6 +253,7 @@ impl fmt::Display for SourceAddress {
                 }
             }
             SourceAddress::Sim { scene } => write!(f, "sim:{scene}"),
+            SourceAddress::Pressure { path } => write!(f, "pressure:{}", path.display()),
         }
     }
 }
@@ -304,6 +315,12 @@ mod tests {
                     scene: "grasp".into(),
                 },
             ),
+            (
+                "pressure:/run/a b:c.sock",
+                SourceAddress::Pressure {
+                    path: "/run/a b:c.sock".into(),
+                },
+            ),
         ];
         for (text, address) in cases {
             assert_eq!(text.parse(), Ok(address.clone()), "{text}");
@@ -331,6 +348,7 @@ mod tests {
             ("log:x.log?speed=2", "no option of log"),
             ("log:x.log?interface=", "interface's name is missing"),
             ("sim:", "the scene is missing"),
+            ("pressure:", "the socket's path is missing"),
         ];
         for (text, says) in cases {
             let error = text.parse::<SourceAddress>().unwrap_err().to_string();

@@ -1,7 +1,7 @@
 //! CAN frames and where they come from.
 //!
-//! One seam, [`CanSource`], and four sources behind it: SocketCAN, python-can's `udp_multicast`, a
-//! recording, and memory. A source knows nothing of boards; a decoder knows nothing of sockets.
+//! One seam, [`CanSource`], and five sources behind it: SocketCAN, python-can's `udp_multicast`, a
+//! recording, memory, and the socket of a pressure array. A source knows nothing of boards; a decoder knows nothing of sockets.
 //! [`open`] makes a source of its [`SourceAddress`].
 
 mod address;
@@ -18,6 +18,7 @@ mod log_clock;
 mod memory;
 mod merge;
 mod open;
+mod pressure;
 mod python_can;
 mod socketcan;
 mod source;
@@ -33,6 +34,9 @@ pub use log_clock::{ClockJumps, LONGEST_PAUSE_NS, LogClock};
 pub use memory::{MemoryBus, MemorySource, memory_bus};
 pub use merge::FrameMerge;
 pub use open::{OpenError, SourceOptions, open};
+pub use pressure::{
+    ArrayCounters, ArrayHead, MAX_ARRAY_TAXELS, PressureSender, PressureSocket, pressure_frames,
+};
 pub use python_can::{Undecodable, decode as decode_python_can};
 pub use socketcan::{SocketCan, SocketCanOptions};
 pub use source::{BusState, CanSource, ErrorCauses, LinkState, Received, SendError, SourceCounters, Wakeup};

@@ -101,7 +101,8 @@ impl OpenError {
     }
 }
 
-/// Opens what an address names. A `sim:` address is refused: scenes are the simulator's.
+/// Opens what an address names. `sim:` and `pressure:` are refused: scenes are the simulator's, and a socket has an owner
+/// and a mode ([`PressureSocket`](crate::PressureSocket)).
 pub fn open(address: &SourceAddress, options: &SourceOptions) -> Result<Box<dyn CanSource>, OpenError> {
     match address {
         SourceAddress::Can { interface } => {
@@ -135,6 +136,10 @@ pub fn open(address: &SourceAddress, options: &SourceOptions) -> Result<Box<dyn 
             interface.as_deref(),
             options.playback,
         )?)),
+        SourceAddress::Pressure { path } => Err(OpenError::Refused(format!(
+            "pressure:{} is no bus: its frames are sent to taxeld",
+            path.display()
+        ))),
         SourceAddress::Sim { scene } => Err(OpenError::Refused(format!(
             "sim:{scene} is not a bus: simulated scenes are opened by the simulator"
         ))),

@@ -1,6 +1,6 @@
 //! The seam between a CAN bus and everything that reads it.
 
-use crate::{CanFrame, ClockJumps};
+use crate::{ArrayCounters, CanFrame, ClockJumps};
 use std::fmt;
 use std::os::fd::BorrowedFd;
 
@@ -109,7 +109,8 @@ pub struct SourceCounters {
     pub received: u64,
     /// Frames the kernel dropped because this socket's queue was full (`SO_RXQ_OVFL`).
     pub lost_in_kernel: u64,
-    /// Datagrams or lines that were not a frame, or not one a hand can send (CAN FD).
+    /// Datagrams or lines that were not a frame, or not one a hand can send (CAN FD); messages of a pressure array that
+    /// were refused.
     pub undecodable: u64,
     /// Remote frames among `received`.
     pub remote: u64,
@@ -135,6 +136,8 @@ pub struct SourceCounters {
     pub cut_off_line: u64,
     /// Where the time of a recording was not taken as it stands there.
     pub jumps: ClockJumps,
+    /// What the socket of a pressure array has seen.
+    pub array: ArrayCounters,
 }
 
 /// Error frames by cause. One frame may name several causes, so the causes can add up to more than `frames`.

@@ -4,8 +4,8 @@ use std::net::IpAddr;
 use std::time::{Duration, Instant};
 use taxel_allocations::during;
 use taxel_can::{
-    CanFrame, CanSource, FrameMerge, LogSource, OpenError, Playback, Received, SocketCan, SocketCanOptions,
-    UdpMulticast, UdpOptions, memory_bus, monotonic_ns,
+    CanFrame, CanSource, FrameMerge, LogSource, OpenError, Playback, PressureSocket, Received, SocketCan,
+    SocketCanOptions, UdpMulticast, UdpOptions, memory_bus, monotonic_ns,
 };
 
 #[global_allocator]
@@ -116,6 +116,27 @@ fn a_recording_bad_lines_and_all() {
     });
     assert_eq!((received, count), (5000, 0));
     assert_eq!(source.counters().undecodable, 10_000);
+}
+
+#[test]
+fn a_pressure_array_garbage_and_all() {
+    let (program, socket) = std::os::unix::net::UnixDatagram::pair().unwrap();
+    let mut source = PressureSocket::new(socket.into(), [28, 50], ()).unwrap();
+    let mut message = b"TXPA\x01\x00\x1c\x00\x32\x00\x00\x00".to_vec();
+    message.resize(24 + 2 * 1400, 0);
+    let mut batch = Vec::with_capacity(64);
+    let mut received = 0;
+    let count = allocations(|| {
+        for round in 0..100 {
+            message[12] = round;
+            program.send(&message).unwrap();
+            program.send(b"garbage").unwrap();
+            received += drain(&mut source, u64::from(round), &mut batch);
+        }
+    });
+    assert_eq!((received, count), (100 * 351, 0));
+    let array = source.counters().array;
+    assert_eq!((array.taken, array.foreign, array.lost), (100, 100, 0));
 }
 
 /// Needs `vcan0` up, as `tests/vcan/run` makes it.

@@ -202,6 +202,11 @@ fn bus(place: usize, text: &str) -> anyhow::Result<CanInput> {
         (SourceAddress::Log { .. } | SourceAddress::Sim { .. }, _) => {
             bail!("--can {text}: a recording or a scene is no bus; name can:INTERFACE or udp:GROUP:PORT")
         }
+        (SourceAddress::Pressure { .. }, _) => {
+            bail!(
+                "--can {text}: a pressure array is no bus; its counts are in the raw frames, which are kept"
+            )
+        }
         (_, Some(name)) => name.to_owned(),
         (SourceAddress::Can { interface }, None) => interface.clone(),
         (SourceAddress::Udp { .. }, None) => format!("can{place}"),

@@ -9,7 +9,8 @@ use std::io::{self, BufWriter, Write};
 use std::str::FromStr;
 use std::time::{Duration, Instant};
 use taxel_can::{
-    CanFrame, CanSource, LinkState, LogWriter, Received, SendError, SourceAddress, SourceOptions,
+    CanFrame, CanSource, LinkState, LogWriter, PressureSender, Received, SendError, SourceAddress,
+    SourceOptions,
 };
 use taxel_skin::Layout;
 
@@ -89,6 +90,15 @@ impl Target {
                 let whole = OutputFile::begin(path)?;
                 let file = File::create(whole.path()).with_context(|| path.display().to_string())?;
                 End::Log(LogWriter::new(Box::new(BufWriter::new(file))), Some(whole))
+            }
+            TargetAddress::Bus(SourceAddress::Pressure { path }) => {
+                let sender = PressureSender::open(path).with_context(|| {
+                    format!(
+                        "nobody takes the frames of an array at {}; start taxeld first",
+                        path.display()
+                    )
+                })?;
+                End::Bus(Box::new(sender))
             }
             TargetAddress::Bus(address) => {
                 let source = taxel_can::open(address, &SourceOptions::default())?;

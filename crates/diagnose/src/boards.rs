@@ -1,5 +1,6 @@
 //! What is wrong with the boards: those that are silent, or fall silent again and again.
 
+use crate::array;
 use crate::kind::Kind;
 use crate::names::{is_of_board, modules_name};
 use crate::problem::{Place, Problem};
@@ -54,7 +55,11 @@ pub(crate) fn judge(look: &Look<'_>, steadiness: &mut Steadiness, found: &mut Ve
         // Between the first sweeps of a board that has just come up its state says silent, too.
         let long = |m: usize| {
             let last_ns = view.boards[m].last_ns;
-            last_ns.is_none_or(|last| view.now_ns.saturating_sub(last) >= look.setup.silence_ns)
+            let silence_ns = match layout.wiring[m].array {
+                Some(_) => array::SILENCE_NS.max(look.setup.silence_ns),
+                None => look.setup.silence_ns,
+            };
+            last_ns.is_none_or(|last| view.now_ns.saturating_sub(last) >= silence_ns)
         };
         let quiet = |m: usize| match state(m) {
             BoardState::Silent => long(m),
@@ -79,7 +84,10 @@ pub(crate) fn judge(look: &Look<'_>, steadiness: &mut Steadiness, found: &mut Ve
             found.push(unsteady_board(layout, modules, times));
         }
         for (modules, state) in by_board(layout, &silent, |a, b| a == b) {
-            found.push(silent_board(layout, modules, state, bus.starting));
+            found.push(match layout.wiring[modules[0]].array {
+                Some(_) => array::silent(&look.setup.sources[index], layout, modules[0], state),
+                None => silent_board(layout, modules, state, bus.starting),
+            });
         }
     }
 }

@@ -57,6 +57,14 @@ kinds! {
     ControllerOverflow "controller-overflow" Warning,
     /// The kernel drops frames.
     FramesLost "frames-lost" Warning,
+    /// What is sent to the socket of a pressure array is refused.
+    ArrayRefused "array-refused" Warning,
+    /// Frames of a pressure array do not come.
+    ArrayLost "array-lost" Warning,
+    /// Frames of a pressure array come long after they were measured.
+    ArrayLate "array-late" Warning,
+    /// Two programs send frames of one pressure array.
+    ArraySenders "array-senders" Error,
     /// No board of a bus speaks.
     BusSilent "bus-silent" Error,
     /// A board was never heard.

@@ -5,6 +5,7 @@
 //! [`Problems`] tells what is wrong in it, and what of that is new. The daemon asks ten times a
 //! second, the doctor while it listens.
 
+mod array;
 mod boards;
 mod bus;
 mod joints;

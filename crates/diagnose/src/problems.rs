@@ -6,7 +6,7 @@ use crate::kind::{Kind, Severity};
 use crate::problem::{Place, Problem};
 use crate::rate_limiter::RateLimiter;
 use crate::view::{HandSetup, HandView, Look};
-use crate::{boards, bus, traffic};
+use crate::{array, boards, bus, traffic};
 use std::collections::{HashMap, VecDeque};
 use taxel_can::SourceCounters;
 
@@ -74,6 +74,7 @@ impl Problems {
         for index in 0..view.buses.len() {
             let flapped = has(Kind::Flapping, Place::Bus(index));
             bus::judge(&look, index, flapped, &mut found);
+            array::judge(&look, index, &mut found);
         }
         traffic::judge(&look, &mut found);
         boards::judge(&look, &mut self.steadiness, &mut found);

@@ -161,7 +161,7 @@ fn nothing_lost(layout: &Layout, engine: &Engine) {
         let asked = layout
             .wiring
             .iter()
-            .filter(|m| m.protocol.measures().bits == 8 && m.bus == decoder.bus())
+            .filter(|m| m.icub.is_some() && m.bus == decoder.bus())
             .count();
         assert_eq!(c.commands, asked as u64, "{}, {bus}: {c:?}", layout.name);
     }
@@ -183,13 +183,14 @@ fn nothing_lost(layout: &Layout, engine: &Engine) {
 /// What each built-in hand has to reach: images of 14 s, when its last board is heard, ms, and the
 /// share of touches that are found. Measured: between 0.9994 and 1, and no touch is felt that there
 /// is not.
-const HANDS: [(&str, std::ops::Range<usize>, u64, f64); 8] = [
+const HANDS: [(&str, std::ops::Range<usize>, u64, f64); 9] = [
     ("allegro-uskin-15", 680..701, 40, 0.999),
     ("allegro-xela-18", 1130..1163, 20, 0.999),
     ("cpm-finger", 680..701, 20, 0.999),
     ("cyskin-triangle", 270..281, 70, 0.999),
     ("icub-forearm", 260..281, 620, 0.995),
     ("schunk-sdh", 260..281, 620, 0.995),
+    ("tekscan-6077", 138..145, 150, 0.999),
     ("uskin-fingertip", 680..701, 30, 0.999),
     ("uskin-module", 680..701, 30, 0.999),
 ];
@@ -304,6 +305,7 @@ fn a_hand_of_every_kind_of_board_gets_over_its_faults() {
         ("cyskin-triangle", [600, 300, 300]),
         ("icub-forearm", [850, 800, 300]),
         ("schunk-sdh", [900, 800, 300]),
+        ("tekscan-6077", [600, 600, 600]),
         ("uskin-fingertip", [500, 300, 300]),
     ];
     at_once(&hands, |&(name, limits_ms)| {

@@ -12,14 +12,14 @@ use taxel_hand::{Freshness, TactileFrame};
 pub struct FrameTable {
     path: PathBuf,
     file: BufWriter<File>,
-    taxels: Vec<(u16, u8)>,
+    taxels: Vec<(u16, u16)>,
     /// Of every frame as many as of the first.
     joints: Option<usize>,
 }
 
 impl FrameTable {
     /// Creates the file for frames of these taxels: module, and the taxel's own number there, ascending.
-    pub fn create(path: &Path, taxels: impl IntoIterator<Item = (u16, u8)>) -> Result<Self, RecordError> {
+    pub fn create(path: &Path, taxels: impl IntoIterator<Item = (u16, u16)>) -> Result<Self, RecordError> {
         let file = File::create(path).map_err(RecordError::io(path))?;
         Ok(Self {
             path: path.into(),

@@ -64,6 +64,15 @@ impl SocketPath {
 
     /// A socket that listens at the path, non-blocking, with the mode and group that it shall have.
     pub fn listen(&mut self, kind: SockType, backlog: i32) -> Result<OwnedFd, SocketPathError> {
+        let listener = self.bind(kind)?;
+        let fail = |errno: Errno| SocketPathError::io("listen on", &self.path, errno.into());
+        let backlog = Backlog::new(backlog).map_err(fail)?;
+        listen(&listener, backlog).map_err(fail)?;
+        Ok(listener)
+    }
+
+    /// The same of one that does not listen: programs send datagrams to it.
+    pub fn bind(&mut self, kind: SockType) -> Result<OwnedFd, SocketPathError> {
         let Self {
             path,
             bound,
@@ -85,8 +94,6 @@ impl SocketPath {
                 .map_err(fail("give to the group"))?;
         }
         fchmodat(AT_FDCWD, path, *mode, FchmodatFlags::NoFollowSymlink).map_err(fail("set the mode of"))?;
-        let backlog = Backlog::new(backlog).map_err(fail("listen on"))?;
-        listen(&listener, backlog).map_err(fail("listen on"))?;
         Ok(listener)
     }
 

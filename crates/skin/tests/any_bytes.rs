@@ -154,7 +154,7 @@ fn findings_come_and_go_without_memory() {
                     for bus in 0..2 {
                         let frame = CanFrame::standard(5, &[0; 8]).unwrap();
                         monitor.handle_frame(bus, &Received { t_ns, frame });
-                        let (board, k) = ((n % 8) as u8, (n / 8 % 16) as u8);
+                        let (board, k) = ((n % 8) as u8, (n / 8 % 16) as u16);
                         let frame = protocol.frame(board, k, [0; 3], 0).unwrap();
                         monitor.handle_frame(bus, &Received { t_ns, frame });
                     }

@@ -24,7 +24,7 @@ fn board(module: &Wiring, bus: u8, address: u8, rate_hz: u64, span_ms: [u64; 2],
             return traffic;
         }
         for k in 0..16 {
-            let z = rest + u16::from(k) * 50 + sweep * 7 % 11;
+            let z = rest + k * 50 + sweep * 7 % 11;
             let frame = (module.protocol)
                 .frame(address, k, [0x8000, 0x8000, z], 0)
                 .expect("it has 16 taxels");

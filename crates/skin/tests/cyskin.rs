@@ -426,7 +426,7 @@ proptest! {
             .collect();
         let read: Vec<(u8, u8, u16)> = readings
             .iter()
-            .map(|r| (layout.wiring_of(r.taxel.into()).board, layout.k[r.taxel as usize], r.counts[2]))
+            .map(|r| (layout.wiring_of(r.taxel.into()).board, layout.k[r.taxel as usize] as u8, r.counts[2]))
             .collect();
         prop_assert_eq!(read, expected);
     }

@@ -115,7 +115,7 @@ fn values_of_another_implementation_are_read_and_its_commands_told_from_them() {
             .iter()
             .map(|r| {
                 let taxel = usize::from(r.taxel);
-                (layout.wiring_of(taxel).board, layout.k[taxel], r.counts[2])
+                (layout.wiring_of(taxel).board, layout.k[taxel] as u8, r.counts[2])
             })
             .collect();
         assert_eq!(read, expected);
@@ -213,7 +213,7 @@ fn a_scan_recognises_the_hub_and_leaves_boards_with_such_ids_alone() {
             .into_iter()
             .flat_map(|board| (0..16).map(move |k| (board, k)))
         {
-            let counts = [0x1200 + u16::from(k), 0x8000, 0x3000];
+            let counts = [0x1200 + k, 0x8000, 0x3000];
             let frame = taxel_skin::Protocol::USKIN_L2
                 .frame(board, k, counts, 0x43)
                 .unwrap();

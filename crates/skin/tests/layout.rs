@@ -83,7 +83,7 @@ fn every_built_in_hand_parses_under_its_own_name() {
 #[test]
 fn a_phalange_is_drawn_with_its_middle_columns_swapped() {
     let module = Layout::builtin("uskin-module").unwrap();
-    let drawn: Vec<Vec<u8>> = (0..4)
+    let drawn: Vec<Vec<u16>> = (0..4)
         .map(|y| (0..4).map(|x| module.k[module.taxel_at(x, y).unwrap()]).collect())
         .collect();
     assert_eq!(

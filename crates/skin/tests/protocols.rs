@@ -18,7 +18,7 @@ fn frame(text: &str) -> CanFrame {
 }
 
 /// What a decoder makes of a frame: `k` of the taxel, z and status.
-fn decode(decoder: &mut Decoder, layout: &Layout, text: &str) -> (Decoded, Vec<(u8, u16, u8)>) {
+fn decode(decoder: &mut Decoder, layout: &Layout, text: &str) -> (Decoded, Vec<(u16, u16, u8)>) {
     let mut readings = Readings::new();
     let decoded = decoder.decode(&frame(text), &mut readings);
     let values = readings
@@ -41,7 +41,7 @@ fn a_triangle_comes_in_two_frames_and_its_thermal_pads_are_no_taxels() {
     let mut decoder = Decoder::new(&layout, 0);
     let (decoded, values) = decode(&mut decoder, &layout, "410#40F5F4F3F2F1F0EF");
     assert_eq!(decoded, Decoded::Readings);
-    let first: Vec<(u8, u16, u8)> = (0..6).map(|k| (k, z(0xF5 - u16::from(k)), 0)).collect();
+    let first: Vec<(u16, u16, u8)> = (0..6).map(|k| (k, z(0xF5 - k), 0)).collect();
     assert_eq!(values, first, "pad 6 is thermal");
     let (decoded, values) = decode(&mut decoder, &layout, "413#C000010203040000");
     assert_eq!(decoded, Decoded::Readings);
@@ -301,4 +301,103 @@ fn the_published_finger_has_four_frames_of_four_channels_and_two_proximity_value
         decode(&mut decoder, &layout, "406#0100020003000400").0,
         Decoded::Unknown
     );
+}
+
+#[test]
+fn a_pressure_array_has_its_taxels_row_by_row_behind_a_head_of_its_size() {
+    let layout = Layout::builtin("tekscan-6077").unwrap();
+    assert_eq!(layout.array_on(0), Some([28, 50]));
+    assert_eq!(
+        (layout.taxels[51].x, layout.taxels[51].y, layout.k[1399]),
+        (1, 1, 1399)
+    );
+    assert_eq!(layout.frames_per_sweep(0), 351);
+    let counts: Vec<u16> = (0..1400).map(|k| k % 256).collect();
+    let mut decoder = Decoder::new(&layout, 0);
+    let mut read = Vec::new();
+    for frame in taxel_can::pressure_frames([28, 50], 9, &counts) {
+        let (decoded, values) = decode(&mut decoder, &layout, &frame.to_string());
+        assert_eq!(decoded, Decoded::Readings, "{frame}");
+        read.extend(values.into_iter().map(|(_, value, _)| value));
+    }
+    assert_eq!(read, counts);
+    // Of a recording of another array nothing is taken, whatever its ids.
+    for frame in taxel_can::pressure_frames([50, 28], 9, &counts) {
+        let (decoded, _) = decode(&mut decoder, &layout, &frame.to_string());
+        assert_eq!(decoded, Decoded::Malformed { board: 0 }, "{frame}");
+    }
+    let (decoded, _) = decode(&mut decoder, &layout, "000#1C00320001000000");
+    assert_eq!(decoded, Decoded::Readings);
+    for text in ["001#010002000300", "15E#01000200030004", "000#1C0032"] {
+        let (decoded, _) = decode(&mut decoder, &layout, text);
+        assert_eq!(decoded, Decoded::Malformed { board: 0 }, "{text}");
+    }
+    assert_eq!(decode(&mut decoder, &layout, "15F#0100").0, Decoded::Unknown);
+}
+
+#[test]
+fn a_pressure_array_is_alone_on_its_bus_and_says_how_large_it_is() {
+    let file = |keys: &str, more: &str| {
+        format!(
+            "name = \"a\"\nimage = {{ width = 9, height = 9 }}\nbuses = [\"t\"]\n[[module]]\nname = \"m\"\npart = \"p\"\n\
+             bus = \"t\"\nprotocol = \"pressure-array\"\nat = [0, 0]\n{keys}\n{more}"
+        )
+    };
+    let other = |protocol: &str| {
+        format!(
+            "[[module]]\nname = \"o\"\npart = \"p\"\nbus = \"t\"\nboard = 0\nprotocol = \"{protocol}\"\nat = [5, 5]\n{}",
+            if protocol == "pressure-array" {
+                "rows = 1\ncolumns = 2"
+            } else {
+                ""
+            }
+        )
+    };
+    let size = "rows = 2\ncolumns = 3";
+    let layout = Layout::parse(&file(size, ""), "a.toml").unwrap();
+    assert_eq!((layout.len(), layout.array_on(0)), (6, Some([2, 3])));
+    let turned = Layout::parse(&file(&format!("{size}\nrotation = 90"), ""), "a.toml").unwrap();
+    assert_eq!(turned.array_on(0), Some([2, 3]), "the array sends as before");
+    assert_eq!((turned.taxels[1].x, turned.taxels[1].y), (1, 1));
+    for (text, problem) in [
+        (file("rows = 2", ""), "needs the key `columns`"),
+        (file("rows = 0\ncolumns = 3", ""), "has 1 to 8188 rows, not 0"),
+        (
+            file("rows = 100\ncolumns = 100", ""),
+            "10000 taxels in 100 rows of 100; an array has 8188 at most",
+        ),
+        (
+            file(&format!("{size}\norder = [[0]]"), ""),
+            "no use for the key `order`",
+        ),
+        (
+            file(size, &other("uskin-l2")),
+            "cannot share bus \"t\" with module \"m\" (line 4)",
+        ),
+        (file(size, &other("pressure-array")), "board 0"),
+        (
+            file(size, "").replace("pressure-array", "uskin-l2\"\nboard = 1#"),
+            "no use for the key `rows`",
+        ),
+    ] {
+        let error = Layout::parse(&text, "a.toml").unwrap_err().to_string();
+        assert!(error.contains(problem), "{error}");
+    }
+}
+
+#[test]
+fn an_array_at_rest_reads_nothing_and_is_not_out_of_order() {
+    let layout = Layout::builtin("tekscan-6077").unwrap();
+    let mut conditioner = Conditioner::for_layout(&layout, ConditionConfig::robust()).unwrap();
+    let (mut tactile, mut force) = (TactileFrame::new(1400), ForceFrame::new(1400));
+    tactile.freshness.fill(Freshness::Fresh);
+    tactile.age_ns.fill(0);
+    for n in 0..100 {
+        tactile.t_ns = n * 100_000_000;
+        tactile.counts[30] = [0, 0, if n < 80 { 0 } else { 60 }];
+        conditioner.process(&tactile, &mut force);
+    }
+    assert!(!force.calibrating && force.faults.iter().all(|faults| faults.is_empty()));
+    let felt: Vec<usize> = (0..1400).filter(|n| force.contact[*n]).collect();
+    assert_eq!((felt, force.force[30]), (vec![30], 60.0));
 }

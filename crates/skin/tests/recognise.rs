@@ -21,19 +21,20 @@ fn sweep(layout: &Layout, round: u64) -> Vec<(u8, CanFrame)> {
         let value = 12_000 + (n as u64 * 37 + round * 7) as u16 % 200;
         match module.protocol.name() {
             "icub-mtb3" | "icub-mtb4" => {
-                triangles.insert((module.bus, module.board, k / 12));
+                triangles.insert((module.bus, module.board, k as u8 / 12));
             }
             "cyskin" => {
                 let setup = layout.cyskin.as_ref().unwrap();
                 let [high, low] = value.to_be_bytes();
                 let address = setup.hubs[usize::from(module.hub.unwrap())].address;
-                let packet = cyskin_frames(setup, address, 0x43, &[module.board, k, high, low]).unwrap();
+                let packet =
+                    cyskin_frames(setup, address, 0x43, &[module.board, k as u8, high, low]).unwrap();
                 frames.extend(packet.into_iter().map(|frame| (module.bus, frame)));
             }
             "cpm-finger" => {
                 let id = module.protocol.frame_id(module.board, k).unwrap();
                 if k < 4 {
-                    let id = 0x405 + 2 * u16::from(k);
+                    let id = 0x405 + 2 * k;
                     frames.push((
                         module.bus,
                         CanFrame::standard(id, &[7, 1, 7, 1, 7, 1, 7, 1]).unwrap(),
@@ -93,7 +94,7 @@ fn boards(layout: &Layout) -> Boards {
         let hub = wiring
             .hub
             .map(|hub| layout.cyskin.as_ref().unwrap().hubs[usize::from(hub)].address);
-        let numbers = layout.k_of(module).to_vec();
+        let numbers = layout.k_of(module).iter().map(|k| *k as u8).collect();
         (wiring.bus, wiring.protocol.name(), wiring.board, hub, numbers)
     });
     each.collect()
@@ -141,7 +142,8 @@ fn every_built_in_hand_with_boards_comes_back_from_its_traffic() {
     let mut hands = 0;
     for name in Layout::builtin_names() {
         let layout = Layout::builtin(name).unwrap();
-        if layout.buses.is_empty() {
+        // What a program sends to a pressure array's socket is not looked for on a bus.
+        if layout.buses.is_empty() || layout.array_on(0).is_some() {
             continue;
         }
         comes_back(&layout);
@@ -225,7 +227,7 @@ fn board(protocol: Protocol, board: u8, ks: &[u8], last: Option<u8>) -> Vec<(u8,
     (0..SWEEPS)
         .flat_map(|round| {
             ks.iter().map(move |k| {
-                let frame = protocol.frame(board, *k, [0x8000; 3], 0x83).unwrap();
+                let frame = protocol.frame(board, (*k).into(), [0x8000; 3], 0x83).unwrap();
                 let mut data: [u8; 8] = frame.data().try_into().unwrap();
                 data[7] = last.unwrap_or(data[7]);
                 let frame = CanFrame::standard(frame.standard_id().unwrap(), &data).unwrap();

@@ -58,6 +58,18 @@ impl Default for ControlConfig {
     }
 }
 
+/// Refuses a path that no Unix socket can have.
+pub(super) fn check_path(path: &Path) -> Result<(), String> {
+    // sockaddr_un holds 108 bytes with the closing zero; the lock file's path is not bound by it.
+    match path.as_os_str().len() {
+        1..=107 => Ok(()),
+        len => Err(format!(
+            "socket path {} has {len} bytes; a Unix socket path has 1 to 107",
+            path.display()
+        )),
+    }
+}
+
 impl SocketConfig {
     pub(super) fn check(&self) -> Result<(), String> {
         self.mode_bits()?;
@@ -70,14 +82,7 @@ impl SocketConfig {
             ("status", &status),
         ];
         for (_, path) in &paths {
-            // sockaddr_un holds 108 bytes with the closing zero; the lock file's path is not bound by it.
-            let len = path.as_os_str().len();
-            if len == 0 || len > 107 {
-                return Err(format!(
-                    "socket path {} has {len} bytes; a Unix socket path has 1 to 107",
-                    path.display()
-                ));
-            }
+            check_path(path)?;
         }
         for (i, (key, path)) in paths.iter().enumerate() {
             if let Some((other, _)) = paths[..i].iter().find(|(_, other)| other == path) {

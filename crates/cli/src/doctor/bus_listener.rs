@@ -3,13 +3,14 @@
 
 use crate::interrupt::Interrupt;
 use crate::progress::Progress;
+use anyhow::Context;
 use std::time::Duration;
 use taxel_can::{
     CanFrame, CanSource, FrameMerge, LinkState, Playback, Received, SourceAddress, SourceCounters,
     SourceOptions, monotonic_ns,
 };
 use taxel_sim::SimSource;
-use taxel_skin::Layout;
+use taxeld::Config;
 
 /// Between two looks at the buses; the smallest kernel queue holds 30 ms of a full bus.
 const TURN: Duration = Duration::from_millis(1);
@@ -38,10 +39,10 @@ impl BusListener {
     /// Opens the sources. What cannot be opened stays deaf; the reason is returned with the number
     /// of the bus.
     ///
-    /// `layout` is what a `sim:` source simulates.
+    /// `config` has the layout that a `sim:` source simulates, and makes the sockets of pressure arrays.
     pub(crate) fn open(
         addresses: &[SourceAddress],
-        layout: Option<&Layout>,
+        config: Option<&Config>,
         receive_buffer: usize,
         interrupt: Interrupt,
     ) -> (Self, Vec<(usize, anyhow::Error)>) {
@@ -53,16 +54,22 @@ impl BusListener {
             let source = match address {
                 SourceAddress::Sim { scene } => {
                     // Without a layout, a scene named several times is its buses one after the other.
-                    let bus = match layout {
+                    let bus = match config {
                         Some(_) => bus,
                         None => addresses[..bus]
                             .iter()
                             .filter(|before| *before == address)
                             .count(),
                     };
-                    SimSource::open(scene, layout, bus as u8, start_ns)
+                    SimSource::open(scene, config.map(|config| &config.layout), bus as u8, start_ns)
                         .map(|source| Box::new(source) as Box<dyn CanSource>)
                         .map_err(anyhow::Error::from)
+                }
+                SourceAddress::Pressure { path }
+                    if config.is_some_and(|c| c.layout.array_on(bus).is_some()) =>
+                {
+                    let made = config.map(|config| taxeld::open_array(config, bus, path));
+                    made.context("no configuration").and_then(|made| Ok(made?))
                 }
                 address => {
                     let options = SourceOptions {

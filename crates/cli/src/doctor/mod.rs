@@ -210,7 +210,7 @@ impl Doctor {
         }
         let receive_buffer = config.can.receive_buffer_kib as usize * 1024;
         let (mut bus_listener, failures) =
-            BusListener::open(&config.sources, Some(layout), receive_buffer, interrupt);
+            BusListener::open(&config.sources, Some(config), receive_buffer, interrupt);
         let no_can = self
             .checks
             .iter()

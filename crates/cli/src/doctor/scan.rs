@@ -150,6 +150,9 @@ pub(crate) fn buses(sources: &[SourceAddress], root: &Path) -> anyhow::Result<Ve
                     source: source.clone(),
                 }));
             }
+            SourceAddress::Pressure { .. } => bail!(
+                "{source} has nothing to recognise: an array's rows and columns are in its layout file (docs/hardware.md)"
+            ),
             SourceAddress::Udp { .. } => found.push(Bus {
                 name: format!("can{}", found.len()),
                 source: source.clone(),

@@ -69,7 +69,7 @@ impl Heard {
     /// Whether every module of this layout can have a board of its own, and every board a module.
     pub(super) fn fits(&self, hand: &Layout) -> bool {
         let shape = |layout: &Layout| {
-            let mut taxels: Vec<Vec<u8>> = layout.modules.iter().map(|m| layout.k_of(m).to_vec()).collect();
+            let mut taxels: Vec<Vec<u16>> = layout.modules.iter().map(|m| layout.k_of(m).to_vec()).collect();
             taxels.sort();
             taxels
         };

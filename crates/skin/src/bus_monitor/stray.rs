@@ -62,7 +62,7 @@ pub(super) struct Pair {
 }
 
 /// The standard ids of a board's frames.
-pub(super) fn ids_of(protocol: Protocol, address: u8, k: &[u8]) -> Vec<u16> {
+pub(super) fn ids_of(protocol: Protocol, address: u8, k: &[u16]) -> Vec<u16> {
     let mut ids: Vec<u16> = k.iter().filter_map(|k| protocol.frame_id(address, *k)).collect();
     ids.sort_unstable();
     ids.dedup();

@@ -137,14 +137,16 @@ impl Conditioner {
 
     /// Makes a conditioner for the taxels of a layout, as [`Conditioner::new`] does, and takes
     /// account of how their boards measure: counts of one axis are neither unwrapped nor held back
-    /// as glitches, and where they have eight bits, a taxel that keeps one value is not stuck.
+    /// as glitches, where they have eight bits, a taxel that keeps one value is not stuck, and where they rest at 0, one
+    /// that reads 0 is not dead.
     pub fn for_layout(layout: &Layout, config: ConditionConfig) -> Result<Self, ConditionError> {
         let mut conditioner = Self::new(layout.len(), config)?;
         for n in 0..layout.len() {
             let measures = layout.wiring_of(n).protocol.measures();
             conditioner.taxels[n].scalar = measures.axes == 1;
             conditioner.tracks[n].coarse = measures.has_coarse_steps();
-            conditioner.coarse |= measures.has_coarse_steps();
+            conditioner.taxels[n].rests_at_zero = measures.rests_at_zero;
+            conditioner.coarse |= measures.has_coarse_steps() && !measures.rests_at_zero;
         }
         Ok(conditioner)
     }

@@ -41,6 +41,8 @@ pub(super) struct Taxel {
     pub(super) has_baseline: bool,
     /// Measures one axis, whose counts neither wrap nor are lost byte by byte: they are taken as they come.
     pub(super) scalar: bool,
+    /// 0 is no sign that it is dead.
+    pub(super) rests_at_zero: bool,
 }
 
 /// A new sample of a taxel.
@@ -122,6 +124,7 @@ impl Taxel {
             standing,
             has_baseline: false,
             scalar: false,
+            rests_at_zero: false,
         }
     }
 
@@ -182,7 +185,8 @@ impl Taxel {
             return false;
         }
         let was_dead = self.health.dead_run() >= rules.dead_samples;
-        if is_dead_sample(raw) && (rules.robust || (rules.repair.reject && !was_dead)) {
+        let is_dead = is_dead_sample(raw) && !(self.rests_at_zero && raw == [0; 3]);
+        if is_dead && (rules.robust || (rules.repair.reject && !was_dead)) {
             counters.dead_samples += 1;
             self.health.handle_dead_sample(&rules.health);
             self.repair.hold();

@@ -10,7 +10,7 @@ use crate::protocol::icub::setup::IcubSetup;
 use std::ops::Range;
 use toml::Spanned;
 
-/// Checks the keys `protocol`, `bus`, `board`, `icub` and `hub` of a module, and returns the wiring
+/// Checks the keys `protocol`, `bus`, `board`, `icub`, `hub`, `rows` and `columns` of a module, and returns the wiring
 /// of its board, which no module before it has, with the place of its address in the file.
 pub(crate) fn accept_board(
     source: &Source<'_>,
@@ -40,6 +40,8 @@ pub(crate) fn accept_board(
     for (key, span) in [
         ("icub", module.icub.as_ref().map(Spanned::span)),
         ("hub", module.hub.as_ref().map(Spanned::span)),
+        ("rows", module.rows.as_ref().map(Spanned::span)),
+        ("columns", module.columns.as_ref().map(Spanned::span)),
     ] {
         if let Some(span) = span.filter(|_| !protocol.takes_key(key)) {
             return refuse(&span, &format!("has no use for the key `{key}`"));
@@ -55,6 +57,7 @@ pub(crate) fn accept_board(
                     protocol,
                     icub: None,
                     hub: None,
+                    array: None,
                 };
                 Ok((wiring, module_span.clone()))
             }
@@ -72,11 +75,12 @@ pub(crate) fn accept_board(
         };
         return source.refuse(&bus_name.span(), problem);
     };
-    let Some(board) = &module.board else {
-        return refuse(module_span, "needs the key `board`");
-    };
-    let (board, board_span) = (*board.get_ref(), board.span());
     let addresses = protocol.addresses();
+    let (board, board_span) = match &module.board {
+        Some(board) => (*board.get_ref(), board.span()),
+        None if protocol.takes_key("board") => return refuse(module_span, "needs the key `board`"),
+        None => (addresses.start.into(), module_span.clone()),
+    };
     if board < addresses.start.into() || board >= addresses.end.into() {
         let problem = LayoutProblem::BoardOutOfRange {
             module: name(),
@@ -125,6 +129,21 @@ pub(crate) fn accept_board(
         );
         return refuse(&bus_name.span(), &problem);
     }
+    let array = match protocol.takes_key("rows") {
+        true => Some(array_size(source, module, module_span, protocol)?),
+        false => None,
+    };
+    let not_alone =
+        |m: &Wiring| m.protocol.has_board() && m.bus == bus && (array.is_some() || m.array.is_some());
+    if let Some(other) = accepted.wiring.iter().position(not_alone) {
+        let problem = format!(
+            "cannot share bus {:?} with module {:?} (line {}): a pressure array has a socket of its own; give it a bus of its own",
+            head.buses[bus as usize],
+            accepted.modules[other].name,
+            source.line(&accepted.spans[other])
+        );
+        return refuse(&bus_name.span(), &problem);
+    }
     let icub = match &module.icub {
         Some(setup) => {
             if let Some(problem) = setup.get_ref().problem() {
@@ -140,8 +159,43 @@ pub(crate) fn accept_board(
         protocol,
         icub,
         hub,
+        array,
     };
     Ok((wiring, board_span))
+}
+
+/// Rows and columns of a pressure array.
+fn array_size(
+    source: &Source<'_>,
+    module: &FileModule,
+    module_span: &Range<usize>,
+    protocol: Protocol,
+) -> Result<[u16; 2], LayoutError> {
+    let most = protocol.taxel_numbers();
+    let key = |problem: String| LayoutProblem::Key {
+        module: module.name.clone(),
+        protocol,
+        problem,
+    };
+    let side = |name: &str, value: &Option<Spanned<i64>>| match value {
+        None => source.refuse(module_span, key(format!("needs the key `{name}`"))),
+        Some(value) => match u16::try_from(*value.get_ref()) {
+            Ok(side) if (1..=most).contains(&side) => Ok(side),
+            _ => {
+                let problem = format!("has 1 to {most} {name}, not {}", value.get_ref());
+                source.refuse(&value.span(), key(problem))
+            }
+        },
+    };
+    let [rows, columns] = [side("rows", &module.rows)?, side("columns", &module.columns)?];
+    match u32::from(rows) * u32::from(columns) {
+        taxels if taxels <= most.into() => Ok([rows, columns]),
+        taxels => {
+            let problem =
+                format!("has {taxels} taxels in {rows} rows of {columns}; an array has {most} at most");
+            source.refuse(module_span, key(problem))
+        }
+    }
 }
 
 /// The hub of a CySkin module, which must be on the module's bus.

@@ -138,7 +138,7 @@ pub enum LayoutProblem {
         /// The second module.
         module: String,
         /// Its taxel.
-        k: u8,
+        k: u16,
         /// The bus.
         bus: String,
         /// The id.
@@ -146,7 +146,7 @@ pub enum LayoutProblem {
         /// The first module.
         other: String,
         /// Its taxel.
-        other_k: u8,
+        other_k: u16,
         /// Its line, from 1.
         other_line: usize,
     },
@@ -197,7 +197,7 @@ pub enum LayoutProblem {
         /// The module.
         module: String,
         /// The taxel.
-        k: u8,
+        k: u16,
         /// The first row, from 0.
         first_row: usize,
         /// The second row, from 0.
@@ -217,7 +217,7 @@ pub enum LayoutProblem {
         /// The module.
         module: String,
         /// The taxel.
-        k: u8,
+        k: u16,
         /// Column.
         x: i64,
         /// Row.
@@ -235,7 +235,7 @@ pub enum LayoutProblem {
         /// The second module.
         module: String,
         /// Its taxel.
-        k: u8,
+        k: u16,
         /// Column.
         x: u16,
         /// Row.
@@ -243,7 +243,7 @@ pub enum LayoutProblem {
         /// The first module.
         other: String,
         /// Its taxel.
-        other_k: u8,
+        other_k: u16,
         /// Its line, from 1.
         other_line: usize,
     },
@@ -255,7 +255,7 @@ pub enum LayoutProblem {
         /// The module.
         module: String,
         /// The number given.
-        k: u8,
+        k: u16,
     },
     /// A key that this protocol needs, or that it has no use for.
     #[error("module {module:?}: {} {problem}", protocol.name())]

@@ -174,7 +174,7 @@ fn accept_module(
 
     let (wiring, board_span) = accept_board(source, module, &span, head, accepted)?;
     let (bus, protocol, board) = (wiring.bus, wiring.protocol, wiring.board);
-    let ([rows, columns], cells) = check_order(source, module, protocol, wiring.icub.as_ref(), &span)?;
+    let ([rows, columns], cells) = check_order(source, module, &wiring, &span)?;
     let taxels = accepted.taxels.len() + cells.len();
     if taxels > MAX_TAXELS {
         let problem = LayoutProblem::TooManyTaxels {

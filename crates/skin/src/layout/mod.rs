@@ -15,7 +15,7 @@ pub use wiring::{Layout, Wiring};
 
 use std::path::Path;
 
-const BUILTIN: [(&str, &str); 8] = [
+const BUILTIN: [(&str, &str); 9] = [
     (
         "allegro-uskin-15",
         include_str!("../../layouts/allegro-uskin-15.toml"),
@@ -31,6 +31,7 @@ const BUILTIN: [(&str, &str); 8] = [
     ),
     ("icub-forearm", include_str!("../../layouts/icub-forearm.toml")),
     ("schunk-sdh", include_str!("../../layouts/schunk-sdh.toml")),
+    ("tekscan-6077", include_str!("../../layouts/tekscan-6077.toml")),
     (
         "uskin-fingertip",
         include_str!("../../layouts/uskin-fingertip.toml"),

@@ -25,6 +25,8 @@ pub(crate) struct FileModule {
     pub(crate) protocol: Spanned<String>,
     pub(crate) at: Spanned<[i64; 2]>,
     pub(crate) rotation: Option<Spanned<i64>>,
+    pub(crate) rows: Option<Spanned<i64>>,
+    pub(crate) columns: Option<Spanned<i64>>,
     pub(crate) order: Option<Spanned<Vec<Spanned<Vec<i64>>>>>,
     pub(crate) pitch_mm: Option<Spanned<f64>>,
     pub(crate) origin_mm: Option<Spanned<[f64; 3]>>,
@@ -92,7 +94,7 @@ pub(crate) struct Accepted {
     pub(crate) modules: Vec<Module>,
     pub(crate) wiring: Vec<Wiring>,
     pub(crate) taxels: Vec<Taxel>,
-    pub(crate) k: Vec<u8>,
+    pub(crate) k: Vec<u16>,
     pub(crate) pixels: HashMap<(u16, u16), usize>,
     pub(crate) ids: HashMap<(u8, u16), usize>,
 }

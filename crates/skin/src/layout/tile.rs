@@ -2,8 +2,8 @@
 
 use super::error::{LayoutError, LayoutProblem};
 use super::source::{FileModule, Source};
-use crate::protocol::icub::setup::IcubSetup;
-use crate::protocol::{Order, Protocol};
+use super::wiring::Wiring;
+use crate::protocol::Order;
 use std::ops::Range;
 use toml::Spanned;
 
@@ -12,7 +12,7 @@ const NO_CELL: i64 = -1;
 
 /// A taxel on its module's tile before the tile is placed.
 pub(crate) struct Cell {
-    pub(crate) k: u8,
+    pub(crate) k: u16,
     pub(crate) row: usize,
     pub(crate) column: usize,
 }
@@ -21,11 +21,24 @@ pub(crate) struct Cell {
 pub(crate) fn check_order(
     source: &Source<'_>,
     module: &FileModule,
-    protocol: Protocol,
-    icub: Option<&IcubSetup>,
+    wiring: &Wiring,
     module_span: &Range<usize>,
 ) -> Result<([usize; 2], Vec<Cell>), LayoutError> {
+    let (protocol, icub) = (wiring.protocol, wiring.icub.as_ref());
     let name = || module.name.clone();
+    if let Some(size) = wiring.array {
+        return match &module.order {
+            None => Ok(cells_of_array(size)),
+            Some(order) => source.refuse(
+                &order.span(),
+                LayoutProblem::Key {
+                    module: name(),
+                    protocol,
+                    problem: "has its taxels row by row, and no use for the key `order`".into(),
+                },
+            ),
+        };
+    }
     let Some(order) = &module.order else {
         return match protocol.0.default_order() {
             Some(order) => Ok(cells_of(&order)),
@@ -68,7 +81,7 @@ pub(crate) fn check_order(
                     },
                 );
             }
-            let k = k as u8;
+            let k = k as u16;
             if protocol.0.is_temperature(k, icub) {
                 return source.refuse(&span, LayoutProblem::NotATaxel { module: name(), k });
             }
@@ -95,7 +108,7 @@ pub(crate) fn check_order(
 fn cells_of(order: &Order) -> ([usize; 2], Vec<Cell>) {
     let of_row = |(row, cells): (usize, &Vec<i16>)| {
         let cells = cells.iter().enumerate();
-        let cells = cells.filter_map(|(column, k)| Some((column, u8::try_from(*k).ok()?)));
+        let cells = cells.filter_map(|(column, k)| Some((column, u16::try_from(*k).ok()?)));
         cells
             .map(|(column, k)| Cell { k, row, column })
             .collect::<Vec<_>>()
@@ -103,6 +116,18 @@ fn cells_of(order: &Order) -> ([usize; 2], Vec<Cell>) {
     let mut cells: Vec<Cell> = order.iter().enumerate().flat_map(of_row).collect();
     cells.sort_by_key(|cell| cell.k);
     ([order.len(), order.first().map_or(0, Vec::len)], cells)
+}
+
+/// The same of an array whose taxels are numbered row by row.
+fn cells_of_array([rows, columns]: [u16; 2]) -> ([usize; 2], Vec<Cell>) {
+    let columns = usize::from(columns);
+    let cell = |k: u16| Cell {
+        k,
+        row: usize::from(k) / columns,
+        column: usize::from(k) % columns,
+    };
+    let cells = (0..rows * columns as u16).map(cell).collect();
+    ([rows.into(), columns], cells)
 }
 
 /// Quarter turns, clockwise.

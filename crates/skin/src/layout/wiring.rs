@@ -21,8 +21,9 @@ pub struct Layout {
     /// The board's own number for each taxel, in the order of [`Geometry::taxels`], as
     /// [`Protocol::frame_id`] takes it: `sda << 2 | chip` in L1 and L2 (from 16 on for chips 4 and 5),
     /// `sda << 4 | taxel` in L3, `triangle * 12 + pad` for the iCub, the sensor's number for CySkin, the
-    /// channel for `cpm-finger`; for an offline array its place in the module, and 0 in a [`Layout::grid`].
-    pub k: Vec<u8>,
+    /// channel for `cpm-finger`; for a pressure array its place, row by row; for an offline array its place in the
+    /// module, and 0 in a [`Layout::grid`].
+    pub k: Vec<u16>,
     /// How the CySkin hubs of this hand speak; `None` where no module is of protocol `cyskin`.
     pub cyskin: Option<CyskinSetup>,
 }
@@ -41,6 +42,8 @@ pub struct Wiring {
     pub icub: Option<IcubSetup>,
     /// Index of its hub in [`CyskinSetup::hubs`]; `Some` exactly for the protocol `cyskin`.
     pub hub: Option<u8>,
+    /// Rows and columns of the frames that it sends; `Some` exactly for the protocol `pressure-array`.
+    pub array: Option<[u16; 2]>,
 }
 
 impl std::ops::Deref for Layout {
@@ -73,6 +76,7 @@ impl Layout {
                 protocol: Protocol::OFFLINE,
                 icub: None,
                 hub: None,
+                array: None,
             }],
             geometry,
             buses: Vec::new(),
@@ -94,7 +98,7 @@ impl Layout {
     }
 
     /// The boards' own numbers for the taxels of a module.
-    pub fn k_of(&self, module: &Module) -> &[u8] {
+    pub fn k_of(&self, module: &Module) -> &[u16] {
         &self.k[module.taxel_range()]
     }
 
@@ -124,6 +128,12 @@ impl Layout {
             .sum()
     }
 
+    /// Rows and columns of the pressure array on a bus (index), if there is one; it is alone there.
+    pub fn array_on(&self, bus: usize) -> Option<[u16; 2]> {
+        let of_bus = self.wiring.iter().filter(|wiring| usize::from(wiring.bus) == bus);
+        of_bus.filter_map(|wiring| wiring.array).next()
+    }
+
     /// The board of a module, as its protocol sees it.
     pub(crate) fn wired_board(&self, module: u16) -> WiredBoard<'_> {
         let (of_module, wiring) = (
@@ -136,6 +146,7 @@ impl Layout {
             address: wiring.board,
             icub: wiring.icub.as_ref(),
             hub: setup.and_then(|(setup, hub)| Some((setup, setup.hubs.get(usize::from(hub))?))),
+            array: wiring.array,
             first_taxel: of_module.first_taxel,
             k: self.k_of(of_module),
         }

@@ -24,10 +24,10 @@ pub(crate) struct Properties {
     pub(crate) name: &'static str,
     pub(crate) addresses: Range<u8>,
     /// A board has taxel numbers `k = 0..taxel_numbers`.
-    pub(crate) taxel_numbers: u8,
+    pub(crate) taxel_numbers: u16,
     pub(crate) measures: Measures,
     /// The keys of a module in a layout file that say where its board is and how it is set up:
-    /// `bus` and `board`, or none for what is no board; beside them `icub` or `hub`.
+    /// `bus` and `board`, or none for what is no board; beside them `icub`, `hub`, or `rows` and `columns`.
     pub(crate) keys: &'static [&'static str],
     /// What kind of MTB its boards are, if they are MTBs.
     pub(crate) mtb: Option<Mtb>,
@@ -45,7 +45,11 @@ impl Properties {
         name: "",
         addresses: 0..1,
         taxel_numbers: 16,
-        measures: Measures { axes: 3, bits: 16 },
+        measures: Measures {
+            axes: 3,
+            bits: 16,
+            rests_at_zero: false,
+        },
         keys: &["bus", "board"],
         mtb: None,
         settles: true,
@@ -62,6 +66,8 @@ pub struct Measures {
     /// Bits of a value. With 8 the steps are so coarse that a healthy taxel at rest keeps one value
     /// for seconds.
     pub bits: u8,
+    /// Whether 0 is what a taxel reads that nothing presses, and no sign that it is dead.
+    pub rests_at_zero: bool,
 }
 
 impl Measures {
@@ -90,13 +96,13 @@ pub(crate) trait BoardProtocol: Sync {
     fn properties(&self) -> &Properties;
 
     /// Standard id of the frames that carry taxel `k` of a board, alone or with others.
-    fn frame_id(&self, _board: u8, _k: u8) -> Option<u16> {
+    fn frame_id(&self, _board: u8, _k: u16) -> Option<u16> {
         None
     }
 
     /// The board and taxel number `(board, k)` that an id means, if its frames carry one taxel and
     /// nothing else.
-    fn taxel_of(&self, _id: u16) -> Option<(u8, u8)> {
+    fn taxel_of(&self, _id: u16) -> Option<(u8, u16)> {
         None
     }
 
@@ -111,12 +117,12 @@ pub(crate) trait BoardProtocol: Sync {
     }
 
     /// The frame of one taxel's value, if it has one of its own.
-    fn frame(&self, _board: u8, _k: u8, _counts: [u16; 3], _status: u8) -> Option<CanFrame> {
+    fn frame(&self, _board: u8, _k: u16, _counts: [u16; 3], _status: u8) -> Option<CanFrame> {
         None
     }
 
     /// How many frames a sweep of the taxels `k` of a board takes.
-    fn frames_per_sweep(&self, k: &[u8]) -> usize {
+    fn frames_per_sweep(&self, k: &[u16]) -> usize {
         k.len()
     }
 
@@ -139,7 +145,7 @@ pub(crate) trait BoardProtocol: Sync {
     }
 
     /// Whether number `k` measures temperature and is no taxel.
-    fn is_temperature(&self, _k: u8, _icub: Option<&IcubSetup>) -> bool {
+    fn is_temperature(&self, _k: u16, _icub: Option<&IcubSetup>) -> bool {
         false
     }
 
@@ -197,7 +203,7 @@ impl Protocol {
     /// taxels 0 to 5 of each SDA line, so the numbers of a 4x6 module have gaps. iCub: `k =
     /// triangle * 12 + pad`, where some pads are no taxels; CySkin: `k = sensor`, where 0 is the
     /// temperature ([`crate::Decoder::auxiliary`] has those).
-    pub fn taxel_numbers(self) -> u8 {
+    pub fn taxel_numbers(self) -> u16 {
         self.0.properties().taxel_numbers
     }
 
@@ -223,7 +229,7 @@ impl Protocol {
     }
 
     /// Whether a module of this protocol may have a key in its layout file: one of `bus`, `board`,
-    /// `icub` and `hub`.
+    /// `icub`, `hub`, `rows` and `columns`.
     pub(crate) fn takes_key(self, key: &str) -> bool {
         self.0.properties().keys.contains(&key)
     }
@@ -259,22 +265,22 @@ impl Protocol {
 
     /// Standard id of the frames that carry taxel `k` of a board and nothing else; `None` if the
     /// protocol has no such board or taxel, or puts several taxels into a frame.
-    pub fn can_id(self, board: u8, k: u8) -> Option<u16> {
+    pub fn can_id(self, board: u8, k: u16) -> Option<u16> {
         self.frame_id(board, k)
             .filter(|id| self.taxel_of(*id) == Some((board, k)))
     }
 
     /// Standard id of the frames that carry taxel `k` of a board, alone or with others; `None` if
     /// there is no such board or taxel, and for `cyskin`, which has extended ids.
-    pub fn frame_id(self, board: u8, k: u8) -> Option<u16> {
+    pub fn frame_id(self, board: u8, k: u16) -> Option<u16> {
         let known = self.addresses().contains(&board) && k < self.taxel_numbers();
         known.then(|| self.0.frame_id(board, k)).flatten()
     }
 
     /// The board and taxel number `(board, k)` a standard id means; `None` if no taxel has frames
     /// of its own with this id. It undoes [`Protocol::can_id`].
-    pub fn taxel_of(self, id: u16) -> Option<(u8, u8)> {
-        let known = |(board, _): &(u8, u8)| self.addresses().contains(board);
+    pub fn taxel_of(self, id: u16) -> Option<(u8, u16)> {
+        let known = |(board, _): &(u8, u16)| self.addresses().contains(board);
         self.0.taxel_of(id).filter(known)
     }
 
@@ -302,7 +308,7 @@ impl Protocol {
     /// The frame that carries one taxel's value, as the board would send it: status, then x, y, z
     /// with the most significant byte first, then `sda + 1` (docs/protocols.md, "uSkin payload").
     /// `None` if there is no such board or taxel, or the protocol puts several taxels into a frame.
-    pub fn frame(self, board: u8, k: u8, counts: [u16; 3], status: u8) -> Option<CanFrame> {
+    pub fn frame(self, board: u8, k: u16, counts: [u16; 3], status: u8) -> Option<CanFrame> {
         self.can_id(board, k)?;
         self.0.frame(board, k, counts, status)
     }

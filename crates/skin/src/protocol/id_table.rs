@@ -5,6 +5,7 @@ use super::cpm_finger::decode::Finger;
 use super::cyskin::decode::Hub;
 use super::cyskin::setup::{CyskinHub, CyskinSetup, HubIds};
 use super::icub::decode::Triangle;
+use super::pressure_array::decode::Array;
 use crate::reading::Readings;
 use taxel_can::IdFilter;
 
@@ -14,6 +15,7 @@ use taxel_can::IdFilter;
 pub(crate) enum KindDecoder {
     Icub(Triangle),
     CpmFinger(Finger),
+    PressureArray(Array),
 }
 
 impl BoardDecoder for KindDecoder {
@@ -22,6 +24,7 @@ impl BoardDecoder for KindDecoder {
         match self {
             KindDecoder::Icub(triangle) => triangle.decode(id, data, readings),
             KindDecoder::CpmFinger(finger) => finger.decode(id, data, readings),
+            KindDecoder::PressureArray(array) => array.decode(id, data, readings),
         }
     }
 
@@ -29,6 +32,7 @@ impl BoardDecoder for KindDecoder {
         match self {
             KindDecoder::Icub(triangle) => triangle.auxiliary(channel),
             KindDecoder::CpmFinger(finger) => finger.auxiliary(channel),
+            KindDecoder::PressureArray(array) => array.auxiliary(channel),
         }
     }
 }

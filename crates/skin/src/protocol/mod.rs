@@ -7,6 +7,7 @@
 //! | `icub-mtb3`, `icub-mtb4` | two per triangle, one axis of 8 bits | `triangle * 12 + pad` | configuration, then `SET_TXMODE` |
 //! | `cyskin` | packets of one or more frames, one axis of 16 bits | sensor on the module, 1 to 11 | as Genoa's library does, or as configured |
 //! | `cpm-finger` | four per sweep, one axis of 16 bits | channel | none known |
+//! | `pressure-array` | a message of a program, cut into frames of four taxels by the source | row by row | none |
 //!
 //! A new protocol is a folder with an implementation of `BoardProtocol`, a constant and a line in
 //! the list. Nothing else in this crate asks which protocol it has before it.
@@ -20,6 +21,7 @@ pub(crate) mod icub;
 pub(crate) mod id_table;
 pub(crate) mod mtb;
 mod offline;
+pub(crate) mod pressure_array;
 pub(crate) mod recognised;
 pub(crate) mod uskin;
 mod wired_board;
@@ -49,6 +51,9 @@ impl Protocol {
     pub const CYSKIN: Self = Self(&cyskin::Cyskin);
     /// The published finger with CySkin-type sensors: ids 0x405, 0x407, 0x409, 0x40B, four values each.
     pub const CPM_FINGER: Self = Self(&cpm_finger::CpmFinger);
+    /// An array of pressure sensors whose frames a program sends over a Unix socket: no CAN at all, but the source cuts
+    /// each into CAN frames (docs/protocols.md, "Pressure arrays").
+    pub const PRESSURE_ARRAY: Self = Self(&pressure_array::PressureArray);
     /// No board: the taxels come from an array in a file ([`crate::Layout::grid`]).
     pub const OFFLINE: Self = Self(&offline::Offline);
 }
@@ -62,6 +67,7 @@ const LIST: &[Protocol] = &[
     Protocol::ICUB_MTB4,
     Protocol::CYSKIN,
     Protocol::CPM_FINGER,
+    Protocol::PRESSURE_ARRAY,
     Protocol::OFFLINE,
 ];
 
@@ -118,7 +124,7 @@ mod tests {
     fn a_filter_passes_every_frame_of_its_board() {
         for protocol in Protocol::boards() {
             for board in 0..=u8::MAX {
-                for k in 0..=u8::MAX {
+                for k in 0..=u16::from(u8::MAX) {
                     let Some(id) = protocol.frame_id(board, k) else {
                         continue;
                     };

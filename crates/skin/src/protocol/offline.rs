@@ -8,7 +8,7 @@ impl BoardProtocol for Offline {
     fn properties(&self) -> &Properties {
         const OFFLINE: Properties = Properties {
             name: "offline",
-            taxel_numbers: u8::MAX,
+            taxel_numbers: u16::MAX,
             keys: &[],
             bit_rate: None,
             ..Properties::USUAL
@@ -16,7 +16,7 @@ impl BoardProtocol for Offline {
         &OFFLINE
     }
 
-    fn frames_per_sweep(&self, _k: &[u8]) -> usize {
+    fn frames_per_sweep(&self, _k: &[u16]) -> usize {
         0
     }
 }

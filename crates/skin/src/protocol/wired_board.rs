@@ -12,15 +12,17 @@ pub(crate) struct WiredBoard<'a> {
     pub(crate) address: u8,
     pub(crate) icub: Option<&'a IcubSetup>,
     pub(crate) hub: Option<(&'a CyskinSetup, &'a CyskinHub)>,
+    /// Rows and columns of a pressure array.
+    pub(crate) array: Option<[u16; 2]>,
     /// Index of its first taxel in the layout.
     pub(crate) first_taxel: u16,
     /// Its own numbers for its taxels, in the order of the layout.
-    pub(crate) k: &'a [u8],
+    pub(crate) k: &'a [u16],
 }
 
 impl WiredBoard<'_> {
-    /// Its taxels, by its own number and by index in the layout.
+    /// Its taxels, by its own number and by index in the layout. No board on CAN has more numbers than a byte holds.
     pub(crate) fn taxels(&self) -> impl Iterator<Item = (u8, u16)> {
-        self.k.iter().copied().zip(self.first_taxel..)
+        self.k.iter().map(|k| *k as u8).zip(self.first_taxel..)
     }
 }

@@ -224,6 +224,28 @@ report! {
         remote: u64,
         /// Error frames, by cause.
         errors: ErrorFrameStatus,
+        /// What came to the socket of a pressure array; null for a bus.
+        array: Option<ArrayStatus>,
+    }
+
+    /// What came to the socket of a pressure array, in messages.
+    ArrayStatus {
+        /// Taken.
+        taken: u64,
+        /// Never came, by their sequence.
+        lost: u64,
+        /// Taken, and measured more than a quarter of a second before.
+        late: u64,
+        /// How often the sequence began anew, or went back.
+        restarts: u64,
+        /// Refused: no message of a pressure array.
+        foreign: u64,
+        /// Refused: of another version.
+        version: u64,
+        /// Refused: of other rows or columns.
+        size: u64,
+        /// Refused: fewer or more counts than its rows and columns have.
+        torn: u64,
     }
 
     /// Error counters of a controller.
@@ -307,7 +329,7 @@ report! {
         /// Its module.
         module: String,
         /// Its number in the module.
-        k: u8,
+        k: u16,
         /// Why.
         reasons: Vec<String>,
     }

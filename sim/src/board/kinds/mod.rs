@@ -3,6 +3,7 @@
 mod cpm_finger;
 mod cyskin;
 mod icub;
+mod pressure_array;
 mod uskin;
 
 use super::firmware::BoardSimulation;
@@ -18,6 +19,7 @@ const KINDS: &[(Protocol, &dyn BoardSimulation)] = &[
     (Protocol::ICUB_MTB4, &icub::MTB4),
     (Protocol::CYSKIN, &cyskin::Cyskin),
     (Protocol::CPM_FINGER, &cpm_finger::CpmFinger),
+    (Protocol::PRESSURE_ARRAY, &pressure_array::PressureArray),
 ];
 
 /// The simulation of boards that speak a protocol; `None` for an array without a board.

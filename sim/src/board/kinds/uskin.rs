@@ -95,7 +95,7 @@ impl Firmware for Uskin {
             } else {
                 moment.skin.reading(taxel, moment.t_ns)
             };
-            if let Some(frame) = self.protocol.frame(address, k, counts, status) {
+            if let Some(frame) = self.protocol.frame(address, k.into(), counts, status) {
                 send(frame);
             }
         }

@@ -48,7 +48,7 @@ pub(super) fn check(layout: &Layout, facts: &HandFacts) -> Vec<Check> {
     for (index, module) in layout.modules.iter().enumerate().filter(|(i, _)| speaks(*i)) {
         let first = usize::from(module.first_taxel);
         let range = first..first + usize::from(module.taxels);
-        let mut faults: Vec<(String, Vec<u8>)> = Vec::new();
+        let mut faults: Vec<(String, Vec<u16>)> = Vec::new();
         let mut bad = 0;
         for taxel in range {
             let reasons: Vec<&str> = match facts.dead[taxel] {
@@ -99,13 +99,13 @@ pub(super) fn check(layout: &Layout, facts: &HandFacts) -> Vec<Check> {
 }
 
 /// Numbers in ascending order, three or more that follow one another as a range: `1, 4-7`.
-fn ranges(mut numbers: Vec<u8>) -> String {
+fn ranges(mut numbers: Vec<u16>) -> String {
     numbers.sort_unstable();
     let runs = numbers
         .chunk_by(|a, b| a.checked_add(1) == Some(*b))
         .map(|run| match run {
             [first, _, .., last] => format!("{first}-{last}"),
-            few => few.iter().map(u8::to_string).collect::<Vec<_>>().join(", "),
+            few => few.iter().map(u16::to_string).collect::<Vec<_>>().join(", "),
         });
     runs.collect::<Vec<_>>().join(", ")
 }

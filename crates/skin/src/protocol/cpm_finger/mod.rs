@@ -16,14 +16,18 @@ impl BoardProtocol for CpmFinger {
     fn properties(&self) -> &Properties {
         const CPM_FINGER: Properties = Properties {
             name: "cpm-finger",
-            measures: Measures { axes: 1, bits: 16 },
+            measures: Measures {
+                axes: 1,
+                bits: 16,
+                rests_at_zero: false,
+            },
             ..Properties::USUAL
         };
         &CPM_FINGER
     }
 
-    fn frame_id(&self, _board: u8, k: u8) -> Option<u16> {
-        Some(id(k))
+    fn frame_id(&self, _board: u8, k: u16) -> Option<u16> {
+        Some(id(k as u8))
     }
 
     fn board_of(&self, id: u16) -> Option<u8> {
@@ -34,7 +38,7 @@ impl BoardProtocol for CpmFinger {
         Some(0x7F0)
     }
 
-    fn frames_per_sweep(&self, _k: &[u8]) -> usize {
+    fn frames_per_sweep(&self, _k: &[u16]) -> usize {
         IDS.len() + 1
     }
 

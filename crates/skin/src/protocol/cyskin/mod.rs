@@ -23,8 +23,12 @@ impl BoardProtocol for Cyskin {
         const CYSKIN: Properties = Properties {
             name: "cyskin",
             addresses: 0..MODULES,
-            taxel_numbers: SENSORS,
-            measures: Measures { axes: 1, bits: 16 },
+            taxel_numbers: SENSORS as u16,
+            measures: Measures {
+                axes: 1,
+                bits: 16,
+                rests_at_zero: false,
+            },
             keys: &["bus", "board", "hub"],
             bit_rate: None,
             ..Properties::USUAL
@@ -33,7 +37,7 @@ impl BoardProtocol for Cyskin {
     }
 
     /// An estimate, of a packet for each module: which modules a hub puts into one is not public.
-    fn frames_per_sweep(&self, k: &[u8]) -> usize {
+    fn frames_per_sweep(&self, k: &[u16]) -> usize {
         (k.len() * 2 + 7).div_ceil(7)
     }
 
@@ -50,7 +54,7 @@ impl BoardProtocol for Cyskin {
         start::sequences(setup, hub)
     }
 
-    fn is_temperature(&self, k: u8, _icub: Option<&IcubSetup>) -> bool {
+    fn is_temperature(&self, k: u16, _icub: Option<&IcubSetup>) -> bool {
         k == 0
     }
 }

@@ -25,8 +25,12 @@ pub(crate) struct Icub {
 const USUAL: Properties = Properties {
     // 0 is the host.
     addresses: 1..15,
-    taxel_numbers: TRIANGLES * PADS,
-    measures: Measures { axes: 1, bits: 8 },
+    taxel_numbers: (TRIANGLES * PADS) as u16,
+    measures: Measures {
+        axes: 1,
+        bits: 8,
+        rests_at_zero: false,
+    },
     keys: &["bus", "board", "icub"],
     // It is calibrated for half a second before it speaks.
     settles: false,
@@ -62,8 +66,8 @@ impl BoardProtocol for Icub {
         &self.properties
     }
 
-    fn frame_id(&self, board: u8, k: u8) -> Option<u16> {
-        Some(id(board, k / PADS))
+    fn frame_id(&self, board: u8, k: u16) -> Option<u16> {
+        Some(id(board, k as u8 / PADS))
     }
 
     fn board_of(&self, id: u16) -> Option<u8> {
@@ -74,7 +78,7 @@ impl BoardProtocol for Icub {
         Some(0x7F0)
     }
 
-    fn frames_per_sweep(&self, k: &[u8]) -> usize {
+    fn frames_per_sweep(&self, k: &[u16]) -> usize {
         2 * triangles(k).count_ones() as usize
     }
 
@@ -101,8 +105,8 @@ impl BoardProtocol for Icub {
         icub.map(|setup| 1000.0 / f64::from(setup.period_ms))
     }
 
-    fn is_temperature(&self, k: u8, icub: Option<&IcubSetup>) -> bool {
-        icub.is_some_and(|setup| setup.is_thermal(k))
+    fn is_temperature(&self, k: u16, icub: Option<&IcubSetup>) -> bool {
+        icub.is_some_and(|setup| setup.is_thermal(k as u8))
     }
 
     fn is_saturated(&self, reading: &TaxelReading) -> bool {
@@ -136,6 +140,6 @@ const fn id(board: u8, triangle: u8) -> u16 {
 }
 
 /// The triangles that have taxels among `k`, a bit each.
-fn triangles(k: &[u8]) -> u16 {
-    k.iter().fold(0, |set, k| set | 1 << ((k / PADS) & 15))
+fn triangles(k: &[u16]) -> u16 {
+    k.iter().fold(0, |set, k| set | 1 << ((k / u16::from(PADS)) & 15))
 }

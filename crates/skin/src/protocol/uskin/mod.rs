@@ -72,20 +72,20 @@ impl BoardProtocol for Uskin {
         &self.properties
     }
 
-    fn frame_id(&self, board: u8, k: u8) -> Option<u16> {
-        Some(self.ids.id(board, k))
+    fn frame_id(&self, board: u8, k: u16) -> Option<u16> {
+        Some(self.ids.id(board, k as u8))
     }
 
-    fn taxel_of(&self, id: u16) -> Option<(u8, u8)> {
-        self.ids.taxel_of(id)
+    fn taxel_of(&self, id: u16) -> Option<(u8, u16)> {
+        self.ids.taxel_of(id).map(|(board, k)| (board, k.into()))
     }
 
     fn board_mask(&self) -> Option<u16> {
         Some(self.ids.board_mask())
     }
 
-    fn frame(&self, board: u8, k: u8, counts: [u16; 3], status: u8) -> Option<CanFrame> {
-        decode::frame(self.ids, board, k, counts, status)
+    fn frame(&self, board: u8, k: u16, counts: [u16; 3], status: u8) -> Option<CanFrame> {
+        decode::frame(self.ids, board, k as u8, counts, status)
     }
 
     fn enter(&self, table: &mut IdTable, board: &WiredBoard<'_>) {

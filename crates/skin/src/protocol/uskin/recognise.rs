@@ -99,7 +99,7 @@ fn read(uskin: &'static Uskin, ids: &BTreeMap<u16, IdTraffic>) -> Reading {
         if heard.full * 2 > heard.count
             && let Some((board, k)) = protocol.taxel_of(*id)
         {
-            boards.entry(board).or_default().insert(k, *id);
+            boards.entry(board).or_default().insert(k as u8, *id);
         }
     }
     let mut fit = 0.0;

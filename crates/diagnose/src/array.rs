@@ -1,0 +1,105 @@
+//! What is wrong with a pressure array, whose frames a program sends to a socket.
+
+use crate::kind::Kind;
+use crate::names::board_name;
+use crate::problem::{Place, Problem};
+use crate::view::Look;
+use taxel_can::SourceAddress;
+use taxel_skin::{BoardState, Layout};
+
+/// Arrays send a few frames a second: one is silent after this long, nanoseconds.
+pub(crate) const SILENCE_NS: u64 = 1_000_000_000;
+/// So many sequences that begin anew within the time looked at are two programs.
+const SENDERS: u64 = 2;
+
+pub(crate) fn judge(look: &Look<'_>, index: usize, found: &mut Vec<Problem>) {
+    let address = &look.setup.sources[index];
+    if !matches!(address, SourceAddress::Pressure { .. }) {
+        return;
+    }
+    let name = &look.setup.layout.buses[index];
+    let (now, before) = (&look.view.buses[index].counters.array, &look.before[index].array);
+    let [rows, columns] = look.setup.layout.array_on(index).unwrap_or_default();
+    let mut report = |kind, what: String, advice: &str, over: &str| {
+        let (what, over) = (format!("{name}: {what}"), format!("{name}: {over}"));
+        found.push(Problem::new(kind, Place::Bus(index), what, advice, over));
+    };
+    let refused = now.refused() - before.refused();
+    if refused > 0 {
+        let [other_rows, other_columns] = now.other_size;
+        let (what, advice) = match () {
+            () if now.size > before.size => (
+                format!(
+                    "frames of {other_rows} x {other_columns} are refused; the array has {rows} x {columns}"
+                ),
+                "send rows x columns as the layout has them, or mend the layout",
+            ),
+            () if now.torn > before.torn => (
+                format!(
+                    "frames with too few or too many counts are refused; {rows} x {columns} have {}",
+                    u32::from(rows) * u32::from(columns)
+                ),
+                "each count is two bytes, least significant first",
+            ),
+            () if now.version > before.version => (
+                "frames of another version are refused".into(),
+                "the version is the fifth byte, 1 (docs/protocols.md, \"Pressure arrays\")",
+            ),
+            () => (
+                "what is sent there is no frame of a pressure array".into(),
+                "see docs/protocols.md, \"Pressure arrays\"; does another program send to this socket?",
+            ),
+        };
+        report(Kind::ArrayRefused, what, advice, "nothing is refused any more");
+    }
+    if now.restarts - before.restarts >= SENDERS {
+        report(
+            Kind::ArraySenders,
+            format!(
+                "two programs seem to send frames to {address}: their sequence numbers jump back again and again"
+            ),
+            "end one of them, or have the one that sends count its frames",
+            "one program sends",
+        );
+    } else if now.lost > before.lost {
+        report(
+            Kind::ArrayLost,
+            format!(
+                "{} frames did not come, by their sequence numbers",
+                now.lost - before.lost
+            ),
+            "the sending program drops them: its send would block, or it is too slow for the sensor",
+            "no more frames are missing",
+        );
+    }
+    if now.late > before.late {
+        report(
+            Kind::ArrayLate,
+            "frames come more than 250 ms after they were measured".into(),
+            "the sending program is too slow, or its time is not CLOCK_MONOTONIC of this machine (0 where it has none)",
+            "frames come in time",
+        );
+    }
+}
+
+/// An array of which nothing comes.
+pub(crate) fn silent(address: &SourceAddress, layout: &Layout, module: usize, state: BoardState) -> Problem {
+    let name = board_name(layout, module);
+    let (kind, what) = match state {
+        BoardState::NeverSeen => (Kind::BoardUnheard, "no frame has come since the start"),
+        _ => (Kind::BoardSilent, "no more frames come"),
+    };
+    let advice = match address {
+        SourceAddress::Pressure { .. } => {
+            format!("check that the program of its sensor runs, and sends to {address}. The rest goes on")
+        }
+        _ => "check what sends its frames. The rest goes on".into(),
+    };
+    Problem::new(
+        kind,
+        Place::Module(module),
+        format!("{name}: {what}"),
+        advice,
+        format!("{name}: frames come"),
+    )
+}
