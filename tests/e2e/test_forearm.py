@@ -360,3 +360,108 @@ def test_a_gripper_is_told_where_it_holds_while_it_squeezes(folder, servos):
     assert abs(last["location_percent"] - 50) < 15
     latency_us = sorted(line["latency_us"] for line in lines)
     print(f"told {latency_us[len(lines) // 2]:.0f} us (median), {latency_us[-1]:.0f} us (most) after the sample")
+
+
+@pytest.fixture
+def arm(folder):
+    """A gripper on a simulated forearm, at 50 %, and a daemon that reads both: `taxel sim forearm`."""
+    touch, link = folder / "touch.sock", folder / "servos"
+    with Daemon(folder / "d", [f"pressure:{touch}"], layout="tekscan-6077", tick=TICK, joints=gripper(link)) as daemon:
+        command = [binary("taxel"), "sim", "forearm", "--to", f"pressure:{touch}", "--servos", link, "--place", "50"]
+        daemon.squeezed = subprocess.Popen(command, stdout=subprocess.DEVNULL, preexec_fn=die_with_parent)
+        ready = lambda s: s["joints"]["readings"] > 20 and s["missing"] == 0 and not s["problems"]
+        daemon.wait_status(ready, "gripper and touch are not read", seconds=40)
+        yield daemon
+        daemon.squeezed.kill()
+        daemon.squeezed.wait()
+
+
+def test_a_squeeze_is_recorded_with_the_touch_of_each_sample(arm):
+    npz = arm.folder / "session.npz"
+    process = record(arm, *ONE, "--allow-motion", "--npz", npz)
+    out, said = process.communicate(timeout=90)
+    assert process.returncode == 0 and ", touch;" in said, said
+    assert json.loads(out)["touch"] is True
+    beside = np.load(arm.folder / "session" / "0" / "tactile0_1.npy")
+    with np.load(npz) as arrays:
+        data, tactile = arrays["data"][0, 0], arrays["tactile"][0, 0]
+    assert beside.shape == (95, 28, 50) and beside.dtype == np.uint16 and (tactile == beside).all()
+    # An image is of the sample it stands beside: it is pressed as the fingers are, a frame or two of the sensor later.
+    felt, closed = tactile.sum(axis=(1, 2)), data[:, 3]
+    assert felt[50] > 1.5 * felt[5] and abs(float(felt[94]) - float(felt[5])) < 0.1 * felt[5]
+    assert np.corrcoef(felt, closed)[0, 1] > 0.9
+    # The array falls silent: a squeeze without its touch is not kept, and the session goes on as it was begun.
+    process = record(arm, "--places", 1, "--repetitions", 2, "--no-wait", "--allow-motion")
+    eventually(lambda: arm.status()["joints"]["joints"][0]["angle_rad"] > 0.5, "it does not squeeze", seconds=30)
+    arm.squeezed.send_signal(signal.SIGSTOP)
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 1 and "this squeeze is not kept" in said, said
+    assert not list((arm.folder / "session" / "0").glob("*0_2*"))
+    arm.squeezed.send_signal(signal.SIGCONT)
+
+
+def test_touch_and_angles_are_fused_live_and_angles_go_on_when_the_array_falls_silent(arm, folder):
+    session, model = folder / "simulated.npz", folder / "arm.model"
+    taxel("forearm", "simulate", "--out", session, "--repetitions", 3)
+    taxel("forearm", "train", session, "--out", model)
+    live = subprocess.Popen(
+        [binary("taxel"), "forearm", "estimate", "--live", model, "--socket", arm.images],
+        stdout=subprocess.PIPE,
+        text=True,
+        preexec_fn=die_with_parent,
+    )
+    lines = []
+    reader = threading.Thread(target=lambda: lines.extend(json.loads(line) for line in live.stdout), daemon=True)
+    reader.start()
+    # The sender of touch is one with the servos here: another one takes its place, and is killed.
+    with control(arm) as connection:
+
+        def ask_all(requests):
+            for request in requests:
+                assert ask(connection, request)["ok"], request
+
+        for name in FINGERS:
+            torque_on(connection, name, 10_000)
+        mark = lambda text: {"cmd": "mark", "text": text}
+        ask_all([mark("squeeze")])
+        # Every second step of the ramp, and faster: it is phases that are looked at.
+        pwm = [max(0, 400 - 20 * abs(row - 25)) for row in range(48)]
+        for row, counts in enumerate(pwm):
+            percent = counts / 8.85
+            ask_all([mark(f"pwm {counts}"), {"cmd": "servos", "pwm_percent": dict.fromkeys(FINGERS, percent)}])
+            if row == 30:
+                drown(arm)
+            seen = arm.status()["images"]["made"]
+            eventually(lambda seen=seen: arm.status()["images"]["made"] >= seen + 4, "no image is made")
+        ask_all([mark("release")])
+    eventually(lambda: lines and lines[-1]["ended"], "the last estimate does not come", seconds=30)
+    live.kill()
+    live.wait()
+    sources = [line["source"] for line in lines]
+    fused = sources.index("fused")
+    silent = sources.index("kinesthetic", fused)
+    assert set(sources[silent:]) == {"kinesthetic"} and len(sources) - silent > 10, sources
+    for line in (lines[silent - 1], lines[-1]):
+        assert abs(line["location_percent"] - 50) < 20, line
+        assert line["low"] <= line["location_percent"] <= line["high"]
+
+
+def drown(arm):
+    """Moves the array's socket aside, so that what is sent there arrives no more."""
+    path = arm.folder.parent / "touch.sock"
+    path.rename(path.with_suffix(".aside"))
+
+
+def test_the_doctor_hears_the_potentiometers_where_no_daemon_reads_them(folder, servos):
+    config = Daemon(folder / "d", SCENE, tick=TICK, joints=with_potentiometers(servos, folder / "lines")).config
+
+    def doctor():
+        command = [binary("taxel"), "doctor", "--json", "--seconds", "1", "--config", config]
+        checks = json.loads(subprocess.run(command, capture_output=True, text=True, timeout=90).stdout)["checks"]
+        return [check for check in checks if check["object"] == str(folder / "lines")]
+
+    (heard,) = doctor()
+    assert heard["state"] == "ok" and "lines a second; degrees: left p " in heard["found"], heard
+    servos.tell("line p1 1023 p2 540\\n")
+    (lost,) = doctor()
+    assert lost["state"] == "error" and "left p" in lost["found"] and "1023" in lost["found"], lost

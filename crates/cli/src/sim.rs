@@ -1,5 +1,6 @@
 //! `taxel sim`: a scene on a real or virtual bus.
 
+use crate::forearm::play;
 use crate::interrupt::Interrupt;
 use crate::scene_marks::SceneMarks;
 use crate::target::{TargetAddress, Targets, of_buses, refuse_shared_ids};
@@ -38,13 +39,15 @@ Examples:
                                               the table [joints] for taxeld.toml, to read these servos
   taxel sim phantom-1 --to can:vcan0 --control /run/taxeld/control.sock
                                               a phantom's touches, and the marks that cut them (docs/palpation.md)
+  taxel sim forearm --to pressure:/tmp/touch.sock --servos /tmp/servos --place 40
+                                              a gripper's tactile finger, as its servos squeeze (docs/forearm.md)
   taxel sim ball-grasp --show > mine.toml     a scene file to start one's own from")]
 pub(crate) struct Args {
     /// A built-in scene, or a scene file
     #[arg(value_name = "SCENE", required_unless_present = "list")]
     scene: Option<String>,
     /// Where the buses of the hand are: once for each bus in the layout's order, or once for all of them;
-    /// can:INTERFACE, udp:GROUP:PORT, log:FILE (candump), or - for candump lines on stdout
+    /// can:INTERFACE, udp:GROUP:PORT, pressure:SOCKET of a daemon, log:FILE (candump), or - for candump lines on stdout
     #[arg(long, value_name = "SOURCE", required_unless_present_any = ["list", "show"])]
     to: Vec<TargetAddress>,
     /// Stop after so long [default: on a bus never, in a log when the scene ends]
@@ -64,6 +67,9 @@ pub(crate) struct Args {
     /// table `[joints]` of a taxeld.toml
     #[arg(long, value_name = "LINK")]
     servos: Option<PathBuf>,
+    /// Where on the forearm the gripper holds, percent from wrist to elbow; for the scene `forearm`
+    #[arg(long, value_name = "PERCENT", default_value_t = 50.0)]
+    place: f64,
     /// Make the scene's marks on the daemon with this control socket, as a robot would; phantoms have marks
     #[arg(long, value_name = "SOCKET")]
     control: Option<PathBuf>,
@@ -93,6 +99,15 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         let text = Scene::builtin_text(name);
         print(&text.with_context(|| format!("{name} is not built in; `taxel sim --list` lists what is"))?)?;
         return Ok(());
+    }
+    if name == play::SCENE {
+        return play::run(&play::Playing {
+            to: &args.to,
+            servos: args.servos.as_deref(),
+            place_percent: args.place,
+            seed: args.seed.unwrap_or(1),
+            limit_ns: args.limit_ns()?,
+        });
     }
     let scene = Scene::resolve(name)?;
     let layout = Layout::resolve(args.layout.as_deref().unwrap_or(scene.layout()))?;
@@ -192,6 +207,7 @@ fn list(as_json: bool) -> anyhow::Result<()> {
         let scene = Scene::builtin(name)?;
         text += &format!("{name:12} {:>5.1} s  {}\n", scene.seconds(), scene.about());
     }
+    text += &format!("{:12} endless  {}\n", play::SCENE, play::ABOUT);
     print(&text)
 }
 

@@ -33,6 +33,6 @@ pub use model::{Model, TrainedOn};
 pub use protocol::{Errors, Judged, PlaceErrors, Split, splits};
 pub use ramp::Ramp;
 pub use regression::{Choice, Tried};
-pub use session::{PLACES, Session, Trial, location_percent};
+pub use session::{PLACES, Session, Trial, location_percent, touch_file};
 pub use squeeze::{COLUMNS, FINGERS, FULL_PWM, Sample, Squeeze, TACTELS, TACTILE_COLUMNS, TACTILE_ROWS};
 pub use tactile::Tactile;

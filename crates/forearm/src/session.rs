@@ -3,10 +3,10 @@
 use crate::error::ForearmError;
 use crate::mat::{Matrix, read_mat, write_mat};
 use crate::squeeze::{COLUMNS, Squeeze, TACTELS, TACTILE_COLUMNS, TACTILE_ROWS};
-use ndarray::{Array1, Array4, Array5};
-use ndarray_npy::NpzWriter;
+use ndarray::{Array1, Array3, Array4, Array5};
+use ndarray_npy::{NpzWriter, ReadNpyExt, WriteNpyExt};
 use std::fs::{self, File};
-use std::io::BufWriter;
+use std::io::{BufReader, BufWriter};
 use std::path::{Path, PathBuf};
 use taxel_record::NumberArray;
 
@@ -20,6 +20,11 @@ const DEPTH: usize = 2;
 /// Where the publication's place `index` is, from 0 (wrist) to 100 (elbow).
 pub fn location_percent(index: usize) -> f64 {
     100.0 * index as f64 / (PLACES - 1) as f64
+}
+
+/// The file beside a squeeze's that has its tactile images; repetitions are numbered from 1.
+pub fn touch_file(place: usize, repetition: usize) -> String {
+    format!("tactile{place}_{repetition}.npy")
 }
 
 /// A squeeze and where it was made.
@@ -69,6 +74,38 @@ impl Squeeze {
         Self::from_columns(columns).map_err(within(path.display()))
     }
 
+    /// The bytes of a `.npy` with its tactile images, samples x 28 x 50 counts; `None` without touch.
+    pub fn to_npy(&self) -> Option<Vec<u8>> {
+        let shape = (self.len(), TACTILE_ROWS, TACTILE_COLUMNS);
+        let images = Array3::from_shape_vec(shape, self.tactile.clone()?).ok()?;
+        let mut bytes = Vec::new();
+        images.write_npy(&mut bytes).ok()?;
+        Some(bytes)
+    }
+
+    /// Reads the tactile images of its samples from what [`Squeeze::to_npy`] writes.
+    fn read_npy(&mut self, path: &Path) -> Result<(), ForearmError> {
+        let unfit = |what: String| ForearmError::Unfit {
+            path: path.into(),
+            what,
+        };
+        let file = File::open(path).map_err(io(path))?;
+        let images = Array3::<u16>::read_npy(BufReader::new(file)).map_err(|error| {
+            unfit(format!(
+                "{error}; tactile images are samples x 28 x 50 of 16 bits"
+            ))
+        })?;
+        if images.dim() != (self.len(), TACTILE_ROWS, TACTILE_COLUMNS) {
+            return Err(unfit(format!(
+                "its shape is {:?}; its squeeze has {} samples, each with an image of 28 x 50",
+                images.shape(),
+                self.len()
+            )));
+        }
+        self.tactile = Some(images.into_iter().collect());
+        Ok(())
+    }
+
     /// The bytes of such a file, without touch, which the publication keeps elsewhere.
     pub fn to_mat(&self) -> Vec<u8> {
         write_mat(&Matrix {
@@ -81,7 +118,8 @@ impl Squeeze {
 
 impl Session {
     /// Reads a session: an `.npz` (`data`, places x repetitions x samples x 10, and `location_percent`), or a folder of the
-    /// publication's, `PLACE/distancePLACE_REPETITION.mat` with places 0 to 12.
+    /// publication's, `PLACE/distancePLACE_REPETITION.mat` with places 0 to 12, and beside them, where there is touch,
+    /// `tactilePLACE_REPETITION.npy`.
     ///
     /// # Errors
     /// What cannot be read, with its file; a folder without any such file.
@@ -106,6 +144,16 @@ impl Session {
     /// Whether every squeeze has touch.
     pub fn has_touch(&self) -> bool {
         !self.trials.is_empty() && self.trials.iter().all(|trial| trial.squeeze.tactile.is_some())
+    }
+
+    /// Whether this is the publication's own data: every squeeze has its tenth column, of which nothing is known, so that
+    /// neither a simulation nor a recording has it.
+    pub fn is_published(&self) -> bool {
+        let is_there = |trial: &Trial| {
+            let angles = &trial.squeeze.undocumented_deg;
+            angles.iter().all(|angle| angle.is_finite()) && angles.windows(2).any(|pair| pair[0] != pair[1])
+        };
+        !self.trials.is_empty() && self.trials.iter().all(is_there)
     }
 
     /// Writes an `.npz` that [`Session::open`] reads: shorter squeezes are filled up with rows that are not numbers, and
@@ -179,10 +227,15 @@ fn read_folders(path: &Path) -> Result<Vec<Trial>, ForearmError> {
     }
     files.sort();
     let trial = |(place, repetition, file): &(usize, usize, PathBuf)| {
+        let mut squeeze = Squeeze::read_mat(file)?;
+        let touch = file.with_file_name(touch_file(*place, *repetition));
+        if touch.exists() {
+            squeeze.read_npy(&touch)?;
+        }
         Ok(Trial {
             location_percent: location_percent(*place),
             repetition: repetition - 1,
-            squeeze: Squeeze::read_mat(file)?,
+            squeeze,
         })
     };
     files.iter().map(trial).collect()

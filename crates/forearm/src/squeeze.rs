@@ -72,6 +72,11 @@ impl Squeeze {
         self.undocumented_deg.push(f64::NAN);
     }
 
+    /// Adds the tactile image of the newest sample, [`TACTELS`] counts; each sample before it has to have one.
+    pub fn push_image(&mut self, counts: &[u16]) {
+        self.tactile.get_or_insert_default().extend_from_slice(counts);
+    }
+
     /// A sample.
     ///
     /// # Panics

@@ -6,10 +6,12 @@
 //! [`SimulatedForearm`] makes whole squeezes of it, with touch.
 
 mod grip;
+mod pressed;
 mod section;
 mod squeeze;
 mod touch;
 
 pub use grip::{FingerAngles, Grip, NoPlace};
+pub use pressed::ForearmTouch;
 pub use squeeze::{PwmProfile, SimulatedForearm, SimulatedSqueeze};
 pub use touch::{TOUCH_COLUMNS, TOUCH_ROWS};

@@ -1,5 +1,6 @@
 //! `taxel forearm estimate --live MODEL`: where the gripper holds while it squeezes, beside a running daemon.
 
+use super::touch::TactileFinger;
 use crate::publisher::Publisher;
 use anyhow::{Context, bail};
 use serde::Serialize;
@@ -22,6 +23,8 @@ struct Live<'a> {
     theta_p: Option<[usize; FINGERS]>,
     /// The newest frame: its number, its time in nanoseconds, its angles in radians.
     frame: Option<(u64, u64, Vec<f32>)>,
+    /// Its tactile image; empty where there is none.
+    image: Vec<u16>,
     /// The squeeze at work, and the time of its first sample.
     squeeze: Option<(Squeeze, Option<u64>)>,
     /// PWM of the sample at work.
@@ -95,6 +98,12 @@ impl Live<'_> {
             theta_a_deg: self.theta_a.map(degrees),
             pwm,
         });
+        // Touch has an image for each sample: from the first that is missing on, the squeeze is one without.
+        if !self.image.is_empty() && (squeeze.len() == 1 || squeeze.tactile.is_some()) {
+            squeeze.push_image(&self.image);
+        } else {
+            squeeze.tactile = None;
+        }
         match self.estimator.estimate(squeeze) {
             Ok(estimate) => Some(Ok(Line {
                 location_percent: estimate.percent,
@@ -148,21 +157,30 @@ pub(super) fn run(
         theta_p: None,
         frame: None,
         squeeze: None,
+        image: Vec::new(),
         pwm: None,
         told: false,
     };
+    let mut finger = None;
     let mut publisher = None;
     let mut monotonic = false;
     loop {
         match subscriber.next()? {
             Received::Hello(hello) => {
                 (live.theta_a, live.theta_p) = joints(&hello.joints, fingers, potentiometers)?;
+                finger = TactileFinger::find(hello);
                 monotonic = hello.clock == Clock::Monotonic;
                 if let (None, Some(path)) = (&publisher, sockets.publish) {
                     publisher = Some(Publisher::start(path, hello.clone(), "estimates")?);
                 }
             }
-            Received::Raw(header, raw) => live.handle_frame(header.seq, header.t_ns, raw.joints()),
+            Received::Raw(header, raw) => {
+                live.handle_frame(header.seq, header.t_ns, raw.joints());
+                live.image.clear();
+                if let Some(finger) = &finger {
+                    finger.image(&raw, &mut live.image);
+                }
+            }
             Received::Event(header, event) if event.event == EventKind::Mark => {
                 let line = match live.handle_mark(&event.message) {
                     None => continue,
@@ -216,7 +234,7 @@ fn joints(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use taxel_forearm::{Estimate, Source};
+    use taxel_forearm::{Estimate, Source, TACTELS};
 
     /// Says the angle of the first finger, from two samples on; refuses PWM beyond 500.
     struct FirstAngle;
@@ -247,6 +265,7 @@ mod tests {
             theta_a: [0, 1],
             theta_p: Some([2, 3]),
             frame: None,
+            image: Vec::new(),
             squeeze: None,
             pwm: None,
             told: false,
@@ -288,6 +307,46 @@ mod tests {
         assert_eq!((line.high, line.samples, line.ended), (100.0, 3, true));
         assert!(live.handle_mark(ENDS).is_none());
         assert!(live.handle_mark("pwm 10").is_none());
+    }
+
+    /// Says of how many samples it knows the touch.
+    struct Touched;
+
+    impl Estimator for Touched {
+        fn estimate(&self, squeeze: &Squeeze) -> Result<Estimate, ForearmError> {
+            let images = squeeze
+                .tactile
+                .as_ref()
+                .map_or(0, |counts| counts.len() / TACTELS);
+            Ok(Estimate {
+                percent: images as f64,
+                half_width_90: 1.0,
+                source: Source::Fused,
+                phase: 0.0,
+            })
+        }
+    }
+
+    #[test]
+    fn touch_that_falls_silent_is_done_without_until_the_next_squeeze() {
+        let mut live = Live {
+            estimator: &Touched,
+            ..live()
+        };
+        let mut ms = 0;
+        for expected in [[1.0, 2.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0], [1.0, 2.0, 3.0, 4.0]] {
+            live.handle_mark(BEGINS);
+            live.handle_mark("pwm 10");
+            for (sample, expected) in expected.into_iter().enumerate() {
+                ms += 100;
+                frame(&mut live, ms, 5.0);
+                let is_felt = ms < 300 || ms == 600 || ms > 800;
+                live.image = if is_felt { vec![3; TACTELS] } else { Vec::new() };
+                let line = live.handle_mark("pwm 20").unwrap().unwrap();
+                assert_eq!(line.location_percent, expected, "sample {sample} at {ms} ms");
+            }
+            live.handle_mark(ENDS);
+        }
     }
 
     #[test]

@@ -7,9 +7,11 @@ mod judge;
 mod live;
 #[cfg(feature = "networks")]
 mod networks;
+pub(crate) mod play;
 mod record;
 mod report;
 pub(crate) mod simulate;
+mod touch;
 
 use crate::output_file::{OutputFile, refuse_overlap};
 use anyhow::Context;

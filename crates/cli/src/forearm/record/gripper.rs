@@ -71,6 +71,11 @@ impl Gripper {
         &self.potentiometers
     }
 
+    /// Whether the hand has a tactile finger, whose images are kept.
+    pub(super) fn has_touch(&self) -> bool {
+        self.newest.has_touch()
+    }
+
     /// Squeezes and releases with this PWM, counts of 885, one sample after another; `None` where it was asked to stop.
     /// However it ends, the motors are switched off.
     pub(super) fn squeeze(
@@ -118,6 +123,11 @@ impl Gripper {
                 }
             }
             squeeze.push(sample);
+            if self.has_touch() {
+                let image = joints.image.as_ref();
+                squeeze
+                    .push_image(image.context("the tactile finger feels nothing; `taxel status` says why")?);
+            }
         }
         motors.mark(ENDS)?;
         motors.let_go()?;
@@ -148,6 +158,7 @@ impl fmt::Display for Gripper {
             true => write!(f, "no potentiometers")?,
             false => write!(f, "potentiometers {}", self.potentiometers.join(" and "))?,
         }
+        f.write_str(if self.has_touch() { ", touch" } else { ", no touch" })?;
         write!(
             f,
             "; a motor stops by itself {} ms after the daemon falls silent, and {HOLD_MS} ms after this program does",

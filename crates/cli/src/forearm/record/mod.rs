@@ -22,7 +22,8 @@ use taxel_forearm::{FULL_PWM, PLACES, Ramp, Session, Squeeze, location_percent};
 /// off between squeezes, on any fault, on Ctrl-C, and by the daemon when this program dies or hangs for a second.
 ///
 /// FOLDER is filled with the publication's files, PLACE/distancePLACE_REPETITION.mat, one for each whole squeeze: what is
-/// interrupted goes on with the first that is missing.
+/// interrupted goes on with the first that is missing. Where the daemon's hand has a module of 28 x 50 taxels, the images
+/// of the samples are beside each, tactilePLACE_REPETITION.npy, and a squeeze in which one is missing is not kept.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -127,6 +128,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         ramp: args.ramp,
         fingers: gripper.fingers().to_vec(),
         potentiometers: gripper.potentiometers().to_vec(),
+        touch: gripper.has_touch(),
     })?;
     eprintln!("taxel: {gripper}");
     let recorded = session(args, &plan, &gripper, &interrupt);
@@ -188,6 +190,7 @@ fn say(next: &Next, squeeze: &Squeeze) -> anyhow::Result<()> {
         "location_percent": location_percent(next.place),
         "repetition": next.repetition,
         "samples": squeeze.len(),
+        "touch": squeeze.tactile.is_some(),
         "duration_ms": squeeze.time_ms.last(),
         "most_theta_a_deg": squeeze.theta_a_deg.each_ref().map(most),
         "most_theta_p_deg": squeeze.theta_p_deg.each_ref().map(most),

@@ -1,5 +1,6 @@
-//! The newest joint angles that the daemon sends, kept by a thread.
+//! The newest joint angles and tactile image that the daemon sends, kept by a thread.
 
+use super::super::touch::TactileFinger;
 use anyhow::{Context, bail};
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -13,6 +14,8 @@ pub(super) struct Joints {
     pub(super) t_ns: u64,
     /// Radians; not a number where unknown.
     pub(super) angles: Vec<f32>,
+    /// The tactile image, where the hand has such a finger and it is felt.
+    pub(super) image: Option<Vec<u16>>,
     came: Instant,
 }
 
@@ -20,6 +23,8 @@ pub(super) struct Joints {
 #[derive(Debug, Default)]
 struct State {
     joints: Option<Joints>,
+    /// Whether the hand has a tactile finger.
+    has_touch: bool,
     ended: Option<String>,
 }
 
@@ -43,13 +48,26 @@ impl Newest {
         let newest = Self(Arc::default());
         let state = newest.0.clone();
         std::thread::Builder::new().name("frames".into()).spawn(move || {
+            let mut finger = None;
             loop {
                 let joints = match subscriber.next() {
-                    Ok(Received::Raw(header, raw)) => Joints {
-                        t_ns: header.t_ns,
-                        angles: raw.joints().collect(),
-                        came: Instant::now(),
-                    },
+                    Ok(Received::Hello(hello)) => {
+                        finger = TactileFinger::find(hello);
+                        lock_of(&state).has_touch = finger.is_some();
+                        continue;
+                    }
+                    Ok(Received::Raw(header, raw)) => {
+                        let mut image = Vec::new();
+                        let is_felt = finger
+                            .as_ref()
+                            .is_some_and(|finger| finger.image(&raw, &mut image));
+                        Joints {
+                            t_ns: header.t_ns,
+                            angles: raw.joints().collect(),
+                            image: is_felt.then_some(image),
+                            came: Instant::now(),
+                        }
+                    }
                     Ok(_) => continue,
                     Err(error) => {
                         lock_of(&state).ended = Some(error.to_string());
@@ -65,6 +83,11 @@ impl Newest {
         }
         newest.joints().context("the daemon sends no frames")?;
         Ok(newest)
+    }
+
+    /// Whether the hand has a tactile finger.
+    pub(super) fn has_touch(&self) -> bool {
+        lock_of(&self.0).has_touch
     }
 
     /// Those of a frame that is newer than the one of this time; waits for it, at most a second.

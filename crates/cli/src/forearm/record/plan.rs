@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::fs;
 use std::path::{Path, PathBuf};
-use taxel_forearm::{PLACES, Ramp, Squeeze, location_percent};
+use taxel_forearm::{PLACES, Ramp, Squeeze, location_percent, touch_file};
 
 /// The squeezes of a session and the folder that they go into.
 #[derive(Debug)]
@@ -33,6 +33,8 @@ pub(super) struct Settings {
     pub(super) ramp: Ramp,
     pub(super) fingers: Vec<String>,
     pub(super) potentiometers: Vec<String>,
+    /// Whether squeezes have tactile images.
+    pub(super) touch: bool,
 }
 
 /// The file `session.json`.
@@ -42,6 +44,8 @@ struct Kept {
     ramp: String,
     fingers: Vec<String>,
     potentiometers: Vec<String>,
+    #[serde(default)]
+    touch: bool,
 }
 
 const KEPT: &str = "session.json";
@@ -79,6 +83,7 @@ impl Plan {
             ramp: name.map_or("", |(name, _)| name).into(),
             fingers: settings.fingers.clone(),
             potentiometers: settings.potentiometers.clone(),
+            touch: settings.touch,
         };
         let path = self.folder.join(KEPT);
         let text = match fs::read_to_string(&path) {
@@ -92,12 +97,13 @@ impl Plan {
         let before: Kept = serde_json::from_str(&text).with_context(|| path.display().to_string())?;
         if before != kept {
             bail!(
-                "{}: this session was begun with ramp {}, fingers {:?} and potentiometers {:?}; go on with the same, or \
-                 record into another folder",
+                "{}: this session was begun with ramp {}, fingers {:?}, potentiometers {:?} and {} touch; go on with \
+                 the same, or record into another folder",
                 path.display(),
                 before.ramp,
                 before.fingers,
-                before.potentiometers
+                before.potentiometers,
+                if before.touch { "with" } else { "no" }
             );
         }
         Ok(())
@@ -118,10 +124,15 @@ impl Plan {
         self.places.len() * self.repetitions
     }
 
-    /// Writes a squeeze, whole or not at all.
+    /// Writes a squeeze, whole or not at all, its tactile images in a file beside it.
     pub(super) fn write(&self, next: &Next, squeeze: &Squeeze) -> anyhow::Result<()> {
         if let Some(folder) = next.file.parent() {
             fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+        }
+        // The squeeze is there when its angles are.
+        if let Some(images) = squeeze.to_npy() {
+            let beside = touch_file(next.place, next.repetition);
+            OutputFile::write(&next.file.with_file_name(beside), images)?;
         }
         OutputFile::write(&next.file, squeeze.to_mat())
     }
@@ -175,18 +186,19 @@ impl fmt::Display for Next {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use taxel_forearm::{Sample, Session};
+    use taxel_forearm::{Sample, Session, TACTELS};
     use tempfile::TempDir;
 
     fn squeeze() -> Squeeze {
         let mut squeeze = Squeeze::default();
-        for row in 0..3 {
+        for row in 0..3u16 {
             squeeze.push(Sample {
                 time_ms: 121.0 * f64::from(row),
                 theta_p_deg: [42.0, 41.0],
                 theta_a_deg: [1.0, 2.0],
                 pwm: 10.0,
             });
+            squeeze.push_image(&[7 * row; TACTELS]);
         }
         squeeze
     }
@@ -217,6 +229,16 @@ mod tests {
         assert_eq!(session.trials.len(), 5);
         assert_eq!(session.locations(), [0.0, 50.0, 100.0]);
         assert_eq!(session.trials[0].squeeze.theta_p_deg, squeeze().theta_p_deg);
+        assert!(session.has_touch());
+        assert_eq!(session.trials[4].squeeze.tactile, squeeze().tactile);
+        // One whose images are of another squeeze is refused.
+        let other = squeeze().prefix(2).to_npy().unwrap();
+        std::fs::write(folder.join("0/tactile0_1.npy"), other).unwrap();
+        let error = Session::open(&folder).unwrap_err().to_string();
+        assert!(
+            error.contains("tactile0_1.npy") && error.contains("3 samples"),
+            "{error}"
+        );
     }
 
     #[test]
@@ -228,12 +250,16 @@ mod tests {
             ramp: Ramp::Data,
             fingers: vec!["left".into(), "right".into()],
             potentiometers: Vec::new(),
+            touch: true,
         };
         plan.keep(&settings).unwrap();
         plan.keep(&settings).unwrap();
         settings.ramp = Ramp::Article;
         let error = plan.keep(&settings).unwrap_err().to_string();
         assert!(error.contains("begun with ramp data"), "{error}");
+        (settings.ramp, settings.touch) = (Ramp::Data, false);
+        let error = plan.keep(&settings).unwrap_err().to_string();
+        assert!(error.contains("and with touch"), "{error}");
         assert!(Plan::new(dir.path(), 3, 2, Some(5)).is_err());
     }
 }

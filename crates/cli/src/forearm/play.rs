@@ -1,0 +1,145 @@
+//! `taxel sim forearm`: a simulated forearm's touch on the socket of a pressure array, and servos that squeeze it.
+
+use crate::interrupt::Interrupt;
+use crate::sim::SERVO_BAUD;
+use crate::target::{TargetAddress, Targets, of_buses};
+use anyhow::{Context, bail};
+use std::io::Write;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use taxel_can::pressure_frames;
+use taxel_forearm::{FINGERS, TACTELS, TACTILE_COLUMNS, TACTILE_ROWS};
+use taxel_sim::forearm::{ForearmTouch, PwmProfile, SimulatedForearm};
+use taxel_sim::servo::{ForearmFinger, Motion, ServoBuild, ServoBus, ServoPty, StableLink, servo_clock_ns};
+use taxel_skin::Layout;
+
+/// What `taxel sim` calls it.
+pub(crate) const SCENE: &str = "forearm";
+pub(crate) const ABOUT: &str = "a gripper's tactile finger under a forearm, 28 x 50";
+/// The hand that it is.
+const LAYOUT: &str = "tekscan-6077";
+const SIZE: [u16; 2] = [TACTILE_ROWS as u16, TACTILE_COLUMNS as u16];
+/// Between two frames of the sensor.
+const PERIOD: Duration = Duration::from_millis(100);
+/// PWM (X-series, operating mode).
+const PWM_MODE: u8 = 16;
+/// After a squeeze, at one place.
+const REST_MS: f64 = 1500.0;
+
+/// What is squeezed, and who listens.
+pub(crate) struct Playing<'a> {
+    pub(crate) to: &'a [TargetAddress],
+    /// A link to be made to simulated servos that squeeze.
+    pub(crate) servos: Option<&'a Path>,
+    /// From 0 (wrist) to 100 (elbow).
+    pub(crate) place_percent: f64,
+    pub(crate) seed: u64,
+    pub(crate) limit_ns: Option<u64>,
+}
+
+pub(crate) fn run(playing: &Playing<'_>) -> anyhow::Result<()> {
+    let layout = Layout::resolve(LAYOUT)?;
+    let named = of_buses(playing.to, &layout)?;
+    let mut targets = Targets::open(&named)?;
+    let interrupt = Interrupt::install()?;
+    match playing.servos {
+        Some(link) if targets.are_logs() => bail!(
+            "--servos {}: servos move in real time; a log is written at once and has none",
+            link.display()
+        ),
+        Some(link) => squeeze_by_servos(playing, link, &interrupt, &mut targets)?,
+        None => squeeze_by_itself(playing, &interrupt, &mut targets)?,
+    }
+    targets.finish()?;
+    targets.check()
+}
+
+/// Touch as two servos press, whoever moves them.
+fn squeeze_by_servos(
+    playing: &Playing<'_>,
+    link: &Path,
+    interrupt: &Interrupt,
+    targets: &mut Targets,
+) -> anyhow::Result<()> {
+    let location = playing.place_percent / 100.0;
+    let finger = ForearmFinger::at(location)?;
+    let touch = ForearmTouch::at(location, playing.seed)?;
+    let servos = (1..=FINGERS as u8).map(|id| ServoBuild {
+        motion: Motion::Still(finger.open().round() as i32),
+        load: Some(Arc::new(finger)),
+        ..ServoBuild::new(id)
+    });
+    let mut bus = ServoBus::new(servos, SERVO_BAUD);
+    for id in 1..=FINGERS as u8 {
+        if let Some(servo) = bus.servo_mut(id) {
+            servo.set_operating_mode(PWM_MODE);
+        }
+    }
+    let pty = ServoPty::open(bus).context("a pseudo terminal for the servos")?;
+    let _link = StableLink::new(link, pty.path())
+        .with_context(|| format!("--servos {}: cannot make this link", link.display()))?;
+    let mut out = std::io::stdout().lock();
+    let source = format!("dynamixel:{}", std::path::absolute(link)?.display());
+    write!(
+        out,
+        "[joints]\nsource = {source:?}\nbaud = {SERVO_BAUD}\nallow_writes = true\n\n\
+         [[joints.servo]]\nid = 1\nname = \"left\"\n\n[[joints.servo]]\nid = 2\nname = \"right\"\n"
+    )
+    .and_then(|()| out.flush())
+    .context("stdout")?;
+    drop(out);
+    let begin = Instant::now();
+    for frame in 0.. {
+        let due = begin + PERIOD * frame;
+        let is_over = playing
+            .limit_ns
+            .is_some_and(|limit| (due - begin).as_nanos() as u64 >= limit);
+        if is_over || !interrupt.sleep_until(due) {
+            break;
+        }
+        let now_ns = servo_clock_ns();
+        let angle = |id: u8| {
+            let pulses = pty.bus().servo(id).map_or(2048.0, |servo| servo.position(now_ns));
+            (pulses - 2048.0) * 360.0 / 4096.0
+        };
+        let counts = touch.counts(0.5 * (angle(1) + angle(2)), frame.into());
+        send(targets, now_ns, frame, &counts)?;
+    }
+    Ok(())
+}
+
+/// Touch of one squeeze after another.
+fn squeeze_by_itself(
+    playing: &Playing<'_>,
+    interrupt: &Interrupt,
+    targets: &mut Targets,
+) -> anyhow::Result<()> {
+    let forearm = SimulatedForearm::new(playing.seed, PwmProfile::Data);
+    let (waits, begin) = (!targets.are_logs(), Instant::now());
+    let (mut began_ms, mut frame) = (0.0, 0);
+    for repetition in 0.. {
+        let squeeze = forearm.squeeze(playing.place_percent / 100.0, repetition)?;
+        for (time_ms, counts) in squeeze.time_ms.iter().zip(squeeze.touch.chunks_exact(TACTELS)) {
+            let t_ns = ((began_ms + time_ms) * 1e6) as u64;
+            let due = begin + Duration::from_nanos(t_ns);
+            if playing.limit_ns.is_some_and(|limit| t_ns >= limit) || (waits && !interrupt.sleep_until(due)) {
+                return Ok(());
+            }
+            send(targets, t_ns, frame, counts)?;
+            frame = frame.wrapping_add(1);
+        }
+        began_ms += squeeze.time_ms.last().copied().unwrap_or_default() + REST_MS;
+        if !waits && playing.limit_ns.is_none() {
+            return Ok(());
+        }
+    }
+    Ok(())
+}
+
+fn send(targets: &mut Targets, t_ns: u64, frame: u32, counts: &[u16]) -> anyhow::Result<()> {
+    for frame in pressure_frames(SIZE, frame, counts) {
+        targets.send(0, t_ns, &frame)?;
+    }
+    Ok(())
+}
