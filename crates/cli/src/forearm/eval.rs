@@ -205,10 +205,10 @@ pub(super) fn run(args: &Args) -> anyhow::Result<String> {
         return Ok(serde_json::to_string(&report)? + "\n");
     }
     let mut text = report::procedure(&session, &splits, &trained.estimators);
-    text += &report::errors("kinesthetic", &outcome, train_s);
+    text += &report::errors("kinesthetic", &session, &outcome, train_s);
     text += &report::places(&outcome);
     for (name, (outcome, train_s)) in touch.iter().flat_map(Touch::parts) {
-        text += &report::errors(name, outcome, *train_s);
+        text += &report::errors(name, &session, outcome, *train_s);
         text += &report::places(outcome);
     }
     if args.brief {

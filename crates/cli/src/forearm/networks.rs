@@ -2,7 +2,7 @@
 
 use super::eval::{self, NetworkArgs};
 use super::judge::Outcome;
-use super::report::PUBLISHED;
+use super::report::{beside, column};
 use crate::interrupt::Interrupt;
 use anyhow::Context;
 use std::fmt::Write as _;
@@ -151,11 +151,7 @@ pub(super) fn report(
     );
     for judgement in judgements {
         let e = &judgement.outcome.errors;
-        let published = PUBLISHED.iter().find(|(name, ..)| *name == judgement.source);
-        let (_, rmse, mae, range) =
-            published
-                .copied()
-                .unwrap_or((judgement.source, f64::NAN, f64::NAN, f64::NAN));
+        let (heading, [rmse, mae, range]) = column(beside(judgement.source, session));
         let [least, most, printed] = judgement.epochs;
         let epochs = if least == most {
             most.to_string()
@@ -165,12 +161,12 @@ pub(super) fn report(
         let _ = write!(
             text,
             "\n{}: {} of {planned} repetitions, {epochs} of the publication's {printed} epochs; training took {}, an estimate {:.1} ms\n\
-             % of the forearm              here   publication (its Table 3; which mean it does not say)\n\
-             \x20 RMSE, mean over places   {:8.2}{rmse:10.2}\n\
-             \x20 MAE, mean over places    {:8.2}{mae:10.2}\n\
+             % of the forearm              here{heading}\n\
+             \x20 RMSE, mean over places   {:8.2}{rmse}\n\
+             \x20 MAE, mean over places    {:8.2}{mae}\n\
              \x20 RMSE over squeezes       {:8.2}\n\
              \x20 MAE over squeezes        {:8.2}\n\
-             \x20 range of estimates, mean {:8.2}{range:10.2}\n",
+             \x20 range of estimates, mean {:8.2}{range}\n",
             judgement.source,
             judgement.repetitions,
             duration(judgement.train_s),

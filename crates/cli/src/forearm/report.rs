@@ -45,33 +45,47 @@ pub(super) fn procedure(session: &Session, splits: &[Split], models: &[Kinesthet
     text
 }
 
-pub(super) fn errors(source: &str, outcome: &Outcome, train_s: f64) -> String {
+/// The publication's figures of a source beside those here, where these are of its own data; what was simulated or
+/// recorded elsewhere is not to be compared.
+pub(super) fn beside(source: &str, session: &Session) -> Option<[f64; 3]> {
+    let published = PUBLISHED
+        .iter()
+        .find(|(name, ..)| *name == source && session.is_published());
+    published.map(|(_, rmse, mae, range)| [*rmse, *mae, *range])
+}
+
+/// The heading of a column for them, and its figures.
+pub(super) fn column(beside: Option<[f64; 3]>) -> (&'static str, [String; 3]) {
+    match beside {
+        Some(figures) => (
+            "   publication (its Table 3; which mean it does not say)",
+            figures.map(|figure| format!("{figure:10.2}")),
+        ),
+        None => ("", Default::default()),
+    }
+}
+
+pub(super) fn errors(source: &str, session: &Session, outcome: &Outcome, train_s: f64) -> String {
     let e = &outcome.errors;
     let least = e.macro_rmses.iter().copied().fold(f64::INFINITY, f64::min);
     let most = e.macro_rmses.iter().copied().fold(0.0, f64::max);
-    let published = PUBLISHED.iter().find(|(name, ..)| *name == source);
-    let beside = published
-        .map(|(_, rmse, mae, range)| (*rmse, *mae, *range))
-        .unwrap_or((f64::NAN, f64::NAN, f64::NAN));
+    let (heading, [rmse, mae, range]) = column(beside(source, session));
     let [seen, new] = e.coverage_seen_and_new;
     format!(
-        "\n{source}, % of the forearm        here   publication (its Table 3; which mean it does not say)\n\
-         \x20 RMSE, mean over places   {:8.2}{:10.2}\n\
-         \x20 MAE, mean over places    {:8.2}{:10.2}\n\
+        "\n{source}, % of the forearm        here{heading}\n\
+         \x20 RMSE, mean over places   {:8.2}{rmse}\n\
+         \x20 MAE, mean over places    {:8.2}{mae}\n\
          \x20 RMSE over squeezes       {:8.2}\n\
          \x20 MAE over squeezes        {:8.2}\n\
-         \x20 range of estimates, mean {:8.2}{:10.2}\n\
+         \x20 range of estimates, mean {:8.2}{range}\n\
          Over the repetitions the first is {least:.2} to {most:.2}.\n\
          90 % intervals of +-{:.1} hold {:.1} % (mean over places): {:.1} % of squeezes at places that were trained on,\n\
          {:.1} % at others. Training took {train_s:.2} s for all repetitions, an estimate {:.1} us.\n",
         e.macro_rmse,
-        beside.0,
         e.macro_mae,
-        beside.1,
         e.pooled_rmse,
         e.pooled_mae,
         e.mean_range(),
-        beside.2,
         e.half_width_90,
         100.0 * e.coverage_90,
         100.0 * seen,
