@@ -15,6 +15,10 @@ use taxel_can::monotonic_ns;
 use taxel_wire::status::Status;
 use taxel_wire::{Clock, EventKind, Received, Subscribe, Subscriber};
 
+/// How long messages are left to gather in the socket.
+const READ_PAUSE: Duration = Duration::from_millis(40);
+/// Bytes that came since the last pause from which on there is none: a socket holds some 200 kB.
+const MOST_GATHERED: usize = 64 << 10;
 /// Between two attempts to reach the daemon.
 const AGAIN: Duration = Duration::from_millis(500);
 
@@ -73,10 +77,20 @@ fn read_subscription(
         ..Subscribe::default()
     })?;
     let (mut joints, mut is_monotonic) = (Vec::new(), false);
+    let (mut wait, mut gathered) = (Duration::ZERO, 0);
     while !shared.is_over() {
-        let Some(received) = subscriber.next_timeout(LOOK)? else {
+        let Some(received) = subscriber.next_timeout(wait)? else {
+            // A large hand fills a socket soon, and to wake up for each of its messages costs little beside them.
+            wait = if gathered > MOST_GATHERED {
+                LOOK
+            } else {
+                thread::sleep(READ_PAUSE);
+                Duration::ZERO
+            };
+            gathered = 0;
             continue;
         };
+        wait = Duration::ZERO;
         let now_ns = shared.wall.at(monotonic_ns());
         let wall = |t_ns| {
             if is_monotonic {
@@ -85,7 +99,10 @@ fn read_subscription(
                 now_ns
             }
         };
-        let put = |topic, wall_ns, data| shared.entry(queue, topic, wall_ns, data);
+        let mut put = |topic, wall_ns, data: Vec<u8>| {
+            gathered += data.len();
+            shared.entry(queue, topic, wall_ns, data);
+        };
         match received {
             Received::Hello(hello) => {
                 is_monotonic = hello.clock == Clock::Monotonic;

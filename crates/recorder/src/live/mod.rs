@@ -18,7 +18,7 @@ use std::io;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::thread;
 use std::time::{Duration, Instant, SystemTime};
 use taxel_can::{OpenError, SourceAddress, SourceOptions, monotonic_ns};
@@ -31,6 +31,9 @@ const CLOCK: Duration = Duration::from_secs(1);
 const QUEUE: usize = 4096;
 /// How often to look whether it is over.
 const LOOK: Duration = Duration::from_millis(100);
+/// How long messages are left to gather before they are written. To wake up for each of a few hundred a second costs more
+/// than what is done with them.
+const WRITE_PAUSE: Duration = Duration::from_millis(50);
 
 /// A bus to be recorded.
 #[derive(Debug, Clone)]
@@ -287,11 +290,13 @@ fn write(
     let (mut cut, mut noted, mut looked) = (began, None::<Instant>, began);
     let mut told_dropped = 0;
     loop {
-        match messages.recv_timeout(LOOK) {
-            Ok(Message::Entry(entry)) => store.take(entry)?,
-            Ok(Message::Trigger { wall_ns, why }) => trigger(store, wall_ns, &why, shared)?,
-            Err(RecvTimeoutError::Timeout) => {}
-            Err(RecvTimeoutError::Disconnected) => thread::sleep(LOOK),
+        thread::sleep(WRITE_PAUSE);
+        // No more than there is room for: who reads more than can be written must not keep it from being cut.
+        for message in messages.try_iter().take(QUEUE) {
+            match message {
+                Message::Entry(entry) => store.take(entry)?,
+                Message::Trigger { wall_ns, why } => trigger(store, wall_ns, &why, shared)?,
+            }
         }
         let now = Instant::now();
         let wall_ns = shared.wall.at(monotonic_ns());
