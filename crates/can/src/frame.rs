@@ -160,6 +160,17 @@ impl CanFrame {
 /// Most bytes of a frame in candump's notation.
 const LONGEST_TEXT: usize = 8 + 1 + 16;
 
+/// Each byte in hexadecimal digits.
+const HEX: [[u8; 2]; 256] = {
+    let mut hex = [[0; 2]; 256];
+    let mut byte = 0;
+    while byte < 256 {
+        hex[byte] = [b"0123456789ABCDEF"[byte >> 4], b"0123456789ABCDEF"[byte & 0xF]];
+        byte += 1;
+    }
+    hex
+};
+
 /// A frame in candump's notation, without the machinery of formatting: a recording writes millions.
 pub(crate) struct FrameText {
     bytes: [u8; LONGEST_TEXT],
@@ -191,7 +202,9 @@ impl FrameText {
             }
         }
         for byte in frame.data() {
-            text.hex((*byte).into(), 2);
+            let digits = HEX[usize::from(*byte)];
+            text.bytes[text.len..text.len + 2].copy_from_slice(&digits);
+            text.len += 2;
         }
         text
     }

@@ -5,9 +5,12 @@ use crate::{
     SourceCounters, Wakeup,
 };
 use std::fs::File;
-use std::io::BufReader;
+use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::sync::Arc;
+
+/// What an MCAP file begins with.
+const MCAP: &[u8] = b"\x89MCAP";
 
 /// When the frames of a recording are due.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -67,9 +70,17 @@ impl LogSource {
             what: format!("read {}", path.display()),
             source,
         };
-        let file = File::open(path).map_err(unreadable)?;
+        let mut file = BufReader::with_capacity(64 * 1024, File::open(path).map_err(unreadable)?);
+        if file.fill_buf().is_ok_and(|begin| begin.starts_with(MCAP)) {
+            return Err(OpenError::Refused(format!(
+                "{} is an MCAP recording, and a bus is played from a candump log: `taxel convert {} {}` makes one of it",
+                path.display(),
+                path.display(),
+                path.with_extension("log").display()
+            )));
+        }
         let mut source = Self {
-            reader: LogReader::new(BufReader::with_capacity(64 * 1024, file)),
+            reader: LogReader::new(file),
             interface: interface.map(Arc::from),
             playback,
             clock: LogClock::default(),
@@ -236,6 +247,17 @@ mod tests {
 
     fn open(text: &str, interface: Option<&str>, playback: Playback) -> LogSource {
         LogSource::open(file(text).path(), interface, playback).unwrap()
+    }
+
+    #[test]
+    fn an_mcap_recording_is_refused_with_the_command_that_makes_a_log_of_it() {
+        let file = file("");
+        std::fs::write(file.path(), b"\x89MCAP0\r\n and so on").unwrap();
+        let refused = LogSource::open(file.path(), None, Playback::default())
+            .err()
+            .unwrap()
+            .to_string();
+        assert!(refused.contains("`taxel convert /"), "{refused}");
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Which interface of recorded traffic is which bus of a hand: by its name, by the boards that it carries, or as the
 //! command line says.
 
-use crate::traffic::Traffic;
+use crate::traffic::{Traffic, Wanted};
 use anyhow::bail;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -53,10 +53,10 @@ impl Heard {
         self.as_bus.iter().any(|bus| !bus.modules.is_empty())
     }
 
-    fn take(&mut self, frame: &LogFrame, layout: &Layout, readings: &mut Readings) {
+    fn take(&mut self, frame: &LogFrame, layout: &Layout, readings: &mut Readings) -> Wanted {
         self.frames += 1;
         if self.frames > SURVEYED && self.carries_boards() {
-            return;
+            return Wanted::NoMore;
         }
         for bus in &mut self.as_bus {
             match bus.decoder.decode_at(frame.t_ns, &frame.frame, readings) {
@@ -77,6 +77,7 @@ impl Heard {
                 _ => {}
             }
         }
+        Wanted::More
     }
 
     /// How much speaks against its being this bus.
@@ -113,7 +114,7 @@ pub(crate) fn interfaces_of_buses(
         heard: Vec::new(),
     };
     let mut readings = Readings::new();
-    traffic.survey(|frame| {
+    let not_shown = traffic.survey(|frame| {
         let known = survey
             .heard
             .iter()
@@ -122,8 +123,12 @@ pub(crate) fn interfaces_of_buses(
             survey.heard.push(Heard::new(&frame.interface, layout));
             survey.heard.len() - 1
         });
-        survey.heard[place].take(frame, layout, &mut readings);
+        survey.heard[place].take(frame, layout, &mut readings)
     })?;
+    for heard in &mut survey.heard {
+        let same = not_shown.iter().filter(|(name, _)| heard.name == **name);
+        heard.frames += same.map(|(_, frames)| frames).sum::<u64>();
+    }
     survey.check_pairs(pairs)?;
     let mut chosen = survey.by_name(pairs);
     if chosen.iter().all(Option::is_none) {

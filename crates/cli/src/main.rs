@@ -41,6 +41,7 @@ mod rates;
 mod raw_line;
 mod record;
 mod recorded;
+mod recorded_buses;
 mod replay;
 mod scene_input;
 mod scene_marks;

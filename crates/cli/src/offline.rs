@@ -5,13 +5,14 @@ use crate::joint_angles::emit_with;
 use crate::log_interfaces::interfaces_of_buses;
 use crate::progress::Progress;
 use crate::recorded::Head;
+use crate::recorded_buses::read_ahead;
 use crate::scene_input;
 use crate::sweep::Sweeps;
-use crate::traffic::{RecordedBuses, Traffic};
+use crate::traffic::Traffic;
 use anyhow::{Context, bail};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use taxel_can::{CanSource, FrameMerge, LogSource, Playback, Received, SourceAddress};
+use taxel_can::{Received, SourceAddress};
 use taxel_compress::Compressor;
 use taxel_engine::{Display, Frames, TickMode, run_recorded};
 use taxel_hand::{Fault, Faults, ForceFrame, TactileFrame, TactileImage};
@@ -219,7 +220,6 @@ impl OfflineArgs {
             }
             Input::Scene(scene) => scene_input::run(scene, config, emit),
             Input::Log(traffic) => {
-                let path = traffic.path();
                 let (joints, skin): (Vec<_>, Vec<_>) = self
                     .interface
                     .iter()
@@ -228,17 +228,7 @@ impl OfflineArgs {
                 let joints = interface_of_joints(traffic, config, &joints)?;
                 let mut interfaces = interfaces_of_buses(traffic, &config.layout, &skin, joints.as_deref())?;
                 interfaces.extend(joints);
-                if !traffic.is_candump() {
-                    let mut frames = RecordedBuses::open(traffic, &interfaces)?;
-                    pipeline(config, frames.by_ref(), emit)?;
-                    return frames.check();
-                }
-                let open = |name: &String| LogSource::open(path, Some(name), Playback::default());
-                let sources = interfaces.iter().map(open).collect::<Result<Vec<_>, _>>()?;
-                let progress = Progress::counting("CAN frames");
-                let mut bus_frames = BusFrames::new(sources);
-                pipeline(config, bus_frames.by_ref().inspect(|_| progress.advance(1)), emit)?;
-                bus_frames.check(path)
+                read_ahead(traffic, &interfaces, |frames| pipeline(config, frames, emit))
             }
         }
     }
@@ -403,59 +393,4 @@ pub(crate) fn pipeline(
         },
     )?;
     failure.map_or(Ok(()), Err)
-}
-
-/// Frames read from a recorded bus at once.
-const BATCH: usize = 256;
-
-/// The frames of several recorded buses in the order of their times, as the daemon takes them.
-struct BusFrames {
-    sources: Vec<LogSource>,
-    merge: FrameMerge,
-}
-
-impl BusFrames {
-    fn new(sources: Vec<LogSource>) -> Self {
-        let merge = FrameMerge::new(sources.len(), BATCH, false);
-        Self { sources, merge }
-    }
-
-    /// Whether every source came to its end; says what of the file was not taken as it stands there.
-    fn check(&self, path: &std::path::Path) -> anyhow::Result<()> {
-        match self.sources.iter().find_map(LogSource::failure) {
-            Some(failure) => bail!("{}: {failure}", path.display()),
-            None => {
-                let undecodable: u64 = self
-                    .sources
-                    .iter()
-                    .map(|s| s.counters().undecodable)
-                    .max()
-                    .unwrap_or(0);
-                if undecodable > 0 {
-                    eprintln!(
-                        "taxel: {}: {undecodable} lines are not classic CAN frames",
-                        path.display()
-                    );
-                }
-                if let Some(source) = self.sources.first().filter(|s| s.counters().jumps.count() > 0) {
-                    eprintln!("taxel: {}: {}", path.display(), source.counters().jumps);
-                }
-                Ok(())
-            }
-        }
-    }
-}
-
-impl Iterator for BusFrames {
-    type Item = (u8, Received);
-
-    fn next(&mut self) -> Option<Self::Item> {
-        self.merge.pop().or_else(|| {
-            for (bus, source) in self.sources.iter_mut().enumerate() {
-                self.merge
-                    .fill(bus, u64::MAX, |frames| source.receive(u64::MAX, frames));
-            }
-            self.merge.pop()
-        })
-    }
 }

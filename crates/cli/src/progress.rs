@@ -1,7 +1,7 @@
 //! How far a long job has come, on stderr, where somebody is looking.
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 
 /// Whether the terminal shows something else.
@@ -14,7 +14,16 @@ pub(crate) fn hide() {
 
 /// A progress bar, or nothing when stderr is not a terminal.
 #[derive(Debug)]
-pub(crate) struct Progress(ProgressBar);
+pub(crate) struct Progress {
+    bar: ProgressBar,
+    /// Things done that the bar was not told of.
+    untold: AtomicU64,
+    /// As many as make a difference that can be seen.
+    step: u64,
+}
+
+/// Things done between two looks at a job whose size is not known.
+const STEP: u64 = 1024;
 
 impl Progress {
     /// Of a job of `total` things.
@@ -43,14 +52,14 @@ impl Progress {
     /// Of something that is done in one piece, such as writing a file.
     pub(crate) fn busy(what: String) -> Self {
         let progress = Self::with(None, "{spinner} {msg}, {elapsed}");
-        progress.0.set_message(what);
-        progress.0.enable_steady_tick(Duration::from_millis(100));
+        progress.bar.set_message(what);
+        progress.bar.enable_steady_tick(Duration::from_millis(100));
         progress
     }
 
     /// Of something that says itself how far it has come.
     pub(crate) fn none() -> Self {
-        Self(ProgressBar::hidden())
+        Self::of(ProgressBar::hidden(), None)
     }
 
     fn with(total: Option<u64>, template: &str) -> Self {
@@ -61,22 +70,38 @@ impl Progress {
         };
         let bar = ProgressBar::with_draw_target(total, target);
         bar.set_style(ProgressStyle::with_template(template).expect("a template of known fields"));
-        Self(bar)
+        Self::of(bar, total)
+    }
+
+    fn of(bar: ProgressBar, total: Option<u64>) -> Self {
+        Self {
+            bar,
+            untold: AtomicU64::new(0),
+            step: total.map_or(STEP, |total| (total / STEP).clamp(1, STEP)),
+        }
     }
 
     /// A reader that counts what is read.
     pub(crate) fn reading<R: std::io::Read>(&self, reader: R) -> impl std::io::Read + use<R> {
-        self.0.wrap_read(reader)
+        self.bar.wrap_read(reader)
     }
 
     /// So many more are done.
     pub(crate) fn advance(&self, done: u64) {
-        self.0.inc(done);
+        // Each word to the bar asks for the time, millions of CAN frames would for most of it.
+        if self.untold.fetch_add(done, Ordering::Relaxed) + done >= self.step {
+            self.bar.inc(self.untold.swap(0, Ordering::Relaxed));
+        }
+    }
+
+    /// So many are done in all.
+    pub(crate) fn advance_to(&self, done: u64) {
+        self.bar.set_position(done);
     }
 }
 
 impl Drop for Progress {
     fn drop(&mut self) {
-        self.0.finish_and_clear();
+        self.bar.finish_and_clear();
     }
 }

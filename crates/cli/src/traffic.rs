@@ -4,8 +4,7 @@ use crate::progress::Progress;
 use anyhow::{Context, bail};
 use std::cell::Cell;
 use std::fs::File;
-use std::io::BufReader;
-use std::ops::ControlFlow;
+use std::io::{BufReader, Seek};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use taxel_can::{ClockJumps, LogClock, LogError, LogFrame, LogReader, Received};
@@ -13,8 +12,10 @@ use taxel_recorder::CanReader;
 
 /// Frames of an MCAP recording that are looked at to find out whose they are: most of a minute of a large hand.
 const SURVEYED: u64 = 1_000_000;
-/// How far the frames of a file may be from the order of their times, nanoseconds: as far as a [`LogClock`] goes back.
-const DISORDER_NS: u64 = 1_000_000_000;
+/// Bytes of a candump log that are read at once.
+const BLOCK: usize = 256 << 10;
+/// Interfaces whose places are kept; no recording has more buses than this.
+const MOST_PLACES: usize = 64;
 
 /// A file of CAN traffic.
 #[derive(Debug, Clone)]
@@ -59,12 +60,18 @@ impl Traffic {
             if !names.iter().any(|name| **name == *frame.interface) {
                 names.push(frame.interface.to_string());
             }
+            Wanted::NoMore
         })?;
         Ok(names)
     }
 
-    /// Shows its frames, or, of an MCAP recording, as many as tell whose they are. It is an error that there is none.
-    pub(crate) fn survey(&self, mut take: impl FnMut(&LogFrame)) -> anyhow::Result<()> {
+    /// Shows its frames until it is known whose they are: of a candump log those of every interface of which more is wanted,
+    /// of an MCAP recording the first minute. Returns how many lines of each interface were not shown. It is an error
+    /// that there is no frame.
+    pub(crate) fn survey(
+        &self,
+        mut take: impl FnMut(&LogFrame) -> Wanted,
+    ) -> anyhow::Result<Vec<(Arc<str>, u64)>> {
         match self.kind {
             Kind::Candump => survey_candump(&self.path, take),
             Kind::Mcap => {
@@ -83,7 +90,7 @@ impl Traffic {
                 }
                 match surveyed {
                     0 => bail!("{}: no CAN frame in it", self.path.display()),
-                    _ => Ok(()),
+                    _ => Ok(Vec::new()),
                 }
             }
         }
@@ -143,40 +150,48 @@ impl Traffic {
         names: &'a [String],
         jumps: &'a Cell<ClockJumps>,
     ) -> anyhow::Result<Pass<'a>> {
-        let lines = match self.kind {
-            Kind::Candump => {
-                let file = File::open(&self.path).with_context(|| self.path.display().to_string())?;
-                Lines::Candump(LogReader::new(BufReader::new(file)))
-            }
-            Kind::Mcap => Lines::Mcap {
-                reader: Box::new(CanReader::open(&self.path)?),
-                places: Vec::new(),
-                frames: 0,
-            },
-        };
         Ok(Pass {
-            path: &self.path,
-            names,
+            file: FrameFile::open(self, names)?,
             jumps,
-            lines,
             clock: LogClock::default(),
             newest_ns: 0,
         })
     }
 }
 
-fn survey_candump(path: &Path, mut take: impl FnMut(&LogFrame)) -> anyhow::Result<()> {
+/// Whether more of an interface is to be shown.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Wanted {
+    More,
+    NoMore,
+}
+
+fn survey_candump(
+    path: &Path,
+    mut take: impl FnMut(&LogFrame) -> Wanted,
+) -> anyhow::Result<Vec<(Arc<str>, u64)>> {
     let file = File::open(path).with_context(|| path.display().to_string())?;
     let (mut any, mut problem) = (false, None);
-    let mut log = LogReader::new(BufReader::new(file));
-    for line in log.by_ref() {
-        match line {
-            Ok(frame) => {
-                any = true;
-                take(&frame);
+    let (mut known, mut passed) = (Vec::<Arc<str>>::new(), Vec::<u64>::new());
+    let mut log = LogReader::new(BufReader::with_capacity(BLOCK, file));
+    loop {
+        if let Some(name) = log.pass_over(&known) {
+            if let Some(place) = known.iter().position(|known| known == name) {
+                passed[place] += 1;
             }
-            Err(error @ LogError::Line { .. }) => problem = problem.or(Some(error)),
-            Err(error) => return Err(error).with_context(|| path.display().to_string()),
+            continue;
+        }
+        match log.next() {
+            None => break,
+            Some(Ok(frame)) => {
+                any = true;
+                if take(&frame) == Wanted::NoMore && !known.contains(&frame.interface) {
+                    known.push(frame.interface);
+                    passed.push(0);
+                }
+            }
+            Some(Err(error @ LogError::Line { .. })) => problem = problem.or(Some(error)),
+            Some(Err(error)) => return Err(error).with_context(|| path.display().to_string()),
         }
     }
     match (any, problem) {
@@ -190,7 +205,7 @@ fn survey_candump(path: &Path, mut take: impl FnMut(&LogFrame)) -> anyhow::Resul
                     log.without_time()
                 );
             }
-            Ok(())
+            Ok(known.into_iter().zip(passed).collect())
         }
     }
 }
@@ -206,90 +221,168 @@ pub(crate) enum Line {
 /// The frames of a file as they stand there; times start at zero and never fall. Where they were not taken as they stand
 /// there is noted.
 pub(crate) struct Pass<'a> {
-    path: &'a Path,
-    names: &'a [String],
+    file: FrameFile<'a>,
     jumps: &'a Cell<ClockJumps>,
-    lines: Lines,
     clock: LogClock,
     newest_ns: u64,
-}
-
-enum Lines {
-    Candump(LogReader<BufReader<File>>),
-    Mcap {
-        reader: Box<CanReader>,
-        /// Where each of its names stands among those asked for.
-        places: Vec<Option<usize>>,
-        frames: u64,
-    },
-}
-
-impl Pass<'_> {
-    fn line(&mut self, number: u64, place: Option<usize>, received: Received) -> Line {
-        self.newest_ns = self
-            .clock
-            .since_first_ns(received.t_ns, number)
-            .max(self.newest_ns);
-        self.jumps.set(self.clock.jumps());
-        match place {
-            Some(place) if !received.frame.is_error() => Line::Frame(
-                place,
-                Received {
-                    t_ns: self.newest_ns,
-                    ..received
-                },
-            ),
-            _ => Line::Other,
-        }
-    }
 }
 
 impl Iterator for Pass<'_> {
     type Item = anyhow::Result<Line>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        match &mut self.lines {
-            Lines::Candump(reader) => {
-                let line = reader.next()?;
-                let number = reader.line_number();
-                Some(match line {
-                    Ok(LogFrame {
-                        t_ns,
-                        interface,
-                        frame,
-                        ..
-                    }) => {
-                        let place = self.names.iter().position(|name| **name == *interface);
-                        Ok(self.line(number, place, Received { t_ns, frame }))
-                    }
-                    Err(LogError::Line { .. }) => Ok(Line::Other),
-                    Err(error) => Err(error).with_context(|| self.path.display().to_string()),
-                })
+        let (place, received) = match self.file.next_entry() {
+            Ok(Some(Entry::Frame(place, received))) => (place, received),
+            Ok(Some(Entry::NoFrame)) => return Some(Ok(Line::Other)),
+            Ok(None) => {
+                self.file.tell();
+                return None;
             }
-            Lines::Mcap {
-                reader,
-                places,
-                frames,
-            } => match reader.next_frame() {
-                Err(error) => Some(Err(error.into())),
-                Ok(None) => {
-                    tell_torn(self.path, reader);
-                    None
-                }
-                Ok(Some((bus, received))) => {
-                    *frames += 1;
-                    place_names(reader, self.names, places);
-                    let (number, place) = (*frames, places[bus]);
-                    Some(Ok(self.line(number, place, received)))
-                }
-            },
-        }
+            Err(error) => return Some(Err(error)),
+        };
+        let since_ns = self.clock.since_first_ns(received.t_ns, self.file.number());
+        self.newest_ns = since_ns.max(self.newest_ns);
+        self.jumps.set(self.clock.jumps());
+        Some(Ok(match place {
+            Some(place) if !received.frame.is_error() => {
+                let t_ns = self.newest_ns;
+                Line::Frame(place, Received { t_ns, ..received })
+            }
+            _ => Line::Other,
+        }))
     }
 }
 
-fn place_names(reader: &CanReader, wanted: &[String], places: &mut Vec<Option<usize>>) {
-    for name in &reader.names()[places.len()..] {
-        places.push(wanted.iter().position(|wanted| **wanted == **name));
+/// A file of traffic while it is read, one frame after the other.
+pub(crate) struct FrameFile<'a> {
+    path: &'a Path,
+    /// The interfaces that are asked for.
+    names: &'a [String],
+    lines: Lines,
+    frames: u64,
+}
+
+enum Lines {
+    Candump {
+        log: LogReader<BufReader<File>>,
+        /// Interfaces that were met, and where they stand among those asked for.
+        places: Vec<(Arc<str>, Option<usize>)>,
+        left_out: u64,
+        /// The same open file, which knows how far it was read.
+        file: Option<File>,
+    },
+    Mcap {
+        reader: Box<CanReader>,
+        /// Where each of its names stands among those asked for.
+        places: Vec<Option<usize>>,
+    },
+}
+
+/// What stands at one place of a file.
+pub(crate) enum Entry {
+    /// A frame, error frames too, and the place of its interface among those asked for.
+    Frame(Option<usize>, Received),
+    /// A line that is no classic CAN frame.
+    NoFrame,
+}
+
+impl<'a> FrameFile<'a> {
+    pub(crate) fn open(traffic: &'a Traffic, names: &'a [String]) -> anyhow::Result<Self> {
+        let path = traffic.path();
+        let lines = match traffic.kind {
+            Kind::Candump => {
+                let file = File::open(path).with_context(|| path.display().to_string())?;
+                Lines::Candump {
+                    places: Vec::new(),
+                    left_out: 0,
+                    file: file.try_clone().ok(),
+                    log: LogReader::new(BufReader::with_capacity(BLOCK, file)),
+                }
+            }
+            Kind::Mcap => Lines::Mcap {
+                reader: Box::new(CanReader::open(path)?),
+                places: Vec::new(),
+            },
+        };
+        Ok(Self {
+            path,
+            names,
+            lines,
+            frames: 0,
+        })
+    }
+
+    /// The next frame, or none at the end.
+    pub(crate) fn next_entry(&mut self) -> anyhow::Result<Option<Entry>> {
+        let place_of = |name: &str| self.names.iter().position(|wanted| **wanted == *name);
+        Ok(match &mut self.lines {
+            Lines::Candump {
+                log,
+                places,
+                left_out,
+                ..
+            } => match log.next() {
+                None => None,
+                Some(Ok(frame)) => {
+                    // The reader gives every frame of an interface the same name.
+                    let known = places
+                        .iter()
+                        .find(|(name, _)| Arc::ptr_eq(name, &frame.interface));
+                    let place = known.map_or_else(|| place_of(&frame.interface), |(_, place)| *place);
+                    if known.is_none() && places.len() < MOST_PLACES {
+                        places.push((frame.interface, place));
+                    }
+                    let (t_ns, frame) = (frame.t_ns, frame.frame);
+                    Some(Entry::Frame(place, Received { t_ns, frame }))
+                }
+                Some(Err(LogError::Line { .. })) => {
+                    *left_out += 1;
+                    Some(Entry::NoFrame)
+                }
+                Some(Err(error)) => return Err(error).with_context(|| self.path.display().to_string()),
+            },
+            Lines::Mcap { reader, places } => match reader.next_frame()? {
+                None => None,
+                Some((bus, received)) => {
+                    self.frames += 1;
+                    for name in reader.names().iter().skip(places.len()) {
+                        places.push(place_of(name));
+                    }
+                    Some(Entry::Frame(places[bus], received))
+                }
+            },
+        })
+    }
+
+    /// The number of the line, or of the frame, that was given last.
+    pub(crate) fn number(&self) -> u64 {
+        match &self.lines {
+            Lines::Candump { log, .. } => log.line_number(),
+            Lines::Mcap { .. } => self.frames,
+        }
+    }
+
+    /// Bytes read so far, where that is known.
+    pub(crate) fn position(&mut self) -> Option<u64> {
+        match &mut self.lines {
+            Lines::Candump { file, .. } => file.as_mut()?.stream_position().ok(),
+            Lines::Mcap { reader, .. } => Some(reader.position()),
+        }
+    }
+
+    /// Lines that were no classic CAN frame.
+    pub(crate) fn left_out(&self) -> u64 {
+        match &self.lines {
+            Lines::Candump { left_out, .. } => *left_out,
+            Lines::Mcap { .. } => 0,
+        }
+    }
+
+    /// Says what of an MCAP recording is not there.
+    pub(crate) fn tell(&self) {
+        if let Lines::Mcap { reader, .. } = &self.lines {
+            tell_torn(self.path, reader);
+        }
     }
 }
 
@@ -308,128 +401,5 @@ fn tell_torn(path: &Path, reader: &CanReader) {
             reader.undecodable(),
             taxel_recorder::Topic::Can.name()
         );
-    }
-}
-
-/// The frames of several buses of an MCAP recording, as a daemon takes them: in the order of their times, and of their
-/// buses where these are equal.
-pub(crate) struct RecordedBuses<'a> {
-    path: &'a Path,
-    reader: CanReader,
-    /// Name of each bus.
-    names: &'a [String],
-    places: Vec<Option<usize>>,
-    clock: LogClock,
-    frames: u64,
-    newest_ns: Vec<u64>,
-    /// Frames in the order of their times, and how many of them were given.
-    waiting: Vec<(u8, Received)>,
-    given: usize,
-    /// How many of them nothing can come before any more.
-    ready: usize,
-    ended: bool,
-    failure: Option<anyhow::Error>,
-    progress: Progress,
-    told: u64,
-}
-
-impl<'a> RecordedBuses<'a> {
-    /// The frames of the buses that have these names in the recording.
-    pub(crate) fn open(traffic: &'a Traffic, names: &'a [String]) -> anyhow::Result<Self> {
-        let path = traffic.path();
-        let size = std::fs::metadata(path).map_or(0, |metadata| metadata.len());
-        Ok(Self {
-            path,
-            reader: CanReader::open(path)?,
-            names,
-            places: Vec::new(),
-            clock: LogClock::default(),
-            frames: 0,
-            newest_ns: vec![0; names.len()],
-            waiting: Vec::new(),
-            given: 0,
-            ready: 0,
-            ended: false,
-            failure: None,
-            progress: Progress::bytes(size),
-            told: 0,
-        })
-    }
-
-    /// Whether it came to its end; says what of the recording was not taken as it stands there.
-    pub(crate) fn check(self) -> anyhow::Result<()> {
-        if let Some(failure) = self.failure {
-            return Err(failure);
-        }
-        drop(self.progress);
-        tell_torn(self.path, &self.reader);
-        if self.clock.jumps().count() > 0 {
-            eprintln!("taxel: {}: {}", self.path.display(), self.clock.jumps());
-        }
-        Ok(())
-    }
-
-    /// Reads on until frames can be given, or the end.
-    fn read_on(&mut self) -> ControlFlow<()> {
-        self.waiting.drain(..self.given);
-        self.given = 0;
-        let mut newest_ns = self.waiting.last().map_or(0, |(_, received)| received.t_ns);
-        let enough_ns = newest_ns + 2 * DISORDER_NS;
-        while newest_ns < enough_ns && !self.ended {
-            match self.reader.next_frame() {
-                Ok(Some((bus, received))) => {
-                    self.frames += 1;
-                    if bus >= self.places.len() {
-                        place_names(&self.reader, self.names, &mut self.places);
-                    }
-                    let since_ns = self.clock.since_first_ns(received.t_ns, self.frames);
-                    if let Some(place) = self.places[bus] {
-                        let newest = &mut self.newest_ns[place];
-                        *newest = since_ns.max(*newest);
-                        newest_ns = newest_ns.max(*newest);
-                        let t_ns = *newest;
-                        self.waiting.push((place as u8, Received { t_ns, ..received }));
-                    }
-                }
-                Ok(None) => self.ended = true,
-                Err(error) => {
-                    self.failure = Some(error.into());
-                    self.ended = true;
-                }
-            }
-        }
-        let position = self.reader.position();
-        self.progress.advance(position - self.told);
-        self.told = position;
-        // Of equal ones the first stays the first.
-        self.waiting.sort_by_key(|(bus, received)| (received.t_ns, *bus));
-        let safe_ns = if self.ended {
-            u64::MAX
-        } else {
-            newest_ns.saturating_sub(DISORDER_NS)
-        };
-        self.ready = self
-            .waiting
-            .partition_point(|(_, received)| received.t_ns < safe_ns);
-        if self.ready == 0 {
-            ControlFlow::Break(())
-        } else {
-            ControlFlow::Continue(())
-        }
-    }
-}
-
-impl Iterator for RecordedBuses<'_> {
-    type Item = (u8, Received);
-
-    fn next(&mut self) -> Option<Self::Item> {
-        while self.given == self.ready {
-            if self.read_on().is_break() && self.ended {
-                return None;
-            }
-        }
-        let frame = self.waiting[self.given];
-        self.given += 1;
-        Some(frame)
     }
 }

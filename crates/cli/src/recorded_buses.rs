@@ -1,0 +1,204 @@
+//! The frames of the buses of a recording, as a daemon takes them.
+
+use crate::progress::Progress;
+use crate::traffic::{Entry, FrameFile, Traffic};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::thread;
+use taxel_can::{LogClock, Received};
+
+/// How far the frames of a file may be from the order of their times, nanoseconds: as far as a [`LogClock`] goes back.
+const DISORDER_NS: u64 = 1_000_000_000;
+/// Times of a file that are put in order at once, nanoseconds.
+const STRETCH_NS: u64 = DISORDER_NS;
+/// Stretches that are read ahead.
+const AHEAD: usize = 2;
+
+/// A frame and the number of its bus.
+type BusFrame = (u8, Received);
+
+/// Reads the frames of the buses that have these names in the recording, on a thread of its own, and shows them to `take` in
+/// the order of their times, and of their buses where these are equal. Says what of the recording was not taken as it
+/// stands there.
+pub(crate) fn read_ahead<T>(
+    traffic: &Traffic,
+    names: &[String],
+    take: impl FnOnce(&mut dyn Iterator<Item = BusFrame>) -> anyhow::Result<T>,
+) -> anyhow::Result<T> {
+    thread::scope(|scope| {
+        let (sender, stretches) = sync_channel(AHEAD);
+        let reading = thread::Builder::new()
+            .name("recording".into())
+            .spawn_scoped(scope, move || Buses::open(traffic, names)?.read(&sender))?;
+        let taken = take(&mut frames(stretches));
+        let read = reading
+            .join()
+            .unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        taken.and_then(|taken| read.map(|()| taken))
+    })
+}
+
+/// The frames of stretch after stretch; what reads them ends when this is dropped.
+fn frames(stretches: Receiver<Vec<BusFrame>>) -> impl Iterator<Item = BusFrame> {
+    stretches.into_iter().flatten()
+}
+
+/// The buses of a recording while it is read.
+struct Buses<'a> {
+    traffic: &'a Traffic,
+    file: FrameFile<'a>,
+    clock: LogClock,
+    /// The buses of each interface: one, unless several are to hear the same.
+    of_interface: Vec<Vec<usize>>,
+    /// Time up to which each interface was read.
+    newest_ns: Vec<u64>,
+    progress: Progress,
+}
+
+impl<'a> Buses<'a> {
+    fn open(traffic: &'a Traffic, names: &'a [String]) -> anyhow::Result<Self> {
+        let file = FrameFile::open(traffic, names)?;
+        let size = std::fs::metadata(traffic.path()).map_or(0, |metadata| metadata.len());
+        let of_name = |name: &String| (0..names.len()).filter(|bus| names[*bus] == *name).collect();
+        Ok(Self {
+            traffic,
+            file,
+            clock: LogClock::default(),
+            of_interface: names.iter().map(of_name).collect(),
+            newest_ns: vec![0; names.len()],
+            progress: Progress::bytes(size),
+        })
+    }
+
+    /// Hands stretch after stretch over until the end, or until nobody takes them.
+    fn read(mut self, to: &SyncSender<Vec<BusFrame>>) -> anyhow::Result<()> {
+        let mut waiting: Vec<BusFrame> = Vec::new();
+        let mut ended = false;
+        while !ended {
+            let mut newest_ns = waiting.last().map_or(0, |(_, received)| received.t_ns);
+            let enough_ns = newest_ns.saturating_add(DISORDER_NS + STRETCH_NS);
+            while newest_ns < enough_ns && !ended {
+                match self.next()? {
+                    Some((interface, received)) => {
+                        newest_ns = newest_ns.max(received.t_ns);
+                        let buses = &self.of_interface[interface];
+                        waiting.extend(buses.iter().map(|bus| (*bus as u8, received)));
+                    }
+                    None => ended = true,
+                }
+            }
+            if let Some(position) = self.file.position() {
+                self.progress.advance_to(position);
+            }
+            // Of equal ones the first stays the first.
+            waiting.sort_by_key(|(bus, received)| (received.t_ns, *bus));
+            // Nothing can come before these any more.
+            let safe_ns = if ended {
+                u64::MAX
+            } else {
+                newest_ns.saturating_sub(DISORDER_NS)
+            };
+            let ready = waiting.partition_point(|(_, received)| received.t_ns < safe_ns);
+            let later = waiting.split_off(ready);
+            if to.send(std::mem::replace(&mut waiting, later)).is_err() {
+                return Ok(());
+            }
+        }
+        drop(self.progress);
+        self.file.tell();
+        let path = self.traffic.path().display();
+        if self.file.left_out() > 0 {
+            eprintln!(
+                "taxel: {path}: {} lines are not classic CAN frames",
+                self.file.left_out()
+            );
+        }
+        if self.clock.jumps().count() > 0 {
+            eprintln!("taxel: {path}: {}", self.clock.jumps());
+        }
+        Ok(())
+    }
+
+    /// The next frame of one of the interfaces, at a time that is not before that of its last.
+    fn next(&mut self) -> anyhow::Result<Option<(usize, Received)>> {
+        while let Some(entry) = self.file.next_entry()? {
+            let Entry::Frame(place, received) = entry else {
+                continue;
+            };
+            let since_ns = self.clock.since_first_ns(received.t_ns, self.file.number());
+            if let Some(place) = place {
+                let newest = &mut self.newest_ns[place];
+                *newest = since_ns.max(*newest);
+                let t_ns = *newest;
+                return Ok(Some((place, Received { t_ns, ..received })));
+            }
+        }
+        Ok(None)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fmt::Write;
+    use taxel_can::{CanSource, FrameMerge, LogSource, Playback};
+
+    /// The frames as a daemon takes them that plays the buses of a log.
+    fn as_played(path: &std::path::Path, names: &[String]) -> Vec<BusFrame> {
+        let open = |name: &String| LogSource::open(path, Some(name), Playback::default()).unwrap();
+        let mut sources: Vec<LogSource> = names.iter().map(open).collect();
+        let mut merge = FrameMerge::new(names.len(), 16, false);
+        let mut frames = Vec::new();
+        loop {
+            for (bus, source) in sources.iter_mut().enumerate() {
+                merge.fill(bus, u64::MAX, |frames| source.receive(u64::MAX, frames));
+            }
+            let before = frames.len();
+            frames.extend(std::iter::from_fn(|| merge.pop()));
+            if frames.len() == before {
+                return frames;
+            }
+        }
+    }
+
+    #[test]
+    fn frames_come_as_a_daemon_takes_them_whatever_their_order_in_the_file() {
+        let (mut text, mut t_us, mut random) = (String::new(), 20_000_000_000_u64, 1_u64);
+        for number in 0..3000_u64 {
+            random = random
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            let dice = random >> 40;
+            // On, and now and then back by up to a second; the clock is set by hours; some come together.
+            t_us = match dice % 100 {
+                0 => t_us - dice % 1_000_000,
+                1 if number % 7 == 0 => t_us + 7_200_000_000,
+                2 if number % 7 == 1 => t_us - 3_000_000,
+                3..20 => t_us,
+                _ => t_us + dice % 5000,
+            };
+            let (bus, id) = (dice % 3, number % 0x700);
+            writeln!(
+                text,
+                "({:010}.{:06}) can{bus} {id:03X}#",
+                t_us / 1_000_000,
+                t_us % 1_000_000
+            )
+            .unwrap();
+            if dice.is_multiple_of(50) {
+                text.push_str("no frame\n");
+            }
+        }
+        let dir = tempfile::TempDir::new().unwrap();
+        let path = dir.path().join("any.log");
+        std::fs::write(&path, text).unwrap();
+        // Two buses may hear one interface, and one may hear none that there is.
+        let names = ["can1", "can0", "can1", "can9"].map(str::to_owned);
+        let read = read_ahead(&Traffic::candump(&path), &names, |frames| {
+            Ok(frames.collect::<Vec<_>>())
+        })
+        .unwrap();
+        let played = as_played(&path, &names);
+        assert!(read.len() > 2000 && read.iter().any(|(bus, _)| *bus == 2));
+        assert!(read == played, "not the same frames");
+    }
+}
