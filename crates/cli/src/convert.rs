@@ -32,6 +32,8 @@ Examples:
   taxel convert grasp.mcap grasp.log
   taxel convert grasp.mcap grasp.npz          counts T x N x 3, t_ns, joints
   taxel convert grasp.mcap grasp.csv          the publication's columns, a reading of the hand a line
+  taxel convert grasp.mcap images.npz --images    images, levels and actuators as they were shown
+  taxel convert grasp.mcap marks.csv --marks
   taxel convert grasp.log grasp.mcap")]
 pub(crate) struct Args {
     #[command(flatten)]
@@ -39,9 +41,15 @@ pub(crate) struct Args {
     /// Where it goes: .log, .mcap, .npz or .csv; - for candump lines on stdout
     #[arg(value_name = "OUT")]
     out: PathBuf,
-    /// One JSON object on stdout in the end: the file, and how many CAN frames or frames are in it
+    /// One JSON object on stdout in the end: the file, and how many CAN frames, frames, images or marks are in it
     #[arg(long)]
     json: bool,
+    /// The images of an .mcap as they were shown, into .npz, .npy or .csv
+    #[arg(long, conflicts_with = "marks")]
+    images: bool,
+    /// The marks of an .mcap, into a .csv: SECONDS,TEXT a line, from its first tactile frame
+    #[arg(long)]
+    marks: bool,
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
@@ -58,6 +66,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         .and_then(|ending| ending.to_str())
         .unwrap_or_default()
         .to_ascii_lowercase();
+    if args.images || args.marks {
+        return extract(args, &ending);
+    }
     if !["log", "mcap", "npz", "csv"].contains(&ending.as_str()) {
         bail!(
             "{}: a recording is written as .log, .mcap, .npz or .csv, or as candump lines to -",
@@ -99,13 +110,66 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         }
     };
     whole.finish()?;
-    eprintln!("{}: {count} {what}", out.display());
+    report(args, count, what)
+}
+
+/// Says what was written.
+fn report(args: &Args, count: u64, what: &str) -> anyhow::Result<()> {
+    let out = args.out.display();
+    eprintln!("{out}: {count} {what}");
     if args.json {
         let key = what.to_ascii_lowercase().replace(' ', "_");
-        let object = json!({ "out": out.display().to_string(), key: count });
+        let object = json!({ "out": out.to_string(), key: count });
         writeln!(std::io::stdout(), "{object}").context("stdout")?;
     }
     Ok(())
+}
+
+/// What the daemon showed, or people marked, out of a recording.
+fn extract(args: &Args, ending: &str) -> anyhow::Result<()> {
+    let (path, out) = (&args.offline.input.path, &args.out);
+    let (what, endings): (_, &[&str]) = match args.images {
+        true => ("images", &["npz", "npy", "csv"]),
+        false => ("marks", &["csv"]),
+    };
+    if !args.offline.input.is_mcap() {
+        bail!(
+            "{}: --{what} is for an .mcap, which alone has them",
+            path.display()
+        );
+    }
+    if !endings.contains(&ending) {
+        bail!(
+            "{}: {what} are written as .{}",
+            out.display(),
+            endings.join(", .")
+        );
+    }
+    refuse_overlap(&[out], &args.offline.inputs())?;
+    let mut whole = OutputFile::begin(out)?;
+    let count = if args.images {
+        let images = recorded::images(path)?;
+        match ending {
+            "npz" => images.write_npz(whole.path())?,
+            "npy" => images.write_npy(whole.path())?,
+            _ => images.write_csv(whole.path())?,
+        }
+        images.len()
+    } else {
+        let (_, marks) = recorded::frames_and_marks(path)?;
+        let lines = marks.iter().map(|mark| {
+            format!(
+                "{},{}\n",
+                mark.t_ns as f64 / 1e9,
+                mark.text.replace(['\r', '\n'], " ")
+            )
+        });
+        let text = format!("t_s,text\n{}", lines.collect::<String>());
+        std::fs::write(whole.path(), text).with_context(|| out.display().to_string())?;
+        marks.len()
+    };
+    whole.finish()?;
+    report(args, count as u64, what)
 }
 
 /// What takes traffic: the name of a frame's bus, its time on the wall clock where that is known, and the frame.

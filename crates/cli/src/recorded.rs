@@ -2,10 +2,14 @@
 
 use anyhow::{Context, bail};
 use std::path::Path;
-use taxel_record::Recording;
-use taxel_recorder::{Attached, Item, RecordedFrame, RecordingReader, Topic, read_text};
+use taxel_hand::TactileImage;
+use taxel_record::{ImageStack, Recording};
+use taxel_recorder::{
+    Attached, Item, RecordedFrame, RecordingReader, Topic, event_name, read_event, read_image, read_text,
+};
+use taxel_sequence::Mark;
 use taxel_skin::Layout;
-use taxel_wire::Hello;
+use taxel_wire::{EventKind, Hello};
 use taxeld::Config;
 
 /// The daemon's configuration in a recording.
@@ -88,14 +92,30 @@ impl Head {
 
 /// The tactile frames that the daemon made, counts and joint angles.
 pub(crate) fn frames(path: &Path) -> anyhow::Result<Recording> {
+    frames_and_marks(path).map(|(recording, _)| recording)
+}
+
+/// The tactile frames that the daemon made, and the marks that people and programs made meanwhile; times of both begin with
+/// the first frame.
+pub(crate) fn frames_and_marks(path: &Path) -> anyhow::Result<(Recording, Vec<Mark>)> {
     let name = path.display().to_string();
-    let mut reader = RecordingReader::open(path, &[Topic::Frames])?;
+    let mut reader = RecordingReader::open(path, &[Topic::Frames, Topic::Events])?;
     let (mut counts, mut times_ns, mut joints) = (Vec::new(), Vec::new(), Vec::new());
     let (mut size, mut restarted) = (None, false);
+    let (mut began_ns, mut marks) = (None, Vec::new());
     while let Some(item) = reader.next_item()? {
-        let Item::Message { data, .. } = item else {
+        let Item::Message { topic, wall_ns, data } = item else {
             continue;
         };
+        if topic == Topic::Events {
+            if let Some((kind, text)) = read_event(data)
+                && kind == event_name(EventKind::Mark)
+            {
+                let text = text.to_owned();
+                marks.push(Mark { t_ns: wall_ns, text });
+            }
+            continue;
+        }
         let Some(frame) = RecordedFrame::read(data).filter(RecordedFrame::has_values) else {
             continue;
         };
@@ -106,24 +126,74 @@ pub(crate) fn frames(path: &Path) -> anyhow::Result<Recording> {
         if restarted {
             break;
         }
+        began_ns.get_or_insert(wall_ns);
         counts.extend(frame.counts());
         joints.extend(frame.joints());
         times_ns.push(frame.t_ns);
     }
-    if let Some(why) = reader.torn() {
-        eprintln!("taxel: {name}: torn off ({why}); read to its last whole chunk");
-    }
+    tell_torn(&name, &reader);
     if restarted {
         eprintln!(
             "taxel: {name}: the daemon began anew after {} frames; read up to there",
             times_ns.len()
         );
     }
-    let Some((taxels, _)) = size else {
+    let (Some((taxels, _)), Some(began_ns)) = (size, began_ns) else {
         bail!("{name}: neither CAN traffic nor tactile frames in it");
     };
     if let Some(first_ns) = times_ns.first().copied() {
         times_ns.iter_mut().for_each(|t_ns| *t_ns -= first_ns);
     }
-    Ok(Recording::of_counts(name, taxels, counts, times_ns, joints)?)
+    marks
+        .iter_mut()
+        .for_each(|mark| mark.t_ns = mark.t_ns.saturating_sub(began_ns));
+    marks.sort_by_key(|mark| mark.t_ns);
+    let recording = Recording::of_counts(name, taxels, counts, times_ns, joints)?;
+    Ok((recording, marks))
+}
+
+/// The images that the daemon made, as they were shown.
+pub(crate) fn images(path: &Path) -> anyhow::Result<ImageStack> {
+    let name = path.display().to_string();
+    let mut reader = RecordingReader::open(path, &[Topic::Images])?;
+    let mut images: Vec<TactileImage> = Vec::new();
+    while let Some(item) = reader.next_item()? {
+        let Item::Message { data, .. } = item else {
+            continue;
+        };
+        let Some((image, _)) = read_image(data) else {
+            continue;
+        };
+        let shape = |image: &TactileImage| (image.width, image.height, image.joints.len());
+        if let Some(first) = images.first().filter(|first| shape(first) != shape(&image)) {
+            eprintln!(
+                "taxel: {name}: images of {} x {} and {} joints after {} of {} x {} and {}; read up to there",
+                image.width,
+                image.height,
+                image.joints.len(),
+                images.len(),
+                first.width,
+                first.height,
+                first.joints.len()
+            );
+            break;
+        }
+        images.push(image);
+    }
+    tell_torn(&name, &reader);
+    let Some(first) = images.first() else {
+        bail!("{name}: no image in it; `taxel compress` makes images of CAN traffic and frames");
+    };
+    let most = |count: fn(&TactileImage) -> usize| images.iter().map(count).max().unwrap_or(0) as u16;
+    let levels = most(|image| image.levels.len());
+    let actuators = most(|image| image.actuators.len());
+    let mut stack = ImageStack::new(first.width, first.height, levels, actuators);
+    images.iter().for_each(|image| stack.push(image));
+    Ok(stack)
+}
+
+fn tell_torn(name: &str, reader: &RecordingReader) {
+    if let Some(why) = reader.torn() {
+        eprintln!("taxel: {name}: torn off ({why}); read to its last whole chunk");
+    }
 }

@@ -78,7 +78,8 @@ pub(crate) struct Args {
     /// From one step to the next: mm, degrees or s [default: the motion's, or the time between frames]
     #[arg(long, value_name = "STEP")]
     step: Option<f64>,
-    /// Marks that cut a recording into touches: SECONDS,TEXT a line; the last word of a text is the class
+    /// Marks that cut a recording into touches: SECONDS,TEXT a line; the last word of a text is the class [default: the marks in
+    /// the recording, where it is an .mcap]
     #[arg(long, value_name = "FILE", conflicts_with = "contact")]
     marks: Option<PathBuf>,
     /// The text of marks that end a touch and begin none

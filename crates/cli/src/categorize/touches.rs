@@ -1,5 +1,6 @@
 //! Touches of one motion: from a recording cut by marks or contact, or from a scene.
 
+use crate::recorded;
 use anyhow::{Context, bail, ensure};
 use std::path::{Path, PathBuf};
 use taxel_can::Received;
@@ -71,7 +72,13 @@ pub(crate) fn of_recording(
     cutting: &Cutting,
     motion: Option<Motion>,
 ) -> anyhow::Result<Set> {
-    let recording = Recording::open(path, options)?;
+    let is_mcap = path
+        .extension()
+        .is_some_and(|ending| ending.eq_ignore_ascii_case("mcap"));
+    let (recording, marks) = match is_mcap {
+        true => recorded::frames_and_marks(path)?,
+        false => (Recording::open(path, options)?, Vec::new()),
+    };
     let (taxels, values) = values(&recording);
     let times: Vec<u64> = (0..recording.len()).map(|frame| recording.t_ns(frame)).collect();
     let mut cuts = match (&cutting.marks, cutting.contact) {
@@ -80,6 +87,7 @@ pub(crate) fn of_recording(
             let above = above_baseline(&values, taxels, recording.has_counts(), 0);
             cut_by_contact(&above, taxels, threshold, cutting.least)
         }
+        (None, None) if !marks.is_empty() => cut_by_marks(&times, &marks, &cutting.until),
         (None, None) => bail!(
             "{}: where does a touch begin? --marks FILE says it by marks, --contact COUNTS by contact; or give a manifest",
             path.display()
