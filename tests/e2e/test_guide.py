@@ -8,19 +8,7 @@ import sys
 
 import pytest
 from harness.daemon import REPOSITORY, binary, die_with_parent, eventually
-
-DOCS = REPOSITORY / "docs"
-PAGES = [*sorted(DOCS.glob("*.md")), REPOSITORY / "README.md"]
-
-
-def commands(page):
-    """The lines of the indented blocks of a page, those that go on behind a backslash joined."""
-    text = re.sub(r"^```.*?^```", "", page.read_text(), flags=re.M | re.S).replace("\\\n", " ")
-    return [line.strip() for line in text.splitlines() if line.startswith("    ") and not line.startswith("     ")]
-
-
-def python_blocks(page):
-    return re.findall(r"^```python\n(.*?)^```", page.read_text(), flags=re.M | re.S)
+from harness.pages import DOCS, PAGES, commands, python_blocks
 
 
 @pytest.fixture
@@ -85,7 +73,7 @@ def test_every_command_of_every_page_has_the_options_that_it_is_told_with():
     known, seen = {}, 0
     for page in PAGES:
         for line in commands(page):
-            for command in re.split(r"[|;&]", line.split("  #")[0]):
+            for command in re.split(r"[|;&]", line):
                 words = command.split()
                 if words[:1] == ["sudo"]:
                     words = words[1:]
@@ -121,6 +109,8 @@ def test_links_of_a_page_lead_somewhere(page):
         name, _, anchor = target.partition("#")
         there = page.parent / name if name else page
         assert there.exists(), f"{page.name}: {target}"
+        if page.parent == DOCS:
+            assert there.resolve().is_relative_to(DOCS), f"{page.name}: {target} leads out of the book"
         if anchor and there.suffix == ".md":
             headings = re.findall(r"^#+ (.*)$", there.read_text(), flags=re.M)
             assert anchor in map(heading_id, headings), f"{page.name}: {target}"

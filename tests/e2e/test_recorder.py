@@ -11,8 +11,9 @@ import pytest
 import taxel_reader
 from conditioning import DAEMON_SETTINGS
 from harness.compare import content
-from harness.daemon import binary, die_with_parent, eventually
+from harness.daemon import Daemon, binary, die_with_parent, eventually
 from harness.lockstep import SWEEP
+from harness.servos import Servos
 from harness.touches import Touches, grasp
 from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader, make_reader
@@ -160,6 +161,76 @@ def test_a_recording_holds_what_was_sent_and_shown_and_gives_the_same_images(sta
     with np.load(folder / "grasp.npz") as arrays:
         assert arrays["counts"].shape[1:] == (len(hand), 3)
         assert (arrays["counts"][-1] == last).all() or len(arrays["counts"]) > len(live)
+
+
+def test_joint_angles_are_joint_states_to_the_tools_of_others(folder):
+    servos = Servos("--ids", "1-4", "--motion", "sine")
+    names = [f"index {n}" for n in range(4)]
+    table = [{"id": id, "name": name} for id, name in zip(range(1, 5), names)]
+    joints = {"source": f"dynamixel:{servos.path}", "answer_margin_ms": 100.0, "hold_ms": 2000.0, "servo": table}
+    out = folder / "joints.mcap"
+    with Daemon(folder / "daemon", ["sim:idle", "sim:idle"], joints=joints) as daemon, recording(daemon, out) as recorder:
+        eventually(lambda: len(messages(out).get("/joint_states", [])) >= 20, "no joint states come into the file", 30)
+        assert recorder.end() == 0, recorder.said
+
+    by_topic = messages(out)
+    frames = {at_ns: frame for _, at_ns, frame in by_topic["/taxel/frames"]}
+    states = by_topic["/joint_states"]
+    assert {kind for kind, _, _ in states} == {"sensor_msgs/msg/JointState"}
+    for _, at_ns, state in states:
+        assert list(state.name) == names
+        assert state.header.stamp.sec * 1_000_000_000 + state.header.stamp.nanosec == at_ns
+        np.testing.assert_array_equal(np.float32(state.position), np.float32(frames[at_ns].joints))
+    known = [state for _, _, state in states if np.isfinite(state.position).all()]
+    assert known and np.ptp([state.position[0] for state in known]) > 0
+
+    with AnyReader([out]) as bag:
+        wanted = [connection for connection in bag.connections if connection.topic == "/joint_states"]
+        read = [bag.deserialize(data, c.msgtype) for c, _, data in bag.messages(connections=wanted)]
+    assert len(read) == len(states)
+    for state, (_, _, same) in zip(read, states):
+        np.testing.assert_array_equal(state.position, same.position)
+        assert list(state.name) == names
+
+
+def test_what_was_shown_and_marked_comes_out_of_the_file_as_it_was(start, lockstep, folder, hand):
+    daemon = start(conditioning=DAEMON_SETTINGS, sweep=SWEEP)
+    out = folder / "touches.mcap"
+    frames = list(grasp(Touches.uneven(hand, seed=4)))
+    with recording(daemon, out) as recorder:
+        driver = lockstep(daemon)
+        live = []
+        for touch in range(4):
+            daemon.control("mark", text=f"touch {touch} {'AB'[touch % 2]}")
+            live += [driver.step(counts) for counts in frames[:: 2 + touch % 2][:12]]
+            daemon.control("mark", text="away")
+            live += [driver.step(frames[0]) for _ in range(3)]
+        eventually(lambda: len(marks(out)) == 8, lambda: f"the marks do not come into the file: {recorder.said}")
+        assert recorder.end() == 0, recorder.said
+
+    taxel("convert", out, folder / "images.npz", "--images")
+    with np.load(folder / "images.npz") as arrays:
+        shown = {seq: pixels.tobytes() for seq, pixels in zip(arrays["seq"].tolist(), arrays["images"])}
+        assert set(arrays.files) >= {"levels", "actuators", "t_ns", "contacts"}
+    assert len(live) >= 30 and all(shown[image.seq] == image.pixels for image in live)
+    taxel("convert", out, folder / "images.csv", "--images")
+    assert len((folder / "images.csv").read_text().splitlines()) == len(shown) + 1
+
+    taxel("convert", out, folder / "marks.csv", "--marks")
+    lines = [line.split(",") for line in (folder / "marks.csv").read_text().splitlines()]
+    assert lines[0] == ["t_s", "text"] and [text for _, text in lines[1:]] == [text for _, text in marks(out)]
+    times = [float(seconds) for seconds, _ in lines[1:]]
+    assert times == sorted(times)
+
+    def categories(*arguments):
+        command = [binary("taxel"), "categorize", *arguments, "--classes", "2", "--json"]
+        done = subprocess.run(command, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout)
+
+    cut = categories(out)
+    assert cut["touches"] == 4
+    assert categories(out, "--marks", folder / "marks.csv")["labels"] == cut["labels"]
 
 
 def test_rosbags_and_the_index_of_mcap_read_it(start, lockstep, folder, hand):
