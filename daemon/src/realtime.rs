@@ -22,12 +22,11 @@ pub(crate) fn set_nice() -> io::Result<()> {
 }
 
 fn set_policy(policy: nix::libc::c_int, priority: u8) -> io::Result<()> {
-    let param = nix::libc::sched_param {
-        sched_priority: priority.into(),
-    };
+    // The kernel's `struct sched_param` is this number. musl's is longer, and its function of this name does nothing.
+    let priority = nix::libc::c_int::from(priority);
     let policy = policy | nix::libc::SCHED_RESET_ON_FORK;
-    // SAFETY: `param` lives across the call, and pid 0 names the calling thread.
-    match unsafe { nix::libc::sched_setscheduler(0, policy, &param) } {
+    // SAFETY: `priority` lives across the call, and pid 0 names the calling thread.
+    match unsafe { nix::libc::syscall(nix::libc::SYS_sched_setscheduler, 0, policy, &raw const priority) } {
         0 => Ok(()),
         _ => Err(io::Error::last_os_error()),
     }
