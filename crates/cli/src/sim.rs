@@ -79,7 +79,7 @@ pub(crate) struct Args {
     /// List the built-in scenes
     #[arg(long, conflicts_with = "scene")]
     list: bool,
-    /// The list as JSON
+    /// The list as JSON; `seconds` is null where the scene has no end
     #[arg(long, requires = "list")]
     json: bool,
 }
@@ -200,7 +200,8 @@ fn list(as_json: bool) -> anyhow::Result<()> {
             let (seconds, about, layout) = (scene.seconds(), scene.about(), scene.layout());
             Ok(json!({ "name": name, "seconds": seconds, "about": about, "layout": layout }))
         });
-        let scenes = scenes.collect::<anyhow::Result<Vec<Value>>>()?;
+        let mut scenes = scenes.collect::<anyhow::Result<Vec<Value>>>()?;
+        scenes.push(json!({ "name": play::SCENE, "seconds": null, "about": play::ABOUT, "layout": play::LAYOUT }));
         return print(&format!("{}\n", Value::from(scenes)));
     }
     for name in names() {
@@ -222,6 +223,13 @@ fn print(text: &str) -> anyhow::Result<()> {
 /// The servos of the scene's fingers behind a link, as long as the returned values live.
 fn offer_servos(scene: &Scene, layout: &Layout, link: &Path) -> anyhow::Result<(StableLink, ServoPty)> {
     let servos = servos_of_scene(scene, layout, servo_clock_ns());
+    if servos.is_empty() {
+        bail!(
+            "--servos: layout {} has no fingers to be moved; leave it out, or take a hand, such as --layout \
+             allegro-uskin-15",
+            layout.name
+        );
+    }
     let (count, baud) = (servos.len(), SERVO_BAUD);
     let names: Vec<String> = servos.iter().map(|servo| servo.name.clone()).collect();
     let bus = ServoBus::new(servos.into_iter().map(|servo| servo.build), baud);

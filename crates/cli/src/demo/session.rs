@@ -67,12 +67,7 @@ impl Session {
         // The demo is a guest on this machine.
         config.realtime.priority = 0;
         let (images, control) = (config.socket.images.clone(), config.socket.control.clone());
-        // A hand with fingers has joints; a patch of skin has none.
-        let has_fingers = layout.modules.iter().any(|m| m.part != layout.modules[0].part);
-        let servos = match has_fingers {
-            true => Some(servos(scene, &layout, &mut config)?),
-            false => None,
-        };
+        let servos = servos(scene, &layout, &mut config)?;
         let profile = config.profile.clone();
         let (scene_began_ns, began) = (taxel_can::monotonic_ns(), Instant::now());
         let daemon = Daemon::start(config)?;
@@ -115,9 +110,12 @@ impl Control {
     }
 }
 
-/// Simulated servos that close the fingers as the scene has it, and their configuration.
-fn servos(scene: &Scene, layout: &Layout, config: &mut Config) -> anyhow::Result<ServoPty> {
+/// Simulated servos that close the fingers as the scene has it, where there are fingers, and their configuration.
+fn servos(scene: &Scene, layout: &Layout, config: &mut Config) -> anyhow::Result<Option<ServoPty>> {
     let servos = servos_of_scene(scene, layout, taxel_can::monotonic_ns());
+    if servos.is_empty() {
+        return Ok(None);
+    }
     let mut joints = DynamixelConfig::new("", servos.iter().map(|servo| servo.build.id));
     for (joint, servo) in joints.servo.iter_mut().zip(&servos) {
         joint.name.clone_from(&servo.name);
@@ -127,5 +125,5 @@ fn servos(scene: &Scene, layout: &Layout, config: &mut Config) -> anyhow::Result
     joints.baud = SERVO_BAUD;
     joints.path = servos.path().into();
     config.joints = Some(JointsConfig::new(JointSource::Dynamixel(joints)));
-    Ok(servos)
+    Ok(Some(servos))
 }

@@ -2,7 +2,7 @@
 
 use super::disturbed::by_share;
 use super::judge::{judge_all, train};
-use super::report::PUBLISHED;
+use super::report;
 use crate::output_file::OutputFile;
 use anyhow::Context;
 use std::path::PathBuf;
@@ -33,13 +33,14 @@ pub(super) fn run(args: &Args) -> anyhow::Result<String> {
     let models = train(&session, &splits, Kinesthetic::train)?.estimators;
     let errors = judge_all(&session, &splits, &models, None)?.errors;
     let early = by_share(&session, &splits, &models)?;
+    let published = report::beside("kinesthetic", &session);
     let sheets = [
         ("forearm-05", squeezes(&session)),
         ("forearm-07", estimates(&errors)),
-        ("forearm-08", errors_by_place(&errors)),
+        ("forearm-08", errors_by_place(&errors, published)),
         (
             "forearm-early",
-            elapsed(early.iter().map(|(share, o)| (*share, &o.errors)), &errors),
+            elapsed(early.iter().map(|(share, o)| (*share, &o.errors)), &errors, published),
         ),
     ];
     let mut text = String::new();
@@ -124,49 +125,52 @@ fn estimates(errors: &Errors) -> Sheet {
         .chart(chart.boxes("kinesthetic", samples))
 }
 
-/// Figure 8: errors at each place.
-fn errors_by_place(errors: &Errors) -> Sheet {
+/// Figure 8: errors at each place, beside the publication's RMSE and MAE where they are of this data.
+fn errors_by_place(errors: &Errors, published: Option<[f64; 3]>) -> Sheet {
     let mut sheet = Sheet::new("Errors at each place").columns(2).panel_size(560, 340);
     type Value = fn(&PlaceErrors) -> f64;
-    let (_, rmse, mae, _) = PUBLISHED[1];
-    let parts: [(&str, Value, f64); 2] = [
-        ("RMSE", |place| place.rmse, rmse),
-        ("MAE", |place| place.mae, mae),
-    ];
-    for (name, value, published) in parts {
+    let parts: [(&str, Value); 2] = [("RMSE", |place| place.rmse), ("MAE", |place| place.mae)];
+    for (column, (name, value)) in parts.into_iter().enumerate() {
         let places = Axis::of_names("place, % from wrist to elbow", names(errors));
         let chart = Chart::new(
             name,
             places,
             Axis::new(format!("{name}, % of the forearm")).from_zero(),
         );
-        sheet = sheet.chart(
-            chart
-                .bars("kinesthetic", errors.places.iter().map(value))
-                .at_y("publication, mean", published),
-        );
+        let mut chart = chart.bars("kinesthetic", errors.places.iter().map(value));
+        if let Some(published) = published {
+            chart = chart.at_y("publication, mean", published[column]);
+        }
+        sheet = sheet.chart(chart);
     }
     sheet
 }
 
 /// How early can one know?
-fn elapsed<'a>(early: impl Iterator<Item = (f64, &'a Errors)>, whole: &'a Errors) -> Sheet {
+fn elapsed<'a>(
+    early: impl Iterator<Item = (f64, &'a Errors)>,
+    whole: &'a Errors,
+    published: Option<[f64; 3]>,
+) -> Sheet {
     let all: Vec<(f64, &Errors)> = early.chain([(1.0, whole)]).collect();
     let line = |value: fn(&Errors) -> f64| {
         all.iter()
             .map(move |(share, e)| (100.0 * share, value(e)))
             .collect::<Vec<_>>()
     };
-    let chart = Chart::new(
+    let mut chart = Chart::new(
         "",
         Axis::new("time since the squeeze began, % of the whole"),
         Axis::new("% of the forearm").from_zero(),
     );
-    Sheet::new("How early one can know").panel_size(700, 400).chart(
-        chart
-            .line("RMSE, mean over places", line(|e| e.macro_rmse))
-            .line("RMSE over squeezes", line(|e| e.pooled_rmse))
-            .line("half-width of the 90 % interval", line(|e| e.half_width_90))
-            .at_y("publication, kinesthetic", PUBLISHED[1].1),
-    )
+    chart = chart
+        .line("RMSE, mean over places", line(|e| e.macro_rmse))
+        .line("RMSE over squeezes", line(|e| e.pooled_rmse))
+        .line("half-width of the 90 % interval", line(|e| e.half_width_90));
+    if let Some([rmse, ..]) = published {
+        chart = chart.at_y("publication, kinesthetic", rmse);
+    }
+    Sheet::new("How early one can know")
+        .panel_size(700, 400)
+        .chart(chart)
 }

@@ -18,7 +18,7 @@ use taxel_skin::Layout;
 pub(crate) const SCENE: &str = "forearm";
 pub(crate) const ABOUT: &str = "a gripper's tactile finger under a forearm, 28 x 50";
 /// The hand that it is.
-const LAYOUT: &str = "tekscan-6077";
+pub(crate) const LAYOUT: &str = "tekscan-6077";
 const SIZE: [u16; 2] = [TACTILE_ROWS as u16, TACTILE_COLUMNS as u16];
 /// Between two frames of the sensor.
 const PERIOD: Duration = Duration::from_millis(100);

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use taxel_forearm::{Kinesthetic, Session, Split};
 
 /// The publication's Table 3, and the mean range of its estimates.
-pub(super) const PUBLISHED: [(&str, f64, f64, f64); 3] = [
+const PUBLISHED: [(&str, f64, f64, f64); 3] = [
     ("tactile", 13.42, 13.09, 50.87),
     ("kinesthetic", 9.74, 8.81, 41.56),
     ("fused", 7.61, 7.08, 28.24),
