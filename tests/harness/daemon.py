@@ -36,7 +36,7 @@ def die_with_parent():
     LIBC.prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
-def eventually(condition, what, seconds=10.0):
+def eventually(condition, what, seconds=60.0):
     """Waits until `condition()` is truthy and returns it; fails with `what`. The time only bounds a failure."""
     end = time.monotonic() + seconds
     while not (value := condition()):
@@ -154,7 +154,7 @@ class Daemon:
     def bus(self, index=0):
         return self.status()["buses"][index]
 
-    def wait_status(self, condition, what, seconds=10.0):
+    def wait_status(self, condition, what, seconds=60.0):
         """Waits until `condition(status)` is truthy; fails with the last status."""
         last = {}
 

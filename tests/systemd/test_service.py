@@ -83,7 +83,7 @@ def test_a_bus_that_is_unplugged_trips_nothing_and_is_taken_up_again(service, bu
     service.wait_status(lambda s: links(s) == ["up", "up"], "not every bus is up")
     buses.delete(1)
     service.wait_status(lambda s: links(s) == ["up", "absent"], "the interface is not missed")
-    assert "link-absent" in {problem["kind"] for problem in service.status()["problems"]}
+    service.wait_status(lambda s: "link-absent" in {problem["kind"] for problem in s["problems"]}, "nobody is told")
     buses.create(1)
     service.wait_status(lambda s: links(s) == ["up", "up"], "the interface is not taken up")
     assert (service.pid, service.show("NRestarts")) == (pid, "0")

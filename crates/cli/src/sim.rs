@@ -201,7 +201,9 @@ fn list(as_json: bool) -> anyhow::Result<()> {
             Ok(json!({ "name": name, "seconds": seconds, "about": about, "layout": layout }))
         });
         let mut scenes = scenes.collect::<anyhow::Result<Vec<Value>>>()?;
-        scenes.push(json!({ "name": play::SCENE, "seconds": null, "about": play::ABOUT, "layout": play::LAYOUT }));
+        scenes.push(
+            json!({ "name": play::SCENE, "seconds": null, "about": play::ABOUT, "layout": play::LAYOUT }),
+        );
         return print(&format!("{}\n", Value::from(scenes)));
     }
     for name in names() {

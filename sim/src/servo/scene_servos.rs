@@ -185,7 +185,10 @@ mod tests {
             assert!(servos.len() <= 64, "{name}");
             let one_part = layout.modules.iter().all(|m| m.part == layout.modules[0].part);
             assert_eq!(servos.is_empty(), one_part, "{name}");
-            assert!(servos.iter().all(|servo| !servo.name.starts_with("palm")), "{name}");
+            assert!(
+                servos.iter().all(|servo| !servo.name.starts_with("palm")),
+                "{name}"
+            );
         }
     }
 }

@@ -40,7 +40,11 @@ pub(super) fn run(args: &Args) -> anyhow::Result<String> {
         ("forearm-08", errors_by_place(&errors, published)),
         (
             "forearm-early",
-            elapsed(early.iter().map(|(share, o)| (*share, &o.errors)), &errors, published),
+            elapsed(
+                early.iter().map(|(share, o)| (*share, &o.errors)),
+                &errors,
+                published,
+            ),
         ),
     ];
     let mut text = String::new();

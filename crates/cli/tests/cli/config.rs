@@ -16,9 +16,11 @@ fn a_file_to_start_from_is_one_that_is_well_for_every_hand_with_buses() {
             assert!(fails(&dir, &["config", "init", "--layout", name], 1).contains("no buses"));
             continue;
         }
-        let sources: Vec<String> = (0..layout.buses.len())
-            .map(|bus| format!("udp::{}", 43113 + bus))
-            .collect();
+        let source = |bus: usize| match layout.array_on(bus) {
+            Some(_) => format!("pressure:/tmp/{}.sock", 43113 + bus),
+            None => format!("udp::{}", 43113 + bus),
+        };
+        let sources: Vec<String> = (0..layout.buses.len()).map(source).collect();
         let mut args = vec!["config", "init", "--layout", name, "--out", "taxeld.toml"];
         sources
             .iter()

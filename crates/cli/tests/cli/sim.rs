@@ -33,7 +33,11 @@ fn scenes_are_listed_and_shown_and_an_unknown_one_is_refused() {
     let (json, _) = succeeds(&dir, &["sim", "--list", "--json"]);
     let scenes: Vec<serde_json::Value> = serde_json::from_str(&json).unwrap();
     assert_eq!(scenes.len(), out.lines().count());
-    assert!(scenes.iter().any(|scene| scene["name"] == "forearm" && scene["seconds"].is_null()));
+    assert!(
+        scenes
+            .iter()
+            .any(|scene| scene["name"] == "forearm" && scene["seconds"].is_null())
+    );
     for scene in ["tap", "soup-can"] {
         let (shown, _) = succeeds(&dir, &["sim", scene, "--show"]);
         std::fs::write(dir.path().join("mine.toml"), shown).unwrap();
@@ -51,7 +55,16 @@ fn a_patch_of_skin_has_no_servos_to_offer() {
     let dir = TempDir::new().unwrap();
     let err = fails(
         &dir,
-        &["sim", "tap", "--layout", "uskin-module", "--to", "udp::43995?hops=0", "--servos", "servos"],
+        &[
+            "sim",
+            "idle",
+            "--layout",
+            "uskin-module",
+            "--to",
+            "udp::43995?hops=0",
+            "--servos",
+            "servos",
+        ],
         1,
     );
     assert!(err.contains("layout uskin-module has no fingers"), "{err}");
