@@ -1,14 +1,15 @@
 //! Points, their nearest centroid and the distances to the two nearest.
 
+use super::least::least_cost;
 use super::{FAR, NONE, Sums};
 use crate::Plane;
 
-/// Points side by side in one step.
-const LANES: usize = 8;
+/// Points, or clusters, side by side in one step.
+pub(super) const LANES: usize = 8;
 
 /// The lesser of two numbers, as a vector unit has it in one instruction.
 #[inline(always)]
-fn lesser(a: f32, b: f32) -> f32 {
+pub(super) fn lesser(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
@@ -28,7 +29,7 @@ pub(super) struct Assignment {
     y: Vec<[f32; LANES]>,
     weight: Vec<f32>,
     /// Height of each point; empty where points have none.
-    height: Vec<f32>,
+    height: Vec<[f32; LANES]>,
     /// Weighted sum of their squares.
     squared_heights: f64,
     /// Squared distance to the nearest centroid; 0 for the points that fill up the last step.
@@ -37,6 +38,18 @@ pub(super) struct Assignment {
     next: Vec<[f32; LANES]>,
     label: Vec<u16>,
     saved: Saved,
+}
+
+/// Fills steps with values, the last one up with copies of the last value.
+fn fill_steps(steps: &mut Vec<[f32; LANES]>, values: &[f64]) {
+    steps.clear();
+    steps.extend(values.chunks(LANES).map(|chunk| {
+        let mut step = [chunk[chunk.len() - 1] as f32; LANES];
+        for (to, from) in step.iter_mut().zip(chunk) {
+            *to = *from as f32;
+        }
+        step
+    }));
 }
 
 /// Labels and distances to go back to.
@@ -56,7 +69,7 @@ impl Assignment {
             x: Vec::with_capacity(steps),
             y: Vec::with_capacity(steps),
             weight: Vec::with_capacity(points),
-            height: Vec::with_capacity(points),
+            height: Vec::with_capacity(steps),
             squared_heights: 0.0,
             near: vec![[0.0; LANES]; steps],
             next: vec![[0.0; LANES]; steps],
@@ -108,7 +121,7 @@ impl Assignment {
 
     /// Height of a point; 0 where points have none.
     pub(super) fn height(&self, n: usize) -> f32 {
-        self.height.get(n).copied().unwrap_or(0.0)
+        self.height.as_flattened().get(n).copied().unwrap_or(0.0)
     }
 
     /// Weighted sum of the squares of the heights.
@@ -123,11 +136,9 @@ impl Assignment {
 
     /// Gives the points their heights.
     pub(super) fn raise(&mut self, heights: Option<&[f64]>) {
-        self.height.clear();
-        self.height
-            .extend(heights.unwrap_or(&[]).iter().map(|height| *height as f32));
-        let squares =
-            (self.height.iter().enumerate()).map(|(n, h)| self.weight(n) * f64::from(*h) * f64::from(*h));
+        fill_steps(&mut self.height, heights.unwrap_or(&[]));
+        let heights = self.height.as_flattened().iter().take(self.n);
+        let squares = (heights.enumerate()).map(|(n, h)| self.weight(n) * f64::from(*h) * f64::from(*h));
         self.squared_heights = squares.sum();
     }
 
@@ -147,16 +158,8 @@ impl Assignment {
     /// Takes the points of a frame. Steps are filled up with copies of the last point.
     pub(super) fn place(&mut self, points: Plane<'_>, weights: Option<&[f64]>) {
         self.n = points.len();
-        for (columns, values) in [(&mut self.x, points.x), (&mut self.y, points.y)] {
-            columns.clear();
-            columns.extend(values.chunks(LANES).map(|chunk| {
-                let mut step = [chunk[chunk.len() - 1] as f32; LANES];
-                for (to, from) in step.iter_mut().zip(chunk) {
-                    *to = *from as f32;
-                }
-                step
-            }));
-        }
+        fill_steps(&mut self.x, points.x);
+        fill_steps(&mut self.y, points.y);
         self.weight.clear();
         self.weight
             .extend(weights.unwrap_or(&[]).iter().map(|w| *w as f32));
@@ -195,7 +198,11 @@ impl Assignment {
                 near[lane] = f32::from_bits(first[lane].to_bits() & !ids);
             }
             let nearest = first.map(|first| (first.to_bits() & ids) as u16);
-            if nearest[..labels.len()] == *labels {
+            let same = match <&[u16; LANES]>::try_from(&*labels) {
+                Ok(labels) => *labels == nearest,
+                Err(_) => nearest[..labels.len()] == *labels,
+            };
+            if same {
                 continue;
             }
             for (lane, label) in labels.iter_mut().enumerate() {
@@ -246,6 +253,11 @@ impl Assignment {
         let near = self.near.as_flattened().iter().zip(&self.weight);
         near.map(|(near, weight)| f64::from(*weight) * f64::from(*near))
             .sum()
+    }
+
+    /// What clusters of these points, which have heights, cost at least: [`least_cost`].
+    pub(super) fn least_cost(&self, clusters: usize) -> f64 {
+        least_cost([&self.x, &self.y, &self.height], self.n, clusters)
     }
 
     /// Takes one more centroid into account.

@@ -84,6 +84,7 @@ impl Kmeans2d {
     /// Gives the same points other heights; says whether any moved for them.
     fn raise_again(&mut self, heights: Option<&[f64]>) -> bool {
         self.assignment.raise(heights);
+        self.least = None;
         self.assignment.add_up(&mut self.sums);
         self.raise();
         // What was ranked was ranked by other heights.
@@ -166,9 +167,28 @@ impl Kmeans2d {
         }
     }
 
+    /// What no clusters of the points can cost less than, a little less for rounding. 0 where it is not known: where
+    /// points are weighted or have no heights, or a cluster has more than two, so that it would be far from the cost.
+    fn least(&mut self) -> f64 {
+        let assignment = &self.assignment;
+        let pairs = !assignment.is_weighted() && self.sums.iter().all(|sums| sums.weight <= 2.0);
+        if !pairs || !assignment.is_raised() {
+            return 0.0;
+        }
+        let clusters = self.x.len();
+        *self
+            .least
+            .get_or_insert_with(|| 0.999_9 * assignment.least_cost(clusters))
+    }
+
     /// Makes a swap, and unmakes it unless it saves what it was asked to.
     fn make(&mut self, swap: &Swap) -> bool {
         let before = self.cost();
+        let most = before - swap.asked;
+        let least = self.least();
+        if least > 0.0 && most <= least {
+            return false;
+        }
         let Saved { x, y, height, sums } = &mut self.saved;
         height.copy_from_slice(&self.height);
         x.copy_from_slice(&self.x);
@@ -180,7 +200,6 @@ impl Kmeans2d {
         let [kept, other] = swap.halves;
         (self.x[swap.split], self.y[swap.split]) = kept;
         (self.x[swap.dissolved], self.y[swap.dissolved]) = other;
-        let most = before - swap.asked;
         if self.settle_below(most) {
             let after = self.cost();
             if after < before && after < most {

@@ -25,11 +25,13 @@
 mod assign;
 mod identity;
 mod improve;
+mod least;
 mod settle;
 mod stand;
 mod swap;
 
 use assign::Assignment;
+use settle::Joined;
 use stand::Stands;
 
 use crate::Plane;
@@ -75,14 +77,18 @@ pub struct Kmeans2d {
     sums: Vec<Sums>,
     /// How much nearer than another centroid points of each id must be to be sure to stay.
     asks: Vec<f32>,
-    /// Weight of each id's points while single ones move.
-    mass: Vec<f32>,
+    /// What a point that leaves each id saves at most, of its squared distance.
+    saves: Vec<f64>,
+    /// The clusters while single points move.
+    joined: Vec<Joined>,
     /// Id that each key had in the last frame; [`NONE`] where it had none.
     id_of_key: Vec<u16>,
     /// Keys of the last frame.
     keys: Vec<u16>,
     /// Whether the last frame ended with nothing left to do.
     settled: bool,
+    /// The least that any clusters of the points can cost, once it was looked for.
+    least: Option<f64>,
     /// Cost at which swaps were last found not to pay, and points that have come or gone since.
     judged: Option<f64>,
     changes: usize,
@@ -168,7 +174,9 @@ impl Kmeans2d {
             moved: vec![false; clusters],
             sums: vec![Sums::default(); clusters],
             asks: vec![0.0; clusters],
-            mass: vec![0.0; clusters],
+            saves: vec![0.0; clusters],
+            joined: Joined::steps(clusters),
+            least: None,
             id_of_key: vec![NONE; keys],
             keys: Vec::with_capacity(keys),
             settled: false,
@@ -244,6 +252,7 @@ impl Kmeans2d {
             self.pinned.copy_from_slice(&self.live);
             self.assignment.place(points, weights);
             self.assignment.raise(heights);
+            self.least = None;
             self.height.fill(0.0);
             if points.len() <= self.x.len() {
                 self.follow_few(keys);

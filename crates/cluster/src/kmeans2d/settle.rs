@@ -1,16 +1,32 @@
 //! Lloyd's iterations and Hartigan's moves.
 
-use super::{FAR, Kmeans2d, Sums};
+use super::assign::{LANES, lesser};
+use super::{FAR, Kmeans2d};
 
-/// Clusters side by side in one step.
-const LANES: usize = 8;
+/// Clusters as single points that may join them see them, side by side.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Joined {
+    x: [f32; LANES],
+    y: [f32; LANES],
+    height: [f32; LANES],
+    /// Weight; not a number for a cluster without points, which none joins, and where there is no cluster.
+    mass: [f32; LANES],
+    /// `m / (m + 1)`, the share of its squared distance that a point without a weight costs.
+    share: [f32; LANES],
+}
 
-/// Weight of a cluster for single points that may join it; not a number for one without points, which none joins.
-fn mass(sums: &Sums) -> f32 {
-    if sums.weight > 0.0 {
-        sums.weight as f32
-    } else {
-        f32::NAN
+impl Joined {
+    /// Steps for so many clusters.
+    pub(super) fn steps(clusters: usize) -> Vec<Self> {
+        let nowhere = [f32::NAN; LANES];
+        let none = Self {
+            x: nowhere,
+            y: nowhere,
+            height: nowhere,
+            mass: nowhere,
+            share: nowhere,
+        };
+        vec![none; clusters.div_ceil(LANES)]
     }
 }
 
@@ -110,10 +126,11 @@ impl Kmeans2d {
     /// returns how many moved.
     pub(super) fn move_points(&mut self) -> usize {
         let mut moved = 0;
-        self.ask();
-        for (held, sums) in self.mass.iter_mut().zip(&self.sums) {
-            *held = mass(sums);
+        let heaviest = self.assignment.greatest_weight();
+        for id in 0..self.sums.len() {
+            self.show(id, heaviest);
         }
+        self.ask(heaviest);
         for n in 0..self.assignment.len() {
             let from = usize::from(self.assignment.labels()[n]);
             let (near, next) = self.assignment.distances(n);
@@ -143,66 +160,84 @@ impl Kmeans2d {
                     self.height[id] = (sums.height / sums.weight) as f32;
                     self.x[id] = (sums.x / sums.weight) as f32;
                     self.y[id] = (sums.y / sums.weight) as f32;
-                    self.mass[id] = mass(sums);
+                    self.show(id, heaviest);
                 }
                 self.assignment.relabel(n, to);
-                self.ask();
+                self.ask(heaviest);
                 moved += 1;
             }
         }
         moved
     }
 
+    /// Shows a cluster to single points as it has become; none of them weighs more than `heaviest`.
+    fn show(&mut self, id: usize, heaviest: f64) {
+        let weight = self.sums[id].weight;
+        let left = weight - heaviest;
+        self.saves[id] = if left > 0.0 {
+            weight / left
+        } else if self.assignment.is_weighted() {
+            f64::INFINITY
+        } else {
+            0.0
+        };
+        let mass = if weight > 0.0 { weight as f32 } else { f32::NAN };
+        let (joined, lane) = (&mut self.joined[id / LANES], id % LANES);
+        joined.x[lane] = self.x[id];
+        joined.y[lane] = self.y[id];
+        joined.height[lane] = self.height[id];
+        joined.mass[lane] = mass;
+        joined.share[lane] = mass / (mass + 1.0);
+    }
+
     /// The cluster that a point joins at the least cost, `m / (m + w)` of its squared distance, other than its own;
     /// ties, within what [`Assignment::assign`] takes for one, to the lowest id. `None` where there is no other.
-    fn cheapest(&mut self, point: [f32; 3], weight: f32, own: usize) -> Option<usize> {
-        let ids = self.assignment.id_bits();
-        let held = std::mem::replace(&mut self.mass[own], f32::NAN);
+    fn cheapest(&self, [x, y, height]: [f32; 3], weight: f32, own: usize) -> Option<usize> {
+        let (ids, own) = (self.assignment.id_bits(), own as u32);
+        let weighted = self.assignment.is_weighted();
         let mut least = [f32::MAX; LANES];
-        let cost = |x: f32, y: f32, height: f32, mass: f32, id: u32| {
-            let (dx, dy, dz) = (point[0] - x, point[1] - y, point[2] - height);
-            let cost = (dx * dx + dy * dy + dz * dz) * (mass / (mass + weight));
-            f32::from_bits(cost.to_bits() & !ids | id)
-        };
-        let ([x, y, height], mass) = ([&self.x, &self.y, &self.height], &self.mass);
-        let whole = x.len() / LANES * LANES;
-        for first in (0..whole).step_by(LANES) {
-            let of = |values: &Vec<f32>| -> [f32; LANES] { std::array::from_fn(|lane| values[first + lane]) };
-            let (x, y, height, mass) = (of(x), of(y), of(height), of(mass));
+        for (joined, first) in self.joined.iter().zip((0u32..).step_by(LANES)) {
+            let mut share = joined.share;
+            if weighted {
+                share = joined.mass.map(|mass| mass / (mass + weight));
+            }
             for lane in 0..LANES {
-                let cost = cost(x[lane], y[lane], height[lane], mass[lane], (first + lane) as u32);
-                least[lane] = if cost < least[lane] { cost } else { least[lane] };
+                let id = first + lane as u32;
+                let (dx, dy, dz) = (
+                    x - joined.x[lane],
+                    y - joined.y[lane],
+                    height - joined.height[lane],
+                );
+                // With all bits set it is not a number, and never the lesser.
+                let is_own = u32::from(id == own).wrapping_neg();
+                let share = f32::from_bits(share[lane].to_bits() | is_own);
+                let cost = (dx * dx + dy * dy + dz * dz) * share;
+                least[lane] = lesser(f32::from_bits(cost.to_bits() & !ids | id), least[lane]);
             }
         }
-        let mut best = least
-            .iter()
-            .copied()
-            .fold(f32::MAX, |a, b| if b < a { b } else { a });
-        for id in whole..x.len() {
-            let cost = cost(x[id], y[id], height[id], mass[id], id as u32);
-            best = if cost < best { cost } else { best };
+        for half in [4, 2, 1] {
+            for lane in 0..half {
+                least[lane] = lesser(least[lane + half], least[lane]);
+            }
         }
-        self.mass[own] = held;
-        (best < f32::MAX).then_some((best.to_bits() & ids) as usize)
+        (least[0] < f32::MAX).then_some((least[0].to_bits() & ids) as usize)
     }
 
     /// How many times nearer than the second nearest centroid a point of each cluster must be for
     /// it to be sure to stay: leaving saves `n / (n - 1)` of the one distance, and costs `m / (m +
     /// 1)` of the other, least for the lightest cluster.
-    fn ask(&mut self) {
-        let lightest = (self.sums.iter().map(|sums| sums.weight))
-            .filter(|weight| *weight > 0.0)
-            .fold(f64::INFINITY, f64::min);
-        let heaviest = self.assignment.greatest_weight();
-        for (ask, sums) in self.asks.iter_mut().zip(&self.sums) {
-            let left = sums.weight - heaviest;
-            *ask = if left > 0.0 {
-                (sums.weight / left * (lightest + heaviest) / lightest) as f32 * 1.000_01
-            } else if self.assignment.is_weighted() {
-                f32::INFINITY
+    fn ask(&mut self, heaviest: f64) {
+        let mut lightest = f64::INFINITY;
+        for sums in &self.sums {
+            let weight = if sums.weight > 0.0 {
+                sums.weight
             } else {
-                0.0
+                f64::INFINITY
             };
+            lightest = if weight < lightest { weight } else { lightest };
+        }
+        for (ask, saves) in self.asks.iter_mut().zip(&self.saves) {
+            *ask = (saves * (lightest + heaviest) / lightest) as f32 * 1.000_01;
         }
     }
 }
