@@ -51,13 +51,10 @@ def recordings(quick, folder):
             found.append((f"pick and move {trial:02}, tiled", args, True))
     schunk = DATA / "schunk_sdh_grasps.npz"
     if schunk.exists():
-        arrays = np.load(schunk)
-        grasps = [name for name in arrays.files if not name.endswith("_joints")][:: 1 if quick else 5]
+        grasps = [name for name in np.load(schunk).files if not name.endswith("_joints")][:: 1 if quick else 5]
         for name in grasps[:1] if quick else grasps:
-            values = arrays[name].astype(np.float64)
-            file = folder / f"schunk_{name}.npy"
-            np.save(file, np.maximum(values - np.median(values[:SCHUNK_IDLE_FRAMES], axis=0), 0.0))
-            args = [file, "--layout", SCHUNK_LAYOUT, "--threshold", str(SCHUNK_THRESHOLD), "--rate", "15"]
+            args = [schunk, "--array", name, "--idle", str(SCHUNK_IDLE_FRAMES), "--layout", SCHUNK_LAYOUT]
+            args += ["--threshold", str(SCHUNK_THRESHOLD), "--rate", "15"]
             found.append((f"Schunk {name}, six arrays", args, True))
     if not found:
         print(f"SKIPPED: every recording: {DATA} is not there (set TAXEL_DATA)", file=sys.stderr)
