@@ -336,7 +336,7 @@ def test_torque_and_pwm_are_written_on_request_with_the_watchdog_armed(folder):
         assert [servos.register(id, *TORQUE) for id in (4, 7)] == [0, 0]
         enabled = lambda s: [j["torque_enabled"] for j in s["joints"]["joints"][3:7]] == [False, True, True, False]
         status = daemon.wait_status(enabled, "the status does not say whose torque is on")["joints"]
-        assert (status["writes_ok"], status["writes_failed"]) == (8, 0)
+        assert (status["writes_ok"], status["writes_failed"]) == (10, 0)
         assert "torque of joint 5 is on" in daemon.log
 
         servos.tell("fault 6 silent")

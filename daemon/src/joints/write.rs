@@ -153,7 +153,7 @@ async fn confirmed(
         }
     };
     let outcome = tokio::time::timeout(PATIENCE, confirmed).await;
-    outcome.unwrap_or(Err(WriteError::PortLost))
+    outcome.unwrap_or(Err(WriteError::Unconfirmed))
 }
 
 /// The servo of a joint, by its index.

@@ -49,7 +49,7 @@ fn torque_arms_the_watchdog_first() {
     assert_eq!(w.servos.servo(1).unwrap().register(98, 1), 0);
     assert_eq!(
         (w.bus.counters().writes_ok, w.bus.counters().writes_failed),
-        (4, 0)
+        (5, 0)
     );
     // The daemon hangs: the servo stops its motor and takes no more goals until torque is enabled anew.
     w.now_ns += 200 * MS;
@@ -74,11 +74,11 @@ fn a_motor_whose_watchdog_cannot_be_armed_stays_off() {
     w.bus.command(0, WriteCommand::Torque(true)).unwrap();
     w.bus.command(1, WriteCommand::Torque(true)).unwrap();
     w.cycles(3);
-    assert!(!w.requests.iter().any(|r| r[4] == 1 && r[7] == 3 && r[8] == 64));
+    assert!(!w.requests.iter().any(|r| write_of(r) == Some((1, 64, 1))));
     assert_eq!(w.servos.servo(2).unwrap().register(64, 1), 1);
     assert_eq!(
         (w.bus.counters().writes_ok, w.bus.counters().writes_failed),
-        (3, 3)
+        (4, 4)
     );
 }
 
@@ -113,9 +113,9 @@ fn a_write_whose_answer_is_missed_is_sent_again() {
     let register = |at| w.servos.servo(2).unwrap().register(at, 1);
     assert_eq!([register(98), register(64)], [5, 1]);
     let counters = w.bus.counters();
-    assert_eq!((counters.writes_ok, counters.writes_failed), (3, 0));
+    assert_eq!((counters.writes_ok, counters.writes_failed), (4, 0));
     let sent = w.requests.iter().filter(|r| r[4] == 2 && r[7] == 3).count();
-    assert!(sent > 3, "none was missed: {sent}");
+    assert!(sent > 4, "none was missed: {sent}");
 }
 
 /// Servo, address and first byte of a write.
@@ -199,6 +199,50 @@ fn a_motor_that_comes_to_be_switched_off_in_the_middle_of_a_command_ends_up_off(
 }
 
 #[test]
+fn a_motor_stands_within_its_watchdog_whichever_request_is_the_last() {
+    let (on, start, goal) = (
+        WriteCommand::Torque(true),
+        WriteCommand::Start(40),
+        WriteCommand::GoalPwm(60),
+    );
+    for (before, command) in [
+        (None, on),
+        (None, start),
+        (Some(start), on),
+        (Some(start), start),
+        (Some(start), goal),
+    ] {
+        let mut whole = false;
+        for last in 0.. {
+            let mut w = writable(1);
+            w.servos.servo_mut(1).unwrap().set_operating_mode(16);
+            if let Some(before) = before {
+                w.bus.command(0, before).unwrap();
+            }
+            w.cycles(3);
+            w.requests.clear();
+            w.bus.command(0, command).unwrap();
+            w.bus.begin(w.now_ns);
+            while w.requests.len() < last && w.turn() {}
+            if w.requests.len() < last {
+                whole = !w.bus.has_writes();
+                break;
+            }
+            // The host is killed here.
+            w.now_ns += 200 * MS;
+            w.servos.handle_time(w.now_ns);
+            let servo = w.servos.servo(1).unwrap();
+            assert_eq!(
+                servo.position(w.now_ns),
+                servo.position(w.now_ns + 1000 * MS),
+                "{command:?} after {before:?} runs on after request {last}"
+            );
+        }
+        assert!(whole, "{command:?}");
+    }
+}
+
+#[test]
 fn a_motor_that_nobody_knows_to_be_off_keeps_its_watchdog_and_is_switched_off_at_the_end() {
     let mut w = writable(1);
     w.bus.command(0, WriteCommand::Torque(true)).unwrap();
@@ -269,7 +313,7 @@ fn a_motor_is_given_its_first_goal_before_it_is_switched_on() {
         [5, 40, 1]
     );
     let written: Vec<u8> = (w.requests.iter()).filter(|r| r[7] == 3).map(|r| r[8]).collect();
-    assert_eq!(written, [98, 98, 100, 64]);
+    assert_eq!(written, [64, 98, 98, 100, 64]);
 }
 
 #[test]

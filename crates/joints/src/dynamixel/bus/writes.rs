@@ -6,9 +6,9 @@ use crate::dynamixel::registers::address;
 /// What a servo can be told.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum WriteCommand {
-    /// Switch the motor on or off. Before it is switched on, the servo's bus watchdog is armed: a
-    /// servo that hears nothing for the configured time stops its motor and refuses goals until
-    /// torque is enabled anew.
+    /// Switch the motor on or off. Before it is switched on, it is switched off and the servo's bus watchdog is armed, so
+    /// that no motor ever runs without one: a servo that hears nothing for the configured time stops its motor and refuses
+    /// goals until torque is enabled anew.
     Torque(bool),
     /// The same as `Torque(true)` with this goal PWM, written before the motor is switched on: from the factory a servo
     /// in PWM mode would begin with all that its PWM Limit allows.
@@ -36,6 +36,9 @@ pub enum WriteRefused {
     /// A goal for a motor that was not switched on here, whose watchdog is not armed therefore.
     #[error("its motor was not switched on here; enable its torque first, which arms its watchdog")]
     MotorOff(usize),
+    /// The port is away, or not open yet.
+    #[error("the port of the servos is not open; ask again once `taxel status` shows it connected")]
+    NoPort,
     /// Too many commands wait.
     #[error("{0} commands wait to be sent; the bus is slower than they come, or away")]
     QueueFull(usize),
@@ -69,6 +72,11 @@ pub enum WriteError {
     /// The port was lost before it was sent.
     #[error("the port was lost before it was sent")]
     PortLost,
+    /// Nobody knows yet.
+    #[error(
+        "it was not confirmed in time, and may still be done: the bus is slow or a servo on it is silent, as `taxel status` tells"
+    )]
+    Unconfirmed,
 }
 
 /// What became of the newest command to a servo.
@@ -106,7 +114,7 @@ impl WriteCommand {
 }
 
 /// Most writes that a command takes.
-pub(crate) const WRITES_PER_COMMAND: usize = 4;
+pub(crate) const WRITES_PER_COMMAND: usize = 5;
 /// Most writes that wait.
 pub(crate) const QUEUE: usize = 256;
 
@@ -155,38 +163,23 @@ impl Write {
         }
     }
 
-    /// The writes that a command takes, in order; a watchdog that has tripped is cleared before it is armed.
+    /// The writes that a command takes, in order. A watchdog that has tripped is cleared before it is armed, and meanwhile
+    /// watches nothing; so the motor is off until then, whichever of the writes is the last that is sent.
     pub(crate) fn of(
         servo: usize,
         command: WriteCommand,
         watchdog_steps: u8,
         number: u64,
     ) -> impl Iterator<Item = Write> {
-        let writes = match command {
-            WriteCommand::Torque(true) => [
-                Some(Self::new(servo, address::BUS_WATCHDOG, [0])),
-                Some(Self::new(servo, address::BUS_WATCHDOG, [watchdog_steps])),
-                None,
-                Some(Self::new(servo, address::TORQUE_ENABLE, [1])),
-            ],
-            WriteCommand::Start(counts) => [
-                Some(Self::new(servo, address::BUS_WATCHDOG, [0])),
-                Some(Self::new(servo, address::BUS_WATCHDOG, [watchdog_steps])),
-                Some(Self::new(servo, address::GOAL_PWM, counts.to_le_bytes())),
-                Some(Self::new(servo, address::TORQUE_ENABLE, [1])),
-            ],
-            WriteCommand::Torque(false) => [
-                Some(Self::motor_off(servo)),
-                Some(Self::new(servo, address::BUS_WATCHDOG, [0])),
-                None,
-                None,
-            ],
-            WriteCommand::GoalPwm(counts) => [
-                Some(Self::new(servo, address::GOAL_PWM, counts.to_le_bytes())),
-                None,
-                None,
-                None,
-            ],
+        let torque = |on: u8| Some(Self::new(servo, address::TORQUE_ENABLE, [on]));
+        let watchdog = |steps: u8| Some(Self::new(servo, address::BUS_WATCHDOG, [steps]));
+        let pwm = |counts: i16| Some(Self::new(servo, address::GOAL_PWM, counts.to_le_bytes()));
+        let starting = |goal| [torque(0), watchdog(0), watchdog(watchdog_steps), goal, torque(1)];
+        let writes: [_; WRITES_PER_COMMAND] = match command {
+            WriteCommand::Torque(true) => starting(None),
+            WriteCommand::Start(counts) => starting(pwm(counts)),
+            WriteCommand::Torque(false) => [torque(0), watchdog(0), None, None, None],
+            WriteCommand::GoalPwm(counts) => [pwm(counts), None, None, None, None],
         };
         let count = writes.iter().flatten().count();
         (writes.into_iter().flatten().enumerate()).map(move |(i, write)| Write {

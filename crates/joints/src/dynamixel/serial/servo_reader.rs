@@ -231,8 +231,8 @@ impl ServoReader {
     }
 
     /// Has a servo told something after the next cycle; refused unless the configuration allows
-    /// writing. Commands that wait when the port is lost are forgotten. Returns the number under
-    /// which [`ServoReader::written`] tells what became of it.
+    /// writing, and while the port is not open. Commands that wait when the port is lost are forgotten. Returns the
+    /// number under which [`ServoReader::written`] tells what became of it.
     ///
     /// That a motor is switched off is never refused for want of room, and waits for nothing but the request that is
     /// out: it goes before other commands and readings, and what else that servo was to be told is forgotten.
@@ -241,7 +241,7 @@ impl ServoReader {
             return Err(WriteRefused::ReadOnly);
         }
         command.check(joint, self.names.len())?;
-        let mut shared = lock(&self.shared);
+        let mut shared = self.shared_while_open()?;
         if command == WriteCommand::Torque(false) {
             shared.commands.retain(|(_, other, _)| *other != joint);
             shared.numbers += 1;
@@ -259,6 +259,15 @@ impl ServoReader {
         Ok(number)
     }
 
+    /// What is shared with the thread, where a command can reach the servos.
+    fn shared_while_open(&self) -> Result<MutexGuard<'_, Shared>, WriteRefused> {
+        let shared = lock(&self.shared);
+        match shared.port.state {
+            PortState::Open => Ok(shared),
+            PortState::Starting | PortState::Away { .. } => Err(WriteRefused::NoPort),
+        }
+    }
+
     /// Gives several joints' servos a goal PWM (counts) in one packet, so that all take it at once; one number for all of
     /// them, under which [`ServoReader::written`] tells what became of each. All or none are given it.
     pub fn command_together(&self, goals: &[(usize, i16)]) -> Result<u64, WriteRefused> {
@@ -268,7 +277,7 @@ impl ServoReader {
         for (joint, counts) in goals {
             WriteCommand::GoalPwm(*counts).check(*joint, self.names.len())?;
         }
-        let mut shared = lock(&self.shared);
+        let mut shared = self.shared_while_open()?;
         if shared.commands.len() >= COMMANDS || goals.len() > self.names.len() {
             return Err(WriteRefused::QueueFull(shared.commands.len()));
         }
@@ -343,7 +352,6 @@ impl Thread {
                         shared.port.device = Some(port.device().to_path_buf());
                         shared.port.latency = Some(port.latency());
                         shared.port.opened += 1;
-                        shared.commands.clear();
                     }
                     if let Err(error) = self.cycles(&mut port) {
                         self.away(&error);
@@ -428,18 +436,23 @@ impl Thread {
         hand_over(&mut self.bus, &mut self.commands);
     }
 
+    /// The port is away: no command is taken any more, and of those that wait it is told that they are forgotten.
     fn away(&mut self, error: &PortError) {
+        {
+            let mut shared = lock(&self.shared);
+            let since_ns = match shared.port.state {
+                PortState::Away { since_ns, .. } => since_ns,
+                _ => monotonic_ns(),
+            };
+            shared.port.state = PortState::Away {
+                reason: error.to_string(),
+                since_ns,
+            };
+            std::mem::swap(&mut shared.commands, &mut self.commands);
+        }
+        hand_over(&mut self.bus, &mut self.commands);
         self.bus.port_lost();
         self.publish();
-        let mut shared = lock(&self.shared);
-        let since_ns = match shared.port.state {
-            PortState::Away { since_ns, .. } => since_ns,
-            _ => monotonic_ns(),
-        };
-        shared.port.state = PortState::Away {
-            reason: error.to_string(),
-            since_ns,
-        };
     }
 
     fn stopped(&self) -> bool {

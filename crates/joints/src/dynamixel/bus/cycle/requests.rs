@@ -193,10 +193,9 @@ impl Bus {
         }
         self.counters.writes_failed += 1;
         self.note(write.servo, write.number, result);
-        if write.is_motor_off() {
+        if write.is_motor_off() && write.urgent {
             self.keep_watchdog(&write);
-        } else if write.address == address::BUS_WATCHDOG || write.address == address::GOAL_PWM && !write.last
-        {
+        } else if write.address == address::BUS_WATCHDOG || !write.last {
             self.call_off_torque(&write);
         }
     }
