@@ -269,6 +269,25 @@ fn a_motor_stops_within_its_watchdog_though_nobody_speaks() {
 }
 
 #[test]
+fn torque_moves_no_motor_whose_watchdog_has_stopped_it() {
+    let mut bench = Bench::new([1]);
+    bench.bus.servo_mut(1).unwrap().set_operating_mode(16);
+    bench.write(1, GOAL_PWM, &177i16.to_le_bytes());
+    bench.write(1, WATCHDOG, &[5]);
+    bench.now_ns += 1000 * MS;
+    bench.bus.handle_time(bench.now_ns);
+    let there = bench.position(1);
+    bench.write(1, TORQUE, &[1]);
+    bench.now_ns += 1000 * MS;
+    assert_eq!((bench.register(1, WATCHDOG, 1), bench.position(1)), (255, there));
+    // Cleared, it takes goals again.
+    bench.write(1, WATCHDOG, &[0]);
+    bench.write(1, GOAL_PWM, &177i16.to_le_bytes());
+    bench.now_ns += 1000 * MS;
+    assert!(bench.position(1) > there);
+}
+
+#[test]
 fn a_motor_under_pwm_comes_to_rest_where_the_load_holds_it_and_opens_when_it_is_let_go() {
     let wall = SpringWall {
         open: 2058.0,

@@ -303,9 +303,19 @@ impl SimServo {
         Ok(Vec::new())
     }
 
-    /// Sets off from where it is now, as its goal and mode say.
+    /// Sets off from where it is now, as its goal and mode say; it stands while its watchdog has it stopped.
     fn drive(&mut self, t_ns: u64) {
         let from = self.position(t_ns);
+        if self.has_tripped() {
+            let load = self.build.load.as_ref();
+            self.drive = Drive::On {
+                from,
+                since_ns: t_ns,
+                goal: Some(load.map_or(from, |load| load.rest(from, 0.0))),
+                speed: NO_LOAD_COUNTS * PULSES_PER_COUNT,
+            };
+            return;
+        }
         let pwm_mode = self.table.get(address::OPERATING_MODE, 1) == PWM_MODE;
         let pwm = f64::from(self.table.get(address::GOAL_PWM, 2));
         let (goal, counts) = if let Some(load) = self.build.load.as_ref().filter(|_| pwm_mode) {
@@ -357,10 +367,15 @@ impl SimServo {
         }
     }
 
+    /// Whether its bus watchdog has stopped it, and has not been cleared since.
+    fn has_tripped(&self) -> bool {
+        self.table.get(address::BUS_WATCHDOG, 1) == i32::from(TRIPPED)
+    }
+
     /// What the motor is given though it stands, counts.
     fn pwm_under_load(&self) -> f64 {
         let on = self.table.get(address::TORQUE_ENABLE, 1) != 0;
-        let stopped = self.table.get(address::BUS_WATCHDOG, 1) == i32::from(TRIPPED);
+        let stopped = self.has_tripped();
         let pwm_mode = self.table.get(address::OPERATING_MODE, 1) == PWM_MODE;
         match on && pwm_mode && !stopped {
             true => f64::from(self.table.get(address::GOAL_PWM, 2)),
