@@ -92,15 +92,19 @@ impl ArrayHead {
         header
     }
 
-    /// The head that the first frame of a message carries; `None` for a frame that is none.
+    /// The head that the first frame of a message carries; `None` for a frame that is none, or one of more taxels than an
+    /// array has.
     pub fn of_frame(data: &[u8]) -> Option<Self> {
         let [a, b, c, d, sequence @ ..] = <[u8; 8]>::try_from(data).ok()?;
-        Some(Self {
+        let head = Self {
             rows: u16::from_le_bytes([a, b]),
             columns: u16::from_le_bytes([c, d]),
             sequence: u32::from_le_bytes(sequence),
             measured_ns: 0,
-        })
+        };
+        (1..=MAX_ARRAY_TAXELS.into())
+            .contains(&head.taxels())
+            .then_some(head)
     }
 
     /// Frame `index` of a message with these counts, two bytes each: id 0 is the head, id `n` carries the taxels from

@@ -190,3 +190,16 @@ fn what_is_sent_frame_by_frame_arrives_as_it_was_and_nobody_there_is_an_error() 
         .find(Result::is_err);
     assert!(ended.unwrap().unwrap_err().to_string().contains("absent"));
 }
+
+#[test]
+fn a_frame_that_promises_more_taxels_than_an_array_has_is_no_head() {
+    for [rows, columns] in [[u16::MAX, u16::MAX], [0, 5], [1, MAX_ARRAY_TAXELS + 1]] {
+        let ([a, b], [c, d]) = (rows.to_le_bytes(), columns.to_le_bytes());
+        assert_eq!(
+            ArrayHead::of_frame(&[a, b, c, d, 0, 0, 0, 0]),
+            None,
+            "{rows} x {columns}"
+        );
+    }
+    assert!(ArrayHead::of_frame(pressure_frames([1, MAX_ARRAY_TAXELS], 0, &[0; 8188])[0].data()).is_some());
+}
