@@ -10,6 +10,9 @@ use taxel_can::{LogClock, Received};
 const DISORDER_NS: u64 = 1_000_000_000;
 /// Times of a file that are put in order at once, nanoseconds.
 const STRETCH_NS: u64 = DISORDER_NS;
+/// Frames that wait to be put in order at most, so that a file whose times stand still is not held whole. Sixteen full
+/// buses bring less than a third of it in the time that is waited for.
+const MOST_WAITING: usize = 1 << 20;
 /// Stretches that are read ahead.
 const AHEAD: usize = 2;
 
@@ -76,7 +79,7 @@ impl<'a> Buses<'a> {
         while !ended {
             let mut newest_ns = waiting.last().map_or(0, |(_, received)| received.t_ns);
             let enough_ns = newest_ns.saturating_add(DISORDER_NS + STRETCH_NS);
-            while newest_ns < enough_ns && !ended {
+            while newest_ns < enough_ns && waiting.len() < MOST_WAITING && !ended {
                 match self.next()? {
                     Some((interface, received)) => {
                         newest_ns = newest_ns.max(received.t_ns);
@@ -92,12 +95,11 @@ impl<'a> Buses<'a> {
             // Of equal ones the first stays the first.
             waiting.sort_by_key(|(bus, received)| (received.t_ns, *bus));
             // Nothing can come before these any more.
-            let safe_ns = if ended {
-                u64::MAX
-            } else {
-                newest_ns.saturating_sub(DISORDER_NS)
+            let safe_ns = newest_ns.saturating_sub(DISORDER_NS);
+            let ready = match ended || waiting.len() >= MOST_WAITING {
+                true => waiting.len(),
+                false => waiting.partition_point(|(_, received)| received.t_ns < safe_ns),
             };
-            let ready = waiting.partition_point(|(_, received)| received.t_ns < safe_ns);
             let later = waiting.split_off(ready);
             if to.send(std::mem::replace(&mut waiting, later)).is_err() {
                 return Ok(());
@@ -158,6 +160,20 @@ mod tests {
                 return frames;
             }
         }
+    }
+
+    #[test]
+    fn a_file_whose_times_stand_still_is_not_held_whole() {
+        let dir = tempfile::TempDir::new().unwrap();
+        let path = dir.path().join("still.log");
+        let lines = MOST_WAITING + 1000;
+        std::fs::write(&path, "(1.000000) can0 001#\n".repeat(lines)).unwrap();
+        let (sender, stretches) = sync_channel(AHEAD);
+        let (traffic, names) = (Traffic::candump(&path), ["can0".to_owned()]);
+        Buses::open(&traffic, &names).unwrap().read(&sender).unwrap();
+        drop(sender);
+        let lengths: Vec<usize> = stretches.iter().map(|stretch| stretch.len()).collect();
+        assert_eq!(lengths, [MOST_WAITING, 1000]);
     }
 
     #[test]
