@@ -1,8 +1,8 @@
 //! Recordings as the frames that the daemon would have made of them.
 
 use crate::input::{DEFAULT_LAYOUT, Input, InputArgs, pair};
-use crate::joint_angles::emit_with;
 use crate::log_interfaces::interfaces_of_buses;
+use crate::pipeline::{Emit, emit_with, pipeline};
 use crate::progress::Progress;
 use crate::recorded::Head;
 use crate::recorded_buses::read_ahead;
@@ -10,12 +10,11 @@ use crate::scene_input;
 use crate::sweep::Sweeps;
 use crate::traffic::Traffic;
 use anyhow::{Context, bail};
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use taxel_can::{Received, SourceAddress};
+use taxel_can::SourceAddress;
 use taxel_compress::Compressor;
-use taxel_engine::{Display, Frames, TickMode, run_recorded};
-use taxel_hand::{Fault, Faults, ForceFrame, TactileFrame, TactileImage};
+use taxel_engine::TickMode;
+use taxel_hand::{Fault, Faults, ForceFrame};
 use taxel_record::Recording;
 use taxel_skin::{Layout, Preset};
 use taxeld::Config;
@@ -55,27 +54,6 @@ pub(crate) struct OfflineArgs {
 pub(crate) fn preset(name: &str) -> Result<Preset, String> {
     serde_json::from_value(name.into())
         .map_err(|_| format!("there is no conditioning {name:?}; there is robust or paper"))
-}
-
-/// What is made of each instant of a recording: counts, where it holds counts; what the skin feels;
-/// the image.
-pub(crate) type Emit<'a> =
-    dyn FnMut(Option<Measured<'_>>, &ForceFrame, &TactileImage) -> anyhow::Result<()> + 'a;
-
-/// The counts of an instant, and of what they are above.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Measured<'a> {
-    pub(crate) tactile: &'a TactileFrame,
-    /// Baseline of each taxel, counts x, y, z; not a number where it has none.
-    pub(crate) baseline: &'a [[f32; 3]],
-}
-
-impl std::ops::Deref for Measured<'_> {
-    type Target = TactileFrame;
-
-    fn deref(&self) -> &TactileFrame {
-        self.tactile
-    }
 }
 
 impl OfflineArgs {
@@ -364,33 +342,4 @@ fn grid_of(recording: &Recording) -> anyhow::Result<Layout> {
     let height_px = u16::try_from(height).with_context(too_large)?;
     let is_taxel = |cell: usize| recording.cells().is_none_or(|cells| cells[cell]);
     Layout::grid_of_cells(width_px, height_px, is_taxel).with_context(too_large)
-}
-
-/// Takes CAN frames, in the order of their times, through the daemon's pipeline; stops at a failure
-/// to show what comes out.
-pub(crate) fn pipeline(
-    config: &Config,
-    frames: impl Iterator<Item = (u8, Received)>,
-    emit: &mut Emit<'_>,
-) -> anyhow::Result<()> {
-    let mut failure = None;
-    let display = Display::new(config.profile.clone(), None, &config.layout)?;
-    run_recorded(
-        &config.engine(false)?,
-        display,
-        frames,
-        None,
-        |frames: &Frames, image| {
-            let measured = Measured {
-                tactile: &frames.tactile,
-                baseline: &frames.baseline,
-            };
-            failure = emit(Some(measured), &frames.force, image).err();
-            match failure {
-                None => ControlFlow::Continue(()),
-                Some(_) => ControlFlow::Break(()),
-            }
-        },
-    )?;
-    failure.map_or(Ok(()), Err)
 }

@@ -1,7 +1,6 @@
 //! A scene as a recording: what a simulated hand goes through, once, with the angles of its joints.
 
-use crate::joint_angles::emit_with;
-use crate::offline::{Emit, pipeline};
+use crate::pipeline::{Emit, emit_with, pipeline};
 use std::f64::consts::TAU;
 use taxel_can::Received;
 use taxel_sim::servo::servos_of_scene;

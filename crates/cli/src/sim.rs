@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use taxel_can::Received;
-use taxel_sim::servo::{ServoBus, ServoPty, StableLink, servo_clock_ns, servos_of_scene};
+use taxel_sim::servo::{SERVO_BAUD, ServoBus, ServoPty, StableLink, servo_clock_ns, servos_of_scene};
 use taxel_sim::{Scene, Simulator, stand_in_layout_file, with_stand_in_boards};
 use taxel_skin::Layout;
 
@@ -17,8 +17,6 @@ use taxel_skin::Layout;
 const LISTEN: Duration = Duration::from_millis(1);
 /// Simulated at once when a scene is written to a log.
 const LOG_STEP_NS: u64 = 10_000_000;
-/// Bits per second of the simulated servos' wire.
-pub(crate) const SERVO_BAUD: u32 = 1_000_000;
 
 /// Put a simulated hand on a bus: its boards wait for start commands there, answer them, and feel
 /// what the scene says.

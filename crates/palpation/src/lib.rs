@@ -23,6 +23,7 @@
 mod agreement;
 mod categories;
 mod classifier;
+mod decomposition;
 mod error;
 mod householder;
 mod jacobi;

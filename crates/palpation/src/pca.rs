@@ -1,8 +1,7 @@
 //! The cognitive map: principal components of touches.
 
+use crate::decomposition::exact;
 use crate::error::PalpationError;
-use crate::householder::Qr;
-use crate::jacobi::singular;
 use crate::matrix::{Matrix, dots};
 use crate::truncated::truncated;
 
@@ -202,13 +201,6 @@ impl Pca {
     }
 }
 
-/// Singular values, descending, with the vectors on the side of the features as columns, and the residual of each.
-pub(crate) struct Decomposition {
-    pub(crate) values: Vec<f64>,
-    pub(crate) vectors: Matrix,
-    pub(crate) residuals: Vec<f64>,
-}
-
 /// The mean column and what the columns differ from it. The mean is corrected by the mean of the differences, so that
 /// an offset of a million costs no digit of the signal.
 fn centre(touches: &Matrix) -> (Vec<f64>, Matrix) {
@@ -240,23 +232,4 @@ fn finite(touches: &Matrix) -> Result<(), PalpationError> {
         }),
         None => Ok(()),
     }
-}
-
-/// All values and the first vectors: QR of the longer side, then SVD of the triangle.
-fn exact(centred: Matrix, wanted: usize) -> Option<Decomposition> {
-    let wide = centred.ncols() > centred.nrows();
-    let wanted = wanted.min(centred.ncols()).min(centred.nrows());
-    let (values, vectors) = if wide {
-        singular(Qr::new(centred.transpose()).r().transpose())?
-    } else {
-        let qr = Qr::new(centred);
-        // The other triangle of this one has the same vectors on this side, and columns that hardly need turning.
-        let (values, vectors) = singular(Qr::new(qr.r().transpose()).r().transpose())?;
-        (values, qr.q_times(&vectors, wanted))
-    };
-    Some(Decomposition {
-        residuals: vec![0.0; values.len()],
-        values,
-        vectors,
-    })
 }

@@ -1,9 +1,9 @@
 //! The first components of a large matrix.
 
+use crate::decomposition::Decomposition;
 use crate::householder::Qr;
 use crate::jacobi::singular;
 use crate::matrix::{Matrix, add_scaled, dots, norm};
-use crate::pca::Decomposition;
 use std::ops::Range;
 use std::thread;
 use taxel_cluster::Random;

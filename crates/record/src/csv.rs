@@ -1,6 +1,6 @@
 //! Tables of numbers as `.csv`.
 
-use crate::csv_columns::LineColumns;
+use crate::csv_columns::{LineColumns, cell};
 use crate::error::RecordError;
 use crate::npy::MAX_NUMBERS;
 use crate::table::{Columns, ReadOptions, Table};
@@ -157,11 +157,6 @@ fn is_blank(record: &ByteRecord) -> bool {
         return true;
     };
     (record.len() == 1 && first.trim_ascii().is_empty()) || first.trim_ascii().starts_with(b"#")
-}
-
-pub(crate) fn cell(bytes: &[u8]) -> Result<&str, String> {
-    let text = std::str::from_utf8(bytes).map_err(|_| "not UTF-8 text")?;
-    Ok(text.trim().trim_matches('"'))
 }
 
 fn number(column: usize, bytes: &[u8]) -> Result<f64, String> {

@@ -1,6 +1,5 @@
 //! What the columns of a csv file are.
 
-use crate::csv::cell;
 use crate::table::{ReadOptions, TimeUnit};
 use csv::ByteRecord;
 use std::collections::BTreeMap;
@@ -200,4 +199,10 @@ impl Axis {
             axis,
         })
     }
+}
+
+/// A cell without its quotes and the blanks around it.
+pub(crate) fn cell(bytes: &[u8]) -> Result<&str, String> {
+    let text = std::str::from_utf8(bytes).map_err(|_| "not UTF-8 text")?;
+    Ok(text.trim().trim_matches('"'))
 }

@@ -24,4 +24,4 @@ pub use link::StableLink;
 pub use load::{ForearmFinger, Load, SpringWall};
 pub use motion::{Motion, Track};
 pub use pty::{ServoPty, servo_clock_ns};
-pub use scene_servos::{NamedServo, servos_of_scene};
+pub use scene_servos::{NamedServo, SERVO_BAUD, servos_of_scene};

@@ -11,6 +11,8 @@ use std::f64::consts::TAU;
 use std::sync::Arc;
 use taxel_skin::Layout;
 
+/// Bits per second of the wire of simulated servos.
+pub const SERVO_BAUD: u32 = 1_000_000;
 /// Servos of one finger.
 const PER_FINGER: usize = 4;
 /// Most fingers: one bus carries 64 joints.

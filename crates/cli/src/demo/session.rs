@@ -2,7 +2,6 @@
 
 use super::Args;
 use crate::control;
-use crate::sim::SERVO_BAUD;
 use anyhow::Context;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -11,7 +10,7 @@ use taxel_engine::TickMode;
 use taxel_hand::Profile;
 use taxel_joints::{DynamixelConfig, JointSource, JointsConfig};
 use taxel_sim::Scene;
-use taxel_sim::servo::{ServoBus, ServoPty, servos_of_scene};
+use taxel_sim::servo::{SERVO_BAUD, ServoBus, ServoPty, servos_of_scene};
 use taxel_skin::Layout;
 use taxel_wire::{Subscribe, Subscriber};
 use taxeld::{Config, Daemon};

@@ -5,6 +5,7 @@ mod eval;
 mod figures;
 mod judge;
 mod live;
+mod network_args;
 #[cfg(feature = "networks")]
 mod networks;
 pub(crate) mod play;

@@ -1,7 +1,7 @@
 //! `taxel forearm eval --method paper`: the publication's networks, trained as it says.
 
-use super::eval::{self, NetworkArgs};
 use super::judge::Outcome;
+use super::network_args::{self, NetworkArgs};
 use super::report::{beside, column};
 use crate::interrupt::Interrupt;
 use anyhow::Context;
@@ -37,8 +37,8 @@ pub(super) fn judge(
         std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     }
     let reading = match asked.reading {
-        eval::Reading::Time => Reading::Time,
-        eval::Reading::Transposed => Reading::Transposed,
+        network_args::Reading::Time => Reading::Time,
+        network_args::Reading::Transposed => Reading::Transposed,
     };
     let plan = Plan {
         reading,
@@ -138,12 +138,12 @@ fn sum_up(source: &'static str, kind: Kind, trained: &[Trained]) -> Option<Judge
 pub(super) fn report(
     session: &Session,
     planned: usize,
-    reading: eval::Reading,
+    reading: network_args::Reading,
     judgements: &[Judgement],
 ) -> String {
     let reading = match reading {
-        eval::Reading::Time => "samples",
-        eval::Reading::Transposed => "angles",
+        network_args::Reading::Time => "samples",
+        network_args::Reading::Transposed => "angles",
     };
     let mut text = format!(
         "{}: the publication's networks, as printed; {reading} are their time\n",

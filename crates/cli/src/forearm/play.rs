@@ -1,7 +1,6 @@
 //! `taxel sim forearm`: a simulated forearm's touch on the socket of a pressure array, and servos that squeeze it.
 
 use crate::interrupt::Interrupt;
-use crate::sim::SERVO_BAUD;
 use crate::target::{TargetAddress, Targets, of_buses};
 use anyhow::{Context, bail};
 use std::io::Write;
@@ -11,7 +10,9 @@ use std::time::{Duration, Instant};
 use taxel_can::pressure_frames;
 use taxel_forearm::{FINGERS, TACTELS, TACTILE_COLUMNS, TACTILE_ROWS};
 use taxel_sim::forearm::{ForearmTouch, PwmProfile, SimulatedForearm};
-use taxel_sim::servo::{ForearmFinger, Motion, ServoBuild, ServoBus, ServoPty, StableLink, servo_clock_ns};
+use taxel_sim::servo::{
+    ForearmFinger, Motion, SERVO_BAUD, ServoBuild, ServoBus, ServoPty, StableLink, servo_clock_ns,
+};
 use taxel_skin::Layout;
 
 /// What `taxel sim` calls it.

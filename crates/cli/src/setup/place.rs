@@ -186,15 +186,9 @@ impl<'a> Pressing<'a> {
                         continue;
                     }
                     "q" | "quit" => break,
-                    _ => match self.heard.named(&text) {
+                    _ => match self.typed(&text)? {
                         Some(board) => (board, String::new()),
-                        None => {
-                            self.answers.refuse(&format!(
-                                "`{text}` is no board that was heard; they are {}",
-                                self.boards()
-                            ))?;
-                            continue;
-                        }
+                        None => continue,
                     },
                 },
             };
@@ -218,6 +212,18 @@ impl<'a> Pressing<'a> {
             }
         }
         Ok(places)
+    }
+
+    /// The board that was typed; `None`, and said, where none of that name was heard.
+    fn typed(&self, text: &str) -> anyhow::Result<Option<usize>> {
+        let board = self.heard.named(text);
+        if board.is_none() {
+            self.answers.refuse(&format!(
+                "`{text}` is no board that was heard; they are {}",
+                self.boards()
+            ))?;
+        }
+        Ok(board)
     }
 
     /// Has modules named and pressed until no more are named; boards and names in that order.
@@ -245,15 +251,9 @@ impl<'a> Pressing<'a> {
             prompt(&format!("Press the {name}: "));
             let board = match self.press()? {
                 Reply::Pressed { module, .. } => module,
-                Reply::Line(text) => match self.heard.named(&text) {
+                Reply::Line(text) => match self.typed(&text)? {
                     Some(board) => board,
-                    None => {
-                        self.answers.refuse(&format!(
-                            "`{text}` is no board that was heard; they are {}",
-                            self.boards()
-                        ))?;
-                        continue;
-                    }
+                    None => continue,
                 },
             };
             let called = self.heard.board(board);

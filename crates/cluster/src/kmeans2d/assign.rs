@@ -1,17 +1,9 @@
 //! Points, their nearest centroid and the distances to the two nearest.
 
 use super::least::least_cost;
+use super::steps::{LANES, fill_steps, lesser};
 use super::{FAR, NONE, Sums};
 use crate::Plane;
-
-/// Points, or clusters, side by side in one step.
-pub(super) const LANES: usize = 8;
-
-/// The lesser of two numbers, as a vector unit has it in one instruction.
-#[inline(always)]
-pub(super) fn lesser(a: f32, b: f32) -> f32 {
-    if a < b { a } else { b }
-}
 
 /// The greater of two numbers.
 #[inline(always)]
@@ -38,18 +30,6 @@ pub(super) struct Assignment {
     next: Vec<[f32; LANES]>,
     label: Vec<u16>,
     saved: Saved,
-}
-
-/// Fills steps with values, the last one up with copies of the last value.
-fn fill_steps(steps: &mut Vec<[f32; LANES]>, values: &[f64]) {
-    steps.clear();
-    steps.extend(values.chunks(LANES).map(|chunk| {
-        let mut step = [chunk[chunk.len() - 1] as f32; LANES];
-        for (to, from) in step.iter_mut().zip(chunk) {
-            *to = *from as f32;
-        }
-        step
-    }));
 }
 
 /// Labels and distances to go back to.

@@ -1,6 +1,6 @@
 //! The least that any clusters of some points can cost.
 
-use super::assign::{LANES, lesser};
+use super::steps::{LANES, lesser};
 
 /// Steps of points whose least cost is looked for: with more it takes longer than it saves.
 const MOST_STEPS: usize = 8;

@@ -28,6 +28,7 @@ mod improve;
 mod least;
 mod settle;
 mod stand;
+mod steps;
 mod swap;
 
 use assign::Assignment;

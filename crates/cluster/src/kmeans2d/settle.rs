@@ -1,6 +1,6 @@
 //! Lloyd's iterations and Hartigan's moves.
 
-use super::assign::{LANES, lesser};
+use super::steps::{LANES, lesser};
 use super::{FAR, Kmeans2d};
 
 /// Clusters as single points that may join them see them, side by side.
