@@ -14,6 +14,7 @@ mod dynamixel;
 mod error;
 mod feed;
 mod reader;
+mod shown;
 mod source;
 mod synchrony;
 

@@ -2,11 +2,12 @@
 
 use super::config::{AnalogueConfig, READINGS_KEPT};
 use super::lines::{AnalogueCounters, AnalogueLines, NoAngle};
-use crate::dynamixel::{Port, PortError, PortState, PortStatus, StartError};
+use crate::dynamixel::{Port, PortError, PortStatus, StartError};
+use crate::shown::{history_since, lock};
 use crate::synchrony::JointHistory;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
+use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::Duration;
 use taxel_can::monotonic_ns;
@@ -55,13 +56,7 @@ impl AnalogueReader {
             snapshot: AnalogueSnapshot {
                 angles: lines.angles().to_vec(),
                 counters: lines.counters(),
-                port: PortStatus {
-                    path: config.device.clone(),
-                    device: None,
-                    state: PortState::Starting,
-                    latency: None,
-                    opened: 0,
-                },
+                port: PortStatus::starting(config.device.clone()),
                 open_ns: 0,
             },
             history: JointHistory::new(config.joint.len(), READINGS_KEPT),
@@ -97,16 +92,13 @@ impl AnalogueReader {
 
     /// Copies the readings that are kept, as [`crate::ServoReader::try_history_since`] does.
     pub fn try_history_since(&self, seen: u64, into: &mut JointHistory) -> u64 {
-        if self.published.load(Ordering::Acquire) == seen {
-            return seen;
-        }
-        let shared = match self.shared.try_lock() {
-            Ok(shared) => shared,
-            Err(TryLockError::Poisoned(poisoned)) => poisoned.into_inner(),
-            Err(TryLockError::WouldBlock) => return seen,
-        };
-        into.copy_from(&shared.history);
-        self.published.load(Ordering::Acquire)
+        history_since(
+            &self.shared,
+            &self.published,
+            |shared| &shared.history,
+            seen,
+            into,
+        )
     }
 }
 
@@ -117,10 +109,6 @@ impl Drop for AnalogueReader {
             let _ = thread.join();
         }
     }
-}
-
-fn lock(shared: &Mutex<Shared>) -> MutexGuard<'_, Shared> {
-    shared.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 struct Thread {
@@ -140,10 +128,7 @@ impl Thread {
                     self.lines.port_opened();
                     {
                         let mut shared = lock(&self.shared);
-                        shared.snapshot.port.state = PortState::Open;
-                        shared.snapshot.port.device = Some(port.device().to_path_buf());
-                        shared.snapshot.port.latency = Some(port.latency());
-                        shared.snapshot.port.opened += 1;
+                        shared.snapshot.port.opened(port.device(), port.latency());
                         shared.snapshot.open_ns = monotonic_ns();
                     }
                     self.read(&mut port)
@@ -185,16 +170,7 @@ impl Thread {
     }
 
     fn away(&mut self, error: &PortError) {
-        let mut shared = lock(&self.shared);
-        let port = &mut shared.snapshot.port;
-        let since_ns = match port.state {
-            PortState::Away { since_ns, .. } => since_ns,
-            _ => monotonic_ns(),
-        };
-        port.state = PortState::Away {
-            reason: error.to_string(),
-            since_ns,
-        };
+        lock(&self.shared).snapshot.port.lost(error);
     }
 
     fn stopped(&self) -> bool {

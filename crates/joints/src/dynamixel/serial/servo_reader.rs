@@ -1,6 +1,7 @@
 //! The thread that reads servos, and what it shows.
 
-use super::port::{PortError, PortLatency};
+use super::port::PortError;
+use super::port_status::{PortState, PortStatus};
 use super::serial_bus::SerialBus;
 use crate::dynamixel::bus::{
     Bus, BusCounters, FastState, JointReading, MotorOff, NoReading, ServoState, WriteCommand, WriteError,
@@ -8,6 +9,7 @@ use crate::dynamixel::bus::{
 };
 use crate::dynamixel::config::{DynamixelConfig, READINGS_KEPT};
 use crate::error::JointsConfigError;
+use crate::shown::{history_since, lock};
 use crate::synchrony::{AngleAt, JointHistory, JointMotion};
 use nix::errno::Errno;
 use nix::sys::prctl;
@@ -16,7 +18,7 @@ use nix::time::{ClockId, ClockNanosleepFlags, clock_nanosleep};
 use std::io;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
+use std::sync::{Arc, Mutex, MutexGuard};
 use std::thread::JoinHandle;
 use std::time::Duration;
 use taxel_can::monotonic_ns;
@@ -30,37 +32,6 @@ const LOOK_NS: u64 = 20_000_000;
 const LATENCY_NS: u64 = 1_000_000_000;
 /// Most time that switching the motors off may take at the end; after it their watchdogs do.
 const RELEASE_NS: u64 = 500_000_000;
-
-/// Whether the serial port is there.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum PortState {
-    /// Not opened yet.
-    Starting,
-    /// Open.
-    Open,
-    /// Not there; it is tried again and again, at most half a second apart.
-    Away {
-        /// Why, in words for the user.
-        reason: String,
-        /// Since when, nanoseconds.
-        since_ns: u64,
-    },
-}
-
-/// What is known of the serial port.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct PortStatus {
-    /// The device as the configuration names it.
-    pub path: PathBuf,
-    /// What that name led to when it was opened last, such as `/dev/ttyUSB1` for a link; `None` before.
-    pub device: Option<PathBuf>,
-    /// Whether it is there.
-    pub state: PortState,
-    /// How fast it hands over what it receives; `None` before it was open.
-    pub latency: Option<PortLatency>,
-    /// How often it was opened; more than once means that it went away and came back.
-    pub opened: u64,
-}
 
 /// The newest cycle and what is known of the servos, one entry per joint in the order of the configuration.
 #[derive(Debug, Clone, PartialEq)]
@@ -139,13 +110,7 @@ impl ServoReader {
                 fast: bus.fast_state(),
             },
             history: JointHistory::new(n, READINGS_KEPT),
-            port: PortStatus {
-                path: config.path.clone(),
-                device: None,
-                state: PortState::Starting,
-                latency: None,
-                opened: 0,
-            },
+            port: PortStatus::starting(config.path.clone()),
             commands: Vec::with_capacity(COMMANDS + 2 * n),
             numbers: 0,
         }));
@@ -213,16 +178,13 @@ impl ServoReader {
     /// while the thread is at its readings nothing is copied. Allocates nothing where `into` has
     /// the memory for them ([`crate::SourceConfig::readings_kept`]).
     pub fn try_history_since(&self, seen: u64, into: &mut JointHistory) -> u64 {
-        if self.published.load(Ordering::Acquire) == seen {
-            return seen;
-        }
-        let shared = match self.shared.try_lock() {
-            Ok(shared) => shared,
-            Err(TryLockError::Poisoned(poisoned)) => poisoned.into_inner(),
-            Err(TryLockError::WouldBlock) => return seen,
-        };
-        into.copy_from(&shared.history);
-        self.published.load(Ordering::Acquire)
+        history_since(
+            &self.shared,
+            &self.published,
+            |shared| &shared.history,
+            seen,
+            into,
+        )
     }
 
     /// What is known of the serial port.
@@ -320,10 +282,6 @@ impl ServoSnapshot {
     }
 }
 
-fn lock(shared: &Mutex<Shared>) -> MutexGuard<'_, Shared> {
-    shared.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 struct Thread {
     bus: Bus,
     path: PathBuf,
@@ -346,13 +304,7 @@ impl Thread {
             match SerialBus::open(&self.path, self.baud, self.margin_ns, &mut self.bus) {
                 Ok(mut port) => {
                     pause = FIRST_PAUSE;
-                    {
-                        let mut shared = lock(&self.shared);
-                        shared.port.state = PortState::Open;
-                        shared.port.device = Some(port.device().to_path_buf());
-                        shared.port.latency = Some(port.latency());
-                        shared.port.opened += 1;
-                    }
+                    lock(&self.shared).port.opened(port.device(), port.latency());
                     if let Err(error) = self.cycles(&mut port) {
                         self.away(&error);
                     }
@@ -440,14 +392,7 @@ impl Thread {
     fn away(&mut self, error: &PortError) {
         {
             let mut shared = lock(&self.shared);
-            let since_ns = match shared.port.state {
-                PortState::Away { since_ns, .. } => since_ns,
-                _ => monotonic_ns(),
-            };
-            shared.port.state = PortState::Away {
-                reason: error.to_string(),
-                since_ns,
-            };
+            shared.port.lost(error);
             std::mem::swap(&mut shared.commands, &mut self.commands);
         }
         hand_over(&mut self.bus, &mut self.commands);
