@@ -9,8 +9,8 @@ from contextlib import ExitStack
 
 import pytest
 from harness.daemon import Daemon, ask, eventually, read_reply
+from harness.joints import SCENE, TICK, TORQUE, dynamixel, servo
 from harness.servos import Servos
-from test_joints import SCENE, TICK, TORQUE, dynamixel, servo
 
 PLACES = 128
 

@@ -1,101 +1,35 @@
-"""Joint angles: simulated servos on a pseudo terminal and Allegro hands, through the real taxeld, to `taxel watch`."""
+"""Joint angles: simulated servos on a pseudo terminal, through the real taxeld, to `taxel watch`."""
 
 import json
 import math
 import re
 import subprocess
-import threading
 import time
-from contextlib import ExitStack
 from statistics import median
 
-import can
 import pytest
-from harness.bus import GROUP, free_udp_port
-from harness.daemon import Daemon, binary, die_with_parent, eventually
+from harness.daemon import Daemon, binary, eventually
+from harness.joints import (
+    GOAL_PWM,
+    IDS,
+    PRESENT_PWM,
+    PWM_MODE,
+    SCENE,
+    TICK,
+    TORQUE,
+    WATCHDOG,
+    Watch,
+    all_known,
+    comes,
+    dynamixel,
+    joint_of,
+    refused,
+    servo,
+)
 from harness.servos import Servos
 
-IDS = range(1, 17)
 PULSE_RAD = math.tau / 4096
-COUNT_RAD = math.radians(333.3 / 65536)
-SCENE = ["sim:idle", "sim:idle"]
-TICK = {"rate_hz": 50.0}
-FINGERS = ("index", "middle", "ring", "thumb")
-
-
-# The servos are a process, which a busy machine can hold up: none is late for that, and no angle becomes unknown.
-PATIENT = {"answer_margin_ms": 100.0, "hold_ms": 2000.0}
-LATE = "late:145"  # beyond that margin
-
-
-def dynamixel(path, **more):
-    servos = [{"id": id, "name": f"joint {id}"} for id in IDS]
-    return {"source": f"dynamixel:{path}", **PATIENT, **more, "servo": servos}
-
-
-class Watch:
-    """`taxel watch --json`, whose lines are collected from now on."""
-
-    def __init__(self, daemon):
-        self.lines = []
-        self.folder = daemon.folder
-        self.told = (self.folder / "watch.log").open("wb")
-        self.process = subprocess.Popen(
-            [binary("taxel"), "watch", "--json", "--socket", daemon.images],
-            stdout=subprocess.PIPE,
-            stderr=self.told,
-            text=True,
-            preexec_fn=die_with_parent,
-        )
-        self.thread = threading.Thread(target=self._read, daemon=True)
-        self.thread.start()
-
-    def _read(self):
-        for line in self.process.stdout:
-            self.lines.append(json.loads(line))
-
-    @property
-    def notices(self):
-        """What taxeld told beside images."""
-        return (self.folder / "watch.log").read_text()
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self.process.kill()
-        self.process.wait()
-        self.thread.join()
-        self.process.stdout.close()
-        self.told.close()
-
-    def more(self, count):
-        """The next `count` images."""
-        begin = len(self.lines)
-        eventually(lambda: len(self.lines) >= begin + count, f"{count} more images did not come")
-        return self.lines[begin : begin + count]
-
-    def until(self, condition, what, seconds=10.0):
-        """The first image from now on that meets the condition."""
-        at = len(self.lines)
-
-        def met():
-            nonlocal at
-            while at < len(self.lines):
-                at += 1
-                if condition(self.lines[at - 1]):
-                    return self.lines[at - 1]
-            return None
-
-        return eventually(met, lambda: f"{what}; last image: {json.dumps(self.lines[-1:])[:3000]}", seconds)
-
-
-def all_known(image):
-    return len(image["joints"]) == len(IDS) and None not in image["joints"]
-
-
-def joint_of(daemon, id):
-    return daemon.status()["joints"]["joints"][id - 1]
+LATE = "late:145"  # beyond the margin of answers
 
 
 def others_go_on(daemon, watch, but, unknown):
@@ -214,16 +148,6 @@ def test_damaged_and_late_answers_are_counted_and_never_become_wrong_angles(fold
     servos.close()
 
 
-def comes(daemon, kind, joint, *words):
-    """Waits for a problem, and gives it back."""
-    found = lambda s: [p for p in s["problems"] if (p["kind"], p["joint"]) == (kind, joint)]
-    status = daemon.wait_status(found, f"no problem {kind} of {joint}")
-    (problem,) = found(status)
-    for word in words:
-        assert word in problem["sentence"], problem
-    return problem
-
-
 @pytest.mark.parametrize(
     ("kind", "severe", "fault", "mend", "words", "over"),
     [
@@ -283,18 +207,6 @@ def test_a_supply_that_is_off_is_one_problem_and_not_sixteen(folder):
         daemon.wait_status(lambda s: s["problems"] == [], "it is never over")
         watch.until(all_known, "not every angle is known again")
     servos.close()
-
-
-def servo(daemon, *arguments):
-    """`taxel servo`: its exit status and what it says."""
-    done = subprocess.run(
-        [binary("taxel"), "servo", *arguments, "--socket", daemon.control_path], capture_output=True, text=True, timeout=30
-    )
-    return done.returncode, done.stderr
-
-
-WATCHDOG, TORQUE, GOAL_PWM, PRESENT_PWM = (98, 1), (64, 1), (100, 2), (124, 2)
-PWM_MODE = 16
 
 
 def test_nothing_is_written_unless_the_configuration_says_so(folder):
@@ -427,197 +339,6 @@ def test_a_port_that_is_not_there_is_waited_for_and_told_what_to_do(folder):
         servos = Servos("--ids", "1-16", "--link", link)
         watch.until(all_known, "it is not found")
         servos.close()
-
-
-def allegro_frame(version, finger, counts):
-    """The position frame of a finger, at rest at these counts from the centre."""
-    if version >= 4:
-        data = b"".join(c.to_bytes(2, "little", signed=True) for c in counts)
-        return 0x080 + 4 * finger, data
-    data = b"".join((c + 32768).to_bytes(2, "little") for c in counts)
-    return 0x3C0 | 2 << 3 | 3 + finger, data
-
-
-@pytest.mark.parametrize("version", [1, 2, 3, 4, 5])
-def test_an_allegro_hand_is_listened_to_and_never_spoken_to(folder, version):
-    port = free_udp_port()
-    address = f"allegro:udp:{GROUP}:{port}?hops=0"
-    counts = [[1000 * finger + 100 * j - 2000 for j in range(4)] for finger in range(4)]
-    count_rad = COUNT_RAD if version < 5 else math.radians(0.088)
-    angles = [c * count_rad for finger in counts for c in finger]
-    stop = threading.Event()
-
-    def send(bus):
-        while not stop.wait(0.003):
-            for finger in range(4):
-                id, data = allegro_frame(version, finger, counts[finger])
-                bus.send(can.Message(arbitration_id=id, is_extended_id=False, data=data))
-
-    joints = {"source": address, "allegro": {"version": version}}
-    with (
-        can.Bus(GROUP, interface="udp_multicast", port=port, hop_limit=0) as bus,
-        can.Bus(GROUP, interface="udp_multicast", port=port, hop_limit=0) as ear,
-        Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon,
-        Watch(daemon) as watch,
-        ExitStack() as ends,
-    ):
-        # The first report may come before the tick thread has told whether the bus is there.
-        daemon.wait_status(lambda s: s["joints"]["state"] == "waiting", "the hand's bus is not there")
-        assert set(watch.more(5)[-1]["joints"]) == {None}
-        hand = threading.Thread(target=send, args=(bus,))
-        hand.start()
-        ends.callback(hand.join)
-        ends.callback(stop.set)
-        image = watch.until(all_known, "the hand's angles stay unknown")
-        assert image["joints"] == pytest.approx(angles, abs=1e-6)
-        joints = daemon.wait_status(lambda s: s["joints"]["state"] == "connected", "not said to be connected")["joints"]
-        assert joints["writes"] == "never" and joints["sent"] == 0
-        assert [j["name"] for j in joints["joints"][::4]] == [f"{finger} 0" for finger in FINGERS]
-        stop.set()
-        hand.join()
-        watch.until(lambda image: set(image["joints"]) == {None}, "angles of a silent hand stay known")
-        daemon.wait_status(lambda s: s["joints"]["state"] == "gone", "the status does not say that it is silent")
-        comes(daemon, "hand-silent", None, "sends no angles", "taxeld only listens")
-        daemon.stop()
-        heard = set()
-        while message := ear.recv(0.2):
-            heard.add(message.arbitration_id)
-        assert heard == {allegro_frame(version, finger, counts[finger])[0] for finger in range(4)}, "it sent something"
-
-
-@pytest.mark.parametrize(
-    ("version", "start", "end"),
-    [(3, [0x08A, 0x0CA, 0x14A, 0x04A, 0x38A], [0x08A]), (4, [0x204, 0x100], [0x104])],
-)
-def test_a_hand_of_its_own_bus_is_started_and_stopped(folder, version, start, end):
-    port = free_udp_port()
-    joints = {"source": f"allegro:udp:{GROUP}:{port}?hops=0", "allegro": {"version": version, "own_bus": True}}
-    with can.Bus(GROUP, interface="udp_multicast", port=port, hop_limit=0) as ear:
-        with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon:
-            heard = [ear.recv(5).arbitration_id for _ in start]
-            assert heard == start
-            assert "start" in daemon.status()["joints"]["writes"]
-        last = None
-        while message := ear.recv(0.2):
-            last = message.arbitration_id
-        assert [last] == end
-
-
-@pytest.mark.parametrize("version", [3, 4])
-def test_a_recording_has_the_hands_angles_in_its_own_time_live_and_offline(folder, version):
-    skin, log = folder / "skin.log", folder / "both.log"
-    subprocess.run([binary("taxel"), "sim", "tap", "--to", f"log:{skin}"], check=True, capture_output=True)
-    lines = skin.read_text().splitlines()
-    stamp = lambda line: float(line[1 : line.index(")")])
-    start, end = stamp(lines[0]), min(stamp(lines[-1]), stamp(lines[0]) + 4.0)
-    lines = [line for line in lines if stamp(line) <= end]
-    # One count a millisecond; the fingers report one after another, every 3 ms.
-    truth = lambda t_s, joint: (t_s * 1000 - 100 * joint) * COUNT_RAD
-    t = 0.0
-    while start + t <= end:
-        for finger in range(4):
-            at = t + 0.0005 * finger
-            counts = [round(at * 1000) - 100 * (4 * finger + j) for j in range(4)]
-            id, data = allegro_frame(version, finger, counts)
-            lines.append(f"({start + at:.6f}) hand {id:03X}#{data.hex().upper()}")
-        t += 0.003
-    log.write_text("\n".join(sorted(lines, key=stamp)) + "\n")
-
-    joints = {"source": f"allegro:log:{log}?interface=hand", "allegro": {"version": version}}
-    sources = [f"log:{log}?interface=can0", f"log:{log}?interface=can1"]
-    config = Daemon(folder / "d", sources, tick=TICK, joints=joints).config
-    out = folder / "images.jsonl"
-    subprocess.run([binary("taxel"), "compress", log, "--config", config, "--out", out], check=True)
-    offline = {image["seq"]: image for image in map(json.loads, out.read_text().splitlines())}
-    assert len(offline) > 100
-    for image in list(offline.values())[5:]:
-        for joint, angle in enumerate(image["joints"]):
-            assert angle == pytest.approx(truth(image["t_ns"] * 1e-9, joint), abs=2 * COUNT_RAD), (image["seq"], joint)
-
-    daemon = Daemon(folder / "live", sources, tick=TICK, joints=joints)
-    try:
-        daemon.start()
-        with Watch(daemon) as watch:
-            live = watch.more(50)
-    finally:
-        daemon.kill()
-    assert [image["joints"] for image in live] == [offline[image["seq"]]["joints"] for image in live]
-
-
-def refused(folder, sources, joints, **more):
-    daemon = Daemon(folder / "d", sources, joints=joints, **more).spawn()
-    assert daemon.process.wait(10) != 0
-    return daemon.log
-
-
-@pytest.mark.parametrize(
-    ("version", "ids"),
-    # Positions of a finger against taxels of boards 4 and 5; commands to the hand against taxels of boards 1 and 2 and
-    # the start of board 4.
-    [(3, "403, 413, 423, 433, 503, 513, 523, 533"), (4, "100, 200, 204, 220")],
-)
-def test_a_hand_and_a_skin_with_the_same_ids_on_one_bus_are_refused_by_name(folder, version, ids):
-    log = refused(folder, ["can:can0", "can:can1"], {"source": "allegro:can1", "allegro": {"version": version}})
-    for part in ["taxeld.toml:", "can:can1 (bus can1)", f"the CAN ids {ids};", "a bus of its own"]:
-        assert part in log, f"{part}: {log}"
-
-
-@pytest.mark.parametrize("version", [3, 4])
-def test_a_hand_on_the_skins_bus_is_read_beside_it_and_either_goes_on_without_the_other(folder, version):
-    port = free_udp_port()
-    address = f"udp:{GROUP}:{port}?hops=0"
-    counts = [[900 * finger - 120 * j for j in range(4)] for finger in range(4)]
-    angles = [c * COUNT_RAD for finger in counts for c in finger]
-    hand_ids = {allegro_frame(version, finger, counts[finger])[0] for finger in range(4)}
-    stop = threading.Event()
-
-    def send(bus):
-        while not stop.wait(0.003):
-            for finger in range(4):
-                id, data = allegro_frame(version, finger, counts[finger])
-                bus.send(can.Message(arbitration_id=id, is_extended_id=False, data=data))
-
-    joints = {"source": f"allegro:{address}", "allegro": {"version": version}}
-    with (
-        can.Bus(GROUP, interface="udp_multicast", port=port, hop_limit=0) as bus,
-        can.Bus(GROUP, interface="udp_multicast", port=port, hop_limit=0) as ear,
-        Daemon(folder / "d", [address], layout="uskin-module", tick=TICK, joints=joints) as daemon,
-        Watch(daemon) as watch,
-        ExitStack() as ends,
-    ):
-        hand = threading.Thread(target=send, args=(bus,))
-        hand.start()
-        ends.callback(hand.join)
-        ends.callback(stop.set)
-        # The hand alone: its skin is missed, its joints are not.
-        watch.until(all_known, "the hand's angles stay unknown without the skin")
-        heard = {ear.recv(5).arbitration_id for _ in range(400)}
-        assert heard == hand_ids | {0x201}, "something else than the start of the skin's board was sent"
-
-        with (folder / "sim.log").open("wb") as log:
-            skin = subprocess.Popen(
-                [binary("taxel"), "sim", "roll", "--layout", "uskin-module", "--to", address],
-                stderr=log,
-                preexec_fn=die_with_parent,
-            )
-        ends.callback(skin.kill)
-        image = watch.until(lambda image: image["missing"] == 0 and image["contacts"] > 0, "no touch is seen")
-        assert image["joints"] == pytest.approx(angles, abs=1e-6)
-        status = daemon.wait_status(lambda s: s["problems"] == [], "there are problems")
-        (skin_bus,), (board,) = status["buses"], status["boards"]
-        assert board["state"] == "living" and status["joints"]["state"] == "connected"
-        assert skin_bus["joints"] > 400 and skin_bus["unknown"] == 0, skin_bus
-        accounted = [
-            "used", "unknown", "not_data", "commands", "malformed", "queue_overflows", "duplicate", "late", "settling", "joints"
-        ]  # fmt: skip
-        assert sum(skin_bus[kind] for kind in accounted) == skin_bus["received"]
-
-        skin.kill()
-        comes(daemon, "board-silent", None, "silent")
-        assert all_known(watch.more(20)[-1]), "a silent skin hides the hand"
-        stop.set()
-        hand.join()
-        comes(daemon, "hand-silent", None, "sends no angles")
 
 
 def test_servos_beside_a_recording_are_refused(folder):

@@ -5,8 +5,8 @@ import signal
 import pytest
 from harness.bus import MulticastBuses
 from harness.daemon import Daemon, eventually
+from harness.joints import SCENE, TICK, TORQUE, WATCHDOG, dynamixel, servo
 from harness.servos import Servos
-from test_joints import SCENE, TICK, TORQUE, WATCHDOG, dynamixel, servo
 
 ENDING = [
     signal.SIGTERM,

@@ -1,0 +1,201 @@
+"""Joint angles of Allegro hands, on a bus of their own or beside the skin, through the real taxeld, to `taxel watch`."""
+
+import json
+import math
+import subprocess
+import threading
+from contextlib import ExitStack
+
+import can
+import pytest
+from harness.bus import GROUP, free_udp_port
+from harness.daemon import Daemon, binary, die_with_parent
+from harness.joints import SCENE, TICK, Watch, all_known, comes, refused
+
+COUNT_RAD = math.radians(333.3 / 65536)
+FINGERS = ("index", "middle", "ring", "thumb")
+
+
+def allegro_frame(version, finger, counts):
+    """The position frame of a finger, at rest at these counts from the centre."""
+    if version >= 4:
+        data = b"".join(c.to_bytes(2, "little", signed=True) for c in counts)
+        return 0x080 + 4 * finger, data
+    data = b"".join((c + 32768).to_bytes(2, "little") for c in counts)
+    return 0x3C0 | 2 << 3 | 3 + finger, data
+
+
+@pytest.mark.parametrize("version", [1, 2, 3, 4, 5])
+def test_an_allegro_hand_is_listened_to_and_never_spoken_to(folder, version):
+    port = free_udp_port()
+    address = f"allegro:udp:{GROUP}:{port}?hops=0"
+    counts = [[1000 * finger + 100 * j - 2000 for j in range(4)] for finger in range(4)]
+    count_rad = COUNT_RAD if version < 5 else math.radians(0.088)
+    angles = [c * count_rad for finger in counts for c in finger]
+    stop = threading.Event()
+
+    def send(bus):
+        while not stop.wait(0.003):
+            for finger in range(4):
+                id, data = allegro_frame(version, finger, counts[finger])
+                bus.send(can.Message(arbitration_id=id, is_extended_id=False, data=data))
+
+    joints = {"source": address, "allegro": {"version": version}}
+    with (
+        can.Bus(GROUP, interface="udp_multicast", port=port, hop_limit=0) as bus,
+        can.Bus(GROUP, interface="udp_multicast", port=port, hop_limit=0) as ear,
+        Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon,
+        Watch(daemon) as watch,
+        ExitStack() as ends,
+    ):
+        # The first report may come before the tick thread has told whether the bus is there.
+        daemon.wait_status(lambda s: s["joints"]["state"] == "waiting", "the hand's bus is not there")
+        assert set(watch.more(5)[-1]["joints"]) == {None}
+        hand = threading.Thread(target=send, args=(bus,))
+        hand.start()
+        ends.callback(hand.join)
+        ends.callback(stop.set)
+        image = watch.until(all_known, "the hand's angles stay unknown")
+        assert image["joints"] == pytest.approx(angles, abs=1e-6)
+        joints = daemon.wait_status(lambda s: s["joints"]["state"] == "connected", "not said to be connected")["joints"]
+        assert joints["writes"] == "never" and joints["sent"] == 0
+        assert [j["name"] for j in joints["joints"][::4]] == [f"{finger} 0" for finger in FINGERS]
+        stop.set()
+        hand.join()
+        watch.until(lambda image: set(image["joints"]) == {None}, "angles of a silent hand stay known")
+        daemon.wait_status(lambda s: s["joints"]["state"] == "gone", "the status does not say that it is silent")
+        comes(daemon, "hand-silent", None, "sends no angles", "taxeld only listens")
+        daemon.stop()
+        heard = set()
+        while message := ear.recv(0.2):
+            heard.add(message.arbitration_id)
+        assert heard == {allegro_frame(version, finger, counts[finger])[0] for finger in range(4)}, "it sent something"
+
+
+@pytest.mark.parametrize(
+    ("version", "start", "end"),
+    [(3, [0x08A, 0x0CA, 0x14A, 0x04A, 0x38A], [0x08A]), (4, [0x204, 0x100], [0x104])],
+)
+def test_a_hand_of_its_own_bus_is_started_and_stopped(folder, version, start, end):
+    port = free_udp_port()
+    joints = {"source": f"allegro:udp:{GROUP}:{port}?hops=0", "allegro": {"version": version, "own_bus": True}}
+    with can.Bus(GROUP, interface="udp_multicast", port=port, hop_limit=0) as ear:
+        with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon:
+            heard = [ear.recv(5).arbitration_id for _ in start]
+            assert heard == start
+            assert "start" in daemon.status()["joints"]["writes"]
+        last = None
+        while message := ear.recv(0.2):
+            last = message.arbitration_id
+        assert [last] == end
+
+
+@pytest.mark.parametrize("version", [3, 4])
+def test_a_recording_has_the_hands_angles_in_its_own_time_live_and_offline(folder, version):
+    skin, log = folder / "skin.log", folder / "both.log"
+    subprocess.run([binary("taxel"), "sim", "tap", "--to", f"log:{skin}"], check=True, capture_output=True)
+    lines = skin.read_text().splitlines()
+    stamp = lambda line: float(line[1 : line.index(")")])
+    start, end = stamp(lines[0]), min(stamp(lines[-1]), stamp(lines[0]) + 4.0)
+    lines = [line for line in lines if stamp(line) <= end]
+    # One count a millisecond; the fingers report one after another, every 3 ms.
+    truth = lambda t_s, joint: (t_s * 1000 - 100 * joint) * COUNT_RAD
+    t = 0.0
+    while start + t <= end:
+        for finger in range(4):
+            at = t + 0.0005 * finger
+            counts = [round(at * 1000) - 100 * (4 * finger + j) for j in range(4)]
+            id, data = allegro_frame(version, finger, counts)
+            lines.append(f"({start + at:.6f}) hand {id:03X}#{data.hex().upper()}")
+        t += 0.003
+    log.write_text("\n".join(sorted(lines, key=stamp)) + "\n")
+
+    joints = {"source": f"allegro:log:{log}?interface=hand", "allegro": {"version": version}}
+    sources = [f"log:{log}?interface=can0", f"log:{log}?interface=can1"]
+    config = Daemon(folder / "d", sources, tick=TICK, joints=joints).config
+    out = folder / "images.jsonl"
+    subprocess.run([binary("taxel"), "compress", log, "--config", config, "--out", out], check=True)
+    offline = {image["seq"]: image for image in map(json.loads, out.read_text().splitlines())}
+    assert len(offline) > 100
+    for image in list(offline.values())[5:]:
+        for joint, angle in enumerate(image["joints"]):
+            assert angle == pytest.approx(truth(image["t_ns"] * 1e-9, joint), abs=2 * COUNT_RAD), (image["seq"], joint)
+
+    daemon = Daemon(folder / "live", sources, tick=TICK, joints=joints)
+    try:
+        daemon.start()
+        with Watch(daemon) as watch:
+            live = watch.more(50)
+    finally:
+        daemon.kill()
+    assert [image["joints"] for image in live] == [offline[image["seq"]]["joints"] for image in live]
+
+
+@pytest.mark.parametrize(
+    ("version", "ids"),
+    # Positions of a finger against taxels of boards 4 and 5; commands to the hand against taxels of boards 1 and 2 and
+    # the start of board 4.
+    [(3, "403, 413, 423, 433, 503, 513, 523, 533"), (4, "100, 200, 204, 220")],
+)
+def test_a_hand_and_a_skin_with_the_same_ids_on_one_bus_are_refused_by_name(folder, version, ids):
+    log = refused(folder, ["can:can0", "can:can1"], {"source": "allegro:can1", "allegro": {"version": version}})
+    for part in ["taxeld.toml:", "can:can1 (bus can1)", f"the CAN ids {ids};", "a bus of its own"]:
+        assert part in log, f"{part}: {log}"
+
+
+@pytest.mark.parametrize("version", [3, 4])
+def test_a_hand_on_the_skins_bus_is_read_beside_it_and_either_goes_on_without_the_other(folder, version):
+    port = free_udp_port()
+    address = f"udp:{GROUP}:{port}?hops=0"
+    counts = [[900 * finger - 120 * j for j in range(4)] for finger in range(4)]
+    angles = [c * COUNT_RAD for finger in counts for c in finger]
+    hand_ids = {allegro_frame(version, finger, counts[finger])[0] for finger in range(4)}
+    stop = threading.Event()
+
+    def send(bus):
+        while not stop.wait(0.003):
+            for finger in range(4):
+                id, data = allegro_frame(version, finger, counts[finger])
+                bus.send(can.Message(arbitration_id=id, is_extended_id=False, data=data))
+
+    joints = {"source": f"allegro:{address}", "allegro": {"version": version}}
+    with (
+        can.Bus(GROUP, interface="udp_multicast", port=port, hop_limit=0) as bus,
+        can.Bus(GROUP, interface="udp_multicast", port=port, hop_limit=0) as ear,
+        Daemon(folder / "d", [address], layout="uskin-module", tick=TICK, joints=joints) as daemon,
+        Watch(daemon) as watch,
+        ExitStack() as ends,
+    ):
+        hand = threading.Thread(target=send, args=(bus,))
+        hand.start()
+        ends.callback(hand.join)
+        ends.callback(stop.set)
+        # The hand alone: its skin is missed, its joints are not.
+        watch.until(all_known, "the hand's angles stay unknown without the skin")
+        heard = {ear.recv(5).arbitration_id for _ in range(400)}
+        assert heard == hand_ids | {0x201}, "something else than the start of the skin's board was sent"
+
+        with (folder / "sim.log").open("wb") as log:
+            skin = subprocess.Popen(
+                [binary("taxel"), "sim", "roll", "--layout", "uskin-module", "--to", address],
+                stderr=log,
+                preexec_fn=die_with_parent,
+            )
+        ends.callback(skin.kill)
+        image = watch.until(lambda image: image["missing"] == 0 and image["contacts"] > 0, "no touch is seen")
+        assert image["joints"] == pytest.approx(angles, abs=1e-6)
+        status = daemon.wait_status(lambda s: s["problems"] == [], "there are problems")
+        (skin_bus,), (board,) = status["buses"], status["boards"]
+        assert board["state"] == "living" and status["joints"]["state"] == "connected"
+        assert skin_bus["joints"] > 400 and skin_bus["unknown"] == 0, skin_bus
+        accounted = [
+            "used", "unknown", "not_data", "commands", "malformed", "queue_overflows", "duplicate", "late", "settling", "joints"
+        ]  # fmt: skip
+        assert sum(skin_bus[kind] for kind in accounted) == skin_bus["received"]
+
+        skin.kill()
+        comes(daemon, "board-silent", None, "silent")
+        assert all_known(watch.more(20)[-1]), "a silent skin hides the hand"
+        stop.set()
+        hand.join()
+        comes(daemon, "hand-silent", None, "sends no angles")
