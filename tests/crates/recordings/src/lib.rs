@@ -16,10 +16,12 @@ pub type Npz = NpzReader<File>;
 
 /// Where a recording is, or `None` after a loud line where it is not on this machine.
 pub fn find(file: &str) -> Option<PathBuf> {
-    let folder = std::env::var_os("TAXEL_DATA").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../../shared/data"),
-        PathBuf::from,
-    );
+    // This crate is three folders deep in the repository.
+    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().nth(4);
+    let folder = match std::env::var_os("TAXEL_DATA") {
+        Some(folder) => folder.into(),
+        None => beside.unwrap_or(Path::new("/")).join("shared/data"),
+    };
     let path = folder.join(file);
     if !path.is_file() {
         println!(
