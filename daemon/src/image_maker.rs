@@ -1,10 +1,10 @@
 //! What the daemon serves: how a display profile becomes images, and what they cost.
 
-use crate::config::Config;
 use crate::tick::Shared;
 use nix::time::{ClockId, clock_gettime};
 use std::sync::Arc;
 use std::time::Duration;
+use taxel_config::Config;
 use taxel_engine::{Display, Frames, RawFrames, TickMode, resolve_region};
 use taxel_hand::{ForceFrame, Geometry, Profile};
 use taxel_joints::{JointsConfig, MAX_JOINTS};

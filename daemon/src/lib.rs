@@ -1,10 +1,9 @@
-//! The taxeld daemon as a library: configuration, tick thread and sockets around an engine.
+//! The taxeld daemon as a library: tick thread, sockets and supervision around an engine.
 //!
 //! `taxeld` is this and a `main`; `taxel demo` runs the same daemon inside its own process, and
 //! `taxel compress` runs the same [`taxel_engine::Engine`] without any of the rest.
 
 mod arguments;
-pub mod config;
 mod control;
 mod gather;
 mod image_maker;
@@ -19,8 +18,8 @@ mod supervise;
 mod tick;
 
 pub use arguments::Arguments;
-pub use config::{Config, ConfigError};
 pub use sources::open_array;
+pub use taxel_config::{self as config, Config, ConfigError};
 pub use taxel_serve::SocketPathError;
 
 use crate::image_maker::ImageMaker;
@@ -459,9 +458,9 @@ mod tests {
             std::thread::sleep(Duration::from_millis(10));
         }
         let (images, after) = seen();
-        // Pauses are 5 ms, so that there are 7 to an image, and two rounds to a pause are plenty.
+        // Pauses are 10 ms, so that there are 4 to an image, and two rounds to a pause are plenty.
         let per_image = (after - rounds) as f64 / (images - first) as f64;
-        let most = 4.0 * 200.0 / rate_hz;
+        let most = 4.0 * 100.0 / rate_hz;
         assert!(per_image < most, "{per_image} rounds per image");
         daemon.stop().unwrap();
     }

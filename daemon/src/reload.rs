@@ -1,8 +1,8 @@
 //! Another configuration for a daemon that runs.
 
-use crate::config::Config;
 use crate::state::State;
 use std::rc::Rc;
+use taxel_config::Config;
 use tokio::sync::mpsc::UnboundedReceiver;
 
 /// Takes up configurations as they come.

@@ -1,10 +1,10 @@
 //! The buses of a configuration, opened.
 
 use crate::StartError;
-use crate::config::Config;
 use nix::sys::socket::SockType;
 use std::path::Path;
 use taxel_can::{CanSource, Playback, PressureSocket, SourceAddress, SourceOptions};
+use taxel_config::Config;
 use taxel_serve::SocketPath;
 
 /// Whether every bus is a recording: then time is the recordings' own and starts at zero.

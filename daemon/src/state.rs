@@ -1,7 +1,6 @@
 //! What the control thread knows of the hand and of who is shown it, and what it can ask of the other
 //! threads.
 
-use crate::config::Config;
 use crate::control::{ChangeLog, Places, Reports};
 use crate::joints::{Hold, ServoRequest, ServosRequest};
 use crate::snapshot::Snapshot;
@@ -11,6 +10,7 @@ use std::rc::Rc;
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, mpsc};
 use std::time::{Duration, Instant};
+use taxel_config::Config;
 use taxel_diagnose::{JointsView, Problems, Starting};
 use taxel_engine::TickMode;
 use taxel_joints::JointReader;

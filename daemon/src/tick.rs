@@ -200,7 +200,7 @@ impl TickThread {
         }
 
         // POLLERR is always reported, asked for or not: that is how a vanished CAN interface shows itself.
-        let mut fds = [self.shared.wake.as_fd(); 1 + crate::config::MAX_BUSES];
+        let mut fds = [self.shared.wake.as_fd(); 1 + taxel_config::MAX_BUSES];
         let mut used = 1;
         let skin = self.engine.skin_buses();
         if let Some(joints) = self.sources.get(skin) {

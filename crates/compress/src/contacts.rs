@@ -115,6 +115,7 @@ impl Contacts {
 }
 
 /// Whether a taxel's force can be used: a finite number, and in range where the taxel is in contact.
+#[inline]
 pub(crate) fn is_force(force: f64, contact: bool) -> bool {
     if contact {
         (FORCE_MIN..=FORCE_MAX).contains(&force)

@@ -79,32 +79,38 @@ impl Faults {
     pub const NONE: Self = Self(0);
 
     /// Adds a reason.
+    #[inline]
     pub fn insert(&mut self, fault: Fault) {
         self.0 |= fault as u16;
     }
 
     /// Takes a reason away.
+    #[inline]
     pub fn remove(&mut self, fault: Fault) {
         self.0 &= !(fault as u16);
     }
 
     /// The reasons of both sets.
     #[must_use]
+    #[inline]
     pub fn union(self, other: Self) -> Self {
         Self(self.0 | other.0)
     }
 
     /// Whether this reason holds.
+    #[inline]
     pub fn contains(self, fault: Fault) -> bool {
         self.0 & fault as u16 != 0
     }
 
     /// Whether the taxel may be used.
+    #[inline]
     pub fn is_empty(self) -> bool {
         self.0 == 0
     }
 
     /// The set as bits, as they go over the wire.
+    #[inline]
     pub fn bits(self) -> u16 {
         self.0
     }

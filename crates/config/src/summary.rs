@@ -1,6 +1,6 @@
 //! What a configuration would run, for people and programs.
 
-use super::Config;
+use crate::Config;
 use serde::Serialize;
 
 impl Config {

@@ -1,6 +1,6 @@
 //! The tables `[socket]` and `[control]`: where the daemon's sockets are, and who may use them.
 
-use super::within;
+use crate::within;
 use nix::unistd::AccessFlags;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -59,7 +59,7 @@ impl Default for ControlConfig {
 }
 
 /// Refuses a path that no Unix socket can have.
-pub(super) fn check_path(path: &Path) -> Result<(), String> {
+pub(crate) fn check_path(path: &Path) -> Result<(), String> {
     // sockaddr_un holds 108 bytes with the closing zero; the lock file's path is not bound by it.
     match path.as_os_str().len() {
         1..=107 => Ok(()),
@@ -71,7 +71,7 @@ pub(super) fn check_path(path: &Path) -> Result<(), String> {
 }
 
 impl SocketConfig {
-    pub(super) fn check(&self) -> Result<(), String> {
+    pub(crate) fn check(&self) -> Result<(), String> {
         self.mode_bits()?;
         within("socket.", "max_subscribers", self.max_subscribers, 1.0..=4096.0)?;
         within("socket.", "stall_ms", self.stall_ms, 100.0..=60_000.0)?;

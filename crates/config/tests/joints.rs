@@ -2,7 +2,7 @@
 //! what does not.
 
 use std::path::Path;
-use taxeld::Config;
+use taxel_config::Config;
 
 fn parse(bus: &str, joints: &str) -> Result<Config, String> {
     let text = format!("layout = \"allegro-uskin-15\"\n\n{bus}\n{joints}");

@@ -15,7 +15,7 @@ pub(crate) struct Source(String);
 impl Source {
     /// Reads them; paths are relative to the root of the workspace.
     pub(crate) fn read(files: &[&str]) -> Self {
-        let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
         let texts = files
             .iter()
             .map(|file| std::fs::read_to_string(root.join(file)).expect(file));

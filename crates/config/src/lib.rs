@@ -1,4 +1,7 @@
-//! The daemon's one configuration file.
+//! The daemon's one configuration file: its keys, their checks, and what is wrong with it, by line.
+//!
+//! A crate of its own because most of its code is made by derive: it is compiled once, without optimisation, and not
+//! again with each change of the daemon.
 
 mod sockets;
 mod summary;
@@ -18,7 +21,7 @@ use taxel_skin::{BoardsConfig, ConditionConfig, ConditionSettings, Layout, Prese
 use toml::Spanned;
 
 /// Every key of a configuration behind `#`, with its default and what it means; `layout` and `[[bus]]` go above it.
-pub const ANNOTATED: &str = include_str!("config/annotated.toml");
+pub const ANNOTATED: &str = include_str!("annotated.toml");
 
 /// Most buses one daemon reads.
 pub const MAX_BUSES: usize = 8;

@@ -1,6 +1,6 @@
 //! What is wrong with a configuration file that cannot be read as one, in words for who wrote it.
 
-use super::{
+use crate::{
     CanConfig, ConditionSettings, ControlConfig, JointsConfig, Profile, ProfilesConfig, RealtimeConfig,
     SocketConfig,
 };
@@ -11,7 +11,7 @@ use taxel_hand::plain_words;
 use taxel_skin::{BoardsConfig, SweepConfig};
 
 /// The message of the parser in plain words, with what the place in the file adds to it.
-pub(super) fn problem(text: &str, span: Option<Range<usize>>, message: &str) -> String {
+pub(crate) fn problem(text: &str, span: Option<Range<usize>>, message: &str) -> String {
     let said = plain_words(message);
     let at = span.map_or(0, |span| span.start).min(text.len());
     let line_start = text.as_bytes()[..at]
@@ -63,7 +63,7 @@ fn table_of(key: &str) -> Option<&'static str> {
 }
 
 /// Every key that a table may have: the parser lists them where it refuses one.
-pub(super) fn keys<T: DeserializeOwned>() -> Vec<String> {
+pub(crate) fn keys<T: DeserializeOwned>() -> Vec<String> {
     match toml::from_str::<T>("'?' = 0") {
         Err(error) => {
             let names = error.message().split('`').skip(3).step_by(2);

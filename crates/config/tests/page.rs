@@ -1,21 +1,21 @@
 //! `docs/configuration.md`, and the file that `taxel config init` writes, are what the code says.
 //!
-//! `TAXEL_UPDATE=1 cargo test -p taxeld --test configuration_page` writes both anew.
+//! `TAXEL_UPDATE=1 cargo test -p taxel-config --test page` writes both anew.
 
-#[path = "configuration_page/source.rs"]
+#[path = "page/source.rs"]
 mod source;
 
 use serde::Serialize;
 use source::{Key, Source};
 use std::path::Path;
+use taxel_config::Config;
+use taxel_config::{ANNOTATED, CanConfig, ControlConfig, RealtimeConfig, SocketConfig};
 use taxel_hand::Profile;
 use taxel_skin::{BoardsConfig, ConditionConfig, Layout, SweepConfig};
-use taxeld::Config;
-use taxeld::config::{ANNOTATED, CanConfig, ControlConfig, RealtimeConfig, SocketConfig};
 
 const FILES: [&str; 13] = [
-    "daemon/src/config.rs",
-    "daemon/src/config/sockets.rs",
+    "crates/config/src/lib.rs",
+    "crates/config/src/sockets.rs",
     "crates/engine/src/config.rs",
     "crates/serve/src/config.rs",
     "crates/hand/src/profile.rs",
@@ -140,7 +140,7 @@ const INTRODUCTION: &str = "\
 # Configuration
 
 Every key of the daemon's configuration file, with its default. This page is made from the comments in the code by
-`TAXEL_UPDATE=1 cargo test -p taxeld --test configuration_page`; [the guide](guide.md#configure) says what to do with
+`TAXEL_UPDATE=1 cargo test -p taxel-config --test page`; [the guide](guide.md#configure) says what to do with
 it. `taxel config init` writes a file with all of it to start from, `taxel config check FILE` says what is wrong with
 one, and `taxel config show FILE` prints every value in force.
 
@@ -208,15 +208,15 @@ fn is_up_to_date(file: &str, wanted: &str) {
     let differs = found.lines().zip(wanted.lines()).position(|(a, b)| a != b);
     assert!(
         found == wanted,
-        "{file}:{} is not what the code says; TAXEL_UPDATE=1 cargo test -p taxeld --test configuration_page",
+        "{file}:{} is not what the code says; TAXEL_UPDATE=1 cargo test -p taxel-config --test page",
         differs.map_or(0, |line| line + 1)
     );
 }
 
 #[test]
 fn the_page_and_the_file_to_start_from_are_what_the_code_says() {
-    is_up_to_date("../docs/configuration.md", &page());
-    is_up_to_date("src/config/annotated.toml", &annotated());
+    is_up_to_date("../../docs/configuration.md", &page());
+    is_up_to_date("src/annotated.toml", &annotated());
 }
 
 #[test]
