@@ -15,14 +15,16 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use taxel_can::{LogWriter, Received};
 use taxel_hand::{Freshness, TactileFrame};
-use taxel_record::{FrameArrays, FrameTable, Recording};
+#[cfg(feature = "parquet")]
+use taxel_record::FrameColumns;
+use taxel_record::{FrameArrays, FrameTable, RecordError, Recording};
 use taxel_recorder::{CanBlock, Entry, Preamble, RecordingWriter, Topic};
 use taxel_skin::Layout;
 
 /// Write a recording in another format.
 ///
 /// Into .log (candump) and .mcap goes CAN traffic, frame by frame: that of a log or an .mcap, or what the boards of the hand
-/// would have sent for the counts of a .csv, .npy or .npz. Into .npz and .csv go tactile frames, counts, times and joint
+/// would have sent for the counts of a .csv, .npy or .npz. Into .npz, .csv and .parquet go tactile frames, counts, times and joint
 /// angles: those that the daemon made, where an .mcap holds them, or else those that it would make of the traffic.
 ///
 /// BLF, ASC and TRC are python-can's: `can_logconvert grasp.log grasp.blf`, and back. Images are made by `taxel compress`.
@@ -32,13 +34,14 @@ Examples:
   taxel convert grasp.mcap grasp.log
   taxel convert grasp.mcap grasp.npz          counts T x N x 3, t_ns, joints
   taxel convert grasp.mcap grasp.csv          the publication's columns, a reading of the hand a line
+  taxel convert grasp.mcap grasp.parquet      the same columns
   taxel convert grasp.mcap images.npz --images    images, levels and actuators as they were shown
   taxel convert grasp.mcap marks.csv --marks
   taxel convert grasp.log grasp.mcap")]
 pub(crate) struct Args {
     #[command(flatten)]
     offline: OfflineArgs,
-    /// Where it goes: .log, .mcap, .npz or .csv; - for candump lines on stdout
+    /// Where it goes: .log, .mcap, .npz, .csv or .parquet; - for candump lines on stdout
     #[arg(value_name = "OUT")]
     out: PathBuf,
     /// One JSON object on stdout in the end: the file, and how many CAN frames, frames, images or marks are in it
@@ -69,9 +72,17 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     if args.images || args.marks {
         return extract(args, &ending);
     }
-    if !["log", "mcap", "npz", "csv"].contains(&ending.as_str()) {
+    if !["log", "mcap", "npz", "csv", "parquet"].contains(&ending.as_str()) {
         bail!(
-            "{}: a recording is written as .log, .mcap, .npz or .csv, or as candump lines to -",
+            "{}: a recording is written as .log, .mcap, .npz, .csv or .parquet, or as candump lines to -",
+            out.display()
+        );
+    }
+    if ending == "parquet" && !cfg!(feature = "parquet") {
+        bail!(
+            "{}: this taxel was built without Parquet, which its packages have; build it with \
+             `cargo build --release -p taxel-cli --features parquet`, or write a .csv, which \
+             `pandas.read_csv(..).to_parquet(..)` makes Parquet of",
             out.display()
         );
     }
@@ -98,7 +109,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             (frames, "CAN frames")
         }
         _ => {
-            let mut output = FrameOutput::create(whole.path(), &ending)?;
+            let mut output = FrameOutput::create(whole.path(), &ending);
             frames(args, &input, &mut |layout, frame| {
                 check()?;
                 output.put(layout, frame)
@@ -362,40 +373,81 @@ fn put_block(
 
 /// A file of tactile frames.
 enum FrameOutput {
-    Table(PathBuf, Option<FrameTable>, u64),
+    Table {
+        path: PathBuf,
+        ending: String,
+        table: Option<Table>,
+        count: u64,
+    },
     Arrays(PathBuf, FrameArrays),
 }
 
+/// A file of a frame a row, in one of two formats.
+enum Table {
+    Csv(FrameTable),
+    #[cfg(feature = "parquet")]
+    Parquet(Box<FrameColumns>),
+}
+
+impl Table {
+    fn create(path: &Path, ending: &str, layout: &Layout) -> Result<Self, RecordError> {
+        let taxels = layout.taxels.iter().zip(&layout.k);
+        let taxels = taxels.map(|(taxel, k)| (taxel.module, *k));
+        match ending {
+            #[cfg(feature = "parquet")]
+            "parquet" => Ok(Self::Parquet(Box::new(FrameColumns::create(path, taxels)))),
+            _ => FrameTable::create(path, taxels).map(Self::Csv),
+        }
+    }
+
+    fn push(&mut self, frame: &TactileFrame) -> Result<(), RecordError> {
+        match self {
+            Self::Csv(table) => table.push(frame),
+            #[cfg(feature = "parquet")]
+            Self::Parquet(columns) => columns.push(frame),
+        }
+    }
+
+    fn finish(self) -> Result<(), RecordError> {
+        match self {
+            Self::Csv(table) => table.finish(),
+            #[cfg(feature = "parquet")]
+            Self::Parquet(columns) => columns.finish(),
+        }
+    }
+}
+
 impl FrameOutput {
-    fn create(path: &Path, ending: &str) -> anyhow::Result<Self> {
-        Ok(match ending {
-            "csv" => Self::Table(path.into(), None, 0),
-            _ => Self::Arrays(path.into(), FrameArrays::default()),
-        })
+    fn create(path: &Path, ending: &str) -> Self {
+        match ending {
+            "npz" => Self::Arrays(path.into(), FrameArrays::default()),
+            _ => Self::Table {
+                path: path.into(),
+                ending: ending.into(),
+                table: None,
+                count: 0,
+            },
+        }
     }
 
     fn put(&mut self, layout: &Layout, frame: &TactileFrame) -> anyhow::Result<()> {
-        if frame
-            .freshness
-            .iter()
-            .all(|freshness| *freshness == Freshness::Missing)
-        {
+        let is_missing = |freshness: &Freshness| *freshness == Freshness::Missing;
+        if frame.freshness.iter().all(is_missing) {
             return Ok(());
         }
         match self {
-            Self::Table(path, table, count) => {
-                if table.is_none() {
-                    let taxels = layout.taxels.iter().zip(&layout.k);
-                    *table = Some(FrameTable::create(
-                        path,
-                        taxels.map(|(taxel, k)| (taxel.module, *k)),
-                    )?);
-                }
+            Self::Table {
+                path,
+                ending,
+                table,
+                count,
+            } => {
                 *count += 1;
-                table
-                    .as_mut()
-                    .map_or(Ok(()), |table| table.push(frame))
-                    .map_err(Into::into)
+                let table = match table {
+                    Some(table) => table,
+                    None => table.insert(Table::create(path, ending, layout)?),
+                };
+                table.push(frame)?;
             }
             Self::Arrays(_, arrays) => {
                 arrays.push(
@@ -403,19 +455,23 @@ impl FrameOutput {
                     frame.counts.iter().copied(),
                     frame.joints.iter().copied(),
                 );
-                Ok(())
             }
         }
+        Ok(())
     }
 
     /// Writes what is left; returns how many frames there are.
     fn finish(self) -> anyhow::Result<u64> {
         Ok(match self {
-            Self::Table(_, Some(table), count) => {
+            Self::Table {
+                table: Some(table),
+                count,
+                ..
+            } => {
                 table.finish()?;
                 count
             }
-            Self::Table(_, None, _) => 0,
+            Self::Table { table: None, .. } => 0,
             Self::Arrays(_, arrays) if arrays.is_empty() => 0,
             Self::Arrays(path, arrays) => {
                 arrays.write_npz(&path)?;

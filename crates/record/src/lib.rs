@@ -8,12 +8,15 @@
 //! [`Labelled`] is frames with the classes they are of; [`NumberArray`] any array, for files that are no recordings.
 //!
 //! [`ImageStack`] collects tactile images and writes them as `.npy`, `.npz` or `.csv`; [`FrameTable`] writes tactile
-//! frames, counts and joint angles, as `.csv`, [`FrameArrays`] as `.npz`.
+//! frames, counts and joint angles, as `.csv`, [`FrameArrays`] as `.npz`, and `FrameColumns`, with the feature `parquet`, as
+//! `.parquet`.
 
 mod csv;
 mod csv_columns;
 mod error;
 mod frame_arrays;
+#[cfg(feature = "parquet")]
+mod frame_columns;
 mod frames;
 mod idle;
 mod images;
@@ -28,6 +31,8 @@ mod table;
 
 pub use error::RecordError;
 pub use frame_arrays::FrameArrays;
+#[cfg(feature = "parquet")]
+pub use frame_columns::FrameColumns;
 pub use frames::FrameTable;
 pub use images::ImageStack;
 pub use labelled::Labelled;

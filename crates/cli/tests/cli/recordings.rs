@@ -161,7 +161,7 @@ fn what_cannot_be_converted_or_recorded_is_refused_with_what_to_do() {
     for (args, wanted) in [
         (
             &["convert", "a.log", "a.blf"][..],
-            "a.blf: a recording is written as .log, .mcap, .npz or .csv",
+            "a.blf: a recording is written as .log, .mcap, .npz, .csv or .parquet",
         ),
         (&["convert", "no.mcap", "b.log"], "no.mcap: no MCAP file"),
         (&["convert", "a.log", "a.log"], "overwrite the input"),
