@@ -28,7 +28,7 @@ fn read_only_means_that_nothing_but_reads_is_sent() {
     }
 }
 
-fn writable(n: u8) -> World {
+pub(crate) fn writable(n: u8) -> World {
     let mut config = DynamixelConfig::new("none", 1..=n);
     config.allow_writes = true;
     config.watchdog_ms = 100;
@@ -119,7 +119,7 @@ fn a_write_whose_answer_is_missed_is_sent_again() {
 }
 
 /// Servo, address and first byte of a write.
-fn write_of(request: &[u8]) -> Option<(u8, u8, u8)> {
+pub(crate) fn write_of(request: &[u8]) -> Option<(u8, u8, u8)> {
     (request[7] == 3).then(|| (request[4], request[8], request[10]))
 }
 
@@ -286,12 +286,12 @@ fn commands_that_cannot_be_are_refused() {
     assert!(matches!(full, Some(WriteRefused::QueueFull(_))));
 }
 
-fn register(w: &World, id: u8, at: u16, size: u8) -> i32 {
+pub(crate) fn register(w: &World, id: u8, at: u16, size: u8) -> i32 {
     w.servos.servo(id).unwrap().register(at, size)
 }
 
 /// Switches these motors on, each with no PWM.
-fn start(w: &mut World, servos: impl IntoIterator<Item = usize>) {
+pub(crate) fn start(w: &mut World, servos: impl IntoIterator<Item = usize>) {
     for servo in servos {
         w.bus.command(servo, WriteCommand::Start(0)).unwrap();
         w.cycles(2);

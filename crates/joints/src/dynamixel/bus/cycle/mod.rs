@@ -12,6 +12,7 @@ use super::wire_ns;
 use super::writes::{QUEUE, WRITES_PER_COMMAND, Write, WriteCommand, WriteError, WriteRefused, Written};
 use crate::dynamixel::config::{DynamixelConfig, FastSyncRead, ServoConfig};
 use crate::dynamixel::protocol2::{Encoder, FAST_BLOCK_OVERHEAD, Parser, StatusError};
+use crate::dynamixel::registers::address;
 use std::collections::VecDeque;
 
 /// What [`Bus::step`] wants from its caller.
@@ -261,6 +262,8 @@ impl Bus {
             self.write_tries = 0;
         }
         self.servos[servo].state.motor_off.newest = number;
+        let motor_was_on = self.is_on_now(servo);
+        self.motors_on[servo] = false;
         let mut i = out;
         while let Some(write) = self.writes.get(i).copied() {
             if write.servo == servo {
@@ -270,7 +273,6 @@ impl Bus {
                 i += 1;
             }
         }
-        let motor_was_on = std::mem::replace(&mut self.motors_on[servo], false);
         let others = self
             .writes
             .iter()
@@ -287,13 +289,12 @@ impl Bus {
         }
     }
 
-    /// Has every motor that was switched on with [`Bus::command`] switched off.
+    /// Has every motor that was switched on with [`Bus::command`] switched off, before anything else; one that was still
+    /// to be switched on stays off.
     pub fn release_motors(&mut self) {
         for servo in 0..self.servos.len() {
             if self.motors_on[servo] {
-                self.motors_on[servo] = false;
-                let off = Write::of(servo, WriteCommand::Torque(false), self.watchdog_steps, 0);
-                self.writes.extend(off);
+                self.switch_off(self.servos[servo].state.motor_off.newest, servo);
             }
         }
     }
@@ -312,8 +313,25 @@ impl Bus {
         }
     }
 
+    /// Whether a motor was switched on here and may be on, whatever its servo is still to be told.
+    fn is_on_now(&self, servo: usize) -> bool {
+        let next = self
+            .writes
+            .iter()
+            .find(|write| write.servo == servo && !(write.address == address::GOAL_PWM && write.last));
+        match next {
+            None => self.motors_on[servo],
+            Some(write) if write.is_motor_off() => write.motor_was_on,
+            // It has been switched off, and is on again only where the last write of a start has been sent.
+            Some(write) => write.address == address::TORQUE_ENABLE,
+        }
+    }
+
     fn forget_writes(&mut self) {
         self.write_tries = 0;
+        for servo in 0..self.servos.len() {
+            self.motors_on[servo] = self.is_on_now(servo);
+        }
         while let Some(write) = self.writes.pop_front() {
             self.note(write.servo, write.number, Err(WriteError::PortLost));
         }

@@ -1,0 +1,82 @@
+//! What a motor does whose commands were lost with the port, or came at the end.
+
+use crate::World;
+use crate::writes::{register, start, writable, write_of};
+use taxel_joints::bus::{WriteCommand, WriteRefused};
+
+#[test]
+fn a_motor_whose_start_was_lost_with_the_port_was_not_switched_on() {
+    for command in [WriteCommand::Torque(true), WriteCommand::Start(40)] {
+        let whole = if command == WriteCommand::Start(40) { 5 } else { 4 };
+        for sent in 0..=whole {
+            let mut w = writable(2);
+            w.cycles(2);
+            w.bus.command(0, command).unwrap();
+            let writes = |w: &World| w.requests.iter().filter(|r| r[7] == 3).count();
+            w.bus.begin(w.now_ns);
+            while writes(&w) < sent && w.turn() {}
+            assert_eq!(writes(&w), sent);
+            w.bus.port_lost();
+            w.bus.port_opened();
+            // The last write may have been obeyed though nobody heard its answer.
+            let expected = match sent == whole {
+                true => Ok(()),
+                false => Err(WriteRefused::MotorOff(0)),
+            };
+            let goal = w.bus.command(0, WriteCommand::GoalPwm(1));
+            assert_eq!(goal, expected, "{command:?} lost behind write {sent}");
+        }
+    }
+}
+
+#[test]
+fn a_motor_that_was_to_be_switched_off_when_the_port_was_lost_is_switched_off_at_the_end() {
+    for ordered in 1..=2 {
+        let mut w = writable(2);
+        start(&mut w, [0]);
+        for _ in 0..ordered {
+            w.bus.command(0, WriteCommand::Torque(false)).unwrap();
+        }
+        w.bus.port_lost();
+        w.bus.port_opened();
+        assert_eq!(register(&w, 1, 64, 1), 1, "it never heard of it");
+        w.bus.release_motors();
+        w.cycles(200);
+        assert_eq!(register(&w, 1, 64, 1), 0, "ordered off {ordered} times");
+    }
+}
+
+#[test]
+fn a_motor_that_was_still_to_be_switched_on_at_the_end_is_not() {
+    // Of the four writes that switch it on, so many are out by then.
+    for sent in 0..4 {
+        let mut w = writable(2);
+        w.cycles(2);
+        w.bus.command(0, WriteCommand::Torque(true)).unwrap();
+        let writes = |w: &World| w.requests.iter().filter(|r| r[7] == 3).count();
+        w.bus.begin(w.now_ns);
+        while writes(&w) < sent && w.turn() {}
+        w.bus.release_motors();
+        while w.turn() {}
+        w.cycles(2);
+        assert!(!w.bus.has_writes());
+        assert!(
+            !w.requests.iter().any(|r| write_of(r) == Some((1, 64, 1))),
+            "{sent}"
+        );
+        assert_eq!([98, 64].map(|at| register(&w, 1, at, 1)), [0, 0], "{sent}");
+    }
+}
+
+#[test]
+fn a_motor_whose_start_was_called_off_before_it_was_sent_is_not_taken_for_one_that_runs() {
+    let mut w = writable(1);
+    w.cycles(2);
+    w.bus.command(0, WriteCommand::Torque(true)).unwrap();
+    w.bus.command(0, WriteCommand::Torque(false)).unwrap();
+    w.bus.port_lost();
+    assert_eq!(
+        w.bus.command(0, WriteCommand::GoalPwm(1)),
+        Err(WriteRefused::MotorOff(0))
+    );
+}
