@@ -2,6 +2,7 @@
 
 use crate::profiles::ProfileMaker;
 use crate::server::Server;
+use crate::socket::Socket;
 use crate::subscriber::welcome;
 use std::rc::Rc;
 use std::time::Duration;
@@ -26,7 +27,8 @@ impl<M: ProfileMaker> Server<M> {
                 pause.tick().await;
                 let_in = 0;
             }
-            match listener.accept().await {
+            let accepted = listener.accept().await;
+            match accepted.and_then(|socket| Socket::new(socket.into())) {
                 Ok(socket) => {
                     failing = false;
                     let_in += 1;

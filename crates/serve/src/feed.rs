@@ -168,7 +168,7 @@ impl Feed {
                 return Poll::Ready(Ok(()));
             };
             let packet = [IoSlice::new(&header), IoSlice::new(&message.payload)];
-            ready!(self.lane.socket.poll_send_vectored(cx, &packet))?;
+            ready!(self.lane.socket.poll_send(cx, &packet))?;
             self.lane.note_sent(&message, skipped);
             Poll::Ready(Ok(()))
         })

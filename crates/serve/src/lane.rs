@@ -5,22 +5,20 @@
 //! the newest image leaves its lane to the courier, and is woken only where its socket is full.
 
 use crate::sent::Sent;
+use crate::socket::Socket;
 use crate::stream::{Message, Stream};
-use nix::sys::socket::{MsgFlags, sendmsg};
 use std::cell::Cell;
 use std::io::IoSlice;
-use std::os::fd::AsRawFd;
 use std::rc::{Rc, Weak};
 use std::sync::Arc;
 use std::time::Instant;
 use taxel_wire::HEADER_LEN;
 use tokio::sync::{Notify, watch};
-use tokio_seqpacket::UnixSeqpacket;
 
 /// The messages of one type on their way to one subscriber, whichever streams they come from.
 #[derive(Debug)]
 pub(crate) struct Lane {
-    pub(crate) socket: Rc<UnixSeqpacket>,
+    pub(crate) socket: Rc<Socket>,
     /// Counts of the subscriber, and of all together.
     counts: [Arc<Sent>; 2],
     /// Tick of the last message sent, for the count of those skipped; 0 before the first.
@@ -34,7 +32,7 @@ pub(crate) struct Lane {
 }
 
 impl Lane {
-    pub(crate) fn new(socket: &Rc<UnixSeqpacket>, counts: [Arc<Sent>; 2]) -> Rc<Self> {
+    pub(crate) fn new(socket: &Rc<Socket>, counts: [Arc<Sent>; 2]) -> Rc<Self> {
         Rc::new(Self {
             socket: socket.clone(),
             counts,
@@ -92,9 +90,8 @@ impl Lane {
             return;
         };
         let packet = [IoSlice::new(&header), IoSlice::new(&message.payload)];
-        let flags = MsgFlags::MSG_DONTWAIT | MsgFlags::MSG_NOSIGNAL;
-        match sendmsg::<()>(self.socket.as_raw_fd(), &packet, &[], flags, None) {
-            Ok(_) => self.note_sent(message, skipped),
+        match self.socket.try_send(&packet) {
+            Ok(()) => self.note_sent(message, skipped),
             Err(_) => {
                 self.is_free.set(false);
                 self.wake.notify_one();

@@ -26,6 +26,7 @@ mod raw;
 mod registry;
 mod sent;
 mod server;
+mod socket;
 mod socket_path;
 mod stream;
 mod subscriber;

@@ -13,6 +13,7 @@ use crate::profiles::{ActiveProfile, DisplayProfile, Lease, ProfileMaker};
 use crate::registry::Entry;
 use crate::sent::Sent;
 use crate::server::Server;
+use crate::socket::Socket;
 use std::collections::VecDeque;
 use std::future::poll_fn;
 use std::io;
@@ -24,7 +25,6 @@ use taxel_wire::{Event, EventKind, Subscribe, SubscribeError, Subscription};
 use tokio::sync::{broadcast, watch};
 use tokio::task::JoinHandle;
 use tokio::time::{Instant, sleep_until, timeout};
-use tokio_seqpacket::UnixSeqpacket;
 
 /// Least send buffer of a subscriber's socket, bytes; the kernel doubles it. It holds a part of a
 /// HELLO, and little more than two images, since every image in it is one that gets old there.
@@ -39,10 +39,10 @@ const MAX_REFUSALS: u32 = 8;
 const SUBSCRIPTION_PAUSE: Duration = Duration::from_millis(10);
 
 /// Serves one client until it goes or has to go.
-pub(crate) async fn welcome<M: ProfileMaker>(socket: UnixSeqpacket, server: Rc<Server<M>>) {
-    let peer = socket.peer_cred().ok();
-    let pid = peer.as_ref().and_then(|p| p.pid());
-    let uid = peer.as_ref().map(|p| p.uid());
+pub(crate) async fn welcome<M: ProfileMaker>(socket: Socket, server: Rc<Server<M>>) {
+    let peer = socket.peer();
+    let pid = peer.map(|p| p.pid());
+    let uid = peer.map(|p| p.uid());
     let entry = Arc::new(Entry::new(pid, uid, server.profiles.own().id));
     let registry = &server.registry;
     if registry.len() >= registry.max {
@@ -77,13 +77,13 @@ pub(crate) async fn welcome<M: ProfileMaker>(socket: UnixSeqpacket, server: Rc<S
 }
 
 /// Tells a client why it is let go, if it takes the message at once.
-async fn send_disconnect(socket: &UnixSeqpacket, why: &Farewell) {
+async fn send_disconnect(socket: &Socket, why: &Farewell) {
     let packet = Event::new(EventKind::Disconnect, why.to_string()).to_packet(0, 0);
     let _ = timeout(Duration::from_millis(100), socket.send(&packet)).await;
 }
 
 struct Subscriber<'a, M: ProfileMaker> {
-    socket: Rc<UnixSeqpacket>,
+    socket: Rc<Socket>,
     server: Rc<Server<M>>,
     entry: &'a Entry,
     wants: Subscribe,
@@ -142,7 +142,7 @@ enum Which {
 }
 
 impl<'a, M: ProfileMaker> Subscriber<'a, M> {
-    fn new(socket: UnixSeqpacket, server: Rc<Server<M>>, entry: &'a Entry) -> io::Result<Self> {
+    fn new(socket: Socket, server: Rc<Server<M>>, entry: &'a Entry) -> io::Result<Self> {
         let mut own = server.profiles.follow_own();
         let shown = own.borrow_and_update().clone();
         let socket = Rc::new(socket);
@@ -182,8 +182,7 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
             true => newest.max(EVERY_BUFFER.min(self.shown.stream.backlog_bytes())),
             false => newest,
         };
-        nix::sys::socket::setsockopt(&self.socket, nix::sys::socket::sockopt::SndBuf, &bytes)?;
-        Ok(())
+        self.socket.set_send_buffer(bytes)
     }
 
     /// Serves this subscriber until it goes or has to go.
@@ -436,7 +435,7 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
     async fn send(&self, packet: &[u8]) -> Result<(), Farewell> {
         let stall = self.server.registry.stall;
         match timeout(stall, self.socket.send(packet)).await {
-            Ok(sent) => Ok(sent.map(drop)?),
+            Ok(sent) => Ok(sent?),
             Err(_) => Err(Farewell::Stalled(stall)),
         }
     }
@@ -464,18 +463,14 @@ async fn raw_ready(raw: &mut Option<Feed>) -> Result<(), watch::error::RecvError
 }
 
 /// What the client sent: a packet, or nothing where it has gone. It is looked at from an instant on.
-async fn receive<M: ProfileMaker>(
-    socket: &UnixSeqpacket,
-    server: &Server<M>,
-    at: Instant,
-) -> io::Result<Vec<u8>> {
+async fn receive<M: ProfileMaker>(socket: &Socket, server: &Server<M>, at: Instant) -> io::Result<Vec<u8>> {
     if at > Instant::now() {
         sleep_until(at).await;
     }
     poll_fn(|cx| {
         let mut buffer = server.subscription.borrow_mut();
         let received = ready!(socket.poll_recv(cx, &mut buffer))?;
-        Poll::Ready(Ok(buffer[..received.bytes_read()].to_vec()))
+        Poll::Ready(Ok(buffer[..received].to_vec()))
     })
     .await
 }

@@ -1,0 +1,210 @@
+//! The socket of one subscriber.
+//!
+//! The kernel is asked to tell when it can be written to only while somebody waits for that. Otherwise every message that
+//! a reader takes out would wake the thread: nine hundred times for each image with nine hundred readers.
+
+use nix::errno::Errno;
+use nix::sys::socket::{MsgFlags, UnixCredentials, getsockopt, recv, sendmsg, sockopt};
+use std::cell::RefCell;
+use std::future::poll_fn;
+use std::io::{self, IoSlice};
+use std::os::fd::{AsFd, AsRawFd, OwnedFd};
+use std::task::{Context, Poll, ready};
+use tokio::io::Interest;
+use tokio::io::unix::AsyncFd;
+
+/// A connected `SOCK_SEQPACKET` socket that does not block. One task at a time may wait for it.
+#[derive(Debug)]
+pub(crate) struct Socket {
+    registered: RefCell<Registered>,
+}
+
+/// What the kernel tells of a socket.
+#[derive(Debug)]
+enum Registered {
+    /// That it can be read.
+    Read(AsyncFd<OwnedFd>),
+    /// That it can be read or written to.
+    Both(AsyncFd<OwnedFd>),
+    /// Nothing: it is closed, since the kernel had no memory to register it once more.
+    Closed,
+}
+
+impl Registered {
+    fn descriptor(&self) -> io::Result<&AsyncFd<OwnedFd>> {
+        match self {
+            Self::Read(descriptor) | Self::Both(descriptor) => Ok(descriptor),
+            Self::Closed => Err(Errno::EBADF.into()),
+        }
+    }
+
+    /// Registers it for something else. The kernel tells at once of what is so already.
+    fn change(&mut self, interest: Interest) -> io::Result<()> {
+        if let Self::Read(descriptor) | Self::Both(descriptor) = std::mem::replace(self, Self::Closed) {
+            let descriptor = register(descriptor.into_inner(), interest)?;
+            *self = match interest.is_writable() {
+                true => Self::Both(descriptor),
+                false => Self::Read(descriptor),
+            };
+        }
+        Ok(())
+    }
+}
+
+/// Has the kernel tell of a descriptor.
+#[allow(
+    deprecated,
+    reason = "its successor is unsafe for the sake of types that may change their descriptor; an OwnedFd cannot"
+)]
+fn register(descriptor: OwnedFd, interest: Interest) -> io::Result<AsyncFd<OwnedFd>> {
+    AsyncFd::with_interest(descriptor, interest)
+}
+
+impl Socket {
+    pub(crate) fn new(descriptor: OwnedFd) -> io::Result<Self> {
+        let descriptor = register(descriptor, Interest::READABLE)?;
+        Ok(Self {
+            registered: RefCell::new(Registered::Read(descriptor)),
+        })
+    }
+
+    /// Who is at the other end.
+    pub(crate) fn peer(&self) -> Option<UnixCredentials> {
+        let registered = self.registered.borrow();
+        getsockopt(registered.descriptor().ok()?, sockopt::PeerCredentials).ok()
+    }
+
+    pub(crate) fn set_send_buffer(&self, bytes: usize) -> io::Result<()> {
+        let registered = self.registered.borrow();
+        let descriptor = registered.descriptor()?.as_fd();
+        Ok(nix::sys::socket::setsockopt(
+            &descriptor,
+            sockopt::SndBuf,
+            &bytes,
+        )?)
+    }
+
+    /// Waits for a packet; returns its length, 0 where the other end is closed.
+    pub(crate) fn poll_recv(&self, cx: &mut Context, buffer: &mut [u8]) -> Poll<io::Result<usize>> {
+        let registered = self.registered.borrow();
+        let descriptor = registered.descriptor()?;
+        loop {
+            let mut guard = ready!(descriptor.poll_read_ready(cx))?;
+            let received = guard.try_io(|d| Ok(recv(d.as_raw_fd(), buffer, MsgFlags::MSG_DONTWAIT)?));
+            match received {
+                Ok(Err(error)) if error.kind() == io::ErrorKind::Interrupted => {}
+                Ok(result) => return Poll::Ready(result),
+                Err(_would_block) => {}
+            }
+        }
+    }
+
+    /// Sends a packet if there is room for it at once; otherwise the error is `EAGAIN`.
+    pub(crate) fn try_send(&self, packet: &[IoSlice]) -> io::Result<()> {
+        let registered = self.registered.borrow();
+        let flags = MsgFlags::MSG_DONTWAIT | MsgFlags::MSG_NOSIGNAL;
+        sendmsg::<()>(registered.descriptor()?.as_raw_fd(), packet, &[], flags, None)?;
+        Ok(())
+    }
+
+    /// Sends a packet as soon as there is room for it.
+    pub(crate) fn poll_send(&self, cx: &mut Context, packet: &[IoSlice]) -> Poll<io::Result<()>> {
+        loop {
+            match self.try_send(packet) {
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => {}
+                Err(error) => return Poll::Ready(Err(error)),
+                Ok(()) => {
+                    let mut registered = self.registered.borrow_mut();
+                    if matches!(*registered, Registered::Both(_)) {
+                        registered.change(Interest::READABLE)?;
+                    }
+                    return Poll::Ready(Ok(()));
+                }
+            }
+            let mut registered = self.registered.borrow_mut();
+            if matches!(*registered, Registered::Read(_)) {
+                registered.change(Interest::READABLE | Interest::WRITABLE)?;
+            }
+            // What is told from now on ends the next wait.
+            ready!(registered.descriptor()?.poll_write_ready(cx))?.clear_ready();
+        }
+    }
+
+    /// Sends a packet as soon as there is room for it.
+    pub(crate) async fn send(&self, packet: &[u8]) -> io::Result<()> {
+        poll_fn(|cx| self.poll_send(cx, &[IoSlice::new(packet)])).await
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nix::sys::socket::{AddressFamily, SockFlag, SockType, socketpair};
+    use std::time::Duration;
+    use tokio::time::timeout;
+
+    /// A socket and its other end.
+    fn pair() -> (Socket, OwnedFd) {
+        let flags = SockFlag::SOCK_NONBLOCK | SockFlag::SOCK_CLOEXEC;
+        let (ours, theirs) = socketpair(AddressFamily::Unix, SockType::SeqPacket, None, flags).unwrap();
+        (Socket::new(ours).unwrap(), theirs)
+    }
+
+    fn fill(socket: &Socket) -> usize {
+        (0..100_000)
+            .find(|_| socket.try_send(&[IoSlice::new(&[7; 100])]).is_err())
+            .unwrap()
+    }
+
+    fn take(theirs: &OwnedFd) -> Result<usize, Errno> {
+        recv(theirs.as_raw_fd(), &mut [0; 1000], MsgFlags::MSG_DONTWAIT)
+    }
+
+    fn waits_for_room(socket: &Socket) -> bool {
+        matches!(*socket.registered.borrow(), Registered::Both(_))
+    }
+
+    #[tokio::test(flavor = "current_thread")]
+    async fn it_waits_for_room_and_only_then_asks_to_be_told_of_it() {
+        let (socket, theirs) = pair();
+        socket.send(&[1; 100]).await.unwrap();
+        for _ in 0..3 {
+            let sent = fill(&socket);
+            assert!(sent > 10 && !waits_for_room(&socket));
+            let short = timeout(Duration::from_millis(20), socket.send(&[2; 50]));
+            assert!(short.await.is_err(), "a packet more than there is room for");
+            assert!(waits_for_room(&socket));
+            let (outcome, taken) = tokio::join!(socket.send(&[3; 60]), async {
+                tokio::task::yield_now().await;
+                let mut taken = 0;
+                while take(&theirs).is_ok() {
+                    taken += 1;
+                }
+                taken
+            });
+            outcome.unwrap();
+            assert!(!waits_for_room(&socket));
+            assert!(taken >= sent, "{taken} of {sent}");
+            assert_eq!(take(&theirs), Ok(60));
+        }
+    }
+
+    #[tokio::test(flavor = "current_thread")]
+    async fn what_the_other_end_sends_comes_while_room_is_waited_for_and_so_does_its_end() {
+        let (socket, theirs) = pair();
+        fill(&socket);
+        let short = timeout(Duration::from_millis(20), socket.send(&[2; 50]));
+        assert!(short.await.is_err());
+        let mut buffer = [0; 100];
+        let flags = MsgFlags::MSG_DONTWAIT;
+        nix::sys::socket::send(theirs.as_raw_fd(), b"subscribe", flags).unwrap();
+        let received = poll_fn(|cx| socket.poll_recv(cx, &mut buffer)).await.unwrap();
+        assert_eq!(&buffer[..received], b"subscribe");
+        let (ended, ()) = tokio::join!(socket.send(&[2; 50]), async {
+            tokio::task::yield_now().await;
+            drop(theirs);
+        });
+        assert!(ended.is_err(), "nobody will read it");
+    }
+}
