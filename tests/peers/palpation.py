@@ -126,7 +126,7 @@ def recordings(name: str, clusters: int, components: int, class_of=None) -> None
 
 
 if "--recordings" not in sys.argv[1:]:
-    compare(427, 16, 5, "full", (200, 20))
+    compare(427, 16, 5, "full", (2000, 200))
 recordings("schunk_sdh_grasps.npz", 5, 2, lambda name: name.split("_")[0])
 recordings("schunk_sdh_grasps.npz", 5, 10, lambda name: name.split("_")[0])
 recordings("uskin_pick_and_move.npz", 3, 2)

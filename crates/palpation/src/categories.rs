@@ -14,7 +14,7 @@ pub const PAPER_ATTEMPTS: u32 = 100;
 /// Random starts whose best is taken.
 const STARTS: usize = 32;
 /// Those taken first where there may be a proof.
-const QUICK_STARTS: usize = 4;
+const QUICK_STARTS: usize = 2;
 /// Branches after which a proof is given up, at first and after all starts.
 const QUICK_BRANCHES: u64 = 30_000;
 const BRANCHES: u64 = 3_000_000;

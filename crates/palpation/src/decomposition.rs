@@ -11,16 +11,16 @@ pub(crate) struct Decomposition {
     pub(crate) residuals: Vec<f64>,
 }
 
-/// All values and the first vectors: QR of the longer side, then SVD of the triangle.
+/// The first values and vectors: QR of the longer side, then SVD of the triangle.
 pub(crate) fn exact(centred: Matrix, wanted: usize) -> Option<Decomposition> {
     let wide = centred.ncols() > centred.nrows();
     let wanted = wanted.min(centred.ncols()).min(centred.nrows());
     let (values, vectors) = if wide {
-        singular(Qr::new(centred.transpose()).r().transpose())?
+        singular(Qr::new(centred.transpose()).lower(), wanted)?
     } else {
         let qr = Qr::new(centred);
         // The other triangle of this one has the same vectors on this side, and columns that hardly need turning.
-        let (values, vectors) = singular(Qr::new(qr.r().transpose()).r().transpose())?;
+        let (values, vectors) = singular(Qr::new(qr.lower()).lower(), wanted)?;
         (values, qr.q_times(&vectors, wanted))
     };
     Some(Decomposition {

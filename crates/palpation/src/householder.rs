@@ -1,8 +1,8 @@
 //! QR by Householder's reflections (Golub and Van Loan, "Matrix Computations", 5.2).
 
-use crate::matrix::{Matrix, dots, norm};
+use crate::matrix::{Matrix, add_scaled, dots, norm};
 
-/// Columns that are made a triangle together.
+/// Columns that are made a triangle together, and reflections that go over a column together.
 const PANEL: usize = 4;
 
 /// A matrix of at least as many rows as columns, as an orthogonal one times a triangle.
@@ -10,6 +10,8 @@ pub(crate) struct Qr {
     /// The triangle above the diagonal; below and on it, the vector of each reflection, of squared length 2.
     packed: Matrix,
     diagonal: Vec<f64>,
+    /// Of each whole panel, the scalar products of its vectors.
+    products: Vec<[[f64; PANEL]; PANEL]>,
 }
 
 impl Qr {
@@ -17,12 +19,16 @@ impl Qr {
         let (rows, columns) = (a.nrows(), a.ncols());
         debug_assert!(rows >= columns, "{rows} x {columns}");
         let mut diagonal = Vec::with_capacity(columns);
+        let mut products = Vec::with_capacity(columns / PANEL);
         // A few columns at a time, which stay near while what is done already goes over them.
         for first in (0..columns).step_by(PANEL) {
             let (done, panel) = a.split_columns_mut(first);
             let panel = &mut panel[..PANEL.min(columns - first) * rows];
-            for (n, vector) in done.chunks_exact(rows).enumerate() {
-                reflect(&vector[n..], panel, rows, n);
+            for (n, products) in products.iter().enumerate() {
+                let block = Block::new(done, rows, n, products);
+                panel
+                    .chunks_exact_mut(rows)
+                    .for_each(|column| block.reflect(column, false));
             }
             for n in first..first + panel.len() / rows {
                 let (done, left) = panel.split_at_mut((n + 1 - first) * rows);
@@ -41,18 +47,34 @@ impl Qr {
                     vector.fill(0.0);
                 }
             }
+            if panel.len() == PANEL * rows {
+                let vector = |n: usize, from: usize| &panel[n * rows + first + from..(n + 1) * rows];
+                let mut of_panel = [[0.0; PANEL]; PANEL];
+                for (n, m) in (1..PANEL).flat_map(|n| (0..n).map(move |m| (n, m))) {
+                    let product = dots(vector(n, n), [vector(m, n)])[0];
+                    (of_panel[n][m], of_panel[m][n]) = (product, product);
+                }
+                products.push(of_panel);
+            }
         }
-        Self { packed: a, diagonal }
+        Self {
+            packed: a,
+            diagonal,
+            products,
+        }
     }
 
-    /// The triangle, square.
-    pub(crate) fn r(&self) -> Matrix {
+    /// The triangle turned over, square: a lower one.
+    pub(crate) fn lower(&self) -> Matrix {
         let size = self.diagonal.len();
-        Matrix::from_fn(size, size, |row, column| match row.cmp(&column) {
-            std::cmp::Ordering::Less => self.packed[(row, column)],
-            std::cmp::Ordering::Equal => self.diagonal[row],
-            std::cmp::Ordering::Greater => 0.0,
-        })
+        let mut lower = Matrix::zeros(size, size);
+        for (n, column) in lower.column_iter_mut().enumerate() {
+            column[n] = self.diagonal[n];
+            for (to, row) in column[n + 1..].iter_mut().zip(n + 1..) {
+                *to = self.packed[(n, row)];
+            }
+        }
+        lower
     }
 
     /// The orthogonal matrix times the first columns of a matrix of as many rows as the triangle has.
@@ -62,9 +84,15 @@ impl Qr {
         for (long, short) in product.column_iter_mut().zip(a.column_iter()) {
             long[..short.len()].copy_from_slice(short);
         }
-        for n in (0..self.diagonal.len()).rev() {
+        for n in (self.products.len() * PANEL..self.diagonal.len()).rev() {
             let vector = &self.packed.column(n)[n..];
             reflect(vector, product.split_columns_mut(0).1, rows, n);
+        }
+        for (n, products) in self.products.iter().enumerate().rev() {
+            let block = Block::new(self.packed.as_slice(), rows, n, products);
+            product
+                .column_iter_mut()
+                .for_each(|column| block.reflect(column, true));
         }
         product
     }
@@ -74,6 +102,50 @@ impl Qr {
         let size = self.diagonal.len();
         let identity = Matrix::from_fn(size, size, |row, column| f64::from(u8::from(row == column)));
         self.q_times(&identity, size)
+    }
+}
+
+/// The reflections of one panel (Schreiber and Van Loan 1989): a column is read and written once for all of them.
+struct Block<'a> {
+    first: usize,
+    /// Of each vector, what is within the panel's first rows, and what is below them.
+    heads: [[f64; PANEL]; PANEL],
+    tails: [&'a [f64]; PANEL],
+    products: &'a [[f64; PANEL]; PANEL],
+}
+
+impl<'a> Block<'a> {
+    fn new(packed: &'a [f64], rows: usize, panel: usize, products: &'a [[f64; PANEL]; PANEL]) -> Self {
+        let first = panel * PANEL;
+        let vector = |n: usize| &packed[(first + n) * rows + first..][..rows - first];
+        let head = |n: usize, row: usize| if row < n { 0.0 } else { vector(n)[row] };
+        Self {
+            first,
+            heads: std::array::from_fn(|n| std::array::from_fn(|row| head(n, row))),
+            tails: std::array::from_fn(|n| &vector(n)[PANEL..]),
+            products,
+        }
+    }
+
+    /// Reflects a column by each vector, or by each from the last on.
+    fn reflect(&self, column: &mut [f64], from_last: bool) {
+        let (head, tail) = column[self.first..].split_at_mut(PANEL);
+        let mut along = dots(tail, self.tails);
+        for (along, vector) in along.iter_mut().zip(&self.heads) {
+            *along += vector.iter().zip(&*head).map(|(v, x)| v * x).sum::<f64>();
+        }
+        // Each finds the column as those before it have left it.
+        let at = |n: usize| if from_last { PANEL - 1 - n } else { n };
+        for n in 1..PANEL {
+            for before in 0..n {
+                along[at(n)] -= self.products[at(n)][at(before)] * along[at(before)];
+            }
+        }
+        let less = along.map(|along| -along);
+        for (vector, along) in self.heads.iter().zip(less) {
+            head.iter_mut().zip(vector).for_each(|(x, v)| *x += v * along);
+        }
+        add_scaled(tail, self.tails, less);
     }
 }
 

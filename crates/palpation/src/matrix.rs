@@ -105,9 +105,25 @@ impl Matrix {
 
     /// The mean of the columns.
     pub(crate) fn column_mean(&self) -> Vec<f64> {
+        self.column_mean_above(&vec![0.0; self.rows])
+    }
+
+    /// The mean of what the columns differ from one.
+    pub(crate) fn column_mean_above(&self, base: &[f64]) -> Vec<f64> {
         let mut mean = vec![0.0; self.rows];
-        for column in self.column_iter() {
-            mean.iter_mut().zip(column).for_each(|(sum, x)| *sum += x);
+        let mut fours = self.values.chunks_exact(4 * self.rows.max(1));
+        for four in &mut fours {
+            let (ab, cd) = four.split_at(2 * self.rows);
+            let ((a, b), (c, d)) = (ab.split_at(self.rows), cd.split_at(self.rows));
+            let columns = a.iter().zip(b).zip(c).zip(d);
+            for ((sum, base), (((a, b), c), d)) in mean.iter_mut().zip(base).zip(columns) {
+                *sum += ((a - base) + (b - base)) + ((c - base) + (d - base));
+            }
+        }
+        for column in fours.remainder().chunks_exact(self.rows.max(1)) {
+            for ((sum, base), x) in mean.iter_mut().zip(base).zip(column) {
+                *sum += x - base;
+            }
         }
         mean.iter_mut().for_each(|x| *x /= self.columns as f64);
         mean
@@ -138,36 +154,69 @@ impl IndexMut<(usize, usize)> for Matrix {
 }
 
 /// Numbers that are added side by side, so that a processor can add several at once; the same on every machine.
-const LANES: usize = 4;
+const LANES: usize = 8;
 
 /// Scalar products of one vector with several, all of its length.
 pub(crate) fn dots<const M: usize>(v: &[f64], others: [&[f64]; M]) -> [f64; M] {
-    let (chunks, rest) = v.as_chunks::<LANES>();
-    let others = others.map(|other| &other[..v.len()]);
-    let wide = others.map(|other| &other.as_chunks::<LANES>().0[..chunks.len()]);
-    let mut sums = [[0.0; LANES]; M];
-    for (n, v) in chunks.iter().enumerate() {
-        for (sum, other) in sums.iter_mut().zip(wide) {
-            for lane in 0..LANES {
-                sum[lane] += v[lane] * other[n][lane];
-            }
+    others.map(|other| product(v, other))
+}
+
+fn product(a: &[f64], b: &[f64]) -> f64 {
+    let (wide, rest) = a.as_chunks::<LANES>();
+    let (others, others_rest) = b[..a.len()].as_chunks::<LANES>();
+    let mut sums = [0.0; LANES];
+    for (a, b) in wide.iter().zip(others) {
+        for lane in 0..LANES {
+            sums[lane] += a[lane] * b[lane];
         }
     }
-    std::array::from_fn(|m| {
-        let last = &others[m][v.len() - rest.len()..];
-        let rest: f64 = rest.iter().zip(last).map(|(a, b)| a * b).sum();
-        let sum = &sums[m];
-        (sum[0] + sum[1]) + (sum[2] + sum[3]) + rest
-    })
+    let rest: f64 = rest.iter().zip(others_rest).map(|(a, b)| a * b).sum();
+    total(sums) + rest
+}
+
+/// Scalar product of what one vector differs from another with a third, all of their length.
+pub(crate) fn product_above(a: &[f64], base: &[f64], b: &[f64]) -> f64 {
+    let (wide, rest) = a.as_chunks::<LANES>();
+    let (bases, bases_rest) = base[..a.len()].as_chunks::<LANES>();
+    let (others, others_rest) = b[..a.len()].as_chunks::<LANES>();
+    let mut sums = [0.0; LANES];
+    for ((a, base), b) in wide.iter().zip(bases).zip(others) {
+        for lane in 0..LANES {
+            sums[lane] += (a[lane] - base[lane]) * b[lane];
+        }
+    }
+    let rest = rest.iter().zip(bases_rest).zip(others_rest);
+    total(sums) + rest.map(|((a, base), b)| (a - base) * b).sum::<f64>()
+}
+
+/// Halves on halves: the order that needs no number moved to another lane.
+fn total(s: [f64; LANES]) -> f64 {
+    let fours: [f64; 4] = std::array::from_fn(|n| s[n] + s[n + 4]);
+    let twos: [f64; 2] = std::array::from_fn(|n| fours[n] + fours[n + 2]);
+    twos[0] + twos[1]
+}
+
+/// The greatest magnitude.
+pub(crate) fn greatest(v: &[f64]) -> f64 {
+    let (wide, rest) = v.as_chunks::<LANES>();
+    let mut most = [0.0; LANES];
+    for v in wide {
+        for lane in 0..LANES {
+            let x = v[lane].abs();
+            most[lane] = if x > most[lane] { x } else { most[lane] };
+        }
+    }
+    let rest = rest.iter().map(|x| x.abs());
+    most.into_iter().chain(rest).fold(0.0, f64::max)
 }
 
 /// Adds several vectors, each times a factor, to one of their length.
 pub(crate) fn add_scaled<const M: usize>(sum: &mut [f64], vectors: [&[f64]; M], factors: [f64; M]) {
     let vectors = vectors.map(|vector| &vector[..sum.len()]);
     for (n, sum) in sum.iter_mut().enumerate() {
-        let mut added = 0.0;
-        for (vector, factor) in vectors.iter().zip(factors) {
-            added += vector[n] * factor;
+        let mut added = vectors[0][n] * factors[0];
+        for m in 1..M {
+            added += vectors[m][n] * factors[m];
         }
         *sum += added;
     }

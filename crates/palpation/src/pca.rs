@@ -2,7 +2,7 @@
 
 use crate::decomposition::exact;
 use crate::error::PalpationError;
-use crate::matrix::{Matrix, dots};
+use crate::matrix::{Matrix, dots, greatest, product_above};
 use crate::truncated::truncated;
 
 /// How components are computed.
@@ -54,8 +54,11 @@ impl Pca {
         if components == 0 {
             return Err(PalpationError::NoComponents);
         }
-        finite(touches)?;
         let (mean, centred) = centre(touches);
+        // A mean is finite only if all that it is made of is.
+        if mean.iter().any(|x| !x.is_finite()) {
+            finite(touches)?;
+        }
         let total = total(&centred);
         let not_converged = PalpationError::NotConverged {
             touches: count,
@@ -65,8 +68,7 @@ impl Pca {
             return Err(not_converged);
         }
         // What is left of equal touches is rounding: half a unit in the last place of each value.
-        let largest = mean.iter().fold(0.0f64, |most, x| most.max(x.abs()));
-        if total <= (largest * f64::EPSILON).powi(2) * (features * count) as f64 {
+        if total <= (greatest(&mean) * f64::EPSILON).powi(2) * (features * count) as f64 {
             return Err(PalpationError::Constant { touches: count });
         }
         let least = features.min(count);
@@ -99,10 +101,9 @@ impl Pca {
             .zip(found.vectors.column_iter())
             .take(rank)
         {
-            let largest = vector
-                .iter()
-                .fold(0.0f64, |most, x| if x.abs() > most.abs() { *x } else { most });
-            let sign = 1.0f64.copysign(largest);
+            let largest = greatest(vector);
+            let first = vector.iter().find(|x| x.abs() == largest);
+            let sign = 1.0f64.copysign(*first.unwrap_or(&1.0));
             loading.iter_mut().zip(vector).for_each(|(to, x)| *to = sign * x);
         }
         Ok(Self {
@@ -158,17 +159,14 @@ impl Pca {
                 found: touches.nrows(),
             });
         }
-        finite(touches)?;
-        let mut centred = vec![0.0; self.mean.len()];
         let mut places = Vec::with_capacity(self.components.ncols() * touches.ncols());
         for touch in touches.column_iter() {
-            let differences = touch.iter().zip(&self.mean).map(|(x, mean)| x - mean);
-            centred.iter_mut().zip(differences).for_each(|(to, x)| *to = x);
-            places.extend(
-                self.components
-                    .column_iter()
-                    .map(|loadings| dots(&centred, [loadings])[0]),
-            );
+            let loadings = self.components.column_iter();
+            places.extend(loadings.map(|loading| product_above(touch, &self.mean, loading)));
+        }
+        // A place is finite only if all of its touch is.
+        if places.iter().any(|x| !x.is_finite()) {
+            finite(touches)?;
         }
         Ok(Matrix::new(self.components.ncols(), touches.ncols(), places))
     }
@@ -204,18 +202,15 @@ impl Pca {
 /// The mean column and what the columns differ from it. The mean is corrected by the mean of the differences, so that
 /// an offset of a million costs no digit of the signal.
 fn centre(touches: &Matrix) -> (Vec<f64>, Matrix) {
-    let less = |columns: &mut Matrix, mean: &[f64]| {
-        for column in columns.column_iter_mut() {
-            column.iter_mut().zip(mean).for_each(|(x, mean)| *x -= mean);
-        }
-    };
     let mut mean = touches.column_mean();
-    let mut centred = touches.clone();
-    less(&mut centred, &mean);
-    let rest = centred.column_mean();
-    less(&mut centred, &rest);
+    let rest = touches.column_mean_above(&mean);
+    let mut centred = Vec::with_capacity(touches.as_slice().len());
+    for column in touches.column_iter() {
+        let values = column.iter().zip(&mean).zip(&rest);
+        centred.extend(values.map(|((x, mean), rest)| x - mean - rest));
+    }
     mean.iter_mut().zip(rest).for_each(|(mean, rest)| *mean += rest);
-    (mean, centred)
+    (mean, Matrix::new(touches.nrows(), touches.ncols(), centred))
 }
 
 /// The sum of all squares.

@@ -22,94 +22,112 @@ pub(crate) fn least(
     let order = order(map, labels, clusters);
     let n = order.len();
     let mut search = Search {
-        map,
-        order: &order,
-        clusters,
+        touches: map.select_columns(&order),
         bound: vec![0.0; n + 1],
         sums: Matrix::zeros(map.nrows(), clusters),
-        counts: vec![0; clusters],
+        before: Matrix::zeros(map.nrows(), n),
+        counts: vec![0.0; clusters],
         labels: vec![0; n],
         best: Vec::new(),
         least: 0.0,
-        last: n,
         left: branches,
     };
     // The last m touches of the order: as good as any guess, what they cost in the categories that were found.
-    for m in clusters + 1..=n {
-        search.last = m;
+    let mut guess = Search {
+        sums: Matrix::zeros(map.nrows(), clusters),
+        ..search.clone()
+    };
+    let mut guessed = 0.0;
+    for m in 1..=n {
+        let (at, label) = (n - m, labels[order[n - m]]);
+        guessed += guess.adds(at, label);
+        guess.put(at, label);
+        if m <= clusters {
+            continue;
+        }
         search.best.clear();
-        let guess = if m == n {
+        // A hair more, so that the same partition is found to be the least.
+        search.least = if m == n {
             cost
         } else {
-            within(map, &order[n - m..], labels, clusters)
+            guessed * (1.0 + 4.0 * EQUAL)
         };
-        search.least = guess;
-        search.place(n - m, 0.0, 0);
+        search.place(at, 0.0, 0);
         if search.left == 0 {
             return (None, false);
         }
         search.bound[m] = search.least * (1.0 - 8.0 * EQUAL);
     }
-    let found = (!search.best.is_empty()).then_some(search.best);
+    let found = (!search.best.is_empty()).then(|| {
+        let mut labels = vec![0; n];
+        for (touch, label) in order.iter().zip(&search.best) {
+            labels[*touch] = *label;
+        }
+        labels
+    });
     (found, true)
 }
 
-struct Search<'a> {
-    map: &'a Matrix,
-    order: &'a [usize],
-    clusters: usize,
+#[derive(Clone)]
+struct Search {
+    /// In their order.
+    touches: Matrix,
     /// What the last m touches cost at least.
     bound: Vec<f64>,
+    /// Of the touches in each category, and of those in a touch's category before it.
     sums: Matrix,
-    counts: Vec<usize>,
+    before: Matrix,
+    counts: Vec<f64>,
     labels: Vec<usize>,
     best: Vec<usize>,
     least: f64,
-    last: usize,
     /// Branches until it gives up.
     left: u64,
 }
 
-impl Search<'_> {
+impl Search {
     /// Gives the touch at this place of the order, and those after it, to categories; `used` have touches.
     fn place(&mut self, at: usize, cost: f64, used: usize) {
         self.left = self.left.saturating_sub(1);
         if self.left == 0 {
             return;
         }
-        let Some(&touch) = self.order.get(at) else {
+        if at == self.labels.len() {
             self.least = cost;
             self.best.clone_from(&self.labels);
             return;
-        };
-        let left = self.order.len() - at - 1;
-        let dimensions = self.map.nrows();
-        for k in 0..self.clusters.min(used + 1) {
-            let count = self.counts[k] as f64;
-            let mut added = 0.0;
-            for d in 0..dimensions {
-                let off = if self.counts[k] > 0 {
-                    self.map[(d, touch)] - self.sums[(d, k)] / count
-                } else {
-                    0.0
-                };
-                added += off * off;
-            }
-            let next = cost + added * count / (count + 1.0);
+        }
+        let left = self.labels.len() - at - 1;
+        for k in 0..self.counts.len().min(used + 1) {
+            let next = cost + self.adds(at, k);
             if next + self.bound[left] >= self.least * (1.0 - EQUAL) {
                 continue;
             }
-            self.counts[k] += 1;
-            for d in 0..dimensions {
-                self.sums[(d, k)] += self.map[(d, touch)];
-            }
-            self.labels[touch] = k;
+            self.put(at, k);
             self.place(at + 1, next, used.max(k + 1));
-            self.counts[k] -= 1;
-            for d in 0..dimensions {
-                self.sums[(d, k)] -= self.map[(d, touch)];
-            }
+            self.counts[k] -= 1.0;
+            self.sums.column_mut(k).copy_from_slice(self.before.column(at));
         }
+    }
+
+    /// What a touch adds to the cost of a category.
+    fn adds(&self, at: usize, k: usize) -> f64 {
+        let count = self.counts[k];
+        if count == 0.0 {
+            return 0.0;
+        }
+        let places = self.touches.column(at).iter().zip(self.sums.column(k));
+        let squares = places.map(|(x, sum)| (x * count - sum) * (x * count - sum));
+        squares.sum::<f64>() / (count * (count + 1.0))
+    }
+
+    fn put(&mut self, at: usize, k: usize) {
+        let sum = self.sums.column_mut(k);
+        self.before.column_mut(at).copy_from_slice(sum);
+        let touch = self.touches.column(at);
+        sum.iter_mut().zip(touch).for_each(|(sum, x)| *sum += x);
+        self.counts[k] += 1.0;
+        self.labels[at] = k;
     }
 }
 
@@ -133,18 +151,4 @@ fn order(map: &Matrix, labels: &[usize], clusters: usize) -> Vec<usize> {
         .collect();
     order.reverse();
     order
-}
-
-/// What some touches cost in the categories that they are in.
-fn within(map: &Matrix, touches: &[usize], labels: &[usize], clusters: usize) -> f64 {
-    let cost = |k: usize| {
-        let own: Vec<usize> = touches.iter().copied().filter(|t| labels[*t] == k).collect();
-        let own = map.select_columns(&own);
-        let mean = own.column_mean();
-        own.column_iter()
-            .map(|touch| squared_distance(touch, &mean))
-            .sum::<f64>()
-    };
-    // A hair more, so that the same partition is found to be the least.
-    (0..clusters).map(cost).sum::<f64>() * (1.0 + 4.0 * EQUAL)
 }

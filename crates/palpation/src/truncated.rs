@@ -37,20 +37,15 @@ pub(crate) fn truncated(a: &Matrix, wanted: usize) -> Option<Decomposition> {
     let mut best = None;
     for _ in 0..ITERATIONS {
         let forward = Qr::new(times(a, &side));
-        let triangle = forward.r();
-        let (mut values, vectors) = singular(Qr::new(triangle.transpose()).r().transpose())?;
+        let triangle = forward.lower();
+        let (values, vectors) = singular(Qr::new(triangle.clone()).lower(), wanted)?;
         let basis = forward.q();
         let back = transposed_times(a, &basis);
-        values.truncate(wanted);
-        // A (side v) = (q u) s, exactly, with s v the triangle's transpose times u; what is missing is on the way back.
-        let residuals: Vec<f64> = (vectors.column_iter().take(wanted))
+        // A (side v) = (q u) s, exactly, with s v the lower triangle times u; what is missing is on the way back.
+        let residuals: Vec<f64> = (vectors.column_iter())
             .map(|u| {
                 let mut missing = combined(&back, u);
-                let partner: Vec<f64> = triangle
-                    .column_iter()
-                    .map(|column| -dots(column, [u])[0])
-                    .collect();
-                add_scaled(&mut missing, [&combined(&side, &partner)], [1.0]);
+                add_scaled(&mut missing, [&combined(&side, &combined(&triangle, u))], [-1.0]);
                 norm(&missing)
             })
             .collect();

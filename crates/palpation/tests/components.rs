@@ -139,6 +139,28 @@ fn spectra_of_any_condition_come_back() {
 }
 
 #[test]
+fn the_first_components_are_the_same_whether_or_not_the_others_are_asked_for() {
+    // The first stand out, hardly do, or are equal; the others are short, long together, or nothing.
+    for (name, spectrum) in [
+        ("falls", (0..15).map(|i| 0.1f64.powi(i)).collect::<Vec<_>>()),
+        ("two stand out of noise", [vec![9.0, 4.0], vec![0.9; 13]].concat()),
+        ("hardly falls", (0..15).map(|i| 1.0 - i as f64 / 100.0).collect()),
+        ("two are equal", [vec![7.0, 7.0], vec![1.0; 13]].concat()),
+        ("two are all", vec![3.0, 2.0]),
+    ] {
+        let touches = of_spectrum(427, 16, &spectrum, 0.0);
+        let all = Pca::fit(&touches, 15, Solver::Exact).unwrap();
+        let two = Pca::fit(&touches, 2, Solver::Exact).unwrap();
+        assert_near(name, two.singular_values(), &spectrum[..2], 1e-14);
+        assert_near(name, two.singular_values(), &all.singular_values()[..2], 1e-14);
+        if spectrum[0] > spectrum[1] {
+            let loadings = &all.components().as_slice()[..2 * 427];
+            assert_near(name, two.components().as_slice(), loadings, 1e-12);
+        }
+    }
+}
+
+#[test]
 fn an_offset_of_a_million_costs_the_signal_its_rounding_alone() {
     let spectrum = [1.0, 0.5, 0.25, 0.125];
     let pca = Pca::fit(&of_spectrum(91, 16, &spectrum, 1e6), 4, Solver::Exact).unwrap();

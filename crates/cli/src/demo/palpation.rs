@@ -115,7 +115,7 @@ struct OntoMap(Arc<Mutex<Meter>>);
 
 impl OntoMap {
     fn follow(&mut self, images: &Path, live: Live) {
-        let outcome = follow(images, live, self);
+        let outcome = follow(Some(images), live, self);
         let mut meter = lock(&self.0);
         // The daemon's end is the demo's.
         if let (Err(error), false) = (outcome, meter.closed) {
