@@ -20,6 +20,8 @@ pub enum Disturbance {
     Zero(f64),
     /// A potentiometer says the same all the time: what it says at one of its samples.
     PotentiometerStuck,
+    /// A potentiometer says the same from one of its samples on.
+    PotentiometerSticks,
     /// A potentiometer says nothing.
     PotentiometerLost,
     /// A potentiometer says 0 degrees all the time.
@@ -36,6 +38,7 @@ impl std::fmt::Display for Disturbance {
             Self::Slower(times) => write!(f, "{times} times as slow"),
             Self::Zero(deg) => write!(f, "a zero off by {deg} degrees"),
             Self::PotentiometerStuck => f.write_str("a potentiometer stuck"),
+            Self::PotentiometerSticks => f.write_str("one that sticks midway"),
             Self::PotentiometerLost => f.write_str("a potentiometer lost"),
             Self::PotentiometerDead => f.write_str("a potentiometer at 0"),
         }
@@ -87,6 +90,12 @@ impl Disturbance {
                 let at = random.below(squeeze.len().max(1));
                 let value = squeeze.theta_p_deg[finger].get(at).copied().unwrap_or(f64::NAN);
                 other.theta_p_deg[finger].fill(value);
+            }
+            Self::PotentiometerSticks => {
+                let at = random.below(squeeze.len().max(1));
+                let from = other.theta_p_deg[finger].get_mut(at..).unwrap_or_default();
+                let value = from.first().copied().unwrap_or(f64::NAN);
+                from.fill(value);
             }
             Self::PotentiometerLost => other.theta_p_deg[finger].fill(f64::NAN),
             Self::PotentiometerDead => other.theta_p_deg[finger].fill(0.0),

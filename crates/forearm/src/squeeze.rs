@@ -1,11 +1,10 @@
 //! One squeeze, as plain columns.
 
 use crate::error::ForearmError;
+use taxel_gripper::FULL_PWM;
 
 /// Underactuated fingers of the gripper.
 pub const FINGERS: usize = 2;
-/// The PWM at which a motor is driven with all it has; commands count in steps of it (Dynamixel XM430).
-pub const FULL_PWM: f64 = 885.0;
 /// Rows of a tactile image.
 pub const TACTILE_ROWS: usize = 28;
 /// Columns of a tactile image.

@@ -4,6 +4,7 @@
 //!
 //! A motor's angle and the angle between the phalanges, which a potentiometer reads, give where a finger is
 //! ([`FiveBar::proximal_rad`]); what the motor presses with goes through the same bars ([`FiveBar::contact_forces_n`]).
+//! [`Ramp`] is how hard the motors are driven during a squeeze.
 //!
 //! ```
 //! use taxel_gripper::FiveBar;
@@ -18,8 +19,10 @@
 
 mod error;
 mod five_bar;
+mod ramp;
 mod statics;
 
 pub use error::FiveBarError;
 pub use five_bar::FiveBar;
+pub use ramp::{FULL_PWM, Ramp};
 pub use statics::Spring;

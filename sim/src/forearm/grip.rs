@@ -1,10 +1,8 @@
 //! The gripper's two fingers on one place of a forearm.
 
 use super::section::{STALL_NM, Section};
-use taxel_gripper::FiveBar;
+use taxel_gripper::{FULL_PWM, FiveBar};
 
-/// Full PWM of the motors.
-const FULL_PWM: f64 = 885.0;
 /// The angle between the phalanges, degrees: in the publication's squeezes 39 to 48, which PWM hardly changes.
 pub(super) const PASSIVE_DEG: f64 = 42.0;
 /// What is left of a motor's torque behind its gears and the finger's joints when it closes. In the publication's

@@ -13,5 +13,5 @@ mod touch;
 
 pub use grip::{FingerAngles, Grip, NoPlace};
 pub use pressed::ForearmTouch;
-pub use squeeze::{PwmProfile, SimulatedForearm, SimulatedSqueeze};
+pub use squeeze::{SimulatedForearm, SimulatedSqueeze};
 pub use touch::{TOUCH_COLUMNS, TOUCH_ROWS};

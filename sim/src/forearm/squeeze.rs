@@ -2,8 +2,8 @@
 
 use super::grip::{Grip, NoPlace, PASSIVE_DEG};
 use super::touch::Touch;
-use crate::random::{bell, between, bits};
-use std::str::FromStr;
+use crate::random::{bell, bits};
+use taxel_gripper::Ramp;
 
 /// Spread of what is not modelled, as the publication's squeezes have it, degrees. Of a place: how far the mean angles
 /// of its squeezes are from the model's, both fingers alike, and its potentiometers from each other place's. Of a
@@ -21,8 +21,7 @@ const SQUEEZE_BESIDE_MM: f64 = 0.5;
 /// Steps of the sensors, degrees.
 const ACTUATED_STEP_DEG: f64 = 360.0 / 4096.0;
 const PASSIVE_STEP_DEG: f64 = 333.3 / 1023.0;
-/// Between samples, ms: as the publication's, of which half are within 111 and 132.
-const PERIOD_MS: f64 = 121.0;
+/// Between samples, ms, beside the ramp's period: the publication's are 121, half of them within 111 and 132.
 const PERIOD_SPREAD_MS: f64 = 16.0;
 const PERIOD_LIMITS_MS: [f64; 2] = [78.0, 187.0];
 /// Random numbers of places, squeezes, times, commands and tactile images.
@@ -31,55 +30,6 @@ const SQUEEZE_STREAM: u64 = 0x6661_726E;
 const TIME_STREAM: u64 = 0x6661_726F;
 const PWM_STREAM: u64 = 0x6661_7270;
 const NOISE_STREAM: u64 = 0x6661_7271;
-
-/// How PWM rises and falls in a squeeze.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum PwmProfile {
-    /// As in the publication's data: 95 samples, from the tenth on 10 more each until 400 of 885 and 10 fewer each again,
-    /// random by 5 at most.
-    Data,
-    /// As the publication says: from 10 to 90 % and back, 5 % every half second, random by 2 % at most.
-    Article,
-}
-
-impl FromStr for PwmProfile {
-    type Err = String;
-
-    fn from_str(name: &str) -> Result<Self, String> {
-        match name {
-            "data" => Ok(Self::Data),
-            "article" => Ok(Self::Article),
-            _ => Err(format!("{name} is no profile; there are data and article")),
-        }
-    }
-}
-
-impl PwmProfile {
-    /// Samples until the squeeze is over, for the longer one at the usual period.
-    fn samples(self) -> usize {
-        match self {
-            Self::Data => 95,
-            Self::Article => (33.0 * 500.0 / PERIOD_MS).ceil() as usize,
-        }
-    }
-
-    /// What is commanded at a sample, of 885, whole.
-    fn pwm(self, sample: usize, time_ms: f64, chance: impl Fn(u64) -> u64) -> f64 {
-        let at = |step: usize, most: f64| between(chance(step as u64), -most, most);
-        let pwm = match self {
-            Self::Data => {
-                let ramp = 10.0 * sample.saturating_sub(10).min(90_usize.saturating_sub(sample)) as f64;
-                if ramp == 0.0 { 0.0 } else { ramp + at(sample, 5.0) }
-            }
-            Self::Article => {
-                let step = ((time_ms / 500.0) as usize).min(32);
-                let percent = 10.0 + 5.0 * step.min(32 - step) as f64;
-                8.85 * (percent + at(step, 2.0))
-            }
-        };
-        pwm.round()
-    }
-}
 
 /// One squeeze and release: columns of equal length, a row per sample.
 #[derive(Debug, Clone, PartialEq)]
@@ -101,13 +51,13 @@ pub struct SimulatedSqueeze {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SimulatedForearm {
     seed: u64,
-    profile: PwmProfile,
+    ramp: Ramp,
 }
 
 impl SimulatedForearm {
-    /// A forearm that is squeezed by a profile.
-    pub fn new(seed: u64, profile: PwmProfile) -> Self {
-        Self { seed, profile }
+    /// A forearm that is squeezed by a ramp of PWM.
+    pub fn new(seed: u64, ramp: Ramp) -> Self {
+        Self { seed, ramp }
     }
 
     /// A squeeze at a location, 0 (wrist) to 1 (elbow). Squeezes of one location are of one placing of the arm, as the
@@ -133,20 +83,18 @@ impl SimulatedForearm {
         };
         let offsets = [offset(0), offset(1)];
         let touch = Touch::new(is_at, beside_mm, self.seed);
-        let samples = self.profile.samples();
+        // As in the publication's data, a repetition has the same ramp at every place.
+        let pwm = self.ramp.pwm(bits(self.seed, PWM_STREAM, repetition));
         let mut squeeze = SimulatedSqueeze {
-            time_ms: Vec::with_capacity(samples),
+            time_ms: Vec::with_capacity(pwm.len()),
             passive_deg: Default::default(),
             actuated_deg: Default::default(),
-            pwm: Vec::with_capacity(samples),
+            pwm: Vec::with_capacity(pwm.len()),
             touch: Vec::new(),
         };
         let (mut grip, mut time_ms) = (Grip::beyond(is_at), 0.0);
         let mut felt = touch.pressures_kpa(grip.pressed());
-        for sample in 0..samples {
-            let pwm = self
-                .profile
-                .pwm(sample, time_ms, |step| bits(self.seed ^ index, PWM_STREAM, step));
+        for (sample, pwm) in pwm.into_iter().enumerate() {
             let before = grip;
             grip = grip.under(pwm);
             if grip != before {
@@ -166,7 +114,7 @@ impl SimulatedForearm {
                 .extend(touch.counts(&felt, bits(index, NOISE_STREAM, sample as u64)));
             let spread = PERIOD_SPREAD_MS * bell(bits(self.seed ^ index, TIME_STREAM, sample as u64));
             let [least, most] = PERIOD_LIMITS_MS;
-            time_ms += (PERIOD_MS + spread).clamp(least, most).round();
+            time_ms += (self.ramp.period_ms() + spread).clamp(least, most).round();
         }
         Ok(squeeze)
     }
@@ -178,11 +126,11 @@ mod tests {
 
     #[test]
     fn a_squeeze_rises_and_falls_as_the_recorded_ones() {
-        let forearm = SimulatedForearm::new(1, PwmProfile::Data);
+        let forearm = SimulatedForearm::new(1, Ramp::Data);
         let squeeze = forearm.squeeze(0.5, 0).unwrap();
         assert_eq!((squeeze.pwm.len(), squeeze.touch.len()), (95, 95 * 1400));
         assert!(
-            squeeze.pwm[..=10]
+            squeeze.pwm[..10]
                 .iter()
                 .chain(&squeeze.pwm[90..])
                 .all(|pwm| *pwm == 0.0)
@@ -196,17 +144,15 @@ mod tests {
         );
         for finger in 0..2 {
             let angles = &squeeze.actuated_deg[finger];
-            assert!(angles[50] > angles[10] + 10.0, "it closes");
+            assert!(angles[50] > angles[9] + 10.0, "it closes");
             assert_eq!(angles[50], angles[70], "friction holds it");
-            assert_eq!(angles[94], angles[10], "it opens");
+            assert_eq!(angles[94], angles[9], "it opens");
         }
     }
 
     #[test]
     fn the_articles_profile_goes_to_nine_tenths_and_back() {
-        let squeeze = SimulatedForearm::new(1, PwmProfile::Article)
-            .squeeze(0.2, 3)
-            .unwrap();
+        let squeeze = SimulatedForearm::new(1, Ramp::Article).squeeze(0.2, 3).unwrap();
         let most = squeeze.pwm.iter().fold(0.0, |a: f64, b| a.max(*b)) / 8.85;
         assert!((88.0..=92.0).contains(&most), "{most}");
         for end in [squeeze.pwm[0], squeeze.pwm[squeeze.pwm.len() - 1]] {
@@ -217,7 +163,7 @@ mod tests {
     #[test]
     fn the_same_seed_gives_the_same_squeeze_and_nothing_else_does() {
         let squeeze = |seed, location, repetition| {
-            SimulatedForearm::new(seed, PwmProfile::Data)
+            SimulatedForearm::new(seed, Ramp::Data)
                 .squeeze(location, repetition)
                 .unwrap()
         };
@@ -225,10 +171,6 @@ mod tests {
         for other in [squeeze(2, 0.25, 2), squeeze(1, 0.5, 2), squeeze(1, 0.25, 3)] {
             assert_ne!(other, squeeze(1, 0.25, 2));
         }
-        assert!(
-            SimulatedForearm::new(1, PwmProfile::Data)
-                .squeeze(-0.1, 0)
-                .is_err()
-        );
+        assert!(SimulatedForearm::new(1, Ramp::Data).squeeze(-0.1, 0).is_err());
     }
 }

@@ -5,7 +5,7 @@ use super::report;
 use crate::progress::Progress;
 use taxel_forearm::{Disturbance, Kinesthetic, Session, Split, Squeeze};
 
-const DISTURBANCES: [Disturbance; 11] = [
+const DISTURBANCES: [Disturbance; 12] = [
     Disturbance::Missing(0.3),
     Disturbance::Gap(1000.0),
     Disturbance::Gap(2000.0),
@@ -15,6 +15,7 @@ const DISTURBANCES: [Disturbance; 11] = [
     Disturbance::Slower(2),
     Disturbance::Zero(1.0),
     Disturbance::PotentiometerStuck,
+    Disturbance::PotentiometerSticks,
     Disturbance::PotentiometerLost,
     Disturbance::PotentiometerDead,
 ];

@@ -8,8 +8,8 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use taxel_can::pressure_frames;
-use taxel_forearm::{FINGERS, TACTELS, TACTILE_COLUMNS, TACTILE_ROWS};
-use taxel_sim::forearm::{ForearmTouch, PwmProfile, SimulatedForearm};
+use taxel_forearm::{FINGERS, Ramp, TACTELS, TACTILE_COLUMNS, TACTILE_ROWS};
+use taxel_sim::forearm::{ForearmTouch, SimulatedForearm};
 use taxel_sim::servo::{
     ForearmFinger, Motion, SERVO_BAUD, ServoBuild, ServoBus, ServoPty, StableLink, servo_clock_ns,
 };
@@ -116,7 +116,7 @@ fn squeeze_by_itself(
     interrupt: &Interrupt,
     targets: &mut Targets,
 ) -> anyhow::Result<()> {
-    let forearm = SimulatedForearm::new(playing.seed, PwmProfile::Data);
+    let forearm = SimulatedForearm::new(playing.seed, Ramp::Data);
     let (waits, begin) = (!targets.are_logs(), Instant::now());
     let (mut began_ms, mut frame) = (0.0, 0);
     for repetition in 0.. {

@@ -3,8 +3,8 @@
 use crate::output_file::OutputFile;
 use anyhow::ensure;
 use std::path::PathBuf;
-use taxel_forearm::{PLACES, Session, Squeeze, Trial, location_percent};
-use taxel_sim::forearm::{PwmProfile, SimulatedForearm, SimulatedSqueeze};
+use taxel_forearm::{PLACES, Ramp, Session, Squeeze, Trial, location_percent};
+use taxel_sim::forearm::{SimulatedForearm, SimulatedSqueeze};
 
 /// Most squeezes at each place: the session is in memory as it is written.
 const MOST: usize = 200;
@@ -32,7 +32,7 @@ pub(crate) struct Args {
     seed: u64,
     /// How PWM rises and falls: data (the publication's data, to 46 %) or article (its text, to 90 %)
     #[arg(long, value_name = "PROFILE", default_value = "data")]
-    profile: PwmProfile,
+    profile: Ramp,
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<String> {
@@ -96,7 +96,7 @@ mod tests {
 
     #[test]
     fn a_simulated_session_is_read_back_as_it_was_made() {
-        let forearm = SimulatedForearm::new(1, PwmProfile::Data);
+        let forearm = SimulatedForearm::new(1, Ramp::Data);
         let made = session(forearm, &[0, 7, 12], 2).unwrap();
         assert!(made.has_touch());
         let folder = tempfile::tempdir().unwrap();

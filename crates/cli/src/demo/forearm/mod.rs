@@ -12,8 +12,8 @@ use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::time::{Duration, Instant};
-use taxel_forearm::{Estimate, Estimator, Model, Squeeze, Trial};
-use taxel_sim::forearm::{PwmProfile, SimulatedForearm};
+use taxel_forearm::{Estimate, Estimator, Model, Ramp, Squeeze, Trial};
+use taxel_sim::forearm::SimulatedForearm;
 use taxel_view::Palette;
 
 /// What the demo calls it.
@@ -68,7 +68,7 @@ struct Playing {
 impl Playing {
     /// Trains on simulated squeezes, and begins.
     fn start() -> anyhow::Result<Self> {
-        let forearm = SimulatedForearm::new(SEED, PwmProfile::Data);
+        let forearm = SimulatedForearm::new(SEED, Ramp::Data);
         let session = simulate::session(forearm, &TRAINED, REPETITIONS)?;
         Ok(Self {
             forearm,

@@ -39,7 +39,7 @@ pub(crate) struct Args {
     allow_motion: bool,
     /// How hard it squeezes: `data`, 400 of 885 counts at the peak, as the publication's files have it; `article`, 10 to
     /// 90 %, as it says
-    #[arg(long, value_name = "NAME", default_value = "data", value_parser = ramp)]
+    #[arg(long, value_name = "NAME", default_value = "data")]
     ramp: Ramp,
     /// The most PWM that may be asked for, percent of full PWM; a ramp that goes beyond is refused
     #[arg(long, value_name = "PERCENT", default_value_t = 50.0, value_parser = percent)]
@@ -72,13 +72,6 @@ pub(crate) struct Args {
     /// The daemon's control socket [default: where the daemon of this user, or of the system, puts it]
     #[arg(long, value_name = "PATH")]
     control: Option<PathBuf>,
-}
-
-fn ramp(name: &str) -> Result<Ramp, String> {
-    let known = Ramp::NAMES.iter().find(|(known, _)| *known == name);
-    known
-        .map(|(_, ramp)| *ramp)
-        .ok_or_else(|| "there are data and article".into())
 }
 
 fn percent(text: &str) -> Result<f64, String> {

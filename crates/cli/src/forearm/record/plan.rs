@@ -77,10 +77,9 @@ impl Plan {
 
     /// Settings of the session: kept where it begins, and refused where it was begun with others.
     pub(super) fn keep(&self, settings: &Settings) -> anyhow::Result<()> {
-        let name = Ramp::NAMES.iter().find(|(_, ramp)| *ramp == settings.ramp);
         let kept = Kept {
             version: VERSION,
-            ramp: name.map_or("", |(name, _)| name).into(),
+            ramp: settings.ramp.to_string(),
             fingers: settings.fingers.clone(),
             potentiometers: settings.potentiometers.clone(),
             touch: settings.touch,

@@ -1,7 +1,11 @@
 //! How hard the gripper is driven during a squeeze: two ramps of PWM, up and down again.
 
-use crate::squeeze::FULL_PWM;
+use std::fmt;
+use std::str::FromStr;
 use taxel_cluster::Random;
+
+/// The PWM at which a motor is driven with all it has; commands count in steps of it (Dynamixel XM430).
+pub const FULL_PWM: f64 = 885.0;
 
 /// A ramp of PWM, by name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -23,9 +27,6 @@ const SAMPLES: usize = 95;
 const PEAK: usize = 50;
 
 impl Ramp {
-    /// Both, with their names.
-    pub const NAMES: [(&str, Ramp); 2] = [("article", Ramp::Article), ("data", Ramp::Data)];
-
     /// Time from one sample to the next, ms.
     pub fn period_ms(self) -> f64 {
         match self {
@@ -63,6 +64,27 @@ impl Ramp {
                     }
                 })
                 .collect(),
+        }
+    }
+}
+
+impl fmt::Display for Ramp {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Ramp::Article => "article",
+            Ramp::Data => "data",
+        })
+    }
+}
+
+impl FromStr for Ramp {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        match name {
+            "article" => Ok(Ramp::Article),
+            "data" => Ok(Ramp::Data),
+            _ => Err(format!("{name} is no ramp; there are data and article")),
         }
     }
 }
