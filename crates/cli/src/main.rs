@@ -12,6 +12,7 @@ macro_rules! eprintln {
 }
 
 mod allocations;
+mod array_frames;
 mod categorize;
 mod compress;
 mod config;
@@ -29,6 +30,7 @@ mod image_output;
 mod input;
 mod interrupt;
 mod layouts;
+mod live_lines;
 mod log_interfaces;
 mod manual;
 mod metrics;

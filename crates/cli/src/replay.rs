@@ -1,5 +1,6 @@
 //! `taxel replay`: a recording back onto a bus.
 
+use crate::array_frames::{ARRAY_LAYOUT, ArrayFrames, is_of_arrays};
 use crate::input::{DEFAULT_LAYOUT, Input, InputArgs, pair};
 use crate::interrupt::Interrupt;
 use crate::output_file::refuse_overlap;
@@ -12,6 +13,8 @@ use std::cell::Cell;
 use std::ops::Range;
 use std::path::Path;
 use std::time::{Duration, Instant};
+use taxel_can::SourceAddress;
+use taxel_record::Recording;
 use taxel_skin::Layout;
 
 /// From the last frame of one pass to the first of the next, with --loop.
@@ -21,7 +24,8 @@ const PASS_GAP_NS: u64 = 1_000_000;
 ///
 /// A candump log, or the raw CAN of an .mcap, is sent frame by frame; error frames and lines that hold no classic frame are
 /// counted and left out. Counts (.npy, .npz, .csv) become what the boards of the hand would have
-/// sent: one sweep of CAN frames per recorded frame, on each of the layout's buses.
+/// sent: one sweep of CAN frames per recorded frame, on each of the layout's buses. Images or counts for a pressure array
+/// (.npy, .npz) become its messages.
 ///
 /// Each frame has its own deadline from the start on, so that delays do not add up.
 #[derive(Debug, clap::Args)]
@@ -32,12 +36,13 @@ Examples:
   taxel replay module.npz --array LOG7 --columns xyz-interleaved --tile --interface can0=can:vcan0 \\
       --interface can1=can:vcan1
   taxel replay module.npz --array LOG7 --columns xyz-interleaved --layout uskin-module --to -
+  taxel replay touch.npy --rate 10 --to pressure:/run/taxeld/touch.sock      T x 28 x 50
   taxel replay grasp.log --to log:part.log --start 12 --end 15      cut a piece out")]
 pub(crate) struct Args {
     #[command(flatten)]
     input: InputArgs,
-    /// Where to: can:INTERFACE, udp:GROUP:PORT, log:FILE (candump, not waited for), or - for
-    /// candump lines on stdout
+    /// Where to: can:INTERFACE, udp:GROUP:PORT, pressure:SOCKET (a pressure array's), log:FILE (candump, not waited
+    /// for), or - for candump lines on stdout
     #[arg(long, value_name = "SOURCE")]
     to: Option<TargetAddress>,
     /// Where to for one interface of the recording, or one bus of the layout; --to is for the others
@@ -83,22 +88,50 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
                     recording.name()
                 );
             }
-            let layout = args
-                .input
-                .named_layout()?
-                .map_or_else(|| Layout::resolve(DEFAULT_LAYOUT), Ok)?;
-            let sweeps = Sweeps::new(&recording, &layout, args.input.tile)?;
-            let named = args.route(&layout.buses, "bus of the layout")?;
-            refuse_shared_ids(&named, &layout)?;
-            refuse_overlap(&logs(&named), &[&args.input.path])?;
-            let frames = || {
-                sweeps
-                    .frames()
-                    .map(|(bus, received)| Ok(Line::Frame(usize::from(bus), received)))
-            };
-            Player::new(args, window, &named)?.play(|| Ok(frames()))
+            play_frames(args, window, &recording)
         }
     }
+}
+
+/// Plays frames as the boards, or the pressure arrays, of a hand.
+fn play_frames(args: &Args, window: Range<u64>, recording: &Recording) -> anyhow::Result<()> {
+    let default = match args.goes_to_an_array() {
+        true => ARRAY_LAYOUT,
+        false => DEFAULT_LAYOUT,
+    };
+    let layout = args
+        .input
+        .named_layout()?
+        .map_or_else(|| Layout::resolve(default), Ok)?;
+    let named = || args.route(&layout.buses, "bus of the layout");
+    let line = |(bus, received)| Ok(Line::Frame(usize::from(bus), received));
+    if is_of_arrays(&layout) {
+        if args.input.tile {
+            bail!(
+                "--tile repeats a module of boards; layout {} has arrays",
+                layout.name
+            );
+        }
+        let frames = ArrayFrames::new(recording, &layout)?;
+        let named = named()?;
+        refuse_overlap(&logs(&named), &[&args.input.path])?;
+        return Player::new(args, window, &named)?.play(|| Ok(frames.frames().map(line)));
+    }
+    let sweeps = Sweeps::new(recording, &layout, args.input.tile)?;
+    let named = named()?;
+    if let Some((bus, target)) = named.iter().find(|(_, target)| is_array(target)) {
+        bail!(
+            "{target} takes the frames of an array, and {bus} of layout {} has boards",
+            layout.name
+        );
+    }
+    refuse_shared_ids(&named, &layout)?;
+    refuse_overlap(&logs(&named), &[&args.input.path])?;
+    Player::new(args, window, &named)?.play(|| Ok(sweeps.frames().map(line)))
+}
+
+fn is_array(target: &TargetAddress) -> bool {
+    matches!(target, TargetAddress::Bus(SourceAddress::Pressure { .. }))
 }
 
 impl Args {
@@ -126,6 +159,15 @@ impl Args {
             );
         }
         Ok(start..end)
+    }
+
+    /// Whether any of it is to go to a pressure array.
+    fn goes_to_an_array(&self) -> bool {
+        let named = self
+            .interface
+            .iter()
+            .filter_map(|(_, target)| target.parse().ok());
+        named.chain(self.to.clone()).any(|target| is_array(&target))
     }
 
     /// Where each of the names goes.

@@ -87,21 +87,11 @@ impl<'a> Sweeps<'a> {
         let order = (0..longest)
             .flat_map(|i| buses.iter().filter_map(move |bus| bus.get(i).copied()))
             .collect();
-        let (begins_ns, pauses) = begins_ns(recording, longest);
-        if pauses.forward > 0 {
-            eprintln!(
-                "taxel: {name}: {} pauses of more than {} s are left out ({:.1} s), the first before frame {}",
-                pauses.forward,
-                LONGEST_PAUSE_NS / 1_000_000_000,
-                pauses.skipped_ns as f64 / 1e9,
-                pauses.first_line
-            );
-        }
         Ok(Self {
             recording,
             layout,
             order,
-            begins_ns,
+            begins_ns: begins_ns(recording, longest),
             longest,
         })
     }
@@ -160,8 +150,9 @@ impl<'a> Sweeps<'a> {
 }
 
 /// When each sweep begins: as recorded, but behind a pause that is too long to be played
-/// ([`LONGEST_PAUSE_NS`]) the next one follows after the usual time; and where that was, by the number of the frame.
-fn begins_ns(recording: &Recording, longest: usize) -> (Vec<u64>, ClockJumps) {
+/// ([`LONGEST_PAUSE_NS`]) the next one follows after the usual time, and that is said. `longest` is how many frames a sweep
+/// puts on the fullest bus.
+pub(crate) fn begins_ns(recording: &Recording, longest: usize) -> Vec<u64> {
     let usual_ns = recording.period_ns();
     let usual_ns = if usual_ns > LONGEST_PAUSE_NS {
         FRAME_NS * longest as u64
@@ -183,7 +174,17 @@ fn begins_ns(recording: &Recording, longest: usize) -> (Vec<u64>, ClockJumps) {
         }
         begins.push(now_ns);
     }
-    (begins, pauses)
+    if pauses.forward > 0 {
+        eprintln!(
+            "taxel: {}: {} pauses of more than {} s are left out ({:.1} s), the first before frame {}",
+            recording.name(),
+            pauses.forward,
+            LONGEST_PAUSE_NS / 1_000_000_000,
+            pauses.skipped_ns as f64 / 1e9,
+            pauses.first_line
+        );
+    }
+    begins
 }
 
 #[cfg(test)]

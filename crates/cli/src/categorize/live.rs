@@ -1,14 +1,13 @@
 //! `taxel categorize --live MAP`: touch after touch into its category, beside a running daemon.
 
 use super::map_file::MapFile;
-use crate::publisher::Publisher;
-use anyhow::{Context, bail};
+use crate::live_lines::{Lines, every_frame};
+use anyhow::bail;
 use serde::Serialize;
-use std::io::{self, Write};
 use std::path::Path;
 use taxel_palpation::Classifier;
 use taxel_sequence::{Aligned, Alignment, Motion, Touch};
-use taxel_wire::{Clock, EventKind, Hello, Kind, Received, Subscribe, Subscriber};
+use taxel_wire::{EventKind, Hello, Kind, Received};
 
 /// Touches as they come: frames and marks in, categories out. No socket and no clock.
 pub(crate) struct Live {
@@ -136,15 +135,13 @@ pub(crate) trait Listener {
 }
 
 /// Takes every frame and mark of a daemon, in order, until it ends.
-pub(crate) fn follow(socket: &Path, mut live: Live, listener: &mut dyn Listener) -> anyhow::Result<()> {
+pub(crate) fn follow(
+    socket: Option<&Path>,
+    mut live: Live,
+    listener: &mut dyn Listener,
+) -> anyhow::Result<()> {
     let values = live.grid.taxels;
-    let mut subscriber = Subscriber::connect(socket)?;
-    subscriber.subscribe(&Subscribe {
-        image: false,
-        raw: true,
-        every: true,
-        ..Subscribe::default()
-    })?;
+    let mut subscriber = every_frame(socket)?;
     let mut newest = 0;
     loop {
         match subscriber.next()? {
@@ -195,41 +192,12 @@ pub(super) fn run(
     until: &str,
 ) -> anyhow::Result<()> {
     let live = Live::new(MapFile::load(map)?, until)?;
-    let socket = socket.map_or_else(
-        || taxeld::config::running_socket("images.sock"),
-        Path::to_path_buf,
-    );
-    let mut lines = Lines {
-        publish,
-        publisher: None,
-        monotonic: false,
-    };
-    follow(&socket, live, &mut lines)
-}
-
-/// A line for each touch on stdout, and a message for each where there is a socket for that.
-struct Lines<'a> {
-    publish: Option<&'a Path>,
-    publisher: Option<Publisher>,
-    /// Whether the times of the daemon are of this machine's clock.
-    monotonic: bool,
-}
-
-/// A touch, and how long after its end it is told, microseconds; null where the daemon plays a recording.
-#[derive(Debug, Serialize)]
-struct TouchLine<'a> {
-    #[serde(flatten)]
-    touch: &'a Categorised,
-    latency_us: Option<f64>,
+    follow(socket, live, &mut Lines::new(Kind::Touch, "touches", publish))
 }
 
 impl Listener for Lines<'_> {
     fn hello(&mut self, hello: &Hello) -> anyhow::Result<()> {
-        self.monotonic = hello.clock == Clock::Monotonic;
-        if let (None, Some(path)) = (&self.publisher, self.publish) {
-            self.publisher = Some(Publisher::start(path, hello.clone(), "touches")?);
-        }
-        Ok(())
+        Lines::hello(self, hello)
     }
 
     fn touch(
@@ -238,26 +206,13 @@ impl Listener for Lines<'_> {
         ended_ns: u64,
         newest: u64,
     ) -> anyhow::Result<()> {
-        let touch = match touch {
-            Ok(touch) => touch,
+        match touch {
+            Ok(touch) => self.tell(&touch, ended_ns, Some((newest, touch.end_ns))),
             Err(error) => {
                 eprintln!("taxel: {error:#}");
-                return Ok(());
+                Ok(())
             }
-        };
-        let since_ns = || taxel_can::monotonic_ns().saturating_sub(ended_ns);
-        let line = TouchLine {
-            touch: &touch,
-            latency_us: self.monotonic.then(|| since_ns() as f64 / 1e3),
-        };
-        let line = serde_json::to_string(&line)?;
-        if let Some(publisher) = &self.publisher {
-            publisher.publish(Kind::Touch, line.as_bytes(), newest, touch.end_ns);
         }
-        let mut out = io::stdout().lock();
-        writeln!(out, "{line}")
-            .and_then(|()| out.flush())
-            .context("stdout")
     }
 
     fn lost(&mut self, frames: u32, seq: u64) {

@@ -1,13 +1,12 @@
 //! `taxel forearm estimate --live MODEL`: where the gripper holds while it squeezes, beside a running daemon.
 
 use super::touch::TactileFinger;
-use crate::publisher::Publisher;
+use crate::live_lines::{Lines, every_frame};
 use anyhow::{Context, bail};
 use serde::Serialize;
-use std::io::{self, Write};
 use std::path::Path;
 use taxel_forearm::{Estimator, FINGERS, ForearmError, Sample, Squeeze};
-use taxel_wire::{Clock, EventKind, Kind, Received, Subscribe, Subscriber};
+use taxel_wire::{EventKind, Kind, Received};
 
 /// What a program that squeezes marks: a squeeze begins; a sample of this PWM, counts of 885, begins and the one before is
 /// over; the squeeze is over.
@@ -45,8 +44,6 @@ struct Line {
     samples: usize,
     /// Whether the squeeze is over.
     ended: bool,
-    /// How long after the sample's end it is told, microseconds; null where the daemon plays a recording.
-    latency_us: Option<f64>,
 }
 
 impl Live<'_> {
@@ -117,7 +114,6 @@ impl Live<'_> {
                 phase: estimate.phase,
                 samples: squeeze.len(),
                 ended,
-                latency_us: None,
             })),
             // There will be more of it.
             Err(ForearmError::TooShort { .. }) if !ended => None,
@@ -140,17 +136,7 @@ pub(super) fn run(
     fingers: &[String],
     potentiometers: &[String],
 ) -> anyhow::Result<()> {
-    let images = sockets.images.map_or_else(
-        || taxeld::config::running_socket("images.sock"),
-        Path::to_path_buf,
-    );
-    let mut subscriber = Subscriber::connect(&images)?;
-    subscriber.subscribe(&Subscribe {
-        image: false,
-        raw: true,
-        every: true,
-        ..Subscribe::default()
-    })?;
+    let mut subscriber = every_frame(sockets.images)?;
     let mut live = Live {
         estimator,
         theta_a: [0, 1],
@@ -162,17 +148,13 @@ pub(super) fn run(
         told: false,
     };
     let mut finger = None;
-    let mut publisher = None;
-    let mut monotonic = false;
+    let mut lines = Lines::new(Kind::Estimate, "estimates", sockets.publish);
     loop {
         match subscriber.next()? {
             Received::Hello(hello) => {
                 (live.theta_a, live.theta_p) = joints(&hello.joints, fingers, potentiometers)?;
                 finger = TactileFinger::find(hello);
-                monotonic = hello.clock == Clock::Monotonic;
-                if let (None, Some(path)) = (&publisher, sockets.publish) {
-                    publisher = Some(Publisher::start(path, hello.clone(), "estimates")?);
-                }
+                lines.hello(hello)?;
             }
             Received::Raw(header, raw) => {
                 live.handle_frame(header.seq, header.t_ns, raw.joints());
@@ -182,27 +164,14 @@ pub(super) fn run(
                 }
             }
             Received::Event(header, event) if event.event == EventKind::Mark => {
-                let line = match live.handle_mark(&event.message) {
-                    None => continue,
-                    Some(Err(error)) => {
-                        eprintln!("taxel: {error}");
-                        continue;
+                match live.handle_mark(&event.message) {
+                    None => {}
+                    Some(Err(error)) => eprintln!("taxel: {error}"),
+                    Some(Ok(line)) => {
+                        let newest = live.frame.as_ref().map(|(seq, t_ns, _)| (*seq, *t_ns));
+                        lines.tell(&line, header.t_ns, newest)?;
                     }
-                    Some(Ok(line)) => line,
-                };
-                let since_ns = taxel_can::monotonic_ns().saturating_sub(header.t_ns);
-                let line = Line {
-                    latency_us: monotonic.then_some(since_ns as f64 / 1e3),
-                    ..line
-                };
-                let line = serde_json::to_string(&line)?;
-                if let (Some(publisher), Some((seq, t_ns, _))) = (&publisher, &live.frame) {
-                    publisher.publish(Kind::Estimate, line.as_bytes(), *seq, *t_ns);
                 }
-                let mut out = io::stdout().lock();
-                writeln!(out, "{line}")
-                    .and_then(|()| out.flush())
-                    .context("stdout")?;
             }
             _ => {}
         }
