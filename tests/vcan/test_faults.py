@@ -160,8 +160,8 @@ def test_error_passive_flapping_is_counted_and_said_once(play, buses):
 
 def test_a_babbling_node_is_named_and_the_boards_go_on(play, buses):
     daemon = play(boards_of())
-    # As much as a bus of 1 Mbit/s carries beside three boards.
-    with Babbler(buses.names[0], 0x005, 7000):
+    # Well above the fifth of a bus from which on an id babbles, and not more than a slow guest can send.
+    with Babbler(buses.names[0], 0x005, 3000):
         found = comes(daemon, "babbling", "id 005", "nobody's in the layout", "% of a bus of 1 Mbit/s")
         assert found["bus"] == "left"
         others_go_on(daemon)
@@ -173,7 +173,7 @@ def test_a_babbling_node_is_named_and_the_boards_go_on(play, buses):
 
 def test_a_board_of_the_hand_that_babbles_is_named(play, buses):
     daemon = play(boards_of())
-    with Babbler(buses.names[0], 0x111, 4000):
+    with Babbler(buses.names[0], 0x111, 3000):
         found = comes(daemon, "babbling", "id 111 of left 1 (left board 1) babbles")
         others_go_on(daemon, but=("left 1",))
         print(found["sentence"])

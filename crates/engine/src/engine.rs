@@ -96,6 +96,8 @@ impl Engine {
             due_ns: origin_ns,
             ..Frames::new(layout.len())
         };
+        // Whoever waits for the baseline does not go on before the first frame.
+        frames.force.calibrating = true;
         joints.prepare(&mut frames.tactile);
         Ok(Self {
             decoders: (0..layout.buses.len())

@@ -10,7 +10,7 @@ use taxeld::Daemon;
 fn slow_to_measure(nth: u16) -> Profile {
     Profile {
         method: Method::Optimal,
-        ..of(8, 20 + nth)
+        ..of(16, 100 + nth)
     }
 }
 
@@ -55,13 +55,13 @@ fn who_left_before_its_profile_was_measured_is_in_nobodys_way() {
     let (_folder, mut config) = config("sim:worst-case");
     // Who leaves while its profile is measured is missed at the next image: soon, or a fast machine
     // measures many of them before.
-    config.tick.rate_hz = 30.0;
+    config.tick.rate_hz = 200.0;
     let _daemon = Daemon::start(config.clone()).unwrap();
     let leavers = 20;
     for nth in 0..leavers {
         let mut subscriber = connect(&config);
         let wanted = Subscribe {
-            profile: Some(of(8, 20 + nth)),
+            profile: Some(slow_to_measure(nth)),
             ..Subscribe::default()
         };
         subscriber.subscribe(&wanted).unwrap();
