@@ -1,6 +1,6 @@
 """Maps, categories and silhouettes of the same touches, by taxel-palpation and by scikit-learn, in one run.
 
-    cargo build --release -p taxel-palpation --example times -p taxel-cli
+    cargo build --release -p taxel-palpation --example map_times -p taxel-cli
     python tests/peers/palpation.py [--large | --recordings]
 
 `--large` adds 2,000 touches of 20,000 features, by scikit-learn's `auto` and `full`, which takes minutes and 2 GB.
@@ -30,13 +30,13 @@ from sklearn.metrics import adjusted_rand_score, silhouette_score
 from sklearn.metrics.cluster import contingency_matrix
 
 REPOSITORY = Path(__file__).resolve().parents[2]
-TIMES = REPOSITORY / "target/release/examples/times"
+TIMES = REPOSITORY / "target/release/examples/map_times"
 TAXEL = REPOSITORY / "target/release/taxel"
 DATA = Path(os.environ.get("TAXEL_DATA", REPOSITORY.parent / "shared/data"))
 
 
 def touches(features: int, count: int) -> np.ndarray:
-    """As in crates/palpation/examples/times.rs, N x D."""
+    """As in crates/palpation/examples/map_times.rs, N x D."""
     d, n = np.arange(features)[None, :], np.arange(count)[:, None]
     signal = (n % 5) * ((d * 31 + (n % 5) * 17) % 101)
     noise = (d * d * 7919 + n * 104729 + d * n * 613) % 1009

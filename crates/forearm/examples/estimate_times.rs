@@ -1,4 +1,4 @@
-//! How long training and estimates take: `cargo run --release -p taxel-forearm --example times -- SESSION`.
+//! How long training and estimates take: `cargo run --release -p taxel-forearm --example estimate_times -- SESSION`.
 
 use std::hint::black_box;
 use std::path::Path;

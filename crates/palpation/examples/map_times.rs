@@ -1,7 +1,7 @@
 //! How long a set of touches takes, and what is found: for `tests/peers/palpation.py`, which gives the same touches to
 //! scikit-learn.
 //!
-//!     cargo run --release -p taxel-palpation --example times -- FEATURES TOUCHES CLUSTERS REPEATS
+//!     cargo run --release -p taxel-palpation --example map_times -- FEATURES TOUCHES CLUSTERS REPEATS
 
 use serde_json::json;
 use std::time::Instant;
