@@ -60,7 +60,7 @@ class Watch:
         eventually(lambda: len(self.lines) >= begin + count, f"{count} more images did not come")
         return self.lines[begin : begin + count]
 
-    def until(self, condition, what, seconds=10.0):
+    def until(self, condition, what, seconds=60.0):
         """The first image from now on that meets the condition."""
         at = len(self.lines)
 

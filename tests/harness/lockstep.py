@@ -49,7 +49,7 @@ class Lockstep:
         self.calibration = []
         # The description of the hand is the first that a reader is sent: from now on the daemon serves it.
         while self.reader.hello is None:
-            assert self.reader.receive(10.0) is not None, "the daemon does not describe the hand within 10 s"
+            assert self.reader.receive(60.0) is not None, "the daemon does not describe the hand within 60 s"
 
     def step(self, counts, order=None):
         """The image of one sweep."""
@@ -92,7 +92,7 @@ class Lockstep:
             self.daemon.wait_status(lambda s: s["images"]["made"] > made, "no image of a sweep")
 
 
-def next_image(reader, seconds=10.0):
+def next_image(reader, seconds=60.0):
     """The next image, whatever it shows."""
     end = time.monotonic() + seconds
     while (left := end - time.monotonic()) > 0:
@@ -106,7 +106,7 @@ def next_image(reader, seconds=10.0):
 OVERTAKEN_S = 1.0
 
 
-def next_full_image(reader, seconds=10.0):
+def next_full_image(reader, seconds=60.0):
     """The next image in which no taxel is missing; while nothing is sent the daemon says so with empty ones."""
     end = time.monotonic() + seconds
     overtaken_at = float("inf")

@@ -64,7 +64,7 @@ def play(start, layout, buses):
         daemon = start(sources=[f"can:{name}" for name in names], layout=str(layout), **FREE_RUNNING, **tables)
         playing.append(BoardsOnTheBus(names, boards).__enter__())
         if living:
-            daemon.wait_status(lambda s: count_living(s) == living, "not every board speaks", 20)
+            daemon.wait_status(lambda s: count_living(s) == living, "not every board speaks")
         return daemon
 
     yield play
@@ -84,7 +84,7 @@ def problem(status, kind):
     return next((p for p in status["problems"] if p["kind"] == kind), None)
 
 
-def comes(daemon, kind, *words, seconds=15):
+def comes(daemon, kind, *words, seconds=60):
     """The problem of this kind, once its sentence says all of this: it may know more a moment later."""
 
     def said(status):
@@ -94,7 +94,7 @@ def comes(daemon, kind, *words, seconds=15):
     return problem(daemon.wait_status(said, f"no problem {kind} with {words}", seconds), kind)
 
 
-def is_well_again(daemon, since, what, living=len(MODULES), seconds=20):
+def is_well_again(daemon, since, what, living=len(MODULES), seconds=60):
     """Waits until there is no problem and every board speaks, and says how long that took."""
     daemon.wait_status(
         lambda s: count_living(s) == living and not s["problems"], f"after {what} it is not well again", seconds

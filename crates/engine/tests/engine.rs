@@ -244,7 +244,10 @@ fn a_paused_hand_presses_nothing_and_a_rezeroed_hand_starts_anew() {
             engine.drain(&mut |_| ());
         }
     };
-    assert!(engine.frames().force.calibrating, "there is no baseline before the first frame");
+    assert!(
+        engine.frames().force.calibrating,
+        "there is no baseline before the first frame"
+    );
     play(&mut engine, &|engine| contacts(engine) == 240);
     engine.set_paused(true);
     play(&mut engine, &|engine| contacts(engine) == 0);
