@@ -8,11 +8,12 @@ import time
 import taxel_reader
 
 BOARD_PERIOD_S = 0.010
+DEADLINE_S = 10.0
 # A sweep is complete when every taxel came; the deadline and the silence rule are out of the way.
 SWEEP = {
     "board_period_ms": BOARD_PERIOD_S * 1000,
-    "deadline_ms": 5000.0,
-    "stale_after_ms": 5000.0,
+    "deadline_ms": DEADLINE_S * 1000,
+    "stale_after_ms": DEADLINE_S * 1000,
     "silent_after_sweeps": 250,
     "settle_ms": 0.0,
 }
@@ -29,10 +30,11 @@ CALIBRATION_FRAMES = 2
 
 
 class Overtaken(Exception):
-    """A newer image took the place of the awaited one before it was sent.
+    """A newer image took the place of the awaited one before it was sent, or its sweep was cut by the deadline.
 
-    That is what a daemon shall do that has no time to send. On a machine so busy that it happens here, within the two
-    seconds until an image says that the hand is silent, the sweep has to be sent again.
+    That is what a daemon shall do that has no time to send, or that gets a sweep too slowly. On a machine so busy that it
+    happens here, within the two seconds until an image says that the hand is silent, or the ten of the deadline, the sweep
+    has to be sent again.
     """
 
 
@@ -78,9 +80,10 @@ class Lockstep:
         self.sweeps += 1
 
     def _image_of(self, frames):
+        began = time.monotonic()
         self.send(frames)
         try:
-            return next_full_image(self.reader)
+            return next_full_image(self.reader, sent_from=began)
         except AssertionError as error:
             raise AssertionError(f"{error}; status: {self.daemon.status()}") from None
 
@@ -106,8 +109,12 @@ def next_image(reader, seconds=60.0):
 OVERTAKEN_S = 1.0
 
 
-def next_full_image(reader, seconds=60.0):
-    """The next image in which no taxel is missing; while nothing is sent the daemon says so with empty ones."""
+def next_full_image(reader, seconds=60.0, sent_from=None):
+    """The next image in which no taxel is missing; while nothing is sent the daemon says so with empty ones.
+
+    `sent_from` is when the first frame of its sweep was sent, if that is to be sent again where the deadline cut it. Both
+    parts then come as images; of a sweep of which the daemon lost something there is one.
+    """
     end = time.monotonic() + seconds
     overtaken_at = float("inf")
     missing = []
@@ -120,4 +127,7 @@ def next_full_image(reader, seconds=60.0):
         if time.monotonic() > overtaken_at:
             raise Overtaken
         missing.append(image.missing)
+        parts = sum(0 < m < len(reader.hello["taxels"]) for m in missing)
+        if sent_from is not None and time.monotonic() > sent_from + DEADLINE_S and parts > 1:
+            raise Overtaken
     raise AssertionError(f"only incomplete images within {seconds} s, which lacked {missing} taxels")
