@@ -4,7 +4,7 @@
 use taxel_can::{CanFrame, Received};
 use taxel_skin::{Decoded, Decoder, HubIds, Layout, Readings, Recogniser, cyskin_frames};
 
-const VECTORS: &str = include_str!("vectors/cyskin.txt");
+const VECTORS: &str = include_str!("../vectors/cyskin.txt");
 const SENSORS: usize = 12;
 
 /// One line of the vectors.

@@ -1,8 +1,6 @@
 //! A simulated bus behind the CAN source seam, and the promise of equal bytes.
 
-mod support;
-
-use support::{boards, scene};
+use crate::support::{boards, scene};
 use taxel_can::{CanFrame, CanSource, LinkState, Received, SendError};
 use taxel_sim::{Scene, SimOptions, SimSource, Simulator};
 use taxel_skin::Layout;

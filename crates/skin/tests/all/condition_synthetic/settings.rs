@@ -1,6 +1,6 @@
 //! What can be set: the publication's rules, thresholds per taxel, values out of range.
 
-use crate::skin::{MS, Skin};
+use super::skin::{MS, Skin};
 use taxel_hand::{Fault, ForceFrame, Freshness, TactileFrame};
 use taxel_skin::{
     BaselineSource, ConditionConfig, ConditionError, Conditioner, FaultRule, MagnitudeMode, ThresholdSource,

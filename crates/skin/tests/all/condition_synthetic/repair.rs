@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use taxel_hand::{Fault, Freshness};
 use taxel_skin::ConditionConfig;
 
-use crate::skin::Skin;
+use super::skin::Skin;
 
 fn quiet(taxels: usize) -> Skin {
     let mut skin = Skin::new(taxels, 100, ConditionConfig::robust());

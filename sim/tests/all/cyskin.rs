@@ -1,9 +1,7 @@
 //! CySkin hubs and the published finger: what is on the bus is what the decoders make of it.
 
-mod support;
-
+use crate::support::{Bench, scene};
 use proptest::prelude::*;
-use support::{Bench, scene};
 use taxel_skin::{Decoded, Decoder, Layout, Readings, cyskin_frames};
 
 const CYSKIN: &str = "ids = \"extended\"\nbyte_order = \"big\"\nchecksum = \"sum\"\nsequence_bytes_above = 5\nsensors_per_module = 12\n";

@@ -1,8 +1,6 @@
 //! Boards and buses as docs/protocols.md, "MTB3 firmware", "uSkin commands" and "Bus timing" describe them.
 
-mod support;
-
-use support::{Bench, boards, of_board, scene};
+use crate::support::{Bench, boards, of_board, scene};
 use taxel_can::CanFrame;
 
 #[test]

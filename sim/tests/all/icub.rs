@@ -1,8 +1,6 @@
 //! The iCub's boards as docs/protocols.md, "iCub frames", "MTB commands" and "MTB4" describe them.
 
-mod support;
-
-use support::{Bench, scene};
+use crate::support::{Bench, scene};
 use taxel_can::CanFrame;
 use taxel_skin::{
     Decoded, Decoder, ICUB_NO_ACK, ICUB_NOT_CONNECTED, ICUB_OUT_OF_RANGE, Layout, Readings, STATUS_ERROR,

@@ -1,8 +1,6 @@
 //! From traffic to a layout file: every hand is recognised by what its boards send, and the
 //! proposed file takes every frame.
 
-mod support;
-
 use proptest::prelude::*;
 use std::collections::BTreeSet;
 use taxel_can::{CanFrame, Received};
@@ -166,7 +164,7 @@ fn cyskin_hubs_come_back_with_what_is_not_public_about_them() {
         let parameters = format!(
             "ids = \"extended\"\nbyte_order = \"big\"\nchecksum = \"{checksum}\"\nsequence_bytes_above = {above}\nsensors_per_module = 12\n"
         );
-        comes_back(&support::cyskin(&parameters, 5));
+        comes_back(&crate::support::cyskin(&parameters, 5));
     }
 }
 
@@ -176,7 +174,7 @@ fn the_parameters_of_long_cyskin_packets_are_found() {
         let parameters = format!(
             "ids = \"extended\"\nbyte_order = \"{order}\"\nchecksum = \"xor\"\nsequence_bytes_above = {above}\nsensors_per_module = {sensors}\n"
         );
-        let layout = support::cyskin(&parameters, 4);
+        let layout = crate::support::cyskin(&parameters, 4);
         let setup = layout.cyskin.as_ref().unwrap();
         let mut recogniser = Recogniser::new(1);
         for round in 0..20u64 {
@@ -363,7 +361,7 @@ fn commands_and_answers_of_boards_are_no_strangers() {
 
 #[test]
 fn the_answer_to_a_discovery_tells_an_mtb4_from_an_mtb3() {
-    let layout = support::icub("icub-mtb4", "");
+    let layout = crate::support::icub("icub-mtb4", "");
     let mut with_answer = traffic(&layout);
     assert!(recognise(1, &with_answer).buses[0].doubts[0].contains("MTB4"));
     with_answer.insert(

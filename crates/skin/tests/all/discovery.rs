@@ -1,7 +1,5 @@
 //! Who is on the bus: asked only where nobody streams.
 
-mod support;
-
 use taxel_can::{CanFrame, Received};
 use taxel_skin::{
     BoardKind, BoardSupervisor, BoardsConfig, BoardsMode, Discovery, Firmware, FoundBoard, Layout, Protocol,
@@ -182,7 +180,7 @@ fn a_scan_stops_nobody() {
 
 #[test]
 fn a_supervisor_that_has_spoken_is_not_given_to_a_discovery() {
-    let layout = support::icub("icub-mtb3", "");
+    let layout = crate::support::icub("icub-mtb3", "");
     let mut started = supervisor(&layout);
     started.poll_command(0, |_| None).unwrap();
     let refused = started.discover(&layout).unwrap_err();

@@ -1,7 +1,5 @@
 //! iCub and CPM-finger frames, as the protocol's worked examples have them.
 
-mod support;
-
 use taxel_can::CanFrame;
 use taxel_hand::{Fault, ForceFrame, Freshness, TactileFrame};
 use taxel_skin::{
@@ -37,7 +35,7 @@ const fn z(value: u16) -> u16 {
 
 #[test]
 fn a_triangle_comes_in_two_frames_and_its_thermal_pads_are_no_taxels() {
-    let layout = support::icub("icub-mtb3", "");
+    let layout = crate::support::icub("icub-mtb3", "");
     let mut decoder = Decoder::new(&layout, 0);
     let (decoded, values) = decode(&mut decoder, &layout, "410#40F5F4F3F2F1F0EF");
     assert_eq!(decoded, Decoded::Readings);
@@ -108,7 +106,7 @@ fn the_status_of_the_second_frame_says_which_values_must_not_be_used() {
         // Beyond the range on the other side.
         (0x001, 0, 255, error | ICUB_OUT_OF_RANGE, 0),
     ];
-    let layout = support::icub("icub-mtb3", "");
+    let layout = crate::support::icub("icub-mtb3", "");
     for (mask, errors, value, of_pad_0, of_pad_7) in cases {
         let mut decoder = Decoder::new(&layout, 0);
         let mut readings = Readings::new();
@@ -143,7 +141,7 @@ fn the_status_word_is_laid_out_as_the_document_says() {
 
 #[test]
 fn other_frames_of_an_icub_bus_are_told_apart() {
-    let layout = support::icub("icub-mtb3", "");
+    let layout = crate::support::icub("icub-mtb3", "");
     let cases = [
         ("413#40F5F5F5F5F5F5F5", Decoded::Readings),
         // Class 3, from a board set up by obsolete commands; old firmware sends no status.
@@ -186,7 +184,7 @@ fn other_frames_of_an_icub_bus_are_told_apart() {
 #[test]
 fn an_mtb4_that_calibrates_itself_anew_is_reported_and_an_mtb3_does_not() {
     for (protocol, expected) in [("icub-mtb4", 2), ("icub-mtb3", 0)] {
-        let layout = support::icub(protocol, "");
+        let layout = crate::support::icub(protocol, "");
         let mut decoder = Decoder::new(&layout, 0);
         // Four errors and a good one; then five, and more of the same run; then five again.
         let runs = [(4, false), (1, true), (9, false), (1, true), (5, false)];
@@ -209,7 +207,7 @@ fn an_mtb4_that_calibrates_itself_anew_is_reported_and_an_mtb3_does_not() {
 
 #[test]
 fn a_press_on_the_icub_skin_is_felt_even_where_it_is_beyond_the_range() {
-    let layout = support::icub("icub-mtb3", "");
+    let layout = crate::support::icub("icub-mtb3", "");
     let mut decoder = Decoder::new(&layout, 0);
     let config = SweepConfig {
         board_period_ms: Some(50.0),
@@ -251,7 +249,7 @@ fn a_press_on_the_icub_skin_is_felt_even_where_it_is_beyond_the_range() {
 
 #[test]
 fn an_icub_triangle_without_chip_is_a_status_fault_and_nothing_else() {
-    let layout = support::icub("icub-mtb3", "");
+    let layout = crate::support::icub("icub-mtb3", "");
     let mut conditioner = Conditioner::for_layout(&layout, ConditionConfig::robust()).unwrap();
     let (mut tactile, mut force) = (TactileFrame::new(20), ForceFrame::new(20));
     tactile.freshness.fill(Freshness::Fresh);

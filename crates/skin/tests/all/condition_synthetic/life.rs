@@ -1,6 +1,6 @@
 //! A hand's life: calibration, touch, drift, re-zero.
 
-use crate::skin::{MS, Skin, calibrated, press, robust};
+use super::skin::{MS, Skin, calibrated, press, robust};
 use taxel_hand::{Fault, ForceFrame, TactileFrame};
 use taxel_skin::ConditionConfig;
 

@@ -1,5 +1,4 @@
 //! Layouts that several tests use, from short descriptions.
-#![allow(dead_code)]
 
 use taxel_skin::Layout;
 

@@ -1,6 +1,6 @@
 //! Faults that come and go.
 
-use crate::skin::{Skin, calibrated, press, robust};
+use super::skin::{Skin, calibrated, press, robust};
 use taxel_hand::{Fault, Freshness};
 use taxel_skin::ConditionConfig;
 

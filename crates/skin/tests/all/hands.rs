@@ -1,7 +1,5 @@
 //! Hands that are not sixteen by sixteen, through decoder and sweep assembly, up to a thousand modules.
 
-mod support;
-
 use std::collections::{HashMap, HashSet};
 use taxel_can::CanFrame;
 use taxel_hand::{Fault, ForceFrame, Freshness, TactileFrame};
@@ -100,14 +98,18 @@ fn every_built_in_hand_with_boards_comes_through() {
         }
         comes_through(&layout);
     }
-    comes_through(&support::cyskin(support::CYSKIN, 40));
+    comes_through(&crate::support::cyskin(crate::support::CYSKIN, 40));
 }
 
 #[test]
 fn a_thousand_modules_of_four_protocols_come_through() {
     let mut text = String::from("name = \"big\"\nimage = { width = 1000, height = 400 }\n");
     let buses: Vec<String> = (0..100).map(|i| format!("\"can{i}\"")).collect();
-    text += &format!("buses = [{}]\n[cyskin]\n{}", buses.join(", "), support::CYSKIN);
+    text += &format!(
+        "buses = [{}]\n[cyskin]\n{}",
+        buses.join(", "),
+        crate::support::CYSKIN
+    );
     for hub in 0..4 {
         text += &format!(
             "[[cyskin.hub]]\nname = \"hub{hub}\"\nbus = \"can{}\"\naddress = {}\n",

@@ -1,8 +1,6 @@
 //! Simulated boards answer as `taxel doctor` and the daemon ask.
 
-mod support;
-
-use support::scene;
+use crate::support::scene;
 use taxel_can::Received;
 use taxel_sim::{Scene, Simulator};
 use taxel_skin::{BoardKind, BoardSupervisor, BoardsConfig, Discovery, DiscoveryReport, Firmware, Layout};

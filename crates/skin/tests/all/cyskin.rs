@@ -1,9 +1,7 @@
 //! CySkin packets: assembly over frames, what is refused, and what has to be configured.
 
-mod support;
-
+use crate::support::{CYSKIN, cyskin, cyskin_text};
 use proptest::prelude::*;
-use support::{CYSKIN, cyskin, cyskin_text};
 use taxel_can::CanFrame;
 use taxel_skin::{BoardStatus, Decoded, Decoder, Layout, Readings, STATUS_ERROR, cyskin_frames};
 

@@ -1,8 +1,6 @@
 //! What boards other than uSkin's are sent to start, wake and stop them, and when.
 
-mod support;
-
-use support::{CYSKIN, cyskin, cyskin_text, icub};
+use crate::support::{CYSKIN, cyskin, cyskin_text, icub};
 use taxel_can::{CanFrame, Received};
 use taxel_skin::{BoardSupervisor, BoardsConfig, BoardsMode, BusMonitor, Finding, Layout, TxMode};
 

@@ -1,7 +1,5 @@
 //! No byte string on any bus makes a decoder panic, take memory, or give more than it may.
 
-mod support;
-
 use proptest::prelude::*;
 use std::sync::LazyLock;
 use taxel_can::{CanFrame, Received};
@@ -19,20 +17,20 @@ fn layouts() -> Vec<Layout> {
     let mut layouts: Vec<Layout> = Layout::builtin_names()
         .map(|name| Layout::builtin(name).unwrap())
         .collect();
-    layouts.push(support::icub("icub-mtb4", "icub = { skin_type = 0 }"));
+    layouts.push(crate::support::icub("icub-mtb4", "icub = { skin_type = 0 }"));
     for parameters in [
-        support::CYSKIN.to_string(),
-        support::CYSKIN
+        crate::support::CYSKIN.to_string(),
+        crate::support::CYSKIN
             .replace("\"sum\"", "\"unchecked\"")
             .replace("above = 5", "above = 255"),
-        support::CYSKIN
+        crate::support::CYSKIN
             .replace("\"sum\"", "\"unchecked\"")
             .replace("above = 5", "above = 0"),
-        support::CYSKIN
+        crate::support::CYSKIN
             .replace("module = 12", "module = 1")
             .replace("\"sum\"", "\"unchecked\""),
     ] {
-        layouts.push(support::cyskin(&parameters, 248));
+        layouts.push(crate::support::cyskin(&parameters, 248));
     }
     layouts
 }

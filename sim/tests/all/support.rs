@@ -1,5 +1,4 @@
 //! Hands and scenes for tests.
-#![allow(dead_code, reason = "each test file uses some of it")]
 
 use taxel_can::{CanFrame, Received};
 use taxel_sim::{Scene, Simulator};
