@@ -4,7 +4,7 @@
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum PalpationError {
     /// One touch has no variance, none has no mean.
-    #[error("there are {touches} touches; categories need at least 2")]
+    #[error("categories need at least 2 touches; there {}", there(*touches))]
     TooFew {
         /// How many there are.
         touches: usize,
@@ -55,7 +55,7 @@ pub enum PalpationError {
         found: usize,
     },
     /// More clusters than can be told apart, or fewer than two.
-    #[error("{clusters} categories of {different} different touches; ask for 2 to {different}")]
+    #[error("{clusters} categories of {different} different touches; ask for {}", from_2_to(*different))]
     Clusters {
         /// The number asked for.
         clusters: usize,
@@ -93,4 +93,20 @@ pub enum PalpationError {
         /// The class.
         class: usize,
     },
+}
+
+fn there(touches: usize) -> String {
+    match touches {
+        0 => "is none".into(),
+        1 => "is 1".into(),
+        _ => format!("are {touches}"),
+    }
+}
+
+fn from_2_to(most: usize) -> String {
+    if most > 2 {
+        format!("2 to {most}")
+    } else {
+        "2".into()
+    }
 }

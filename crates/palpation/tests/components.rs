@@ -273,7 +273,7 @@ fn touches_that_have_no_map_are_refused_by_name() {
         touches
     };
     for (touches, components, words) in [
-        (good.select_columns(&[0]), 2, "there are 1 touches"),
+        (good.select_columns(&[0]), 2, "at least 2 touches; there is 1"),
         (Matrix::new(0, 4, vec![]), 2, "no features"),
         (good.clone(), 0, "0 components"),
         (with(f64::NAN), 2, "touch 2, feature 3 is NaN"),

@@ -96,33 +96,8 @@ fn begin(images: &Path, out: PathBuf, seen: Arc<Mutex<Seen>>) -> anyhow::Result<
 
 /// A name by the time, UTC: `taxel-20261122T120455Z.mcap`.
 fn file_name(now: SystemTime) -> String {
-    let seconds = now.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
-    let [mut days, of_day] = [seconds / 86_400, seconds % 86_400];
-    let mut year = 1970;
-    let is_leap =
-        |year: u64| year.is_multiple_of(4) && (!year.is_multiple_of(100) || year.is_multiple_of(400));
-    while days >= 365 + u64::from(is_leap(year)) {
-        days -= 365 + u64::from(is_leap(year));
-        year += 1;
-    }
-    let mut month = 0;
-    let of_month = |month: usize| match month {
-        1 => 28 + u64::from(is_leap(year)),
-        3 | 5 | 8 | 10 => 30,
-        _ => 31,
-    };
-    while days >= of_month(month) {
-        days -= of_month(month);
-        month += 1;
-    }
-    format!(
-        "taxel-{year:04}{:02}{:02}T{:02}{:02}{:02}Z.mcap",
-        month + 1,
-        days + 1,
-        of_day / 3600,
-        of_day / 60 % 60,
-        of_day % 60
-    )
+    let utc = humantime::format_rfc3339_seconds(now.max(UNIX_EPOCH)).to_string();
+    format!("taxel-{}.mcap", utc.replace(['-', ':'], ""))
 }
 
 #[cfg(test)]

@@ -115,10 +115,7 @@ fn what_cannot_be_categorised_is_named() {
     write("bad-marks.csv", "0.5 touch\n");
     let cut = ["frames.csv", "--marks"];
     for (args, words) in [
-        (
-            &["one.csv"][..],
-            "there are 1 touches; categories need at least 2",
-        ),
+        (&["one.csv"][..], "categories need at least 2 touches; there is 1"),
         (&["short.csv"], "touch 1 (b) has"),
         (&["late.csv"], "no frame at 99 s"),
         (&["turned.csv"], "turned.csv:2: a rotary motion of radius 0 mm"),
