@@ -10,10 +10,15 @@ handfuls, as no bus does, and in `sweep` mode the daemon is woken more often by 
 """
 
 import argparse
+import contextlib
+import fcntl
 import os
+import pty
+import struct
 import subprocess
 import sys
 import tempfile
+import termios
 import threading
 import time
 from pathlib import Path
@@ -31,15 +36,18 @@ from harness.touches import Touches, grasp  # noqa: E402
 TIMER = {"mode": "timer", "rate_hz": 30.0}
 SWEEP = {"mode": "sweep"}
 # Name, tick, period of the boards, what they send: a recorded grasp at 30 sweeps/s, or a scene with boards that run
-# freely at 100 Hz, as far as two buses of 1 Mbit/s carry that.
+# freely at 100 Hz, as far as two buses of 1 Mbit/s carry that; and whether programs of all kinds run beside the daemon.
 CASES = [
-    ("timer 30 Hz, boards at 30 Hz", TIMER, 33.0, "recording"),
-    ("sweep, boards at 30 Hz", SWEEP, 33.0, "recording"),
-    ("timer 30 Hz, buses full", TIMER, 10.0, "ball-grasp"),
-    ("timer 30 Hz, buses full, every taxel pressed", TIMER, 10.0, "worst-case"),
-    ("sweep, buses full", SWEEP, 10.0, "ball-grasp"),
-    ("timer 1000 Hz, buses full", {"mode": "timer", "rate_hz": 1000.0}, 10.0, "ball-grasp"),
+    ("timer 30 Hz, boards at 30 Hz", TIMER, 33.0, "recording", False),
+    ("sweep, boards at 30 Hz", SWEEP, 33.0, "recording", False),
+    ("timer 30 Hz, buses full", TIMER, 10.0, "ball-grasp", False),
+    ("timer 30 Hz, buses full, every taxel pressed", TIMER, 10.0, "worst-case", False),
+    ("sweep, buses full", SWEEP, 10.0, "ball-grasp", False),
+    ("timer 200 Hz, buses full", {"mode": "timer", "rate_hz": 200.0}, 10.0, "ball-grasp", False),
+    ("timer 200 Hz, buses full, view, recorder and ten more", {"mode": "timer", "rate_hz": 200.0}, 10.0, "ball-grasp", True),
+    ("timer 1000 Hz, buses full", {"mode": "timer", "rate_hz": 1000.0}, 10.0, "ball-grasp", False),
 ]
+SUBSCRIBERS = 10
 
 
 def cpu_seconds(pid):
@@ -64,7 +72,40 @@ def traffic(hand, sources, scene, folder):
     return ["replay", log, "--loop", *(a for pair in zip(hand.buses, sources) for a in ("--interface", "=".join(pair)))]
 
 
-def measure(tick, board_period_ms, scene, seconds, fifo):
+@contextlib.contextmanager
+def programs_beside(daemon):
+    """The view on a terminal of 80 x 24, a recorder, and subscribers that read every image."""
+    terminal, terminal_of_view = pty.openpty()
+    fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 80, 0, 0))
+    sockets = ["--socket", daemon.images]
+    view = subprocess.Popen(
+        [binary("taxel"), "view", *sockets],
+        stdin=terminal_of_view,
+        stdout=terminal_of_view,
+        stderr=subprocess.DEVNULL,
+        env={**os.environ, "TERM": "xterm-256color"},
+        preexec_fn=die_with_parent,
+    )
+    record = subprocess.Popen(
+        [binary("taxel"), "record", daemon.folder / "all.mcap", *sockets], stderr=subprocess.DEVNULL, preexec_fn=die_with_parent
+    )
+    watches = [
+        subprocess.Popen([binary("taxel"), "watch", "--json", *sockets], stdout=subprocess.DEVNULL, preexec_fn=die_with_parent)
+        for _ in range(SUBSCRIBERS)
+    ]
+    drawn = []
+    threading.Thread(target=lambda: drawn.extend(iter(lambda: len(os.read(terminal, 65536)), 0)), daemon=True).start()
+    try:
+        daemon.wait_status(lambda s: s["images"]["sent"]["subscribers"] >= SUBSCRIBERS + 2, "they do not all subscribe", 20)
+        yield
+        assert sum(drawn) > 1000 and all(p.poll() is None for p in (view, record, *watches)), "one of them has ended"
+    finally:
+        for process in (view, record, *watches):
+            process.kill()
+            process.wait()
+
+
+def measure(tick, board_period_ms, scene, beside, seconds, fifo):
     hand = Hand()
     ports = MulticastBuses(len(hand.buses))  # its ports only: python-can would be one more receiver
     tables = {"tick": tick, "sweep": {"board_period_ms": board_period_ms}}
@@ -89,11 +130,12 @@ def measure(tick, board_period_ms, scene, seconds, fifo):
                 thread.start()
                 daemon.wait_status(lambda s: not s["calibrating"] and s["missing"] == 0, "the hand does not come up", 20)
                 pid = daemon.process.pid
-                before, began = daemon.status(), time.monotonic()
-                cpu = cpu_seconds(pid)
-                time.sleep(seconds)
-                cpu, took = cpu_seconds(pid) - cpu, time.monotonic() - began
-                after = daemon.status()
+                with programs_beside(daemon) if beside else contextlib.nullcontext():
+                    before, began = daemon.status(), time.monotonic()
+                    cpu = cpu_seconds(pid)
+                    time.sleep(seconds)
+                    cpu, took = cpu_seconds(pid) - cpu, time.monotonic() - began
+                    after = daemon.status()
                 stop.set()
                 thread.join()
             received, lost = (sum(b[key] for b in after["buses"]) for key in ("received", "lost_in_kernel"))
@@ -105,7 +147,7 @@ def measure(tick, board_period_ms, scene, seconds, fifo):
                 "peak MB": f"{memory_kib(pid, 'VmHWM') / 1024:.1f}",
                 "overruns": str(after["images"]["overruns"] - before["images"]["overruns"]),
                 "lost": str(lost),
-                "tick p99 us": f"{after['images']['lateness_us']['p99']:.0f}",
+                "tick p99, p99.9 us": "{p99:.0f}, {p999:.0f}".format(**after["images"]["lateness_us"]),
                 "age at send p50, p99 us": "{p50:.0f}, {p99:.0f}".format(**after["images"]["sent"]["age_us"]),
             }
         finally:
