@@ -52,7 +52,7 @@ impl<'a> ArrayFrames<'a> {
                 arrays.join(", ")
             );
         }
-        let fits = |value: &&f64| (0.0..=f64::from(u16::MAX)).contains(*value);
+        let fits = |value: &&f64| (0.0..=f64::from(u16::MAX)).contains(*value) && value.fract() == 0.0;
         for index in 0..recording.len() {
             let magnitudes = recording.magnitudes(index).unwrap_or_default();
             if let Some(value) = magnitudes.iter().find(|value| !fits(value)) {
@@ -79,7 +79,7 @@ impl<'a> ArrayFrames<'a> {
             Some(counts) => counts.iter().map(|[_, _, z]| *z).collect(),
             None => {
                 let magnitudes = self.recording.magnitudes(index).unwrap_or_default();
-                magnitudes.iter().map(|value| value.round() as u16).collect()
+                magnitudes.iter().map(|value| *value as u16).collect()
             }
         };
         let modules = self.layout.modules.iter().zip(&self.layout.wiring);
@@ -163,6 +163,7 @@ mod tests {
             (&[2, 240], 1.0, "has frames of 240 taxels"),
             (&[2, 28, 50], -1.0, "frame 0 holds -1"),
             (&[2, 28, 50], 65536.0, "frame 0 holds 65536"),
+            (&[2, 28, 50], 0.3, "frame 0 holds 0.3; an array sends counts"),
         ] {
             let values = ArrayD::from_elem(IxDyn(shape), value);
             let recording = opened(|path| ndarray_npy::write_npy(path, &values).unwrap(), 30.0);
