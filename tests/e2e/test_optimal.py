@@ -184,8 +184,7 @@ def test_every_actuator_is_where_the_recipe_puts_it(folder, hand, profile, gain)
     clustered = 0
     for i, (image, counts) in enumerate(zip(images, frames)):
         frame = Frame(hand, profile, *conditioner.feed(counts))
-        raised = 0 < len(frame.rho) <= 3 * profile.actuators
-        height = 1.0 / frame.rho.max() * frame.rho if raised else None
+        height = 1.0 / frame.rho.max() * frame.rho if len(frame.rho) else None
         ids, member = follower.follow(frame.xy, frame.rho if profile.force_weighted else None, height)
         wanted = [(k, *frame.xy[n]) for k, n in sorted(member.items())]
         assert [(a.id, a.x, a.y) for a in image.actuators] == wanted, f"frame {i}"

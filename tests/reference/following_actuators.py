@@ -13,8 +13,9 @@ F = np.float32
 NOWHERE = F(1e17)  # where an id is that was never anywhere
 ROUNDS, SWAPS, FALLS = 6, 4, 16.0
 LEAST_SHARE, QUIET_SHARE, FIRST_FRAMES, QUIET_FRAMES, RANKED = 0.002, 0.1, 4, 4, 64
-PATIENCE, TRIED_POINTS, MOST_TRIES = 2.0, 400, 8
+PATIENCE, TRIED_POINTS, MOST_TRIES = 2.0, 1000, 8
 MOST_FOUND, NEAR_LEAST = 8, 1.06
+MOST_RAISED, MOST_GIVEN, TRADES = 3, (0.02, 0.01), 2
 
 
 def in_order(terms):
@@ -49,8 +50,13 @@ class Follower:
     def follow(self, xy, weight=None, height=None):
         """xy: (N, 2), in the order of the contact list. Returns each contact's id, and for each id that presses its contact."""
         places = [(float(x), float(y)) for x, y in xy]
-        if self.done and weight is None and places == list(self.id_of):
-            if self.rest(height):
+        many = len(xy) > MOST_RAISED * self.k
+        raised = None if many else height
+        held = self.done and weight is None and places == list(self.id_of)
+        if held:
+            if not self.looks_further():
+                return self.shown, self.member
+            if self.rest(raised):
                 self.finish()
         else:
             self.ranking = None
@@ -61,11 +67,12 @@ class Follower:
             self.weighted = weight is not None
             self.weight = np.ones(len(xy)) if weight is None else np.asarray(weight, dtype=F).astype(np.float64)
             adopted = [self.id_of.get(place) for place in places]
-            self.raise_contacts(height)
+            self.raise_contacts(raised)
             self.tall[:] = 0
             self.pass_through(adopted) if len(xy) <= self.k else self.gather(adopted)
         self.id_of = dict(zip(places, self.label.tolist()))
-        return self.label, self.member
+        self.shown = self.traded(height, held) if many and height is not None and weight is None else self.label
+        return self.shown, self.member
 
     def raise_contacts(self, height):
         self.raised = height is not None
@@ -254,14 +261,16 @@ class Follower:
         self.changes = self.tried = 0
         self.judged = self.cost() if made < SWAPS else None
 
-    def rest(self, height):
-        """In a frame like the last. Returns whether anything has changed."""
+    def looks_further(self):
+        """Counts a frame like the last. Returns whether it is used to look for better clusters."""
         if len(self.xy) <= self.k:
             return False
         self.patience += 1
         self.quiet += 1
-        if self.quiet > FIRST_FRAMES and self.quiet % QUIET_FRAMES:
-            return False
+        return self.quiet <= FIRST_FRAMES or self.quiet % QUIET_FRAMES == 0
+
+    def rest(self, height):
+        """In a frame like the last. Returns whether anything has changed."""
         self.bound = self.pressed.copy()
         self.moved = np.zeros(self.k, dtype=bool)
         changed = False
@@ -392,6 +401,46 @@ class Follower:
             setattr(self, name, value)
         self.done = bool(self.done)
         return False
+
+    # The last step with many contacts
+
+    def traded(self, height, held):
+        """Ids of the contacts, where those between two actuators go to the one whose contacts are pressed like them."""
+        label = self.label.copy()
+        at = np.column_stack([self.xy.astype(np.float64), np.asarray(height, dtype=np.float64)])
+        count = np.bincount(label, minlength=self.k).astype(np.float64)
+        sums = np.column_stack([np.bincount(label, weights=v, minlength=self.k) for v in at.T])
+        with np.errstate(invalid="ignore"):
+            mean = sums / count[:, None]
+
+        def costs(n, i):
+            d = at[n] - mean[i]
+            d = d * d
+            return d[0] + d[1], d[2]
+
+        far, unlike = (in_order(v) for v in zip(*(costs(n, i) for n, i in enumerate(label))))
+        left, stand = MOST_GIVEN[not held] * far, set(self.member.values())
+        for _ in range(TRADES):
+            moved = False
+            for n in range(len(label)):
+                own, to = label[n], self.second[n]
+                if own == to or n in stand or count[to] == 0:
+                    continue
+                out, into = count[own] / (count[own] - 1), count[to] / (count[to] + 1)
+                (far_out, unlike_out), (far_in, unlike_in) = costs(n, own), costs(n, to)
+                given = far_in * into - far_out * out
+                got = unlike_out * out - unlike_in * into
+                if given <= left and got > 0 and given * unlike < got * far:
+                    left -= given
+                    for i, sign in ((own, -1.0), (to, 1.0)):
+                        count[i] += sign
+                        sums[i] += sign * at[n]
+                        mean[i] = sums[i] / count[i]
+                    label[n] = to
+                    moved = True
+            if not moved:
+                break
+        return label
 
     # Where they stand
 

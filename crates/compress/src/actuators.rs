@@ -66,9 +66,6 @@ impl Group {
 /// actuator in between would be worth nothing.
 const PART_DISTANCE: f64 = 4096.0;
 
-/// Most contacts for each actuator whose forces decide with which others they share it.
-const MOST_RAISED: usize = 3;
-
 /// What presses on an actuator.
 #[derive(Debug, Default, Clone, Copy)]
 struct Pressing {
@@ -187,11 +184,10 @@ impl Actuators {
         self.press(profile, contacts, levels, out);
     }
 
-    /// Heights of the contacts: forces as shares of the frame's greatest, times `force_distance`; none where there are
-    /// so many contacts that the forces of an actuator's own hardly depend on which they are.
+    /// Heights of the contacts: forces as shares of the frame's greatest, times `force_distance`.
     fn raise(&mut self, profile: &Profile, forces: &[f64]) {
         self.heights.clear();
-        if profile.force_distance > 0.0 && forces.len() <= MOST_RAISED * usize::from(profile.actuators) {
+        if profile.force_distance > 0.0 {
             let greatest = forces.iter().copied().fold(0.0, f64::max);
             let scale = profile.force_distance * self.pitch / greatest;
             self.heights.extend(forces.iter().map(|force| scale * force));

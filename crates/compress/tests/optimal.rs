@@ -229,19 +229,32 @@ fn contacts_of_like_force_share_an_actuator() {
 }
 
 #[test]
-fn with_more_than_three_contacts_for_each_actuator_places_alone_decide() {
+fn with_more_than_three_contacts_for_each_actuator_forces_move_none_of_them() {
     let frames = [touches(4, &[(3.0, 2.0, 2.5), (11.0, 1.0, 3.0)])];
     let contacts = frames[0].iter().filter(|f| **f > 0.0).count() as u16;
-    let differ = |actuators| {
+    let differ = |actuators, of: fn(&Actuator) -> Actuator| {
         let by_place = Profile {
             force_distance: 0.0,
             ..optimal(8, actuators)
         };
-        let [a, b] = [&optimal(8, actuators), &by_place].map(|p| images(p, &grid(16, 4), &frames));
+        let [a, b] = [&optimal(8, actuators), &by_place].map(|p| {
+            let images = images(p, &grid(16, 4), &frames);
+            images[0].actuators.iter().map(of).collect::<Vec<_>>()
+        });
         a != b
     };
-    assert!(!differ((contacts - 1) / 3));
-    assert!(differ(contacts / 2));
+    let place = |a: &Actuator| Actuator {
+        level: 0,
+        force: 0.0,
+        ..*a
+    };
+    let few = (contacts - 1) / 3;
+    assert!(!differ(few, place), "they stand where places alone say");
+    assert!(
+        differ(few, |a| *a),
+        "and press with what contacts like each other press with"
+    );
+    assert!(differ(contacts / 2, place), "with fewer contacts they do not");
 }
 
 #[test]

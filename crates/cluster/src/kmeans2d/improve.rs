@@ -7,7 +7,7 @@ use super::{Kmeans2d, Saved};
 const FIRST_FRAMES: u32 = 4;
 const QUIET_FRAMES: u32 = 4;
 /// Points in the swaps that are tried in a quiet frame, in all: small frames try several swaps, at most so many.
-const TRIED_POINTS: usize = 400;
+const TRIED_POINTS: usize = 1000;
 const MOST_TRIES: usize = 8;
 /// Swaps in quiet frames are asked for this share of what others are: there are few of them, and
 /// what they save lasts.
@@ -60,17 +60,18 @@ impl Kmeans2d {
         self.settings.swap_gain * QUIET_SHARE * PATIENCE / (PATIENCE + f64::from(self.patience))
     }
 
-    /// In a frame whose points are those of the last, moves single points by their new heights and tries more
-    /// swaps, now and then. Says whether anything has changed.
-    pub(super) fn rest(&mut self, heights: Option<&[f64]>) -> bool {
+    /// Counts a frame whose points are those of the last, and says whether it is used to look further.
+    pub(super) fn looks_further(&mut self) -> bool {
         if self.assignment.len() <= self.x.len() {
             return false;
         }
         self.patience = self.patience.saturating_add(1);
         self.quiet = self.quiet.saturating_add(1);
-        if self.quiet > FIRST_FRAMES && !self.quiet.is_multiple_of(QUIET_FRAMES) {
-            return false;
-        }
+        self.quiet <= FIRST_FRAMES || self.quiet.is_multiple_of(QUIET_FRAMES)
+    }
+
+    /// Moves single points by their new heights and tries more swaps. Says whether anything has changed.
+    pub(super) fn rest(&mut self, heights: Option<&[f64]>) -> bool {
         self.pinned.copy_from_slice(&self.live);
         self.moved.fill(false);
         let moved = heights.is_some() && self.raise_again(heights);

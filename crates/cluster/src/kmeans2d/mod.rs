@@ -19,6 +19,10 @@
 //! does not jump. So a point that flickers at the contact threshold does not send an actuator back
 //! and forth.
 //!
+//! Points may have heights, which decide between arrangements that are nearly as good in the plane. With few points for
+//! each cluster they are a third coordinate of moves 2 and 3. With many, a last step trades a little of the distance
+//! for them (`trade.rs`), unknown to the search.
+//!
 //! Coordinates are single precision: pixels are exact, millimetres good to a micrometre. Every
 //! operation is elementwise or in index order, so results are the same at every vector width.
 
@@ -30,6 +34,7 @@ mod settle;
 mod stand;
 mod steps;
 mod swap;
+mod trade;
 
 use assign::Assignment;
 use settle::Joined;
@@ -37,6 +42,7 @@ use stand::Stands;
 
 use crate::Plane;
 use swap::Splits;
+use trade::Traded;
 
 /// What [`Kmeans2d`] may do in a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -103,11 +109,15 @@ pub struct Kmeans2d {
     splits: Splits,
     saved: Saved,
     stands: Stands,
+    traded: Traded,
     identity: identity::Matching,
 }
 
 /// No id.
 const NONE: u16 = u16::MAX;
+
+/// Most points for each cluster whose heights are a third coordinate.
+const MOST_RAISED: usize = 3;
 
 /// Where clusters are that have never been anywhere: farther from any point than anything, but
 /// finite when squared.
@@ -195,6 +205,7 @@ impl Kmeans2d {
                 sums: vec![Sums::default(); clusters],
             },
             stands: Stands::new(clusters),
+            traded: Traded::new(keys, clusters),
             identity: identity::Matching::new(clusters),
         }
     }
@@ -217,8 +228,10 @@ impl Kmeans2d {
     ///
     /// `keys` names the points: a key is always at the same place, and in a frame at most once.
     /// `weights`, where given, must be positive. `heights`, in the unit of the coordinates, decide between
-    /// arrangements that are nearly as good in the plane: where single points move, heights are a third coordinate,
-    /// and nowhere else. While the points stay the same, new heights count in the frames that try further swaps.
+    /// arrangements that are nearly as good in the plane. With no more than three points for each cluster they are a
+    /// third coordinate where single points move; with more, and no weights, points between two clusters are shared out
+    /// by them in the end, for no more than 2 % of the squared distances. While the points stay the same, new heights
+    /// count in the frames that try further swaps.
     ///
     /// With no more points than clusters each point is a cluster of its own. It keeps its id, or
     /// takes that of an actuator within reach, nearest pairs first; other points get ids that were
@@ -240,9 +253,17 @@ impl Kmeans2d {
             weights.is_none_or(|w| w.len() == points.len()),
             "one weight per point"
         );
+        let (raised, traded) = if points.len() <= MOST_RAISED * self.x.len() {
+            (heights, None)
+        } else {
+            (None, heights.filter(|_| weights.is_none()))
+        };
         let resting = self.settled && weights.is_none() && self.keys == keys;
         if resting {
-            if self.rest(heights) {
+            if !self.looks_further() {
+                return self.clusters();
+            }
+            if self.rest(raised) {
                 self.finish();
                 self.remember(keys);
             }
@@ -252,7 +273,7 @@ impl Kmeans2d {
             self.changes += self.count_changes(keys);
             self.pinned.copy_from_slice(&self.live);
             self.assignment.place(points, weights);
-            self.assignment.raise(heights);
+            self.assignment.raise(raised);
             self.least = None;
             self.height.fill(0.0);
             if points.len() <= self.x.len() {
@@ -262,8 +283,19 @@ impl Kmeans2d {
             }
             self.remember(keys);
         }
+        match traded {
+            Some(heights) => {
+                let members = self.stands.members();
+                self.traded.trade(&self.assignment, heights, members, !resting);
+            }
+            None => self.traded.forget(),
+        }
+        self.clusters()
+    }
+
+    fn clusters(&self) -> Clusters<'_> {
         Clusters {
-            labels: self.assignment.labels(),
+            labels: self.traded.labels(&self.assignment),
             x: &self.x,
             y: &self.y,
             live: &self.live,

@@ -154,6 +154,71 @@ fn new_heights_of_the_same_points_count_within_four_frames() {
 }
 
 #[test]
+fn with_many_points_one_between_two_clusters_goes_to_the_one_whose_heights_are_like_its_own() {
+    // Two rows of five, and a point in the middle that is a little nearer to the left one.
+    let x = [0.0, 0.0, 0.0, 0.0, 0.0, 3.97, 8.0, 8.0, 8.0, 8.0, 8.0];
+    let y = [0.0, 1.0, 2.0, 3.0, 4.0, 2.0, 0.0, 1.0, 2.0, 3.0, 4.0];
+    let keys: Vec<u16> = (0..11).collect();
+    let beside = |middle: f64, weights: Option<&[f64]>| {
+        let heights: [f64; 11] = std::array::from_fn(|n| match n {
+            0..5 => 0.1,
+            5 => middle,
+            _ => 0.9,
+        });
+        let mut solver = Kmeans2d::new(11, 2, PLAIN);
+        // Held: the search knows nothing of it, and is at rest.
+        let mut beside = "";
+        for _ in 0..9 {
+            let found = solver.follow(Plane { x: &x, y: &y }, &keys, weights, Some(&heights));
+            assert_ne!(found.labels[0], found.labels[10]);
+            beside = if found.labels[5] == found.labels[0] {
+                "left"
+            } else {
+                "right"
+            };
+        }
+        beside
+    };
+    assert_eq!(beside(0.1, None), "left");
+    assert_eq!(beside(0.9, None), "right");
+    // Weights say themselves what counts.
+    assert_eq!(beside(0.9, Some(&[1.0; 11])), "left");
+}
+
+proptest! {
+    #[test]
+    fn heights_of_many_points_cost_two_per_cent_of_the_squared_distances_at_most(
+        frames in prop::collection::vec(
+            prop::collection::btree_map((0u8..12, 0u8..12), 0.0..1.0f64, 25..80), 1..12),
+        clusters in 1usize..8,
+    ) {
+        let mut plain = Kmeans2d::new(KEYS, clusters, PLAIN);
+        let mut high = Kmeans2d::new(KEYS, clusters, PLAIN);
+        for frame in frames {
+            // Each is held for a while, with other heights in the end.
+            for turned in [false, false, true] {
+                let points: Vec<_> = frame.keys().map(|(x, y)| (f64::from(*x), f64::from(*y))).collect();
+                let heights: Vec<_> = frame.values().map(|h| if turned { 1.0 - h } else { *h }).collect();
+                let (x, y) = plane(&points);
+                let keys: Vec<u16> = points.iter().map(|(x, y)| (x * 2.0) as u16 + 128 * (y * 2.0) as u16).collect();
+                let before = plain.follow(Plane { x: &x, y: &y }, &keys, None, None);
+                let after = high.follow(Plane { x: &x, y: &y }, &keys, None, Some(&heights));
+                prop_assert_eq!(before.member, after.member);
+                prop_assert_eq!(before.live, after.live);
+                for (id, member) in after.member.iter().enumerate() {
+                    prop_assert!(member.is_none_or(|n| usize::from(after.labels[n as usize]) == id));
+                }
+                let (far, allowed) = (error(&points, after.labels, clusters), error(&points, before.labels, clusters));
+                prop_assert!(far <= 1.02 * allowed + 1e-9, "{} of {}", far, allowed);
+                let tall: Vec<_> = heights.iter().map(|h| (*h, 0.0)).collect();
+                let (unlike, was) = (error(&tall, after.labels, clusters), error(&tall, before.labels, clusters));
+                prop_assert!(unlike <= was + 1e-9, "{} of {}", unlike, was);
+            }
+        }
+    }
+}
+
+#[test]
 fn history_holds_centroids_back() {
     let run = |history| {
         let mut solver = Kmeans2d::new(KEYS, 1, Kmeans2dSettings { history, ..PLAIN });
