@@ -141,7 +141,7 @@ impl Compressor {
         image.levels.extend_from_slice(&self.levels.codebook);
         image.contacts = saturate(self.contacts.len());
         image.calibrating = frame.calibrating;
-        image.repaired = frame.repaired.iter().any(|repaired| *repaired);
+        image.repaired = frame.repaired.iter().fold(false, |any, repaired| any | repaired);
         let known = taxels.min(frame.faults.len());
         image.count_faults(&frame.faults[..known]);
         image.missing = saturate(usize::from(image.missing) + (taxels - known));

@@ -1,12 +1,21 @@
 //! Which taxels take part: the contact list.
 
-use taxel_hand::{FORCE_MAX, FORCE_MIN, ForceFrame, Geometry};
+use taxel_hand::{FORCE_MAX, FORCE_MIN, Faults, ForceFrame, Geometry};
+
+/// Taxels that are looked at together.
+const AT_ONCE: usize = 8;
+/// Bits of a word.
+const BITS: usize = u64::BITS as usize;
 
 /// The contacts of a frame in raster order (row by row, left to right), as columns.
 #[derive(Debug)]
 pub(crate) struct Contacts {
     /// Every taxel of the geometry in raster order.
     raster: Vec<Place>,
+    /// Where each taxel is in that order.
+    rank_of: Vec<u16>,
+    /// A bit for each taxel in raster order: the contacts of this frame.
+    listed: Vec<u64>,
     /// First coordinates of the places: columns of pixels, or millimetres.
     pub(crate) x: Vec<f64>,
     /// Second coordinates.
@@ -51,7 +60,13 @@ impl Contacts {
             .collect();
         raster.sort_by_key(|p| (p.pixel[1], p.pixel[0]));
         let taxels = raster.len();
+        let mut rank_of = vec![0; taxels];
+        for (rank, place) in raster.iter().enumerate() {
+            rank_of[place.taxel] = rank as u16;
+        }
         Self {
+            rank_of,
+            listed: vec![0; taxels.div_ceil(BITS)],
             raster,
             x: Vec::with_capacity(taxels),
             y: Vec::with_capacity(taxels),
@@ -72,30 +87,51 @@ impl Contacts {
         self.pixel.clear();
         self.rank.clear();
         self.part.clear();
-        self.refused = 0;
-        let known = frame.force.len().min(frame.contact.len()).min(frame.faults.len());
-        let (force, contact) = (&frame.force[..known], &frame.contact[..known]);
-        let faults = &frame.faults[..known];
-        for (rank, place) in self.raster.iter().enumerate() {
-            if place.taxel >= known || !faults[place.taxel].is_empty() {
-                continue;
-            }
-            let contact = contact[place.taxel];
-            if !is_force(force[place.taxel], contact) {
-                self.refused += 1;
-            } else if contact {
-                self.rank.push(rank as u16);
-            }
-        }
+        self.find(frame);
         if frame.calibrating {
             self.rank.clear();
         }
+        let force = &frame.force;
         let places = self.rank.iter().map(|rank| &self.raster[usize::from(*rank)]);
         self.force.extend(places.clone().map(|place| force[place.taxel]));
         self.x.extend(places.clone().map(|place| place.at[0]));
         self.y.extend(places.clone().map(|place| place.at[1]));
         self.pixel.extend(places.clone().map(|place| place.pixel));
         self.part.extend(places.map(|place| place.part));
+    }
+
+    /// Lists the contacts by their numbers in raster order. Most taxels of most frames are at rest, so they are looked at
+    /// several at once.
+    fn find(&mut self, frame: &ForceFrame) {
+        let known = frame.force.len().min(frame.contact.len()).min(frame.faults.len());
+        let known = known.min(self.raster.len());
+        self.listed.fill(0);
+        self.refused = 0;
+        let (force, force_left) = frame.force[..known].as_chunks::<AT_ONCE>();
+        let (contact, contact_left) = frame.contact[..known].as_chunks::<AT_ONCE>();
+        let (faults, faults_left) = frame.faults[..known].as_chunks::<AT_ONCE>();
+        let (ranks, ranks_left) = self.rank_of[..known].as_chunks::<AT_ONCE>();
+        for (((force, contact), faults), ranks) in force.iter().zip(contact).zip(faults).zip(ranks) {
+            let at_rest = *contact == [false; AT_ONCE] && *faults == [Faults::NONE; AT_ONCE];
+            if at_rest && force.iter().fold(true, |all, force| all & force.is_finite()) {
+                continue;
+            }
+            self.refused += list(&mut self.listed, force, contact, faults, ranks);
+        }
+        self.refused += list(
+            &mut self.listed,
+            force_left,
+            contact_left,
+            faults_left,
+            ranks_left,
+        );
+        for (word, first) in self.listed.iter().zip((0u16..).step_by(BITS)) {
+            let mut left = *word;
+            while left != 0 {
+                self.rank.push(first + left.trailing_zeros() as u16);
+                left &= left - 1;
+            }
+        }
     }
 
     /// Numbers of all taxels in raster order.
@@ -114,12 +150,21 @@ impl Contacts {
     }
 }
 
+/// Lists those of some taxels that are contacts, without a branch for any of them. Returns how many are refused.
+fn list(listed: &mut [u64], force: &[f64], contact: &[bool], faults: &[Faults], ranks: &[u16]) -> usize {
+    let mut refused = 0;
+    for (((force, contact), faults), rank) in force.iter().zip(contact).zip(faults).zip(ranks) {
+        let (sound, usable) = (faults.is_empty(), is_force(*force, *contact));
+        let rank = usize::from(*rank);
+        listed[rank / BITS] |= u64::from(sound & usable & contact) << (rank % BITS);
+        refused += usize::from(sound & !usable);
+    }
+    refused
+}
+
 /// Whether a taxel's force can be used: a finite number, and in range where the taxel is in contact.
 #[inline]
 pub(crate) fn is_force(force: f64, contact: bool) -> bool {
-    if contact {
-        (FORCE_MIN..=FORCE_MAX).contains(&force)
-    } else {
-        force.is_finite()
-    }
+    let (in_range, finite) = ((FORCE_MIN..=FORCE_MAX).contains(&force), force.is_finite());
+    in_range | (finite & !contact)
 }

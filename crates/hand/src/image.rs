@@ -53,9 +53,15 @@ pub struct Actuator {
 impl TactileImage {
     /// Counts the taxels that a set of faults takes out: those without a value, and those broken otherwise.
     pub fn count_faults(&mut self, faults: &[Faults]) {
-        let missing = faults.iter().filter(|f| f.contains(Fault::Missing)).count();
-        let faulty = faults.iter().filter(|f| !f.is_empty()).count() - missing;
+        // Of most hands, none has any.
+        let any = faults.iter().fold(Faults::NONE, |any, faults| any.union(*faults));
+        let count = |has: fn(&Faults) -> bool| faults.iter().filter(|f| has(f)).count();
+        let (missing, taken_out) = if any.is_empty() {
+            (0, 0)
+        } else {
+            (count(|f| f.contains(Fault::Missing)), count(|f| !f.is_empty()))
+        };
         self.missing = missing as u16;
-        self.faulty = faulty as u16;
+        self.faulty = (taken_out - missing) as u16;
     }
 }
