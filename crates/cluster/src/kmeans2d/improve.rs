@@ -8,7 +8,7 @@ const FIRST_FRAMES: u32 = 4;
 const QUIET_FRAMES: u32 = 4;
 /// Points in the swaps that are tried in a quiet frame, in all: small frames try several swaps, at most so many.
 const TRIED_POINTS: usize = 1000;
-const MOST_TRIES: usize = 8;
+const MOST_TRIES: usize = 4;
 /// Swaps in quiet frames are asked for this share of what others are: there are few of them, and
 /// what they save lasts.
 const QUIET_SHARE: f64 = 0.1;
