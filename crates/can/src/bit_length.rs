@@ -42,9 +42,7 @@ impl CanFrame {
             line.send(rtr << 2, 3);
         }
         line.send(u32::from(self.dlc()), 4);
-        for byte in self.data() {
-            line.send(u32::from(*byte), 8);
-        }
+        self.data().iter().for_each(|byte| line.send_byte(*byte));
         let crc = line.crc;
         line.send(crc, 15);
         line.bits + TAIL_BITS
@@ -52,18 +50,26 @@ impl CanFrame {
 }
 
 /// Counts bits as a transmitter puts them on the line.
-#[derive(Default)]
+#[derive(Default, Clone, Copy)]
 struct Line {
     bits: u32,
+    /// Bits alike at the end, 1 to 4, and what they are.
     run: u32,
     last: u32,
     crc: u32,
 }
 
+/// What eight data bits do: to a line that ends in each of eight ways, how many stuff bits they bring and, in the lowest three
+/// bits, how it ends then; and to a CRC of 0.
+const STUFFED: [[u8; 256]; 8] = stuffed();
+const CRC: [u16; 256] = crc();
+
 impl Line {
-    fn send(&mut self, value: u32, bits: u32) {
-        for i in (0..bits).rev() {
-            let bit = value >> i & 1;
+    const fn send(&mut self, value: u32, bits: u32) {
+        let mut left = bits;
+        while left > 0 {
+            left -= 1;
+            let bit = value >> left & 1;
             let feedback = bit ^ (self.crc >> 14 & 1);
             self.crc = self.crc << 1 & 0x7FFF;
             if feedback == 1 {
@@ -83,11 +89,78 @@ impl Line {
             }
         }
     }
+
+    /// The same for eight bits behind others.
+    fn send_byte(&mut self, byte: u8) {
+        let done = STUFFED[self.end() as usize][usize::from(byte)];
+        self.bits += 8 + u32::from(done >> 3);
+        (self.last, self.run) = (u32::from(done >> 2 & 1), u32::from(done & 3) + 1);
+        let folded = (self.crc >> 7) as u8 ^ byte;
+        self.crc = self.crc << 8 & 0x7FFF ^ u32::from(CRC[usize::from(folded)]);
+    }
+
+    /// How it ends, as a number below 8.
+    const fn end(&self) -> u32 {
+        self.last << 2 | (self.run - 1)
+    }
+}
+
+const fn stuffed() -> [[u8; 256]; 8] {
+    let mut all = [[0; 256]; 8];
+    let mut end = 0;
+    while end < 8 {
+        let mut byte = 0;
+        while byte < 256 {
+            let mut line = Line {
+                bits: 1,
+                run: (end & 3) + 1,
+                last: end >> 2,
+                crc: 0,
+            };
+            line.send(byte, 8);
+            all[end as usize][byte as usize] = ((line.bits - 9) << 3 | line.end()) as u8;
+            byte += 1;
+        }
+        end += 1;
+    }
+    all
+}
+
+const fn crc() -> [u16; 256] {
+    let mut all = [0; 256];
+    let mut byte = 0;
+    while byte < 256 {
+        let mut line = Line {
+            bits: 1,
+            run: 1,
+            last: 0,
+            crc: 0,
+        };
+        line.send(byte, 8);
+        all[byte as usize] = line.crc as u16;
+        byte += 1;
+    }
+    all
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn eight_bits_at_once_are_as_long_as_one_by_one(head in 0u32..0x8_0000, data in prop::collection::vec(any::<u8>(), 0..=8)) {
+            let mut one_by_one = Line::default();
+            one_by_one.send(head, 19);
+            let mut at_once = one_by_one;
+            for byte in data {
+                one_by_one.send(byte.into(), 8);
+                at_once.send_byte(byte);
+            }
+            prop_assert_eq!((at_once.bits, at_once.crc, at_once.end()), (one_by_one.bits, one_by_one.crc, one_by_one.end()));
+        }
+    }
 
     #[test]
     fn lengths_stay_within_the_bounds_of_the_standard() {
