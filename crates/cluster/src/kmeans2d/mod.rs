@@ -42,7 +42,7 @@ use stand::Stands;
 
 use crate::Plane;
 use swap::Splits;
-use trade::Traded;
+use trade::{GIVEN_AT_REST, GIVEN_IN_CHANGE, Traded};
 
 /// What [`Kmeans2d`] may do in a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -155,7 +155,8 @@ struct Saved {
 /// The clusters of a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Clusters<'a> {
-    /// Id of the cluster of each point.
+    /// Id of the cluster of each point. Points between two clusters may have been given to the second nearest for the
+    /// sake of their heights; centroids know nothing of it.
     pub labels: &'a [u16],
     /// Where the centroid of each cluster is, by id; of those without points, where it was.
     pub x: &'a [f32],
@@ -285,8 +286,9 @@ impl Kmeans2d {
         }
         match traded {
             Some(heights) => {
+                let given = if resting { GIVEN_AT_REST } else { GIVEN_IN_CHANGE };
                 let members = self.stands.members();
-                self.traded.trade(&self.assignment, heights, members, !resting);
+                self.traded.trade(&self.assignment, heights, members, given);
             }
             None => self.traded.forget(),
         }

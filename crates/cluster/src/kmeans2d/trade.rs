@@ -6,9 +6,10 @@
 
 use super::assign::Assignment;
 
-/// Share of the squared distances by which they may grow for the sake of heights: in a frame like the last, and in one
-/// whose points have changed, where the search may be far from its end.
-const MOST_GIVEN: [f64; 2] = [0.02, 0.01];
+/// Share of the squared distances by which they may grow for the sake of heights, where points are those of the last frame.
+pub(super) const GIVEN_AT_REST: f64 = 0.02;
+/// The same where they have changed: the search may be far from its end.
+pub(super) const GIVEN_IN_CHANGE: f64 = 0.01;
 /// How often all points are asked.
 const ROUNDS: usize = 2;
 
@@ -76,18 +77,19 @@ impl Traded {
     }
 
     /// Moves points to the cluster with the second nearest centroid where the squared differences of heights fall by a
-    /// greater share than the squared distances grow. Points that stand for a cluster stay.
+    /// greater share than the squared distances grow; in all by `given`, a share of them, at most. Points that stand for
+    /// a cluster stay.
     pub(super) fn trade(
         &mut self,
         points: &Assignment,
         heights: &[f64],
         members: &[Option<u32>],
-        have_changed: bool,
+        given: f64,
     ) {
         self.labels.clear();
         self.labels.extend_from_slice(points.labels());
         let [far, unlike] = self.measure(points, heights);
-        let mut left = MOST_GIVEN[usize::from(have_changed)] * far;
+        let mut left = given * far;
         for _ in 0..ROUNDS {
             let mut moved = false;
             for (n, label) in self.labels.iter_mut().enumerate() {
@@ -98,10 +100,10 @@ impl Traded {
                 let at = point(points, heights, n);
                 let (own, other) = (&self.sides[from], &self.sides[to]);
                 let ([far_out, unlike_out], [far_in, unlike_in]) = (own.costs(at), other.costs(at));
-                let given = far_in * other.joined - far_out * own.left;
+                let more = far_in * other.joined - far_out * own.left;
                 let got = unlike_out * own.left - unlike_in * other.joined;
-                if given <= left && got > 0.0 && given * unlike < got * far {
-                    left -= given;
+                if more <= left && got > 0.0 && more * unlike < got * far {
+                    left -= more;
                     for (id, points) in [(from, -1.0), (to, 1.0)] {
                         self.sides[id].add(at, points);
                         self.sides[id].measure();
