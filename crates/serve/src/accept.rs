@@ -1,6 +1,6 @@
 //! Lets subscribers in.
 
-use crate::profiles::ProfileMaker;
+use crate::profile_maker::ProfileMaker;
 use crate::server::Server;
 use crate::socket::Socket;
 use crate::subscriber::welcome;

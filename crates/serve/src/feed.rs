@@ -1,8 +1,10 @@
 //! One stream on its way to one subscriber: the newest message when the socket can take one, or
 //! every message in order; and a count of those skipped.
 
-use crate::lane::{Lane, deliver};
-use crate::stream::{Message, Stream};
+use crate::courier::deliver;
+use crate::lane::Lane;
+use crate::message::Message;
+use crate::stream::Stream;
 use std::future::poll_fn;
 use std::io::{self, IoSlice};
 use std::rc::{Rc, Weak};

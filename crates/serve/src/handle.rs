@@ -1,7 +1,7 @@
 //! What a program's other threads have of its server: they tell its subscribers something, and ask
 //! who is connected, without holding up the thread that sends.
 
-use crate::profiles::ProfileRecord;
+use crate::active_profile::ProfileRecord;
 use crate::registry::Entry;
 use crate::sent::Sent;
 use std::sync::Arc;

@@ -4,16 +4,16 @@
 //! them thirty times a second would cost more than the sending; so a task that waits for nothing but
 //! the newest image leaves its lane to the courier, and is woken only where its socket is full.
 
+use crate::message::Message;
 use crate::sent::Sent;
 use crate::socket::Socket;
-use crate::stream::{Message, Stream};
 use std::cell::Cell;
 use std::io::IoSlice;
-use std::rc::{Rc, Weak};
+use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Instant;
 use taxel_wire::HEADER_LEN;
-use tokio::sync::{Notify, watch};
+use tokio::sync::Notify;
 
 /// The messages of one type on their way to one subscriber, whichever streams they come from.
 #[derive(Debug)]
@@ -82,7 +82,7 @@ impl Lane {
     }
 
     /// Sends a message if the socket takes it at once; otherwise the task is to.
-    fn offer(&self, message: &Message) {
+    pub(crate) fn offer(&self, message: &Message) {
         if !self.is_free.get() || message.tick <= self.after() {
             return;
         }
@@ -96,19 +96,6 @@ impl Lane {
                 self.is_free.set(false);
                 self.wake.notify_one();
             }
-        }
-    }
-}
-
-/// Offers every message of a stream to its lanes as it comes, until there are none.
-pub(crate) async fn deliver(stream: Weak<Stream>, mut newest: watch::Receiver<Arc<Message>>) {
-    while newest.changed().await.is_ok() {
-        let message = newest.borrow_and_update().clone();
-        let Some(stream) = stream.upgrade() else {
-            return;
-        };
-        if !stream.for_each_lane(|lane| lane.offer(&message)) {
-            return;
         }
     }
 }

@@ -13,14 +13,18 @@
 //! and estimates.
 
 mod accept;
+mod active_profile;
 mod announcements;
 mod config;
+mod courier;
 mod farewell;
 mod feed;
 mod handle;
 mod lane;
 mod log_lines;
+mod message;
 mod output_slots;
+mod profile_maker;
 mod profiles;
 mod raw;
 mod registry;
@@ -35,6 +39,6 @@ pub use announcements::Announcements;
 pub use config::{Limits, ProfilesConfig};
 pub use handle::{Roster, ServerHandle};
 pub use output_slots::OutputSlots;
-pub use profiles::{Cost, DisplayProfile, MadeOutput, Measurement, ProfileMaker};
+pub use profile_maker::{Cost, DisplayProfile, MadeOutput, Measurement, ProfileMaker};
 pub use server::{Server, ServerSeed};
 pub use socket_path::{SocketPath, SocketPathError, check_group};

@@ -4,17 +4,18 @@
 //! Lives on the serving thread. A profile that several ask for is made once; the thread that has
 //! the frames knows nothing of who reads.
 
+use crate::active_profile::{ActiveProfile, Lease, ProfileRecord, Started, us};
 use crate::config::ProfilesConfig;
 use crate::log_lines::LogLines;
-use crate::output_slots::{CostPerTick, Output, SlotControl, cost_per_tick};
-use crate::stream::{Stream, StreamEnd, stream};
+use crate::output_slots::{Output, SlotControl, cost_per_tick};
+use crate::profile_maker::{Cost, DisplayProfile, ProfileMaker};
+use crate::stream::{StreamEnd, stream};
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use taxel_hand::Profile;
-use taxel_wire::status::{CostStatus, ProfileStatus, ProfilesBudget};
-use taxel_wire::{Encode, Hello, HelloText};
+use taxel_wire::status::ProfilesBudget;
 use tokio::sync::watch;
 
 /// A profile goes on being made for this long after its last reader left without a word, so that a
@@ -22,135 +23,6 @@ use tokio::sync::watch;
 const GRACE: Duration = Duration::from_secs(2);
 /// A candidate whose first image takes this many times what is set aside for all is not measured further.
 const HOPELESS: u64 = 4;
-
-/// What makes a profile distinct: two displays that state the same are given the same bytes.
-#[derive(Debug, Clone, PartialEq)]
-pub struct DisplayProfile {
-    /// What the display can do.
-    pub profile: Profile,
-    /// Parts of the hand, each once and in the layout's order; `None` for all of it.
-    pub region: Option<Vec<String>>,
-}
-
-impl DisplayProfile {
-    /// Whether both give the same images, however they are written.
-    fn gives_what(&self, other: &Self) -> bool {
-        self.region == other.region && self.profile.canonical() == other.profile.canonical()
-    }
-}
-
-/// Time on a processor that one image takes, compressed and encoded, nanoseconds.
-#[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
-pub struct Cost {
-    /// With every taxel in contact, each with a force of its own that changes at random from frame to frame.
-    pub worst_ns: u64,
-    /// With the forces that the hand feels at the moment.
-    pub newest_ns: u64,
-}
-
-impl Cost {
-    /// What is set aside for it.
-    pub fn reserved_ns(&self) -> u64 {
-        self.worst_ns.max(self.newest_ns)
-    }
-}
-
-/// An encoder, and the bytes of its longest payload.
-pub type MadeOutput<F> = (Box<dyn Encode<F> + Send>, usize);
-
-/// The measurement of a profile's cost, which takes a while; it is run on a thread of its own.
-pub type Measurement = Box<dyn FnOnce() -> Cost + Send>;
-
-/// How a program makes messages for a display profile.
-pub trait ProfileMaker: 'static {
-    /// What messages are made of.
-    type Frames: 'static;
-
-    /// The description that subscribers of this profile get.
-    fn hello(&self, wanted: &DisplayProfile) -> Hello;
-
-    /// The encoder of this profile's images, with all its memory; `None` where no images are made
-    /// at all. The error is fit for an EVENT.
-    fn output(&self, wanted: &DisplayProfile) -> Result<Option<MadeOutput<Self::Frames>>, String>;
-
-    /// What measures the cost of this profile. One whose first image takes longer than
-    /// `hopeless_ns` need not be measured further.
-    fn measurement(&self, wanted: &DisplayProfile, hopeless_ns: u64) -> Result<Measurement, String>;
-
-    /// The encoder of raw frames; `None` where there are none.
-    fn raw(&self) -> Option<MadeOutput<Self::Frames>>;
-
-    /// The parts of a stated region as a [`DisplayProfile`] has them. The error is fit for an EVENT.
-    fn region(&self, names: &[String]) -> Result<Option<Vec<String>>, String>;
-
-    /// Time between two images, nanoseconds.
-    fn period_ns(&self) -> u64;
-
-    /// Messages per second.
-    fn rate_hz(&self) -> f64 {
-        1e9 / self.period_ns().max(1) as f64
-    }
-}
-
-/// A profile that images are made for.
-#[derive(Debug)]
-pub(crate) struct ActiveProfile {
-    /// Number for the status report, never used twice.
-    pub(crate) id: u32,
-    pub(crate) wanted: DisplayProfile,
-    pub(crate) stream: Rc<Stream>,
-    /// Its HELLO message.
-    pub(crate) hello: HelloText,
-    /// Its slot in the table; `None` where no images are made at all.
-    slot: Option<usize>,
-    reserved: Cost,
-    cost_ns: CostPerTick,
-    /// Subscribers that stated it.
-    readers: Cell<usize>,
-    /// Whether it is that of whoever states none.
-    own: Cell<bool>,
-    /// Since when nobody has needed it.
-    idle_since: Cell<Option<Instant>>,
-}
-
-/// What other threads know of a profile.
-#[derive(Debug, Clone)]
-pub(crate) struct ProfileRecord {
-    pub(crate) id: u32,
-    pub(crate) own: bool,
-    pub(crate) wanted: DisplayProfile,
-    reserved: Cost,
-    cost_ns: CostPerTick,
-}
-
-impl ProfileRecord {
-    /// What it takes of each tick, microseconds.
-    pub(crate) fn cost_us(&self) -> f64 {
-        us(cost_ns(self.reserved, &self.cost_ns))
-    }
-
-    /// What a status report says of it where so many are shown it.
-    pub(crate) fn status(&self, subscribers: usize) -> ProfileStatus {
-        let cost_ns = self.cost_ns.lock().unwrap_or_else(|e| e.into_inner());
-        ProfileStatus {
-            id: self.id,
-            own: self.own,
-            profile: self.wanted.profile.clone(),
-            region: self.wanted.region.clone(),
-            subscribers,
-            images: cost_ns.len(),
-            cost_us: CostStatus {
-                p50: us(cost_ns.value_at_quantile(0.5)),
-                p99: us(cost_ns.value_at_quantile(0.99)),
-                reserved: us(self.reserved.reserved_ns()),
-            },
-        }
-    }
-}
-
-/// A profile that a subscriber stated; it is made at least as long as this lives.
-#[derive(Debug)]
-pub(crate) struct Lease(Rc<ActiveProfile>);
 
 /// The table of profiles.
 pub(crate) struct Profiles<M: ProfileMaker> {
@@ -222,8 +94,8 @@ impl<M: ProfileMaker> Profiles<M> {
         let lease = self.lease(wanted, Some(self.own())).await?;
         let before = self.own();
         before.own.set(false);
-        lease.0.own.set(true);
-        self.own.send_replace(lease.0.clone());
+        lease.profile().own.set(true);
+        self.own.send_replace(lease.profile().clone());
         drop(lease);
         before.idle_since.set(Some(Instant::now()));
         if !before.is_needed() {
@@ -284,7 +156,7 @@ impl<M: ProfileMaker> Profiles<M> {
 
     /// Gives a profile up for another: it is not kept in case its reader comes back.
     pub(crate) fn give_up(&self, lease: Lease) {
-        let active = lease.0.clone();
+        let active = lease.profile().clone();
         drop(lease);
         if !active.is_needed() {
             self.remove(&active);
@@ -415,53 +287,6 @@ impl<M: ProfileMaker> Profiles<M> {
     }
 }
 
-impl ActiveProfile {
-    fn is_needed(&self) -> bool {
-        self.own.get() || self.readers.get() > 0
-    }
-
-    fn cost_ns(&self) -> u64 {
-        cost_ns(self.reserved, &self.cost_ns)
-    }
-}
-
-/// What a profile takes of each tick: what was set aside for it, or what it has turned out to take
-/// if that is more.
-fn cost_ns(reserved: Cost, measured: &CostPerTick) -> u64 {
-    let measured = measured.lock().unwrap_or_else(|e| e.into_inner());
-    reserved.reserved_ns().max(measured.value_at_quantile(0.5))
-}
-
-impl Lease {
-    fn new(active: Rc<ActiveProfile>) -> Self {
-        active.readers.set(active.readers.get() + 1);
-        active.idle_since.set(None);
-        Self(active)
-    }
-
-    pub(crate) fn profile(&self) -> &Rc<ActiveProfile> {
-        &self.0
-    }
-}
-
-impl Drop for Lease {
-    fn drop(&mut self) {
-        let readers = self.0.readers.get() - 1;
-        self.0.readers.set(readers);
-        if readers == 0 {
-            self.0.idle_since.set(Some(Instant::now()));
-        }
-    }
-}
-
-/// An output that is made from the next tick on; it may be sent to another thread.
-pub(crate) struct Started {
-    slot: Option<usize>,
-    stream: StreamEnd,
-    cost_ns: CostPerTick,
-    reserved: Cost,
-}
-
 /// Has the images of a profile made from the next tick on; `None` where no images are made at all.
 fn start<M: ProfileMaker>(
     maker: &M,
@@ -505,28 +330,7 @@ pub(crate) fn start_own<M: ProfileMaker>(
     }))
 }
 
-impl Started {
-    fn activate<M: ProfileMaker>(self, maker: &M, wanted: DisplayProfile, id: u32) -> ActiveProfile {
-        ActiveProfile {
-            id,
-            hello: HelloText::new(&maker.hello(&wanted)),
-            wanted,
-            stream: Rc::new(self.stream.open()),
-            slot: self.slot,
-            reserved: self.reserved,
-            cost_ns: self.cost_ns,
-            readers: Cell::new(0),
-            own: Cell::new(false),
-            idle_since: Cell::new(None),
-        }
-    }
-}
-
 /// Time of each tick that is set aside for all profiles.
 fn budget_ns<M: ProfileMaker>(maker: &M, config: &ProfilesConfig) -> u64 {
     (maker.period_ns() as f64 * config.budget_percent / 100.0) as u64
-}
-
-fn us(ns: u64) -> f64 {
-    ns as f64 / 1000.0
 }

@@ -1,7 +1,7 @@
 //! Raw frames, made while somebody reads them.
 
 use crate::output_slots::{Output, SlotControl, cost_per_tick};
-use crate::profiles::ProfileMaker;
+use crate::profile_maker::ProfileMaker;
 use crate::stream::{Stream, stream};
 use std::cell::RefCell;
 use std::rc::Rc;

@@ -1,9 +1,11 @@
 //! A program that publishes: its subscribers, its display profiles, and what it tells everybody.
 
+use crate::active_profile::Started;
 use crate::config::{Limits, ProfilesConfig};
 use crate::handle::{Request, Roster, ServerHandle};
 use crate::output_slots::{OutputSlots, SlotControl, output_slots};
-use crate::profiles::{DisplayProfile, ProfileMaker, Profiles, Started, start_own};
+use crate::profile_maker::{DisplayProfile, ProfileMaker};
+use crate::profiles::{Profiles, start_own};
 use crate::raw::RawStream;
 use crate::registry::Registry;
 use std::cell::RefCell;

@@ -5,6 +5,7 @@
 //! length on the serving thread, beyond which the oldest are lost.
 
 use crate::lane::Lane;
+use crate::message::Message;
 use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;
 use std::rc::Rc;
@@ -13,21 +14,6 @@ use std::sync::{Arc, mpsc};
 use std::time::Instant;
 use taxel_wire::{EncodeError, Header};
 use tokio::sync::watch;
-
-/// The message that one tick made for a stream. Shared by all its readers; only the header's count
-/// of skipped messages is their own.
-#[derive(Debug)]
-pub(crate) struct Message {
-    /// Number of the tick, from 1; the difference between two is what a reader skipped. All streams
-    /// count the same ticks, so a reader that changes from one to another goes on counting.
-    pub(crate) tick: u64,
-    /// When that tick was due.
-    pub(crate) due: Instant,
-    /// The header of a reader that skipped nothing; `None` where there is no message.
-    pub(crate) header: Option<Header>,
-    /// The payload.
-    pub(crate) payload: Vec<u8>,
-}
 
 /// The end of a stream on the thread that makes its messages.
 #[derive(Debug)]

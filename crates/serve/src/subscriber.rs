@@ -5,11 +5,12 @@
 //! missed. It holds up neither the tick nor another subscriber: all it can block is its own task. While
 //! that task waits, the courier sends the newest image (see [`crate::lane`]).
 
+use crate::active_profile::{ActiveProfile, Lease};
 use crate::farewell::Farewell;
 use crate::feed::{Feed, Way};
 use crate::handle::{Announcement, Packets};
 use crate::lane::Lane;
-use crate::profiles::{ActiveProfile, DisplayProfile, Lease, ProfileMaker};
+use crate::profile_maker::{DisplayProfile, ProfileMaker};
 use crate::registry::Entry;
 use crate::sent::Sent;
 use crate::server::Server;

@@ -8,6 +8,7 @@
 //! arguments.
 
 mod colour;
+mod figures;
 mod flat;
 mod history;
 mod keys;
@@ -22,11 +23,12 @@ mod seen;
 mod svg;
 
 pub use colour::Palette;
+pub use figures::Figures;
 pub use flat::Hand;
 pub use keys::Action;
 pub use outline::{letter, outline};
 pub use panes::{Heading, draw};
 pub use picture::Picture;
 pub use screen::Screen;
-pub use seen::{Figures, Seen};
+pub use seen::Seen;
 pub use svg::svg;

@@ -1,7 +1,7 @@
 //! One picture: all that the panes show, taken at one instant.
 
+use crate::figures::Figures;
 use crate::flat::Hand;
-use crate::seen::Figures;
 use std::sync::Arc;
 use taxel_hand::{Fault, Freshness};
 use taxel_wire::status::ProblemStatus;

@@ -1,12 +1,12 @@
 //! What a subscriber has seen: the newest image and raw frame, and the figures of the whole time.
 
+use crate::figures::{Arrivals, Figures};
 use crate::flat::Hand;
 use crate::history::History;
 use crate::picture::{Joint, Picture, TaxelNow, Trace};
 use crate::scale::Scale;
 use crate::screen::Screen;
 use hdrhistogram::Histogram;
-use std::collections::VecDeque;
 use std::fmt::Write;
 use std::ops::Deref;
 use std::sync::Arc;
@@ -14,12 +14,6 @@ use taxel_hand::{Geometry, Module, Profile, Taxel};
 use taxel_wire::status::ProblemStatus;
 use taxel_wire::{Clock, Event, EventKind, Flags, Header, Hello, ImageView, RawView, Status, WireActuator};
 
-/// The rate is measured over this time.
-const RATE_WINDOW_NS: u64 = 1_000_000_000;
-/// The latencies shown are those of so many images; the summary's are those of all.
-const RECENT_IMAGES: usize = 500;
-/// Figures are made anew as often: nobody reads faster.
-const FIGURES_NS: u64 = 500_000_000;
 /// A sentence of the daemon or about a key stays as long.
 const NOTE_NS: u64 = 6_000_000_000;
 /// Bits of one taxel's raw counts: three axes of 16.
@@ -32,9 +26,7 @@ pub struct Seen {
     hand: Option<Arc<Hand>>,
     status: Option<Status>,
     latency_ns: Histogram<u64>,
-    recent_latency_ns: VecDeque<u64>,
-    /// When images came, and how many had been made since the one before.
-    arrivals: VecDeque<(u64, u64)>,
+    arrivals: Arrivals,
     first_ns: u64,
     last_ns: u64,
     images: u64,
@@ -47,8 +39,6 @@ pub struct Seen {
     scale: Scale,
     history: History,
     newest: Newest,
-    figures: Figures,
-    figures_ns: u64,
     paused: bool,
     gone: Option<String>,
     note: Option<(String, u64)>,
@@ -69,22 +59,6 @@ struct Newest {
     joints: Vec<f32>,
 }
 
-/// Rates and latencies of late.
-#[derive(Debug, Default, Clone, Copy, PartialEq)]
-pub struct Figures {
-    /// Images made per second.
-    pub rate_hz: f64,
-    /// Median age of images at their arrival, milliseconds; `None` where their clock tells none.
-    pub latency_p50_ms: Option<f64>,
-    /// What 99 of 100 do not exceed.
-    pub latency_p99_ms: Option<f64>,
-    /// The raw counts, bits per second.
-    pub raw_bits_per_s: f64,
-    /// What tells a display as much as its actuators can render, bits per second
-    /// (docs/algorithm.md, "Figures from elsewhere").
-    pub image_bits_per_s: f64,
-}
-
 impl Default for Seen {
     fn default() -> Self {
         Self::new()
@@ -99,8 +73,7 @@ impl Seen {
             hand: None,
             status: None,
             latency_ns: Histogram::new_with_bounds(1, 10_000_000_000, 2).expect("bounds of a histogram"),
-            recent_latency_ns: VecDeque::with_capacity(RECENT_IMAGES),
-            arrivals: VecDeque::new(),
+            arrivals: Arrivals::default(),
             first_ns: 0,
             last_ns: 0,
             images: 0,
@@ -113,8 +86,6 @@ impl Seen {
             scale: Scale::default(),
             history: History::default(),
             newest: Newest::default(),
-            figures: Figures::default(),
-            figures_ns: 0,
             paused: false,
             gone: None,
             note: None,
@@ -185,9 +156,7 @@ impl Seen {
     /// The connection ended, and why; what was seen of the hand is true no more.
     pub fn set_gone(&mut self, why: impl Into<String>) {
         self.gone = Some(why.into());
-        self.arrivals.clear();
-        self.recent_latency_ns.clear();
-        self.figures_ns = 0;
+        self.arrivals.end();
         self.newest.actuators.clear();
         self.newest.taxels.clear();
     }
@@ -207,7 +176,7 @@ impl Seen {
 
     /// A status report.
     pub fn see_status(&mut self, status: serde_json::Value) {
-        if let Ok(status) = serde_json::from_value::<Status>(status) {
+        if let Ok(status) = Status::try_from(status) {
             self.paused = status.paused;
             self.status = Some(status);
         }
@@ -234,14 +203,8 @@ impl Seen {
         self.skipped += u64::from(header.skipped);
         let latency_ns = now_ns.saturating_sub(header.t_ns).max(1);
         self.latency_ns.saturating_record(latency_ns);
-        if self.recent_latency_ns.len() == RECENT_IMAGES {
-            self.recent_latency_ns.pop_front();
-        }
-        self.recent_latency_ns.push_back(latency_ns);
-        self.arrivals.push_back((now_ns, 1 + u64::from(header.skipped)));
-        while (self.arrivals.front()).is_some_and(|(at, _)| now_ns.saturating_sub(*at) > RATE_WINDOW_NS) {
-            self.arrivals.pop_front();
-        }
+        self.arrivals
+            .see(now_ns, 1 + u64::from(header.skipped), latency_ns);
         self.in_contact += u64::from(image.contacts > 0);
         self.most_contacts = self.most_contacts.max(image.contacts);
         self.most_actuators = self.most_actuators.max(image.actuators().len());
@@ -284,18 +247,6 @@ impl Seen {
         self.history.see(header.t_ns, forces);
     }
 
-    /// Images per second over the last second.
-    fn rate_hz(&self, now_ns: u64) -> f64 {
-        let (Some((first, _)), Some((last, _))) = (self.arrivals.front(), self.arrivals.back()) else {
-            return 0.0;
-        };
-        if last <= first || now_ns.saturating_sub(*last) > RATE_WINDOW_NS {
-            return 0.0;
-        }
-        let made: u64 = self.arrivals.iter().skip(1).map(|(_, made)| made).sum();
-        made as f64 * 1e9 / (last - first) as f64
-    }
-
     /// Bits of one raw frame, and of what its image tells a display.
     fn bits_per_frame(&self) -> (f64, f64) {
         let raw = self
@@ -312,29 +263,10 @@ impl Seen {
 
     /// Rates and latencies of late, made anew twice a second.
     pub fn figures(&mut self, now_ns: u64) -> Figures {
-        if self.figures_ns != 0 && now_ns.saturating_sub(self.figures_ns) < FIGURES_NS {
-            return self.figures;
-        }
-        self.figures_ns = now_ns;
-        let rate_hz = self.rate_hz(now_ns);
-        let (raw_bits, image_bits) = self.bits_per_frame();
-        let mut latency_ns: Vec<u64> = self.recent_latency_ns.iter().copied().collect();
-        latency_ns.sort_unstable();
+        let (raw, image) = self.bits_per_frame();
         let tells_age = |hello: &Hello| matches!(hello.clock, Clock::Monotonic | Clock::Realtime);
         let tells_age = self.hello.as_ref().is_some_and(tells_age);
-        let quantile_ms = |q: f64| {
-            let place = (latency_ns.len() as f64 * q) as usize;
-            let ns = latency_ns.get(place.min(latency_ns.len().saturating_sub(1)))?;
-            tells_age.then_some(*ns as f64 / 1e6)
-        };
-        self.figures = Figures {
-            rate_hz,
-            latency_p50_ms: quantile_ms(0.5),
-            latency_p99_ms: quantile_ms(0.99),
-            raw_bits_per_s: raw_bits * rate_hz,
-            image_bits_per_s: image_bits * rate_hz,
-        };
-        self.figures
+        self.arrivals.figures(now_ns, tells_age, [raw, image])
     }
 
     /// All that is drawn now; `None` before the hand is known.

@@ -6,6 +6,7 @@
 //! place: from one window). So a finding comes and goes within half a second and a window.
 
 mod alternation;
+mod bus;
 mod finding;
 mod stray;
 mod tally;
@@ -17,15 +18,11 @@ use crate::protocol::Protocol;
 use crate::protocol::mtb::{BoardKind, answer_id, answering};
 use crate::reading::TaxelReading;
 use alternation::Alternation;
+use bus::{Bus, WINDOW_NS, figures, per_second};
 use stray::{Held, NOBODY, Pair, Stray, ids_of, pairs, strays};
-use tally::{FOREIGN_HUBS, Tally};
+use tally::FOREIGN_HUBS;
 use taxel_can::Received;
 
-/// Length of a window.
-const WINDOW_NS: u64 = 250_000_000;
-/// What a bus carries, bits per second: every public hand runs at this rate (docs/protocols.md,
-/// "Bus timing").
-const BIT_RATE: f64 = 1e6;
 /// One id that takes this share of the bus babbles: 1,800 frames of 8 bytes per second. A taxel's
 /// own id takes 1 % at 100 sweeps per second.
 const BABBLE_SHARE: f64 = 0.2;
@@ -41,9 +38,6 @@ const TWO_BOARDS_TIMES: f64 = 1.4;
 /// Share of readings that swing, from which a board's values are those of two boards.
 const SWINGING: f64 = 0.5;
 
-/// This many packets of values in a window make a hub of what is not the hand's; hubs send twenty
-/// in a second.
-const FOREIGN_PACKETS: u32 = 2;
 /// An iCub board that answers on the wrong bus is taken to be there for this many windows more. It
 /// is asked every 300 ms, and not for 0.9 s while it is configured blindly on its own bus.
 const ANSWER_WINDOWS: u8 = 5;
@@ -75,29 +69,6 @@ pub struct BusMonitor {
     /// Room to sort rates in.
     rates: Vec<f64>,
     window_ends_ns: Option<u64>,
-}
-
-#[derive(Debug, Clone)]
-struct Bus {
-    tally: Tally,
-    /// Module of each standard id, `u16::MAX` for none.
-    owners: Box<[u16; 0x800]>,
-    /// Whether each standard id is a module's, a stray's, or a command.
-    familiar: Box<[bool; 0x800]>,
-    /// Whether a node that is nothing like the hand's ever spoke.
-    strangers: bool,
-    load: BusLoad,
-    babbles: Held<(bool, u32)>,
-    /// What each address answered to be in this window.
-    answers: [Option<BoardKind>; 16],
-    /// Hubs whose address no hub of the hand has.
-    foreign_hubs: Vec<ForeignHub>,
-}
-
-#[derive(Debug, Clone, Copy)]
-struct ForeignHub {
-    address: u32,
-    speaks: Held<()>,
 }
 
 #[derive(Debug, Clone)]
@@ -466,74 +437,9 @@ impl BusMonitor {
     }
 }
 
-impl Bus {
-    fn new(layout: &Layout) -> Self {
-        let mut familiar = Box::new(std::array::from_fn(|id| matches!(id >> 4, 0x20 | 0x70)));
-        let hub_ids = layout.cyskin.as_ref().map(|setup| setup.ids);
-        let addresses = || {
-            layout
-                .cyskin
-                .iter()
-                .flat_map(|setup| setup.hubs.iter().map(|hub| hub.address))
-        };
-        if let Some(ids) = hub_ids {
-            // What all hubs are told, and what any of them says.
-            for id in addresses()
-                .chain([ids.everybody()])
-                .flat_map(|to| ids.standard_ids(to))
-            {
-                familiar[usize::from(id)] = true;
-            }
-        }
-        Self {
-            tally: Tally::new(hub_ids, addresses()),
-            owners: Box::new([NOBODY; 0x800]),
-            familiar,
-            strangers: false,
-            load: BusLoad::default(),
-            babbles: Held::default(),
-            answers: [None; 16],
-            foreign_hubs: Vec::with_capacity(FOREIGN_HUBS),
-        }
-    }
-
-    /// A hub of no layout speaks if most of what begins a packet under its address begins one of
-    /// values: other nodes with extended ids do so by chance only.
-    fn find_foreign_hubs(&mut self) {
-        for heard in self.tally.foreign_hubs() {
-            let known = self.foreign_hubs.iter().any(|hub| hub.address == heard.address);
-            if !known && heard.packets > 0 && self.foreign_hubs.len() < FOREIGN_HUBS {
-                self.foreign_hubs.push(ForeignHub {
-                    address: heard.address,
-                    speaks: Held::default(),
-                });
-            }
-        }
-        let tally = &self.tally;
-        self.foreign_hubs.retain_mut(|hub| {
-            let mut heard = tally.foreign_hubs().filter(|of| of.address == hub.address);
-            let speaks = heard.any(|of| of.packets >= FOREIGN_PACKETS && 2 * of.packets > of.begun);
-            hub.speaks.update(speaks.then_some(()));
-            hub.speaks.is.is_some() || hub.speaks.next.is_some()
-        });
-    }
-}
-
 /// Whether boards of a protocol say whether they are there while they send: such an answer is no stranger's.
 fn answers_questions(protocol: Protocol) -> bool {
     protocol.mtb().is_some_and(|mtb| mtb.configured)
-}
-
-/// Frames per second and share of a bus, of what came in a window.
-fn figures(frames: u32, bits: u32) -> (f64, f64) {
-    (
-        per_second(f64::from(frames)),
-        per_second(f64::from(bits)) / BIT_RATE,
-    )
-}
-
-fn per_second(count: f64) -> f64 {
-    count * 1e9 / WINDOW_NS as f64
 }
 
 fn median(room: &mut Vec<f64>, values: impl Iterator<Item = f64>) -> Option<f64> {

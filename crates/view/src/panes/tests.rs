@@ -1,7 +1,7 @@
 use super::*;
+use crate::figures::Figures;
 use crate::flat::Hand;
 use crate::picture::{Joint, TaxelNow, Trace};
-use crate::seen::Figures;
 use ratatui::buffer::Buffer;
 use std::sync::Arc;
 use taxel_hand::{Fault, Freshness};
