@@ -188,6 +188,7 @@ fn board_status(board: &taxel_skin::BoardStatus, now_ns: u64) -> BoardStatus {
         settling: board.settling,
         sweeps: board.sweeps,
         status_errors: board.status_errors,
+        silences: board.silences,
         restarts: board.restarts,
         recalibrations: board.recalibrations,
         period_ms: board.period_ns.map(|period| period as f64 / 1e6),

@@ -15,23 +15,27 @@ const SILENCES: usize = 3;
 const UNSTEADY_NS: u64 = 30_000_000_000;
 const STEADY_NS: u64 = 10_000_000_000;
 
-/// When each board fell silent of late.
+/// When each board fell silent of late. The boards count that themselves: a silence may be over before the next look.
 #[derive(Debug, Default)]
 pub(crate) struct Steadiness {
-    boards: Vec<(bool, VecDeque<u64>)>,
+    boards: Vec<(u64, VecDeque<u64>)>,
 }
 
 impl Steadiness {
-    /// Takes note whether a board is silent, and returns how often it fell silent, if that makes it unsteady.
-    fn handle_board(&mut self, module: usize, silent: bool, now_ns: u64) -> Option<usize> {
+    /// Takes note of what a board has counted, and returns whether it fell silent since the last look.
+    fn fell_silent(&mut self, module: usize, silences: u64) -> bool {
         if self.boards.len() <= module {
-            self.boards.resize(module + 1, (false, VecDeque::new()));
+            self.boards.resize(module + 1, (0, VecDeque::new()));
         }
-        let (was_silent, silences) = &mut self.boards[module];
-        if silent && !*was_silent {
+        std::mem::replace(&mut self.boards[module].0, silences) < silences
+    }
+
+    /// Takes note whether a board fell silent by itself, and returns how often it did, if that makes it unsteady.
+    fn handle_board(&mut self, module: usize, fell_silent: bool, now_ns: u64) -> Option<usize> {
+        let (_, silences) = &mut self.boards[module];
+        if fell_silent {
             silences.push_back(now_ns);
         }
-        *was_silent = silent;
         while silences
             .front()
             .is_some_and(|t| now_ns.saturating_sub(*t) > UNSTEADY_NS)
@@ -47,6 +51,9 @@ pub(crate) fn judge(look: &Look<'_>, steadiness: &mut Steadiness, found: &mut Ve
     let (layout, view) = (look.setup.layout, look.view);
     for (index, bus) in view.buses.iter().enumerate() {
         let boards = || (0..layout.modules.len()).filter(|m| usize::from(layout.wiring[*m].bus) == index);
+        let fell_silent: Vec<bool> = boards()
+            .map(|m| steadiness.fell_silent(m, view.boards[m].silences))
+            .collect();
         if bus.link != LinkState::Up || bus.counters.bus_state == BusState::BusOff {
             // Told of the bus; that its boards are silent says nothing of them.
             continue;
@@ -70,9 +77,12 @@ pub(crate) fn judge(look: &Look<'_>, steadiness: &mut Steadiness, found: &mut Ve
         if all {
             found.push(silent_bus(&layout.buses[index], index, bus.starting));
         }
+        // What all boards do at once is their bus's doing.
+        let alone =
+            view.boards_due && !all && (fell_silent.len() == 1 || !fell_silent.iter().all(|fell| *fell));
         let (mut silent, mut unsteady) = (Vec::new(), Vec::new());
-        for module in boards() {
-            let fell_silent = view.boards_due && !all && state(module) == BoardState::Silent;
+        for (module, fell_silent) in boards().zip(fell_silent) {
+            let fell_silent = fell_silent && alone;
             if let Some(times) = steadiness.handle_board(module, fell_silent, view.now_ns) {
                 unsteady.push((module, times));
             }

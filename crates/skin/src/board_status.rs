@@ -61,6 +61,8 @@ pub struct BoardStatus {
     /// How often the board calibrated a part of its skin anew by itself
     /// ([`crate::Decoder::recalibrations`]): its baseline holds no longer, a re-zero is due.
     pub recalibrations: u64,
+    /// How often it fell silent.
+    pub silences: u64,
     /// Times it was told to start because it was silent.
     pub restarts: u64,
     /// Time between two sweeps of the board as measured, nanoseconds, 1 ms to 10 s; `None` until a

@@ -59,6 +59,7 @@ fn what_comes_and_goes_for_hours_is_told_less_and_less() {
     let mut looks = 0;
     bench.pass(3_600_000, |s| {
         looks += 1;
+        s.boards[3].silences += u64::from(looks % 10 == 0);
         s.boards[3].state = if looks / 5 % 2 == 0 {
             BoardState::Silent
         } else {
@@ -70,6 +71,31 @@ fn what_comes_and_goes_for_hours_is_told_less_and_less() {
     let untold = "changes in between were not told";
     assert!(bench.said.iter().any(|news| sentence(news).contains(untold)));
     assert!(bench.kinds().contains(&"board-unsteady"));
+}
+
+#[test]
+fn a_board_whose_silences_are_over_before_each_look_is_unsteady_until_it_was_steady_for_a_while() {
+    let mut bench = Bench::new();
+    bench.pass(3000, |s| s.boards[3].silences = s.now_ns / (1500 * MS));
+    assert_eq!(bench.kinds(), [""; 0], "two of three");
+    bench.pass(2000, |s| s.boards[3].silences = s.now_ns / (1500 * MS));
+    assert_eq!(bench.kinds(), ["board-unsteady"]);
+    assert_eq!(bench.problems.current()[0].problem.modules, [3]);
+    bench.pass(9000, |_| {});
+    assert_eq!(bench.kinds(), ["board-unsteady"]);
+    bench.pass(2000, |_| {});
+    assert_eq!(bench.kinds(), [""; 0]);
+}
+
+#[test]
+fn silences_of_all_boards_of_a_bus_at_once_are_not_the_boards() {
+    let mut bench = Bench::new();
+    bench.pass(20_000, |s| {
+        for board in &mut s.boards[..8] {
+            board.silences = s.now_ns / (1500 * MS);
+        }
+    });
+    assert_eq!(bench.kinds(), [""; 0]);
 }
 
 #[test]

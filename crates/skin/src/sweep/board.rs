@@ -29,6 +29,8 @@ pub(crate) struct Board {
     /// Whether one of its taxels came twice since the last frame.
     pub(crate) repeated: bool,
     misses: u8,
+    /// A streaming board that says nothing for longer than this is silent.
+    silence_ns: u64,
     configured_ns: Option<u64>,
     measured: Period,
     pub(crate) counters: BoardStatus,
@@ -49,6 +51,7 @@ impl Board {
             heard: false,
             repeated: false,
             misses: 0,
+            silence_ns: u64::MAX,
             configured_ns,
             measured: Period::new(taxels),
             counters: BoardStatus::default(),
@@ -70,10 +73,16 @@ impl Board {
     /// has just come up.
     pub(crate) fn is_settling(&mut self, t_ns: u64) -> bool {
         let settle_ns = self.settle_ns;
-        let silence_ns = SETTLE_AGAIN_NS.max(10 * self.period_ns());
+        let power_up_ns = SETTLE_AGAIN_NS.max(10 * self.period_ns());
         let came_up = match self.counters.last_ns {
             None => true,
-            Some(last) => t_ns.saturating_sub(last) >= silence_ns,
+            Some(last) => {
+                let quiet_ns = t_ns.saturating_sub(last);
+                // A silence between two frames taken, which neither saw.
+                let fell_silent = quiet_ns > self.silence_ns && self.counters.state == BoardState::Streaming;
+                self.counters.silences += u64::from(fell_silent);
+                quiet_ns >= power_up_ns
+            }
         };
         if came_up && settle_ns > 0 {
             self.end_sweep();
@@ -138,15 +147,15 @@ impl Board {
             return;
         };
         let quiet_ns = now_ns.saturating_sub(last_ns);
+        self.silence_ns = (silent_after as u64).saturating_mul(self.period_ns());
         let silent = match self.counters.state {
             BoardState::Streaming if sweep_mode => self.misses >= silent_after,
-            BoardState::Streaming | BoardState::Settling => {
-                quiet_ns > (silent_after as u64).saturating_mul(self.period_ns())
-            }
+            BoardState::Streaming | BoardState::Settling => quiet_ns > self.silence_ns,
             BoardState::NeverSeen | BoardState::Silent => false,
         };
         if silent {
             self.counters.state = BoardState::Silent;
+            self.counters.silences += 1;
         }
     }
 }

@@ -381,6 +381,22 @@ fn states_follow_what_is_heard() {
     bench.push(0, START + 250 * MS);
     assert_eq!(state(&mut bench, START + 251 * MS), BoardState::Streaming);
     assert_eq!(state(&mut bench, START + 281 * MS), BoardState::Silent);
+    assert_eq!(bench.assembler.board(0).silences, 2);
+}
+
+#[test]
+fn a_silence_that_is_over_before_the_next_frame_is_taken_is_counted() {
+    let mut bench = Bench::new(1, &unsettled(), false);
+    for (at_ms, silences) in [(0, 0), (30, 0), (61, 1), (62, 1), (300, 2)] {
+        bench.push(0, START + at_ms * MS);
+        bench.take(START + at_ms * MS);
+        let board = bench.assembler.board(0);
+        assert_eq!(
+            (board.silences, board.state),
+            (silences, BoardState::Streaming),
+            "{at_ms} ms"
+        );
+    }
 }
 
 #[test]

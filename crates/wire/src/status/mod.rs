@@ -312,6 +312,8 @@ report! {
         sweeps: u64,
         /// Readings whose status reports an error.
         status_errors: u64,
+        /// How often it fell silent.
+        silences: u64,
         /// How often it was started because it was silent.
         restarts: u64,
         /// How often it calibrated itself anew.
@@ -402,6 +404,15 @@ report! {
         age_us: QuantileStatus,
         /// The longest that it was without an image between two, milliseconds; that which goes on included.
         longest_gap_ms: f64,
+    }
+}
+
+/// Of JSON that was read already. It is here, and not with those who need it, so that it is compiled once.
+impl TryFrom<serde_json::Value> for Status {
+    type Error = serde_json::Error;
+
+    fn try_from(json: serde_json::Value) -> Result<Self, serde_json::Error> {
+        serde_json::from_value(json)
     }
 }
 
