@@ -87,6 +87,13 @@ impl ProfileMaker for ImageMaker {
     }
 }
 
+/// Whether images of this profile can be made of a hand and sent. The error is fit for a person.
+pub(crate) fn check_profile(hand: &Geometry, profile: &Profile) -> Result<(), String> {
+    check_message_size(hand, image_payload_len(hand, profile))?;
+    let display = Display::new(profile.clone(), None, hand);
+    display.map(drop).map_err(|e| e.to_string())
+}
+
 /// Bytes of the largest image payload of a hand and display.
 fn image_payload_len(hand: &Geometry, profile: &Profile) -> usize {
     let (levels, actuators) = (profile.level_count().into(), profile.actuators.into());

@@ -4,6 +4,7 @@
 //! `taxel compress` runs the same [`taxel_engine::Engine`] without any of the rest.
 
 mod arguments;
+mod clients;
 mod control;
 mod gather;
 mod image_maker;
@@ -22,7 +23,7 @@ pub use sources::open_array;
 pub use taxel_config::{self as config, Config, ConfigError};
 pub use taxel_serve::SocketPathError;
 
-use crate::image_maker::ImageMaker;
+use crate::image_maker::{ImageMaker, check_profile};
 use crate::snapshot::Snapshot;
 use crate::state::State;
 use crate::tick::{PipelineClock, Shared, TickThread};
@@ -80,6 +81,9 @@ pub enum StartError {
     /// The hand cannot be read as configured.
     #[error(transparent)]
     Engine(#[from] EngineError),
+    /// The daemon's own display profile does not fit the hand.
+    #[error("{0}")]
+    ProfileUnfit(String),
     /// The daemon's own display profile cannot be served.
     #[error("{0}")]
     Profile(String),
@@ -129,7 +133,7 @@ impl StartError {
                 error,
                 SocketPathError::UnknownGroup { .. } | SocketPathError::NotASocket { .. }
             ),
-            Self::JointsBeside(_) | Self::Engine(_) => true,
+            Self::JointsBeside(_) | Self::Engine(_) | Self::ProfileUnfit(_) => true,
             Self::Source { is_lasting, .. } => *is_lasting,
             // A profile may be too dear only while the machine is busy.
             Self::Joints(_) | Self::Profile(_) | Self::System { .. } => false,
@@ -138,12 +142,13 @@ impl StartError {
 }
 
 /// Whether a daemon could start on this machine, as far as that can be told without its buses and sockets: groups,
-/// recordings, scenes, and what the hand asks of the engine.
+/// recordings, scenes, and what hand and display ask of each other.
 pub fn check(config: &Config) -> Result<(), StartError> {
     for group in [&config.socket.group, &config.control.group] {
         taxel_serve::check_group(group)?;
     }
     sources::check(config)?;
+    check_profile(&config.layout, &config.profile).map_err(StartError::ProfileUnfit)?;
     Engine::new(&config.engine(true)?, 0)?;
     Ok(())
 }
@@ -155,6 +160,7 @@ impl Daemon {
     /// returns, subscribers can connect.
     pub fn start(config: Config) -> Result<Self, StartError> {
         let layout = &config.layout;
+        check_profile(layout, &config.profile).map_err(StartError::ProfileUnfit)?;
         let system = |what| {
             move |error: nix::Error| StartError::System {
                 what,

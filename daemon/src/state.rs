@@ -1,7 +1,7 @@
 //! What the control thread knows of the hand and of who is shown it, and what it can ask of the other
 //! threads.
 
-use crate::control::{ChangeLog, Places, Reports};
+use crate::clients::{ChangeLog, Places, Reports};
 use crate::joints::{Hold, ServoRequest, ServosRequest};
 use crate::snapshot::Snapshot;
 use crate::tick::{Command, PipelineClock, Shared};

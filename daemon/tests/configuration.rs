@@ -197,6 +197,10 @@ fn what_would_not_start_is_refused_by_check_as_by_the_start_and_for_good() {
             format!("{scenes}{sockets}[control]\ngroup = 'no-such-operators'\n"),
             "no-such-operators",
         ),
+        (
+            format!("{scenes}{sockets}[profile]\nbudgets = {{ index = 3, no-such-part = 1 }}\n"),
+            "no-such-part",
+        ),
     ];
     for (text, about) in cases {
         std::fs::write(&path, &text).unwrap();

@@ -95,7 +95,8 @@ pub enum SceneError {
     },
     /// Neither a built-in scene nor a file.
     #[error(
-        "there is no scene `{name}`: neither a file nor one of {}, {}{}",
+        "there is no scene `{name}`{}: neither a file nor one of {}, {}{}",
+        if name == "forearm" { " but for `taxel sim` and `taxel demo`" } else { "" },
         Scene::names().join(", "),
         Scene::objects().collect::<Vec<_>>().join(", "),
         did_you_mean(name, Scene::names().into_iter().chain(Scene::objects()))

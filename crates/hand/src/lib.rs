@@ -6,6 +6,7 @@
 
 mod did_you_mean;
 mod frame;
+mod from_map;
 mod geometry;
 mod image;
 mod plain_words;
@@ -16,6 +17,7 @@ mod range;
 
 pub use did_you_mean::{closest, did_you_mean};
 pub use frame::{FORCE_MAX, FORCE_MIN, Fault, Faults, ForceFrame, Freshness, TactileFrame};
+pub use from_map::FromMap;
 pub use geometry::{Geometry, GeometryError, MAX_MODULES, MAX_PIXELS, MAX_TAXELS, Module, Taxel};
 pub use image::{Actuator, TactileImage};
 pub use plain_words::plain_words;

@@ -70,7 +70,8 @@ fn mistyped(found: &str, wanted: &str) -> Option<String> {
         "sequence" => "a list".into(),
         _ => match (text, found.split_once('`')) {
             (Some(text), _) => format!("the text {text}"),
-            (None, Some((_, value))) => value.trim_end_matches('`').to_owned(),
+            // "integer `3`", or "integer `99999999999999999999` as i128".
+            (None, Some((_, value))) => value.split('`').next().unwrap_or(value).to_owned(),
             (None, None) => found.to_owned(),
         },
     };
@@ -93,6 +94,7 @@ fn wanted_words(wanted: &str) -> Option<(String, bool)> {
         "a boolean" => "true or false",
         "a sequence" => "a list",
         "a map" => "a table [name]",
+        _ if wanted.starts_with("a whole number") => return Some((wanted.into(), true)),
         _ if wanted.starts_with("struct ") => "a table [name]",
         _ => return None,
     };
@@ -147,6 +149,10 @@ mod tests {
             (
                 "rate_hz = \"fast\"",
                 "a number is wanted here, not the text \"fast\"",
+            ),
+            (
+                "rate_hz = 99999999999999999999999",
+                "a number is wanted here, not 99999999999999999999999",
             ),
             ("rate_hz = true", "a number is wanted here, not true"),
             (

@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use crate::FromMap;
+use serde::de::{Deserializer, Error as _, Unexpected};
 use serde::{Deserialize, Serialize};
 
 /// What a display can do and how frames are compressed for it: the inputs of the publication's Table I.
@@ -13,13 +15,17 @@ pub struct Profile {
     /// How the two stages are computed.
     pub method: Method,
     /// `K_D`, number of force levels the display can render, 1 to 255.
+    #[serde(deserialize_with = "count::<_, 255>")]
     pub levels: u16,
     /// `K_A`, number of actuators, 1 to 1024.
+    #[serde(deserialize_with = "count::<_, 1024>")]
     pub actuators: u16,
     /// `I_D`, number of iterations of the force stage, 1 to 1000.
+    #[serde(deserialize_with = "count::<_, 1000>")]
     pub force_iterations: u16,
     /// `I_A`, number of iterations of the actuator stage, 1 to 1000. `follow` places actuators in
     /// as many as it needs.
+    #[serde(deserialize_with = "count::<_, 1000>")]
     pub actuator_iterations: u16,
     /// How force levels are fitted to a frame, where neither `codebook`, `codebook_learning` nor
     /// `level_steps` gives them; where absent, as the method does it.
@@ -73,6 +79,7 @@ pub struct Profile {
     pub level_steps: LevelSteps,
     /// Learns one codebook for the session while it runs, instead of fitting one to each frame.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "FromMap::optional")]
     pub codebook_learning: Option<CodebookLearning>,
     /// In which coordinates actuators are placed.
     pub coordinates: Coordinates,
@@ -85,6 +92,13 @@ pub struct Profile {
     /// display that shows an actuator wherever it is wanted.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub fixed: Vec<[f64; 2]>,
+}
+
+/// A count that no u16 holds is refused here, the others by [`Profile::check`].
+fn count<'de, D: Deserializer<'de>, const MOST: u16>(deserializer: D) -> Result<u16, D::Error> {
+    let number = i64::deserialize(deserializer)?;
+    let wanted = format!("a whole number from 1 to {MOST}");
+    u16::try_from(number).map_err(|_| D::Error::invalid_value(Unexpected::Signed(number), &&*wanted))
 }
 
 /// How force levels lie between the least and the greatest force.
@@ -325,6 +339,24 @@ mod tests {
         }
         assert!((FORCE_MAX as f32).is_finite());
         profile("codebook = [1e-38, 1e38]");
+    }
+
+    #[test]
+    fn a_count_that_is_none_is_refused_with_the_range_of_its_key() {
+        for (text, wanted) in [
+            (
+                "levels = -1",
+                "a whole number from 1 to 255 is wanted here, not -1",
+            ),
+            (
+                "actuators = 70000",
+                "a whole number from 1 to 1024 is wanted here, not 70000",
+            ),
+            ("levels = 2.5", "a whole number is wanted here, not 2.5"),
+        ] {
+            let error = toml::from_str::<Profile>(text).unwrap_err();
+            assert_eq!(crate::plain_words(error.message()), wanted, "{text}");
+        }
     }
 
     #[test]

@@ -5,7 +5,7 @@ use crate::format::{HEADER_LEN, MAX_MESSAGE};
 use crate::header::{Flags, Header, Kind};
 use crate::message::{Body, decode_packet};
 use serde::{Deserialize, Serialize};
-use taxel_hand::{Profile, ProfileError};
+use taxel_hand::{FromMap, Profile, ProfileError};
 
 /// The most bytes a SUBSCRIBE packet may have: room for a profile with a long codebook, or with a
 /// place for each actuator.
@@ -37,7 +37,10 @@ pub struct Subscribe {
     /// The most images, and the most raw frames, per second, above 0; absent or null for every one.
     pub max_rate_hz: Option<f64>,
     /// What this subscriber's display can do; absent or null for the daemon's own profile.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "FromMap::optional"
+    )]
     pub profile: Option<Profile>,
     /// The parts of the hand that this subscriber is shown, as the layout names them; absent or null for all.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -118,7 +121,7 @@ impl Subscribe {
     /// Reads the text of a SUBSCRIBE; refuses unknown keys, and a profile that no display has.
     /// Whether the hand has the parts of the region is for the daemon to say.
     pub fn parse(text: &[u8]) -> Result<Self, SubscribeError> {
-        let subscribe: Self = serde_json::from_slice(text)?;
+        let FromMap(subscribe): FromMap<Self> = serde_json::from_slice(text)?;
         subscribe.profile.as_ref().map_or(Ok(()), Profile::check)?;
         match subscribe.max_rate_hz {
             Some(max_rate_hz) if !(max_rate_hz.is_finite() && max_rate_hz > 0.0) => {

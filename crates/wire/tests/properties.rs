@@ -471,6 +471,10 @@ fn a_subscription_says_what_it_wants_or_is_refused() {
         region: Some(vec!["index".into(), "thumb".into()]),
     };
     assert_eq!(Subscribe::from_packet(&all.to_packet()).unwrap(), all);
+    for list in ["[]", "[true, true]"] {
+        let error = parse(list).unwrap_err().to_string();
+        assert!(error.contains("sequence, expected a map"), "{list}: {error}");
+    }
     let unknown = parse(r#"{"raw": true, "rawr": true}"#).unwrap_err().to_string();
     assert!(unknown.contains("rawr"), "{unknown}");
     for rate in ["0", "-1", "1e999"] {
@@ -523,6 +527,8 @@ fn the_profile_of_a_subscription_is_checked_and_absent_keys_take_their_defaults(
         (r#"{"levels": 4, "codebook": [2, 1]}"#, "codebook entry 1"),
         (r#"{"colours": 3}"#, "colours"),
         (r#""fine""#, "fine"),
+        ("[]", "sequence, expected a map"),
+        (r#"["paper", 3]"#, "sequence, expected a map"),
     ] {
         let error = parse(&format!(r#"{{"profile": {profile}}}"#)).unwrap_err();
         assert!(error.to_string().contains(complaint), "{error}");

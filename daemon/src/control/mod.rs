@@ -4,22 +4,12 @@
 //! Neither can be occupied. A connection too many takes the place of the one that has been idle for longest, a client
 //! that asks without end is slowed, and a request to switch a motor off is neither slowed nor gives up its place.
 
-mod allowance;
-mod asker;
-mod places;
-mod report;
 mod request;
 
-pub(crate) use asker::ChangeLog;
-pub(crate) use places::Places;
-pub(crate) use report::Reports;
-
+use crate::clients::{Access, Allowance, Asker, Doing, Place, Places};
 use crate::joints::Hold;
 use crate::state::State;
-use allowance::Allowance;
-use asker::Asker;
-use places::{Doing, Place};
-use request::{Access, Request, answer, refusal};
+use request::{Request, answer, refusal, report};
 use std::cell::Cell;
 use std::rc::Rc;
 use std::time::Duration;
@@ -150,7 +140,7 @@ async fn converse(
             Instant::now(),
         );
         let reply: Rc<[u8]> = match request {
-            Ok(Request::Status {}) => state.reports.line(state).await,
+            Ok(Request::Status {}) => report(state).await,
             Ok(request) => line_of(&answer(request, state, asker, hold).await).into(),
             Err(error) => line_of(&refusal(error)).into(),
         };

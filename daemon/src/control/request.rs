@@ -1,21 +1,14 @@
 //! What can be asked, and the answers.
 
-use super::asker::Asker;
+use crate::clients::{Access, Asker};
 use crate::joints::{Hold, ServoRequest, ServosRequest};
 use crate::state::State;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
-use taxel_hand::{Profile, plain_words};
+use std::rc::Rc;
+use taxel_hand::{FromMap, Profile, plain_words};
+use taxel_wire::status::Status;
 use tokio::time::Instant;
-
-/// What a socket's clients may.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Access {
-    /// Be told.
-    Look,
-    /// Move and change something as well.
-    Change,
-}
 
 #[derive(Debug, Deserialize)]
 #[serde(tag = "cmd", rename_all = "lowercase", deny_unknown_fields)]
@@ -24,16 +17,22 @@ pub(super) enum Request {
     Rezero {},
     Pause {},
     Resume {},
-    Profile { profile: Option<Profile> },
+    Profile {
+        #[serde(default, deserialize_with = "FromMap::optional")]
+        profile: Option<Profile>,
+    },
     Servo(ServoRequest),
     Servos(ServosRequest),
-    Mark { text: String },
+    Mark {
+        text: String,
+    },
 }
 
 impl Request {
     /// The error is fit for whoever asked.
     pub(super) fn parse(line: &[u8]) -> Result<Self, String> {
-        serde_json::from_slice(line).map_err(|error| {
+        let read = serde_json::from_slice(line).map(|FromMap(request)| request);
+        read.map_err(|error| {
             format!(
                 "{}; a request is one line such as {{\"cmd\":\"status\"}}, and cmd is one of status, rezero, \
                  pause, resume, profile, servo, servos, mark",
@@ -63,6 +62,26 @@ impl Request {
 
 pub(super) fn refusal(error: String) -> Value {
     json!({ "ok": false, "error": error })
+}
+
+/// The reply to `status`, a line.
+pub(super) async fn report(state: &State) -> Rc<[u8]> {
+    #[derive(Serialize)]
+    struct Reply {
+        ok: bool,
+        status: Status,
+    }
+    let make = || {
+        let status = state.status();
+        let reply = Reply { ok: true, status };
+        let mut text = serde_json::to_vec(&reply).unwrap_or_default();
+        text.push(b'\n');
+        text
+    };
+    let ask = async || {
+        state.call_roster().await;
+    };
+    state.reports.newest(ask, make).await
 }
 
 /// Does what is asked, but for `status`, and says so in the log where it changes something. Motors that run only as long
@@ -120,6 +139,24 @@ enum Done {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_request_and_a_profile_are_keys_and_values_and_no_lists() {
+        for line in [
+            r#"["status"]"#,
+            r#"["profile",{"levels":4}]"#,
+            r#"{"cmd":"profile","profile":[]}"#,
+            r#"{"cmd":"profile","profile":["paper",3]}"#,
+            r#"{"cmd":"profile","profile":{"codebook_learning":[0.5]}}"#,
+        ] {
+            let error = Request::parse(line.as_bytes()).unwrap_err();
+            assert!(error.contains("sequence, expected a map"), "{line}: {error}");
+        }
+        for line in [r#"{"cmd":"profile","profile":null}"#, r#"{"cmd":"profile"}"#] {
+            let request = Request::parse(line.as_bytes()).unwrap();
+            assert!(matches!(request, Request::Profile { profile: None }), "{line}");
+        }
+    }
 
     #[test]
     fn what_moves_or_changes_something_is_told_from_what_only_tells() {

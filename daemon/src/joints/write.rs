@@ -110,8 +110,11 @@ pub(crate) async fn write_together(
     let mut failed = Vec::new();
     for (joint, counts) in &goals {
         let done = confirmed(servos, *joint, WriteCommand::GoalPwm(*counts), number).await;
-        if let Err(error) = done {
-            failed.push(format!("{}: {error}", config.servo[*joint].name));
+        match done {
+            Ok(()) => {}
+            // All or none is told; only the one that is off is at fault.
+            Err(WriteError::NotTaken(WriteRefused::MotorOff(other))) if other != *joint => {}
+            Err(error) => failed.push(format!("{}: {error}", config.servo[*joint].name)),
         }
     }
     let names: Vec<&str> = request.pwm_percent.keys().map(String::as_str).collect();

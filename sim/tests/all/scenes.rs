@@ -233,6 +233,11 @@ fn a_scene_is_found_by_name_or_path_or_the_error_lists_the_names() {
         unknown.contains("juggle") && unknown.contains("ball-grasp"),
         "{unknown}"
     );
+    let forearm = Scene::resolve("forearm").unwrap_err().to_string();
+    assert!(
+        forearm.contains("no scene `forearm` but for `taxel sim` and `taxel demo`"),
+        "{forearm}"
+    );
     let absent = Scene::resolve("./juggle.toml").unwrap_err().to_string();
     assert!(
         absent.contains("cannot read") && absent.contains("juggle.toml"),

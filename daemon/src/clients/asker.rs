@@ -1,23 +1,31 @@
 //! Who asks, and the lines of the log that say so.
 
 use super::allowance::Allowance;
-use super::request::Access;
 use std::cell::{Cell, RefCell};
 use std::fmt;
 use std::time::Duration;
 use tokio::net::UnixStream;
 use tokio::time::Instant;
 
+/// What a socket's clients may.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Access {
+    /// Be told.
+    Look,
+    /// Move and change something as well.
+    Change,
+}
+
 /// Who has connected, as the kernel says, and what the socket allows.
 #[derive(Debug)]
-pub(super) struct Asker {
-    pub(super) access: Access,
+pub(crate) struct Asker {
+    pub(crate) access: Access,
     /// User and process; none where the kernel says nothing.
     user: Option<(u32, Option<i32>)>,
 }
 
 impl Asker {
-    pub(super) fn of(stream: &UnixStream, access: Access) -> Self {
+    pub(crate) fn of(stream: &UnixStream, access: Access) -> Self {
         let user = stream.peer_cred().ok().map(|peer| (peer.uid(), peer.pid()));
         Self { access, user }
     }
@@ -55,7 +63,7 @@ impl Default for ChangeLog {
 
 impl ChangeLog {
     /// Says what was done, or refused, for whom.
-    pub(super) fn note(&self, what: &str, asker: &Asker, now: Instant) {
+    pub(crate) fn note(&self, what: &str, asker: &Asker, now: Instant) {
         if let Some(line) = self.line(what, asker, now) {
             tracing::info!("{line}");
         }

@@ -12,7 +12,7 @@ const MOST: usize = 128;
 
 /// What a client is doing, in the order in which they have to go.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Doing {
+pub(crate) enum Doing {
     /// It asks more than it may, and has to wait.
     Waiting,
     /// It asks nothing, or does not take its reply.
@@ -39,14 +39,14 @@ struct Client {
 
 /// A connection's place, which is free again when it is dropped.
 #[derive(Debug)]
-pub(super) struct Place {
+pub(crate) struct Place {
     places: Rc<Places>,
     client: Rc<Client>,
 }
 
 impl Places {
     /// A place for a new connection; where there is none, another one loses its own.
-    pub(super) fn enter(self: &Rc<Self>, now: Instant) -> Place {
+    pub(crate) fn enter(self: &Rc<Self>, now: Instant) -> Place {
         if self.clients.borrow().len() >= MOST {
             self.make_room();
         }
@@ -62,7 +62,7 @@ impl Places {
     }
 
     /// Has the client go that has done nothing for longest.
-    pub(super) fn make_room(&self) {
+    pub(crate) fn make_room(&self) {
         let mut clients = self.clients.borrow_mut();
         let oldest = (0..clients.len()).min_by_key(|i| clients[*i].doing.get());
         if let Some(oldest) = oldest {
@@ -81,18 +81,18 @@ impl Places {
 
 impl Place {
     /// Notes what its client does from now on.
-    pub(super) fn set(&self, doing: Doing, now: Instant) {
+    pub(crate) fn set(&self, doing: Doing, now: Instant) {
         self.client.doing.set((doing, now));
     }
 
     /// Counts a request that has to wait, and notes that its client does.
-    pub(super) fn slowed(&self, now: Instant) {
+    pub(crate) fn slowed(&self, now: Instant) {
         self.set(Doing::Waiting, now);
         self.places.slowed.set(self.places.slowed.get() + 1);
     }
 
     /// Waits until another connection has taken it.
-    pub(super) async fn lost(&self) {
+    pub(crate) async fn lost(&self) {
         self.client.leave.notified().await;
     }
 }

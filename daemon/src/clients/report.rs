@@ -1,10 +1,7 @@
 //! The reply to `status`, made once for all who wait for one.
 
-use crate::state::State;
-use serde::Serialize;
 use std::cell::Cell;
 use std::rc::Rc;
-use taxel_wire::status::Status;
 use tokio::sync::Mutex;
 use tokio::time::{Instant, sleep_until};
 
@@ -24,32 +21,11 @@ struct Report {
     line: Rc<[u8]>,
 }
 
-#[derive(Serialize)]
-struct Reply {
-    ok: bool,
-    status: Status,
-}
-
 impl Reports {
-    /// The reply to `status`.
-    pub(super) async fn line(&self, state: &State) -> Rc<[u8]> {
-        let make = || {
-            let status = state.status();
-            let reply = Reply { ok: true, status };
-            let mut text = serde_json::to_vec(&reply).unwrap_or_default();
-            text.push(b'\n');
-            text
-        };
-        let ask = async || {
-            state.call_roster().await;
-        };
-        self.newest(ask, make).await
-    }
-
     /// The reply, of a report that was begun after this was called and after the last change. However many ask at once, one
     /// report is made for all of them while another one is, and this thread does other things for as long as the last one
     /// took: who asks without end costs half of it, and torque off waits for one report. `ask` asks other threads first.
-    async fn newest(&self, ask: impl AsyncFnOnce(), make: impl FnOnce() -> Vec<u8>) -> Rc<[u8]> {
+    pub(crate) async fn newest(&self, ask: impl AsyncFnOnce(), make: impl FnOnce() -> Vec<u8>) -> Rc<[u8]> {
         let asked = Instant::now();
         let mut newest = self.newest.lock().await;
         let changes = self.changes.get();

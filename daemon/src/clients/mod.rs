@@ -1,0 +1,12 @@
+//! The clients of the control sockets: who they are, how many may be connected, how often each may ask, and what all of them
+//! are told at once.
+
+mod allowance;
+mod asker;
+mod places;
+mod report;
+
+pub(crate) use allowance::Allowance;
+pub(crate) use asker::{Access, Asker, ChangeLog};
+pub(crate) use places::{Doing, Place, Places};
+pub(crate) use report::Reports;
