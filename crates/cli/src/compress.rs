@@ -1,17 +1,19 @@
 //! `taxel compress`: the daemon's compression, offline.
 
-use crate::image_output::{ImageOutput, OutputFormat};
 use crate::input::Input;
-use crate::interrupt::Interrupt;
 use crate::offline::OfflineArgs;
-use crate::output_file::{OutputFile, refuse_overlap};
-use crate::progress::Progress;
 use anyhow::bail;
 use serde_json::json;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use taxel_compress::learn_codebook;
-use taxel_hand::{FORCE_MAX, ForceFrame, Method, Profile, TactileFrame, did_you_mean};
+use taxel_engine::Display;
+use taxel_hand::{FORCE_MAX, ForceFrame, Method, Profile, TactileImage, did_you_mean};
+use taxel_playback::image_output::{ImageOutput, OutputFormat};
+use taxel_playback::interrupt::Interrupt;
+use taxel_playback::output_file::{OutputFile, refuse_overlap};
+use taxel_playback::pipeline::Felt;
+use taxel_playback::progress::Progress;
 use taxel_record::FrameTable;
 use taxel_skin::Layout;
 use taxel_wire::Flags;
@@ -121,11 +123,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         with_faulty: 0,
         of_counts: false,
     };
-    args.offline.run(&input, &config, &mut |tactile, force, image| {
+    let mut display = Display::new(config.profile.clone(), None, &config.layout)?;
+    args.offline.run(&input, &config, &mut |felt| {
         if interrupt.is_set() {
             bail!("stopped; {} was not written", args.out.display());
         }
-        run.take(tactile.map(|measured| measured.tactile), force, image)
+        run.take(felt, display.image_of(felt.force, felt.joints))
     })?;
     run.finish(args, &config)
 }
@@ -149,14 +152,10 @@ struct Run {
 }
 
 impl Run {
-    fn take(
-        &mut self,
-        tactile: Option<&TactileFrame>,
-        force: &ForceFrame,
-        image: &taxel_hand::TactileImage,
-    ) -> anyhow::Result<()> {
+    fn take(&mut self, felt: &Felt<'_>, image: &TactileImage) -> anyhow::Result<()> {
+        let Felt { measured, force, .. } = *felt;
         self.images += 1;
-        self.of_counts = tactile.is_some();
+        self.of_counts = measured.is_some();
         self.calibrating += u64::from(image.calibrating);
         self.with_contact += u64::from(image.contacts > 0);
         self.with_missing += u64::from(image.missing > 0 && !image.calibrating);
@@ -164,11 +163,11 @@ impl Run {
         if let Some(frames) = &mut self.frames {
             frames.push(force.clone());
         }
-        if let (Some(raw), Some(tactile)) = (&mut self.raw, tactile) {
-            raw.table.push(tactile)?;
+        if let (Some(raw), Some(tactile)) = (&mut self.raw, measured) {
+            raw.table.push(&tactile)?;
         }
-        let saturation = tactile.map_or(Flags::NONE, |tactile| {
-            Flags::of_saturation(tactile, force, 0..tactile.counts.len())
+        let saturation = measured.map_or(Flags::NONE, |tactile| {
+            Flags::of_saturation(&tactile, force, 0..tactile.counts.len())
         });
         self.output.push(image, saturation)
     }

@@ -1,11 +1,11 @@
 //! `taxel config`: the daemon's configuration file.
 
-use crate::output_file::OutputFile;
 use anyhow::Context;
 use serde_json::json;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use taxel_can::SourceAddress;
+use taxel_playback::output_file::{OutputFile, refuse_existing};
 use taxel_skin::Layout;
 use taxeld::Config;
 use taxeld::config::ANNOTATED;
@@ -48,6 +48,9 @@ struct Init {
     /// Where to write; - for stdout
     #[arg(long, value_name = "FILE", default_value = "-")]
     out: PathBuf,
+    /// Write over a file that is there
+    #[arg(long)]
+    force: bool,
 }
 
 #[derive(Debug, clap::Args)]
@@ -81,7 +84,10 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             let text = init(&args.layout, &args.source)?;
             match args.out.as_os_str() == "-" {
                 true => print(&text),
-                false => OutputFile::write(&args.out, text),
+                false => {
+                    refuse_existing(&args.out, args.force)?;
+                    OutputFile::write(&args.out, text)
+                }
             }
         }
         Command::Check(args) => {

@@ -2,6 +2,7 @@
 
 use anyhow::{Context, anyhow, bail};
 use serde_json::Value;
+use std::ffi::OsStr;
 use std::io::{BufRead, BufReader, ErrorKind, Write};
 use std::os::unix::net::UnixStream;
 use std::path::Path;
@@ -19,15 +20,25 @@ pub(crate) fn request(socket: &Path, request: &Value) -> anyhow::Result<Value> {
 #[derive(Debug)]
 pub(crate) struct Connection(BufReader<UnixStream>);
 
+/// Which table of the configuration has the mode and group of a socket, as its usual name tells it.
+fn who_may(socket: &Path) -> &'static str {
+    match socket.file_name().and_then(OsStr::to_str) {
+        Some("status.sock") => "; mode and group of [socket] in its configuration say who may open it",
+        Some("control.sock") => "; mode and group of [control] in its configuration say who may open it",
+        _ => {
+            "; mode and group in its configuration say who may open it: [socket] the status socket, [control] the \
+             control socket"
+        }
+    }
+}
+
 impl Connection {
     /// Connects to a daemon.
     pub(crate) fn open(socket: &Path) -> anyhow::Result<Self> {
         check_socket_folder(socket)?;
         let stream = UnixStream::connect(socket).map_err(|error| {
             let who = match error.kind() {
-                ErrorKind::PermissionDenied => {
-                    "; [control] in its configuration says who may change something"
-                }
+                ErrorKind::PermissionDenied => who_may(socket),
                 _ => "",
             };
             anyhow!("cannot reach taxeld at {}: {error}{who}", socket.display())
@@ -46,6 +57,25 @@ impl Connection {
         match reply["ok"].as_bool() {
             Some(true) => Ok(reply),
             _ => bail!("{}", reply["error"].as_str().unwrap_or("refused")),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn who_may_open_a_socket_is_said_by_the_table_that_governs_it() {
+        for (socket, tables) in [
+            ("/run/taxeld/status.sock", &["[socket]"][..]),
+            ("/run/taxeld/control.sock", &["[control]"]),
+            ("/tmp/another", &["[socket]", "[control]"]),
+        ] {
+            let told = who_may(Path::new(socket));
+            for table in ["[socket]", "[control]"] {
+                assert_eq!(told.contains(table), tables.contains(&table), "{socket}: {told}");
+            }
         }
     }
 }

@@ -1,24 +1,21 @@
 //! `taxel convert`: a recording in another format.
 
 use crate::input::{DEFAULT_LAYOUT, Input};
-use crate::interrupt::Interrupt;
 use crate::offline::OfflineArgs;
-use crate::output_file::{OutputFile, create_stream, refuse_overlap};
-use crate::progress::Progress;
-use crate::recorded;
-use crate::sweep::Sweeps;
 use anyhow::{Context, bail};
 use serde_json::json;
-use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
-use taxel_can::{LogWriter, Received};
 use taxel_hand::{Freshness, TactileFrame};
+use taxel_playback::interrupt::Interrupt;
+use taxel_playback::output_file::{OutputFile, refuse_overlap};
+use taxel_playback::progress::Progress;
+use taxel_playback::recorded;
+use taxel_playback::sweep::Sweeps;
+use taxel_playback::traffic_output::{Check, TrafficOutput};
 #[cfg(feature = "parquet")]
 use taxel_record::FrameColumns;
 use taxel_record::{FrameArrays, FrameTable, RecordError, Recording};
-use taxel_recorder::{CanBlock, Entry, Preamble, RecordingWriter, Topic};
 use taxel_skin::Layout;
 
 /// Write a recording in another format.
@@ -96,17 +93,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let mut whole = OutputFile::begin(out)?;
     let (count, what) = match ending.as_str() {
         "log" | "mcap" => {
-            let mut output = TrafficOutput::create(whole.path(), &ending)?;
-            let mut frames = 0_u64;
-            traffic(args, &input, &mut |name, wall_ns, received| {
-                frames += 1;
-                if frames.is_multiple_of(4096) {
-                    check()?;
-                }
-                output.put(name, wall_ns, received)
-            })?;
-            output.finish()?;
-            (frames, "CAN frames")
+            let mut output = TrafficOutput::create(whole.path(), &ending, "convert")?;
+            traffic(args, &input, &mut output, &check)?;
+            (output.finish()?, "CAN frames")
         }
         _ => {
             let mut output = FrameOutput::create(whole.path(), &ending);
@@ -183,12 +172,9 @@ fn extract(args: &Args, ending: &str) -> anyhow::Result<()> {
     report(args, count as u64, what)
 }
 
-/// What takes traffic: the name of a frame's bus, its time on the wall clock where that is known, and the frame.
-type TakeTraffic<'a> = dyn FnMut(&str, u64, &Received) -> anyhow::Result<()> + 'a;
-
-fn traffic(args: &Args, input: &Input, take: &mut TakeTraffic<'_>) -> anyhow::Result<()> {
+fn traffic(args: &Args, input: &Input, output: &mut TrafficOutput, check: &Check<'_>) -> anyhow::Result<()> {
     match input {
-        Input::Log(traffic) => traffic.copy(take),
+        Input::Log(traffic) => output.take_traffic(traffic, check),
         Input::Scene(scene) => bail!(
             "sim:{0} is a scene, not a recording; `taxel sim {0} --to log:{1}` writes its traffic",
             scene.name(),
@@ -199,10 +185,7 @@ fn traffic(args: &Args, input: &Input, take: &mut TakeTraffic<'_>) -> anyhow::Re
             let layout = named.map_or_else(|| Layout::resolve(DEFAULT_LAYOUT), Ok)?;
             let sweeps = Sweeps::new(recording, &layout, args.offline.input.tile)?;
             tell_joints(recording);
-            for (bus, received) in sweeps.frames() {
-                take(&layout.buses[usize::from(bus)], received.t_ns, &received)?;
-            }
-            Ok(())
+            output.take_sweeps(&sweeps, check)
         }
     }
 }
@@ -248,12 +231,10 @@ fn frames(args: &Args, input: &Input, take: &mut TakeFrame<'_>) -> anyhow::Resul
                 "{} holds magnitudes, and no counts; `taxel compress` makes images of it",
                 recording.name()
             ),
-            _ => args
-                .offline
-                .run(input, &config, &mut |tactile, _, _| match tactile {
-                    Some(measured) => take(&config.layout, measured.tactile),
-                    None => Ok(()),
-                }),
+            _ => args.offline.run(input, &config, &mut |felt| match felt.measured {
+                Some(measured) => take(&config.layout, measured.tactile),
+                None => Ok(()),
+            }),
         },
     }
 }
@@ -276,99 +257,6 @@ fn copy_frames(recording: &Recording, layout: &Layout, take: &mut TakeFrame<'_>)
         progress.advance(1);
     }
     Ok(())
-}
-
-/// A file of CAN traffic.
-enum TrafficOutput {
-    Candump(LogWriter<BufWriter<File>>, PathBuf),
-    Mcap {
-        writer: Box<RecordingWriter<BufWriter<File>>>,
-        block: CanBlock,
-        names: Vec<String>,
-        wall_ns: u64,
-    },
-}
-
-impl TrafficOutput {
-    fn create(path: &Path, ending: &str) -> anyhow::Result<Self> {
-        let file = create_stream(path).with_context(|| path.display().to_string())?;
-        let file = BufWriter::with_capacity(1 << 20, file);
-        if ending == "log" {
-            return Ok(Self::Candump(LogWriter::new(file), path.into()));
-        }
-        let recorder = format!("taxel {} convert", env!("CARGO_PKG_VERSION"));
-        let preamble = Preamble {
-            facts: BTreeMap::from([("recorder".into(), recorder)]),
-            attached: Vec::new(),
-        };
-        Ok(Self::Mcap {
-            writer: Box::new(RecordingWriter::begin(file, &preamble, 0)?),
-            block: CanBlock::default(),
-            names: Vec::new(),
-            wall_ns: 0,
-        })
-    }
-
-    fn put(&mut self, name: &str, wall_ns: u64, received: &Received) -> anyhow::Result<()> {
-        match self {
-            Self::Candump(writer, path) => {
-                let written = writer.write(wall_ns, name, &received.frame);
-                written.with_context(|| path.display().to_string())
-            }
-            Self::Mcap {
-                writer,
-                block,
-                names,
-                wall_ns: begins_ns,
-            } => {
-                let place = match names.iter().position(|known| known == name) {
-                    Some(place) => place,
-                    None => {
-                        names.push(name.into());
-                        names.len() - 1
-                    }
-                };
-                let bus = u8::try_from(place).context("more than 256 buses")?;
-                if block.is_empty() {
-                    *begins_ns = wall_ns;
-                }
-                if !block.push(bus, received) {
-                    put_block(writer, block, names, *begins_ns)?;
-                    *begins_ns = wall_ns;
-                    block.push(bus, received);
-                }
-                Ok(())
-            }
-        }
-    }
-
-    fn finish(self) -> anyhow::Result<()> {
-        match self {
-            Self::Candump(mut writer, path) => writer.flush().with_context(|| path.display().to_string()),
-            Self::Mcap {
-                mut writer,
-                mut block,
-                names,
-                wall_ns,
-            } => {
-                if !block.is_empty() {
-                    put_block(&mut writer, &mut block, &names, wall_ns)?;
-                }
-                Ok((*writer).finish()?.flush()?)
-            }
-        }
-    }
-}
-
-fn put_block(
-    writer: &mut RecordingWriter<BufWriter<File>>,
-    block: &mut CanBlock,
-    names: &[String],
-    wall_ns: u64,
-) -> anyhow::Result<()> {
-    let data = block.take(names, &vec![0; names.len()]);
-    let topic = Topic::Can;
-    Ok(writer.put(&Entry { topic, wall_ns, data })?)
 }
 
 /// A file of tactile frames.
@@ -450,11 +338,7 @@ impl FrameOutput {
                 table.push(frame)?;
             }
             Self::Arrays(_, arrays) => {
-                arrays.push(
-                    frame.t_ns,
-                    frame.counts.iter().copied(),
-                    frame.joints.iter().copied(),
-                );
+                arrays.push(frame.t_ns, &frame.counts, &frame.joints);
             }
         }
         Ok(())

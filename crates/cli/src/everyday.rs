@@ -86,7 +86,7 @@ pub(crate) fn status(args: &StatusArgs) -> anyhow::Result<()> {
     let reply = args.ask.send(&json!({ "cmd": "status" }))?;
     let text = match args.json {
         true => reply["status"].to_string() + "\n",
-        false => status_text::of(&serde_json::from_value::<Status>(reply["status"].clone())?),
+        false => status_text::of(&Status::try_from(reply["status"].clone())?),
     };
     print(&text)
 }

@@ -1,10 +1,10 @@
 //! INPUT: any recording the tool knows, and what to say about it where the file does not.
 
-use crate::recorded::{self, Head};
 use crate::stdin_file::recording_parser;
-use crate::traffic::Traffic;
 use anyhow::{Context, bail};
 use std::path::PathBuf;
+use taxel_playback::recorded::{self, Head};
+use taxel_playback::traffic::Traffic;
 use taxel_record::{Columns, ReadOptions, Recording, TimeUnit, Void};
 use taxel_sim::Scene;
 use taxel_skin::Layout;

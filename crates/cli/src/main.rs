@@ -3,16 +3,10 @@
 
 #![cfg_attr(not(test), deny(clippy::print_stdout, clippy::print_stderr))]
 
-/// For people, on stderr. Unlike the standard library's it does not panic where the terminal is gone or the disk full.
-macro_rules! eprintln {
-    ($($words:tt)*) => {{
-        use std::io::Write;
-        let _ = writeln!(std::io::stderr(), $($words)*);
-    }};
-}
+#[macro_use(eprintln)]
+extern crate taxel_playback;
 
 mod allocations;
-mod array_frames;
 mod categorize;
 mod compress;
 mod config;
@@ -25,37 +19,23 @@ mod everyday;
 mod extension;
 mod figures;
 mod forearm;
-mod image_line;
-mod image_output;
 mod input;
-mod interrupt;
 mod layouts;
 mod live_lines;
-mod log_interfaces;
 mod manual;
 mod metrics;
 mod offline;
-mod output_file;
-mod pipeline;
-mod progress;
 mod publisher;
 mod rates;
-mod raw_line;
 mod record;
-mod recorded;
-mod recorded_buses;
 mod replay;
-mod scene_input;
 mod scene_marks;
 mod servo;
 mod setup;
 mod sim;
 mod status_text;
 mod stdin_file;
-mod sweep;
-mod target;
 mod terminal;
-mod traffic;
 mod view;
 mod watch;
 

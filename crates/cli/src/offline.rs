@@ -1,20 +1,16 @@
 //! Recordings as the frames that the daemon would have made of them.
 
 use crate::input::{DEFAULT_LAYOUT, Input, InputArgs, pair};
-use crate::log_interfaces::interfaces_of_buses;
-use crate::pipeline::{Emit, emit_with, pipeline};
-use crate::progress::Progress;
-use crate::recorded::Head;
-use crate::recorded_buses::read_ahead;
-use crate::scene_input;
-use crate::sweep::Sweeps;
-use crate::traffic::Traffic;
 use anyhow::{Context, bail};
 use std::path::{Path, PathBuf};
 use taxel_can::SourceAddress;
-use taxel_compress::Compressor;
 use taxel_engine::TickMode;
-use taxel_hand::{Fault, Faults, ForceFrame};
+use taxel_playback::log_interfaces::interfaces_of_buses;
+use taxel_playback::pipeline::{Emit, run_magnitudes, run_sweeps, run_traffic};
+use taxel_playback::recorded::Head;
+use taxel_playback::scene_input;
+use taxel_playback::sweep::Sweeps;
+use taxel_playback::traffic::Traffic;
 use taxel_record::Recording;
 use taxel_skin::{Layout, Preset};
 use taxeld::Config;
@@ -181,20 +177,13 @@ impl OfflineArgs {
         }
     }
 
-    /// Takes the recording through the daemon's pipeline, or magnitudes straight to compression,
-    /// and shows what comes out.
+    /// Takes the recording through the daemon's pipeline, or magnitudes as they are, and shows what the skin feels.
     pub(crate) fn run(&self, input: &Input, config: &Config, emit: &mut Emit<'_>) -> anyhow::Result<()> {
         match input {
             Input::Frames(recording) if !recording.has_counts() => self.magnitudes(recording, config, emit),
             Input::Frames(recording) => {
                 let sweeps = Sweeps::new(recording, &config.layout, self.input.tile)?;
-                let per_sweep = config.layout.len() as u64;
-                let progress = Progress::new(recording.len() as u64 * per_sweep, "frames");
-                let frames = sweeps.frames().inspect(|_| progress.advance(1));
-                pipeline(config, frames, &mut |tactile, force, image| {
-                    let angles = recording.joints(sweeps.index_at(force.t_ns)).to_vec();
-                    emit_with(emit, angles, tactile, force, image)
-                })
+                run_sweeps(&sweeps, config, emit)
             }
             Input::Scene(scene) => scene_input::run(scene, config, emit),
             Input::Log(traffic) => {
@@ -206,7 +195,7 @@ impl OfflineArgs {
                 let joints = interface_of_joints(traffic, config, &joints)?;
                 let mut interfaces = interfaces_of_buses(traffic, &config.layout, &skin, joints.as_deref())?;
                 interfaces.extend(joints);
-                read_ahead(traffic, &interfaces, |frames| pipeline(config, frames, emit))
+                run_traffic(traffic, &interfaces, config, emit)
             }
         }
     }
@@ -233,34 +222,7 @@ impl OfflineArgs {
         if !(0.0..=threshold).contains(&release) {
             bail!("--release {release} is not within 0 and --threshold {threshold}");
         }
-        let mut compressor = Compressor::new(config.profile.clone(), layout)?;
-        let mut image = compressor.new_image();
-        let mut force = ForceFrame::new(taxels);
-        force.threshold = threshold;
-        let progress = Progress::new(recording.len() as u64, "frames");
-        for index in 0..recording.len() {
-            let magnitudes = recording.magnitudes(index).unwrap_or_default();
-            force.seq = index as u64;
-            force.t_ns = recording.t_ns(index);
-            for ((magnitude, force), contact) in
-                magnitudes.iter().zip(&mut force.force).zip(&mut force.contact)
-            {
-                *contact = *magnitude > if *contact { release } else { threshold };
-                *force = magnitude.max(0.0);
-            }
-            for (magnitude, faults) in magnitudes.iter().zip(&mut force.faults) {
-                *faults = Faults::NONE;
-                if magnitude.is_nan() {
-                    faults.insert(Fault::Missing);
-                }
-            }
-            compressor.compress(&force, &mut image);
-            image.joints.clear();
-            image.joints.extend_from_slice(recording.joints(index));
-            emit(None, &force, &image)?;
-            progress.advance(1);
-        }
-        Ok(())
+        run_magnitudes(recording, [threshold, release], emit)
     }
 }
 

@@ -2,8 +2,6 @@
 
 use crate::control;
 use crate::input::DEFAULT_LAYOUT;
-use crate::interrupt::Interrupt;
-use crate::recorded::{CONFIG, LAYOUT};
 use anyhow::{Context, bail};
 use serde_json::json;
 use signal_hook::consts::SIGUSR1;
@@ -14,6 +12,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use taxel_can::SourceAddress;
+use taxel_playback::interrupt::Interrupt;
+use taxel_playback::recorded::{CONFIG, LAYOUT};
 use taxel_recorder::{Around, Attached, CanInput, Finished, Plan, Preamble, Signals, Split};
 use taxel_skin::Layout;
 use taxel_wire::status::Status;
@@ -37,6 +37,7 @@ Examples:
   taxel record day.mcap --split-size 1GB --most-files 24      day-0001.mcap, day-0002.mcap, ..
   taxel record slip.mcap --keep 30 --after 5                  slip-0001.mcap at the first `taxel mark slipped`
   taxel record bus.mcap --no-daemon --can can0=can:can0       CAN alone")]
+#[command(group(clap::ArgGroup::new("several").multiple(true).args(["split_size", "split_seconds", "keep"])))]
 pub(crate) struct Args {
     /// The recording, or the name that recordings are named after; none is overwritten
     #[arg(value_name = "OUT.mcap")]
@@ -67,7 +68,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "S", value_parser = seconds)]
     split_seconds: Option<Duration>,
     /// Removes the oldest of this recording's files where there are more
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..), requires = "several")]
     most_files: Option<u16>,
     /// Keeps only what is around a trigger: so many seconds before it
     #[arg(long, value_name = "S", value_parser = seconds, conflicts_with_all = ["split_size", "split_seconds"])]
@@ -94,7 +95,7 @@ fn seconds(text: &str) -> Result<Duration, String> {
     match number {
         Ok(seconds) if seconds > 0.0 && seconds <= LONGEST_S => Ok(Duration::from_secs_f64(seconds)),
         _ => Err(format!(
-            "{text:?} is no number of seconds from 0 to {LONGEST_S}, such as 30 or 0.5"
+            "{text:?} is no number of seconds above 0 and up to {LONGEST_S}, such as 30 or 0.5"
         )),
     }
 }
@@ -179,6 +180,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             .collect();
         let object = json!({
             "files": files,
+            "removed": finished.removed,
             "can_frames": finished.can_frames,
             "can_lost": finished.can_lost,
             "images": finished.images,
@@ -241,7 +243,7 @@ fn buses_of_daemon(socket: &Path) -> anyhow::Result<Vec<CanInput>> {
     let status = socket.with_file_name("status.sock");
     let reply = control::request(&status, &json!({"cmd": "status"}))
         .context("to know its buses; --can SOURCE names them, --no-can leaves them out")?;
-    let status: Status = serde_json::from_value(reply["status"].clone()).context("the daemon's status")?;
+    let status = Status::try_from(reply["status"].clone()).context("the daemon's status")?;
     let buses = status.buses.into_iter().filter_map(|bus| {
         let address = bus.source.parse().ok().filter(is_bus)?;
         Some(CanInput {
@@ -314,6 +316,7 @@ fn report(plan: &Plan, finished: &Finished) {
 pub(crate) fn words(plan: &Plan, finished: &Finished) -> Vec<String> {
     let Finished {
         files,
+        removed,
         can_frames,
         can_lost,
         images,
@@ -329,7 +332,12 @@ pub(crate) fn words(plan: &Plan, finished: &Finished) -> Vec<String> {
     let name = match &files[..] {
         [] if plan.around.is_some() => return vec!["taxel: no trigger came, and nothing was kept".into()],
         [only] => only.display().to_string(),
-        files => format!("{} files of {}", files.len(), plan.out.display()),
+        files if *removed == 0 => format!("{} files of {}", files.len(), plan.out.display()),
+        files => format!(
+            "{} files of {}, after {removed} older ones were removed",
+            files.len(),
+            plan.out.display()
+        ),
     };
     let mut lines = vec![format!(
         "{name}: {:.1} MB, {messages} messages; {images} images and {can_frames} CAN frames were read",

@@ -1,24 +1,17 @@
 //! `taxel replay`: a recording back onto a bus.
 
-use crate::array_frames::{ARRAY_LAYOUT, ArrayFrames, is_of_arrays};
 use crate::input::{DEFAULT_LAYOUT, Input, InputArgs, pair};
-use crate::interrupt::Interrupt;
-use crate::output_file::refuse_overlap;
-use crate::progress::Progress;
-use crate::sweep::Sweeps;
-use crate::target::{TargetAddress, Targets, refuse_shared_ids};
-use crate::traffic::Line;
 use anyhow::{anyhow, bail};
-use std::cell::Cell;
 use std::ops::Range;
 use std::path::Path;
-use std::time::{Duration, Instant};
 use taxel_can::SourceAddress;
+use taxel_playback::array_frames::{ARRAY_LAYOUT, ArrayFrames, is_of_arrays};
+use taxel_playback::output_file::refuse_overlap;
+use taxel_playback::player::Player;
+use taxel_playback::sweep::Sweeps;
+use taxel_playback::target::{TargetAddress, refuse_shared_ids};
 use taxel_record::Recording;
 use taxel_skin::Layout;
-
-/// From the last frame of one pass to the first of the next, with --loop.
-const PASS_GAP_NS: u64 = 1_000_000;
 
 /// Put a recording back onto a bus, at the times at which it was recorded.
 ///
@@ -49,7 +42,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "NAME=SOURCE", value_parser = pair)]
     interface: Vec<(String, String)>,
     /// How fast: 2 is twice as fast, inf does not wait
-    #[arg(long, value_name = "X", default_value_t = 1.0)]
+    #[arg(long, value_name = "X", value_parser = speed, default_value_t = 1.0)]
     speed: f64,
     /// Again and again, until Ctrl-C
     #[arg(long = "loop")]
@@ -62,6 +55,11 @@ pub(crate) struct Args {
     end: Option<f64>,
 }
 
+fn speed(text: &str) -> Result<f64, String> {
+    let speed = text.parse().ok().filter(|speed| *speed > 0.0);
+    speed.ok_or_else(|| format!("{text} is no speed; 1 is as recorded, inf as fast as the bus takes it"))
+}
+
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let window = args.window()?;
     match args.input.open()? {
@@ -69,12 +67,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             let names = traffic.interfaces()?;
             let named = args.route(&names, "interface of the recording")?;
             refuse_overlap(&logs(&named), &[traffic.path()])?;
-            let jumps = Cell::default();
-            Player::new(args, window, &named)?.play(|| traffic.pass(&names, &jumps))?;
-            if jumps.get().count() > 0 {
-                eprintln!("taxel: {}: {}", traffic.path().display(), jumps.get());
-            }
-            Ok(())
+            args.player(window, &named)?.play_traffic(&traffic, &names)
         }
         Input::Scene(scene) => bail!(
             "sim:{0} is a scene, not a recording; `taxel sim {0} --to SOURCE` plays it",
@@ -104,7 +97,6 @@ fn play_frames(args: &Args, window: Range<u64>, recording: &Recording) -> anyhow
         .named_layout()?
         .map_or_else(|| Layout::resolve(default), Ok)?;
     let named = || args.route(&layout.buses, "bus of the layout");
-    let line = |(bus, received)| Ok(Line::Frame(usize::from(bus), received));
     if is_of_arrays(&layout) {
         if args.input.tile {
             bail!(
@@ -115,7 +107,7 @@ fn play_frames(args: &Args, window: Range<u64>, recording: &Recording) -> anyhow
         let frames = ArrayFrames::new(recording, &layout)?;
         let named = named()?;
         refuse_overlap(&logs(&named), &[&args.input.path])?;
-        return Player::new(args, window, &named)?.play(|| Ok(frames.frames().map(line)));
+        return args.player(window, &named)?.play_arrays(&frames);
     }
     let sweeps = Sweeps::new(recording, &layout, args.input.tile)?;
     let named = named()?;
@@ -127,7 +119,7 @@ fn play_frames(args: &Args, window: Range<u64>, recording: &Recording) -> anyhow
     }
     refuse_shared_ids(&named, &layout)?;
     refuse_overlap(&logs(&named), &[&args.input.path])?;
-    Player::new(args, window, &named)?.play(|| Ok(sweeps.frames().map(line)))
+    args.player(window, &named)?.play_sweeps(&sweeps)
 }
 
 fn is_array(target: &TargetAddress) -> bool {
@@ -152,13 +144,11 @@ impl Args {
                 self.start
             );
         }
-        if self.speed.is_nan() || self.speed <= 0.0 {
-            bail!(
-                "--speed {} is no speed; 1 is as recorded, inf as fast as the bus takes it",
-                self.speed
-            );
-        }
         Ok(start..end)
+    }
+
+    fn player(&self, window: Range<u64>, named: &[(String, TargetAddress)]) -> anyhow::Result<Player> {
+        Player::new(self.speed, self.looping, window, named)
     }
 
     /// Whether any of it is to go to a pressure array.
@@ -208,129 +198,4 @@ fn logs(named: &[(String, TargetAddress)]) -> Vec<&Path> {
         }
     }
     logs
-}
-
-/// Sends a recording, pass after pass.
-struct Player<'a> {
-    args: &'a Args,
-    window: Range<u64>,
-    targets: Targets,
-    interrupt: Interrupt,
-    /// When time `window.start` of the present pass is due.
-    begin: Instant,
-    left_out: u64,
-    latest: Duration,
-}
-
-impl<'a> Player<'a> {
-    fn new(args: &'a Args, window: Range<u64>, named: &[(String, TargetAddress)]) -> anyhow::Result<Self> {
-        let targets = Targets::open(named)?;
-        if args.looping && targets.are_logs() && named.iter().all(|(_, t)| *t != TargetAddress::Stdout) {
-            bail!("--loop into a log would fill the disk; leave it out");
-        }
-        Ok(Self {
-            args,
-            window,
-            targets,
-            interrupt: Interrupt::install()?,
-            begin: Instant::now(),
-            left_out: 0,
-            latest: Duration::ZERO,
-        })
-    }
-
-    fn play<I>(mut self, pass: impl Fn() -> anyhow::Result<I>) -> anyhow::Result<()>
-    where
-        I: Iterator<Item = anyhow::Result<Line>>,
-    {
-        let began = Instant::now();
-        let progress = Progress::counting("CAN frames");
-        let mut passes = 0u64;
-        self.begin = began;
-        loop {
-            let length_ns = self.pass(pass()?, &progress)?;
-            passes += 1;
-            if !self.args.looping || self.interrupt.is_set() {
-                break;
-            }
-            match length_ns {
-                Some(length_ns) => self.begin = self.due(length_ns + PASS_GAP_NS),
-                None => break,
-            }
-        }
-        drop(progress);
-        if self.interrupt.is_set() {
-            self.targets.give_up_logs()?;
-        } else if self.targets.sent() + self.targets.failed() == 0 {
-            bail!("nothing was sent: there is no frame between --start and --end");
-        }
-        self.targets.finish()?;
-        self.report(passes, began.elapsed());
-        self.targets.check()
-    }
-
-    /// Sends the recording once; returns how long the played part of it is, nothing if there is none.
-    fn pass(
-        &mut self,
-        lines: impl Iterator<Item = anyhow::Result<Line>>,
-        progress: &Progress,
-    ) -> anyhow::Result<Option<u64>> {
-        let waits = !self.targets.are_logs();
-        let mut length_ns = None;
-        for line in lines {
-            let Line::Frame(name, received) = line? else {
-                self.left_out += 1;
-                continue;
-            };
-            if received.t_ns < self.window.start {
-                continue;
-            }
-            if received.t_ns >= self.window.end || self.interrupt.is_set() {
-                break;
-            }
-            let since_start = received.t_ns - self.window.start;
-            length_ns = Some(since_start);
-            if waits {
-                let due = self.due(since_start);
-                if !self.interrupt.sleep_until(due) {
-                    break;
-                }
-                if self.args.speed.is_finite() {
-                    self.latest = self.latest.max(due.elapsed());
-                }
-            }
-            self.targets.send(name, received.t_ns, &received.frame)?;
-            progress.advance(1);
-        }
-        Ok(length_ns)
-    }
-
-    /// When a frame is due that comes so much later than the pass begins.
-    fn due(&self, since_start_ns: u64) -> Instant {
-        let wait = Duration::from_secs_f64(since_start_ns as f64 / 1e9 / self.args.speed);
-        self.begin.checked_add(wait).unwrap_or(self.begin)
-    }
-
-    fn report(&self, passes: u64, took: Duration) {
-        let Self {
-            targets,
-            left_out,
-            latest,
-            ..
-        } = self;
-        let mut text = format!("{} frames sent in {:.1} s", targets.sent(), took.as_secs_f64());
-        if passes > 1 {
-            text += &format!(", {passes} passes");
-        }
-        if targets.failed() > 0 {
-            text += &format!(", {} failed", targets.failed());
-        }
-        if *left_out > 0 {
-            text += &format!(", {left_out} left out (error frames, or not classic CAN)");
-        }
-        if *latest > Duration::ZERO {
-            text += &format!(", at most {:.1} ms late", latest.as_secs_f64() * 1e3);
-        }
-        eprintln!("{text}");
-    }
 }

@@ -27,7 +27,7 @@ pub(crate) struct Args {
     torque: Option<Switch>,
     /// Percent of full PWM, -100 to 100, positive the way in which the joint's angle grows; with --torque on or after
     /// it
-    #[arg(long, value_name = "PERCENT", allow_negative_numbers = true)]
+    #[arg(long, value_name = "PERCENT", allow_negative_numbers = true, value_parser = percent)]
     pwm: Option<f64>,
     /// The daemon's control socket [default: where the daemon of this user, or of the system, puts it]
     #[arg(long, value_name = "PATH")]
@@ -38,6 +38,11 @@ pub(crate) struct Args {
 enum Switch {
     On,
     Off,
+}
+
+fn percent(text: &str) -> Result<f64, String> {
+    let percent = text.parse().ok().filter(|p: &f64| p.is_finite());
+    percent.ok_or_else(|| "a number from -100 to 100".into())
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {

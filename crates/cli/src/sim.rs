@@ -1,14 +1,14 @@
 //! `taxel sim`: a scene on a real or virtual bus.
 
 use crate::forearm::play;
-use crate::interrupt::Interrupt;
 use crate::scene_marks::SceneMarks;
-use crate::target::{TargetAddress, Targets, of_buses, refuse_shared_ids};
 use anyhow::{Context, bail};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use taxel_can::Received;
+use taxel_playback::interrupt::Interrupt;
+use taxel_playback::target::{TargetAddress, Targets, of_buses, refuse_shared_ids};
 use taxel_sim::servo::{SERVO_BAUD, ServoBus, ServoPty, StableLink, servo_clock_ns, servos_of_scene};
 use taxel_sim::{Scene, Simulator, stand_in_layout_file, with_stand_in_boards};
 use taxel_skin::Layout;

@@ -1,6 +1,5 @@
 //! A terminal that is drawn on again and again, and its keys.
 
-use crate::interrupt::Interrupt;
 use anyhow::Context;
 use ratatui::backend::CrosstermBackend;
 use ratatui::crossterm::event::{self, Event, KeyEvent};
@@ -10,6 +9,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, Instant};
+use taxel_playback::interrupt::Interrupt;
 
 /// Time between two pictures, at least.
 const REDRAW: Duration = Duration::from_millis(50);

@@ -1,11 +1,11 @@
 //! `taxel watch`: one line per image of a running daemon.
 
 use crate::rates::Rates;
-use crate::{image_line, raw_line};
 use anyhow::Context;
 use std::io::{self, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime};
+use taxel_playback::{image_line, raw_line};
 use taxel_wire::{Clock, Header, Hello, ReadError, Received, Subscribe, Subscriber};
 
 /// Print one line per tactile image of a running daemon.

@@ -306,18 +306,19 @@ fn a_missing_servo_a_slow_one_and_a_stranger_are_found() {
 #[test]
 fn wrong_usage_is_told_at_once() {
     let dir = TempDir::new().unwrap();
-    for (args, words) in [
-        (&["doctor", "can:can0"][..], "can0, can1): 2, not 1"),
-        (&["doctor", "--seconds", "0"], "no time to listen"),
-        (&["doctor", "--joints", "dynamixel:/dev/ttyUSB0"], "--ids"),
-        (&["doctor", "--config", "none.toml"], "none.toml"),
+    for (args, code, words) in [
+        (&["doctor", "can:can0"][..], 1, "can0, can1): 2, not 1"),
+        (&["doctor", "--seconds", "0"], 2, "no time to listen"),
+        (&["doctor", "--joints", "dynamixel:/dev/ttyUSB0"], 1, "--ids"),
+        (&["doctor", "--config", "none.toml"], 1, "none.toml"),
         (
             &["doctor", "--config", "a.toml", "can:can0"],
+            2,
             "cannot be used with",
         ),
     ] {
         let output = taxel(&dir, args).output().unwrap();
-        assert!(!output.status.success());
+        assert_eq!(output.status.code(), Some(code), "{args:?}");
         assert!(said(&output).contains(words), "{args:?}: {}", said(&output));
     }
 }

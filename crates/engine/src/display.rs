@@ -40,12 +40,18 @@ impl Display {
 
     /// Compresses what a tick felt. Allocates nothing.
     pub fn compress(&mut self, frames: &Frames) -> &TactileImage {
+        self.image_of(&frames.force, &frames.tactile.joints)
+    }
+
+    /// The image of what the skin feels, with the angles of the joints at that instant, radians. Allocates nothing.
+    pub fn image_of(&mut self, force: &ForceFrame, joints: &[f32]) -> &TactileImage {
         let force = match &mut self.region {
-            Some(mask) => mask.apply(&frames.force),
-            None => &frames.force,
+            Some(mask) => mask.apply(force),
+            None => force,
         };
         self.compressor.compress(force, &mut self.image);
-        self.image.joints.clone_from(&frames.tactile.joints);
+        self.image.joints.clear();
+        self.image.joints.extend_from_slice(joints);
         &self.image
     }
 

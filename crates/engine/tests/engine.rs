@@ -35,20 +35,16 @@ fn scene(name: &str) -> Vec<(u8, Received)> {
 fn bytes(config: &EngineConfig, frames: &[(u8, Received)]) -> Vec<u8> {
     let mut bytes = Vec::new();
     let mut payload = Vec::new();
-    run_recorded(
-        config,
-        display(config),
-        frames.iter().copied(),
-        None,
-        |frames, image| {
-            taxel_wire::encode_image_payload(image, &mut payload).unwrap();
-            bytes.extend(taxel_wire::Header::of_image(image, payload.len()).to_bytes());
-            bytes.extend(&payload);
-            taxel_wire::encode_raw_payload(&frames.tactile, &frames.force, None, &mut payload).unwrap();
-            bytes.extend(&payload);
-            ControlFlow::Continue(())
-        },
-    )
+    let mut display = display(config);
+    run_recorded(config, frames.iter().copied(), None, |frames| {
+        let image = display.compress(frames);
+        taxel_wire::encode_image_payload(image, &mut payload).unwrap();
+        bytes.extend(taxel_wire::Header::of_image(image, payload.len()).to_bytes());
+        bytes.extend(&payload);
+        taxel_wire::encode_raw_payload(&frames.tactile, &frames.force, None, &mut payload).unwrap();
+        bytes.extend(&payload);
+        ControlFlow::Continue(())
+    })
     .unwrap();
     bytes
 }
@@ -152,8 +148,9 @@ fn a_silent_hand_still_gives_images_that_say_so() {
     for mode in [TickMode::Timer, TickMode::Sweep] {
         let config = config(mode, 30.0);
         let mut missing = Vec::new();
-        run_recorded(&config, display(&config), [], Some(1_000_000_000), |_, image| {
-            missing.push(image.missing);
+        let mut display = display(&config);
+        run_recorded(&config, [], Some(1_000_000_000), |frames| {
+            missing.push(display.compress(frames).missing);
             ControlFlow::Continue(())
         })
         .unwrap();
@@ -171,17 +168,17 @@ fn whoever_breaks_off_is_given_no_more_of_the_ticks_that_are_due_before_one_fram
     let config = config(TickMode::Timer, 1000.0);
     let mut after_a_pause = scene("tap")[0];
     after_a_pause.1.t_ns = 60_000_000_000;
-    let mut images = 0;
-    run_recorded(&config, display(&config), [after_a_pause], None, |_, _| {
-        images += 1;
-        if images < 3 {
+    let mut ticks = 0;
+    run_recorded(&config, [after_a_pause], None, |_| {
+        ticks += 1;
+        if ticks < 3 {
             ControlFlow::Continue(())
         } else {
             ControlFlow::Break(())
         }
     })
     .unwrap();
-    assert_eq!(images, 3);
+    assert_eq!(ticks, 3);
 }
 
 #[test]
@@ -196,32 +193,28 @@ fn a_board_that_falls_silent_is_missing_and_never_repeated() {
         let mut most_contacts = 0;
         let config = config(mode, 30.0);
         let layout = &config.layout;
-        run_recorded(
-            &config,
-            display(&config),
-            frames.iter().copied(),
-            None,
-            |frames, image| {
-                if frames.due_ns > half_ns + 200_000_000 {
-                    after += 1;
-                    for taxel in silent.clone() {
-                        assert_eq!(layout.module_of(taxel).name, "index distal");
-                        assert_ne!(
-                            frames.tactile.freshness[taxel],
-                            Freshness::Fresh,
-                            "{mode:?} taxel {taxel}"
-                        );
-                        assert!(
-                            !frames.force.contact[taxel],
-                            "{mode:?}: a stale taxel is no contact"
-                        );
-                    }
-                    assert_eq!(image.missing, 16, "{mode:?}");
-                    most_contacts = most_contacts.max(image.contacts);
+        let mut display = display(&config);
+        run_recorded(&config, frames.iter().copied(), None, |frames| {
+            let image = display.compress(frames);
+            if frames.due_ns > half_ns + 200_000_000 {
+                after += 1;
+                for taxel in silent.clone() {
+                    assert_eq!(layout.module_of(taxel).name, "index distal");
+                    assert_ne!(
+                        frames.tactile.freshness[taxel],
+                        Freshness::Fresh,
+                        "{mode:?} taxel {taxel}"
+                    );
+                    assert!(
+                        !frames.force.contact[taxel],
+                        "{mode:?}: a stale taxel is no contact"
+                    );
                 }
-                ControlFlow::Continue(())
-            },
-        )
+                assert_eq!(image.missing, 16, "{mode:?}");
+                most_contacts = most_contacts.max(image.contacts);
+            }
+            ControlFlow::Continue(())
+        })
         .unwrap();
         assert!(
             after > 100,

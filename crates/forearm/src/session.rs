@@ -3,12 +3,9 @@
 use crate::error::ForearmError;
 use crate::mat::{Matrix, read_mat, write_mat};
 use crate::squeeze::{COLUMNS, Squeeze, TACTELS, TACTILE_COLUMNS, TACTILE_ROWS};
-use ndarray::{Array1, Array3, Array4, Array5};
-use ndarray_npy::{NpzWriter, ReadNpyExt, WriteNpyExt};
-use std::fs::{self, File};
-use std::io::{BufReader, BufWriter};
+use std::fs;
 use std::path::{Path, PathBuf};
-use taxel_record::NumberArray;
+use taxel_record::{NpzWriter, NumberArray, write_npy};
 
 /// Places of the publication, evenly from wrist to elbow.
 pub const PLACES: usize = 13;
@@ -76,33 +73,28 @@ impl Squeeze {
 
     /// The bytes of a `.npy` with its tactile images, samples x 28 x 50 counts; `None` without touch.
     pub fn to_npy(&self) -> Option<Vec<u8>> {
-        let shape = (self.len(), TACTILE_ROWS, TACTILE_COLUMNS);
-        let images = Array3::from_shape_vec(shape, self.tactile.clone()?).ok()?;
+        let shape = [self.len(), TACTILE_ROWS, TACTILE_COLUMNS];
         let mut bytes = Vec::new();
-        images.write_npy(&mut bytes).ok()?;
+        write_npy(&mut bytes, &shape, self.tactile.clone()?).ok()?;
         Some(bytes)
     }
 
     /// Reads the tactile images of its samples from what [`Squeeze::to_npy`] writes.
     fn read_npy(&mut self, path: &Path) -> Result<(), ForearmError> {
-        let unfit = |what: String| ForearmError::Unfit {
-            path: path.into(),
-            what,
-        };
-        let file = File::open(path).map_err(io(path))?;
-        let images = Array3::<u16>::read_npy(BufReader::new(file)).map_err(|error| {
-            unfit(format!(
-                "{error}; tactile images are samples x 28 x 50 of 16 bits"
-            ))
-        })?;
-        if images.dim() != (self.len(), TACTILE_ROWS, TACTILE_COLUMNS) {
-            return Err(unfit(format!(
-                "its shape is {:?}; its squeeze has {} samples, each with an image of 28 x 50",
-                images.shape(),
+        let images = NumberArray::of_npy(path)?;
+        if images.shape != [self.len(), TACTILE_ROWS, TACTILE_COLUMNS] || !images.values.iter().all(is_count)
+        {
+            let what = format!(
+                "its shape is {:?}; its squeeze has {} samples, each with an image of 28 x 50 whole numbers from 0 to 65535",
+                images.shape,
                 self.len()
-            )));
+            );
+            return Err(ForearmError::Unfit {
+                path: path.into(),
+                what,
+            });
         }
-        self.tactile = Some(images.into_iter().collect());
+        self.tactile = Some(images.values.into_iter().map(|count| count as u16).collect());
         Ok(())
     }
 
@@ -166,37 +158,35 @@ impl Session {
         let places = self.locations();
         let repetitions = 1 + self.trials.iter().map(|t| t.repetition).max().unwrap_or(0);
         let samples = self.trials.iter().map(|t| t.squeeze.len()).max().unwrap_or(0);
-        let mut data = Array4::from_elem((places.len(), repetitions, samples, COLUMNS), f64::NAN);
-        let images = (places.len(), repetitions, samples, TACTILE_ROWS, TACTILE_COLUMNS);
-        let mut tactile = self.has_touch().then(|| Array5::<u16>::zeros(images));
+        let mut data = vec![f64::NAN; places.len() * repetitions * samples * COLUMNS];
+        let mut tactile = vec![0; data.len() / COLUMNS * TACTELS];
         for trial in &self.trials {
             let is_here = |place: &f64| *place == trial.location_percent;
             let place = places.iter().position(is_here).unwrap_or_default();
+            let first = (place * repetitions + trial.repetition) * samples;
             for (column, values) in trial.squeeze.columns().iter().enumerate() {
                 for (row, value) in values.iter().enumerate() {
-                    data[(place, trial.repetition, row, column)] = *value;
+                    data[(first + row) * COLUMNS + column] = *value;
                 }
             }
-            if let (Some(all), Some(counts)) = (&mut tactile, &trial.squeeze.tactile) {
-                for (n, count) in counts.iter().enumerate() {
-                    let (row, tactel) = (n / TACTELS, n % TACTELS);
-                    let (y, x) = (tactel / TACTILE_COLUMNS, tactel % TACTILE_COLUMNS);
-                    all[(place, trial.repetition, row, y, x)] = *count;
-                }
+            if let Some(counts) = &trial.squeeze.tactile {
+                tactile[first * TACTELS..][..counts.len()].copy_from_slice(counts);
             }
         }
-        let file = BufWriter::new(File::create(path).map_err(io(path))?);
-        let mut writer = NpzWriter::new_compressed(file);
-        let write = || {
-            writer.add_array("data", &data)?;
-            writer.add_array("location_percent", &Array1::from(places))?;
-            if let Some(tactile) = &tactile {
-                writer.add_array("tactile", tactile)?;
-            }
-            writer.finish().map(drop)
-        };
-        write().map_err(|error| io(path)(std::io::Error::other(error.to_string())))
+        let squeezes = [places.len(), repetitions, samples];
+        let mut npz = NpzWriter::compressed(path);
+        npz.add("data", &[&squeezes[..], &[COLUMNS]].concat(), data)?;
+        npz.add("location_percent", &[places.len()], places)?;
+        if self.has_touch() {
+            let shape = [&squeezes[..], &[TACTILE_ROWS, TACTILE_COLUMNS]].concat();
+            npz.add("tactile", &shape, tactile)?;
+        }
+        Ok(npz.finish()?)
     }
+}
+
+fn is_count(number: &f64) -> bool {
+    (0.0..=f64::from(u16::MAX)).contains(number) && number.fract() == 0.0
 }
 
 fn io(path: &Path) -> impl Fn(std::io::Error) -> ForearmError + use<'_> {
@@ -294,7 +284,6 @@ fn read_npz(path: &Path) -> Result<Vec<Trial>, ForearmError> {
     let touch = array("tactile")?;
     if let Some(touch) = &touch {
         let expected = [places, repetitions, samples, TACTILE_ROWS, TACTILE_COLUMNS];
-        let is_count = |v: &f64| (0.0..=f64::from(u16::MAX)).contains(v) && v.fract() == 0.0;
         if touch.shape != expected || !touch.values.iter().all(is_count) {
             return Err(unfit(format!(
                 "tactile must be {expected:?} whole numbers from 0 to 65535"

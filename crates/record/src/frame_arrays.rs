@@ -1,9 +1,7 @@
 //! Tactile frames as `.npz`: arrays of counts, times and joint angles.
 
 use crate::error::RecordError;
-use ndarray::{ArrayView1, ArrayView2, ArrayView3};
-use ndarray_npy::{NpzWriter, WriteNpzError};
-use std::io::{self, Cursor};
+use crate::npz_writer::NpzWriter;
 use std::path::Path;
 
 /// Tactile frames of one hand, collected to be written together.
@@ -19,15 +17,10 @@ impl FrameArrays {
     ///
     /// # Panics
     /// When it has another number of taxels or joints than the first.
-    pub fn push(
-        &mut self,
-        t_ns: u64,
-        counts: impl IntoIterator<Item = [u16; 3]>,
-        joints: impl IntoIterator<Item = f32>,
-    ) {
-        self.counts.extend(counts.into_iter().flatten());
+    pub fn push(&mut self, t_ns: u64, counts: &[[u16; 3]], joints: &[f32]) {
+        self.counts.extend_from_slice(counts.as_flattened());
         self.t_ns.push(t_ns);
-        self.joints.extend(joints);
+        self.joints.extend_from_slice(joints);
         let frames = self.t_ns.len();
         assert!(
             self.counts.len().is_multiple_of(3 * frames) && self.joints.len().is_multiple_of(frames),
@@ -50,21 +43,15 @@ impl FrameArrays {
     pub fn write_npz(&self, path: &Path) -> Result<(), RecordError> {
         let frames = self.len();
         let each = |len: usize| len / frames.max(1);
-        // In memory first: a writer of zip files that meets a full disk says so on stderr by itself, unasked.
-        let archive = || -> Result<Vec<u8>, WriteNpzError> {
-            let mut npz = NpzWriter::new(Cursor::new(Vec::new()));
-            let counts = ArrayView3::from_shape((frames, each(self.counts.len()) / 3, 3), &self.counts);
-            npz.add_array("counts", &counts.expect("push keeps the shape"))?;
-            npz.add_array("t_ns", &ArrayView1::from(&self.t_ns))?;
-            if !self.joints.is_empty() {
-                let joints = ArrayView2::from_shape((frames, each(self.joints.len())), &self.joints);
-                npz.add_array("joints", &joints.expect("push keeps the shape"))?;
-            }
-            Ok(npz.finish()?.into_inner())
-        };
-        let bytes = archive().map_err(io::Error::other);
-        let written = bytes.and_then(|bytes| std::fs::write(path, bytes));
-        written.map_err(RecordError::io(path))
+        let mut npz = NpzWriter::plain(path);
+        let counts = self.counts.iter().copied();
+        npz.add("counts", &[frames, each(self.counts.len()) / 3, 3], counts)?;
+        npz.add("t_ns", &[frames], self.t_ns.iter().copied())?;
+        if !self.joints.is_empty() {
+            let joints = self.joints.iter().copied();
+            npz.add("joints", &[frames, each(self.joints.len())], joints)?;
+        }
+        npz.finish()
     }
 }
 
@@ -78,8 +65,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("frames.npz");
         let mut frames = FrameArrays::default();
-        frames.push(5, [[1, 2, 3], [4, 5, 65_535]], [0.5, f32::NAN]);
-        frames.push(1_700_000_000_123_456_789, [[7, 8, 9], [0, 0, 0]], [-1.5, 2.0]);
+        frames.push(5, &[[1, 2, 3], [4, 5, 65_535]], &[0.5, f32::NAN]);
+        frames.push(1_700_000_000_123_456_789, &[[7, 8, 9], [0, 0, 0]], &[-1.5, 2.0]);
         frames.write_npz(&path).unwrap();
         let read = Recording::open(&path, &ReadOptions::default()).unwrap();
         assert_eq!(

@@ -1,10 +1,9 @@
 //! Tactile images as `.npy`, `.npz` and `.csv`.
 
 use crate::error::RecordError;
-use ndarray::{ArrayView1, ArrayView2, ArrayView3};
-use ndarray_npy::{NpzWriter, WriteNpyExt, WriteNpzError};
+use crate::npz_writer::{NpzWriter, write_npy};
 use std::fs::File;
-use std::io::{self, BufWriter, Cursor, Write};
+use std::io::{BufWriter, Write};
 use std::path::Path;
 use taxel_hand::TactileImage;
 
@@ -104,18 +103,13 @@ impl ImageStack {
         );
     }
 
-    fn images(&self) -> ArrayView3<'_, u8> {
-        ArrayView3::from_shape((self.len(), self.height, self.width), &self.pixels)
-            .expect("push keeps the shape")
+    fn shape(&self) -> [usize; 3] {
+        [self.len(), self.height, self.width]
     }
 
     /// Writes the images alone: `.npy`, `T x H x W` u8.
     pub fn write_npy(&self, path: &Path) -> Result<(), RecordError> {
-        let write = || {
-            let mut file = BufWriter::new(File::create(path)?);
-            self.images().write_npy(&mut file).map_err(io::Error::other)?;
-            file.flush()
-        };
+        let write = || write_npy(File::create(path)?, &self.shape(), self.pixels.iter().copied());
         write().map_err(RecordError::io(path))
     }
 
@@ -125,29 +119,22 @@ impl ImageStack {
     /// that a frame does not have, and unknown angles, are NaN.
     pub fn write_npz(&self, path: &Path) -> Result<(), RecordError> {
         let frames = self.len();
-        // In memory first: a writer of zip files that meets a full disk says so on stderr by itself, unasked.
-        let archive = || -> Result<Vec<u8>, WriteNpzError> {
-            let mut npz = NpzWriter::new_compressed(Cursor::new(Vec::new()));
-            npz.add_array("images", &self.images())?;
-            let levels = ArrayView2::from_shape((frames, self.max_levels), &self.levels);
-            npz.add_array("levels", &levels.expect("push keeps the shape"))?;
-            let shape = (frames, self.max_actuators, ACTUATOR_FIELDS);
-            let actuators = ArrayView3::from_shape(shape, &self.actuators);
-            npz.add_array("actuators", &actuators.expect("push keeps the shape"))?;
-            npz.add_array("seq", &ArrayView1::from(&self.seq))?;
-            npz.add_array("t_ns", &ArrayView1::from(&self.t_ns))?;
-            npz.add_array("contacts", &ArrayView1::from(&self.contacts))?;
-            npz.add_array("faulty", &ArrayView1::from(&self.faulty))?;
-            npz.add_array("missing", &ArrayView1::from(&self.missing))?;
-            if !self.joints.is_empty() {
-                let joints = ArrayView2::from_shape((frames, self.joints.len() / frames), &self.joints);
-                npz.add_array("joints", &joints.expect("push keeps the shape"))?;
-            }
-            Ok(npz.finish()?.into_inner())
-        };
-        let bytes = archive().map_err(io::Error::other);
-        let written = bytes.and_then(|bytes| std::fs::write(path, bytes));
-        written.map_err(RecordError::io(path))
+        let mut npz = NpzWriter::compressed(path);
+        npz.add("images", &self.shape(), self.pixels.iter().copied())?;
+        let levels = [frames, self.max_levels];
+        npz.add("levels", &levels, self.levels.iter().copied())?;
+        let actuators = [frames, self.max_actuators, ACTUATOR_FIELDS];
+        npz.add("actuators", &actuators, self.actuators.iter().copied())?;
+        npz.add("seq", &[frames], self.seq.iter().copied())?;
+        npz.add("t_ns", &[frames], self.t_ns.iter().copied())?;
+        npz.add("contacts", &[frames], self.contacts.iter().copied())?;
+        npz.add("faulty", &[frames], self.faulty.iter().copied())?;
+        npz.add("missing", &[frames], self.missing.iter().copied())?;
+        if !self.joints.is_empty() {
+            let joints = [frames, self.joints.len() / frames];
+            npz.add("joints", &joints, self.joints.iter().copied())?;
+        }
+        npz.finish()
     }
 
     /// Writes a `.csv`: a header, then `t_ns`, the pixels, row by row from the top left, and, where joints were read,

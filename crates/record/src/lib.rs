@@ -5,7 +5,8 @@
 //! by its shape and by options, never guessed. A candump `.log` is not a sequence of frames but of
 //! bus traffic: `taxel_can` reads it.
 //!
-//! [`Labelled`] is frames with the classes they are of; [`NumberArray`] any array, for files that are no recordings.
+//! [`Labelled`] is frames with the classes they are of; [`NumberArray`] any array, for files that are no recordings, and
+//! [`NpzWriter`] writes such files.
 //!
 //! [`ImageStack`] collects tactile images and writes them as `.npy`, `.npz` or `.csv`; [`FrameTable`] writes tactile
 //! frames, counts and joint angles, as `.csv`, [`FrameArrays`] as `.npz`, and `FrameColumns`, with the feature `parquet`, as
@@ -23,7 +24,9 @@ mod images;
 mod labelled;
 mod meaning;
 mod npy;
+mod npy_header;
 mod npz;
+mod npz_writer;
 mod number_array;
 mod open;
 mod recording;
@@ -36,6 +39,7 @@ pub use frame_columns::FrameColumns;
 pub use frames::FrameTable;
 pub use images::ImageStack;
 pub use labelled::Labelled;
+pub use npz_writer::{NpzWriter, Number, write_npy};
 pub use number_array::NumberArray;
 pub use recording::{Frames, Recording};
 pub use table::{Columns, DEFAULT_RATE_HZ, ReadOptions, TimeUnit, Void};

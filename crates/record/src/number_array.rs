@@ -1,7 +1,10 @@
-//! Arrays of an `.npz` whose meaning another program knows.
+//! Arrays of an `.npy` or `.npz` whose meaning another program knows.
 
 use crate::error::RecordError;
+use crate::npy::Array;
 use crate::npz::Npz;
+use std::fs::File;
+use std::io::{BufReader, Read};
 use std::path::Path;
 
 /// An array of numbers of any shape.
@@ -25,9 +28,21 @@ impl NumberArray {
         if !npz.has(array) {
             return Ok(None);
         }
-        let array = npz.array(array)?;
+        Self::of(npz.array(array)?).map(Some)
+    }
+
+    /// Reads the array of an `.npy`.
+    ///
+    /// # Errors
+    /// A file that cannot be read or is no `.npy`; an array that is damaged, empty or not of numbers.
+    pub fn of_npy(path: &Path) -> Result<Self, RecordError> {
+        let file = File::open(path).map_err(RecordError::io(path))?;
+        Self::of(Array::open(path.display().to_string(), BufReader::new(file))?)
+    }
+
+    fn of(array: Array<impl Read>) -> Result<Self, RecordError> {
         let (name, shape) = (array.at.clone(), array.shape().to_vec());
         let values = array.numbers()?;
-        Ok(Some(Self { name, shape, values }))
+        Ok(Self { name, shape, values })
     }
 }

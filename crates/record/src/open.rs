@@ -48,7 +48,7 @@ impl Recording {
                     other => format!(".{other}"),
                 };
                 return refused(format!(
-                    "a recording ends in .npy, .npz or .csv (tactile frames) or .log (candump), not {found}"
+                    "a recording ends in .npy, .npz or .csv (tactile frames), .log (candump) or .mcap (`taxel record`), not {found}"
                 ));
             }
         };

@@ -81,6 +81,7 @@ pub struct Store {
     /// The newest of those messages that every file begins with.
     standing: Vec<Entry>,
     files: VecDeque<PathBuf>,
+    removed: u32,
     next_number: u32,
     messages: u64,
 }
@@ -110,6 +111,7 @@ impl Store {
             until_ns: 0,
             standing: Vec::new(),
             files: VecDeque::new(),
+            removed: 0,
             next_number: 1,
             messages: 0,
         }
@@ -118,6 +120,11 @@ impl Store {
     /// Files made so far, and not removed since.
     pub fn files(&self) -> impl ExactSizeIterator<Item = &Path> {
         self.files.iter().map(PathBuf::as_path)
+    }
+
+    /// Files removed so far, to make room.
+    pub fn removed(&self) -> u32 {
+        self.removed
     }
 
     /// Messages written so far.
@@ -299,6 +306,7 @@ impl Store {
             if let Some(oldest) = self.files.pop_front() {
                 // One that somebody else removed is gone as it should be.
                 let _ = std::fs::remove_file(oldest);
+                self.removed += 1;
             }
         }
         Ok(())

@@ -1,10 +1,10 @@
 //! The publication's figures 6 to 17, of any sweep.
 
 use super::trial::{CLASSES, RANKS, READINGS, Row, Trial, abstractions, phantoms};
-use crate::progress::Progress;
 use anyhow::Context;
 use std::path::Path;
 use taxel_palpation::{Matrix, Pca, Silhouette, Solver, optimal};
+use taxel_playback::progress::Progress;
 use taxel_plot::{Axis, Chart, Picture, Sheet};
 
 /// Subsets of a size that are drawn where there are more.

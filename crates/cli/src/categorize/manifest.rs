@@ -2,6 +2,8 @@
 
 use super::touches::{Set, above_baseline, of_scene, places, values};
 use anyhow::{Context, bail, ensure};
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use taxel_record::{ReadOptions, Recording};
 use taxel_sequence::{Motion, Touch};
@@ -35,11 +37,37 @@ pub(crate) struct Job {
     rows: Vec<(u64, Row)>,
 }
 
+/// Bytes in which the line that names the columns is looked for: a recording may be large.
+const HEAD: u64 = 1 << 16;
+
+/// Whether a file is a .csv whose first line names a column `file`.
+pub(crate) fn is_manifest(path: &Path) -> bool {
+    let is_csv = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv"));
+    let names_files = |(line, delimiter): (String, u8)| {
+        line.split(char::from(delimiter))
+            .any(|name| name.trim() == "file")
+    };
+    is_csv && header(path).is_ok_and(names_files)
+}
+
+/// The line that names the columns, and what separates them.
+fn header(path: &Path) -> std::io::Result<(String, u8)> {
+    let mut head = Vec::new();
+    File::open(path)?.take(HEAD).read_to_end(&mut head)?;
+    let text = String::from_utf8_lossy(&head);
+    let mut lines = text.trim_start_matches('\u{feff}').lines();
+    let line = lines.find(|line| !line.starts_with('#')).unwrap_or_default();
+    let delimiter = b";,\t".iter().find(|byte| line.as_bytes().contains(byte));
+    Ok((line.to_owned(), *delimiter.unwrap_or(&b',')))
+}
+
 /// What a manifest names, in its order.
 pub(crate) fn read_manifest(path: &Path) -> anyhow::Result<Vec<Job>> {
+    let (_, delimiter) = header(path).with_context(|| path.display().to_string())?;
     let mut reader = csv::ReaderBuilder::new()
         .trim(csv::Trim::All)
         .comment(Some(b'#'))
+        .delimiter(delimiter)
         .from_path(path)
         .with_context(|| path.display().to_string())?;
     let headers = reader

@@ -48,7 +48,7 @@ impl MapFile {
     }
 
     pub(super) fn save(&self, path: &Path) -> anyhow::Result<()> {
-        let mut file = crate::output_file::OutputFile::begin(path)?;
+        let mut file = taxel_playback::output_file::OutputFile::begin(path)?;
         std::fs::write(file.path(), serde_json::to_vec(self)?).with_context(|| path.display().to_string())?;
         file.finish()
     }

@@ -216,7 +216,7 @@ fn read(args: &Args) -> anyhow::Result<Set> {
         return touches::of_scene(scene, motion);
     }
     let path = Path::new(input);
-    if args.marks.is_none() && args.contact.is_none() && is_manifest(path) {
+    if args.marks.is_none() && args.contact.is_none() && manifest::is_manifest(path) {
         let mut jobs = manifest::read_manifest(path)?;
         if motion.is_some() {
             jobs.retain(|job| job.motion() == motion);
@@ -241,19 +241,6 @@ fn read(args: &Args) -> anyhow::Result<Set> {
         least: args.least,
     };
     touches::of_recording(path, &options, &cutting, motion)
-}
-
-/// Whether a file is a .csv whose first line names a column `file`.
-fn is_manifest(path: &Path) -> bool {
-    let Ok(text) = std::fs::read_to_string(path) else {
-        return false;
-    };
-    let header = text
-        .lines()
-        .find(|line| !line.starts_with('#'))
-        .unwrap_or_default();
-    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv"))
-        && header.split(',').any(|name| name.trim() == "file")
 }
 
 /// Touches as the columns of a matrix.

@@ -3,12 +3,12 @@
 use super::figures;
 use super::manifest::{Job, read_manifest};
 use super::trial::{RANKS, READINGS, Row, Trial, abstractions, judge, phantoms};
-use crate::progress::Progress;
 use anyhow::Context;
 use std::fmt::Write as _;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
+use taxel_playback::progress::Progress;
 
 /// Reads and judges every job of the manifest, draws figures, and returns what is printed.
 pub(super) fn run(manifest: &Path, folder: Option<&Path>, seed: u64, json: bool) -> anyhow::Result<String> {

@@ -1,10 +1,10 @@
 //! Touches of one motion: from a recording cut by marks or contact, or from a scene.
 
-use crate::recorded;
 use anyhow::{Context, bail, ensure};
 use std::path::{Path, PathBuf};
 use taxel_can::Received;
 use taxel_engine::{Engine, Frames, TickMode};
+use taxel_playback::recorded;
 use taxel_record::{Frames as Recorded, ReadOptions, Recording};
 use taxel_sequence::{Aligned, Alignment, Cut, Mark, Motion, Touch, align, cut_by_contact, cut_by_marks};
 use taxel_sim::{Palpation, Scene, Simulator, with_stand_in_boards};

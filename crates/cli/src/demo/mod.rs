@@ -7,7 +7,6 @@ mod session;
 
 use crate::categorize::PhantomMap;
 use crate::compress::{method, methods};
-use crate::interrupt::Interrupt;
 use crate::offline::preset;
 use crate::terminal::{self, Shown};
 use anyhow::{Context, bail};
@@ -21,6 +20,7 @@ use std::io::Write;
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 use taxel_hand::{Method, Profile};
+use taxel_playback::interrupt::Interrupt;
 use taxel_sim::{Scene, with_stand_in_boards};
 use taxel_skin::{Layout, Preset};
 use taxel_view::{Action, Palette, Screen};
@@ -63,16 +63,16 @@ pub(crate) struct Args {
     #[arg(long, value_name = "LAYOUT")]
     layout: Option<String>,
     /// Stop after so long [default: never, or after the scene when headless]
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", value_parser = crate::view::seconds)]
     seconds: Option<f64>,
     /// Print a summary at the end instead of drawing; so too when stdout is no terminal
     #[arg(long)]
     headless: bool,
     /// Force levels of the display, K_D
-    #[arg(long, value_name = "K_D")]
+    #[arg(long, value_name = "K_D", value_parser = clap::value_parser!(u16).range(1..=255))]
     pub(crate) levels: Option<u16>,
     /// Actuators of the display, K_A
-    #[arg(long, value_name = "K_A")]
+    #[arg(long, value_name = "K_A", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(crate) actuators: Option<u16>,
     #[arg(long, value_name = "METHOD", value_parser = method, help = format!("How frames are compressed: {}", methods()))]
     pub(crate) method: Option<Method>,
@@ -82,10 +82,7 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
-    let seconds = match args.seconds {
-        Some(s) if !(s > 0.0 && s < 1e9) => bail!("--seconds {s} is no time to run a demo"),
-        seconds => seconds,
-    };
+    let seconds = args.seconds;
     if args.scene.as_deref() == Some(forearm::SCENE) {
         return forearm::run(args, seconds, args.headless || !terminal::can_draw());
     }

@@ -2,10 +2,10 @@
 
 use super::bus_listener::{BusListener, Listener};
 use super::finding::Check;
-use crate::interrupt::Interrupt;
 use taxel_can::Received;
 use taxel_diagnose::silent_fingers;
 use taxel_joints::{AllegroConfig, AllegroDecoder, AllegroSource};
+use taxel_playback::interrupt::Interrupt;
 
 const AREA: &str = "joints";
 /// Each finger reports every 3 ms.

@@ -1,10 +1,10 @@
 //! Potentiometers whose angles are to be read: whether lines come, and what they say. Nothing is sent.
 
 use super::finding::Check;
-use crate::interrupt::Interrupt;
 use std::time::{Duration, Instant};
 use taxel_diagnose::{absent_potentiometers, potentiometer_state, silent_potentiometers, unread_lines};
 use taxel_joints::{AnalogueConfig, AnalogueReader, AnalogueSnapshot, PortState, StartError};
+use taxel_playback::interrupt::Interrupt;
 
 const AREA: &str = "joints";
 /// So long lines are listened to: most boards start anew when their port is opened.

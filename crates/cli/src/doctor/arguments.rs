@@ -52,7 +52,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", requires = "joints", default_value_t = 1_000_000)]
     pub(super) baud: u32,
     /// How long to listen to the hand; below 2.5 s there is no verdict on its taxels
-    #[arg(long, value_name = "S", default_value_t = 4.0)]
+    #[arg(long, value_name = "S", value_parser = seconds, default_value_t = 4.0)]
     pub(super) seconds: f64,
     /// Send nothing, neither to boards nor to servos
     #[arg(long)]
@@ -66,6 +66,9 @@ pub(crate) struct Args {
     /// With --scan: write the proposed layout file there instead of to stdout
     #[arg(long, value_name = "FILE", requires = "scan")]
     pub(super) out: Option<PathBuf>,
+    /// With --out: write over a file that is there
+    #[arg(long, requires = "out")]
+    pub(super) force: bool,
     /// Print one JSON object
     #[arg(long)]
     pub(super) json: bool,
@@ -148,6 +151,11 @@ fn describe(config: &Config) -> String {
     format!("hand {} on {}", config.layout.name, buses.join(", "))
 }
 
+fn seconds(text: &str) -> Result<f64, String> {
+    let seconds = text.parse().ok().filter(|s| *s > 0.0 && *s <= 3600.0);
+    seconds.ok_or_else(|| format!("{text} is no time to listen; give seconds up to 3600, such as 4"))
+}
+
 /// Ids such as `1-16` or `1,2,11-14`.
 fn parse_ids(text: &str) -> anyhow::Result<Vec<u8>> {
     let mut ids = Vec::new();
@@ -158,7 +166,11 @@ fn parse_ids(text: &str) -> anyhow::Result<Vec<u8>> {
                 .parse::<u8>()
                 .with_context(|| format!("--ids {text}: ids are 0 to 252, as in 1-16 or 1,2,11-14"))
         };
-        ids.extend(id(first)?..=id(last)?);
+        let range = id(first)?..=id(last)?;
+        if range.is_empty() {
+            bail!("--ids {text}: {part} is empty; the lower id comes first, as in 1-16");
+        }
+        ids.extend(range);
     }
     Ok(ids)
 }
@@ -171,7 +183,7 @@ mod tests {
     fn ids_are_ranges_and_lists() {
         assert_eq!(parse_ids("1-4").unwrap(), [1, 2, 3, 4]);
         assert_eq!(parse_ids("1,2,11-13").unwrap(), [1, 2, 11, 12, 13]);
-        for text in ["", "a", "1-", "300", "1-300"] {
+        for text in ["", "a", "1-", "300", "1-300", "1,5-1"] {
             let error = parse_ids(text).unwrap_err();
             assert!(error.to_string().contains("--ids"), "{text}: {error}");
         }

@@ -1,14 +1,14 @@
 //! The buses while the doctor listens to them: opened without filters, read in turns, written to
 //! only where asked.
 
-use crate::interrupt::Interrupt;
-use crate::progress::Progress;
 use anyhow::Context;
 use std::time::Duration;
 use taxel_can::{
     CanFrame, CanSource, FrameMerge, LinkState, Playback, Received, SourceAddress, SourceCounters,
     SourceOptions, monotonic_ns,
 };
+use taxel_playback::interrupt::Interrupt;
+use taxel_playback::progress::Progress;
 use taxel_sim::SimSource;
 use taxeld::Config;
 

@@ -19,7 +19,6 @@ mod servos;
 
 pub(crate) use arguments::Args;
 
-use crate::interrupt::Interrupt;
 use access::{FileFacts, PortFacts, User};
 use anyhow::{Context, bail};
 use bus_listener::BusListener;
@@ -34,6 +33,8 @@ use std::path::Path;
 use taxel_can::SourceAddress;
 use taxel_diagnose::Kind;
 use taxel_joints::{DynamixelConfig, JointSource};
+use taxel_playback::interrupt::Interrupt;
+use taxel_playback::output_file::refuse_existing;
 use taxel_skin::{Layout, Wiring};
 use taxeld::Config;
 
@@ -44,11 +45,12 @@ pub(crate) const BAUDS: [u32; 7] = [
 
 /// Runs the checks; says whether there was no error.
 pub(crate) fn run(args: &Args) -> anyhow::Result<bool> {
-    if !(args.seconds > 0.0 && args.seconds <= 3600.0) {
-        bail!("--seconds {} is no time to listen", args.seconds);
-    }
     let interrupt = Interrupt::install()?;
     if args.scan {
+        // Before minutes of listening.
+        if let Some(out) = &args.out {
+            refuse_existing(out, args.force)?;
+        }
         let scan = scan::Scan {
             sources: &args.sources,
             seconds: args.seconds,

@@ -4,14 +4,14 @@ use super::bus_listener::{BusListener, Listener};
 use super::capacity::plural;
 use super::link;
 use super::report;
-use crate::interrupt::Interrupt;
-use crate::output_file::OutputFile;
-use crate::traffic::Traffic;
 use anyhow::{Context, bail};
 use serde_json::json;
 use std::io::{self, Write};
 use std::path::Path;
 use taxel_can::{CanFrame, EXTENDED_FLAG, LinkState, Received, SourceAddress};
+use taxel_playback::interrupt::Interrupt;
+use taxel_playback::output_file::OutputFile;
+use taxel_playback::traffic::Traffic;
 use taxel_skin::{
     CyskinPacket, CyskinSetup, Discovery, Layout, MtbCommand, RecognisedBus, Recogniser, Recognition,
     cyskin_frames,

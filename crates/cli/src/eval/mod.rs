@@ -6,10 +6,7 @@ mod table;
 mod task;
 
 use crate::allocations::COUNTER;
-use crate::interrupt::Ending;
 use crate::offline::OfflineArgs;
-use crate::output_file::{OutputFile, refuse_overlap};
-use crate::progress::Progress;
 use anyhow::{Context, bail};
 use serde::Serialize;
 use std::io::{self, Write};
@@ -18,6 +15,9 @@ use taxel_eval::{
     ContactTruth, EvalReport, Method, MethodReport, References, ScalingReport, Sequence, Timings, judge,
     main_methods, quantile, standard_methods, synthetic, time,
 };
+use taxel_playback::interrupt::Ending;
+use taxel_playback::output_file::{OutputFile, refuse_overlap};
+use taxel_playback::progress::Progress;
 use taxel_skin::{ConditionConfig, Preset};
 use taxeld::Config;
 
@@ -263,11 +263,11 @@ fn recorded(args: &Args) -> anyhow::Result<(Frames, Config)> {
     let mut config = offline.configure(&input)?;
     args.condition(&mut config);
     let mut sequence = empty(&config);
-    offline.run(&input, &config, &mut |tactile, force, _| {
+    offline.run(&input, &config, &mut |felt| {
         sequence
             .tactile
-            .extend(tactile.map(|measured| measured.tactile.clone()));
-        sequence.force.push(force.clone());
+            .extend(felt.measured.map(|measured| measured.tactile.clone()));
+        sequence.force.push(felt.force.clone());
         Ok(())
     })?;
     if sequence.tactile.is_empty() {

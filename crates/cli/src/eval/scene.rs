@@ -1,8 +1,8 @@
 //! The frames of a scene, whose truth is known.
 
 use super::{Args, Frames, empty};
-use crate::scene_input;
 use taxel_eval::{Sequence, contact_truth};
+use taxel_playback::scene_input;
 use taxel_sim::{Scene, Simulator};
 use taxeld::Config;
 
@@ -13,11 +13,11 @@ pub(super) fn frames(name: &str, args: &Args) -> anyhow::Result<(Frames, Config)
     let mut config = args.offline.configure_for(scene.layout())?;
     args.condition(&mut config);
     let mut sequence = empty(&config);
-    scene_input::run(&scene, &config, &mut |tactile, force, _| {
+    scene_input::run(&scene, &config, &mut |felt| {
         sequence
             .tactile
-            .extend(tactile.map(|measured| measured.tactile.clone()));
-        sequence.force.push(force.clone());
+            .extend(felt.measured.map(|measured| measured.tactile.clone()));
+        sequence.force.push(felt.force.clone());
         Ok(())
     })?;
     let simulator = Simulator::new(&scene, &config.layout, scene.seed())?;

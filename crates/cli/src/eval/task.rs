@@ -1,14 +1,14 @@
 //! `taxel eval --task`: what can still be told from one image.
 
 use super::Args;
-use crate::output_file::OutputFile;
-use crate::progress::Progress;
 use anyhow::{Context, bail};
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::io::{self, Write};
 use taxel_eval::{BLUR_PX, Method, Shown, Task, TaskPoint, TaskRow, grid_places};
 use taxel_hand::{ActuatorForce, Coordinates, Profile};
+use taxel_playback::output_file::OutputFile;
+use taxel_playback::progress::Progress;
 use taxel_plot::{Axis, Chart, Sheet};
 use taxel_record::Labelled;
 use taxel_skin::Layout;

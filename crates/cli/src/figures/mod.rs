@@ -7,13 +7,13 @@ mod time_course;
 
 use crate::compress::method;
 use crate::offline::OfflineArgs;
-use crate::output_file::{OutputFile, refuse_overlap};
 use anyhow::{Context, bail};
 use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use take::Take;
 use taxel_hand::Method;
+use taxel_playback::output_file::{OutputFile, refuse_overlap};
 use taxel_plot::Sheet;
 
 /// Draw what the first publication shows, from recordings: figures as SVG, their numbers as CSV beside them.
@@ -60,35 +60,42 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let paths = args.paths()?;
     let names = names(&paths);
     fs::create_dir_all(&args.out).with_context(|| format!("--out {}", args.out.display()))?;
-    let single = paths.len() == 1;
+    if let ([path], [name]) = (&paths[..], &names[..]) {
+        let take = args.touched(path, name)?;
+        return args.draw(&take, &args.take(path, name, Some(Method::Paper))?);
+    }
     let mut overview = overview::Overview::default();
     for (path, name) in paths.iter().zip(&names) {
-        let take = args.take(path, name, args.method)?;
-        if take.tightest().is_none() {
-            bail!(
-                "{}: nothing is in contact in any of its {} frames, so there is nothing to draw",
-                path.display(),
-                take.force.len()
-            );
-        }
-        if single {
-            args.draw(&take, &args.take(path, name, Some(Method::Paper))?)?;
-        } else {
-            overview.add(&take)?;
+        match args.touched(path, name) {
+            Ok(take) => overview.add(&take)?,
+            Err(error) if args.names(path) => return Err(error),
+            // A folder may hold other things.
+            Err(error) => eprintln!("taxel: left out: {}", crate::describe(&error)),
         }
     }
-    if !single {
-        args.write("recordings", &overview.sheet())?;
-        args.write_text("recordings-table.csv", &overview.table())?;
-        let mut out = io::stdout().lock();
-        out.write_all(overview.human().as_bytes())
-            .and_then(|()| out.flush())
-            .context("stdout")?;
+    if overview.is_empty() {
+        bail!(
+            "there is nothing to draw in any of these {} recordings",
+            paths.len()
+        );
     }
-    Ok(())
+    args.write("recordings", &overview.sheet())?;
+    args.write_text("recordings-table.csv", &overview.table())?;
+    let mut out = io::stdout().lock();
+    out.write_all(overview.human().as_bytes())
+        .and_then(|()| out.flush())
+        .context("stdout")
 }
 
 impl Args {
+    /// Whether the command line has this name.
+    fn names(&self, path: &Path) -> bool {
+        [&self.offline.input.path]
+            .into_iter()
+            .chain(&self.more)
+            .any(|named| named == path)
+    }
+
     /// Every recording that is named, those of a folder in the order of their names.
     fn paths(&self) -> anyhow::Result<Vec<PathBuf>> {
         let mut paths = Vec::new();
@@ -109,6 +116,19 @@ impl Args {
         let mut offline = self.offline.clone();
         offline.input.path = path.into();
         Take::of(&offline, name, method)
+    }
+
+    /// The same with the method as given, where anything is in contact.
+    fn touched(&self, path: &Path, name: &str) -> anyhow::Result<Take> {
+        let take = self.take(path, name, self.method)?;
+        if take.tightest().is_none() {
+            bail!(
+                "{}: nothing is in contact in any of its {} frames, so there is nothing to draw",
+                path.display(),
+                take.force.len()
+            );
+        }
+        Ok(take)
     }
 
     fn draw(&self, take: &Take, by_paper: &Take) -> anyhow::Result<()> {
@@ -153,7 +173,7 @@ fn recordings_of(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
     for entry in entries {
         let path = entry.with_context(|| folder.display().to_string())?.path();
         let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("");
-        if ["log", "csv", "npy", "npz"]
+        if ["log", "mcap", "csv", "npy", "npz"]
             .iter()
             .any(|known| extension.eq_ignore_ascii_case(known))
         {
@@ -161,7 +181,10 @@ fn recordings_of(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
         }
     }
     if paths.is_empty() {
-        bail!("{}: no .log, .csv, .npy or .npz in this folder", folder.display());
+        bail!(
+            "{}: no .log, .mcap, .csv, .npy or .npz in this folder",
+            folder.display()
+        );
     }
     paths.sort();
     Ok(paths)

@@ -43,6 +43,11 @@ const COLUMNS: [&str; 11] = [
 ];
 
 impl Overview {
+    /// Whether there is no recording.
+    pub(super) fn is_empty(&self) -> bool {
+        self.rows.is_empty()
+    }
+
     /// Takes a recording that has contacts.
     pub(super) fn add(&mut self, take: &Take) -> anyhow::Result<()> {
         let Some(index) = take.tightest() else {

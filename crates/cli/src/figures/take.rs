@@ -43,10 +43,10 @@ impl Take {
             tactile: Vec::new(),
             force: Vec::new(),
         };
-        offline.run(&input, &config, &mut |tactile, force, _| {
+        offline.run(&input, &config, &mut |felt| {
             take.tactile
-                .extend(tactile.map(|measured| measured.tactile.clone()));
-            take.force.push(force.clone());
+                .extend(felt.measured.map(|measured| measured.tactile.clone()));
+            take.force.push(felt.force.clone());
             Ok(())
         })?;
         Ok(take)

@@ -2,8 +2,8 @@
 
 use super::judge::{Outcome, judge_all};
 use super::report;
-use crate::progress::Progress;
 use taxel_forearm::{Disturbance, Kinesthetic, Session, Split, Squeeze};
+use taxel_playback::progress::Progress;
 
 const DISTURBANCES: [Disturbance; 12] = [
     Disturbance::Missing(0.3),

@@ -3,10 +3,10 @@
 use super::disturbed::by_share;
 use super::judge::{judge_all, train};
 use super::report;
-use crate::output_file::OutputFile;
 use anyhow::Context;
 use std::path::PathBuf;
 use taxel_forearm::{Errors, Kinesthetic, PlaceErrors, Session, splits};
+use taxel_playback::output_file::OutputFile;
 use taxel_plot::{Axis, Chart, Picture, Sheet};
 
 /// Draw the publication's figures 5, 7 and 8 and error against elapsed squeeze, numbers as CSV beside them.

@@ -1,9 +1,9 @@
 //! Estimators trained and judged by the publication's protocol.
 
-use crate::progress::Progress;
 use anyhow::Context;
 use std::time::{Duration, Instant};
 use taxel_forearm::{Errors, Estimator, ForearmError, Judged, Session, Split, Squeeze, Trial};
+use taxel_playback::progress::Progress;
 
 /// Estimators of each repetition, and how long their training took.
 pub(super) struct Trained<E> {

@@ -14,7 +14,6 @@ mod report;
 pub(crate) mod simulate;
 mod touch;
 
-use crate::output_file::{OutputFile, refuse_overlap};
 use anyhow::Context;
 use clap::Subcommand;
 use serde::Serialize;
@@ -22,6 +21,7 @@ use std::fmt::Write as _;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use taxel_forearm::{Estimate, Estimator, Model, Session, Squeeze, Trial};
+use taxel_playback::output_file::{OutputFile, refuse_overlap};
 
 /// Say where on a forearm a gripper holds, from one squeeze.
 ///
@@ -101,9 +101,10 @@ struct EstimateArgs {
 struct Line {
     file: String,
     /// Where the session says that it was made; null for a single file.
-    location_percent: Option<f64>,
+    true_percent: Option<f64>,
     repetition: Option<usize>,
-    percent: f64,
+    /// The estimate, as in an ESTIMATE message.
+    location_percent: f64,
     half_width_90: f64,
     source: String,
     /// How far the squeeze came: 1 is its peak, 2 its end.
@@ -188,9 +189,9 @@ fn line(
     if json {
         let line = Line {
             file: file.into(),
-            location_percent: trial.map(|t| t.location_percent),
+            true_percent: trial.map(|t| t.location_percent),
             repetition: trial.map(|t| t.repetition),
-            percent: estimate.percent,
+            location_percent: estimate.percent,
             half_width_90: estimate.half_width_90,
             source: estimate.source.to_string(),
             phase: estimate.phase,

@@ -3,13 +3,13 @@
 use super::judge::Outcome;
 use super::network_args::{self, NetworkArgs};
 use super::report::{beside, column};
-use crate::interrupt::Interrupt;
 use anyhow::Context;
 use std::fmt::Write as _;
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 use taxel_forearm::{Errors, Session, Split};
 use taxel_networks::{Kind, Plan, Progress, Reading, Trained};
+use taxel_playback::interrupt::Interrupt;
 
 /// Between two lines that say how far a training is.
 const LINES: Duration = Duration::from_secs(10);

@@ -1,7 +1,5 @@
 //! `taxel sim forearm`: a simulated forearm's touch on the socket of a pressure array, and servos that squeeze it.
 
-use crate::interrupt::Interrupt;
-use crate::target::{TargetAddress, Targets, of_buses};
 use anyhow::{Context, bail};
 use std::io::Write;
 use std::path::Path;
@@ -9,6 +7,8 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 use taxel_can::pressure_frames;
 use taxel_forearm::{FINGERS, Ramp, TACTELS, TACTILE_COLUMNS, TACTILE_ROWS};
+use taxel_playback::interrupt::Interrupt;
+use taxel_playback::target::{TargetAddress, Targets, of_buses};
 use taxel_sim::forearm::{ForearmTouch, SimulatedForearm};
 use taxel_sim::servo::{
     ForearmFinger, Motion, SERVO_BAUD, ServoBuild, ServoBus, ServoPty, StableLink, servo_clock_ns,

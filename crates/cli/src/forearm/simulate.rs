@@ -1,9 +1,9 @@
 //! `taxel forearm simulate`: a session of a simulated forearm, with touch.
 
-use crate::output_file::OutputFile;
 use anyhow::ensure;
 use std::path::PathBuf;
 use taxel_forearm::{PLACES, Ramp, Session, Squeeze, Trial, location_percent};
+use taxel_playback::output_file::OutputFile;
 use taxel_sim::forearm::{SimulatedForearm, SimulatedSqueeze};
 
 /// Most squeezes at each place: the session is in memory as it is written.

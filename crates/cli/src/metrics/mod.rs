@@ -3,13 +3,13 @@
 mod text;
 
 use crate::everyday::Ask;
-use crate::output_file::OutputFile;
 use anyhow::Context;
 use serde_json::json;
 use std::io::{BufRead, BufReader, Read, Write};
-use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::net::{SocketAddr, TcpListener, TcpStream, ToSocketAddrs};
 use std::path::PathBuf;
 use std::time::Duration;
+use taxel_playback::output_file::OutputFile;
 use taxel_wire::status::Status;
 
 /// How long a client may take to ask, and to take the answer.
@@ -31,7 +31,7 @@ pub(crate) struct Args {
     #[command(flatten)]
     ask: Ask,
     /// Answer HTTP requests for /metrics here; port 0 takes a free one
-    #[arg(long, value_name = "ADDRESS:PORT", conflicts_with = "textfile")]
+    #[arg(long, value_name = "ADDRESS:PORT", value_parser = address, conflicts_with = "textfile")]
     listen: Option<SocketAddr>,
     /// Write them to this file again and again, whole each time, for node_exporter's textfile collector
     #[arg(long, value_name = "FILE")]
@@ -39,6 +39,11 @@ pub(crate) struct Args {
     /// Seconds between two writes of --textfile, 0.1 to 3600
     #[arg(long, value_name = "S", default_value = "15", value_parser = seconds, requires = "textfile")]
     every: Duration,
+}
+
+fn address(text: &str) -> Result<SocketAddr, String> {
+    let named = text.to_socket_addrs().ok().and_then(|mut named| named.next());
+    named.ok_or_else(|| "give an address and a port, such as 127.0.0.1:9464".into())
 }
 
 fn seconds(text: &str) -> Result<Duration, String> {
@@ -59,7 +64,11 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     }
     let Some(path) = &args.textfile else {
         let mut out = std::io::stdout().lock();
-        let text = metrics(&args.ask);
+        let status = status(&args.ask);
+        if let Err(error) = &status {
+            eprintln!("taxel: {error:#}; so taxeld_up is 0");
+        }
+        let text = text::of(status.as_ref().ok());
         return Ok(out.write_all(text.as_bytes()).and_then(|()| out.flush())?);
     };
     loop {
@@ -70,9 +79,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
 
 /// What the daemon tells now.
 fn metrics(ask: &Ask) -> String {
-    let reply = ask.send(&json!({ "cmd": "status" }));
-    let status = reply.and_then(|reply| Ok(serde_json::from_value::<Status>(reply["status"].clone())?));
-    text::of(status.as_ref().ok())
+    text::of(status(ask).as_ref().ok())
+}
+
+fn status(ask: &Ask) -> anyhow::Result<Status> {
+    let reply = ask.send(&json!({ "cmd": "status" }))?;
+    Ok(Status::try_from(reply["status"].clone())?)
 }
 
 /// Answers one client after the other; one that is slow holds up the others for no longer than [`PATIENCE`].

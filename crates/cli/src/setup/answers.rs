@@ -1,11 +1,11 @@
 //! Questions, and who answers them: a person at a terminal, the lines of stdin, or nobody (`--yes`).
 
 use crate::doctor::report::wrap;
-use crate::interrupt::Interrupt;
 use anyhow::{Context, bail};
 use std::io::{IsTerminal, Write};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, TryRecvError};
 use std::time::Duration;
+use taxel_playback::interrupt::Interrupt;
 
 /// Between two looks whether the user wants to stop.
 const LOOK: Duration = Duration::from_millis(50);

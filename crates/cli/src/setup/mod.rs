@@ -13,7 +13,6 @@ use crate::doctor::finding::{Check, State};
 use crate::doctor::link::{self, LinkFacts};
 use crate::doctor::report::{Report, Style};
 use crate::doctor::scan::{self, Bus};
-use crate::interrupt::Interrupt;
 use answers::{Answers, say};
 use anyhow::{Context, bail};
 use hand::Heard;
@@ -23,6 +22,7 @@ use place::Pressing;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use taxel_can::SourceAddress;
+use taxel_playback::interrupt::Interrupt;
 use taxel_skin::{Layout, Recognition};
 
 /// Boards that were heard, taken as they are: a hand of one's own.

@@ -3,12 +3,12 @@
 use super::answers::{Answers, say};
 use crate::config::text_for;
 use crate::doctor::{capacity, link};
-use crate::output_file::OutputFile;
 use anyhow::{Context, bail};
 use serde_json::{Value, json};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use taxel_can::SourceAddress;
+use taxel_playback::output_file::OutputFile;
 use taxel_skin::Layout;
 use taxeld::Config;
 
@@ -183,18 +183,16 @@ fn layout_path(folder: &Path, force: bool, answers: &Answers) -> anyhow::Result<
     }
 }
 
-/// Refuses to overwrite a configuration unless told to.
+/// Refuses to overwrite a configuration unless told to, and one that cannot be written.
 pub(super) fn may_write(path: &Path, force: bool, answers: &Answers) -> anyhow::Result<()> {
-    if force || !path.exists() {
-        return Ok(());
+    let may = force || !path.exists();
+    if !may && !answers.confirm(&format!("{} exists. Overwrite it", path.display()), false)? {
+        bail!(
+            "{} exists; --out FILE names another, --force overwrites it",
+            path.display()
+        );
     }
-    if answers.confirm(&format!("{} exists. Overwrite it", path.display()), false)? {
-        return Ok(());
-    }
-    bail!(
-        "{} exists; --out FILE names another, --force overwrites it",
-        path.display()
-    )
+    OutputFile::begin(path).map(drop)
 }
 
 /// The configuration with `[boards]` triggered.

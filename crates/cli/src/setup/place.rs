@@ -4,10 +4,10 @@ use super::answers::{Answers, Line, STOPPED, prompt, say};
 use super::hand::Heard;
 use super::touch::{Touch, TouchWatch};
 use crate::doctor::bus_listener::{BusListener, Listener};
-use crate::interrupt::Interrupt;
 use anyhow::{Context, bail};
 use taxel_can::Received;
 use taxel_engine::{Engine, Frames};
+use taxel_playback::interrupt::Interrupt;
 use taxel_skin::{BoardsMode, Layout};
 use taxeld::Config;
 

@@ -3,7 +3,6 @@
 use super::recorder::Recorder;
 use super::{GLANCE_S, Sheet, Source, lock, look, print_summary};
 use crate::control;
-use crate::interrupt::Interrupt;
 use crate::terminal;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -11,6 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 use taxel_hand::Profile;
+use taxel_playback::interrupt::Interrupt;
 use taxel_view::{Action, Heading, Screen, Seen};
 use taxel_wire::{ReadError, Received, Subscribe, Subscriber};
 

@@ -4,7 +4,6 @@ mod live;
 mod recorder;
 mod recording;
 
-use crate::interrupt::Interrupt;
 use crate::offline::OfflineArgs;
 use crate::terminal::{self, Shown};
 use anyhow::Context;
@@ -19,6 +18,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard};
 use std::time::{Duration, Instant};
+use taxel_playback::interrupt::Interrupt;
 use taxel_view::{Action, Heading, Palette, Screen, Seen, draw, svg};
 
 /// Without a terminal a daemon is looked at for so long.
@@ -135,7 +135,7 @@ impl FromArgMatches for Recording {
     }
 }
 
-fn seconds(text: &str) -> Result<f64, String> {
+pub(crate) fn seconds(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(seconds) if seconds > 0.0 && seconds < 1e9 => Ok(seconds),
         _ => Err(format!(

@@ -1,14 +1,15 @@
 //! The hand of a recording, played in its own time.
 
 use super::{Sheet, Source, lock, look, print_summary};
-use crate::interrupt::Interrupt;
 use crate::offline::OfflineArgs;
-use crate::progress;
 use crate::terminal;
 use anyhow::{Context, bail};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
+use taxel_engine::Display;
 use taxel_hand::{ForceFrame, Freshness, TactileFrame, TactileImage};
+use taxel_playback::interrupt::Interrupt;
+use taxel_playback::progress;
 use taxel_view::{Action, Heading, Screen, Seen};
 use taxel_wire::{Clock, Header, Hello, HelloRate, ImageView, RawView};
 use taxel_wire::{encode_image_payload, encode_raw_payload};
@@ -154,9 +155,12 @@ impl Player {
         let mut counts = TactileFrame::new(geometry.len());
         counts.freshness.fill(Freshness::Fresh);
         counts.age_ns.fill(0);
-        recording.run(&input, &config, &mut |measured, force, image| {
+        let mut display = Display::new(config.profile.clone(), None, geometry)?;
+        recording.run(&input, &config, &mut |felt| {
+            let force = felt.force;
             self.wait_until(force.t_ns)?;
-            match measured {
+            let image = display.image_of(force, felt.joints);
+            match felt.measured {
                 Some(measured) => self.see(
                     measured.tactile,
                     Some(measured.baseline),

@@ -33,6 +33,7 @@ fn recorded() -> TempDir {
     let manifest = format!("# six touches\nphantom,motion,depth,radius,area,label,file,time\n{manifest}");
     for (name, text) in [
         ("frames.csv", frames),
+        ("semicolons.csv", manifest.replace(',', ";")),
         ("manifest.csv", manifest),
         ("marks.csv", marks),
     ] {
@@ -46,6 +47,7 @@ fn a_manifest_marks_and_contact_cut_the_same_touches() {
     let dir = recorded();
     for (args, along) in [
         (&["manifest.csv"][..], "depth"),
+        (&["semicolons.csv"], "depth"),
         (&["frames.csv", "--marks", "marks.csv", "--depth", "6.5"], "depth"),
         (&["frames.csv", "--marks", "marks.csv"], "time"),
         (&["frames.csv", "--contact", "5"], "time"),

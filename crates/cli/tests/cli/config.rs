@@ -22,10 +22,13 @@ fn a_file_to_start_from_is_one_that_is_well_for_every_hand_with_buses() {
         };
         let sources: Vec<String> = (0..layout.buses.len()).map(source).collect();
         let mut args = vec!["config", "init", "--layout", name, "--out", "taxeld.toml"];
+        let _ = std::fs::remove_file(dir.path().join("taxeld.toml"));
         sources
             .iter()
             .for_each(|source| args.extend(["--source", source]));
         succeeds(&dir, &args);
+        // It is there to be edited, and stays as it is.
+        assert!(fails(&dir, &args, 1).contains("taxeld.toml exists; --force"));
         let (out, _) = succeeds(&dir, &["config", "check", "taxeld.toml"]);
         assert!(
             out.starts_with(&format!("{name}: ")) && out.contains("43113"),

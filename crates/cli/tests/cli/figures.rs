@@ -114,11 +114,19 @@ fn a_folder_stands_for_its_recordings_in_the_order_of_their_names() {
         ("b.csv", "0,0,9,0\n"),
         ("a.csv", "0,1,2,3\n0,0,0,1\n"),
         ("notes.txt", "none\n"),
+        ("idle.csv", "0,0,0,0\n"),
+        ("no.mcap", "none\n"),
     ] {
         fs::write(folder.join(name), text).unwrap();
     }
     let args = ["figures", "grasps", "--layout", "grid:2x2", "--out", "out"];
-    succeeds(&dir, &args);
+    // What is none of them, or nothing to draw, is named, and the others are drawn.
+    let (_, err) = succeeds(&dir, &args);
+    assert!(
+        err.contains("left out: grasps/idle.csv: nothing is in contact"),
+        "{err}"
+    );
+    assert!(err.contains("left out: grasps/no.mcap: "), "{err}");
     let table = rows(&dir, "recordings-table.csv", "");
     let told: Vec<(&str, &str)> = table
         .iter()
@@ -131,6 +139,11 @@ fn a_folder_stands_for_its_recordings_in_the_order_of_their_names() {
 fn what_cannot_be_drawn_is_refused_by_name() {
     let dir = TempDir::new().unwrap();
     fs::create_dir(dir.path().join("empty")).unwrap();
+    let idle = dir.path().join("idle");
+    fs::create_dir(&idle).unwrap();
+    for name in ["a.csv", "b.csv"] {
+        fs::write(idle.join(name), "0,0,0,0\n").unwrap();
+    }
     for (args, wanted) in [
         (
             &["figures", "sim:idle", "--out", "out"][..],
@@ -138,7 +151,11 @@ fn what_cannot_be_drawn_is_refused_by_name() {
         ),
         (
             &["figures", "empty", "--out", "out"],
-            "empty: no .log, .csv, .npy or .npz",
+            "empty: no .log, .mcap, .csv, .npy or .npz",
+        ),
+        (
+            &["figures", "idle", "--layout", "grid:2x2", "--out", "out"],
+            "nothing to draw in any of these 2 recordings",
         ),
         (
             &["figures", "sim:tap", "--out", "out", "--module", "toe"],

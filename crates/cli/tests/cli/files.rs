@@ -134,7 +134,7 @@ fn a_full_disk_leaves_the_file_from_before_and_no_half_of_a_new_one() {
         ),
         (
             "f.toml",
-            vec!["doctor", "--scan", "log:tap.log", "--out", "f.toml"],
+            vec!["doctor", "--scan", "log:tap.log", "--out", "f.toml", "--force"],
         ),
     ] {
         std::fs::write(path(file), "before").unwrap();

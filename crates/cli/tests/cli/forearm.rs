@@ -27,7 +27,7 @@ fn a_session_is_trained_on_and_its_squeezes_and_more_are_placed() {
     assert_eq!(lines.len(), 39);
     for line in &lines {
         let number = |key: &str| line[key].as_f64().unwrap();
-        let off = number("percent") - number("location_percent");
+        let off = number("location_percent") - number("true_percent");
         assert!(
             off.abs() < 2.0 * number("half_width_90") && line["source"] == "fused",
             "{line}"

@@ -83,6 +83,17 @@ fn wrong_usage_is_told_from_failure_by_the_exit_code() {
     fails(&dir, &["wach"], 2);
     fails(&dir, &["watch", "--count", "0"], 2);
     fails(&dir, &["sim"], 2);
+    for (wrong, word) in [
+        (&["demo", "--seconds", "nan"][..], "no time"),
+        (&["demo", "--levels", "999"], "1..=255"),
+        (&["replay", "a.log", "--to", "-", "--speed", "0"], "no speed"),
+        (&["servo", "index 0", "--pwm", "nan"], "-100 to 100"),
+        (&["record", "a.mcap", "--seconds", "0"], "above 0"),
+        (&["record", "a.mcap", "--most-files", "3"], "--split-size"),
+    ] {
+        let err = fails(&dir, wrong, 2);
+        assert!(err.contains(word), "{wrong:?}: {err}");
+    }
     let err = fails(&dir, &["replay", "a.log", "--to", "vcan0"], 2);
     assert!(err.contains("can:INTERFACE"), "{err}");
 }

@@ -1,6 +1,6 @@
 //! `taxel metrics`, of a real daemon in this process.
 
-use crate::{simulated, succeeds};
+use crate::{fails, simulated, succeeds};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::process::{Child, Command, Stdio};
@@ -67,6 +67,13 @@ fn the_metrics_of_a_daemon_are_fetched_over_http_while_it_runs_and_after() {
     ] {
         assert!(answer.contains(wanted), "{wanted} in {answer}");
     }
+    let (out, err) = succeeds(&dir, &["metrics", "--socket", "images.sock"]);
+    assert!(
+        out.contains("\ntaxeld_up 0\n") && err.contains("cannot reach taxeld at images.sock: "),
+        "{out}{err}"
+    );
+    let err = fails(&dir, &["metrics", "--listen", "localhost"], 2);
+    assert!(err.contains("such as 127.0.0.1:9464"), "{err}");
     let (out, _) = succeeds(&dir, &["metrics", "--socket", "control.sock"]);
     assert!(
         out.starts_with("# TYPE taxeld_up gauge\n") && out.ends_with("# EOF\n"),

@@ -87,6 +87,8 @@ fn what_cannot_be_done_is_refused_before_anything_is_written() {
     fs::write(dir.path().join("mine.toml"), "mine").unwrap();
     for (arguments, named) in [
         (&["--yes", "--out", "mine.toml"][..], "--force"),
+        // Before any question: nobody answers.
+        (&["--out", "none/a.toml"], "none/a.toml: No such file"),
         (&["--yes", "--touch"], "--touch"),
         (&["--yes", "--layout", "allegro-uskin-15"], "--layout new"),
         (&["--yes", "--seconds", "0"], "--seconds"),

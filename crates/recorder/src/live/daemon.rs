@@ -127,7 +127,7 @@ fn read_subscription(
             }
             Received::Status(_, status) => {
                 put(Topic::Status, now_ns, text_message(&status.to_string()));
-                if let Ok(status) = serde_json::from_value::<Status>(status) {
+                if let Ok(status) = Status::try_from(status) {
                     put(Topic::Diagnostics, now_ns, diagnostics_message(&status, now_ns));
                 }
             }

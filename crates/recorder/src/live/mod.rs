@@ -80,6 +80,8 @@ pub struct Signals<'a> {
 pub struct Finished {
     /// The files, without those that were removed to make room.
     pub files: Vec<PathBuf>,
+    /// Files that were removed to make room. The counts below are of what they held too.
+    pub removed: u32,
     /// CAN frames recorded.
     pub can_frames: u64,
     /// CAN frames that the kernel dropped.
@@ -268,6 +270,7 @@ pub fn record(plan: &Plan, signals: &Signals<'_>) -> Result<Finished, LiveError>
     let count = |count: &AtomicU64| count.load(Ordering::Relaxed);
     Ok(Finished {
         files: store.files().map(PathBuf::from).collect(),
+        removed: store.removed(),
         can_frames: count(&shared.can_frames),
         can_lost: count(&shared.can_lost),
         images: count(&shared.images),

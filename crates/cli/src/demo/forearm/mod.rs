@@ -4,7 +4,6 @@ mod view;
 
 use super::Args;
 use crate::forearm::simulate;
-use crate::interrupt::Interrupt;
 use crate::terminal::{self, Shown};
 use anyhow::{Context, bail};
 use ratatui::Frame;
@@ -13,6 +12,7 @@ use std::fmt::Write as _;
 use std::io::Write as _;
 use std::time::{Duration, Instant};
 use taxel_forearm::{Estimate, Estimator, Model, Ramp, Squeeze, Trial};
+use taxel_playback::interrupt::Interrupt;
 use taxel_sim::forearm::SimulatedForearm;
 use taxel_view::Palette;
 

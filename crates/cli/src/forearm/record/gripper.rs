@@ -3,13 +3,13 @@
 use super::super::live::{BEGINS, ENDS, SAMPLE};
 use super::newest::{Joints, Newest};
 use crate::control::{self, Connection};
-use crate::interrupt::Interrupt;
 use anyhow::{Context, anyhow, bail};
 use serde_json::{Map, Value, json};
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use taxel_forearm::{FINGERS, FULL_PWM, Sample, Squeeze};
+use taxel_playback::interrupt::Interrupt;
 use taxel_wire::status::{JointsStatus, Status};
 
 /// After so long without a request the daemon lets the motors go: eight samples.
@@ -41,7 +41,7 @@ impl Gripper {
         potentiometers: &[String],
     ) -> anyhow::Result<Self> {
         let reply = control::request(&control, &json!({ "cmd": "status" }))?;
-        let status: Status = serde_json::from_value(reply["status"].clone())?;
+        let status = Status::try_from(reply["status"].clone())?;
         let joints =
             (status.joints).context("the daemon reads no joints; its configuration has no table [joints]")?;
         let watchdog_ms = (joints.servos.as_ref())

@@ -4,8 +4,6 @@ mod gripper;
 mod newest;
 mod plan;
 
-use crate::interrupt::Interrupt;
-use crate::output_file::OutputFile;
 use anyhow::{Context, bail};
 use gripper::Gripper;
 use plan::{Next, Plan, Settings};
@@ -14,6 +12,8 @@ use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 use taxel_forearm::{FULL_PWM, PLACES, Ramp, Session, Squeeze, location_percent};
+use taxel_playback::interrupt::Interrupt;
+use taxel_playback::output_file::OutputFile;
 
 /// Record squeezes of a forearm: moves the gripper through the running daemon, and says what comes next.
 ///
@@ -63,6 +63,10 @@ pub(crate) struct Args {
     /// Do not wait for Enter before each place
     #[arg(long)]
     no_wait: bool,
+    /// Make a squeeze that a fault has ended again, up to so many times in a row, the motors off for a second before;
+    /// otherwise the session ends with the fault, and the same command goes on there
+    #[arg(long, value_name = "TIMES", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=10))]
+    again: u32,
     /// When it ends, also write all squeezes of the folder to this .npz
     #[arg(long, value_name = "FILE")]
     npz: Option<PathBuf>,
@@ -144,6 +148,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
 fn session(args: &Args, plan: &Plan, gripper: &Gripper, interrupt: &Interrupt) -> anyhow::Result<()> {
     let keys = Keys::start();
     let mut at = None;
+    let mut faults = 0;
     while let Some(next) = plan.next() {
         if at != Some(next.place) {
             at = Some(next.place);
@@ -156,12 +161,20 @@ fn session(args: &Args, plan: &Plan, gripper: &Gripper, interrupt: &Interrupt) -
         }
         let pwm = args.ramp.pwm(next.repetition as u64);
         let period = Duration::from_secs_f64(args.ramp.period_ms() / 1e3);
-        let Some(squeeze) = gripper
+        let made = gripper
             .squeeze(&pwm, period, interrupt)
-            .with_context(|| format!("{next}; this squeeze is not kept, and its motors are let go"))?
-        else {
-            return stopped(plan);
+            .with_context(|| format!("{next}; this squeeze is not kept, and its motors are let go"));
+        let squeeze = match made {
+            Ok(Some(squeeze)) => squeeze,
+            Ok(None) => return stopped(plan),
+            Err(fault) if faults < args.again => {
+                faults += 1;
+                eprintln!("taxel: {fault:#}. It is made again ({faults} of {})", args.again);
+                continue;
+            }
+            Err(fault) => return Err(fault),
         };
+        faults = 0;
         plan.write(&next, &squeeze)?;
         say(&next, &squeeze)?;
     }

@@ -1,12 +1,12 @@
 //! Which squeezes a session has, which are there, and which comes next.
 
-use crate::output_file::OutputFile;
 use anyhow::{Context, bail};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::fs;
 use std::path::{Path, PathBuf};
 use taxel_forearm::{PLACES, Ramp, Squeeze, location_percent, touch_file};
+use taxel_playback::output_file::OutputFile;
 
 /// The squeezes of a session and the folder that they go into.
 #[derive(Debug)]

@@ -32,7 +32,7 @@ struct TaxelLine {
 
 /// The raw frame as one line of JSON, without the line break:
 /// `{"seq","t_ns","latency_us","threshold","taxels":[{"counts","force","contact","repaired","age_us","status","faults"}],"joints"}`.
-pub(crate) fn json(header: &Header, raw: &RawView<'_>, latency_ns: Option<i64>) -> String {
+pub fn json(header: &Header, raw: &RawView<'_>, latency_ns: Option<i64>) -> String {
     let taxel = |t: RawTaxel| TaxelLine {
         counts: t.counts,
         force: t.force.is_finite().then_some(t.force),
@@ -57,7 +57,7 @@ pub(crate) fn json(header: &Header, raw: &RawView<'_>, latency_ns: Option<i64>) 
 }
 
 /// The name of each taxel, `MODULE/K` with its place in the module, for [`words`].
-pub(crate) fn names(hello: &Hello) -> Vec<String> {
+pub fn names(hello: &Hello) -> Vec<String> {
     let name = |taxel: u16, module: u16| match hello.modules.get(usize::from(module)) {
         Some(module) => format!("{} {}", module.name, taxel.wrapping_sub(module.first_taxel)),
         None => taxel.to_string(),
@@ -66,7 +66,7 @@ pub(crate) fn names(hello: &Hello) -> Vec<String> {
 }
 
 /// The raw frame in words: number, time, latency, contacts, the taxel pressed hardest with its counts.
-pub(crate) fn words(header: &Header, raw: &RawView<'_>, latency_ns: Option<i64>, names: &[String]) -> String {
+pub fn words(header: &Header, raw: &RawView<'_>, latency_ns: Option<i64>, names: &[String]) -> String {
     let mut line = start(header, latency_ns);
     let fresh = raw.taxels().filter(|t| t.freshness == Freshness::Fresh).count();
     let contacts = raw.taxels().filter(|t| t.contact).count();

@@ -32,7 +32,7 @@ struct ActuatorLine {
 }
 
 /// The image as one line of JSON, without the line break. An angle that could not be read is null.
-pub(crate) fn json(header: &Header, image: &ImageView<'_>, latency_ns: Option<i64>) -> String {
+pub fn json(header: &Header, image: &ImageView<'_>, latency_ns: Option<i64>) -> String {
     let actuators = image.actuators();
     let line = ImageLine {
         seq: header.seq,
@@ -63,7 +63,7 @@ pub(crate) fn json(header: &Header, image: &ImageView<'_>, latency_ns: Option<i6
 }
 
 /// The image in words: number, time, latency, contacts, actuators, what is missing.
-pub(crate) fn words(header: &Header, image: &ImageView<'_>, latency_ns: Option<i64>) -> String {
+pub fn words(header: &Header, image: &ImageView<'_>, latency_ns: Option<i64>) -> String {
     let mut line = start(header, latency_ns);
     let (contacts, actuators) = (image.contacts, image.actuators().len());
     let _ = write!(line, "  {contacts:>3} contacts  {actuators:>3} actuators");
@@ -84,7 +84,7 @@ pub(crate) fn words(header: &Header, image: &ImageView<'_>, latency_ns: Option<i
 }
 
 /// How many joint angles are known; nothing where no joints are read.
-pub(crate) fn joints(angles: impl ExactSizeIterator<Item = f32>) -> String {
+pub fn joints(angles: impl ExactSizeIterator<Item = f32>) -> String {
     let all = angles.len();
     match (all, angles.filter(|angle| angle.is_finite()).count()) {
         (0, _) => String::new(),
@@ -94,7 +94,7 @@ pub(crate) fn joints(angles: impl ExactSizeIterator<Item = f32>) -> String {
 }
 
 /// `#SEQ  TIME  LATENCY`, as every line for people begins.
-pub(crate) fn start(header: &Header, latency_ns: Option<i64>) -> String {
+pub fn start(header: &Header, latency_ns: Option<i64>) -> String {
     let mut line = format!("#{:<6} {:>10.3} s", header.seq, header.t_ns as f64 / 1e9);
     if let Some(ns) = latency_ns {
         let _ = write!(line, "  {:>6.2} ms", ns as f64 / 1e6);
@@ -103,7 +103,7 @@ pub(crate) fn start(header: &Header, latency_ns: Option<i64>) -> String {
 }
 
 /// What else is to be said about a message.
-pub(crate) fn remarks(header: &Header) -> &'static str {
+pub fn remarks(header: &Header) -> &'static str {
     if header.flags.contains(Flags::CALIBRATING) {
         "  calibrating: do not touch the hand"
     } else if header.flags.contains(Flags::SATURATED) {

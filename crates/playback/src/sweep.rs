@@ -14,7 +14,7 @@ const STATUS: u8 = 0x83;
 
 /// Turns each frame of a recording into one sweep of every board of a hand.
 #[derive(Debug)]
-pub(crate) struct Sweeps<'a> {
+pub struct Sweeps<'a> {
     recording: &'a Recording,
     layout: &'a Layout,
     /// For each place in the sweep, one taxel per bus as long as the bus has any: bus, taxel, recorded taxel.
@@ -26,9 +26,19 @@ pub(crate) struct Sweeps<'a> {
 }
 
 impl<'a> Sweeps<'a> {
+    /// What they are made of.
+    pub(crate) fn recording(&self) -> &'a Recording {
+        self.recording
+    }
+
+    /// The hand that they are of.
+    pub(crate) fn layout(&self) -> &'a Layout {
+        self.layout
+    }
+
     /// Refuses a recording that does not fit the hand. With `tile`, the recording is of one module
     /// and is repeated on each.
-    pub(crate) fn new(recording: &'a Recording, layout: &'a Layout, tile: bool) -> anyhow::Result<Self> {
+    pub fn new(recording: &'a Recording, layout: &'a Layout, tile: bool) -> anyhow::Result<Self> {
         let (name, taxels) = (recording.name(), recording.taxels());
         if !recording.has_counts() {
             bail!(
@@ -121,7 +131,7 @@ impl<'a> Sweeps<'a> {
     }
 
     /// The frames of one sweep.
-    pub(crate) fn sweep(&self, index: usize) -> impl Iterator<Item = (u8, Received)> + '_ {
+    pub fn sweep(&self, index: usize) -> impl Iterator<Item = (u8, Received)> + '_ {
         let counts = self.recording.counts(index).unwrap_or_default();
         let begin_ns = self.begins_ns[index];
         let spacing_ns = self.spacing_ns(index);

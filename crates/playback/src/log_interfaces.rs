@@ -101,7 +101,7 @@ struct Survey<'a> {
 /// An interface belongs to the bus of its name; a log of one interface to a hand of one bus. `pairs` (interface, bus)
 /// say otherwise. Where a bus has no interface and an interface with boards of the hand no bus, names were changed on
 /// the way: then the boards decide, or the log is refused. `joints` is an interface of which nothing is said.
-pub(crate) fn interfaces_of_buses(
+pub fn interfaces_of_buses(
     traffic: &Traffic,
     layout: &Layout,
     pairs: &[(String, String)],

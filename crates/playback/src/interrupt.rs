@@ -13,16 +13,16 @@ const LOOK: Duration = Duration::from_millis(50);
 /// Ctrl-C, SIGTERM and SIGHUP for work that does not look at an [`Interrupt`]: from when they are caught until the work is
 /// told what to remove, they wait.
 #[derive(Debug)]
-pub(crate) struct Ending(Signals);
+pub struct Ending(Signals);
 
 impl Ending {
     /// Takes the signals over.
-    pub(crate) fn catch() -> std::io::Result<Self> {
+    pub fn catch() -> std::io::Result<Self> {
         Ok(Self(Signals::new([SIGINT, SIGTERM, SIGHUP])?))
     }
 
     /// Ends the process at the first of them, once these files of half a result are removed.
-    pub(crate) fn remove(mut self, parts: Vec<PathBuf>) -> std::io::Result<()> {
+    pub fn remove(mut self, parts: Vec<PathBuf>) -> std::io::Result<()> {
         std::thread::Builder::new()
             .name("signals".into())
             .spawn(move || {
@@ -40,11 +40,11 @@ impl Ending {
 /// Whether the user asked to stop. The first Ctrl-C (or SIGTERM) sets it, the second ends the
 /// process; SIGHUP only sets it.
 #[derive(Debug, Clone)]
-pub(crate) struct Interrupt(Arc<AtomicBool>);
+pub struct Interrupt(Arc<AtomicBool>);
 
 impl Interrupt {
     /// Takes over SIGINT, SIGTERM, and SIGHUP, which a closed terminal sends.
-    pub(crate) fn install() -> std::io::Result<Self> {
+    pub fn install() -> std::io::Result<Self> {
         let flag = Arc::new(AtomicBool::new(false));
         for signal in [SIGINT, SIGTERM] {
             // In this order: the second signal finds the flag that the first has set.
@@ -57,12 +57,12 @@ impl Interrupt {
     }
 
     /// Whether to stop.
-    pub(crate) fn is_set(&self) -> bool {
+    pub fn is_set(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
 
     /// Sleeps until `deadline`; returns early, and false, when asked to stop.
-    pub(crate) fn sleep_until(&self, deadline: Instant) -> bool {
+    pub fn sleep_until(&self, deadline: Instant) -> bool {
         loop {
             if self.is_set() {
                 return false;

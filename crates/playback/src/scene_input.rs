@@ -3,9 +3,9 @@
 use crate::pipeline::{Emit, emit_with, pipeline};
 use std::f64::consts::TAU;
 use taxel_can::Received;
+use taxel_config::Config;
 use taxel_sim::servo::servos_of_scene;
 use taxel_sim::{Scene, Simulator};
-use taxeld::Config;
 
 /// Simulated at once.
 const STEP_NS: u64 = 10_000_000;
@@ -14,7 +14,7 @@ const PULSES: f64 = 4096.0;
 const ZERO: f64 = 2048.0;
 
 /// Plays the scene through the daemon's pipeline, ticks as configured.
-pub(crate) fn run(scene: &Scene, config: &Config, emit: &mut Emit<'_>) -> anyhow::Result<()> {
+pub fn run(scene: &Scene, config: &Config, emit: &mut Emit<'_>) -> anyhow::Result<()> {
     let mut simulator = Simulator::new(scene, &config.layout, scene.seed())?;
     simulator.start_all();
     let servos = servos_of_scene(scene, &config.layout, 0);
@@ -24,15 +24,13 @@ pub(crate) fn run(scene: &Scene, config: &Config, emit: &mut Emit<'_>) -> anyhow
             .map(|pulses| ((pulses - ZERO) * TAU / PULSES) as f32)
             .collect()
     };
-    pipeline(
-        config,
-        traffic(simulator, scene.length_ns()),
-        &mut |tactile, force, image| emit_with(emit, angles_at(force.t_ns), tactile, force, image),
-    )
+    pipeline(config, traffic(simulator, scene.length_ns()), &mut |felt| {
+        emit_with(emit, &angles_at(felt.force.t_ns), felt)
+    })
 }
 
 /// What the joints of the scene are called, in the order of their angles.
-pub(crate) fn joint_names(scene: &Scene, config: &Config) -> Vec<String> {
+pub fn joint_names(scene: &Scene, config: &Config) -> Vec<String> {
     let servos = servos_of_scene(scene, &config.layout, 0);
     servos.into_iter().map(|servo| servo.name).collect()
 }

@@ -2,6 +2,7 @@
 
 use anyhow::{Context, bail};
 use std::path::Path;
+use taxel_config::Config;
 use taxel_hand::TactileImage;
 use taxel_record::{ImageStack, Recording};
 use taxel_recorder::{
@@ -10,29 +11,28 @@ use taxel_recorder::{
 use taxel_sequence::Mark;
 use taxel_skin::Layout;
 use taxel_wire::{EventKind, Hello};
-use taxeld::Config;
 
 /// The daemon's configuration in a recording.
-pub(crate) const CONFIG: &str = "taxeld.toml";
+pub const CONFIG: &str = "taxeld.toml";
 /// The hand's layout in a recording, where it is no built-in one.
-pub(crate) const LAYOUT: &str = "layout.toml";
+pub const LAYOUT: &str = "layout.toml";
 
 /// How much of a recording is looked at for what it is, nanoseconds.
 const HEAD_NS: u64 = 10_000_000_000;
 
 /// What the first seconds of a recording tell.
 #[derive(Debug, Default)]
-pub(crate) struct Head {
+pub struct Head {
     config: Option<String>,
     layout: Option<String>,
     hello: Option<Hello>,
     /// Whether there is CAN traffic in it.
-    pub(crate) has_can: bool,
+    pub has_can: bool,
 }
 
 impl Head {
     /// Looks at the beginning of a recording.
-    pub(crate) fn read(path: &Path) -> anyhow::Result<Self> {
+    pub fn read(path: &Path) -> anyhow::Result<Self> {
         let mut head = Self::default();
         let mut reader = RecordingReader::open(path, &[Topic::Can, Topic::Hello, Topic::Frames])?;
         let mut began_ns = None;
@@ -67,7 +67,7 @@ impl Head {
     }
 
     /// The configuration that it was recorded with, where it is in there.
-    pub(crate) fn config(&self, path: &Path) -> anyhow::Result<Option<Config>> {
+    pub fn config(&self, path: &Path) -> anyhow::Result<Option<Config>> {
         let Some(text) = &self.config else {
             return Ok(None);
         };
@@ -85,19 +85,19 @@ impl Head {
     }
 
     /// The hand that it was recorded on, where it names one that is built in.
-    pub(crate) fn layout(&self) -> Option<Layout> {
+    pub fn layout(&self) -> Option<Layout> {
         Layout::builtin(&self.hello.as_ref()?.layout)
     }
 }
 
 /// The tactile frames that the daemon made, counts and joint angles.
-pub(crate) fn frames(path: &Path) -> anyhow::Result<Recording> {
+pub fn frames(path: &Path) -> anyhow::Result<Recording> {
     frames_and_marks(path).map(|(recording, _)| recording)
 }
 
 /// The tactile frames that the daemon made, and the marks that people and programs made meanwhile; times of both begin with
 /// the first frame.
-pub(crate) fn frames_and_marks(path: &Path) -> anyhow::Result<(Recording, Vec<Mark>)> {
+pub fn frames_and_marks(path: &Path) -> anyhow::Result<(Recording, Vec<Mark>)> {
     let name = path.display().to_string();
     let mut reader = RecordingReader::open(path, &[Topic::Frames, Topic::Events])?;
     let (mut counts, mut times_ns, mut joints) = (Vec::new(), Vec::new(), Vec::new());
@@ -153,7 +153,7 @@ pub(crate) fn frames_and_marks(path: &Path) -> anyhow::Result<(Recording, Vec<Ma
 }
 
 /// The images that the daemon made, as they were shown.
-pub(crate) fn images(path: &Path) -> anyhow::Result<ImageStack> {
+pub fn images(path: &Path) -> anyhow::Result<ImageStack> {
     let name = path.display().to_string();
     let mut reader = RecordingReader::open(path, &[Topic::Images])?;
     let mut images: Vec<TactileImage> = Vec::new();

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 
 /// Refuses outputs that would overwrite one of the inputs, or each other.
-pub(crate) fn refuse_overlap(outputs: &[&Path], inputs: &[&Path]) -> anyhow::Result<()> {
+pub fn refuse_overlap(outputs: &[&Path], inputs: &[&Path]) -> anyhow::Result<()> {
     for (n, output) in outputs.iter().enumerate() {
         if let Some(input) = inputs.iter().find(|input| is_same(output, input)) {
             bail!(
@@ -29,6 +29,18 @@ pub(crate) fn refuse_overlap(outputs: &[&Path], inputs: &[&Path]) -> anyhow::Res
     Ok(())
 }
 
+/// Refuses to write over a file that people edit, unless they say so.
+pub fn refuse_existing(path: &Path, force: bool) -> anyhow::Result<()> {
+    let is_file = fs::metadata(path).is_ok_and(|file| file.is_file());
+    if is_file && !force && path.as_os_str() != "-" {
+        bail!(
+            "{} exists; --force writes over it, another name leaves it alone",
+            path.display()
+        );
+    }
+    Ok(())
+}
+
 /// Whether two names, of which one or both may not exist yet, are those of one regular file.
 fn is_same(a: &Path, b: &Path) -> bool {
     match (fs::metadata(a), fs::metadata(b)) {
@@ -39,7 +51,7 @@ fn is_same(a: &Path, b: &Path) -> bool {
 }
 
 /// Opens a file that is written from its beginning to its end, and nowhere else; `-` is stdout.
-pub(crate) fn create_stream(path: &Path) -> io::Result<File> {
+pub fn create_stream(path: &Path) -> io::Result<File> {
     match path.as_os_str() == "-" {
         true => io::stdout().as_fd().try_clone_to_owned().map(File::from),
         false => File::create(path),
@@ -63,14 +75,14 @@ fn folder(path: &Path) -> &Path {
 ///
 /// What is no regular file, such as a device or a pipe, is written as it is; `-` is for [`create_stream`] alone.
 #[derive(Debug)]
-pub(crate) struct OutputFile {
+pub struct OutputFile {
     path: PathBuf,
     part: Option<NamedTempFile>,
 }
 
 impl OutputFile {
     /// Makes sure that the file can be written, before there is anything to write.
-    pub(crate) fn begin(path: &Path) -> anyhow::Result<Self> {
+    pub fn begin(path: &Path) -> anyhow::Result<Self> {
         Self::prepare(path).with_context(|| path.display().to_string())
     }
 
@@ -115,24 +127,24 @@ impl OutputFile {
     }
 
     /// Writes a file whose content is known.
-    pub(crate) fn write(path: &Path, content: impl AsRef<[u8]>) -> anyhow::Result<()> {
+    pub fn write(path: &Path, content: impl AsRef<[u8]>) -> anyhow::Result<()> {
         let mut file = Self::begin(path)?;
         fs::write(file.path(), content).with_context(|| path.display().to_string())?;
         file.finish()
     }
 
     /// The file that it is called until it is whole, where it is called otherwise.
-    pub(crate) fn part(&self) -> Option<PathBuf> {
+    pub fn part(&self) -> Option<PathBuf> {
         self.part.as_ref().map(|part| part.path().into())
     }
 
     /// Where to write.
-    pub(crate) fn path(&self) -> &Path {
+    pub fn path(&self) -> &Path {
         self.part.as_ref().map_or(&self.path, |part| part.path())
     }
 
     /// The file is whole: gives it its name.
-    pub(crate) fn finish(&mut self) -> anyhow::Result<()> {
+    pub fn finish(&mut self) -> anyhow::Result<()> {
         let Some(part) = self.part.take() else {
             return Ok(());
         };

@@ -7,16 +7,16 @@ use taxel_record::Recording;
 use taxel_skin::Layout;
 
 /// The hand that is meant where a recording goes to a pressure array and no other is named.
-pub(crate) const ARRAY_LAYOUT: &str = "tekscan-6077";
+pub const ARRAY_LAYOUT: &str = "tekscan-6077";
 
 /// Whether a hand is pressure arrays and nothing else.
-pub(crate) fn is_of_arrays(layout: &Layout) -> bool {
+pub fn is_of_arrays(layout: &Layout) -> bool {
     !layout.wiring.is_empty() && layout.wiring.iter().all(|wiring| wiring.array.is_some())
 }
 
 /// Turns each frame of a recording into one message of every array of a hand, cut as their source cuts them.
 #[derive(Debug)]
-pub(crate) struct ArrayFrames<'a> {
+pub struct ArrayFrames<'a> {
     recording: &'a Recording,
     layout: &'a Layout,
     /// When each message is sent, nanoseconds after the first.
@@ -25,7 +25,7 @@ pub(crate) struct ArrayFrames<'a> {
 
 impl<'a> ArrayFrames<'a> {
     /// Refuses a recording that is not of such a hand, and magnitudes that are no counts.
-    pub(crate) fn new(recording: &'a Recording, layout: &'a Layout) -> anyhow::Result<Self> {
+    pub fn new(recording: &'a Recording, layout: &'a Layout) -> anyhow::Result<Self> {
         let (name, taxels) = (recording.name(), recording.taxels());
         let is_other_image = match (&layout.wiring[..], recording.image_shape()) {
             ([one], Some((height, width))) => {

@@ -13,7 +13,7 @@ use taxel_wire::{Flags, Header, ImageView, encode_image_payload};
 
 /// What a file of images looks like.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum OutputFormat {
+pub enum OutputFormat {
     /// Images with everything about them.
     Npz,
     /// Images alone.
@@ -28,7 +28,7 @@ pub(crate) enum OutputFormat {
 
 impl OutputFormat {
     /// By the file's name; on stdout (`-`), JSON.
-    pub(crate) fn of(path: &Path) -> anyhow::Result<Self> {
+    pub fn of(path: &Path) -> anyhow::Result<Self> {
         if path.as_os_str() == "-" {
             return Ok(Self::Jsonl);
         }
@@ -53,7 +53,7 @@ impl OutputFormat {
 
 /// A file that images are written to, one after another.
 #[derive(Debug)]
-pub(crate) struct ImageOutput {
+pub struct ImageOutput {
     whole: OutputFile,
     format: OutputFormat,
     file: Option<BufWriter<File>>,
@@ -63,7 +63,7 @@ pub(crate) struct ImageOutput {
 
 impl ImageOutput {
     /// Creates the file of images of this hand for this display.
-    pub(crate) fn create(
+    pub fn create(
         path: &Path,
         format: OutputFormat,
         layout: &Layout,
@@ -92,7 +92,7 @@ impl ImageOutput {
     }
 
     /// Writes an image; `more_flags` are those that the image does not tell itself.
-    pub(crate) fn push(&mut self, image: &TactileImage, more_flags: Flags) -> anyhow::Result<()> {
+    pub fn push(&mut self, image: &TactileImage, more_flags: Flags) -> anyhow::Result<()> {
         let Some(file) = &mut self.file else {
             self.stack.push(image);
             return Ok(());
@@ -114,7 +114,7 @@ impl ImageOutput {
     }
 
     /// Writes what is left. Without it there is no file.
-    pub(crate) fn finish(&mut self) -> anyhow::Result<()> {
+    pub fn finish(&mut self) -> anyhow::Result<()> {
         let path = self.whole.path();
         match self.format {
             OutputFormat::Npz => self.stack.write_npz(path)?,

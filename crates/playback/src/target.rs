@@ -23,7 +23,7 @@ const BATCH: usize = 256;
 /// A target as it is written: a CAN source that can be sent to, `log:FILE`, or `-` for candump
 /// lines on stdout.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub(crate) enum TargetAddress {
+pub enum TargetAddress {
     /// A bus.
     Bus(SourceAddress),
     /// A candump log.
@@ -185,7 +185,7 @@ fn send_patiently(bus: &mut dyn CanSource, frame: &CanFrame) -> Result<(), SendE
 }
 
 /// The targets of several buses or recorded interfaces, each known by its name. Several may share one.
-pub(crate) struct Targets {
+pub struct Targets {
     names: Vec<String>,
     of_name: Vec<usize>,
     targets: Vec<Target>,
@@ -193,7 +193,7 @@ pub(crate) struct Targets {
 
 impl Targets {
     /// Opens the target of each name; equal addresses are opened once.
-    pub(crate) fn open(named: &[(String, TargetAddress)]) -> anyhow::Result<Self> {
+    pub fn open(named: &[(String, TargetAddress)]) -> anyhow::Result<Self> {
         let mut addresses: Vec<&TargetAddress> = Vec::new();
         let mut of_name = Vec::new();
         for (_, address) in named {
@@ -215,38 +215,38 @@ impl Targets {
     }
 
     /// Puts a frame where the name with this index goes.
-    pub(crate) fn send(&mut self, name: usize, t_ns: u64, frame: &CanFrame) -> anyhow::Result<()> {
+    pub fn send(&mut self, name: usize, t_ns: u64, frame: &CanFrame) -> anyhow::Result<()> {
         self.targets[self.of_name[name]].send(t_ns, &self.names[name], frame)
     }
 
     /// The frames that others have put on the bus of this name meanwhile.
-    pub(crate) fn receive(&mut self, name: usize, batch: &mut Vec<Received>) {
+    pub fn receive(&mut self, name: usize, batch: &mut Vec<Received>) {
         self.targets[self.of_name[name]].receive(batch);
     }
 
     /// Whether nothing but logs is written, which need not be waited for.
-    pub(crate) fn are_logs(&self) -> bool {
+    pub fn are_logs(&self) -> bool {
         self.targets.iter().all(|t| matches!(t.end, End::Log(..)))
     }
 
     /// Frames put somewhere.
-    pub(crate) fn sent(&self) -> u64 {
+    pub fn sent(&self) -> u64 {
         self.targets.iter().map(|t| t.sent).sum()
     }
 
     /// Frames that could not be sent.
-    pub(crate) fn failed(&self) -> u64 {
+    pub fn failed(&self) -> u64 {
         self.targets.iter().map(|t| t.failed).sum()
     }
 
     /// Writes what is buffered and gives logs their names; without it there are none.
-    pub(crate) fn finish(&mut self) -> anyhow::Result<()> {
+    pub fn finish(&mut self) -> anyhow::Result<()> {
         self.targets.iter_mut().try_for_each(Target::finish)
     }
 
     /// An error that says what is not written, where that is all there was to do: a log of half of a recording or
     /// scene is given up, what was heard of a bus until then is not.
-    pub(crate) fn give_up_logs(&self) -> anyhow::Result<()> {
+    pub fn give_up_logs(&self) -> anyhow::Result<()> {
         let mut addresses = self.targets.iter().map(|t| &t.address);
         match addresses.find(|address| matches!(address, TargetAddress::Log(_))) {
             Some(TargetAddress::Log(path)) if self.are_logs() => {
@@ -257,13 +257,13 @@ impl Targets {
     }
 
     /// An error if any frame could not be sent.
-    pub(crate) fn check(&self) -> anyhow::Result<()> {
+    pub fn check(&self) -> anyhow::Result<()> {
         self.targets.iter().try_for_each(Target::check)
     }
 }
 
 /// Gives each bus of the layout its target: one for all, or one for each in the layout's order.
-pub(crate) fn of_buses(
+pub fn of_buses(
     addresses: &[TargetAddress],
     layout: &Layout,
 ) -> anyhow::Result<Vec<(String, TargetAddress)>> {
@@ -285,7 +285,7 @@ pub(crate) fn of_buses(
 }
 
 /// Refuses to join buses on which two boards would send the same ids; a log keeps them apart by name.
-pub(crate) fn refuse_shared_ids(named: &[(String, TargetAddress)], layout: &Layout) -> anyhow::Result<()> {
+pub fn refuse_shared_ids(named: &[(String, TargetAddress)], layout: &Layout) -> anyhow::Result<()> {
     let mut senders: HashMap<(&TargetAddress, u16), &str> = HashMap::new();
     for taxel in 0..layout.len() {
         let (name, address) = &named[usize::from(layout.wiring_of(taxel).bus)];

@@ -8,13 +8,13 @@ use std::time::Duration;
 static HIDDEN: AtomicBool = AtomicBool::new(false);
 
 /// Shows no progress from now on: the terminal is drawn on.
-pub(crate) fn hide() {
+pub fn hide() {
     HIDDEN.store(true, Ordering::Relaxed);
 }
 
 /// A progress bar, or nothing when stderr is not a terminal.
 #[derive(Debug)]
-pub(crate) struct Progress {
+pub struct Progress {
     bar: ProgressBar,
     /// Things done that the bar was not told of.
     untold: AtomicU64,
@@ -27,7 +27,7 @@ const STEP: u64 = 1024;
 
 impl Progress {
     /// Of a job of `total` things.
-    pub(crate) fn new(total: u64, what: &str) -> Self {
+    pub fn new(total: u64, what: &str) -> Self {
         Self::with(
             Some(total),
             &format!("{{bar:40}} {{percent:>3}}% of {{len}} {what}, {{eta}} left"),
@@ -35,22 +35,22 @@ impl Progress {
     }
 
     /// Of a file of this many bytes.
-    pub(crate) fn bytes(total: u64) -> Self {
+    pub fn bytes(total: u64) -> Self {
         Self::with(Some(total), "{bar:40} {percent:>3}% of {total_bytes}, {eta} left")
     }
 
     /// Of something that takes `total_ms` milliseconds, or less.
-    pub(crate) fn waiting(total_ms: u64, what: &str) -> Self {
+    pub fn waiting(total_ms: u64, what: &str) -> Self {
         Self::with(Some(total_ms), &format!("{{bar:40}} {what}, {{eta}} left"))
     }
 
     /// Of a job whose size is not known.
-    pub(crate) fn counting(what: &str) -> Self {
+    pub fn counting(what: &str) -> Self {
         Self::with(None, &format!("{{spinner}} {{pos}} {what}, {{elapsed}}"))
     }
 
     /// Of something that is done in one piece, such as writing a file.
-    pub(crate) fn busy(what: String) -> Self {
+    pub fn busy(what: String) -> Self {
         let progress = Self::with(None, "{spinner} {msg}, {elapsed}");
         progress.bar.set_message(what);
         progress.bar.enable_steady_tick(Duration::from_millis(100));
@@ -58,7 +58,7 @@ impl Progress {
     }
 
     /// Of something that says itself how far it has come.
-    pub(crate) fn none() -> Self {
+    pub fn none() -> Self {
         Self::of(ProgressBar::hidden(), None)
     }
 
@@ -82,12 +82,12 @@ impl Progress {
     }
 
     /// A reader that counts what is read.
-    pub(crate) fn reading<R: std::io::Read>(&self, reader: R) -> impl std::io::Read + use<R> {
+    pub fn reading<R: std::io::Read>(&self, reader: R) -> impl std::io::Read + use<R> {
         self.bar.wrap_read(reader)
     }
 
     /// So many more are done.
-    pub(crate) fn advance(&self, done: u64) {
+    pub fn advance(&self, done: u64) {
         // Each word to the bar asks for the time, millions of CAN frames would for most of it.
         if self.untold.fetch_add(done, Ordering::Relaxed) + done >= self.step {
             self.bar.inc(self.untold.swap(0, Ordering::Relaxed));
@@ -95,7 +95,7 @@ impl Progress {
     }
 
     /// So many are done in all.
-    pub(crate) fn advance_to(&self, done: u64) {
+    pub fn advance_to(&self, done: u64) {
         self.bar.set_position(done);
     }
 }

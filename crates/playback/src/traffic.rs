@@ -19,7 +19,7 @@ const MOST_PLACES: usize = 64;
 
 /// A file of CAN traffic.
 #[derive(Debug, Clone)]
-pub(crate) struct Traffic {
+pub struct Traffic {
     path: PathBuf,
     kind: Kind,
 }
@@ -32,29 +32,29 @@ enum Kind {
 
 impl Traffic {
     /// A candump log.
-    pub(crate) fn candump(path: &Path) -> Self {
+    pub fn candump(path: &Path) -> Self {
         let (path, kind) = (path.into(), Kind::Candump);
         Self { path, kind }
     }
 
     /// A recording that `taxel record` made.
-    pub(crate) fn mcap(path: &Path) -> Self {
+    pub fn mcap(path: &Path) -> Self {
         let (path, kind) = (path.into(), Kind::Mcap);
         Self { path, kind }
     }
 
     /// Where it is.
-    pub(crate) fn path(&self) -> &Path {
+    pub fn path(&self) -> &Path {
         &self.path
     }
 
     /// Whether it is a candump log.
-    pub(crate) fn is_candump(&self) -> bool {
+    pub fn is_candump(&self) -> bool {
         self.kind == Kind::Candump
     }
 
     /// The names of its interfaces, in the order in which they appear.
-    pub(crate) fn interfaces(&self) -> anyhow::Result<Vec<String>> {
+    pub fn interfaces(&self) -> anyhow::Result<Vec<String>> {
         let mut names: Vec<String> = Vec::new();
         self.survey(|frame| {
             if !names.iter().any(|name| **name == *frame.interface) {

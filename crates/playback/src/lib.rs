@@ -1,0 +1,33 @@
+//! Recordings and scenes, played: through the daemon's pipeline without a daemon, onto buses, and into other files.
+//!
+//! What `taxel replay`, `convert`, `compress`, `eval` and others do with every frame; their arguments are `taxel`'s. As there,
+//! errors are for people, and what they should know besides goes to stderr.
+
+#![cfg_attr(not(test), deny(clippy::print_stdout, clippy::print_stderr))]
+
+/// For people, on stderr. Unlike the standard library's it does not panic where the terminal is gone or the disk full.
+#[macro_export]
+macro_rules! eprintln {
+    ($($words:tt)*) => {{
+        use std::io::Write;
+        let _ = writeln!(std::io::stderr(), $($words)*);
+    }};
+}
+
+pub mod array_frames;
+pub mod image_line;
+pub mod image_output;
+pub mod interrupt;
+pub mod log_interfaces;
+pub mod output_file;
+pub mod pipeline;
+pub mod player;
+pub mod progress;
+pub mod raw_line;
+pub mod recorded;
+mod recorded_buses;
+pub mod scene_input;
+pub mod sweep;
+pub mod target;
+pub mod traffic;
+pub mod traffic_output;

@@ -1,0 +1,143 @@
+//! The daemon's pipeline for frames that were recorded or made: what each instant felt is shown to whoever asked.
+
+use crate::progress::Progress;
+use crate::recorded_buses::read_ahead;
+use crate::sweep::Sweeps;
+use crate::traffic::Traffic;
+use std::ops::ControlFlow;
+use taxel_can::Received;
+use taxel_config::Config;
+use taxel_engine::{Frames, run_recorded};
+use taxel_hand::{Fault, Faults, ForceFrame, TactileFrame};
+use taxel_record::Recording;
+
+/// Takes what each instant of a recording felt.
+pub type Emit<'a> = dyn FnMut(&Felt<'_>) -> anyhow::Result<()> + 'a;
+
+/// An instant of a recording.
+#[derive(Debug, Clone, Copy)]
+pub struct Felt<'a> {
+    /// Counts, where it holds counts.
+    pub measured: Option<Measured<'a>>,
+    /// What the skin feels.
+    pub force: &'a ForceFrame,
+    /// Angles of the joints, radians; not a number where unknown.
+    pub joints: &'a [f32],
+}
+
+/// The counts of an instant, and of what they are above.
+#[derive(Debug, Clone, Copy)]
+pub struct Measured<'a> {
+    /// The counts.
+    pub tactile: &'a TactileFrame,
+    /// Baseline of each taxel, counts x, y, z; not a number where it has none.
+    pub baseline: &'a [[f32; 3]],
+}
+
+impl std::ops::Deref for Measured<'_> {
+    type Target = TactileFrame;
+
+    fn deref(&self) -> &TactileFrame {
+        self.tactile
+    }
+}
+
+/// Takes CAN frames, in the order of their times, through the daemon's pipeline; stops at a failure
+/// to show what comes out.
+pub(crate) fn pipeline(
+    config: &Config,
+    frames: impl Iterator<Item = (u8, Received)>,
+    emit: &mut Emit<'_>,
+) -> anyhow::Result<()> {
+    let mut failure = None;
+    run_recorded(&config.engine(false)?, frames, None, |frames: &Frames| {
+        let felt = Felt {
+            measured: Some(Measured {
+                tactile: &frames.tactile,
+                baseline: &frames.baseline,
+            }),
+            force: &frames.force,
+            joints: &frames.tactile.joints,
+        };
+        failure = emit(&felt).err();
+        match failure {
+            None => ControlFlow::Continue(()),
+            Some(_) => ControlFlow::Break(()),
+        }
+    })?;
+    failure.map_or(Ok(()), Err)
+}
+
+/// Shows an instant with the joint angles of that instant. Nothing changes where there is none.
+pub(crate) fn emit_with(emit: &mut Emit<'_>, angles: &[f32], felt: &Felt<'_>) -> anyhow::Result<()> {
+    if angles.is_empty() {
+        return emit(felt);
+    }
+    let tactile = felt.measured.map(|measured| TactileFrame {
+        joint_age_ns: vec![0; angles.len()],
+        joints: angles.to_vec(),
+        ..measured.tactile.clone()
+    });
+    let measured =
+        (felt.measured.zip(tactile.as_ref())).map(|(measured, tactile)| Measured { tactile, ..measured });
+    emit(&Felt {
+        measured,
+        joints: angles,
+        ..*felt
+    })
+}
+
+/// Takes recorded traffic through the pipeline, the interface of each bus as named.
+pub fn run_traffic(
+    traffic: &Traffic,
+    interfaces: &[String],
+    config: &Config,
+    emit: &mut Emit<'_>,
+) -> anyhow::Result<()> {
+    read_ahead(traffic, interfaces, |frames| pipeline(config, frames, emit))
+}
+
+/// Takes recorded counts through the pipeline, as what boards would have sent.
+pub fn run_sweeps(sweeps: &Sweeps<'_>, config: &Config, emit: &mut Emit<'_>) -> anyhow::Result<()> {
+    let recording = sweeps.recording();
+    let total = recording.len() as u64 * config.layout.len() as u64;
+    let progress = Progress::new(total, "frames");
+    let frames = sweeps.frames().inspect(|_| progress.advance(1));
+    pipeline(config, frames, &mut |felt| {
+        let angles = recording.joints(sweeps.index_at(felt.force.t_ns));
+        emit_with(emit, angles, felt)
+    })
+}
+
+/// Shows magnitudes, which are forces already; contacts begin above `threshold` and end at `release`.
+pub fn run_magnitudes(
+    recording: &Recording,
+    [threshold, release]: [f64; 2],
+    emit: &mut Emit<'_>,
+) -> anyhow::Result<()> {
+    let mut force = ForceFrame::new(recording.taxels());
+    force.threshold = threshold;
+    let progress = Progress::new(recording.len() as u64, "frames");
+    for index in 0..recording.len() {
+        let magnitudes = recording.magnitudes(index).unwrap_or_default();
+        force.seq = index as u64;
+        force.t_ns = recording.t_ns(index);
+        for ((magnitude, force), contact) in magnitudes.iter().zip(&mut force.force).zip(&mut force.contact) {
+            *contact = *magnitude > if *contact { release } else { threshold };
+            *force = magnitude.max(0.0);
+        }
+        for (magnitude, faults) in magnitudes.iter().zip(&mut force.faults) {
+            *faults = Faults::NONE;
+            if magnitude.is_nan() {
+                faults.insert(Fault::Missing);
+            }
+        }
+        emit(&Felt {
+            measured: None,
+            force: &force,
+            joints: recording.joints(index),
+        })?;
+        progress.advance(1);
+    }
+    Ok(())
+}

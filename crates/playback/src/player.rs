@@ -1,0 +1,173 @@
+//! A recording onto buses, at the times at which it was recorded.
+
+use crate::array_frames::ArrayFrames;
+use crate::interrupt::Interrupt;
+use crate::progress::Progress;
+use crate::sweep::Sweeps;
+use crate::target::{TargetAddress, Targets};
+use crate::traffic::{Line, Traffic};
+use anyhow::bail;
+use std::cell::Cell;
+use std::ops::Range;
+use std::time::{Duration, Instant};
+use taxel_can::Received;
+
+/// From the last frame of one pass to the first of the next, with --loop.
+const PASS_GAP_NS: u64 = 1_000_000;
+
+/// Sends a recording, pass after pass.
+pub struct Player {
+    speed: f64,
+    looping: bool,
+    window: Range<u64>,
+    targets: Targets,
+    interrupt: Interrupt,
+    /// When time `window.start` of the present pass is due.
+    begin: Instant,
+    left_out: u64,
+    latest: Duration,
+}
+
+impl Player {
+    /// Opens the targets. The window is of the recording, nanoseconds from its beginning.
+    pub fn new(
+        speed: f64,
+        looping: bool,
+        window: Range<u64>,
+        named: &[(String, TargetAddress)],
+    ) -> anyhow::Result<Self> {
+        let targets = Targets::open(named)?;
+        if looping && targets.are_logs() && named.iter().all(|(_, t)| *t != TargetAddress::Stdout) {
+            bail!("--loop into a log would fill the disk; leave it out");
+        }
+        Ok(Self {
+            speed,
+            looping,
+            window,
+            targets,
+            interrupt: Interrupt::install()?,
+            begin: Instant::now(),
+            left_out: 0,
+            latest: Duration::ZERO,
+        })
+    }
+
+    /// Plays the CAN traffic of a recording.
+    pub fn play_traffic(self, traffic: &Traffic, names: &[String]) -> anyhow::Result<()> {
+        let jumps = Cell::default();
+        self.play(|| traffic.pass(names, &jumps))?;
+        if jumps.get().count() > 0 {
+            eprintln!("taxel: {}: {}", traffic.path().display(), jumps.get());
+        }
+        Ok(())
+    }
+
+    /// Plays what boards would have sent.
+    pub fn play_sweeps(self, sweeps: &Sweeps<'_>) -> anyhow::Result<()> {
+        self.play(|| Ok(sweeps.frames().map(line)))
+    }
+
+    /// Plays the frames of pressure arrays.
+    pub fn play_arrays(self, frames: &ArrayFrames<'_>) -> anyhow::Result<()> {
+        self.play(|| Ok(frames.frames().map(line)))
+    }
+
+    fn play<I>(mut self, pass: impl Fn() -> anyhow::Result<I>) -> anyhow::Result<()>
+    where
+        I: Iterator<Item = anyhow::Result<Line>>,
+    {
+        let began = Instant::now();
+        let progress = Progress::counting("CAN frames");
+        let mut passes = 0u64;
+        self.begin = began;
+        loop {
+            let length_ns = self.pass(pass()?, &progress)?;
+            passes += 1;
+            if !self.looping || self.interrupt.is_set() {
+                break;
+            }
+            match length_ns {
+                Some(length_ns) => self.begin = self.due(length_ns + PASS_GAP_NS),
+                None => break,
+            }
+        }
+        drop(progress);
+        if self.interrupt.is_set() {
+            self.targets.give_up_logs()?;
+        } else if self.targets.sent() + self.targets.failed() == 0 {
+            bail!("nothing was sent: there is no frame between --start and --end");
+        }
+        self.targets.finish()?;
+        self.report(passes, began.elapsed());
+        self.targets.check()
+    }
+
+    /// Sends the recording once; returns how long the played part of it is, nothing if there is none.
+    fn pass(
+        &mut self,
+        lines: impl Iterator<Item = anyhow::Result<Line>>,
+        progress: &Progress,
+    ) -> anyhow::Result<Option<u64>> {
+        let waits = !self.targets.are_logs();
+        let mut length_ns = None;
+        for line in lines {
+            let Line::Frame(name, received) = line? else {
+                self.left_out += 1;
+                continue;
+            };
+            if received.t_ns < self.window.start {
+                continue;
+            }
+            if received.t_ns >= self.window.end || self.interrupt.is_set() {
+                break;
+            }
+            let since_start = received.t_ns - self.window.start;
+            length_ns = Some(since_start);
+            if waits {
+                let due = self.due(since_start);
+                if !self.interrupt.sleep_until(due) {
+                    break;
+                }
+                if self.speed.is_finite() {
+                    self.latest = self.latest.max(due.elapsed());
+                }
+            }
+            self.targets.send(name, received.t_ns, &received.frame)?;
+            progress.advance(1);
+        }
+        Ok(length_ns)
+    }
+
+    /// When a frame is due that comes so much later than the pass begins.
+    fn due(&self, since_start_ns: u64) -> Instant {
+        let wait = Duration::from_secs_f64(since_start_ns as f64 / 1e9 / self.speed);
+        self.begin.checked_add(wait).unwrap_or(self.begin)
+    }
+
+    fn report(&self, passes: u64, took: Duration) {
+        let Self {
+            targets,
+            left_out,
+            latest,
+            ..
+        } = self;
+        let mut text = format!("{} frames sent in {:.1} s", targets.sent(), took.as_secs_f64());
+        if passes > 1 {
+            text += &format!(", {passes} passes");
+        }
+        if targets.failed() > 0 {
+            text += &format!(", {} failed", targets.failed());
+        }
+        if *left_out > 0 {
+            text += &format!(", {left_out} left out (error frames, or not classic CAN)");
+        }
+        if *latest > Duration::ZERO {
+            text += &format!(", at most {:.1} ms late", latest.as_secs_f64() * 1e3);
+        }
+        eprintln!("{text}");
+    }
+}
+
+fn line((bus, received): (u8, Received)) -> anyhow::Result<Line> {
+    Ok(Line::Frame(usize::from(bus), received))
+}

@@ -1,0 +1,158 @@
+//! CAN traffic into a file.
+
+use crate::output_file::create_stream;
+use crate::sweep::Sweeps;
+use crate::traffic::Traffic;
+use anyhow::Context;
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+use taxel_can::{LogWriter, Received};
+use taxel_recorder::{CanBlock, Entry, Preamble, RecordingWriter, Topic};
+
+/// Stops a copy by an error, asked from time to time.
+pub type Check<'a> = dyn Fn() -> anyhow::Result<()> + 'a;
+
+/// CAN frames between two such questions.
+const CHECKED: u64 = 4096;
+
+/// A file of CAN traffic.
+pub struct TrafficOutput {
+    file: TrafficFile,
+    frames: u64,
+}
+
+enum TrafficFile {
+    Candump(LogWriter<BufWriter<File>>, PathBuf),
+    Mcap {
+        writer: Box<RecordingWriter<BufWriter<File>>>,
+        block: CanBlock,
+        names: Vec<String>,
+        wall_ns: u64,
+    },
+}
+
+impl TrafficOutput {
+    /// A new file, `log` for candump lines, `mcap` for a recording that `command` made.
+    pub fn create(path: &Path, ending: &str, command: &str) -> anyhow::Result<Self> {
+        let (file, frames) = (TrafficFile::create(path, ending, command)?, 0);
+        Ok(Self { file, frames })
+    }
+
+    /// Writes all frames of a recording.
+    pub fn take_traffic(&mut self, traffic: &Traffic, check: &Check<'_>) -> anyhow::Result<()> {
+        traffic.copy(&mut |name, wall_ns, received| self.put(name, wall_ns, received, check))
+    }
+
+    /// Writes what boards would have sent.
+    pub fn take_sweeps(&mut self, sweeps: &Sweeps<'_>, check: &Check<'_>) -> anyhow::Result<()> {
+        let buses = &sweeps.layout().buses;
+        for (bus, received) in sweeps.frames() {
+            self.put(&buses[usize::from(bus)], received.t_ns, &received, check)?;
+        }
+        Ok(())
+    }
+
+    fn put(
+        &mut self,
+        name: &str,
+        wall_ns: u64,
+        received: &Received,
+        check: &Check<'_>,
+    ) -> anyhow::Result<()> {
+        self.frames += 1;
+        if self.frames.is_multiple_of(CHECKED) {
+            check()?;
+        }
+        self.file.put(name, wall_ns, received)
+    }
+
+    /// Writes what is left; returns how many frames there are.
+    pub fn finish(self) -> anyhow::Result<u64> {
+        self.file.finish()?;
+        Ok(self.frames)
+    }
+}
+
+impl TrafficFile {
+    fn create(path: &Path, ending: &str, command: &str) -> anyhow::Result<Self> {
+        let file = create_stream(path).with_context(|| path.display().to_string())?;
+        let file = BufWriter::with_capacity(1 << 20, file);
+        if ending == "log" {
+            return Ok(Self::Candump(LogWriter::new(file), path.into()));
+        }
+        let recorder = format!("taxel {} {command}", env!("CARGO_PKG_VERSION"));
+        let preamble = Preamble {
+            facts: BTreeMap::from([("recorder".into(), recorder)]),
+            attached: Vec::new(),
+        };
+        Ok(Self::Mcap {
+            writer: Box::new(RecordingWriter::begin(file, &preamble, 0)?),
+            block: CanBlock::default(),
+            names: Vec::new(),
+            wall_ns: 0,
+        })
+    }
+
+    fn put(&mut self, name: &str, wall_ns: u64, received: &Received) -> anyhow::Result<()> {
+        match self {
+            Self::Candump(writer, path) => {
+                let written = writer.write(wall_ns, name, &received.frame);
+                written.with_context(|| path.display().to_string())
+            }
+            Self::Mcap {
+                writer,
+                block,
+                names,
+                wall_ns: begins_ns,
+            } => {
+                let place = match names.iter().position(|known| known == name) {
+                    Some(place) => place,
+                    None => {
+                        names.push(name.into());
+                        names.len() - 1
+                    }
+                };
+                let bus = u8::try_from(place).context("more than 256 buses")?;
+                if block.is_empty() {
+                    *begins_ns = wall_ns;
+                }
+                if !block.push(bus, received) {
+                    put_block(writer, block, names, *begins_ns)?;
+                    *begins_ns = wall_ns;
+                    block.push(bus, received);
+                }
+                Ok(())
+            }
+        }
+    }
+
+    fn finish(self) -> anyhow::Result<()> {
+        match self {
+            Self::Candump(mut writer, path) => writer.flush().with_context(|| path.display().to_string()),
+            Self::Mcap {
+                mut writer,
+                mut block,
+                names,
+                wall_ns,
+            } => {
+                if !block.is_empty() {
+                    put_block(&mut writer, &mut block, &names, wall_ns)?;
+                }
+                Ok((*writer).finish()?.flush()?)
+            }
+        }
+    }
+}
+
+fn put_block(
+    writer: &mut RecordingWriter<BufWriter<File>>,
+    block: &mut CanBlock,
+    names: &[String],
+    wall_ns: u64,
+) -> anyhow::Result<()> {
+    let data = block.take(names, &vec![0; names.len()]);
+    let topic = Topic::Can;
+    Ok(writer.put(&Entry { topic, wall_ns, data })?)
+}
