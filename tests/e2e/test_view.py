@@ -7,6 +7,7 @@ import struct
 import subprocess
 import termios
 
+import pyte
 import pytest
 from harness.daemon import binary, die_with_parent, eventually
 
@@ -35,18 +36,20 @@ class Terminal:
             env={**os.environ, "TERM": "xterm-256color"},
         )
         os.close(theirs)
-        self.shown = b""
+        # What is sent are changes of the picture: a letter that was there before is not sent again.
+        self.screen = pyte.Screen(100, 30)
+        self.stream = pyte.ByteStream(self.screen)
 
     def shows(self, text):
         try:
             while part := os.read(self.keys, 65536):
-                self.shown += part
+                self.stream.feed(part)
         except (BlockingIOError, OSError):
             pass
-        return text.encode() in self.shown
+        return any(text in line for line in self.screen.display)
 
     def wait_for(self, text):
-        eventually(lambda: self.shows(text), lambda: f"{text} is not shown: {self.shown[-3000:]!r}", 20)
+        eventually(lambda: self.shows(text), lambda: f"{text} is not shown:\n" + "\n".join(self.screen.display))
 
     def press(self, key):
         os.write(self.keys, key.encode())
