@@ -6,13 +6,16 @@ use anyhow::{Context, bail};
 use serde::Serialize;
 use std::path::Path;
 use taxel_forearm::{Estimator, FINGERS, ForearmError, Sample, Squeeze};
-use taxel_wire::{EventKind, Kind, Received};
+use taxel_wire::{EventKind, Kind, RawView, Received};
 
 /// What a program that squeezes marks: a squeeze begins; a sample of this PWM, counts of 885, begins and the one before is
 /// over; the squeeze is over.
 pub(super) const BEGINS: &str = "squeeze";
 pub(super) const SAMPLE: &str = "pwm ";
 pub(super) const ENDS: &str = "release";
+
+/// An angle read longer than this before its frame, half a sample of the publication's, is of another sample: microseconds.
+const STALE_US: u32 = 60_000;
 
 /// A squeeze as it goes on: frames and marks in, estimates out. No socket and no clock.
 struct Live<'a> {
@@ -157,7 +160,7 @@ pub(super) fn run(
                 lines.hello(hello)?;
             }
             Received::Raw(header, raw) => {
-                live.handle_frame(header.seq, header.t_ns, raw.joints());
+                live.handle_frame(header.seq, header.t_ns, fresh_angles(&raw));
                 live.image.clear();
                 if let Some(finger) = &finger {
                     finger.image(&raw, &mut live.image);
@@ -176,6 +179,13 @@ pub(super) fn run(
             _ => {}
         }
     }
+}
+
+/// The angles of a frame, those that are too old not a number.
+fn fresh_angles(raw: &RawView<'_>) -> impl Iterator<Item = f32> {
+    let ages = raw.joint_ages_us().into_iter().flatten();
+    let ages = ages.chain(std::iter::repeat(0));
+    (raw.joints().zip(ages)).map(|(angle, age_us)| if age_us > STALE_US { f32::NAN } else { angle })
 }
 
 /// Numbers of the joints of these names, or of the first there are.
@@ -204,6 +214,8 @@ fn joints(
 mod tests {
     use super::*;
     use taxel_forearm::{Estimate, Source, TACTELS};
+    use taxel_hand::{ForceFrame, TactileFrame};
+    use taxel_wire::encode_raw_payload;
 
     /// Says the angle of the first finger, from two samples on; refuses PWM beyond 500.
     struct FirstAngle;
@@ -335,6 +347,21 @@ mod tests {
             live.handle_mark(ENDS);
             live.handle_frame(0, 0, std::iter::empty());
         }
+    }
+
+    #[test]
+    fn an_angle_that_was_read_long_before_its_frame_is_not_known() {
+        let mut frame = TactileFrame::new(1);
+        frame.joints = vec![1.0, 2.0, 3.0];
+        let mut angles = |ages_ms: &[u64]| -> Vec<f32> {
+            frame.joint_age_ns = ages_ms.iter().map(|ms| ms * 1_000_000).collect();
+            let mut payload = Vec::new();
+            encode_raw_payload(&frame, &ForceFrame::new(1), None, &mut payload).unwrap();
+            fresh_angles(&RawView::decode(&payload).unwrap()).collect()
+        };
+        let seen = angles(&[10, 60, 61]);
+        assert!(seen[..2] == [1.0, 2.0] && seen[2].is_nan(), "{seen:?}");
+        assert_eq!(angles(&[]), [1.0, 2.0, 3.0], "a daemon that tells no ages");
     }
 
     #[test]
