@@ -4,6 +4,7 @@
 use crate::courier::deliver;
 use crate::lane::Lane;
 use crate::message::Message;
+use crate::socket::Room;
 use crate::stream::Stream;
 use std::future::poll_fn;
 use std::io::{self, IoSlice};
@@ -41,6 +42,14 @@ impl Way {
                 ..
             } => Self::Courier,
             _ => Self::Newest,
+        }
+    }
+
+    /// When a message may be sent.
+    fn room(self) -> Room {
+        match self {
+            Self::Every => Room::Any,
+            Self::Newest | Self::Courier => Room::Fresh,
         }
     }
 
@@ -170,7 +179,7 @@ impl Feed {
                 return Poll::Ready(Ok(()));
             };
             let packet = [IoSlice::new(&header), IoSlice::new(&message.payload)];
-            ready!(self.lane.socket.poll_send(cx, &packet))?;
+            ready!(self.lane.socket.poll_send(cx, &packet, self.way.room()))?;
             self.lane.note_sent(&message, skipped);
             Poll::Ready(Ok(()))
         })

@@ -6,7 +6,7 @@
 
 use crate::message::Message;
 use crate::sent::Sent;
-use crate::socket::Socket;
+use crate::socket::{Room, Socket};
 use std::cell::Cell;
 use std::io::IoSlice;
 use std::rc::Rc;
@@ -90,7 +90,7 @@ impl Lane {
             return;
         };
         let packet = [IoSlice::new(&header), IoSlice::new(&message.payload)];
-        match self.socket.try_send(&packet) {
+        match self.socket.try_send(&packet, Room::Fresh) {
             Ok(()) => self.note_sent(message, skipped),
             Err(_) => {
                 self.is_free.set(false);

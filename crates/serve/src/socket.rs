@@ -2,8 +2,13 @@
 //!
 //! The kernel is asked to tell when it can be written to only while somebody waits for that. Otherwise every message that
 //! a reader takes out would wake the thread: nine hundred times for each image with nine hundred readers.
+//!
+//! The kernel calls a Unix socket writable when a quarter of its send buffer, or less, has not been read, and takes
+//! messages until the buffer is full. What is to be fresh when it is read is sent to a writable socket only, so that few
+//! messages get old in it, and a reader that has taken them is sent the newest.
 
 use nix::errno::Errno;
+use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use nix::sys::socket::{MsgFlags, UnixCredentials, getsockopt, recv, sendmsg, sockopt};
 use std::cell::RefCell;
 use std::future::poll_fn;
@@ -17,6 +22,27 @@ use tokio::io::unix::AsyncFd;
 #[derive(Debug)]
 pub(crate) struct Socket {
     registered: RefCell<Registered>,
+}
+
+/// When a packet is sent.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Room {
+    /// As long as the send buffer has room.
+    Any,
+    /// While little before it is unread: it is to be fresh when it is read.
+    Fresh,
+}
+
+/// What the kernel keeps of a message of so many bytes, at most: it takes powers of two, and adds what describes it.
+pub(crate) const fn kept_bytes(message: usize) -> usize {
+    const SHARED: usize = 320;
+    const HEAD: usize = 256;
+    2 * (message + SHARED) + HEAD
+}
+
+/// The send buffer in which as much as this is unread while the socket is writable. The kernel doubles what is asked for.
+pub(crate) const fn send_buffer(unread: usize) -> usize {
+    2 * unread
 }
 
 /// What the kernel tells of a socket.
@@ -100,17 +126,24 @@ impl Socket {
     }
 
     /// Sends a packet if there is room for it at once; otherwise the error is `EAGAIN`.
-    pub(crate) fn try_send(&self, packet: &[IoSlice]) -> io::Result<()> {
+    pub(crate) fn try_send(&self, packet: &[IoSlice], room: Room) -> io::Result<()> {
         let registered = self.registered.borrow();
+        let descriptor = registered.descriptor()?;
+        if room == Room::Fresh {
+            let mut asked = [PollFd::new(descriptor.as_fd(), PollFlags::POLLOUT)];
+            if poll(&mut asked, PollTimeout::ZERO)? == 0 {
+                return Err(Errno::EAGAIN.into());
+            }
+        }
         let flags = MsgFlags::MSG_DONTWAIT | MsgFlags::MSG_NOSIGNAL;
-        sendmsg::<()>(registered.descriptor()?.as_raw_fd(), packet, &[], flags, None)?;
+        sendmsg::<()>(descriptor.as_raw_fd(), packet, &[], flags, None)?;
         Ok(())
     }
 
     /// Sends a packet as soon as there is room for it.
-    pub(crate) fn poll_send(&self, cx: &mut Context, packet: &[IoSlice]) -> Poll<io::Result<()>> {
+    pub(crate) fn poll_send(&self, cx: &mut Context, packet: &[IoSlice], room: Room) -> Poll<io::Result<()>> {
         loop {
-            match self.try_send(packet) {
+            match self.try_send(packet, room) {
                 Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
                 Err(error) if error.kind() == io::ErrorKind::WouldBlock => {}
                 Err(error) => return Poll::Ready(Err(error)),
@@ -133,7 +166,7 @@ impl Socket {
 
     /// Sends a packet as soon as there is room for it.
     pub(crate) async fn send(&self, packet: &[u8]) -> io::Result<()> {
-        poll_fn(|cx| self.poll_send(cx, &[IoSlice::new(packet)])).await
+        poll_fn(|cx| self.poll_send(cx, &[IoSlice::new(packet)], Room::Any)).await
     }
 }
 
@@ -153,7 +186,7 @@ mod tests {
 
     fn fill(socket: &Socket) -> usize {
         (0..100_000)
-            .find(|_| socket.try_send(&[IoSlice::new(&[7; 100])]).is_err())
+            .find(|_| socket.try_send(&[IoSlice::new(&[7; 100])], Room::Any).is_err())
             .unwrap()
     }
 
@@ -187,6 +220,35 @@ mod tests {
             assert!(!waits_for_room(&socket));
             assert!(taken >= sent, "{taken} of {sent}");
             assert_eq!(take(&theirs), Ok(60));
+        }
+    }
+
+    #[tokio::test(flavor = "current_thread")]
+    async fn of_what_is_to_be_fresh_one_packet_is_unread_when_the_next_is_sent() {
+        let mut packet = [0; 300_000];
+        for bytes in [200, 300, 450, 704, 705, 1728, 3000, 10_000, 40_000, 90_000] {
+            let (socket, theirs) = pair();
+            socket.set_send_buffer(send_buffer(kept_bytes(bytes))).unwrap();
+            let mut send = |number: u8| {
+                packet[0] = number;
+                socket
+                    .try_send(&[IoSlice::new(&packet[..bytes])], Room::Fresh)
+                    .is_ok()
+            };
+            let queued = (0..100).find(|n| !send(*n)).unwrap();
+            assert!((2..=3).contains(&queued), "{queued} of {bytes} bytes");
+            // A reader that takes one at a time is sent the newest each time.
+            for number in 100..110 {
+                let before = take(&theirs);
+                assert_eq!(before, Ok(bytes.min(1000)));
+                assert!(send(number) || queued > 2, "{bytes}");
+            }
+            let short = timeout(
+                Duration::from_millis(20),
+                poll_fn(|cx| socket.poll_send(cx, &[IoSlice::new(&packet[..bytes])], Room::Fresh)),
+            );
+            assert!(short.await.is_err(), "{bytes}");
+            socket.send(b"news").await.unwrap();
         }
     }
 

@@ -14,7 +14,8 @@ use crate::profile_maker::{DisplayProfile, ProfileMaker};
 use crate::registry::Entry;
 use crate::sent::Sent;
 use crate::server::Server;
-use crate::socket::Socket;
+use crate::socket::{Socket, kept_bytes, send_buffer};
+use crate::stream::Stream;
 use std::collections::VecDeque;
 use std::future::poll_fn;
 use std::io;
@@ -22,14 +23,13 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::task::{Poll, ready};
 use std::time::Duration;
-use taxel_wire::{Event, EventKind, Subscribe, SubscribeError, Subscription};
+use taxel_wire::{Event, EventKind, HEADER_LEN, Subscribe, SubscribeError, Subscription};
 use tokio::sync::{broadcast, watch};
 use tokio::task::JoinHandle;
 use tokio::time::{Instant, sleep_until, timeout};
 
-/// Least send buffer of a subscriber's socket, bytes; the kernel doubles it. It holds a part of a
-/// HELLO, and little more than two images, since every image in it is one that gets old there.
-const SEND_BUFFER: usize = 4608;
+/// Least send buffer of a subscriber's socket, bytes: it holds a part of a HELLO.
+const LEAST_BUFFER: usize = 4608;
 /// Most send buffer of a subscriber that is sent every message: the usual limit for programs
 /// without privileges.
 const EVERY_BUFFER: usize = 212_992;
@@ -174,11 +174,12 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
         Ok(subscriber)
     }
 
-    /// Room for about two messages: a queue in the kernel would be latency that nobody sees. Who
-    /// wants every message has no use for freshness, and is woken less often.
+    /// One message of each kind may be unread when the next is sent: a queue in the kernel would be latency that nobody
+    /// sees. Who wants every message has no use for freshness, and is woken less often.
     fn size_send_buffer(&self) -> io::Result<()> {
-        let raw = self.raw.as_ref().map_or(0, |feed| feed.stream().payload_len());
-        let newest = SEND_BUFFER.max(self.shown.stream.payload_len() + raw + 2048);
+        let kept = |stream: &Stream| kept_bytes(HEADER_LEN + stream.payload_len());
+        let raw = self.raw.as_ref().map_or(0, |feed| kept(feed.stream()));
+        let newest = send_buffer(kept(&self.shown.stream) + raw).max(LEAST_BUFFER);
         let bytes = match self.wants.every {
             true => newest.max(EVERY_BUFFER.min(self.shown.stream.backlog_bytes())),
             false => newest,

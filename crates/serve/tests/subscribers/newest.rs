@@ -12,7 +12,7 @@ fn a_reader_that_takes_nothing_costs_the_others_no_image() {
         let _idle: Vec<Subscriber> = (0..5)
             .map(|_| Subscriber::connect(&stage.path).unwrap())
             .collect();
-        let mut reader = Reader::connect(&stage.path, false);
+        let mut reader = Reader::connect(&stage.path, false).await;
         stage
             .until("all are there", |server| server.roster().subscribers() == 6)
             .await;
@@ -44,7 +44,7 @@ fn a_reader_that_takes_nothing_costs_the_others_no_image() {
 #[test]
 fn who_asks_for_the_roster_without_end_costs_no_image() {
     on_stage(async |mut stage| {
-        let mut reader = Reader::connect(&stage.path, false);
+        let mut reader = Reader::connect(&stage.path, false).await;
         stage
             .until("it is there", |server| server.roster().subscribers() == 1)
             .await;
@@ -83,7 +83,7 @@ fn who_asks_for_the_roster_without_end_costs_no_image() {
 #[test]
 fn a_reader_that_was_busy_gets_the_newest_and_the_count_of_those_before() {
     on_stage(async |mut stage| {
-        let mut reader = Reader::connect(&stage.path, false);
+        let mut reader = Reader::connect(&stage.path, false).await;
         stage
             .until("it is there", |server| server.roster().subscribers() == 1)
             .await;

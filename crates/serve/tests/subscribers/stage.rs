@@ -140,8 +140,10 @@ pub(crate) struct Reader {
 }
 
 impl Reader {
-    pub(crate) fn connect(path: &std::path::Path, every: bool) -> Self {
+    /// It has read what comes before the first image.
+    pub(crate) async fn connect(path: &std::path::Path, every: bool) -> Self {
         let (orders, ordered) = mpsc::channel();
+        let (welcome, welcomed) = tokio::sync::oneshot::channel();
         let (give, got) = tokio::sync::mpsc::unbounded_channel();
         let path = path.to_owned();
         std::thread::spawn(move || {
@@ -152,6 +154,13 @@ impl Reader {
                     ..Subscribe::default()
                 })
                 .unwrap();
+            for _ in ["to whoever comes", "to the subscription"] {
+                while !matches!(
+                    subscriber.next_timeout(PATIENCE).unwrap(),
+                    Some(Received::Hello(_))
+                ) {}
+            }
+            welcome.send(()).unwrap();
             for messages in ordered {
                 let mut left: usize = messages;
                 while left > 0 {
@@ -166,6 +175,7 @@ impl Reader {
                 }
             }
         });
+        welcomed.await.unwrap();
         Self { orders, got }
     }
 
