@@ -111,7 +111,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             let (config, text) = args.file.read()?;
             let table = in_force(&config, &text)?;
             print(&match args.json {
-                true => format!("{}\n", serde_json::to_string_pretty(&table)?),
+                true => format!("{}\n", serde_json::to_string(&table)?),
                 false => toml::to_string(&table)?,
             })
         }
