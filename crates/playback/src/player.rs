@@ -7,13 +7,18 @@ use crate::sweep::Sweeps;
 use crate::target::{TargetAddress, Targets};
 use crate::traffic::{Line, Traffic};
 use anyhow::bail;
-use std::cell::Cell;
 use std::ops::Range;
+use std::sync::mpsc::sync_channel;
+use std::sync::{Mutex, PoisonError};
+use std::thread::{self, Scope};
 use std::time::{Duration, Instant};
-use taxel_can::Received;
+use taxel_can::{ClockJumps, Received};
 
 /// From the last frame of one pass to the first of the next, with --loop.
 const PASS_GAP_NS: u64 = 1_000_000;
+/// Frames that are read at once, and how often before they are played.
+const BATCH: usize = 4096;
+const BATCHES: usize = 4;
 
 /// Sends a recording, pass after pass.
 pub struct Player {
@@ -54,10 +59,11 @@ impl Player {
 
     /// Plays the CAN traffic of a recording.
     pub fn play_traffic(self, traffic: &Traffic, names: &[String]) -> anyhow::Result<()> {
-        let jumps = Cell::default();
-        self.play(|| traffic.pass(names, &jumps))?;
-        if jumps.get().count() > 0 {
-            eprintln!("taxel: {}: {}", traffic.path().display(), jumps.get());
+        let jumps = Mutex::default();
+        thread::scope(|scope| self.play(|| ahead(scope, traffic.pass(names, &jumps)?)))?;
+        let jumps: ClockJumps = jumps.into_inner().unwrap_or_else(PoisonError::into_inner);
+        if jumps.count() > 0 {
+            eprintln!("taxel: {}: {jumps}", traffic.path().display());
         }
         Ok(())
     }
@@ -166,6 +172,25 @@ impl Player {
         }
         eprintln!("{text}");
     }
+}
+
+/// Has a thread of its own read what is played, so that neither waits for the other.
+fn ahead<'scope, T: Send + 'scope, I: Iterator<Item = T> + Send + 'scope>(
+    scope: &'scope Scope<'scope, '_>,
+    mut items: I,
+) -> anyhow::Result<impl Iterator<Item = T> + use<'scope, T, I>> {
+    let (sender, batches) = sync_channel(BATCHES);
+    thread::Builder::new()
+        .name("recording".into())
+        .spawn_scoped(scope, move || {
+            loop {
+                let batch: Vec<T> = items.by_ref().take(BATCH).collect();
+                if batch.is_empty() || sender.send(batch).is_err() {
+                    return;
+                }
+            }
+        })?;
+    Ok(batches.into_iter().flatten())
 }
 
 fn line((bus, received): (u8, Received)) -> anyhow::Result<Line> {

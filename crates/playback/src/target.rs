@@ -89,7 +89,10 @@ impl Target {
             TargetAddress::Log(path) => {
                 let whole = OutputFile::begin(path)?;
                 let file = File::create(whole.path()).with_context(|| path.display().to_string())?;
-                End::Log(LogWriter::new(Box::new(BufWriter::new(file))), Some(whole))
+                End::Log(
+                    LogWriter::new(Box::new(BufWriter::with_capacity(1 << 20, file))),
+                    Some(whole),
+                )
             }
             TargetAddress::Bus(SourceAddress::Pressure { path }) => {
                 let sender = PressureSender::open(path).with_context(|| {

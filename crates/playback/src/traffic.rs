@@ -2,11 +2,10 @@
 
 use crate::progress::Progress;
 use anyhow::{Context, bail};
-use std::cell::Cell;
 use std::fs::File;
 use std::io::{BufReader, Seek};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use taxel_can::{ClockJumps, LogClock, LogError, LogFrame, LogReader, Received};
 use taxel_recorder::CanReader;
 
@@ -148,7 +147,7 @@ impl Traffic {
     pub(crate) fn pass<'a>(
         &'a self,
         names: &'a [String],
-        jumps: &'a Cell<ClockJumps>,
+        jumps: &'a Mutex<ClockJumps>,
     ) -> anyhow::Result<Pass<'a>> {
         Ok(Pass {
             file: FrameFile::open(self, names)?,
@@ -219,12 +218,18 @@ pub(crate) enum Line {
 }
 
 /// The frames of a file as they stand there; times start at zero and never fall. Where they were not taken as they stand
-/// there is noted.
+/// there is noted in the end.
 pub(crate) struct Pass<'a> {
     file: FrameFile<'a>,
-    jumps: &'a Cell<ClockJumps>,
+    jumps: &'a Mutex<ClockJumps>,
     clock: LogClock,
     newest_ns: u64,
+}
+
+impl Drop for Pass<'_> {
+    fn drop(&mut self) {
+        *self.jumps.lock().unwrap_or_else(PoisonError::into_inner) = self.clock.jumps();
+    }
 }
 
 impl Iterator for Pass<'_> {
@@ -242,7 +247,6 @@ impl Iterator for Pass<'_> {
         };
         let since_ns = self.clock.since_first_ns(received.t_ns, self.file.number());
         self.newest_ns = since_ns.max(self.newest_ns);
-        self.jumps.set(self.clock.jumps());
         Some(Ok(match place {
             Some(place) if !received.frame.is_error() => {
                 let t_ns = self.newest_ns;
