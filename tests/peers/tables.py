@@ -209,6 +209,18 @@ def kernel_scaling(results):
     return table(head, rows)
 
 
+def best(results):
+    """Positions against the best of thousands of runs."""
+    head = ["recording", "`optimal` position SSE mean", "p95", "jumps", "`paper` position SSE mean", "p95", "jumps"]
+    rows = []
+    for r in results["best"]:
+        row = [r["name"]]
+        for m in (method(r["eval"], name) for name in ("optimal", "paper")):
+            row += [place(m, "position_sse_ratio_mean"), place(m, "position_sse_ratio_p95"), percent(m["jump_fraction"])]
+        rows.append(row)
+    return table(head, rows)
+
+
 def movement(results):
     gains = [m["name"].split("=")[1] for m in results["history"][0]["eval"]["methods"] if "jump_gain" in m["name"]] if results["history"] else []
     head = ["recording"] + [f"`jump_gain` {g}: position SSE mean, jumps" if n == 0 else g for n, g in enumerate(gains)] + ["`paper`"]
@@ -328,6 +340,7 @@ def figures(results):
 
 TABLES = {
     "summary": summary,
+    "best": best,
     **{name: shown(name) for name in SHOWN},
     "figures": figures,
     "display": display,
