@@ -2,6 +2,7 @@
 
 import asyncio
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -136,5 +137,66 @@ def test_a_daemon_that_answers_no_plain_subscription_is_not_waited_for(daemon):
     del daemon.hello["subscription"]
     daemon.answers = False
     with taxel.connect(daemon.path, max_rate_hz=10) as hand:
+        daemon.press([(0, 0, 1)])
+        assert hand.next(timeout=10).actuators.level.tolist() == [1]
+
+
+def test_closing_ends_whoever_waits_and_nothing_opens_the_stream_again(daemon):
+    hand = taxel.connect(daemon.path)
+    seen = []
+    reader = threading.Thread(target=lambda: seen.extend(hand))
+    reader.start()
+    daemon.press([(0, 0, 1)])
+    while not seen:
+        time.sleep(0.001)
+    hand.close()
+    reader.join(10)
+    assert not reader.is_alive() and len(seen) == 1
+
+    async def follow():
+        hand = taxel.aio.connect(daemon.path)
+
+        async def iterate():
+            return [image async for image in hand]
+
+        reader = asyncio.ensure_future(iterate())
+        await asyncio.get_running_loop().run_in_executor(None, daemon.wait_for_subscribers)
+        await asyncio.sleep(0)
+        hand.close()
+        assert await asyncio.wait_for(reader, 10) == []
+        assert await hand.next() is None and await hand.message() is None
+
+    asyncio.run(asyncio.wait_for(follow(), 20))
+
+
+def test_a_second_reader_of_a_stream_is_told_so(daemon):
+    async def follow():
+        async with taxel.aio.connect(daemon.path) as hand:
+            first = asyncio.ensure_future(hand.next())
+            await asyncio.sleep(0)
+            with pytest.raises(RuntimeError, match="connect once for each reader"):
+                await hand.next()
+            await asyncio.get_running_loop().run_in_executor(None, daemon.press, [(0, 0, 3)])
+            return (await first).actuators.level.tolist()
+
+    assert asyncio.run(asyncio.wait_for(follow(), 20)) == [3]
+    hand = taxel.connect(daemon.path)
+    first = threading.Thread(target=hand.next)
+    first.start()
+    while not hand.hello:
+        time.sleep(0.001)
+    with hand, pytest.raises(RuntimeError, match="connect once for each reader"):
+        hand.next()
+    first.join(10)
+
+
+def test_a_refused_stream_asks_again_when_it_is_read_on(daemon):
+    daemon.refuses = "the hand has no part `index`"
+    with taxel.connect(daemon.path, region=["index"]) as hand:
+        for _ in range(2):
+            with pytest.raises(taxel.Refused, match="no part"):
+                hand.next(timeout=10)
+        daemon.refuses = None
+        assert hand.next(timeout=0.05) is None
         daemon.press([(0, 0, 1)])
         assert hand.next(timeout=10).actuators.level.tolist() == [1]

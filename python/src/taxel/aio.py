@@ -4,16 +4,12 @@ import asyncio
 from typing import Any, AsyncIterator, Dict, Optional, Sequence
 
 from . import _reader, messages
-from .stream import RETRY_S, Path, Subscription, wanted
+from .arguments import Path, wanted
+from .subscription import RETRY_S, Subscription
 
 
-class Stream:
+class Stream(Subscription):
     """The images of a running daemon, across its restarts. Made by `connect`."""
-
-    def __init__(self, subscription: Subscription) -> None:
-        self._subscription = subscription
-        self._gives_all = bool(subscription.wanted.get("raw") or subscription.wanted.get("status"))
-        self._closed = False
 
     async def __aenter__(self) -> "Stream":
         return self
@@ -22,52 +18,46 @@ class Stream:
         self.close()
 
     async def __aiter__(self) -> AsyncIterator[Any]:
+        """Images; with raw or status every message. Ends when the stream is closed."""
         while not self._closed:
             message = await self.message()
-            if self._gives_all or isinstance(message, messages.Image):
+            if message is not None and (self._gives_all or isinstance(message, messages.Image)):
                 yield message
 
-    @property
-    def hello(self) -> Dict[str, Any]:
-        """The newest description of hand and display (docs/wire.md, "HELLO"); empty before one came."""
-        return self._subscription.hello
+    async def next(self) -> Optional[messages.Image]:
+        """The next image; None where the stream was closed.
 
-    @property
-    def restarts(self) -> int:
-        """How often the daemon went away and came back."""
-        return self._subscription.restarts
-
-    async def next(self) -> messages.Image:
-        """The next image. `asyncio.wait_for` bounds it; what has come by then is not lost."""
-        while True:
+        `asyncio.wait_for` bounds it; what has come by then is not lost.
+        """
+        while not self._closed:
             message = await self.message()
             if isinstance(message, messages.Image):
                 return message
+        return None
 
-    async def message(self) -> messages.Message:
-        """The next message of any kind. Waits for a daemon that has gone.
+    async def message(self) -> Optional[messages.Message]:
+        """The next message of any kind; None where the stream was closed. Waits for a daemon that has gone.
 
-        Raises Refused where the daemon refuses the subscription, DecodeError for a bad message.
+        Raises Refused where the daemon refuses the subscription, DecodeError for a bad message, RuntimeError where
+        another task is reading.
         """
-        subscription = self._subscription
-        while True:
-            try:
-                reader = subscription.open()
-                await _readable(reader)
-                message = subscription.take(reader, 0.0)
-            except PermissionError:
-                raise
-            except OSError as error:
-                subscription.lose(error)
-                await asyncio.sleep(RETRY_S)
-                continue
-            if message is not None:
-                return message
-
-    def close(self) -> None:
-        """Ends the connection."""
-        self._closed = True
-        self._subscription.close()
+        with self._reading():
+            while not self._closed:
+                try:
+                    reader = self._connect()
+                    await _readable(reader)
+                    message = self._take(reader, 0.0)
+                except PermissionError:
+                    raise
+                except OSError as error:
+                    if self._closed:
+                        break
+                    self._lose(error)
+                    await asyncio.sleep(RETRY_S)
+                    continue
+                if message is not None:
+                    return message
+        return None
 
 
 async def _readable(reader: "_reader.Reader") -> None:
@@ -98,4 +88,4 @@ def connect(
     region: Optional[Sequence[str]] = None,
 ) -> Stream:
     """As `taxel.connect`, but a daemon that does not run yet is waited for."""
-    return Stream(Subscription(path, wanted(raw, status, every, max_rate_hz, profile, region)))
+    return Stream(path, wanted(raw, status, every, max_rate_hz, profile, region))

@@ -5,9 +5,9 @@ import os
 import socket
 from typing import Any, Dict, NamedTuple, Optional
 
+from .arguments import Path
 from .errors import Refused
 from .place import running_socket
-from .stream import Path
 
 
 class Mark(NamedTuple):

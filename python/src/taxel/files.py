@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Iterator, List, Optional
 import numpy as np
 
 from . import _reader, messages
-from .stream import Path
+from .arguments import Path
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
