@@ -499,16 +499,17 @@ def _check_folder(path: str) -> None:
         raise PermissionError(errno.EACCES, "not a folder that only the user of its name owns and may write", folder)
 
 
-def connect(path: Union[str, "os.PathLike[str]"], **wanted: Any) -> Reader:
+def connect(path: Union[str, bytes, "os.PathLike[str]", "os.PathLike[bytes]"], **wanted: Any) -> Reader:
     """Connects to the daemon that listens at `path`; keywords as for `Reader.subscribe`.
 
     Raises OSError: FileNotFoundError or ConnectionRefusedError where no daemon runs, PermissionError where
     this user may not read from it, or where it is in a folder /tmp/taxeld-UID that is not UID's alone.
     """
-    _check_folder(os.fspath(path))
+    place = os.fsdecode(path)
+    _check_folder(place)
     connection = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     try:
-        connection.connect(os.fspath(path))
+        connection.connect(place)
         reader = Reader(connection)
         if wanted:
             reader.subscribe(**wanted)

@@ -5,7 +5,7 @@ import os
 import socket
 from typing import Any, Dict, NamedTuple, Optional
 
-from .arguments import Path
+from .arguments import Path, plain
 from .errors import Refused
 from .place import running_socket
 
@@ -27,7 +27,7 @@ class Control:
     """
 
     def __init__(self, path: Optional[Path] = None, timeout: float = 10.0) -> None:
-        self.path = None if path is None else os.fspath(path)
+        self.path = None if path is None else os.fsdecode(path)
         self.timeout = timeout
 
     def status(self) -> Dict[str, Any]:
@@ -69,6 +69,7 @@ class Control:
 
     def request(self, request: Dict[str, Any]) -> Dict[str, Any]:
         """Sends one request and returns the answer (docs/wire.md, "The control socket")."""
+        line = json.dumps(plain(request)).encode() + b"\n"
         tells = request in ({"cmd": "status"}, {"cmd": "profile"})
         path = self.path or os.fspath(running_socket("status.sock" if tells else "control.sock"))
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
@@ -77,12 +78,12 @@ class Control:
                 connection.connect(path)
             except OSError as error:
                 raise type(error)(error.errno, f"{path}: {error.strerror}; does taxeld run?") from None
-            connection.sendall(json.dumps(request).encode() + b"\n")
+            connection.sendall(line)
             with connection.makefile("rb") as answers:
-                line = answers.readline()
-        if not line.endswith(b"\n"):
+                reply = answers.readline()
+        if not reply.endswith(b"\n"):
             raise ConnectionError(f"{path}: taxeld closed the connection before it answered")
-        answer: Dict[str, Any] = json.loads(line)
+        answer: Dict[str, Any] = json.loads(reply)
         if not answer.get("ok"):
             raise Refused(str(answer.get("error", "refused")))
         return answer

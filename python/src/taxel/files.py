@@ -59,7 +59,7 @@ def load(path: Path) -> Images:
 
     Raises OSError, and ValueError with the file (and the line) for what is no such file.
     """
-    name = os.fspath(path)
+    name = os.fsdecode(path)
     readers = {".npz": _npz, ".jsonl": _jsonl, ".bin": _bin}
     reader = readers.get(FilePath(name).suffix.lower())
     if reader is None:
