@@ -1,7 +1,11 @@
 """A daemon that sends what a test tells it to."""
 
+import collections
+import contextlib
+import functools
 import json
 import os
+import selectors
 import shutil
 import socket
 import struct
@@ -9,12 +13,15 @@ import tempfile
 import threading
 import time
 from pathlib import Path
-from typing import Any, Callable, Dict, Iterable, List, Optional, Sequence, Tuple
+from typing import Any, Callable, Deque, Dict, Iterable, List, Optional, Sequence, Tuple
 
 import numpy as np
 
 from . import _reader, messages
 
+
+PATIENCE_S = 10.0
+"""What a subscriber may take to connect, to subscribe, or to read where it is sent more than a socket holds."""
 
 _SUBSCRIPTION = {"image": True, "raw": False, "status": False, "every": False, "max_rate_hz": None}
 """The subscription of a client that states nothing."""
@@ -50,9 +57,10 @@ def _message(kind: int, payload: bytes, flags: int = 0, seq: int = 0, t_ns: int 
 class FakeDaemon:
     """Listens as taxeld does, on `path` for images and on `control` for requests. Use it as a context.
 
-    Each image is sent to all who are connected when it is made; connecting and subscribing are waited for by
-    `wait_for_subscribers`. `subscriptions` are the SUBSCRIBE messages that came, `requests` the requests; `answer`
-    makes the reply to a request, by default `{"ok": true}` with an empty status or profile.
+    An image goes to all who are connected when it is made, or else to whoever connects next: so a test of one thread
+    may press before its driver is back after a restart. It is the same for every display; nothing is compressed.
+    `subscriptions` are the SUBSCRIBE messages that came, `requests` the requests; `answer` makes the reply to a
+    request, by default `{"ok": true}` with an empty status or profile.
     """
 
     def __init__(
@@ -89,8 +97,12 @@ class FakeDaemon:
         """Whether subscriptions are answered; those that come meanwhile are once it is true again."""
         self.answer: Callable[[Dict[str, Any]], Dict[str, Any]] = _agree
         self._changed = threading.Condition()
-        self._clients: List[socket.socket] = []
-        self._listeners: List[socket.socket] = []
+        self._clients: Dict[socket.socket, Sequence[bytes]] = {}
+        """Who is connected, each with the images that it was sent before it could say what it is."""
+        self._kept: Deque[bytes] = collections.deque(maxlen=100)
+        """The newest images that were made while nobody was connected."""
+        self._ready: Optional[selectors.BaseSelector] = None
+        """Who has something to be read, and what then; None while stopped."""
         self.start()
 
     def __enter__(self) -> "FakeDaemon":
@@ -102,25 +114,33 @@ class FakeDaemon:
 
     def start(self) -> None:
         """Listens, as a daemon that was started."""
+        self._ready = selectors.DefaultSelector()
         kinds = ((self.path, socket.SOCK_SEQPACKET, self._subscriber), (self.control, socket.SOCK_STREAM, self._asker))
-        for path, kind, serve in kinds:
+        for path, kind, take in kinds:
             listener = socket.socket(socket.AF_UNIX, kind)
             listener.bind(os.fspath(path))
             listener.listen()
-            self._listeners.append(listener)
-            threading.Thread(target=self._accept, args=(listener, serve), daemon=True).start()
+            self._ready.register(listener, selectors.EVENT_READ, functools.partial(take, self._ready, listener))
+        self._thread = threading.Thread(target=self._serve, args=(self._ready,), daemon=True)
+        self._thread.start()
 
     def stop(self) -> None:
         """Ends every connection and listens no more, as a daemon that ended."""
-        for listener in self._listeners:
-            # Wakes the thread that accepts; closing alone does not.
-            listener.shutdown(socket.SHUT_RDWR)
-            listener.close()
-        self._listeners = []
         with self._changed:
-            clients, self._clients = self._clients, []
-        for client in clients:
-            client.shutdown(socket.SHUT_RDWR)
+            ready, self._ready = self._ready, None
+            self._clients.clear()
+            self._kept.clear()
+        if ready is None:
+            return
+        ends: List[Any] = [key.fileobj for key in ready.get_map().values()]
+        for end in ends:
+            # Wakes the thread that waits for it; closing alone does not.
+            with contextlib.suppress(OSError):
+                end.shutdown(socket.SHUT_RDWR)
+        self._thread.join()
+        for end in ends:
+            end.close()
+        ready.close()
         for path in (self.path, self.control):
             path.unlink(missing_ok=True)
 
@@ -130,13 +150,13 @@ class FakeDaemon:
         self.seq = 0
         self.start()
 
-    def wait_for_subscribers(self, count: int = 1, timeout: float = 10.0) -> None:
+    def wait_for_subscribers(self, count: int = 1, timeout: float = PATIENCE_S) -> None:
         """Waits until so many are connected. Raises TimeoutError."""
         with self._changed:
             if not self._changed.wait_for(lambda: len(self._clients) >= count, timeout):
                 raise TimeoutError(f"{len(self._clients)} of {count} subscribers after {timeout} s")
 
-    def wait_for_subscription(self, count: int = 1, timeout: float = 10.0) -> None:
+    def wait_for_subscription(self, count: int = 1, timeout: float = PATIENCE_S) -> None:
         """Waits until so many SUBSCRIBE messages have come. Raises TimeoutError."""
         with self._changed:
             if not self._changed.wait_for(lambda: len(self.subscriptions) >= count, timeout):
@@ -159,56 +179,89 @@ class FakeDaemon:
             faulty=0,
             missing=0,
         )
-        self.send(encode_image(image))
+        packet = encode_image(image)
+        with self._changed:
+            clients = self._connected()
+            if not clients:
+                self._kept.append(packet)
+        self._send(clients, packet)
         self.seq += 1
         return image
 
     def event(self, event: str, message: str) -> None:
-        """Sends an EVENT."""
+        """Sends an EVENT, as `send` does."""
         self.send(_message(_reader.EVENT, json.dumps({"event": event, "message": message}).encode(), seq=self.seq))
 
     def send(self, packet: bytes) -> None:
         """Sends bytes to all who are connected, once at least one is."""
+        self._connected()
         self.wait_for_subscribers()
+        self._send(self._connected(), packet)
+
+    def _connected(self) -> List[socket.socket]:
+        """Who is connected by now, each with its answer."""
         with self._changed:
-            clients = list(self._clients)
+            if self._ready is None:
+                raise RuntimeError("the fake daemon is stopped, and sends nothing")
+            self._attend(self._ready)
+            return list(self._clients)
+
+    @staticmethod
+    def _send(clients: Iterable[socket.socket], packet: bytes) -> None:
         for client in clients:
             try:
                 client.send(packet, socket.MSG_NOSIGNAL)
+            except socket.timeout:
+                raise TimeoutError(f"a subscriber has read nothing for {PATIENCE_S} s, and no more fits in") from None
             except OSError:
+                # It has gone; reading finds so.
                 pass
 
-    def _accept(self, listener: socket.socket, serve: Callable[[socket.socket], None]) -> None:
+    def _serve(self, ready: selectors.BaseSelector) -> None:
         while True:
-            try:
-                client, _ = listener.accept()
-            except OSError:
-                return
-            threading.Thread(target=serve, args=(client,), daemon=True).start()
-
-    def _subscriber(self, client: socket.socket) -> None:
-        hello = _message(_reader.HELLO, json.dumps(self.hello).encode())
-        try:
-            client.send(hello, socket.MSG_NOSIGNAL)
+            ready.select()
             with self._changed:
-                self._clients.append(client)
-                self._changed.notify_all()
-            while packet := client.recv(_reader.MAX_MESSAGE):
-                asked = json.loads(packet[_reader.HEADER_LEN :])
-                while not self.answers:
-                    time.sleep(0.01)
-                refusal = {"event": "refused", "message": self.refuses}
-                kind, reply = (_reader.EVENT, refusal) if self.refuses else (_reader.HELLO, self._hello_of(asked))
-                client.send(_message(kind, json.dumps(reply).encode()), socket.MSG_NOSIGNAL)
-                with self._changed:
-                    self.subscriptions.append(asked)
-                    self._changed.notify_all()
-        except OSError:
-            pass
-        with self._changed:
-            if client in self._clients:
-                self._clients.remove(client)
-        client.close()
+                if self._ready is not ready:
+                    return
+                self._attend(ready)
+            if not self.answers:
+                time.sleep(0.01)
+
+    def _attend(self, ready: selectors.BaseSelector) -> None:
+        """Takes in who has connected, and answers who has asked; with the lock."""
+        while keys := [key for key, _ in ready.select(0) if self.answers or key.fileobj not in self._clients]:
+            for key in keys:
+                key.data()
+
+    def _subscriber(self, ready: selectors.BaseSelector, listener: socket.socket) -> None:
+        client, _ = listener.accept()
+        client.settimeout(PATIENCE_S)
+        first = [*self._kept]
+        self._kept.clear()
+        for packet in (_message(_reader.HELLO, json.dumps(self.hello).encode()), *first):
+            self._send([client], packet)
+        self._clients[client] = first
+        ready.register(client, selectors.EVENT_READ, functools.partial(self._subscription, ready, client))
+        self._changed.notify_all()
+
+    def _subscription(self, ready: selectors.BaseSelector, client: socket.socket) -> None:
+        try:
+            packet = client.recv(_reader.MAX_MESSAGE)
+            asked = json.loads(packet[_reader.HEADER_LEN :])
+        except (OSError, ValueError):
+            # It has gone, or sent what is no message.
+            ready.unregister(client)
+            del self._clients[client]
+            client.close()
+            return
+        refusal = {"event": "refused", "message": self.refuses}
+        kind, reply = (_reader.EVENT, refusal) if self.refuses else (_reader.HELLO, self._hello_of(asked))
+        # What came before the answer was made for another display, and is passed over: so once more.
+        for message in (_message(kind, json.dumps(reply).encode()), *self._clients[client]):
+            self._send([client], message)
+        self._clients[client] = ()
+        self.subscriptions.append(asked)
+        self._changed.notify_all()
 
     def _hello_of(self, asked: Dict[str, Any]) -> Dict[str, Any]:
         """The answer to a subscription: what is in force then."""
@@ -217,7 +270,11 @@ class FakeDaemon:
             hello["profile"] = {**self.hello["profile"], **asked["profile"]}
         return {**hello, "region": asked["region"]} if "region" in asked else hello
 
-    def _asker(self, client: socket.socket) -> None:
+    def _asker(self, _ready: selectors.BaseSelector, listener: socket.socket) -> None:
+        client, _ = listener.accept()
+        threading.Thread(target=self._answers_to, args=(client,), daemon=True).start()
+
+    def _answers_to(self, client: socket.socket) -> None:
         with client, client.makefile("rwb") as lines:
             for line in lines:
                 request = json.loads(line)
