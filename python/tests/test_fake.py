@@ -3,6 +3,50 @@
 import pytest
 import taxel
 
+# tests/e2e/test_python_package.py asks taxeld the same.
+REFUSED = [
+    {"max_rate_hz": -1},
+    {"max_rate_hz": 0},
+    {"max_rate_hz": 10, "every": True},
+    {"region": []},
+    {"region": [1]},
+    {"profile": {"levels": 0}},
+    {"profile": {"levels": 256}},
+    {"profile": {"levels": 4.5}},
+    {"profile": {"actuators": 1025}},
+    {"profile": [4]},
+]
+REFUSED_REQUESTS = [
+    {"cmd": "mark", "text": ""},
+    {"cmd": "mark", "text": "\u00e9" * 251},
+    {"cmd": "mark"},
+    {"cmd": "profile", "profile": {"levels": 0}},
+    {"cmd": "profile", "profile": []},
+    {"cmd": "servo", "joint": "index 0", "pwm_percent": 101},
+    {"cmd": "dance"},
+    [],
+]
+
+
+@pytest.mark.parametrize("asked", REFUSED, ids=str)
+def test_subscriptions_that_taxeld_refuses_are_refused(daemon, asked):
+    with taxel.connect(daemon.path, **asked) as hand, pytest.raises(taxel.Refused):
+        hand.next(timeout=10)
+
+
+@pytest.mark.parametrize("request_", REFUSED_REQUESTS, ids=str)
+def test_requests_that_taxeld_refuses_are_refused(daemon, request_):
+    with pytest.raises(taxel.Refused):
+        taxel.Control(daemon.control).request(request_)
+
+
+def test_images_that_no_display_of_this_kind_shows_are_not_made(daemon):
+    for pressed in ([(0, 0, 1)] * 17, [(4, 0, 1)], [(0, -1, 1)], [(0, 0, 0)], [(0, 0, 5)]):
+        with pytest.raises(ValueError):
+            daemon.press(pressed)
+    with pytest.raises(ValueError, match="levels = 0"):
+        taxel.FakeDaemon(levels=0)
+
 
 def levels(hand):
     return hand.next(timeout=10).actuators.level.tolist()

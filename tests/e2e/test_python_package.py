@@ -90,6 +90,31 @@ for a, b, c in zip(npz, jsonl, binary):
     subprocess.run([python, "-I", "-c", same, *files], check=True, timeout=60)
 
 
+def test_what_its_fake_daemon_refuses_the_daemon_refuses(python, start):
+    daemon = start()
+    refused = """
+import runpy, sys, taxel
+images, control, tests = sys.argv[1:]
+cases = runpy.run_path(tests)
+taken = []
+for asked in cases["REFUSED"]:
+    with taxel.connect(images, **asked) as hand:
+        try:
+            taken.append((asked, hand.next(timeout=10)))
+        except taxel.Refused:
+            pass
+for request in cases["REFUSED_REQUESTS"]:
+    try:
+        taken.append((request, taxel.Control(control).request(request)))
+    except taxel.Refused:
+        pass
+sys.exit(str(taken) if taken else 0)
+"""
+    command = [python, "-I", "-c", refused, daemon.images, daemon.control_path, PACKAGE / "tests/test_fake.py"]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert ended.returncode == 0, ended.stderr
+
+
 def test_its_own_tests_and_types_hold():
     tests = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", PACKAGE / "tests"]
     environment = {"PYTHONPATH": str(PACKAGE / "src"), "PYTHONDONTWRITEBYTECODE": "1", "PATH": "/usr/bin:/bin"}

@@ -17,7 +17,7 @@ from typing import Any, Callable, Deque, Dict, Iterable, List, Optional, Sequenc
 
 import numpy as np
 
-from . import _reader, messages
+from . import _reader, messages, refusal
 
 
 PATIENCE_S = 10.0
@@ -54,18 +54,26 @@ def _message(kind: int, payload: bytes, flags: int = 0, seq: int = 0, t_ns: int 
     return struct.pack("<4sBBHHHIQQII", *head, seq, t_ns, skipped, 0) + payload
 
 
+def _event(event: str, message: str, seq: int = 0) -> bytes:
+    return _message(_reader.EVENT, json.dumps({"event": event, "message": message}).encode(), seq=seq)
+
+
 class FakeDaemon:
     """Listens as taxeld does, on `path` for images and on `control` for requests. Use it as a context.
 
     An image goes to all who are connected when it is made, or else to whoever connects next: so a test of one thread
     may press before its driver is back after a restart. It is the same for every display; nothing is compressed.
     `subscriptions` are the SUBSCRIBE messages that came, `requests` the requests; `answer` makes the reply to a
-    request, by default `{"ok": true}` with an empty status or profile.
+    request, by default `{"ok": true}` with an empty status or profile. What taxeld refuses is refused, as far as it
+    can be told without a hand.
     """
 
     def __init__(
         self, width: int = 4, height: int = 4, levels: int = 8, actuators: int = 16, joints: Sequence[str] = ()
     ) -> None:
+        no = refusal.of_profile({"levels": levels, "actuators": actuators})
+        if no:
+            raise ValueError(no)
         self.folder = Path(tempfile.mkdtemp(prefix="taxel-fake-"))
         self.path = self.folder / "images.sock"
         self.control = self.folder / "control.sock"
@@ -163,7 +171,18 @@ class FakeDaemon:
                 raise TimeoutError(f"{len(self.subscriptions)} of {count} subscriptions after {timeout} s")
 
     def press(self, pressed: Iterable[Tuple[int, int, int]] = (), joints: Sequence[float] = ()) -> messages.Image:
-        """Sends an image in which actuators 0, 1, .. press at (x, y) with a level from 1; returns it."""
+        """Sends an image in which actuators 0, 1, .. press at (x, y) with a level from 1; returns it.
+
+        Raises ValueError where no display that HELLO describes could.
+        """
+        pressed, most = list(pressed), self.hello["profile"]["actuators"]
+        if len(pressed) > most:
+            raise ValueError(f"{len(pressed)} actuators press, and the display has {most}")
+        height, width = self.shape
+        for x, y, level in pressed:
+            if not (0 <= x < width and 0 <= y < height and 1 <= level <= len(self.levels)):
+                kind = f"{width} x {height} pixels and {len(self.levels)} levels"
+                raise ValueError(f"({x}, {y}, {level}) presses where the image has no place: it has {kind}")
         rows = [(n, x, y, level, self.levels[level - 1]) for n, (x, y, level) in enumerate(pressed)]
         pixels = np.zeros(self.shape, np.uint8)
         for _, x, y, level, _ in rows:
@@ -190,7 +209,7 @@ class FakeDaemon:
 
     def event(self, event: str, message: str) -> None:
         """Sends an EVENT, as `send` does."""
-        self.send(_message(_reader.EVENT, json.dumps({"event": event, "message": message}).encode(), seq=self.seq))
+        self.send(_event(event, message, self.seq))
 
     def send(self, packet: bytes) -> None:
         """Sends bytes to all who are connected, once at least one is."""
@@ -254,10 +273,10 @@ class FakeDaemon:
             del self._clients[client]
             client.close()
             return
-        refusal = {"event": "refused", "message": self.refuses}
-        kind, reply = (_reader.EVENT, refusal) if self.refuses else (_reader.HELLO, self._hello_of(asked))
+        no = self.refuses or refusal.of_subscription(asked, _SUBSCRIPTION)
+        answer = _event("refused", no) if no else _message(_reader.HELLO, json.dumps(self._hello_of(asked)).encode())
         # What came before the answer was made for another display, and is passed over: so once more.
-        for message in (_message(kind, json.dumps(reply).encode()), *self._clients[client]):
+        for message in (answer, *self._clients[client]):
             self._send([client], message)
         self._clients[client] = ()
         self.subscriptions.append(asked)
@@ -266,9 +285,8 @@ class FakeDaemon:
     def _hello_of(self, asked: Dict[str, Any]) -> Dict[str, Any]:
         """The answer to a subscription: what is in force then."""
         hello = {**self.hello, "subscription": {key: asked.get(key, value) for key, value in _SUBSCRIPTION.items()}}
-        if "profile" in asked:
-            hello["profile"] = {**self.hello["profile"], **asked["profile"]}
-        return {**hello, "region": asked["region"]} if "region" in asked else hello
+        hello["profile"] = {**self.hello["profile"], **(asked.get("profile") or {})}
+        return {**hello, "region": asked["region"]} if asked.get("region") else hello
 
     def _asker(self, _ready: selectors.BaseSelector, listener: socket.socket) -> None:
         client, _ = listener.accept()
@@ -284,7 +302,10 @@ class FakeDaemon:
 
 
 def _agree(request: Dict[str, Any]) -> Dict[str, Any]:
+    error = refusal.of_request(request)
+    if error:
+        return {"ok": False, "error": error}
     said: Dict[str, Dict[str, Any]] = {"status": {"status": {}}, "mark": {"mark": {"seq": 0, "t_ns": 0}}}
     if request == {"cmd": "profile"}:
         return {"ok": True, "profile": {}}
-    return {"ok": True, **said.get(str(request.get("cmd")), {})}
+    return {"ok": True, **said.get(request["cmd"], {})}

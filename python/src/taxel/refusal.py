@@ -1,0 +1,50 @@
+"""Why taxeld would refuse a subscription or a request. Not all that it checks is checked here."""
+
+from typing import Any, Dict
+
+_MOST = {"levels": 255, "actuators": 1024}
+_COMMANDS = ("status", "rezero", "mark", "pause", "resume", "profile", "servo", "servos")
+
+
+def of_profile(profile: Any) -> str:
+    """Why it describes no display; empty where nothing here speaks against it."""
+    if not isinstance(profile, dict):
+        return f"profile = {profile!r} must be an object"
+    for key, most in _MOST.items():
+        value = profile.get(key, 1)
+        if type(value) is not int or not 1 <= value <= most:
+            return f"profile: {key} = {value!r} must be a whole number from 1 to {most}"
+    return ""
+
+
+def of_subscription(asked: Any, known: Dict[str, Any]) -> str:
+    """Why nobody can subscribe so; empty where nothing here speaks against it. `known` are the keys but two."""
+    if not isinstance(asked, dict):
+        return f"subscription: {asked!r} must be an object"
+    rate, region = asked.get("max_rate_hz"), asked.get("region")
+    for key, value in asked.items():
+        if key not in (*known, "profile", "region"):
+            return f"subscription: unknown field `{key}`"
+        if isinstance(known.get(key), bool) and not isinstance(value, bool):
+            return f"subscription: {key} = {value!r} must be true or false"
+    if rate is not None and not (type(rate) in (int, float) and rate > 0):
+        return f"subscription: max_rate_hz = {rate!r} must be a number above 0"
+    if rate is not None and asked.get("every"):
+        return f"subscription: every = true asks for all frames, max_rate_hz = {rate} for fewer; leave one out"
+    if region is not None and not (isinstance(region, list) and region and all(isinstance(p, str) for p in region)):
+        return f"region = {region!r} must be a list of parts, at least one; leave it out for the whole hand"
+    return of_profile(asked["profile"]) if asked.get("profile") is not None else ""
+
+
+def of_request(request: Any) -> str:
+    """Why it cannot be done; empty where nothing here speaks against it."""
+    if not isinstance(request, dict) or request.get("cmd") not in _COMMANDS:
+        return f"{request!r} is no request: `cmd` must be one of {', '.join(_COMMANDS)}"
+    if request["cmd"] == "mark":
+        text = request.get("text")
+        if not isinstance(text, str) or not 1 <= len(text.encode()) <= 500:
+            return "a mark has 1 to 500 bytes of text"
+    percent = request.get("pwm_percent", 0)
+    if request["cmd"] == "servo" and not (type(percent) in (int, float) and -100 <= percent <= 100):
+        return f"pwm_percent = {percent!r} must be from -100 to 100"
+    return of_profile(request["profile"]) if request["cmd"] == "profile" and "profile" in request else ""
