@@ -44,9 +44,9 @@ def test_lines_of_watch_and_messages_of_compress_are_the_same_images(tmp_path):
     check(taxel.load(messages))
 
 
-def test_arrays_of_compress_are_the_same_images(tmp_path):
+def arrays():
     nothing = [[np.nan] * 5] * 2
-    arrays = {
+    return {
         "images": np.array([LINE["image"], EMPTY["image"]], np.uint8).reshape(2, 2, 3),
         "levels": np.array([[10.0, 20.0], [np.nan, np.nan]]),
         "actuators": np.array([[[1, 2, 1, 2, 20.0], nothing[0]], nothing]),
@@ -57,18 +57,73 @@ def test_arrays_of_compress_are_the_same_images(tmp_path):
         "missing": np.array([0, 0], np.uint16),
         "joints": np.array([[0.25, np.nan]] * 2, np.float32),
     }
-    np.savez(tmp_path / "a.npz", **arrays)
+
+
+def test_arrays_of_compress_are_the_same_images(tmp_path):
+    np.savez(tmp_path / "a.npz", **arrays())
     check(taxel.load(tmp_path / "a.npz"))
-    del arrays["seq"]
-    np.savez(tmp_path / "b.npz", **arrays)
-    with pytest.raises(ValueError, match="b.npz has no array 'seq'"):
-        taxel.load(tmp_path / "b.npz")
+
+
+@pytest.mark.parametrize(
+    ("damage", "why"),
+    [
+        ({"seq": None}, "seq is not a file in the archive"),
+        ({"levels": np.zeros((3, 2))}, "3 levels and 2 seq"),
+        ({"images": np.zeros((2, 6), np.uint8)}, r"pixels of shape \(2, 6\)"),
+    ],
+)
+def test_arrays_that_do_not_fit_together_are_refused(tmp_path, damage, why):
+    given = {**arrays(), **damage}
+    np.savez(tmp_path / "a.npz", **{key: value for key, value in given.items() if value is not None})
+    with pytest.raises(ValueError, match=f"a.npz: .*{why}"):
+        taxel.load(tmp_path / "a.npz")
+
+
+def test_a_cut_file_of_arrays_is_refused_wherever_it_ends(tmp_path):
+    path = tmp_path / "a.npz"
+    np.savez(path, **arrays())
+    whole = path.read_bytes()
+    for end in range(0, len(whole), 97):
+        path.write_bytes(whole[:end])
+        with pytest.raises(ValueError, match="a.npz: no .npz as"):
+            taxel.load(path)
+
+
+def test_images_of_different_sizes_are_refused_with_the_place(tmp_path):
+    larger = {**EMPTY, "width": 6, "height": 1}
+    lines, messages = tmp_path / "a.jsonl", tmp_path / "a.bin"
+    jointless = {**LINE, "joints": []}
+    for other, what in ((larger, "1 rows, 6 columns and 2 joints"), (jointless, "2 rows, 3 columns and 0 joints")):
+        packets = []
+        for line in (LINE, other):
+            lines.write_text(json.dumps(line))
+            packets.append(encode_image(taxel.load(lines)[0]))
+        lines.write_text(f"{json.dumps(LINE)}\n{json.dumps(other)}\n")
+        messages.write_bytes(b"".join(packets))
+        for path, place in ((lines, "jsonl:2"), (messages, f"bin: byte {len(packets[0])}")):
+            with pytest.raises(ValueError, match=f"a.{place}: an image of {what} behind those of 2 rows"):
+                taxel.load(path)
+
+
+def test_a_slice_is_images_too(tmp_path):
+    lines = tmp_path / "a.jsonl"
+    lines.write_text("\n".join(json.dumps({**LINE, "seq": seq}) for seq in range(5)))
+    images = taxel.load(lines)
+    assert [image.seq for image in images[1:3]] == [1, 2] == images[1:3].seq.tolist()
+    assert images[::-2][0].seq == images[-1].seq == 4 and len(images[5:]) == 0
 
 
 def test_a_damaged_file_is_refused_with_the_place(tmp_path):
     lines = tmp_path / "a.jsonl"
     lines.write_text(f"{json.dumps(LINE)}\n{{\n")
     with pytest.raises(ValueError, match="a.jsonl:2: no image"):
+        taxel.load(lines)
+    for key, value in (("image", [0, 0, 0, 0, 0, 256]), ("seq", -1), ("contacts", 2**32)):
+        lines.write_text(json.dumps({**LINE, key: value}))
+        with pytest.raises(ValueError, match="a.jsonl:1: no image"):
+            taxel.load(lines)
+    lines.write_bytes(b"\xff")
+    with pytest.raises(ValueError, match="a.jsonl:1: no image"):
         taxel.load(lines)
     cut = tmp_path / "a.bin"
     lines.write_text(json.dumps(LINE))

@@ -1,10 +1,11 @@
 """Images that `taxel compress` or `taxel watch --json` wrote to a file."""
 
 import json
+import operator
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any, Iterator, List, Optional
+from typing import TYPE_CHECKING, Any, Iterable, Iterator, List, Optional, Tuple, Union, overload
 
 import numpy as np
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Images:
-    """Images one after another; `len`, an index and iterating give each as an `Image`."""
+    """Images one after another; an index and iterating give each as an `Image`, a slice several as `Images`."""
 
     pixels: "NDArray[np.uint8]"
     """T x height x width."""
@@ -36,7 +37,15 @@ class Images:
     def __len__(self) -> int:
         return len(self.seq)
 
-    def __getitem__(self, index: int) -> messages.Image:
+    @overload
+    def __getitem__(self, index: int) -> messages.Image: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> "Images": ...
+
+    def __getitem__(self, index: Union[int, slice]) -> Union[messages.Image, "Images"]:
+        if isinstance(index, slice):
+            return Images(**{field.name: getattr(self, field.name)[index] for field in fields(self)})
         levels = self.levels[index]
         return messages.Image(
             seq=int(self.seq[index]),
@@ -54,10 +63,14 @@ class Images:
         return (self[index] for index in range(len(self)))
 
 
+_DIMENSIONS = {"pixels": 3, "joints": 2, "levels": 2}
+"""Of the arrays that have more than one."""
+
+
 def load(path: Path) -> Images:
     """Reads a .npz or .bin of `taxel compress`, or a .jsonl of `taxel compress` or `taxel watch --json`.
 
-    Raises OSError, and ValueError with the file (and the line) for what is no such file.
+    Raises OSError, and ValueError with the file, and the line or byte, for what is no such file.
     """
     name = os.fsdecode(path)
     readers = {".npz": _npz, ".jsonl": _jsonl, ".bin": _bin}
@@ -68,36 +81,51 @@ def load(path: Path) -> Images:
 
 
 def _npz(name: str) -> Images:
-    with np.load(name) as file:
-        absent = [key for key in ("images", "levels", "actuators", "seq", "t_ns") if key not in file]
-        if absent:
-            raise ValueError(f"{name} has no array {absent[0]!r}; is it a .npz that `taxel compress` wrote?")
-        frames = len(file["seq"])
-        rows = file["actuators"]
-        return Images(
-            pixels=file["images"],
-            seq=file["seq"],
-            t_ns=file["t_ns"],
-            contacts=file["contacts"].astype(np.uint32),
-            faulty=file["faulty"].astype(np.uint32),
-            missing=file["missing"].astype(np.uint32),
-            joints=file["joints"] if "joints" in file else np.zeros((frames, 0), np.float32),
-            levels=file["levels"],
-            actuators=[messages.actuators(row[~np.isnan(row[:, 0])]) for row in rows],
-        )
+    with open(name, "rb") as file:
+        try:
+            with np.load(file) as arrays:
+                return _of_arrays(arrays)
+        except Exception as error:  # numpy, zipfile and zlib have a dozen kinds for what is damaged
+            raise ValueError(f"{name}: no .npz as `taxel compress` writes it: {error}") from None
+
+
+def _of_arrays(arrays: Any) -> Images:
+    frames, rows = len(arrays["seq"]), arrays["actuators"]
+    images = Images(
+        pixels=arrays["images"],
+        seq=arrays["seq"],
+        t_ns=arrays["t_ns"],
+        contacts=arrays["contacts"].astype(np.uint32),
+        faulty=arrays["faulty"].astype(np.uint32),
+        missing=arrays["missing"].astype(np.uint32),
+        joints=arrays["joints"] if "joints" in arrays else np.zeros((frames, 0), np.float32),
+        levels=arrays["levels"],
+        actuators=[messages.actuators(row[~np.isnan(row[:, 0])]) for row in rows],
+    )
+    for field in fields(images):
+        column = getattr(images, field.name)
+        if len(column) != frames:
+            raise ValueError(f"{len(column)} {field.name} and {frames} seq")
+        if field.name in _DIMENSIONS and column.ndim != _DIMENSIONS[field.name]:
+            raise ValueError(f"{field.name} of shape {column.shape}")
+    return images
 
 
 def _jsonl(name: str) -> Images:
-    images = []
-    with open(name, encoding="utf-8") as file:
+    return _stack(_lines(name))
+
+
+def _lines(name: str) -> Iterator[Tuple[str, messages.Image]]:
+    with open(name, "rb") as file:
         for number, line in enumerate(file, 1):
             if not line.strip():
                 continue
+            place = f"{name}:{number}"
             try:
-                images.append(_of_object(json.loads(line)))
-            except (ValueError, KeyError, TypeError) as error:
-                raise ValueError(f"{name}:{number}: no image as `taxel watch --json` prints one: {error!r}") from None
-    return _stack(images)
+                image = _of_object(json.loads(line))
+            except (ValueError, KeyError, TypeError, OverflowError) as error:
+                raise ValueError(f"{place}: no image as `taxel watch --json` prints one: {error!r}") from None
+            yield place, image
 
 
 def _of_object(value: Any) -> messages.Image:
@@ -105,47 +133,62 @@ def _of_object(value: Any) -> messages.Image:
     rows = [(a["id"], a["x"], a["y"], a["level"], a["force"]) for a in value["actuators"]]
     angles: List[Optional[float]] = value["joints"]
     return messages.Image(
-        seq=int(value["seq"]),
-        t_ns=int(value["t_ns"]),
-        pixels=np.array(value["image"], np.uint8).reshape(shape),
+        seq=_whole(value["seq"], 64),
+        t_ns=_whole(value["t_ns"], 64),
+        pixels=np.frombuffer(bytes([*value["image"]]), np.uint8).reshape(shape),
         levels=np.array(value["levels"], np.float64),
         actuators=messages.actuators(rows),
         joints=np.array([np.nan if angle is None else angle for angle in angles], np.float32),
-        contacts=int(value["contacts"]),
-        faulty=int(value["faulty"]),
-        missing=int(value["missing"]),
+        contacts=_whole(value["contacts"], 32),
+        faulty=_whole(value["faulty"], 32),
+        missing=_whole(value["missing"], 32),
     )
 
 
+def _whole(number: Any, bits: int) -> int:
+    if not 0 <= operator.index(number) < 1 << bits:
+        # Some versions of numpy would wrap it around.
+        raise ValueError(f"{number} is no number of {bits} bits")
+    return int(number)
+
+
 def _bin(name: str) -> Images:
-    data = memoryview(FilePath(name).read_bytes())
-    images, at = [], 0
+    return _stack(_packets(name))
+
+
+def _packets(name: str) -> Iterator[Tuple[str, messages.Image]]:
+    data, at = memoryview(FilePath(name).read_bytes()), 0
     while at < len(data):
+        place = f"{name}: byte {at}"
         try:
             message, length = _reader.decode(data[at:])
-        except _reader.DecodeError as error:
-            raise ValueError(f"{name}: byte {at}: {error}") from None
-        image = messages.of_reader(message)
+            image = messages.of_reader(message)
+        except ValueError as error:
+            raise ValueError(f"{place}: {error}") from None
         if isinstance(image, messages.Image):
-            images.append(image)
+            yield place, image
         at += length
-    return _stack(images)
 
 
-def _stack(images: List[messages.Image]) -> Images:
-    first = images[0] if images else None
+def _stack(found: Iterable[Tuple[str, messages.Image]]) -> Images:
+    images: List[messages.Image] = []
+    for place, image in found:
+        images.append(image)
+        these, first = ((*each.pixels.shape, len(each.joints)) for each in (image, images[0]))
+        if these != first:
+            kind = "{} rows, {} columns and {} joints"
+            raise ValueError(f"{place}: an image of {kind.format(*these)} behind those of {kind.format(*first)}")
     most = max((len(image.levels) for image in images), default=0)
     levels = np.full((len(images), most), np.nan)
     for row, image in zip(levels, images):
         row[: len(image.levels)] = image.levels
-    shape = first.pixels.shape if first else (0, 0)
-    joints = len(first.joints) if first else 0
+    height, width, joints = (*images[0].pixels.shape, len(images[0].joints)) if images else (0, 0, 0)
 
     def column(key: str, kind: Any) -> Any:
         return np.array([getattr(image, key) for image in images], kind)
 
     return Images(
-        pixels=column("pixels", np.uint8).reshape(len(images), *shape),
+        pixels=column("pixels", np.uint8).reshape(len(images), height, width),
         seq=column("seq", np.uint64),
         t_ns=column("t_ns", np.uint64),
         contacts=column("contacts", np.uint32),
