@@ -3,10 +3,12 @@
 import os
 import re
 import shlex
+import signal
 import subprocess
 import sys
 
 import pytest
+import taxel
 from harness.daemon import REPOSITORY, binary, die_with_parent, eventually
 from harness.pages import DOCS, PAGES, commands, python_blocks
 
@@ -53,12 +55,61 @@ def test_ten_minutes_without_hardware_run_line_by_line(folder, environment):
     assert ran >= 15, "the page has lost its commands"
 
 
-def test_a_drivers_own_test_runs_without_a_hand(environment):
-    *drivers, test = python_blocks(DOCS / "display-driver.md")
-    for driver in drivers:
-        compile(driver, "display-driver.md", "exec")
+IN_PYTHON = [*PAGES, REPOSITORY / "python/README.md"]
+
+# What blocks of python/README.md leave to the reader.
+DISPLAY = """
+import signal, sys, taxel
+class display:
+    @staticmethod
+    def let_go() -> None:
+        print({})
+    @staticmethod
+    def show(ids, levels) -> None:
+        print(dict(zip(ids.tolist(), levels.tolist())))
+"""
+
+
+@pytest.mark.parametrize("page", ["docs/display-driver.md", "python/README.md"])
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, "another hand"])
+def test_a_driver_lets_go_however_it_ends(environment, page, how):
+    (driver,) = [block for block in python_blocks(REPOSITORY / page) if "finally" in block]
+    driver = DISPLAY + driver.replace("timeout=0.2", "timeout=60")  # it is not to let go for that
+    with taxel.FakeDaemon() as daemon:
+        environment.update(RUNTIME_DIRECTORY=str(daemon.folder), PYTHONUNBUFFERED="1")
+        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "preexec_fn": die_with_parent}
+        with subprocess.Popen([sys.executable, "-c", driver], env=environment, **pipes) as running:
+            daemon.wait_for_subscription()
+            daemon.press([(0, 0, 1)])
+            assert running.stdout.readline() == "{0: 1}\n"
+            if how == "another hand":
+                daemon.refuses = "region: the hand has no part `index`"
+                daemon.restart()
+            else:
+                running.send_signal(how)
+            said, complained = running.communicate(timeout=30)
+    assert said == "{}\n"
+    assert complained.count("taxel.errors.Refused: region: the hand has no part") == (how == "another hand")
+
+
+@pytest.mark.parametrize("page", ["docs/display-driver.md", "python/README.md"])
+def test_a_drivers_own_test_runs_without_a_hand(environment, page):
+    (test,) = [block for block in python_blocks(REPOSITORY / page) if "FakeDaemon" in block]
+    test = f"import taxel\n{test}"
     ended = subprocess.run([sys.executable, "-c", test], env=environment, capture_output=True, text=True, timeout=60)
     assert ended.returncode == 0, ended.stderr
+
+
+def test_python_of_the_pages_has_no_errors_of_types(folder, environment):
+    before = "import signal, sys, taxel\nfrom typing import Any\ndisplay: Any\nstore: Any\n"
+    for number, page in enumerate(IN_PYTHON):
+        for block, code in enumerate(python_blocks(page)):
+            if "taxel." in code:
+                (folder / f"{page.stem}_{number}_{block}.py").write_text(before + code)
+    environment["MYPYPATH"] = environment["PYTHONPATH"]
+    types = [sys.executable, "-m", "mypy", "--strict", "--cache-dir=/dev/null", *sorted(folder.glob("*.py"))]
+    ended = subprocess.run(types, env=environment, capture_output=True, text=True, timeout=90)
+    assert ended.returncode == 0 and len(types) > 10, ended.stdout + ended.stderr
 
 
 def helps(words):
