@@ -30,24 +30,16 @@ def test_an_image_without_contact_has_empty_arrays(daemon):
     assert not image.pixels.any()
 
 
-def press_when_subscribed_again(daemon):
-    daemon.wait_for_subscription(2)
-    daemon.press([(0, 0, 2)])
-
-
 def test_iterating_goes_on_after_a_restart_of_the_daemon(daemon):
     seen = []
     with taxel.connect(daemon.path, profile={"levels": 4}) as hand:
-        daemon.wait_for_subscription()
         daemon.press([(0, 0, 1)])
         for image in hand:
             seen.append(image.actuators.level.tolist())
             if len(seen) == 2:
                 break
             daemon.restart()
-            later = threading.Thread(target=press_when_subscribed_again, args=(daemon,))
-            later.start()
-        later.join()
+            daemon.press([(0, 0, 2)])
         assert hand.restarts == 1 and hand.gone == ""
     assert seen == [[1], [2]]
     assert daemon.subscriptions == [{"profile": {"levels": 4}}] * 2, "it subscribes anew"
@@ -98,15 +90,13 @@ def test_images_come_to_asyncio_across_a_restart(daemon):
     async def follow():
         seen = []
         async with taxel.aio.connect(daemon.path) as hand:
-            loop = asyncio.get_running_loop()
-            press = loop.run_in_executor(None, daemon.press, [(0, 0, 1)])
+            daemon.press([(0, 0, 1)])
             async for image in hand:
-                await press
                 seen.append(image.actuators.level.tolist())
                 if len(seen) == 2:
                     return seen, hand.restarts
                 daemon.restart()
-                press = loop.run_in_executor(None, daemon.press, [(0, 0, 2)])
+                daemon.press([(0, 0, 2)])
 
     assert asyncio.run(asyncio.wait_for(follow(), 20)) == ([[1], [2]], 1)
 
@@ -116,7 +106,7 @@ def test_nothing_is_lost_by_a_wait_that_is_given_up(daemon):
         async with taxel.aio.connect(daemon.path) as hand:
             with pytest.raises(asyncio.TimeoutError):
                 await asyncio.wait_for(hand.next(), 0.05)
-            await asyncio.get_running_loop().run_in_executor(None, daemon.press, [(0, 0, 3)])
+            daemon.press([(0, 0, 3)])
             return (await asyncio.wait_for(hand.next(), 10)).actuators.level.tolist()
 
     assert asyncio.run(follow()) == [3]
@@ -142,16 +132,17 @@ def test_a_daemon_that_answers_no_plain_subscription_is_not_waited_for(daemon):
 
 
 def test_closing_ends_whoever_waits_and_nothing_opens_the_stream_again(daemon):
-    hand = taxel.connect(daemon.path)
-    seen = []
-    reader = threading.Thread(target=lambda: seen.extend(hand))
-    reader.start()
-    daemon.press([(0, 0, 1)])
-    while not seen:
-        time.sleep(0.001)
-    hand.close()
-    reader.join(10)
-    assert not reader.is_alive() and len(seen) == 1
+    for iterate in (iter, taxel.Stream.images, lambda hand: hand.images(timeout=60)):
+        hand = taxel.connect(daemon.path)
+        seen = []
+        reader = threading.Thread(target=lambda images: seen.extend(images), args=(iterate(hand),))
+        reader.start()
+        daemon.press([(0, 0, 1)])
+        while not seen:
+            time.sleep(0.001)
+        hand.close()
+        reader.join(10)
+        assert not reader.is_alive() and len(seen) == 1
 
     async def follow():
         hand = taxel.aio.connect(daemon.path)
@@ -160,7 +151,6 @@ def test_closing_ends_whoever_waits_and_nothing_opens_the_stream_again(daemon):
             return [image async for image in hand]
 
         reader = asyncio.ensure_future(iterate())
-        await asyncio.get_running_loop().run_in_executor(None, daemon.wait_for_subscribers)
         await asyncio.sleep(0)
         hand.close()
         assert await asyncio.wait_for(reader, 10) == []
@@ -176,7 +166,7 @@ def test_a_second_reader_of_a_stream_is_told_so(daemon):
             await asyncio.sleep(0)
             with pytest.raises(RuntimeError, match="connect once for each reader"):
                 await hand.next()
-            await asyncio.get_running_loop().run_in_executor(None, daemon.press, [(0, 0, 3)])
+            daemon.press([(0, 0, 3)])
             return (await first).actuators.level.tolist()
 
     assert asyncio.run(asyncio.wait_for(follow(), 20)) == [3]

@@ -1,7 +1,7 @@
 """A subscription that outlives the daemon's restarts."""
 
 import time
-from typing import Any, Dict, Iterator, Optional, Sequence
+from typing import Any, Dict, Iterator, Optional, Sequence, overload
 
 from . import messages
 from .arguments import Path, deadline, wanted
@@ -24,10 +24,18 @@ class Stream(Subscription):
             if message is not None and (self._gives_all or isinstance(message, messages.Image)):
                 yield message
 
+    @overload
+    def images(self, timeout: None = None) -> Iterator[messages.Image]: ...
+
+    @overload
+    def images(self, timeout: float) -> Iterator[Optional[messages.Image]]: ...
+
     def images(self, timeout: Optional[float] = None) -> Iterator[Optional[messages.Image]]:
         """Images; with a time-out None each time that so many seconds bring none, as a display needs to let go."""
         while not self._closed:
-            yield self.next(timeout)
+            image = self.next(timeout)
+            if image is not None or not self._closed:
+                yield image
 
     def next(self, timeout: Optional[float] = None) -> Optional[messages.Image]:
         """The next image; None where none came within `timeout` seconds, or the stream was closed."""
