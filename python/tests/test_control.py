@@ -1,5 +1,7 @@
 """Requests, against the fake daemon."""
 
+import socket
+
 import pytest
 import taxel
 
@@ -36,6 +38,15 @@ def test_a_refusal_is_raised_with_its_sentence(daemon):
 def test_no_daemon_is_told_with_its_place(tmp_path):
     with pytest.raises(FileNotFoundError, match="control.sock.*does taxeld run"):
         taxel.Control(tmp_path / "control.sock").status()
+
+
+def test_a_daemon_that_does_not_answer_is_told_with_its_place(tmp_path):
+    place = tmp_path / "hung.sock"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as hung:
+        hung.bind(str(place))
+        hung.listen()
+        with pytest.raises(TimeoutError, match="hung.sock: taxeld has not answered within 0.05 s"):
+            taxel.Control(place, timeout=0.05).rezero()
 
 
 def test_the_sockets_of_the_own_daemon_come_before_the_systems(tmp_path, monkeypatch):

@@ -78,9 +78,12 @@ class Control:
                 connection.connect(path)
             except OSError as error:
                 raise type(error)(error.errno, f"{path}: {error.strerror}; does taxeld run?") from None
-            connection.sendall(line)
-            with connection.makefile("rb") as answers:
-                reply = answers.readline()
+            try:
+                connection.sendall(line)
+                with connection.makefile("rb") as answers:
+                    reply = answers.readline()
+            except socket.timeout:
+                raise TimeoutError(f"{path}: taxeld has not answered within {self.timeout} s") from None
         if not reply.endswith(b"\n"):
             raise ConnectionError(f"{path}: taxeld closed the connection before it answered")
         answer: Dict[str, Any] = json.loads(reply)
