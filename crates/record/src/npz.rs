@@ -49,20 +49,13 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
     let (at, shape) = (array.at.clone(), array.shape().to_vec());
     let meaning = Meaning::of(&at, &shape, None, options)?;
     let values = array.numbers()?;
-    let times_ns = if name != TIMES && npz.names.iter().any(|n| n == TIMES) {
-        let times = npz.array(TIMES)?.times()?;
-        // Times of another length belong to another array of the file.
-        (shape.first() == Some(&times.len())).then_some(times)
-    } else {
-        None
+    let times_ns = match name != TIMES && npz.has(TIMES) && options.rate_hz.is_none() {
+        true if npz.belongs(TIMES, &name, &shape)? => Some(npz.array(TIMES)?.times()?),
+        _ => None,
     };
-    let joints = if name != JOINTS && npz.has(JOINTS) {
-        let joints = npz.array(JOINTS)?;
-        let belong = matches!(joints.shape(), [frames, _] if Some(frames) == shape.first());
-        let angles = || -> Result<Vec<f64>, RecordError> { joints.numbers() };
-        belong.then(angles).transpose()?
-    } else {
-        None
+    let joints = match name != JOINTS && npz.has(JOINTS) {
+        true if npz.belongs(JOINTS, &name, &shape)? => Some(npz.array(JOINTS)?.numbers()?),
+        _ => None,
     };
     let void = mask
         .map(|mask| npz.mask(mask, &shape[1..], meaning))
@@ -120,6 +113,30 @@ impl<'a> Npz<'a> {
             at,
             member.map_err(|e| unreadable(self.path, &format!("array {name}: {e}")))?,
         )
+    }
+
+    /// Whether what an array says of each frame is said of those of the array `name`, which has this shape. What is of another
+    /// length may be of another array, where the file has one of that length.
+    fn belongs(&mut self, each: &str, name: &str, shape: &[usize]) -> Result<bool, RecordError> {
+        let array = self.array(each)?;
+        let (at, found) = (array.at.clone(), array.shape().to_vec());
+        drop(array);
+        let axes = if each == TIMES { 1 } else { 2 };
+        if found.len() == axes && found[0] == shape[0] {
+            return Ok(true);
+        }
+        for other in self.names.clone() {
+            let is_frames = ![each, name, TIMES, JOINTS].contains(&other.as_str());
+            if is_frames && !found.is_empty() && self.array(&other)?.shape().first() == found.first() {
+                return Ok(false);
+            }
+        }
+        let (wanted, advice) = match each {
+            TIMES => (format!("{}", shape[0]), "; --rate HZ ignores the times"),
+            _ => (format!("{} x joints", shape[0]), ""),
+        };
+        let expected = format!("{wanted}, since {name} has {} frames{advice}", shape[0]);
+        Err(RecordError::shape(at, &found, &expected))
     }
 
     /// Which cells of a frame an array says are no taxels: those that are not zero in it.
@@ -228,6 +245,43 @@ mod tests {
         };
         assert_eq!(named("slip").t_ns(3), 40);
         assert!(!named("grasp").has_times());
+    }
+
+    #[test]
+    fn times_and_joints_of_no_array_of_the_npz_are_refused() {
+        let dir = TempDir::new().unwrap();
+        let path = dir.path().join("short.npz");
+        let read = |times: usize, joints: (usize, usize), rate_hz: Option<f64>| {
+            let mut writer = NpzWriter::new(File::create(&path).unwrap());
+            let counts = Array3::<u16>::zeros((60, 16, 3));
+            writer.add_array("counts", &counts).unwrap();
+            writer.add_array("t_ns", &Array1::<i64>::zeros(times)).unwrap();
+            writer.add_array("joints", &Array2::<f32>::zeros(joints)).unwrap();
+            writer.finish().unwrap();
+            let options = ReadOptions {
+                rate_hz,
+                ..Default::default()
+            };
+            Recording::open(&path, &options).map_err(|error| error.to_string())
+        };
+        assert_eq!(read(60, (60, 2), None).unwrap().joints(59).len(), 2);
+        assert!(!read(59, (60, 2), Some(10.0)).unwrap().has_times());
+        for (times, joints, wanted) in [
+            (
+                59,
+                (60, 2),
+                "[t_ns] has shape 59; expected 60, since counts has 60 frames; --rate HZ",
+            ),
+            (
+                60,
+                (59, 2),
+                "[joints] has shape 59 x 2; expected 60 x joints, since counts has 60 frames",
+            ),
+            (59, (59, 2), "[t_ns] has shape 59; expected 60"),
+        ] {
+            let message = read(times, joints, None).unwrap_err();
+            assert!(message.contains(wanted), "{message}");
+        }
     }
 
     #[test]
