@@ -131,7 +131,7 @@ pub fn frames_and_marks(path: &Path) -> anyhow::Result<(Recording, Vec<Mark>)> {
         joints.extend(frame.joints());
         times_ns.push(frame.t_ns);
     }
-    tell_torn(&name, &reader);
+    tell_left_out(&name, &reader);
     if restarted {
         eprintln!(
             "taxel: {name}: the daemon began anew after {} frames; read up to there",
@@ -180,7 +180,7 @@ pub fn images(path: &Path) -> anyhow::Result<ImageStack> {
         }
         images.push(image);
     }
-    tell_torn(&name, &reader);
+    tell_left_out(&name, &reader);
     let Some(first) = images.first() else {
         bail!("{name}: no image in it; `taxel compress` makes images of CAN traffic and frames");
     };
@@ -192,8 +192,8 @@ pub fn images(path: &Path) -> anyhow::Result<ImageStack> {
     Ok(stack)
 }
 
-fn tell_torn(name: &str, reader: &RecordingReader) {
-    if let Some(why) = reader.torn() {
-        eprintln!("taxel: {name}: torn off ({why}); read to its last whole chunk");
+fn tell_left_out(name: &str, reader: &RecordingReader) {
+    for sentence in reader.left_out() {
+        eprintln!("taxel: {name}: {sentence}");
     }
 }

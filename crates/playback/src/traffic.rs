@@ -137,7 +137,7 @@ impl Traffic {
                         told = reader.position();
                     }
                 }
-                tell_torn(path, &reader);
+                tell_left_out(path, &reader);
             }
         }
         Ok(())
@@ -385,16 +385,16 @@ impl<'a> FrameFile<'a> {
     /// Says what of an MCAP recording is not there.
     pub(crate) fn tell(&self) {
         if let Lines::Mcap { reader, .. } = &self.lines {
-            tell_torn(self.path, reader);
+            tell_left_out(self.path, reader);
         }
     }
 }
 
 /// Says what of a recording is not there.
-fn tell_torn(path: &Path, reader: &CanReader) {
+fn tell_left_out(path: &Path, reader: &CanReader) {
     let path = path.display();
-    if let Some(why) = reader.torn() {
-        eprintln!("taxel: {path}: torn off ({why}); read to its last whole chunk");
+    for sentence in reader.left_out() {
+        eprintln!("taxel: {path}: {sentence}");
     }
     if reader.lost() > 0 {
         eprintln!("taxel: {path}: the recorder lost {} frames", reader.lost());

@@ -53,9 +53,9 @@ impl CanReader {
         self.undecodable
     }
 
-    /// Why a recording that was torn off has no more frames; see [`RecordingReader::torn`].
-    pub fn torn(&self) -> Option<&str> {
-        self.reader.torn()
+    /// What of the file could not be read so far; see [`RecordingReader::left_out`].
+    pub fn left_out(&self) -> Vec<String> {
+        self.reader.left_out()
     }
 
     /// Bytes of the file read so far.

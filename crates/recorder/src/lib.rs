@@ -11,6 +11,7 @@
 mod can_block;
 mod can_reader;
 mod cdr;
+mod left_out;
 mod live;
 mod reader;
 mod schema;

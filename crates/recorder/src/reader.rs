@@ -1,19 +1,27 @@
 //! A recording out of a file.
 
+use crate::left_out::LeftOut;
 use crate::schema::Topic;
 use crate::writer::Attached;
-use mcap::McapError;
 use mcap::records::op;
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use mcap::{MAGIC, McapError};
 use std::collections::HashMap;
 use std::fs::File;
 use std::io::{self, Read};
+use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 /// Bytes of the longest record that is read.
 const LONGEST: usize = 64 << 20;
 /// Bytes asked from the file at once.
 const BLOCK: usize = 256 << 10;
+/// Bytes before a record: what it is, and how long.
+const RECORD_HEAD: usize = 9;
+/// Bytes of the record that ends a file, which says where the summary begins.
+const FOOTER: usize = RECORD_HEAD + 20;
+/// What is wrong with a record whose fields do not fit into it.
+const CUT_OFF: &str = "a record is cut off";
 
 /// Why a recording cannot be read.
 #[derive(Debug, thiserror::Error)]
@@ -52,20 +60,50 @@ pub enum Item<'a> {
     Attached(Attached),
 }
 
-/// Reads a recording from its beginning to its end, or to the last whole chunk of one that was torn off.
+/// Reads a recording from its beginning to its end. Damaged chunks are passed over, and one that was torn off ends with its
+/// last whole chunk.
 pub struct RecordingReader {
     path: PathBuf,
     file: File,
-    reader: LinearReader,
+    /// Gives the records of the file, chunks whole.
+    records: LinearReader,
+    /// The chunk that is being read.
+    chunk: Option<Chunk>,
     wanted: Vec<Topic>,
-    /// Topics by the number of their channel.
-    channels: HashMap<u16, Topic>,
+    /// Topics by the number of their channel; none where it is not wanted.
+    channels: HashMap<u16, Option<Topic>>,
     message: Vec<u8>,
+    /// Bytes read from the file.
     position: u64,
-    /// Whether the file was found to be of this kind.
-    begun: bool,
-    torn: Option<String>,
+    /// Where in it the next record begins.
+    next_record: u64,
+    left_out: LeftOut,
     ended: bool,
+}
+
+/// One chunk, and where in the file it stands.
+struct Chunk {
+    records: LinearReader,
+    from: u64,
+    to: u64,
+}
+
+impl Chunk {
+    /// Of the content of its record.
+    fn new(data: &[u8], from: u64, to: u64) -> Self {
+        let options = options().with_skip_start_magic(true).with_skip_end_magic(true);
+        let mut records = LinearReader::new_with_options(options.with_prevalidate_chunk_crcs(true));
+        let bytes = records.insert(RECORD_HEAD + data.len());
+        bytes[0] = op::CHUNK;
+        bytes[1..RECORD_HEAD].copy_from_slice(&(data.len() as u64).to_le_bytes());
+        bytes[RECORD_HEAD..].copy_from_slice(data);
+        records.notify_read(RECORD_HEAD + data.len());
+        Self { records, from, to }
+    }
+}
+
+fn options() -> LinearReaderOptions {
+    LinearReaderOptions::default().with_record_length_limit(LONGEST)
 }
 
 /// What a record is to the reader.
@@ -73,6 +111,7 @@ enum Found {
     Message(Topic, u64),
     Attached(Attached),
     Channel(u16, Option<Topic>),
+    NoTopic,
     End,
     Other,
 }
@@ -87,19 +126,20 @@ impl RecordingReader {
             path: path.into(),
             source,
         })?;
-        let options = LinearReaderOptions::default()
-            .with_prevalidate_chunk_crcs(true)
-            .with_record_length_limit(LONGEST);
+        let options = options()
+            .with_emit_chunks(true)
+            .with_validate_data_section_crc(true);
         Ok(Self {
             path: path.into(),
             file,
-            reader: LinearReader::new_with_options(options),
+            records: LinearReader::new_with_options(options),
+            chunk: None,
             wanted: wanted.into(),
             channels: HashMap::new(),
             message: Vec::new(),
             position: 0,
-            begun: false,
-            torn: None,
+            next_record: MAGIC.len() as u64,
+            left_out: LeftOut::default(),
             ended: false,
         })
     }
@@ -107,48 +147,105 @@ impl RecordingReader {
     /// The next item; none at the end, which for a torn recording is behind its last whole chunk.
     pub fn next_item(&mut self) -> Result<Option<Item<'_>>, ReadError> {
         while !self.ended {
-            let found = match self.reader.next_event() {
-                None => Ok(Found::End),
-                Some(Ok(LinearReadEvent::ReadRequest(wanted))) => {
-                    self.fill(wanted.max(BLOCK))?;
-                    continue;
-                }
-                Some(Ok(LinearReadEvent::Record { opcode, data })) => {
-                    self.begun = true;
-                    let found = look(opcode, data, &self.channels, &mut self.message);
-                    found.ok_or_else(|| "a record is cut off".to_owned())
-                }
-                Some(Err(McapError::UnexpectedEof)) => Err("it ends in the middle".into()),
-                Some(Err(error)) => Err(error.to_string()),
+            let found = match self.chunk.is_some() {
+                true => self.look_into_chunk(),
+                false => self.look_into_file()?,
             };
             match found {
-                Ok(Found::Other) => {}
-                Ok(Found::End) => self.ended = true,
-                Ok(Found::Channel(id, topic)) => match topic.filter(|topic| self.wanted.contains(topic)) {
-                    Some(topic) => drop(self.channels.insert(id, topic)),
-                    None => drop(self.channels.remove(&id)),
-                },
-                Ok(Found::Attached(attached)) => return Ok(Some(Item::Attached(attached))),
-                Ok(Found::Message(topic, wall_ns)) => {
+                Found::Other => {}
+                Found::End => self.ended = true,
+                Found::Channel(id, topic) => self.take_channel(id, topic),
+                Found::NoTopic => self.left_out.of_no_topic += 1,
+                Found::Attached(attached) => return Ok(Some(Item::Attached(attached))),
+                Found::Message(topic, wall_ns) => {
                     let data = &self.message;
                     return Ok(Some(Item::Message { topic, wall_ns, data }));
-                }
-                Err(problem) if !self.begun => {
-                    let path = self.path.clone();
-                    return Err(ReadError::NotMcap { path, problem });
-                }
-                Err(problem) => {
-                    self.ended = true;
-                    self.torn = Some(problem);
                 }
             }
         }
         Ok(None)
     }
 
+    fn take_channel(&mut self, id: u16, topic: Option<Topic>) {
+        let wanted = topic.filter(|topic| self.wanted.contains(topic));
+        self.channels.insert(id, wanted);
+    }
+
+    fn look_into_file(&mut self) -> Result<Found, ReadError> {
+        let at = self.next_record;
+        let (is_cut_off, problem) = match self.records.next_event() {
+            None => return Ok(Found::End),
+            Some(Ok(LinearReadEvent::ReadRequest(wanted))) => {
+                self.fill(wanted.max(BLOCK))?;
+                return Ok(Found::Other);
+            }
+            Some(Ok(LinearReadEvent::Record { opcode, data })) => {
+                let end = at + (RECORD_HEAD + data.len()) as u64;
+                self.next_record = end;
+                if opcode == op::CHUNK {
+                    self.chunk = Some(Chunk::new(data, at, end));
+                    return Ok(Found::Other);
+                }
+                let found = look(opcode, data, &self.channels, &mut self.message);
+                return Ok(found.unwrap_or_else(|| {
+                    self.left_out.record(at, end, CUT_OFF.into());
+                    Found::Other
+                }));
+            }
+            Some(Err(McapError::BadDataCrc { .. })) => {
+                self.left_out.unsound();
+                return Ok(Found::End);
+            }
+            Some(Err(McapError::UnexpectedEof)) => (true, "it ends in the middle".to_owned()),
+            Some(Err(error)) => (false, error.to_string()),
+        };
+        if at == MAGIC.len() as u64 {
+            let path = self.path.clone();
+            return Err(ReadError::NotMcap { path, problem });
+        }
+        let len = self.file.metadata().map_or(self.position, |file| file.len());
+        match is_cut_off && !ends_whole(&self.file, len) {
+            true => self.left_out.torn(),
+            false => self.left_out.lost(at, len, problem),
+        }
+        Ok(Found::End)
+    }
+
+    fn look_into_chunk(&mut self) -> Found {
+        let Some(chunk) = &mut self.chunk else {
+            return Found::Other;
+        };
+        let problem = match chunk.records.next_event() {
+            Some(Ok(LinearReadEvent::Record { opcode, data })) => {
+                match look(opcode, data, &self.channels, &mut self.message) {
+                    Some(found) => return found,
+                    None => CUT_OFF.to_owned(),
+                }
+            }
+            // It has all of its bytes: where more are asked for it has ended, or says that it is longer than it is.
+            Some(Ok(LinearReadEvent::ReadRequest(_))) => {
+                chunk.records.notify_read(0);
+                return Found::Other;
+            }
+            None => {
+                self.chunk = None;
+                return Found::Other;
+            }
+            Some(Err(McapError::UnexpectedEof)) => CUT_OFF.to_owned(),
+            Some(Err(error)) => error.to_string(),
+        };
+        self.left_out.record(chunk.from, chunk.to, problem);
+        self.chunk = None;
+        // The chunk may have said which topics later messages are of; the summary says it again.
+        for (id, topic) in channels_of_summary(&self.file).unwrap_or_default() {
+            self.take_channel(id, topic);
+        }
+        Found::Other
+    }
+
     fn fill(&mut self, wanted: usize) -> Result<(), ReadError> {
         let read = loop {
-            match self.file.read(self.reader.insert(wanted)) {
+            match self.file.read(self.records.insert(wanted)) {
                 Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
                 read => break read,
             }
@@ -157,20 +254,50 @@ impl RecordingReader {
             path: self.path.clone(),
             source,
         })?;
-        self.reader.notify_read(read);
+        self.records.notify_read(read);
         self.position += read as u64;
         Ok(())
     }
 
-    /// Why a recording that was torn off has no more items; none where it is whole, or not yet read so far.
-    pub fn torn(&self) -> Option<&str> {
-        self.torn.as_deref()
+    /// What of the file could not be read so far, a sentence each: damaged bytes, and where it was torn off.
+    pub fn left_out(&self) -> Vec<String> {
+        self.left_out.sentences()
     }
 
     /// Bytes of the file read so far.
     pub fn position(&self) -> u64 {
         self.position
     }
+}
+
+/// Whether a file has the end that a recording has, so that nothing is missing behind it.
+fn ends_whole(file: &File, len: u64) -> bool {
+    let mut end = [0; MAGIC.len()];
+    let at = len.saturating_sub(MAGIC.len() as u64);
+    file.read_exact_at(&mut end, at).is_ok() && end == *MAGIC
+}
+
+/// The channels that the summary at the end of a file lists; none where there is no summary.
+fn channels_of_summary(file: &File) -> Option<Vec<(u16, Option<Topic>)>> {
+    let end = (file.metadata().ok()?.len()).checked_sub((FOOTER + MAGIC.len()) as u64)?;
+    let mut footer = [0; FOOTER];
+    file.read_exact_at(&mut footer, end).ok()?;
+    let begin = Fields(&footer[RECORD_HEAD..]).u64()?;
+    let size = end.checked_sub(begin)?;
+    if footer[0] != op::FOOTER || begin == 0 || size > LONGEST as u64 {
+        return None;
+    }
+    let mut summary = vec![0; size as usize];
+    file.read_exact_at(&mut summary, begin).ok()?;
+    let (mut records, mut channels) = (Fields(&summary), Vec::new());
+    while let Some([opcode]) = records.number() {
+        let len = usize::try_from(records.u64()?).ok()?;
+        let record = records.take(len)?;
+        if opcode == op::CHANNEL {
+            channels.push(channel(Fields(record))?);
+        }
+    }
+    Some(channels)
 }
 
 impl std::fmt::Debug for RecordingReader {
@@ -183,28 +310,30 @@ impl std::fmt::Debug for RecordingReader {
 }
 
 /// Takes a record; a message's bytes are put into `message`. None where the record is cut off.
-fn look(opcode: u8, data: &[u8], channels: &HashMap<u16, Topic>, message: &mut Vec<u8>) -> Option<Found> {
+fn look(
+    opcode: u8,
+    data: &[u8],
+    channels: &HashMap<u16, Option<Topic>>,
+    message: &mut Vec<u8>,
+) -> Option<Found> {
     let mut fields = Fields(data);
     Some(match opcode {
         op::MESSAGE => {
             let (channel, _sequence, wall_ns, _published_ns) =
                 (fields.u16()?, fields.u32()?, fields.u64()?, fields.u64()?);
             match channels.get(&channel) {
-                Some(topic) => {
+                Some(Some(topic)) => {
                     message.clear();
                     message.extend_from_slice(fields.0);
                     Found::Message(*topic, wall_ns)
                 }
-                None => Found::Other,
+                Some(None) => Found::Other,
+                None => Found::NoTopic,
             }
         }
         op::CHANNEL => {
-            let (id, _schema) = (fields.u16()?, fields.u16()?);
-            let (name, encoding) = (fields.text()?, fields.text()?);
-            let topic = Topic::ALL
-                .into_iter()
-                .find(|topic| topic.name().as_bytes() == name);
-            Found::Channel(id, topic.filter(|_| encoding == b"cdr"))
+            let (id, topic) = channel(fields)?;
+            Found::Channel(id, topic)
         }
         op::ATTACHMENT => {
             let (_logged_ns, _created_ns) = (fields.u64()?, fields.u64()?);
@@ -221,6 +350,16 @@ fn look(opcode: u8, data: &[u8], channels: &HashMap<u16, Topic>, message: &mut V
         op::DATA_END => Found::End,
         _ => Found::Other,
     })
+}
+
+/// The number of a channel, and which of our topics it is.
+fn channel(mut fields: Fields<'_>) -> Option<(u16, Option<Topic>)> {
+    let (id, _schema) = (fields.u16()?, fields.u16()?);
+    let (name, encoding) = (fields.text()?, fields.text()?);
+    let topic = Topic::ALL
+        .into_iter()
+        .find(|topic| topic.name().as_bytes() == name);
+    Some((id, topic.filter(|_| encoding == b"cdr")))
 }
 
 /// The fields of a record, one after the other.

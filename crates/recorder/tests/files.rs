@@ -17,8 +17,8 @@ fn entry(topic: Topic, wall_ns: u64, text: &str) -> Entry {
     Entry { topic, wall_ns, data }
 }
 
-/// Texts of a topic, in the order in which they stand in the file, and whether it was torn off.
-fn texts(path: &Path, topic: Topic) -> (Vec<String>, bool) {
+/// Texts of a topic, in the order in which they stand in the file, and what of it could not be read.
+fn texts(path: &Path, topic: Topic) -> (Vec<String>, Vec<String>) {
     let mut reader = RecordingReader::open(path, &[topic]).unwrap();
     let mut texts = Vec::new();
     while let Some(item) = reader.next_item().unwrap() {
@@ -26,7 +26,7 @@ fn texts(path: &Path, topic: Topic) -> (Vec<String>, bool) {
             texts.push(taxel_recorder::read_text(data).unwrap().to_owned());
         }
     }
-    (texts, reader.torn().is_some())
+    (texts, reader.left_out())
 }
 
 fn names(store: &Store) -> Vec<String> {
@@ -71,7 +71,7 @@ fn messages_and_attached_files_read_back_as_they_were() {
         assert_eq!(reader.next_item().unwrap(), Some(wanted));
     }
     assert_eq!(reader.next_item().unwrap(), None);
-    assert_eq!(reader.torn(), None);
+    assert!(reader.left_out().is_empty());
 }
 
 #[test]
@@ -105,16 +105,92 @@ fn a_file_torn_off_anywhere_gives_its_whole_chunks_and_says_so() {
             "{count} messages in {len} bytes"
         );
         most = count;
-        assert!(ended.is_err() || count == 30 || reader.torn().is_some(), "{len}");
+        assert!(
+            ended.is_err() || count == 30 || reader.left_out()[0].starts_with("torn off"),
+            "{len}"
+        );
     }
     assert_eq!(most, 30);
-    // Damage in the second chunk: what is before it is given.
-    let mut damaged = whole.clone();
-    let middle = damaged.len() / 3;
-    damaged[middle..middle + 8].fill(0xA5);
-    std::fs::write(&path, &damaged).unwrap();
-    let (read, torn) = texts(&path, Topic::Status);
-    assert!(torn && read.len() < 30, "{}", read.len());
+}
+
+/// Where the records of a file begin, and what they are, up to the end of its data.
+fn records(file: &[u8]) -> Vec<(usize, u8)> {
+    let (mut records, mut at) = (Vec::new(), 8);
+    while records.last().is_none_or(|(_, opcode)| *opcode != DATA_END) {
+        records.push((at, file[at]));
+        at += 9 + u64::from_le_bytes(file[at + 1..at + 9].try_into().unwrap()) as usize;
+    }
+    records
+}
+
+const CHUNK: u8 = 0x06;
+const DATA_END: u8 = 0x0F;
+
+#[test]
+fn damaged_chunks_are_passed_over_and_their_bytes_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("damaged.mcap");
+    let mut writer = RecordingWriter::begin(Cursor::new(Vec::new()), &Preamble::default(), 0).unwrap();
+    for n in 0..50 {
+        writer.put(&entry(Topic::Status, n, &format!("{n}"))).unwrap();
+        if n % 10 == 9 {
+            writer.cut().unwrap();
+        }
+    }
+    let whole = writer.finish().unwrap().into_inner();
+    let records = records(&whole);
+    let chunks: Vec<usize> = (records.iter().filter(|(_, opcode)| *opcode == CHUNK))
+        .map(|(at, _)| *at)
+        .collect();
+    let read = |file: &[u8]| {
+        std::fs::write(&path, file).unwrap();
+        texts(&path, Topic::Status)
+    };
+    for (damaged, begin) in chunks.iter().enumerate() {
+        let mut file = whole.clone();
+        file[begin + 80] ^= 0x10;
+        let (read, left_out) = read(&file);
+        let wanted: Vec<String> = (0..50)
+            .filter(|n| n / 10 != damaged)
+            .map(|n| n.to_string())
+            .collect();
+        // The first chunk says which topic the messages are of; so does the summary.
+        assert_eq!(read, wanted, "chunk {damaged}");
+        let end = records.iter().find(|(at, _)| at > begin).unwrap().0 - 1;
+        let bytes = format!("bytes {begin} to {end} are damaged");
+        assert!(
+            left_out.len() == 1 && left_out[0].starts_with(&bytes),
+            "{left_out:?}"
+        );
+    }
+    // Without the summary nobody knows what the messages behind the first chunk are of.
+    let mut torn = whole[..records.last().unwrap().0].to_vec();
+    torn[chunks[0] + 80] ^= 0x10;
+    let (left, left_out) = read(&torn);
+    assert!(
+        left.is_empty() && left_out[1].starts_with("40 messages"),
+        "{left_out:?}"
+    );
+    assert!(left_out[2].starts_with("torn off"), "{left_out:?}");
+    // A length: where the next record begins is not known.
+    let mut file = whole.clone();
+    file[chunks[2] + 1] ^= 0x08;
+    let (left, left_out) = read(&file);
+    assert!(left.len() >= 20 && left.len() < 50, "{left:?}");
+    let last = left_out.last().unwrap();
+    assert!(
+        last.starts_with("damaged at byte ") && last.ends_with(" bytes behind it not read"),
+        "{left_out:?}"
+    );
+    // What no message needs: an index behind a chunk.
+    let mut file = whole.clone();
+    file[chunks[1] - 4] ^= 0x01;
+    let (left, left_out) = read(&file);
+    assert_eq!(left.len(), 50);
+    assert!(
+        left_out[0].contains("checksum") && left_out.len() == 1,
+        "{left_out:?}"
+    );
 }
 
 #[test]
@@ -198,8 +274,8 @@ fn a_recording_goes_on_in_another_file_after_its_time_and_the_oldest_make_room()
     let last: Vec<&Path> = store.files().collect();
     let (events, torn) = texts(last[0], Topic::Events);
     assert_eq!(
-        (events.first().unwrap().as_str(), events.len(), torn),
-        ("22", 11, false)
+        (events.first().unwrap().as_str(), events.len(), torn.len()),
+        ("22", 11, 0)
     );
     assert_eq!(
         texts(last[1], Topic::Hello).0,
@@ -347,7 +423,7 @@ fn a_full_disk_is_told_and_what_it_holds_reads_to_the_last_cut() {
         // What failed may have been no more than the index behind a whole chunk.
         let whole = [10 * cut, 10 * (cut + 1)];
         assert!(
-            torn && whole.contains(&(read.len() as u64)),
+            torn[0].starts_with("torn off") && whole.contains(&(read.len() as u64)),
             "{} of {cut} cuts in {room} bytes",
             read.len()
         );
