@@ -1,6 +1,7 @@
 //! `taxel convert`: a recording in another format.
 
 use crate::input::{DEFAULT_LAYOUT, Input};
+use crate::marks_file;
 use crate::offline::OfflineArgs;
 use anyhow::{Context, bail};
 use serde_json::json;
@@ -157,14 +158,7 @@ fn extract(args: &Args, ending: &str) -> anyhow::Result<()> {
         images.len()
     } else {
         let (_, marks) = recorded::frames_and_marks(path)?;
-        let lines = marks.iter().map(|mark| {
-            format!(
-                "{},{}\n",
-                mark.t_ns as f64 / 1e9,
-                mark.text.replace(['\r', '\n'], " ")
-            )
-        });
-        let text = format!("t_s,text\n{}", lines.collect::<String>());
+        let text = marks_file::text(&marks)?;
         std::fs::write(whole.path(), text).with_context(|| out.display().to_string())?;
         marks.len()
     };

@@ -23,6 +23,7 @@ mod input;
 mod layouts;
 mod live_lines;
 mod manual;
+mod marks_file;
 mod metrics;
 mod offline;
 mod publisher;

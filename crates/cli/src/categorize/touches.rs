@@ -1,5 +1,6 @@
 //! Touches of one motion: from a recording cut by marks or contact, or from a scene.
 
+use crate::marks_file;
 use anyhow::{Context, bail, ensure};
 use std::path::{Path, PathBuf};
 use taxel_can::Received;
@@ -82,7 +83,7 @@ pub(crate) fn of_recording(
     let (taxels, values) = values(&recording);
     let times: Vec<u64> = (0..recording.len()).map(|frame| recording.t_ns(frame)).collect();
     let mut cuts = match (&cutting.marks, cutting.contact) {
-        (Some(file), _) => cut_by_marks(&times, &read_marks(file)?, &cutting.until),
+        (Some(file), _) => cut_by_marks(&times, &marks_file::read(file)?, &cutting.until),
         (None, Some(threshold)) => {
             let above = above_baseline(&values, taxels, recording.has_counts(), 0);
             cut_by_contact(&above, taxels, threshold, cutting.least)
@@ -187,33 +188,6 @@ pub(super) fn above_baseline(values: &[f64], taxels: usize, raw: bool, first: us
             .collect::<Vec<_>>()
     };
     values.chunks_exact(taxels).flat_map(less).collect()
-}
-
-/// Marks of a file: `seconds,text` a line, in the order of their times.
-fn read_marks(path: &Path) -> anyhow::Result<Vec<Mark>> {
-    let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
-    let mark = |(number, line): (usize, &str)| {
-        let parts = line
-            .split_once(',')
-            .and_then(|(seconds, text)| Some((seconds.trim().parse().ok()?, text)));
-        let Some((seconds, text)) = parts.filter(|(seconds, _): &(f64, _)| (0.0..1e9).contains(seconds))
-        else {
-            bail!(
-                "{}:{}: {line:?} is no mark; a mark is SECONDS,TEXT",
-                path.display(),
-                number + 1
-            );
-        };
-        Ok(Mark {
-            t_ns: (seconds * 1e9).round() as u64,
-            text: text.trim().to_owned(),
-        })
-    };
-    let lines = text
-        .lines()
-        .enumerate()
-        .filter(|(_, line)| !line.trim().is_empty() && !line.starts_with("t_s,"));
-    lines.map(mark).collect()
 }
 
 /// Simulated at once.
