@@ -35,17 +35,18 @@ impl Head {
     pub fn read(path: &Path) -> anyhow::Result<Self> {
         let mut head = Self::default();
         let mut reader = RecordingReader::open(path, &[Topic::Can, Topic::Hello, Topic::Frames])?;
-        let mut began_ns = None;
+        let (mut began_ns, mut has_frames) = (None, false);
         while let Some(item) = reader.next_item()? {
             match item {
                 Item::Attached(attached) => head.take(attached),
                 Item::Message { topic, wall_ns, data } => {
                     match topic {
                         Topic::Can => head.has_can = true,
-                        Topic::Hello => {
+                        // One behind frames may be that of another hand, whose frames follow.
+                        Topic::Hello if head.hello.is_none() || !has_frames => {
                             head.hello = read_text(data).and_then(|text| Hello::parse(text.as_bytes()).ok())
                         }
-                        _ => {}
+                        _ => has_frames |= topic == Topic::Frames,
                     }
                     let is_known = head.has_can && (head.hello.is_some() || head.config.is_some());
                     if is_known || wall_ns.saturating_sub(*began_ns.get_or_insert(wall_ns)) > HEAD_NS {
@@ -99,9 +100,9 @@ pub fn frames(path: &Path) -> anyhow::Result<Recording> {
 /// the first frame.
 pub fn frames_and_marks(path: &Path) -> anyhow::Result<(Recording, Vec<Mark>)> {
     let name = path.display().to_string();
-    let mut reader = RecordingReader::open(path, &[Topic::Frames, Topic::Events])?;
+    let mut reader = RecordingReader::open(path, &[Topic::Frames, Topic::Events, Topic::Hello])?;
     let (mut counts, mut times_ns, mut joints) = (Vec::new(), Vec::new(), Vec::new());
-    let (mut size, mut restarted) = (None, false);
+    let (mut size, mut hello_ns, mut rest_ns) = (None, None, None);
     let (mut began_ns, mut marks) = (None, Vec::new());
     while let Some(item) = reader.next_item()? {
         let Item::Message { topic, wall_ns, data } = item else {
@@ -116,26 +117,32 @@ pub fn frames_and_marks(path: &Path) -> anyhow::Result<(Recording, Vec<Mark>)> {
             }
             continue;
         }
+        if topic == Topic::Hello {
+            hello_ns = Some(wall_ns);
+            continue;
+        }
         let Some(frame) = RecordedFrame::read(data).filter(RecordedFrame::has_values) else {
             continue;
         };
         let present = (frame.counts().len(), frame.joints().len());
         // Where the daemon was started anew, or its hand changed, another recording begins.
-        restarted |=
-            *size.get_or_insert(present) != present || times_ns.last().is_some_and(|last| *last > frame.t_ns);
-        if restarted {
+        let is_before_the_last = times_ns.last().is_some_and(|last| *last > frame.t_ns);
+        if *size.get_or_insert(present) != present || is_before_the_last {
+            rest_ns = Some(hello_ns.unwrap_or(wall_ns).min(wall_ns));
             break;
         }
+        hello_ns = None;
         began_ns.get_or_insert(wall_ns);
         counts.extend(frame.counts());
         joints.extend(frame.joints());
         times_ns.push(frame.t_ns);
     }
     tell_left_out(&name, &reader);
-    if restarted {
+    if let Some(rest_ns) = rest_ns {
         eprintln!(
-            "taxel: {name}: the daemon began anew after {} frames; read up to there",
-            times_ns.len()
+            "taxel: {name}: the daemon began anew after {} frames; read up to there{}",
+            times_ns.len(),
+            rest(&name, rest_ns)
         );
     }
     let (Some((taxels, _)), Some(began_ns)) = (size, began_ns) else {
@@ -158,7 +165,7 @@ pub fn images(path: &Path) -> anyhow::Result<ImageStack> {
     let mut reader = RecordingReader::open(path, &[Topic::Images])?;
     let mut images: Vec<TactileImage> = Vec::new();
     while let Some(item) = reader.next_item()? {
-        let Item::Message { data, .. } = item else {
+        let Item::Message { data, wall_ns, .. } = item else {
             continue;
         };
         let Some((image, _)) = read_image(data) else {
@@ -167,14 +174,15 @@ pub fn images(path: &Path) -> anyhow::Result<ImageStack> {
         let shape = |image: &TactileImage| (image.width, image.height, image.joints.len());
         if let Some(first) = images.first().filter(|first| shape(first) != shape(&image)) {
             eprintln!(
-                "taxel: {name}: images of {} x {} and {} joints after {} of {} x {} and {}; read up to there",
+                "taxel: {name}: images of {} x {} and {} joints after {} of {} x {} and {}; read up to there{}",
                 image.width,
                 image.height,
                 image.joints.len(),
                 images.len(),
                 first.width,
                 first.height,
-                first.joints.len()
+                first.joints.len(),
+                rest(&name, wall_ns)
             );
             break;
         }
@@ -190,6 +198,13 @@ pub fn images(path: &Path) -> anyhow::Result<ImageStack> {
     let mut stack = ImageStack::new(first.width, first.height, levels, actuators);
     images.iter().for_each(|image| stack.push(image));
     Ok(stack)
+}
+
+/// How what is behind this time is read.
+fn rest(name: &str, from_ns: u64) -> String {
+    format!(
+        "; `mcap filter {name} -o rest.mcap --start {from_ns} --output-compression lz4` takes out the rest"
+    )
 }
 
 fn tell_left_out(name: &str, reader: &RecordingReader) {

@@ -4,6 +4,10 @@ use crate::{fails, succeeds};
 use ndarray::{Array1, Array3};
 use ndarray_npy::NpzReader;
 use std::fs::File;
+use taxel_hand::{ForceFrame, Freshness, Profile, TactileFrame};
+use taxel_recorder::{Entry, Preamble, RecordingWriter, Topic, frame_message, text_message};
+use taxel_skin::Layout;
+use taxel_wire::{Clock, Header, Hello, HelloRate, RawView, encode_raw_payload};
 use tempfile::TempDir;
 
 const SCENE: [&str; 6] = ["sim", "ball-grasp", "--to", "log:grasp.log", "--seconds", "4"];
@@ -150,6 +154,76 @@ fn a_recording_that_was_torn_off_is_read_to_its_last_whole_chunk() {
         err.contains("torn.mcap: torn off") && err.contains("images of 16x16"),
         "{err}"
     );
+}
+
+#[test]
+fn damaged_bytes_cost_their_chunk_and_are_told() {
+    let dir = TempDir::new().unwrap();
+    succeeds(&dir, &SCENE);
+    succeeds(&dir, &["convert", "grasp.log", "grasp.mcap"]);
+    let mut damaged = read(&dir, "grasp.mcap");
+    let middle = damaged.len() / 2;
+    damaged[middle] ^= 1;
+    std::fs::write(dir.path().join("damaged.mcap"), &damaged).unwrap();
+    let (_, err) = succeeds(&dir, &["convert", "damaged.mcap", "damaged.log"]);
+    assert!(
+        err.contains("damaged.mcap: bytes ") && err.contains("are damaged"),
+        "{err}"
+    );
+    let [left, log] = ["damaged.log", "grasp.log"].map(|file| String::from_utf8(read(&dir, file)).unwrap());
+    assert!(left.len() < log.len() && left.lines().last() == log.lines().last());
+}
+
+/// What a daemon sends of a hand that it was started with: HELLO, and frames.
+fn put_hand(writer: &mut RecordingWriter<File>, layout: &str, from_ns: u64, frames: u64) {
+    let layout = Layout::builtin(layout).unwrap();
+    let (mode, hz) = ("sweep".into(), None);
+    let profile = Profile::default();
+    let hello = Hello::new(
+        "taxeld",
+        &layout.geometry,
+        &profile,
+        HelloRate { mode, hz },
+        Clock::Monotonic,
+    );
+    let mut put = |topic, wall_ns, data| writer.put(&Entry { topic, wall_ns, data }).unwrap();
+    let text = String::from_utf8(hello.to_json()).unwrap();
+    put(Topic::Hello, from_ns, text_message(&text));
+    let mut tactile = TactileFrame::new(layout.len());
+    tactile.freshness.fill(Freshness::Fresh);
+    tactile.age_ns.fill(0);
+    let mut payload = Vec::new();
+    for n in 0..frames {
+        (tactile.seq, tactile.t_ns) = (n, 1_000_000_000 + n * 10_000_000);
+        let force = ForceFrame::new(layout.len());
+        encode_raw_payload(&tactile, &force, None, &mut payload).unwrap();
+        let header = Header::of_frame(&tactile, &force, payload.len());
+        let header = Header {
+            t_ns: tactile.t_ns,
+            ..header
+        };
+        let message = frame_message(&header, &RawView::decode(&payload).unwrap());
+        put(Topic::Frames, from_ns + n * 10_000_000, message);
+    }
+}
+
+#[test]
+fn a_recording_of_two_hands_is_read_as_the_first_of_them_and_says_how_to_read_the_other() {
+    let dir = TempDir::new().unwrap();
+    let path = dir.path().join("hands.mcap");
+    let mut writer = RecordingWriter::begin(File::create(&path).unwrap(), &Preamble::default(), 0).unwrap();
+    put_hand(&mut writer, "allegro-uskin-15", 1_000_000_000, 30);
+    put_hand(&mut writer, "uskin-module", 3_000_000_000, 20);
+    writer.finish().unwrap();
+    for out in ["hands.npz", "hands.csv"] {
+        let (_, err) = succeeds(&dir, &["convert", "hands.mcap", out]);
+        assert!(
+            err.contains("hands.mcap: the daemon began anew after 30 frames"),
+            "{err}"
+        );
+        assert!(err.contains("--start 3000000000"), "{err}");
+        assert!(err.contains(&format!("{out}: 30 frames")), "{err}");
+    }
 }
 
 #[test]
