@@ -15,7 +15,14 @@ pub fn plain_words(message: &str) -> String {
         let parts = message
             .strip_prefix(start)
             .and_then(|rest| rest.rsplit_once(", expected "));
-        if let Some(told) = parts.and_then(|(found, wanted)| mistyped(found, wanted)) {
+        if let Some(told) = parts.and_then(|(found, wanted)| match wanted.split_once(" at line ") {
+            None => mistyped(found, wanted),
+            // Of JSON, in which tables and lists are written otherwise.
+            Some((number, place)) if wanted_words(number)?.1 => {
+                Some(format!("{} (line {place})", mistyped(found, number)?))
+            }
+            Some(_) => None,
+        }) {
             return told;
         }
     }
@@ -204,6 +211,26 @@ mod tests {
             ),
         ] {
             assert_eq!(told(text), wanted, "{text}");
+        }
+    }
+
+    #[test]
+    fn numbers_in_json_are_told_as_those_in_files() {
+        for (message, wanted) in [
+            (
+                "invalid type: floating point `4.5`, expected i64 at line 1 column 26",
+                "a whole number is wanted here, not 4.5 (line 1 column 26)",
+            ),
+            (
+                "invalid type: string \"30\", expected f64 at line 2 column 5",
+                "a number is wanted here, not the text \"30\"; leave out the quotes (line 2 column 5)",
+            ),
+            (
+                "invalid type: integer `3`, expected a map at line 1 column 9",
+                "invalid type: integer `3`, expected a map at line 1 column 9",
+            ),
+        ] {
+            assert_eq!(plain_words(message), wanted);
         }
     }
 

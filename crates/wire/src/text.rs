@@ -5,7 +5,7 @@ use crate::format::{HEADER_LEN, MAX_MESSAGE};
 use crate::header::{Flags, Header, Kind};
 use crate::message::{Body, decode_packet};
 use serde::{Deserialize, Serialize};
-use taxel_hand::{FromMap, Profile, ProfileError};
+use taxel_hand::{FromMap, Profile, ProfileError, plain_words};
 
 /// The most bytes a SUBSCRIBE packet may have: room for a profile with a long codebook, or with a
 /// place for each actuator.
@@ -82,7 +82,7 @@ pub enum SubscribeError {
         number: u16,
     },
     /// Not the JSON of a subscription, or an unknown key.
-    #[error("subscription: {0}")]
+    #[error("subscription: {}", plain_words(&.0.to_string()))]
     Json(#[from] serde_json::Error),
     /// A rate that is no rate.
     #[error("subscription: max_rate_hz = {max_rate_hz} must be a number above 0")]
