@@ -284,7 +284,7 @@ fn write_codebook(path: &Path, args: &Args, profile: &Profile) -> anyhow::Result
     let text = format!(
         "# Force levels learned from {}; put them into the daemon's configuration.\n[profile]\nlevels = {}\n\
          codebook = [{}]\n",
-        args.offline.input.path.display(),
+        args.offline.input.name(),
         profile.levels,
         levels.join(", "),
     );

@@ -1,9 +1,10 @@
 //! INPUT: any recording the tool knows, and what to say about it where the file does not.
 
-use crate::stdin_file::recording_parser;
+use crate::piped_file::recording_parser;
 use anyhow::{Context, bail};
 use std::path::PathBuf;
 use taxel_playback::recorded::{self, Head};
+use taxel_playback::stand_in;
 use taxel_playback::traffic::Traffic;
 use taxel_record::{Columns, ReadOptions, Recording, TimeUnit, Void};
 use taxel_sim::Scene;
@@ -117,9 +118,10 @@ impl InputArgs {
 
     /// The recording's name, with that of the array.
     pub(crate) fn name(&self) -> String {
+        let name = stand_in::as_named(self.path.display().to_string());
         match &self.array {
-            Some(array) => format!("{} [{array}]", self.path.display()),
-            None => self.path.display().to_string(),
+            Some(array) => format!("{name} [{array}]"),
+            None => name,
         }
     }
 

@@ -26,6 +26,7 @@ mod manual;
 mod marks_file;
 mod metrics;
 mod offline;
+mod piped_file;
 mod publisher;
 mod rates;
 mod record;
@@ -35,7 +36,6 @@ mod servo;
 mod setup;
 mod sim;
 mod status_text;
-mod stdin_file;
 mod terminal;
 mod view;
 mod watch;
@@ -44,6 +44,7 @@ use clap::{CommandFactory, Parser, Subcommand};
 use std::ffi::OsString;
 use std::io;
 use std::process::ExitCode;
+use taxel_playback::stand_in;
 
 /// Tactile images from robot skin: watch a running daemon, replay recordings, simulate a hand,
 /// compress offline.
@@ -151,7 +152,7 @@ fn main() -> ExitCode {
             Err(error) => Err(error),
         },
     };
-    stdin_file::remove();
+    piped_file::remove();
     match result {
         Ok(()) => ExitCode::SUCCESS,
         // Whoever read the output has seen enough: `taxel watch | head`.
@@ -168,11 +169,11 @@ fn is_broken_pipe(error: &anyhow::Error) -> bool {
     io_error.is_some_and(|e| e.kind() == io::ErrorKind::BrokenPipe)
 }
 
-/// The error and its causes on one line, without those that the line already tells.
+/// The error and its causes on one line, without those that the line already tells, and with the names that people know.
 fn describe(error: &anyhow::Error) -> String {
     let mut text = String::new();
     for cause in error.chain() {
-        let cause = cause.to_string();
+        let cause = stand_in::as_named(cause.to_string());
         if text.is_empty() {
             text = cause;
         } else if !text.contains(&cause) {

@@ -5,12 +5,15 @@
 
 #![cfg_attr(not(test), deny(clippy::print_stdout, clippy::print_stderr))]
 
-/// For people, on stderr. Unlike the standard library's it does not panic where the terminal is gone or the disk full.
+/// For people, on stderr, with the names that they gave files. Unlike the standard library's it does not panic where the
+/// terminal is gone or the disk full.
 #[macro_export]
 macro_rules! eprintln {
+    () => { $crate::eprintln!("") };
     ($($words:tt)*) => {{
         use std::io::Write;
-        let _ = writeln!(std::io::stderr(), $($words)*);
+        let line = $crate::stand_in::as_named(format!($($words)*));
+        let _ = writeln!(std::io::stderr(), "{line}");
     }};
 }
 
@@ -27,6 +30,7 @@ pub mod raw_line;
 pub mod recorded;
 mod recorded_buses;
 pub mod scene_input;
+pub mod stand_in;
 pub mod sweep;
 pub mod target;
 pub mod traffic;

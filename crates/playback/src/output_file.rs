@@ -1,5 +1,6 @@
 //! Files that hold a result: written whole or not at all, and never over what the result is made of.
 
+use crate::stand_in;
 use anyhow::{Context, bail};
 use std::fs::{self, File, OpenOptions, Permissions};
 use std::io;
@@ -103,6 +104,7 @@ impl OutputFile {
             }
             Err(_) => None,
         };
+        let name = path.display().to_string();
         // Behind a link is the file that is meant.
         let path = path.canonicalize().unwrap_or_else(|_| path.into());
         let mut prefix = path.file_name().unwrap_or_default().to_owned();
@@ -123,6 +125,9 @@ impl OutputFile {
             (Err(_), Some(_)) => None,
             (Err(error), None) => return Err(error),
         };
+        if let Some(part) = &part {
+            stand_in::call(part.path(), &name);
+        }
         Ok(Self { path, part })
     }
 

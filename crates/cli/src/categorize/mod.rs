@@ -9,7 +9,7 @@ mod sweep;
 mod touches;
 mod trial;
 
-use crate::stdin_file::recording_parser;
+use crate::piped_file::recording_parser;
 use anyhow::{Context, bail, ensure};
 use clap::ValueEnum;
 use clap::builder::TypedValueParser;

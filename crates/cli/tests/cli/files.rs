@@ -142,6 +142,7 @@ fn a_full_disk_leaves_the_file_from_before_and_no_half_of_a_new_one() {
         let before = names();
         let err = fails_on_a_full_disk(&dir, &args);
         assert!(err.contains("too large") && err.contains(file), "{args:?}: {err}");
+        assert!(!err.contains(".part"), "{args:?}: {err}");
         assert_eq!(
             (std::fs::read(path(file)).unwrap(), names()),
             (b"before".to_vec(), before),

@@ -47,6 +47,49 @@ fn a_recording_of_any_kind_is_read_from_stdin_and_leaves_no_file() {
 }
 
 #[test]
+fn a_pipe_with_a_name_is_read_as_stdin_is_and_no_other_kind_of_file() {
+    let dir = TempDir::new().unwrap();
+    succeeds(&dir, &["sim", "tap", "--to", "log:tap.log", "--seconds", "3"]);
+    succeeds(&dir, &["compress", "tap.log", "--out", "named.npy"]);
+    let piped = |command: &str| {
+        let mut shell = Command::new("sh");
+        let taxel = env!("CARGO_BIN_EXE_taxel");
+        let shell = shell.args(["-c", command, "sh", taxel]).current_dir(dir.path());
+        shell.env("TMPDIR", dir.path()).output().unwrap()
+    };
+    for command in [
+        "mkfifo p.log; cat tap.log > p.log & exec \"$1\" compress p.log --out piped.npy",
+        // As a shell's <(cat tap.log) is called.
+        "cat tap.log | \"$1\" compress /dev/fd/3 --out piped.npy 3<&0 < /dev/null",
+    ] {
+        let output = piped(command);
+        assert!(output.status.success(), "{command}: {}", texts(&output).1);
+        let [named, piped] = ["named.npy", "piped.npy"].map(|file| fs::read(dir.path().join(file)).unwrap());
+        assert!(named == piped, "{command}: other images");
+    }
+    let (_, err) = texts(&piped(
+        "printf '1,2\\n3\\n' > p.log & exec \"$1\" compress p.log --out piped.npy",
+    ));
+    assert!(err.contains("p.log:2: 1 columns"), "{err}");
+    let err = fails(&dir, &["compress", "/dev/null", "--out", "a.npy"], 2);
+    assert!(
+        err.contains("no regular file") && err.contains("`-` reads stdin"),
+        "{err}"
+    );
+}
+
+#[test]
+fn what_is_wrong_with_stdin_is_told_of_stdin() {
+    let dir = TempDir::new().unwrap();
+    fs::write(dir.path().join("bad.csv"), "1,2\n3\n").unwrap();
+    let output = reading(&dir, "bad.csv", &["compress", "-", "--out", "a.npy"]);
+    assert_eq!(
+        texts(&output).1,
+        "taxel: stdin:2: 1 columns, where the lines before have 2\n"
+    );
+}
+
+#[test]
 fn images_and_traffic_go_to_stdout_as_they_go_into_files() {
     let dir = TempDir::new().unwrap();
     succeeds(&dir, &["sim", "tap", "--to", "log:tap.log", "--seconds", "3"]);

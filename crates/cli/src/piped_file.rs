@@ -1,0 +1,132 @@
+//! A recording that comes through a pipe, stdin or one with a name, as a file of the kind that its first bytes tell.
+
+use anyhow::{Context, bail};
+use clap::builder::{PathBufValueParser, TypedValueParser};
+use std::fs::File;
+use std::io::{IsTerminal, Read, Write};
+use std::os::unix::fs::FileTypeExt;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use taxel_playback::stand_in;
+use tempfile::TempDir;
+
+/// How many bytes tell the kind.
+const HEAD: usize = 4096;
+
+/// What was read, until the program ends.
+static PIPED: Mutex<Piped> = Mutex::new(Piped {
+    folder: None,
+    names: Vec::new(),
+});
+
+struct Piped {
+    folder: Option<TempDir>,
+    /// Where each came from.
+    names: Vec<String>,
+}
+
+/// Reads the path of a recording; `-`, and a pipe, is a file with what comes through it, which is read to its end.
+pub(crate) fn recording_parser() -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().try_map(|path| recording(path).map_err(|error| format!("{error:#}")))
+}
+
+fn recording(path: PathBuf) -> anyhow::Result<PathBuf> {
+    if path.as_os_str() == "-" {
+        let stdin = std::io::stdin();
+        if stdin.is_terminal() {
+            bail!("- is a recording on stdin, which is a terminal; write `taxel ... - < FILE`");
+        }
+        return spool(stdin, "stdin");
+    }
+    match std::fs::metadata(&path).map(|file| file.file_type()) {
+        Ok(kind) if kind.is_fifo() => {
+            let name = path.display().to_string();
+            spool(File::open(&path).context(name.clone())?, &name)
+        }
+        Ok(kind) if !kind.is_file() && !kind.is_dir() && path.extension().is_none() => {
+            bail!("no regular file and no pipe; `-` reads stdin")
+        }
+        _ => Ok(path),
+    }
+}
+
+/// Removes what was read.
+pub(crate) fn remove() {
+    drop(PIPED.lock().unwrap_or_else(|e| e.into_inner()).folder.take());
+}
+
+fn spool(mut pipe: impl Read, name: &str) -> anyhow::Result<PathBuf> {
+    let mut piped = PIPED.lock().unwrap_or_else(|e| e.into_inner());
+    if piped.names.iter().any(|known| known == name) {
+        bail!("{name} is one recording, and was named twice");
+    }
+    piped.names.push(name.to_owned());
+    let mut head = Vec::new();
+    let read = pipe.by_ref().take(HEAD as u64).read_to_end(&mut head);
+    read.with_context(|| name.to_owned())?;
+    let number = piped.names.len();
+    let folder = match &mut piped.folder {
+        Some(folder) => folder,
+        none => none.insert(
+            tempfile::Builder::new()
+                .prefix("taxel-")
+                .tempdir()
+                .context("a folder for what comes through a pipe")?,
+        ),
+    };
+    let path = folder.path().join(format!("{number}.{}", kind(&head)));
+    copy(&head, &mut pipe, &path).with_context(|| path.display().to_string())?;
+    stand_in::call(&path, name);
+    Ok(path)
+}
+
+fn copy(head: &[u8], rest: &mut impl Read, path: &Path) -> std::io::Result<()> {
+    let mut file = File::create(path)?;
+    file.write_all(head)?;
+    std::io::copy(rest, &mut file).map(drop)
+}
+
+/// The ending of a file that begins so.
+fn kind(head: &[u8]) -> &'static str {
+    const MAGIC: [(&[u8], &str); 3] = [
+        (b"\x89MCAP", "mcap"),
+        (b"\x93NUMPY", "npy"),
+        (b"PK\x03\x04", "npz"),
+    ];
+    if let Some((_, ending)) = MAGIC.iter().find(|(magic, _)| head.starts_with(magic)) {
+        return ending;
+    }
+    let text = String::from_utf8_lossy(head);
+    let line = text
+        .lines()
+        .find(|line| !line.trim().is_empty())
+        .unwrap_or_default();
+    // `(1.5) can0 123#00`, or candump's own `  can0  123   [1]  00`.
+    let is_candump = line.starts_with('(')
+        || line
+            .split_whitespace()
+            .nth(2)
+            .is_some_and(|word| word.starts_with('['));
+    if is_candump { "log" } else { "csv" }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_bytes_tell_the_kind_of_a_recording() {
+        for (head, ending) in [
+            (&b"\x89MCAP0\r\n"[..], "mcap"),
+            (b"\x93NUMPY\x01\x00", "npy"),
+            (b"PK\x03\x04....", "npz"),
+            (b"(1436509052.249713) vcan0 044#2A366C2BBA\n", "log"),
+            (b"\n  vcan0  044   [5]  2A 36 6C 2B BA\n", "log"),
+            (b"t,a,b\n0,1,2\n", "csv"),
+            (b"1;2;3\n", "csv"),
+            (b"", "csv"),
+        ] {
+            assert_eq!(kind(head), ending, "{}", String::from_utf8_lossy(head));
+        }
+    }
+}
