@@ -41,29 +41,59 @@ pub(crate) struct Job {
 const HEAD: u64 = 1 << 16;
 
 /// Whether a file is a .csv whose first line names a column `file`.
-pub(crate) fn is_manifest(path: &Path) -> bool {
+///
+/// # Errors
+/// Where the first line is one of a manifest already, for want of the names.
+pub(crate) fn is_manifest(path: &Path) -> anyhow::Result<bool> {
     let is_csv = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv"));
-    let names_files = |(line, delimiter): (String, u8)| {
-        line.split(char::from(delimiter))
-            .any(|name| name.trim() == "file")
-    };
-    is_csv && header(path).is_ok_and(names_files)
+    match first_line(path).ok().filter(|_| is_csv) {
+        Some((names, _)) => names_files(path, &names),
+        None => Ok(false),
+    }
 }
 
-/// The line that names the columns, and what separates them.
-fn header(path: &Path) -> std::io::Result<(String, u8)> {
+fn names_files(path: &Path, names: &[String]) -> anyhow::Result<bool> {
+    let is_recording = |name: &&String| {
+        let endings = [".npy", ".npz", ".csv", ".mcap"];
+        name.starts_with("sim:") || name.contains(".npz:") || endings.iter().any(|end| name.ends_with(end))
+    };
+    if let Some(file) = names.iter().find(is_recording) {
+        bail!(
+            "{}: its first line names the recording {file:?}; a manifest begins with the names of its columns, such \
+             as file,label",
+            path.display()
+        );
+    }
+    Ok(names.iter().any(|name| name == "file"))
+}
+
+/// The cells of the line that names the columns, and what separates them.
+fn first_line(path: &Path) -> anyhow::Result<(Vec<String>, u8)> {
     let mut head = Vec::new();
     File::open(path)?.take(HEAD).read_to_end(&mut head)?;
     let text = String::from_utf8_lossy(&head);
     let mut lines = text.trim_start_matches('\u{feff}').lines();
     let line = lines.find(|line| !line.starts_with('#')).unwrap_or_default();
     let delimiter = b";,\t".iter().find(|byte| line.as_bytes().contains(byte));
-    Ok((line.to_owned(), *delimiter.unwrap_or(&b',')))
+    let delimiter = *delimiter.unwrap_or(&b',');
+    let mut reader = csv::ReaderBuilder::new();
+    reader
+        .trim(csv::Trim::All)
+        .has_headers(false)
+        .delimiter(delimiter);
+    let mut records = reader.from_reader(line.as_bytes()).into_records();
+    let cells = records.next().transpose()?.unwrap_or_default();
+    Ok((cells.iter().map(str::to_owned).collect(), delimiter))
 }
 
 /// What a manifest names, in its order.
 pub(crate) fn read_manifest(path: &Path) -> anyhow::Result<Vec<Job>> {
-    let (_, delimiter) = header(path).with_context(|| path.display().to_string())?;
+    let (names, delimiter) = first_line(path).with_context(|| path.display().to_string())?;
+    ensure!(
+        names_files(path, &names)?,
+        "{}: a manifest has a column called file",
+        path.display()
+    );
     let mut reader = csv::ReaderBuilder::new()
         .trim(csv::Trim::All)
         .comment(Some(b'#'))
@@ -80,6 +110,12 @@ pub(crate) fn read_manifest(path: &Path) -> anyhow::Result<Vec<Job>> {
         let line = record.position().map_or(0, csv::Position::line);
         let at = || format!("{}:{line}", path.display());
         let row: Row = record.deserialize(Some(&headers)).with_context(at)?;
+        if let Some(time) = row.time.filter(|time| !(0.0..1e9).contains(time)) {
+            bail!(
+                "{}: time {time}; a touch begins at a number of seconds from 0 on",
+                at()
+            );
+        }
         let rotary = match row.motion.as_str() {
             "" => row.radius.is_some_and(|radius| radius > 0.0),
             "vertical" => false,

@@ -216,7 +216,7 @@ fn read(args: &Args) -> anyhow::Result<Set> {
         return touches::of_scene(scene, motion);
     }
     let path = Path::new(input);
-    if args.marks.is_none() && args.contact.is_none() && manifest::is_manifest(path) {
+    if args.marks.is_none() && args.contact.is_none() && manifest::is_manifest(path)? {
         let mut jobs = manifest::read_manifest(path)?;
         if motion.is_some() {
             jobs.retain(|job| job.motion() == motion);

@@ -34,6 +34,12 @@ fn recorded() -> TempDir {
     for (name, text) in [
         ("frames.csv", frames),
         ("semicolons.csv", manifest.replace(',', ";")),
+        (
+            "quoted.csv",
+            manifest
+                .replace("phantom,motion", "\"phantom\",\"motion\"")
+                .replace(",file,", ",\"file\","),
+        ),
         ("manifest.csv", manifest),
         ("marks.csv", marks),
     ] {
@@ -48,6 +54,7 @@ fn a_manifest_marks_and_contact_cut_the_same_touches() {
     for (args, along) in [
         (&["manifest.csv"][..], "depth"),
         (&["semicolons.csv"], "depth"),
+        (&["quoted.csv"], "depth"),
         (&["frames.csv", "--marks", "marks.csv", "--depth", "6.5"], "depth"),
         (&["frames.csv", "--marks", "marks.csv"], "time"),
         (&["frames.csv", "--contact", "5"], "time"),
@@ -115,6 +122,9 @@ fn what_cannot_be_categorised_is_named() {
     write("same.csv", "file,time\nwide.csv,0\nwide.csv,0\n");
     write("unknown.csv", "file,colour\nframes.csv,red\n");
     write("bad-marks.csv", "0.5 touch\n");
+    write("nan.csv", "file,time\nframes.csv,nan\nframes.csv,1\n");
+    write("before.csv", "file,time\nframes.csv,1\nframes.csv,-1\n");
+    write("headless.csv", "frames.csv,a\nframes.csv,b\n");
     let cut = ["frames.csv", "--marks"];
     for (args, words) in [
         (&["one.csv"][..], "categories need at least 2 touches; there is 1"),
@@ -124,6 +134,12 @@ fn what_cannot_be_categorised_is_named() {
         (&["mixed.csv"], "they are of different probes"),
         (&["same.csv"], "all 2 touches are the same"),
         (&["unknown.csv"], "unknown.csv:2"),
+        (&["nan.csv"], "nan.csv:2: time NaN; a touch begins at"),
+        (&["before.csv"], "before.csv:3: time -1; a touch begins at"),
+        (
+            &["headless.csv"],
+            "headless.csv: its first line names the recording \"frames.csv\"; a manifest begins with the names",
+        ),
         (&["frames.csv"], "where does a touch begin? --marks"),
         (
             &[cut[0], cut[1], "bad-marks.csv"],
