@@ -34,7 +34,8 @@ pub(crate) struct InputArgs {
     /// Frames per second, where the file records no times [default: 30]
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
-    /// The first column of a .csv without a header is time, in this unit: s, ms, us or ns
+    /// The first column of a .csv is time, in this unit: s, ms, us or ns; needed where no header calls it t_s, t_ms, t_us or
+    /// t_ns
     #[arg(long, value_name = "UNIT")]
     time_column: Option<TimeUnit>,
     /// Places the taxels: a built-in hand (allegro-uskin-15, uskin-module), grid:HxW, or a layout file
@@ -92,7 +93,14 @@ impl InputArgs {
             void: self.void.clone(),
             idle_frames: self.idle,
         };
-        Ok(Input::Frames(Recording::open(&self.path, &options)?))
+        let recording = Recording::open(&self.path, &options)?;
+        if let Some(column) = recording.unitless_time() {
+            eprintln!(
+                "taxel: {}: the column {column:?} is taken for seconds; --time-column UNIT says otherwise",
+                path.display()
+            );
+        }
+        Ok(Input::Frames(recording))
     }
 
     fn is_called(&self, ending: &str) -> bool {

@@ -23,7 +23,8 @@ const MAX_COLUMNS: usize = 200_000;
 /// `{board}B{taxel}X`, `..Y`, `..Z`, with or without a leading `{finger}F` (docs/protocols.md, "uSkin on a hand"), are raw
 /// counts: taxels are numbered by finger, board and taxel, whatever the order of the columns. Columns called `J{n}`,
 /// `joint{n}` or `joint_{n}` are joint angles, radians, in the order of their numbers. A first column called `time` or `t`
-/// is time in seconds; the suffixes `_s`, `_ms`, `_us` and `_ns` say otherwise. Any other header, and none, leaves plain
+/// is time in seconds, as [`Recording::unitless_time`](crate::Recording::unitless_time) tells; the suffixes `_s`, `_ms`,
+/// `_us` and `_ns` say which unit it is. Any other header, and none, leaves plain
 /// numbers, of which the last may be joint angles by [`ReadOptions::joint_columns`].
 pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordError> {
     let io_error = RecordError::io(path);
@@ -114,6 +115,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
         joints: (!joints.is_empty()).then_some(joints),
         columns: meaning.are_counts().then_some(Columns::XyzInterleaved),
         void: None,
+        unitless_time: meaning.unitless,
     })
 }
 

@@ -11,6 +11,8 @@ pub(crate) struct LineColumns {
     pub(crate) columns: Option<usize>,
     /// The column that is time, and its unit.
     pub(crate) time: Option<(usize, TimeUnit)>,
+    /// What that column is called, where the name says no unit.
+    pub(crate) unitless: Option<String>,
     kind: Kind,
     resolved: Option<Places>,
 }
@@ -39,6 +41,7 @@ impl LineColumns {
         Self {
             columns: None,
             time: options.time_column.map(|unit| (0, unit)),
+            unitless: None,
             kind: Kind::Plain {
                 joints: options.joint_columns,
             },
@@ -53,6 +56,7 @@ impl LineColumns {
             .time_column
             .or_else(|| time_unit(names[0]))
             .map(|unit| (0, unit));
+        let is_unitless = options.time_column.is_none() && is_unitless(names[0]);
         let rest = usize::from(time.is_some())..names.len();
         let named = |column: &usize| names[*column];
         let mut joints: BTreeMap<u32, usize> = BTreeMap::new();
@@ -96,6 +100,7 @@ impl LineColumns {
         Ok(Self {
             columns: Some(names.len()),
             time,
+            unitless: is_unitless.then(|| names[0].to_owned()),
             kind,
             resolved: None,
         })
@@ -154,12 +159,18 @@ fn counts(skin: &[usize], axes: &[Option<Axis>], names: &[&str]) -> Result<Vec<u
     Ok(order)
 }
 
+/// Names that say that a column is time, and not in which unit: seconds.
+fn is_unitless(name: &str) -> bool {
+    ["t", "time", "timestamp"].contains(&name.to_ascii_lowercase().as_str())
+}
+
 fn time_unit(name: &str) -> Option<TimeUnit> {
     match name.to_ascii_lowercase().as_str() {
-        "t" | "time" | "timestamp" | "t_s" | "time_s" => Some(TimeUnit::S),
+        "t_s" | "time_s" => Some(TimeUnit::S),
         "t_ms" | "time_ms" => Some(TimeUnit::Ms),
         "t_us" | "time_us" => Some(TimeUnit::Us),
         "t_ns" | "time_ns" => Some(TimeUnit::Ns),
+        _ if is_unitless(name) => Some(TimeUnit::S),
         _ => None,
     }
 }

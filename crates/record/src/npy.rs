@@ -28,6 +28,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
         times_ns: None,
         joints: None,
         columns: None,
+        unitless_time: None,
         void: None,
     })
 }

@@ -67,6 +67,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
         times_ns,
         joints: joints.map(|angles| angles.into_iter().map(|angle| angle as f32).collect()),
         columns: None,
+        unitless_time: None,
         void,
     })
 }

@@ -27,6 +27,7 @@ pub struct Recording {
     times_ns: Option<Vec<u64>>,
     joints: Option<Vec<f32>>,
     rate_hz: f64,
+    unitless_time: Option<String>,
 }
 
 impl Recording {
@@ -40,6 +41,7 @@ impl Recording {
             joints,
             columns,
             void,
+            unitless_time,
         } = table;
         let Meaning {
             taxels,
@@ -101,6 +103,7 @@ impl Recording {
             times_ns,
             joints,
             rate_hz,
+            unitless_time: unitless_time.filter(|_| options.rate_hz.is_none()),
         })
     }
 
@@ -142,6 +145,7 @@ impl Recording {
             times_ns: Some(times_ns),
             joints: Some(joints).filter(|joints| !joints.is_empty()),
             rate_hz: DEFAULT_RATE_HZ,
+            unitless_time: None,
         })
     }
 
@@ -188,6 +192,11 @@ impl Recording {
     /// Whether the file recorded the time of each frame; otherwise the rate makes it.
     pub fn has_times(&self) -> bool {
         self.times_ns.is_some()
+    }
+
+    /// The name of the column of times, where it says no unit and seconds were taken.
+    pub fn unitless_time(&self) -> Option<&str> {
+        self.unitless_time.as_deref()
     }
 
     /// Time of frame `index`, nanoseconds: as recorded, or `index` divided by the rate.

@@ -68,6 +68,8 @@ pub(crate) struct Table {
     pub(crate) joints: Option<Vec<f32>>,
     /// What the file itself says of its columns.
     pub(crate) columns: Option<Columns>,
+    /// The name of the time column, where it says no unit.
+    pub(crate) unitless_time: Option<String>,
     /// Which cells of a frame are no taxels, where the file says so.
     pub(crate) void: Option<Vec<bool>>,
 }

@@ -9,6 +9,7 @@ fn table(shape: &[usize], values: Vec<f64>) -> Table {
         times_ns: None,
         joints: None,
         columns: None,
+        unitless_time: None,
         void: None,
     }
 }
