@@ -222,6 +222,13 @@ impl OfflineArgs {
         if !(0.0..=threshold).contains(&release) {
             bail!("--release {release} is not within 0 and --threshold {threshold}");
         }
+        let frames = (0..recording.len()).filter_map(|index| recording.magnitudes(index));
+        let greatest = frames.flatten().copied().fold(f64::NEG_INFINITY, f64::max);
+        if greatest < 0.0 {
+            eprintln!(
+                "taxel: {name}: every magnitude is below 0, the greatest is {greatest}; a force is from 0 on"
+            );
+        }
         run_magnitudes(recording, [threshold, release], emit)
     }
 }

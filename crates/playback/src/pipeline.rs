@@ -101,6 +101,15 @@ pub fn run_traffic(
 pub fn run_sweeps(sweeps: &Sweeps<'_>, config: &Config, emit: &mut Emit<'_>) -> anyhow::Result<()> {
     let recording = sweeps.recording();
     let total = recording.len() as u64 * config.layout.len() as u64;
+    let same_time = |frame: &usize| recording.t_ns(*frame) == recording.t_ns(frame - 1);
+    let doubled = (1..recording.len()).filter(same_time).count();
+    if doubled > 0 {
+        eprintln!(
+            "taxel: {}: no image of their own for {doubled} of {} frames, which have the time of the frame before",
+            recording.name(),
+            recording.len()
+        );
+    }
     let progress = Progress::new(total, "frames");
     let frames = sweeps.frames().inspect(|_| progress.advance(1));
     pipeline(config, frames, &mut |felt| {

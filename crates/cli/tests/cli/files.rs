@@ -152,6 +152,39 @@ fn a_full_disk_leaves_the_file_from_before_and_no_half_of_a_new_one() {
 }
 
 #[test]
+fn what_is_odd_about_frames_is_told() {
+    let dir = TempDir::new().unwrap();
+    let path = |name: &str| dir.path().join(name);
+    let write = |name: &str, text: String| std::fs::write(path(name), text).unwrap();
+    let told = |args: &[&str]| succeeds(&dir, &[&["compress", "--out", "out.npy"], args].concat()).1;
+    let grid = ["--layout", "grid:1x2"];
+    let magnitudes = |name: &str, head: &str, value: f64| {
+        let lines: String = (0..4).map(|t| format!("{t},{value},{value}\n")).collect();
+        write(name, head.to_owned() + &lines);
+    };
+    magnitudes("unit.csv", "Time,a,b\n", 1.0);
+    magnitudes("t_ms.csv", "t_ms,a,b\n", 1.0);
+    magnitudes("below.csv", "t_s,a,b\n", -0.5);
+    let of = |name| told(&[&[name], &grid[..]].concat());
+    assert!(of("unit.csv").contains("unit.csv: the column \"Time\" is taken for seconds; --time-column"));
+    let unit = told(&[&["unit.csv", "--time-column", "ms"], &grid[..]].concat());
+    assert!(!unit.contains("seconds") && !of("t_ms.csv").contains("seconds"));
+    assert!(of("below.csv").contains("below.csv: every magnitude is below 0, the greatest is -0.5"));
+    // Counts of which two frames have one time.
+    let counts = |t: usize| (0..48).map(move |n| format!(",{}", 1000 + n + t % 3));
+    let line = |t: usize| format!("{}{}\n", t.max(1), counts(t).collect::<String>());
+    let names = (0..16).flat_map(|taxel| ["X", "Y", "Z"].map(|axis| format!(",0B{taxel}{axis}")));
+    let head = format!("t_ms{}\n", names.collect::<String>());
+    write("counts.csv", (0..40).fold(head, |text, t| text + &line(t)));
+    let counts = told(&["counts.csv", "--layout", "uskin-module"]);
+    assert!(
+        counts.contains("counts.csv: no image of their own for 1 of 40 frames")
+            && counts.contains("39 images"),
+        "{counts}"
+    );
+}
+
+#[test]
 fn forces_that_no_image_can_carry_are_out_of_use_and_told() {
     let dir = TempDir::new().unwrap();
     let forces = Array2::from_shape_vec((2, 2), vec![3.0, 1e38, 3.0, 1e39]).unwrap();
