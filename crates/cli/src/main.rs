@@ -8,6 +8,7 @@ extern crate taxel_playback;
 
 mod allocations;
 mod categorize;
+mod closed_stdout;
 mod compress;
 mod config;
 mod control;
@@ -41,9 +42,11 @@ mod view;
 mod watch;
 
 use clap::{CommandFactory, Parser, Subcommand};
+use signal_hook::consts::SIGXFSZ;
 use std::ffi::OsString;
-use std::io;
+use std::io::{self, Write};
 use std::process::ExitCode;
+use std::sync::Arc;
 use taxel_playback::stand_in;
 
 /// Tactile images from robot skin: watch a running daemon, replay recordings, simulate a hand,
@@ -115,9 +118,15 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    let Some(command) = Cli::parse().command else {
+    let command = match Cli::try_parse() {
+        Ok(cli) => cli.command,
+        Err(said) => return tell(&said),
+    };
+    let Some(command) = command else {
         return extension::list(&Cli::command());
     };
+    // A limit on the size of files is a full disk, which is told; without this the signal ends the program.
+    let _ = signal_hook::flag::register(SIGXFSZ, Arc::default());
     let result = match command {
         Command::Demo(args) => demo::run(&args),
         Command::View(args) => view::run(&args),
@@ -161,6 +170,18 @@ fn main() -> ExitCode {
             eprintln!("taxel: {}", describe(&error));
             ExitCode::FAILURE
         }
+    }
+}
+
+/// Prints help, the version, or what is wrong with the arguments.
+fn tell(said: &clap::Error) -> ExitCode {
+    let printed = said.print().and_then(|()| io::stdout().flush());
+    match printed {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe && !said.use_stderr() => {
+            eprintln!("taxel: stdout: {error}");
+            ExitCode::FAILURE
+        }
+        _ => ExitCode::from(said.exit_code() as u8),
     }
 }
 

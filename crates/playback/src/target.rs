@@ -1,11 +1,12 @@
 //! Where frames are put: a bus, or a candump log.
 
-use crate::output_file::OutputFile;
+use crate::output_file::{OutputFile, create_stream};
 use anyhow::{Context, bail};
 use std::collections::HashMap;
 use std::fmt;
 use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io::{BufWriter, LineWriter, Write};
+use std::path::Path;
 use std::str::FromStr;
 use std::time::{Duration, Instant};
 use taxel_can::{
@@ -85,7 +86,10 @@ impl Target {
     /// Opens it. A bus that is absent or down is an error: nobody would hear.
     fn open(address: &TargetAddress) -> anyhow::Result<Self> {
         let end = match address {
-            TargetAddress::Stdout => End::Log(LogWriter::new(Box::new(io::stdout())), None),
+            TargetAddress::Stdout => {
+                let stdout = create_stream(Path::new("-")).context("stdout")?;
+                End::Log(LogWriter::new(Box::new(LineWriter::new(stdout))), None)
+            }
             TargetAddress::Log(path) => {
                 let whole = OutputFile::begin(path)?;
                 let file = File::create(whole.path()).with_context(|| path.display().to_string())?;
