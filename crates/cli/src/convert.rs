@@ -7,6 +7,7 @@ use anyhow::{Context, bail};
 use serde_json::json;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use taxel_engine::TickMode;
 use taxel_hand::{Freshness, TactileFrame};
 use taxel_playback::interrupt::Interrupt;
 use taxel_playback::output_file::{OutputFile, refuse_overlap};
@@ -179,6 +180,11 @@ fn traffic(args: &Args, input: &Input, output: &mut TrafficOutput, check: &Check
             let layout = named.map_or_else(|| Layout::resolve(DEFAULT_LAYOUT), Ok)?;
             let sweeps = Sweeps::new(recording, &layout, args.offline.input.tile)?;
             tell_joints(recording);
+            eprintln!(
+                "taxel: {}: its {} frames go as what boards send; who makes frames of that again samples it anew",
+                recording.name(),
+                recording.len()
+            );
             output.take_sweeps(&sweeps, check)
         }
     }
@@ -225,10 +231,22 @@ fn frames(args: &Args, input: &Input, take: &mut TakeFrame<'_>) -> anyhow::Resul
                 "{} holds magnitudes, and no counts; `taxel compress` makes images of it",
                 recording.name()
             ),
-            _ => args.offline.run(input, &config, &mut |felt| match felt.measured {
-                Some(measured) => take(&config.layout, measured.tactile),
-                None => Ok(()),
-            }),
+            _ => {
+                if let Input::Log(traffic) = input {
+                    let when = match config.tick.mode {
+                        TickMode::Timer => format!("every {:.1} ms", 1e3 / config.tick.rate_hz),
+                        TickMode::Sweep => "with every sweep".into(),
+                    };
+                    eprintln!(
+                        "taxel: {}: its CAN traffic is sampled {when}; frames that it was made of are not these",
+                        traffic.path().display()
+                    );
+                }
+                args.offline.run(input, &config, &mut |felt| match felt.measured {
+                    Some(measured) => take(&config.layout, measured.tactile),
+                    None => Ok(()),
+                })
+            }
         },
     }
 }

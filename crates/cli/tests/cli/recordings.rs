@@ -111,7 +111,11 @@ fn counts_come_out_as_npz_and_csv_and_are_read_again() {
     let dir = TempDir::new().unwrap();
     succeeds(&dir, &SCENE);
     succeeds(&dir, &["convert", "grasp.log", "grasp.mcap"]);
-    succeeds(&dir, &["convert", "grasp.mcap", "grasp.npz"]);
+    let (_, err) = succeeds(&dir, &["convert", "grasp.mcap", "grasp.npz"]);
+    assert!(
+        err.contains("grasp.mcap: its CAN traffic is sampled every 33.3 ms"),
+        "{err}"
+    );
     succeeds(&dir, &["convert", "grasp.log", "grasp.csv"]);
     let mut npz = NpzReader::new(File::open(dir.path().join("grasp.npz")).unwrap()).unwrap();
     let counts: Array3<u16> = npz.by_name("counts").unwrap();
@@ -124,7 +128,11 @@ fn counts_come_out_as_npz_and_csv_and_are_read_again() {
     assert_eq!(first[1], counts[[0, 0, 0]].to_string());
     for input in ["grasp.npz", "grasp.csv"] {
         succeeds(&dir, &["compress", input, "--out", &format!("{input}.npy")]);
-        succeeds(&dir, &["convert", input, &format!("{input}.mcap")]);
+        let (_, err) = succeeds(&dir, &["convert", input, &format!("{input}.mcap")]);
+        let told = format!(
+            "its {frames} frames go as what boards send; who makes frames of that again samples it anew"
+        );
+        assert!(err.contains(&told), "{err}");
     }
     assert!(
         read(&dir, "grasp.npz.npy") == read(&dir, "grasp.csv.npy"),
