@@ -371,8 +371,8 @@ impl Seen {
         let (raw_bits, image_bits) = self.bits_per_frame();
         writeln!(
             text,
-            "images     {} in {seconds:.1} s, {rate_hz:.1} Hz, {} skipped",
-            self.images, self.skipped
+            "images     {made} in {seconds:.1} s, {rate_hz:.1} Hz, {} of them skipped",
+            self.skipped
         )?;
         let latency = |q: f64| ms(self.latency_ns.value_at_quantile(q));
         if self

@@ -18,12 +18,8 @@ pub(super) fn main_figures(report: &EvalReport) -> String {
     let mut text = wrapped(&verdict(report));
     text += "\n";
     text += &wrapped(&format!(
-        "{}: {} frames of {} taxels at {:.1} Hz, {} with contact (median {:.0} taxels); K_D = {}, K_A = {}; the same \
-         frames for every method{}.",
-        report.input,
-        report.frames,
-        report.taxels,
-        report.rate_hz,
+        "{}, {} with contact (median {:.0} taxels); K_D = {}, K_A = {}; the same frames for every method{}.",
+        what(report),
         report.contact_frames,
         report.contacts_median,
         report.levels,
@@ -162,15 +158,26 @@ fn wrapped(text: &str) -> String {
     lines + "\n"
 }
 
-/// Two tables, errors and cost, below a line of what was measured.
-pub(super) fn every_figure(report: &EvalReport) -> String {
+/// What was measured: one frame has no rate.
+fn what(report: &EvalReport) -> String {
     let EvalReport {
         input,
         frames,
-        contact_frames,
-        contacts_median,
         taxels,
         rate_hz,
+        ..
+    } = report;
+    match frames {
+        1 => format!("{input}: 1 frame of {taxels} taxels"),
+        _ => format!("{input}: {frames} frames of {taxels} taxels at {rate_hz:.1} Hz"),
+    }
+}
+
+/// Two tables, errors and cost, below a line of what was measured.
+pub(super) fn every_figure(report: &EvalReport) -> String {
+    let EvalReport {
+        contact_frames,
+        contacts_median,
         levels,
         actuators,
         restarts,
@@ -178,8 +185,8 @@ pub(super) fn every_figure(report: &EvalReport) -> String {
         ..
     } = report;
     let mut text = format!(
-        "{input}: {frames} frames of {taxels} taxels at {rate_hz:.1} Hz, {contact_frames} with contact (median \
-         {contacts_median:.0}); K_D = {levels}, K_A = {actuators}\n\n"
+        "{}, {contact_frames} with contact (median {contacts_median:.0}); K_D = {levels}, K_A = {actuators}\n\n",
+        what(report)
     );
     let width = report
         .methods

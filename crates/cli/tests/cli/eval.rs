@@ -250,6 +250,21 @@ fn eval_refuses_what_it_cannot_judge() {
 }
 
 #[test]
+fn one_frame_has_no_rate() {
+    let dir = TempDir::new().unwrap();
+    let frame = Array3::from_shape_fn((1, 4, 4), |(_, y, x)| (4 * y + x) as f64);
+    ndarray_npy::write_npy(dir.path().join("one.npy"), &frame).unwrap();
+    for every in [&[][..], &["--all"]] {
+        let args = [&["eval", "one.npy", "--restarts", "1", "--passes", "1"], every].concat();
+        let (out, _) = succeeds(&dir, &args);
+        assert!(
+            out.contains("one.npy: 1 frame of 16 taxels, 1 with contact"),
+            "{out}"
+        );
+    }
+}
+
+#[test]
 fn the_main_table_fits_a_terminal_and_begins_with_a_verdict() {
     let dir = TempDir::new().unwrap();
     let quick = ["--restarts", "1", "--passes", "1"];

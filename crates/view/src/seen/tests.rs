@@ -89,6 +89,11 @@ fn the_rate_is_the_daemons_also_where_fewer_images_are_asked_for() {
     (0..50).for_each(|index| see(&mut seen, 4 * index, 3, 10.0));
     let figures = seen.figures(SECOND_NS + 196 * 20_000_000);
     assert!((figures.rate_hz - 50.0).abs() < 0.01, "{figures:?}");
+    let summary = seen.summary(SECOND_NS);
+    assert!(
+        summary.contains("images     200 in ") && summary.contains(", 150 of them skipped"),
+        "{summary}"
+    );
 }
 
 #[test]
