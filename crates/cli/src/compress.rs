@@ -1,8 +1,10 @@
 //! `taxel compress`: the daemon's compression, offline.
 
 use crate::input::Input;
+use crate::offered::offering;
 use crate::offline::OfflineArgs;
 use anyhow::bail;
+use clap::builder::TypedValueParser;
 use serde_json::json;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -47,7 +49,7 @@ pub(crate) struct Args {
     /// Where the images go: .npz, .npy, .csv, .jsonl or .bin; - for JSON lines on stdout
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    #[arg(long, value_name = "METHOD", value_parser = method, help = format!("How frames are compressed: {}; paper has the publication's conditioning too, unless told otherwise", methods()))]
+    #[arg(long, value_name = "METHOD", value_parser = method_parser(), hide_possible_values = true, help = format!("How frames are compressed: {}; paper has the publication's conditioning too, unless told otherwise", methods()))]
     method: Option<Method>,
     /// Writes the frames that the images are made of as .csv: time, x y z of each taxel, joint angles
     #[arg(long, value_name = "FILE")]
@@ -72,8 +74,12 @@ fn parse_method(name: &str) -> Option<Method> {
     serde_json::from_value(serde_json::Value::from(name)).ok()
 }
 
-/// A method by its name in the configuration.
-pub(crate) fn method(name: &str) -> Result<Method, String> {
+/// Reads a method by its name in the configuration.
+pub(crate) fn method_parser() -> impl TypedValueParser<Value = Method> {
+    offering(["paper", "optimal"], method)
+}
+
+fn method(name: &str) -> Result<Method, String> {
     parse_method(name).ok_or_else(|| {
         let meant = did_you_mean(name, ["paper", "optimal"]);
         format!("there is no method {name:?}; there is {}{meant}", methods())

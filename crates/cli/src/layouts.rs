@@ -1,6 +1,8 @@
 //! `taxel layouts`: the hands that are built in, and what any layout looks like.
 
+use crate::offered::offering;
 use anyhow::Context;
+use clap::builder::StringValueParser;
 use serde_json::json;
 use std::fmt::Write as _;
 use std::io::Write;
@@ -23,7 +25,7 @@ Examples:
   taxel layouts uskin-module --file > mine.toml     to start a layout of one's own")]
 pub(crate) struct Args {
     /// A built-in hand, grid:HxW, or a layout file
-    #[arg(value_name = "NAME")]
+    #[arg(value_name = "NAME", value_parser = offering(Layout::builtin_names(), StringValueParser::new()), hide_possible_values = true)]
     name: Option<String>,
     /// Print the layout file of a built-in hand
     #[arg(long, requires = "name", conflicts_with = "json")]

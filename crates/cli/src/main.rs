@@ -26,6 +26,7 @@ mod live_lines;
 mod manual;
 mod marks_file;
 mod metrics;
+mod offered;
 mod offline;
 mod piped_file;
 mod publisher;

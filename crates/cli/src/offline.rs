@@ -1,7 +1,9 @@
 //! Recordings as the frames that the daemon would have made of them.
 
 use crate::input::{DEFAULT_LAYOUT, Input, InputArgs, pair};
+use crate::offered::offering;
 use anyhow::{Context, bail};
+use clap::builder::TypedValueParser;
 use std::path::{Path, PathBuf};
 use taxel_can::SourceAddress;
 use taxel_engine::TickMode;
@@ -38,7 +40,7 @@ pub(crate) struct OfflineArgs {
     release: Option<f64>,
     /// Counts only: how they become forces, robust or paper, the publication's equations (1) and (2) [default: the
     /// configuration's, or else that of the method]
-    #[arg(long, value_name = "PRESET", value_parser = preset)]
+    #[arg(long, value_name = "PRESET", value_parser = preset_parser(), hide_possible_values = true)]
     pub(crate) conditioning: Option<Preset>,
     /// CAN traffic only: an interface of the recording and the bus of the layout that it is, such as vcan0=can0; the
     /// bus of an Allegro hand is called joints
@@ -46,8 +48,12 @@ pub(crate) struct OfflineArgs {
     interface: Vec<(String, String)>,
 }
 
-/// A preset of the conditioning by its name in the configuration.
-pub(crate) fn preset(name: &str) -> Result<Preset, String> {
+/// Reads a preset of the conditioning by its name in the configuration.
+pub(crate) fn preset_parser() -> impl TypedValueParser<Value = Preset> {
+    offering(["robust", "paper"], preset)
+}
+
+fn preset(name: &str) -> Result<Preset, String> {
     serde_json::from_value(name.into())
         .map_err(|_| format!("there is no conditioning {name:?}; there is robust or paper"))
 }

@@ -1,8 +1,10 @@
 //! `taxel sim`: a scene on a real or virtual bus.
 
 use crate::forearm::play;
+use crate::offered::offering;
 use crate::scene_marks::SceneMarks;
 use anyhow::{Context, bail};
+use clap::builder::{StringValueParser, TypedValueParser};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -42,7 +44,7 @@ Examples:
   taxel sim ball-grasp --show > mine.toml     a scene file to start one's own from")]
 pub(crate) struct Args {
     /// A built-in scene, or a scene file
-    #[arg(value_name = "SCENE", required_unless_present = "list")]
+    #[arg(value_name = "SCENE", required_unless_present = "list", value_parser = scene_parser(), hide_possible_values = true)]
     scene: Option<String>,
     /// Where the buses of the hand are: once for each bus in the layout's order, or once for all of them;
     /// can:INTERFACE, udp:GROUP:PORT, pressure:SOCKET of a daemon, log:FILE (candump), or - for candump lines on stdout
@@ -187,6 +189,12 @@ fn show_layout(name: &str) -> anyhow::Result<()> {
         None => std::fs::read_to_string(name).with_context(|| name.to_string())?,
     };
     print(&text)
+}
+
+/// Reads the name of a scene, or a file of one.
+pub(crate) fn scene_parser() -> impl TypedValueParser<Value = String> {
+    let names = Scene::names().into_iter().chain(Scene::objects());
+    offering(names.chain([play::SCENE]), StringValueParser::new())
 }
 
 fn list(as_json: bool) -> anyhow::Result<()> {

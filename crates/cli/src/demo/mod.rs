@@ -6,8 +6,9 @@ mod palpation;
 mod session;
 
 use crate::categorize::PhantomMap;
-use crate::compress::{method, methods};
-use crate::offline::preset;
+use crate::compress::{method_parser, methods};
+use crate::offline::preset_parser;
+use crate::sim::scene_parser;
 use crate::terminal::{self, Shown};
 use anyhow::{Context, bail};
 use meter::Meter;
@@ -57,7 +58,7 @@ Examples:
   taxel sim --list                     the scenes there are")]
 pub(crate) struct Args {
     /// A built-in scene, or a scene file [default: ball-grasp, or roll on hands that it does not fit]
-    #[arg(long, value_name = "SCENE")]
+    #[arg(long, value_name = "SCENE", value_parser = scene_parser(), hide_possible_values = true)]
     scene: Option<String>,
     /// Another hand than the scene's own: a built-in name or a layout file
     #[arg(long, value_name = "LAYOUT")]
@@ -74,10 +75,10 @@ pub(crate) struct Args {
     /// Actuators of the display, K_A
     #[arg(long, value_name = "K_A", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(crate) actuators: Option<u16>,
-    #[arg(long, value_name = "METHOD", value_parser = method, help = format!("How frames are compressed: {}", methods()))]
+    #[arg(long, value_name = "METHOD", value_parser = method_parser(), hide_possible_values = true, help = format!("How frames are compressed: {}", methods()))]
     pub(crate) method: Option<Method>,
     /// How counts become forces, robust or paper, the publication's equations (1) and (2) [default: that of the method]
-    #[arg(long, value_name = "PRESET", value_parser = preset)]
+    #[arg(long, value_name = "PRESET", value_parser = preset_parser(), hide_possible_values = true)]
     pub(crate) conditioning: Option<Preset>,
 }
 

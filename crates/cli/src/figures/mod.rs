@@ -5,7 +5,7 @@ mod overview;
 mod take;
 mod time_course;
 
-use crate::compress::method;
+use crate::compress::method_parser;
 use crate::offline::OfflineArgs;
 use anyhow::{Context, bail};
 use std::fs;
@@ -49,7 +49,7 @@ pub(crate) struct Args {
     /// The module whose time course is drawn [default: the one that is touched first]
     #[arg(long, value_name = "NAME")]
     module: Option<String>,
-    #[arg(long, value_name = "METHOD", value_parser = method, help = "The method of `recordings`; the others show both")]
+    #[arg(long, value_name = "METHOD", value_parser = method_parser(), hide_possible_values = true, help = "The method of `recordings`; the others show both")]
     method: Option<Method>,
 }
 

@@ -37,5 +37,14 @@ fn completions_know_the_commands_and_an_unknown_shell_is_refused_with_those_ther
             "{shell}"
         );
     }
+    let (script, _) = succeeds(&dir, &["completions", "bash"]);
+    for offered in [
+        "compgen -W \"paper optimal\"",
+        "compgen -W \"robust paper\"",
+        "--json --help allegro-uskin-15 ",
+        "ball-grasp",
+    ] {
+        assert!(script.contains(offered), "{offered}");
+    }
     assert!(fails(&dir, &["completions", "dos"], 2).contains("bash"));
 }
