@@ -8,7 +8,6 @@ extern crate taxel_playback;
 
 mod allocations;
 mod categorize;
-mod closed_stdout;
 mod compress;
 mod config;
 mod control;

@@ -125,24 +125,15 @@ fn the_demo_without_a_terminal_prints_a_summary() {
 }
 
 #[test]
-fn what_goes_to_a_stdout_that_is_full_or_closed_is_not_done() {
-    let dir = TempDir::new().unwrap();
-    succeeds(&dir, &["sim", "tap", "--to", "log:tap.log", "--seconds", "1"]);
-    for (command, wanted) in [
-        ("convert tap.log - >&-", "Bad file descriptor"),
-        ("replay tap.log --speed inf --to - >&-", "Bad file descriptor"),
-        ("compress tap.log --out - >&- <&-", "Bad file descriptor"),
-        ("--help > /dev/full", "No space left"),
-        ("convert --help > /dev/full", "No space left"),
-        ("--version > /dev/full", "No space left"),
-    ] {
+fn help_that_goes_to_a_full_disk_is_not_done() {
+    for command in ["--help", "convert --help", "--version"] {
         let mut shell = Command::new("sh");
         let taxel = env!("CARGO_BIN_EXE_taxel");
-        let shell = shell.args(["-c", &format!("\"$1\" {command}"), "sh", taxel]);
-        let output = shell.current_dir(dir.path()).output().unwrap();
+        let shell = shell.args(["-c", &format!("\"$1\" {command} > /dev/full"), "sh", taxel]);
+        let output = shell.output().unwrap();
         let (_, err) = texts(&output);
         assert_eq!(output.status.code(), Some(1), "{command}: {err}");
-        assert!(err.contains(wanted), "{command}: {err}");
+        assert!(err.contains("No space left"), "{command}: {err}");
     }
 }
 
