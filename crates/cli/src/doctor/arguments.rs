@@ -77,7 +77,7 @@ pub(crate) struct Args {
 impl Args {
     /// What the daemon would run, and where that comes from.
     pub(super) fn configuration(&self) -> anyhow::Result<(Config, String)> {
-        let named_here = self.layout.is_some() || !self.sources.is_empty() || self.joints.is_some();
+        let named_here = self.layout.is_some() || self.names_sources();
         let service = Path::new(CONFIG);
         let file = match &self.config {
             Some(file) => Some(file.as_path()),
@@ -111,6 +111,11 @@ impl Args {
         config.socket.control = taxeld::config::running_socket("control.sock");
         let origin = format!("no configuration file: {}", describe(&config));
         Ok((config, origin))
+    }
+
+    /// Whether it was said which buses or joints to look at.
+    pub(super) fn names_sources(&self) -> bool {
+        !self.sources.is_empty() || self.joints.is_some()
     }
 
     fn joints(&self) -> anyhow::Result<Option<JointsConfig>> {

@@ -8,11 +8,13 @@ use std::io::{BufRead, BufReader, ErrorKind, Write};
 use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::time::Duration;
+use taxel_can::SourceAddress;
 use taxel_diagnose::Kind;
 use taxel_hand::{Fault, Faults};
 use taxel_skin::Layout;
 use taxel_wire::check_socket_folder;
 use taxel_wire::status::{BoardStatus, BusStatus, ProblemStatus, Status};
+use taxeld::Config;
 
 const AREA: &str = "daemon";
 const PATIENCE: Duration = Duration::from_secs(3);
@@ -201,6 +203,22 @@ fn check_board(board: &BoardStatus, is_told: bool) -> Option<Check> {
     }
 }
 
+/// Whether a daemon reads any of the buses or joints of a configuration.
+pub(super) fn has_any(status: &Status, config: &Config) -> bool {
+    // What is behind the question mark are options.
+    let same = |source: &SourceAddress, theirs: &str| {
+        let source = source.to_string();
+        source.split('?').next() == theirs.split('?').next()
+    };
+    let is_live = |source: &&SourceAddress| !matches!(source, SourceAddress::Log { .. });
+    let bus = |source| status.buses.iter().any(|bus| same(source, &bus.source));
+    let joints = config.joints.as_ref().is_some_and(|joints| {
+        let theirs = status.joints.as_ref().map(|joints| joints.source.as_str());
+        theirs == Some(joints.source.to_string().as_str())
+    });
+    joints || config.sources.iter().filter(is_live).any(bus)
+}
+
 /// The letter of each taxel that is not healthy, for a drawing of this layout; `None` if the daemon
 /// has another.
 pub(super) fn marks(status: &Status, layout: &Layout) -> Option<Vec<Option<char>>> {
@@ -225,6 +243,7 @@ mod tests {
     use super::super::finding::State;
     use super::*;
     use serde_json::{Value, json};
+    use taxel_joints::JointsConfig;
 
     fn running() -> Value {
         json!({
@@ -244,6 +263,31 @@ mod tests {
     fn bad(status: Value) -> Vec<Check> {
         let checks = check(&parsed(status)).into_iter();
         checks.filter(|c| c.state != State::Ok).collect()
+    }
+
+    #[test]
+    fn a_daemon_has_what_was_named_if_it_reads_one_of_its_buses_or_its_joints() {
+        let mut status = running();
+        status["buses"][0]["source"] = "udp:239.74.163.2:43113?hops=0".into();
+        status["joints"] = json!({ "source": "dynamixel:/dev/ttyUSB0" });
+        let status = parsed(status);
+        let layout = || Layout::builtin("uskin-module").unwrap();
+        for (source, joints, has) in [
+            ("udp:239.74.163.2:43113", None, true),
+            ("udp:239.74.163.2:43114", None, false),
+            ("can:can0", None, false),
+            ("can:can0", Some("dynamixel:/dev/ttyUSB0"), true),
+            ("can:can0", Some("dynamixel:/dev/ttyUSB1"), false),
+        ] {
+            let mut config = Config::new(layout(), vec![source.parse().unwrap()]);
+            config.joints = joints.map(|source: &str| JointsConfig::new(source.parse().unwrap()));
+            assert_eq!(has_any(&status, &config), has, "{source} {joints:?}");
+        }
+        // A recording is nobody's.
+        let mut of_a_recording = running();
+        of_a_recording["buses"][0]["source"] = "log:tap.log".into();
+        let config = Config::new(layout(), vec!["log:tap.log".parse().unwrap()]);
+        assert!(!has_any(&parsed(of_a_recording), &config));
     }
 
     #[test]

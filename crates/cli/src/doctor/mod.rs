@@ -70,7 +70,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<bool> {
     }
     let root = Path::new("/");
     let links = doctor.check_machine(root, &config)?;
-    let running = doctor.check_daemon(root, &config)?;
+    let running = doctor.check_daemon(root, &config, args.names_sources())?;
     if !running {
         doctor.check_hand(args, &config, &links, interrupt.clone())?;
         doctor.check_joints(args, &config, root, interrupt)?;
@@ -150,12 +150,20 @@ impl Doctor {
         Ok(links)
     }
 
-    /// A daemon that runs, or the place where one would have its sockets; says whether one runs.
-    fn check_daemon(&mut self, root: &Path, config: &Config) -> anyhow::Result<bool> {
+    /// A daemon that runs, or the place where one would have its sockets; says whether one runs that has the hand. One that
+    /// has nothing of what was `named` does not.
+    fn check_daemon(&mut self, root: &Path, config: &Config, named: bool) -> anyhow::Result<bool> {
         const AREA: &str = "daemon";
         let socket = &config.socket.status_path();
         let path = socket.display().to_string();
         match daemon::ask(socket) {
+            Daemon::Running(status) if named && !daemon::has_any(&status, config) => {
+                let runs = format!(
+                    "runs with layout {} on other buses, and is not asked",
+                    status.layout
+                );
+                self.report(vec![Check::ok(AREA, "taxeld", "", runs)])?;
+            }
             Daemon::Running(status) => {
                 self.report(daemon::check(&status))?;
                 if let Some(marks) = daemon::marks(&status, &config.layout) {
