@@ -109,6 +109,19 @@ pub enum ForearmError {
         /// Most that the gripper has, degrees.
         high: f64,
     },
+    /// A motor's angle that hardly moves while the gripper squeezes.
+    #[error(
+        "{name} moves by {moved:.2} degrees in a squeeze, and within {span:.0} degrees where the model was trained; is it in \
+         degrees, and of the same gripper?"
+    )]
+    Still {
+        /// Which angle.
+        name: &'static str,
+        /// From its least to its most in this squeeze, degrees.
+        moved: f64,
+        /// From its least to its most in all squeezes of the training, degrees.
+        span: f64,
+    },
     /// Angles that are lost or stuck, and without which nothing can be said.
     #[error("{what}: lost or stuck; look at the potentiometers and servos")]
     Lost {

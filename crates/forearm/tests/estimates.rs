@@ -156,6 +156,12 @@ fn squeezes_that_say_nothing_are_refused_by_what_is_wrong_with_them() {
         &|s| s.theta_a_deg[1].iter_mut().for_each(|a| *a = a.to_radians()),
         "is it in degrees",
     );
+    // Where the numbers lie within the range of the training.
+    let in_radians = |s: &mut Squeeze| {
+        let inside = whole.theta_a_deg[1][0];
+        (s.theta_a_deg[1].iter_mut()).for_each(|a| *a = inside + (*a - inside).to_radians());
+    };
+    refused(&in_radians, "theta_a of finger 1 moves by 0.");
     refused(&|s| s.time_ms[7] = 0.0, "row 7 is at 0 ms");
     let lose_motors = |s: &mut Squeeze| s.theta_a_deg.iter_mut().for_each(|column| column.fill(f64::NAN));
     refused(&lose_motors, "theta_a of finger 0, theta_a of finger 1: lost");
