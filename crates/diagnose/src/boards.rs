@@ -8,34 +8,72 @@ use crate::traffic::speaks_on;
 use crate::view::{Look, Starting};
 use std::collections::VecDeque;
 use taxel_can::{BusState, LinkState};
-use taxel_skin::{BoardState, Layout};
+use taxel_skin::{BoardState, Finding, Layout};
 
 /// A board that falls silent this many times within this long is unsteady, until it was steady for a while.
 const SILENCES: usize = 3;
 const UNSTEADY_NS: u64 = 30_000_000_000;
 const STEADY_NS: u64 = 10_000_000_000;
 
+/// Boards that fall silent within this long do so together.
+const TOGETHER_NS: u64 = 250_000_000;
+
 /// When each board fell silent of late. The boards count that themselves: a silence may be over before the next look.
 #[derive(Debug, Default)]
 pub(crate) struct Steadiness {
-    boards: Vec<(u64, VecDeque<u64>)>,
+    boards: Vec<Board>,
+}
+
+#[derive(Debug, Default, Clone)]
+struct Board {
+    /// Silences that it has counted.
+    counted: u64,
+    /// When it fell silent last, and whether that is still to be judged.
+    last: Option<(u64, bool)>,
+    /// When it fell silent by itself.
+    silences: VecDeque<u64>,
 }
 
 impl Steadiness {
-    /// Takes note of what a board has counted, and returns whether it fell silent since the last look.
-    fn fell_silent(&mut self, module: usize, silences: u64) -> bool {
+    /// Takes note of what a board has counted. Nobody is to be blamed for a silence that is `excused`.
+    fn note(&mut self, module: usize, counted: u64, excused: bool, now_ns: u64) {
         if self.boards.len() <= module {
-            self.boards.resize(module + 1, (0, VecDeque::new()));
+            self.boards.resize(module + 1, Board::default());
         }
-        std::mem::replace(&mut self.boards[module].0, silences) < silences
+        let board = &mut self.boards[module];
+        let fell_silent = std::mem::replace(&mut board.counted, counted) < counted;
+        // The one before is judged first, however soon the next comes.
+        if fell_silent && !matches!(board.last, Some((_, true))) {
+            board.last = Some((now_ns, !excused));
+        }
     }
 
-    /// Takes note whether a board fell silent by itself, and returns how often it did, if that makes it unsteady.
-    fn handle_board(&mut self, module: usize, fell_silent: bool, now_ns: u64) -> Option<usize> {
-        let (_, silences) = &mut self.boards[module];
-        if fell_silent {
-            silences.push_back(now_ns);
+    /// Judges the silences of the boards of a bus that are old enough to know which others there were: what most boards of a
+    /// bus do together is the doing of their bus, or of the machine that holds the daemon up.
+    fn judge(&mut self, layout: &Layout, modules: &[usize], now_ns: u64) {
+        for module in modules {
+            let Some((fell_ns, true)) = self.boards[*module].last else {
+                continue;
+            };
+            if now_ns.saturating_sub(fell_ns) < TOGETHER_NS {
+                continue;
+            }
+            let near = |other: &usize| {
+                (self.boards[*other].last).is_some_and(|(t, _)| t.abs_diff(fell_ns) <= TOGETHER_NS)
+            };
+            let together: Vec<usize> = modules.iter().copied().filter(near).collect();
+            let by_itself = 2 * boards(layout, &together) <= boards(layout, modules).max(2);
+            let board = &mut self.boards[*module];
+            board.last = Some((fell_ns, false));
+            if by_itself {
+                board.silences.push_back(fell_ns);
+            }
         }
+    }
+
+    /// How often a board has fallen silent by itself of late, if that makes it unsteady.
+    fn unsteady(&mut self, module: usize, now_ns: u64) -> Option<usize> {
+        let silences = &mut self.boards[module].silences;
         while silences
             .front()
             .is_some_and(|t| now_ns.saturating_sub(*t) > UNSTEADY_NS)
@@ -51,10 +89,14 @@ pub(crate) fn judge(look: &Look<'_>, steadiness: &mut Steadiness, found: &mut Ve
     let (layout, view) = (look.setup.layout, look.view);
     for (index, bus) in view.buses.iter().enumerate() {
         let boards = || (0..layout.modules.len()).filter(|m| usize::from(layout.wiring[*m].bus) == index);
-        let fell_silent: Vec<bool> = boards()
-            .map(|m| steadiness.fell_silent(m, view.boards[m].silences))
-            .collect();
-        if bus.link != LinkState::Up || bus.counters.bus_state == BusState::BusOff {
+        let lost = bus.link != LinkState::Up || bus.counters.bus_state == BusState::BusOff;
+        let here: Vec<usize> = boards().collect();
+        for module in &here {
+            let excused = lost || !view.boards_due || is_doubled(view.findings, *module);
+            steadiness.note(*module, view.boards[*module].silences, excused, view.now_ns);
+        }
+        steadiness.judge(layout, &here, view.now_ns);
+        if lost {
             // Told of the bus; that its boards are silent says nothing of them.
             continue;
         }
@@ -77,13 +119,9 @@ pub(crate) fn judge(look: &Look<'_>, steadiness: &mut Steadiness, found: &mut Ve
         if all {
             found.push(silent_bus(&layout.buses[index], index, bus.starting));
         }
-        // What all boards do at once is their bus's doing.
-        let alone =
-            view.boards_due && !all && (fell_silent.len() == 1 || !fell_silent.iter().all(|fell| *fell));
         let (mut silent, mut unsteady) = (Vec::new(), Vec::new());
-        for (module, fell_silent) in boards().zip(fell_silent) {
-            let fell_silent = fell_silent && alone;
-            if let Some(times) = steadiness.handle_board(module, fell_silent, view.now_ns) {
+        for module in boards() {
+            if let Some(times) = steadiness.unsteady(module, view.now_ns) {
                 unsteady.push((module, times));
             }
             if !all && quiet(module) && speaks_on(layout, view.findings, module).is_none() {
@@ -100,6 +138,18 @@ pub(crate) fn judge(look: &Look<'_>, steadiness: &mut Steadiness, found: &mut Ve
             });
         }
     }
+}
+
+/// How many boards these modules are of.
+fn boards(layout: &Layout, modules: &[usize]) -> usize {
+    let is_first = |n: &usize| !(modules[..*n].iter()).any(|m| is_of_board(layout, *m, modules[*n]));
+    (0..modules.len()).filter(is_first).count()
+}
+
+/// Whether two boards send as one, each of which makes gaps for the other.
+fn is_doubled(findings: &[Finding], module: usize) -> bool {
+    let is_it = |finding: &Finding| matches!(finding, Finding::TwoBoards { module: doubled, .. } if usize::from(*doubled) == module);
+    findings.iter().any(is_it)
 }
 
 /// The modules of one hub, of which the same is said, together: each list with what was noted of its first.
