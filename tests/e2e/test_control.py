@@ -132,7 +132,7 @@ def test_the_log_says_who_has_changed_something_but_not_without_end(daemon):
     who = f"by request of user {os.getuid()}, process {os.getpid()}"
     eventually(lambda: f"paused, {who}" in daemon.log, "the log does not say who")
     assert daemon.control("mark", text="")["ok"] is False
-    eventually(lambda: f"not marked: a mark has 1 to 500 bytes of text; this one has 0, {who}" in daemon.log, "nor who failed")
+    eventually(lambda: f"refused: a mark: a mark has 1 to 500 bytes of text; this one has 0, {who}" in daemon.log, "nor who failed")
     for n in range(100):
         assert daemon.control("resume") == {"ok": True}
     assert daemon.log.count(who) < 60

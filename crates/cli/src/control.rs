@@ -1,6 +1,7 @@
 //! A daemon's control socket: one request, one reply.
 
 use anyhow::{Context, anyhow, bail};
+use nix::libc::EPROTOTYPE;
 use serde_json::Value;
 use std::ffi::OsStr;
 use std::io::{BufRead, BufReader, ErrorKind, Write};
@@ -39,6 +40,9 @@ impl Connection {
         let stream = UnixStream::connect(socket).map_err(|error| {
             let who = match error.kind() {
                 ErrorKind::PermissionDenied => who_may(socket),
+                _ if error.raw_os_error() == Some(EPROTOTYPE) => {
+                    "; images come from there, requests go to status.sock or control.sock beside it"
+                }
                 _ => "",
             };
             anyhow!("cannot reach taxeld at {}: {error}{who}", socket.display())

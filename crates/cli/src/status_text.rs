@@ -42,14 +42,20 @@ fn write(status: &Status, out: &mut String) -> std::fmt::Result {
     )?;
     writeln!(
         out,
-        "hand     {} in contact, {} missing, {} faulty; contact threshold {:.0}",
-        status.contacts, status.missing, status.faulty, status.threshold
+        "hand     {} in contact, {} missing, {} faulty; contact threshold {}",
+        status.contacts,
+        status.missing,
+        status.faulty,
+        match status.calibrating {
+            true => "not known yet".to_owned(),
+            false => format!("{:.0}", status.threshold),
+        }
     )?;
     for (n, bus) in status.buses.iter().enumerate() {
-        let lost = bus.lost_in_kernel + bus.undecodable + bus.malformed + bus.late;
+        let damaged = bus.undecodable + bus.malformed;
         writeln!(
             out,
-            "{:8} {:8} {} {}, {:.0} frames/s, load {:.0} %, {} used, {} unknown, {lost} lost",
+            "{:8} {:8} {} {}, {:.0} frames/s, load {:.0} %, {} used, {} unknown, {} late, {damaged} damaged, {} lost in the kernel",
             if n == 0 { "buses" } else { "" },
             bus.name,
             bus.link,
@@ -58,6 +64,8 @@ fn write(status: &Status, out: &mut String) -> std::fmt::Result {
             bus.load_percent,
             bus.used,
             bus.unknown,
+            bus.late,
+            bus.lost_in_kernel,
         )?;
     }
     let living = status
@@ -204,7 +212,7 @@ mod tests {
             "taxeld 0.1.0 on allegro-uskin-15, up 3 h 12 min: running",
             "images   30.0 Hz (timer), 345600 made, 0 overruns, 0 unpublished; tick p50 81 us p99 1.2 ms",
             "hand     12 in contact, 0 missing, 0 faulty",
-            "buses    can0     up error-active, 0 frames/s, load 0 %, 9 used, 0 unknown, 2 lost",
+            "buses    can0     up error-active, 0 frames/s, load 0 %, 9 used, 0 unknown, 2 late, 0 damaged, 0 lost in the kernel",
             "boards   1 of 2 speak",
             "         index tip (can0, board 3) silent",
             "joints   1 of 2 known, 100 readings/s, dynamixel:/dev/ttyUSB0 connected",

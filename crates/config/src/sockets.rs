@@ -142,7 +142,8 @@ pub fn default_directory() -> PathBuf {
         return SYSTEM_DIRECTORY.into();
     }
     match std::env::var_os("XDG_RUNTIME_DIR") {
-        Some(dir) if !dir.is_empty() => PathBuf::from(dir).join("taxeld"),
+        // The standard has it ignored where it is relative: it would be another folder for each program.
+        Some(dir) if Path::new(&dir).is_absolute() => PathBuf::from(dir).join("taxeld"),
         _ => PathBuf::from(format!("/tmp/taxeld-{}", nix::unistd::getuid())),
     }
 }

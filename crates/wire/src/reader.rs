@@ -60,12 +60,20 @@ pub enum Received<'a> {
     Other(Header),
 }
 
+/// What to look at where a socket cannot be connected to.
+fn connect_advice(error: &io::Error) -> &'static str {
+    match error.raw_os_error().map(Errno::from_raw) {
+        Some(Errno::EPROTOTYPE) => "that socket takes requests; images come from images.sock beside it",
+        _ => "is taxeld running there, and may you open its socket?",
+    }
+}
+
 /// Why there is no message. After [`ReadError::Closed`] and [`ReadError::Socket`] connect again; after the
 /// others the next message may be read.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
     /// No connection to the daemon.
-    #[error("cannot connect to {path}: {source}; is taxeld running there, and may you open its socket?")]
+    #[error("cannot connect to {path}: {source}; {}", connect_advice(source))]
     Connect {
         /// The socket.
         path: PathBuf,

@@ -46,16 +46,16 @@ impl Request {
         matches!(self, Self::Servo(request) if request.releases())
     }
 
-    /// What it moves or changes, in a word; none where it only has something told.
-    fn change(&self) -> Option<&'static str> {
+    /// What it asks to move or change, and what is said once it is done; none where it only has something told.
+    fn change(&self) -> Option<[&'static str; 2]> {
         match self {
             Self::Status {} | Self::Profile { profile: None } => None,
-            Self::Rezero {} => Some("baseline measured anew"),
-            Self::Pause {} => Some("paused"),
-            Self::Resume {} => Some("resumed"),
-            Self::Profile { profile: Some(_) } => Some("display profile replaced"),
-            Self::Servo(_) | Self::Servos(_) => Some("servo told"),
-            Self::Mark { .. } => Some("marked"),
+            Self::Rezero {} => Some(["a new baseline", "the baseline is measured anew"]),
+            Self::Pause {} => Some(["pause", "paused"]),
+            Self::Resume {} => Some(["resume", "resumed"]),
+            Self::Profile { profile: Some(_) } => Some(["a new display profile", "display profile replaced"]),
+            Self::Servo(_) | Self::Servos(_) => Some(["a servo command", "servo told"]),
+            Self::Mark { .. } => Some(["a mark", "marked"]),
         }
     }
 }
@@ -87,7 +87,7 @@ pub(super) async fn report(state: &State) -> Rc<[u8]> {
 /// Does what is asked, but for `status`, and says so in the log where it changes something. Motors that run only as long
 /// as the asker is there are noted in `hold`.
 pub(super) async fn answer(request: Request, state: &State, asker: &Asker, hold: &Hold<'_>) -> Value {
-    let Some(change) = request.change() else {
+    let Some([change, changed]) = request.change() else {
         state.call_roster().await;
         return json!({ "ok": true, "profile": state.roster().own_profile() });
     };
@@ -114,13 +114,13 @@ pub(super) async fn answer(request: Request, state: &State, asker: &Asker, hold:
         _ => state.pause(false).map(|()| Done::Plain),
     };
     let (said, reply) = match done {
-        Ok(Done::Plain) => (change.to_owned(), json!({ "ok": true })),
+        Ok(Done::Plain) => (changed.to_owned(), json!({ "ok": true })),
         Ok(Done::Said(sentence)) => (sentence, json!({ "ok": true })),
         Ok(Done::Marked(seq, t_ns)) => (
-            change.to_owned(),
+            changed.to_owned(),
             json!({ "ok": true, "mark": { "seq": seq, "t_ns": t_ns } }),
         ),
-        Err(error) => (format!("not {change}: {error}"), refusal(error)),
+        Err(error) => (format!("refused: {change}: {error}"), refusal(error)),
     };
     state.changes.note(&said, asker, Instant::now());
     state.reports.outdate();

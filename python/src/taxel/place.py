@@ -23,4 +23,5 @@ def _default_folder() -> Path:
     if os.geteuid() == 0 or os.access(SYSTEM, os.W_OK):
         return SYSTEM
     runtime = os.environ.get("XDG_RUNTIME_DIR")
-    return Path(runtime) / "taxeld" if runtime else Path(f"/tmp/taxeld-{os.getuid()}")
+    # A relative one is to be ignored, as the standard says.
+    return Path(runtime) / "taxeld" if runtime and os.path.isabs(runtime) else Path(f"/tmp/taxeld-{os.getuid()}")

@@ -79,8 +79,8 @@ pub(super) fn errors(source: &str, session: &Session, outcome: &Outcome, train_s
          \x20 MAE over squeezes        {:8.2}\n\
          \x20 range of estimates, mean {:8.2}{range}\n\
          Over the repetitions the first is {least:.2} to {most:.2}.\n\
-         90 % intervals of +-{:.1} hold {:.1} % (mean over places): {:.1} % of squeezes at places that were trained on,\n\
-         {:.1} % at others. Training took {train_s:.2} s for all repetitions, an estimate {:.1} us.\n",
+         90 % intervals of +-{:.1} hold {:.1} % (mean over places): {} of squeezes at places that were trained on,\n\
+         {} at others. Training took {train_s:.2} s for all repetitions, an estimate {:.1} us.\n",
         e.macro_rmse,
         e.macro_mae,
         e.pooled_rmse,
@@ -88,10 +88,18 @@ pub(super) fn errors(source: &str, session: &Session, outcome: &Outcome, train_s
         e.mean_range(),
         e.half_width_90,
         100.0 * e.coverage_90,
-        100.0 * seen,
-        100.0 * new,
+        share(seen),
+        share(new),
         outcome.estimate_us,
     )
+}
+
+/// A share as percent, or that there was nothing to judge.
+fn share(of_one: f64) -> String {
+    match of_one.is_nan() {
+        true => "none was judged".to_owned(),
+        false => format!("{:.1} %", 100.0 * of_one),
+    }
 }
 
 pub(super) fn places(outcome: &Outcome) -> String {
