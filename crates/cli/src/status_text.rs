@@ -52,10 +52,16 @@ fn write(status: &Status, out: &mut String) -> std::fmt::Result {
         }
     )?;
     for (n, bus) in status.buses.iter().enumerate() {
-        let damaged = bus.undecodable + bus.malformed;
+        let not_used = [
+            (bus.unknown, "unknown"),
+            (bus.late, "late"),
+            (bus.undecodable + bus.malformed, "damaged"),
+            (bus.lost_in_kernel, "lost in the kernel"),
+        ];
+        let not_used = not_used.iter().filter(|(count, _)| *count > 0);
         writeln!(
             out,
-            "{:8} {:8} {} {}, {:.0} frames/s, load {:.0} %, {} used, {} unknown, {} late, {damaged} damaged, {} lost in the kernel",
+            "{:8} {:8} {} {}, {:.0} frames/s, load {:.0} %, {} used{}",
             if n == 0 { "buses" } else { "" },
             bus.name,
             bus.link,
@@ -63,9 +69,9 @@ fn write(status: &Status, out: &mut String) -> std::fmt::Result {
             bus.frames_hz,
             bus.load_percent,
             bus.used,
-            bus.unknown,
-            bus.late,
-            bus.lost_in_kernel,
+            not_used
+                .map(|(count, what)| format!(", {count} {what}"))
+                .collect::<String>(),
         )?;
     }
     let living = status
@@ -212,7 +218,7 @@ mod tests {
             "taxeld 0.1.0 on allegro-uskin-15, up 3 h 12 min: running",
             "images   30.0 Hz (timer), 345600 made, 0 overruns, 0 unpublished; tick p50 81 us p99 1.2 ms",
             "hand     12 in contact, 0 missing, 0 faulty",
-            "buses    can0     up error-active, 0 frames/s, load 0 %, 9 used, 0 unknown, 2 late, 0 damaged, 0 lost in the kernel",
+            "buses    can0     up error-active, 0 frames/s, load 0 %, 9 used, 2 late",
             "boards   1 of 2 speak",
             "         index tip (can0, board 3) silent",
             "joints   1 of 2 known, 100 readings/s, dynamixel:/dev/ttyUSB0 connected",
