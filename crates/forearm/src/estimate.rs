@@ -24,6 +24,31 @@ impl std::fmt::Display for Source {
     }
 }
 
+/// What errors and people call the angles: the potentiometers', then the motors'.
+pub(crate) const ANGLES: [&str; 4] = [
+    "theta_p of finger 0",
+    "theta_p of finger 1",
+    "theta_a of finger 0",
+    "theta_a of finger 1",
+];
+
+/// The angles that an estimate was made without, since they are lost or do not move.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct LeftOut {
+    /// In the order of `ANGLES`.
+    pub(crate) angles: [bool; 4],
+}
+
+impl LeftOut {
+    /// Their names, such as `theta_p of finger 0`.
+    pub fn names(self) -> impl Iterator<Item = &'static str> {
+        ANGLES
+            .into_iter()
+            .zip(self.angles)
+            .filter_map(|(name, left_out)| left_out.then_some(name))
+    }
+}
+
 /// Where a squeeze was made.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Estimate {
@@ -33,6 +58,8 @@ pub struct Estimate {
     pub half_width_90: f64,
     /// What it was made from.
     pub source: Source,
+    /// Angles that it was made without; none where it was made from touch alone.
+    pub left_out: LeftOut,
     /// How far the squeeze had come: 0 as PWM begins to rise, 1 at its peak, 2 where it is back at rest.
     pub phase: f64,
 }

@@ -88,6 +88,7 @@ impl Fusion {
             percent: weight * angles.percent + (1.0 - weight) * touch.percent,
             half_width_90: weight * angles.half_width_90 + (1.0 - weight) * touch.half_width_90,
             source: Source::Fused,
+            left_out: angles.left_out,
             phase: angles.phase,
         })
     }
@@ -114,12 +115,14 @@ impl Estimator for Fused {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::estimate::LeftOut;
 
     fn estimate(percent: f64, half_width_90: f64, source: Source) -> Result<Estimate, ForearmError> {
         Ok(Estimate {
             percent,
             half_width_90,
             source,
+            left_out: LeftOut::default(),
             phase: 2.0,
         })
     }

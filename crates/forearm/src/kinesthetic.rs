@@ -1,7 +1,7 @@
 //! Where a gripper holds, from the angles of its fingers.
 
 use crate::error::ForearmError;
-use crate::estimate::{Estimate, Estimator, Source};
+use crate::estimate::{ANGLES, Estimate, Estimator, LeftOut, Source};
 use crate::phase::{Course, PHASES};
 use crate::profile::{Profile, places, within};
 use crate::regression::{Regression, Rows, Tried, try_all};
@@ -9,13 +9,6 @@ use crate::session::Trial;
 use crate::squeeze::Squeeze;
 use serde::{Deserialize, Serialize};
 
-/// What errors call the angles, in the order in which they are kept.
-const ANGLES: [&str; 4] = [
-    "theta_p of finger 0",
-    "theta_p of finger 1",
-    "theta_a of finger 0",
-    "theta_a of finger 1",
-];
 /// Which angles are there: all, one lost, both potentiometers lost, one finger lost. The two fingers' angles are added up:
 /// the sum does not change where the arm lies nearer to one of them.
 const READINGS: [[bool; 4]; 8] = [
@@ -152,7 +145,7 @@ impl Estimator for Kinesthetic {
         let (Some(reading), Some(regression)) =
             (at.map(|n| READINGS[n]), at.and_then(|n| self.readings.get(n)))
         else {
-            let lost = (0..4).filter(|n| !healthy[*n]).map(|n| ANGLES[n]);
+            let lost = without(healthy).names();
             return Err(ForearmError::Lost {
                 what: lost.collect::<Vec<_>>().join(", "),
             });
@@ -179,8 +172,16 @@ impl Estimator for Kinesthetic {
             percent,
             half_width_90,
             source: Source::Kinesthetic,
+            left_out: without(reading),
             phase: course.reached(),
         })
+    }
+}
+
+/// What is left out where only these angles are used.
+fn without(used: [bool; 4]) -> LeftOut {
+    LeftOut {
+        angles: used.map(|used| !used),
     }
 }
 

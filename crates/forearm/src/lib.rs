@@ -24,7 +24,7 @@ mod tactile;
 
 pub use disturbance::Disturbance;
 pub use error::ForearmError;
-pub use estimate::{Estimate, Estimator, Source};
+pub use estimate::{Estimate, Estimator, LeftOut, Source};
 pub use fusion::{Fused, Fusion};
 pub use kinesthetic::Kinesthetic;
 pub use mat::{Matrix, TornMat, read_mat, write_mat};

@@ -1,7 +1,7 @@
 //! Where a gripper holds, from the tactile images of its third finger.
 
 use crate::error::ForearmError;
-use crate::estimate::{Estimate, Estimator, Source};
+use crate::estimate::{Estimate, Estimator, LeftOut, Source};
 use crate::phase::{Course, PHASES};
 use crate::profile::{Profile, places, within};
 use crate::regression::{Regression, Rows, Tried, try_all};
@@ -106,6 +106,7 @@ impl Estimator for Tactile {
             percent,
             half_width_90,
             source: Source::Tactile,
+            left_out: LeftOut::default(),
             phase: course.reached(),
         })
     }

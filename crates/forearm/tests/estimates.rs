@@ -97,6 +97,19 @@ fn touch_alone_and_with_angles_tells_the_place_and_a_lost_sense_is_done_without(
     assert!((back.estimate(&whole).unwrap().percent - felt.percent).abs() < 1e-6);
 }
 
+#[test]
+fn an_estimate_names_the_angles_that_it_was_made_without() {
+    let model = model();
+    let whole = squeeze(37.0, 0.0);
+    let names = |squeeze: &Squeeze| -> Vec<_> { model.estimate(squeeze).unwrap().left_out.names().collect() };
+    assert!(names(&whole).is_empty());
+    let mut one = whole.clone();
+    one.theta_p_deg[1].fill(40.0);
+    assert_eq!(names(&one), ["theta_p of finger 1"]);
+    one.theta_a_deg[1].fill(f64::NAN);
+    assert_eq!(names(&one), ["theta_p of finger 1", "theta_a of finger 1"]);
+}
+
 fn model() -> Model {
     Model::train(&session()).unwrap()
 }

@@ -42,6 +42,8 @@ struct Line {
     low: f64,
     high: f64,
     source: String,
+    /// Angles that it was made without.
+    left_out: Vec<&'static str>,
     /// How far the squeeze came: 1 is its peak, 2 its end.
     phase: f64,
     samples: usize,
@@ -114,6 +116,7 @@ impl Live<'_> {
                     .min(100.0)
                     .max(estimate.percent),
                 source: estimate.source.to_string(),
+                left_out: estimate.left_out.names().collect(),
                 phase: estimate.phase,
                 samples: squeeze.len(),
                 ended,
@@ -213,7 +216,7 @@ fn joints(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use taxel_forearm::{Estimate, Source, TACTELS};
+    use taxel_forearm::{Estimate, LeftOut, Source, TACTELS};
     use taxel_hand::{ForceFrame, TactileFrame};
     use taxel_wire::encode_raw_payload;
 
@@ -235,6 +238,7 @@ mod tests {
                 percent: squeeze.theta_a_deg[0][last],
                 half_width_90: 10.0,
                 source: Source::Kinesthetic,
+                left_out: LeftOut::default(),
                 phase: squeeze.time_ms[last],
             })
         }
@@ -303,6 +307,7 @@ mod tests {
                 percent: images as f64,
                 half_width_90: 1.0,
                 source: Source::Fused,
+                left_out: LeftOut::default(),
                 phase: 0.0,
             })
         }

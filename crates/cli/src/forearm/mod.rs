@@ -107,6 +107,8 @@ struct Line {
     location_percent: f64,
     half_width_90: f64,
     source: String,
+    /// Angles that it was made without, since they are lost or do not move.
+    left_out: Vec<&'static str>,
     /// How far the squeeze came: 1 is its peak, 2 its end.
     phase: f64,
 }
@@ -194,6 +196,7 @@ fn line(
             location_percent: estimate.percent,
             half_width_90: estimate.half_width_90,
             source: estimate.source.to_string(),
+            left_out: estimate.left_out.names().collect(),
             phase: estimate.phase,
         };
         writeln!(text, "{}", serde_json::to_string(&line)?)?;
@@ -201,11 +204,20 @@ fn line(
         let made = trial.map(|t| format!(", squeeze {} at {:.1} %", t.repetition, t.location_percent));
         let (percent, width) = (estimate.percent, estimate.half_width_90);
         let made = made.unwrap_or_default();
-        writeln!(
+        write!(
             text,
-            "{file}{made}: {percent:.1} % +-{width:.1} ({})",
+            "{file}{made}: {percent:.1} % +-{width:.1} ({}",
             estimate.source
         )?;
+        let left_out: Vec<_> = estimate.left_out.names().collect();
+        match left_out.is_empty() {
+            true => writeln!(text, ")")?,
+            false => writeln!(
+                text,
+                "; without {}: lost, or does not move)",
+                left_out.join(" and ")
+            )?,
+        }
     }
     Ok(())
 }
