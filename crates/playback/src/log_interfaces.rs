@@ -53,10 +53,14 @@ impl Heard {
         self.as_bus.iter().any(|bus| !bus.modules.is_empty())
     }
 
+    fn is_known(&self) -> bool {
+        self.frames > SURVEYED && self.carries_boards()
+    }
+
     fn take(&mut self, frame: &LogFrame, layout: &Layout, readings: &mut Readings) -> Wanted {
         self.frames += 1;
-        if self.frames > SURVEYED && self.carries_boards() {
-            return Wanted::NoMore;
+        if self.is_known() {
+            return Wanted::Others;
         }
         for bus in &mut self.as_bus {
             match bus.decoder.decode_at(frame.t_ns, &frame.frame, readings) {
@@ -114,7 +118,7 @@ pub fn interfaces_of_buses(
         heard: Vec::new(),
     };
     let mut readings = Readings::new();
-    let not_shown = traffic.survey(|frame| {
+    traffic.survey(|frame| {
         let known = survey
             .heard
             .iter()
@@ -123,12 +127,11 @@ pub fn interfaces_of_buses(
             survey.heard.push(Heard::new(&frame.interface, layout));
             survey.heard.len() - 1
         });
-        survey.heard[place].take(frame, layout, &mut readings)
+        match survey.heard[place].take(frame, layout, &mut readings) {
+            Wanted::Others if survey.is_settled(pairs) => Wanted::Nothing,
+            wanted => wanted,
+        }
     })?;
-    for heard in &mut survey.heard {
-        let same = not_shown.iter().filter(|(name, _)| heard.name == **name);
-        heard.frames += same.map(|(_, frames)| frames).sum::<u64>();
-    }
     survey.check_pairs(pairs)?;
     let mut chosen = survey.by_name(pairs);
     if chosen.iter().all(Option::is_none) {
@@ -161,6 +164,12 @@ impl Survey<'_> {
 
     fn place(&self, name: &str) -> Option<usize> {
         self.heard.iter().position(|heard| heard.name == name)
+    }
+
+    /// Whether nothing that follows can change which interface is which bus: every bus has that of its name, with boards.
+    fn is_settled(&self, pairs: &[(String, String)]) -> bool {
+        let is_known = |chosen: Option<usize>| chosen.is_some_and(|place| self.heard[place].is_known());
+        self.check_pairs(pairs).is_ok() && self.by_name(pairs).into_iter().all(is_known)
     }
 
     fn check_pairs(&self, pairs: &[(String, String)]) -> anyhow::Result<()> {
@@ -292,9 +301,8 @@ impl Survey<'_> {
             false => self.path.with_extension("log").display().to_string(),
         };
         bail!(
-            "{path}: none of its {} frames is one of a board of layout {}: {} ids of nobody ({}{more}); {}`taxel doctor \
+            "{path}: none of its frames is one of a board of layout {}: {} ids of nobody ({}{more}); {}`taxel doctor \
              --scan log:{log}` says which boards these are, and writes their layout",
-            used().map(|(_, heard)| heard.frames).sum::<u64>(),
             self.layout.name,
             foreign.len(),
             ids.join(", "),
@@ -321,9 +329,8 @@ impl Survey<'_> {
         for (place, heard) in self.heard.iter().enumerate() {
             if !chosen.contains(&Some(place)) && joints != Some(&heard.name) {
                 eprintln!(
-                    "taxel: {path}: the {} frames of interface {} are left out, which is none of the buses of layout {} \
-                     ({}); --interface {}=BUS says which it is",
-                    heard.frames,
+                    "taxel: {path}: interface {} is left out, which is none of the buses of layout {} ({}); \
+                     --interface {}=BUS says which it is",
                     heard.name,
                     self.layout.name,
                     self.layout.buses.join(", "),

@@ -104,7 +104,8 @@ pub fn frames_and_marks(path: &Path) -> anyhow::Result<(Recording, Vec<Mark>)> {
     let (mut counts, mut times_ns, mut joints) = (Vec::new(), Vec::new(), Vec::new());
     let (mut size, mut hello_ns, mut rest_ns) = (None, None, None);
     let (mut began_ns, mut marks) = (None, Vec::new());
-    while let Some(item) = reader.next_item()? {
+    let may_hold = reader.may_hold(Topic::Frames);
+    while may_hold && let Some(item) = reader.next_item()? {
         let Item::Message { topic, wall_ns, data } = item else {
             continue;
         };

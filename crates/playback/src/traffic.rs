@@ -13,8 +13,8 @@ use taxel_recorder::CanReader;
 const SURVEYED: u64 = 1_000_000;
 /// Bytes of a candump log that are read at once.
 const BLOCK: usize = 256 << 10;
-/// Interfaces whose places are kept; no recording has more buses than this.
-const MOST_PLACES: usize = 64;
+/// Interfaces that are told apart; no recording has more buses than this.
+const MOST_MET: usize = 64;
 
 /// A file of CAN traffic.
 #[derive(Debug, Clone)]
@@ -59,18 +59,14 @@ impl Traffic {
             if !names.iter().any(|name| **name == *frame.interface) {
                 names.push(frame.interface.to_string());
             }
-            Wanted::NoMore
+            Wanted::Others
         })?;
         Ok(names)
     }
 
     /// Shows its frames until it is known whose they are: of a candump log those of every interface of which more is wanted,
-    /// of an MCAP recording the first minute. Returns how many lines of each interface were not shown. It is an error
-    /// that there is no frame.
-    pub(crate) fn survey(
-        &self,
-        mut take: impl FnMut(&LogFrame) -> Wanted,
-    ) -> anyhow::Result<Vec<(Arc<str>, u64)>> {
+    /// of an MCAP recording the first minute. It is an error that there is no frame.
+    pub(crate) fn survey(&self, mut take: impl FnMut(&LogFrame) -> Wanted) -> anyhow::Result<()> {
         match self.kind {
             Kind::Candump => survey_candump(&self.path, take),
             Kind::Mcap => {
@@ -80,16 +76,19 @@ impl Traffic {
                     && let Some((bus, received)) = reader.next_frame()?
                 {
                     surveyed += 1;
-                    take(&LogFrame {
+                    let wanted = take(&LogFrame {
                         t_ns: received.t_ns,
                         interface: Arc::clone(&reader.names()[bus]),
                         frame: received.frame,
                         direction: None,
                     });
+                    if wanted == Wanted::Nothing {
+                        break;
+                    }
                 }
                 match surveyed {
                     0 => bail!("{}: no CAN frame in it", self.path.display()),
-                    _ => Ok(Vec::new()),
+                    _ => Ok(()),
                 }
             }
         }
@@ -158,35 +157,33 @@ impl Traffic {
     }
 }
 
-/// Whether more of an interface is to be shown.
+/// What is to be shown after a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Wanted {
+    /// More of its interface.
     More,
-    NoMore,
+    /// Other interfaces.
+    Others,
+    Nothing,
 }
 
-fn survey_candump(
-    path: &Path,
-    mut take: impl FnMut(&LogFrame) -> Wanted,
-) -> anyhow::Result<Vec<(Arc<str>, u64)>> {
+fn survey_candump(path: &Path, mut take: impl FnMut(&LogFrame) -> Wanted) -> anyhow::Result<()> {
     let file = File::open(path).with_context(|| path.display().to_string())?;
     let (mut any, mut problem) = (false, None);
-    let (mut known, mut passed) = (Vec::<Arc<str>>::new(), Vec::<u64>::new());
+    let mut known = Vec::<Arc<str>>::new();
     let mut log = LogReader::new(BufReader::with_capacity(BLOCK, file));
     loop {
-        if let Some(name) = log.pass_over(&known) {
-            if let Some(place) = known.iter().position(|known| known == name) {
-                passed[place] += 1;
-            }
+        if log.pass_over(&known).is_some() {
             continue;
         }
         match log.next() {
             None => break,
             Some(Ok(frame)) => {
                 any = true;
-                if take(&frame) == Wanted::NoMore && !known.contains(&frame.interface) {
-                    known.push(frame.interface);
-                    passed.push(0);
+                match take(&frame) {
+                    Wanted::Others if !known.contains(&frame.interface) => known.push(frame.interface),
+                    Wanted::Nothing => break,
+                    _ => {}
                 }
             }
             Some(Err(error @ LogError::Line { .. })) => problem = problem.or(Some(error)),
@@ -196,16 +193,7 @@ fn survey_candump(
     match (any, problem) {
         (false, Some(problem)) => Err(problem).context(format!("{}: no CAN frame in it", path.display())),
         (false, None) => bail!("{}: no CAN frame in it", path.display()),
-        _ => {
-            if log.without_time() > 0 {
-                eprintln!(
-                    "taxel: {}: {} frames have no time, and are taken to follow each other on a full bus; `candump -l` keeps times",
-                    path.display(),
-                    log.without_time()
-                );
-            }
-            Ok(known.into_iter().zip(passed).collect())
-        }
+        _ => Ok(()),
     }
 }
 
@@ -263,23 +251,54 @@ pub(crate) struct FrameFile<'a> {
     /// The interfaces that are asked for.
     names: &'a [String],
     lines: Lines,
+    met: Interfaces,
     frames: u64,
+}
+
+/// The interfaces of a file that were met, with as many frames.
+#[derive(Default)]
+struct Interfaces(Vec<Interface>);
+
+struct Interface {
+    name: Arc<str>,
+    /// Where it stands among those asked for.
+    place: Option<usize>,
+    frames: u64,
+}
+
+impl Interfaces {
+    /// Where the interface of a frame stands among those asked for. Its reader gives every frame of an interface the same
+    /// name.
+    fn place(&mut self, name: &Arc<str>, names: &[String]) -> Option<usize> {
+        if let Some(known) = self.0.iter_mut().find(|known| Arc::ptr_eq(&known.name, name)) {
+            known.frames += 1;
+            return known.place;
+        }
+        let place = names.iter().position(|wanted| **wanted == **name);
+        if self.0.len() < MOST_MET {
+            let (name, frames) = (Arc::clone(name), 1);
+            self.0.push(Interface { name, place, frames });
+        }
+        place
+    }
+
+    /// What was met of those that were not asked for, in words.
+    fn left_out(&self) -> Vec<String> {
+        let left_out = self.0.iter().filter(|interface| interface.place.is_none());
+        left_out
+            .map(|interface| format!("{} frames of {}", interface.frames, interface.name))
+            .collect()
+    }
 }
 
 enum Lines {
     Candump {
         log: LogReader<BufReader<File>>,
-        /// Interfaces that were met, and where they stand among those asked for.
-        places: Vec<(Arc<str>, Option<usize>)>,
         left_out: u64,
         /// The same open file, which knows how far it was read.
         file: Option<File>,
     },
-    Mcap {
-        reader: Box<CanReader>,
-        /// Where each of its names stands among those asked for.
-        places: Vec<Option<usize>>,
-    },
+    Mcap(Box<CanReader>),
 }
 
 /// What stands at one place of a file.
@@ -297,45 +316,29 @@ impl<'a> FrameFile<'a> {
             Kind::Candump => {
                 let file = File::open(path).with_context(|| path.display().to_string())?;
                 Lines::Candump {
-                    places: Vec::new(),
                     left_out: 0,
                     file: file.try_clone().ok(),
                     log: LogReader::new(BufReader::with_capacity(BLOCK, file)),
                 }
             }
-            Kind::Mcap => Lines::Mcap {
-                reader: Box::new(CanReader::open(path)?),
-                places: Vec::new(),
-            },
+            Kind::Mcap => Lines::Mcap(Box::new(CanReader::open(path)?)),
         };
         Ok(Self {
             path,
             names,
             lines,
+            met: Interfaces::default(),
             frames: 0,
         })
     }
 
     /// The next frame, or none at the end.
     pub(crate) fn next_entry(&mut self) -> anyhow::Result<Option<Entry>> {
-        let place_of = |name: &str| self.names.iter().position(|wanted| **wanted == *name);
         Ok(match &mut self.lines {
-            Lines::Candump {
-                log,
-                places,
-                left_out,
-                ..
-            } => match log.next() {
+            Lines::Candump { log, left_out, .. } => match log.next() {
                 None => None,
                 Some(Ok(frame)) => {
-                    // The reader gives every frame of an interface the same name.
-                    let known = places
-                        .iter()
-                        .find(|(name, _)| Arc::ptr_eq(name, &frame.interface));
-                    let place = known.map_or_else(|| place_of(&frame.interface), |(_, place)| *place);
-                    if known.is_none() && places.len() < MOST_PLACES {
-                        places.push((frame.interface, place));
-                    }
+                    let place = self.met.place(&frame.interface, self.names);
                     let (t_ns, frame) = (frame.t_ns, frame.frame);
                     Some(Entry::Frame(place, Received { t_ns, frame }))
                 }
@@ -345,14 +348,12 @@ impl<'a> FrameFile<'a> {
                 }
                 Some(Err(error)) => return Err(error).with_context(|| self.path.display().to_string()),
             },
-            Lines::Mcap { reader, places } => match reader.next_frame()? {
+            Lines::Mcap(reader) => match reader.next_frame()? {
                 None => None,
                 Some((bus, received)) => {
                     self.frames += 1;
-                    for name in reader.names().iter().skip(places.len()) {
-                        places.push(place_of(name));
-                    }
-                    Some(Entry::Frame(places[bus], received))
+                    let place = self.met.place(&reader.names()[bus], self.names);
+                    Some(Entry::Frame(place, received))
                 }
             },
         })
@@ -362,7 +363,7 @@ impl<'a> FrameFile<'a> {
     pub(crate) fn number(&self) -> u64 {
         match &self.lines {
             Lines::Candump { log, .. } => log.line_number(),
-            Lines::Mcap { .. } => self.frames,
+            Lines::Mcap(_) => self.frames,
         }
     }
 
@@ -370,7 +371,7 @@ impl<'a> FrameFile<'a> {
     pub(crate) fn position(&mut self) -> Option<u64> {
         match &mut self.lines {
             Lines::Candump { file, .. } => file.as_mut()?.stream_position().ok(),
-            Lines::Mcap { reader, .. } => Some(reader.position()),
+            Lines::Mcap(reader) => Some(reader.position()),
         }
     }
 
@@ -378,14 +379,24 @@ impl<'a> FrameFile<'a> {
     pub(crate) fn left_out(&self) -> u64 {
         match &self.lines {
             Lines::Candump { left_out, .. } => *left_out,
-            Lines::Mcap { .. } => 0,
+            Lines::Mcap(_) => 0,
         }
     }
 
-    /// Says what of an MCAP recording is not there.
+    /// Says at the end what of it was not taken as it stands there.
     pub(crate) fn tell(&self) {
-        if let Lines::Mcap { reader, .. } = &self.lines {
-            tell_left_out(self.path, reader);
+        let path = self.path.display();
+        match &self.lines {
+            Lines::Candump { log, .. } if log.without_time() > 0 => eprintln!(
+                "taxel: {path}: {} frames have no time, and are taken to follow each other on a full bus; `candump -l` keeps times",
+                log.without_time()
+            ),
+            Lines::Candump { .. } => {}
+            Lines::Mcap(reader) => tell_left_out(self.path, reader),
+        }
+        let left_out = self.met.left_out();
+        if !left_out.is_empty() {
+            eprintln!("taxel: {path}: left out: {}", left_out.join(", "));
         }
     }
 }

@@ -259,6 +259,12 @@ impl RecordingReader {
         Ok(())
     }
 
+    /// Whether there may be messages of a topic: not where the summary at the end of the file lists others alone.
+    pub fn may_hold(&self, topic: Topic) -> bool {
+        let listed = channels_of_summary(&self.file).unwrap_or_default();
+        listed.is_empty() || listed.iter().any(|(_, listed)| *listed == Some(topic))
+    }
+
     /// What of the file could not be read so far, a sentence each: damaged bytes, and where it was torn off.
     pub fn left_out(&self) -> Vec<String> {
         self.left_out.sentences()

@@ -58,8 +58,15 @@ fn messages_and_attached_files_read_back_as_they_were() {
         }
     }
     assert_eq!(writer.messages(), 2000);
-    std::fs::write(&path, writer.finish().unwrap().into_inner()).unwrap();
+    let whole = writer.finish().unwrap().into_inner();
+    let torn = &whole[..whole.len() - 1];
+    std::fs::write(&path, torn).unwrap();
+    let reader = RecordingReader::open(&path, &[Topic::Status]).unwrap();
+    assert!(reader.may_hold(Topic::Images), "its end would tell");
+    std::fs::write(&path, &whole).unwrap();
     let mut reader = RecordingReader::open(&path, &[Topic::Status]).unwrap();
+    assert!(reader.may_hold(Topic::Status) && reader.may_hold(Topic::Hello));
+    assert!(!reader.may_hold(Topic::Images));
     assert_eq!(reader.next_item().unwrap(), Some(Item::Attached(attached)));
     for n in 0..1000 {
         let data = text_message(&format!("status {n}"));

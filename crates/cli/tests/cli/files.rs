@@ -356,11 +356,24 @@ fn an_interface_that_is_no_bus_is_named_and_counted() {
     std::fs::write(dir.path().join("more.log"), text + &more).unwrap();
     let (_, err) = succeeds(&dir, &["compress", "more.log", "--out", "b.bin"]);
     assert!(
-        err.contains("the 7 frames of interface can5 are left out") && err.contains("--interface can5=BUS"),
+        err.contains("interface can5 is left out") && err.contains("--interface can5=BUS"),
         "{err}"
     );
+    assert!(err.contains("left out: 7 frames of can5\n"), "{err}");
     let read = |file: &str| std::fs::read(dir.path().join(file)).unwrap();
     assert_eq!(read("a.bin"), read("b.bin"));
+}
+
+#[test]
+fn an_interface_that_begins_when_the_buses_are_known_is_counted_too() {
+    let dir = TempDir::new().unwrap();
+    let words = ["sim", "tap", "--to", "-", "--seconds", "40"];
+    let (text, _) = succeeds(&dir, &words);
+    assert!(text.lines().count() > 60_000);
+    let more: String = (0..7).map(|n| format!("(39.99999{n}) can5 123#0102\n")).collect();
+    std::fs::write(dir.path().join("more.log"), text + &more).unwrap();
+    let (_, err) = succeeds(&dir, &["compress", "more.log", "--out", "a.npz"]);
+    assert!(err.contains("left out: 7 frames of can5\n"), "{err}");
 }
 
 #[test]
