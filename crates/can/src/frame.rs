@@ -109,16 +109,19 @@ impl CanFrame {
     }
 
     /// The identifier with the flag bits of `linux/can.h`.
+    #[inline]
     pub const fn raw_id(&self) -> u32 {
         self.raw_id
     }
 
     /// The identifier without flag bits: 11 or 29 bits, or the error class of an error frame.
+    #[inline]
     pub const fn id(&self) -> u32 {
         self.raw_id & 0x1FFF_FFFF
     }
 
     /// The 11 bit identifier of a standard data frame; `None` for extended, remote and error frames.
+    #[inline]
     pub const fn standard_id(&self) -> Option<u16> {
         if self.raw_id & (EXTENDED_FLAG | REMOTE_FLAG | ERROR_FLAG) == 0 {
             Some((self.raw_id & 0x7FF) as u16)
@@ -128,26 +131,31 @@ impl CanFrame {
     }
 
     /// Whether the identifier has 29 bits.
+    #[inline]
     pub const fn is_extended(&self) -> bool {
         self.raw_id & EXTENDED_FLAG != 0
     }
 
     /// Whether this is a remote transmission request.
+    #[inline]
     pub const fn is_remote(&self) -> bool {
         self.raw_id & REMOTE_FLAG != 0
     }
 
     /// Whether the local controller made this frame to report an error.
+    #[inline]
     pub const fn is_error(&self) -> bool {
         self.raw_id & ERROR_FLAG != 0
     }
 
     /// The data length code, 0 to 8. A remote frame has a length and no data.
+    #[inline]
     pub const fn dlc(&self) -> u8 {
         self.len
     }
 
     /// The data bytes; empty for a remote frame.
+    #[inline]
     pub fn data(&self) -> &[u8] {
         if self.is_remote() {
             &[]

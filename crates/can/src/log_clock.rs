@@ -88,6 +88,7 @@ impl fmt::Display for ClockJumps {
 impl LogClock {
     /// Time from the first frame to the frame of this stamp, which stands at `line` (from 1), nanoseconds; 0 for one
     /// just before the first.
+    #[inline]
     pub fn since_first_ns(&mut self, stamp_ns: u64, line: u64) -> u64 {
         let Some(newest) = &mut self.newest else {
             self.newest = Some(Newest {

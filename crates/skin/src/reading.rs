@@ -80,6 +80,7 @@ impl Default for Readings {
 impl Deref for Readings {
     type Target = [TaxelReading];
 
+    #[inline]
     fn deref(&self) -> &[TaxelReading] {
         &self.items[..self.len as usize]
     }
