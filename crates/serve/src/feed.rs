@@ -4,6 +4,7 @@
 use crate::courier::deliver;
 use crate::lane::Lane;
 use crate::message::Message;
+use crate::pace::Pace;
 use crate::socket::Room;
 use crate::stream::Stream;
 use std::future::poll_fn;
@@ -11,13 +12,8 @@ use std::io::{self, IoSlice};
 use std::rc::{Rc, Weak};
 use std::sync::Arc;
 use std::task::{Poll, ready};
-use std::time::Duration;
 use taxel_wire::Subscribe;
 use tokio::sync::watch::{self, error::RecvError};
-use tokio::time::{Instant, sleep_until};
-
-/// Longest time between two messages to a subscriber that asked for a lower rate.
-const LONGEST_PAUSE_S: f64 = 3600.0;
 
 /// How messages get to a subscriber.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -69,8 +65,7 @@ pub(crate) struct Feed {
     newest: watch::Receiver<Arc<Message>>,
     lane: Rc<Lane>,
     way: Way,
-    /// When the subscriber's highest rate allows the next message.
-    not_before: Instant,
+    pace: Pace,
     /// Nothing will ever come: what made the messages is gone.
     is_over: bool,
 }
@@ -96,7 +91,7 @@ impl Feed {
             newest,
             lane: lane.clone(),
             way,
-            not_before: Instant::now(),
+            pace: Pace::default(),
             is_over: false,
         }
     }
@@ -111,17 +106,13 @@ impl Feed {
         self.way
     }
 
-    /// The next message may be sent at once, whatever rate was asked for before.
-    pub(crate) fn hold_back_no_longer(&mut self) {
-        self.not_before = Instant::now();
+    /// From now on at most so many messages a second; the next may be sent at once, whatever was asked for before.
+    pub(crate) fn set_rate(&mut self, max_rate_hz: Option<f64>) {
+        self.pace = Pace::new(max_rate_hz);
     }
 
-    /// Waits until there is a message to send and the time for it has come. Fails when there is
-    /// none and none will ever come; see [`Feed::is_over`].
+    /// Waits until there is a message to send. Fails when there is none and none will ever come; see [`Feed::is_over`].
     pub(crate) async fn ready(&mut self) -> Result<(), RecvError> {
-        if self.not_before > Instant::now() {
-            sleep_until(self.not_before).await;
-        }
         loop {
             // A message may have been sent already that came while the one before it waited for the socket.
             if self.next().is_some() {
@@ -146,7 +137,7 @@ impl Feed {
 
     /// Whether [`Feed::ready`] would not wait.
     pub(crate) fn is_ready(&self) -> bool {
-        self.not_before <= Instant::now() && self.next().is_some()
+        self.next().is_some()
     }
 
     /// Whether a message of this tick or an earlier one is still to be sent.
@@ -160,17 +151,14 @@ impl Feed {
         match self.way {
             Way::Every => self.stream.after(after),
             // A clone, so that the publisher is not kept waiting while the kernel copies the message.
-            _ => Some(self.newest.borrow().clone()).filter(|message| message.tick > after),
+            _ => Some(self.newest.borrow().clone())
+                .filter(|message| message.tick > after && self.pace.takes(message.due)),
         }
     }
 
     /// Sends the message whose turn it is at the moment when the socket takes it, if there is one.
-    /// The next is held back for the sake of the highest rate.
-    pub(crate) async fn send(&mut self, max_rate_hz: Option<f64>) -> io::Result<()> {
+    pub(crate) async fn send(&mut self) -> io::Result<()> {
         self.newest.mark_unchanged();
-        if let Some(hz) = max_rate_hz {
-            self.not_before = Instant::now() + Duration::from_secs_f64((1.0 / hz).min(LONGEST_PAUSE_S));
-        }
         poll_fn(|cx| {
             let Some(message) = self.next() else {
                 return Poll::Ready(Ok(()));
@@ -181,6 +169,7 @@ impl Feed {
             let packet = [IoSlice::new(&header), IoSlice::new(&message.payload)];
             ready!(self.lane.socket.poll_send(cx, &packet, self.way.room()))?;
             self.lane.note_sent(&message, skipped);
+            self.pace.note_sent(message.due);
             Poll::Ready(Ok(()))
         })
         .await

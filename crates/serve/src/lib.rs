@@ -24,6 +24,7 @@ mod lane;
 mod log_lines;
 mod message;
 mod output_slots;
+mod pace;
 mod profile_maker;
 mod profiles;
 mod raw;

@@ -366,9 +366,9 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
             self.status.mark_unchanged();
         }
         self.entry.set_wants(&wants);
-        self.images.hold_back_no_longer();
+        self.images.set_rate(wants.max_rate_hz);
         if let Some(raw) = &mut self.raw {
-            raw.hold_back_no_longer();
+            raw.set_rate(wants.max_rate_hz);
         }
         self.wants = wants;
         self.size_send_buffer()?;
@@ -385,6 +385,7 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
     async fn show(&mut self, shown: Rc<ActiveProfile>) -> Result<(), Farewell> {
         if !Rc::ptr_eq(&shown, &self.shown) {
             self.images = Feed::new(&shown.stream, &self.image_lane, self.images.way());
+            self.images.set_rate(self.wants.max_rate_hz);
             self.entry.set_profile(shown.id);
             self.shown = shown;
             self.size_send_buffer()?;
@@ -449,7 +450,7 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
             (Which::Raw, Some(raw)) => raw,
             _ => &mut self.images,
         };
-        match timeout(stall, feed.send(self.wants.max_rate_hz)).await {
+        match timeout(stall, feed.send()).await {
             Ok(sent) => Ok(sent?),
             Err(_) => Err(Farewell::Stalled(stall)),
         }

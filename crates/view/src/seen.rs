@@ -281,10 +281,6 @@ impl Seen {
         {
             self.note = None;
         }
-        let limited = hello
-            .subscription
-            .as_ref()
-            .is_some_and(|s| s.max_rate_hz.is_some());
         let traced = |taxel: usize| Trace {
             taxel,
             points: self.history.of(taxel),
@@ -314,7 +310,7 @@ impl Seen {
             contacts: newest.contacts,
             missing: newest.missing,
             faulty: newest.faulty,
-            skipped: (!limited).then_some(self.skipped),
+            skipped: (!self.is_limited()).then_some(self.skipped),
             calibrating: newest.calibrating,
             paused: self.paused,
             gone: self.gone.clone(),
@@ -359,6 +355,12 @@ impl Seen {
         text
     }
 
+    /// Whether fewer images were asked for than are made.
+    fn is_limited(&self) -> bool {
+        let subscription = self.hello.as_ref().and_then(|hello| hello.subscription.as_ref());
+        subscription.is_some_and(|s| s.max_rate_hz.is_some())
+    }
+
     fn write_summary(&self, began_ns: u64, text: &mut String) -> std::fmt::Result {
         let seconds = self.last_ns.saturating_sub(self.first_ns) as f64 / 1e9;
         let made = self.images + self.skipped;
@@ -369,11 +371,11 @@ impl Seen {
         };
         let ms = |ns: u64| ns as f64 / 1e6;
         let (raw_bits, image_bits) = self.bits_per_frame();
-        writeln!(
-            text,
-            "images     {made} in {seconds:.1} s, {rate_hz:.1} Hz, {} of them skipped",
-            self.skipped
-        )?;
+        write!(text, "images     {made} in {seconds:.1} s, {rate_hz:.1} Hz, ")?;
+        match self.is_limited() {
+            true => writeln!(text, "{} of them taken, as was asked", self.images)?,
+            false => writeln!(text, "{} of them skipped", self.skipped)?,
+        }
         let latency = |q: f64| ms(self.latency_ns.value_at_quantile(q));
         if self
             .hello

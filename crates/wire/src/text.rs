@@ -34,7 +34,8 @@ pub struct Subscribe {
     /// key, so it is not sent where false.
     #[serde(skip_serializing_if = "is_false")]
     pub every: bool,
-    /// The most images, and the most raw frames, per second, above 0; absent or null for every one.
+    /// The most images, and the most raw frames, per second on average, above 0; absent or null for every one. Each is sent
+    /// when it is made or not at all.
     pub max_rate_hz: Option<f64>,
     /// What this subscriber's display can do; absent or null for the daemon's own profile.
     #[serde(

@@ -1,12 +1,19 @@
 //! What a subscriber is promised that asks for every message, and what it costs the others: nothing.
 
 use crate::stage::{DEPTH, Got, Reader, on_stage};
-use taxel_wire::{Event, EventKind};
+use taxel_wire::{Event, EventKind, Subscribe};
+
+fn every() -> Subscribe {
+    Subscribe {
+        every: true,
+        ..Subscribe::default()
+    }
+}
 
 #[test]
 fn every_message_comes_in_order_though_the_reader_was_busy() {
     on_stage(async |mut stage| {
-        let mut reader = Reader::connect(&stage.path, true).await;
+        let mut reader = Reader::connect(&stage.path, every()).await;
         stage
             .until("it asked for every message", |server| {
                 server.roster().subscriber_status().iter().any(|s| s.every)
@@ -23,8 +30,8 @@ fn every_message_comes_in_order_though_the_reader_was_busy() {
 #[test]
 fn what_is_lost_to_a_reader_of_every_message_is_counted_and_costs_the_others_nothing() {
     on_stage(async |mut stage| {
-        let mut slow = Reader::connect(&stage.path, true).await;
-        let mut newest = Reader::connect(&stage.path, false).await;
+        let mut slow = Reader::connect(&stage.path, every()).await;
+        let mut newest = Reader::connect(&stage.path, Subscribe::default()).await;
         stage
             .until("both are there", |server| {
                 let all = server.roster().subscriber_status();
@@ -58,7 +65,7 @@ fn what_is_lost_to_a_reader_of_every_message_is_counted_and_costs_the_others_not
 #[test]
 fn a_mark_comes_behind_the_images_made_before_it_and_before_those_made_after() {
     on_stage(async |mut stage| {
-        let mut reader = Reader::connect(&stage.path, true).await;
+        let mut reader = Reader::connect(&stage.path, every()).await;
         stage
             .until("it asked for every message", |server| {
                 server.roster().subscriber_status().iter().any(|s| s.every)
@@ -80,7 +87,7 @@ fn a_mark_comes_behind_the_images_made_before_it_and_before_those_made_after() {
 #[test]
 fn another_thread_sees_who_is_connected_and_tells_them_something() {
     on_stage(async |mut stage| {
-        let mut reader = Reader::connect(&stage.path, false).await;
+        let mut reader = Reader::connect(&stage.path, Subscribe::default()).await;
         stage
             .until("somebody is there", |server| server.roster().subscribers() == 1)
             .await;

@@ -3,6 +3,7 @@
 use crate::stage::{Got, PATIENCE, Reader, on_stage};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::{Duration, Instant};
 use taxel_hand::Profile;
 use taxel_wire::{Hello, Received, Subscribe, Subscriber, Subscription};
 
@@ -12,7 +13,7 @@ fn a_reader_that_takes_nothing_costs_the_others_no_image() {
         let _idle: Vec<Subscriber> = (0..5)
             .map(|_| Subscriber::connect(&stage.path).unwrap())
             .collect();
-        let mut reader = Reader::connect(&stage.path, false).await;
+        let mut reader = Reader::connect(&stage.path, Subscribe::default()).await;
         stage
             .until("all are there", |server| server.roster().subscribers() == 6)
             .await;
@@ -44,7 +45,7 @@ fn a_reader_that_takes_nothing_costs_the_others_no_image() {
 #[test]
 fn who_asks_for_the_roster_without_end_costs_no_image() {
     on_stage(async |mut stage| {
-        let mut reader = Reader::connect(&stage.path, false).await;
+        let mut reader = Reader::connect(&stage.path, Subscribe::default()).await;
         stage
             .until("it is there", |server| server.roster().subscribers() == 1)
             .await;
@@ -83,7 +84,7 @@ fn who_asks_for_the_roster_without_end_costs_no_image() {
 #[test]
 fn a_reader_that_was_busy_gets_the_newest_and_the_count_of_those_before() {
     on_stage(async |mut stage| {
-        let mut reader = Reader::connect(&stage.path, false).await;
+        let mut reader = Reader::connect(&stage.path, Subscribe::default()).await;
         stage
             .until("it is there", |server| server.roster().subscribers() == 1)
             .await;
@@ -103,6 +104,37 @@ fn a_reader_that_was_busy_gets_the_newest_and_the_count_of_those_before() {
         let status = stage.server.roster().subscriber_status();
         assert_eq!(status[0].images + status[0].skipped, 500);
         assert!(status[0].skipped > 0, "{status:?}");
+    });
+}
+
+#[test]
+fn who_asks_for_fewer_images_is_sent_each_when_it_is_made_or_not_at_all() {
+    on_stage(async |mut stage| {
+        let wants = Subscribe {
+            max_rate_hz: Some(20.0),
+            ..Subscribe::default()
+        };
+        let mut reader = Reader::connect(&stage.path, wants).await;
+        stage
+            .until("it is there", |server| server.roster().subscribers() == 1)
+            .await;
+        let begin = Instant::now();
+        let mut got = Vec::new();
+        for tick in 0..30 {
+            stage.publish_due(begin + tick * Duration::from_secs(1) / 30);
+            for _ in 0..3 {
+                tokio::task::yield_now().await;
+            }
+            let sent = stage.server.roster().sent_status().images as usize;
+            if sent > got.len() {
+                got.extend(reader.read(1).await);
+            }
+        }
+        let wanted = (0..30).filter(|tick| tick % 3 != 1);
+        let wanted: Vec<Got> = wanted
+            .map(|tick| Got::Image(tick, u32::from(tick % 3 == 2)))
+            .collect();
+        assert_eq!(got, wanted);
     });
 }
 

@@ -80,10 +80,15 @@ pub(crate) struct Stage {
 impl Stage {
     pub(crate) fn publish(&mut self, images: u64) {
         for _ in 0..images {
-            self.outputs.handle_changes();
-            self.outputs.publish(self.made + 1, Instant::now(), &self.made);
-            self.made += 1;
+            self.publish_due(Instant::now());
         }
+    }
+
+    /// Publishes an image that was due then.
+    pub(crate) fn publish_due(&mut self, due: Instant) {
+        self.outputs.handle_changes();
+        self.outputs.publish(self.made + 1, due, &self.made);
+        self.made += 1;
     }
 
     /// Lets the tasks run until something holds.
@@ -141,19 +146,14 @@ pub(crate) struct Reader {
 
 impl Reader {
     /// It has read what comes before the first image.
-    pub(crate) async fn connect(path: &std::path::Path, every: bool) -> Self {
+    pub(crate) async fn connect(path: &std::path::Path, wants: Subscribe) -> Self {
         let (orders, ordered) = mpsc::channel();
         let (welcome, welcomed) = tokio::sync::oneshot::channel();
         let (give, got) = tokio::sync::mpsc::unbounded_channel();
         let path = path.to_owned();
         std::thread::spawn(move || {
             let mut subscriber = Subscriber::connect(&path).unwrap();
-            subscriber
-                .subscribe(&Subscribe {
-                    every,
-                    ..Subscribe::default()
-                })
-                .unwrap();
+            subscriber.subscribe(&wants).unwrap();
             for _ in ["to whoever comes", "to the subscription"] {
                 while !matches!(
                     subscriber.next_timeout(PATIENCE).unwrap(),
