@@ -9,7 +9,7 @@
 
 use nix::errno::Errno;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
-use nix::sys::socket::{MsgFlags, UnixCredentials, getsockopt, recv, sendmsg, sockopt};
+use nix::sys::socket::{MsgFlags, Shutdown, UnixCredentials, getsockopt, recv, sendmsg, shutdown, sockopt};
 use std::cell::RefCell;
 use std::future::poll_fn;
 use std::io::{self, IoSlice};
@@ -122,6 +122,17 @@ impl Socket {
                 Ok(result) => return Poll::Ready(result),
                 Err(_would_block) => {}
             }
+        }
+    }
+
+    /// Takes nothing more, and drops what was not taken. A socket that is closed with something unread is reset, which the
+    /// other end is told before it is given what was sent to it.
+    pub(crate) fn stop_receiving(&self) {
+        let registered = self.registered.borrow();
+        if let Ok(descriptor) = registered.descriptor() {
+            let _ = shutdown(descriptor.as_raw_fd(), Shutdown::Read);
+            let mut byte = [0];
+            while let Ok(1..) = recv(descriptor.as_raw_fd(), &mut byte, MsgFlags::MSG_DONTWAIT) {}
         }
     }
 
@@ -250,6 +261,18 @@ mod tests {
             assert!(short.await.is_err(), "{bytes}");
             socket.send(b"news").await.unwrap();
         }
+    }
+
+    #[tokio::test(flavor = "current_thread")]
+    async fn the_last_words_are_read_before_the_end_though_something_was_not_taken() {
+        let (socket, theirs) = pair();
+        for _ in 0..3 {
+            nix::sys::socket::send(theirs.as_raw_fd(), b"more", MsgFlags::MSG_DONTWAIT).unwrap();
+        }
+        socket.stop_receiving();
+        socket.send(b"farewell").await.unwrap();
+        drop(socket);
+        assert_eq!((take(&theirs), take(&theirs)), (Ok(8), Ok(0)));
     }
 
     #[tokio::test(flavor = "current_thread")]

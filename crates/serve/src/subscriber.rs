@@ -79,6 +79,7 @@ pub(crate) async fn welcome<M: ProfileMaker>(socket: Socket, server: Rc<Server<M
 
 /// Tells a client why it is let go, if it takes the message at once.
 async fn send_disconnect(socket: &Socket, why: &Farewell) {
+    socket.stop_receiving();
     let packet = Event::new(EventKind::Disconnect, why.to_string()).to_packet(0, 0);
     let _ = timeout(Duration::from_millis(100), socket.send(&packet)).await;
 }
