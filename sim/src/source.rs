@@ -153,16 +153,10 @@ impl CanSource for SimSource {
 
     /// The frame competes for the bus from the time of the latest `receive` on.
     fn send(&mut self, frame: &CanFrame) -> Result<(), SendError> {
-        match self.bus.command(frame, self.last_receive_ns - self.start_ns) {
-            Ok(()) => {
-                self.counters.sent += 1;
-                Ok(())
-            }
-            Err(_) => {
-                self.counters.send_failures += 1;
-                Err(SendError::QueueFull)
-            }
-        }
+        let sent = self.bus.command(frame, self.last_receive_ns - self.start_ns);
+        let result = sent.map_err(|_| SendError::QueueFull);
+        self.counters.count_sent(&result);
+        result
     }
 
     fn counters(&self) -> &SourceCounters {

@@ -179,13 +179,10 @@ impl CanSource for MemorySource {
             Ok(())
         };
         drop(state);
-        match result {
-            Ok(()) => {
-                self.counters.sent += 1;
-                ring(&self.bus.boards_ready);
-            }
-            Err(_) => self.counters.send_failures += 1,
+        if result.is_ok() {
+            ring(&self.bus.boards_ready);
         }
+        self.counters.count_sent(&result);
         result
     }
 

@@ -457,10 +457,7 @@ impl CanSource for SocketCan {
                 }
             }
         };
-        match result {
-            Ok(()) => self.counters.sent += 1,
-            Err(_) => self.counters.send_failures += 1,
-        }
+        self.counters.count_sent(&result);
         result
     }
 

@@ -140,6 +140,16 @@ pub struct SourceCounters {
     pub array: ArrayCounters,
 }
 
+impl SourceCounters {
+    /// Counts one frame that a source was to send.
+    pub fn count_sent(&mut self, outcome: &Result<(), SendError>) {
+        match outcome {
+            Ok(()) => self.sent += 1,
+            Err(_) => self.send_failures += 1,
+        }
+    }
+}
+
 /// Error frames by cause. One frame may name several causes, so the causes can add up to more than `frames`.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
 pub struct ErrorCauses {

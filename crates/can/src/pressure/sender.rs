@@ -88,10 +88,7 @@ impl CanSource for PressureSender {
 
     fn send(&mut self, frame: &CanFrame) -> Result<(), SendError> {
         let result = self.put(frame);
-        match result {
-            Ok(()) => self.counters.sent += 1,
-            Err(_) => self.counters.send_failures += 1,
-        }
+        self.counters.count_sent(&result);
         result
     }
 

@@ -333,10 +333,7 @@ impl CanSource for UdpMulticast {
                     Err(e) => Err(SendError::Io(e.into())),
                 }
             });
-        match result {
-            Ok(()) => self.counters.sent += 1,
-            Err(_) => self.counters.send_failures += 1,
-        }
+        self.counters.count_sent(&result);
         result
     }
 

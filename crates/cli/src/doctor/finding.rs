@@ -56,6 +56,15 @@ pub(crate) struct Check {
 }
 
 impl Check {
+    /// All that mends it.
+    #[cfg(test)]
+    pub(crate) fn mend_text(&self) -> String {
+        let text = |mend: &Mend| match mend {
+            Mend::Run(text) | Mend::Do(text) => format!("{text}\n"),
+        };
+        self.mend.iter().map(text).collect()
+    }
+
     fn new(
         state: State,
         area: &'static str,

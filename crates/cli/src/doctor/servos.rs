@@ -275,7 +275,6 @@ fn list(ids: &[u8]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::finding::Mend;
     use super::*;
     use taxel_joints::PortLatency;
     use taxel_joints::bus::ServoIdentity;
@@ -316,16 +315,6 @@ mod tests {
         let mut second = servo(2);
         change(&mut second);
         checks(vec![servo(1), second], Vec::new())
-    }
-
-    fn mended(check: &Check) -> String {
-        check
-            .mend
-            .iter()
-            .map(|m| match m {
-                Mend::Run(text) | Mend::Do(text) => format!("{text}\n"),
-            })
-            .collect()
     }
 
     #[test]
@@ -407,7 +396,7 @@ mod tests {
             let bad = checks.iter().find(|c| c.name == *name && c.state != State::Ok);
             let bad = bad.unwrap_or_else(|| panic!("{name}: {checks:?}"));
             assert_eq!(bad.state, *state, "{bad:?}");
-            assert!(mended(bad).contains(mend), "{}", mended(bad));
+            assert!(bad.mend_text().contains(mend), "{}", bad.mend_text());
         }
         let error = &cases[2].0.iter().find(|c| c.name == "servo-error").unwrap().found;
         assert!(error.contains("hardware error: overheating, overload"), "{error}");

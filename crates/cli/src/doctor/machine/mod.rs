@@ -199,7 +199,7 @@ fn check_memlock(facts: &MachineFacts) -> Check {
 
 #[cfg(test)]
 mod tests {
-    use super::super::finding::{Mend, State};
+    use super::super::finding::State;
     use super::*;
     use std::path::PathBuf;
 
@@ -235,16 +235,6 @@ mod tests {
         let mut facts = good();
         change(&mut facts);
         facts
-    }
-
-    fn mended(check: &Check) -> String {
-        check
-            .mend
-            .iter()
-            .map(|m| match m {
-                Mend::Run(text) | Mend::Do(text) => format!("{text}\n"),
-            })
-            .collect()
     }
 
     #[test]
@@ -331,7 +321,7 @@ mod tests {
             let checks = check(&facts, &NEEDS);
             let check = checks.iter().find(|c| c.name == name).unwrap();
             assert_eq!(check.state, state, "{facts:?}");
-            assert!(mended(check).contains(mend), "{name}: {}", mended(check));
+            assert!(check.mend_text().contains(mend), "{name}: {}", check.mend_text());
         }
     }
 
