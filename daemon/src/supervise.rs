@@ -230,6 +230,7 @@ fn report_problems(state: &State, now: &Snapshot, joints: Option<&JointsView>, b
         .map(|bus| BusView {
             counters: bus.source,
             link: bus.link,
+            unknown: bus.decoder.unknown,
             starting: state.starting(),
         })
         .collect();

@@ -3,6 +3,7 @@
 import signal
 import subprocess
 
+import can
 import pytest
 import taxel_reader
 from conditioning import DAEMON_SETTINGS
@@ -127,6 +128,16 @@ def test_a_silent_bus_is_degraded_not_dead(start, lockstep, hand):
 
     eventually(lambda: next_image(driver.reader).missing == len(hand), "a hand that fell silent is not shown as missing")
     assert daemon.process.poll() is None
+
+
+def test_a_bus_of_other_boards_than_the_layout_has_points_to_the_layout(start, buses):
+    daemon = start()
+    buses.send([(0, can.Message(arbitration_id=0x044 + n % 4, is_extended_id=False, data=bytes(8))) for n in range(16)])
+    told = lambda: [p["sentence"] for p in daemon.status()["problems"] if p["bus"] == "can0"]
+    eventually(lambda: told() and "taxel doctor --scan udp:" in told()[0], told)
+    assert "no board of layout allegro-uskin-15 speaks, and 16 frames have ids of nobody" in told()[0]
+    status = subprocess.run([binary("taxel"), "status", "--socket", daemon.control_path], capture_output=True, text=True)
+    assert told()[0] in status.stdout
 
 
 def test_in_timer_mode_images_come_while_the_bus_is_silent(start, hand):

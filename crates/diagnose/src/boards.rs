@@ -115,9 +115,13 @@ pub(crate) fn judge(look: &Look<'_>, steadiness: &mut Steadiness, found: &mut Ve
             BoardState::NeverSeen => view.boards_due,
             BoardState::Settling | BoardState::Streaming => false,
         };
-        let all = boards().count() > 1 && boards().all(quiet);
+        let is_foreign = bus.unknown > 0 && boards().all(|m| state(m) == BoardState::NeverSeen);
+        let all = (boards().count() > 1 || is_foreign) && boards().all(quiet);
         if all {
-            found.push(silent_bus(&layout.buses[index], index, bus.starting));
+            found.push(match is_foreign {
+                true => foreign_bus(look, index),
+                false => silent_bus(&layout.buses[index], index, bus.starting),
+            });
         }
         let (mut silent, mut unsteady) = (Vec::new(), Vec::new());
         for module in boards() {
@@ -181,6 +185,25 @@ fn silent_bus(name: &str, bus: usize, starting: Starting) -> Problem {
         format!("{name}: no board speaks"),
         format!("check the hand's power, the cable and the bit rate. {done}"),
         format!("{name}: boards speak again"),
+    )
+}
+
+/// A bus on which others speak and none of its boards ever did: probably it is the layout that is wrong.
+fn foreign_bus(look: &Look<'_>, bus: usize) -> Problem {
+    let (layout, unknown) = (look.setup.layout, look.view.buses[bus].unknown);
+    let (name, source) = (&layout.buses[bus], &look.setup.sources[bus]);
+    Problem::new(
+        Kind::BusSilent,
+        Place::Bus(bus),
+        format!(
+            "{name}: no board of layout {} speaks, and {unknown} frames have ids of nobody in it",
+            layout.name
+        ),
+        format!(
+            "`taxel doctor --scan {source}` says which boards these are, and writes their layout. If they are not the \
+             hand's, check its power and cable"
+        ),
+        format!("{name}: boards of layout {} speak", layout.name),
     )
 }
 

@@ -44,6 +44,8 @@ pub struct BusView {
     pub counters: SourceCounters,
     /// Whether it can be reached.
     pub link: LinkState,
+    /// Frames that are nobody's in the layout.
+    pub unknown: u64,
     /// What is done about boards that are silent.
     pub starting: Starting,
 }

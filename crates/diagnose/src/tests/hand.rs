@@ -156,6 +156,36 @@ fn a_bus_on_which_nobody_speaks_is_one_problem_and_one_silent_board_another() {
     assert_eq!(problem.modules, [9]);
 }
 
+#[test]
+fn a_bus_of_other_boards_than_the_layout_has_points_to_the_layout() {
+    for layout in ["uskin-module", "allegro-uskin-15"] {
+        let mut bench = Bench::of(
+            Layout::builtin(layout).expect("built in"),
+            &["can:can0", "can:can1"],
+        );
+        bench.pass(1000, |s| {
+            s.buses.iter_mut().for_each(|bus| bus.unknown += 100);
+            s.boards.fill(BoardStatus::default());
+        });
+        assert_eq!(bench.kinds(), vec!["bus-silent"; bench.layout.buses.len()]);
+        let said = sentence(&bench.said[0]);
+        let layout = format!("no board of layout {layout} speaks");
+        for words in [
+            &layout,
+            "100 frames have ids of nobody",
+            "`taxel doctor --scan can:can0`",
+        ] {
+            assert!(said.contains(words), "{words}: {said}");
+        }
+        // A board that has spoken is of this layout, whoever else is on the bus.
+        bench.pass(1000, |s| {
+            (s.boards.iter_mut()).for_each(|board| board.state = BoardState::Silent)
+        });
+        let sentences = bench.problems.current().iter().map(|p| p.problem.sentence());
+        sentences.for_each(|now| assert!(!now.contains("--scan"), "{now}"));
+    }
+}
+
 /// A bus with a hub of five modules and one of one.
 fn two_hubs() -> Layout {
     let mut text = "name = \"hubs\"\nbuses = [\"can0\"]\nimage = { width = 42, height = 1 }\n[cyskin]\n\

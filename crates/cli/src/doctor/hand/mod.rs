@@ -47,6 +47,7 @@ impl BusFacts {
         BusView {
             counters: self.counters,
             link: self.link,
+            unknown: self.unclaimed.values().map(|of_id| of_id.count).sum(),
             starting: match (self.spoken_to, self.is_passive) {
                 (true, _) => Starting::Repeated,
                 (false, true) => Starting::ByOthers,
