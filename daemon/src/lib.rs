@@ -51,7 +51,7 @@ pub struct Daemon {
     /// Dropped to end the control thread, which ends that of the images with it.
     stop: Option<oneshot::Sender<()>>,
     /// Configurations to be taken up by the control thread.
-    reload: tokio::sync::mpsc::UnboundedSender<Config>,
+    reload: tokio::sync::mpsc::UnboundedSender<reload::Reread>,
     /// Gone when nobody serves any more.
     _paths: SocketPaths,
 }
@@ -328,8 +328,8 @@ impl Daemon {
     }
 
     /// Takes up what can be changed while the hand is read, the display profile, and says in the log what cannot. No
-    /// subscriber is let go.
-    pub fn reload(&self, config: Config) {
+    /// subscriber is let go. Where the configuration cannot be read, that is a problem until another one is taken up.
+    pub fn reload(&self, config: Result<Config, ConfigError>) {
         let _ = self.reload.send(config);
     }
 

@@ -84,12 +84,7 @@ fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     let mut status = ExitCode::SUCCESS;
     while daemon.is_running() {
         match stop.recv_timeout(Duration::from_millis(200)) {
-            Ok(SIGHUP) => match Config::load(&arguments.config) {
-                Ok(config) => daemon.reload(config),
-                Err(error) => {
-                    tracing::error!("the configuration is not taken up, the one before goes on: {error}")
-                }
-            },
+            Ok(SIGHUP) => daemon.reload(Config::load(&arguments.config)),
             Ok(signal) => {
                 let name = signal_name(signal).map_or_else(|| format!("signal {signal}"), str::to_owned);
                 tracing::info!("{name}: stopping");

@@ -2,17 +2,37 @@
 
 use crate::state::State;
 use std::rc::Rc;
-use taxel_config::Config;
+use taxel_config::{Config, ConfigError};
 use tokio::sync::mpsc::UnboundedReceiver;
 
+/// A configuration that was read again, or why it cannot be read.
+pub(crate) type Reread = Result<Config, ConfigError>;
+
 /// Takes up configurations as they come.
-pub(crate) async fn take_up(mut configs: UnboundedReceiver<Config>, state: Rc<State>) {
+pub(crate) async fn take_up(mut configs: UnboundedReceiver<Reread>, state: Rc<State>) {
     while let Some(config) = configs.recv().await {
-        take_up_one(&config, &state).await;
+        let taken_up = match config {
+            Ok(config) => take_up_one(&config, &state).await,
+            Err(error) => Err(error.to_string()),
+        };
+        note(&state, taken_up.err());
     }
 }
 
-async fn take_up_one(config: &Config, state: &State) {
+/// Takes note of why the newest configuration is refused, which the [problems](State::problems) tell. Only that another
+/// reason took the place of one is said here: to them it is the same problem.
+fn note(state: &State, refused: Option<String>) {
+    let before = state.reload_refused.replace(refused);
+    if let (Some(before), Some(why)) = (before, &*state.reload_refused.borrow())
+        && before != *why
+    {
+        tracing::warn!("the configuration was read again and is still refused: {why}");
+    }
+    state.reports.outdate();
+}
+
+/// The error says why its profile is refused.
+async fn take_up_one(config: &Config, state: &State) -> Result<(), String> {
     let differing = differing_tables(&state.config, config);
     if !differing.is_empty() {
         tracing::warn!("taken up only by a restart: {}", differing.join(", "));
@@ -20,13 +40,12 @@ async fn take_up_one(config: &Config, state: &State) {
     state.call_roster().await;
     if state.roster().own_profile() == config.profile {
         tracing::info!("the configuration was read again; [profile] is as it was");
-        return;
+        return Ok(());
     }
-    match state.server.set_own_profile(config.profile.clone()).await {
-        Ok(()) => tracing::info!("the configuration was read again; [profile] is taken up"),
-        Err(error) => tracing::error!("[profile] is not taken up, the one before goes on: {error}"),
-    }
-    state.reports.outdate();
+    let taken_up = state.server.set_own_profile(config.profile.clone()).await;
+    taken_up.map_err(|error| format!("[profile]: {error}"))?;
+    tracing::info!("the configuration was read again; [profile] is taken up");
+    Ok(())
 }
 
 /// What is different between two configurations but for the display profile, as the file calls it.

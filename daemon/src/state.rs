@@ -31,6 +31,8 @@ pub(crate) struct State {
     roster: RefCell<Roster>,
     /// What is wrong with buses, boards and joints.
     pub(crate) problems: RefCell<Problems>,
+    /// Why the configuration that was read last is not the one that runs.
+    pub(crate) reload_refused: RefCell<Option<String>>,
     /// Who is connected to the socket that only tells, and to the one for changes.
     pub(crate) looking: Rc<Places>,
     pub(crate) changing: Rc<Places>,
@@ -70,6 +72,7 @@ impl State {
             server,
             roster: RefCell::default(),
             problems: RefCell::default(),
+            reload_refused: RefCell::default(),
             looking: Rc::default(),
             changing: Rc::default(),
             changes: ChangeLog::default(),

@@ -234,6 +234,7 @@ fn report_problems(state: &State, now: &Snapshot, joints: Option<&JointsView>, b
             starting: state.starting(),
         })
         .collect();
+    let refused = state.reload_refused.borrow();
     let view = HandView {
         now_ns: now.now_ns,
         buses: &buses,
@@ -241,6 +242,7 @@ fn report_problems(state: &State, now: &Snapshot, joints: Option<&JointsView>, b
         findings: &now.findings,
         joints,
         boards_due,
+        reload_refused: refused.as_deref(),
     };
     let news = (state.problems.borrow_mut()).handle_view(&state.config.hand_setup(), &view);
     for news in news {

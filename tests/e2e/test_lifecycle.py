@@ -106,6 +106,32 @@ def test_reload_takes_up_the_profile_names_what_needs_a_restart_and_lets_nobody_
         assert next_image(reader).seq > before
 
 
+def test_a_refused_reload_is_a_problem_until_one_is_taken_up_and_a_storm_of_it_one_line(start):
+    daemon = start()
+    good = daemon.config.read_text()
+
+    def refused():
+        return [p["sentence"] for p in daemon.status()["problems"] if p["kind"] == "reload-refused"]
+
+    def hang_up(text):
+        daemon.config.write_text(text)
+        daemon.process.send_signal(signal.SIGHUP)
+
+    hang_up(good + "\nrate = 3\n")
+    eventually(refused, lambda: f"no problem:\n{daemon.log}")
+    (sentence,) = refused()
+    assert f"{daemon.config}:" in sentence and "rate" in sentence
+    for _ in range(20):
+        daemon.process.send_signal(signal.SIGHUP)
+        assert refused()
+    hang_up(good + "\npace = 3\n")
+    eventually(lambda: "pace" in refused()[0], refused)
+    eventually(lambda: "still refused" in daemon.log, lambda: daemon.log)
+    assert daemon.log.count("is refused: ") == 1, daemon.log
+    hang_up(good)
+    eventually(lambda: not refused(), refused)
+
+
 def test_a_configuration_that_is_not_there_is_named(folder):
     missing = folder / "no.toml"
     ended = subprocess.run([binary("taxeld"), "--config", missing], capture_output=True, text=True, timeout=20)

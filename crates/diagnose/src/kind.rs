@@ -117,6 +117,8 @@ kinds! {
     FingerSilent "finger-silent" Error,
     /// The angles of an Allegro hand cannot be those of the version given.
     HandVersion "hand-version" Warning,
+    /// The daemon was told to read its configuration again, and cannot take it up.
+    ReloadRefused "reload-refused" Warning,
 }
 
 impl fmt::Display for Kind {

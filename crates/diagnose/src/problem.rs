@@ -6,6 +6,8 @@ use taxel_skin::Layout;
 /// Whose problem it is. A kind and a place tell two problems apart.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Place {
+    /// The daemon itself.
+    Daemon,
     /// A bus, by its index in the layout.
     Bus(usize),
     /// The board of a module, by its index in the layout.
@@ -88,7 +90,7 @@ impl Problem {
         }
     }
 
-    /// The bus it is on (index); `None` for joints.
+    /// The bus it is on (index); `None` for joints and the daemon itself.
     pub fn bus(&self, layout: &Layout) -> Option<usize> {
         match self.place {
             Place::Bus(bus) | Place::Stranger(bus, _) => Some(bus),

@@ -88,6 +88,7 @@ impl Problems {
             };
             judge.judge(&mut self.patience, &mut self.angles_used, &mut found);
         }
+        found.extend(view.reload_refused.map(reload_refused));
         self.replace(found)
     }
 
@@ -157,6 +158,16 @@ impl Problems {
         let s = if self.current.len() == 1 { "" } else { "s" };
         (!kinds.is_empty()).then(|| format!("{} problem{s} ({})", self.current.len(), kinds.join(", ")))
     }
+}
+
+fn reload_refused(why: &str) -> Problem {
+    Problem::new(
+        Kind::ReloadRefused,
+        Place::Daemon,
+        format!("the configuration was read again and is refused: {why}"),
+        "The one before goes on. Mend the file, and have it read again",
+        "the configuration was read again and is taken up",
+    )
 }
 
 fn is_among(problems: &[CurrentProblem], kind: Kind, place: Place) -> bool {

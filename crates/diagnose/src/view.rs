@@ -35,6 +35,8 @@ pub struct HandView<'a> {
     pub joints: Option<&'a JointsView>,
     /// Whether every board had the time to speak up since the start.
     pub boards_due: bool,
+    /// Why the configuration that was read last was refused; `None` where it was taken up.
+    pub reload_refused: Option<&'a str>,
 }
 
 /// What is known of one bus.

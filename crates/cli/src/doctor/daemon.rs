@@ -134,6 +134,7 @@ fn object(problem: &ProblemStatus) -> String {
         (Some(module), ..) => module.clone(),
         (_, Some(bus), _) => bus.clone(),
         (_, _, Some(joint)) => joint.clone(),
+        _ if problem.kind == Kind::ReloadRefused.name() => "configuration".into(),
         _ => "joints".into(),
     }
 }

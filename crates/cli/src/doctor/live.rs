@@ -297,6 +297,7 @@ impl HandListener<'_> {
             findings: self.engine.bus_monitor().findings(),
             joints: None,
             boards_due,
+            reload_refused: None,
         };
         let _ = self.problems.handle_view(&self.setup, &view);
         self.noted.iter_mut().for_each(|noted| noted.is_over = true);

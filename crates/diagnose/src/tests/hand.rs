@@ -37,6 +37,25 @@ fn a_problem_is_told_when_it_comes_and_when_it_is_over() {
 }
 
 #[test]
+fn a_refused_reload_is_a_problem_until_one_is_taken_up() {
+    let mut bench = Bench::new();
+    bench.pass(60_000, |s| s.reload_refused = Some("hand.toml:3: unknown key"));
+    assert_eq!(bench.kinds(), ["reload-refused"]);
+    assert_eq!(bench.problems.kinds(Place::Daemon), [Kind::ReloadRefused]);
+    let now = &bench.problems.current()[0].problem;
+    assert_eq!((now.bus(&bench.layout), now.modules.len()), (None, 0));
+    bench.pass(1000, |s| s.reload_refused = None);
+    assert_eq!(bench.kinds(), [""; 0]);
+    let [News::Came { sentence, .. }, News::Over { .. }] = &bench.said[..] else {
+        panic!("{:?}", bench.said);
+    };
+    assert!(
+        sentence.contains("refused: hand.toml:3: unknown key. The one before goes on"),
+        "{sentence}"
+    );
+}
+
+#[test]
 fn flapping_is_one_problem_and_not_hundreds() {
     let mut bench = Bench::new();
     // Fifty changes a second, for a minute; where it stands at a look is chance.

@@ -15,6 +15,7 @@ struct Known {
     buses: Vec<BusView>,
     boards: Vec<BoardStatus>,
     findings: Vec<Finding>,
+    reload_refused: Option<&'static str>,
 }
 
 struct Bench {
@@ -49,6 +50,7 @@ impl Bench {
                 buses: vec![up; layout.buses.len()],
                 boards: vec![living; layout.modules.len()],
                 findings: Vec::new(),
+                reload_refused: None,
             },
             sources: sources.iter().map(|s| s.parse().expect("a source")).collect(),
             joints: None,
@@ -84,6 +86,7 @@ impl Bench {
             findings: &self.known.findings,
             joints,
             boards_due: true,
+            reload_refused: self.known.reload_refused,
         };
         self.said.extend(self.problems.handle_view(&setup, &view));
     }

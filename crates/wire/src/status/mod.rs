@@ -140,7 +140,7 @@ report! {
     ProblemStatus {
         /// Its kind, which programs go by.
         kind: String,
-        /// The bus it is on; null for joints.
+        /// The bus it is on; null for joints and for the daemon itself.
         bus: Option<String>,
         /// The address of the board it is about.
         board: Option<u8>,

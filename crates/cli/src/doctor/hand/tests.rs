@@ -78,6 +78,7 @@ fn judged(facts: &HandFacts) -> Vec<NotedProblem> {
         findings: &facts.findings,
         joints: None,
         boards_due: true,
+        reload_refused: None,
     };
     let mut problems = Problems::default();
     let _ = problems.handle_view(&setup, &view);
