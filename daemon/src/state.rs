@@ -86,9 +86,14 @@ impl State {
         }
     }
 
-    /// Measures the baseline anew; the hand must not be touched meanwhile.
-    pub(crate) fn rezero(&self) -> Result<(), String> {
-        self.command(Command::Rezero)
+    /// Measures the baseline anew; the hand must not be touched meanwhile. Returns how many taxels were in contact in the
+    /// newest frame before.
+    pub(crate) fn rezero(&self) -> Result<usize, String> {
+        let contacts = {
+            let snapshot = self.shared.snapshot.lock().unwrap_or_else(|e| e.into_inner());
+            snapshot.contacts
+        };
+        self.command(Command::Rezero).map(|()| contacts)
     }
 
     /// Lets every display go, or takes up again.

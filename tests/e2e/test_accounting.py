@@ -1,11 +1,14 @@
 """Every frame is accounted for, every fault has its reason, and re-zero works without a restart."""
 
+import json
+import subprocess
+
 import can
 import numpy as np
 import pytest
 from conditioning import DAEMON_SETTINGS
 from harness.compare import Reference, assert_same
-from harness.daemon import eventually
+from harness.daemon import binary, eventually
 from harness.lockstep import SWEEP, next_full_image, next_image
 from harness.recordings import module_counts
 from harness.touches import Touches, grasp
@@ -117,6 +120,31 @@ def test_rezero_measures_the_baseline_anew_without_a_restart(start, lockstep, ha
     after = Reference(hand, Profile())
     for i, counts in enumerate(grasp(warm)):
         assert_same(driver.step(counts), after.image(counts), f"frame {i} after re-zero")
+
+
+def test_rezero_warns_of_taxels_that_are_touched(start, lockstep, hand):
+    daemon = start(conditioning=DAEMON_SETTINGS)
+    touches = Touches.even(hand)
+    driver = lockstep(daemon)
+
+    def rezero(*more):
+        done = subprocess.run([binary("taxel"), "rezero", "--socket", daemon.control_path, *more], capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        return done
+
+    driver.step(touches.frame())
+    driver.step(touches.breath())
+    free = rezero()
+    assert "measured anew" in free.stdout and free.stderr == ""
+    driver.calibration = []
+    driver.step(touches.frame())
+    driver.step(touches.breath())
+    contacts = driver.step(touches.frame(touches.dome(4, 4, 3, 500))).contacts
+    assert contacts > 4
+    daemon.wait_status(lambda s: s["contacts"] == contacts, "the touch is not felt")
+    touched = rezero("--json")
+    assert json.loads(touched.stdout) == {"contacts": contacts}
+    assert f"{contacts} taxels were in contact" in touched.stderr
 
 
 def test_paused_images_show_no_contact(start, lockstep, hand):

@@ -35,6 +35,9 @@ pub(crate) struct StatusArgs {
 /// Measure the baseline anew, as after a warm-up; the hand must not be touched for two seconds.
 #[derive(Debug, clap::Args)]
 pub(crate) struct RezeroArgs {
+    /// One JSON object: how many taxels were in contact just before
+    #[arg(long)]
+    json: bool,
     #[command(flatten)]
     ask: Ask,
 }
@@ -92,7 +95,19 @@ pub(crate) fn status(args: &StatusArgs) -> anyhow::Result<()> {
 }
 
 pub(crate) fn rezero(args: &RezeroArgs) -> anyhow::Result<()> {
-    args.ask.send(&json!({ "cmd": "rezero" })).map(drop)
+    let reply = args.ask.send(&json!({ "cmd": "rezero" }))?;
+    let contacts = reply["contacts"].as_u64();
+    if let Some(contacts @ 1..) = contacts {
+        let taxels = if contacts == 1 { "taxel was" } else { "taxels were" };
+        eprintln!(
+            "taxel: {contacts} {taxels} in contact just before; if something touches the hand, that is no touch from now \
+             on: let go of it, and `taxel rezero` again"
+        );
+    }
+    print(&match args.json {
+        true => format!("{}\n", json!({ "contacts": contacts })),
+        false => "the baseline is measured anew; do not touch the hand for two seconds\n".to_owned(),
+    })
 }
 
 pub(crate) fn pause(args: &PauseArgs) -> anyhow::Result<()> {

@@ -226,13 +226,12 @@ mod tests {
     }
 
     /// Commands without `--json`, and why.
-    const WITHOUT_JSON: [(&str, &str); 16] = [
+    const WITHOUT_JSON: [(&str, &str); 15] = [
         ("demo", "a picture"),
         ("view", "a picture; `taxel watch --json` has what it shows"),
         ("figures", "pictures, and a table as .csv"),
         ("forearm figures", "pictures"),
         ("replay", "sends what it reads"),
-        ("rezero", "prints nothing"),
         ("pause", "prints nothing"),
         ("resume", "prints nothing"),
         ("servo", "prints nothing"),

@@ -109,7 +109,7 @@ pub(super) async fn answer(request: Request, state: &State, asker: &Asker, hold:
             state.server.set_own_profile(profile).await.map(|()| Done::Plain)
         }
         Request::Mark { text } => (state.mark(text)).map(|(seq, t_ns)| Done::Marked(seq, t_ns)),
-        Request::Rezero {} => state.rezero().map(|()| Done::Plain),
+        Request::Rezero {} => state.rezero().map(Done::Rezeroed),
         Request::Pause {} => state.pause(true).map(|()| Done::Plain),
         _ => state.pause(false).map(|()| Done::Plain),
     };
@@ -120,6 +120,13 @@ pub(super) async fn answer(request: Request, state: &State, asker: &Asker, hold:
             changed.to_owned(),
             json!({ "ok": true, "mark": { "seq": seq, "t_ns": t_ns } }),
         ),
+        Ok(Done::Rezeroed(contacts)) => {
+            let said = match contacts {
+                0 => changed.to_owned(),
+                contacts => format!("{changed}, with {contacts} taxels in contact before"),
+            };
+            (said, json!({ "ok": true, "contacts": contacts }))
+        }
         Err(error) => (format!("refused: {change}: {error}"), refusal(error)),
     };
     state.changes.note(&said, asker, Instant::now());
@@ -134,6 +141,8 @@ enum Done {
     Said(String),
     /// Behind which frame, and when, nanoseconds.
     Marked(u64, u64),
+    /// With so many taxels in contact before.
+    Rezeroed(usize),
 }
 
 #[cfg(test)]
