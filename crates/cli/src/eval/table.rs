@@ -289,17 +289,27 @@ pub(super) fn every_figure(report: &EvalReport) -> String {
         cells.push(m.allocations_per_tick.map_or("-".into(), |n| format!("{n:.3}")));
         line(&cells);
     }
-    let _ = write!(
-        text,
-        "\nforce, place: squared error over the least (exact; best of {restarts} k-means++); snapped: the same from the \
-         actuators' pixels.\nTimes: per frame, median of {passes} passes; all: every tick.{}\nRaw: {:.1} kbit/s.\n",
-        if report.conditioning_timed {
-            " A tick is conditioning and compression."
-        } else {
-            " Magnitudes need no conditioning: a tick is compression."
-        },
+    text.push('\n');
+    text += &wrapped(&format!(
+        "errors, where p50 and p95 are of the frames, else means. force: squared error of the levels over the least there \
+         is; optimal: frames that have the least; place: squared distance of contacts from the middle of those that share \
+         their actuator, over the best of {restarts} k-means++; snapped: the same from the actuator's pixel; jumps: \
+         actuators that move more than 2 pixels between two images; moved px: how far they move; level chg: taxels in \
+         contact whose level changes; nrmse: error of the levels at each taxel in contact; in 7 %: taxels within a just \
+         noticeable difference; shown, in 7 %: the same of the force with which their actuators press; total: error of the \
+         sum of these; {centre}: how far off the centre of pressure is; kbit/s: of actuators and levels, where the raw \
+         counts are {:.1}.",
         report.raw_bits_per_s / 1e3,
-    );
+    ));
+    text += &wrapped(&format!(
+        "cost, us: per frame with contacts, the median of {passes} passes. tick: {}; condition and compress: each alone, \
+         p50; all: every tick of every pass; allocs: allocations per tick.",
+        if report.conditioning_timed {
+            "conditioning and compression"
+        } else {
+            "compression, since magnitudes need no conditioning"
+        },
+    ));
     text += &jump_on_large_skins(report);
     if report.jump_bound_fraction > 0.0 {
         let _ = writeln!(

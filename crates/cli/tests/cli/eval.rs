@@ -280,10 +280,16 @@ fn the_main_table_fits_a_terminal_and_begins_with_a_verdict() {
         "{out}"
     );
     let (all, _) = succeeds(&dir, &[&["eval", "sim:tap", "--all"], &quick[..]].concat());
-    assert!(
-        all.contains("optimal history=0.5") && all.contains("allocs"),
-        "{all}"
-    );
+    assert!(all.contains("optimal history=0.5"), "{all}");
+    // Each column of both tables is explained below them.
+    let (tables, words) = all.split_at(all.rfind("\n\nerrors,").unwrap());
+    let words = words.replace('\n', " ");
+    let heads = (tables.lines()).filter(|line| line.starts_with("errors") || line.starts_with("cost, us"));
+    for column in heads.flat_map(|head| head.split("  ")) {
+        let name = column.trim().split(" p").next().unwrap().trim_end_matches(" max");
+        let is_quantile = name.starts_with("p9") || name.starts_with("p5");
+        assert!(is_quantile || words.contains(name), "{name}: {words}");
+    }
 }
 
 #[test]
