@@ -239,7 +239,17 @@ def test_the_gripper_opens_when_the_daemon_is_killed(folder, servos):
         assert all(servos.stopped_ns(id) for id in FINGERS.values())
         _, said = process.communicate(timeout=30)
         assert process.returncode == 1 and "this squeeze is not kept" in said
+        assert "the same command makes it again" in said and "its log says why" in said
         assert not list((daemon.folder / "session").glob("*/*"))
+
+
+def test_what_to_do_is_said_where_no_daemon_runs_and_where_it_has_no_servos(folder):
+    daemon = Daemon(folder / "d", SCENE, tick=TICK)
+    with daemon:
+        _, said = record(daemon, *ONE, "--allow-motion").communicate(timeout=30)
+        assert "give its configuration a table [joints] with the two servos" in said, said
+    _, said = record(daemon, *ONE, "--allow-motion").communicate(timeout=30)
+    assert "start it (`taxeld --config FILE`)" in said, said
 
 
 def test_the_gripper_opens_at_a_fault_of_one_finger(folder, servos):

@@ -40,6 +40,9 @@ impl Connection {
         let stream = UnixStream::connect(socket).map_err(|error| {
             let who = match error.kind() {
                 ErrorKind::PermissionDenied => who_may(socket),
+                ErrorKind::NotFound | ErrorKind::ConnectionRefused => {
+                    "; no taxeld runs there: start it (`taxeld --config FILE`), or name the socket of another one"
+                }
                 _ if error.raw_os_error() == Some(EPROTOTYPE) => {
                     "; images come from there, requests go to status.sock or control.sock beside it"
                 }
@@ -54,9 +57,16 @@ impl Connection {
 
     /// Has the daemon do something and returns its reply; an error is its own words why not.
     pub(crate) fn ask(&mut self, request: &Value) -> anyhow::Result<Value> {
-        writeln!(self.0.get_mut(), "{request}").context("the control socket")?;
+        match writeln!(self.0.get_mut(), "{request}") {
+            // Who has closed it may have said why.
+            Err(error) if error.kind() == ErrorKind::BrokenPipe => {}
+            written => written.context("the control socket")?,
+        }
         let mut reply = String::new();
         (self.0.read_line(&mut reply)).context("no answer from the daemon")?;
+        if reply.is_empty() {
+            bail!("taxeld has closed the connection; if it has ended, its log says why");
+        }
         let reply: Value = serde_json::from_str(&reply).context("the daemon's answer")?;
         match reply["ok"].as_bool() {
             Some(true) => Ok(reply),
@@ -68,6 +78,29 @@ impl Connection {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::os::unix::net::UnixListener;
+
+    #[test]
+    fn a_daemon_that_has_closed_the_connection_is_no_reader_that_has_seen_enough() {
+        let folder = tempfile::tempdir().unwrap();
+        let socket = folder.path().join("control.sock");
+        let listener = UnixListener::bind(&socket).unwrap();
+        for (last_words, wanted) in [
+            ("", "taxeld has closed the connection"),
+            (
+                "{\"ok\":false,\"error\":\"the motors are off\"}\n",
+                "the motors are off",
+            ),
+        ] {
+            let mut connection = Connection::open(&socket).unwrap();
+            let (mut daemon, _) = listener.accept().unwrap();
+            daemon.write_all(last_words.as_bytes()).unwrap();
+            drop(daemon);
+            let error = connection.ask(&Value::Null).unwrap_err();
+            assert!(error.to_string().starts_with(wanted), "{error:#}");
+            assert!(!crate::is_broken_pipe(&error), "{error:#}");
+        }
+    }
 
     #[test]
     fn who_may_open_a_socket_is_said_by_the_table_that_governs_it() {

@@ -43,10 +43,10 @@ impl Gripper {
         let reply = control::request(&control, &json!({ "cmd": "status" }))?;
         let status = Status::try_from(reply["status"].clone())?;
         let joints =
-            (status.joints).context("the daemon reads no joints; its configuration has no table [joints]")?;
+            (status.joints).context("the daemon reads no joints; give its configuration a table [joints] with the two servos, and start it anew")?;
         let watchdog_ms = (joints.servos.as_ref())
             .and_then(|servos| servos.watchdog_ms)
-            .context("the daemon may not move its servos; set allow_writes = true in its table [joints]")?;
+            .context("the daemon may not move its servos; set allow_writes = true in its table [joints], and start it anew")?;
         let (fingers, potentiometers) = choose(&joints, fingers, potentiometers)?;
         let place = |name: &String| joints.joints.iter().position(|joint| joint.name == *name);
         let theta_a = fingers.each_ref().map(|name| place(name).unwrap_or_default());
@@ -200,7 +200,8 @@ fn choose(
     let fingers = named(fingers, true, "servo")?;
     let fingers = <[String; FINGERS]>::try_from(fingers).map_err(|found| {
         anyhow!(
-            "the gripper has two fingers; {} servos were found or named",
+            "the gripper has two fingers; {} servos were found or named. The table [joints] of the daemon's configuration \
+             lists them",
             found.len()
         )
     })?;

@@ -161,9 +161,11 @@ fn session(args: &Args, plan: &Plan, gripper: &Gripper, interrupt: &Interrupt) -
         }
         let pwm = args.ramp.pwm(next.repetition as u64);
         let period = Duration::from_secs_f64(args.ramp.period_ms() / 1e3);
-        let made = gripper
-            .squeeze(&pwm, period, interrupt)
-            .with_context(|| format!("{next}; this squeeze is not kept, and its motors are let go"));
+        let made = gripper.squeeze(&pwm, period, interrupt).with_context(|| {
+            format!(
+                "{next}; this squeeze is not kept, its motors are let go, and the same command makes it again"
+            )
+        });
         let squeeze = match made {
             Ok(Some(squeeze)) => squeeze,
             Ok(None) => return stopped(plan),

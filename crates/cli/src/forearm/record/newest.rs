@@ -109,7 +109,7 @@ impl Newest {
     pub(super) fn joints(&self) -> anyhow::Result<Joints> {
         let state = lock_of(&self.0);
         if let Some(ended) = &state.ended {
-            bail!("{ended}");
+            bail!("{ended}; if it has ended, its log says why");
         }
         match &state.joints {
             Some(joints) if joints.came.elapsed() < STALE => Ok(joints.clone()),
