@@ -14,7 +14,7 @@ use std::path::Path;
 use taxel_can::SourceAddress;
 use taxel_diagnose::HandSetup;
 use taxel_engine::{EngineConfig, EngineJoints, TickConfig, TickMode};
-use taxel_hand::{Method, Profile};
+use taxel_hand::{FromMap, Method, Profile};
 use taxel_joints::{JointsBus, JointsConfig, JointsError};
 use taxel_serve::ProfilesConfig;
 use taxel_skin::{BoardsConfig, ConditionConfig, ConditionSettings, Layout, Preset, SweepConfig};
@@ -128,24 +128,27 @@ pub enum ConfigError {
     },
 }
 
+/// A table of the file: keys with their values, and no list of values in the order of the keys.
+type Table<T> = Spanned<FromMap<T>>;
+
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct FileConfig {
     #[serde(default = "default_layout")]
     layout: Spanned<String>,
     #[serde(default)]
-    bus: Vec<Spanned<BusConfig>>,
-    tick: Option<Spanned<TickConfig>>,
-    boards: Option<Spanned<BoardsConfig>>,
-    sweep: Option<Spanned<SweepConfig>>,
-    conditioning: Option<Spanned<ConditionSettings>>,
-    profile: Option<Spanned<Profile>>,
-    profiles: Option<Spanned<ProfilesConfig>>,
-    socket: Option<Spanned<SocketConfig>>,
-    control: Option<Spanned<ControlConfig>>,
-    realtime: Option<Spanned<RealtimeConfig>>,
-    can: Option<Spanned<CanConfig>>,
-    joints: Option<Spanned<JointsConfig>>,
+    bus: Vec<Table<BusConfig>>,
+    tick: Option<Table<TickConfig>>,
+    boards: Option<Table<BoardsConfig>>,
+    sweep: Option<Table<SweepConfig>>,
+    conditioning: Option<Table<ConditionSettings>>,
+    profile: Option<Table<Profile>>,
+    profiles: Option<Table<ProfilesConfig>>,
+    socket: Option<Table<SocketConfig>>,
+    control: Option<Table<ControlConfig>>,
+    realtime: Option<Table<RealtimeConfig>>,
+    can: Option<Table<CanConfig>>,
+    joints: Option<Table<JointsConfig>>,
 }
 
 #[derive(Deserialize)]
@@ -273,7 +276,7 @@ impl Config {
 
         let mut sources = Vec::new();
         for bus in &parsed.bus {
-            let source = &bus.get_ref().source;
+            let source = &bus.get_ref().0.source;
             let address = source
                 .get_ref()
                 .parse::<SourceAddress>()
@@ -316,7 +319,7 @@ impl Config {
         }
 
         for (index, bus) in parsed.bus.iter().enumerate() {
-            let (name, source) = (&layout.buses[index], &bus.get_ref().source);
+            let (name, source) = (&layout.buses[index], &bus.get_ref().0.source);
             let problem = match (&sources[index], layout.array_on(index)) {
                 (SourceAddress::Pressure { .. }, None) => format!(
                     "{} is for a pressure array, and bus {name:?} of layout {} has none; name its bus, such as can:{name}",
@@ -339,7 +342,7 @@ impl Config {
         let joints = match parsed.joints {
             Some(table) => {
                 let offset = table.span().start;
-                let joints = table.into_inner();
+                let FromMap(joints) = table.into_inner();
                 joints
                     .check_beside(&layout, &sources)
                     .map_err(|e| refuse(offset, e.to_string()))?;
@@ -352,7 +355,7 @@ impl Config {
         macro_rules! section {
             ($name:ident, $check:expr) => {{
                 let (offset, value) = match parsed.$name {
-                    Some(spanned) => (spanned.span().start, spanned.into_inner()),
+                    Some(table) => (table.span().start, table.into_inner().0),
                     None => (0, Default::default()),
                 };
                 let check: Result<(), String> = $check(&value);

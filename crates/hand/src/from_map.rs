@@ -16,6 +16,12 @@ impl<'de, T: Deserialize<'de>> FromMap<T> {
         let read = Option::<Self>::deserialize(deserializer)?;
         Ok(read.map(|Self(value)| value))
     }
+
+    /// The same for a field that is a list: `#[serde(deserialize_with = "FromMap::list")]`.
+    pub fn list<D: Deserializer<'de>>(deserializer: D) -> Result<Vec<T>, D::Error> {
+        let read = Vec::<Self>::deserialize(deserializer)?;
+        Ok(read.into_iter().map(|Self(value)| value).collect())
+    }
 }
 
 impl<'de, T: Deserialize<'de>> Deserialize<'de> for FromMap<T> {

@@ -8,7 +8,7 @@ use crate::source::SourceConfig;
 use serde::Deserialize;
 use std::path::PathBuf;
 use std::str::FromStr;
-use taxel_hand::check_range;
+use taxel_hand::{FromMap, check_range};
 
 /// Where joint angles come from, and how the joints are called.
 ///
@@ -63,9 +63,11 @@ struct Table {
     allow_writes: bool,
     watchdog_ms: Option<u16>,
     answer_margin_ms: Option<f64>,
-    #[serde(default)]
+    #[serde(default, deserialize_with = "FromMap::list")]
     servo: Vec<ServoConfig>,
+    #[serde(default, deserialize_with = "FromMap::optional")]
     allegro: Option<AllegroConfig>,
+    #[serde(default, deserialize_with = "FromMap::optional")]
     analogue: Option<AnalogueConfig>,
 }
 

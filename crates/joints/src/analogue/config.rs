@@ -3,7 +3,7 @@
 use crate::error::JointsConfigError;
 use serde::Deserialize;
 use std::path::PathBuf;
-use taxel_hand::check_range;
+use taxel_hand::{FromMap, check_range};
 
 /// Readings kept per joint: a third of a second at 100 lines a second.
 pub(crate) const READINGS_KEPT: usize = 32;
@@ -22,6 +22,7 @@ pub struct AnalogueConfig {
     #[serde(default = "default_ends")]
     pub ends: [f64; 2],
     /// The joints, in the order in which their angles are given, behind those of the other source.
+    #[serde(deserialize_with = "FromMap::list")]
     pub joint: Vec<AnalogueJointConfig>,
 }
 
