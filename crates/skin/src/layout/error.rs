@@ -72,14 +72,14 @@ pub enum LayoutProblem {
         /// Height, pixels.
         height: i64,
     },
-    /// A name that must not be empty, or not be used twice.
+    /// A name that must not be empty, not have control characters, or not be used twice.
     #[error("{what} {name:?} is {why}")]
     BadName {
         /// What is named.
         what: &'static str,
         /// The name.
         name: String,
-        /// `empty` or `used twice`.
+        /// `empty`, `used twice`, or what it has.
         why: &'static str,
     },
     /// A module on a bus that the file does not list.

@@ -40,14 +40,7 @@ pub(crate) fn parse(text: &str, file: &str) -> Result<Layout, LayoutError> {
 
     let image = &parsed.image;
     let [width, height] = check_image(&source, image)?;
-    if parsed.name.get_ref().is_empty() {
-        let problem = LayoutProblem::BadName {
-            what: "the layout's name",
-            name: String::new(),
-            why: "empty",
-        };
-        return source.refuse(&parsed.name.span(), problem);
-    }
+    source.name(&parsed.name.span(), "the layout's name", parsed.name.get_ref())?;
     let buses = check_buses(&source, &parsed)?;
     let at_first = parsed.module.first().map_or(0..0, Spanned::span);
     source.range(
@@ -108,22 +101,16 @@ fn check_buses(source: &Source<'_>, parsed: &FileLayout) -> Result<Vec<String>, 
     let mut buses: Vec<String> = Vec::new();
     for bus in &parsed.buses {
         let name = bus.get_ref().clone();
-        let why = match () {
-            () if name.is_empty() => "empty",
-            () if buses.contains(&name) => "used twice",
-            () => {
-                buses.push(name);
-                continue;
-            }
-        };
-        return source.refuse(
-            &bus.span(),
-            LayoutProblem::BadName {
+        source.name(&bus.span(), "bus", &name)?;
+        if buses.contains(&name) {
+            let problem = LayoutProblem::BadName {
                 what: "bus",
                 name,
-                why,
-            },
-        );
+                why: "used twice",
+            };
+            return source.refuse(&bus.span(), problem);
+        }
+        buses.push(name);
     }
     let span = parsed.buses.last().map_or(0..0, Spanned::span);
     let needed = parsed.module.iter().any(|module| {
@@ -149,18 +136,8 @@ fn accept_module(
     let span = module.span();
     let module = module.get_ref();
     let name = || module.name.clone();
-    for (what, text) in [("module", &module.name), ("part", &module.part)] {
-        if text.is_empty() {
-            return source.refuse(
-                &span,
-                LayoutProblem::BadName {
-                    what,
-                    name: String::new(),
-                    why: "empty",
-                },
-            );
-        }
-    }
+    source.name(&span, "module", &module.name)?;
+    source.name(&span, "part", &module.part)?;
     if accepted.modules.iter().any(|m| m.name == module.name) {
         return source.refuse(
             &span,

@@ -63,6 +63,20 @@ impl<'a> Source<'a> {
         })
     }
 
+    /// Refuses what is [no name](why_no_name).
+    pub(crate) fn name(
+        &self,
+        span: &Range<usize>,
+        what: &'static str,
+        name: &str,
+    ) -> Result<(), LayoutError> {
+        let Some(why) = why_no_name(name) else {
+            return Ok(());
+        };
+        let name = name.to_owned();
+        self.refuse(span, LayoutProblem::BadName { what, name, why })
+    }
+
     /// Refuses a number outside `min..=max`.
     pub(crate) fn range(
         &self,
@@ -83,6 +97,17 @@ impl<'a> Source<'a> {
                 max,
             },
         )
+    }
+}
+
+/// Why nobody could read this as a name, or why it would break the lines in which it is told.
+pub(crate) fn why_no_name(name: &str) -> Option<&'static str> {
+    match name {
+        "" => Some("empty"),
+        name if name.contains(char::is_control) => {
+            Some("no name: it has a line break or another control character")
+        }
+        _ => None,
     }
 }
 

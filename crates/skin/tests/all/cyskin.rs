@@ -342,6 +342,10 @@ fn what_is_not_public_of_extended_ids_has_no_default_and_is_asked_for_by_name() 
             vec!["hub \"b\" lacks its address", "0x3FFFFFF"],
         ),
         (
+            text.replace("hub]]\nname = \"a\"", "hub]]\nname = \"a\\n\""),
+            vec!["hub \"a\\n\" is no name: it has a line break"],
+        ),
+        (
             text.replace("0x124", "0x123"),
             vec!["hubs \"a\" and \"b\" have one address"],
         ),

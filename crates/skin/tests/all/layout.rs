@@ -300,6 +300,14 @@ fn what_cannot_be_is_refused_with_file_and_line() {
         ),
         (first(&["part = \"\""]), &["hand.toml:4:", "part \"\" is empty"]),
         (
+            first(&[]).replace("\"index\"", r#""two\nlines""#),
+            &["hand.toml:4:", r#"part "two\nlines""#, "line break"],
+        ),
+        (
+            first(&[]).replace("\"a\"", r#""\u001b[31mred""#),
+            &["hand.toml:4:", r#"module "\u{1b}[31mred""#, "control character"],
+        ),
+        (
             first(&["pitch_mm = 4.7"]),
             &["hand.toml:11:", "both pitch_mm and origin_mm"],
         ),

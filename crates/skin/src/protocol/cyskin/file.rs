@@ -1,6 +1,7 @@
 //! The table `cyskin` of a layout file, as it is written, and what is refused of it.
 
 use super::setup::{ByteOrder, Checksum, CommandsTo, CyskinHub, CyskinPacket, CyskinSetup, HubIds, SENSORS};
+use crate::layout::why_no_name;
 use serde::Deserialize;
 
 /// The table as it is written, before it is known to be complete.
@@ -146,6 +147,9 @@ fn check_numbers(setup: &CyskinSetup) -> Result<(), String> {
 impl FileHub {
     fn check(self, ids: HubIds, buses: &[String]) -> Result<CyskinHub, String> {
         let Self { name, bus, address } = self;
+        if let Some(why) = why_no_name(&name) {
+            return Err(format!("hub {name:?} is {why}"));
+        }
         let Some(bus_index) = buses.iter().position(|b| *b == bus) else {
             return Err(format!(
                 "hub {name:?} is on bus {bus:?}, but the buses are {}",
