@@ -5,7 +5,7 @@ use anyhow::{Context, bail, ensure};
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
-use taxel_record::{ReadOptions, Recording};
+use taxel_record::{Columns, ReadOptions, Recording};
 use taxel_sequence::{Motion, Touch};
 
 /// A row of a manifest: one touch, or all touches of a scene. Columns may be empty; `file` may not.
@@ -33,6 +33,8 @@ struct Row {
 pub(crate) struct Job {
     manifest: PathBuf,
     motion: Option<Motion>,
+    /// Says that its recordings have raw counts, and in which order.
+    columns: Option<Columns>,
     /// With their line numbers.
     rows: Vec<(u64, Row)>,
 }
@@ -87,7 +89,7 @@ fn first_line(path: &Path) -> anyhow::Result<(Vec<String>, u8)> {
 }
 
 /// What a manifest names, in its order.
-pub(crate) fn read_manifest(path: &Path) -> anyhow::Result<Vec<Job>> {
+pub(crate) fn read_manifest(path: &Path, columns: Option<Columns>) -> anyhow::Result<Vec<Job>> {
     let (names, delimiter) = first_line(path).with_context(|| path.display().to_string())?;
     ensure!(
         names_files(path, &names)?,
@@ -143,6 +145,7 @@ pub(crate) fn read_manifest(path: &Path) -> anyhow::Result<Vec<Job>> {
             None => jobs.push(Job {
                 manifest: path.into(),
                 motion,
+                columns,
                 rows: vec![(line, row)],
             }),
         }
@@ -190,6 +193,7 @@ impl Job {
                 let path = self.manifest.parent().unwrap_or(Path::new("")).join(file);
                 let options = ReadOptions {
                     array,
+                    columns: self.columns,
                     ..ReadOptions::default()
                 };
                 let recording = Recording::open(&path, &options).with_context(|| at(line))?;

@@ -24,7 +24,7 @@ use taxel_palpation::{
     Agreement, Categories, Classifier, Matrix, Pca, Silhouette, Solver, clusters_by_silhouette, optimal,
     paper, stability,
 };
-use taxel_record::ReadOptions;
+use taxel_record::{Columns, ReadOptions};
 use taxel_sequence::{Aligned, Motion};
 pub(crate) use touches::label_of;
 use touches::{Cutting, Set};
@@ -94,6 +94,10 @@ pub(crate) struct Args {
     /// Which array of an .npz
     #[arg(long, value_name = "NAME")]
     array: Option<String>,
+    /// The columns of recordings without times or names are raw counts, in this order: xyz-interleaved (x1,y1,z1,x2,..) or
+    /// xyz-blocks (x1,x2,..,y1,..,z1,..); they are taken from the mean before each touch
+    #[arg(long, value_name = "ORDER", conflicts_with = "live")]
+    columns: Option<Columns>,
     /// Random numbers: the same seed, the same categories
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
@@ -184,7 +188,13 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         return live::run(map, args.socket.as_deref(), args.publish.as_deref(), &args.until);
     }
     let text = match &args.sweep {
-        Some(manifest) => sweep::run(manifest, args.figures.as_deref(), args.seed, args.json)?,
+        Some(manifest) => sweep::run(
+            manifest,
+            args.columns,
+            args.figures.as_deref(),
+            args.seed,
+            args.json,
+        )?,
         None => {
             let (set, report) = categorize(args)?;
             if args.json {
@@ -212,12 +222,17 @@ fn read(args: &Args) -> anyhow::Result<Set> {
         "--radius {} needs --depth",
         args.radius
     );
+    let knows_its_columns = input.starts_with("sim:") || input.to_ascii_lowercase().ends_with(".mcap");
+    ensure!(
+        args.columns.is_none() || !knows_its_columns,
+        "{input}: --columns says nothing about it; leave it out"
+    );
     if let Some(scene) = input.strip_prefix("sim:") {
         return touches::of_scene(scene, motion);
     }
     let path = Path::new(input);
     if args.marks.is_none() && args.contact.is_none() && manifest::is_manifest(path)? {
-        let mut jobs = manifest::read_manifest(path)?;
+        let mut jobs = manifest::read_manifest(path, args.columns)?;
         if motion.is_some() {
             jobs.retain(|job| job.motion() == motion);
         }
@@ -232,6 +247,7 @@ fn read(args: &Args) -> anyhow::Result<Set> {
     }
     let options = ReadOptions {
         array: args.array.clone(),
+        columns: args.columns,
         ..ReadOptions::default()
     };
     let cutting = Cutting {

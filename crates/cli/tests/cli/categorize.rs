@@ -49,6 +49,41 @@ fn recorded() -> TempDir {
 }
 
 #[test]
+fn columns_that_are_raw_counts_are_three_a_taxel_and_taken_from_before_the_touch() {
+    let dir = recorded();
+    let read = |name: &str| std::fs::read_to_string(dir.path().join(name)).unwrap();
+    let raw: String = (read("frames.csv").lines())
+        .map(|frame| {
+            let (a, b) = frame.split_once(',').unwrap();
+            let z = [a, b].map(|force| 2000 + force.parse::<i64>().unwrap());
+            format!("30,40,{},50,60,{}\n", z[0], z[1])
+        })
+        .collect();
+    std::fs::write(dir.path().join("raw.csv"), raw).unwrap();
+    let manifest = read("manifest.csv").replace("frames.csv", "raw.csv");
+    std::fs::write(dir.path().join("manifest.csv"), manifest).unwrap();
+    let columns = [
+        "categorize",
+        "--classes",
+        "2",
+        "--json",
+        "--columns",
+        "xyz-interleaved",
+    ];
+    for input in [&["raw.csv", "--marks", "marks.csv"][..], &["manifest.csv"]] {
+        let report: Value = serde_json::from_str(&succeeds(&dir, &[&columns, input].concat()).0).unwrap();
+        assert_eq!(report["features"], 3 * 26, "{input:?}");
+        assert_eq!(
+            report["labels"],
+            serde_json::json!([0, 1, 0, 1, 0, 1]),
+            "{input:?}"
+        );
+    }
+    let err = fails(&dir, &[&columns[..], &["sim:phantom-1"]].concat(), 1);
+    assert!(err.contains("--columns says nothing about it"), "{err}");
+}
+
+#[test]
 fn a_manifest_marks_and_contact_cut_the_same_touches() {
     let dir = recorded();
     for (args, along) in [
