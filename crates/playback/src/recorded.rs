@@ -202,7 +202,7 @@ pub fn images(path: &Path) -> anyhow::Result<ImageStack> {
 }
 
 /// How what is behind this time is read.
-fn rest(name: &str, from_ns: u64) -> String {
+pub(crate) fn rest(name: &str, from_ns: u64) -> String {
     format!(
         "; `mcap filter {name} -o rest.mcap --start {from_ns} --output-compression lz4` takes out the rest"
     )

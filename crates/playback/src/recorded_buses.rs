@@ -107,6 +107,9 @@ impl<'a> Buses<'a> {
         }
         drop(self.progress);
         self.file.tell();
+        if let Some(sentence) = self.file.another_hand() {
+            eprintln!("taxel: {sentence}");
+        }
         let path = self.traffic.path().display();
         if self.file.left_out() > 0 {
             eprintln!(
@@ -123,6 +126,9 @@ impl<'a> Buses<'a> {
     /// The next frame of one of the interfaces, at a time that is not before that of its last.
     fn next(&mut self) -> anyhow::Result<Option<(usize, Received)>> {
         while let Some(entry) = self.file.next_entry()? {
+            if self.file.another_hand().is_some() {
+                return Ok(None);
+            }
             let Entry::Frame(place, received) = entry else {
                 continue;
             };

@@ -1,6 +1,7 @@
 //! Recorded CAN traffic: a candump log, or the CAN frames of an MCAP recording.
 
 use crate::progress::Progress;
+use crate::recorded::rest;
 use anyhow::{Context, bail};
 use std::fs::File;
 use std::io::{BufReader, Seek};
@@ -75,6 +76,9 @@ impl Traffic {
                 while surveyed < SURVEYED
                     && let Some((bus, received)) = reader.next_frame()?
                 {
+                    if reader.another_hand().is_some() {
+                        break;
+                    }
                     surveyed += 1;
                     let wanted = take(&LogFrame {
                         t_ns: received.t_ns,
@@ -373,6 +377,20 @@ impl<'a> FrameFile<'a> {
             Lines::Candump { file, .. } => file.as_mut()?.stream_position().ok(),
             Lines::Mcap(reader) => Some(reader.position()),
         }
+    }
+
+    /// Where the frame that was given last is of another hand than the first ones: what is to be said where only those are
+    /// wanted.
+    pub(crate) fn another_hand(&self) -> Option<String> {
+        let Lines::Mcap(reader) = &self.lines else {
+            return None;
+        };
+        let (layout, began_ns) = reader.another_hand()?;
+        let path = self.path.display().to_string();
+        Some(format!(
+            "{path}: the daemon began anew with another hand, {layout}; read up to there{}",
+            rest(&path, began_ns)
+        ))
     }
 
     /// Lines that were no classic CAN frame.

@@ -3,9 +3,11 @@
 use crate::can_block::CanFrames;
 use crate::reader::{Item, ReadError, RecordingReader};
 use crate::schema::Topic;
+use crate::standard::read_text;
 use std::path::Path;
 use std::sync::Arc;
 use taxel_can::Received;
+use taxel_wire::Hello;
 
 /// Reads the CAN frames of a recording in the order in which they stand there, which is that of their times.
 #[derive(Debug)]
@@ -19,6 +21,10 @@ pub struct CanReader {
     wall_ahead_ns: i64,
     /// Messages that are not what they should be.
     undecodable: u64,
+    /// Layout and number of taxels of the hand that the daemon told of first.
+    hand: Option<(String, usize)>,
+    /// The layout of another one that it told of behind frames, and when.
+    another_hand: Option<(String, u64)>,
 }
 
 impl CanReader {
@@ -28,13 +34,15 @@ impl CanReader {
     /// As [`RecordingReader::open`].
     pub fn open(path: &Path) -> Result<Self, ReadError> {
         Ok(Self {
-            reader: RecordingReader::open(path, &[Topic::Can])?,
+            reader: RecordingReader::open(path, &[Topic::Can, Topic::Hello])?,
             names: Vec::new(),
             lost: Vec::new(),
             frames: Vec::new(),
             next: 0,
             wall_ahead_ns: 0,
             undecodable: 0,
+            hand: None,
+            another_hand: None,
         })
     }
 
@@ -51,6 +59,14 @@ impl CanReader {
     /// Messages so far that hold no CAN frames although they should.
     pub fn undecodable(&self) -> u64 {
         self.undecodable
+    }
+
+    /// Where the daemon was started anew with another hand: the layout of that, and when, by the wall clock, nanoseconds. The
+    /// frame that was given last, and those behind it, are of that hand.
+    pub fn another_hand(&self) -> Option<(&str, u64)> {
+        self.another_hand
+            .as_ref()
+            .map(|(layout, wall_ns)| (layout.as_str(), *wall_ns))
     }
 
     /// What of the file could not be read so far; see [`RecordingReader::left_out`].
@@ -90,6 +106,20 @@ impl CanReader {
         let (data, wall_ns) = loop {
             match self.reader.next_item()? {
                 None => return Ok(false),
+                Some(Item::Message {
+                    topic: Topic::Hello,
+                    data,
+                    wall_ns,
+                }) => {
+                    let hello = read_text(data).and_then(|text| Hello::parse(text.as_bytes()).ok());
+                    let Some(hello) = hello else { continue };
+                    let hand = (hello.layout, hello.taxels.len());
+                    if self.names.is_empty() || self.hand.is_none() {
+                        self.hand = Some(hand);
+                    } else if self.another_hand.is_none() && self.hand.as_ref() != Some(&hand) {
+                        self.another_hand = Some((hand.0, wall_ns));
+                    }
+                }
                 Some(Item::Message { data, wall_ns, .. }) => break (data, wall_ns),
                 Some(Item::Attached(_)) => {}
             }

@@ -4,8 +4,10 @@ use crate::{fails, succeeds};
 use ndarray::{Array1, Array3};
 use ndarray_npy::NpzReader;
 use std::fs::File;
+use std::io::BufReader;
+use taxel_can::{LogReader, Received};
 use taxel_hand::{ForceFrame, Freshness, Profile, TactileFrame};
-use taxel_recorder::{Entry, Preamble, RecordingWriter, Topic, frame_message, text_message};
+use taxel_recorder::{CanBlock, Entry, Preamble, RecordingWriter, Topic, frame_message, text_message};
 use taxel_skin::Layout;
 use taxel_wire::{Clock, Header, Hello, HelloRate, RawView, encode_raw_payload};
 use tempfile::TempDir;
@@ -232,6 +234,56 @@ fn a_recording_of_two_hands_is_read_as_the_first_of_them_and_says_how_to_read_th
         assert!(err.contains("--start 3000000000"), "{err}");
         assert!(err.contains(&format!("{out}: 30 frames")), "{err}");
     }
+}
+
+#[test]
+fn can_frames_of_two_hands_are_read_as_those_of_the_first() {
+    let dir = TempDir::new().unwrap();
+    succeeds(&dir, &["sim", "tap", "--to", "log:tap.log", "--seconds", "3"]);
+    let path = dir.path().join("hands.mcap");
+    let mut writer = RecordingWriter::begin(File::create(&path).unwrap(), &Preamble::default(), 0).unwrap();
+    let names = ["can0".to_owned(), "can1".to_owned()];
+    for (layout, from_ns) in [
+        ("allegro-uskin-15", 1_000_000_000),
+        ("uskin-module", 9_000_000_000),
+    ] {
+        put_hand(&mut writer, layout, from_ns, 1);
+        let log = BufReader::new(File::open(dir.path().join("tap.log")).unwrap());
+        let mut block = CanBlock::default();
+        let mut put = |block: &mut CanBlock| {
+            let (topic, wall_ns) = (Topic::Can, block.start_ns());
+            let data = block.take(&names, &[0, 0]);
+            writer.put(&Entry { topic, wall_ns, data }).unwrap();
+        };
+        for line in LogReader::new(log).map(Result::unwrap) {
+            let bus = u8::from(*line.interface == *names[1]);
+            let received = Received {
+                t_ns: from_ns + line.t_ns,
+                frame: line.frame,
+            };
+            if !block.push(bus, &received) {
+                put(&mut block);
+                assert!(block.push(bus, &received));
+            }
+        }
+        put(&mut block);
+    }
+    writer.finish().unwrap();
+    succeeds(&dir, &["compress", "tap.log", "--out", "tap.bin"]);
+    let (_, err) = succeeds(&dir, &["compress", "hands.mcap", "--out", "hands.bin"]);
+    assert!(
+        err.contains("hands.mcap: the daemon began anew with another hand, uskin-module; read up to there")
+            && err.contains("--start 9000000000"),
+        "{err}"
+    );
+    assert!(
+        read(&dir, "hands.bin") == read(&dir, "tap.bin"),
+        "not the first hand"
+    );
+    // As traffic it is what it is.
+    succeeds(&dir, &["convert", "hands.mcap", "hands.log"]);
+    let lines = |file: &str| read(&dir, file).iter().filter(|byte| **byte == b'\n').count();
+    assert_eq!(lines("hands.log"), 2 * lines("tap.log"));
 }
 
 #[test]
