@@ -6,7 +6,8 @@ use std::fs::File;
 use std::io::{IsTerminal, Read, Write};
 use std::os::unix::fs::FileTypeExt;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use taxel_playback::interrupt::before_the_end;
 use taxel_playback::stand_in;
 use tempfile::TempDir;
 
@@ -52,32 +53,40 @@ fn recording(path: PathBuf) -> anyhow::Result<PathBuf> {
 
 /// Removes what was read.
 pub(crate) fn remove() {
-    drop(PIPED.lock().unwrap_or_else(|e| e.into_inner()).folder.take());
+    drop(piped().folder.take());
+}
+
+fn piped() -> MutexGuard<'static, Piped> {
+    PIPED.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 fn spool(mut pipe: impl Read, name: &str) -> anyhow::Result<PathBuf> {
-    let mut piped = PIPED.lock().unwrap_or_else(|e| e.into_inner());
+    let path = place(name)?;
+    let mut head = Vec::new();
+    let read = pipe.by_ref().take(HEAD as u64).read_to_end(&mut head);
+    read.with_context(|| name.to_owned())?;
+    let path = path.with_extension(kind(&head));
+    copy(&head, &mut pipe, &path).with_context(|| path.display().to_string())?;
+    stand_in::call(&path, name);
+    Ok(path)
+}
+
+/// Where the recording of this name is to be, but for its ending. Nobody waits for what comes through the pipe.
+fn place(name: &str) -> anyhow::Result<PathBuf> {
+    let mut piped = piped();
     if piped.names.iter().any(|known| known == name) {
         bail!("{name} is one recording, and was named twice");
     }
     piped.names.push(name.to_owned());
-    let mut head = Vec::new();
-    let read = pipe.by_ref().take(HEAD as u64).read_to_end(&mut head);
-    read.with_context(|| name.to_owned())?;
     let number = piped.names.len();
-    let folder = match &mut piped.folder {
-        Some(folder) => folder,
-        none => none.insert(
-            tempfile::Builder::new()
-                .prefix("taxel-")
-                .tempdir()
-                .context("a folder for what comes through a pipe")?,
-        ),
-    };
-    let path = folder.path().join(format!("{number}.{}", kind(&head)));
-    copy(&head, &mut pipe, &path).with_context(|| path.display().to_string())?;
-    stand_in::call(&path, name);
-    Ok(path)
+    if piped.folder.is_none() {
+        // A signal ends the program without any destructor.
+        before_the_end(remove).context("cannot handle signals")?;
+        let folder = tempfile::Builder::new().prefix("taxel-").tempdir();
+        piped.folder = Some(folder.context("a folder for what comes through a pipe")?);
+    }
+    let folder = piped.folder.as_ref().map(TempDir::path).unwrap_or(Path::new(""));
+    Ok(folder.join(number.to_string()))
 }
 
 fn copy(head: &[u8], rest: &mut impl Read, path: &Path) -> std::io::Result<()> {

@@ -10,6 +10,26 @@ use std::time::{Duration, Instant};
 /// The longest sleep between two looks at the flag.
 const LOOK: Duration = Duration::from_millis(50);
 
+/// Whether the work has taken over what ends a process.
+static TAKEN_OVER: AtomicBool = AtomicBool::new(false);
+
+/// Does `last` before Ctrl-C or SIGTERM ends the process, as they do without, until an [`Ending`] or an [`Interrupt`] has
+/// taken them over and sees to its own end. SIGHUP is left alone: `nohup` has it ignored.
+pub fn before_the_end(last: fn()) -> std::io::Result<()> {
+    let mut signals = Signals::new([SIGINT, SIGTERM])?;
+    std::thread::Builder::new()
+        .name("before the end".into())
+        .spawn(move || {
+            for signal in signals.forever() {
+                if !TAKEN_OVER.load(Ordering::Relaxed) {
+                    last();
+                    let _ = signal_hook::low_level::emulate_default_handler(signal);
+                }
+            }
+        })?;
+    Ok(())
+}
+
 /// Ctrl-C, SIGTERM and SIGHUP for work that does not look at an [`Interrupt`]: from when they are caught until the work is
 /// told what to remove, they wait.
 #[derive(Debug)]
@@ -18,11 +38,12 @@ pub struct Ending(Signals);
 impl Ending {
     /// Takes the signals over.
     pub fn catch() -> std::io::Result<Self> {
+        TAKEN_OVER.store(true, Ordering::Relaxed);
         Ok(Self(Signals::new([SIGINT, SIGTERM, SIGHUP])?))
     }
 
-    /// Ends the process at the first of them, once these files of half a result are removed.
-    pub fn remove(mut self, parts: Vec<PathBuf>) -> std::io::Result<()> {
+    /// Ends the process at the first of them, once these files of half a result are removed, and `last` is done.
+    pub fn remove(mut self, parts: Vec<PathBuf>, last: fn()) -> std::io::Result<()> {
         std::thread::Builder::new()
             .name("signals".into())
             .spawn(move || {
@@ -30,6 +51,7 @@ impl Ending {
                     for part in parts {
                         let _ = std::fs::remove_file(part);
                     }
+                    last();
                     std::process::exit(128 + signal);
                 }
             })?;
@@ -45,6 +67,7 @@ pub struct Interrupt(Arc<AtomicBool>);
 impl Interrupt {
     /// Takes over SIGINT, SIGTERM, and SIGHUP, which a closed terminal sends.
     pub fn install() -> std::io::Result<Self> {
+        TAKEN_OVER.store(true, Ordering::Relaxed);
         let flag = Arc::new(AtomicBool::new(false));
         for signal in [SIGINT, SIGTERM] {
             // In this order: the second signal finds the flag that the first has set.

@@ -7,6 +7,7 @@ mod task;
 
 use crate::allocations::COUNTER;
 use crate::offline::OfflineArgs;
+use crate::piped_file;
 use anyhow::{Context, bail};
 use serde::Serialize;
 use std::io::{self, Write};
@@ -148,7 +149,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let (mut csv, mut export, mut times) = (begin(&args.csv)?, begin(&args.export)?, begin(&args.times)?);
     let figure = if args.task { begin(&args.figure)? } else { None };
     let parts = [&csv, &export, &times, &figure].into_iter().flatten();
-    ending.remove(parts.filter_map(OutputFile::part).collect())?;
+    ending.remove(parts.filter_map(OutputFile::part).collect(), piped_file::remove)?;
     if args.task {
         return task::run(args, csv, figure);
     }

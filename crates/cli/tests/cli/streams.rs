@@ -3,7 +3,11 @@
 use crate::{fails, succeeds, texts};
 use serde_json::Value;
 use std::fs::{self, File};
+use std::io::Write;
+use std::os::unix::process::ExitStatusExt;
+use std::path::Path;
 use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 /// Runs with a file of the folder on stdin.
@@ -44,6 +48,62 @@ fn a_recording_of_any_kind_is_read_from_stdin_and_leaves_no_file() {
     }
     let missing = reading(&dir, "tap.log", &["figures", "-", "-", "--out", "figures"]);
     assert!(!missing.status.success());
+}
+
+#[test]
+fn a_signal_leaves_nothing_of_what_came_through_a_pipe() {
+    let dir = TempDir::new().unwrap();
+    let temporary = dir.path().join("tmp");
+    fs::create_dir(&temporary).unwrap();
+    succeeds(&dir, &["sim", "tap", "--to", "log:tap.log", "--seconds", "3"]);
+    let log = fs::read(dir.path().join("tap.log")).unwrap();
+    let count = |folder: &Path, start: &str| {
+        let names = fs::read_dir(folder)
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name());
+        names
+            .filter(|name| name.to_string_lossy().starts_with(start))
+            .count()
+    };
+    let long = ["eval", "-", "--restarts", "100000", "--csv", "out.csv"];
+    // While it is read, by a command that looks at signals and one that does not, and while one works with it.
+    for (args, is_read, code, by) in [
+        (&["compress", "-", "--out", "a.npy"][..], false, None, Some(15)),
+        (&["categorize", "-", "--classes", "2"], false, None, Some(15)),
+        (&long, true, Some(128 + 15), None),
+    ] {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_taxel"));
+        let command = command
+            .args(args)
+            .current_dir(dir.path())
+            .env("TMPDIR", &temporary);
+        command.stdout(Stdio::null()).stderr(Stdio::null());
+        let mut child = command.stdin(Stdio::piped()).spawn().unwrap();
+        let mut stdin = child.stdin.take();
+        stdin.as_mut().unwrap().write_all(&log).unwrap();
+        let deadline = Instant::now() + Duration::from_secs(60);
+        let begun = || match is_read {
+            false => count(&temporary, "taxel-") > 0,
+            true => count(dir.path(), "out.") > 0,
+        };
+        if is_read {
+            stdin = None;
+        }
+        while !begun() {
+            assert!(Instant::now() < deadline, "{args:?}: it does not begin");
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        let pid = nix::unistd::Pid::from_raw(child.id() as i32);
+        nix::sys::signal::kill(pid, nix::sys::signal::SIGTERM).unwrap();
+        let status = child.wait().unwrap();
+        drop(stdin);
+        assert_eq!((status.code(), status.signal()), (code, by), "{args:?}");
+        assert_eq!(
+            (count(&temporary, ""), count(dir.path(), "out.")),
+            (0, 0),
+            "{args:?}"
+        );
+    }
 }
 
 #[test]
