@@ -275,11 +275,12 @@ class FakeDaemon:
             return
         no = self.refuses or refusal.of_subscription(asked, _SUBSCRIPTION)
         answer = _event("refused", no) if no else _message(_reader.HELLO, json.dumps(self._hello_of(asked)).encode())
+        # Before the answer: who has read it may look.
+        self.subscriptions.append(asked)
         # What came before the answer was made for another display, and is passed over: so once more.
         for message in (answer, *self._clients[client]):
             self._send([client], message)
         self._clients[client] = ()
-        self.subscriptions.append(asked)
         self._changed.notify_all()
 
     def _hello_of(self, asked: Dict[str, Any]) -> Dict[str, Any]:
