@@ -74,8 +74,7 @@ fn sheet() -> Sheet {
     let confusion = Picture::heat("Confusion", 3, confusion)
         .row_names(["soft", "hard", "both"])
         .column_names(["soft", "hard", "both"])
-        .span(0.0, 1.0)
-        .with_values();
+        .span(0.0, 1.0);
     Sheet::new("Every mark <once> & for all")
         .columns(3)
         .panel_size(380, 260)

@@ -61,11 +61,6 @@ pub(crate) fn of_heat(share: f64) -> Rgb {
     [red, green, blue]
 }
 
-/// Whether black text is legible on it, rather than white.
-pub(crate) fn is_bright([red, green, blue]: Rgb) -> bool {
-    299 * u32::from(red) + 587 * u32::from(green) + 114 * u32::from(blue) > 140_000
-}
-
 /// As it is written in SVG by plotters.
 pub(crate) fn hex([red, green, blue]: Rgb) -> String {
     format!("#{red:02X}{green:02X}{blue:02X}")

@@ -13,7 +13,6 @@ pub struct Picture {
     caption: String,
     row_names: Vec<String>,
     column_names: Vec<String>,
-    values_shown: bool,
     /// What dark blue and yellow mean, where cells are numbers.
     span: Option<(f64, f64)>,
 }
@@ -35,7 +34,6 @@ impl Picture {
             caption: String::new(),
             row_names: Vec::new(),
             column_names: Vec::new(),
-            values_shown: false,
             span: None,
         }
     }
@@ -99,12 +97,6 @@ impl Picture {
     /// Names beneath the columns.
     pub fn column_names<S: Into<String>>(mut self, names: impl IntoIterator<Item = S>) -> Self {
         self.column_names = names.into_iter().map(Into::into).collect();
-        self
-    }
-
-    /// Writes each number into its cell.
-    pub fn with_values(mut self) -> Self {
-        self.values_shown = true;
         self
     }
 
@@ -224,19 +216,6 @@ impl Picture {
                     pen.rect(place(column, row), place(end, row + 1), colour)?;
                 }
                 column = end;
-            }
-            for (column, cell_value) in cells.iter().enumerate().filter(|_| self.values_shown) {
-                if let (Cell::Number(value), Some(colour)) = (cell_value, colours[column]) {
-                    let ink = if colour::is_bright(colour) {
-                        [0; 3]
-                    } else {
-                        [255; 3]
-                    };
-                    let (x, y) = place(column, row);
-                    let text = crate::axis::tick_text((value * 1000.0).round() / 1000.0);
-                    let middle = (x + cell / 2.0, y + cell / 2.0);
-                    pen.text(&text, middle, Side::Middle, (cell / 2.4).clamp(6.0, 12.0), ink)?;
-                }
             }
         }
         Ok(())

@@ -157,12 +157,6 @@ impl ServoReader {
         lock(&self.shared).snapshot.clone()
     }
 
-    /// The same into memory that is there already; allocates nothing if it came from
-    /// [`ServoReader::snapshot`].
-    pub fn snapshot_into(&self, into: &mut ServoSnapshot) {
-        into.clone_from_snapshot(&lock(&self.shared).snapshot);
-    }
-
     /// Every joint's angle at `t_ns` (`CLOCK_MONOTONIC`), interpolated between readings, into
     /// `angles`; `None` for a joint that was never read. `angles` has one place per joint; surplus
     /// places are left alone.
@@ -270,15 +264,6 @@ impl Drop for ServoReader {
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
-    }
-}
-
-impl ServoSnapshot {
-    fn clone_from_snapshot(&mut self, from: &ServoSnapshot) {
-        self.results.clone_from(&from.results);
-        self.servos.clone_from(&from.servos);
-        self.counters = from.counters;
-        self.fast = from.fast;
     }
 }
 
