@@ -236,7 +236,7 @@ mod tests {
         ("resume", "prints nothing"),
         ("servo", "prints nothing"),
         ("profile", "prints JSON in any case"),
-        ("metrics", "prints OpenMetrics"),
+        ("metrics", "prints metrics"),
         ("completions", "prints a script"),
         ("config init", "prints a file"),
         ("forearm record", "writes a session"),

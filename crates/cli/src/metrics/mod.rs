@@ -1,9 +1,12 @@
 //! `taxel metrics`: the daemon's counts and times for Prometheus and its like.
 
+mod families;
+mod numbers;
 mod text;
 
 use crate::everyday::Ask;
 use anyhow::Context;
+use families::Format;
 use serde_json::json;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream, ToSocketAddrs};
@@ -17,9 +20,9 @@ const PATIENCE: Duration = Duration::from_secs(2);
 /// The most bytes of a request that are read.
 const REQUEST: u64 = 8192;
 
-/// Give the running daemon's counts and times as OpenMetrics, for Prometheus and Grafana.
+/// Give the running daemon's counts and times to Prometheus and Grafana.
 ///
-/// A program beside the daemon: each time it is asked, it asks the daemon's status socket. Where no daemon answers,
+/// They are in Prometheus' text format, and over HTTP in OpenMetrics for who asks for it. A program beside the daemon: each time it is asked, it asks the daemon's status socket. Where no daemon answers,
 /// `taxeld_up` is 0. Without options the metrics are printed once. docs/grafana/taxeld.json is a dashboard for them.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
@@ -68,18 +71,18 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         if let Err(error) = &status {
             eprintln!("taxel: {error:#}; so taxeld_up is 0");
         }
-        let text = text::of(status.as_ref().ok());
+        let text = text::of(status.as_ref().ok(), Format::Prometheus);
         return Ok(out.write_all(text.as_bytes()).and_then(|()| out.flush())?);
     };
     loop {
-        OutputFile::write(path, metrics(&args.ask))?;
+        OutputFile::write(path, metrics(&args.ask, Format::Prometheus))?;
         std::thread::sleep(args.every);
     }
 }
 
 /// What the daemon tells now.
-fn metrics(ask: &Ask) -> String {
-    text::of(status(ask).as_ref().ok())
+fn metrics(ask: &Ask, format: Format) -> String {
+    text::of(status(ask).as_ref().ok(), format)
 }
 
 fn status(ask: &Ask) -> anyhow::Result<Status> {
@@ -102,19 +105,21 @@ fn answer(mut client: TcpStream, ask: &Ask) -> std::io::Result<()> {
     let mut request = BufReader::new(client.try_clone()?.take(REQUEST));
     let mut first = String::new();
     request.read_line(&mut first)?;
+    let mut format = Format::Prometheus;
     let mut line = String::new();
     while request.read_line(&mut line)? > 2 {
+        if let Some((name, value)) = line.split_once(':')
+            && name.eq_ignore_ascii_case("accept")
+        {
+            format = Format::accepted(value);
+        }
         line.clear();
     }
     let path = first
         .strip_prefix("GET ")
         .and_then(|rest| rest.split([' ', '?']).next());
     let (status, kind, body) = match path {
-        Some("/metrics") => (
-            "200 OK",
-            "application/openmetrics-text; version=1.0.0; charset=utf-8",
-            metrics(ask),
-        ),
+        Some("/metrics") => ("200 OK", format.content_type(), metrics(ask, format)),
         Some(_) => (
             "404 Not Found",
             "text/plain",
