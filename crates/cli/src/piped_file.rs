@@ -108,14 +108,15 @@ fn kind(head: &[u8]) -> &'static str {
     let text = String::from_utf8_lossy(head);
     let line = text
         .lines()
-        .find(|line| !line.trim().is_empty())
+        .map(str::trim)
+        .find(|line| !line.is_empty())
         .unwrap_or_default();
-    // `(1.5) can0 123#00`, or candump's own `  can0  123   [1]  00`.
-    let is_candump = line.starts_with('(')
+    // `(1.5) can0 123#00`, or candump's own `  can0  123   [1]  00`, in colours or with ` RX - -` before the id.
+    let is_candump = line.starts_with(['(', '\x1b'])
         || line
             .split_whitespace()
-            .nth(2)
-            .is_some_and(|word| word.starts_with('['));
+            .take(6)
+            .any(|word| word.starts_with(['[', '{']));
     if is_candump { "log" } else { "csv" }
 }
 
@@ -131,6 +132,9 @@ mod tests {
             (b"PK\x03\x04....", "npz"),
             (b"(1436509052.249713) vcan0 044#2A366C2BBA\n", "log"),
             (b"\n  vcan0  044   [5]  2A 36 6C 2B BA\n", "log"),
+            (b" (000.000041)  vcan0  044   [1]  2A\n", "log"),
+            (b"  vcan0  RX - -  044   [1]  2A\n", "log"),
+            (b"  \x1b[31mvcan0\x1b[0m  044   [1]  2A\n", "log"),
             (b"t,a,b\n0,1,2\n", "csv"),
             (b"1;2;3\n", "csv"),
             (b"", "csv"),

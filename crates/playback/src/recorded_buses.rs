@@ -110,13 +110,8 @@ impl<'a> Buses<'a> {
         if let Some(sentence) = self.file.another_hand() {
             eprintln!("taxel: {sentence}");
         }
+        self.file.tell_left_out_lines();
         let path = self.traffic.path().display();
-        if self.file.left_out() > 0 {
-            eprintln!(
-                "taxel: {path}: {} lines are not classic CAN frames",
-                self.file.left_out()
-            );
-        }
         if self.clock.jumps().count() > 0 {
             eprintln!("taxel: {path}: {}", self.clock.jumps());
         }

@@ -4,7 +4,7 @@ use crate::progress::Progress;
 use crate::recorded::rest;
 use anyhow::{Context, bail};
 use std::fs::File;
-use std::io::{BufReader, Seek};
+use std::io::{BufRead, BufReader, Seek};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use taxel_can::{ClockJumps, LogClock, LogError, LogFrame, LogReader, Received};
@@ -109,7 +109,7 @@ impl Traffic {
         match self.kind {
             Kind::Candump => {
                 let file = File::open(path).with_context(|| path.display().to_string())?;
-                let mut left_out = 0;
+                let mut left_out = LeftOut::default();
                 let mut log = LogReader::new(BufReader::with_capacity(1 << 20, progress.reading(file)));
                 for line in log.by_ref() {
                     match line {
@@ -119,16 +119,12 @@ impl Traffic {
                             frame,
                             ..
                         }) => take(&interface, t_ns, &Received { t_ns, frame })?,
-                        Err(LogError::Line { .. }) => left_out += 1,
+                        Err(error @ LogError::Line { .. }) => left_out.add(error),
                         Err(error) => return Err(error).with_context(|| path.display().to_string()),
                     }
                 }
-                if left_out > 0 {
-                    eprintln!(
-                        "taxel: {}: {left_out} lines are not classic CAN frames",
-                        path.display()
-                    );
-                }
+                tell_differences(path, &log);
+                left_out.tell(path);
             }
             Kind::Mcap => {
                 let (mut reader, mut told) = (CanReader::open(path)?, 0);
@@ -295,10 +291,34 @@ impl Interfaces {
     }
 }
 
+/// Lines that are no classic CAN frames.
+#[derive(Default)]
+struct LeftOut {
+    lines: u64,
+    first: Option<LogError>,
+}
+
+impl LeftOut {
+    fn add(&mut self, error: LogError) {
+        self.lines += 1;
+        self.first.get_or_insert(error);
+    }
+
+    fn tell(&self, path: &Path) {
+        if let Some(first) = &self.first {
+            eprintln!(
+                "taxel: {}: {} lines are not classic CAN frames; the first: {first}",
+                path.display(),
+                self.lines
+            );
+        }
+    }
+}
+
 enum Lines {
     Candump {
-        log: LogReader<BufReader<File>>,
-        left_out: u64,
+        log: Box<LogReader<BufReader<File>>>,
+        left_out: LeftOut,
         /// The same open file, which knows how far it was read.
         file: Option<File>,
     },
@@ -320,9 +340,9 @@ impl<'a> FrameFile<'a> {
             Kind::Candump => {
                 let file = File::open(path).with_context(|| path.display().to_string())?;
                 Lines::Candump {
-                    left_out: 0,
+                    left_out: LeftOut::default(),
                     file: file.try_clone().ok(),
-                    log: LogReader::new(BufReader::with_capacity(BLOCK, file)),
+                    log: Box::new(LogReader::new(BufReader::with_capacity(BLOCK, file))),
                 }
             }
             Kind::Mcap => Lines::Mcap(Box::new(CanReader::open(path)?)),
@@ -346,8 +366,8 @@ impl<'a> FrameFile<'a> {
                     let (t_ns, frame) = (frame.t_ns, frame.frame);
                     Some(Entry::Frame(place, Received { t_ns, frame }))
                 }
-                Some(Err(LogError::Line { .. })) => {
-                    *left_out += 1;
+                Some(Err(error @ LogError::Line { .. })) => {
+                    left_out.add(error);
                     Some(Entry::NoFrame)
                 }
                 Some(Err(error)) => return Err(error).with_context(|| self.path.display().to_string()),
@@ -393,11 +413,10 @@ impl<'a> FrameFile<'a> {
         ))
     }
 
-    /// Lines that were no classic CAN frame.
-    pub(crate) fn left_out(&self) -> u64 {
-        match &self.lines {
-            Lines::Candump { left_out, .. } => *left_out,
-            Lines::Mcap(_) => 0,
+    /// Says how many lines were no classic CAN frame.
+    pub(crate) fn tell_left_out_lines(&self) {
+        if let Lines::Candump { left_out, .. } = &self.lines {
+            left_out.tell(self.path);
         }
     }
 
@@ -409,13 +428,24 @@ impl<'a> FrameFile<'a> {
                 "taxel: {path}: {} frames have no time, and are taken to follow each other on a full bus; `candump -l` keeps times",
                 log.without_time()
             ),
-            Lines::Candump { .. } => {}
+            Lines::Candump { log, .. } => tell_differences(self.path, log),
             Lines::Mcap(reader) => tell_left_out(self.path, reader),
         }
         let left_out = self.met.left_out();
         if !left_out.is_empty() {
             eprintln!("taxel: {path}: left out: {}", left_out.join(", "));
         }
+    }
+}
+
+/// Says that times are none where `candump -td` wrote them.
+fn tell_differences(path: &Path, log: &LogReader<impl BufRead>) {
+    if log.has_differences() {
+        eprintln!(
+            "taxel: {}: its times are small and fall again and again, as the differences of `candump -td` do; \
+             taken for times they make no sense; `candump -l` keeps times",
+            path.display()
+        );
     }
 }
 

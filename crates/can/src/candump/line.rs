@@ -38,6 +38,7 @@ pub(super) fn parse_line(bytes: &[u8]) -> Result<Option<Line<'_>>, Problem> {
     let started = cursor.blanks("a blank after the interface name");
     let (frame, direction) = match started.and_then(|()| cursor.frame_and_direction(t_ns.is_some())) {
         Ok(read) => read,
+        Err(shown @ (_, LineProblem::Screen { .. })) => return Err(shown),
         // What has no time is a line of candump's screen, or no frame at all.
         Err(_) if t_ns.is_none() => return Err(before_the_time),
         Err(problem) => return Err(problem),
@@ -48,6 +49,27 @@ pub(super) fn parse_line(bytes: &[u8]) -> Result<Option<Line<'_>>, Problem> {
         frame,
         direction,
     }))
+}
+
+const BITS: LineProblem = LineProblem::Screen {
+    option: "-i",
+    shows: "bits",
+};
+const SWAPPED: LineProblem = LineProblem::Screen {
+    option: "-S",
+    shows: "the bytes in reverse",
+};
+const DATES: LineProblem = LineProblem::Screen {
+    option: "-tA",
+    shows: "the local date, and not which zone it is of",
+};
+const RAW_LENGTHS: LineProblem = LineProblem::Screen {
+    option: "-8",
+    shows: "length codes over 8",
+};
+
+fn hex(digit: u8) -> Option<u32> {
+    char::from(digit).to_digit(16)
 }
 
 struct Cursor<'a> {
@@ -69,6 +91,11 @@ impl<'a> Cursor<'a> {
     fn expected(&self, expected: &'static str) -> Problem {
         let found = self.peek();
         (self.at + 1, LineProblem::Expected { expected, found })
+    }
+
+    fn expected_at(&self, column: usize, expected: &'static str) -> Problem {
+        let found = self.bytes.get(column - 1).copied();
+        (column, LineProblem::Expected { expected, found })
     }
 
     fn skip_blanks(&mut self) -> bool {
@@ -102,7 +129,7 @@ impl<'a> Cursor<'a> {
     }
 
     fn hex_digit(&mut self) -> Option<u32> {
-        let digit = char::from(self.peek()?).to_digit(16)?;
+        let digit = hex(self.peek()?)?;
         self.at += 1;
         Some(digit)
     }
@@ -137,6 +164,9 @@ impl<'a> Cursor<'a> {
                 return Err(self.expected("digits after the decimal point of the time"));
             }
         }
+        if seconds < 10_000 && self.peek() == Some(b'-') {
+            return Err((start, DATES));
+        }
         if !self.eat(b')') {
             return Err(self.expected("`)` after the time"));
         }
@@ -148,6 +178,7 @@ impl<'a> Cursor<'a> {
 
     /// The frame as in a log, or, which alone may be without a time, as on candump's screen.
     fn frame_and_direction(&mut self, timed: bool) -> Result<(CanFrame, Option<Direction>), Problem> {
+        let shown = self.shown_direction()?;
         let start = self.at;
         if self.word().contains(&b':') {
             return Err((start + 1, LineProblem::CanXl));
@@ -157,13 +188,37 @@ impl<'a> Cursor<'a> {
         let after_id = self.at;
         self.skip_blanks();
         if self.eat(b'[') {
-            return Ok((self.shown_frame(raw_id)?, None));
+            return Ok((self.shown_frame(raw_id)?, shown));
+        }
+        if self.peek() == Some(b'{') {
+            return Err((self.at + 1, RAW_LENGTHS));
         }
         self.at = after_id;
         match timed {
             true => Ok((self.logged_frame(raw_id)?, self.direction()?)),
             false => Err(self.expected("`[` before the length")),
         }
+    }
+
+    /// `RX - -`, which `candump -x` shows before the identifier.
+    fn shown_direction(&mut self) -> Result<Option<Direction>, Problem> {
+        let start = self.at;
+        let direction = match self.word() {
+            b"RX" => Direction::Received,
+            b"TX" => Direction::Transmitted,
+            _ => {
+                self.at = start;
+                return Ok(None);
+            }
+        };
+        for flags in [b"B", b"E"] {
+            self.skip_blanks();
+            if !matches!(self.word(), word if word == flags || word == b"-") {
+                return Err(self.expected("`- -` after `RX` or `TX`"));
+            }
+        }
+        self.blanks("a blank after `- -`")?;
+        Ok(Some(direction))
     }
 
     /// `[LENGTH]  DATA`, its bytes apart, as candump shows them. What it shows behind them, such as their text, is passed over.
@@ -185,15 +240,30 @@ impl<'a> Cursor<'a> {
             return Ok(frame.unwrap_or_else(|_| frame_of_checked_parts(raw_id, &[])));
         }
         let mut data = [0; 8];
+        let too_few = "as many data bytes of two hexadecimal digits as the length says";
         for byte in &mut data[..usize::from(len)] {
             self.skip_blanks();
-            let digits = (self.hex_digit(), self.hex_digit());
-            let (Some(high), Some(low)) = digits else {
-                return Err(self.expected("as many data bytes of two hexadecimal digits as the length says"));
+            let column = self.at + 1;
+            *byte = match self.word() {
+                [high, low] => match (hex(*high), hex(*low)) {
+                    (Some(high), Some(low)) => (high << 4 | low) as u8,
+                    _ => return Err(self.expected_at(column, too_few)),
+                },
+                word if word.contains(&b'`') => return Err((column, SWAPPED)),
+                word if word.len() == 8 && word.iter().all(|bit| matches!(bit, b'0' | b'1')) => {
+                    return Err((column, BITS));
+                }
+                _ => return Err(self.expected_at(column, too_few)),
             };
-            *byte = (high << 4 | low) as u8;
         }
-        self.end_of_frame("a blank after the data")?;
+        self.skip_blanks();
+        let column = self.at + 1;
+        if let [high, low] = self.word()
+            && hex(*high).is_some()
+            && hex(*low).is_some()
+        {
+            return Err(self.expected_at(column, "no more data bytes than the length says"));
+        }
         Ok(if raw_id & ERROR_FLAG != 0 {
             CanFrame::error(raw_id, data)
         } else {

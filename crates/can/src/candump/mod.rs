@@ -19,6 +19,9 @@ use usual::{interface_of_usual, parse_usual};
 const LONGEST_LINE: usize = 16 * 1024;
 /// Bytes without a frame after which a file is given up: it is something else, or has no end.
 const MOST_WITHOUT_FRAME: u64 = 64 << 20;
+const ESCAPE: u8 = 0x1B;
+/// Differences of times have three digits of seconds, unless nothing came for longer.
+const FIRST_SECONDS_NS: u64 = 1_000_000_000_000;
 /// A bit of a bus of 1 Mbit/s.
 const BIT_NS: u64 = 1000;
 /// Interface names that are kept for reuse; no recording has more buses than this.
@@ -91,6 +94,13 @@ pub enum LineProblem {
     CanFd,
     /// A CAN XL frame. Well formed, perhaps, but no classic frame.
     CanXl,
+    /// A form of candump's screen that cannot be read, or not for certain.
+    Screen {
+        /// The option that makes candump show it.
+        option: &'static str,
+        /// What it shows.
+        shows: &'static str,
+    },
     /// The line is longer than any frame can be; the file is probably no candump log at all.
     LineTooLong,
 }
@@ -113,6 +123,9 @@ impl fmt::Display for LineProblem {
             ),
             LineProblem::CanFd => f.write_str("a CAN FD frame; only classic CAN is supported"),
             LineProblem::CanXl => f.write_str("a CAN XL frame; only classic CAN is supported"),
+            LineProblem::Screen { option, shows } => {
+                write!(f, "`candump {option}` shows {shows}; record with `candump -l`")
+            }
             LineProblem::LineTooLong => {
                 write!(
                     f,
@@ -140,6 +153,9 @@ pub struct LogReader<R> {
     /// Time of the last frame.
     last_ns: u64,
     without_time: u64,
+    frames: u64,
+    /// How often a time was less than half of the one before, where both are of the first seconds of a clock.
+    falls: u64,
     ended: bool,
 }
 
@@ -165,6 +181,8 @@ impl<R: BufRead> LogReader<R> {
             without_frame: 0,
             last_ns: 0,
             without_time: 0,
+            frames: 0,
+            falls: 0,
             ended: false,
         }
     }
@@ -179,13 +197,26 @@ impl<R: BufRead> LogReader<R> {
         self.without_time
     }
 
+    /// Whether its times seem to be what passed since the frame before (`candump -td`): they are small and fall again and
+    /// again. Those since the first frame (`candump -tz`) rise.
+    pub fn has_differences(&self) -> bool {
+        self.falls >= 3 && self.falls >= self.frames / 200
+    }
+
     /// The time of a frame; one that has none takes as long as its bits do.
-    fn time_of(last_ns: &mut u64, without_time: &mut u64, t_ns: Option<u64>, frame: &CanFrame) -> u64 {
-        *last_ns = t_ns.unwrap_or_else(|| {
-            *without_time += 1;
-            last_ns.saturating_add(u64::from(frame.bits()) * BIT_NS)
-        });
-        *last_ns
+    fn time_of(&mut self, t_ns: Option<u64>, frame: &CanFrame) -> u64 {
+        self.frames += 1;
+        match t_ns {
+            Some(t_ns) => {
+                self.falls += u64::from(self.last_ns < FIRST_SECONDS_NS && t_ns < self.last_ns / 2);
+                self.last_ns = t_ns;
+            }
+            None => {
+                self.without_time += 1;
+                self.last_ns = self.last_ns.saturating_add(u64::from(frame.bits()) * BIT_NS);
+            }
+        }
+        self.last_ns
     }
 
     /// Passes over the next line if it is one of an interface of which nothing more is wanted, and says which that is. It may
@@ -276,6 +307,9 @@ impl<R: BufRead> Iterator for LogReader<R> {
                 }
             };
             self.line_number += 1;
+            if self.line.contains(&ESCAPE) {
+                remove_colours(&mut self.line);
+            }
             let parsed = if complete {
                 parse_line(&self.line)
             } else {
@@ -285,16 +319,13 @@ impl<R: BufRead> Iterator for LogReader<R> {
                 Ok(None) => {}
                 Ok(Some(line)) => {
                     self.without_frame = 0;
+                    let (t_ns, frame, direction) = (line.t_ns, line.frame, line.direction);
+                    let interface = interned(&mut self.interfaces, line.interface);
                     return Some(Ok(LogFrame {
-                        t_ns: Self::time_of(
-                            &mut self.last_ns,
-                            &mut self.without_time,
-                            line.t_ns,
-                            &line.frame,
-                        ),
-                        interface: interned(&mut self.interfaces, line.interface),
-                        frame: line.frame,
-                        direction: line.direction,
+                        t_ns: self.time_of(t_ns, &frame),
+                        interface,
+                        frame,
+                        direction,
                     }));
                 }
                 Err((column, problem)) => {
@@ -308,6 +339,17 @@ impl<R: BufRead> Iterator for LogReader<R> {
         }
         None
     }
+}
+
+/// Takes out what `candump -c` colours a line with: `ESC [ NUMBER m`.
+fn remove_colours(line: &mut Vec<u8>) {
+    let mut inside = false;
+    line.retain(|byte| {
+        inside |= *byte == ESCAPE;
+        let keep = !inside;
+        inside &= *byte != b'm';
+        keep
+    });
 }
 
 fn interned(known: &mut Vec<Arc<str>>, name: &[u8]) -> Arc<str> {

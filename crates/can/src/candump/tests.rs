@@ -102,8 +102,8 @@ fn what_candump_shows_on_the_screen_is_read_as_well() {
     for (text, column) in [
         ("(1.0)  can0  123   [9]  00", 21),
         ("(1.0)  can0  123   [2]  00", 27),
-        ("(1.0)  can0  123   [2]  00 0", 29),
-        ("(1.0)  can0  123   [1]  001", 27),
+        ("(1.0)  can0  123   [2]  00 0", 28),
+        ("(1.0)  can0  123   [1]  001", 25),
     ] {
         assert_eq!(problem(text.as_bytes()).0, column, "{text}");
     }
@@ -112,6 +112,71 @@ fn what_candump_shows_on_the_screen_is_read_as_well() {
         "expected `(` before the time, found `c`"
     );
     assert_eq!(problem(b"(1.0) can0  123  [64]  00").1, LineProblem::CanFd);
+}
+
+#[test]
+fn each_shown_byte_is_two_digits_and_there_are_as_many_as_the_length_says() {
+    for text in [
+        "can0  621   [8]  1000 0011 10 00 00 00 00 00",
+        "can0  621   [2]  1 0 0 0",
+        "can0  621   [2]  10 00 00",
+        "can0  621   [2]  1000 ",
+        "can0  621   [1]  100",
+    ] {
+        assert!(parse_line(format!("(1.0)  {text}").as_bytes()).is_err(), "{text}");
+        assert!(parse_line(text.as_bytes()).is_err(), "{text}");
+    }
+}
+
+#[test]
+fn what_options_of_candump_change_on_the_screen_is_read_or_refused_by_name() {
+    let bits = "10000011 10000000 00000000 00000000 00000000 00000000 00000000 00000001";
+    for (text, option) in [
+        (format!("can0  621   [8]  {bits}"), "-i"),
+        (format!("(1.5)  can0  621   [8]  {bits}   '...'"), "-i"),
+        ("(1.5)  can0  621   [1]  10000011".into(), "-i"),
+        ("  can0  621   [2]  22`11".into(), "-S"),
+        ("(1.5)  can0  621   {F}  11 22 33 44 55 66 77 88".into(), "-8"),
+        ("(2026-11-23 10:00:00.123456)  can0  621   [1]  01".into(), "-tA"),
+    ] {
+        let said = problem(text.as_bytes()).1.to_string();
+        assert!(said.starts_with(&format!("`candump {option}` shows ")), "{said}");
+        assert!(said.ends_with("; record with `candump -l`"), "{said}");
+    }
+    let one = CanFrame::standard(0x123, &[1]).unwrap();
+    for (text, direction) in [
+        ("  can0  RX - -  123   [1]  01", Some(Direction::Received)),
+        (
+            "(1.5)  can0  TX B E  123   [1]  01   '.'",
+            Some(Direction::Transmitted),
+        ),
+        (" (1.5)  \x1b[1m\x1b[31mcan0\x1b[0m  123   [1]  01", None),
+        (" \x1b[34mcan0  123   [1]  01\x1b[0m\r\n", None),
+    ] {
+        let read = read_one(text);
+        assert_eq!((read.frame, read.direction), (one, direction), "{text}");
+        assert_eq!(&*read.interface, "can0", "{text}");
+    }
+}
+
+#[test]
+fn differences_of_times_are_told_from_times() {
+    let has_differences = |times: &[f64]| {
+        let line = |time| format!(" ({time:010.6})  can0  123   [1]  01\n");
+        let text: String = times.iter().map(line).collect();
+        let mut reader = LogReader::new(text.as_bytes());
+        assert_eq!(reader.by_ref().filter(Result::is_ok).count(), times.len());
+        reader.has_differences()
+    };
+    let bursts = [0.000041, 0.000050, 0.000043, 0.033].repeat(9);
+    assert!(has_differences(&bursts));
+    let mut since_first: Vec<f64> = bursts;
+    for n in 1..since_first.len() {
+        since_first[n] += since_first[n - 1];
+    }
+    assert!(!has_differences(&since_first));
+    let overtaken = [0.0, 0.1, 0.2, 0.199_99, 0.3, 0.4, 0.399_99, 0.5, 0.499_9];
+    assert!(!has_differences(&overtaken));
 }
 
 #[test]

@@ -440,3 +440,29 @@ fn a_log_of_other_boards_than_the_layout_has_is_refused_with_their_ids() {
         "{err}"
     );
 }
+
+#[test]
+fn what_candump_showed_and_cannot_be_read_is_refused_by_its_option_and_differences_are_told() {
+    let dir = TempDir::new().unwrap();
+    std::fs::write(
+        dir.path().join("bits.log"),
+        "  can0  621   [2]  10000011 10000000\n",
+    )
+    .unwrap();
+    let (_, err) = succeeds(&dir, &["convert", "bits.log", "-"]);
+    assert!(
+        err.contains("`candump -i` shows bits; record with `candump -l`"),
+        "{err}"
+    );
+    let (log, _) = succeeds(&dir, &["sim", "tap", "--to", "-", "--seconds", "0.3"]);
+    let mut last = 0.0;
+    let mut differences = String::new();
+    for line in log.lines() {
+        let (time, rest) = line[1..].split_once(')').unwrap();
+        let time: f64 = time.parse().unwrap();
+        differences += &format!(" ({:010.6}) {rest}\n", time - last);
+        last = time;
+    }
+    let (_, err) = compressed(&dir, &differences);
+    assert!(err.contains("the differences of `candump -td`"), "{err}");
+}
