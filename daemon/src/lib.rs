@@ -28,6 +28,7 @@ use crate::snapshot::Snapshot;
 use crate::state::State;
 use crate::tick::{PipelineClock, Shared, TickThread};
 use nix::sys::socket::SockType;
+use std::path::Path;
 use std::rc::Rc;
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, mpsc};
@@ -87,6 +88,16 @@ pub enum StartError {
     /// The daemon's own display profile cannot be served.
     #[error("{0}")]
     Profile(String),
+    /// What a line of the configuration file says cannot be had.
+    #[error("{file}:{line}: {error}")]
+    At {
+        /// The file.
+        file: String,
+        /// Line, from 1.
+        line: usize,
+        /// What is wrong.
+        error: Box<StartError>,
+    },
     /// The operating system refused something the daemon cannot do without.
     #[error("cannot {what}: {error}")]
     System {
@@ -135,6 +146,7 @@ impl StartError {
             ),
             Self::JointsBeside(_) | Self::Engine(_) | Self::ProfileUnfit(_) => true,
             Self::Source { is_lasting, .. } => *is_lasting,
+            Self::At { error, .. } => error.is_lasting(),
             // A profile may be too dear only while the machine is busy.
             Self::Joints(_) | Self::Profile(_) | Self::System { .. } => false,
         }
@@ -142,13 +154,32 @@ impl StartError {
 }
 
 /// Whether a daemon could start on this machine, as far as that can be told without its buses and sockets: groups,
-/// recordings, scenes, and what hand and display ask of each other.
-pub fn check(config: &Config) -> Result<(), StartError> {
-    for group in [&config.socket.group, &config.control.group] {
-        taxel_serve::check_group(group)?;
+/// recordings, scenes, and what hand and display ask of each other. `text` is that of the configuration, in `file`, to tell
+/// the line.
+pub fn check(config: &Config, text: &str, file: &Path) -> Result<(), StartError> {
+    let at = |table, names: &str, error: StartError| match taxel_config::line_of(text, table, names) {
+        Some(line) => StartError::At {
+            file: file.display().to_string(),
+            line,
+            error: error.into(),
+        },
+        None => error,
+    };
+    for (table, group) in [
+        ("socket", &config.socket.group),
+        ("control", &config.control.group),
+    ] {
+        taxel_serve::check_group(group).map_err(|error| at(table, "group", error.into()))?;
     }
-    sources::check(config)?;
-    check_profile(&config.layout, &config.profile).map_err(StartError::ProfileUnfit)?;
+    sources::check(config).map_err(|error| {
+        let of = |name: &String| matches!(&error, StartError::Source { bus, .. } if bus == name);
+        match config.layout.buses.iter().position(of) {
+            Some(bus) => at("bus", &format!("bus[{bus}].source"), error),
+            None => at("joints", "source", error),
+        }
+    })?;
+    check_profile(&config.layout, &config.profile)
+        .map_err(|message| at("profile", &message, StartError::ProfileUnfit(message.clone())))?;
     Engine::new(&config.engine(true)?, 0)?;
     Ok(())
 }

@@ -53,7 +53,8 @@ fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     let _flush = log_to_stderr().context("cannot start the thread that writes the log")?;
     let config = Config::load(&arguments.config)?;
     if arguments.check {
-        taxeld::check(&config)?;
+        let text = std::fs::read_to_string(&arguments.config).unwrap_or_default();
+        taxeld::check(&config, &text, &arguments.config)?;
         return match std::io::stdout().write_all(config.summary().as_bytes()) {
             Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(error).context("stdout"),
             _ => Ok(ExitCode::SUCCESS),

@@ -32,7 +32,7 @@ fn configuration_errors_name_file_and_line() {
         ),
         (
             &format!("{two}[tick]\nrate_hz = 2000.0\n"),
-            "hand.toml:5: tick.rate_hz = 2000",
+            "hand.toml:6: tick.rate_hz = 2000",
         ),
         (
             &format!("{two}[tick]\nmode = \"when\"\n"),
@@ -40,19 +40,19 @@ fn configuration_errors_name_file_and_line() {
         ),
         (
             &format!("{two}[profile]\nlevels = 0\n"),
-            "hand.toml:5: profile: levels = 0",
+            "hand.toml:6: profile: levels = 0",
         ),
         (
             &format!("{two}[profiles]\nmax = 0\n"),
-            "hand.toml:5: profiles.max = 0",
+            "hand.toml:6: profiles.max = 0",
         ),
         (
             &format!("{two}[profiles]\nbudget_percent = 120.0\n"),
-            "hand.toml:5: profiles.budget_percent = 120",
+            "hand.toml:6: profiles.budget_percent = 120",
         ),
         (
             &format!("{two}[socket]\nmode = \"0999\"\n"),
-            "hand.toml:5: socket.mode",
+            "hand.toml:6: socket.mode",
         ),
         (
             &format!("{two}\n\nspeed = 3\n"),
@@ -108,6 +108,43 @@ fn configuration_errors_name_file_and_line() {
                 "x".repeat(107)
             ),
             "hand.toml:3: socket path /xxx",
+        ),
+        (
+            &format!("{two}[tick]\nrate_hz = 30,5\n"),
+            "hand.toml:6: 30,5 has a decimal comma; write 30.5",
+        ),
+        (
+            &format!("{two}[tick]\nrate_hz = 30\n[tick]\nmode = \"timer\"\n"),
+            "hand.toml:7: the table [tick] is there twice",
+        ),
+        (
+            "[bus]\nsource = \"udp:\"\n[bus]\nsource = \"udp::43114\"\n",
+            "hand.toml:3: write [[bus]], with two brackets",
+        ),
+        (
+            &format!("{two}[boards]\nsilence_ms = 200\nrestart_first_ms = 1000\n"),
+            "hand.toml:7: boards: restart_first_ms = 1000 is outside 10 to 250 ms, the restart_longest_ms",
+        ),
+        (
+            &format!("{two}[boards]\nrestart_longest_ms = 50\n"),
+            "hand.toml:6: boards: restart_longest_ms = 50 is outside 100 to 600000 ms, from restart_first_ms on",
+        ),
+        (
+            &format!("{two}[profile]\nactuators = 1\nfixed = [[1, 1, 9]]\n"),
+            "hand.toml:7: a list of 2 is wanted here, not of 3",
+        ),
+        (
+            &format!(
+                "{two}[joints]\nsource = \"dynamixel:a\"\n[[joints.servo]]\nid = 1\nname = \"a\"\nhoming_rad = 180\n"
+            ),
+            "hand.toml:10: joints.servo[0].homing_rad = 180 is outside -6.3 to 6.3 rad (180 degrees are 3.1416)",
+        ),
+        (
+            &format!(
+                "{two}[joints]\nsource = \"allegro:can:can2\"\n[joints.allegro]\nversion = 4\nenc_dir = [{}1]\n",
+                "1, ".repeat(17)
+            ),
+            "hand.toml:9: a list of 16 is wanted here, not of 18",
         ),
         (
             "layout = \"uskin-modul\"\n",
@@ -187,22 +224,30 @@ fn what_would_not_start_is_refused_by_check_as_by_the_start_and_for_good() {
     );
     let scenes = buses("sim:idle");
     let cases = [
-        (buses("log:no-such-N.log") + &sockets, "no-such-0.log"),
-        (buses("sim:no-such-scene") + &sockets, "no-such-scene"),
+        (buses("log:no-such-N.log") + &sockets, 2, "no-such-0.log"),
+        (buses("sim:no-such-scene") + &sockets, 2, "no-such-scene"),
         (
             format!("{scenes}{sockets}group = 'no-such-group'\n"),
+            8,
             "no-such-group",
         ),
         (
             format!("{scenes}{sockets}[control]\ngroup = 'no-such-operators'\n"),
+            9,
             "no-such-operators",
         ),
         (
             format!("{scenes}{sockets}[profile]\nbudgets = {{ index = 3, no-such-part = 1 }}\n"),
+            9,
             "no-such-part",
         ),
+        (
+            format!("{scenes}{sockets}[profile]\nactuators = 2\nfixed = [[1, 1], [99, 1]]\n"),
+            10,
+            "place 1 of fixed, [99, 1], is outside the 16x16 image",
+        ),
     ];
-    for (text, about) in cases {
+    for (text, line, about) in cases {
         std::fs::write(&path, &text).unwrap();
         for check in [&["--check"][..], &[]] {
             let mut taxeld = Command::new(env!("CARGO_BIN_EXE_taxeld"));
@@ -210,6 +255,12 @@ fn what_would_not_start_is_refused_by_check_as_by_the_start_and_for_good() {
             let said = String::from_utf8_lossy(&ended.stderr);
             assert_eq!(ended.status.code(), Some(78), "{check:?} {text}\n{said}");
             assert!(said.contains(about), "{check:?} {text}\n{said}");
+            let place = format!("taxeld.toml:{line}: ");
+            assert_eq!(
+                said.contains(&place),
+                !check.is_empty(),
+                "{check:?} {text}\n{said}"
+            );
         }
     }
 }

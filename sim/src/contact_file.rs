@@ -4,6 +4,7 @@ use crate::clock::{Keyframes, ns_of_seconds};
 use crate::contact::{Contact, Footprint, Shape};
 use crate::levels::Levels;
 use serde::Deserialize;
+use taxel_hand::WholeList;
 
 /// The keys of a `[[contact]]`. Which go together is checked afterwards, so that the message can say so.
 #[derive(Deserialize)]
@@ -11,15 +12,23 @@ use serde::Deserialize;
 pub(crate) struct ContactToml {
     shape: ShapeToml,
     on: Vec<String>,
+    #[serde(default, deserialize_with = "WholeList::read")]
     at: Option<[f64; 2]>,
+    #[serde(default, deserialize_with = "WholeList::read")]
     path: Option<Vec<[f64; 3]>>,
+    #[serde(default, deserialize_with = "WholeList::read")]
     at_share: Option<[f64; 2]>,
+    #[serde(default, deserialize_with = "WholeList::read")]
     path_share: Option<Vec<[f64; 3]>>,
     radius: Option<f64>,
     radius_share: Option<f64>,
+    #[serde(default, deserialize_with = "WholeList::read")]
     along: Option<[f64; 2]>,
+    #[serde(default, deserialize_with = "WholeList::read")]
     force_n: Option<Vec<[f64; 2]>>,
+    #[serde(default, deserialize_with = "WholeList::read")]
     force_counts: Option<Vec<[f64; 2]>>,
+    #[serde(default, deserialize_with = "WholeList::read")]
     shear_n: Option<Vec<[f64; 3]>>,
 }
 

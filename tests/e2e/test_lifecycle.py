@@ -65,13 +65,13 @@ BAD_CONFIGURATIONS = {
     "too few buses": ('[[bus]]\nsource = "can:can0"\n', 1, "2 buses"),
     "no such source": (BUSES.replace("udp:239.74.163.2:43114", "tcp:1.2.3.4"), 4, "tcp"),
     "wrong type": (BUSES + "[tick]\nrate_hz = 'fast'\n", 6, ""),
-    "rate out of range": (BUSES + "[tick]\nrate_hz = 100000.0\n", 5, "rate_hz"),
-    "no levels": (BUSES + "\n[profile]\nlevels = 0\n", 6, "levels"),
-    "falling codebook": (BUSES + "[profile]\ncodebook = [2.0, 1.0]\n", 5, "codebook"),
-    "margin out of range": (BUSES + "[conditioning]\nthreshold_margin = 0.5\n", 5, "threshold_margin"),
-    "mode is no mode": (BUSES + "[socket]\nmode = 'rw'\n", 5, "socket.mode"),
-    "mode of control is no mode": (BUSES + "[control]\nmode = '0999'\n", 5, "control.mode"),
-    "one path twice": (BUSES + "[socket]\nstatus = 'a'\ncontrol = 'a'\n", 5, "socket.control and socket.status are both a"),
+    "rate out of range": (BUSES + "[tick]\nrate_hz = 100000.0\n", 6, "rate_hz"),
+    "no levels": (BUSES + "\n[profile]\nlevels = 0\n", 7, "levels"),
+    "falling codebook": (BUSES + "[profile]\ncodebook = [2.0, 1.0]\n", 6, "codebook"),
+    "margin out of range": (BUSES + "[conditioning]\nthreshold_margin = 0.5\n", 6, "threshold_margin"),
+    "mode is no mode": (BUSES + "[socket]\nmode = 'rw'\n", 6, "socket.mode"),
+    "mode of control is no mode": (BUSES + "[control]\nmode = '0999'\n", 6, "control.mode"),
+    "one path twice": (BUSES + "[socket]\nstatus = 'a'\ncontrol = 'a'\n", 7, "socket.control and socket.status are both a"),
 }
 
 

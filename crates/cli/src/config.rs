@@ -91,8 +91,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             }
         }
         Command::Check(args) => {
-            let checked = args.file.read().and_then(|(config, _)| {
-                taxeld::check(&config)?;
+            let checked = args.file.read().and_then(|(config, text)| {
+                taxeld::check(&config, &text, args.file.name())?;
                 Ok(config)
             });
             if args.json {
@@ -119,12 +119,20 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
 }
 
 impl File {
+    /// What messages call it.
+    fn name(&self) -> &Path {
+        match self.file.as_os_str() == "-" {
+            true => Path::new("stdin"),
+            false => &self.file,
+        }
+    }
+
     /// The configuration, and its text.
     fn read(&self) -> anyhow::Result<(Config, String)> {
         if self.file.as_os_str() == "-" {
             let mut text = String::new();
             std::io::stdin().read_to_string(&mut text).context("stdin")?;
-            return Ok((Config::parse(&text, Path::new("stdin"))?, text));
+            return Ok((Config::parse(&text, self.name())?, text));
         }
         let config = Config::load(&self.file)?;
         let text = std::fs::read_to_string(&self.file).with_context(|| self.file.display().to_string())?;

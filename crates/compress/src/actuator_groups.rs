@@ -12,6 +12,26 @@ pub(crate) fn places(geometry: &Geometry, coordinates: Coordinates) -> Result<Ve
     geometry.taxels.iter().enumerate().map(place).collect()
 }
 
+/// Refuses a place of `fixed` that is more than a pixel outside the image: nothing is ever felt there.
+pub(crate) fn check_fixed(geometry: &Geometry, profile: &Profile) -> Result<(), ProfileError> {
+    let Geometry { width, height, .. } = *geometry;
+    let is_inside = |at: f64, size: u16| (-1.0..=f64::from(size)).contains(&at);
+    let outside = |[x, y]: &[f64; 2]| !(is_inside(*x, width) && is_inside(*y, height));
+    match profile.fixed.iter().position(outside) {
+        Some(index) if profile.coordinates == Coordinates::Pixels => {
+            let [x, y] = profile.fixed[index];
+            Err(ProfileError::PlaceOutsideImage {
+                index,
+                x,
+                y,
+                width,
+                height,
+            })
+        }
+        _ => Ok(()),
+    }
+}
+
 /// How far an actuator may go between two images without jumping: 2 pixels, or twice the median
 /// distance of neighbours in a module.
 pub(crate) fn reach(geometry: &Geometry, places: &[[f64; 2]]) -> f64 {

@@ -3,10 +3,12 @@
 //! A crate of its own because most of its code is made by derive: it is compiled once, without optimisation, and not
 //! again with each change of the daemon.
 
+mod place;
 mod sockets;
 mod summary;
 mod syntax;
 
+pub use place::line_of;
 pub use sockets::{ControlConfig, SocketConfig, default_directory, running_socket};
 
 use serde::{Deserialize, Serialize};
@@ -257,6 +259,12 @@ impl Config {
             line: line_at(offset),
             message,
         };
+        // At the key that the message names, where the table is written line by line.
+        let refuse_in = |table: &str, offset: usize, message: String| ConfigError::Value {
+            file: file.clone(),
+            line: line_of(text, table, &message).unwrap_or_else(|| line_at(offset)),
+            message,
+        };
         let parsed: FileConfig = toml::from_str(text).map_err(|e| ConfigError::Syntax {
             file: file.clone(),
             line: line_at(e.span().map_or(0, |s| s.start)),
@@ -345,13 +353,13 @@ impl Config {
                 let FromMap(joints) = table.into_inner();
                 joints
                     .check_beside(&layout, &sources)
-                    .map_err(|e| refuse(offset, e.to_string()))?;
+                    .map_err(|e| refuse_in("joints", offset, e.to_string()))?;
                 Some(joints)
             }
             None => None,
         };
 
-        /// The table's value, or the default; then its check, with the table's line on failure.
+        /// The table's value, or the default; then its check, with the line of the key or the table on failure.
         macro_rules! section {
             ($name:ident, $check:expr) => {{
                 let (offset, value) = match parsed.$name {
@@ -359,7 +367,7 @@ impl Config {
                     None => (0, Default::default()),
                 };
                 let check: Result<(), String> = $check(&value);
-                check.map_err(|message| refuse(offset, message))?;
+                check.map_err(|message| refuse_in(stringify!($name), offset, message))?;
                 value
             }};
         }

@@ -21,10 +21,18 @@ pub(crate) fn problem(text: &str, span: Option<Range<usize>>, message: &str) -> 
     let line = text.get(line_start..).and_then(|rest| rest.lines().next());
     let line = line.unwrap_or_default().trim_start();
     let is_bus = line.starts_with("[bus]") || line.starts_with("bus");
-    if is_bus && said.starts_with("a list is wanted") {
+    let is_twice = message == "duplicate key" && line.starts_with('[') && !line.starts_with("[[");
+    if is_bus && (is_twice || said.starts_with("a list is wanted")) {
         return "write [[bus]], with two brackets, once for each bus of the hand, and below it a line such as \
                 source = \"can:can0\""
             .into();
+    }
+    if is_twice {
+        let table = line.trim_matches(['[', ']']);
+        return format!("the table [{table}] is there twice; an entry of a list is written [[{table}]]");
+    }
+    if let Some(number) = decimal_comma(line) {
+        return format!("{number} has a decimal comma; write {}", number.replace(',', "."));
     }
     let unknown = said
         .strip_prefix("unknown key `")
@@ -34,6 +42,14 @@ pub(crate) fn problem(text: &str, span: Option<Range<usize>>, message: &str) -> 
         Some((key, table)) => format!("unknown key `{key}` here: it belongs below a line {table}"),
         None => said,
     }
+}
+
+/// The number of `key = 30,5`.
+fn decimal_comma(line: &str) -> Option<&str> {
+    let value = line.split_once('=')?.1.split('#').next()?.trim();
+    let (whole, fraction) = value.split_once(',')?;
+    let is_digits = |text: &str| !text.is_empty() && text.bytes().all(|digit| digit.is_ascii_digit());
+    (is_digits(whole.trim_start_matches(['+', '-'])) && is_digits(fraction)).then_some(value)
 }
 
 /// The table that has this key, as its line in the file.

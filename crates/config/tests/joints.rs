@@ -33,14 +33,14 @@ fn servos_are_read_beside_live_buses_and_not_beside_a_recording() {
 fn a_wrong_joints_table_is_refused_with_its_line() {
     for (joints, parts) in [
         (SERVOS.replace("name", "nmae"), ["taxeld.toml:12:", "nmae"]),
-        (SERVOS.replace("id = 1", "id = 253"), ["taxeld.toml:8:", "253"]),
+        (SERVOS.replace("id = 1", "id = 253"), ["taxeld.toml:11:", "253"]),
         (
             SERVOS.replace("dynamixel:/dev/ttyUSB0", "serial"),
             ["taxeld.toml:9:", "dynamixel:DEVICE"],
         ),
         (
             "[joints]\nsource = \"allegro:can2\"\n".into(),
-            ["taxeld.toml:8:", "version"],
+            ["taxeld.toml:9:", "version"],
         ),
         (
             "[joints]\nsource = \"allegro:sim:tap\"\nallegro.version = 4\n".into(),

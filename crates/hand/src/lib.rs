@@ -14,6 +14,7 @@ mod pose;
 mod profile;
 mod profile_error;
 mod range;
+mod whole_list;
 
 pub use did_you_mean::{closest, did_you_mean};
 pub use frame::{FORCE_MAX, FORCE_MIN, Fault, Faults, ForceFrame, Freshness, TactileFrame};
@@ -27,6 +28,7 @@ pub use profile::{
 };
 pub use profile_error::ProfileError;
 pub use range::{RangeError, check_range};
+pub use whole_list::{Whole, WholeList};
 
 /// The examples of the README compile, and those that can run do.
 #[cfg(doctest)]

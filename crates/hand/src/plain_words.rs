@@ -26,6 +26,12 @@ pub fn plain_words(message: &str) -> String {
             return told;
         }
     }
+    if let Some((found, wanted)) = message
+        .strip_prefix("invalid length ")
+        .and_then(|rest| rest.split_once(", expected an array of length "))
+    {
+        return format!("a list of {wanted} is wanted here, not of {found}");
+    }
     if let Some(key) = message.strip_prefix("missing field `") {
         return format!("the key `{key} is missing here");
     }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::FromMap;
+use crate::{FromMap, WholeList};
 use serde::de::{Deserializer, Error as _, Unexpected};
 use serde::{Deserialize, Serialize};
 
@@ -90,7 +90,7 @@ pub struct Profile {
     /// Places `[x, y]` of a display's actuators that cannot move, in `coordinates`, 1 to 256 of
     /// them and as many as `actuators`; an actuator's id is its place in this list. Empty for a
     /// display that shows an actuator wherever it is wanted.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[serde(skip_serializing_if = "Vec::is_empty", deserialize_with = "WholeList::read")]
     pub fixed: Vec<[f64; 2]>,
 }
 
@@ -326,7 +326,15 @@ mod tests {
             ("codebook = [nan]", "codebook entry 0 (NaN) is not a force above"),
             (
                 "codebook = [2.0, 2.0]",
-                "codebook entry 1 (2) is not a force above",
+                "codebook entry 1 (2) is not a force above the one before it",
+            ),
+            (
+                "codebook = [-5.0, 3.0]",
+                "codebook entry 0 (-5) is not a force above 0",
+            ),
+            (
+                "codebook = [1.0]\njnd = 0.07\nforce_min = 1.0\nforce_max = 50.0",
+                "codebook cannot be combined with jnd",
             ),
             (
                 "level_steps = 'equal'\nforce_min = 1.0\nforce_max = 1e39",

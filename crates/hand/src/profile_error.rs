@@ -23,7 +23,10 @@ pub enum ProfileError {
         levels: u16,
     },
     /// A codebook that is not ascending and positive.
-    #[error("profile: codebook entry {index} ({value}) is not a force above the one before it")]
+    #[error(
+        "profile: codebook entry {index} ({value}) is not a force above {}",
+        if *index == 0 { "0" } else { "the one before it" }
+    )]
     CodebookNotAscending {
         /// Place in the codebook, from 0.
         index: usize,
@@ -114,6 +117,23 @@ pub enum ProfileError {
         x: f64,
         /// Its second coordinate.
         y: f64,
+    },
+    /// A place beside the image.
+    #[error(
+        "profile: place {index} of fixed, [{x}, {y}], is outside the {width}x{height} image of this hand; places are \
+         pixels, from 0, unless coordinates = \"hand\""
+    )]
+    PlaceOutsideImage {
+        /// Its number, from 0.
+        index: usize,
+        /// Its column.
+        x: f64,
+        /// Its row.
+        y: f64,
+        /// Width of the image.
+        width: u16,
+        /// Height of the image.
+        height: u16,
     },
     /// A budget for a part that the hand does not have.
     #[error("profile: budgets names {part:?}, but the parts of this hand are {parts}")]
@@ -227,6 +247,10 @@ impl Profile {
         ];
         let mut set = sources.iter().filter(|(_, set)| *set);
         if let (Some((field, _)), Some((other, _))) = (set.next(), set.next()) {
+            return Err(ProfileError::Conflict { field, other });
+        }
+        if !self.codebook.is_empty() && self.jnd.is_some() {
+            let (field, other) = ("codebook", "jnd");
             return Err(ProfileError::Conflict { field, other });
         }
         Ok(())

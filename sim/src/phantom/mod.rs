@@ -6,7 +6,8 @@ mod layer;
 
 use crate::random::{bell, bits};
 use layer::{Bead, Face, PITCH_MM, Pose, Square, THICKNESS_MM};
-use serde::Deserialize;
+use serde::{Deserialize, Deserializer};
+use taxel_hand::WholeList;
 use taxel_sequence::{Mark, Motion};
 
 /// Taxels of the probe: one in the middle and six around it.
@@ -79,10 +80,17 @@ impl Inclusion {
     }
 }
 
+impl<'de> WholeList<'de> for Inclusion {
+    fn read<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        Self::deserialize(deserializer)
+    }
+}
+
 /// The keys of `[palpation]` in a scene file.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct PalpationToml {
+    #[serde(deserialize_with = "WholeList::read")]
     areas: [[Inclusion; GRID]; GRID],
     depth_mm: f64,
     #[serde(default)]

@@ -83,8 +83,9 @@ impl Outcome {
             std::fs::write(folder.path().join(name), text).context("a layout file to check")?;
         }
         let name = self.config_path.file_name().unwrap_or_default();
-        let config = Config::parse(&self.config, &folder.path().join(name))?;
-        Ok(taxeld::check(&config)?)
+        let path = folder.path().join(name);
+        let config = Config::parse(&self.config, &path)?;
+        Ok(taxeld::check(&config, &self.config, &path)?)
     }
 
     /// Writes the files, the layout first.

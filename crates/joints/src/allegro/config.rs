@@ -2,7 +2,7 @@
 
 use crate::error::JointsConfigError;
 use serde::Deserialize;
-use taxel_hand::check_range;
+use taxel_hand::{WholeList, check_range};
 
 /// Joints of the hand.
 pub const ALLEGRO_JOINTS: usize = 16;
@@ -19,11 +19,11 @@ pub struct AllegroConfig {
     #[serde(default)]
     pub device: u8,
     /// Sign of each encoder, 1 or -1, as in the hand's `zero.yaml`.
-    #[serde(default = "all_forward")]
+    #[serde(default = "all_forward", deserialize_with = "WholeList::read")]
     pub enc_dir: [i8; ALLEGRO_JOINTS],
     /// Offset of each encoder, counts, as in the hand's `zero.yaml`. Versions 1 to 3 read wrong
     /// angles without it.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "WholeList::read")]
     pub enc_offset: [i32; ALLEGRO_JOINTS],
     /// Whether no other program controls the hand, so that it has to be started. Without it nothing
     /// is ever sent.

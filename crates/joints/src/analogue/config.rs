@@ -3,7 +3,7 @@
 use crate::error::JointsConfigError;
 use serde::Deserialize;
 use std::path::PathBuf;
-use taxel_hand::{FromMap, check_range};
+use taxel_hand::{FromMap, WholeList, check_range};
 
 /// Readings kept per joint: a third of a second at 100 lines a second.
 pub(crate) const READINGS_KEPT: usize = 32;
@@ -19,7 +19,7 @@ pub struct AnalogueConfig {
     pub baud: u32,
     /// What the converter gives at its two ends, counts. A count at an end or beyond is no angle: it is what a wire that is
     /// off gives.
-    #[serde(default = "default_ends")]
+    #[serde(default = "default_ends", deserialize_with = "WholeList::read")]
     pub ends: [f64; 2],
     /// The joints, in the order in which their angles are given, behind those of the other source.
     #[serde(deserialize_with = "FromMap::list")]
@@ -35,8 +35,10 @@ pub struct AnalogueJointConfig {
     /// Where its counts are in a line: a place from 0, or the name in front of them.
     pub channel: Channel,
     /// Two counts for which the angle is known; they differ.
+    #[serde(deserialize_with = "WholeList::read")]
     pub counts: [f64; 2],
     /// The angles there, degrees.
+    #[serde(deserialize_with = "WholeList::read")]
     pub degrees: [f64; 2],
 }
 

@@ -109,8 +109,8 @@ impl DynamixelConfig {
                 "joints.",
                 key("homing_rad"),
                 servo.homing_rad,
-                -1608.0..=1608.0,
-                "rad",
+                -6.3..=6.3,
+                "rad (180 degrees are 3.1416)",
             )?;
             if servo.direction != 1 && servo.direction != -1 {
                 return Err(JointsConfigError::Direction {

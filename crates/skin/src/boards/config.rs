@@ -2,7 +2,7 @@
 
 use crate::range::check_ranges;
 use serde::{Deserialize, Serialize};
-use taxel_hand::RangeError;
+use taxel_hand::{RangeError, check_range};
 
 /// How boards are started and watched: the `[boards]` table of the configuration.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -63,14 +63,23 @@ impl BoardsConfig {
                 ("trigger_hz", self.trigger_hz, 1.0, 200.0),
                 ("silence_ms", self.silence_ms, 20.0, 60_000.0),
                 ("restart_first_ms", self.restart_first_ms, 10.0, 60_000.0),
-                (
-                    "restart_longest_ms",
-                    self.restart_longest_ms,
-                    self.restart_first_ms,
-                    600_000.0,
-                ),
+                ("restart_longest_ms", self.restart_longest_ms, 10.0, 600_000.0),
                 ("command_gap_ms", self.command_gap_ms, 0.1, 100.0),
             ],
+        )?;
+        // Of two that do not go together the one is at fault that was written.
+        let (first, longest) = (self.restart_first_ms, self.restart_longest_ms);
+        if longest == Self::default().restart_longest_ms {
+            let most = "ms, the restart_longest_ms";
+            return check_range("boards: ", "restart_first_ms", first, 10.0..=longest, most);
+        }
+        let least = "ms, from restart_first_ms on";
+        check_range(
+            "boards: ",
+            "restart_longest_ms",
+            longest,
+            first..=600_000.0,
+            least,
         )
     }
 }

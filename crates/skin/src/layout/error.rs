@@ -209,6 +209,16 @@ pub enum LayoutProblem {
         /// The module.
         module: String,
     },
+    /// An order whose numbers begin with 1.
+    #[error(
+        "module {module:?}: its order has the taxels 1 to {taxels}, and taxels are counted from 0: write one less for each"
+    )]
+    OrderFromOne {
+        /// The module.
+        module: String,
+        /// How many taxels it has.
+        taxels: usize,
+    },
     /// A taxel outside the image.
     #[error(
         "taxel k = {k} of module {module:?} is at pixel ({x}, {y}), outside the image of {width} x {height}"

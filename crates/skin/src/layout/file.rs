@@ -35,7 +35,12 @@ pub(crate) fn parse(text: &str, file: &str) -> Result<Layout, LayoutError> {
     let source = Source::new(file, text);
     let parsed: FileLayout = toml::from_str(text).or_else(|e| {
         let span = e.span().unwrap_or(0..0);
-        source.refuse(&span, LayoutProblem::Syntax(plain_words(e.message())))
+        let line = text.lines().nth(source.line(&span) - 1).unwrap_or_default();
+        let why = match line.trim_start().starts_with("[module]") {
+            true => "write [[module]], with two brackets, once for each module".into(),
+            false => plain_words(e.message()),
+        };
+        source.refuse(&span, LayoutProblem::Syntax(why))
     })?;
 
     let image = &parsed.image;
@@ -166,7 +171,7 @@ fn accept_module(
         .or_else(|(span, why)| source.refuse(&span, LayoutProblem::Place { module: name(), why }))?;
 
     let first_taxel = accepted.taxels.len();
-    let [left, top] = *module.at.get_ref();
+    let [left, top] = module.at.get_ref().0;
     for (cell, position_mm) in cells.iter().zip(positions) {
         let (row, column) = turn(cell.row, cell.column, rows, columns, rotation);
         let (x, y) = (left.saturating_add(column as i64), top.saturating_add(row as i64));

@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 use std::ops::Range;
-use taxel_hand::Pose;
+use taxel_hand::{Pose, WholeList};
 use toml::Spanned;
 
 /// How far from 1 the length of an orientation may be; it is then made 1.
@@ -16,7 +16,9 @@ type Misplaced = (Range<usize>, String);
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct FilePose {
+    #[serde(deserialize_with = "WholeList::read")]
     position_mm: [f64; 3],
+    #[serde(deserialize_with = "WholeList::read")]
     orientation: [f64; 4],
 }
 

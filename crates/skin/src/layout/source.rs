@@ -9,7 +9,7 @@ use crate::protocol::icub::setup::IcubSetup;
 use serde::Deserialize;
 use std::collections::HashMap;
 use std::ops::Range;
-use taxel_hand::{Module, Taxel};
+use taxel_hand::{Module, Taxel, Whole};
 use toml::Spanned;
 
 /// A module as it is written.
@@ -23,15 +23,15 @@ pub(crate) struct FileModule {
     pub(crate) hub: Option<Spanned<String>>,
     pub(crate) icub: Option<Spanned<IcubSetup>>,
     pub(crate) protocol: Spanned<String>,
-    pub(crate) at: Spanned<[i64; 2]>,
+    pub(crate) at: Spanned<Whole<[i64; 2]>>,
     pub(crate) rotation: Option<Spanned<i64>>,
     pub(crate) rows: Option<Spanned<i64>>,
     pub(crate) columns: Option<Spanned<i64>>,
     pub(crate) order: Option<Spanned<Vec<Spanned<Vec<i64>>>>>,
     pub(crate) pitch_mm: Option<Spanned<f64>>,
-    pub(crate) origin_mm: Option<Spanned<[f64; 3]>>,
-    pub(crate) axes: Option<Spanned<[[f64; 3]; 2]>>,
-    pub(crate) positions_mm: Option<Spanned<Vec<[f64; 3]>>>,
+    pub(crate) origin_mm: Option<Spanned<Whole<[f64; 3]>>>,
+    pub(crate) axes: Option<Spanned<Whole<[[f64; 3]; 2]>>>,
+    pub(crate) positions_mm: Option<Spanned<Whole<Vec<[f64; 3]>>>>,
     pub(crate) pose: Option<Spanned<FilePose>>,
     pub(crate) joint: Option<Spanned<String>>,
 }

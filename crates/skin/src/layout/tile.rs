@@ -101,6 +101,14 @@ pub(crate) fn check_order(
         return source.refuse(&order.span(), LayoutProblem::OrderEmpty { module: name() });
     }
     cells.sort_by_key(|c| c.k);
+    let counts_from_1 = cells.iter().zip(1..).all(|(cell, k)| cell.k == k);
+    if counts_from_1 && cells.len() > 1 && !protocol.0.is_temperature(0, icub) {
+        let problem = LayoutProblem::OrderFromOne {
+            module: name(),
+            taxels: cells.len(),
+        };
+        return source.refuse(&order.span(), problem);
+    }
     Ok(([rows.len(), columns], cells))
 }
 
@@ -176,7 +184,7 @@ pub(crate) fn check_positions(
     let finite = |place: &[f64; 3]| place.iter().all(|v| v.is_finite() && v.abs() <= 1e6);
     if let Some(list) = &module.positions_mm {
         let span = list.span();
-        let list = list.get_ref();
+        let list = &list.get_ref().0;
         if module.pitch_mm.is_some() || module.origin_mm.is_some() || module.axes.is_some() {
             return refuse(
                 &span,
@@ -217,13 +225,13 @@ pub(crate) fn check_positions(
             format!("pitch_mm = {p} is not above 0 and up to 1000"),
         );
     }
-    if !finite(origin.get_ref()) {
+    if !finite(&origin.get_ref().0) {
         return refuse(&origin.span(), "origin_mm is not within 1e6 mm".into());
     }
     let axes = match &module.axes {
         None => [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
         Some(axes) => {
-            let [a, b] = *axes.get_ref();
+            let [a, b] = axes.get_ref().0;
             let dot = |u: [f64; 3], v: [f64; 3]| u[0] * v[0] + u[1] * v[1] + u[2] * v[2];
             let near = |value: f64, expected: f64| (value - expected).abs() <= 0.02;
             if !(near(dot(a, a), 1.0) && near(dot(b, b), 1.0) && near(dot(a, b), 0.0)) {
@@ -237,7 +245,7 @@ pub(crate) fn check_positions(
         .iter()
         .map(|cell| {
             let place = |i: usize| {
-                origin.get_ref()[i] + p * (cell.column as f64 * axes[0][i] + cell.row as f64 * axes[1][i])
+                origin.get_ref().0[i] + p * (cell.column as f64 * axes[0][i] + cell.row as f64 * axes[1][i])
             };
             Some([place(0) as f32, place(1) as f32, place(2) as f32])
         })

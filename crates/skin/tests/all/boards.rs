@@ -474,7 +474,7 @@ fn settings_outside_their_range_are_named_with_their_limits() {
         ),
         (
             |c| c.restart_longest_ms = 50.0,
-            "boards: restart_longest_ms = 50 is outside 100 to 600000",
+            "boards: restart_longest_ms = 50 is outside 100 to 600000 ms, from restart_first_ms on",
         ),
         (
             |c| c.command_gap_ms = 0.0,

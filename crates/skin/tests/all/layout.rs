@@ -213,6 +213,21 @@ fn what_cannot_be_is_refused_with_file_and_line() {
             second(&["at = [5, 4]"]),
             &["hand.toml:17:", "pixel (8, 4)", "8 x 8"],
         ),
+        (
+            second(&["at = [8, 0, 77]"]),
+            &["hand.toml:17:", "a list of 2 is wanted here, not of 3"],
+        ),
+        (
+            first(&["order = [[1, 2, 3, 4], [5, 6, 7, 8], [9, 10, 11, 12], [13, 14, 15, 16]]"]),
+            &[
+                "hand.toml:11:",
+                "its order has the taxels 1 to 16, and taxels are counted from 0",
+            ],
+        ),
+        (
+            first(&[]).replace("[[module]]", "[module]"),
+            &["hand.toml:4:", "write [[module]], with two brackets"],
+        ),
         (second(&["at = [-1, 4]"]), &["hand.toml:17:", "pixel (-1, 4)"]),
         (
             second(&["at = [9223372036854775807, 0]"]),
