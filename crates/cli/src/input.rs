@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use taxel_playback::recorded::{self, Head};
 use taxel_playback::stand_in;
 use taxel_playback::traffic::Traffic;
-use taxel_record::{Columns, ReadOptions, Recording, TimeUnit, Void};
+use taxel_record::{Columns, ReadOptions, RecordError, Recording, TimeUnit, Void};
 use taxel_sim::Scene;
 use taxel_skin::Layout;
 
@@ -93,7 +93,12 @@ impl InputArgs {
             void: self.void.clone(),
             idle_frames: self.idle,
         };
-        let recording = Recording::open(&self.path, &options)?;
+        let recording = Recording::open(&self.path, &options).map_err(|error| match error {
+            RecordError::NotANumber { .. } => {
+                anyhow::anyhow!("{error}; --void nan says that cells which are no number are no taxels")
+            }
+            error => error.into(),
+        })?;
         if let Some(column) = recording.unitless_time() {
             eprintln!(
                 "taxel: {}: the column {column:?} is taken for seconds; --time-column UNIT says otherwise",

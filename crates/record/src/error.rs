@@ -24,6 +24,16 @@ pub enum RecordError {
         /// What is wrong and what to do.
         reason: String,
     },
+    /// A magnitude that is not a number, where every cell of a frame is a taxel.
+    #[error("{at}: frame {frame}, taxel {taxel} is NaN; a magnitude is a finite number")]
+    NotANumber {
+        /// File, and the array where there is one.
+        at: String,
+        /// The frame, from 0.
+        frame: usize,
+        /// The taxel, from 0.
+        taxel: usize,
+    },
     /// A readable file that does not hold what was asked for: its arrays or their shape.
     #[error("{at} {holds}")]
     Unfit {

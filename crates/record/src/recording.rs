@@ -296,11 +296,11 @@ fn magnitudes(
         None => (0..all).collect(),
     };
     let (frame, taxel, value) = (i / taxels.len(), taxels[i % taxels.len()], values[i]);
-    let advice = match value.is_nan() {
-        true => "; --void nan says that cells which are no number are no taxels",
-        false => "",
-    };
-    let reason = format!("frame {frame}, taxel {taxel} is {value}; a magnitude is a finite number{advice}");
+    if value.is_nan() {
+        let at = at.to_owned();
+        return Err(RecordError::NotANumber { at, frame, taxel });
+    }
+    let reason = format!("frame {frame}, taxel {taxel} is {value}; a magnitude is a finite number");
     Err(RecordError::unreadable(at, reason))
 }
 

@@ -1,10 +1,11 @@
 //! Touches that a manifest names.
 
 use super::touches::{Set, above_baseline, of_scene, places, values};
-use anyhow::{Context, bail, ensure};
+use anyhow::{Context, anyhow, bail, ensure};
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
+use taxel_hand::did_you_mean;
 use taxel_record::{Columns, ReadOptions, Recording};
 use taxel_sequence::{Motion, Touch};
 
@@ -39,6 +40,11 @@ pub(crate) struct Job {
     rows: Vec<(u64, Row)>,
 }
 
+/// What its columns may be.
+const COLUMNS: [&str; 8] = [
+    "file", "label", "area", "time", "phantom", "motion", "depth", "radius",
+];
+
 /// Bytes in which the line that names the columns is looked for: a recording may be large.
 const HEAD: u64 = 1 << 16;
 
@@ -48,17 +54,19 @@ const HEAD: u64 = 1 << 16;
 /// Where the first line is one of a manifest already, for want of the names.
 pub(crate) fn is_manifest(path: &Path) -> anyhow::Result<bool> {
     let is_csv = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv"));
-    match first_line(path).ok().filter(|_| is_csv) {
-        Some((names, _)) => names_files(path, &names),
+    match first_lines(path).ok().filter(|_| is_csv) {
+        Some(head) => names_files(path, &head),
         None => Ok(false),
     }
 }
 
-fn names_files(path: &Path, names: &[String]) -> anyhow::Result<bool> {
-    let is_recording = |name: &&String| {
-        let endings = [".npy", ".npz", ".csv", ".mcap"];
-        name.starts_with("sim:") || name.contains(".npz:") || endings.iter().any(|end| name.ends_with(end))
-    };
+fn is_recording(name: &&String) -> bool {
+    let endings = [".npy", ".npz", ".csv", ".mcap"];
+    name.starts_with("sim:") || name.contains(".npz:") || endings.iter().any(|end| name.ends_with(end))
+}
+
+fn names_files(path: &Path, head: &Head) -> anyhow::Result<bool> {
+    let Head { names, second, .. } = head;
     if let Some(file) = names.iter().find(is_recording) {
         bail!(
             "{}: its first line names the recording {file:?}; a manifest begins with the names of its columns, such \
@@ -66,16 +74,31 @@ fn names_files(path: &Path, names: &[String]) -> anyhow::Result<bool> {
             path.display()
         );
     }
-    Ok(names.iter().any(|name| name == "file"))
+    let has_files = names.iter().any(|name| name == "file");
+    match second.iter().find(is_recording) {
+        Some(file) if !has_files => bail!(
+            "{}: it names the recording {file:?} in a column that is not called file; a manifest may have the columns {}",
+            path.display(),
+            COLUMNS.join(", ")
+        ),
+        _ => Ok(has_files),
+    }
 }
 
-/// The cells of the line that names the columns, and what separates them.
-fn first_line(path: &Path) -> anyhow::Result<(Vec<String>, u8)> {
+/// The cells of the line that names the columns and of the next, and what separates them.
+struct Head {
+    names: Vec<String>,
+    second: Vec<String>,
+    delimiter: u8,
+}
+
+fn first_lines(path: &Path) -> anyhow::Result<Head> {
     let mut head = Vec::new();
     File::open(path)?.take(HEAD).read_to_end(&mut head)?;
     let text = String::from_utf8_lossy(&head);
-    let mut lines = text.trim_start_matches('\u{feff}').lines();
-    let line = lines.find(|line| !line.starts_with('#')).unwrap_or_default();
+    let lines = text.trim_start_matches('\u{feff}').lines();
+    let mut lines = lines.filter(|line| !line.starts_with('#'));
+    let line = lines.next().unwrap_or_default();
     let delimiter = b";,\t".iter().find(|byte| line.as_bytes().contains(byte));
     let delimiter = *delimiter.unwrap_or(&b',');
     let mut reader = csv::ReaderBuilder::new();
@@ -83,23 +106,46 @@ fn first_line(path: &Path) -> anyhow::Result<(Vec<String>, u8)> {
         .trim(csv::Trim::All)
         .has_headers(false)
         .delimiter(delimiter);
-    let mut records = reader.from_reader(line.as_bytes()).into_records();
-    let cells = records.next().transpose()?.unwrap_or_default();
-    Ok((cells.iter().map(str::to_owned).collect(), delimiter))
+    let cells = |line: &str| -> anyhow::Result<Vec<String>> {
+        let mut records = reader.from_reader(line.as_bytes()).into_records();
+        let cells = records.next().transpose()?.unwrap_or_default();
+        Ok(cells.iter().map(str::to_owned).collect())
+    };
+    Ok(Head {
+        names: cells(line)?,
+        second: cells(lines.next().unwrap_or_default())?,
+        delimiter,
+    })
 }
 
 /// What a manifest names, in its order.
 pub(crate) fn read_manifest(path: &Path, columns: Option<Columns>) -> anyhow::Result<Vec<Job>> {
-    let (names, delimiter) = first_line(path).with_context(|| path.display().to_string())?;
+    let head = first_lines(path).with_context(|| path.display().to_string())?;
     ensure!(
-        names_files(path, &names)?,
+        names_files(path, &head)?,
         "{}: a manifest has a column called file",
         path.display()
     );
+    if let Some(other) = head.names.iter().find(|name| !COLUMNS.contains(&name.as_str())) {
+        let meant = match other.as_str() {
+            "class" => "; did you mean `label`?".into(),
+            _ => did_you_mean(other, COLUMNS),
+        };
+        let may_have = if meant.is_empty() {
+            "; a manifest"
+        } else {
+            " A manifest"
+        };
+        bail!(
+            "{}: unknown column `{other}`{meant}{may_have} may have the columns {}",
+            path.display(),
+            COLUMNS.join(", ")
+        );
+    }
     let mut reader = csv::ReaderBuilder::new()
         .trim(csv::Trim::All)
         .comment(Some(b'#'))
-        .delimiter(delimiter)
+        .delimiter(head.delimiter)
         .from_path(path)
         .with_context(|| path.display().to_string())?;
     let headers = reader
@@ -111,7 +157,16 @@ pub(crate) fn read_manifest(path: &Path, columns: Option<Columns>) -> anyhow::Re
         let record = record.with_context(|| path.display().to_string())?;
         let line = record.position().map_or(0, csv::Position::line);
         let at = || format!("{}:{line}", path.display());
-        let row: Row = record.deserialize(Some(&headers)).with_context(at)?;
+        let row: Row = record.deserialize(Some(&headers)).map_err(|error| {
+            let no_number = match error.kind() {
+                csv::ErrorKind::Deserialize { err, .. } => err.field(),
+                _ => None,
+            };
+            match no_number.and_then(|n| Some((headers.get(n as usize)?, record.get(n as usize)?))) {
+                Some((column, cell)) => anyhow!("{}: {column} {cell:?} is not a number", at()),
+                None => anyhow!("{}: {error}", at()),
+            }
+        })?;
         if let Some(time) = row.time.filter(|time| !(0.0..1e9).contains(time)) {
             bail!(
                 "{}: time {time}; a touch begins at a number of seconds from 0 on",

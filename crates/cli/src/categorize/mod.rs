@@ -398,6 +398,14 @@ fn human(set: &Set, report: &Report) -> String {
             "  agrees with classes    {accuracy:.3} of the touches, ARI {ari:.3}"
         );
     }
+    let without = set.labels.iter().filter(|label| label.is_empty()).count();
+    if (1..set.labels.len()).contains(&without) {
+        let all = set.labels.len();
+        let _ = writeln!(
+            text,
+            "  agrees with classes    not known: {without} of {all} touches have no class"
+        );
+    }
     for (label, _) in report
         .labels
         .iter()

@@ -156,6 +156,9 @@ fn what_cannot_be_categorised_is_named() {
     write("mixed.csv", "file,time\nframes.csv,0\nwide.csv,0\n");
     write("same.csv", "file,time\nwide.csv,0\nwide.csv,0\n");
     write("unknown.csv", "file,colour\nframes.csv,red\n");
+    write("class.csv", "file,class\nframes.csv,a\n");
+    write("unnamed.csv", "recording,label\nframes.csv,a\n");
+    write("deep.csv", "file,depth\nframes.csv,deep\n");
     write("bad-marks.csv", "0.5 touch\n");
     write("nan.csv", "file,time\nframes.csv,nan\nframes.csv,1\n");
     write("before.csv", "file,time\nframes.csv,1\nframes.csv,-1\n");
@@ -168,7 +171,19 @@ fn what_cannot_be_categorised_is_named() {
         (&["turned.csv"], "turned.csv:2: a rotary motion of radius 0 mm"),
         (&["mixed.csv"], "they are of different probes"),
         (&["same.csv"], "all 2 touches are the same"),
-        (&["unknown.csv"], "unknown.csv:2"),
+        (
+            &["unknown.csv"],
+            "unknown.csv: unknown column `colour`; a manifest may have the columns file, label, ",
+        ),
+        (
+            &["class.csv"],
+            "class.csv: unknown column `class`; did you mean `label`? A manifest may have",
+        ),
+        (
+            &["unnamed.csv"],
+            "unnamed.csv: it names the recording \"frames.csv\" in a column that is not called file",
+        ),
+        (&["deep.csv"], "deep.csv:2: depth \"deep\" is not a number"),
         (&["nan.csv"], "nan.csv:2: time NaN; a touch begins at"),
         (&["before.csv"], "before.csv:3: time -1; a touch begins at"),
         (
@@ -198,6 +213,18 @@ fn what_cannot_be_categorised_is_named() {
         let err = fails(&dir, &[&["categorize", "--classes", "2"], args].concat(), 1);
         assert!(err.contains(words), "{args:?}: {err}");
     }
+    let manifest = std::fs::read_to_string(dir.path().join("manifest.csv")).unwrap();
+    write("some.csv", &manifest.replacen(",soft,", ",,", 2));
+    let (out, _) = succeeds(&dir, &["categorize", "some.csv", "--classes", "2"]);
+    assert!(out.contains("not known: 2 of 6 touches have no class"), "{out}");
+    let frames = ndarray::Array2::<f32>::from_elem((9, 4), f32::NAN);
+    ndarray_npy::write_npy(dir.path().join("nan.npy"), &frames).unwrap();
+    write("nans.csv", "file\nnan.npy\n");
+    let err = fails(&dir, &["categorize", "nans.csv", "--classes", "2"], 1);
+    assert!(
+        err.contains("a magnitude is a finite number") && !err.contains("--void"),
+        "{err}"
+    );
     let err = fails(&dir, &["categorize", "manifest.csv", "--classes", "7"], 1);
     assert!(
         err.contains("7 categories of 6 different touches; ask for 2 to 6"),
