@@ -39,17 +39,68 @@ pub(crate) fn man(args: &ManArgs, mut taxel: clap::Command) -> anyhow::Result<()
     taxel = taxel.disable_help_subcommand(true);
     // Commands have their whole names from here on.
     taxel.build();
-    for command in taxel.get_subcommands().filter(|command| !command.is_hide_set()) {
-        write_page(folder, command.clone(), "1")?;
-    }
-    write_page(folder, taxel, "1")?;
-    write_page(folder, taxeld::Arguments::command(), "8")
+    write_pages(folder, &taxel, "1")?;
+    write_pages(folder, &taxeld::Arguments::command(), "8")
 }
 
-fn write_page(folder: &Path, command: clap::Command, section: &str) -> anyhow::Result<()> {
+/// The page of a command, and those of its own commands, to which it refers.
+fn write_pages(folder: &Path, command: &clap::Command, section: &str) -> anyhow::Result<()> {
+    for command in command.get_subcommands().filter(|command| !command.is_hide_set()) {
+        write_pages(folder, command, section)?;
+    }
     let name = command.get_display_name().unwrap_or(command.get_name());
     let path = folder.join(format!("{name}.{section}"));
     let mut page = Vec::new();
-    Man::new(command).section(section).render(&mut page)?;
+    Man::new(command.clone()).section(section).render(&mut page)?;
+    let page = improved(&String::from_utf8(page)?, command);
     fs::write(&path, page).with_context(|| format!("cannot write {}", path.display()))
+}
+
+/// What clap_mangen leaves to be done: values of options in the synopsis, what follows the options as it was written, and
+/// pages where packages have them.
+fn improved(page: &str, command: &clap::Command) -> String {
+    let (head, extra) = page.split_once(".SH EXTRA\n").unwrap_or((page, ""));
+    let mut synopsis = true;
+    let mut text = String::new();
+    for line in head.lines() {
+        synopsis &= !line.starts_with(".SH DESCRIPTION");
+        text += &match synopsis {
+            true => with_values(line, command),
+            false => line.to_owned(),
+        };
+        text.push('\n');
+    }
+    if !extra.is_empty() {
+        // Words that are not to be broken: commands, and keys of JSON.
+        text += ".SH EXAMPLES AND NOTES\n.nh\n.ad l\n";
+    }
+    let mut as_it_is = false;
+    for line in extra.lines() {
+        if as_it_is != line.starts_with(' ') {
+            as_it_is = !as_it_is;
+            text += if as_it_is { ".nf\n" } else { ".fi\n" };
+        }
+        text += line;
+        text.push('\n');
+    }
+    text.replace("docs/", "/usr/share/doc/taxeld/")
+}
+
+/// A line of the synopsis with the value that each option takes.
+fn with_values(line: &str, command: &clap::Command) -> String {
+    let mut line = line.to_owned();
+    for option in command
+        .get_arguments()
+        .filter(|argument| !argument.is_positional())
+    {
+        let takes = option.get_action().takes_values();
+        let (Some(long), Some(values), true) = (option.get_long(), option.get_value_names(), takes) else {
+            continue;
+        };
+        let name = format!("\\fB\\-\\-{}\\fR", long.replace('-', "\\-"));
+        let with_value = format!("{name} \\fI{}\\fR", values.join(" ").replace('-', "\\-"));
+        line = line.replace(&format!("<{name}>"), &with_value);
+        line = line.replace(&format!("[{name}]"), &format!("[{with_value}]"));
+    }
+    line
 }

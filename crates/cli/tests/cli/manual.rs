@@ -24,7 +24,27 @@ fn every_command_has_a_manual_page_and_so_has_the_daemon() {
         let text = page(&format!("taxel-{name}.1"));
         assert!(text.contains(&format!(".TH taxel-{name} 1")), "{text}");
     }
-    assert!(page("taxel.1").contains("taxel\\-watch(1)") && page("taxeld.8").contains("config"));
+    assert!(page("taxel.1").contains("taxel\\-watch(1)"));
+    let daemon = page("taxeld.8");
+    assert!(daemon.contains("\\fB\\-\\-config\\fR \\fIFILE\\fR"), "{daemon}");
+    assert!(daemon.contains("/usr/share/doc/taxeld/guide.md"), "{daemon}");
+    // Every page that one refers to is there.
+    let pages = fs::read_dir(dir.path().join("pages")).unwrap();
+    let mut referred = 0;
+    for entry in pages {
+        let text = fs::read_to_string(entry.unwrap().path()).unwrap();
+        assert!(!text.contains(".SH EXTRA"), "{text}");
+        for name in text.lines().filter_map(|line| line.strip_suffix("(1)")) {
+            page(&format!("{}.1", name.replace('\\', "")));
+            referred += 1;
+        }
+    }
+    assert!(referred > 20);
+    let examples = page("taxel-config.1");
+    assert!(
+        examples.contains("Examples:\n.nf\n  taxel config init >"),
+        "{examples}"
+    );
 }
 
 #[test]

@@ -1,0 +1,44 @@
+"""What packages and archives hold: packaging/stage, without a package made of it."""
+
+import os
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+from harness.daemon import binary
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def packaged(tmp_path_factory):
+    root = tmp_path_factory.mktemp("package")
+    # Stripping programs with debug information takes long, and nothing here runs them.
+    environment = {**os.environ, "STRIP": "true"}
+    subprocess.run([ROOT / "packaging/stage", binary("taxel").parent, root], check=True, env=environment)
+    return root
+
+
+def test_links_of_packaged_pages_lead_to_what_is_packaged(packaged):
+    pages = packaged / "usr/share/doc/taxeld"
+    links = []
+    for page in pages.glob("*.md"):
+        for link in re.findall(r"\]\(([^)#\s]+)", page.read_text()):
+            if not re.match(r"[a-z]+:", link):
+                links.append(link)
+                assert (pages / link).exists(), f"{page.name}: {link}"
+    assert any(link.endswith(".svg") for link in links)
+
+
+def test_pages_of_man_refer_to_pages_and_files_that_are_packaged(packaged):
+    man = packaged / "usr/share/man"
+    pages = {page.name.removesuffix(".gz") for page in man.glob("*/*.gz")}
+    assert {"taxel.1", "taxel-config-init.1", "taxel-forearm-record.1", "taxeld.8"} <= pages
+    for page in man.glob("*/*.gz"):
+        text = subprocess.run(["zcat", page], capture_output=True, text=True, check=True).stdout
+        text = text.replace("\\-", "-")
+        for name, section in re.findall(r"([a-z-]+)\(([18])\)", text):
+            assert f"{name}.{section}" in pages, f"{page.name}: {name}({section})"
+        for path in re.findall(r"/usr/share/doc/taxeld/[\w./-]+\w", text):
+            assert (packaged / path.lstrip("/")).exists(), f"{page.name}: {path}"
