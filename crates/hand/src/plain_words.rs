@@ -17,11 +17,7 @@ pub fn plain_words(message: &str) -> String {
             .and_then(|rest| rest.rsplit_once(", expected "));
         if let Some(told) = parts.and_then(|(found, wanted)| match wanted.split_once(" at line ") {
             None => mistyped(found, wanted),
-            // Of JSON, in which tables and lists are written otherwise.
-            Some((number, place)) if wanted_words(number)?.1 => {
-                Some(format!("{} (line {place})", mistyped(found, number)?))
-            }
-            Some(_) => None,
+            Some((wanted, place)) => Some(format!("{} (line {place})", mistyped_json(found, wanted)?)),
         }) {
             return told;
         }
@@ -89,6 +85,19 @@ fn mistyped(found: &str, wanted: &str) -> Option<String> {
         },
     };
     Some(format!("{wanted_words} is wanted here, not {found}{hint}"))
+}
+
+/// The same of JSON, in which tables and lists are written otherwise.
+fn mistyped_json(found: &str, wanted: &str) -> Option<String> {
+    let wanted = match wanted_words(wanted)?.0 {
+        words if words.starts_with("a table") => "an object in { }".to_owned(),
+        words if words == "a list" => "a list in [ ]".into(),
+        _ => return mistyped(found, wanted),
+    };
+    let told = mistyped(found, "a string")?;
+    let (_, found) = told.split_once(", not ")?;
+    let found = if found == "a table" { "an object" } else { found };
+    Some(format!("{wanted} is wanted here, not {found}"))
 }
 
 /// What is wanted, and whether it is a number.
@@ -221,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_in_json_are_told_as_those_in_files() {
+    fn values_in_json_are_told_as_those_in_files() {
         for (message, wanted) in [
             (
                 "invalid type: floating point `4.5`, expected i64 at line 1 column 26",
@@ -233,7 +242,19 @@ mod tests {
             ),
             (
                 "invalid type: integer `3`, expected a map at line 1 column 9",
-                "invalid type: integer `3`, expected a map at line 1 column 9",
+                "an object in { } is wanted here, not 3 (line 1 column 9)",
+            ),
+            (
+                "invalid type: sequence, expected a map at line 1 column 0",
+                "an object in { } is wanted here, not a list (line 1 column 0)",
+            ),
+            (
+                "invalid type: string \"index\", expected a sequence at line 1 column 17",
+                "a list in [ ] is wanted here, not the text \"index\" (line 1 column 17)",
+            ),
+            (
+                "invalid type: integer `1`, expected a boolean at line 1 column 10",
+                "true or false is wanted here, not 1 (line 1 column 10)",
             ),
         ] {
             assert_eq!(plain_words(message), wanted);

@@ -51,8 +51,8 @@ pub use reader::{ReadError, Received, Subscriber};
 pub use socket_folder::{UntrustedFolder, check_socket_folder};
 pub use status::Status;
 pub use text::{
-    Event, EventKind, MAX_MARK, MAX_SUBSCRIBE, MAX_TEXT, Subscribe, SubscribeError, TEXT_PART, TextParts,
-    split_text,
+    Event, EventKind, LEAST_RATE_HZ, MAX_MARK, MAX_SUBSCRIBE, MAX_TEXT, Subscribe, SubscribeError, TEXT_PART,
+    TextParts, split_text,
 };
 
 /// The examples of the README compile, and those that can run do.

@@ -15,6 +15,8 @@ pub const MAX_TEXT: usize = 8 << 20;
 /// Bytes of text in one packet, unless told otherwise: so few that it fits a socket whose send
 /// buffer was made as small as Linux allows, for the sake of fresh images.
 pub const TEXT_PART: usize = 8000;
+/// The lowest rate that a client may ask for, messages per second: one in a quarter of an hour.
+pub const LEAST_RATE_HZ: f64 = 0.001;
 /// The most bytes of text in a mark.
 pub const MAX_MARK: usize = 500;
 
@@ -34,8 +36,8 @@ pub struct Subscribe {
     /// key, so it is not sent where false.
     #[serde(skip_serializing_if = "is_false")]
     pub every: bool,
-    /// The most images, and the most raw frames, per second on average, above 0; absent or null for every one. Each is sent
-    /// when it is made or not at all.
+    /// The most images, and the most raw frames, per second on average, from [`LEAST_RATE_HZ`] on; absent or null for
+    /// every one. Each is sent when it is made or not at all.
     pub max_rate_hz: Option<f64>,
     /// What this subscriber's display can do; absent or null for the daemon's own profile.
     #[serde(
@@ -86,7 +88,7 @@ pub enum SubscribeError {
     #[error("subscription: {}", plain_words(&.0.to_string()))]
     Json(#[from] serde_json::Error),
     /// A rate that is no rate.
-    #[error("subscription: max_rate_hz = {max_rate_hz} must be a number above 0")]
+    #[error("subscription: max_rate_hz = {max_rate_hz} must be a number from {LEAST_RATE_HZ} on")]
     Rate {
         /// The rate asked for.
         max_rate_hz: f64,
@@ -110,6 +112,13 @@ impl Subscribe {
         if packet.len() > MAX_SUBSCRIBE {
             return Err(SubscribeError::TooLong { len: packet.len() });
         }
+        // What it is, before what is wrong inside it.
+        let kind = Header::decode(packet)?.kind;
+        if kind != Kind::Subscribe {
+            return Err(SubscribeError::WrongKind {
+                number: kind.number(),
+            });
+        }
         let message = decode_packet(packet)?;
         match message.body {
             Body::Subscribe(text) => Self::parse(text),
@@ -125,7 +134,7 @@ impl Subscribe {
         let FromMap(subscribe): FromMap<Self> = serde_json::from_slice(text)?;
         subscribe.profile.as_ref().map_or(Ok(()), Profile::check)?;
         match subscribe.max_rate_hz {
-            Some(max_rate_hz) if !(max_rate_hz.is_finite() && max_rate_hz > 0.0) => {
+            Some(max_rate_hz) if !(max_rate_hz.is_finite() && max_rate_hz >= LEAST_RATE_HZ) => {
                 Err(SubscribeError::Rate { max_rate_hz })
             }
             Some(max_rate_hz) if subscribe.every => Err(SubscribeError::EveryAtRate { max_rate_hz }),

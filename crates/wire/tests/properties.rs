@@ -473,11 +473,24 @@ fn a_subscription_says_what_it_wants_or_is_refused() {
     assert_eq!(Subscribe::from_packet(&all.to_packet()).unwrap(), all);
     for list in ["[]", "[true, true]"] {
         let error = parse(list).unwrap_err().to_string();
-        assert!(error.contains("sequence, expected a map"), "{list}: {error}");
+        assert!(
+            error.contains("an object in { } is wanted here, not a list"),
+            "{list}: {error}"
+        );
+    }
+    for (text, wanted) in [
+        (
+            r#"{"region": "index"}"#,
+            "a list in [ ] is wanted here, not the text \"index\"",
+        ),
+        (r#"{"image": 1}"#, "true or false is wanted here, not 1"),
+    ] {
+        let error = parse(text).unwrap_err().to_string();
+        assert!(error.contains(wanted), "{text}: {error}");
     }
     let unknown = parse(r#"{"raw": true, "rawr": true}"#).unwrap_err().to_string();
     assert!(unknown.contains("rawr"), "{unknown}");
-    for rate in ["0", "-1", "1e999"] {
+    for rate in ["0", "-1", "1e-300", "1e999"] {
         assert!(parse(&format!(r#"{{"max_rate_hz": {rate}}}"#)).is_err(), "{rate}");
     }
     let every = Subscribe {
@@ -500,6 +513,11 @@ fn a_subscription_says_what_it_wants_or_is_refused() {
     let image = vectors::image_packet(&vectors::example(), 0);
     assert!(matches!(
         Subscribe::from_packet(&image),
+        Err(SubscribeError::WrongKind { number: 2 })
+    ));
+    let short = [&image[..12], &2u32.to_le_bytes(), &image[16..HEADER_LEN], &[0; 2]].concat();
+    assert!(matches!(
+        Subscribe::from_packet(&short),
         Err(SubscribeError::WrongKind { number: 2 })
     ));
     assert!(matches!(
@@ -527,8 +545,8 @@ fn the_profile_of_a_subscription_is_checked_and_absent_keys_take_their_defaults(
         (r#"{"levels": 4, "codebook": [2, 1]}"#, "codebook entry 1"),
         (r#"{"colours": 3}"#, "colours"),
         (r#""fine""#, "fine"),
-        ("[]", "sequence, expected a map"),
-        (r#"["paper", 3]"#, "sequence, expected a map"),
+        ("[]", "an object in { } is wanted here, not a list"),
+        (r#"["paper", 3]"#, "an object in { } is wanted here, not a list"),
     ] {
         let error = parse(&format!(r#"{{"profile": {profile}}}"#)).unwrap_err();
         assert!(error.to_string().contains(complaint), "{error}");

@@ -159,7 +159,10 @@ mod tests {
             r#"{"cmd":"profile","profile":{"codebook_learning":[0.5]}}"#,
         ] {
             let error = Request::parse(line.as_bytes()).unwrap_err();
-            assert!(error.contains("sequence, expected a map"), "{line}: {error}");
+            assert!(
+                error.contains("an object in { } is wanted here, not a list"),
+                "{line}: {error}"
+            );
         }
         for line in [r#"{"cmd":"profile","profile":null}"#, r#"{"cmd":"profile"}"#] {
             let request = Request::parse(line.as_bytes()).unwrap();

@@ -27,8 +27,8 @@ def of_subscription(asked: Any, known: Dict[str, Any]) -> str:
             return f"subscription: unknown field `{key}`"
         if isinstance(known.get(key), bool) and not isinstance(value, bool):
             return f"subscription: {key} = {value!r} must be true or false"
-    if rate is not None and not (type(rate) in (int, float) and rate > 0):
-        return f"subscription: max_rate_hz = {rate!r} must be a number above 0"
+    if rate is not None and not (type(rate) in (int, float) and rate >= 0.001):
+        return f"subscription: max_rate_hz = {rate!r} must be a number from 0.001 on"
     if rate is not None and asked.get("every"):
         return f"subscription: every = true asks for all frames, max_rate_hz = {rate} for fewer; leave one out"
     if region is not None and not (isinstance(region, list) and region and all(isinstance(p, str) for p in region)):
