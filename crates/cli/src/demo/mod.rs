@@ -102,6 +102,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         (None, false) => None,
     };
     let deadline = limit.map(|limit| session.began + limit);
+    if let (Some(limit), true) = (limit, headless) {
+        eprintln!(
+            "taxel: the scene {scene_name} is played for {:.0} s without a picture; what came of it is told then",
+            limit.as_secs_f64()
+        );
+    }
     let meter = Arc::new(Mutex::new(Meter::new(
         &session.layout,
         session.scene_began_ns,

@@ -68,60 +68,73 @@ pub(super) fn draw(buffer: &mut Buffer, area: Rect, picture: &Picture, screen: &
     let label = |text: &'static str| Span::styled(text, dim);
     let count = |n: u64| Span::styled(n.to_string(), if n > 0 { warning(palette) } else { bold });
     let mut contacts = vec![
-        label(" contact "),
-        value(format!("{:3}", picture.contacts)),
-        label(" taxels → "),
-        value(format!("{:2}", picture.actuators.len())),
-        label(" actuators"),
-        label("   missing "),
-        count(picture.missing.into()),
-        label("   faulty "),
-        count(picture.faulty.into()),
+        vec![
+            label(" contact "),
+            value(format!("{:3}", picture.contacts)),
+            label(" taxels → "),
+            value(format!("{:2}", picture.actuators.len())),
+            label(" actuators"),
+        ],
+        vec![label("   missing "), count(picture.missing.into())],
+        vec![label("   faulty "), count(picture.faulty.into())],
     ];
     if let Some(skipped) = picture.skipped {
-        contacts.extend([label("   skipped "), count(skipped)]);
+        contacts.push(vec![label("   skipped "), count(skipped)]);
     }
-    contacts.extend([label("   "), value(picture.method.clone())]);
+    contacts.push(vec![label("   "), value(picture.method.clone())]);
     let figures = &picture.figures;
-    let mut rates = vec![label(" rate "), value(format!("{:5.1} Hz", figures.rate_hz))];
+    let mut rates = vec![vec![
+        label(" rate "),
+        value(format!("{:5.1} Hz", figures.rate_hz)),
+    ]];
     if let (Some(p50), Some(p99)) = (figures.latency_p50_ms, figures.latency_p99_ms) {
-        rates.extend([
+        rates.push(vec![
             label("   latency p50 "),
             value(format!("{p50:.2}")),
             label(" p99 "),
             value(format!("{p99:.2} ms")),
         ]);
     }
-    rates.extend([
+    let (raw, image) = (figures.raw_bits_per_s, figures.image_bits_per_s);
+    let mut data = vec![
         label("   data "),
-        value(format!("{:.0}", figures.raw_bits_per_s / 1e3)),
+        value(format!("{:.0}", raw / 1e3)),
         label(" → "),
-        value(format!("{:.1} kbit/s", figures.image_bits_per_s / 1e3)),
-    ]);
-    if figures.image_bits_per_s > 0.0 {
-        rates.push(value(format!(
-            " {:.0}:1",
-            figures.raw_bits_per_s / figures.image_bits_per_s
-        )));
+        value(format!("{:.1} kbit/s", image / 1e3)),
+    ];
+    if image > 0.0 {
+        data.push(value(format!(" {:.0}:1", raw / image)));
     }
+    rates.push(data);
     let last = match &screen.prompt {
         Some(text) => vec![
-            label(" mark: "),
-            value(format!("{text}▏")),
-            label("  Enter makes it, Esc leaves"),
+            vec![label(" mark: "), value(format!("{text}▏"))],
+            vec![label("  Enter makes it, Esc leaves")],
         ],
         None => legend(picture, palette),
     };
-    let taxel = vec![Span::raw(shortened(
-        &taxel_in_words(picture, area.width),
-        usize::from(area.width),
-    ))];
+    let taxel = taxel_in_words(picture, area.width);
+    let taxel = taxel.into_iter().map(|part| vec![Span::raw(part)]).collect();
     for (y, line) in (area.top()..area.bottom()).zip([contacts, rates, taxel, last]) {
-        Line::from(line).render(Rect { y, height: 1, ..area }, buffer);
+        Line::from(whole(line, area.width.into())).render(Rect { y, height: 1, ..area }, buffer);
     }
 }
 
-fn legend(picture: &Picture, palette: Palette) -> Vec<Span<'static>> {
+/// Those parts of a line for which there is room: half a number says another one. Of the first as much as there is.
+fn whole(parts: Vec<Vec<Span<'static>>>, width: usize) -> Vec<Span<'static>> {
+    let mut line = Vec::new();
+    let mut used = 0;
+    for part in parts {
+        let needs: usize = part.iter().map(Span::width).sum();
+        if line.is_empty() || used + needs <= width {
+            used += needs;
+            line.extend(part);
+        }
+    }
+    line
+}
+
+fn legend(picture: &Picture, palette: Palette) -> Vec<Vec<Span<'static>>> {
     let dim = Style::new().fg(palette.rgb(138, 138, 138));
     let bold = Style::new().add_modifier(Modifier::BOLD);
     let label = |text: &'static str| Span::styled(text, dim);
@@ -146,17 +159,17 @@ fn legend(picture: &Picture, palette: Palette) -> Vec<Span<'static>> {
         },
         dim,
     ));
-    legend.extend([
+    let digits = vec![
         label("  digits: level, 1 to "),
         Span::raw(picture.levels.to_string()),
-    ]);
-    legend.extend([
+    ];
+    let keys = vec![
         Span::styled("   ? ", bold),
         label("keys  "),
         Span::styled("q", bold),
         label(" quit"),
-    ]);
-    legend
+    ];
+    vec![legend, digits, keys]
 }
 
 /// A taxel's name: its module and its number there.
@@ -172,14 +185,17 @@ pub(super) fn name(picture: &Picture, taxel: usize) -> String {
 /// Columns that the press of a taxel needs besides its counts.
 const WIDE: u16 = 100;
 
-/// What is known of the taxel that is looked at.
-fn taxel_in_words(picture: &Picture, width: u16) -> String {
+/// What is known of the taxel that is looked at, in parts.
+fn taxel_in_words(picture: &Picture, width: u16) -> Vec<String> {
     let Some(taxel) = picture.cursor else {
-        return " arrow keys: look at a taxel; Enter: show it over time".into();
+        return vec![
+            " arrow keys: look at a taxel".into(),
+            "; Enter: show it over time".into(),
+        ];
     };
     let name = name(picture, taxel);
     let Some(now) = picture.taxels.get(taxel) else {
-        return format!(" {name}: no raw counts");
+        return vec![format!(" {name}: no raw counts")];
     };
     let raw = &now.raw;
     let [x, y, z] = raw.counts;
@@ -190,14 +206,14 @@ fn taxel_in_words(picture: &Picture, width: u16) -> String {
         .filter(|fault| **fault != Fault::Missing || faults.len() == 1);
     let reasons: Vec<&str> = named.map(|fault| fault_in_words(*fault)).collect();
     if raw.freshness == Freshness::Missing {
-        return format!(" {name}: no value ever came");
+        return vec![format!(" {name}: no value ever came")];
     }
     if !reasons.is_empty() {
-        return format!(
-            " {name}: {}; counts {x} {y} {z}, {} old",
-            reasons.join("; "),
-            age(raw.age_us)
-        );
+        return vec![
+            format!(" {name}: {}", reasons.join("; ")),
+            format!("; counts {x} {y} {z}"),
+            format!(", {} old", age(raw.age_us)),
+        ];
     }
     let press = now
         .press
@@ -210,11 +226,11 @@ fn taxel_in_words(picture: &Picture, width: u16) -> String {
         (true, _) => ", in contact",
         (false, false) => "",
     };
-    format!(
-        " {name}: force {:.0}{state}; counts {x} {y} {z}{press}, {} old",
-        raw.force,
-        age(raw.age_us)
-    )
+    vec![
+        format!(" {name}: force {:.0}{state}", raw.force),
+        format!("; counts {x} {y} {z}{press}"),
+        format!(", {} old", age(raw.age_us)),
+    ]
 }
 
 fn age(age_us: u32) -> String {

@@ -216,6 +216,38 @@ fn a_terminal_that_is_too_small_says_so_instead_of_breaking() {
 }
 
 #[test]
+fn where_there_is_no_room_figures_are_left_out_and_none_is_cut() {
+    let picture = Picture {
+        cursor: Some(0),
+        figures: Figures {
+            rate_hz: 30.0,
+            latency_p50_ms: Some(0.12),
+            latency_p99_ms: Some(0.34),
+            raw_bits_per_s: 345_600.0,
+            image_bits_per_s: 12_300.0,
+        },
+        ..picture()
+    };
+    let lines = |width| {
+        let text = text(&drawn((width, 14), &picture));
+        let lines: Vec<String> = text.lines().map(|line| line.trim_end().to_owned()).collect();
+        lines[lines.len() - 4..].to_vec()
+    };
+    let whole = lines(160).concat();
+    let word = |word: &str| word.trim_end_matches([',', ';']).to_owned();
+    let words = |line: &str| line.split_whitespace().map(word).collect::<Vec<_>>();
+    let known = words(&lines(160).join(" "));
+    for width in 40..160 {
+        for line in lines(width) {
+            for word in words(&line) {
+                assert!(known.contains(&word), "{word} at {width}: {line}\n{whole}");
+            }
+        }
+    }
+    assert!(lines(40)[0].ends_with("actuators"), "{:?}", lines(40));
+}
+
+#[test]
 fn force_has_the_same_colour_in_both_panels_and_the_actuator_its_level() {
     let buffer = drawn((80, 24), &picture());
     let brightest = Palette::True.force(1.0, 0);
