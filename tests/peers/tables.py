@@ -110,7 +110,7 @@ def shown(name):
 
 def summary(results):
     """The method optimal on every recording."""
-    head = ["recording", "contacts", "tick us p50", "p99", "p99.9", "every tick p99.9", "frames optimal", "position SSE mean", "p95", "jumps", "in 7 %"]
+    head = ["recording", "contacts", "tick us p50", "p99", "p99.9", "every tick p99.9", "frames optimal", "position SSE mean", "p95", "jumps", "levels in 7 %"]
     head += ["centre of pressure", "kbit/s", "allocations"]
     rows = []
     for recording in results["recordings"]:
@@ -127,7 +127,7 @@ def summary(results):
 
 def display(results):
     """Errors from the forces felt to those that the display shows, beside the peers'."""
-    head = ["recording", "`paper` NRMSE", "in 7 %", "sum", "`optimal` NRMSE", "in 7 %", "sum", "of `paper`'s"]
+    head = ["recording", "`paper` NRMSE", "shown in 7 %", "sum", "`optimal` NRMSE", "shown in 7 %", "sum", "of `paper`'s"]
     head += ["OpenCV", "scikit-learn", "`optimal` with `force_distance` 0", "with `max`", "with `force_weighted`"]
     rows = []
     for r in results["display"]:
@@ -167,7 +167,7 @@ def kmeans1d_us(recording):
 
 
 def sweep(results):
-    head = ["K_D = K_A", "method", "force SSE p50", "p95", "frames optimal", "position SSE mean", "p95", "jumps", "in 7 %", "tick us p50", "p99"]
+    head = ["K_D = K_A", "method", "force SSE p50", "p95", "frames optimal", "position SSE mean", "p95", "jumps", "levels in 7 %", "tick us p50", "p99"]
     rows = [
         [str(e["levels"]), f"`{m['name']}`", f"{m['force_sse_ratio_p50']:.3f}", f"{m['force_sse_ratio_p95']:.3g}", percent(m["force_optimal_fraction"])]
         + [place(m, "position_sse_ratio_mean"), place(m, "position_sse_ratio_p95"), percent(m["jump_fraction"]), percent(m["weber_share"])]
@@ -179,7 +179,7 @@ def sweep(results):
 
 
 def switches(results):
-    head = ["method and switch", "force SSE p50", "frames optimal", "position SSE mean", "p95", "jumps", "in 7 %"]
+    head = ["method and switch", "force SSE p50", "frames optimal", "position SSE mean", "p95", "jumps", "levels in 7 %"]
     head += ["force NRMSE", "levels changing", "both stages us p50", "p99"]
     rows = [
         [f"`{m['name']}`", f"{m['force_sse_ratio_p50']:.3f}", percent(m["force_optimal_fraction"])]

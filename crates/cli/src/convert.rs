@@ -238,7 +238,7 @@ fn frames(args: &Args, input: &Input, take: &mut TakeFrame<'_>) -> anyhow::Resul
                         TickMode::Sweep => "with every sweep".into(),
                     };
                     eprintln!(
-                        "taxel: {}: its CAN traffic is sampled {when}; frames that it was made of are not these",
+                        "taxel: {}: the hand is read off its CAN traffic {when}, as a daemon does",
                         traffic.path().display()
                     );
                 }

@@ -224,9 +224,9 @@ pub(super) fn every_figure(report: &EvalReport) -> String {
         "moved px",
         "level chg",
         "nrmse",
-        "in 7 %",
+        "levels 7%",
         "shown",
-        "in 7 %",
+        "shown 7%",
         "total",
         &centre,
         "kbit/s",
@@ -295,8 +295,8 @@ pub(super) fn every_figure(report: &EvalReport) -> String {
          is; optimal: frames that have the least; place: squared distance of contacts from the middle of those that share \
          their actuator, over the best of {restarts} k-means++; snapped: the same from the actuator's pixel; jumps: \
          actuators that move more than 2 pixels between two images; moved px: how far they move; level chg: taxels in \
-         contact whose level changes; nrmse: error of the levels at each taxel in contact; in 7 %: taxels within a just \
-         noticeable difference; shown, in 7 %: the same of the force with which their actuators press; total: error of the \
+         contact whose level changes; nrmse: error of the levels at each taxel in contact; levels 7%: taxels within a just \
+         noticeable difference; shown, shown 7%: the same of the force with which their actuators press; total: error of the \
          sum of these; {centre}: how far off the centre of pressure is; kbit/s: of actuators and levels, where the raw \
          counts are {:.1}.",
         report.raw_bits_per_s / 1e3,

@@ -115,7 +115,7 @@ fn counts_come_out_as_npz_and_csv_and_are_read_again() {
     succeeds(&dir, &["convert", "grasp.log", "grasp.mcap"]);
     let (_, err) = succeeds(&dir, &["convert", "grasp.mcap", "grasp.npz"]);
     assert!(
-        err.contains("grasp.mcap: its CAN traffic is sampled every 33.3 ms"),
+        err.contains("grasp.mcap: the hand is read off its CAN traffic every 33.3 ms, as a daemon does"),
         "{err}"
     );
     succeeds(&dir, &["convert", "grasp.log", "grasp.csv"]);
