@@ -22,6 +22,7 @@ mod condition;
 mod decoder;
 mod discovery;
 mod layout;
+mod name;
 mod protocol;
 mod range;
 mod reading;

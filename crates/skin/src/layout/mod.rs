@@ -13,8 +13,6 @@ pub use error::{LayoutError, LayoutProblem};
 pub use text_file::read_text_file;
 pub use wiring::{Layout, Wiring};
 
-pub(crate) use source::why_no_name;
-
 use std::path::Path;
 
 const BUILTIN: [(&str, &str); 9] = [

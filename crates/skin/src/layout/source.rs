@@ -4,6 +4,7 @@
 use super::error::{LayoutError, LayoutProblem};
 use super::pose::FilePose;
 use super::wiring::Wiring;
+use crate::name::why_no_name;
 use crate::protocol::cyskin::setup::CyskinSetup;
 use crate::protocol::icub::setup::IcubSetup;
 use serde::Deserialize;
@@ -97,17 +98,6 @@ impl<'a> Source<'a> {
                 max,
             },
         )
-    }
-}
-
-/// Why nobody could read this as a name, or why it would break the lines in which it is told.
-pub(crate) fn why_no_name(name: &str) -> Option<&'static str> {
-    match name {
-        "" => Some("empty"),
-        name if name.contains(char::is_control) => {
-            Some("no name: it has a line break or another control character")
-        }
-        _ => None,
     }
 }
 

@@ -1,7 +1,7 @@
 //! The table `cyskin` of a layout file, as it is written, and what is refused of it.
 
 use super::setup::{ByteOrder, Checksum, CommandsTo, CyskinHub, CyskinPacket, CyskinSetup, HubIds, SENSORS};
-use crate::layout::why_no_name;
+use crate::name::why_no_name;
 use serde::Deserialize;
 
 /// The table as it is written, before it is known to be complete.
