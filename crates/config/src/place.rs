@@ -1,61 +1,58 @@
 //! Where in a configuration file what a message speaks of is written.
 
-/// The line, from 1, of the key in `table` that a message names first, as that of a value outside its range does. It reads
-/// tables that are written line by line; `None` where it finds no such key.
+use toml::de::{DeTable, DeValue};
+
+/// The line, from 1, of the key in `table` that a message names first, as that of a value outside its range does; `None`
+/// where there is no such key.
 pub fn line_of(text: &str, table: &str, message: &str) -> Option<usize> {
-    entry_of_list(text, message).or_else(|| {
-        let inside = format!("{table}.");
-        let mut header = "";
-        let written: Vec<(usize, &str)> = (1..)
-            .zip(text.lines())
-            .filter_map(|(number, line)| {
-                if let Some(name) = header_of(line) {
-                    header = name;
-                    return Some((number, name.strip_prefix(&inside)?.rsplit('.').next()?));
-                }
-                (header == table || header.starts_with(&inside)).then_some((number, key_of(line)?))
-            })
-            .collect();
-        let line_with = |word| {
-            written
-                .iter()
-                .find(|(_, key)| *key == word)
-                .map(|(number, _)| *number)
-        };
-        words(message).find_map(line_with)
-    })
+    let file = DeTable::parse(text).ok()?;
+    let file = file.get_ref();
+    let offset = entry_of_list(file, message).or_else(|| {
+        let mut keys = Vec::new();
+        if let DeValue::Table(table) = file.get(table)?.get_ref() {
+            keys_of(table, &mut keys);
+        }
+        words(message).find_map(|word| keys.iter().find(|(key, _)| *key == word).map(|(_, at)| *at))
+    })?;
+    Some(1 + text.get(..offset)?.matches('\n').count())
 }
 
-/// The line of what a message calls `joints.servo[1].id`: a key of the second `[[joints.servo]]`, or that table.
-fn entry_of_list(text: &str, message: &str) -> Option<usize> {
+/// Where what a message calls `joints.servo[1].id` is written: a key of the second entry of that list, or the entry.
+fn entry_of_list(file: &DeTable<'_>, message: &str) -> Option<usize> {
     let (path, rest) = message.split_whitespace().find_map(|word| {
         let (path, rest) = word.split_once('[')?;
         rest.contains("].").then_some((path, rest))
     })?;
     let (index, key) = rest.split_once("].")?;
+    let mut names = path.split('.');
+    let mut list = file.get(names.next()?)?.get_ref();
+    for name in names {
+        let DeValue::Table(table) = list else {
+            return None;
+        };
+        list = table.get(name)?.get_ref();
+    }
+    let DeValue::Array(list) = list else {
+        return None;
+    };
+    let entry = list.get(index.parse::<usize>().ok()?)?;
+    let mut keys = Vec::new();
+    if let DeValue::Table(table) = entry.get_ref() {
+        keys_of(table, &mut keys);
+    }
     let wanted = words(key).next()?;
-    let is_entry = |line: &str| line.trim_start().starts_with("[[") && header_of(line) == Some(path);
-    let mut lines = (1..).zip(text.lines());
-    let entry = lines
-        .by_ref()
-        .filter(|(_, line)| is_entry(line))
-        .nth(index.parse().ok()?)?
-        .0;
-    let mut keys = lines.take_while(|(_, line)| header_of(line).is_none());
-    let written = keys.find(|(_, line)| key_of(line) == Some(wanted));
-    Some(written.map_or(entry, |(number, _)| number))
+    let written = keys.iter().find(|(key, _)| *key == wanted);
+    Some(written.map_or(entry.span().start, |(_, at)| *at))
 }
 
-/// The name in `[name]` or `[[name]]`.
-fn header_of(line: &str) -> Option<&str> {
-    let name = line.trim_start().strip_prefix('[')?;
-    Some(name.trim_start_matches('[').split(']').next()?.trim())
-}
-
-/// The key in `key = value` or `key.part = value`.
-fn key_of(line: &str) -> Option<&str> {
-    let (key, _) = line.split_once('=').filter(|(key, _)| !key.contains('#'))?;
-    words(key).next()
+/// The keys of a table and of those in it, each with where it is written.
+fn keys_of<'a>(table: &'a DeTable<'_>, keys: &mut Vec<(&'a str, usize)>) {
+    for (key, value) in table.iter() {
+        keys.push((key.get_ref(), key.span().start));
+        if let DeValue::Table(inner) = value.get_ref() {
+            keys_of(inner, keys);
+        }
+    }
 }
 
 fn words(text: &str) -> impl Iterator<Item = &str> {
@@ -109,8 +106,8 @@ version = 9
             assert_eq!(line_of(text, table, message), line, "{message}");
         }
         assert_eq!(
-            line_of("tick = { rate_hz = 5000.0 }", "tick", "tick.rate_hz = 5000"),
-            None
+            line_of("\ntick = { rate_hz = 5000.0 }", "tick", "tick.rate_hz = 5000"),
+            Some(2)
         );
     }
 }
