@@ -23,10 +23,7 @@ const DIGITS: [u8; 256] = {
 /// of everything else, which may be a frame all the same.
 pub(super) fn parse_usual(bytes: &[u8]) -> Option<Line<'_>> {
     let (time, rest) = bytes.split_first_chunk::<TIME_LEN>()?;
-    if [time[0], time[11], time[18], time[19]] != *b"(.) " {
-        return None;
-    }
-    let (seconds, microseconds) = (decimal(&time[1..11])?, decimal(&time[12..18])?);
+    let microseconds = microseconds(time)?;
     let (interface, frame) = split_word(rest)?;
     let hash = match frame {
         [_, _, _, b'#', ..] => 3,
@@ -58,7 +55,7 @@ pub(super) fn parse_usual(bytes: &[u8]) -> Option<Line<'_>> {
         return None;
     }
     Some(Line {
-        t_ns: Some(seconds * 1_000_000_000 + microseconds * 1000),
+        t_ns: Some(microseconds * 1000),
         interface,
         frame: CanFrame::from_raw(raw_id, &data[..pairs.len()]).ok()?,
         direction: None,
@@ -77,14 +74,51 @@ fn split_word(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
     (len > 0 && bytes[len] == b' ').then(|| (&bytes[..len], &bytes[len + 1..]))
 }
 
-fn decimal(digits: &[u8]) -> Option<u64> {
-    let (mut number, mut largest) = (0, 0);
-    for byte in digits {
-        let digit = byte.wrapping_sub(b'0');
-        largest = digit.max(largest);
-        number = 10 * number + u64::from(digit);
+/// The microseconds that `(1436509052.249713) ` stands for.
+fn microseconds(time: &[u8; TIME_LEN]) -> Option<u64> {
+    let [
+        b'(',
+        a,
+        b,
+        c,
+        d,
+        e,
+        f,
+        g,
+        h,
+        i,
+        j,
+        b'.',
+        k,
+        l,
+        m,
+        n,
+        o,
+        p,
+        b')',
+        b' ',
+    ] = *time
+    else {
+        return None;
+    };
+    let (high, low) = (
+        eight_digits([a, b, c, d, e, f, g, h])?,
+        eight_digits([i, j, k, l, m, n, o, p])?,
+    );
+    Some(high * 100_000_000 + low)
+}
+
+/// The number that eight decimal digits stand for, all of them taken at once.
+fn eight_digits(text: [u8; 8]) -> Option<u64> {
+    let digits = u64::from_le_bytes(text) ^ u64::from_ne_bytes([b'0'; 8]);
+    // Neither over 127, nor over 9, which 118 more brings over 127.
+    let over = digits | digits.wrapping_add(u64::from_ne_bytes([118; 8]));
+    if over & u64::from_ne_bytes([128; 8]) != 0 {
+        return None;
     }
-    (largest <= 9).then_some(number)
+    let pairs = (digits * 10 + (digits >> 8)) & 0x00FF_00FF_00FF_00FF;
+    let fours = (pairs * 100 + (pairs >> 16)) & 0x0000_FFFF_0000_FFFF;
+    Some((fours * 10_000 + (fours >> 32)) & 0xFFFF_FFFF)
 }
 
 #[cfg(test)]
