@@ -9,7 +9,7 @@ use taxel_playback::array_frames::{ARRAY_LAYOUT, ArrayFrames, is_of_arrays};
 use taxel_playback::output_file::refuse_overlap;
 use taxel_playback::player::Player;
 use taxel_playback::sweep::Sweeps;
-use taxel_playback::target::{TargetAddress, refuse_shared_ids};
+use taxel_playback::target::{TargetAddress, Targets, refuse_shared_ids};
 use taxel_record::Recording;
 use taxel_skin::Layout;
 
@@ -64,10 +64,16 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let window = args.window()?;
     match args.input.open()? {
         Input::Log(traffic) => {
+            // All to one place: it need not be known before which there are.
+            if let (Some(to), true) = (&args.to, args.interface.is_empty()) {
+                refuse_overlap(&logs([to]), &[traffic.path()])?;
+                let player = args.player(window, Targets::open_one(to)?)?;
+                return player.play_traffic(&traffic, None);
+            }
             let names = traffic.interfaces()?;
             let named = args.route(&names, "interface of the recording")?;
-            refuse_overlap(&logs(&named), &[traffic.path()])?;
-            args.player(window, &named)?.play_traffic(&traffic, &names)
+            let player = args.player(window, args.open(&named, traffic.path())?)?;
+            player.play_traffic(&traffic, Some(&names))
         }
         Input::Scene(scene) => bail!(
             "sim:{0} is a scene, not a recording; `taxel sim {0} --to SOURCE` plays it",
@@ -105,9 +111,8 @@ fn play_frames(args: &Args, window: Range<u64>, recording: &Recording) -> anyhow
             );
         }
         let frames = ArrayFrames::new(recording, &layout)?;
-        let named = named()?;
-        refuse_overlap(&logs(&named), &[&args.input.path])?;
-        return args.player(window, &named)?.play_arrays(&frames);
+        let targets = args.open(&named()?, &args.input.path)?;
+        return args.player(window, targets)?.play_arrays(&frames);
     }
     let sweeps = Sweeps::new(recording, &layout, args.input.tile)?;
     let named = named()?;
@@ -118,8 +123,8 @@ fn play_frames(args: &Args, window: Range<u64>, recording: &Recording) -> anyhow
         );
     }
     refuse_shared_ids(&named, &layout)?;
-    refuse_overlap(&logs(&named), &[&args.input.path])?;
-    args.player(window, &named)?.play_sweeps(&sweeps)
+    let targets = args.open(&named, &args.input.path)?;
+    args.player(window, targets)?.play_sweeps(&sweeps)
 }
 
 fn is_array(target: &TargetAddress) -> bool {
@@ -147,8 +152,14 @@ impl Args {
         Ok(start..end)
     }
 
-    fn player(&self, window: Range<u64>, named: &[(String, TargetAddress)]) -> anyhow::Result<Player> {
-        Player::new(self.speed, self.looping, window, named)
+    fn player(&self, window: Range<u64>, targets: Targets) -> anyhow::Result<Player> {
+        Player::new(self.speed, self.looping, window, targets)
+    }
+
+    /// Opens where each name goes, none of it the recording itself.
+    fn open(&self, named: &[(String, TargetAddress)], recording: &Path) -> anyhow::Result<Targets> {
+        refuse_overlap(&logs(named.iter().map(|(_, target)| target)), &[recording])?;
+        Targets::open(named)
     }
 
     /// Whether any of it is to go to a pressure array.
@@ -188,9 +199,9 @@ impl Args {
 }
 
 /// The logs that are written, each once.
-fn logs(named: &[(String, TargetAddress)]) -> Vec<&Path> {
+fn logs<'a>(targets: impl IntoIterator<Item = &'a TargetAddress>) -> Vec<&'a Path> {
     let mut logs: Vec<&Path> = Vec::new();
-    for (_, target) in named {
+    for target in targets {
         if let TargetAddress::Log(path) = target
             && !logs.contains(&path.as_path())
         {

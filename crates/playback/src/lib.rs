@@ -18,11 +18,13 @@ macro_rules! eprintln {
 }
 
 pub mod array_frames;
+mod frame_file;
 pub mod image_line;
 pub mod image_output;
 pub mod interrupt;
 pub mod log_interfaces;
 pub mod output_file;
+mod pass;
 pub mod pipeline;
 pub mod player;
 pub mod progress;

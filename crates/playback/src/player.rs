@@ -2,10 +2,11 @@
 
 use crate::array_frames::ArrayFrames;
 use crate::interrupt::Interrupt;
+use crate::pass::{Line, Pass};
 use crate::progress::Progress;
 use crate::sweep::Sweeps;
-use crate::target::{TargetAddress, Targets};
-use crate::traffic::{Line, Traffic};
+use crate::target::Targets;
+use crate::traffic::Traffic;
 use anyhow::bail;
 use std::ops::Range;
 use std::sync::mpsc::sync_channel;
@@ -16,8 +17,9 @@ use taxel_can::{ClockJumps, Received};
 
 /// From the last frame of one pass to the first of the next, with --loop.
 const PASS_GAP_NS: u64 = 1_000_000;
+
 /// Frames that are read at once, and how often before they are played.
-const BATCH: usize = 4096;
+const BATCH: usize = 1024;
 const BATCHES: usize = 4;
 
 /// Sends a recording, pass after pass.
@@ -34,15 +36,9 @@ pub struct Player {
 }
 
 impl Player {
-    /// Opens the targets. The window is of the recording, nanoseconds from its beginning.
-    pub fn new(
-        speed: f64,
-        looping: bool,
-        window: Range<u64>,
-        named: &[(String, TargetAddress)],
-    ) -> anyhow::Result<Self> {
-        let targets = Targets::open(named)?;
-        if looping && targets.are_logs() && named.iter().all(|(_, t)| *t != TargetAddress::Stdout) {
+    /// The window is of the recording, nanoseconds from its beginning.
+    pub fn new(speed: f64, looping: bool, window: Range<u64>, targets: Targets) -> anyhow::Result<Self> {
+        if looping && targets.are_log_files() {
             bail!("--loop into a log would fill the disk; leave it out");
         }
         Ok(Self {
@@ -57,10 +53,10 @@ impl Player {
         })
     }
 
-    /// Plays the CAN traffic of a recording.
-    pub fn play_traffic(self, traffic: &Traffic, names: &[String]) -> anyhow::Result<()> {
+    /// Plays the CAN traffic of a recording: of the interfaces of these names, or of all.
+    pub fn play_traffic(self, traffic: &Traffic, names: Option<&[String]>) -> anyhow::Result<()> {
         let jumps = Mutex::default();
-        thread::scope(|scope| self.play(|| ahead(scope, traffic.pass(names, &jumps)?)))?;
+        thread::scope(|scope| self.play(|| ahead(scope, Pass::open(traffic, names, &jumps)?)))?;
         let jumps: ClockJumps = jumps.into_inner().unwrap_or_else(PoisonError::into_inner);
         if jumps.count() > 0 {
             eprintln!("taxel: {}: {jumps}", traffic.path().display());
@@ -117,9 +113,16 @@ impl Player {
         let waits = !self.targets.are_logs();
         let mut length_ns = None;
         for line in lines {
-            let Line::Frame(name, received) = line? else {
-                self.left_out += 1;
-                continue;
+            let (name, received) = match line? {
+                Line::Frame(name, received) => (name, received),
+                Line::Interface(name) => {
+                    self.targets.add_name(&name);
+                    continue;
+                }
+                Line::Other => {
+                    self.left_out += 1;
+                    continue;
+                }
             };
             if received.t_ns < self.window.start {
                 continue;

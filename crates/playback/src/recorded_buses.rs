@@ -1,7 +1,8 @@
 //! The frames of the buses of a recording, as a daemon takes them.
 
+use crate::frame_file::{Entry, FrameFile};
 use crate::progress::Progress;
-use crate::traffic::{Entry, FrameFile, Traffic};
+use crate::traffic::Traffic;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread;
 use taxel_can::{LogClock, Received};
@@ -59,7 +60,7 @@ struct Buses<'a> {
 
 impl<'a> Buses<'a> {
     fn open(traffic: &'a Traffic, names: &'a [String]) -> anyhow::Result<Self> {
-        let file = FrameFile::open(traffic, names)?;
+        let file = FrameFile::open(traffic, Some(names))?;
         let size = std::fs::metadata(traffic.path()).map_or(0, |metadata| metadata.len());
         let of_name = |name: &String| (0..names.len()).filter(|bus| names[*bus] == *name).collect();
         Ok(Self {
@@ -124,7 +125,7 @@ impl<'a> Buses<'a> {
             if self.file.another_hand().is_some() {
                 return Ok(None);
             }
-            let Entry::Frame(place, received) = entry else {
+            let Entry::Frame { place, received, .. } = entry else {
                 continue;
             };
             let since_ns = self.clock.since_first_ns(received.t_ns, self.file.number());

@@ -221,6 +221,23 @@ impl Targets {
         })
     }
 
+    /// Opens one target for whatever has a name; see [`Targets::add_name`].
+    pub fn open_one(address: &TargetAddress) -> anyhow::Result<Self> {
+        Ok(Self {
+            names: Vec::new(),
+            of_name: Vec::new(),
+            targets: vec![Target::open(address)?],
+        })
+    }
+
+    /// One more name, of the first target, unless it is known; its index is the number of those before it.
+    pub fn add_name(&mut self, name: &str) {
+        if !self.names.iter().any(|known| known == name) {
+            self.names.push(name.into());
+            self.of_name.push(0);
+        }
+    }
+
     /// Puts a frame where the name with this index goes.
     pub fn send(&mut self, name: usize, t_ns: u64, frame: &CanFrame) -> anyhow::Result<()> {
         self.targets[self.of_name[name]].send(t_ns, &self.names[name], frame)
@@ -234,6 +251,12 @@ impl Targets {
     /// Whether nothing but logs is written, which need not be waited for.
     pub fn are_logs(&self) -> bool {
         self.targets.iter().all(|t| matches!(t.end, End::Log(..)))
+    }
+
+    /// Whether nothing but files is written.
+    pub fn are_log_files(&self) -> bool {
+        let mut addresses = self.targets.iter().map(|t| &t.address);
+        addresses.all(|address| matches!(address, TargetAddress::Log(_)))
     }
 
     /// Frames put somewhere.

@@ -449,7 +449,7 @@ fn what_candump_showed_and_cannot_be_read_is_refused_by_its_option_and_differenc
         "  can0  621   [2]  10000011 10000000\n",
     )
     .unwrap();
-    let (_, err) = succeeds(&dir, &["convert", "bits.log", "-"]);
+    let err = fails(&dir, &["convert", "bits.log", "-"], 1);
     assert!(
         err.contains("`candump -i` shows bits; record with `candump -l`"),
         "{err}"

@@ -35,6 +35,44 @@ fn replay_cuts_a_piece_out_and_tells_what_it_leaves_out() {
 }
 
 #[test]
+fn interfaces_are_met_while_a_log_is_played_or_converted() {
+    let dir = TempDir::new().unwrap();
+    let lines = |interfaces: u32| -> String {
+        (0..interfaces)
+            .chain([0])
+            .map(|n| format!("({:010}.000000) can{n} {n:03X}#\n", n + 7))
+            .collect()
+    };
+    let write = |text: &str| std::fs::write(dir.path().join("in.log"), text).unwrap();
+    // As many as are told apart, and the first once more.
+    write(&lines(64));
+    let (all, err) = succeeds(&dir, &["replay", "in.log", "--to", "-", "--speed", "inf"]);
+    assert_eq!(all.lines().count(), 65, "{err}");
+    assert_eq!(all.lines().nth(63), Some("(0000000063.000000) can63 03F#"));
+    assert!(all.ends_with(" can0 000#\n"), "{all}");
+    let (out, _) = succeeds(&dir, &["convert", "in.log", "-"]);
+    assert_eq!(out, lines(64));
+    // No recording of a hand, and no list without an end.
+    write(&lines(65));
+    for command in [
+        ["replay", "in.log", "--to", "log:out.log"].as_slice(),
+        &["convert", "in.log", "out.log"],
+    ] {
+        let err = fails(&dir, command, 1);
+        assert!(err.contains("in.log: more than 64 interfaces"), "{err}");
+    }
+    write("nothing here\n");
+    for command in [
+        ["replay", "in.log", "--to", "log:out.log"].as_slice(),
+        &["convert", "in.log", "out.log"],
+    ] {
+        let err = fails(&dir, command, 1);
+        assert!(err.contains("in.log: no CAN frame in it: line 1"), "{err}");
+    }
+    assert!(!dir.path().join("out.log").exists());
+}
+
+#[test]
 fn replay_puts_frames_on_a_bus_in_their_order() {
     let dir = TempDir::new().unwrap();
     let port = 20_000 + (std::process::id() % 20_000) as u16;
