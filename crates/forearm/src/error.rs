@@ -128,6 +128,12 @@ pub enum ForearmError {
         /// The angles.
         what: String,
     },
+    /// A training squeeze without an angle that others have.
+    #[error("{name} is lost, and other squeezes have it; take the squeeze away or make it again")]
+    LostOnce {
+        /// The angle.
+        name: &'static str,
+    },
     /// A training squeeze that was broken off.
     #[error("the squeeze breaks off at phase {reached:.2}, and ends at 2; take it away or make it again")]
     NoEnd {

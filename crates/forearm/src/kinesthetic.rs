@@ -39,15 +39,17 @@ const STAGE_OF_FEWER: usize = 6;
 #[serde(deny_unknown_fields)]
 pub struct Kinesthetic {
     profile: Profile,
-    /// Smallest and largest angle of the training squeezes, degrees, in the order of `ANGLES`.
-    range_deg: [[f64; 2]; 4],
+    /// Smallest and largest angle of the training squeezes, degrees, in the order of `ANGLES`. None of an angle that the
+    /// training's gripper does not have.
+    range_deg: [Option<[f64; 2]>; 4],
     chosen: Tried,
-    /// In the order of `READINGS`.
-    readings: Vec<Regression>,
+    /// In the order of `READINGS`. None where such an angle is needed.
+    readings: Vec<Option<Regression>>,
 }
 
 impl Kinesthetic {
-    /// Trains on squeezes: tries all choices on them, and takes the one of least [`Tried::score`].
+    /// Trains on squeezes: tries all choices on them, and takes the one of least [`Tried::score`]. An angle that all of them
+    /// lack, as of a gripper without potentiometers, is done without.
     ///
     /// # Errors
     /// Fewer than three places, or a place of one squeeze; a squeeze that does not come to its end, lacks an angle, or is
@@ -62,11 +64,12 @@ impl Kinesthetic {
     /// As [`Kinesthetic::train`].
     pub fn train_by(trials: &[&Trial], score: impl Fn(&Tried) -> f64) -> Result<Self, ForearmError> {
         let set = Training::of(trials)?;
-        let mut tried = try_all(&set.rows(READINGS[0]));
+        let reading = set.reading()?;
+        let mut tried = try_all(&set.rows(reading));
         tried.sort_by(|a, b| score(a).total_cmp(&score(b)));
         let chosen = tried.first().copied();
         chosen
-            .map(|chosen| set.model(chosen))
+            .map(|chosen| set.model(chosen, reading))
             .ok_or(ForearmError::Untrained {
                 what: "nothing to choose from".into(),
             })
@@ -79,25 +82,42 @@ impl Kinesthetic {
 
     /// Half-width of the 90 % interval of a whole squeeze, percent of the forearm.
     pub fn half_width_90(&self) -> f64 {
-        self.readings.first().map_or(f64::NAN, Regression::half_width_90)
+        let widest = self.readings.iter().flatten().next();
+        widest.map_or(f64::NAN, Regression::half_width_90)
+    }
+
+    /// Names of the angles that no training squeeze had, so that estimates never look at them.
+    pub fn never_there(&self) -> impl Iterator<Item = &'static str> {
+        without(self.range_deg.map(|range| range.is_some())).names()
     }
 
     /// Whether a model that was read is one.
     pub(crate) fn is_whole(&self) -> bool {
+        let there = self.range_deg.map(|range| range.is_some());
         let mut fit = self
             .readings
             .iter()
             .zip(READINGS)
-            .map(|(r, reading)| r.is_whole(columns_of(reading).count()));
-        let ranges = self.range_deg.iter().all(|[low, high]| low < high);
-        self.readings.len() == READINGS.len() && ranges && self.profile.is_one() && fit.all(|f| f)
+            .map(|(regression, reading)| match regression {
+                Some(r) => covers(there, reading) && r.is_whole(columns_of(reading).count()),
+                None => !covers(there, reading),
+            });
+        let ranges = self.range_deg.iter().flatten().all(|[low, high]| low < high);
+        self.readings.len() == READINGS.len()
+            && self.readings.iter().any(Option::is_some)
+            && ranges
+            && self.profile.is_one()
+            && fit.all(|f| f)
     }
 
     /// Which angles can be used.
     fn healthy(&self, squeeze: &Squeeze, course: &Course) -> Result<[bool; 4], ForearmError> {
         let mut healthy = [true; 4];
         for (n, column) in angles(squeeze).into_iter().enumerate() {
-            let [low, high] = self.bounds(n);
+            let Some([low, high]) = self.bounds(n) else {
+                healthy[n] = false;
+                continue;
+            };
             let known = column.iter().copied().filter(|v| v.is_finite());
             let (mut least, mut most, mut inside, mut outside) = (f64::INFINITY, f64::NEG_INFINITY, 0, None);
             for value in known {
@@ -120,7 +140,7 @@ impl Kinesthetic {
                 });
             }
             let whole = course.reached() >= 1.0;
-            let (moved, span) = (most - least, self.range_deg[n][1] - self.range_deg[n][0]);
+            let (moved, span) = (most - least, high - low - 2.0 * BEYOND_DEG);
             if MOTORS.contains(&n) && whole && !stuck && moved < LEAST_MOVED * span {
                 let name = ANGLES[n];
                 return Err(ForearmError::Still { name, moved, span });
@@ -130,9 +150,9 @@ impl Kinesthetic {
         Ok(healthy)
     }
 
-    fn bounds(&self, angle: usize) -> [f64; 2] {
-        let [low, high] = self.range_deg[angle];
-        [low - BEYOND_DEG, high + BEYOND_DEG]
+    /// What an angle may be; None where the training's gripper does not have it.
+    fn bounds(&self, angle: usize) -> Option<[f64; 2]> {
+        self.range_deg[angle].map(|[low, high]| [low - BEYOND_DEG, high + BEYOND_DEG])
     }
 }
 
@@ -140,12 +160,17 @@ impl Estimator for Kinesthetic {
     fn estimate(&self, squeeze: &Squeeze) -> Result<Estimate, ForearmError> {
         let course = self.profile.course(squeeze)?;
         let healthy = self.healthy(squeeze, &course)?;
-        let usable = |reading: &&[bool; 4]| reading.iter().zip(&healthy).all(|(needs, has)| *has || !needs);
-        let at = READINGS.iter().position(|reading| usable(&reading));
-        let (Some(reading), Some(regression)) =
-            (at.map(|n| READINGS[n]), at.and_then(|n| self.readings.get(n)))
-        else {
-            let lost = without(healthy).names();
+        let mut usable = READINGS
+            .into_iter()
+            .zip(&self.readings)
+            .filter_map(|(reading, regression)| Some((reading, regression.as_ref()?)))
+            .filter(|(reading, _)| covers(healthy, *reading));
+        let never = self.range_deg.map(|range| range.is_none());
+        let lacks = |used: [bool; 4]| LeftOut {
+            angles: std::array::from_fn(|n| !used[n] && !never[n]),
+        };
+        let Some((reading, regression)) = usable.next() else {
+            let lost = lacks(healthy).names();
             return Err(ForearmError::Lost {
                 what: lost.collect::<Vec<_>>().join(", "),
             });
@@ -154,12 +179,10 @@ impl Estimator for Kinesthetic {
         let columns = angles(squeeze);
         for pair in columns_of(reading) {
             let value = |n: usize, row: usize| {
-                let [low, high] = self.bounds(n);
                 let value = columns[n][row];
-                if (low..=high).contains(&value) {
-                    value
-                } else {
-                    f64::NAN
+                match self.bounds(n) {
+                    Some([low, high]) if (low..=high).contains(&value) => value,
+                    _ => f64::NAN,
                 }
             };
             if !course.at_phases(|row| pair.iter().map(|n| value(*n, row)).sum(), &mut features) {
@@ -172,10 +195,15 @@ impl Estimator for Kinesthetic {
             percent,
             half_width_90,
             source: Source::Kinesthetic,
-            left_out: without(reading),
+            left_out: lacks(reading),
             phase: course.reached(),
         })
     }
+}
+
+/// Whether these angles are all that a reading needs.
+fn covers(has: [bool; 4], reading: [bool; 4]) -> bool {
+    reading.iter().zip(has).all(|(needs, has)| has || !needs)
 }
 
 /// What is left out where only these angles are used.
@@ -199,11 +227,20 @@ fn columns_of(reading: [bool; 4]) -> impl Iterator<Item = Vec<usize>> {
         .filter(|pair| !pair.is_empty())
 }
 
+/// Smallest and largest value of an angle in all squeezes; None where it is in none, or stands still.
+fn range_of(trials: &[&Trial], angle: usize) -> Option<[f64; 2]> {
+    let all = trials.iter().flat_map(|trial| angles(&trial.squeeze)[angle]);
+    let known = || all.clone().copied().filter(|v| v.is_finite());
+    let (low, high) = (known().reduce(f64::min)?, known().reduce(f64::max)?);
+    (high - low > STUCK_DEG).then_some([low, high])
+}
+
 /// Squeezes with their angles at phases.
 struct Training {
     profile: Profile,
-    range_deg: [[f64; 2]; 4],
-    /// Four angles at phases for each squeeze.
+    /// None of an angle that is in no squeeze, or moves in none.
+    range_deg: [Option<[f64; 2]>; 4],
+    /// Four angles at phases for each squeeze, 0 where there is none.
     angles: Vec<f64>,
     places: Vec<usize>,
     percents: Vec<f64>,
@@ -214,7 +251,7 @@ impl Training {
         let (places, percents) = places(trials)?;
         let mut set = Self {
             profile: Profile::of(trials)?,
-            range_deg: [[f64::INFINITY, f64::NEG_INFINITY]; 4],
+            range_deg: std::array::from_fn(|n| range_of(trials, n)),
             angles: Vec::with_capacity(trials.len() * 4 * PHASES),
             places,
             percents,
@@ -228,16 +265,25 @@ impl Training {
     fn add(&mut self, squeeze: &Squeeze) -> Result<(), ForearmError> {
         let course = self.profile.whole(squeeze)?;
         for (n, column) in angles(squeeze).into_iter().enumerate() {
-            if !course.at_phases(|row| column[row], &mut self.angles) {
-                return Err(ForearmError::Lost {
-                    what: ANGLES[n].into(),
-                });
+            if self.range_deg[n].is_none() {
+                self.angles.extend([0.0; PHASES]);
+            } else if !course.at_phases(|row| column[row], &mut self.angles) {
+                return Err(ForearmError::LostOnce { name: ANGLES[n] });
             }
-            let known = || column.iter().copied().filter(|v| v.is_finite());
-            let [low, high] = self.range_deg[n];
-            self.range_deg[n] = [known().fold(low, f64::min), known().fold(high, f64::max)];
         }
         Ok(())
+    }
+
+    /// The most angles that every squeeze has.
+    fn reading(&self) -> Result<[bool; 4], ForearmError> {
+        let there = self.range_deg.map(|range| range.is_some());
+        let all = READINGS.into_iter().find(|reading| covers(there, *reading));
+        all.ok_or_else(|| {
+            let missing: Vec<_> = without(there).names().collect();
+            ForearmError::Untrained {
+                what: format!("no squeeze has {}, or they never move", missing.join(", ")),
+            }
+        })
     }
 
     fn rows(&self, reading: [bool; 4]) -> Rows {
@@ -258,10 +304,11 @@ impl Training {
         }
     }
 
-    fn model(&self, chosen: Tried) -> Kinesthetic {
+    fn model(&self, chosen: Tried, best: [bool; 4]) -> Kinesthetic {
+        let there = self.range_deg.map(|range| range.is_some());
         let reading = |reading: [bool; 4]| {
-            let every = if reading == READINGS[0] { 1 } else { STAGE_OF_FEWER };
-            Regression::train(&self.rows(reading), chosen.choice, every)
+            let every = if reading == best { 1 } else { STAGE_OF_FEWER };
+            covers(there, reading).then(|| Regression::train(&self.rows(reading), chosen.choice, every))
         };
         Kinesthetic {
             profile: self.profile,

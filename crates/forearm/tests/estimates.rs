@@ -110,6 +110,60 @@ fn an_estimate_names_the_angles_that_it_was_made_without() {
     assert_eq!(names(&one), ["theta_p of finger 1", "theta_a of finger 1"]);
 }
 
+#[test]
+fn angles_that_no_training_squeeze_has_are_done_without_unsaid() {
+    for (lost, names) in [
+        (vec![0, 1], vec!["theta_p of finger 0", "theta_p of finger 1"]),
+        (vec![1], vec!["theta_p of finger 1"]),
+        (vec![1, 3], vec!["theta_p of finger 1", "theta_a of finger 1"]),
+    ] {
+        for value in [f64::NAN, 12.0] {
+            let without = |mut squeeze: Squeeze| {
+                let [p, a] = [&mut squeeze.theta_p_deg, &mut squeeze.theta_a_deg];
+                for (n, column) in p.iter_mut().chain(a).enumerate() {
+                    if lost.contains(&n) {
+                        column.fill(value);
+                    }
+                }
+                squeeze
+            };
+            let mut session = session();
+            for trial in &mut session.trials {
+                trial.squeeze = without(trial.squeeze.clone());
+            }
+            let model = Model::train(&session).unwrap();
+            assert_eq!(model.kinesthetic.never_there().collect::<Vec<_>>(), names);
+            assert!(model.kinesthetic.half_width_90() > 0.0);
+            let model = Model::from_bytes(&model.to_bytes()).unwrap();
+            // Whether the squeeze has them or not.
+            for squeeze in [without(squeeze(37.0, 0.0)), squeeze(37.0, 0.0)] {
+                let estimate = model.estimate(&squeeze).unwrap();
+                assert!((estimate.percent - 37.0).abs() < 4.0, "{lost:?}: {estimate:?}");
+                assert_eq!(estimate.left_out.names().count(), 0);
+            }
+            let mut lost = squeeze(37.0, 0.0);
+            lost.theta_a_deg[0].fill(f64::NAN);
+            lost.theta_p_deg[0].fill(f64::NAN);
+            if let Ok(estimate) = model.estimate(&lost) {
+                assert!(estimate.left_out.names().all(|name| !names.contains(&name)));
+            }
+        }
+    }
+    let mut session = session();
+    for trial in &mut session.trials {
+        trial
+            .squeeze
+            .theta_a_deg
+            .iter_mut()
+            .for_each(|a| a.fill(f64::NAN));
+    }
+    let error = Model::train(&session).unwrap_err().to_string();
+    assert!(
+        error.contains("no squeeze has theta_a of finger 0, theta_a of finger 1"),
+        "{error}"
+    );
+}
+
 fn model() -> Model {
     Model::train(&session()).unwrap()
 }

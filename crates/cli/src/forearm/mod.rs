@@ -134,19 +134,37 @@ fn train(args: &TrainArgs) -> anyhow::Result<String> {
     let model = Model::train(&session).with_context(|| session.name.clone())?;
     OutputFile::write(&args.out, model.to_bytes())?;
     let chosen = model.kinesthetic.chosen();
-    Ok(format!(
-        "{}: trained on {} squeezes at {} places\n\
-         looks at {}, chosen on these squeezes\n\
-         off by {:.1} % of the forearm where repetitions are left out, by {:.1} % where a place is (RMSE, mean over places)\n\
-         90 % interval: +-{:.1} %\n",
+    let squeezes = session.trials.len();
+    let untouched = session.trials.iter().filter(|t| t.squeeze.tactile.is_none());
+    let senses = match (model.touch.is_some(), untouched.count()) {
+        (true, _) => ", from angles and touch".into(),
+        (false, n) if n == squeezes => String::new(),
+        (false, n) => format!(", from angles alone: {n} of them have no touch"),
+    };
+    let mut text = format!(
+        "{}: trained on {squeezes} squeezes at {} places{senses}\n",
         args.out.display(),
-        session.trials.len(),
         session.locations().len(),
+    );
+    let never: Vec<_> = model.kinesthetic.never_there().collect();
+    if !never.is_empty() {
+        writeln!(
+            text,
+            "without {}: no squeeze has it, or it never moves",
+            never.join(" and ")
+        )?;
+    }
+    writeln!(
+        text,
+        "looks at {}, chosen on these squeezes\n\
+         off by {:.1} % of the forearm where repetitions are left out, by {:.1} % where a place is (RMSE, mean over places)\n\
+         90 % interval: +-{:.1} %",
         chosen.choice,
         chosen.repetitions_out,
         chosen.place_out,
         model.kinesthetic.half_width_90(),
-    ))
+    )?;
+    Ok(text)
 }
 
 fn estimate(args: &EstimateArgs) -> anyhow::Result<String> {
