@@ -165,6 +165,14 @@ impl<'a> Bytes<'a> {
                 );
             }
         };
+        // MATLAB 7.3 writes HDF5 behind the same header.
+        let version = [bytes[HEADER - 4], bytes[HEADER - 3]];
+        if version[usize::from(!big_endian)] == 2 {
+            return torn(
+                HEADER - 4,
+                "a MAT-file of version 7.3, which is HDF5; save it in MATLAB with -v7",
+            );
+        }
         Ok(Self { bytes, big_endian })
     }
 
@@ -324,6 +332,20 @@ mod tests {
     use flate2::write::ZlibEncoder;
     use proptest::prelude::*;
     use std::io::Write;
+
+    #[test]
+    fn a_file_of_version_7_3_is_named_and_what_to_save_it_as() {
+        for (version, order) in [(*b"\x00\x02", *b"IM"), (*b"\x02\x00", *b"MI")] {
+            let mut file = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".to_vec();
+            file.resize(HEADER - 4, b' ');
+            file.extend(version);
+            file.extend(order);
+            file.resize(512, 0);
+            file.extend(b"\x89HDF\r\n\x1a\n");
+            let error = read_mat(&file, "datos").unwrap_err().to_string();
+            assert!(error.contains("7.3") && error.contains("-v7"), "{error}");
+        }
+    }
 
     fn matrix() -> Matrix {
         let values = (0..30).map(|n| f64::from(n) / 7.0).collect();

@@ -281,6 +281,12 @@ fn read_npz(path: &Path) -> Result<Vec<Trial>, ForearmError> {
             "location_percent must be {places} numbers from 0 to 100"
         )));
     }
+    let furthest = at.values.iter().copied().fold(0.0, f64::max);
+    if places > 1 && furthest > 0.0 && furthest <= 1.0 {
+        return Err(unfit(format!(
+            "location_percent goes to {furthest}, and the elbow is 100; multiply shares of the forearm by 100"
+        )));
+    }
     let touch = array("tactile")?;
     if let Some(touch) = &touch {
         let expected = [places, repetitions, samples, TACTILE_ROWS, TACTILE_COLUMNS];

@@ -93,6 +93,18 @@ fn what_cannot_be_read_is_named() {
     fs::write(&path, "no archive").unwrap();
     let error = Session::open(&path).unwrap_err().to_string();
     assert!(error.contains("none.npz: not a readable npz"), "{error}");
+    let trials = [0, PLACES - 1].map(|place| Trial {
+        location_percent: location_percent(place) / 100.0,
+        repetition: 0,
+        squeeze: squeeze(place, 4),
+    });
+    let shares = Session {
+        name: "shares".into(),
+        trials: trials.into(),
+    };
+    shares.write_npz(&path).unwrap();
+    let error = Session::open(&path).unwrap_err().to_string();
+    assert!(error.contains("multiply shares of the forearm by 100"), "{error}");
 }
 
 #[test]
