@@ -133,6 +133,9 @@ impl OutputFile {
 
     /// Writes a file whose content is known.
     pub fn write(path: &Path, content: impl AsRef<[u8]>) -> anyhow::Result<()> {
+        if path.as_os_str() == "-" {
+            bail!("- is stdout for streams alone; name a file, or /dev/stdout");
+        }
         let mut file = Self::begin(path)?;
         fs::write(file.path(), content).with_context(|| path.display().to_string())?;
         file.finish()
@@ -164,6 +167,17 @@ mod tests {
     use super::*;
     use std::os::unix::fs::symlink;
     use tempfile::TempDir;
+
+    #[test]
+    fn a_file_that_is_no_stream_is_not_called_by_the_sign_for_stdout() {
+        let error = OutputFile::write(Path::new("-"), "model")
+            .unwrap_err()
+            .to_string();
+        assert!(
+            error.contains("name a file") && !Path::new("-").exists(),
+            "{error}"
+        );
+    }
 
     #[test]
     fn a_file_has_its_name_only_once_it_is_whole() {
