@@ -96,6 +96,9 @@ struct EstimateArgs {
     potentiometers: Vec<String>,
 }
 
+/// A squeeze that ends before this phase was broken off: a random profile of PWM need not come back to 2.
+const WHOLE: f64 = 1.9;
+
 /// A line of `estimate --json`.
 #[derive(Debug, Serialize)]
 struct Line {
@@ -118,7 +121,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         Command::Record(args) => return record::run(args),
         Command::Simulate(args) => simulate::run(args)?,
         Command::Train(args) => train(args)?,
-        Command::Estimate(args) => estimate(args)?,
+        Command::Estimate(args) => return estimate(args),
         Command::Eval(args) => eval::run(args)?,
         Command::Figures(args) => figures::run(args)?,
     };
@@ -167,7 +170,7 @@ fn train(args: &TrainArgs) -> anyhow::Result<String> {
     Ok(text)
 }
 
-fn estimate(args: &EstimateArgs) -> anyhow::Result<String> {
+fn estimate(args: &EstimateArgs) -> anyhow::Result<()> {
     let model = Model::open(&args.model)?;
     if args.live {
         let sockets = live::Sockets {
@@ -176,27 +179,52 @@ fn estimate(args: &EstimateArgs) -> anyhow::Result<String> {
         };
         live::run(&model, &sockets, &args.fingers, &args.potentiometers)?;
     }
-    let mut text = String::new();
+    let mut out = io::stdout().lock();
+    let mut failed = Vec::new();
     for path in &args.files {
-        let file = path.display().to_string();
-        if !path.is_dir() && path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mat")) {
-            let squeeze = Squeeze::read_mat(path)?;
-            let estimate = model.estimate(&squeeze).with_context(|| file.clone())?;
-            line(&mut text, &file, None, estimate, args.json)?;
-            continue;
-        }
-        for trial in &Session::open(path)?.trials {
-            let place = || {
-                format!(
-                    "{file}, squeeze {} at {:.1} %",
-                    trial.repetition, trial.location_percent
-                )
-            };
-            let estimate = model.estimate(&trial.squeeze).with_context(place)?;
-            line(&mut text, &file, Some(trial), estimate, args.json)?;
+        // What cannot be estimated hides none of the others.
+        let mut text = String::new();
+        let estimated = estimate_file(&mut text, &model, path, args.json, &mut failed);
+        out.write_all(text.as_bytes()).context("stdout")?;
+        failed.extend(estimated.err());
+    }
+    out.flush().context("stdout")?;
+    let Some(last) = failed.pop() else {
+        return Ok(());
+    };
+    for error in failed {
+        eprintln!("taxel: {}", crate::describe(&error));
+    }
+    Err(last)
+}
+
+/// A line for each squeeze of a file. Why there is none for a squeeze of a session goes to `failed`.
+fn estimate_file(
+    text: &mut String,
+    model: &Model,
+    path: &Path,
+    json: bool,
+    failed: &mut Vec<anyhow::Error>,
+) -> anyhow::Result<()> {
+    let file = path.display().to_string();
+    if !path.is_dir() && path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mat")) {
+        let squeeze = Squeeze::read_mat(path)?;
+        let estimate = model.estimate(&squeeze).with_context(|| file.clone())?;
+        return line(text, &file, None, estimate, json);
+    }
+    for trial in &Session::open(path)?.trials {
+        let place = || {
+            format!(
+                "{file}, squeeze {} at {:.1} %",
+                trial.repetition, trial.location_percent
+            )
+        };
+        match model.estimate(&trial.squeeze).with_context(place) {
+            Ok(estimate) => line(text, &file, Some(trial), estimate, json)?,
+            Err(error) => failed.push(error),
         }
     }
-    Ok(text)
+    Ok(())
 }
 
 fn line(
@@ -228,13 +256,19 @@ fn line(
             estimate.source
         )?;
         let left_out: Vec<_> = estimate.left_out.names().collect();
-        match left_out.is_empty() {
-            true => writeln!(text, ")")?,
-            false => writeln!(
+        if !left_out.is_empty() {
+            write!(
                 text,
-                "; without {}: lost, or does not move)",
+                "; without {}: lost, or does not move",
                 left_out.join(" and ")
-            )?,
+            )?;
+        }
+        match estimate.phase {
+            phase if phase < 0.0 => writeln!(text, "; before the squeeze: PWM never rises)")?,
+            phase if phase < WHOLE => {
+                writeln!(text, "; of a squeeze that breaks off at phase {phase:.2} of 2)")?
+            }
+            _ => writeln!(text, ")")?,
         }
     }
     Ok(())

@@ -1,8 +1,9 @@
 //! `taxel forearm` on a simulated forearm.
 
-use crate::{fails, succeeds};
+use crate::{fails, succeeds, taxel, texts};
 use serde_json::Value;
 use std::fs;
+use taxel_forearm::{Session, Squeeze};
 use tempfile::TempDir;
 
 #[test]
@@ -43,6 +44,101 @@ fn a_session_is_trained_on_and_its_squeezes_and_more_are_placed() {
     fs::write(dir.path().join("torn.mat"), [0; 100]).unwrap();
     let error = fails(&dir, &["forearm", "estimate", "arm.model", "torn.mat"], 1);
     assert!(error.contains("torn.mat: byte 100: cut off"), "{error}");
+}
+
+#[test]
+fn a_gripper_without_potentiometers_is_trained_on_and_what_cannot_be_estimated_hides_nothing() {
+    let dir = TempDir::new().unwrap();
+    succeeds(
+        &dir,
+        &["forearm", "simulate", "--out", "all.npz", "--repetitions", "2"],
+    );
+    let session = Session::open(&dir.path().join("all.npz")).unwrap();
+    let file = |place: usize, repetition: usize| {
+        let folder = dir.path().join(format!("session/{place}"));
+        fs::create_dir_all(&folder).unwrap();
+        folder.join(format!("distance{place}_{repetition}.mat"))
+    };
+    for trial in &session.trials {
+        let mut squeeze = trial.squeeze.clone();
+        squeeze.theta_p_deg.iter_mut().for_each(|p| p.fill(f64::NAN));
+        let place = (trial.location_percent * 0.12).round() as usize;
+        let path = file(place, trial.repetition + 1);
+        if (place, trial.repetition) != (0, 0) {
+            fs::write(
+                path.with_file_name(format!("tactile{place}_{}.npy", trial.repetition + 1)),
+                squeeze.to_npy().unwrap(),
+            )
+            .unwrap();
+        }
+        fs::write(path, squeeze.to_mat()).unwrap();
+    }
+    let (out, _) = succeeds(&dir, &["forearm", "train", "session", "--out", "arm.model"]);
+    assert!(
+        out.contains("at 13 places, from angles alone: 1 of them have no touch")
+            && out.contains("without theta_p of finger 0 and theta_p of finger 1: no squeeze has it"),
+        "{out}"
+    );
+    let (_, said) = succeeds(
+        &dir,
+        &[
+            "forearm",
+            "record",
+            "session",
+            "--repetitions",
+            "2",
+            "--npz",
+            "kept.npz",
+        ],
+    );
+    assert!(
+        said.contains("nothing moves") && said.contains("all squeezes of session are in kept.npz"),
+        "{said}"
+    );
+    assert_eq!(
+        Session::open(&dir.path().join("kept.npz")).unwrap().trials.len(),
+        26
+    );
+    // One that is torn, one whose PWM never rises, one that is broken off.
+    let whole = Session::open(&dir.path().join("session")).unwrap().trials[0]
+        .squeeze
+        .clone();
+    let write = |name: &str, squeeze: &Squeeze| fs::write(dir.path().join(name), squeeze.to_mat()).unwrap();
+    fs::write(dir.path().join("torn.mat"), &whole.to_mat()[..300]).unwrap();
+    write("whole.mat", &whole);
+    write("half.mat", &whole.prefix(whole.len() / 2));
+    let mut still = whole;
+    still.pwm.fill(0.0);
+    write("still.mat", &still);
+    let files = ["torn.mat", "whole.mat", "half.mat", "nosuch.mat", "still.mat"];
+    let output = taxel(
+        &dir,
+        &[&["forearm", "estimate", "arm.model"], &files[..]].concat(),
+    );
+    let (out, err) = texts(&output);
+    assert_eq!(output.status.code(), Some(1), "{out}{err}");
+    let lines: Vec<&str> = out.lines().collect();
+    assert!(
+        lines[0].starts_with("whole.mat: ") && lines[0].ends_with("(kinesthetic)"),
+        "{out}"
+    );
+    assert!(
+        lines[1].starts_with("half.mat: ") && lines[1].contains("breaks off at phase 0."),
+        "{out}"
+    );
+    assert!(
+        lines[2].starts_with("still.mat: ") && lines[2].ends_with("PWM never rises)"),
+        "{out}"
+    );
+    assert!(
+        err.contains("taxel: torn.mat: byte 128") && err.contains("taxel: nosuch.mat: "),
+        "{err}"
+    );
+    let error = fails(&dir, &["forearm", "train", "session", "--out", "-"], 1);
+    assert!(
+        error.contains("name a file") && !dir.path().join("-").exists(),
+        "{error}"
+    );
 }
 
 #[test]

@@ -67,7 +67,7 @@ pub(crate) struct Args {
     /// otherwise the session ends with the fault, and the same command goes on there
     #[arg(long, value_name = "TIMES", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=10))]
     again: u32,
-    /// When it ends, also write all squeezes of the folder to this .npz
+    /// When it ends, also write all squeezes of the folder to this .npz; without --allow-motion those that are there
     #[arg(long, value_name = "FILE")]
     npz: Option<PathBuf>,
     /// The daemon's image socket [default: where the daemon of this user, or of the system, puts it]
@@ -109,7 +109,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     eprintln!("taxel: {plan}");
     if !args.allow_motion {
         eprintln!("taxel: nothing moves without --allow-motion");
-        return Ok(());
+        return keep_npz(args, &plan);
     }
     let interrupt = Interrupt::install()?;
     let control = args
@@ -129,19 +129,25 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     })?;
     eprintln!("taxel: {gripper}");
     let recorded = session(args, &plan, &gripper, &interrupt);
-    if let Some(npz) = &args.npz
-        && plan.done() > 0
-    {
-        let mut file = OutputFile::begin(npz)?;
-        Session::open(&args.folder)?.write_npz(file.path())?;
-        file.finish()?;
-        eprintln!(
-            "taxel: all squeezes of {} are in {}",
-            args.folder.display(),
-            npz.display()
-        );
-    }
-    recorded
+    // The fault before what it may have left behind.
+    let kept = keep_npz(args, &plan);
+    recorded.and(kept)
+}
+
+/// All squeezes of the folder in one file, where that is wanted.
+fn keep_npz(args: &Args, plan: &Plan) -> anyhow::Result<()> {
+    let Some(npz) = args.npz.as_ref().filter(|_| plan.done() > 0) else {
+        return Ok(());
+    };
+    let mut file = OutputFile::begin(npz)?;
+    Session::open(&args.folder)?.write_npz(file.path())?;
+    file.finish()?;
+    eprintln!(
+        "taxel: all squeezes of {} are in {}",
+        args.folder.display(),
+        npz.display()
+    );
+    Ok(())
 }
 
 /// Squeeze after squeeze, until all are there.
