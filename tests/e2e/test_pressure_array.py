@@ -1,6 +1,7 @@
 """A pressure array: a program sends its frames to a socket of the daemon's, well and badly."""
 
 import json
+import os
 import socket
 import stat
 import struct
@@ -8,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -225,9 +227,9 @@ def test_an_array_stands_beside_boards(folder):
         daemon.wait_status(lambda s: s["missing"] == 64 and kinds(s) == {"board-silent"}, "boards fall silent with it")
 
 
-def doctor(*arguments):
+def doctor(*arguments, **more):
     command = [binary("taxel"), "doctor", "--json", "--seconds", "2", *map(str, arguments)]
-    run = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    run = subprocess.run(command, capture_output=True, text=True, timeout=60, env={**os.environ, **more})
     return json.loads(run.stdout)["checks"]
 
 
@@ -240,3 +242,10 @@ def test_the_doctor_says_whether_the_array_speaks(folder):
     sender.close()
     assert not [c for c in heard if c["area"] == "hand" and c["state"] == "error"], heard
     assert not (folder / "touch.sock").exists()
+
+
+@pytest.mark.skipif(Path("/etc/taxeld/taxeld.toml").exists(), reason="a service has its configuration here")
+def test_the_doctor_looks_at_what_a_running_daemon_reads_where_nothing_is_named(array, sender):
+    checks = doctor(RUNTIME_DIRECTORY=str(array.control_path.parent))
+    assert not [c for c in checks if c["area"] == "link" or "CAN" in c["name"] and c["state"] == "error"], "nobody has named a CAN interface"
+    assert [c for c in checks if c["area"] == "daemon" and "tekscan-6077" in c["found"]], checks

@@ -1,5 +1,6 @@
 //! The arguments of `taxel doctor`, and the configuration that they name.
 
+use super::daemon::{self, Daemon};
 use crate::input::DEFAULT_LAYOUT;
 use anyhow::{Context, bail};
 use std::path::{Path, PathBuf};
@@ -13,8 +14,8 @@ const CONFIG: &str = "/etc/taxeld/taxeld.toml";
 
 /// Look at this machine and this hand, and say what is wrong and how to mend it.
 ///
-/// Without options the configuration of the service is taken (/etc/taxeld/taxeld.toml), else the
-/// default hand on can0 and can1. While a daemon runs, it is asked, and its buses are left alone.
+/// Without options the configuration of the service is taken (/etc/taxeld/taxeld.toml), else what a
+/// daemon that runs reads, else the default hand on can0 and can1. While a daemon runs, it is asked, and its buses are left alone.
 /// Otherwise the boards are asked who they are, started, listened to and stopped again, but only on
 /// buses where nobody else speaks; servos are pinged and read. The hand must not be touched
 /// meanwhile.
@@ -109,6 +110,15 @@ impl Args {
         let mut config = Config::new(layout, sources);
         config.joints = self.joints()?;
         config.socket.control = taxeld::config::running_socket("control.sock");
+        if !named_here && let Daemon::Running(status) = daemon::ask(&config.socket.status_path()) {
+            // What it reads, rather than a hand that nobody has named.
+            config.sources = daemon::sources(&status);
+            let hand = daemon::describe(&status);
+            return Ok((
+                config,
+                format!("no configuration file; the daemon that runs has {hand}"),
+            ));
+        }
         let origin = format!("no configuration file: {}", describe(&config));
         Ok((config, origin))
     }
@@ -139,13 +149,17 @@ impl Args {
 }
 
 fn describe(config: &Config) -> String {
-    let buses: Vec<String> = config
-        .layout
-        .buses
-        .iter()
-        .zip(&config.sources)
+    let sources = config.sources.iter().map(ToString::to_string);
+    describe_hand(&config.layout.name, config.layout.buses.iter().zip(sources))
+}
+
+/// A hand and where its buses are, in words.
+pub(super) fn describe_hand(
+    name: &str,
+    buses: impl Iterator<Item = (impl std::fmt::Display, String)>,
+) -> String {
+    let buses: Vec<String> = buses
         .map(|(bus, source)| {
-            let source = source.to_string();
             if source == format!("can:{bus}") {
                 source
             } else {
@@ -153,7 +167,7 @@ fn describe(config: &Config) -> String {
             }
         })
         .collect();
-    format!("hand {} on {}", config.layout.name, buses.join(", "))
+    format!("hand {name} on {}", buses.join(", "))
 }
 
 fn seconds(text: &str) -> Result<f64, String> {

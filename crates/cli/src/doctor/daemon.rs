@@ -1,5 +1,6 @@
 //! A daemon that runs already: what it says of itself and of the hand, so that its buses are left alone.
 
+use super::arguments::describe_hand;
 use super::finding::Check;
 use super::picture;
 use anyhow::{Context, bail};
@@ -204,6 +205,18 @@ fn check_board(board: &BoardStatus, is_told: bool) -> Option<Check> {
     }
 }
 
+/// Where a daemon reads its buses.
+pub(super) fn sources(status: &Status) -> Vec<SourceAddress> {
+    let parsed = |bus: &BusStatus| bus.source.parse().ok();
+    status.buses.iter().filter_map(parsed).collect()
+}
+
+/// The hand of a daemon and where its buses are, in words.
+pub(super) fn describe(status: &Status) -> String {
+    let buses = status.buses.iter().map(|bus| (&bus.name, bus.source.clone()));
+    describe_hand(&status.layout, buses)
+}
+
 /// Whether a daemon reads any of the buses or joints of a configuration.
 pub(super) fn has_any(status: &Status, config: &Config) -> bool {
     // What is behind the question mark are options.
@@ -289,6 +302,19 @@ mod tests {
         of_a_recording["buses"][0]["source"] = "log:tap.log".into();
         let config = Config::new(layout(), vec!["log:tap.log".parse().unwrap()]);
         assert!(!has_any(&parsed(of_a_recording), &config));
+    }
+
+    #[test]
+    fn what_a_daemon_reads_is_known_by_its_status() {
+        let mut status = running();
+        status["buses"][0]["source"] = "udp:239.74.163.2:43113".into();
+        let status = parsed(status);
+        assert_eq!(
+            describe(&status),
+            "hand uskin-module on can0 = udp:239.74.163.2:43113"
+        );
+        assert_eq!(sources(&status), ["udp:239.74.163.2:43113".parse().unwrap()]);
+        assert_eq!(describe(&parsed(running())), "hand uskin-module on can:can0");
     }
 
     #[test]
