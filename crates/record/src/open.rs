@@ -47,11 +47,64 @@ impl Recording {
                     "" => "nothing".into(),
                     other => format!(".{other}"),
                 };
+                let how = made_of(other, path).map_or_else(String::new, |how| format!("; {how}"));
                 return refused(format!(
-                    "a recording ends in .npy, .npz or .csv (tactile frames), .log (candump) or .mcap (`taxel record`), not {found}"
+                    "a recording ends in .npy, .npz or .csv (tactile frames), .log (candump) or .mcap (`taxel record`), \
+                     not {found}{how}"
                 ));
             }
         };
         Self::from_table(table, options)
+    }
+}
+
+/// How a recording is made of a file of another kind that people have.
+fn made_of(extension: &str, path: &Path) -> Option<String> {
+    let (file, log) = (path.display(), path.with_extension("log"));
+    let unpacked = |program: &str| {
+        Some(format!(
+            "`{program} {file} | taxel COMMAND -` reads what is packed in it"
+        ))
+    };
+    match extension {
+        "blf" | "asc" | "trc" | "db" | "mf4" => {
+            let log = log.display();
+            Some(format!(
+                "`can_logconvert {file} {log}` of python-can makes a .log of it"
+            ))
+        }
+        "gz" => unpacked("zcat"),
+        "bz2" => unpacked("bzcat"),
+        "xz" => unpacked("xzcat"),
+        "zst" => unpacked("zstdcat"),
+        "mat" => Some(
+            "save the array in Python: numpy.save(\"frames.npy\", scipy.io.loadmat(..)[\"NAME\"])".into(),
+        ),
+        "parquet" => {
+            Some("pandas.read_parquet(..).to_csv(\"grasp.csv\", index=False) makes a .csv of it".into())
+        }
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn who_has_another_kind_of_file_is_told_what_makes_a_recording_of_it() {
+        for (name, how) in [
+            ("grasp.blf", "`can_logconvert grasp.blf grasp.log`"),
+            ("grasp.ASC", "`can_logconvert grasp.ASC grasp.log`"),
+            ("grasp.log.gz", "`zcat grasp.log.gz | taxel COMMAND -`"),
+            ("grasp.csv.zst", "`zstdcat grasp.csv.zst"),
+            ("grasp.mat", "numpy.save("),
+            ("grasp.parquet", "pandas.read_parquet("),
+        ] {
+            let error = Recording::open(Path::new(name), &ReadOptions::default()).unwrap_err();
+            assert!(error.to_string().contains(how), "{error}");
+        }
+        let error = Recording::open(Path::new("grasp.bag"), &ReadOptions::default()).unwrap_err();
+        assert!(error.to_string().ends_with("not .bag"), "{error}");
     }
 }
