@@ -234,6 +234,7 @@ def test_torque_and_pwm_are_written_on_request_with_the_watchdog_armed(folder):
             (("joint 5", "--pwm", "10"), "enable its torque first"),
             (("thumb", "--torque", "on"), "no joint is called thumb; there are joint 1, joint 2"),
             (("joint 5", "--pwm", "-101"), "outside -100 to 100"),
+            (("joint 5", "--torque", "off", "--pwm", "3"), "--pwm goes with --torque on"),
         ]
         for arguments, words in refusals:
             status, said = servo(daemon, *arguments)

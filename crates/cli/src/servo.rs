@@ -46,6 +46,10 @@ fn percent(text: &str) -> Result<f64, String> {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    anyhow::ensure!(
+        args.torque != Some(Switch::Off) || args.pwm.is_none(),
+        "a motor that is switched off takes no PWM: --pwm goes with --torque on, or after it"
+    );
     let socket = args
         .socket
         .clone()

@@ -16,6 +16,8 @@ const MOST_IDS: usize = 4096;
 const NAMED_IDS: usize = 6;
 /// A board that is not heard speaks against a bus as so many ids of nobody do.
 const BOARD_IDS: usize = 4;
+/// So many interfaces are named in an error; a whole vehicle has hundreds.
+const MOST_NAMED: usize = 12;
 /// Most buses whose orders are all tried.
 const MOST_BUSES: usize = 8;
 
@@ -158,8 +160,13 @@ pub fn interfaces_of_buses(
 
 impl Survey<'_> {
     fn names(&self) -> String {
-        let names: Vec<&str> = self.heard.iter().map(|heard| heard.name.as_str()).collect();
-        names.join(", ")
+        let names = self.heard.iter().map(|heard| heard.name.as_str());
+        let first: Vec<&str> = names.take(MOST_NAMED).collect();
+        let first = first.join(", ");
+        match self.heard.len().saturating_sub(MOST_NAMED) {
+            0 => first,
+            more => format!("{first} and {more} more"),
+        }
     }
 
     fn place(&self, name: &str) -> Option<usize> {

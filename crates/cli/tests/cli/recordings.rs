@@ -287,6 +287,22 @@ fn can_frames_of_two_hands_are_read_as_those_of_the_first() {
 }
 
 #[test]
+fn a_log_of_hundreds_of_interfaces_is_told_by_the_first_of_them() {
+    let dir = TempDir::new().unwrap();
+    let line = |n: usize| format!("({n}.000000) v{n} 300#0102030405060708\n");
+    std::fs::write(
+        dir.path().join("many.log"),
+        (0..300).map(line).collect::<String>(),
+    )
+    .unwrap();
+    let error = fails(&dir, &["compress", "many.log", "--out", "many.npz"], 1);
+    assert!(
+        error.contains("v11 and 288 more") && error.contains("--interface v0=can0"),
+        "{error}"
+    );
+}
+
+#[test]
 fn what_cannot_be_converted_or_recorded_is_refused_with_what_to_do() {
     let dir = TempDir::new().unwrap();
     std::fs::write(dir.path().join("no.mcap"), "(1.0) can0 001#\n").unwrap();
