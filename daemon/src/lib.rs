@@ -16,6 +16,7 @@ mod sources;
 mod start_error;
 mod state;
 mod status;
+pub mod stdout;
 mod supervise;
 mod tick;
 

@@ -17,10 +17,10 @@ use signal_hook::consts::{
 };
 use signal_hook::iterator::Signals;
 use signal_hook::low_level::signal_name;
-use std::io::{ErrorKind, Write};
+use std::io::Write;
 use std::process::ExitCode;
 use std::time::Duration;
-use taxeld::{Arguments, Config, ConfigError, Daemon, StartError};
+use taxeld::{Arguments, Config, ConfigError, Daemon, StartError, stdout};
 use tracing::Level;
 use tracing_subscriber::filter::{LevelFilter, Targets};
 use tracing_subscriber::layer::SubscriberExt;
@@ -30,7 +30,13 @@ use tracing_subscriber::util::SubscriberInitExt;
 const BAD_CONFIG: u8 = 78;
 
 fn main() -> ExitCode {
-    match run(&Arguments::parse()) {
+    // Where there is no such socket, /dev/null stays, and the daemon runs.
+    let _ = stdout::refuse_closed();
+    let outcome = match Arguments::try_parse() {
+        Ok(arguments) => run(&arguments),
+        Err(said) => stdout::ended(stdout::tell(&said)),
+    };
+    match outcome {
         Ok(status) => status,
         Err(error) => {
             // Not eprintln!, which panics where stderr is gone or full.
@@ -55,10 +61,8 @@ fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     if arguments.check {
         let text = std::fs::read_to_string(&arguments.config).unwrap_or_default();
         taxeld::check(&config, &text, &arguments.config)?;
-        return match std::io::stdout().write_all(config.summary().as_bytes()) {
-            Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(error).context("stdout"),
-            _ => Ok(ExitCode::SUCCESS),
-        };
+        let printed = std::io::stdout().write_all(config.summary().as_bytes());
+        return stdout::ended(printed.context("stdout").map(|()| ExitCode::SUCCESS));
     }
 
     // They interrupt the thread that they wake alone, so that every other one is started without them. They take

@@ -98,7 +98,7 @@ mod tests {
             drop(daemon);
             let error = connection.ask(&Value::Null).unwrap_err();
             assert!(error.to_string().starts_with(wanted), "{error:#}");
-            assert!(!crate::is_broken_pipe(&error), "{error:#}");
+            assert!(!taxeld::stdout::is_broken_pipe(&error), "{error:#}");
         }
     }
 

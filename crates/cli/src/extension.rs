@@ -1,5 +1,6 @@
 //! `taxel NAME` where NAME is not built in: the program `taxel-NAME`, as git and cargo do.
 
+use anyhow::Context;
 use std::collections::BTreeMap;
 use std::ffi::{OsStr, OsString};
 use std::io::Write;
@@ -39,18 +40,12 @@ pub(crate) fn run(words: &[OsString], built_in: &clap::Command) -> ExitCode {
 }
 
 /// Prints every command with what it does, or the file of the program that it is.
-pub(crate) fn list(built_in: &clap::Command) -> ExitCode {
+pub(crate) fn list(built_in: &clap::Command) -> anyhow::Result<()> {
     let mut text = String::new();
     for (name, what) in commands(built_in, &folders()) {
         text += &format!("{name:12} {what}\n");
     }
-    match std::io::stdout().write_all(text.as_bytes()) {
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
-            eprintln!("taxel: stdout: {error}");
-            ExitCode::FAILURE
-        }
-        _ => ExitCode::SUCCESS,
-    }
+    std::io::stdout().write_all(text.as_bytes()).context("stdout")
 }
 
 /// Every command, built in or a program, and what is said of it; a built-in one hides a program of its name.

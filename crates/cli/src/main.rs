@@ -41,13 +41,14 @@ mod terminal;
 mod view;
 mod watch;
 
+use anyhow::Context;
 use clap::{CommandFactory, Parser, Subcommand};
 use signal_hook::consts::SIGXFSZ;
 use std::ffi::OsString;
-use std::io::{self, Write};
 use std::process::ExitCode;
 use std::sync::Arc;
 use taxel_playback::stand_in;
+use taxeld::stdout;
 
 /// Tactile images from robot skin: watch a running daemon, replay recordings, simulate a hand,
 /// compress offline.
@@ -118,16 +119,26 @@ enum Command {
 }
 
 fn main() -> ExitCode {
+    let outcome = stdout::ended(run());
+    piped_file::remove();
+    outcome.unwrap_or_else(|error| {
+        eprintln!("taxel: {}", describe(&error));
+        ExitCode::FAILURE
+    })
+}
+
+fn run() -> anyhow::Result<ExitCode> {
+    stdout::refuse_closed().context("stdout")?;
     let command = match Cli::try_parse() {
         Ok(cli) => cli.command,
-        Err(said) => return tell(&said),
+        Err(said) => return stdout::tell(&said),
     };
     let Some(command) = command else {
-        return extension::list(&Cli::command());
+        return extension::list(&Cli::command()).map(|()| ExitCode::SUCCESS);
     };
     // A limit on the size of files is a full disk, which is told; without this the signal ends the program.
     let _ = signal_hook::flag::register(SIGXFSZ, Arc::default());
-    let result = match command {
+    match command {
         Command::Demo(args) => demo::run(&args),
         Command::View(args) => view::run(&args),
         Command::Layouts(args) => layouts::run(&args),
@@ -153,41 +164,12 @@ fn main() -> ExitCode {
         Command::Completions(args) => manual::completions(&args, Cli::command()),
         Command::Man(args) => manual::man(&args, Cli::command()),
         Command::Config(args) => config::run(&args),
-        Command::Extension(words) => return extension::run(&words, &Cli::command()),
-        Command::Doctor(args) => match doctor::run(&args) {
-            Ok(true) => Ok(()),
-            // What is wrong was said already.
-            Ok(false) => return ExitCode::FAILURE,
-            Err(error) => Err(error),
-        },
-    };
-    piped_file::remove();
-    match result {
-        Ok(()) => ExitCode::SUCCESS,
-        // Whoever read the output has seen enough: `taxel watch | head`.
-        Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("taxel: {}", describe(&error));
-            ExitCode::FAILURE
-        }
-    }
-}
-
-/// Prints help, the version, or what is wrong with the arguments.
-fn tell(said: &clap::Error) -> ExitCode {
-    let printed = said.print().and_then(|()| io::stdout().flush());
-    match printed {
-        Err(error) if error.kind() != io::ErrorKind::BrokenPipe && !said.use_stderr() => {
-            eprintln!("taxel: stdout: {error}");
-            ExitCode::FAILURE
-        }
-        _ => ExitCode::from(said.exit_code() as u8),
-    }
-}
-
-fn is_broken_pipe(error: &anyhow::Error) -> bool {
-    let io_error = error.chain().find_map(|cause| cause.downcast_ref::<io::Error>());
-    io_error.is_some_and(|e| e.kind() == io::ErrorKind::BrokenPipe)
+        Command::Extension(words) => return Ok(extension::run(&words, &Cli::command())),
+        // What is wrong was said already.
+        Command::Doctor(args) if !doctor::run(&args)? => return Ok(ExitCode::FAILURE),
+        Command::Doctor(_) => Ok(()),
+    }?;
+    Ok(ExitCode::SUCCESS)
 }
 
 /// The error and its causes on one line, without those that the line already tells, and with the names that people know.
@@ -287,17 +269,10 @@ mod tests {
 
     #[test]
     fn a_cause_is_not_told_twice() {
-        let inner = io::Error::other("no such device");
+        let inner = std::io::Error::other("no such device");
         let error = anyhow::Error::new(inner).context("can0: no such device");
         assert_eq!(describe(&error), "can0: no such device");
         let error = anyhow::anyhow!("too short").context("frames.csv");
         assert_eq!(describe(&error), "frames.csv: too short");
-    }
-
-    #[test]
-    fn a_broken_pipe_is_seen_behind_its_context() {
-        let pipe = io::Error::from(io::ErrorKind::BrokenPipe);
-        assert!(is_broken_pipe(&anyhow::Error::new(pipe).context("writing")));
-        assert!(!is_broken_pipe(&anyhow::anyhow!("Broken pipe")));
     }
 }

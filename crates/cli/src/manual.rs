@@ -30,7 +30,7 @@ pub(crate) struct ManArgs {
 pub(crate) fn completions(args: &CompletionsArgs, mut taxel: clap::Command) -> anyhow::Result<()> {
     let mut script = Vec::new();
     clap_complete::generate(args.shell, &mut taxel, "taxel", &mut script);
-    Ok(io::stdout().write_all(&script)?)
+    io::stdout().write_all(&script).context("stdout")
 }
 
 pub(crate) fn man(args: &ManArgs, mut taxel: clap::Command) -> anyhow::Result<()> {

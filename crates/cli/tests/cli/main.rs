@@ -125,19 +125,6 @@ fn the_demo_without_a_terminal_prints_a_summary() {
 }
 
 #[test]
-fn help_that_goes_to_a_full_disk_is_not_done() {
-    for command in ["--help", "convert --help", "--version"] {
-        let mut shell = Command::new("sh");
-        let taxel = env!("CARGO_BIN_EXE_taxel");
-        let shell = shell.args(["-c", &format!("\"$1\" {command} > /dev/full"), "sh", taxel]);
-        let output = shell.output().unwrap();
-        let (_, err) = texts(&output);
-        assert_eq!(output.status.code(), Some(1), "{command}: {err}");
-        assert!(err.contains("No space left"), "{command}: {err}");
-    }
-}
-
-#[test]
 fn a_command_that_can_tell_nobody_anything_ends_as_it_would_have() {
     let dir = TempDir::new().unwrap();
     succeeds(&dir, &["sim", "tap", "--to", "log:tap.log"]);
