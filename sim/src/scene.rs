@@ -9,7 +9,7 @@ use crate::objects;
 use crate::phantom::{Palpation, PalpationToml};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
-use taxel_hand::{did_you_mean, plain_words};
+use taxel_hand::{FromMap, did_you_mean, plain_words};
 use taxel_sequence::Motion;
 use toml::Spanned;
 
@@ -203,7 +203,7 @@ impl Scene {
         };
         let top = invalid(1);
         let line = scene.palpation.as_ref().map_or(1, |p| line_of(p.span().start));
-        let palpation = scene.palpation.map(|p| p.into_inner().check()).transpose();
+        let palpation = scene.palpation.map(|p| p.into_inner().0.check()).transpose();
         let palpation = palpation.map_err(invalid(line))?;
         let length_ns = match (scene.seconds, &palpation) {
             (None, Some(palpation)) => palpation.length_ns(),
@@ -217,14 +217,15 @@ impl Scene {
             }
         };
         let line = scene.boards.as_ref().map_or(1, |b| line_of(b.span().start));
-        let boards = scene.boards.map_or_else(BoardsToml::default, Spanned::into_inner);
-        let boards = boards.check().map_err(invalid(line))?;
+        let boards = scene.boards.map(|boards| boards.into_inner().0);
+        let boards = boards.unwrap_or_default().check().map_err(invalid(line))?;
         let contacts = scene
             .contact
             .into_iter()
             .map(|c| {
                 let line = line_of(c.span().start);
-                c.into_inner()
+                let FromMap(contact) = c.into_inner();
+                contact
                     .check(line, length_ns, boards.levels)
                     .map_err(invalid(line))
             })
@@ -234,7 +235,7 @@ impl Scene {
             .into_iter()
             .map(|f| {
                 let line = line_of(f.span().start);
-                f.into_inner().check(line, length_ns).map_err(invalid(line))
+                f.into_inner().0.check(line, length_ns).map_err(invalid(line))
             })
             .collect::<Result<_, _>>()?;
         Ok(Self {
@@ -303,6 +304,9 @@ impl Scene {
     }
 }
 
+/// A table of the file: keys with their values, and no list of values in the order of the keys.
+type Table<T> = Spanned<FromMap<T>>;
+
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct SceneToml {
@@ -313,12 +317,12 @@ struct SceneToml {
     layout: Option<String>,
     seed: Option<u64>,
     modules: Option<Spanned<Vec<String>>>,
-    boards: Option<Spanned<BoardsToml>>,
+    boards: Option<Table<BoardsToml>>,
     #[serde(default)]
-    contact: Vec<Spanned<ContactToml>>,
+    contact: Vec<Table<ContactToml>>,
     #[serde(default)]
-    fault: Vec<Spanned<FaultToml>>,
-    palpation: Option<Spanned<PalpationToml>>,
+    fault: Vec<Table<FaultToml>>,
+    palpation: Option<Table<PalpationToml>>,
 }
 
 #[derive(Deserialize)]

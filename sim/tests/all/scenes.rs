@@ -111,6 +111,26 @@ fn mistakes_are_refused_with_their_line() {
         ("name = \"x\"\nseconds = 5\nspeed = 2\n".to_string(), 3, "speed"),
         ("name = \"x\"\nseconds = -5\n".into(), 1, "seconds"),
         (
+            "name = \"x\"\nseconds = 5\nboards = [500]\n".into(),
+            3,
+            "a table [name] is wanted here, not a list",
+        ),
+        (
+            "name = \"x\"\nseconds = 5\ncontact = [\n[\"sphere\", [\"index tip\"]]]\n".into(),
+            4,
+            "a table [name] is wanted here, not a list",
+        ),
+        (
+            "name = \"x\"\nseconds = 5\nfault = [\n[\"lost\"]]\n".into(),
+            4,
+            "a table [name] is wanted here, not a list",
+        ),
+        (
+            "name = \"x\"\npalpation = [[], 1.0]\n".into(),
+            2,
+            "a table [name] is wanted here, not a list",
+        ),
+        (
             "name = \"x\"\nseconds = 5\n[boards]\nrate_hz = 5000\n".into(),
             3,
             "1 to 1000",

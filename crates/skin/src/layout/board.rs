@@ -146,10 +146,10 @@ pub(crate) fn accept_board(
     }
     let icub = match &module.icub {
         Some(setup) => {
-            if let Some(problem) = setup.get_ref().problem() {
+            if let Some(problem) = setup.get_ref().0.problem() {
                 return refuse(&setup.span(), &problem);
             }
-            Some(*setup.get_ref())
+            Some(setup.get_ref().0)
         }
         None => protocol.takes_key("icub").then(IcubSetup::default),
     };

@@ -3,24 +3,24 @@
 use super::board::accept_board;
 use super::error::{LayoutError, LayoutProblem};
 use super::pose::check_place;
-use super::source::{Accepted, FileModule, Head, Source};
+use super::source::{Accepted, FileModule, Head, Source, Table};
 use super::tile::{check_order, check_positions, check_rotation, turn};
 use super::wiring::Layout;
 use crate::protocol::Protocol;
 use crate::protocol::cyskin::file::FileCyskin;
 use serde::Deserialize;
-use taxel_hand::{Geometry, MAX_MODULES, MAX_PIXELS, MAX_TAXELS, Module, Taxel, plain_words};
+use taxel_hand::{FromMap, Geometry, MAX_MODULES, MAX_PIXELS, MAX_TAXELS, Module, Taxel, plain_words};
 use toml::Spanned;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct FileLayout {
     name: Spanned<String>,
-    image: Spanned<FileImage>,
+    image: Table<FileImage>,
     #[serde(default)]
     buses: Vec<Spanned<String>>,
-    cyskin: Option<Spanned<FileCyskin>>,
-    module: Vec<Spanned<FileModule>>,
+    cyskin: Option<Table<FileCyskin>>,
+    module: Vec<Table<FileModule>>,
 }
 
 #[derive(Deserialize)]
@@ -59,7 +59,8 @@ pub(crate) fn parse(text: &str, file: &str) -> Result<Layout, LayoutError> {
         None => None,
         Some(table) => {
             let span = table.span();
-            let setup = table.into_inner().check(&buses);
+            let FromMap(table) = table.into_inner();
+            let setup = table.check(&buses);
             Some(setup.or_else(|why| source.refuse(&span, LayoutProblem::Cyskin(why)))?)
         }
     };
@@ -91,9 +92,9 @@ pub(crate) fn parse(text: &str, file: &str) -> Result<Layout, LayoutError> {
     })
 }
 
-fn check_image(source: &Source<'_>, image: &Spanned<FileImage>) -> Result<[u16; 2], LayoutError> {
+fn check_image(source: &Source<'_>, image: &Table<FileImage>) -> Result<[u16; 2], LayoutError> {
     let span = image.span();
-    let FileImage { width, height } = *image.get_ref();
+    let FromMap(FileImage { width, height }) = *image.get_ref();
     source.range(&span, "image.width", width, [1, u16::MAX as i64])?;
     source.range(&span, "image.height", height, [1, u16::MAX as i64])?;
     if (width * height) as usize > MAX_PIXELS {
@@ -119,7 +120,7 @@ fn check_buses(source: &Source<'_>, parsed: &FileLayout) -> Result<Vec<String>, 
     }
     let span = parsed.buses.last().map_or(0..0, Spanned::span);
     let needed = parsed.module.iter().any(|module| {
-        let protocol = Protocol::from_name(module.get_ref().protocol.get_ref());
+        let protocol = Protocol::from_name(module.get_ref().0.protocol.get_ref());
         protocol.is_none_or(Protocol::has_board)
     });
     source.range(
@@ -133,13 +134,13 @@ fn check_buses(source: &Source<'_>, parsed: &FileLayout) -> Result<Vec<String>, 
 
 fn accept_module(
     source: &Source<'_>,
-    module: &Spanned<FileModule>,
+    module: &Table<FileModule>,
     head: &Head,
     accepted: &mut Accepted,
 ) -> Result<(), LayoutError> {
     let [width, height] = head.size;
     let span = module.span();
-    let module = module.get_ref();
+    let FromMap(module) = module.get_ref();
     let name = || module.name.clone();
     source.name(&span, "module", &module.name)?;
     source.name(&span, "part", &module.part)?;

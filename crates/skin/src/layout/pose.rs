@@ -1,5 +1,6 @@
 //! Where a module sits: the keys `pose` and `joint`.
 
+use super::source::Table;
 use serde::Deserialize;
 use std::ops::Range;
 use taxel_hand::{Pose, WholeList};
@@ -46,12 +47,12 @@ impl FilePose {
 /// the joint is one of those that are read is not known here: the daemon's configuration says which
 /// are.
 pub(crate) fn check_place(
-    pose: Option<&Spanned<FilePose>>,
+    pose: Option<&Table<FilePose>>,
     joint: Option<&Spanned<String>>,
 ) -> Result<(Option<Pose>, Option<String>), Misplaced> {
     let pose = match pose {
         None => None,
-        Some(pose) => Some(pose.get_ref().check().map_err(|why| (pose.span(), why))?),
+        Some(pose) => Some(pose.get_ref().0.check().map_err(|why| (pose.span(), why))?),
     };
     match joint {
         Some(joint) if joint.get_ref().trim().is_empty() => Err((

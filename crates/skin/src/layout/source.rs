@@ -10,8 +10,11 @@ use crate::protocol::icub::setup::IcubSetup;
 use serde::Deserialize;
 use std::collections::HashMap;
 use std::ops::Range;
-use taxel_hand::{Module, Taxel, Whole};
+use taxel_hand::{FromMap, Module, Taxel, Whole};
 use toml::Spanned;
+
+/// A table of the file: keys with their values, and no list of values in the order of the keys.
+pub(crate) type Table<T> = Spanned<FromMap<T>>;
 
 /// A module as it is written.
 #[derive(Deserialize)]
@@ -22,7 +25,7 @@ pub(crate) struct FileModule {
     pub(crate) bus: Option<Spanned<String>>,
     pub(crate) board: Option<Spanned<i64>>,
     pub(crate) hub: Option<Spanned<String>>,
-    pub(crate) icub: Option<Spanned<IcubSetup>>,
+    pub(crate) icub: Option<Table<IcubSetup>>,
     pub(crate) protocol: Spanned<String>,
     pub(crate) at: Spanned<Whole<[i64; 2]>>,
     pub(crate) rotation: Option<Spanned<i64>>,
@@ -33,7 +36,7 @@ pub(crate) struct FileModule {
     pub(crate) origin_mm: Option<Spanned<Whole<[f64; 3]>>>,
     pub(crate) axes: Option<Spanned<Whole<[[f64; 3]; 2]>>>,
     pub(crate) positions_mm: Option<Spanned<Whole<Vec<[f64; 3]>>>>,
-    pub(crate) pose: Option<Spanned<FilePose>>,
+    pub(crate) pose: Option<Table<FilePose>>,
     pub(crate) joint: Option<Spanned<String>>,
 }
 

@@ -218,6 +218,34 @@ fn what_cannot_be_is_refused_with_file_and_line() {
             &["hand.toml:17:", "a list of 2 is wanted here, not of 3"],
         ),
         (
+            HEAD.replace("{ width = 8, height = 8 }", "[8, 8]") + &module("a", &[]),
+            &["hand.toml:2:", "a table [name] is wanted here, not a list"],
+        ),
+        (
+            HEAD.to_string() + "module = [[\"a\", \"index\"]]\n",
+            &["hand.toml:4:", "a table [name] is wanted here, not a list"],
+        ),
+        (
+            first(&["icub = [50, 0]"]),
+            &["hand.toml:11:", "a table [name] is wanted here, not a list"],
+        ),
+        (
+            first(&["pose = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]]"]),
+            &["hand.toml:11:", "a table [name] is wanted here, not a list"],
+        ),
+        (
+            HEAD.to_string() + "cyskin = []\n" + &module("a", &[]),
+            &["hand.toml:4:", "a table [name] is wanted here, not a list"],
+        ),
+        (
+            HEAD.to_string() + "cyskin = { hub = [[\"a\", \"can0\", 1]] }\n" + &module("a", &[]),
+            &["hand.toml:4:", "a table [name] is wanted here, not a list"],
+        ),
+        (
+            HEAD.to_string() + "cyskin = { start = [[0x37]] }\n" + &module("a", &[]),
+            &["hand.toml:4:", "a table [name] is wanted here, not a list"],
+        ),
+        (
             first(&["order = [[1, 2, 3, 4], [5, 6, 7, 8], [9, 10, 11, 12], [13, 14, 15, 16]]"]),
             &[
                 "hand.toml:11:",

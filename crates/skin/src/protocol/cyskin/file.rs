@@ -3,6 +3,7 @@
 use super::setup::{ByteOrder, Checksum, CommandsTo, CyskinHub, CyskinPacket, CyskinSetup, HubIds, SENSORS};
 use crate::name::why_no_name;
 use serde::Deserialize;
+use taxel_hand::FromMap;
 
 /// The table as it is written, before it is known to be complete.
 #[derive(Deserialize)]
@@ -18,10 +19,10 @@ pub(crate) struct FileCyskin {
     #[serde(default = "period_ms")]
     period_ms: u16,
     commands_to: Option<CommandsTo>,
-    #[serde(default)]
+    #[serde(default, deserialize_with = "FromMap::list")]
     hub: Vec<FileHub>,
-    start: Option<Vec<CyskinPacket>>,
-    stop: Option<Vec<CyskinPacket>>,
+    start: Option<Vec<FromMap<CyskinPacket>>>,
+    stop: Option<Vec<FromMap<CyskinPacket>>>,
 }
 
 #[derive(Deserialize)]
@@ -102,8 +103,11 @@ impl FileCyskin {
         setup.sensors_per_module = self.sensors_per_module.unwrap_or(setup.sensors_per_module);
         setup.timeout_ms = self.timeout_ms.unwrap_or(setup.timeout_ms);
         setup.commands_to = self.commands_to.unwrap_or(setup.commands_to);
-        setup.start = self.start.unwrap_or(setup.start);
-        setup.stop = self.stop.unwrap_or(setup.stop);
+        for (given, list) in [(self.start, &mut setup.start), (self.stop, &mut setup.stop)] {
+            if let Some(given) = given {
+                *list = given.into_iter().map(|FromMap(packet)| packet).collect();
+            }
+        }
         check_numbers(&setup)?;
         for hub in self.hub {
             let hub = hub.check(setup.ids, buses)?;
