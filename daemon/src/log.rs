@@ -77,7 +77,17 @@ fn write_lines(mut to: impl Write, lines: &Receiver<Vec<u8>>, lost: &AtomicU64) 
 impl Write for &Log {
     /// Takes a whole line at once, as the formatter of `tracing` hands them over.
     fn write(&mut self, line: &[u8]) -> io::Result<usize> {
-        if !line.is_empty() && self.lines.try_send(line.to_vec()).is_err() {
+        let mut whole = line.to_vec();
+        // What a client has said begins no line of its own. Other control characters the formatter writes as text.
+        for byte in whole
+            .iter_mut()
+            .rev()
+            .skip(1)
+            .filter(|byte| b"\n\r".contains(byte))
+        {
+            *byte = b' ';
+        }
+        if !line.is_empty() && self.lines.try_send(whole).is_err() {
             self.lost.fetch_add(1, Ordering::Relaxed);
         }
         Ok(line.len())
@@ -130,6 +140,18 @@ mod tests {
         fn flush(&mut self) -> io::Result<()> {
             Ok(())
         }
+    }
+
+    #[test]
+    fn a_line_stays_one_whatever_is_told_in_it() {
+        let paper = Paper::default();
+        let (log, flush) = Log::start(paper.clone()).unwrap();
+        (&log)
+            .write_all(b"refused: no joint a\r\nERROR all is lost\n")
+            .unwrap();
+        drop(flush);
+        let written = String::from_utf8(paper.0.lock().unwrap().clone()).unwrap();
+        assert_eq!(written, "refused: no joint a  ERROR all is lost\n");
     }
 
     #[test]

@@ -141,6 +141,12 @@ impl State {
                 text.len()
             ));
         }
+        // It is told on terminals.
+        if text.contains(char::is_control) {
+            return Err(
+                "a mark is one line of text; this one has a line break or another control character".into(),
+            );
+        }
         let images = {
             let snapshot = self.shared.snapshot.lock().unwrap_or_else(|e| e.into_inner());
             snapshot.images

@@ -131,6 +131,8 @@ def test_the_log_says_who_has_changed_something_but_not_without_end(daemon):
     assert daemon.control("pause") == {"ok": True}
     who = f"by request of user {os.getuid()}, process {os.getpid()}"
     eventually(lambda: f"paused, {who}" in daemon.log, "the log does not say who")
+    assert "one line" in daemon.control("mark", text="now\x1b[2J")["error"]
+    assert "one line" in daemon.control("mark", text="now\nERROR all is lost")["error"]
     assert daemon.control("mark", text="")["ok"] is False
     eventually(lambda: f"refused: a mark: a mark has 1 to 500 bytes of text; this one has 0, {who}" in daemon.log, "nor who failed")
     for n in range(100):

@@ -9,6 +9,7 @@ mod frame;
 mod from_map;
 mod geometry;
 mod image;
+mod name;
 mod plain_words;
 mod pose;
 mod profile;
@@ -21,6 +22,7 @@ pub use frame::{FORCE_MAX, FORCE_MIN, Fault, Faults, ForceFrame, Freshness, Tact
 pub use from_map::FromMap;
 pub use geometry::{Geometry, GeometryError, MAX_MODULES, MAX_PIXELS, MAX_TAXELS, Module, Taxel};
 pub use image::{Actuator, TactileImage};
+pub use name::why_no_name;
 pub use plain_words::plain_words;
 pub use pose::Pose;
 pub use profile::{

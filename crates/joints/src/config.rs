@@ -8,7 +8,7 @@ use crate::source::SourceConfig;
 use serde::Deserialize;
 use std::path::PathBuf;
 use std::str::FromStr;
-use taxel_hand::{FromMap, check_range};
+use taxel_hand::{FromMap, check_range, why_no_name};
 
 /// Where joint angles come from, and how the joints are called.
 ///
@@ -184,19 +184,25 @@ impl JointsConfig {
         let Some(analogue) = &self.analogue else {
             return Ok(());
         };
-        analogue.check()?;
         let names = self.joint_names();
         let first = names.len() - analogue.joint.len();
         for (n, name) in names.iter().enumerate().skip(first) {
-            if name.trim().is_empty() || names[..n].contains(name) {
-                return Err(JointsConfigError::AnalogueName(name.clone()));
+            if let Some(why) = why_not_of(name, &names[..n]) {
+                let name = name.clone();
+                return Err(JointsConfigError::AnalogueName { name, why });
             }
         }
+        analogue.check()?;
         match names.len() {
             count if count > MAX_JOINTS => Err(JointsConfigError::TooMany(count)),
             _ => Ok(()),
         }
     }
+}
+
+/// Why this cannot be the name of a joint beside others.
+pub(crate) fn why_not_of(name: &String, others: &[String]) -> Option<&'static str> {
+    why_no_name(name).or(others.contains(name).then_some("that of another"))
 }
 
 #[cfg(test)]
@@ -239,8 +245,14 @@ mod tests {
                 "id = 253",
                 "joints.servo[1].id = 253 is outside 0 to 252",
             ),
-            ("\"b\"", "\"a\"", "empty or taken"),
-            ("\"b\"", "\" \"", "empty or taken"),
+            ("\"b\"", "\"a\"", "the name \"a\", which is that of another"),
+            ("\"b\"", "\" \"", "empty"),
+            ("\"b\"", r#""b\n""#, r#"the name "b\n", which is no name"#),
+            (
+                "\"b\"",
+                r#""\u001b[2J""#,
+                r#"the name "\u{1b}[2J", which is no name"#,
+            ),
             ("id = 2", "id = 2\ndirection = 0", "direction = 0; write 1, or -1"),
             (
                 "id = 2",
@@ -298,11 +310,12 @@ mod tests {
     #[test]
     fn potentiometers_that_cannot_be_are_refused_in_words() {
         for (from, to, words) in [
-            ("\"left p\"", "\"b\"", "the name \"b\" is empty or taken"),
+            ("\"left p\"", "\"b\"", "the name \"b\" is that of another"),
+            ("\"left p\"", r#""left\tp""#, r#"the name "left\tp" is no name"#),
             (
                 "\"right p\"",
                 "\"left p\"",
-                "the name \"left p\" is empty or taken",
+                "the name \"left p\" is that of another",
             ),
             (
                 "channel = 1",

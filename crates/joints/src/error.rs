@@ -43,13 +43,15 @@ pub enum JointsConfigError {
         /// Another joint.
         second: String,
     },
-    /// A joint without name, or two with one.
-    #[error("joints: servo {id} has the name \"{name}\", which is empty or taken; each joint needs its own")]
+    /// A joint without a name of its own that can be read.
+    #[error("joints: servo {id} has the name {name:?}, which is {why}; each joint needs its own")]
     Name {
         /// The servo.
         id: u8,
         /// Its name.
         name: String,
+        /// Why it cannot be.
+        why: &'static str,
     },
     /// Not a direction.
     #[error(
@@ -114,9 +116,14 @@ pub enum JointsConfigError {
         /// Another joint.
         second: String,
     },
-    /// A joint of the potentiometers without name, or with that of another.
-    #[error("joints.analogue: the name \"{0}\" is empty or taken; each joint needs its own")]
-    AnalogueName(String),
+    /// A joint of the potentiometers without a name of its own that can be read.
+    #[error("joints.analogue: the name {name:?} is {why}; each joint needs its own")]
+    AnalogueName {
+        /// The name.
+        name: String,
+        /// Why it cannot be.
+        why: &'static str,
+    },
     /// More joints than one daemon reads.
     #[error("there are {0} joints; one daemon reads at most {MAX_JOINTS}")]
     TooMany(usize),

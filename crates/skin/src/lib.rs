@@ -22,7 +22,6 @@ mod condition;
 mod decoder;
 mod discovery;
 mod layout;
-mod name;
 mod protocol;
 mod range;
 mod reading;

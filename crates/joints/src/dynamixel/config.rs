@@ -1,5 +1,6 @@
 //! The keys of the `[joints]` table that are for servos.
 
+use crate::config::why_not_of;
 use crate::error::{JointSourceError, JointsConfigError, MAX_JOINTS};
 use crate::source::SourceConfig;
 use serde::Deserialize;
@@ -102,6 +103,7 @@ impl DynamixelConfig {
         if !(1..=MAX_JOINTS).contains(&self.servo.len()) {
             return Err(JointsConfigError::ServoCount(self.servo.len()));
         }
+        let names = self.joint_names();
         for (i, servo) in self.servo.iter().enumerate() {
             let key = |name: &str| format!("servo[{i}].{name}");
             check_range("joints.", key("id"), servo.id, 0.0..=252.0, "(a servo's id)")?;
@@ -119,17 +121,18 @@ impl DynamixelConfig {
                 });
             }
             let before = &self.servo[..i];
+            if let Some(why) = why_not_of(&servo.name, &names[..i]) {
+                return Err(JointsConfigError::Name {
+                    id: servo.id,
+                    name: servo.name.clone(),
+                    why,
+                });
+            }
             if let Some(other) = before.iter().find(|s| s.id == servo.id) {
                 return Err(JointsConfigError::SameId {
                     id: servo.id,
                     first: other.name.clone(),
                     second: servo.name.clone(),
-                });
-            }
-            if servo.name.trim().is_empty() || before.iter().any(|s| s.name == servo.name) {
-                return Err(JointsConfigError::Name {
-                    id: servo.id,
-                    name: servo.name.clone(),
                 });
             }
         }

@@ -3,7 +3,7 @@
 use super::source::Table;
 use serde::Deserialize;
 use std::ops::Range;
-use taxel_hand::{Pose, WholeList};
+use taxel_hand::{Pose, WholeList, why_no_name};
 use toml::Spanned;
 
 /// How far from 1 the length of an orientation may be; it is then made 1.
@@ -55,10 +55,13 @@ pub(crate) fn check_place(
         Some(pose) => Some(pose.get_ref().0.check().map_err(|why| (pose.span(), why))?),
     };
     match joint {
-        Some(joint) if joint.get_ref().trim().is_empty() => Err((
-            joint.span(),
-            "joint is empty; leave the key out where the module sits on the hand's base".into(),
-        )),
-        joint => Ok((pose, joint.map(|joint| joint.get_ref().clone()))),
+        None => Ok((pose, None)),
+        Some(joint) => match why_no_name(joint.get_ref()) {
+            Some(why) => Err((
+                joint.span(),
+                format!("joint is {why}; leave the key out where the module sits on the hand's base"),
+            )),
+            None => Ok((pose, Some(joint.get_ref().clone()))),
+        },
     }
 }

@@ -4,13 +4,12 @@
 use super::error::{LayoutError, LayoutProblem};
 use super::pose::FilePose;
 use super::wiring::Wiring;
-use crate::name::why_no_name;
 use crate::protocol::cyskin::setup::CyskinSetup;
 use crate::protocol::icub::setup::IcubSetup;
 use serde::Deserialize;
 use std::collections::HashMap;
 use std::ops::Range;
-use taxel_hand::{FromMap, Module, Taxel, Whole};
+use taxel_hand::{FromMap, Module, Taxel, Whole, why_no_name};
 use toml::Spanned;
 
 /// A table of the file: keys with their values, and no list of values in the order of the keys.

@@ -383,6 +383,10 @@ fn what_cannot_be_is_refused_with_file_and_line() {
             &["hand.toml:12:", "not both"],
         ),
         (
+            first(&["joint = \"index\\n2\""]),
+            &["hand.toml:11:", "module \"a\"", "joint is no name: it has a line break"],
+        ),
+        (
             first(&["joint = \" \""]),
             &["hand.toml:11:", "module \"a\"", "joint is empty"],
         ),

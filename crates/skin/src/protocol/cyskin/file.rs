@@ -1,9 +1,8 @@
 //! The table `cyskin` of a layout file, as it is written, and what is refused of it.
 
 use super::setup::{ByteOrder, Checksum, CommandsTo, CyskinHub, CyskinPacket, CyskinSetup, HubIds, SENSORS};
-use crate::name::why_no_name;
 use serde::Deserialize;
-use taxel_hand::FromMap;
+use taxel_hand::{FromMap, why_no_name};
 
 /// The table as it is written, before it is known to be complete.
 #[derive(Deserialize)]
