@@ -22,6 +22,8 @@ const MOST_WITHOUT_FRAME: u64 = 64 << 20;
 const ESCAPE: u8 = 0x1B;
 /// Differences of times have three digits of seconds, unless nothing came for longer.
 const FIRST_SECONDS_NS: u64 = 1_000_000_000_000;
+const DIFFERENCES: &str = "its times are small and fall again and again: `candump -td` shows what passed since the frame \
+                           before, and no times; record with `candump -l`";
 /// A bit of a bus of 1 Mbit/s.
 const BIT_NS: u64 = 1000;
 /// Interface names that are kept for reuse; no recording has more buses than this.
@@ -140,7 +142,8 @@ impl fmt::Display for LineProblem {
 ///
 /// As an iterator it gives each frame, and an error for each line that holds none; empty lines are
 /// skipped. After the error of a line it goes on with the next; after an [`LogError::Io`] it ends. 64 MiB
-/// without a frame are such an error: what holds them, such as `/dev/zero`, is no log.
+/// without a frame are such an error: what holds them, such as `/dev/zero`, is no log. Differences of times
+/// ([`LogReader::has_differences`]) are another.
 /// It allocates only when a line is longer or an interface newer than all before.
 #[derive(Debug)]
 pub struct LogReader<R> {
@@ -321,8 +324,16 @@ impl<R: BufRead> Iterator for LogReader<R> {
                     self.without_frame = 0;
                     let (t_ns, frame, direction) = (line.t_ns, line.frame, line.direction);
                     let interface = interned(&mut self.interfaces, line.interface);
+                    let t_ns = self.time_of(t_ns, &frame);
+                    if self.has_differences() {
+                        self.ended = true;
+                        return Some(Err(LogError::Io {
+                            line: self.line_number,
+                            source: io::Error::new(io::ErrorKind::InvalidData, DIFFERENCES),
+                        }));
+                    }
                     return Some(Ok(LogFrame {
-                        t_ns: self.time_of(t_ns, &frame),
+                        t_ns,
                         interface,
                         frame,
                         direction,

@@ -442,7 +442,7 @@ fn a_log_of_other_boards_than_the_layout_has_is_refused_with_their_ids() {
 }
 
 #[test]
-fn what_candump_showed_and_cannot_be_read_is_refused_by_its_option_and_differences_are_told() {
+fn what_candump_showed_and_cannot_be_read_is_refused_by_its_option() {
     let dir = TempDir::new().unwrap();
     std::fs::write(
         dir.path().join("bits.log"),
@@ -463,6 +463,21 @@ fn what_candump_showed_and_cannot_be_read_is_refused_by_its_option_and_differenc
         differences += &format!(" ({:010.6}) {rest}\n", time - last);
         last = time;
     }
-    let (_, err) = compressed(&dir, &differences);
-    assert!(err.contains("the differences of `candump -td`"), "{err}");
+    std::fs::write(dir.path().join("differences.log"), differences).unwrap();
+    for args in [
+        &["compress", "differences.log", "--out", "out.npz"][..],
+        &["convert", "differences.log", "out.csv"],
+        &["convert", "differences.log", "-"],
+        &[
+            "replay",
+            "differences.log",
+            "--to",
+            "log:out.log",
+            "--speed",
+            "100",
+        ],
+    ] {
+        let err = fails(&dir, args, 1);
+        assert_eq!(err.matches("`candump -td` shows").count(), 1, "{args:?}: {err}");
+    }
 }

@@ -384,7 +384,11 @@ fn what_cannot_be_is_refused_with_file_and_line() {
         ),
         (
             first(&["joint = \"index\\n2\""]),
-            &["hand.toml:11:", "module \"a\"", "joint is no name: it has a line break"],
+            &[
+                "hand.toml:11:",
+                "module \"a\"",
+                "joint is no name: it has a line break",
+            ],
         ),
         (
             first(&["joint = \" \""]),
