@@ -18,6 +18,7 @@ REFUSED = [
 ]
 REFUSED_REQUESTS = [
     {"cmd": "mark", "text": ""},
+    {"cmd": "mark", "text": "two\nlines"},
     {"cmd": "mark", "text": "\u00e9" * 251},
     {"cmd": "mark"},
     {"cmd": "profile", "profile": {"levels": 0}},

@@ -1,5 +1,6 @@
 """Why taxeld would refuse a subscription or a request. Not all that it checks is checked here."""
 
+import unicodedata
 from typing import Any, Dict
 
 _MOST = {"levels": 255, "actuators": 1024}
@@ -44,6 +45,8 @@ def of_request(request: Any) -> str:
         text = request.get("text")
         if not isinstance(text, str) or not 1 <= len(text.encode()) <= 500:
             return "a mark has 1 to 500 bytes of text"
+        if any(unicodedata.category(character) == "Cc" for character in text):
+            return "a mark is one line of text"
     percent = request.get("pwm_percent", 0)
     if request["cmd"] == "servo" and not (type(percent) in (int, float) and -100 <= percent <= 100):
         return f"pwm_percent = {percent!r} must be from -100 to 100"
