@@ -1,6 +1,7 @@
 import pytest
 from harness.bus import MulticastBuses
 from harness.daemon import must_be_built
+from harness.servos import Servos
 
 
 def pytest_configure():
@@ -11,3 +12,11 @@ def pytest_configure():
 def buses(hand):
     with MulticastBuses(len(hand.buses)) as buses:
         yield buses
+
+
+@pytest.fixture
+def servos(folder):
+    """Two servos in PWM mode with something springy between them, and potentiometers at `folder / "lines"`."""
+    servos = Servos("--ids", "1-2", "--load", "--potentiometers", folder / "lines")
+    yield servos
+    servos.close()

@@ -1,0 +1,150 @@
+"""A gripper's fingers, on simulated servos: they move together, and go off with whoever moved them. Its potentiometers."""
+
+import json
+import math
+import signal
+import subprocess
+import sys
+
+import pytest
+from harness.daemon import Daemon, ask, binary, die_with_parent, eventually, read_reply
+from harness.gripper import (
+    FINGERS,
+    GOAL_PWM,
+    PRESENT_PWM,
+    PULSE_RAD,
+    SCENE,
+    TICK,
+    TORQUE,
+    control,
+    gripper,
+    registers,
+    torque_on,
+    with_potentiometers,
+)
+
+
+def test_both_fingers_take_a_step_together_and_come_to_rest_where_they_are_held(folder, servos):
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=gripper(servos.path)) as daemon, control(daemon) as connection:
+        daemon.wait_status(lambda s: s["joints"]["readings"] > 20, "nothing is read")
+        # From the factory: all of it.
+        assert registers(servos, GOAL_PWM) == [885, 885]
+        refused = ask(connection, {"cmd": "servos", "pwm_percent": {"left": 10, "right": 10}})
+        assert not refused["ok"] and "enable its torque first" in refused["error"]
+        torque_on(connection, "left", 10_000)
+        refused = ask(connection, {"cmd": "servos", "pwm_percent": {"left": 10, "right": 10}})
+        assert refused["error"].startswith("right: ") and "left" not in refused["error"], refused
+        torque_on(connection, "right", 10_000)
+        assert registers(servos, GOAL_PWM) == [0, 0] and registers(servos, TORQUE) == [1, 1]
+        refused = ask(connection, {"cmd": "servos", "pwm_percent": {"left": 10, "thumb": 10}})
+        assert not refused["ok"] and "no joint is called thumb; there are left, right" in refused["error"]
+        assert registers(servos, GOAL_PWM) == [0, 0], "a refused request moves nothing"
+        assert ask(connection, {"cmd": "servos", "pwm_percent": {"left": 40, "right": 20}}) == {"ok": True}
+        assert registers(servos, GOAL_PWM) == [354, 177]
+        # The wall is 400 pulses away; half of the PWM presses in, two counts a pulse.
+        rest = [10 + 400 + 354 / 4, 20 + 400 + 177 / 4]
+
+        def stand(status):
+            angles = [joint["angle_rad"] for joint in status["joints"]["joints"]]
+            return angles == pytest.approx([pulses * PULSE_RAD for pulses in rest], abs=2 * PULSE_RAD)
+
+        daemon.wait_status(stand, f"the fingers do not come to rest at {rest}")
+        assert registers(servos, PRESENT_PWM) == [354, 177]
+
+
+HOLDER = """
+import json, socket, sys
+connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+connection.connect(sys.argv[1])
+lines = connection.makefile("rw")
+for request in map(json.loads, sys.argv[2:]):
+    lines.write(json.dumps(request) + "\\n")
+    lines.flush()
+    print(lines.readline().strip(), flush=True)
+sys.stdin.read()
+"""
+
+
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
+def test_fingers_are_let_go_when_the_program_that_holds_them_dies_or_hangs(folder, servos, how):
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=gripper(servos.path)) as daemon:
+        daemon.wait_status(lambda s: s["joints"]["readings"] > 20, "nothing is read")
+        hold = 1000 if how == signal.SIGSTOP else 10_000
+        requests = [
+            {"cmd": "servo", "joint": name, "torque": True, "pwm_percent": 0, "hold_ms": hold} for name in FINGERS
+        ] + [{"cmd": "servos", "pwm_percent": {"left": 30, "right": 30}}]
+        holder = subprocess.Popen(
+            [sys.executable, "-c", HOLDER, str(daemon.control_path), *map(json.dumps, requests)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            preexec_fn=die_with_parent,
+        )
+        for _ in requests:
+            assert json.loads(holder.stdout.readline()) == {"ok": True}
+        holder.send_signal(how)
+        eventually(lambda: registers(servos, TORQUE) == [0, 0], "the fingers go on without who holds them", seconds=30)
+        # The daemon went on speaking to them: no watchdog has done this.
+        assert [servos.stopped_ns(id) for id in FINGERS.values()] == [0, 0]
+        eventually(lambda: "torque of right is switched off" in daemon.log, "the log does not say so")
+        holder.kill()
+        holder.wait()
+        holder.stdin.close()
+        holder.stdout.close()
+        daemon.wait_status(
+            lambda s: all(abs(j["angle_rad"]) < 50 * PULSE_RAD for j in s["joints"]["joints"]), "they do not open"
+        )
+
+
+def test_a_connection_that_holds_fingers_and_asks_nothing_is_told_that_they_are_off(folder, servos):
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=gripper(servos.path)) as daemon, control(daemon) as connection:
+        daemon.wait_status(lambda s: s["joints"]["readings"] > 20, "nothing is read")
+        torque_on(connection, "left", 200)
+        reply = read_reply(connection)
+        assert not reply["ok"] and "nothing was asked for 200ms" in reply["error"]
+        assert connection.recv(10) == b""
+        eventually(lambda: registers(servos, TORQUE) == [0, 0], "the motor stays on")
+        # Without hold_ms it is on as long as the daemon reads it.
+        with control(daemon) as other:
+            assert ask(other, {"cmd": "servo", "joint": "left", "torque": True, "pwm_percent": 0}) == {"ok": True}
+        with control(daemon) as other:
+            torque_on(other, "right", 10_000)
+        eventually(lambda: registers(servos, TORQUE) == [1, 0], "one is held, the other is not")
+
+
+def test_potentiometers_are_joints_beside_the_servos_and_unknown_when_a_wire_is_off(folder, servos):
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=with_potentiometers(servos, folder / "lines")) as daemon:
+        angles = lambda status: [joint["angle_rad"] for joint in status["joints"]["joints"]]
+        # Positions 2058 and 2068 of 4096 are 514 or 515 and 517 counts.
+        near = lambda status: angles(status)[2:] == pytest.approx([math.radians(2.2), math.radians(4.5)], abs=0.02)
+        status = daemon.wait_status(lambda s: None not in angles(s) and near(s), "they are not read")["joints"]
+        assert [joint["name"] for joint in status["joints"]] == ["left", "right", "left p", "right p"]
+        assert status["analogue_lines"] > 0 and status["analogue_malformed"] == 0
+        assert "lines of 2 potentiometers come" in eventually(lambda: "potentiometers" in daemon.log and daemon.log, "no log")
+        # A wire is off: that joint alone is unknown, and named.
+        servos.tell("line p1 1023 p2 540\\n")
+        lost = lambda s: angles(s)[2] is None and None not in (angles(s)[0], angles(s)[3])
+        status = daemon.wait_status(lost, "a wire that is off has an angle", seconds=20)["joints"]
+        assert "stands at an end (1023 counts)" in status["joints"][2]["state"]
+        daemon.wait_status(lambda s: s["joints"]["joints"][2]["problems"] == ["potentiometer-lost"], "it is not named")
+        # Nothing comes: both are unknown, never the last angle for ever.
+        servos.tell("line ")
+        silent = lambda s: angles(s)[2:] == [None, None] and "analogue-silent" in s["joints"]["problems"]
+        daemon.wait_status(silent, "silence is not told", seconds=20)
+        servos.tell("lines")
+        daemon.wait_status(near, "they do not come back", seconds=20)
+
+
+def test_the_doctor_hears_the_potentiometers_where_no_daemon_reads_them(folder, servos):
+    config = Daemon(folder / "d", SCENE, tick=TICK, joints=with_potentiometers(servos, folder / "lines")).config
+
+    def doctor():
+        command = [binary("taxel"), "doctor", "--json", "--seconds", "1", "--config", config]
+        checks = json.loads(subprocess.run(command, capture_output=True, text=True, timeout=90).stdout)["checks"]
+        return [check for check in checks if check["object"] == str(folder / "lines")]
+
+    (heard,) = doctor()
+    assert heard["state"] == "ok" and "lines a second; degrees: left p " in heard["found"], heard
+    servos.tell("line p1 1023 p2 540\\n")
+    (lost,) = doctor()
+    assert lost["state"] == "error" and "left p" in lost["found"] and "1023" in lost["found"], lost

@@ -1,0 +1,43 @@
+"""A gripper of two servos, as a daemon's configuration has it."""
+
+import math
+import socket
+
+from harness.daemon import ask
+
+SCENE = ["sim:idle", "sim:idle"]
+TICK = {"rate_hz": 50.0}
+PULSE_RAD = math.tau / 4096
+WATCHDOG, TORQUE, GOAL_PWM, PRESENT_PWM = (98, 1), (64, 1), (100, 2), (124, 2)
+FINGERS = {"left": 1, "right": 2}
+
+
+def gripper(path, **more):
+    """The table [joints] of two servos that may be moved."""
+    servos = [{"id": id, "name": name} for name, id in FINGERS.items()]
+    patient = {"answer_margin_ms": 100.0, "hold_ms": 2000.0, "watchdog_ms": 1000}
+    return {"source": f"dynamixel:{path}", "allow_writes": True, **patient, **more, "servo": servos}
+
+
+def with_potentiometers(servos, path):
+    """The same, with a potentiometer in each finger: a quarter of the servo's position, 100 counts for 90 degrees."""
+    joints = [
+        {"name": f"{name} p", "channel": f"p{id}", "counts": [512, 612], "degrees": [0, 90]} for name, id in FINGERS.items()
+    ]
+    return {**gripper(servos.path), "analogue": {"device": path, "joint": joints}}
+
+
+def registers(servos, at):
+    return [servos.register(id, *at) for id in FINGERS.values()]
+
+
+def control(daemon):
+    connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    connection.settimeout(20)
+    connection.connect(str(daemon.control_path))
+    return connection
+
+
+def torque_on(connection, name, hold_ms):
+    request = {"cmd": "servo", "joint": name, "torque": True, "pwm_percent": 0, "hold_ms": hold_ms}
+    assert ask(connection, request) == {"ok": True}
