@@ -51,22 +51,14 @@ pub(super) fn parse_line(bytes: &[u8]) -> Result<Option<Line<'_>>, Problem> {
     }))
 }
 
-const BITS: LineProblem = LineProblem::Screen {
-    option: "-i",
-    shows: "bits",
-};
-const SWAPPED: LineProblem = LineProblem::Screen {
-    option: "-S",
-    shows: "the bytes in reverse",
-};
-const DATES: LineProblem = LineProblem::Screen {
-    option: "-tA",
-    shows: "the local date, and not which zone it is of",
-};
-const RAW_LENGTHS: LineProblem = LineProblem::Screen {
-    option: "-8",
-    shows: "length codes over 8",
-};
+const BITS: LineProblem = screen("-i", "bits");
+const SWAPPED: LineProblem = screen("-S", "the bytes in reverse");
+const DATES: LineProblem = screen("-tA", "the local date, and not which zone it is of");
+const RAW_LENGTHS: LineProblem = screen("-8", "length codes over 8");
+
+const fn screen(option: &'static str, shows: &'static str) -> LineProblem {
+    LineProblem::Screen { option, shows }
+}
 
 fn hex(digit: u8) -> Option<u32> {
     char::from(digit).to_digit(16)

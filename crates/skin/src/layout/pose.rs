@@ -1,9 +1,8 @@
 //! Where a module sits: the keys `pose` and `joint`.
 
-use super::source::Table;
 use serde::Deserialize;
 use std::ops::Range;
-use taxel_hand::{Pose, WholeList, why_no_name};
+use taxel_hand::{FromMap, Pose, WholeList, why_no_name};
 use toml::Spanned;
 
 /// How far from 1 the length of an orientation may be; it is then made 1.
@@ -47,7 +46,7 @@ impl FilePose {
 /// the joint is one of those that are read is not known here: the daemon's configuration says which
 /// are.
 pub(crate) fn check_place(
-    pose: Option<&Table<FilePose>>,
+    pose: Option<&Spanned<FromMap<FilePose>>>,
     joint: Option<&Spanned<String>>,
 ) -> Result<(Option<Pose>, Option<String>), Misplaced> {
     let pose = match pose {
