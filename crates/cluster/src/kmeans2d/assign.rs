@@ -4,6 +4,7 @@ use super::least::least_cost;
 use super::steps::{LANES, fill_steps, lesser};
 use super::{FAR, NONE, Sums};
 use crate::Plane;
+use multiversion::multiversion;
 
 /// The greater of two numbers.
 #[inline(always)]
@@ -154,46 +155,9 @@ impl Assignment {
     /// The lowest bits of a squared distance make room for the id, so that the least of these
     /// numbers says both: distances count as equal if they agree to a part in `2^23 / clusters`.
     pub(super) fn assign(&mut self, x: &[f32], y: &[f32], sums: &mut [Sums]) -> usize {
-        let ids = self.ids;
-        let mut changed = 0;
-        let steps = self
-            .x
-            .iter()
-            .zip(&self.y)
-            .zip(self.near.iter_mut().zip(&mut self.next));
-        for (((px, py), (near, next)), labels) in steps.zip(self.label.chunks_mut(LANES)) {
-            let mut first = [f32::MAX; LANES];
-            let mut second = [f32::MAX; LANES];
-            for ((x, y), id) in x.iter().zip(y).zip(0u32..) {
-                for lane in 0..LANES {
-                    let (dx, dy) = (px[lane] - x, py[lane] - y);
-                    let distance = dx * dx + dy * dy;
-                    let tagged = f32::from_bits(distance.to_bits() & !ids | id);
-                    second[lane] = lesser(second[lane], greater(first[lane], tagged));
-                    first[lane] = lesser(first[lane], tagged);
-                }
-            }
-            *next = second;
-            for lane in 0..LANES {
-                near[lane] = f32::from_bits(first[lane].to_bits() & !ids);
-            }
-            let nearest = first.map(|first| (first.to_bits() & ids) as u16);
-            let same = match <&[u16; LANES]>::try_from(&*labels) {
-                Ok(labels) => *labels == nearest,
-                Err(_) => nearest[..labels.len()] == *labels,
-            };
-            if same {
-                continue;
-            }
-            for (lane, label) in labels.iter_mut().enumerate() {
-                if *label != nearest[lane] {
-                    sums[usize::from(*label)].add(px[lane], py[lane], 0.0, -1.0);
-                    sums[usize::from(nearest[lane])].add(px[lane], py[lane], 0.0, 1.0);
-                    *label = nearest[lane];
-                    changed += 1;
-                }
-            }
-        }
+        let places = [&*self.x, &*self.y];
+        let distances = [&mut *self.near, &mut *self.next];
+        let changed = assign_steps(places, [x, y], self.ids, distances, &mut self.label, sums);
         // Sums of whole numbers are exact, whatever their order; others are not.
         if changed > 0 && (self.is_weighted() || self.is_raised()) {
             self.add_up(sums);
@@ -322,4 +286,54 @@ impl Assignment {
     pub(super) fn place_of(&self, n: usize) -> [f32; 2] {
         [self.x.as_flattened()[n], self.y.as_flattened()[n]]
     }
+}
+
+/// [`Assignment::assign`] but for the sums of weighted points. Where the machine has vector units of 256 bits, one takes a
+/// step at once; the bits are the same.
+#[multiversion(targets("x86_64+avx2"))]
+fn assign_steps(
+    places: [&[[f32; LANES]]; 2],
+    centroids: [&[f32]; 2],
+    ids: u32,
+    distances: [&mut [[f32; LANES]]; 2],
+    labels: &mut [u16],
+    sums: &mut [Sums],
+) -> usize {
+    let mut changed = 0;
+    let [near, next] = distances;
+    let steps = places[0].iter().zip(places[1]).zip(near.iter_mut().zip(next));
+    for (((px, py), (near, next)), labels) in steps.zip(labels.chunks_mut(LANES)) {
+        let mut first = [f32::MAX; LANES];
+        let mut second = [f32::MAX; LANES];
+        for ((x, y), id) in centroids[0].iter().zip(centroids[1]).zip(0u32..) {
+            for lane in 0..LANES {
+                let (dx, dy) = (px[lane] - x, py[lane] - y);
+                let distance = dx * dx + dy * dy;
+                let tagged = f32::from_bits(distance.to_bits() & !ids | id);
+                second[lane] = lesser(second[lane], greater(first[lane], tagged));
+                first[lane] = lesser(first[lane], tagged);
+            }
+        }
+        *next = second;
+        for lane in 0..LANES {
+            near[lane] = f32::from_bits(first[lane].to_bits() & !ids);
+        }
+        let nearest = first.map(|first| (first.to_bits() & ids) as u16);
+        let same = match <&[u16; LANES]>::try_from(&*labels) {
+            Ok(labels) => *labels == nearest,
+            Err(_) => nearest[..labels.len()] == *labels,
+        };
+        if same {
+            continue;
+        }
+        for (lane, label) in labels.iter_mut().enumerate() {
+            if *label != nearest[lane] {
+                sums[usize::from(*label)].add(px[lane], py[lane], 0.0, -1.0);
+                sums[usize::from(nearest[lane])].add(px[lane], py[lane], 0.0, 1.0);
+                *label = nearest[lane];
+                changed += 1;
+            }
+        }
+    }
+    changed
 }
