@@ -1,19 +1,22 @@
 //! A file of CAN traffic while it is read, frame by frame.
 
+use crate::progress::Progress;
 use crate::recorded::rest;
 use crate::traffic::Traffic;
 use anyhow::{Context, anyhow, bail};
 use std::fs::File;
-use std::io::{BufRead, BufReader, Seek};
+use std::io::{BufReader, Seek};
 use std::path::Path;
 use std::sync::Arc;
-use taxel_can::{LogError, LogReader, Received};
+use taxel_can::{LogError, LogReader, NumberedFrame, Received};
 use taxel_recorder::CanReader;
 
 /// Bytes of a candump log that are read at once.
 pub(crate) const BLOCK: usize = 256 << 10;
 /// Interfaces that are told apart; no recording has more buses than this.
 const MOST_MET: usize = 64;
+/// Frames between two looks at how far a file is read.
+const SHOWN: u64 = 4096;
 
 /// A file of traffic while it is read, one frame after the other.
 pub(crate) struct FrameFile<'a> {
@@ -27,14 +30,8 @@ pub(crate) struct FrameFile<'a> {
 pub(crate) enum Entry {
     /// An interface that was not met before, where every one is asked for. Its place is the number of those before it.
     Interface(Arc<str>),
-    /// A frame, error frames too.
-    Frame {
-        /// The place of its interface among those asked for.
-        place: Option<usize>,
-        /// When it came: by the clock of a candump log, or the wall clock of an MCAP recording.
-        wall_ns: u64,
-        received: Received,
-    },
+    /// A frame, error frames too, and the place of its interface among those asked for.
+    Frame(Option<usize>, Received),
     /// A line that is no classic CAN frame.
     NoFrame,
 }
@@ -43,7 +40,10 @@ pub(crate) enum Entry {
 struct Interfaces<'a> {
     /// Those that are asked for; every one where nothing is said.
     names: Option<&'a [String]>,
-    met: Vec<Interface>,
+    /// What was met, by the numbers that the reader gives.
+    met: Vec<Option<Interface>>,
+    /// How many were told of.
+    told: usize,
     /// The first frame of an interface of which was just told.
     held: Option<Entry>,
 }
@@ -56,52 +56,44 @@ struct Interface {
 }
 
 impl Interfaces<'_> {
-    /// A frame; before it its interface, where that is new and every one is asked for.
-    #[inline]
-    fn entry(&mut self, name: &Arc<str>, wall_ns: u64, received: Received) -> anyhow::Result<Entry> {
-        // The reader gives every frame of an interface the same name.
-        let known = self.met.iter_mut().find(|known| Arc::ptr_eq(&known.name, name));
-        let place = match known {
-            Some(known) => {
+    /// A frame of the interface of this number and name; before it its interface, where that is new and every one is asked for.
+    fn entry(&mut self, number: usize, name: &Arc<str>, received: Received) -> anyhow::Result<Entry> {
+        let place = match self.met.get_mut(number) {
+            Some(Some(known)) => {
                 known.frames += 1;
                 known.place
             }
-            None => return self.first_entry(name, wall_ns, received),
+            _ => return self.first_entry(number, name, received),
         };
-        Ok(Entry::Frame {
-            place,
-            wall_ns,
-            received,
-        })
+        Ok(Entry::Frame(place, received))
     }
 
     /// The first frame of an interface.
-    fn first_entry(&mut self, name: &Arc<str>, wall_ns: u64, received: Received) -> anyhow::Result<Entry> {
+    fn first_entry(&mut self, number: usize, name: &Arc<str>, received: Received) -> anyhow::Result<Entry> {
         let place = match self.names {
             Some(names) => names.iter().position(|wanted| **wanted == **name),
-            None => Some(self.met.len()),
+            None => Some(self.told),
         };
-        if self.met.len() < MOST_MET {
+        if number < MOST_MET {
+            self.met.resize_with(self.met.len().max(number + 1), || None);
             let (name, frames) = (Arc::clone(name), 1);
-            self.met.push(Interface { name, place, frames });
+            self.met[number] = Some(Interface { name, place, frames });
         } else if self.names.is_none() {
             bail!("more than {MOST_MET} interfaces; no hand has as many buses");
         }
-        let frame = Entry::Frame {
-            place,
-            wall_ns,
-            received,
-        };
+        let frame = Entry::Frame(place, received);
         if self.names.is_some() {
             return Ok(frame);
         }
+        self.told += 1;
         self.held = Some(frame);
         Ok(Entry::Interface(Arc::clone(name)))
     }
 
     /// What was met of those that were not asked for, in words.
     fn left_out(&self) -> Vec<String> {
-        let left_out = self.met.iter().filter(|interface| interface.place.is_none());
+        let met = self.met.iter().flatten();
+        let left_out = met.filter(|interface| interface.place.is_none());
         left_out
             .map(|interface| format!("{} frames of {}", interface.frames, interface.name))
             .collect()
@@ -157,11 +149,15 @@ impl<'a> FrameFile<'a> {
             }
             false => Lines::Mcap(Box::new(CanReader::open(path)?)),
         };
-        let (met, held) = (Vec::new(), None);
         Ok(Self {
             path,
             lines,
-            interfaces: Interfaces { names, met, held },
+            interfaces: Interfaces {
+                names,
+                met: Vec::new(),
+                told: 0,
+                held: None,
+            },
             frames: 0,
         })
     }
@@ -173,12 +169,16 @@ impl<'a> FrameFile<'a> {
             return Ok(self.interfaces.held.take());
         }
         let entry = match &mut self.lines {
-            Lines::Candump { log, left_out, .. } => match log.next() {
+            Lines::Candump { log, left_out, .. } => match log.next_frame() {
                 None => return self.end(),
-                Some(Ok(line)) => {
-                    let (t_ns, frame) = (line.t_ns, line.frame);
-                    self.interfaces
-                        .entry(&line.interface, t_ns, Received { t_ns, frame })
+                Some(Ok(NumberedFrame {
+                    t_ns,
+                    interface,
+                    frame,
+                    ..
+                })) => {
+                    let name = log.interface(interface);
+                    self.interfaces.entry(interface, name, Received { t_ns, frame })
                 }
                 Some(Err(error @ LogError::Line { .. })) => {
                     left_out.add(error);
@@ -190,8 +190,7 @@ impl<'a> FrameFile<'a> {
                 None => return self.end(),
                 Some((bus, received)) => {
                     self.frames += 1;
-                    let (name, wall_ns) = (&reader.names()[bus], reader.wall_ns(received.t_ns));
-                    self.interfaces.entry(name, wall_ns, received)
+                    self.interfaces.entry(bus, &reader.names()[bus], received)
                 }
             },
         };
@@ -201,19 +200,73 @@ impl<'a> FrameFile<'a> {
         }
     }
 
-    fn end(&mut self) -> anyhow::Result<Option<Entry>> {
-        if !self.interfaces.met.is_empty() {
-            return Ok(None);
+    /// Shows all that comes, as [`Traffic::copy`] says, in two loops with nothing between frame and file: an entry for each
+    /// would be a tenth of a conversion's time.
+    pub(crate) fn copy(
+        mut self,
+        progress: &Progress,
+        take: &mut dyn FnMut(&str, u64, &Received) -> anyhow::Result<()>,
+    ) -> anyhow::Result<()> {
+        match &mut self.lines {
+            Lines::Candump { log, left_out, file } => {
+                while let Some(line) = log.next_frame() {
+                    match line {
+                        Ok(NumberedFrame {
+                            t_ns,
+                            interface,
+                            frame,
+                            ..
+                        }) => {
+                            take(log.interface(interface), t_ns, &Received { t_ns, frame })?;
+                            self.frames += 1;
+                        }
+                        Err(error @ LogError::Line { .. }) => left_out.add(error),
+                        Err(error) => return Err(error).with_context(|| self.path.display().to_string()),
+                    }
+                    if self.frames.is_multiple_of(SHOWN)
+                        && let Some(position) = file.as_mut().and_then(|file| file.stream_position().ok())
+                    {
+                        progress.advance_to(position);
+                    }
+                }
+            }
+            Lines::Mcap(reader) => {
+                while let Some((bus, received)) = reader.next_frame()? {
+                    let wall_ns = reader.wall_ns(received.t_ns);
+                    take(&reader.names()[bus], wall_ns, &received)?;
+                    self.frames += 1;
+                    if self.frames.is_multiple_of(SHOWN) {
+                        progress.advance_to(reader.position());
+                    }
+                }
+            }
         }
+        if self.frames == 0 {
+            return Err(self.nothing());
+        }
+        self.tell();
+        self.tell_left_out_lines();
+        Ok(())
+    }
+
+    fn end(&mut self) -> anyhow::Result<Option<Entry>> {
+        match self.interfaces.met.is_empty() {
+            true => Err(self.nothing()),
+            false => Ok(None),
+        }
+    }
+
+    /// That there is no frame in it, and why the first line is none.
+    fn nothing(&mut self) -> anyhow::Error {
         let problem = match &mut self.lines {
             Lines::Candump { left_out, .. } => left_out.first.take(),
             Lines::Mcap(_) => None,
         };
         let nothing = format!("{}: no CAN frame in it", self.path.display());
-        Err(match problem {
+        match problem {
             Some(problem) => anyhow!(problem).context(nothing),
             None => anyhow!(nothing),
-        })
+        }
     }
 
     /// The number of the line, or of the frame, that was given last.
@@ -261,24 +314,13 @@ impl<'a> FrameFile<'a> {
                 "taxel: {path}: {} frames have no time, and are taken to follow each other on a full bus; `candump -l` keeps times",
                 log.without_time()
             ),
-            Lines::Candump { log, .. } => tell_differences(self.path, log),
+            Lines::Candump { .. } => {}
             Lines::Mcap(reader) => tell_left_out(self.path, reader),
         }
         let left_out = self.interfaces.left_out();
         if !left_out.is_empty() {
             eprintln!("taxel: {path}: left out: {}", left_out.join(", "));
         }
-    }
-}
-
-/// Says that times are none where `candump -td` wrote them.
-fn tell_differences(path: &Path, log: &LogReader<impl BufRead>) {
-    if log.has_differences() {
-        eprintln!(
-            "taxel: {}: its times are small and fall again and again, as the differences of `candump -td` do; \
-             taken for times they make no sense; `candump -l` keeps times",
-            path.display()
-        );
     }
 }
 

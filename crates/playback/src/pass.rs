@@ -51,7 +51,7 @@ impl Iterator for Pass<'_> {
 
     fn next(&mut self) -> Option<Self::Item> {
         let (place, received) = match self.file.next_entry() {
-            Ok(Some(Entry::Frame { place, received, .. })) => (place, received),
+            Ok(Some(Entry::Frame(place, received))) => (place, received),
             Ok(Some(Entry::Interface(name))) => return Some(Ok(Line::Interface(name))),
             Ok(Some(Entry::NoFrame)) => return Some(Ok(Line::Other)),
             Ok(None) => {

@@ -125,7 +125,7 @@ impl<'a> Buses<'a> {
             if self.file.another_hand().is_some() {
                 return Ok(None);
             }
-            let Entry::Frame { place, received, .. } = entry else {
+            let Entry::Frame(place, received) = entry else {
                 continue;
             };
             let since_ns = self.clock.since_first_ns(received.t_ns, self.file.number());

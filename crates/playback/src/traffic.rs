@@ -1,6 +1,6 @@
 //! Recorded CAN traffic: a candump log, or the CAN frames of an MCAP recording.
 
-use crate::frame_file::{BLOCK, Entry, FrameFile};
+use crate::frame_file::{BLOCK, FrameFile};
 use crate::progress::Progress;
 use anyhow::{Context, bail};
 use std::fs::File;
@@ -12,9 +12,6 @@ use taxel_recorder::CanReader;
 
 /// Frames of an MCAP recording that are looked at to find out whose they are: most of a minute of a large hand.
 const SURVEYED: u64 = 1_000_000;
-/// Entries of a file between two looks at how far it is read.
-const SHOWN: u64 = 4096;
-
 /// A file of CAN traffic.
 #[derive(Debug, Clone)]
 pub struct Traffic {
@@ -102,30 +99,8 @@ impl Traffic {
         &self,
         take: &mut dyn FnMut(&str, u64, &Received) -> anyhow::Result<()>,
     ) -> anyhow::Result<()> {
-        let mut file = FrameFile::open(self, None)?;
-        let progress = Progress::bytes(std::fs::metadata(&self.path).map_or(0, |metadata| metadata.len()));
-        let mut names: Vec<Arc<str>> = Vec::new();
-        let mut entries = 0_u64;
-        while let Some(entry) = file.next_entry()? {
-            match entry {
-                Entry::Interface(name) => names.push(name),
-                Entry::Frame {
-                    place: Some(place),
-                    wall_ns,
-                    received,
-                } => take(&names[place], wall_ns, &received)?,
-                _ => {}
-            }
-            entries += 1;
-            if entries.is_multiple_of(SHOWN)
-                && let Some(position) = file.position()
-            {
-                progress.advance_to(position);
-            }
-        }
-        file.tell();
-        file.tell_left_out_lines();
-        Ok(())
+        let size = std::fs::metadata(&self.path).map_or(0, |metadata| metadata.len());
+        FrameFile::open(self, None)?.copy(&Progress::bytes(size), take)
     }
 }
 

@@ -43,6 +43,19 @@ pub struct LogFrame {
     pub direction: Option<Direction>,
 }
 
+/// A frame of a recording, whose interface its reader knows by a number ([`LogReader::interface`]).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct NumberedFrame {
+    /// See [`LogFrame::t_ns`].
+    pub t_ns: u64,
+    /// The number of its interface.
+    pub interface: usize,
+    /// The frame.
+    pub frame: CanFrame,
+    /// See [`LogFrame::direction`].
+    pub direction: Option<Direction>,
+}
+
 /// Whether a recorded frame came to the recording machine or from it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Direction {
@@ -144,12 +157,14 @@ impl fmt::Display for LineProblem {
 /// skipped. After the error of a line it goes on with the next; after an [`LogError::Io`] it ends. 64 MiB
 /// without a frame are such an error: what holds them, such as `/dev/zero`, is no log. Differences of times
 /// ([`LogReader::has_differences`]) are another.
-/// It allocates only when a line is longer or an interface newer than all before.
+/// It allocates only when a line is longer or an interface newer than all before. [`LogReader::next_frame`] is the same for who
+/// reads millions: to hand out a name costs as much as a fifth of reading its line.
 #[derive(Debug)]
 pub struct LogReader<R> {
     input: R,
     line: Vec<u8>,
     line_number: u64,
+    /// The interfaces that are told apart, and behind them the last one that is not.
     interfaces: Vec<Arc<str>>,
     /// Bytes read since the last frame.
     without_frame: u64,
@@ -165,7 +180,7 @@ pub struct LogReader<R> {
 /// What was read of a log.
 enum Read {
     /// A frame, off a line that needed no further look.
-    Frame(LogFrame),
+    Frame(NumberedFrame),
     /// A line, and whether it was short enough to be kept whole.
     Line {
         complete: bool,
@@ -180,7 +195,7 @@ impl<R: BufRead> LogReader<R> {
             input,
             line: Vec::with_capacity(256),
             line_number: 0,
-            interfaces: Vec::with_capacity(KNOWN_INTERFACES),
+            interfaces: Vec::with_capacity(KNOWN_INTERFACES + 1),
             without_frame: 0,
             last_ns: 0,
             without_time: 0,
@@ -202,7 +217,7 @@ impl<R: BufRead> LogReader<R> {
 
     /// Whether its times seem to be what passed since the frame before (`candump -td`): they are small and fall again and
     /// again. Those since the first frame (`candump -tz`) rise.
-    pub fn has_differences(&self) -> bool {
+    fn has_differences(&self) -> bool {
         self.falls >= 3 && self.falls >= self.frames / 200
     }
 
@@ -220,6 +235,76 @@ impl<R: BufRead> LogReader<R> {
             }
         }
         self.last_ns
+    }
+
+    /// The interface of this number, of a frame that was read last or before. Those beyond the first 64 have one number, which
+    /// is that of the last one.
+    pub fn interface(&self, number: usize) -> &Arc<str> {
+        &self.interfaces[number]
+    }
+
+    /// The next frame, or why there is none in the next line, as the iterator gives it.
+    pub fn next_frame(&mut self) -> Option<Result<NumberedFrame, LogError>> {
+        while !self.ended {
+            let complete = match self.read_line() {
+                Ok(Read::Frame(frame)) => {
+                    self.line_number += 1;
+                    self.without_frame = 0;
+                    return Some(Ok(frame));
+                }
+                Ok(Read::Line { complete }) => complete,
+                Ok(Read::End) => {
+                    self.ended = true;
+                    return None;
+                }
+                Err(source) => {
+                    self.ended = true;
+                    return Some(Err(LogError::Io {
+                        line: self.line_number,
+                        source,
+                    }));
+                }
+            };
+            self.line_number += 1;
+            if self.line.contains(&ESCAPE) {
+                remove_colours(&mut self.line);
+            }
+            let parsed = if complete {
+                parse_line(&self.line)
+            } else {
+                Err((LONGEST_LINE + 1, LineProblem::LineTooLong))
+            };
+            match parsed {
+                Ok(None) => {}
+                Ok(Some(line)) => {
+                    self.without_frame = 0;
+                    let (t_ns, frame, direction) = (line.t_ns, line.frame, line.direction);
+                    let interface = number(&mut self.interfaces, line.interface);
+                    let t_ns = self.time_of(t_ns, &frame);
+                    if self.has_differences() {
+                        self.ended = true;
+                        return Some(Err(LogError::Io {
+                            line: self.line_number,
+                            source: io::Error::new(io::ErrorKind::InvalidData, DIFFERENCES),
+                        }));
+                    }
+                    return Some(Ok(NumberedFrame {
+                        t_ns,
+                        interface,
+                        frame,
+                        direction,
+                    }));
+                }
+                Err((column, problem)) => {
+                    return Some(Err(LogError::Line {
+                        line: self.line_number,
+                        column,
+                        problem,
+                    }));
+                }
+            }
+        }
+        None
     }
 
     /// Passes over the next line if it is one of an interface of which nothing more is wanted, and says which that is. It may
@@ -255,9 +340,9 @@ impl<R: BufRead> LogReader<R> {
                 && let Some(line) = parse_usual(&bytes[..end])
             {
                 self.last_ns = line.t_ns.unwrap_or(self.last_ns);
-                let frame = LogFrame {
+                let frame = NumberedFrame {
                     t_ns: self.last_ns,
-                    interface: interned(&mut self.interfaces, line.interface),
+                    interface: number(&mut self.interfaces, line.interface),
                     frame: line.frame,
                     direction: line.direction,
                 };
@@ -289,66 +374,13 @@ impl<R: BufRead> Iterator for LogReader<R> {
     type Item = Result<LogFrame, LogError>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        while !self.ended {
-            let complete = match self.read_line() {
-                Ok(Read::Frame(frame)) => {
-                    self.line_number += 1;
-                    self.without_frame = 0;
-                    return Some(Ok(frame));
-                }
-                Ok(Read::Line { complete }) => complete,
-                Ok(Read::End) => {
-                    self.ended = true;
-                    return None;
-                }
-                Err(source) => {
-                    self.ended = true;
-                    return Some(Err(LogError::Io {
-                        line: self.line_number,
-                        source,
-                    }));
-                }
-            };
-            self.line_number += 1;
-            if self.line.contains(&ESCAPE) {
-                remove_colours(&mut self.line);
-            }
-            let parsed = if complete {
-                parse_line(&self.line)
-            } else {
-                Err((LONGEST_LINE + 1, LineProblem::LineTooLong))
-            };
-            match parsed {
-                Ok(None) => {}
-                Ok(Some(line)) => {
-                    self.without_frame = 0;
-                    let (t_ns, frame, direction) = (line.t_ns, line.frame, line.direction);
-                    let interface = interned(&mut self.interfaces, line.interface);
-                    let t_ns = self.time_of(t_ns, &frame);
-                    if self.has_differences() {
-                        self.ended = true;
-                        return Some(Err(LogError::Io {
-                            line: self.line_number,
-                            source: io::Error::new(io::ErrorKind::InvalidData, DIFFERENCES),
-                        }));
-                    }
-                    return Some(Ok(LogFrame {
-                        t_ns,
-                        interface,
-                        frame,
-                        direction,
-                    }));
-                }
-                Err((column, problem)) => {
-                    return Some(Err(LogError::Line {
-                        line: self.line_number,
-                        column,
-                        problem,
-                    }));
-                }
-            }
-        }
-        None
+        let read = self.next_frame()?;
+        Some(read.map(|frame| LogFrame {
+            t_ns: frame.t_ns,
+            interface: Arc::clone(self.interface(frame.interface)),
+            frame: frame.frame,
+            direction: frame.direction,
+        }))
     }
 }
 
@@ -363,15 +395,14 @@ fn remove_colours(line: &mut Vec<u8>) {
     });
 }
 
-fn interned(known: &mut Vec<Arc<str>>, name: &[u8]) -> Arc<str> {
-    if let Some(name) = known.iter().find(|k| k.as_bytes() == name) {
-        return Arc::clone(name);
+/// The number of an interface among the known ones, which it joins.
+fn number(known: &mut Vec<Arc<str>>, name: &[u8]) -> usize {
+    if let Some(number) = known.iter().position(|known| known.as_bytes() == name) {
+        return number;
     }
-    let name: Arc<str> = String::from_utf8_lossy(name).into();
-    if known.len() < KNOWN_INTERFACES {
-        known.push(Arc::clone(&name));
-    }
-    name
+    known.truncate(KNOWN_INTERFACES);
+    known.push(String::from_utf8_lossy(name).into());
+    known.len() - 1
 }
 
 /// Writes a candump log that every reader understands: six digits of time, no direction column.
