@@ -9,6 +9,7 @@ two tables for docs/benchmarks.md; shares of a core are user and system time, th
 
 import argparse
 import itertools
+import os
 import resource
 import subprocess
 import sys
@@ -89,26 +90,27 @@ def shares(daemon, pids, seconds):
 
 def offline(hand, minutes, folder):
     """How many times faster than real time each command is, by the wall and by its processor time."""
-    log, mcap = folder / "grasp.log", folder / "grasp.mcap"
+    log, mcap, frames = folder / "grasp.log", folder / "grasp.mcap", folder / "frames.npz"
     write_recording(log, hand, 60 * minutes)
     taxel = binary("taxel")
     steps = [
         ("convert", ".log", ".mcap", ["convert", log, mcap]),
         ("convert", ".mcap", ".log", ["convert", mcap, folder / "again.log"]),
         ("convert", ".mcap", ".mcap", ["convert", mcap, folder / "again.mcap"]),
-        ("convert", ".mcap", ".npz", ["convert", mcap, folder / "frames.npz"]),
+        ("convert", ".mcap", ".npz", ["convert", mcap, frames]),
         ("convert", ".mcap", ".csv", ["convert", mcap, folder / "frames.csv"]),
-        ("convert", ".npz", ".log", ["convert", folder / "frames.npz", folder / "again.log"]),
+        ("convert", ".npz", ".log", ["convert", frames, folder / "again.log"]),
         ("replay --speed inf", ".mcap", "log:", ["replay", mcap, "--to", f"log:{folder / 'replayed.log'}"]),
         ("replay --speed inf", ".log", "log:", ["replay", log, "--to", f"log:{folder / 'replayed.log'}"]),
         ("compress", ".mcap", ".npz", ["compress", mcap, "--out", folder / "images.npz"]),
         ("compress", ".log", ".npz", ["compress", log, "--out", folder / "images.npz"]),
-        ("compress", ".npz", ".npz", ["compress", folder / "frames.npz", "--out", folder / "images.npz"]),
+        ("compress", ".npz", ".npz", ["compress", frames, "--out", folder / "images.npz"]),
     ]
     print(f"{minutes:g} minutes, {round(60 * minutes * RATE_HZ) * len(hand)} CAN frames; .log {log.stat().st_size / 1e6:.0f} MB")
     print("| command | from | to | times real time | by processor time | MB out |")
     print("|---|---|---|---|---|---|")
     for name, source, to, words in steps:
+        os.sync()  # what others wrote is on the disk: each command waits for its own bytes alone
         began, before = time.monotonic(), resource.getrusage(resource.RUSAGE_CHILDREN)
         done = subprocess.run([taxel, *words], capture_output=True, text=True)
         took, after = time.monotonic() - began, resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -118,6 +120,8 @@ def offline(hand, minutes, folder):
         cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
         out = Path(str(words[-1]).removeprefix("log:"))
         size = out.stat().st_size / 1e6
+        if out not in (mcap, frames):
+            out.unlink()
         print(f"| `{name}` | {source} | {to} | {60 * minutes / took:.0f} | {60 * minutes / cpu:.0f} | {size:.0f} |", flush=True)
 
 
