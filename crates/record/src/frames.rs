@@ -60,9 +60,11 @@ impl FrameTable {
                 *joints.insert(frame.joints.len())
             }
         };
-        write!(file, "{}", frame.t_ns)?;
-        for [x, y, z] in frame.counts.iter().take(taxels.len()) {
-            write!(file, ",{x},{y},{z}")?;
+        let (mut digits, counts) = (itoa::Buffer::new(), frame.counts.iter().take(taxels.len()));
+        file.write_all(digits.format(frame.t_ns).as_bytes())?;
+        for count in counts.flatten() {
+            file.write_all(b",")?;
+            file.write_all(digits.format(*count).as_bytes())?;
         }
         for joint in 0..count {
             write!(file, ",{}", frame.joints.get(joint).copied().unwrap_or(f32::NAN))?;
