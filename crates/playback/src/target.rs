@@ -230,12 +230,21 @@ impl Targets {
         })
     }
 
-    /// One more name, of the first target, unless it is known; its index is the number of those before it.
+    /// One more name, of the first target, unless it is known; its index is the number of those before it. Says that buses are
+    /// joined where that is one.
     pub fn add_name(&mut self, name: &str) {
-        if !self.names.iter().any(|known| known == name) {
-            self.names.push(name.into());
-            self.of_name.push(0);
+        if self.names.iter().any(|known| known == name) {
+            return;
         }
+        if let (Some(first), End::Bus(_)) = (self.names.first(), &self.targets[0].end) {
+            let address = &self.targets[0].address;
+            eprintln!(
+                "taxel: {name} goes to {address} as {first} does, where their boards may share ids; \
+                 --interface {name}=SOURCE sends it elsewhere"
+            );
+        }
+        self.names.push(name.into());
+        self.of_name.push(0);
     }
 
     /// Puts a frame where the name with this index goes.

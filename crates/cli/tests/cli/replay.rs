@@ -93,4 +93,13 @@ fn replay_puts_frames_on_a_bus_in_their_order() {
     bus.receive(taxel_can::monotonic_ns(), &mut received);
     let ids: Vec<u32> = received.iter().map(|r| r.frame.id()).collect();
     assert_eq!(ids, (0..20).collect::<Vec<_>>());
+    // Two buses are joined, and that is told.
+    std::fs::write(
+        dir.path().join("two.log"),
+        "(1.0) can0 001#01\n(1.0) can1 002#02\n(1.0) can1 003#\n",
+    )
+    .unwrap();
+    let (_, err) = succeeds(&dir, &["replay", "two.log", "--to", &to]);
+    assert_eq!(err.matches("can1 goes to udp:").count(), 1, "{err}");
+    assert!(err.contains("--interface can1=SOURCE"), "{err}");
 }
