@@ -128,7 +128,7 @@ def measure(tick, board_period_ms, scene, beside, seconds, fifo):
 
                 thread = threading.Thread(target=read)
                 thread.start()
-                daemon.wait_status(lambda s: not s["calibrating"] and s["missing"] == 0, "the hand does not come up", 20)
+                daemon.wait_status(lambda s: not s["calibrating"] and all(b["state"] == "living" for b in s["boards"]), "the hand does not come up", 20)
                 pid = daemon.process.pid
                 with programs_beside(daemon) if beside else contextlib.nullcontext():
                     before, began = daemon.status(), time.monotonic()
