@@ -2,7 +2,7 @@
 
 use crate::progress::Progress;
 use crate::recorded::rest;
-use crate::traffic::Traffic;
+use crate::traffic::{BLOCK, Traffic};
 use anyhow::{Context, anyhow, bail};
 use std::fs::File;
 use std::io::{BufReader, Seek};
@@ -11,8 +11,6 @@ use std::sync::Arc;
 use taxel_can::{LogError, LogReader, NumberedFrame, Received};
 use taxel_recorder::CanReader;
 
-/// Bytes of a candump log that are read at once.
-pub(crate) const BLOCK: usize = 256 << 10;
 /// Interfaces that are told apart; no recording has more buses than this.
 const MOST_MET: usize = 64;
 /// Frames between two looks at how far a file is read.
@@ -200,13 +198,14 @@ impl<'a> FrameFile<'a> {
         }
     }
 
-    /// Shows all that comes, as [`Traffic::copy`] says, in two loops with nothing between frame and file: an entry for each
-    /// would be a tenth of a conversion's time.
+    /// Shows every frame as it stands there, error frames too: the name of its bus, its time on the clock that the recording
+    /// has times of, which for an MCAP recording is the wall clock, and the frame. Nothing stands between frame and file: an
+    /// entry for each would be a tenth of a conversion's time.
     pub(crate) fn copy(
         mut self,
-        progress: &Progress,
         take: &mut dyn FnMut(&str, u64, &Received) -> anyhow::Result<()>,
     ) -> anyhow::Result<()> {
+        let progress = Progress::bytes(std::fs::metadata(self.path).map_or(0, |metadata| metadata.len()));
         match &mut self.lines {
             Lines::Candump { log, left_out, file } => {
                 while let Some(line) = log.next_frame() {

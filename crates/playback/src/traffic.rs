@@ -1,17 +1,18 @@
 //! Recorded CAN traffic: a candump log, or the CAN frames of an MCAP recording.
 
-use crate::frame_file::{BLOCK, FrameFile};
-use crate::progress::Progress;
 use anyhow::{Context, bail};
 use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use taxel_can::{LogError, LogFrame, LogReader, Received};
+use taxel_can::{LogError, LogFrame, LogReader};
 use taxel_recorder::CanReader;
 
 /// Frames of an MCAP recording that are looked at to find out whose they are: most of a minute of a large hand.
 const SURVEYED: u64 = 1_000_000;
+/// Bytes of a candump log that are read at once.
+pub(crate) const BLOCK: usize = 256 << 10;
+
 /// A file of CAN traffic.
 #[derive(Debug, Clone)]
 pub struct Traffic {
@@ -91,16 +92,6 @@ impl Traffic {
                 }
             }
         }
-    }
-
-    /// Shows every frame as it stands there, error frames too: the name of its bus, its time on the clock that the recording
-    /// has times of, which for an MCAP recording is the wall clock, and the frame.
-    pub(crate) fn copy(
-        &self,
-        take: &mut dyn FnMut(&str, u64, &Received) -> anyhow::Result<()>,
-    ) -> anyhow::Result<()> {
-        let size = std::fs::metadata(&self.path).map_or(0, |metadata| metadata.len());
-        FrameFile::open(self, None)?.copy(&Progress::bytes(size), take)
     }
 }
 

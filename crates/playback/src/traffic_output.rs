@@ -1,5 +1,6 @@
 //! CAN traffic into a file.
 
+use crate::frame_file::FrameFile;
 use crate::output_file::create_stream;
 use crate::sweep::Sweeps;
 use crate::traffic::Traffic;
@@ -42,7 +43,8 @@ impl TrafficOutput {
 
     /// Writes all frames of a recording.
     pub fn take_traffic(&mut self, traffic: &Traffic, check: &Check<'_>) -> anyhow::Result<()> {
-        traffic.copy(&mut |name, wall_ns, received| self.put(name, wall_ns, received, check))
+        let file = FrameFile::open(traffic, None)?;
+        file.copy(&mut |name, wall_ns, received| self.put(name, wall_ns, received, check))
     }
 
     /// Writes what boards would have sent.
