@@ -1,6 +1,7 @@
 //! The arguments of `taxel doctor`, and the configuration that they name.
 
 use super::daemon::{self, Daemon};
+use super::hand_text::describe_hand;
 use crate::input::DEFAULT_LAYOUT;
 use anyhow::{Context, bail};
 use std::path::{Path, PathBuf};
@@ -151,23 +152,6 @@ impl Args {
 fn describe(config: &Config) -> String {
     let sources = config.sources.iter().map(ToString::to_string);
     describe_hand(&config.layout.name, config.layout.buses.iter().zip(sources))
-}
-
-/// A hand and where its buses are, in words.
-pub(super) fn describe_hand(
-    name: &str,
-    buses: impl Iterator<Item = (impl std::fmt::Display, String)>,
-) -> String {
-    let buses: Vec<String> = buses
-        .map(|(bus, source)| {
-            if source == format!("can:{bus}") {
-                source
-            } else {
-                format!("{bus} = {source}")
-            }
-        })
-        .collect();
-    format!("hand {name} on {}", buses.join(", "))
 }
 
 fn seconds(text: &str) -> Result<f64, String> {

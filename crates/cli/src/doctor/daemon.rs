@@ -1,7 +1,7 @@
 //! A daemon that runs already: what it says of itself and of the hand, so that its buses are left alone.
 
-use super::arguments::describe_hand;
 use super::finding::Check;
+use super::hand_text::describe_hand;
 use super::picture;
 use anyhow::{Context, bail};
 use serde::Deserialize;

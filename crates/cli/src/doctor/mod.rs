@@ -9,6 +9,7 @@ pub(crate) mod capacity;
 pub(crate) mod daemon;
 pub(crate) mod finding;
 mod hand;
+mod hand_text;
 pub(crate) mod link;
 mod live;
 mod machine;
