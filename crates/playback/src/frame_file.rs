@@ -40,8 +40,6 @@ struct Interfaces<'a> {
     names: Option<&'a [String]>,
     /// What was met, by the numbers that the reader gives.
     met: Vec<Option<Interface>>,
-    /// How many were told of.
-    told: usize,
     /// The first frame of an interface of which was just told.
     held: Option<Entry>,
 }
@@ -70,7 +68,7 @@ impl Interfaces<'_> {
     fn first_entry(&mut self, number: usize, name: &Arc<str>, received: Received) -> anyhow::Result<Entry> {
         let place = match self.names {
             Some(names) => names.iter().position(|wanted| **wanted == **name),
-            None => Some(self.told),
+            None => Some(self.met.iter().flatten().count()),
         };
         if number < MOST_MET {
             self.met.resize_with(self.met.len().max(number + 1), || None);
@@ -83,7 +81,6 @@ impl Interfaces<'_> {
         if self.names.is_some() {
             return Ok(frame);
         }
-        self.told += 1;
         self.held = Some(frame);
         Ok(Entry::Interface(Arc::clone(name)))
     }
@@ -153,7 +150,6 @@ impl<'a> FrameFile<'a> {
             interfaces: Interfaces {
                 names,
                 met: Vec::new(),
-                told: 0,
                 held: None,
             },
             frames: 0,
