@@ -25,6 +25,8 @@ pub(crate) struct Layer {
 pub(crate) enum Marks {
     /// x and y.
     Line(Vec<(f64, f64)>),
+    /// x and y, which holds until the next x.
+    Steps(Vec<(f64, f64)>),
     /// x and y.
     Points(Vec<(f64, f64)>),
     /// x, low and high.
@@ -57,6 +59,11 @@ impl Chart {
     /// A line through points (x, y), in their order.
     pub fn line(self, name: impl Into<String>, points: impl IntoIterator<Item = (f64, f64)>) -> Self {
         self.with(name, Marks::Line(points.into_iter().collect()))
+    }
+
+    /// A line through points (x, y), in their order, that holds each y until the next x.
+    pub fn steps(self, name: impl Into<String>, points: impl IntoIterator<Item = (f64, f64)>) -> Self {
+        self.with(name, Marks::Steps(points.into_iter().collect()))
     }
 
     /// A band from low to high over (x, low, high); beneath the line of the same name if it comes first.
@@ -130,7 +137,9 @@ impl Marks {
 
     pub(crate) fn xs(&self) -> Vec<f64> {
         match self {
-            Self::Line(points) | Self::Points(points) => points.iter().map(|p| p.0).collect(),
+            Self::Line(points) | Self::Steps(points) | Self::Points(points) => {
+                points.iter().map(|p| p.0).collect()
+            }
             Self::Ellipse(points) => crate::ellipse(points).iter().map(|p| p.0).collect(),
             Self::Band(band) => band.iter().map(|p| p.0).collect(),
             Self::AtX(x) => vec![*x],
@@ -140,7 +149,9 @@ impl Marks {
 
     pub(crate) fn ys(&self) -> Vec<f64> {
         match self {
-            Self::Line(points) | Self::Points(points) => points.iter().map(|p| p.1).collect(),
+            Self::Line(points) | Self::Steps(points) | Self::Points(points) => {
+                points.iter().map(|p| p.1).collect()
+            }
             Self::Ellipse(points) => crate::ellipse(points).iter().map(|p| p.1).collect(),
             Self::Band(band) => band.iter().flat_map(|p| [p.1, p.2]).collect(),
             // A bar stands on zero.

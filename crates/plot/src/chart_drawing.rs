@@ -196,8 +196,11 @@ fn draw_layers(chart: &Chart, pen: &Pen<'_>, plane: &Plane, names: &[&str]) -> R
             Some((from, plane.across(middle)?, to))
         };
         match &layer.marks {
-            Marks::Line(points) => {
-                for part in parts(points, |(x, y)| plane.at(*x, *y)) {
+            Marks::Line(points) | Marks::Steps(points) => {
+                for mut part in parts(points, |(x, y)| plane.at(*x, *y)) {
+                    if matches!(layer.marks, Marks::Steps(_)) {
+                        part = stairs(&part);
+                    }
                     match thinned(&part).as_slice() {
                         [alone] => pen.marker(*alone, number)?,
                         line => pen.line(line, ink, 1.75)?,
@@ -316,6 +319,18 @@ fn parts<T, P>(values: &[T], place: impl Fn(&T) -> Option<P>) -> Vec<Vec<P>> {
     }
     parts.retain(|part| !part.is_empty());
     parts
+}
+
+/// A line that goes from place to place along the axes: across, and then up or down.
+fn stairs(places: &[Place]) -> Vec<Place> {
+    let mut stairs: Vec<Place> = Vec::with_capacity(2 * places.len());
+    for (x, y) in places {
+        if let Some((_, before)) = stairs.last().copied().filter(|(_, before)| before != y) {
+            stairs.push((*x, before));
+        }
+        stairs.push((*x, *y));
+    }
+    stairs
 }
 
 /// A line without what nobody could see: of the places within half a pixel from left to right the first, the lowest, the

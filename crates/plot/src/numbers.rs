@@ -74,11 +74,11 @@ fn of_layer(layer: &Layer, x_axis: &Axis, write: &mut dyn FnMut(Row<'_>)) {
     };
     let text = number_text;
     match &layer.marks {
-        Marks::Line(points) | Marks::Points(points) => {
-            let kind = if matches!(layer.marks, Marks::Line(_)) {
-                "line"
-            } else {
+        Marks::Line(points) | Marks::Steps(points) | Marks::Points(points) => {
+            let kind = if matches!(layer.marks, Marks::Points(_)) {
                 "point"
+            } else {
+                "line"
             };
             for (x, y) in points {
                 write([kind, series, &text(*x), &text(*y), "", "", ""]);

@@ -62,6 +62,30 @@ fn a_gap_is_drawn_as_a_gap() {
 }
 
 #[test]
+fn steps_hold_each_value_until_the_next_and_are_numbered_as_they_were_given() {
+    let points = [(0.0, 0.0), (1.0, 1.0), (2.0, 1.0)];
+    let sheet = Sheet::new("").chart(chart().steps("a", points));
+    let svg = sheet.svg().unwrap();
+    let line = svg.lines().find(|l| l.contains("stroke-width=\"7\"")).unwrap();
+    let places = line.split("points=\"").nth(1).unwrap().split('"').next().unwrap();
+    let places: Vec<(i32, i32)> = places
+        .split_whitespace()
+        .map(|place| place.split_once(',').unwrap())
+        .map(|(x, y)| (x.parse().unwrap(), y.parse().unwrap()))
+        .collect();
+    let [a, held, b, c] = places[..] else {
+        panic!("{places:?}")
+    };
+    assert!(held == (b.0, a.1) && b.1 == c.1 && b.1 < a.1, "{places:?}");
+    let rows = sheet
+        .csv()
+        .lines()
+        .filter(|row| row.starts_with("A & B,line,a,"))
+        .count();
+    assert_eq!(rows, points.len());
+}
+
+#[test]
 fn every_kind_of_mark_survives_data_that_nothing_can_be_drawn_of() {
     for values in [
         vec![],
@@ -74,6 +98,7 @@ fn every_kind_of_mark_survives_data_that_nothing_can_be_drawn_of() {
             let points = || values.iter().map(|v| (*v, *v));
             let chart = Chart::new("", axis.clone(), Axis::new("").log())
                 .line("a", points())
+                .steps("a", points())
                 .points("b", points())
                 .ellipse("b", points())
                 .band("a", values.iter().map(|v| (*v, *v, *v)))
