@@ -41,10 +41,10 @@ pub(crate) fn draw(
 ) -> Result<(), PlotError> {
     let mut top = y0 + 4.0;
     if !chart.title.is_empty() {
-        pen.text(
+        pen.fitted(
             &chart.title,
             ((x0 + x1) / 2.0, top + 6.0),
-            Side::Middle,
+            x1 - x0,
             12.0,
             colour::INK,
         )?;

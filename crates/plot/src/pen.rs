@@ -76,6 +76,19 @@ pub(crate) fn text_width(text: &str, size: f64) -> f64 {
     0.56 * size * text.chars().count() as f64
 }
 
+/// The size at which a text is no wider than `width`, as far as it stays legible; and the text, shorter where even
+/// that is too wide. Pixels.
+fn fit(text: &str, width: f64, size: f64) -> (String, f64) {
+    const LEAST: f64 = 8.0;
+    let size = (size * width / text_width(text, size).max(width)).max(LEAST.min(size));
+    if size > LEAST || text_width(text, size) <= width {
+        return (text.to_owned(), size);
+    }
+    let room = (width / text_width("x", size)) as usize;
+    let shorter = text.chars().take(room.saturating_sub(1)).chain(['…']);
+    (shorter.collect(), size)
+}
+
 impl<'a> Pen<'a> {
     fn put<E>(&self, element: &E) -> Result<(), PlotError>
     where
@@ -145,6 +158,19 @@ impl<'a> Pen<'a> {
         self.write(text, place, side, size, colour, FontTransform::None)
     }
 
+    /// A text around its middle, smaller than `size` where it would be wider than `width`.
+    pub(crate) fn fitted(
+        &self,
+        text: &str,
+        place: Place,
+        width: f64,
+        size: f64,
+        colour: Rgb,
+    ) -> Result<(), PlotError> {
+        let (text, size) = fit(text, width, size);
+        self.text(&text, place, Side::Middle, size, colour)
+    }
+
     /// A text that reads upwards.
     pub(crate) fn text_upwards(
         &self,
@@ -174,5 +200,29 @@ impl<'a> Pen<'a> {
         let font = ("sans-serif", size * FINE * 1.24).into_font().transform(turn);
         let style = font.color(&rgba(colour, 1.0)).pos(Pos::new(side, VPos::Center));
         self.put(&Text::new(text.to_owned(), fine(place), style))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_text_becomes_smaller_before_it_becomes_shorter() {
+        assert_eq!(fit("tightest", 250.0, 12.0), ("tightest".into(), 12.0));
+        let long = "optimal: middle proximal disengages (13.72 s)";
+        for width in 220..290 {
+            let width = f64::from(width);
+            let (text, size) = fit(long, width, 12.0);
+            assert!(text == long && (8.0..12.0).contains(&size), "{text} at {size}");
+            assert!(text_width(&text, size) <= width + 1e-9);
+        }
+        let (text, size) = fit(&long.repeat(3), 250.0, 12.0);
+        assert!(
+            text.starts_with("optimal: middle") && text.ends_with('…') && size == 8.0,
+            "{text}"
+        );
+        assert!(text_width(&text, size) <= 250.0);
+        assert_eq!(fit("", 250.0, 12.0), (String::new(), 12.0));
     }
 }

@@ -160,14 +160,11 @@ impl Picture {
         let cell = (cell * 4.0).floor().max(1.0) / 4.0;
         let (w, h) = (cell * self.width as f64, cell * rows as f64);
         let (ox, oy) = (x0 + left + ((width - w) / 2.0).max(0.0), y0 + top);
+        // A text around a place stays within the panel on both sides.
+        let room = |middle: f64| 2.0 * (middle - x0).min(x1 - middle);
         if !self.title.is_empty() {
-            pen.text(
-                &self.title,
-                (ox + w / 2.0, y0 + 10.0),
-                Side::Middle,
-                12.0,
-                colour::INK,
-            )?;
+            let place = (ox + w / 2.0, y0 + 10.0);
+            pen.fitted(&self.title, place, room(place.0), 12.0, colour::INK)?;
         }
         self.draw_cells(pen, (ox, oy), cell)?;
         pen.frame((ox, oy), (ox + w, oy + h), colour::PALE)?;
@@ -193,7 +190,7 @@ impl Picture {
                 flat - caption
             };
             let place = (ox + w / 2.0, oy + h + below + 10.0);
-            pen.text(&self.caption, place, Side::Middle, 11.0, colour::PALE)?;
+            pen.fitted(&self.caption, place, room(place.0), 11.0, colour::PALE)?;
         }
         Ok(())
     }

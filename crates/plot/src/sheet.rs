@@ -6,7 +6,7 @@ use crate::colour;
 use crate::error::PlotError;
 use crate::numbers;
 use crate::panel::Panel;
-use crate::pen::{self, Side};
+use crate::pen;
 use crate::picture::Picture;
 
 /// Panels in rows beneath a title: one figure.
@@ -70,13 +70,8 @@ impl Sheet {
         let names = self.names();
         pen::draw(width, height, |pen| {
             if !self.title.is_empty() {
-                pen.text(
-                    &self.title,
-                    (width / 2.0, GAP + 8.0),
-                    Side::Middle,
-                    15.0,
-                    colour::INK,
-                )?;
+                let place = (width / 2.0, GAP + 8.0);
+                pen.fitted(&self.title, place, width - 2.0 * GAP, 15.0, colour::INK)?;
             }
             for (n, panel) in self.panels.iter().enumerate() {
                 let x = GAP + (n % columns) as f64 * (self.panel.0 + GAP);

@@ -86,6 +86,37 @@ fn steps_hold_each_value_until_the_next_and_are_numbered_as_they_were_given() {
 }
 
 #[test]
+fn titles_and_captions_stay_within_their_panel() {
+    let long = "optimal: middle proximal disengages (13.72 s)";
+    let picture = || Picture::grey(long, 4, [0; 16]).caption(long);
+    let svg = Sheet::new(long.repeat(2))
+        .columns(3)
+        .panel_size(140, 120)
+        .picture(picture())
+        .picture(picture())
+        .chart(Chart::new(long, Axis::new(""), Axis::new("")))
+        .svg()
+        .unwrap();
+    let texts = svg.split("<text").skip(1);
+    let mut widest: f64 = 0.0;
+    for text in texts.filter(|text| text.contains("optimal")) {
+        let size = text
+            .split("font-size=\"")
+            .nth(1)
+            .unwrap()
+            .split('"')
+            .next()
+            .unwrap();
+        let words = text.split('>').nth(1).unwrap().split('<').next().unwrap().trim();
+        // Figures are drawn four times as large.
+        let width = 0.56 * size.parse::<f64>().unwrap() / 4.0 * words.chars().count() as f64;
+        assert!(width <= if words.len() > 60 { 460.0 } else { 141.0 }, "{text}");
+        widest = widest.max(width);
+    }
+    assert!(widest > 100.0);
+}
+
+#[test]
 fn every_kind_of_mark_survives_data_that_nothing_can_be_drawn_of() {
     for values in [
         vec![],
