@@ -51,20 +51,32 @@ pub(super) fn sheet(take: &Take, by_paper: &Take, instants: &[Instant]) -> anyho
         let name = format!("{method:?}").to_lowercase();
         for instant in instants {
             let image = images.get(instant.index).unwrap_or(&images[images.len() - 1]);
-            sheet = sheet.picture(compressed(image, title(&name, instant)));
+            sheet = sheet.picture(compressed(take, image, title(&name, instant)));
         }
     }
     Ok(sheet)
 }
 
 /// A tactile image as the display is given it.
-pub(super) fn compressed(image: &TactileImage, title: String) -> Picture {
+pub(super) fn compressed(take: &Take, image: &TactileImage, title: String) -> Picture {
     let strongest = image.actuators.iter().map(|a| a.force).fold(0.0, f64::max);
     Picture::grey(title, image.width.into(), image.pixels.iter().copied()).caption(format!(
-        "actuators {}, levels {}, strongest {strongest:.0}",
+        "actuators {}, levels {}, strongest {}",
         image.actuators.len(),
-        image.levels.len()
+        image.levels.len(),
+        amount(strongest, take.unit)
     ))
+}
+
+/// A force in a few digits, with its unit.
+fn amount(force: f64, unit: Option<&str>) -> String {
+    let digits = match force {
+        0.0 => "0".into(),
+        force if !(0.01..1e6).contains(&force) => format!("{force:.2e}"),
+        force if force >= 100.0 => format!("{force:.0}"),
+        force => format!("{force:.2}").trim_end_matches(".00").into(),
+    };
+    unit.map_or(digits.clone(), |unit| format!("{digits} {unit}"))
 }
 
 /// The forces of the taxels in contact, in grey: the tactile frame of the publication.
@@ -83,7 +95,11 @@ pub(super) fn felt(take: &Take, index: usize, title: String) -> Picture {
         (255.0 * force / strongest.max(f64::MIN_POSITIVE)).round() as u8
     });
     let grey = grey.into_iter().map(|pixel| pixel.unwrap_or(0));
-    let caption = format!("taxels in contact {}, strongest {strongest:.0}", frame.contacts());
+    let caption = format!(
+        "taxels in contact {}, strongest {}",
+        frame.contacts(),
+        amount(strongest, take.unit)
+    );
     Picture::grey(title, take.layout.width.into(), grey).caption(caption)
 }
 
@@ -126,4 +142,23 @@ fn pixels<T>(take: &Take, of_taxel: impl Fn(usize) -> T) -> Vec<Option<T>> {
     places
         .map(|(x, y)| take.layout.taxel_at(x, y).map(&of_taxel))
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn forces_are_told_in_few_digits_with_their_unit() {
+        for (force, unit, wanted) in [
+            (5_877.4, Some("counts"), "5877 counts"),
+            (185_125_785.0, Some("counts²"), "1.85e8 counts²"),
+            (0.5, None, "0.50"),
+            (42.0, None, "42"),
+            (1e-38, None, "1.00e-38"),
+            (0.0, Some("counts"), "0 counts"),
+        ] {
+            assert_eq!(amount(force, unit), wanted);
+        }
+    }
 }

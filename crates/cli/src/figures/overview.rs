@@ -97,7 +97,7 @@ impl Overview {
         });
         self.pictures.push([
             felt(take, index, take.name.clone()),
-            compressed(image, "shown".into()),
+            compressed(take, image, "shown".into()),
         ]);
         Ok(())
     }

@@ -15,6 +15,8 @@ pub(super) struct Take {
     pub(super) name: String,
     pub(super) layout: Layout,
     pub(super) profile: Profile,
+    /// What forces are in; none where the recording holds magnitudes, whose unit it does not say.
+    pub(super) unit: Option<&'static str>,
     /// Counts of each frame; empty where the recording holds magnitudes.
     pub(super) tactile: Vec<TactileFrame>,
     pub(super) force: Vec<ForceFrame>,
@@ -40,6 +42,7 @@ impl Take {
             name: name.into(),
             layout: config.layout.clone(),
             profile: config.profile.clone(),
+            unit: None,
             tactile: Vec::new(),
             force: Vec::new(),
         };
@@ -49,6 +52,10 @@ impl Take {
             take.force.push(felt.force.clone());
             Ok(())
         })?;
+        if !take.tactile.is_empty() {
+            let squared = config.conditioning.magnitude.is_squared();
+            take.unit = Some(if squared { "counts²" } else { "counts" });
+        }
         Ok(take)
     }
 
@@ -207,6 +214,7 @@ mod tests {
             name: "test".into(),
             layout: Layout::grid(2, 1).unwrap(),
             profile: Profile::default(),
+            unit: None,
             tactile: Vec::new(),
             force: force.collect(),
         }

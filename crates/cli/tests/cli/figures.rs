@@ -57,6 +57,10 @@ fn a_scene_becomes_the_publications_figures_with_their_numbers() {
     let felt = rows(&dir, "ball-grasp-time.csv", "learned (constant),line,felt");
     let shown = rows(&dir, "ball-grasp-time.csv", "learned (constant),line,learned");
     assert!(felt.len() > 400 && shown.len() >= felt.len());
+    // Units stand where they differ from row to row.
+    for unit in [" counts\n", " counts²\n"] {
+        assert!(instants.contains(unit), "{unit}");
+    }
 }
 
 #[test]
