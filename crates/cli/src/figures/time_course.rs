@@ -5,52 +5,44 @@ use taxel_compress::learn_codebook;
 use taxel_hand::{ActuatorForce, LevelSteps, Method, Profile, TactileImage};
 use taxel_plot::{Axis, Chart, Sheet};
 
-/// A panel for each codebook, and one with the drive of the display under all of them.
+/// A row for each codebook: the force that is felt and the one that is shown, and what the display is driven with.
+///
+/// What is felt holds until the next frame, and what a display shows until the next image.
 pub(super) fn sheet(take: &Take, module: usize) -> anyhow::Result<Sheet> {
     let name = &take.layout.modules[module].name;
     let time = |index: usize| take.time_s(index);
     let felt: Vec<(f64, f64)> = (0..take.force.len())
         .map(|index| (time(index), take.force_on(module, index)))
         .collect();
-    let mut drive = Chart::new(
-        "what the display is driven with",
-        Axis::new("time, s"),
-        Axis::new("grey, of 255").range(0.0, 255.0),
-    );
-    let mut sheet = Sheet::new(format!("{}: {name}, force felt and force shown", take.name))
-        .columns(2)
-        .panel_size(440, 250);
+    let mut sheet = Sheet::new(format!(
+        "{}: {name}, force felt and force shown (actuator_force = \"max\")",
+        take.name
+    ))
+    .columns(2)
+    .panel_size(440, 190);
+    let force_axis = match take.unit {
+        Some(unit) => format!("force, {unit}"),
+        None => "force".into(),
+    };
     for (title, profile) in codebooks(take) {
         let images = take.images(&profile)?;
         let shown: Vec<(f64, u8)> = images.iter().map(|image| shown(take, module, image)).collect();
-        let force = shown
-            .iter()
-            .enumerate()
-            .map(|(index, (force, _))| (time(index), *force));
-        let chart = Chart::new(&title, Axis::new("time, s"), Axis::new("force").from_zero());
-        let chart = chart
-            .line("felt", felt.iter().copied())
-            .line(title.as_str(), steps(force));
-        sheet = sheet.chart(chart);
-        let grey = shown
-            .iter()
-            .enumerate()
-            .map(|(index, (_, grey))| (time(index), f64::from(*grey)));
-        drive = drive.line(title.as_str(), steps(grey));
+        let force = shown.iter().enumerate();
+        let force = force.map(|(index, (force, _))| (time(index), *force));
+        let grey = shown.iter().enumerate();
+        let grey = grey.map(|(index, (_, grey))| (time(index), f64::from(*grey)));
+        let forces = Chart::new(&title, Axis::new("time, s"), Axis::new(&force_axis).from_zero());
+        // Above the full drive there is room, so that it is not taken for the edge.
+        let drive = Chart::new(
+            format!("{title}: drive of the display"),
+            Axis::new("time, s"),
+            Axis::new("grey, of 255").range(0.0, 270.0),
+        );
+        sheet = sheet
+            .chart(forces.steps("felt", felt.iter().copied()).steps(&title, force))
+            .chart(drive.steps(&title, grey));
     }
-    Ok(sheet.chart(drive))
-}
-
-/// A display holds what it shows until the next image.
-fn steps(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
-    let mut steps: Vec<(f64, f64)> = Vec::new();
-    for (t, value) in points {
-        if let Some((_, before)) = steps.last().copied().filter(|(_, before)| *before != value) {
-            steps.push((t, before));
-        }
-        steps.push((t, value));
-    }
-    steps
+    Ok(sheet)
 }
 
 /// The largest force and grey of the actuators that stand on a module; 0 where none does.

@@ -57,10 +57,22 @@ fn a_scene_becomes_the_publications_figures_with_their_numbers() {
     let felt = rows(&dir, "ball-grasp-time.csv", "learned (constant),line,felt");
     let shown = rows(&dir, "ball-grasp-time.csv", "learned (constant),line,learned");
     assert!(felt.len() > 400 && shown.len() >= felt.len());
+    // Every codebook has a row of its own, in which its full drive is seen.
+    for method in ["optimal", "paper"] {
+        let title = format!("each frame its own ({method})");
+        let drive = rows(
+            &dir,
+            "ball-grasp-time.csv",
+            &format!("{title}: drive of the display,line,{title}"),
+        );
+        assert!(drive.iter().any(|row| row[4] == "255"), "{title}");
+    }
     // Units stand where they differ from row to row.
     for unit in [" counts\n", " counts²\n"] {
         assert!(instants.contains(unit), "{unit}");
     }
+    let time = fs::read_to_string(dir.path().join("out/ball-grasp-time.svg")).unwrap();
+    assert!(time.contains("actuator_force = &quot;max&quot;") && time.contains("force, counts\n"));
 }
 
 #[test]
