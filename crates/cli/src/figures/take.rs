@@ -127,19 +127,23 @@ impl Take {
         Some((first, last))
     }
 
-    /// The module engaging, the hand at its tightest, the module disengaging.
+    /// The module engaging, the hand at its tightest, the module disengaging. A recording that begins or ends in its
+    /// contact does not show that.
     pub(super) fn usual_instants(&self, module: usize) -> Vec<Instant> {
         let name = &self.layout.modules[module].name;
         let contact = self.first_contact(module);
-        let instants = [
-            (format!("{name} engages"), contact.map(|(first, _)| first)),
-            ("tightest".into(), self.tightest()),
-            (format!("{name} disengages"), contact.map(|(_, last)| last)),
-        ];
-        let known = instants
-            .into_iter()
-            .filter_map(|(name, index)| Some(Instant { name, index: index? }));
-        known.collect()
+        let engages = |(first, _)| match first {
+            0 => ("beginning of the recording".into(), first),
+            _ => (format!("{name} engages"), first),
+        };
+        let disengages = |(_, last)| match last {
+            last if last + 1 == self.force.len() => ("end of the recording".into(), last),
+            _ => (format!("{name} disengages"), last),
+        };
+        let tightest = self.tightest().map(|index| ("tightest".into(), index));
+        let known = [contact.map(engages), tightest, contact.map(disengages)];
+        let instants = known.into_iter().flatten();
+        instants.map(|(name, index)| Instant { name, index }).collect()
     }
 
     /// The frames nearest to these times, seconds.
@@ -246,6 +250,32 @@ mod tests {
             .map(|i| i.index)
             .collect();
         assert_eq!(at, [0, 3, 9]);
+    }
+
+    #[test]
+    fn a_recording_that_begins_or_ends_in_contact_does_not_show_how_that_came_or_went() {
+        let (on, off) = ([1.0, 0.0], [0.0, 0.0]);
+        for (frames, wanted) in [
+            (
+                &[off, on, off][..],
+                ["grid engages", "tightest", "grid disengages"],
+            ),
+            (
+                &[off, on, on],
+                ["grid engages", "tightest", "end of the recording"],
+            ),
+            (
+                &[on, on, off],
+                ["beginning of the recording", "tightest", "grid disengages"],
+            ),
+        ] {
+            let names: Vec<String> = take(frames)
+                .usual_instants(0)
+                .into_iter()
+                .map(|i| i.name)
+                .collect();
+            assert_eq!(names, wanted);
+        }
     }
 
     #[test]
