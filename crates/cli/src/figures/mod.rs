@@ -43,7 +43,8 @@ pub(crate) struct Args {
     /// The folder for the figures; it is made
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Show this instant, seconds from the beginning; may be repeated [default: engaging, tightest, disengaging]
+    /// Show the frame of this time, in the seconds that the figures have; may be repeated [default: engaging, tightest,
+    /// disengaging]
     #[arg(long, value_name = "S")]
     at: Vec<f64>,
     /// The module whose time course is drawn [default: the one that is touched first]
@@ -54,8 +55,8 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
-    if let Some(at) = args.at.iter().find(|at| !(0.0..1e9).contains(*at)) {
-        bail!("--at {at} is no time in a recording; it is seconds from its beginning");
+    if let Some(at) = args.at.iter().find(|at| !(at.is_finite() && **at >= 0.0)) {
+        bail!("--at {at} is no time in a recording; it is seconds, from 0 on");
     }
     let paths = args.paths()?;
     let names = names(&paths);
@@ -139,7 +140,7 @@ impl Args {
         let instants = if self.at.is_empty() {
             take.usual_instants(module)
         } else {
-            take.instants_at(&self.at)
+            take.instants_at(&self.at)?
         };
         if let Some(sheet) = instants::frame(take) {
             self.write(&format!("{}-frame", take.name), &sheet)?;

@@ -146,15 +146,26 @@ impl Take {
         instants.map(|(name, index)| Instant { name, index }).collect()
     }
 
-    /// The frames nearest to these times, seconds.
-    pub(super) fn instants_at(&self, times: &[f64]) -> Vec<Instant> {
+    /// The frames nearest to these times, seconds of the recording. A time further than a frame from the first or the
+    /// last of them is refused.
+    pub(super) fn instants_at(&self, times: &[f64]) -> anyhow::Result<Vec<Instant>> {
+        let (first_s, last_s) = (self.time_s(0), self.time_s(self.force.len() - 1));
+        let frame_s = (last_s - first_s) / (self.force.len() - 1).max(1) as f64;
         let nearest = |at: &f64| {
+            if !(first_s - frame_s..=last_s + frame_s).contains(at) {
+                bail!(
+                    "--at {at} is no time of {}, whose frames are from {first_s:.2} to {last_s:.2} s",
+                    self.name
+                );
+            }
             let away = |index: &usize| (self.time_s(*index) - at).abs();
-            let index = (0..self.force.len()).min_by(|a, b| away(a).total_cmp(&away(b)))?;
-            let name = format!("at {at} s");
-            Some(Instant { name, index })
+            let index = (0..self.force.len()).min_by(|a, b| away(a).total_cmp(&away(b)));
+            Ok(Instant {
+                name: format!("at {at} s"),
+                index: index.unwrap_or(0),
+            })
         };
-        times.iter().filter_map(nearest).collect()
+        times.iter().map(nearest).collect()
     }
 
     /// Every image that a display with this profile is given.
@@ -244,12 +255,25 @@ mod tests {
         assert_eq!(take.tightest(), Some(9));
         let instants: Vec<usize> = take.usual_instants(0).iter().map(|i| i.index).collect();
         assert_eq!(instants, [1, 9, 4]);
-        let at: Vec<usize> = take
-            .instants_at(&[0.0, 0.34, 99.0])
-            .iter()
-            .map(|i| i.index)
-            .collect();
-        assert_eq!(at, [0, 3, 9]);
+        let at = take.instants_at(&[0.0, 0.34, 0.95]).unwrap();
+        assert_eq!(at.iter().map(|i| i.index).collect::<Vec<_>>(), [0, 3, 9]);
+    }
+
+    #[test]
+    fn a_time_beside_the_recording_is_refused_with_its_span() {
+        let mut take = take(&[[1.0, 0.0]; 3]);
+        take.force
+            .iter_mut()
+            .for_each(|frame| frame.t_ns += 1_000_000_000_000);
+        for (at, wanted) in [(999.95, Some(0)), (1000.3, Some(2)), (2.0, None), (1000.4, None)] {
+            let instants = take.instants_at(&[1000.0, at]);
+            assert_eq!(instants.as_ref().ok().map(|i| i[1].index), wanted, "{at}");
+            if let Err(error) = instants {
+                let text =
+                    format!("--at {at} is no time of test, whose frames are from 1000.00 to 1000.20 s");
+                assert_eq!(error.to_string(), text);
+            }
+        }
     }
 
     #[test]

@@ -181,6 +181,10 @@ fn what_cannot_be_drawn_is_refused_by_name() {
             &["figures", "sim:tap", "--out", "out", "--at=-1"],
             "--at -1 is no time",
         ),
+        (
+            &["figures", "sim:tap", "--out", "out", "--at", "99"],
+            "--at 99 is no time of tap, whose frames are from 0.0",
+        ),
         (&["figures", "sim:tap", "none.csv", "--out", "out"], "none.csv"),
     ] {
         let err = fails(&dir, args, 1);
