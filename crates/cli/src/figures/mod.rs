@@ -24,9 +24,9 @@ use taxel_plot::Sheet;
 /// shows, under each codebook. Of several INPUTs, or a folder of them: `recordings`, a table and a sheet
 /// with the tightest frame of each, raw beside compressed.
 ///
-/// INPUT is any recording that `taxel compress` takes, sim:SCENE, or a folder of recordings. Counts show
-/// colours; magnitudes have none. The fingertip is the module that is touched first, unless --module says
-/// otherwise.
+/// INPUT is any recording that `taxel compress` takes, sim:SCENE, or a folder of recordings; NAME is its name, and
+/// that of the array where --array names one. Counts show colours; magnitudes have none. The fingertip is the module
+/// that is touched first, unless --module says otherwise.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -59,7 +59,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         bail!("--at {at} is no time in a recording; it is seconds, from 0 on");
     }
     let paths = args.paths()?;
-    let names = names(&paths);
+    let names = names(&paths, args.offline.input.array());
     fs::create_dir_all(&args.out).with_context(|| format!("--out {}", args.out.display()))?;
     if let ([path], [name]) = (&paths[..], &names[..]) {
         let take = args.touched(path, name)?;
@@ -191,19 +191,22 @@ fn recordings_of(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
     Ok(paths)
 }
 
-/// What recordings are called in figures and file names: the name without folder and ending; numbered where two are the
-/// same.
-fn names(paths: &[PathBuf]) -> Vec<String> {
+/// What recordings are called in figures and file names: the name without folder and ending, that of an .npz with its
+/// array where one is named; numbered where two are the same.
+fn names(paths: &[PathBuf], array: Option<&str>) -> Vec<String> {
     let mut names: Vec<String> = Vec::new();
     for path in paths {
         let text = path.to_str().unwrap_or("recording");
         let path = Path::new(text.strip_prefix("sim:").unwrap_or(text));
-        let stem = path
-            .file_stem()
-            .and_then(|stem| stem.to_str())
-            .unwrap_or("recording");
+        let stem = path.file_stem().and_then(|stem| stem.to_str());
+        let is_npz = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("npz"));
+        let stem = match (stem.unwrap_or("recording"), array.filter(|_| is_npz)) {
+            // An array may be in a folder of the archive.
+            (stem, Some(array)) => format!("{stem}-{}", array.replace('/', "-")),
+            (stem, None) => stem.to_owned(),
+        };
         let same = |name: &String| names.contains(name);
-        let mut name = stem.to_owned();
+        let mut name = stem.clone();
         for number in 2.. {
             if !same(&name) {
                 break;
@@ -222,6 +225,8 @@ mod tests {
     #[test]
     fn every_recording_has_a_name_of_its_own() {
         let paths = ["a/grasp.csv", "sim:tap", "b/grasp.npz", "sim:scenes/own.toml"].map(PathBuf::from);
-        assert_eq!(names(&paths), ["grasp", "tap", "grasp-2", "own"]);
+        assert_eq!(names(&paths, None), ["grasp", "tap", "grasp-2", "own"]);
+        let of_array = ["grasp", "tap", "grasp-BALL-1", "own"];
+        assert_eq!(names(&paths, Some("BALL/1")), of_array);
     }
 }
