@@ -28,7 +28,7 @@ pub use best_places::{RESTARTS, least_place_error};
 pub use contact_truth::{ContactTruth, contact_truth};
 pub use cost::{Allocations, Cost, Lap, Timings, time};
 pub use judge::{Errors, judge};
-pub use method::{Method, MethodError, main_methods, standard_methods};
+pub use method::{Method, MethodError, Offered, main_methods, standard_methods};
 pub use quantile::{Quantiles, quantile};
 pub use report::{CostDetail, EvalReport, MethodReport, ScalingReport};
 pub use sequence::{Reference, References, Sequence};

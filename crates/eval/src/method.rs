@@ -94,10 +94,20 @@ impl Method {
         let profile: Profile = table
             .try_into()
             .map_err(|e| setting(plain_words(&e.to_string())))?;
-        profile.check().map_err(|source| MethodError::Profile {
+        let refused = |source| MethodError::Profile {
             text: text.into(),
             source,
-        })?;
+        };
+        // What excludes a codebook excludes one that is still to be learned.
+        let known = Profile {
+            codebook: if learned {
+                vec![1.0]
+            } else {
+                profile.codebook.clone()
+            },
+            ..profile.clone()
+        };
+        known.check().map_err(refused)?;
         Ok(Self {
             name: text.split_whitespace().collect::<Vec<_>>().join(" "),
             profile,
@@ -142,23 +152,50 @@ const MORE: [&str; 14] = [
     "optimal codebook_learning={forgetting=0.1}",
 ];
 
-/// `paper`, `optimal`, and every switch between and beside them, on its own.
+/// Methods that go with a profile, and those that its settings exclude.
+#[derive(Debug, Default)]
+pub struct Offered {
+    /// Those that are to be judged, in the order of the list.
+    pub methods: Vec<Method>,
+    /// Why each of the others is not, with its name.
+    pub left_out: Vec<MethodError>,
+}
+
+impl Offered {
+    /// The methods of a list, each on `base`: a list for every display has methods that some displays cannot have.
+    ///
+    /// # Errors
+    ///
+    /// A text that is no method of any profile.
+    pub fn of(texts: &[&str], base: &Profile) -> Result<Self, MethodError> {
+        let mut offered = Self::default();
+        for text in texts {
+            match Method::parse(text, base) {
+                Ok(method) => offered.methods.push(method),
+                Err(excluded @ MethodError::Profile { .. }) => offered.left_out.push(excluded),
+                Err(other) => return Err(other),
+            }
+        }
+        Ok(offered)
+    }
+}
+
+/// `paper`, `optimal`, and every switch between and beside them, on its own, as far as `base` has room for them.
 ///
 /// # Errors
 ///
-/// A `base` that describes no display.
-pub fn standard_methods(base: &Profile) -> Result<Vec<Method>, MethodError> {
-    let all = MAIN.iter().chain(&MORE);
-    all.map(|text| Method::parse(text, base)).collect()
+/// None for a `base` that [`Profile::check`] accepts.
+pub fn standard_methods(base: &Profile) -> Result<Offered, MethodError> {
+    Offered::of(&[&MAIN[..], &MORE].concat(), base)
 }
 
 /// Those of the [`standard_methods`] that a first look at a recording needs.
 ///
 /// # Errors
 ///
-/// A `base` that describes no display.
-pub fn main_methods(base: &Profile) -> Result<Vec<Method>, MethodError> {
-    MAIN.iter().map(|text| Method::parse(text, base)).collect()
+/// None for a `base` that [`Profile::check`] accepts.
+pub fn main_methods(base: &Profile) -> Result<Offered, MethodError> {
+    Offered::of(&MAIN, base)
 }
 
 #[cfg(test)]
@@ -217,7 +254,11 @@ mod tests {
         let mut frame = ForceFrame::new(1);
         frame.force[0] = 1.0;
         frame.contact[0] = true;
-        let mut methods = standard_methods(&Profile::default()).unwrap();
+        let Offered {
+            mut methods,
+            left_out,
+        } = standard_methods(&Profile::default()).unwrap();
+        assert!(left_out.is_empty(), "{left_out:?}");
         methods
             .iter_mut()
             .for_each(|method| method.learn_from(&[frame.clone()]));
@@ -227,6 +268,45 @@ mod tests {
                 "{}",
                 method.name
             );
+        }
+    }
+
+    #[test]
+    fn methods_that_a_display_excludes_are_left_out_and_told() {
+        let steps = "level_steps = \"weber\"\nforce_min = 1.0\nforce_max = 50.0";
+        for (text, excluded) in [
+            (steps, &["optimal codebook=learned"][..]),
+            (
+                "jnd = 0.07\nforce_min = 1.0\nforce_max = 50.0",
+                &["optimal codebook=learned"],
+            ),
+            (
+                "codebook_learning = { forgetting = 0.001 }",
+                &["optimal codebook=learned"],
+            ),
+            ("coordinates = \"hand\"", &["paper", "paper force_fit=exact"]),
+            ("budgets = { thumb = 2 }", &["paper", "paper force_fit=exact"]),
+            (
+                "actuators = 2\nfixed = [[0.0, 0.0], [1.0, 0.0]]",
+                &["paper placement=follow"],
+            ),
+            ("codebook = [1.0, 2.0]", &[]),
+        ] {
+            let base: Profile = toml::from_str(text).unwrap();
+            base.check().unwrap();
+            let Offered { methods, left_out } = main_methods(&base).unwrap();
+            let is_excluded = |name: &&str| excluded.contains(name);
+            let left: Vec<&str> = MAIN.into_iter().filter(|name| !is_excluded(name)).collect();
+            assert_eq!(
+                methods.iter().map(|m| &*m.name).collect::<Vec<_>>(),
+                left,
+                "{text}"
+            );
+            let told: Vec<String> = left_out.iter().map(|error| error.to_string()).collect();
+            assert_eq!(told.len(), excluded.len(), "{text}");
+            for (told, name) in told.iter().zip(excluded) {
+                assert!(told.starts_with(&format!("`{name}`: profile: ")), "{told}");
+            }
         }
     }
 }

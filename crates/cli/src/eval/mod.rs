@@ -13,8 +13,8 @@ use serde::Serialize;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use taxel_eval::{
-    ContactTruth, EvalReport, Method, MethodReport, References, ScalingReport, Sequence, Timings, judge,
-    main_methods, quantile, standard_methods, synthetic, time,
+    ContactTruth, EvalReport, Method, MethodError, MethodReport, Offered, References, ScalingReport,
+    Sequence, Timings, judge, main_methods, quantile, standard_methods, synthetic, time,
 };
 use taxel_playback::interrupt::Ending;
 use taxel_playback::output_file::{OutputFile, refuse_overlap};
@@ -51,8 +51,8 @@ pub(crate) struct Args {
     #[command(flatten)]
     offline: OfflineArgs,
     /// A method to judge: paper or optimal, then settings of the profile as key=value; may be
-    /// repeated [default: paper, optimal and the switches between them]; codebook=learned is the
-    /// best constant codebook for the frames
+    /// repeated [default: paper, optimal and the switches between them, but for those that the
+    /// configuration excludes]; codebook=learned is the best constant codebook for the frames
     #[arg(long, value_name = "METHOD [KEY=VALUE]..")]
     method: Vec<String>,
     /// Judge every switch, and print every figure, in tables of 200 columns; --json has every switch and figure anyway
@@ -165,7 +165,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         bail!("{path}: no frame: it ends before its first tick or sweep is complete");
     }
     let base = config.profile;
-    let (input, references, timings) = args.report(&frames, &args.methods(&base)?)?;
+    let Offered { methods, left_out } = args.methods(&base)?;
+    tell(&left_out);
+    let (input, references, timings) = args.report(&frames, &methods)?;
     if let Some(file) = &mut export {
         export::write(file.path(), &frames.sequence, &references)
             .with_context(|| file.path().display().to_string())?;
@@ -185,11 +187,11 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         let (frames, config) = scene::frames(scene, args)?;
         output
             .scenes
-            .push(args.report(&frames, &args.methods(&config.profile)?)?.0);
+            .push(args.report(&frames, &args.methods(&config.profile)?.methods)?.0);
     }
     if args.sweep_k {
         for size in SIZES {
-            let mut methods = args.methods(&base)?;
+            let mut methods = methods.clone();
             methods.truncate(2);
             for method in &mut methods {
                 (method.profile.levels, method.profile.actuators) = (size, size);
@@ -199,7 +201,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         }
     }
     if args.scaling {
-        output.scaling = scaling(&args.methods(&base)?)?;
+        output.scaling = scaling(&methods)?;
     }
     let reports = || {
         [&output.input]
@@ -228,6 +230,13 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     out.write_all(text.as_bytes())
         .and_then(|()| out.flush())
         .context("stdout")
+}
+
+/// Says which of the usual methods the configuration excludes.
+fn tell(left_out: &[MethodError]) {
+    for excluded in left_out {
+        eprintln!("taxel: left out, since the configuration excludes it: {excluded}");
+    }
 }
 
 /// The methods with the codebooks that they learn from the frames.
@@ -312,7 +321,8 @@ impl Args {
         }
     }
 
-    fn methods(&self, base: &taxel_hand::Profile) -> anyhow::Result<Vec<Method>> {
+    /// Those named, or those of the usual ones that the configuration does not exclude.
+    fn methods(&self, base: &taxel_hand::Profile) -> anyhow::Result<Offered> {
         base.check()?;
         if self.method.is_empty() {
             let every = self.all || self.json;
@@ -323,7 +333,10 @@ impl Args {
             });
         }
         let parsed = self.method.iter().map(|text| Method::parse(text, base));
-        Ok(parsed.collect::<Result<_, _>>()?)
+        Ok(Offered {
+            methods: parsed.collect::<Result<_, _>>()?,
+            left_out: Vec::new(),
+        })
     }
 
     fn report(

@@ -5,7 +5,8 @@ use anyhow::{Context, bail};
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::io::{self, Write};
-use taxel_eval::{BLUR_PX, Method, Shown, Task, TaskPoint, TaskRow, grid_places};
+use taxel_compress::Compressor;
+use taxel_eval::{BLUR_PX, Method, MethodError, Offered, Shown, Task, TaskPoint, TaskRow, grid_places};
 use taxel_hand::{ActuatorForce, Coordinates, Profile};
 use taxel_playback::output_file::OutputFile;
 use taxel_playback::progress::Progress;
@@ -38,6 +39,16 @@ struct Report {
     blur_px: f64,
     rows: Vec<TaskRow>,
     curves: Vec<TaskPoint>,
+    /// How many of these, the first, are by the number of actuators; the others are by that of levels.
+    #[serde(skip)]
+    by_actuators: usize,
+}
+
+/// Ways to show a frame by their names, and the usual ones that the configuration excludes.
+struct Ways {
+    controls: Vec<(String, Shown)>,
+    displays: Vec<(String, Shown)>,
+    left_out: Vec<MethodError>,
 }
 
 pub(super) fn run(args: &Args, csv: Option<OutputFile>, figure: Option<OutputFile>) -> anyhow::Result<()> {
@@ -64,33 +75,46 @@ pub(super) fn run(args: &Args, csv: Option<OutputFile>, figure: Option<OutputFil
     .with_context(|| labelled.name.clone())?;
     let base = &config.profile;
     let (levels, actuators) = (base.level_count(), base.actuators);
-    let shown = args.shown(base, &config.layout)?;
+    Compressor::new(base.clone(), &config.layout)?;
+    let ways = args.ways(base, &config.layout)?;
+    match ways.left_out.first() {
+        Some(error) if !args.method.is_empty() => bail!("{error}"),
+        _ => super::tell(&ways.left_out),
+    }
+    let shown: Vec<_> = ways.controls.iter().chain(&ways.displays).collect();
     let progress = Progress::new(
         (1 + 2 * SIZES.len() as u64) * shown.len() as u64,
         "ways to show it",
     );
     let mut rows = Vec::new();
-    for (name, shown) in &shown {
+    for (name, shown) in shown {
         rows.push(task.judge(name, shown).with_context(|| name.clone())?);
         progress.advance(1);
     }
-    let sizes = SIZES.map(|size| (levels, size)).into_iter();
-    let mut curves = Vec::new();
-    for (levels, actuators) in sizes.chain(SIZES.map(|size| (size, actuators))) {
-        let base = Profile {
-            levels,
-            actuators,
-            jnd: None,
-            ..base.clone()
-        };
-        for (name, shown) in &args.shown(&base, &config.layout)?[2..] {
-            curves.push(
-                task.point(name, shown, levels, actuators)
-                    .with_context(|| name.clone())?,
-            );
-            progress.advance(1);
+    let curve = |sizes: [(u16, u16); 5]| -> anyhow::Result<Vec<TaskPoint>> {
+        let mut points = Vec::new();
+        for (levels, actuators) in sizes {
+            let base = Profile {
+                levels,
+                actuators,
+                jnd: None,
+                ..base.clone()
+            };
+            // A size that the configuration excludes, such as another number of fixed places, has no point.
+            let Ok(ways) = args.ways(&base, &config.layout) else {
+                continue;
+            };
+            for (name, shown) in ways.controls[2..].iter().chain(&ways.displays) {
+                let point = task.point(name, shown, levels, actuators);
+                points.push(point.with_context(|| name.clone())?);
+                progress.advance(1);
+            }
         }
-    }
+        Ok(points)
+    };
+    let mut curves = curve(SIZES.map(|size| (levels, size)))?;
+    let by_actuators = curves.len();
+    curves.extend(curve(SIZES.map(|size| (size, actuators)))?);
     drop(progress);
     let report = Report {
         input: labelled.name,
@@ -104,6 +128,7 @@ pub(super) fn run(args: &Args, csv: Option<OutputFile>, figure: Option<OutputFil
         blur_px: BLUR_PX,
         rows,
         curves,
+        by_actuators,
     };
     let tables = [(csv, points(&report)), (figure, drawing(&report)?)];
     for (file, text) in tables {
@@ -124,10 +149,10 @@ pub(super) fn run(args: &Args, csv: Option<OutputFile>, figure: Option<OutputFil
 }
 
 impl Args {
-    /// The controls first: every force, and the contacts' forces. Then what a display shows.
-    fn shown(&self, base: &Profile, layout: &Layout) -> anyhow::Result<Vec<(String, Shown)>> {
+    /// The controls are every force, the contacts' forces and a plain grid; then what a display shows.
+    fn ways(&self, base: &Profile, layout: &Layout) -> anyhow::Result<Ways> {
         let (levels, cells) = (base.level_count(), base.actuators);
-        let mut shown = vec![
+        let controls = vec![
             ("raw".into(), Shown::Raw),
             ("raw, contacts only".into(), Shown::Contacts),
             (
@@ -135,41 +160,46 @@ impl Args {
                 Shown::Blocks { levels, cells },
             ),
         ];
-        let mut add = |name: String, profile: Profile| {
-            let method = Method {
-                name: name.clone(),
-                profile,
-                learned: false,
-            };
-            shown.push((name, Shown::Method(Box::new(method))));
+        let Offered {
+            mut methods,
+            mut left_out,
+        } = match self.method.is_empty() {
+            true => Offered::of(&METHODS, base)?,
+            false => self.methods(base)?,
         };
-        if !self.method.is_empty() {
-            for method in self.methods(base)? {
-                if method.learned {
-                    bail!(
-                        "`{}`: frames of a task are compressed one by one; leave codebook=learned out",
-                        method.name
-                    );
-                }
-                add(method.name, method.profile);
-            }
-            return Ok(shown);
+        if let Some(method) = methods.iter().find(|method| method.learned) {
+            bail!(
+                "`{}`: frames of a task are compressed one by one; leave codebook=learned out",
+                method.name
+            );
         }
-        for text in METHODS {
-            let method = Method::parse(text, base)?;
-            add(method.name, method.profile);
-        }
-        if cells <= 256 {
+        if self.method.is_empty() && cells <= 256 {
             let profile = Profile {
                 fixed: grid_places(layout, cells),
                 coordinates: Coordinates::Pixels,
                 actuator_force: Some(ActuatorForce::Max),
                 ..base.clone()
             };
-            profile.check()?;
-            add("fixed places in a grid, actuator_force=max".into(), profile);
+            methods.push(Method {
+                name: "fixed places in a grid, actuator_force=max".into(),
+                profile,
+                learned: false,
+            });
         }
-        Ok(shown)
+        let mut displays = Vec::new();
+        for method in methods {
+            let text = method.name.clone();
+            // Budgets and places are of the hand too.
+            match Compressor::new(method.profile.clone(), layout) {
+                Ok(_) => displays.push((text, Shown::Method(Box::new(method)))),
+                Err(source) => left_out.push(MethodError::Profile { text, source }),
+            }
+        }
+        Ok(Ways {
+            controls,
+            displays,
+            left_out,
+        })
     }
 }
 
@@ -185,6 +215,7 @@ fn human(report: &Report) -> String {
         actuators,
         rows,
         curves,
+        by_actuators,
         ..
     } = report;
     let mut text = format!(
@@ -221,31 +252,26 @@ fn human(report: &Report) -> String {
         );
     }
     line("", &[]);
-    for (what, varied) in [
-        ("K_A", &curves[..curves.len() / 2]),
-        ("K_D", &curves[curves.len() / 2..]),
+    let (by_actuators, by_levels) = curves.split_at(*by_actuators);
+    for (what, varied, size_of) in [
+        (
+            "K_A",
+            by_actuators,
+            (|point| point.actuators) as fn(&TaskPoint) -> u16,
+        ),
+        ("K_D", by_levels, |point| point.levels),
     ] {
         line(
             &format!("nearest, and bits, by {what}"),
             &SIZES.map(|size| size.to_string()),
         );
-        let mut names: Vec<&str> = varied.iter().map(|point| &*point.name).collect();
-        names.truncate(varied.len() / SIZES.len());
-        for name in names {
-            let points: Vec<&TaskPoint> = varied.iter().filter(|point| point.name == name).collect();
-            line(
-                name,
-                &points
-                    .iter()
-                    .map(|point| percent(point.nearest))
-                    .collect::<Vec<_>>(),
-            );
+        for name in names(varied) {
+            let of_size = |size| (varied.iter()).find(|point| point.name == name && size_of(point) == size);
+            let points = SIZES.map(of_size);
+            line(name, &points.map(|point| or(point.map(|p| percent(p.nearest)))));
             line(
                 "",
-                &points
-                    .iter()
-                    .map(|point| format!("{:.0}", point.bits))
-                    .collect::<Vec<_>>(),
+                &points.map(|point| or(point.map(|p| format!("{:.0}", p.bits)))),
             );
         }
         line("", &[]);
@@ -254,6 +280,17 @@ fn human(report: &Report) -> String {
             moved\nby up to 3 pixels, ten examples. Examples are of the first half of each class's frames, what is \
             recognised of the\nsecond. levels: from the levels' numbers without their forces. us: median of both stages, \
             each frame the first.\n"
+}
+
+/// The names of curves in the order in which they begin.
+fn names(points: &[TaskPoint]) -> Vec<&str> {
+    let mut names: Vec<&str> = Vec::new();
+    for point in points {
+        if !names.contains(&&*point.name) {
+            names.push(&point.name);
+        }
+    }
+    names
 }
 
 fn points(report: &Report) -> String {
@@ -280,11 +317,8 @@ fn drawing(report: &Report) -> anyhow::Result<String> {
     let share = || Axis::new("recognised, %").range(0.0, 100.0);
     let mut by_actuators = Chart::new("", Axis::new("actuators").log(), share());
     let mut by_bits = Chart::new("", Axis::new("bits a frame").log(), share());
-    let points = &report.curves[..report.curves.len() / 2];
-    for name in points[..points.len() / SIZES.len()]
-        .iter()
-        .map(|point| &*point.name)
-    {
+    let points = &report.curves[..report.by_actuators];
+    for name in names(points) {
         let curve = || points.iter().filter(move |point| point.name == name);
         by_actuators = by_actuators.line(name, curve().map(|p| (f64::from(p.actuators), 100.0 * p.nearest)));
         by_bits = by_bits.line(name, curve().map(|p| (p.bits, 100.0 * p.nearest)));

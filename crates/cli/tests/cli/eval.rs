@@ -317,6 +317,61 @@ fn a_method_named_alone_has_its_own_conditioning_and_methods_together_have_one()
 }
 
 #[test]
+fn a_configuration_that_excludes_usual_methods_is_judged_by_the_others() {
+    let dir = TempDir::new().unwrap();
+    let forces = Array3::from_shape_fn((6, 4, 4), |(t, y, x)| (1 + (4 * y + x) * (t + 1) % 11) as f64);
+    ndarray_npy::write_npy(dir.path().join("forces.npy"), &forces).unwrap();
+    objects(&dir.path().join("objects.npz"));
+    let steps = "level_steps = \"weber\"\nforce_min = 1.0\nforce_max = 80.0\n";
+    let codebook = "codebook = [1.0, 2.0, 5.0, 9.0]\n";
+    let fixed = "levels = 4\nactuators = 2\nfixed = [[0.0, 0.0], [3.0, 3.0]]\n";
+    let budgets = "budgets = { grid = 4 }\n";
+    for (profile, excluded, excluded_of_task) in [
+        (steps, &["optimal codebook=learned"][..], &[][..]),
+        (codebook, &[], &[]),
+        (fixed, &["paper placement=follow"], &[]),
+        (
+            budgets,
+            &["paper", "paper force_fit=exact"],
+            &["paper", "fixed places in a grid, actuator_force=max"],
+        ),
+    ] {
+        let buses = "[[bus]]\nsource = \"can:can0\"\n[[bus]]\nsource = \"can:can1\"\n";
+        std::fs::write(
+            dir.path().join("own.toml"),
+            format!("{buses}[profile]\n{profile}"),
+        )
+        .unwrap();
+        let quick = [
+            "--restarts",
+            "1",
+            "--passes",
+            "1",
+            "--config",
+            "own.toml",
+            "--layout",
+            "grid:4x4",
+        ];
+        let (out, err) = succeeds(&dir, &[&["eval", "forces.npy"], &quick[..]].concat());
+        let args = ["eval", "objects.npz", "--task", "--config", "own.toml"];
+        let (task_out, task_err) = succeeds(&dir, &args);
+        for (excluded, out, err) in [(excluded, out, err), (excluded_of_task, task_out, task_err)] {
+            let told = err.lines().filter(|line| line.contains("left out")).count();
+            assert_eq!(told, excluded.len(), "{profile}: {err}");
+            for name in excluded {
+                assert!(
+                    err.contains(&format!("excludes it: `{name}`: profile: ")),
+                    "{err}"
+                );
+                let row = |line: &str| line.starts_with(&format!("{name}  "));
+                assert!(!out.lines().any(row), "{out}");
+            }
+            assert!(out.lines().any(|line| line.starts_with("optimal ")), "{out}");
+        }
+    }
+}
+
+#[test]
 fn frames_without_contact_are_said_and_fail() {
     let dir = TempDir::new().unwrap();
     ndarray_npy::write_npy(dir.path().join("forces.npy"), &Array2::from_elem((3, 16), 1.0)).unwrap();
