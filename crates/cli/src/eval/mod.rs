@@ -1,7 +1,9 @@
 //! `taxel eval`: how good and how fast every method is, on the same frames.
 
+mod cell;
 mod export;
 mod scene;
+mod spreadsheet;
 mod table;
 mod task;
 
@@ -55,7 +57,7 @@ pub(crate) struct Args {
     /// configuration excludes]; codebook=learned is the best constant codebook for the frames
     #[arg(long, value_name = "METHOD [KEY=VALUE]..")]
     method: Vec<String>,
-    /// Judge every switch, and print every figure, in tables of 200 columns; --json has every switch and figure anyway
+    /// Judge every switch, and print every figure, in tables of up to 231 columns; --json has every switch and figure anyway
     #[arg(long, conflicts_with = "method")]
     all: bool,
     /// A scene to judge on besides INPUT: built-in or a file; may be repeated
@@ -210,7 +212,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             .chain(&output.sweep)
     };
     if let Some(file) = &mut csv {
-        std::fs::write(file.path(), table::csv(reports())?)
+        std::fs::write(file.path(), spreadsheet::csv(reports())?)
             .with_context(|| file.path().display().to_string())?;
         file.finish()?;
     }

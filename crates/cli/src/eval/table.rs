@@ -1,11 +1,15 @@
-//! Reports for people and for spreadsheets.
+//! Reports for people.
 
-use serde_json::Value;
+use super::cell::{CELL, WIDE_CELL, percent, ratio, time, within};
 use std::fmt::Write;
 use taxel_eval::{EvalReport, MethodReport, ScalingReport, jump_px};
 
 /// Longer names stand on a line of their own.
 const WIDEST_NAME: usize = 44;
+
+/// No line of the tables of every figure is longer: a name, and 17 figures behind two blanks each.
+#[cfg(test)]
+const WIDE_COLUMNS: usize = WIDEST_NAME + 17 * (2 + WIDE_CELL);
 
 /// No line of the main table is longer.
 const COLUMNS: usize = 100;
@@ -36,7 +40,7 @@ pub(super) fn main_figures(report: &EvalReport) -> String {
             write!(text, "{name:NAME$}")
         };
         cells.iter().for_each(|cell| {
-            let _ = write!(text, "{cell:>8}");
+            let _ = write!(text, " {cell:>CELL$}");
         });
         text.push('\n');
     };
@@ -44,25 +48,25 @@ pub(super) fn main_figures(report: &EvalReport) -> String {
         "shown", "in 7 %", "total", unit, "optimal", "places", "jumps", "us p50", "p99",
     ];
     line("\nmethod", head.map(String::from));
-    let percent = |share: f64| format!("{:.1} %", 100.0 * share);
+    let percent = |share: f64| percent(share, CELL);
     for m in &report.methods {
         let e = &m.errors;
         line(
             &m.name,
             [
-                format!("{:.3}", e.displayed_nrmse),
+                within(e.displayed_nrmse, 3, CELL),
                 percent(e.displayed_weber_share),
                 percent(e.displayed_total_error_mean),
-                format!("{:.2}", e.cop_error_mean),
+                within(e.cop_error_mean, 2, CELL),
                 percent(e.force_optimal_fraction),
                 if e.position_frames > 0 {
-                    format!("{:.3}", e.position_sse_ratio_mean)
+                    within(e.position_sse_ratio_mean, 3, CELL)
                 } else {
                     "-".into()
                 },
                 percent(e.jump_fraction),
-                format!("{:.1}", m.tick_us_p50),
-                format!("{:.1}", m.tick_us_p99),
+                time(m.tick_us_p50),
+                time(m.tick_us_p99),
             ],
         );
     }
@@ -203,7 +207,7 @@ pub(super) fn every_figure(report: &EvalReport) -> String {
             } else if n == 0 {
                 write!(text, "{cell:width$}")
             } else {
-                write!(text, "  {cell:>9}")
+                write!(text, "  {cell:>WIDE_CELL$}")
             };
         }
         text.push('\n');
@@ -231,7 +235,8 @@ pub(super) fn every_figure(report: &EvalReport) -> String {
         &centre,
         "kbit/s",
     ]));
-    let percent = |share: f64| format!("{:.1} %", 100.0 * share);
+    let percent = |share: f64| percent(share, WIDE_CELL);
+    let within = |value: f64, decimals| within(value, decimals, WIDE_CELL);
     for m in &report.methods {
         let e = &m.errors;
         line(&[
@@ -244,15 +249,15 @@ pub(super) fn every_figure(report: &EvalReport) -> String {
             ratio(e.position_sse_ratio_p95),
             ratio(e.snapped_sse_ratio_mean),
             percent(e.jump_fraction),
-            format!("{:.2}", e.moved_px_mean),
+            within(e.moved_px_mean, 2),
             percent(e.level_change_fraction),
-            format!("{:.3}", e.force_nrmse),
+            within(e.force_nrmse, 3),
             percent(e.weber_share),
-            format!("{:.3}", e.displayed_nrmse),
+            within(e.displayed_nrmse, 3),
             percent(e.displayed_weber_share),
             percent(e.displayed_total_error_mean),
-            format!("{:.2}", e.cop_error_mean),
-            format!("{:.1}", e.bits_per_s / 1e3),
+            within(e.cop_error_mean, 2),
+            within(e.bits_per_s / 1e3, 1),
         ]);
     }
     line(&[]);
@@ -285,7 +290,7 @@ pub(super) fn every_figure(report: &EvalReport) -> String {
             every.p999,
             every.max,
         ];
-        cells.extend(times.map(|us| format!("{us:.2}")));
+        cells.extend(times.map(|us| within(us, 2)));
         cells.push(m.allocations_per_tick.map_or("-".into(), |n| format!("{n:.3}")));
         line(&cells);
     }
@@ -346,62 +351,10 @@ pub(super) fn scaling(reports: &[ScalingReport]) -> String {
     text
 }
 
-/// A ratio near 1 with the digits that matter.
-fn ratio(value: f64) -> String {
-    if value < 100.0 {
-        format!("{value:.4}")
-    } else {
-        format!("{value:.0}")
-    }
-}
-
-/// A header, then one line per report and method.
-pub(super) fn csv<'a>(reports: impl Iterator<Item = &'a EvalReport>) -> anyhow::Result<String> {
-    let mut text = String::new();
-    for report in reports {
-        let mut of_report = Vec::new();
-        for (key, value) in serde_json::to_value(report)?.as_object().into_iter().flatten() {
-            // Not every report has a truth, and a table needs the same columns throughout.
-            if key != "methods" && key != "contact_truth" {
-                flatten(key, value, &mut of_report);
-            }
-        }
-        for method in &report.methods {
-            let mut cells = of_report.clone();
-            flatten("", &serde_json::to_value(method)?, &mut cells);
-            if text.is_empty() {
-                let keys: Vec<&str> = cells.iter().map(|(key, _)| key.as_str()).collect();
-                text += &(keys.join(",") + "\n");
-            }
-            let values: Vec<String> = cells.into_iter().map(|(_, value)| value).collect();
-            text += &(values.join(",") + "\n");
-        }
-    }
-    Ok(text)
-}
-
-/// Appends the leaves of a value with their paths.
-fn flatten(key: &str, value: &Value, cells: &mut Vec<(String, String)>) {
-    match value {
-        Value::Object(fields) => {
-            for (inner, value) in fields {
-                let path = if key.is_empty() {
-                    inner.clone()
-                } else {
-                    format!("{key}_{inner}")
-                };
-                flatten(&path, value, cells);
-            }
-        }
-        Value::String(text) => cells.push((key.into(), format!("\"{}\"", text.replace('"', "\"\"")))),
-        Value::Null => cells.push((key.into(), String::new())),
-        other => cells.push((key.into(), other.to_string())),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use taxel_eval::{Cost, Errors, Quantiles};
 
     #[test]
     fn paragraphs_fit_the_columns_and_lose_no_word() {
@@ -416,13 +369,68 @@ mod tests {
         assert_eq!(wrapped(&format!("a {long} b")), format!("a\n{long}\nb\n"));
     }
 
+    /// Of two methods with these errors and ticks of that many microseconds.
+    fn report(paper: Errors, optimal: Errors, us: f64) -> EvalReport {
+        let every = Quantiles {
+            p50: us,
+            p99: us,
+            p999: us,
+            max: us,
+        };
+        let cost = Cost {
+            tick_us: every,
+            condition_us: every,
+            compress_us: every,
+            every_tick_us: every,
+            ..Cost::default()
+        };
+        let methods = [("paper", paper), ("optimal", optimal)];
+        EvalReport {
+            input: "forces.npy".into(),
+            frames: 2,
+            taxels: 4,
+            contact_frames: 2,
+            contacts_median: 4.0,
+            rate_hz: 30.0,
+            levels: 8,
+            actuators: 16,
+            raw_bits_per_s: 1920.0,
+            restarts: 64,
+            jump_bound_fraction: 0.0,
+            passes: 5,
+            conditioning: None,
+            conditioning_timed: false,
+            contact_truth: None,
+            methods: methods
+                .map(|(name, errors)| MethodReport::new(name.into(), errors, cost.clone()))
+                .into(),
+        }
+    }
+
     #[test]
-    fn leaves_are_named_by_their_paths_and_text_is_quoted() {
-        let value = serde_json::json!({"name": "a \"b\", c", "times": {"p50": 1.5}, "none": null});
-        let mut cells = Vec::new();
-        flatten("", &value, &mut cells);
-        cells.sort();
-        let want = [("name", "\"a \"\"b\"\", c\""), ("none", ""), ("times_p50", "1.5")];
-        assert_eq!(cells, want.map(|(k, v)| (k.to_string(), v.to_string())));
+    fn columns_stay_apart_however_large_their_figures() {
+        let huge = Errors {
+            displayed_nrmse: 1e12,
+            displayed_total_error_mean: 1_575.888,
+            cop_error_mean: 1e9,
+            force_sse_ratio_mean: 1e30,
+            moved_px_mean: 1e20,
+            position_sse_ratio_mean: 123_456.7,
+            position_frames: 1,
+            ..Errors::default()
+        };
+        let report = report(huge.clone(), huge, 1_158_864.0);
+        for (table, columns, cells) in [
+            (main_figures(&report), COLUMNS, 9),
+            (every_figure(&report), WIDE_COLUMNS, 17),
+        ] {
+            assert!(
+                table.lines().all(|line| line.chars().count() <= columns),
+                "{table}"
+            );
+            let line = table.lines().find(|line| line.starts_with("paper ")).unwrap();
+            let figures = line.replace(" %", "%").replace(" ms", "ms");
+            assert_eq!(figures.split_whitespace().count(), 1 + cells, "{line}");
+        }
     }
 }

@@ -372,6 +372,19 @@ fn a_configuration_that_excludes_usual_methods_is_judged_by_the_others() {
 }
 
 #[test]
+fn the_tables_of_every_figure_are_no_wider_than_their_help_says() {
+    let dir = TempDir::new().unwrap();
+    let (help, _) = succeeds(&dir, &["eval", "--help"]);
+    let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
+    let width = help.split("in tables of up to ").nth(1).unwrap();
+    let width: usize = width.split(' ').next().unwrap().parse().unwrap();
+    let args = ["eval", "sim:tap", "--all", "--restarts", "1", "--passes", "1"];
+    let (all, _) = succeeds(&dir, &args);
+    let widest = all.lines().map(|line| line.chars().count()).max().unwrap();
+    assert_eq!(widest, width, "{all}");
+}
+
+#[test]
 fn frames_without_contact_are_said_and_fail() {
     let dir = TempDir::new().unwrap();
     ndarray_npy::write_npy(dir.path().join("forces.npy"), &Array2::from_elem((3, 16), 1.0)).unwrap();
