@@ -121,16 +121,13 @@ fn verdict(report: &EvalReport) -> String {
         },
     };
     let e = &best.errors;
-    let compared = if best.name == other.name {
-        String::new()
-    } else if other.errors.displayed_nrmse > 0.0 {
-        format!(
-            ", {:.2} times that of `{}`",
-            e.displayed_nrmse / other.errors.displayed_nrmse,
-            other.name
-        )
-    } else {
-        format!(", where `{}` has none", other.name)
+    // As it is written.
+    let is_none = |error: f64| error < 0.0005;
+    let compared = match (e.displayed_nrmse, other.errors.displayed_nrmse) {
+        _ if best.name == other.name => String::new(),
+        (error, others) if is_none(error) && is_none(others) => format!(", as `{}`", other.name),
+        (_, others) if is_none(others) => format!(", where `{}` has none", other.name),
+        (error, others) => format!(", {:.2} times that of `{}`", error / others, other.name),
     };
     format!(
         "`{}` shows forces with an error of {:.3}{compared}; levels are optimal in {:.1} % of frames, {:.1} % of \
@@ -431,6 +428,23 @@ mod tests {
             let line = table.lines().find(|line| line.starts_with("paper ")).unwrap();
             let figures = line.replace(" %", "%").replace(" ms", "ms");
             assert_eq!(figures.split_whitespace().count(), 1 + cells, "{line}");
+        }
+    }
+
+    #[test]
+    fn the_verdict_does_not_set_no_error_against_none() {
+        let of = |displayed_nrmse| Errors {
+            displayed_nrmse,
+            ..Errors::default()
+        };
+        for (paper, optimal, wanted) in [
+            (0.0, 0.0, "an error of 0.000, as `paper`;"),
+            (0.0, 1e-9, "an error of 0.000, as `paper`;"),
+            (0.0, 0.25, "an error of 0.250, where `paper` has none;"),
+            (0.5, 0.25, "an error of 0.250, 0.50 times that of `paper`;"),
+        ] {
+            let text = verdict(&report(of(paper), of(optimal), 1.0));
+            assert!(text.contains(wanted), "{text}");
         }
     }
 }
