@@ -10,7 +10,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use taxel_compress::learn_codebook;
 use taxel_engine::Display;
-use taxel_hand::{FORCE_MAX, ForceFrame, Method, Profile, TactileImage, did_you_mean};
+use taxel_hand::{FORCE_MAX, FORCE_MIN, ForceFrame, Method, Profile, TactileImage, did_you_mean};
 use taxel_playback::image_output::{ImageOutput, OutputFormat};
 use taxel_playback::interrupt::Interrupt;
 use taxel_playback::output_file::{OutputFile, refuse_overlap};
@@ -221,8 +221,8 @@ impl Run {
         }
         if with_faulty > 0 {
             eprintln!(
-                "taxel: taxels are out of use in {with_faulty} images: a fault was found, or a force is not a number up \
-                 to {FORCE_MAX:e}"
+                "taxel: taxels are out of use in {with_faulty} images: a fault was found, or a force is not a number from \
+                 {FORCE_MIN:e} to {FORCE_MAX:e}"
             );
         }
         if let (Some(path), Some(frames)) = (&args.learn_codebook, self.frames) {

@@ -18,6 +18,7 @@ use taxel_eval::{
     ContactTruth, EvalReport, Method, MethodError, MethodReport, Offered, References, ScalingReport,
     Sequence, Timings, judge, main_methods, quantile, standard_methods, synthetic, time,
 };
+use taxel_hand::{FORCE_MAX, FORCE_MIN};
 use taxel_playback::interrupt::Ending;
 use taxel_playback::output_file::{OutputFile, refuse_overlap};
 use taxel_playback::progress::Progress;
@@ -313,6 +314,31 @@ fn preset_name(settings: &ConditionConfig) -> String {
     found.map_or("as configured", |(name, _)| name).into()
 }
 
+/// What to do where nothing is in contact.
+fn advice(sequence: &Sequence) -> String {
+    if sequence.conditioning.is_some() {
+        return "the recording has to begin with the hand at rest, for its baseline, and be touched later"
+            .into();
+    }
+    let forces = || {
+        (sequence.force.iter().enumerate()).flat_map(|(n, frame)| frame.force.iter().map(move |f| (n, *f)))
+    };
+    let threshold = sequence.force.first().map_or(0.0, |frame| frame.threshold);
+    let usable = FORCE_MIN..=FORCE_MAX;
+    let unusable = forces().find(|(_, force)| *force > threshold && !usable.contains(force));
+    if let Some((frame, force)) = unusable {
+        return format!(
+            "forces that an image can carry are numbers from {FORCE_MIN:e} to {FORCE_MAX:e}, and frame {frame} has \
+             {force:e}; give them in another unit"
+        );
+    }
+    let greatest = forces().map(|(_, force)| force).fold(0.0, f64::max);
+    if threshold == 0.0 {
+        return "no force is above 0".into();
+    }
+    format!("the greatest force is {greatest}, and --threshold {threshold} is not below it; give a lower one")
+}
+
 impl Args {
     /// Conditions frames as `paper` does, unless told otherwise, where that is the only method named. Methods that are
     /// compared have the same frames.
@@ -374,11 +400,7 @@ impl Args {
                 "{}: nothing is in contact in any of {} frames, so there is nothing to judge; {}",
                 frames.name,
                 sequence.len(),
-                if sequence.conditioning.is_some() {
-                    "the recording has to begin with the hand at rest, for its baseline, and be touched later"
-                } else {
-                    "give a lower --threshold"
-                }
+                advice(sequence)
             );
         }
         let progress = Progress::new((methods.len() * (passes + 2)) as u64, "passes");

@@ -385,6 +385,37 @@ fn the_tables_of_every_figure_are_no_wider_than_their_help_says() {
 }
 
 #[test]
+fn forces_that_no_image_can_carry_are_named_where_nothing_is_in_contact() {
+    let dir = TempDir::new().unwrap();
+    for (force, threshold, wanted) in [
+        (1e100, "0", "frame 0 has 1e100; give them in another unit"),
+        (1e-310, "0", "numbers from 1e-38 to 1e38, and frame 0 has 1e-310"),
+        (
+            4.0,
+            "5",
+            "the greatest force is 4, and --threshold 5 is not below it",
+        ),
+        (0.0, "0", "no force is above 0"),
+    ] {
+        let forces = Array2::from_elem((3, 16), force);
+        ndarray_npy::write_npy(dir.path().join("forces.npy"), &forces).unwrap();
+        let args = [
+            "eval",
+            "forces.npy",
+            "--layout",
+            "grid:4x4",
+            "--threshold",
+            threshold,
+        ];
+        let err = fails(&dir, &args, 1);
+        assert!(
+            err.contains("nothing is in contact in any of 3 frames") && err.contains(wanted),
+            "{err}"
+        );
+    }
+}
+
+#[test]
 fn frames_without_contact_are_said_and_fail() {
     let dir = TempDir::new().unwrap();
     ndarray_npy::write_npy(dir.path().join("forces.npy"), &Array2::from_elem((3, 16), 1.0)).unwrap();
