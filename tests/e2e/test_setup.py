@@ -69,22 +69,27 @@ class ShuffledHand:
 
 
 class Setup:
-    """`taxel setup` as a process, and what it has said so far."""
+    """`taxel setup` as a process, and what it has said so far; its answers are `typed` at a terminal, or lines of a pipe."""
 
-    def __init__(self, folder, *arguments, answers=""):
+    def __init__(self, folder, *arguments, answers="", typed=False):
         self.log = folder / "setup.log"
+        self.terminal, stdin = os.openpty() if typed else (None, subprocess.PIPE)
         with self.log.open("wb") as log:
             self.process = subprocess.Popen(
                 [binary("taxel"), "setup", *map(str, arguments)],
                 cwd=folder,
-                stdin=subprocess.PIPE,
+                stdin=stdin,
                 stdout=subprocess.PIPE,
                 stderr=log,
                 preexec_fn=die_with_parent,
                 env={**os.environ, "RUNTIME_DIRECTORY": str(folder / "none")},
             )
-        self.process.stdin.write(answers.encode())
-        self.process.stdin.close()
+        if typed:
+            os.close(stdin)
+            os.write(self.terminal, answers.encode())
+        else:
+            self.process.stdin.write(answers.encode())
+            self.process.stdin.close()
 
     @property
     def said(self):
@@ -99,6 +104,8 @@ class Setup:
 
     def end(self):
         status = self.process.wait(20)
+        if self.terminal is not None:
+            os.close(self.terminal)
         return status, self.process.stdout.read().decode()
 
 
@@ -168,3 +175,25 @@ def test_nothing_is_written_over_a_file_or_after_an_answer_is_missing(buses, shu
     assert status == 1 and "nothing was written" in setup.said, setup.said
     assert [p.name for p in folder.glob("*.toml*")] == ["taxeld.toml"]
     assert (folder / "taxeld.toml").read_text() == "mine"
+
+
+def test_who_types_a_device_that_is_not_there_is_asked_again_and_nothing_is_lost(folder):
+    taxel = binary("taxel")
+    scene = ["sim", "roll", "--layout", "uskin-module", "--to", "log:hand.log", "--seconds", "1"]
+    subprocess.run([taxel, *scene], cwd=folder, check=True)
+    options = ["log:hand.log", "--layout", "new", "--no-touch", "--out", "left.toml"]
+    wrong = ["servos", "allegro:a b", "dynamixel:/dev/nosuch", "dynamixel:/dev/null"]
+    setup = Setup(folder, *options, answers="\n".join([*wrong, "none", "", ""]), typed=True)
+    status, _ = setup.end()
+    said = " ".join(setup.said.split())
+    assert status == 0, said
+    assert "cannot open /dev/nosuch: No such file" in said, "without a bit rate that nobody gave"
+    assert said.count("`none` leaves the joints out") == len(wrong), said
+    assert (folder / "left.toml").exists() and (folder / "hand.toml").exists(), setup.said
+
+
+def test_a_device_that_is_stated_is_looked_at_before_anything_is_pressed(buses, shuffled, folder):
+    options = ["--layout", "new", "--touch", "--joints", "dynamixel:/dev/nosuch"]
+    setup = Setup(folder, *buses.sources, *options)
+    status, _ = setup.end()
+    assert status == 1 and "/dev/nosuch" in setup.said and "Press" not in setup.said, setup.said

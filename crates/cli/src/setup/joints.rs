@@ -3,78 +3,95 @@
 use super::answers::{Answers, say};
 use crate::doctor::BAUDS;
 use crate::doctor::capacity::plural;
-use anyhow::{Context, bail};
+use anyhow::bail;
 use std::path::{Path, PathBuf};
+use taxel_can::SourceAddress;
 use taxel_joints::registers::Model;
+use taxel_joints::{JointSource, JointSourceError};
 
 /// Where joint angles come from, as the command line and the question have it.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) enum Joints {
     None,
     /// A serial port of Dynamixel servos.
     Dynamixel(PathBuf),
     /// An Allegro hand on this CAN source.
-    Allegro(String),
+    Allegro(SourceAddress),
 }
 
 impl std::str::FromStr for Joints {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        match text.split_once(':') {
-            None if text == "none" => Ok(Self::None),
-            Some(("dynamixel", port)) if !port.is_empty() => Ok(Self::Dynamixel(port.into())),
-            Some(("allegro", bus)) if !bus.is_empty() => Ok(Self::Allegro(bus.into())),
-            _ => Err("write dynamixel:DEVICE, allegro:INTERFACE or none".into()),
+        if text == "none" {
+            return Ok(Self::None);
+        }
+        match text.parse() {
+            Ok(JointSource::Dynamixel(servos)) => Ok(Self::Dynamixel(servos.path)),
+            Ok(JointSource::Allegro(hand)) => Ok(Self::Allegro(hand.bus)),
+            Err(JointSourceError::Unknown(_)) => {
+                Err("write dynamixel:DEVICE, allegro:INTERFACE or none".into())
+            }
+            Err(why) => Err(why.to_string()),
         }
     }
 }
 
-/// The table as text; empty for none. `heard` is the bus on which an Allegro hand was heard, with its version.
-pub(super) fn table(
-    stated: Option<&Joints>,
-    heard: Option<(String, u8)>,
+/// An Allegro hand that was heard: the bus and its version.
+pub(super) type HeardHand = (SourceAddress, u8);
+
+/// The table as text, of what the command line states; empty for none.
+pub(super) fn stated(
+    joints: &Joints,
+    heard: Option<&HeardHand>,
     answers: &Answers,
 ) -> anyhow::Result<String> {
-    let joints = match stated {
-        Some(joints) => joints.clone(),
-        None => ask(heard.as_ref(), answers)?,
-    };
     match joints {
         Joints::None => Ok(String::new()),
         Joints::Allegro(bus) => {
             let version = match heard {
-                Some((_, version)) => version,
-                None => answers
-                    .ask("Version of the Allegro hand, 1 to 5", "4")?
-                    .parse()
-                    .context("a version is a number from 1 to 5")?,
+                Some((_, version)) => *version,
+                None => ask_version(answers)?,
             };
             let source = toml::Value::from(format!("allegro:{bus}"));
             Ok(format!(
                 "\n[joints]\nsource = {source}\n\n[joints.allegro]\nversion = {version}\n"
             ))
         }
-        Joints::Dynamixel(port) => servos(&port),
+        Joints::Dynamixel(port) => servos(port),
     }
 }
 
-fn ask(heard: Option<&(String, u8)>, answers: &Answers) -> anyhow::Result<Joints> {
+/// The table as text, of what is answered. Who types is asked until something answers there: this is the last question,
+/// and the modules have been pressed.
+pub(super) fn asked(heard: Option<&HeardHand>, answers: &Answers) -> anyhow::Result<String> {
     let ports = serial_ports(Path::new("/dev"));
     if !ports.is_empty() {
         say(&format!("Serial ports: {}", ports.join(", ")));
     }
     let proposal = heard.map_or("none".into(), |(bus, _)| format!("allegro:{bus}"));
     loop {
-        match answers
-            .ask(
-                "Joint angles from (dynamixel:DEVICE, allegro:INTERFACE, none)",
-                &proposal,
-            )?
-            .parse()
-        {
-            Ok(joints) => return Ok(joints),
-            Err(why) => answers.refuse(&why)?,
+        let answer = answers.ask(
+            "Joint angles from (dynamixel:DEVICE, allegro:INTERFACE, none)",
+            &proposal,
+        )?;
+        let joints = answer.parse::<Joints>();
+        let table = joints
+            .map_err(anyhow::Error::msg)
+            .and_then(|joints| stated(&joints, heard, answers));
+        match table {
+            Ok(table) => return Ok(table),
+            Err(why) => answers.refuse(&format!("{why}; `none` leaves the joints out"))?,
+        }
+    }
+}
+
+fn ask_version(answers: &Answers) -> anyhow::Result<u8> {
+    loop {
+        let answer = answers.ask("Version of the Allegro hand, 1 to 5", "4")?;
+        match answer.parse() {
+            Ok(version @ 1..=5) => return Ok(version),
+            _ => answers.refuse(&format!("`{answer}` is no version; it is a number from 1 to 5"))?,
         }
     }
 }
@@ -103,12 +120,7 @@ fn serial_ports(dev: &Path) -> Vec<String> {
 /// Asks the servos of a port who they are, at each bit rate until some answer.
 fn servos(port: &Path) -> anyhow::Result<String> {
     for baud in BAUDS {
-        let found = taxel_joints::scan(port, baud).with_context(|| {
-            format!(
-                "{}: `taxel doctor --joints dynamixel:{0}` says more",
-                port.display()
-            )
-        })?;
+        let found = taxel_joints::scan(port, baud)?;
         if found.is_empty() {
             continue;
         }
@@ -145,11 +157,15 @@ mod tests {
         for (text, joints) in [
             ("none", Joints::None),
             ("dynamixel:/dev/ttyUSB0", Joints::Dynamixel("/dev/ttyUSB0".into())),
-            ("allegro:udp::43113", Joints::Allegro("udp::43113".into())),
+            ("allegro:can2", Joints::Allegro("can:can2".parse().unwrap())),
+            (
+                "allegro:udp::43113",
+                Joints::Allegro("udp::43113".parse().unwrap()),
+            ),
         ] {
             assert_eq!(text.parse(), Ok(joints));
         }
-        for text in ["", "servos", "dynamixel:", "allegro"] {
+        for text in ["", "servos", "dynamixel:", "allegro", "allegro:", "allegro:a b"] {
             assert!(text.parse::<Joints>().is_err(), "{text}");
         }
     }

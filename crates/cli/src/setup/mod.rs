@@ -101,12 +101,20 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let heard = Heard::new(&buses, &found, &name)?.context(
         "no board was recognised, so there is nothing to set up; `taxel doctor` looks at the buses",
     )?;
-    let mut hand = choose(args, &heard, &name, &answers, &interrupt)?;
     let allegro = buses
         .iter()
         .zip(&found.buses)
-        .find_map(|(bus, found)| Some((bus.source.to_string(), found.allegro?)));
-    hand.joints = joints::table(args.joints.as_ref(), allegro, &answers)?;
+        .find_map(|(bus, found)| Some((bus.source.clone(), found.allegro?)));
+    // Before anybody has pressed anything.
+    let stated = args.joints.as_ref();
+    let stated = stated
+        .map(|joints| joints::stated(joints, allegro.as_ref(), &answers))
+        .transpose()?;
+    let mut hand = choose(args, &heard, &name, &answers, &interrupt)?;
+    hand.joints = match stated {
+        Some(joints) => joints,
+        None => joints::asked(allegro.as_ref(), &answers)?,
+    };
     let outcome = Outcome::new(&hand, &args.out, &answers, args.force)?;
     if interrupt.is_set() {
         bail!(answers::STOPPED);

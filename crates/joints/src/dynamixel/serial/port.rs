@@ -10,7 +10,7 @@ use std::time::Duration;
 #[derive(Debug, thiserror::Error)]
 pub enum PortError {
     /// It could not be opened.
-    #[error("cannot open {path} at {baud} bit/s: {source}; {advice}", path = .path.display(), advice = advice(.source))]
+    #[error("cannot open {}{}: {source}; {}", .path.display(), rate(.source, *.baud), advice(.source))]
     Open {
         /// The device as it was named.
         path: PathBuf,
@@ -27,6 +27,14 @@ pub enum PortError {
         /// What the system said.
         source: io::Error,
     },
+}
+
+/// The bit rate, where it may be what is wrong.
+fn rate(error: &io::Error, baud: u32) -> String {
+    match error.kind() {
+        ErrorKind::NotFound | ErrorKind::PermissionDenied => String::new(),
+        _ => format!(" at {baud} bit/s"),
+    }
 }
 
 fn advice(error: &io::Error) -> &'static str {
