@@ -9,8 +9,10 @@ import sys
 
 import pytest
 import taxel
-from harness.daemon import REPOSITORY, binary, die_with_parent, eventually
+from harness.daemon import REPOSITORY, binary, die_with_parent
 from harness.pages import DOCS, PAGES, commands, python_blocks
+
+LONGEST_TEST_S = 600  # a debug build beside compilers takes minutes to measure every method
 
 
 @pytest.fixture
@@ -30,18 +32,12 @@ def test_ten_minutes_without_hardware_run_line_by_line(folder, environment):
                 continue
             ran += 1
             if not command.endswith("&"):
-                # A debug build beside compilers takes minutes to measure every method.
-                ended = subprocess.run(
-                    command, shell=True, cwd=folder, env=environment, capture_output=True, text=True, timeout=600
-                )
+                ended = subprocess.run(command, shell=True, cwd=folder, env=environment, capture_output=True, text=True)
                 assert ended.returncode == 0, f"{command}\n{ended.stdout}{ended.stderr}"
                 continue
-            sockets = len(list(folder.rglob("*images.sock")))
+            # Nothing waits here for what was started: who pastes the page does not either.
             words = shlex.split(command.removesuffix("&"))
-            started = subprocess.Popen(words, cwd=folder, env=environment, preexec_fn=die_with_parent)
-            running.append(started)
-            if words[0] == "taxeld":
-                eventually(lambda: len(list(folder.rglob("*images.sock"))) > sockets, f"{command} makes no socket")
+            running.append(subprocess.Popen(words, cwd=folder, env=environment, preexec_fn=die_with_parent))
         (code,) = python_blocks(page)
         script = [sys.executable, "-c", code]
         ended = subprocess.run(script, cwd=folder, env=environment, capture_output=True, text=True, timeout=60)
@@ -51,7 +47,7 @@ def test_ten_minutes_without_hardware_run_line_by_line(folder, environment):
         for process in running:
             process.terminate()
         for process in running:
-            process.wait(10)
+            process.wait(60)
     assert ran >= 15, "the page has lost its commands"
 
 

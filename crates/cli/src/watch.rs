@@ -3,7 +3,7 @@
 use crate::rates::Rates;
 use anyhow::Context;
 use std::io::{self, IsTerminal, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::{Duration, Instant, SystemTime};
 use taxel_playback::{image_line, raw_line};
 use taxel_wire::{Clock, Header, Hello, ReadError, Received, Subscribe, Subscriber};
@@ -56,10 +56,7 @@ pub(crate) struct Args {
 const LOOK: Duration = Duration::from_millis(500);
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
-    let socket = args
-        .socket
-        .clone()
-        .unwrap_or_else(|| taxeld::config::running_socket("images.sock"));
+    let mut socket = args.socket.clone();
     let mut watch = Watch {
         args,
         in_place: args.hz && !args.json && io::stdout().is_terminal(),
@@ -69,7 +66,16 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     };
     let mut is_waiting = false;
     loop {
-        let outcome = watch.connection(&socket, &mut is_waiting);
+        // Until a daemon was there, one may start in this user's folder as well as in the system's.
+        let tried = socket
+            .clone()
+            .unwrap_or_else(|| taxeld::config::running_socket("images.sock"));
+        let connected = Subscriber::connect(&tried).map_err(anyhow::Error::from);
+        let outcome = connected.and_then(|subscriber| {
+            socket = Some(tried);
+            is_waiting = false;
+            watch.print(subscriber)
+        });
         match outcome.map_err(|error| (is_gone(&error), error)) {
             Ok(()) => break,
             Err((true, error)) if args.reconnect => {
@@ -107,10 +113,8 @@ struct Watch<'a> {
 
 impl Watch<'_> {
     /// Prints lines until there are as many as were asked for, or the connection ends.
-    fn connection(&mut self, socket: &Path, is_waiting: &mut bool) -> anyhow::Result<()> {
+    fn print(&mut self, mut subscriber: Subscriber) -> anyhow::Result<()> {
         let args = self.args;
-        let mut subscriber = Subscriber::connect(socket)?;
-        *is_waiting = false;
         if args.raw {
             subscriber.subscribe(&Subscribe {
                 image: false,
