@@ -228,6 +228,46 @@ fn a_recording_is_examined_in_its_own_time() {
 }
 
 #[test]
+fn one_recording_or_scene_is_all_buses_of_its_hand() {
+    let dir = TempDir::new().unwrap();
+    let sim = ["sim", "idle", "--to", "log:idle.log", "--seconds", "3"];
+    assert!(
+        taxel(&dir, &sim)
+            .stderr(Stdio::null())
+            .status()
+            .unwrap()
+            .success()
+    );
+    let log = std::fs::read_to_string(dir.path().join("idle.log")).unwrap();
+    std::fs::write(dir.path().join("renamed.log"), log.replace(" can", " vcan")).unwrap();
+    for sources in [
+        &["log:idle.log"][..],
+        &["sim:idle"],
+        &[
+            "log:renamed.log?interface=vcan0",
+            "log:renamed.log?interface=vcan1",
+        ],
+    ] {
+        let (_, checks) = doctor(&dir, sources);
+        let heard = checks
+            .iter()
+            .filter(|c| c["name"] == "board" && c["state"] == "ok");
+        assert_eq!(heard.count(), 15, "{sources:?}: {checks:?}");
+    }
+    for (sources, words) in [
+        (
+            &["log:renamed.log"][..],
+            "such as log:renamed.log?interface=vcan0 log:renamed.log?interface=vcan1",
+        ),
+        (&["log:idle.log", "log:idle.log"], "log:idle.log is given twice"),
+    ] {
+        let output = taxel(&dir, &["doctor"]).args(sources).output().unwrap();
+        assert_eq!(output.status.code(), Some(1), "{sources:?}");
+        assert!(said(&output).contains(words), "{sources:?}: {}", said(&output));
+    }
+}
+
+#[test]
 fn a_running_daemon_is_asked_and_its_bus_left_alone() {
     let dir = TempDir::new().unwrap();
     let scene = "sim:idle".to_string();

@@ -289,14 +289,15 @@ impl Config {
                 .get_ref()
                 .parse::<SourceAddress>()
                 .map_err(|e| refuse(source.span().start, e.to_string()))?;
-            // Buses of a simulated hand have the scene in common.
-            let is_read_twice = !matches!(address, SourceAddress::Sim { .. }) && sources.contains(&address);
-            if is_read_twice {
-                let message =
-                    format!("{address} is given twice; each bus of the hand has a source of its own");
-                return Err(refuse(source.span().start, message));
-            }
             sources.push(address);
+        }
+        if let Some(again) = read_twice(&sources) {
+            let message = format!(
+                "{} is given twice; each bus of the hand has a source of its own",
+                sources[again]
+            );
+            let source = &parsed.bus[again].get_ref().0.source;
+            return Err(refuse(source.span().start, message));
         }
         let scenes = sources.iter().all(|s| matches!(s, SourceAddress::Sim { .. }));
         if layout.buses.is_empty() && scenes && !sources.is_empty() {
@@ -396,6 +397,13 @@ impl Config {
             sources,
         })
     }
+}
+
+/// Which source is there a second time, so that two buses would have the same frames. Buses of a simulated hand have
+/// their scene in common.
+pub fn read_twice(sources: &[SourceAddress]) -> Option<usize> {
+    let is_scene = |source: &SourceAddress| matches!(source, SourceAddress::Sim { .. });
+    (0..sources.len()).find(|at| !is_scene(&sources[*at]) && sources[..*at].contains(&sources[*at]))
 }
 
 /// Refuses a value outside its range.

@@ -2,6 +2,7 @@
 
 use super::daemon::{self, Daemon};
 use super::hand_text::describe_hand;
+use super::scan;
 use crate::input::DEFAULT_LAYOUT;
 use anyhow::{Context, bail};
 use std::path::{Path, PathBuf};
@@ -28,14 +29,15 @@ Examples:
   taxel doctor                                   this machine, and the hand of the service
   taxel doctor --config hand.toml --json
   taxel doctor --layout uskin-module can:can0    one module on can0
+  taxel doctor log:candump.log                   a recording of all buses of the hand
   taxel doctor --listen-only                     send nothing at all
   taxel doctor --joints dynamixel:/dev/ttyUSB0 --ids 1-16
   taxel doctor --scan can:can0 can:can1 --out hand.toml
                                                  what speaks there, as a layout file
   taxel doctor --scan log:candump.log            the same from a recording")]
 pub(crate) struct Args {
-    /// Where the buses of the hand are, in the layout's order: can:INTERFACE, udp:GROUP:PORT,
-    /// log:FILE or sim:SCENE [default: can: and the layout's names]
+    /// Where the buses of the hand are, in the layout's order: can:INTERFACE, udp:GROUP:PORT, log:FILE or sim:SCENE; a
+    /// recording or a scene alone is all of them [default: can: and the layout's names]
     #[arg(value_name = "SOURCE", conflicts_with = "config")]
     pub(super) sources: Vec<SourceAddress>,
     /// The daemon's configuration file
@@ -91,14 +93,21 @@ impl Args {
             return Ok((config, origin));
         }
         let layout = Layout::resolve(self.layout.as_deref().unwrap_or(DEFAULT_LAYOUT))?;
-        let sources = match self.sources.is_empty() {
-            false => self.sources.clone(),
-            true => layout
+        let sources = match &self.sources[..] {
+            [] => layout
                 .buses
                 .iter()
                 .map(|bus| format!("can:{bus}").parse())
                 .collect::<Result<_, _>>()?,
+            [hand] if layout.buses.len() > 1 => of_each_bus(hand, &layout)?,
+            named => named.to_vec(),
         };
+        if let Some(again) = taxeld::config::read_twice(&sources) {
+            bail!(
+                "{} is given twice; each bus of the hand has a source of its own",
+                sources[again]
+            );
+        }
         if sources.len() != layout.buses.len() {
             bail!(
                 "layout {} needs a source for each of its buses ({}): {}, not {}",
@@ -146,6 +155,37 @@ impl Args {
         }));
         config.check()?;
         Ok(Some(config))
+    }
+}
+
+/// The sources of a hand's buses where one is named for all of them: a recording has the interfaces of several buses, and a
+/// scene is a whole hand.
+fn of_each_bus(source: &SourceAddress, layout: &Layout) -> anyhow::Result<Vec<SourceAddress>> {
+    match source {
+        SourceAddress::Log {
+            path,
+            interface: None,
+        } => {
+            let of = |name: &String| SourceAddress::Log {
+                path: path.clone(),
+                interface: Some(name.clone()),
+            };
+            let recorded = scan::interfaces(path)?;
+            if !layout.buses.iter().any(|bus| recorded.contains(bus)) {
+                let each: Vec<String> = recorded.iter().map(|name| of(name).to_string()).collect();
+                bail!(
+                    "{source} has the interfaces {}, and the buses of layout {} are {}: name the recording once for each of \
+                     these, in their order, such as {}",
+                    recorded.join(", "),
+                    layout.name,
+                    layout.buses.join(", "),
+                    each.join(" ")
+                );
+            }
+            Ok(layout.buses.iter().map(of).collect())
+        }
+        SourceAddress::Sim { .. } => Ok(vec![source.clone(); layout.buses.len()]),
+        _ => Ok(vec![source.clone()]),
     }
 }
 

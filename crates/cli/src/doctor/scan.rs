@@ -122,9 +122,7 @@ pub(crate) fn buses(sources: &[SourceAddress], root: &Path) -> anyhow::Result<Ve
                 path,
                 interface: None,
             } => {
-                let mut names = Traffic::candump(path).interfaces()?;
-                names.sort();
-                for interface in names {
+                for interface in interfaces(path)? {
                     found.push(Bus {
                         name: interface.clone(),
                         source: SourceAddress::Log {
@@ -176,6 +174,13 @@ pub(crate) fn buses(sources: &[SourceAddress], root: &Path) -> anyhow::Result<Ve
         );
     }
     Ok(found)
+}
+
+/// The interfaces that a recording is of, by name.
+pub(super) fn interfaces(recording: &Path) -> anyhow::Result<Vec<String>> {
+    let mut names = Traffic::candump(recording).interfaces()?;
+    names.sort();
+    Ok(names)
 }
 
 struct Hearing<'a> {
