@@ -8,7 +8,7 @@ use std::io::{BufRead, BufReader, ErrorKind, Write};
 use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::time::Duration;
-use taxel_wire::check_socket_folder;
+use taxel_wire::{check_socket_folder, who_may_open};
 
 const PATIENCE: Duration = Duration::from_secs(5);
 
@@ -22,14 +22,11 @@ pub(crate) fn request(socket: &Path, request: &Value) -> anyhow::Result<Value> {
 pub(crate) struct Connection(BufReader<UnixStream>);
 
 /// Which table of the configuration has the mode and group of a socket, as its usual name tells it.
-fn who_may(socket: &Path) -> &'static str {
+fn table_of(socket: &Path) -> &'static str {
     match socket.file_name().and_then(OsStr::to_str) {
-        Some("status.sock") => "; mode and group of [socket] in its configuration say who may open it",
-        Some("control.sock") => "; mode and group of [control] in its configuration say who may open it",
-        _ => {
-            "; mode and group in its configuration say who may open it: [socket] the status socket, [control] the \
-             control socket"
-        }
+        Some("status.sock") => "[socket]",
+        Some("control.sock") => "[control]",
+        _ => "[socket] for the status socket, [control] for the control socket",
     }
 }
 
@@ -39,14 +36,19 @@ impl Connection {
         check_socket_folder(socket)?;
         let stream = UnixStream::connect(socket).map_err(|error| {
             let who = match error.kind() {
-                ErrorKind::PermissionDenied => who_may(socket),
+                ErrorKind::PermissionDenied => format!(
+                    "; {}; its configuration says who: mode and group of {}",
+                    who_may_open(socket),
+                    table_of(socket)
+                ),
                 ErrorKind::NotFound | ErrorKind::ConnectionRefused => {
                     "; no taxeld runs there: start it (`taxeld --config FILE`), or name the socket of another one"
+                        .into()
                 }
                 _ if error.raw_os_error() == Some(EPROTOTYPE) => {
-                    "; images come from there, requests go to status.sock or control.sock beside it"
+                    "; images come from there, requests go to status.sock or control.sock beside it".into()
                 }
-                _ => "",
+                _ => String::new(),
             };
             anyhow!("cannot reach taxeld at {}: {error}{who}", socket.display())
         })?;
@@ -109,7 +111,7 @@ mod tests {
             ("/run/taxeld/control.sock", &["[control]"]),
             ("/tmp/another", &["[socket]", "[control]"]),
         ] {
-            let told = who_may(Path::new(socket));
+            let told = table_of(Path::new(socket));
             for table in ["[socket]", "[control]"] {
                 assert_eq!(told.contains(table), tables.contains(&table), "{socket}: {told}");
             }

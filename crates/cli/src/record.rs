@@ -241,8 +241,9 @@ fn buses_of(config: &Config) -> Vec<CanInput> {
 /// The buses that a daemon reads, by what it tells of itself.
 fn buses_of_daemon(socket: &Path) -> anyhow::Result<Vec<CanInput>> {
     let status = socket.with_file_name("status.sock");
-    let reply = control::request(&status, &json!({"cmd": "status"}))
-        .context("to know its buses; --can SOURCE names them, --no-can leaves them out")?;
+    let reply = control::request(&status, &json!({"cmd": "status"})).context(
+        "the daemon does not say which buses it reads; --can SOURCE names them, --no-can leaves them out",
+    )?;
     let status = Status::try_from(reply["status"].clone()).context("the daemon's status")?;
     let buses = status.buses.into_iter().filter_map(|bus| {
         let address = bus.source.parse().ok().filter(is_bus)?;

@@ -34,6 +34,7 @@ mod message;
 mod raw;
 pub mod reader;
 mod socket_folder;
+mod socket_access;
 pub mod status;
 mod text;
 
@@ -50,6 +51,7 @@ pub use raw::{RawTaxel, RawView, encode_raw_payload, raw_payload_len};
 pub use reader::{ReadError, Received, Subscriber};
 pub use socket_folder::{UntrustedFolder, check_socket_folder};
 pub use status::Status;
+pub use socket_access::who_may_open;
 pub use text::{
     Event, EventKind, LEAST_RATE_HZ, MAX_MARK, MAX_SUBSCRIBE, MAX_TEXT, Subscribe, SubscribeError, TEXT_PART,
     TextParts, split_text,

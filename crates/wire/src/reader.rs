@@ -7,6 +7,7 @@ use crate::hello::{Clock, Hello};
 use crate::image::ImageView;
 use crate::message::{Body, decode_packet};
 use crate::raw::RawView;
+use crate::socket_access::who_may_open;
 use crate::socket_folder::{UntrustedFolder, check_socket_folder};
 use crate::text::{Event, MAX_TEXT, Subscribe};
 use nix::errno::Errno;
@@ -61,10 +62,13 @@ pub enum Received<'a> {
 }
 
 /// What to look at where a socket cannot be connected to.
-fn connect_advice(error: &io::Error) -> &'static str {
+fn connect_advice(path: &Path, error: &io::Error) -> String {
     match error.raw_os_error().map(Errno::from_raw) {
-        Some(Errno::EPROTOTYPE) => "that socket takes requests; images come from images.sock beside it",
-        _ => "is taxeld running there, and may you open its socket?",
+        Some(Errno::EPROTOTYPE) => {
+            "that socket takes requests; images come from images.sock beside it".into()
+        }
+        Some(Errno::EACCES) => who_may_open(path),
+        _ => "is taxeld running there?".into(),
     }
 }
 
@@ -73,7 +77,7 @@ fn connect_advice(error: &io::Error) -> &'static str {
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
     /// No connection to the daemon.
-    #[error("cannot connect to {path}: {source}; {}", connect_advice(source))]
+    #[error("cannot connect to {path}: {source}; {}", connect_advice(path, source))]
     Connect {
         /// The socket.
         path: PathBuf,
