@@ -41,9 +41,11 @@ PRINTING = {
     "doctor": [f"taxel doctor {what}" for what in ("", "--json", "--scan log:tap.log", "--scan log:tap.log --json")],
     "status": ["taxel status", "taxel status --json"],
     "rezero": ["taxel rezero", "taxel rezero --json"],
-    "profile": ["taxel profile"],
+    "pause": ["taxel pause --json"],
+    "resume": ["taxel resume --json"],
+    "profile": ["taxel profile", "taxel profile '{}' --json"],
     "mark": ["taxel mark here", "taxel mark here --json"],
-    "metrics": ["taxel metrics"],
+    "metrics": ["taxel metrics", "taxel metrics --json"],
     "completions": [f"taxel completions {shell}" for shell in ("bash", "elvish", "fish", "powershell", "zsh")],
     "config init": ["taxel config init"],
     "config check": ["taxel config check d/taxeld.toml", "taxel config check d/taxeld.toml --json"],
@@ -53,8 +55,6 @@ PRINTING = {
 # And what prints nothing, or not here.
 OTHERS = {
     "figures": "writes files, and says so on stderr",
-    "pause": "prints nothing",
-    "resume": "prints nothing",
     "servo": "prints nothing",
     "setup": "asks, and a hand has to be there",
     "forearm record": "asks, and a gripper has to be there",

@@ -1,6 +1,7 @@
 //! `taxel status`, `rezero`, `pause`, `resume`, `profile` and `mark`: one request to the running daemon.
 
 use crate::{control, status_text};
+use anyhow::Context;
 use serde_json::{Value, json};
 use std::io::Write;
 use std::path::PathBuf;
@@ -45,6 +46,9 @@ pub(crate) struct RezeroArgs {
 /// Show no contact until `taxel resume`, so that every display lets go; frames are read on.
 #[derive(Debug, clap::Args)]
 pub(crate) struct PauseArgs {
+    /// One JSON object: {"paused": true}
+    #[arg(long)]
+    json: bool,
     #[command(flatten)]
     ask: Ask,
 }
@@ -52,6 +56,9 @@ pub(crate) struct PauseArgs {
 /// Show contacts again after `taxel pause`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct ResumeArgs {
+    /// One JSON object: {"paused": false}
+    #[arg(long)]
+    json: bool,
     #[command(flatten)]
     ask: Ask,
 }
@@ -61,11 +68,15 @@ pub(crate) struct ResumeArgs {
 #[command(after_help = "\
 Examples:
   taxel profile                                       as JSON
-  taxel profile '{\"levels\": 4, \"actuators\": 12}'      what is not named has its default")]
+  taxel profile '{\"levels\": 4, \"actuators\": 12}'      what is not named has its default
+  taxel profile - < glove.json                        the same from a file")]
 pub(crate) struct ProfileArgs {
-    /// The new profile, a JSON object; its keys are those of `[profile]` in the configuration
+    /// The new profile, a JSON object; its keys are those of `[profile]` in the configuration; - reads it from stdin
     #[arg(value_name = "JSON")]
     profile: Option<String>,
+    /// Print the profile that is in force behind a change as well
+    #[arg(long)]
+    json: bool,
     #[command(flatten)]
     ask: Ask,
 }
@@ -111,24 +122,30 @@ pub(crate) fn rezero(args: &RezeroArgs) -> anyhow::Result<()> {
 }
 
 pub(crate) fn pause(args: &PauseArgs) -> anyhow::Result<()> {
-    args.ask.send(&json!({ "cmd": "pause" })).map(drop)
+    args.ask.pause("pause", true, args.json)
 }
 
 pub(crate) fn resume(args: &ResumeArgs) -> anyhow::Result<()> {
-    args.ask.send(&json!({ "cmd": "resume" })).map(drop)
+    args.ask.pause("resume", false, args.json)
 }
 
 pub(crate) fn profile(args: &ProfileArgs) -> anyhow::Result<()> {
-    let Some(text) = &args.profile else {
-        let reply = args.ask.send(&json!({ "cmd": "profile" }))?;
-        return print(&format!("{}\n", reply["profile"]));
-    };
-    let profile: Value = serde_json::from_str(text).map_err(|error| {
-        anyhow::anyhow!("{text}: {error}; a profile is a JSON object such as {{\"levels\": 4}}")
-    })?;
-    args.ask
-        .send(&json!({ "cmd": "profile", "profile": profile }))
-        .map(drop)
+    if let Some(text) = &args.profile {
+        let text = match text.as_str() {
+            "-" => std::io::read_to_string(std::io::stdin()).context("stdin")?,
+            text => text.to_owned(),
+        };
+        let profile: Value = serde_json::from_str(&text).map_err(|error| {
+            let text = text.trim();
+            anyhow::anyhow!("{text}: {error}; a profile is a JSON object such as {{\"levels\": 4}}")
+        })?;
+        args.ask.send(&json!({ "cmd": "profile", "profile": profile }))?;
+        if !args.json {
+            return Ok(());
+        }
+    }
+    let reply = args.ask.send(&json!({ "cmd": "profile" }))?;
+    print(&format!("{}\n", reply["profile"]))
 }
 
 pub(crate) fn mark(args: &MarkArgs) -> anyhow::Result<()> {
@@ -140,6 +157,15 @@ pub(crate) fn mark(args: &MarkArgs) -> anyhow::Result<()> {
 }
 
 impl Ask {
+    /// Has the daemon pause or go on.
+    fn pause(&self, cmd: &str, paused: bool, json: bool) -> anyhow::Result<()> {
+        self.send(&json!({ "cmd": cmd }))?;
+        match json {
+            true => print(&format!("{}\n", json!({ "paused": paused }))),
+            false => Ok(()),
+        }
+    }
+
     /// Sends a request and returns the reply; an error is the daemon's own words why not.
     pub(crate) fn send(&self, request: &Value) -> anyhow::Result<Value> {
         // What only tells is open to more users.

@@ -1,5 +1,6 @@
-//! Metrics by family, as OpenMetrics text or as the older text format of Prometheus.
+//! Metrics by family, as OpenMetrics text, as the older text format of Prometheus, or as JSON.
 
+use serde_json::{Map, Value, json};
 use std::fmt::Write;
 
 /// Labels of a sample: name and value.
@@ -12,6 +13,8 @@ pub(super) enum Format {
     OpenMetrics,
     /// Prometheus text format 0.0.4, which everything reads; node_exporter reads nothing else from files.
     Prometheus,
+    /// An object for each sample, for scripts.
+    Json,
 }
 
 impl Format {
@@ -30,6 +33,7 @@ impl Format {
         match self {
             Self::OpenMetrics => "application/openmetrics-text; version=1.0.0; charset=utf-8",
             Self::Prometheus => "text/plain; version=0.0.4; charset=utf-8",
+            Self::Json => "application/x-ndjson",
         }
     }
 }
@@ -63,7 +67,43 @@ struct Family {
     name: String,
     kind: Kind,
     help: &'static str,
-    samples: String,
+    samples: Vec<Sample>,
+}
+
+struct Sample {
+    name: String,
+    labels: Vec<(String, String)>,
+    value: String,
+}
+
+impl Sample {
+    /// The line of both text formats.
+    fn text(&self) -> String {
+        let labels: Vec<String> = self
+            .labels
+            .iter()
+            .map(|(key, value)| format!("{key}=\"{}\"", escaped(value)))
+            .collect();
+        let labels = match labels.is_empty() {
+            true => String::new(),
+            false => format!("{{{}}}", labels.join(",")),
+        };
+        format!("{}{labels} {}\n", self.name, self.value)
+    }
+
+    /// A value that is no number in JSON is null.
+    fn json(&self) -> String {
+        let labels: Map<String, Value> = self
+            .labels
+            .iter()
+            .map(|(key, value)| (key.clone(), value.as_str().into()))
+            .collect();
+        let value: Value = serde_json::from_str(&self.value).unwrap_or_default();
+        format!(
+            "{}\n",
+            json!({ "name": self.name, "labels": labels, "value": value })
+        )
+    }
 }
 
 impl Families {
@@ -93,7 +133,7 @@ impl Families {
         };
         let known = self.0.iter().position(|family| family.name == name);
         let family = known.unwrap_or_else(|| {
-            let samples = String::new();
+            let samples = Vec::new();
             self.0.push(Family {
                 name,
                 kind,
@@ -102,28 +142,31 @@ impl Families {
             });
             self.0.len() - 1
         });
-        let Family { name, samples, .. } = &mut self.0[family];
-        let labels: Vec<String> = labels
+        let family = &mut self.0[family];
+        let labels = labels
             .iter()
-            .map(|(key, value)| format!("{key}=\"{}\"", escaped(value)))
-            .collect();
-        let labels = match labels.is_empty() {
-            true => String::new(),
-            false => format!("{{{}}}", labels.join(",")),
-        };
-        let _ = writeln!(samples, "{name}{suffix}{labels} {value}");
+            .map(|(key, value)| (key.to_string(), value.to_string()));
+        family.samples.push(Sample {
+            name: format!("{}{suffix}", family.name),
+            labels: labels.collect(),
+            value: value.into(),
+        });
     }
 
     pub(super) fn text(&self, format: Format) -> String {
+        if format == Format::Json {
+            let samples = self.0.iter().flat_map(|family| &family.samples);
+            return samples.map(Sample::json).collect();
+        }
         let mut text = String::new();
         for family in &self.0 {
             let name = &family.name;
             // The older format knows no info, and names the sample of a count.
             let (name, kind) = match (format, family.kind) {
                 (Format::OpenMetrics, Kind::Info) => (name.clone(), "info"),
-                (Format::Prometheus, Kind::Info) => (format!("{name}_info"), "gauge"),
+                (_, Kind::Info) => (format!("{name}_info"), "gauge"),
                 (Format::OpenMetrics, Kind::Counter) => (name.clone(), "counter"),
-                (Format::Prometheus, Kind::Counter) => (format!("{name}_total"), "counter"),
+                (_, Kind::Counter) => (format!("{name}_total"), "counter"),
                 (_, Kind::Gauge) => (name.clone(), "gauge"),
                 (_, Kind::Summary) => (name.clone(), "summary"),
                 (_, Kind::Histogram) => (name.clone(), "histogram"),
@@ -133,7 +176,7 @@ impl Families {
             if let (Format::OpenMetrics, Some(unit)) = (format, unit) {
                 let _ = writeln!(text, "# UNIT {name} {unit}");
             }
-            text += &family.samples;
+            text.extend(family.samples.iter().map(Sample::text));
         }
         if format == Format::OpenMetrics {
             text += "# EOF\n";
@@ -203,6 +246,19 @@ taxeld_images_made_total 90
 # EOF
 ";
         assert_eq!(text, expected);
+    }
+
+    #[test]
+    fn scripts_are_given_an_object_for_each_sample() {
+        let mut families = families();
+        families.gauge("voltage_volts", "Of a servo.", &[], f64::NAN);
+        let expected = "\
+{\"labels\":{\"layout\":\"a \\\"hand\\\"\"},\"name\":\"taxeld_info\",\"value\":1}
+{\"labels\":{},\"name\":\"taxeld_uptime_seconds\",\"value\":3.5}
+{\"labels\":{},\"name\":\"taxeld_images_made_total\",\"value\":90}
+{\"labels\":{},\"name\":\"taxeld_voltage_volts\",\"value\":null}
+";
+        assert_eq!(families.text(Format::Json), expected);
     }
 
     #[test]

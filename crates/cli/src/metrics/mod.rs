@@ -22,7 +22,8 @@ const REQUEST: u64 = 8192;
 
 /// Give the running daemon's counts and times to Prometheus and Grafana.
 ///
-/// They are in Prometheus' text format, and over HTTP in OpenMetrics for who asks for it. A program beside the daemon: each time it is asked, it asks the daemon's status socket. Where no daemon answers,
+/// They are in Prometheus' text format, and over HTTP in OpenMetrics for who asks for it. A program beside the daemon:
+/// each time it is asked, it asks the daemon's status socket. Where no daemon answers,
 /// `taxeld_up` is 0. Without options the metrics are printed once. docs/grafana/taxeld.json is a dashboard for them.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
@@ -42,6 +43,9 @@ pub(crate) struct Args {
     /// Seconds between two writes of --textfile, 0.1 to 3600
     #[arg(long, value_name = "S", default_value = "15", value_parser = seconds, requires = "textfile")]
     every: Duration,
+    /// Once, as a JSON object for each sample, a line each: {"name", "labels", "value"}
+    #[arg(long, conflicts_with_all = ["listen", "textfile"])]
+    json: bool,
 }
 
 fn address(text: &str) -> Result<SocketAddr, String> {
@@ -71,7 +75,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         if let Err(error) = &status {
             eprintln!("taxel: {error:#}; so taxeld_up is 0");
         }
-        let text = text::of(status.as_ref().ok(), Format::Prometheus);
+        let format = if args.json {
+            Format::Json
+        } else {
+            Format::Prometheus
+        };
+        let text = text::of(status.as_ref().ok(), format);
         return Ok(out.write_all(text.as_bytes()).and_then(|()| out.flush())?);
     };
     loop {

@@ -4,6 +4,7 @@ mod categorize;
 mod compress;
 mod config;
 mod eval;
+mod everyday;
 mod extension;
 mod figures;
 mod files;
