@@ -30,11 +30,12 @@ mod format;
 mod header;
 mod hello;
 mod image;
+mod json_in_words;
 mod message;
 mod raw;
 pub mod reader;
-mod socket_folder;
 mod socket_access;
+mod socket_folder;
 pub mod status;
 mod text;
 
@@ -46,12 +47,13 @@ pub use hello::{
     Clock, Hello, HelloModule, HelloProfile, HelloProtocol, HelloRate, HelloTaxel, HelloText, Subscription,
 };
 pub use image::{ImageView, WireActuator, encode_image_payload, image_payload_len};
+pub use json_in_words::json_in_words;
 pub use message::{Body, Message, decode, decode_packet};
 pub use raw::{RawTaxel, RawView, encode_raw_payload, raw_payload_len};
 pub use reader::{ReadError, Received, Subscriber};
+pub use socket_access::who_may_open;
 pub use socket_folder::{UntrustedFolder, check_socket_folder};
 pub use status::Status;
-pub use socket_access::who_may_open;
 pub use text::{
     Event, EventKind, LEAST_RATE_HZ, MAX_MARK, MAX_SUBSCRIBE, MAX_TEXT, Subscribe, SubscribeError, TEXT_PART,
     TextParts, split_text,

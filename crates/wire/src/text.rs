@@ -3,9 +3,10 @@
 use crate::error::DecodeError;
 use crate::format::{HEADER_LEN, MAX_MESSAGE};
 use crate::header::{Flags, Header, Kind};
+use crate::json_in_words::json_in_words;
 use crate::message::{Body, decode_packet};
 use serde::{Deserialize, Serialize};
-use taxel_hand::{FromMap, Profile, ProfileError, plain_words};
+use taxel_hand::{FromMap, Profile, ProfileError};
 
 /// The most bytes a SUBSCRIBE packet may have: room for a profile with a long codebook, or with a
 /// place for each actuator.
@@ -85,7 +86,7 @@ pub enum SubscribeError {
         number: u16,
     },
     /// Not the JSON of a subscription, or an unknown key.
-    #[error("subscription: {}", plain_words(&.0.to_string()))]
+    #[error("subscription: {}", json_in_words(.0))]
     Json(#[from] serde_json::Error),
     /// A rate that is no rate.
     #[error("subscription: max_rate_hz = {max_rate_hz} must be a number from {LEAST_RATE_HZ} on")]

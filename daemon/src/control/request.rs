@@ -6,9 +6,15 @@ use crate::state::State;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::rc::Rc;
-use taxel_hand::{FromMap, Profile, plain_words};
+use taxel_hand::{FromMap, Profile};
+use taxel_wire::json_in_words;
 use taxel_wire::status::Status;
 use tokio::time::Instant;
+
+/// What `cmd` may be.
+const COMMANDS: [&str; 8] = [
+    "status", "rezero", "pause", "resume", "profile", "servo", "servos", "mark",
+];
 
 #[derive(Debug, Deserialize)]
 #[serde(tag = "cmd", rename_all = "lowercase", deny_unknown_fields)]
@@ -33,11 +39,16 @@ impl Request {
     pub(super) fn parse(line: &[u8]) -> Result<Self, String> {
         let read = serde_json::from_slice(line).map(|FromMap(request)| request);
         read.map_err(|error| {
-            format!(
-                "{}; a request is one line such as {{\"cmd\":\"status\"}}, and cmd is one of status, rezero, \
-                 pause, resume, profile, servo, servos, mark",
-                plain_words(&error.to_string())
-            )
+            let said = json_in_words(&error);
+            // Who has named a command knows what a request is.
+            let named = serde_json::from_slice::<Value>(line).unwrap_or_default();
+            match named["cmd"].as_str().is_some_and(|cmd| COMMANDS.contains(&cmd)) {
+                true => said,
+                false => format!(
+                    "{said}; a request is one line such as {{\"cmd\":\"status\"}}, and cmd is one of {}",
+                    COMMANDS.join(", ")
+                ),
+            }
         })
     }
 
@@ -167,6 +178,33 @@ mod tests {
         for line in [r#"{"cmd":"profile","profile":null}"#, r#"{"cmd":"profile"}"#] {
             let request = Request::parse(line.as_bytes()).unwrap();
             assert!(matches!(request, Request::Profile { profile: None }), "{line}");
+        }
+    }
+
+    #[test]
+    fn how_to_ask_is_told_to_who_has_named_no_command_and_never_where_in_a_line_that_a_program_wrote() {
+        for (line, hint) in [
+            (r#"{"cmd":"profile","profile":{"level":4}}"#, false),
+            (r#"{"cmd":"profile","profile":{"levels":"four"}}"#, false),
+            (r#"{"cmd":"mark"}"#, false),
+            (r#"{"cmd":"status","verbose":true}"#, false),
+            (r#"{"cmd":"reboot"}"#, true),
+            (r#"{"levels":4}"#, true),
+            (r#"["status"]"#, true),
+        ] {
+            let error = Request::parse(line.as_bytes()).unwrap_err();
+            assert_eq!(
+                error.contains("a request is one line such as"),
+                hint,
+                "{line}: {error}"
+            );
+            assert!(!error.contains("column"), "{line}: {error}");
+        }
+        let error = Request::parse(b"status").unwrap_err();
+        assert!(error.contains("line 1") && error.contains("such as"), "{error}");
+        for cmd in COMMANDS {
+            let error = Request::parse(format!("{{\"cmd\":\"{cmd}\",\"no\":1}}").as_bytes()).unwrap_err();
+            assert!(!error.contains("unknown word"), "{cmd}: {error}");
         }
     }
 

@@ -1,6 +1,6 @@
 //! `taxel pause`, `resume`, `profile` and their like, of a real daemon in this process.
 
-use crate::{simulated, succeeds};
+use crate::{fails, simulated, succeeds};
 use serde_json::{Value, json};
 use std::fs::{self, File};
 use std::process::Command;
@@ -51,5 +51,20 @@ fn a_profile_is_read_from_stdin() {
         .stdin(File::open(dir.path().join("glove.json")).unwrap());
     assert!(taxel.status().unwrap().success());
     assert_eq!(object(&dir, &["profile"])["levels"], 3);
+    daemon.stop().unwrap();
+}
+
+#[test]
+fn what_is_wrong_with_a_profile_is_said_without_the_request_around_it() {
+    let dir = TempDir::new().unwrap();
+    let daemon = simulated(dir.path(), "tap");
+    for (profile, wanted) in [("{\"level\": 4}", "levels"), ("{\"levels\": \"four\"}", "four")] {
+        let said = fails(&dir, &[&["profile", profile], &CONTROL[..]].concat(), 1);
+        assert!(said.contains(wanted), "{profile}: {said}");
+        assert!(
+            !said.contains("column") && !said.contains("cmd"),
+            "{profile}: {said}"
+        );
+    }
     daemon.stop().unwrap();
 }
