@@ -14,6 +14,7 @@ from .control import Control, Mark, mark, pause, profile, resume, rezero, status
 from .errors import Refused
 from .fake import FakeDaemon
 from .files import Images, load
+from .frames import Frames, load_frames
 from .messages import Event, Image, Message, Raw, Text
 from .place import running_socket
 from .stream import Stream, connect
@@ -25,6 +26,7 @@ __all__ = [
     "DecodeError",
     "Event",
     "FakeDaemon",
+    "Frames",
     "Image",
     "Images",
     "Mark",
@@ -36,6 +38,7 @@ __all__ = [
     "aio",
     "connect",
     "load",
+    "load_frames",
     "mark",
     "pause",
     "profile",

@@ -68,22 +68,33 @@ _DIMENSIONS = {"pixels": 3, "joints": 2, "levels": 2}
 
 
 def load(path: Path) -> Images:
-    """Reads a .npz or .bin of `taxel compress`, or a .jsonl of `taxel compress` or `taxel watch --json`.
+    """Reads a .npz or .bin of `taxel compress`, a .npz of `taxel convert --images`, or a .jsonl of `taxel compress` or
+    `taxel watch --json`. `load_frames` reads frames.
 
     Raises OSError, and ValueError with the file, and the line or byte, for what is no such file.
     """
     name = os.fsdecode(path)
     readers = {".npz": _npz, ".jsonl": _jsonl, ".bin": _bin}
-    reader = readers.get(FilePath(name).suffix.lower())
+    suffix = FilePath(name).suffix.lower()
+    reader = readers.get(suffix)
     if reader is None:
-        raise ValueError(f"{name}: images are read from .npz, .jsonl and .bin")
+        raise ValueError(f"{name}: images are read from .npz, .jsonl and .bin{_ELSEWHERE.get(suffix, '')}")
     return reader(name)
+
+
+_ELSEWHERE = {
+    ".mcap": "; `taxel convert IN.mcap OUT.npz --images` makes one, and mcap-ros2-support reads every message of an .mcap",
+    ".csv": "; a .csv has no levels and no actuators, and taxel.load_frames reads frames from one",
+}
+"""What to do with other files that taxel writes."""
 
 
 def _npz(name: str) -> Images:
     with open(name, "rb") as file:
         try:
             with np.load(file) as arrays:
+                if "counts" in arrays and "seq" not in arrays:
+                    raise ValueError("it has frames, which taxel.load_frames reads")
                 return _of_arrays(arrays)
         except Exception as error:  # numpy, zipfile and zlib have a dozen kinds for what is damaged
             raise ValueError(f"{name}: no .npz as `taxel compress` writes it: {error}") from None

@@ -1,0 +1,76 @@
+"""Tactile frames that `taxel convert` wrote to a file."""
+
+import os
+import re
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .arguments import Path
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """What every taxel read, one frame after another."""
+
+    counts: "NDArray[np.uint16]"
+    """T x N x 3: x, y and z of each taxel, in the layout's order."""
+    t_ns: "NDArray[np.uint64]"
+    """From the first frame."""
+    joints: "NDArray[np.float32]"
+    """T x J, radians; J is 0 where none were recorded."""
+
+    def __len__(self) -> int:
+        return len(self.t_ns)
+
+
+def load_frames(path: Path) -> Frames:
+    """Reads the frames of a .npz or .csv of `taxel convert`.
+
+    Raises OSError, and ValueError with the file for what is no such file.
+    """
+    name = os.fsdecode(path)
+    readers = {".npz": _npz, ".csv": _csv}
+    reader = readers.get(FilePath(name).suffix.lower())
+    if reader is None:
+        raise ValueError(f"{name}: frames are read from .npz and .csv; `taxel convert {name} OUT.npz` makes one")
+    with open(name, "rb") as file:
+        try:
+            return reader(file)
+        except Exception as error:  # numpy, zipfile and zlib have a dozen kinds for what is damaged
+            raise ValueError(f"{name}: no frames as `taxel convert` writes them: {error}") from None
+
+
+def _npz(file: Any) -> Frames:
+    with np.load(file) as arrays:
+        counts, t_ns = arrays["counts"], arrays["t_ns"]
+        joints = arrays["joints"] if "joints" in arrays else np.zeros((len(t_ns), 0), np.float32)
+    if not len(counts) == len(t_ns) == len(joints) or counts.shape[2:] != (3,) or joints.ndim != 2:
+        raise ValueError(f"counts of shape {counts.shape}, {len(t_ns)} times, joints of shape {joints.shape}")
+    return Frames(counts, t_ns, joints)
+
+
+def _csv(file: Any) -> Frames:
+    names = file.readline().decode().strip().split(",")
+    joints = sum(re.fullmatch(r"J\d+", name) is not None for name in names)
+    readings = names[1 : len(names) - joints]
+    axes = [name[-1:] for name in readings]
+    if names[0] != "t_ns" or not axes or axes != [*"XYZ"] * (len(axes) // 3):
+        raise ValueError("its columns are not t_ns, then X, Y and Z of every taxel, then angles")
+    begin = file.tell()
+    # Not by loadtxt: a float has not all digits of a nanosecond.
+    t_ns = np.array([int(line.split(b",", 1)[0]) for line in file if line.strip()], np.uint64)
+
+    def columns(first: int, count: int, kind: Any) -> Any:
+        if count == 0 or len(t_ns) == 0:
+            return np.zeros((len(t_ns), count), kind)
+        file.seek(begin)
+        return np.loadtxt(file, kind, delimiter=",", usecols=range(first, first + count), ndmin=2)
+
+    counts = columns(1, len(readings), np.uint16).reshape(len(t_ns), len(readings) // 3, 3)
+    return Frames(counts, t_ns, columns(1 + len(readings), joints, np.float32))

@@ -1,0 +1,68 @@
+"""Files of frames."""
+
+import numpy as np
+import pytest
+import taxel
+
+COUNTS = np.arange(12, dtype=np.uint16).reshape(2, 2, 3)
+TIMES = np.array([0, 2**60 + 1], np.uint64)
+ANGLES = np.array([[0.25], [np.nan]], np.float32)
+HEADER = "t_ns,0B0X,0B0Y,0B0Z,0B1X,0B1Y,0B1Z"
+
+
+def check(frames, joints):
+    assert len(frames) == 2 and frames.counts.dtype == np.uint16
+    assert frames.counts.tolist() == COUNTS.tolist()
+    assert frames.t_ns.tolist() == TIMES.tolist()
+    np.testing.assert_array_equal(frames.joints, joints)
+
+
+@pytest.mark.parametrize("joints", [ANGLES, np.zeros((2, 0), np.float32)])
+def test_arrays_and_columns_of_convert_are_the_same_frames(tmp_path, joints):
+    angles = {"joints": joints} if joints.size else {}
+    np.savez(tmp_path / "a.npz", counts=COUNTS, t_ns=TIMES, **angles)
+    check(taxel.load_frames(tmp_path / "a.npz"), joints)
+    rows = [[time, *counts.ravel(), *angle] for time, counts, angle in zip(TIMES, COUNTS, joints)]
+    header = HEADER + ",J0" * len(angles)
+    (tmp_path / "a.csv").write_text("\n".join([header, *(",".join(map(str, row)) for row in rows), ""]))
+    check(taxel.load_frames(tmp_path / "a.csv"), joints)
+
+
+def test_no_frames_are_frames(tmp_path):
+    (tmp_path / "a.csv").write_text(HEADER + "\n")
+    assert taxel.load_frames(tmp_path / "a.csv").counts.shape == (0, 2, 3)
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("", "its columns are not"),
+        ("t_ns,y0x0,y0x1,y0x2\n0,1,2,3\n", "its columns are not"),
+        ("t_ns,0B0X,0B0Y\n0,1,2\n", "its columns are not"),
+        (HEADER + "\n0,1,2,3\n", ""),
+        (HEADER + "\nnow,1,2,3,4,5,6\n", "now"),
+    ],
+)
+def test_columns_that_are_no_frames_are_refused(tmp_path, text, why):
+    (tmp_path / "a.csv").write_text(text)
+    with pytest.raises(ValueError, match=f"a.csv: no frames as .*{why}"):
+        taxel.load_frames(tmp_path / "a.csv")
+
+
+def test_arrays_that_do_not_fit_together_are_refused(tmp_path):
+    np.savez(tmp_path / "a.npz", counts=COUNTS, t_ns=TIMES[:1])
+    with pytest.raises(ValueError, match="a.npz: no frames .*1 times"):
+        taxel.load_frames(tmp_path / "a.npz")
+
+
+def test_what_reads_another_file_is_said(tmp_path):
+    np.savez(tmp_path / "frames.npz", counts=COUNTS, t_ns=TIMES)
+    for name, advice in [
+        ("frames.npz", "taxel.load_frames"),
+        ("frames.csv", "taxel.load_frames"),
+        ("grasp.mcap", "mcap-ros2-support"),
+    ]:
+        with pytest.raises(ValueError, match=f"{name}: .*{advice}"):
+            taxel.load(tmp_path / name)
+    with pytest.raises(ValueError, match="grasp.mcap: .*taxel convert"):
+        taxel.load_frames(tmp_path / "grasp.mcap")
