@@ -111,7 +111,7 @@ int main(int argc, char **argv)
     const struct timespec pause = {RECONNECT_MS / 1000, RECONNECT_MS % 1000 * 1000000L};
     struct sigaction action;
     if (argc != 2) {
-        fprintf(stderr, "usage: %s SOCKET\n", argv[0]);
+        fprintf(stderr, "usage: %s SOCKET, such as /run/taxeld/images.sock; taxeld logs where it is\n", argv[0]);
         return 2;
     }
     memset(&action, 0, sizeof action);

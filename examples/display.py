@@ -16,7 +16,10 @@ import sys
 import time
 from typing import Dict
 
-import taxel_reader
+try:
+    import taxel_reader
+except ImportError:
+    sys.exit("taxel_reader.py is not found: copy it beside this file, or set PYTHONPATH=crates/wire/python")
 
 DEAD_MAN_S = 0.2
 """A few image periods; at 30 Hz an image comes every 0.033 s."""
@@ -66,7 +69,7 @@ def follow(reader: taxel_reader.Reader, display: Display) -> None:
 def main() -> int:
     """Follows the daemon, whenever there is one, until told to stop."""
     if len(sys.argv) != 2:
-        print("usage: display.py SOCKET", file=sys.stderr)
+        print("usage: display.py SOCKET, such as /run/taxeld/images.sock; taxeld logs where it is", file=sys.stderr)
         return 2
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     display = Display()

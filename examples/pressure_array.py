@@ -24,6 +24,8 @@ def frames(file=None, rows=28, columns=50):
         yield frame, time.monotonic_ns()
 
 
+if len(sys.argv) not in (2, 3):
+    sys.exit(f"usage: {sys.argv[0]} SOCKET [FRAMES.npy]; SOCKET is that of pressure:SOCKET in taxeld's configuration")
 to = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
 for sequence, (frame, t_ns) in enumerate(frames(*sys.argv[2:])):
     head = struct.pack("<4sBxHHHIQ", b"TXPA", 1, *frame.shape, 0, sequence % 2**32, t_ns)

@@ -177,6 +177,12 @@ def test_the_socket_is_the_daemon_s_alone_and_a_killed_one_s_is_taken_over(array
     assert array.stop() == 0 and not array.touch.exists()
 
 
+def test_the_example_says_how_it_is_run():
+    example = REPOSITORY / "examples" / "pressure_array.py"
+    ended = subprocess.run([sys.executable, example], capture_output=True, text=True, timeout=60)
+    assert ended.returncode == 1 and "usage:" in ended.stderr and "Traceback" not in ended.stderr, ended.stderr
+
+
 def test_the_example_sends_frames(array):
     program = subprocess.Popen(
         [sys.executable, REPOSITORY / "examples" / "pressure_array.py", array.touch], preexec_fn=die_with_parent

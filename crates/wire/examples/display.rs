@@ -87,7 +87,7 @@ fn is_other_version(error: &ReadError) -> bool {
 
 fn main() -> ExitCode {
     let Some(path) = std::env::args_os().nth(1) else {
-        eprintln!("usage: display SOCKET");
+        eprintln!("usage: display SOCKET, such as /run/taxeld/images.sock; taxeld logs where it is");
         return ExitCode::from(2);
     };
     let stop = Arc::new(AtomicBool::new(false));

@@ -156,6 +156,38 @@ fn the_display_in_python_lets_go_when_images_stop() {
 }
 
 #[test]
+fn drivers_say_how_they_are_run() {
+    let says = |mut driver: Command, words: &str| {
+        let output = driver.output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(
+            !output.status.success() && said.contains(words),
+            "{driver:?}: {said}"
+        );
+        assert!(!said.contains("Traceback"), "{said}");
+    };
+    let tests = std::env::current_exe().unwrap();
+    let in_rust = tests.parent().unwrap().with_file_name("examples").join("display");
+    says(Command::new(in_rust), "usage: display SOCKET");
+    let dir = tempfile::tempdir().unwrap();
+    let in_c = dir.path().join("display");
+    if c_program::compile("../../examples/display.c", &in_c).is_some() {
+        says(Command::new(in_c), "display SOCKET, such as");
+    }
+    let Some(mut in_python) = python() else {
+        println!("SKIPPED: no python3 on this machine; examples/display.py was NOT run");
+        return;
+    };
+    in_python.arg(here("../../examples/display.py"));
+    says(in_python, "usage: display.py SOCKET");
+    let mut without_reader = Command::new("python3");
+    without_reader
+        .env_remove("PYTHONPATH")
+        .args(["-S".as_ref(), here("../../examples/display.py").as_os_str()]);
+    says(without_reader, "PYTHONPATH=crates/wire/python");
+}
+
+#[test]
 fn the_python_reader_prints_a_line_per_image_and_the_reason_of_the_end() {
     let Some(mut reader) = python() else {
         println!("SKIPPED: no python3 on this machine; taxel_reader.py was NOT run");
