@@ -7,6 +7,7 @@ use std::io::{IsTerminal, Read, Write};
 use std::os::unix::fs::FileTypeExt;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
+use taxel_can::SourceAddress;
 use taxel_playback::interrupt::before_the_end;
 use taxel_playback::stand_in;
 use tempfile::TempDir;
@@ -26,7 +27,8 @@ struct Piped {
     names: Vec<String>,
 }
 
-/// Reads the path of a recording; `-`, and a pipe, is a file with what comes through it, which is read to its end.
+/// Reads the path of a recording; `-`, and a pipe, is a file with what comes through it, which is read to its end. A
+/// recording may be named as the source that it can be, `log:FILE`.
 pub(crate) fn recording_parser() -> impl TypedValueParser<Value = PathBuf> {
     PathBufValueParser::new().try_map(|path| recording(path).map_err(|error| format!("{error:#}")))
 }
@@ -39,7 +41,24 @@ fn recording(path: PathBuf) -> anyhow::Result<PathBuf> {
         }
         return spool(stdin, "stdin");
     }
+    let address = path.to_str().and_then(|text| text.parse().ok());
     match std::fs::metadata(&path).map(|file| file.file_type()) {
+        Err(_) if address.is_some() => match address {
+            Some(SourceAddress::Log {
+                path,
+                interface: None,
+            }) => recording(path),
+            Some(SourceAddress::Log { path, .. }) => {
+                bail!(
+                    "a recording is read with all its interfaces here; name {}",
+                    path.display()
+                )
+            }
+            Some(SourceAddress::Sim { .. }) | None => Ok(path),
+            Some(_) => bail!(
+                "a bus is no recording; where taxeld reads it, `taxel view` shows it and `taxel record` makes a recording"
+            ),
+        },
         Ok(kind) if kind.is_fifo() => {
             let name = path.display().to_string();
             spool(File::open(&path).context(name.clone())?, &name)

@@ -35,7 +35,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "PATH")]
     socket: Option<PathBuf>,
     /// Stop after so many lines
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, value_name = "N", value_parser = count)]
     count: Option<u64>,
     /// One JSON object per line
     #[arg(long)]
@@ -50,6 +50,11 @@ pub(crate) struct Args {
     /// Wait for the daemon, at the start and whenever it is gone, instead of ending
     #[arg(long)]
     reconnect: bool,
+}
+
+fn count(text: &str) -> Result<u64, String> {
+    let count = text.parse().ok().filter(|count| *count > 0);
+    count.ok_or_else(|| format!("{text} is no number of lines; give 1 or more"))
 }
 
 /// Between two looks whether the daemon is back.

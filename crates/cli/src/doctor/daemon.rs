@@ -217,20 +217,25 @@ pub(super) fn describe(status: &Status) -> String {
     describe_hand(&status.layout, buses)
 }
 
-/// Whether a daemon reads any of the buses or joints of a configuration.
-pub(super) fn has_any(status: &Status, config: &Config) -> bool {
+/// Those of these sources that a daemon reads. Recordings may be read by any number of programs.
+pub(crate) fn shared<'a>(status: &Status, sources: &'a [SourceAddress]) -> Vec<&'a SourceAddress> {
     // What is behind the question mark are options.
     let same = |source: &SourceAddress, theirs: &str| {
         let source = source.to_string();
         source.split('?').next() == theirs.split('?').next()
     };
     let is_live = |source: &&SourceAddress| !matches!(source, SourceAddress::Log { .. });
-    let bus = |source| status.buses.iter().any(|bus| same(source, &bus.source));
+    let is_read = |source: &&SourceAddress| status.buses.iter().any(|bus| same(source, &bus.source));
+    sources.iter().filter(is_live).filter(is_read).collect()
+}
+
+/// Whether a daemon reads any of the buses or joints of a configuration.
+pub(super) fn has_any(status: &Status, config: &Config) -> bool {
     let joints = config.joints.as_ref().is_some_and(|joints| {
         let theirs = status.joints.as_ref().map(|joints| joints.source.as_str());
         theirs == Some(joints.source.to_string().as_str())
     });
-    joints || config.sources.iter().filter(is_live).any(bus)
+    joints || !shared(status, &config.sources).is_empty()
 }
 
 /// The letter of each taxel that is not healthy, for a drawing of this layout; `None` if the daemon

@@ -21,7 +21,7 @@ use outcome::{Hand, Outcome, may_write};
 use place::Pressing;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use taxel_can::SourceAddress;
+use taxel_can::{AddressError, SourceAddress};
 use taxel_playback::interrupt::Interrupt;
 use taxel_skin::{Layout, Recognition};
 
@@ -140,17 +140,14 @@ fn find_buses(args: &Args, root: &Path, answers: &Answers) -> anyhow::Result<Vec
     {
         bail!("{scene}: a scene is no bus; `taxel sim SCENE --to udp:` puts it on one");
     }
-    if let Daemon::Running(_) | Daemon::Forbidden =
-        daemon::ask(&taxeld::config::running_socket("status.sock"))
-    {
-        say(
-            "A daemon runs on this machine. If these are its boards, stop it first: sudo systemctl stop taxeld",
-        );
-    }
     let names: Vec<String> = match args.sources.is_empty() {
         true => link::can_interfaces(&root.join("sys/class/net")),
         false => args.sources.iter().filter_map(interface).collect(),
     };
+    tell_of_daemon(&match args.sources.is_empty() {
+        true => names.iter().map(|name| can(name)).collect::<Result<_, _>>()?,
+        false => args.sources.clone(),
+    });
     let mut usable = Vec::new();
     let mut report = Report::new(std::io::stderr(), Style::of_stderr());
     for name in names {
@@ -185,9 +182,37 @@ fn find_buses(args: &Args, root: &Path, answers: &Answers) -> anyhow::Result<Vec
     let chosen = answers.ask("CAN interfaces of this hand", &proposal)?;
     let sources = chosen
         .split_whitespace()
-        .map(|name| format!("can:{}", name.trim_start_matches("can:")).parse())
-        .collect::<Result<Vec<SourceAddress>, _>>()?;
+        .map(|name| can(name.trim_start_matches("can:")))
+        .collect::<Result<Vec<_>, _>>()?;
     scan::buses(&sources, root)
+}
+
+fn can(interface: &str) -> Result<SourceAddress, AddressError> {
+    format!("can:{interface}").parse()
+}
+
+/// Says that a daemon has these boards, which two must not start and stop.
+fn tell_of_daemon(sources: &[SourceAddress]) {
+    let socket = taxeld::config::running_socket("status.sock");
+    let stop = "`sudo systemctl stop taxeld`, or Ctrl-C where you have started it";
+    match daemon::ask(&socket) {
+        Daemon::Running(status) => {
+            let shared = daemon::shared(&status, sources);
+            let shared: Vec<String> = shared.iter().map(ToString::to_string).collect();
+            if !shared.is_empty() {
+                say(&format!(
+                    "A daemon reads {} (it is asked at {}). Stop it first: {stop}.",
+                    shared.join(" and "),
+                    socket.display()
+                ));
+            }
+        }
+        Daemon::Forbidden => say(&format!(
+            "A daemon runs on this machine, and this user may not ask it which boards it has. If these are its boards, stop \
+             it first: {stop}."
+        )),
+        Daemon::Absent | Daemon::Strange(_) => {}
+    }
 }
 
 fn interface(source: &SourceAddress) -> Option<String> {

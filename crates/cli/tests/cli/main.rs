@@ -82,13 +82,16 @@ fn wrong_usage_is_told_from_failure_by_the_exit_code() {
         assert!(out.contains(command), "{out}");
     }
     fails(&dir, &["wach"], 2);
-    fails(&dir, &["watch", "--count", "0"], 2);
     fails(&dir, &["sim"], 2);
     for (wrong, word) in [
         (&["demo", "--seconds", "nan"][..], "no time"),
         (&["demo", "--levels", "999"], "1..=255"),
         (&["replay", "a.log", "--to", "-", "--speed", "0"], "no speed"),
         (&["servo", "index 0", "--pwm", "nan"], "-100 to 100"),
+        (&["watch", "--count", "0"], "give 1 or more"),
+        (&["view", "can:can0"], "where taxeld reads it"),
+        (&["compress", "udp::43113"], "a bus is no recording"),
+        (&["compress", "log:a.log?interface=can0"], "name a.log"),
         (&["record", "a.mcap", "--seconds", "0"], "above 0"),
         (&["record", "a.mcap", "--most-files", "3"], "--split-size"),
     ] {

@@ -1,9 +1,12 @@
 //! `taxel setup` without anybody to press a module: what it writes for boards that were heard, and what it refuses.
 
-use crate::{fails, succeeds};
+use crate::{config, fails, simulated, succeeds, texts};
 use serde_json::Value;
 use std::fs;
+use std::net::UdpSocket;
+use std::process::Command;
 use taxel_skin::Layout;
+use taxeld::Daemon;
 use tempfile::TempDir;
 
 /// A recording of a built-in hand, as both its buses are named on the command line.
@@ -101,4 +104,44 @@ fn what_cannot_be_done_is_refused_before_anything_is_written() {
     assert!(fails(&dir, &["setup", "--yes", "sim:tap"], 1).contains("taxel sim"));
     assert_eq!(fs::read_to_string(dir.path().join("mine.toml")).unwrap(), "mine");
     assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 2);
+}
+
+/// What `taxel setup` says of a bus beside the daemon that has its sockets in this folder.
+fn said_beside_a_daemon(dir: &TempDir, source: &str) -> String {
+    let mut taxel = Command::new(env!("CARGO_BIN_EXE_taxel"));
+    taxel
+        .args([
+            "setup",
+            "--yes",
+            "--dry-run",
+            "--listen-only",
+            "--seconds",
+            "0.1",
+            source,
+        ])
+        .env("RUNTIME_DIRECTORY", dir.path())
+        .current_dir(dir.path());
+    texts(&taxel.output().unwrap()).1
+}
+
+#[test]
+fn a_daemon_is_to_be_stopped_only_where_it_reads_one_of_the_buses() {
+    let port = || UdpSocket::bind("0.0.0.0:0").unwrap().local_addr().unwrap().port();
+    let udp = || format!("udp:239.74.163.2:{}?hops=0", port());
+    let [first, second, other] = [udp(), udp(), udp()];
+    let dir = TempDir::new().unwrap();
+    let sources = [&first, &second].map(|source| source.parse().unwrap());
+    let daemon = Daemon::start(config(dir.path(), sources)).unwrap();
+    let said = said_beside_a_daemon(&dir, &second);
+    assert!(
+        said.contains("A daemon reads udp:") && said.contains("Ctrl-C"),
+        "{said}"
+    );
+    let said = said_beside_a_daemon(&dir, &other);
+    assert!(!said.contains("A daemon"), "{said}");
+    daemon.stop().unwrap();
+    let daemon = simulated(dir.path(), "tap");
+    let said = said_beside_a_daemon(&dir, &first);
+    assert!(!said.contains("A daemon"), "{said}");
+    daemon.stop().unwrap();
 }

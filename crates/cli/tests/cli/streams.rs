@@ -154,7 +154,8 @@ fn images_and_traffic_go_to_stdout_as_they_go_into_files() {
     let dir = TempDir::new().unwrap();
     succeeds(&dir, &["sim", "tap", "--to", "log:tap.log", "--seconds", "3"]);
     succeeds(&dir, &["compress", "tap.log", "--out", "images.jsonl"]);
-    let (images, _) = succeeds(&dir, &["compress", "tap.log", "--out", "-"]);
+    // A recording has the same name as where it is a source.
+    let (images, _) = succeeds(&dir, &["compress", "log:tap.log", "--out", "-"]);
     assert_eq!(
         images,
         fs::read_to_string(dir.path().join("images.jsonl")).unwrap()
