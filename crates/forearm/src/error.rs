@@ -94,6 +94,68 @@ pub enum ForearmError {
         /// That of the training, median.
         expected: f64,
     },
+    /// A squeeze whose beginning is missing.
+    #[error(
+        "row 0 is at PWM {pwm}, and squeezes begin at {first_pwm} where the model was trained: it had begun before; \
+         give the whole squeeze, from rest on"
+    )]
+    Begun {
+        /// PWM of the first sample.
+        pwm: f64,
+        /// That of the training, median.
+        first_pwm: f64,
+    },
+    /// A squeeze between other PWMs than those of the training.
+    #[error(
+        "PWM rests at {pwm} from row 0 on, and at {first_pwm} where the model was trained; squeeze with the same \
+         profile"
+    )]
+    OtherRest {
+        /// PWM of the first sample.
+        pwm: f64,
+        /// That of the training, median.
+        first_pwm: f64,
+    },
+    /// A step of PWM instead of a ramp.
+    #[error(
+        "row {row} is at PWM {pwm}, its peak, {samples} samples after rest, and at least 5 are needed; squeeze with \
+         the profile of the training"
+    )]
+    Jump {
+        /// The row of the peak.
+        row: usize,
+        /// Samples since the last one at rest.
+        samples: usize,
+        /// PWM of that row.
+        pwm: f64,
+    },
+    /// PWM that rises a second time.
+    #[error(
+        "row {row}: PWM rises again, from {low} to {pwm}; give one squeeze alone, with the profile of the training"
+    )]
+    Again {
+        /// The row.
+        row: usize,
+        /// Least PWM since it turned.
+        low: f64,
+        /// PWM of that row.
+        pwm: f64,
+    },
+    /// A squeeze without the samples at its peak.
+    #[error(
+        "row {row}: no sample for {gap_ms:.0} ms where PWM is highest, {peak}, and {expected} where the model was \
+         trained; the peak is not there; squeeze again"
+    )]
+    PeakMissing {
+        /// The row of the highest PWM.
+        row: usize,
+        /// Time without samples before or after it, ms.
+        gap_ms: f64,
+        /// Its PWM.
+        peak: f64,
+        /// Highest PWM of the training, median.
+        expected: f64,
+    },
     /// Angles that the gripper of the training does not have.
     #[error(
         "{name} is {value:.2}, and {low:.1} to {high:.1} degrees where the model was trained; is it in degrees, and of \

@@ -19,6 +19,7 @@ mod profile;
 mod protocol;
 mod regression;
 mod session;
+mod shape;
 mod squeeze;
 mod tactile;
 

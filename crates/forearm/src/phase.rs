@@ -1,5 +1,7 @@
 //! How far a squeeze has come, told by the PWM that was commanded, so that its speed and its gaps do not matter.
 
+use crate::shape::Shape;
+
 /// Phases that columns are looked at.
 pub(crate) const PHASES: usize = 48;
 /// From one phase to the next.
@@ -10,11 +12,6 @@ const FIRST: f64 = -0.25;
 const LAST: f64 = 2.1;
 /// How long the rest after the release is looked at, as a share of the time from 0 to 2.
 const REST_AFTER: f64 = 0.06;
-/// A PWM up to this share of the peak is rest.
-const REST_PWM: f64 = 0.02;
-/// A squeeze has turned where PWM is below its highest by more than this share of the peak.
-const TURNED: f64 = 0.08;
-
 /// The phase of step `step`: from -0.25 (the first sample) by 0 (PWM begins to rise), 1 (the peak) and 2 (PWM is back at
 /// rest) to 2.1.
 pub(crate) fn phase_of(step: usize) -> f64 {
@@ -28,50 +25,27 @@ pub(crate) struct Course {
 }
 
 impl Course {
-    /// From times, increasing, and PWM, whose profile goes from about `least_pwm` to about `peak_pwm` and back. The phase
-    /// never decreases. It is that of the whole squeeze as far as the squeeze has come: between 0 and 2 it is the share of the
-    /// peak, up and down; before, the share of the rest that is over; after, time.
-    pub(crate) fn of(time_ms: &[f64], pwm: &[f64], [least_pwm, peak_pwm]: [f64; 2]) -> Self {
-        let swing = peak_pwm - least_pwm;
-        let rest = least_pwm + REST_PWM * swing;
-        let mut phases = vec![FIRST; pwm.len()];
-        // The last sample at rest before PWM rises.
-        let Some(start) = pwm
-            .iter()
-            .position(|p| *p > rest)
-            .map(|row| row.saturating_sub(1))
-        else {
+    /// From times, increasing, and the shape of the PWM. The phase never decreases. It is that of the whole squeeze as
+    /// far as the squeeze has come: between 0 and 2 it is the share of the peak, up and down; before, the share of the
+    /// rest that is over; after, time.
+    pub(crate) fn of(time_ms: &[f64], shape: &Shape<'_>) -> Self {
+        let mut phases = vec![FIRST; shape.len()];
+        let Some(start) = shape.start else {
             return Self { phases };
         };
-        let mut top = start;
-        let mut turned = pwm.len();
-        for (row, level) in pwm.iter().enumerate().skip(start) {
-            if *level > pwm[top] {
-                top = row;
-            } else if pwm[top] - level > TURNED * swing {
-                turned = row;
-                break;
-            }
-        }
-        let up = if turned < pwm.len() { top + 1 } else { pwm.len() };
-        let end = pwm
-            .iter()
-            .skip(up)
-            .position(|p| *p <= rest)
-            .map_or(pwm.len(), |n| up + n);
+        let (down, end) = (shape.down, shape.end);
         let before = (time_ms[start] - time_ms[0]).max(f64::MIN_POSITIVE);
         let squeezed = time_ms.get(end).map_or(f64::INFINITY, |t| t - time_ms[start]);
         let mut highest = FIRST;
         for (row, phase) in phases.iter_mut().enumerate() {
-            let level = ((pwm[row] - least_pwm) / swing).clamp(0.0, 1.0);
             let now = if row < start {
                 FIRST * (time_ms[start] - time_ms[row]) / before
             } else if row == start {
                 0.0
-            } else if row < up {
-                level
+            } else if row < down {
+                shape.level(row)
             } else if row < end {
-                2.0 - level
+                2.0 - shape.level(row)
             } else {
                 2.0 + (LAST - 2.0) * ((time_ms[row] - time_ms[end]) / (REST_AFTER * squeezed)).min(1.0)
             };
@@ -133,6 +107,10 @@ impl Course {
 mod tests {
     use super::*;
 
+    fn along(time_ms: &[f64], pwm: &[f64], profile: [f64; 2]) -> Course {
+        Course::of(time_ms, &Shape::of(pwm, profile))
+    }
+
     /// Ten samples of rest, 41 up to 410, 40 down, five of rest.
     fn squeeze(step_ms: f64) -> (Vec<f64>, Vec<f64>) {
         let up = (1..=41).map(|n| 10.0 * f64::from(n));
@@ -149,7 +127,7 @@ mod tests {
     #[test]
     fn the_phase_is_the_pwm_up_and_down_whatever_the_speed() {
         let (time, pwm) = squeeze(120.0);
-        let course = Course::of(&time, &pwm, [0.0, 400.0]);
+        let course = along(&time, &pwm, [0.0, 400.0]);
         let close = |row: usize, phase: f64| {
             assert!(
                 (course.phases[row] - phase).abs() < 1e-9,
@@ -166,7 +144,7 @@ mod tests {
         close(96, 2.1);
         assert_eq!(course.steps(), PHASES);
         let (slow, _) = squeeze(240.0);
-        let other = Course::of(&slow, &pwm, [0.0, 400.0]);
+        let other = along(&slow, &pwm, [0.0, 400.0]);
         assert!(
             course
                 .phases
@@ -179,16 +157,16 @@ mod tests {
     #[test]
     fn a_squeeze_has_the_phases_of_the_whole_as_far_as_it_has_come() {
         let (time, pwm) = squeeze(120.0);
-        let whole = Course::of(&time, &pwm, [0.0, 400.0]);
+        let whole = along(&time, &pwm, [0.0, 400.0]);
         for end in 1..=time.len() {
-            let part = Course::of(&time[..end], &pwm[..end], [0.0, 400.0]);
+            let part = along(&time[..end], &pwm[..end], [0.0, 400.0]);
             // Until PWM rises nobody knows how long the rest is, and at the top whether it has turned.
             if end > 11 && !(51..56).contains(&end) {
                 assert_eq!(part.phases[..], whole.phases[..end], "{end}");
             }
             assert!(part.steps() <= whole.steps());
         }
-        assert_eq!(Course::of(&time[..8], &pwm[..8], [0.0, 400.0]).steps(), 1);
+        assert_eq!(along(&time[..8], &pwm[..8], [0.0, 400.0]).steps(), 1);
     }
 
     #[test]
@@ -198,7 +176,7 @@ mod tests {
             .map(|n| 88.5 + 44.25 * f64::from((n / 4).min(32 - n / 4)))
             .collect();
         let time: Vec<f64> = (0..pwm.len()).map(|n| 125.0 * n as f64).collect();
-        let course = Course::of(&time, &pwm, [88.5, 796.5]);
+        let course = along(&time, &pwm, [88.5, 796.5]);
         assert!((course.phases[32] - 0.5).abs() < 1e-9 && (course.phases[96] - 1.5).abs() < 1e-9);
         assert!(course.reached() >= 2.0, "{}", course.reached());
     }
@@ -206,7 +184,7 @@ mod tests {
     #[test]
     fn columns_are_interpolated_over_what_is_missing() {
         let (time, pwm) = squeeze(120.0);
-        let course = Course::of(&time, &pwm, [0.0, 400.0]);
+        let course = along(&time, &pwm, [0.0, 400.0]);
         let mut whole = Vec::new();
         assert!(course.at_phases(|row| 3.0 * course.phases[row], &mut whole));
         let mut holed = Vec::new();

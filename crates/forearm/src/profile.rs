@@ -3,6 +3,7 @@
 use crate::error::ForearmError;
 use crate::phase::Course;
 use crate::session::Trial;
+use crate::shape::Shape;
 use crate::squeeze::Squeeze;
 use serde::{Deserialize, Serialize};
 
@@ -11,19 +12,27 @@ use serde::{Deserialize, Serialize};
 const HIGHER_PEAK: f64 = 0.15;
 const LOWER_PEAK: f64 = 0.3;
 /// A squeeze of the training comes at least to this phase: a random profile need not come to 2.
-const WHOLE: f64 = 1.9;
+pub(crate) const WHOLE: f64 = 1.9;
 /// Least samples of a squeeze.
 const LEAST_SAMPLES: usize = 2;
 /// Least places of a training, and squeezes at each.
 const LEAST_PLACES: usize = 3;
 const LEAST_SQUEEZES: usize = 2;
 
-/// Lowest and highest PWM of the training's squeezes, medians.
+/// Samples are missing where the next one comes after more than this many times the median time between two.
+const GAP: f64 = 4.0;
+
+/// First, lowest and highest PWM of the training's squeezes, medians.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Profile {
+    first_pwm: f64,
     least_pwm: f64,
     peak_pwm: f64,
+}
+
+fn first(squeeze: &Squeeze) -> f64 {
+    squeeze.pwm.first().copied().unwrap_or(f64::NAN)
 }
 
 fn least(squeeze: &Squeeze) -> f64 {
@@ -43,6 +52,7 @@ impl Profile {
             values.get(values.len() / 2).copied().unwrap_or(0.0)
         };
         let profile = Self {
+            first_pwm: median(first),
             least_pwm: median(least),
             peak_pwm: median(peak),
         };
@@ -56,10 +66,13 @@ impl Profile {
     }
 
     pub(crate) fn is_one(&self) -> bool {
-        self.least_pwm < self.peak_pwm && self.peak_pwm > 0.0
+        self.first_pwm.is_finite() && self.least_pwm < self.peak_pwm && self.peak_pwm > 0.0
     }
 
     /// How far each sample of a squeeze has come.
+    ///
+    /// # Errors
+    /// What is damaged, and what is no squeeze of this profile from its beginning on.
     pub(crate) fn course(&self, squeeze: &Squeeze) -> Result<Course, ForearmError> {
         squeeze.check()?;
         let samples = squeeze.len();
@@ -67,11 +80,15 @@ impl Profile {
             let least = LEAST_SAMPLES;
             return Err(ForearmError::TooShort { samples, least });
         }
-        let course = Course::of(&squeeze.time_ms, &squeeze.pwm, [self.least_pwm, self.peak_pwm]);
-        let (peak, expected) = (peak(squeeze), self.peak_pwm);
-        let is_too_low = peak < (1.0 - LOWER_PEAK) * expected && course.reached() > 1.0;
-        if peak > (1.0 + HIGHER_PEAK) * expected || is_too_low {
-            return Err(ForearmError::Profile { peak, expected });
+        let shape = Shape::of(&squeeze.pwm, [self.least_pwm, self.peak_pwm]);
+        shape.check(self.first_pwm)?;
+        let course = Course::of(&squeeze.time_ms, &shape);
+        let peak = peak(squeeze);
+        if peak > (1.0 + HIGHER_PEAK) * self.peak_pwm {
+            return Err(self.other(peak));
+        }
+        if peak < (1.0 - LOWER_PEAK) * self.peak_pwm && course.reached() > 1.0 {
+            return Err(self.too_low(squeeze, shape.top));
         }
         Ok(course)
     }
@@ -79,15 +96,38 @@ impl Profile {
     /// The same of a squeeze that is to be trained on: it must be whole.
     pub(crate) fn whole(&self, squeeze: &Squeeze) -> Result<Course, ForearmError> {
         let course = self.course(squeeze)?;
-        let (peak, expected) = (peak(squeeze), self.peak_pwm);
-        if peak < (1.0 - HIGHER_PEAK) * expected {
-            return Err(ForearmError::Profile { peak, expected });
+        if peak(squeeze) < (1.0 - HIGHER_PEAK) * self.peak_pwm {
+            return Err(self.too_low(squeeze, course.row_at(1.0)));
         }
         let reached = course.reached();
         if reached < WHOLE {
             return Err(ForearmError::NoEnd { reached });
         }
         Ok(course)
+    }
+
+    fn other(&self, peak: f64) -> ForearmError {
+        let expected = self.peak_pwm;
+        ForearmError::Profile { peak, expected }
+    }
+
+    /// Why the highest PWM, in this row, is too low: another profile, or a gap that hides the peak.
+    fn too_low(&self, squeeze: &Squeeze, row: usize) -> ForearmError {
+        let mut steps_ms: Vec<f64> = squeeze.time_ms.windows(2).map(|two| two[1] - two[0]).collect();
+        let beside = &steps_ms[row.saturating_sub(1)..(row + 1).min(steps_ms.len())];
+        let gap_ms = beside.iter().copied().fold(0.0, f64::max);
+        steps_ms.sort_by(f64::total_cmp);
+        let (peak, expected) = (peak(squeeze), self.peak_pwm);
+        if gap_ms > GAP * steps_ms[steps_ms.len() / 2] {
+            ForearmError::PeakMissing {
+                row,
+                gap_ms,
+                peak,
+                expected,
+            }
+        } else {
+            self.other(peak)
+        }
     }
 }
 

@@ -98,6 +98,8 @@ struct EstimateArgs {
 
 /// A squeeze that ends before this phase was broken off: a random profile of PWM need not come back to 2.
 const WHOLE: f64 = 1.9;
+/// What ends before this phase, about a fifth of a squeeze's time, says too little to be told for a squeeze of a file.
+const LEAST: f64 = 0.2;
 
 /// A line of `estimate --json`.
 #[derive(Debug, Serialize)]
@@ -209,7 +211,7 @@ fn estimate_file(
     let file = path.display().to_string();
     if !path.is_dir() && path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mat")) {
         let squeeze = Squeeze::read_mat(path)?;
-        let estimate = model.estimate(&squeeze).with_context(|| file.clone())?;
+        let estimate = told(model, &squeeze).with_context(|| file.clone())?;
         return line(text, &file, None, estimate, json);
     }
     for trial in &Session::open(path)?.trials {
@@ -219,12 +221,28 @@ fn estimate_file(
                 trial.repetition, trial.location_percent
             )
         };
-        match model.estimate(&trial.squeeze).with_context(place) {
+        match told(model, &trial.squeeze).with_context(place) {
             Ok(estimate) => line(text, &file, Some(trial), estimate, json)?,
             Err(error) => failed.push(error),
         }
     }
     Ok(())
+}
+
+/// The estimate of a squeeze that is over: one of which little is there is no squeeze.
+fn told(model: &Model, squeeze: &Squeeze) -> anyhow::Result<Estimate> {
+    let estimate = model.estimate(squeeze)?;
+    anyhow::ensure!(
+        estimate.phase > 0.0,
+        "PWM never rises above rest in its {} samples; give a squeeze from rest to release",
+        squeeze.len()
+    );
+    anyhow::ensure!(
+        estimate.phase >= LEAST,
+        "the squeeze breaks off at phase {:.2} of 2, and what ends before {LEAST} says too little; squeeze again",
+        estimate.phase
+    );
+    Ok(estimate)
 }
 
 fn line(
@@ -264,7 +282,6 @@ fn line(
             )?;
         }
         match estimate.phase {
-            phase if phase < 0.0 => writeln!(text, "; before the squeeze: PWM never rises)")?,
             phase if phase < WHOLE => {
                 writeln!(text, "; of a squeeze that breaks off at phase {phase:.2} of 2)")?
             }

@@ -99,7 +99,7 @@ fn a_gripper_without_potentiometers_is_trained_on_and_what_cannot_be_estimated_h
         Session::open(&dir.path().join("kept.npz")).unwrap().trials.len(),
         26
     );
-    // One that is torn, one whose PWM never rises, one that is broken off.
+    // One that is torn, one whose PWM never rises, two that are broken off: one says something, the other too little.
     let whole = Session::open(&dir.path().join("session")).unwrap().trials[0]
         .squeeze
         .clone();
@@ -107,10 +107,18 @@ fn a_gripper_without_potentiometers_is_trained_on_and_what_cannot_be_estimated_h
     fs::write(dir.path().join("torn.mat"), &whole.to_mat()[..300]).unwrap();
     write("whole.mat", &whole);
     write("half.mat", &whole.prefix(whole.len() / 2));
+    write("tip.mat", &whole.prefix(14));
     let mut still = whole;
     still.pwm.fill(0.0);
     write("still.mat", &still);
-    let files = ["torn.mat", "whole.mat", "half.mat", "nosuch.mat", "still.mat"];
+    let files = [
+        "torn.mat",
+        "whole.mat",
+        "half.mat",
+        "nosuch.mat",
+        "still.mat",
+        "tip.mat",
+    ];
     let output = taxel(
         &dir,
         &[&["forearm", "estimate", "arm.model"], &files[..]].concat(),
@@ -126,9 +134,11 @@ fn a_gripper_without_potentiometers_is_trained_on_and_what_cannot_be_estimated_h
         lines[1].starts_with("half.mat: ") && lines[1].contains("breaks off at phase 0."),
         "{out}"
     );
+    assert_eq!(lines.len(), 2, "{out}");
     assert!(
-        lines[2].starts_with("still.mat: ") && lines[2].ends_with("PWM never rises)"),
-        "{out}"
+        err.contains("still.mat: PWM never rises above rest")
+            && err.contains("tip.mat: the squeeze breaks off at phase 0."),
+        "{err}"
     );
     assert!(
         err.contains("taxel: torn.mat: byte 128") && err.contains("taxel: nosuch.mat: "),
