@@ -3,6 +3,9 @@
 use crate::squeeze::{Sample, Squeeze};
 use taxel_cluster::Random;
 
+/// A count of the converter that reads potentiometers, degrees.
+const COUNT_DEG: f64 = 333.3 / 1023.0;
+
 /// Something that happens to a squeeze.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Disturbance {
@@ -22,6 +25,13 @@ pub enum Disturbance {
     PotentiometerStuck,
     /// A potentiometer says the same from one of its samples on.
     PotentiometerSticks,
+    /// A potentiometer says the same all the time, but for one count of its converter in a tenth of its samples: what it
+    /// says at one of its samples.
+    PotentiometerStuckNoisy,
+    /// The same, at any angle from 30 to 60 degrees.
+    PotentiometerElsewhere,
+    /// The wire of a potentiometer hangs free: each sample is anything from 30 to 60 degrees.
+    PotentiometerFloats,
     /// A potentiometer says nothing.
     PotentiometerLost,
     /// A potentiometer says 0 degrees all the time.
@@ -39,6 +49,9 @@ impl std::fmt::Display for Disturbance {
             Self::Zero(deg) => write!(f, "a zero off by {deg} degrees"),
             Self::PotentiometerStuck => f.write_str("a potentiometer stuck"),
             Self::PotentiometerSticks => f.write_str("one that sticks midway"),
+            Self::PotentiometerStuckNoisy => f.write_str("one stuck, with a count of noise"),
+            Self::PotentiometerElsewhere => f.write_str("one stuck anywhere, with a count of noise"),
+            Self::PotentiometerFloats => f.write_str("one whose wire hangs free"),
             Self::PotentiometerLost => f.write_str("a potentiometer lost"),
             Self::PotentiometerDead => f.write_str("a potentiometer at 0"),
         }
@@ -97,11 +110,34 @@ impl Disturbance {
                 let value = from.first().copied().unwrap_or(f64::NAN);
                 from.fill(value);
             }
+            Self::PotentiometerStuckNoisy => {
+                let at = random.below(squeeze.len().max(1));
+                let value = squeeze.theta_p_deg[finger].get(at).copied().unwrap_or(f64::NAN);
+                stuck(&mut other.theta_p_deg[finger], value, &mut random);
+            }
+            Self::PotentiometerElsewhere => {
+                let value = anywhere(&mut random);
+                stuck(&mut other.theta_p_deg[finger], value, &mut random);
+            }
+            Self::PotentiometerFloats => {
+                let column = &mut other.theta_p_deg[finger];
+                column.fill_with(|| anywhere(&mut random));
+            }
             Self::PotentiometerLost => other.theta_p_deg[finger].fill(f64::NAN),
             Self::PotentiometerDead => other.theta_p_deg[finger].fill(0.0),
         }
         other
     }
+}
+
+/// An angle that a potentiometer may have, degrees.
+fn anywhere(random: &mut Random) -> f64 {
+    30.0 + 30.0 * random.unit()
+}
+
+/// One value, but for a count more in a tenth of the samples.
+fn stuck(column: &mut [f64], value: f64, random: &mut Random) {
+    column.fill_with(|| value + if random.unit() < 0.1 { COUNT_DEG } else { 0.0 });
 }
 
 /// Samples between samples, on straight lines.

@@ -32,7 +32,7 @@ pub(crate) const ANGLES: [&str; 4] = [
     "theta_a of finger 1",
 ];
 
-/// The angles that an estimate was made without, since they are lost or do not move.
+/// The angles that an estimate was made without, since they are lost, stuck or jump.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct LeftOut {
     /// In the order of `ANGLES`.

@@ -3,10 +3,11 @@
 use crate::error::ForearmError;
 use crate::estimate::{ANGLES, Estimate, Estimator, LeftOut, Source};
 use crate::phase::{Course, PHASES};
-use crate::profile::{Profile, places, within};
+use crate::profile::{Profile, WHOLE, places, within};
 use crate::regression::{Regression, Rows, Tried, try_all};
 use crate::session::Trial;
 use crate::squeeze::Squeeze;
+use crate::stillness::Stillness;
 use serde::{Deserialize, Serialize};
 
 /// Which angles are there: all, one lost, both potentiometers lost, one finger lost. The two fingers' angles are added up:
@@ -28,6 +29,11 @@ const STUCK_DEG: f64 = 0.05;
 /// Of what a motor's angle goes through in all squeezes, it moves by this much in each. The least is 0.23 in the public
 /// data and 0.15 in the simulation; in radians it is 0.02 at most.
 const LEAST_MOVED: f64 = 0.05;
+/// Half of the steps from sample to sample are this share of what an angle goes through in all squeezes, or less: more
+/// is a wire that hangs free. Sound potentiometers make steps of 0 to 0.01.
+const JUMPS: f64 = 0.1;
+/// Steps that it takes to see that.
+const STEPS: usize = 8;
 /// The motors' angles among the four.
 const MOTORS: std::ops::Range<usize> = 2..4;
 /// Where angles are lost there is a line for every so many steps only.
@@ -45,6 +51,8 @@ pub struct Kinesthetic {
     chosen: Tried,
     /// In the order of `READINGS`. None where such an angle is needed.
     readings: Vec<Option<Regression>>,
+    /// Of the potentiometers.
+    stillness: [Stillness; 2],
 }
 
 impl Kinesthetic {
@@ -65,11 +73,13 @@ impl Kinesthetic {
     pub fn train_by(trials: &[&Trial], score: impl Fn(&Tried) -> f64) -> Result<Self, ForearmError> {
         let set = Training::of(trials)?;
         let reading = set.reading()?;
+        let stillness =
+            [0, 1].map(|n| Stillness::of(trials.iter().map(|t| angles(&t.squeeze)[n].as_slice())));
         let mut tried = try_all(&set.rows(reading));
         tried.sort_by(|a, b| score(a).total_cmp(&score(b)));
         let chosen = tried.first().copied();
         chosen
-            .map(|chosen| set.model(chosen, reading))
+            .map(|chosen| set.model(chosen, reading, stillness))
             .ok_or(ForearmError::Untrained {
                 what: "nothing to choose from".into(),
             })
@@ -107,6 +117,7 @@ impl Kinesthetic {
             && self.readings.iter().any(Option::is_some)
             && ranges
             && self.profile.is_one()
+            && self.stillness.iter().all(|of| of.is_whole())
             && fit.all(|f| f)
     }
 
@@ -145,9 +156,36 @@ impl Kinesthetic {
                 let name = ANGLES[n];
                 return Err(ForearmError::Still { name, moved, span });
             }
-            healthy[n] = !(lost || stuck && whole);
+            let is_over = course.reached() >= WHOLE;
+            let stands = is_over && self.stillness.get(n).is_some_and(|of| of.is_stuck(column));
+            healthy[n] = !(lost || stands || whole && (stuck || jumps(column, span)));
         }
         Ok(healthy)
+    }
+
+    /// The columns of a reading at all phases.
+    fn features(
+        &self,
+        squeeze: &Squeeze,
+        course: &Course,
+        reading: [bool; 4],
+    ) -> Result<Vec<f64>, ForearmError> {
+        let mut features = Vec::with_capacity(2 * PHASES);
+        let columns = angles(squeeze);
+        for pair in columns_of(reading) {
+            let value = |n: usize, row: usize| {
+                let value = columns[n][row];
+                match self.bounds(n) {
+                    Some([low, high]) if (low..=high).contains(&value) => value,
+                    _ => f64::NAN,
+                }
+            };
+            if !course.at_phases(|row| pair.iter().map(|n| value(*n, row)).sum(), &mut features) {
+                let what = pair.iter().map(|n| ANGLES[*n]).collect::<Vec<_>>().join(" or ");
+                return Err(ForearmError::Lost { what });
+            }
+        }
+        Ok(features)
     }
 
     /// What an angle may be; None where the training's gripper does not have it.
@@ -175,21 +213,7 @@ impl Estimator for Kinesthetic {
                 what: lost.collect::<Vec<_>>().join(", "),
             });
         };
-        let mut features = Vec::with_capacity(2 * PHASES);
-        let columns = angles(squeeze);
-        for pair in columns_of(reading) {
-            let value = |n: usize, row: usize| {
-                let value = columns[n][row];
-                match self.bounds(n) {
-                    Some([low, high]) if (low..=high).contains(&value) => value,
-                    _ => f64::NAN,
-                }
-            };
-            if !course.at_phases(|row| pair.iter().map(|n| value(*n, row)).sum(), &mut features) {
-                let what = pair.iter().map(|n| ANGLES[*n]).collect::<Vec<_>>().join(" or ");
-                return Err(ForearmError::Lost { what });
-            }
-        }
+        let features = self.features(squeeze, &course, reading)?;
         let (percent, half_width_90) = regression.estimate(&features, course.steps());
         Ok(Estimate {
             percent,
@@ -199,6 +223,18 @@ impl Estimator for Kinesthetic {
             phase: course.reached(),
         })
     }
+}
+
+/// Whether a column jumps from sample to sample by a good part of what it may go through, degrees.
+fn jumps(column: &[f64], span: f64) -> bool {
+    let steps = || {
+        column
+            .windows(2)
+            .map(|two| (two[1] - two[0]).abs())
+            .filter(|step| step.is_finite())
+    };
+    let wide = steps().filter(|step| *step > JUMPS * span).count();
+    steps().count() >= STEPS && 2 * wide > steps().count()
 }
 
 /// Whether these angles are all that a reading needs.
@@ -304,7 +340,7 @@ impl Training {
         }
     }
 
-    fn model(&self, chosen: Tried, best: [bool; 4]) -> Kinesthetic {
+    fn model(&self, chosen: Tried, best: [bool; 4], stillness: [Stillness; 2]) -> Kinesthetic {
         let there = self.range_deg.map(|range| range.is_some());
         let reading = |reading: [bool; 4]| {
             let every = if reading == best { 1 } else { STAGE_OF_FEWER };
@@ -315,6 +351,7 @@ impl Training {
             range_deg: self.range_deg,
             chosen,
             readings: READINGS.map(reading).into(),
+            stillness,
         }
     }
 }

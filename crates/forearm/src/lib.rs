@@ -21,6 +21,7 @@ mod regression;
 mod session;
 mod shape;
 mod squeeze;
+mod stillness;
 mod tactile;
 
 pub use disturbance::Disturbance;

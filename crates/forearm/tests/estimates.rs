@@ -328,6 +328,37 @@ fn a_course_that_is_no_squeeze_of_the_profile_is_refused_with_the_row_that_tells
 }
 
 #[test]
+fn a_potentiometer_that_stands_still_under_noise_or_hangs_free_is_done_without() {
+    let model = model();
+    let whole = squeeze(37.0, 0.0);
+    for what in [
+        Disturbance::PotentiometerStuckNoisy,
+        Disturbance::PotentiometerElsewhere,
+        Disturbance::PotentiometerFloats,
+    ] {
+        for seed in 0..20 {
+            let estimate = match model.estimate(&what.apply(&whole, seed)) {
+                Ok(estimate) => estimate,
+                // Where no angle of this gripper is, it is said.
+                Err(error) => {
+                    assert!(error.to_string().contains("theta_p of finger"), "{error}");
+                    continue;
+                }
+            };
+            let names: Vec<_> = estimate.left_out.names().collect();
+            assert!(
+                names.len() == 1 && names[0].starts_with("theta_p"),
+                "{what}, {seed}: {names:?}"
+            );
+            assert!(
+                (estimate.percent - 37.0).abs() < 3.0,
+                "{what}, {seed}: {estimate:?}"
+            );
+        }
+    }
+}
+
+#[test]
 fn training_names_the_squeeze_that_it_cannot_take() {
     let refused = |change: &dyn Fn(&mut Session), words: &str| {
         let mut session = session();

@@ -112,7 +112,7 @@ struct Line {
     location_percent: f64,
     half_width_90: f64,
     source: String,
-    /// Angles that it was made without, since they are lost or do not move.
+    /// Angles that it was made without, since they are lost, stuck or jump.
     left_out: Vec<&'static str>,
     /// How far the squeeze came: 1 is its peak, 2 its end.
     phase: f64,
@@ -277,7 +277,7 @@ fn line(
         if !left_out.is_empty() {
             write!(
                 text,
-                "; without {}: lost, or does not move",
+                "; without {}: lost, stuck, or jumps",
                 left_out.join(" and ")
             )?;
         }
