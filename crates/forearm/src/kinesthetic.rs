@@ -34,6 +34,8 @@ const LEAST_MOVED: f64 = 0.05;
 const JUMPS: f64 = 0.1;
 /// Steps that it takes to see that.
 const STEPS: usize = 8;
+/// In some squeeze of a training a motor closes by at least this, degrees: in radians it would be half a turn.
+const LEAST_CLOSED_DEG: f64 = 3.0;
 /// The motors' angles among the four.
 const MOTORS: std::ops::Range<usize> = 2..4;
 /// Where angles are lost there is a line for every so many steps only.
@@ -263,6 +265,47 @@ fn columns_of(reading: [bool; 4]) -> impl Iterator<Item = Vec<usize>> {
         .filter(|pair| !pair.is_empty())
 }
 
+/// Smallest and largest number of a column.
+fn range(column: &[f64]) -> [f64; 2] {
+    let known = || column.iter().copied().filter(|v| v.is_finite());
+    [
+        known().fold(f64::INFINITY, f64::min),
+        known().fold(f64::NEG_INFINITY, f64::max),
+    ]
+}
+
+/// The two smallest and the two largest values of an angle, each of another squeeze.
+struct Others {
+    least: [f64; 2],
+    most: [f64; 2],
+}
+
+impl Others {
+    fn of(ranges: &[[f64; 2]]) -> Self {
+        let mut others = Self {
+            least: [f64::INFINITY; 2],
+            most: [f64::NEG_INFINITY; 2],
+        };
+        for [least, most] in ranges {
+            let [first, second] = &mut others.least;
+            *second = least.max(*first).min(*second);
+            *first = least.min(*first);
+            let [first, second] = &mut others.most;
+            *second = most.min(*first).max(*second);
+            *first = most.max(*first);
+        }
+        others
+    }
+
+    /// What the angle goes through in all squeezes but the one of this range.
+    fn of_all_but(&self, [least, most]: [f64; 2]) -> [f64; 2] {
+        [
+            self.least[usize::from(least == self.least[0])],
+            self.most[usize::from(most == self.most[0])],
+        ]
+    }
+}
+
 /// Smallest and largest value of an angle in all squeezes; None where it is in none, or stands still.
 fn range_of(trials: &[&Trial], angle: usize) -> Option<[f64; 2]> {
     let all = trials.iter().flat_map(|trial| angles(&trial.squeeze)[angle]);
@@ -295,7 +338,52 @@ impl Training {
         for trial in trials {
             set.add(&trial.squeeze).map_err(within(trial))?;
         }
+        set.of_one_gripper(trials)?;
         Ok(set)
+    }
+
+    /// Whether each squeeze's angles are where those of all others are, and its motors move as theirs do.
+    fn of_one_gripper(&self, trials: &[&Trial]) -> Result<(), ForearmError> {
+        for (n, name) in ANGLES
+            .into_iter()
+            .enumerate()
+            .filter(|(n, _)| self.range_deg[*n].is_some())
+        {
+            let ranges: Vec<[f64; 2]> = trials
+                .iter()
+                .map(|trial| range(angles(&trial.squeeze)[n]))
+                .collect();
+            let others = Others::of(&ranges);
+            for (trial, [least, most]) in trials.iter().zip(&ranges) {
+                let [low, high] = others.of_all_but([*least, *most]);
+                let (span, moved) = (high - low, most - least);
+                let refused = |error| Err(within(trial)(error));
+                if MOTORS.contains(&n) && moved < LEAST_MOVED * span {
+                    return refused(ForearmError::Still { name, moved, span });
+                }
+                let (low, high) = (low - BEYOND_DEG, high + BEYOND_DEG);
+                if let Some(value) = [*least, *most].into_iter().find(|v| !(low..=high).contains(v)) {
+                    return refused(ForearmError::Angle {
+                        name,
+                        value,
+                        low,
+                        high,
+                    });
+                }
+            }
+            let moved = ranges
+                .iter()
+                .map(|[least, most]| most - least)
+                .fold(0.0, f64::max);
+            if MOTORS.contains(&n) && moved < LEAST_CLOSED_DEG {
+                return Err(ForearmError::Untrained {
+                    what: format!(
+                        "{name} moves by {moved:.2} degrees in a squeeze at most; is it in degrees?"
+                    ),
+                });
+            }
+        }
+        Ok(())
     }
 
     fn add(&mut self, squeeze: &Squeeze) -> Result<(), ForearmError> {

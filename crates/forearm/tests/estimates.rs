@@ -378,6 +378,33 @@ fn training_names_the_squeeze_that_it_cannot_take() {
         &|s| s.trials[7].squeeze.theta_p_deg[0].fill(f64::NAN),
         "theta_p of finger 0",
     );
+    // Angles in radians, of one squeeze or two; of all.
+    let in_radians = |squeeze: &mut Squeeze| {
+        let Squeeze {
+            theta_p_deg,
+            theta_a_deg,
+            ..
+        } = squeeze;
+        for column in theta_p_deg.iter_mut().chain(theta_a_deg) {
+            column.iter_mut().for_each(|angle| *angle = angle.to_radians());
+        }
+    };
+    refused(
+        &|s| s.trials[6..8].iter_mut().for_each(|t| in_radians(&mut t.squeeze)),
+        "the squeeze 0 at 8.3 %: theta_a of finger 0 moves by 0.",
+    );
+    refused(
+        &|s| {
+            s.trials[7].squeeze.theta_p_deg[1]
+                .iter_mut()
+                .for_each(|a| *a = a.to_radians())
+        },
+        "the squeeze 1 at 8.3 %: theta_p of finger 1 is 0.",
+    );
+    refused(
+        &|s| s.trials.iter_mut().for_each(|t| in_radians(&mut t.squeeze)),
+        "theta_a of finger 0 moves by 0.5",
+    );
 }
 
 #[test]
