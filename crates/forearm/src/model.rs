@@ -25,16 +25,34 @@ struct Header {
     /// Units of what the model takes and gives.
     units: Units,
     trained_on: TrainedOn,
-    /// CRC-32 of the second line.
-    checksum: u32,
 }
 
-#[derive(Debug, Serialize, Deserialize)]
+#[derive(Debug, PartialEq, Serialize, Deserialize)]
 struct Units {
     angles: String,
     pwm: String,
     time: String,
     estimate: String,
+}
+
+impl Units {
+    /// The only ones there are.
+    fn known() -> Self {
+        Self {
+            angles: "degrees".into(),
+            pwm: "of 885".into(),
+            time: "ms".into(),
+            estimate: "percent from wrist to elbow".into(),
+        }
+    }
+}
+
+/// The last line of a model file.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Footer {
+    /// CRC-32 of all lines before it, line ends included.
+    checksum: u32,
 }
 
 /// What a model was trained on.
@@ -88,39 +106,35 @@ impl Model {
         })
     }
 
-    /// The bytes of a model file: two lines of JSON, what it is and the model. Data, no code.
+    /// The bytes of a model file: three lines of JSON, what it is, the model, and the checksum of both. Data, no code.
     pub fn to_bytes(&self) -> Vec<u8> {
         let parts = Parts {
             kinesthetic: &self.kinesthetic,
             touch: &self.touch,
         };
-        let model = serde_json::to_string(&parts).unwrap_or_default();
         let header = Header {
             kind: KIND.into(),
             version: VERSION,
-            units: Units {
-                angles: "degrees".into(),
-                pwm: "of 885".into(),
-                time: "ms".into(),
-                estimate: "percent from wrist to elbow".into(),
-            },
+            units: Units::known(),
             trained_on: self.trained_on.clone(),
-            checksum: crc32fast::hash(model.as_bytes()),
         };
-        let header = serde_json::to_string(&header).unwrap_or_default();
-        format!("{header}\n{model}\n").into_bytes()
+        let line = |json: serde_json::Result<String>| json.unwrap_or_default() + "\n";
+        let mut text = line(serde_json::to_string(&header)) + &line(serde_json::to_string(&parts));
+        let checksum = crc32fast::hash(text.as_bytes());
+        text += &line(serde_json::to_string(&Footer { checksum }));
+        text.into_bytes()
     }
 
     /// Reads what [`Model::to_bytes`] writes.
     ///
     /// # Errors
-    /// Another kind of file, another version, a file that is damaged.
+    /// Another kind of file, another version, other units, a file that is damaged.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, ForearmError> {
         let not = |what: &str| ForearmError::Model { what: what.into() };
         let text = std::str::from_utf8(bytes).map_err(|_| not("it is no text"))?;
         let (first, rest) = text
             .split_once('\n')
-            .ok_or_else(|| not("it has one line, and two are needed"))?;
+            .ok_or_else(|| not("it has one line, and three are needed"))?;
         let header: Header = serde_json::from_str(first).map_err(|e| not(&format!("its first line: {e}")))?;
         if header.kind != KIND {
             return Err(not(&format!("it says that it is a {:?}", header.kind)));
@@ -132,11 +146,21 @@ impl Model {
             );
             return Err(not(&what));
         }
-        let model = rest.strip_suffix('\n').unwrap_or(rest);
-        if crc32fast::hash(model.as_bytes()) != header.checksum {
+        let (model, last) = rest.split_once('\n').unwrap_or((rest, ""));
+        let summed = &text[..text.len() - last.len()];
+        let footer = serde_json::from_str(last).ok();
+        if footer.is_none_or(|footer: Footer| footer.checksum != crc32fast::hash(summed.as_bytes())) {
             return Err(not(
                 "its checksum is wrong: it was changed or cut off; train it again",
             ));
+        }
+        if header.units != Units::known() {
+            let what = format!(
+                "its units are {:?}, and {:?} are read",
+                header.units,
+                Units::known()
+            );
+            return Err(not(&what));
         }
         let Parts::<Kinesthetic, Option<(Tactile, Fusion)>> { kinesthetic, touch } =
             serde_json::from_str(model).map_err(|e| not(&e.to_string()))?;
@@ -184,5 +208,34 @@ impl Estimator for Model {
             }
             _ => angles,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_model_in_other_units_is_not_read() {
+        let mut units = Units::known();
+        units.angles = "radians".into();
+        let header = Header {
+            kind: KIND.into(),
+            version: VERSION,
+            units,
+            trained_on: TrainedOn {
+                session: "elsewhere".into(),
+                squeezes: 0,
+                places: Vec::new(),
+            },
+        };
+        let mut text = serde_json::to_string(&header).unwrap() + "\n{}\n";
+        let checksum = crc32fast::hash(text.as_bytes());
+        text += &serde_json::to_string(&Footer { checksum }).unwrap();
+        let error = Model::from_bytes(text.as_bytes()).unwrap_err().to_string();
+        assert!(
+            error.contains("its units are") && error.contains("radians"),
+            "{error}"
+        );
     }
 }

@@ -437,6 +437,17 @@ fn a_model_comes_back_from_its_bytes_and_nothing_else_is_one() {
         "its checksum is wrong",
     );
     refused(&text[..text.len() / 2], "its checksum is wrong");
+    // Every line is summed up.
+    for (from, to) in [
+        ("\"angles\":\"degrees\"", "\"angles\":\"radians\""),
+        ("\"squeezes\":78", "\"squeezes\":13"),
+        ("100.0]}", "50.0]}"),
+    ] {
+        assert!(text.contains(from), "{from}");
+        refused(&text.replacen(from, to, 1), "its checksum is wrong");
+    }
+    refused("{}", "one line");
+    refused("{}\n", "its first line");
 }
 
 /// The figures of docs/forearm.md, with room for another order of additions.

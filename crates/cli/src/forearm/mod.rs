@@ -57,7 +57,7 @@ struct TrainArgs {
     /// A session: an .npz or a folder of .mat files
     #[arg(value_name = "DATA")]
     data: PathBuf,
-    /// Where to keep the model: two lines of JSON
+    /// Where to keep the model: three lines of JSON
     #[arg(long, value_name = "MODEL")]
     out: PathBuf,
 }
