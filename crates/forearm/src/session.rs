@@ -71,6 +71,21 @@ impl Squeeze {
         Self::from_columns(columns).map_err(within(path.display()))
     }
 
+    /// Reads one of the publication's files, and the tactile images of its samples where their file is beside it.
+    ///
+    /// # Errors
+    /// As [`Squeeze::read_mat`]; images that are not of its samples.
+    pub fn open(path: &Path) -> Result<Self, ForearmError> {
+        let mut squeeze = Self::read_mat(path)?;
+        if let Some((place, repetition)) = numbers(path) {
+            let touch = path.with_file_name(touch_file(place, repetition));
+            if touch.exists() {
+                squeeze.read_npy(&touch)?;
+            }
+        }
+        Ok(squeeze)
+    }
+
     /// The bytes of a `.npy` with its tactile images, samples x 28 x 50 counts; `None` without touch.
     pub fn to_npy(&self) -> Option<Vec<u8>> {
         let shape = [self.len(), TACTILE_ROWS, TACTILE_COLUMNS];
@@ -217,15 +232,10 @@ fn read_folders(path: &Path) -> Result<Vec<Trial>, ForearmError> {
     }
     files.sort();
     let trial = |(place, repetition, file): &(usize, usize, PathBuf)| {
-        let mut squeeze = Squeeze::read_mat(file)?;
-        let touch = file.with_file_name(touch_file(*place, *repetition));
-        if touch.exists() {
-            squeeze.read_npy(&touch)?;
-        }
         Ok(Trial {
             location_percent: location_percent(*place),
             repetition: repetition - 1,
-            squeeze,
+            squeeze: Squeeze::open(file)?,
         })
     };
     files.iter().map(trial).collect()
@@ -299,13 +309,12 @@ fn read_npz(path: &Path) -> Result<Vec<Trial>, ForearmError> {
     let mut trials = Vec::with_capacity(places * repetitions);
     for (n, rows) in data.values.chunks_exact(samples * COLUMNS).enumerate() {
         let (place, repetition) = (n / repetitions, n % repetitions);
-        let filled = rows
-            .chunks_exact(COLUMNS)
-            .take_while(|row| !row[0].is_nan())
-            .count();
-        if filled == 0 {
+        // A row that is empty before others is none that was filled up: its time is refused.
+        let is_filled = |row: &[f64]| row.iter().any(|value| !value.is_nan());
+        let Some(last) = rows.chunks_exact(COLUMNS).rposition(is_filled) else {
             continue;
-        }
+        };
+        let filled = last + 1;
         let column = |c: usize| {
             rows.chunks_exact(COLUMNS)
                 .take(filled)

@@ -69,6 +69,42 @@ fn an_npz_holds_squeezes_of_unequal_length_and_leaves_out_those_that_were_not_ma
 }
 
 #[test]
+fn a_squeeze_of_an_npz_is_cut_off_where_no_row_follows_and_nowhere_else() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("session.npz");
+    let mut session = Session {
+        name: path.display().to_string(),
+        trials: vec![trial(0, 0, 9), trial(12, 0, 9)],
+    };
+    session.trials[1].squeeze.time_ms[4] = f64::NAN;
+    session.write_npz(&path).unwrap();
+    let error = Session::open(&path).unwrap_err().to_string();
+    assert!(
+        error.contains("place 1, repetition 0]: row 4 is at NaN ms"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_file_is_read_with_the_touch_beside_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut touched = squeeze(3, 4);
+    touched.tactile = Some((0..4 * TACTELS).map(|n| n as u16).collect());
+    write(folder.path(), 3, 1, &touched.to_mat());
+    let file = folder.path().join("3/distance3_1.mat");
+    assert_eq!(Squeeze::open(&file).unwrap().tactile, None);
+    fs::write(folder.path().join("3/tactile3_1.npy"), touched.to_npy().unwrap()).unwrap();
+    assert_eq!(Squeeze::open(&file).unwrap().tactile, touched.tactile);
+    fs::write(folder.path().join("3/tactile3_1.npy"), "torn").unwrap();
+    assert!(
+        Squeeze::open(&file)
+            .unwrap_err()
+            .to_string()
+            .contains("tactile3_1.npy")
+    );
+}
+
+#[test]
 fn what_cannot_be_read_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let error = |what: &str| {

@@ -210,7 +210,7 @@ fn estimate_file(
 ) -> anyhow::Result<()> {
     let file = path.display().to_string();
     if !path.is_dir() && path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mat")) {
-        let squeeze = Squeeze::read_mat(path)?;
+        let squeeze = Squeeze::open(path)?;
         let estimate = told(model, &squeeze).with_context(|| file.clone())?;
         return line(text, &file, None, estimate, json);
     }
