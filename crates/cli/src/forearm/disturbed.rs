@@ -1,11 +1,10 @@
 //! Estimates of squeezes that something happened to, and of squeezes that are not over.
 
 use super::judge::{Outcome, judge_all};
-use super::report;
 use taxel_forearm::{Disturbance, Kinesthetic, Session, Split, Squeeze};
 use taxel_playback::progress::Progress;
 
-const DISTURBANCES: [Disturbance; 12] = [
+const DISTURBANCES: [Disturbance; 15] = [
     Disturbance::Missing(0.3),
     Disturbance::Gap(1000.0),
     Disturbance::Gap(2000.0),
@@ -16,6 +15,9 @@ const DISTURBANCES: [Disturbance; 12] = [
     Disturbance::Zero(1.0),
     Disturbance::PotentiometerStuck,
     Disturbance::PotentiometerSticks,
+    Disturbance::PotentiometerStuckNoisy,
+    Disturbance::PotentiometerElsewhere,
+    Disturbance::PotentiometerFloats,
     Disturbance::PotentiometerLost,
     Disturbance::PotentiometerDead,
 ];
@@ -27,7 +29,7 @@ pub(super) fn disturbances(
     session: &Session,
     splits: &[Split],
     models: &[Kinesthetic],
-) -> anyhow::Result<String> {
+) -> anyhow::Result<Vec<(String, Outcome)>> {
     let progress = Progress::new(DISTURBANCES.len() as u64, "disturbances");
     let mut rows = Vec::new();
     for what in DISTURBANCES {
@@ -38,10 +40,7 @@ pub(super) fn disturbances(
         ));
         progress.advance(1);
     }
-    Ok(report::table(
-        "disturbed, each squeeze drawn anew in each repetition, without being told",
-        &rows,
-    ))
+    Ok(rows)
 }
 
 /// Outcomes after each of `SHARES`.
@@ -58,11 +57,4 @@ pub(super) fn by_share(
         Ok((share, judge_all(session, splits, models, Some(&change))?))
     };
     SHARES.into_iter().map(after).collect()
-}
-
-pub(super) fn early(session: &Session, splits: &[Split], models: &[Kinesthetic]) -> anyhow::Result<String> {
-    let rows = by_share(session, splits, models)?;
-    let name = |(share, outcome)| (format!("after {:.0} % of its time", 100.0 * share), outcome);
-    let rows: Vec<(String, Outcome)> = rows.into_iter().map(name).collect();
-    Ok(report::table("before the squeeze is over", &rows))
 }

@@ -1,13 +1,13 @@
 //! `taxel forearm eval`: the publication's protocol.
 
 use super::disturbed;
+use super::eval_json::{self, Figures, Report};
 use super::judge::{Outcome, judge_all, judge_fused, leave_places_out, train, trials};
 use super::network_args::NetworkArgs;
 use super::report;
 #[cfg(feature = "networks")]
 use anyhow::Context;
 use clap::ValueEnum;
-use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Instant;
 use taxel_forearm::{Fused, Fusion, Kinesthetic, Session, Split, Tactile, Tried, splits};
@@ -52,46 +52,6 @@ enum Method {
 }
 
 const PROTOCOL: &str = "Pastor et al. 2022: trained on nine tenths of every second place, judged on all else";
-
-/// What `--json` prints.
-#[derive(Debug, Serialize)]
-struct Report {
-    protocol: &'static str,
-    repetitions: usize,
-    kinesthetic: Figures,
-    tactile: Option<Figures>,
-    fused: Option<Figures>,
-}
-
-#[derive(Debug, Serialize)]
-struct Figures {
-    macro_rmse: f64,
-    macro_mae: f64,
-    pooled_rmse: f64,
-    pooled_mae: f64,
-    coverage_90: f64,
-    train_s: f64,
-    estimate_us: f64,
-    /// Of a network: the fewest epochs that any repetition had. A training may have been cut short.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    epochs: Option<usize>,
-}
-
-impl Figures {
-    fn of(outcome: &Outcome, train_s: f64) -> Self {
-        let errors = &outcome.errors;
-        Self {
-            macro_rmse: errors.macro_rmse,
-            macro_mae: errors.macro_mae,
-            pooled_rmse: errors.pooled_rmse,
-            pooled_mae: errors.pooled_mae,
-            coverage_90: errors.coverage_90,
-            train_s,
-            estimate_us: outcome.estimate_us,
-            epochs: None,
-        }
-    }
-}
 
 /// What the choice of least value is taken by.
 type Score = fn(&Tried) -> f64;
@@ -150,6 +110,8 @@ fn paper(
             .context("Ctrl-C came before the first epoch; nothing is judged")?,
         tactile: figures("tactile"),
         fused: figures("fused"),
+        chosen: Vec::new(),
+        more: None,
     };
     Ok(serde_json::to_string(&report)? + "\n")
 }
@@ -167,17 +129,20 @@ pub(super) fn run(args: &Args) -> anyhow::Result<String> {
         true => Some(with_touch(&session, &splits, &trained.estimators)?),
         false => None,
     };
+    let more = match args.brief {
+        true => None,
+        false => Some(More::of(&session, &splits, &trained.estimators)?),
+    };
     if args.json {
+        let figures = |(outcome, train_s): &(Outcome, f64)| Figures::of(outcome, *train_s);
         let report = Report {
             protocol: PROTOCOL,
             repetitions: splits.len(),
             kinesthetic: Figures::of(&outcome, train_s),
-            tactile: touch
-                .as_ref()
-                .map(|touch| Figures::of(&touch.tactile.0, touch.tactile.1)),
-            fused: touch
-                .as_ref()
-                .map(|touch| Figures::of(&touch.fused.0, touch.fused.1)),
+            tactile: touch.as_ref().map(|touch| figures(&touch.tactile)),
+            fused: touch.as_ref().map(|touch| figures(&touch.fused)),
+            chosen: eval_json::chosen(&trained.estimators),
+            more: more.as_ref().map(|more| eval_json::More::of(&session, more)),
         };
         return Ok(serde_json::to_string(&report)? + "\n");
     }
@@ -188,14 +153,43 @@ pub(super) fn run(args: &Args) -> anyhow::Result<String> {
         text += &report::errors(name, &session, outcome, *train_s);
         text += &report::places(outcome);
     }
-    if args.brief {
-        return Ok(text);
+    if let Some(more) = &more {
+        text += &report::table(
+            "disturbed, each squeeze drawn anew in each repetition, without being told",
+            more.disturbed.iter().map(|(name, outcome)| (name, outcome)),
+        );
+        let name = |share: f64| format!("after {:.0} % of its time", 100.0 * share);
+        text += &report::table(
+            "before the squeeze is over",
+            more.early.iter().map(|(share, outcome)| (name(*share), outcome)),
+        );
+        text += &report::places_left_out(&session, &more.places_left_out);
+        text += &report::table(
+            "other procedures",
+            more.procedures.iter().map(|(name, outcome)| (name, outcome)),
+        );
     }
-    text += &disturbed::disturbances(&session, &splits, &trained.estimators)?;
-    text += &disturbed::early(&session, &splits, &trained.estimators)?;
-    text += &report::places_left_out(&session, &leave_places_out(&session, Kinesthetic::train)?);
-    text += &other_procedures(&session, &splits)?;
     Ok(text)
+}
+
+/// What is judged beside the protocol.
+pub(super) struct More {
+    pub(super) disturbed: Vec<(String, Outcome)>,
+    /// After this share of a squeeze's time.
+    pub(super) early: Vec<(f64, Outcome)>,
+    pub(super) places_left_out: Outcome,
+    pub(super) procedures: Vec<(String, Outcome)>,
+}
+
+impl More {
+    fn of(session: &Session, splits: &[Split], models: &[Kinesthetic]) -> anyhow::Result<Self> {
+        Ok(Self {
+            disturbed: disturbed::disturbances(session, splits, models)?,
+            early: disturbed::by_share(session, splits, models)?,
+            places_left_out: leave_places_out(session, Kinesthetic::train)?,
+            procedures: other_procedures(session, splits)?,
+        })
+    }
 }
 
 /// Outcomes of the estimators that need touch, and how long their training took, s.
@@ -231,7 +225,7 @@ fn with_touch(session: &Session, splits: &[Split], angles: &[Kinesthetic]) -> an
     })
 }
 
-fn other_procedures(session: &Session, splits: &[Split]) -> anyhow::Result<String> {
+fn other_procedures(session: &Session, splits: &[Split]) -> anyhow::Result<Vec<(String, Outcome)>> {
     let mut rows = Vec::new();
     for (name, score) in OTHER_PROCEDURES {
         let trained = train(session, splits, |trials| Kinesthetic::train_by(trials, score))?;
@@ -240,5 +234,5 @@ fn other_procedures(session: &Session, splits: &[Split]) -> anyhow::Result<Strin
             judge_all(session, splits, &trained.estimators, None)?,
         ));
     }
-    Ok(report::table("other procedures", &rows))
+    Ok(rows)
 }

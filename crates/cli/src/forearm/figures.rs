@@ -1,7 +1,7 @@
 //! The publication's Figures 5, 7 and 8, and error against how much of the squeeze has been.
 
 use super::disturbed::by_share;
-use super::judge::{judge_all, train};
+use super::judge::{Outcome, judge_all, train};
 use super::report;
 use anyhow::Context;
 use std::path::PathBuf;
@@ -43,6 +43,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<String> {
             elapsed(
                 early.iter().map(|(share, o)| (*share, &o.errors)),
                 &errors,
+                &not_estimated(&early),
                 published,
             ),
         ),
@@ -150,10 +151,29 @@ fn errors_by_place(errors: &Errors, published: Option<[f64; 3]>) -> Sheet {
     sheet
 }
 
+/// Of 100 squeezes those without an estimate after each share of their time: one sample is no squeeze.
+fn not_estimated(early: &[(f64, Outcome)]) -> Vec<(f64, f64)> {
+    let percent = |outcome: &Outcome| {
+        let refused = outcome.refused.as_ref().map_or(0, |(count, _)| *count) as f64;
+        let judged: usize = outcome
+            .errors
+            .places
+            .iter()
+            .map(|place| place.estimates.len())
+            .sum();
+        100.0 * refused / (refused + judged as f64)
+    };
+    early
+        .iter()
+        .map(|(share, outcome)| (100.0 * share, percent(outcome)))
+        .collect()
+}
+
 /// How early can one know?
 fn elapsed<'a>(
     early: impl Iterator<Item = (f64, &'a Errors)>,
     whole: &'a Errors,
+    not_estimated: &[(f64, f64)],
     published: Option<[f64; 3]>,
 ) -> Sheet {
     let all: Vec<(f64, &Errors)> = early.chain([(1.0, whole)]).collect();
@@ -165,12 +185,16 @@ fn elapsed<'a>(
     let mut chart = Chart::new(
         "",
         Axis::new("time since the squeeze began, % of the whole"),
-        Axis::new("% of the forearm").from_zero(),
+        Axis::new("% of the forearm, or of squeezes").from_zero(),
     );
     chart = chart
         .line("RMSE, mean over places", line(|e| e.macro_rmse))
         .line("RMSE over squeezes", line(|e| e.pooled_rmse))
-        .line("half-width of the 90 % interval", line(|e| e.half_width_90));
+        .line("half-width of the 90 % interval", line(|e| e.half_width_90))
+        .line(
+            "squeezes of one sample, without an estimate",
+            not_estimated.iter().copied(),
+        );
     if let Some([rmse, ..]) = published {
         chart = chart.at_y("publication, kinesthetic", rmse);
     }

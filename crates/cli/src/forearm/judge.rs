@@ -16,6 +16,8 @@ pub(super) struct Outcome {
     pub(super) errors: Errors,
     /// Mean time of an estimate.
     pub(super) estimate_us: f64,
+    /// Share of estimates that were made without an angle.
+    pub(super) without_an_angle: f64,
     /// Squeezes of which nothing could be said, and why in the words of the first.
     pub(super) refused: Option<(usize, String)>,
 }
@@ -55,7 +57,7 @@ fn judge<E: Estimator>(
     parts: &[Part<'_, E>],
     change: Change<'_>,
 ) -> anyhow::Result<Outcome> {
-    let (mut judged, mut refused) = (Vec::new(), None);
+    let (mut judged, mut refused, mut without) = (Vec::new(), None, 0.0);
     let mut took = Duration::ZERO;
     for part in parts {
         let mut known: Vec<f64> = part
@@ -74,13 +76,16 @@ fn judge<E: Estimator>(
                 .estimate(changed.as_ref().unwrap_or(&trial.squeeze));
             took += began.elapsed();
             match estimate {
-                Ok(estimate) => judged.push(Judged {
-                    repetition: part.repetition,
-                    percent: trial.location_percent,
-                    estimate: estimate.percent,
-                    half_width_90: estimate.half_width_90,
-                    seen: known.contains(&trial.location_percent),
-                }),
+                Ok(estimate) => {
+                    without += f64::from(u8::from(estimate.left_out.names().next().is_some()));
+                    judged.push(Judged {
+                        repetition: part.repetition,
+                        percent: trial.location_percent,
+                        estimate: estimate.percent,
+                        half_width_90: estimate.half_width_90,
+                        seen: known.contains(&trial.location_percent),
+                    });
+                }
                 Err(error) => refused.get_or_insert((0, error.to_string())).0 += 1,
             }
         }
@@ -93,6 +98,7 @@ fn judge<E: Estimator>(
     Ok(Outcome {
         estimate_us: took.as_secs_f64() * 1e6 / judged.len().max(1) as f64,
         errors: Errors::of(&judged).with_context(why)?,
+        without_an_angle: without / judged.len().max(1) as f64,
         refused,
     })
 }

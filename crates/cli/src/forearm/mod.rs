@@ -2,6 +2,7 @@
 
 mod disturbed;
 mod eval;
+mod eval_json;
 mod figures;
 mod judge;
 mod live;

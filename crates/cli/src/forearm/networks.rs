@@ -126,6 +126,7 @@ fn sum_up(source: &'static str, kind: Kind, trained: &[Trained]) -> Option<Judge
         outcome: Outcome {
             errors,
             estimate_us,
+            without_an_angle: 0.0,
             refused: None,
         },
         train_s: trained.iter().map(|trained| trained.train_s).sum(),

@@ -1,5 +1,6 @@
 //! What `taxel forearm eval` says to people.
 
+use super::eval_json::chosen;
 use super::judge::Outcome;
 use std::fmt::Write as _;
 use taxel_forearm::{Kinesthetic, Session, Split};
@@ -15,15 +16,6 @@ pub(super) fn procedure(session: &Session, splits: &[Split], models: &[Kinesthet
     let counts = splits
         .first()
         .map_or((0, 0), |split| (split.train.len(), split.test.len()));
-    let mut choices: Vec<(String, usize)> = Vec::new();
-    for model in models {
-        let choice = model.chosen().choice.to_string();
-        match choices.iter_mut().find(|(name, _)| *name == choice) {
-            Some((_, count)) => *count += 1,
-            None => choices.push((choice, 1)),
-        }
-    }
-    choices.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
     let mut text = format!(
         "{}: {} squeezes at {} places, {} repetitions: trained on {}, judged on {}\n\n\
          Procedure. Partial least squares on the two sums of both fingers' angles, standardised, at\n\
@@ -39,8 +31,8 @@ pub(super) fn procedure(session: &Session, splits: &[Split], models: &[Kinesthet
         counts.0,
         counts.1,
     );
-    for (choice, count) in choices {
-        let _ = writeln!(text, "  {count:3} times  {choice}");
+    for chosen in chosen(models) {
+        let _ = writeln!(text, "  {:3} times  {}", chosen.times, chosen.choice);
     }
     text
 }
@@ -121,21 +113,26 @@ pub(super) fn places(outcome: &Outcome) -> String {
     text
 }
 
-pub(super) fn table(title: &str, rows: &[(String, Outcome)]) -> String {
+pub(super) fn table<'a, S: std::fmt::Display>(
+    title: &str,
+    rows: impl IntoIterator<Item = (S, &'a Outcome)>,
+) -> String {
     let mut text = format!(
-        "\n{title}\n{:50}    macro RMSE  MAE   pooled RMSE  MAE   in interval\n",
+        "\n{title}\n{:50}    macro RMSE  MAE   pooled RMSE  MAE   in interval  without an angle\n",
         ""
     );
     for (name, outcome) in rows {
         let e = &outcome.errors;
+        let name = name.to_string();
         let _ = write!(
             text,
-            "  {name:50}{:10.2}{:6.2}{:12.2}{:6.2}{:11.1} %",
+            "  {name:50}{:10.2}{:6.2}{:12.2}{:6.2}{:11.1} %{:15.1} %",
             e.macro_rmse,
             e.macro_mae,
             e.pooled_rmse,
             e.pooled_mae,
             100.0 * e.coverage_90,
+            100.0 * outcome.without_an_angle,
         );
         if let Some((count, why)) = &outcome.refused {
             let _ = write!(text, "  {count} refused: {why}");
@@ -178,7 +175,7 @@ pub(super) fn places_left_out(session: &Session, outcome: &Outcome) -> String {
 }
 
 /// Mean over the squeezes of a place of how far both fingers close at the highest PWM, degrees.
-fn closed_at_peak(session: &Session, place: f64) -> f64 {
+pub(super) fn closed_at_peak(session: &Session, place: f64) -> f64 {
     let here = session
         .trials
         .iter()

@@ -171,6 +171,45 @@ fn the_protocol_is_one_object_with_what_there_is() {
     );
     let report: Value = serde_json::from_str(&out).unwrap();
     assert_eq!(report["repetitions"], 1);
+    // All that people are told, too.
+    for (rows, count) in [("disturbed", 15), ("early", 12), ("procedures", 5)] {
+        let rows = report[rows].as_array().unwrap();
+        assert_eq!(rows.len(), count, "{out}");
+        assert!(
+            rows.iter()
+                .all(|row| row["macro_rmse"].is_f64() && row["refused"].is_u64())
+        );
+    }
+    assert_eq!(report["places_left_out"]["places"].as_array().unwrap().len(), 13);
+    assert_eq!(report["chosen"][0]["times"], 1);
+    for place in report["kinesthetic"]["places"].as_array().unwrap() {
+        for key in [
+            "location_percent",
+            "rmse",
+            "mae",
+            "min",
+            "q1",
+            "median",
+            "q3",
+            "max",
+            "range",
+            "coverage_90",
+        ] {
+            assert!(place[key].is_f64(), "{key}: {place}");
+        }
+    }
+    let brief = [
+        "forearm",
+        "eval",
+        "session.npz",
+        "--repetitions",
+        "1",
+        "--json",
+        "--brief",
+    ];
+    let (brief, _) = succeeds(&dir, &brief);
+    let brief: Value = serde_json::from_str(&brief).unwrap();
+    assert!(brief["kinesthetic"]["places"].is_array() && brief["disturbed"].is_null());
     for source in ["kinesthetic", "tactile", "fused"] {
         for key in [
             "macro_rmse",

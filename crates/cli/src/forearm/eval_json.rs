@@ -1,0 +1,211 @@
+//! What `taxel forearm eval --json` prints.
+
+use super::eval;
+use super::judge::Outcome;
+use super::report::closed_at_peak;
+use serde::Serialize;
+use taxel_forearm::{Choice, Kinesthetic, PlaceErrors, Session};
+
+#[derive(Debug, Serialize)]
+pub(super) struct Report {
+    pub(super) protocol: &'static str,
+    pub(super) repetitions: usize,
+    pub(super) kinesthetic: Figures,
+    pub(super) tactile: Option<Figures>,
+    pub(super) fused: Option<Figures>,
+    /// What the kinesthetic estimators look at, the most frequent first.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(super) chosen: Vec<Chosen>,
+    /// Not with `--brief`.
+    #[serde(flatten)]
+    pub(super) more: Option<More>,
+}
+
+/// Errors of an estimator by the protocol, percent of the forearm.
+#[derive(Debug, Serialize)]
+pub(super) struct Figures {
+    macro_rmse: f64,
+    macro_mae: f64,
+    pooled_rmse: f64,
+    pooled_mae: f64,
+    pub(super) coverage_90: f64,
+    train_s: f64,
+    estimate_us: f64,
+    /// Of a network: the fewest epochs that any repetition had. A training may have been cut short.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) epochs: Option<usize>,
+    /// The macro RMSE of each repetition.
+    macro_rmses: Vec<f64>,
+    mean_range: f64,
+    half_width_90: f64,
+    /// Share of squeezes within the interval at places that were trained on, and at others; null where none was judged.
+    coverage_90_trained: f64,
+    coverage_90_new: f64,
+    places: Vec<Place>,
+}
+
+#[derive(Debug, Serialize)]
+struct Place {
+    location_percent: f64,
+    rmse: f64,
+    mae: f64,
+    min: f64,
+    q1: f64,
+    median: f64,
+    q3: f64,
+    max: f64,
+    range: f64,
+    coverage_90: f64,
+}
+
+impl Place {
+    fn of(errors: &PlaceErrors) -> Self {
+        let [min, q1, median, q3, max] = errors.spread;
+        Self {
+            location_percent: errors.percent,
+            rmse: errors.rmse,
+            mae: errors.mae,
+            min,
+            q1,
+            median,
+            q3,
+            max,
+            range: errors.range(),
+            coverage_90: errors.covered,
+        }
+    }
+}
+
+impl Figures {
+    pub(super) fn of(outcome: &Outcome, train_s: f64) -> Self {
+        let errors = &outcome.errors;
+        let [coverage_90_trained, coverage_90_new] = errors.coverage_seen_and_new;
+        Self {
+            macro_rmse: errors.macro_rmse,
+            macro_mae: errors.macro_mae,
+            pooled_rmse: errors.pooled_rmse,
+            pooled_mae: errors.pooled_mae,
+            coverage_90: errors.coverage_90,
+            train_s,
+            estimate_us: outcome.estimate_us,
+            epochs: None,
+            macro_rmses: errors.macro_rmses.clone(),
+            mean_range: errors.mean_range(),
+            half_width_90: errors.half_width_90,
+            coverage_90_trained,
+            coverage_90_new,
+            places: errors.places.iter().map(Place::of).collect(),
+        }
+    }
+}
+
+/// A choice, and in how many repetitions it was taken.
+#[derive(Debug, Serialize)]
+pub(super) struct Chosen {
+    pub(super) times: usize,
+    #[serde(flatten)]
+    pub(super) choice: Choice,
+}
+
+pub(super) fn chosen(models: &[Kinesthetic]) -> Vec<Chosen> {
+    let mut chosen: Vec<Chosen> = Vec::new();
+    for model in models {
+        let choice = model.chosen().choice;
+        match chosen.iter_mut().find(|known| known.choice == choice) {
+            Some(known) => known.times += 1,
+            None => chosen.push(Chosen { times: 1, choice }),
+        }
+    }
+    chosen.sort_by_key(|chosen| std::cmp::Reverse(chosen.times));
+    chosen
+}
+
+/// What is judged beside the protocol.
+#[derive(Debug, Serialize)]
+pub(super) struct More {
+    disturbed: Vec<Row>,
+    early: Vec<Row>,
+    places_left_out: PlacesLeftOut,
+    procedures: Vec<Row>,
+}
+
+/// A line of a table.
+#[derive(Debug, Serialize)]
+struct Row {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    what: Option<String>,
+    /// After this share of a squeeze's time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    after: Option<f64>,
+    macro_rmse: f64,
+    macro_mae: f64,
+    pooled_rmse: f64,
+    pooled_mae: f64,
+    coverage_90: f64,
+    half_width_90: f64,
+    /// Share of estimates that were made without an angle.
+    without_an_angle: f64,
+    /// Squeezes without an estimate, and why the first has none.
+    refused: usize,
+    why: Option<String>,
+}
+
+impl Row {
+    fn of(what: Option<&str>, after: Option<f64>, outcome: &Outcome) -> Self {
+        let errors = &outcome.errors;
+        Self {
+            what: what.map(Into::into),
+            after,
+            macro_rmse: errors.macro_rmse,
+            macro_mae: errors.macro_mae,
+            pooled_rmse: errors.pooled_rmse,
+            pooled_mae: errors.pooled_mae,
+            coverage_90: errors.coverage_90,
+            half_width_90: errors.half_width_90,
+            without_an_angle: outcome.without_an_angle,
+            refused: outcome.refused.as_ref().map_or(0, |(count, _)| *count),
+            why: outcome.refused.as_ref().map(|(_, why)| why.clone()),
+        }
+    }
+}
+
+#[derive(Debug, Serialize)]
+struct PlacesLeftOut {
+    macro_rmse: f64,
+    pooled_rmse: f64,
+    places: Vec<PlaceLeftOut>,
+}
+
+#[derive(Debug, Serialize)]
+struct PlaceLeftOut {
+    #[serde(flatten)]
+    errors: Place,
+    /// The sum of both motors' angles at the peak, mean over the squeezes.
+    closed_deg: f64,
+}
+
+impl More {
+    pub(super) fn of(session: &Session, more: &eval::More) -> Self {
+        let rows = |rows: &[(String, Outcome)]| {
+            let row = |(what, outcome): &(String, Outcome)| Row::of(Some(what), None, outcome);
+            rows.iter().map(row).collect()
+        };
+        let left_out = &more.places_left_out.errors;
+        let place = |errors: &PlaceErrors| PlaceLeftOut {
+            errors: Place::of(errors),
+            closed_deg: closed_at_peak(session, errors.percent),
+        };
+        Self {
+            disturbed: rows(&more.disturbed),
+            early: (more.early.iter())
+                .map(|(share, outcome)| Row::of(None, Some(*share), outcome))
+                .collect(),
+            places_left_out: PlacesLeftOut {
+                macro_rmse: left_out.macro_rmse,
+                pooled_rmse: left_out.pooled_rmse,
+                places: left_out.places.iter().map(place).collect(),
+            },
+            procedures: rows(&more.procedures),
+        }
+    }
+}
