@@ -77,14 +77,48 @@ impl Gripper {
     }
 
     /// Squeezes and releases with this PWM, counts of 885, one sample after another; `None` where it was asked to stop.
-    /// However it ends, the motors are switched off.
+    /// However it ends, the motors are switched off; an error says whether they are known to be.
     pub(super) fn squeeze(
         &self,
         pwm: &[f64],
         period: Duration,
         interrupt: &Interrupt,
     ) -> anyhow::Result<Option<Squeeze>> {
-        let mut motors = Motors::start(self)?;
+        let mut motors = Motors::of(self)?;
+        let made = self.squeeze_with(&mut motors, pwm, period, interrupt);
+        let released = motors.let_go();
+        let squeeze = made.with_context(|| self.left_behind(&released))?;
+        released.with_context(|| self.may_run_on())?;
+        if let Some(squeeze) = &squeeze {
+            self.has_moved(squeeze)?;
+        }
+        Ok(squeeze)
+    }
+
+    /// What a fault left the motors in.
+    fn left_behind(&self, released: &anyhow::Result<()>) -> String {
+        match released {
+            Ok(()) => "its motors are let go".into(),
+            Err(error) => format!("{} ({error:#})", self.may_run_on()),
+        }
+    }
+
+    fn may_run_on(&self) -> String {
+        format!(
+            "its motors may still be on: the daemon lets them go {HOLD_MS} ms after this program fell silent, and \
+             without the daemon they stop by themselves after {} ms",
+            self.watchdog_ms
+        )
+    }
+
+    fn squeeze_with(
+        &self,
+        motors: &mut Motors<'_>,
+        pwm: &[f64],
+        period: Duration,
+        interrupt: &Interrupt,
+    ) -> anyhow::Result<Option<Squeeze>> {
+        motors.start()?;
         motors.mark(BEGINS)?;
         let mut due = Instant::now();
         let mut squeeze = Squeeze::default();
@@ -130,8 +164,6 @@ impl Gripper {
             }
         }
         motors.mark(ENDS)?;
-        motors.let_go()?;
-        self.has_moved(&squeeze)?;
         Ok(Some(squeeze))
     }
 
@@ -223,19 +255,23 @@ struct Motors<'a> {
 }
 
 impl<'a> Motors<'a> {
-    /// Switches both on, with no PWM.
-    fn start(gripper: &'a Gripper) -> anyhow::Result<Self> {
-        let mut motors = Self {
+    fn of(gripper: &'a Gripper) -> anyhow::Result<Self> {
+        Ok(Self {
             gripper,
             daemon: Connection::open(&gripper.control)?,
-            running: true,
-        };
-        for joint in &gripper.fingers {
-            motors.daemon.ask(&json!({
+            running: false,
+        })
+    }
+
+    /// Switches both on, with no PWM.
+    fn start(&mut self) -> anyhow::Result<()> {
+        self.running = true;
+        for joint in &self.gripper.fingers {
+            self.daemon.ask(&json!({
                 "cmd": "servo", "joint": joint, "torque": true, "pwm_percent": 0, "hold_ms": HOLD_MS,
             }))?;
         }
-        Ok(motors)
+        Ok(())
     }
 
     /// Tells whoever reads the daemon's frames what is done with them.

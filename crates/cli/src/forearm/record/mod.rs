@@ -51,7 +51,7 @@ pub(crate) struct Args {
     /// where there are none, those columns are not numbers]
     #[arg(long, value_name = "NAME,NAME", value_delimiter = ',')]
     potentiometers: Vec<String>,
-    /// Places, evenly from wrist to elbow
+    /// Places, evenly from wrist to elbow: 1, 2, 3, 4, 5, 7 or 13
     #[arg(long, value_name = "N", default_value_t = PLACES, value_parser = places)]
     places: usize,
     /// Squeezes at each place
@@ -87,8 +87,9 @@ fn percent(text: &str) -> Result<f64, String> {
 
 fn places(text: &str) -> Result<usize, String> {
     match text.parse() {
-        Ok(places) if (1..=PLACES).contains(&places) => Ok(places),
-        _ => Err(format!("a whole number from 1 to {PLACES}")),
+        Ok(1) => Ok(1),
+        Ok(places) if (2..=PLACES).contains(&places) && (PLACES - 1).is_multiple_of(places - 1) => Ok(places),
+        _ => Err("1, 2, 3, 4, 5, 7 or 13: those that are even among the publication's 13".into()),
     }
 }
 
@@ -106,6 +107,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         );
     }
     let plan = Plan::new(&args.folder, args.places, args.repetitions as usize, args.place)?;
+    plan.check(args.ramp, &args.fingers, &args.potentiometers)?;
     eprintln!("taxel: {plan}");
     if !args.allow_motion {
         eprintln!("taxel: nothing moves without --allow-motion");
@@ -168,9 +170,7 @@ fn session(args: &Args, plan: &Plan, gripper: &Gripper, interrupt: &Interrupt) -
         let pwm = args.ramp.pwm(next.repetition as u64);
         let period = Duration::from_secs_f64(args.ramp.period_ms() / 1e3);
         let made = gripper.squeeze(&pwm, period, interrupt).with_context(|| {
-            format!(
-                "{next}; this squeeze is not kept, its motors are let go, and the same command makes it again"
-            )
+            format!("{next}; this squeeze is not kept, and the same command makes it again")
         });
         let squeeze = match made {
             Ok(Some(squeeze)) => squeeze,

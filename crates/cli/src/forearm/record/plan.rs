@@ -1,6 +1,6 @@
 //! Which squeezes a session has, which are there, and which comes next.
 
-use anyhow::{Context, bail};
+use anyhow::{Context, anyhow, bail};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::fs;
@@ -84,28 +84,71 @@ impl Plan {
             potentiometers: settings.potentiometers.clone(),
             touch: settings.touch,
         };
+        match self.kept()? {
+            None => {
+                fs::create_dir_all(&self.folder).with_context(|| self.folder.display().to_string())?;
+                OutputFile::write(
+                    &self.folder.join(KEPT),
+                    serde_json::to_string_pretty(&kept)? + "\n",
+                )
+            }
+            Some(before) if before == kept => Ok(()),
+            Some(before) => Err(self.begun_with(&before)),
+        }
+    }
+
+    /// Whether the session can be gone on with, as far as that can be seen without a gripper: with this ramp, and these
+    /// joints where they are named, and every squeeze that is there can be read.
+    pub(super) fn check(
+        &self,
+        ramp: Ramp,
+        fingers: &[String],
+        potentiometers: &[String],
+    ) -> anyhow::Result<()> {
+        let before = self.kept()?;
+        if let Some(before) = &before {
+            let is_other = |named: &[String], kept: &[String]| !named.is_empty() && named != kept;
+            if before.ramp != ramp.to_string()
+                || is_other(fingers, &before.fingers)
+                || is_other(potentiometers, &before.potentiometers)
+            {
+                return Err(self.begun_with(before));
+            }
+        }
+        let has_touch = before.is_some_and(|before| before.touch);
+        for next in self.squeezes().filter(|next| next.file.exists()) {
+            let again = "take both files of this squeeze away, and it is made again";
+            let squeeze = Squeeze::open(&next.file).context(again)?;
+            if has_touch && squeeze.tactile.is_none() {
+                let beside = touch_file(next.place, next.repetition);
+                bail!("{}: no {beside} beside it; {again}", next.file.display());
+            }
+        }
+        Ok(())
+    }
+
+    /// Settings that the session was begun with, where it was.
+    fn kept(&self) -> anyhow::Result<Option<Kept>> {
         let path = self.folder.join(KEPT);
         let text = match fs::read_to_string(&path) {
             Ok(text) => text,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
-                fs::create_dir_all(&self.folder).with_context(|| self.folder.display().to_string())?;
-                return OutputFile::write(&path, serde_json::to_string_pretty(&kept)? + "\n");
-            }
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
             Err(error) => return Err(error).with_context(|| path.display().to_string()),
         };
-        let before: Kept = serde_json::from_str(&text).with_context(|| path.display().to_string())?;
-        if before != kept {
-            bail!(
-                "{}: this session was begun with ramp {}, fingers {:?}, potentiometers {:?} and {} touch; go on with \
-                 the same, or record into another folder",
-                path.display(),
-                before.ramp,
-                before.fingers,
-                before.potentiometers,
-                if before.touch { "with" } else { "no" }
-            );
-        }
-        Ok(())
+        let kept = serde_json::from_str(&text).with_context(|| path.display().to_string())?;
+        Ok(Some(kept))
+    }
+
+    fn begun_with(&self, before: &Kept) -> anyhow::Error {
+        anyhow!(
+            "{}: this session was begun with ramp {}, fingers {:?}, potentiometers {:?} and {} touch; go on with \
+             the same, or record into another folder",
+            self.folder.join(KEPT).display(),
+            before.ramp,
+            before.fingers,
+            before.potentiometers,
+            if before.touch { "with" } else { "no" }
+        )
     }
 
     /// The first squeeze that is missing; `None` when all are there.
@@ -260,5 +303,57 @@ mod tests {
         let error = plan.keep(&settings).unwrap_err().to_string();
         assert!(error.contains("and with touch"), "{error}");
         assert!(Plan::new(dir.path(), 3, 2, Some(5)).is_err());
+    }
+
+    #[test]
+    fn what_cannot_be_gone_on_with_is_seen_without_a_gripper() {
+        let dir = TempDir::new().unwrap();
+        let plan = Plan::new(dir.path(), 3, 2, None).unwrap();
+        let names = |names: [&str; 2]| names.map(String::from).to_vec();
+        let (left, swapped) = (names(["left", "right"]), names(["right", "left"]));
+        plan.check(Ramp::Article, &swapped, &[]).unwrap();
+        let settings = Settings {
+            ramp: Ramp::Data,
+            fingers: left.clone(),
+            potentiometers: names(["p1", "p2"]),
+            touch: true,
+        };
+        plan.keep(&settings).unwrap();
+        for next in plan.squeezes() {
+            plan.write(&next, &squeeze()).unwrap();
+        }
+        plan.check(Ramp::Data, &[], &[]).unwrap();
+        plan.check(Ramp::Data, &left, &names(["p1", "p2"])).unwrap();
+        let refused = |ramp, fingers: &[String], potentiometers: &[String], words: &str| {
+            let error = plan.check(ramp, fingers, potentiometers).unwrap_err();
+            assert!(format!("{error:#}").contains(words), "{error:#}");
+        };
+        refused(Ramp::Article, &[], &[], "begun with ramp data");
+        refused(Ramp::Data, &swapped, &[], "fingers [\"left\", \"right\"]");
+        refused(Ramp::Data, &[], &swapped, "potentiometers [\"p1\", \"p2\"]");
+        // What is there has to be readable, and touch beside it.
+        let touch = dir.path().join("6/tactile6_2.npy");
+        let images = fs::read(&touch).unwrap();
+        fs::remove_file(&touch).unwrap();
+        refused(
+            Ramp::Data,
+            &[],
+            &[],
+            "distance6_2.mat: no tactile6_2.npy beside it; take both",
+        );
+        fs::write(&touch, &images[..images.len() / 2]).unwrap();
+        refused(Ramp::Data, &[], &[], "tactile6_2.npy");
+        fs::write(&touch, images).unwrap();
+        let file = dir.path().join("12/distance12_1.mat");
+        fs::write(&file, &squeeze().to_mat()[..300]).unwrap();
+        refused(
+            Ramp::Data,
+            &[],
+            &[],
+            "take both files of this squeeze away, and it is made again: ",
+        );
+        refused(Ramp::Data, &[], &[], "distance12_1.mat: byte 128");
+        fs::write(dir.path().join(KEPT), "{").unwrap();
+        refused(Ramp::Data, &[], &[], "session.json: EOF");
     }
 }
