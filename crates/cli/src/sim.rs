@@ -67,6 +67,10 @@ pub(crate) struct Args {
     /// table `[joints]` of a taxeld.toml
     #[arg(long, value_name = "LINK")]
     servos: Option<PathBuf>,
+    /// With --servos, for the scene `forearm`: offer the lines of the fingers' potentiometers, too, at
+    /// this link; the table has them as `[joints.analogue]`
+    #[arg(long, value_name = "LINK")]
+    potentiometers: Option<PathBuf>,
     /// Where on the forearm the gripper holds, percent from wrist to elbow; for the scene `forearm`
     #[arg(long, value_name = "PERCENT", default_value_t = 50.0)]
     place: f64,
@@ -104,10 +108,17 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         return play::run(&play::Playing {
             to: &args.to,
             servos: args.servos.as_deref(),
+            potentiometers: args.potentiometers.as_deref(),
             place_percent: args.place,
             seed: args.seed.unwrap_or(1),
             limit_ns: args.limit_ns()?,
         });
+    }
+    if args.potentiometers.is_some() {
+        bail!(
+            "--potentiometers: only the gripper of the scene {} has them",
+            play::SCENE
+        );
     }
     let scene = Scene::resolve(name)?;
     let layout = Layout::resolve(args.layout.as_deref().unwrap_or(scene.layout()))?;

@@ -62,6 +62,11 @@ impl ForearmFinger {
     pub fn open(&self) -> f64 {
         pulses(self.0)
     }
+
+    /// The angle between its phalanges, degrees, which a potentiometer reads; its motor does not change it.
+    pub fn passive_deg(&self) -> f64 {
+        self.0.angles().passive_deg
+    }
 }
 
 impl Load for ForearmFinger {

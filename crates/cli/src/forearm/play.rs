@@ -11,7 +11,7 @@ use taxel_playback::interrupt::Interrupt;
 use taxel_playback::target::{TargetAddress, Targets, of_buses};
 use taxel_sim::forearm::{ForearmTouch, SimulatedForearm};
 use taxel_sim::servo::{
-    ForearmFinger, Motion, SERVO_BAUD, ServoBuild, ServoBus, ServoPty, StableLink, servo_clock_ns,
+    ForearmFinger, LinePty, Motion, SERVO_BAUD, ServoBuild, ServoBus, ServoPty, StableLink, servo_clock_ns,
 };
 use taxel_skin::Layout;
 
@@ -25,6 +25,10 @@ const SIZE: [u16; 2] = [TACTILE_ROWS as u16, TACTILE_COLUMNS as u16];
 const PERIOD: Duration = Duration::from_millis(100);
 /// PWM (X-series, operating mode).
 const PWM_MODE: u8 = 16;
+/// What the converter of the potentiometers gives for how far they turn (SV01, 10 bits), and how often.
+const COUNTS: f64 = 1023.0;
+const WHOLE_TURN_DEG: f64 = 333.3;
+const LINE_PERIOD: Duration = Duration::from_millis(10);
 /// After a squeeze, at one place.
 const REST_MS: f64 = 1500.0;
 
@@ -33,6 +37,8 @@ pub(crate) struct Playing<'a> {
     pub(crate) to: &'a [TargetAddress],
     /// A link to be made to simulated servos that squeeze.
     pub(crate) servos: Option<&'a Path>,
+    /// A link to be made to the lines of their potentiometers.
+    pub(crate) potentiometers: Option<&'a Path>,
     /// From 0 (wrist) to 100 (elbow).
     pub(crate) place_percent: f64,
     pub(crate) seed: u64,
@@ -50,6 +56,9 @@ pub(crate) fn run(playing: &Playing<'_>) -> anyhow::Result<()> {
             link.display()
         ),
         Some(link) => squeeze_by_servos(playing, link, &interrupt, &mut targets)?,
+        None if playing.potentiometers.is_some() => {
+            bail!("--potentiometers: they are of the fingers that the servos move; give --servos LINK too")
+        }
         None => squeeze_by_itself(playing, &interrupt, &mut targets)?,
     }
     targets.finish()?;
@@ -80,15 +89,16 @@ fn squeeze_by_servos(
     let pty = ServoPty::open(bus).context("a pseudo terminal for the servos")?;
     let _link = StableLink::new(link, pty.path())
         .with_context(|| format!("--servos {}: cannot make this link", link.display()))?;
+    let _lines = match playing.potentiometers {
+        Some(link) => Some(offer_potentiometers(&finger, link)?),
+        None => None,
+    };
+    let potentiometers = playing.potentiometers.map(std::path::absolute).transpose()?;
+    let table = joints_table(&std::path::absolute(link)?, potentiometers.as_deref());
     let mut out = std::io::stdout().lock();
-    let source = format!("dynamixel:{}", std::path::absolute(link)?.display());
-    write!(
-        out,
-        "[joints]\nsource = {source:?}\nbaud = {SERVO_BAUD}\nallow_writes = true\n\n\
-         [[joints.servo]]\nid = 1\nname = \"left\"\n\n[[joints.servo]]\nid = 2\nname = \"right\"\n"
-    )
-    .and_then(|()| out.flush())
-    .context("stdout")?;
+    out.write_all(table.as_bytes())
+        .and_then(|()| out.flush())
+        .context("stdout")?;
     drop(out);
     let begin = Instant::now();
     for frame in 0.. {
@@ -108,6 +118,36 @@ fn squeeze_by_servos(
         send(targets, now_ns, frame, &counts)?;
     }
     Ok(())
+}
+
+/// Lines of both fingers' potentiometers behind a link, as long as the returned values live.
+fn offer_potentiometers(finger: &ForearmFinger, link: &Path) -> anyhow::Result<(StableLink, LinePty)> {
+    let count = (finger.passive_deg() / WHOLE_TURN_DEG * COUNTS).round();
+    let line = format!("p1 {count} p2 {count}\n").into_bytes();
+    let lines = LinePty::open(LINE_PERIOD, move |_| line.clone())
+        .context("a pseudo terminal for the potentiometers")?;
+    let made = StableLink::new(link, lines.path())
+        .with_context(|| format!("--potentiometers {}: cannot make this link", link.display()))?;
+    Ok((made, lines))
+}
+
+/// The table `[joints]` with which taxeld reads them.
+fn joints_table(servos: &Path, potentiometers: Option<&Path>) -> String {
+    let source = format!("dynamixel:{}", servos.display());
+    let mut text = format!(
+        "[joints]\nsource = {source:?}\nbaud = {SERVO_BAUD}\nallow_writes = true\n\n\
+         [[joints.servo]]\nid = 1\nname = \"left\"\n\n[[joints.servo]]\nid = 2\nname = \"right\"\n"
+    );
+    if let Some(link) = potentiometers {
+        text += &format!("\n[joints.analogue]\ndevice = {:?}\n", link.display().to_string());
+        for (name, channel) in [("left p", "p1"), ("right p", "p2")] {
+            text += &format!(
+                "\n[[joints.analogue.joint]]\nname = {name:?}\nchannel = {channel:?}\ncounts = [0, {COUNTS}]\n\
+                 degrees = [0, {WHOLE_TURN_DEG}]\n"
+            );
+        }
+    }
+    text
 }
 
 /// Touch of one squeeze after another.
@@ -143,4 +183,26 @@ fn send(targets: &mut Targets, t_ns: u64, frame: u32, counts: &[u16]) -> anyhow:
         targets.send(0, t_ns, &frame)?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_table_of_the_simulated_gripper_is_one_that_taxeld_reads() {
+        for (potentiometers, names) in [
+            (None, &["left", "right"][..]),
+            (
+                Some(Path::new("/tmp/pots")),
+                &["left", "right", "left p", "right p"],
+            ),
+        ] {
+            let table = joints_table(Path::new("/tmp/servos"), potentiometers);
+            let bus = "[[bus]]\nsource = \"pressure:/tmp/touch.sock\"\n";
+            let text = format!("layout = {LAYOUT:?}\n{bus}{table}");
+            let config = taxeld::Config::parse(&text, Path::new("taxeld.toml")).unwrap();
+            assert_eq!(config.joints.unwrap().joint_names(), names);
+        }
+    }
 }
