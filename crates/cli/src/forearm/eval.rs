@@ -92,7 +92,7 @@ fn paper(
         return Ok(super::networks::report(
             session,
             splits.len(),
-            asked.reading,
+            asked.reading(),
             &judgements,
         ));
     }
@@ -117,6 +117,11 @@ fn paper(
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<String> {
+    if let Some(option) = args.networks.given().filter(|_| args.method != Method::Paper) {
+        anyhow::bail!(
+            "{option} is of the publication's networks; give it --method paper too, or leave it out"
+        );
+    }
     let session = super::session(&args.data)?;
     let splits = splits(&session, args.repetitions.into(), args.seed);
     if args.method == Method::Paper {

@@ -201,15 +201,33 @@ fn joints(
         let found = there.iter().position(|joint| joint == name);
         found.with_context(|| format!("no joint is called {name}; there are {}", there.join(", ")))
     };
-    let two = |names: &[String], first: usize| match names {
-        [] if there.len() >= first + FINGERS => Ok(Some([first, first + 1])),
-        [] => Ok(None),
+    let two = |names: &[String], others: &[usize]| match names {
+        [] => Ok(others.first_chunk().copied()),
         [a, b] => Ok(Some([place(a)?, place(b)?])),
         _ => bail!("the gripper has two fingers; name a joint for each"),
     };
-    match two(fingers, 0)? {
-        Some(fingers) => Ok((fingers, two(potentiometers, FINGERS)?)),
-        None => bail!("the daemon reads no two joints; its [joints] has to have the gripper's servos"),
+    let all: Vec<usize> = (0..there.len()).collect();
+    let Some(fingers) = two(fingers, &all)? else {
+        bail!("the daemon reads no two joints; its [joints] has to have the gripper's servos");
+    };
+    let rest: Vec<usize> = (FINGERS..there.len())
+        .filter(|joint| !fingers.contains(joint))
+        .collect();
+    let potentiometers = two(potentiometers, &rest)?;
+    let named: Vec<usize> = fingers
+        .into_iter()
+        .chain(potentiometers.into_iter().flatten())
+        .collect();
+    match named
+        .iter()
+        .enumerate()
+        .find(|(n, joint)| named[..*n].contains(joint))
+    {
+        Some((_, twice)) => bail!(
+            "{} is named twice; each finger has a servo and a potentiometer of its own",
+            there[*twice]
+        ),
+        None => Ok((fingers, potentiometers)),
     }
 }
 
@@ -377,6 +395,9 @@ mod tests {
             (&[][..], &[][..], Ok(([0, 1], Some([2, 3])))),
             (&["b", "a"], &["bp", "ap"], Ok(([1, 0], Some([3, 2])))),
             (&["b"], &[], Err("two fingers")),
+            (&["a", "a"], &[], Err("a is named twice")),
+            (&[], &["a", "b"], Err("a is named twice")),
+            (&["ap", "bp"], &[], Ok(([2, 3], None))),
             (
                 &["b", "c"],
                 &[],

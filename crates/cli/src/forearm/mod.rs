@@ -174,6 +174,18 @@ fn train(args: &TrainArgs) -> anyhow::Result<String> {
 }
 
 fn estimate(args: &EstimateArgs) -> anyhow::Result<()> {
+    // What clap does not ask for where an option conflicts with the one that is missing.
+    for (option, is_given) in [
+        ("--publish", args.publish.is_some()),
+        ("--socket", args.socket.is_some()),
+        ("--fingers", !args.fingers.is_empty()),
+        ("--potentiometers", !args.potentiometers.is_empty()),
+    ] {
+        anyhow::ensure!(
+            args.live || !is_given,
+            "{option} is of --live, and files are estimated; leave one of them out"
+        );
+    }
     let model = Model::open(&args.model)?;
     if args.live {
         let sockets = live::Sockets {

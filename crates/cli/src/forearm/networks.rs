@@ -36,7 +36,7 @@ pub(super) fn judge(
     if let Some(folder) = &asked.checkpoints {
         std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     }
-    let reading = match asked.reading {
+    let reading = match asked.reading() {
         network_args::Reading::Time => Reading::Time,
         network_args::Reading::Transposed => Reading::Transposed,
     };

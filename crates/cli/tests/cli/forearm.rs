@@ -227,3 +227,33 @@ fn the_protocol_is_one_object_with_what_there_is() {
         }
     }
 }
+
+#[test]
+fn options_that_would_do_nothing_are_refused() {
+    let dir = TempDir::new().unwrap();
+    for (arguments, words) in [
+        (
+            &["eval", "x.npz", "--reading", "time"][..],
+            "--reading is of the publication's networks",
+        ),
+        (
+            &["eval", "x.npz", "--epochs", "3"],
+            "--epochs is of the publication's networks",
+        ),
+        (
+            &["estimate", "x.model", "x.mat", "--publish", "x.sock"],
+            "--publish is of --live",
+        ),
+        (
+            &["estimate", "x.model", "x.mat", "--fingers", "a,b"],
+            "--fingers is of --live",
+        ),
+    ] {
+        let error = fails(&dir, &[&["forearm"], arguments].concat(), 1);
+        assert!(error.contains(words), "{error}");
+    }
+    for places in ["6", "8", "12", "14", "0"] {
+        let error = fails(&dir, &["forearm", "record", "session", "--places", places], 2);
+        assert!(error.contains("1, 2, 3, 4, 5, 7 or 13"), "{error}");
+    }
+}
