@@ -2,9 +2,15 @@
 
 use crate::image_maker::check_profile;
 use crate::{Config, SocketPathError, sources};
+use nix::unistd::Group;
 use std::path::Path;
+use taxel_config::line_of;
 use taxel_engine::{Engine, EngineError};
 use taxel_joints::JointsError;
+use taxel_serve::{check_group, check_socket_path};
+
+/// The service's user, and its folder in `/run`.
+const SERVICE: &str = "taxeld";
 
 /// Why the daemon did not start.
 #[derive(Debug, thiserror::Error)]
@@ -61,10 +67,7 @@ impl StartError {
     /// Whether to start again would not help, since the configuration is at fault.
     pub fn is_lasting(&self) -> bool {
         match self {
-            Self::SocketPath(error) => matches!(
-                error,
-                SocketPathError::UnknownGroup { .. } | SocketPathError::NotASocket { .. }
-            ),
+            Self::SocketPath(error) => error.is_lasting(),
             Self::JointsBeside(_) | Self::Engine(_) | Self::ProfileUnfit(_) => true,
             Self::Source { is_lasting, .. } => *is_lasting,
             Self::At { error, .. } => error.is_lasting(),
@@ -74,11 +77,11 @@ impl StartError {
     }
 }
 
-/// Whether a daemon could start on this machine, as far as that can be told without its buses and sockets: groups,
-/// recordings, scenes, and what hand and display ask of each other. `text` is that of the configuration, in `file`, to tell
-/// the line.
+/// Whether a daemon could start on this machine, as far as that can be told without its buses: where its sockets
+/// are to be and whose, recordings, scenes, and what hand and display ask of each other. `text` is that of the
+/// configuration, in `file`, to tell the line.
 pub fn check(config: &Config, text: &str, file: &Path) -> Result<(), StartError> {
-    let at = |table, names: &str, error: StartError| match taxel_config::line_of(text, table, names) {
+    let at = |table, names: &str, error: StartError| match line_of(text, table, names) {
         Some(line) => StartError::At {
             file: file.display().to_string(),
             line,
@@ -86,11 +89,21 @@ pub fn check(config: &Config, text: &str, file: &Path) -> Result<(), StartError>
         },
         None => error,
     };
-    for (table, group) in [
-        ("socket", &config.socket.group),
-        ("control", &config.control.group),
+    let (socket, control) = (&config.socket, &config.control);
+    let status = socket.status_path();
+    for (key, path, table, group) in [
+        ("images", &socket.images, "socket", &socket.group),
+        ("control", &socket.control, "control", &control.group),
+        ("status", &status, "socket", &socket.group),
     ] {
-        taxel_serve::check_group(group).map_err(|error| at(table, "group", error.into()))?;
+        // Where they are otherwise is for whoever runs the daemon, who need not be the one who checks.
+        if line_of(text, "socket", key).is_some() && !is_folder_of_service(path) {
+            check_socket_path(path).map_err(|error| at("socket", key, error.into()))?;
+        }
+        match check_group(path, group) {
+            Err(SocketPathError::GroupNotOurs { .. }) if is_group_of_service(group) => {}
+            checked => checked.map_err(|error| at(table, "group", error.into()))?,
+        }
     }
     sources::check(config).map_err(|error| {
         let of = |name: &String| matches!(&error, StartError::Source { bus, .. } if bus == name);
@@ -103,4 +116,17 @@ pub fn check(config: &Config, text: &str, file: &Path) -> Result<(), StartError>
         .map_err(|message| at("profile", &message, StartError::ProfileUnfit(message.clone())))?;
     Engine::new(&config.engine(true)?, 0)?;
     Ok(())
+}
+
+/// Whether systemd makes the folder of this socket for the service, or for an instance of it, when that starts.
+fn is_folder_of_service(socket: &Path) -> bool {
+    let folder = socket.parent().unwrap_or(socket);
+    let name = folder.strip_prefix("/run").unwrap_or(Path::new("")).to_str();
+    name.is_some_and(|name| name == SERVICE || name.starts_with("taxeld-") && !name.contains('/'))
+}
+
+/// Whether the service's user may give sockets to this group, even though whoever checks may not.
+fn is_group_of_service(name: &str) -> bool {
+    let group = Group::from_name(name).ok().flatten();
+    group.is_some_and(|group| group.mem.iter().any(|member| member == SERVICE))
 }

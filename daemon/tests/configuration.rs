@@ -1,8 +1,10 @@
 //! What a configuration file is refused for, and where.
 
-use std::fs::OpenOptions;
-use std::path::PathBuf;
-use std::process::{Command, Stdio};
+use std::fs::{OpenOptions, Permissions};
+use std::os::unix::fs::PermissionsExt;
+use std::os::unix::process::CommandExt;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
 use taxel_hand::Method;
 use taxel_skin::{ConditionConfig, Preset};
 use taxeld::Config;
@@ -263,6 +265,99 @@ fn what_would_not_start_is_refused_by_check_as_by_the_start_and_for_good() {
             );
         }
     }
+}
+
+/// Runs taxeld as a user who is not root and in no group of root's.
+fn run_without_rights(taxeld: &Path, args: &[&str], config: &Path) -> Output {
+    let mut taxeld = Command::new(taxeld);
+    if nix::unistd::geteuid().is_root() {
+        taxeld.uid(65534).gid(65534);
+    }
+    taxeld.args(args).arg("--config").arg(config).output().unwrap()
+}
+
+#[test]
+fn a_place_or_group_that_the_daemons_user_cannot_have_is_refused_by_check_as_by_the_start_and_for_good() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    // Whoever runs it there can read and run what is in it, wherever the workspace is.
+    let open = |path: &Path, mode| std::fs::set_permissions(path, Permissions::from_mode(mode)).unwrap();
+    open(folder.path(), 0o755);
+    let taxeld = at("taxeld");
+    std::fs::copy(env!("CARGO_BIN_EXE_taxeld"), &taxeld).unwrap();
+    for (name, mode) in [("closed", 0o555), ("open", 0o777)] {
+        std::fs::create_dir(at(name)).unwrap();
+        open(&at(name), mode);
+    }
+    std::fs::write(at("open/notes"), "precious").unwrap();
+    let path = at("taxeld.toml");
+    let socket = |name: &str| at(name).display().to_string();
+    let free = socket("open/control.sock");
+    let cases = [
+        (
+            socket("closed/images.sock"),
+            free.clone(),
+            "",
+            "closed/images.sock",
+        ),
+        (
+            socket("closed/deep/er/images.sock"),
+            free.clone(),
+            "",
+            "closed/deep",
+        ),
+        (
+            socket("open/notes/images.sock"),
+            free.clone(),
+            "",
+            "notes/images.sock",
+        ),
+        (
+            socket("open/notes"),
+            free.clone(),
+            "",
+            "notes exists and is not a socket",
+        ),
+        (
+            socket("open/images.sock"),
+            socket("closed/control.sock"),
+            "",
+            "closed/control.sock",
+        ),
+        (
+            socket("open/images.sock"),
+            free,
+            "group = 'root'\n",
+            "to group root: the daemon's user is not in it",
+        ),
+    ];
+    for (images, control, group, about) in cases {
+        let bus = "[[bus]]\nsource = 'sim:idle'\n";
+        let text = format!("{bus}{bus}[socket]\nimages = '{images}'\ncontrol = '{control}'\n{group}");
+        std::fs::write(&path, &text).unwrap();
+        open(&path, 0o644);
+        for check in [&["--check"][..], &[]] {
+            let ended = run_without_rights(&taxeld, check, &path);
+            let said = String::from_utf8_lossy(&ended.stderr);
+            assert_eq!(ended.status.code(), Some(78), "{check:?} {text}\n{said}");
+            assert!(said.contains(about), "{check:?} {text}\n{said}");
+        }
+        let left = std::fs::read_dir(at("open")).unwrap().count();
+        assert_eq!(left, 1, "files are left behind: {text}");
+    }
+    // What systemd makes for the service is not judged by whoever checks.
+    let service = "[socket]\nimages = '/run/taxeld/images.sock'\ncontrol = '/run/taxeld-left/control.sock'\n";
+    std::fs::write(
+        &path,
+        format!("[[bus]]\nsource = 'sim:idle'\n[[bus]]\nsource = 'sim:idle'\n{service}"),
+    )
+    .unwrap();
+    let checked = run_without_rights(&taxeld, &["--check"], &path);
+    assert!(
+        checked.status.success(),
+        "{}",
+        String::from_utf8_lossy(&checked.stderr)
+    );
 }
 
 #[test]

@@ -42,4 +42,4 @@ pub use handle::{Roster, ServerHandle};
 pub use output_slots::OutputSlots;
 pub use profile_maker::{Cost, DisplayProfile, MadeOutput, Measurement, ProfileMaker};
 pub use server::{Server, ServerSeed};
-pub use socket_path::{SocketPath, SocketPathError, check_group};
+pub use socket_path::{SocketPath, SocketPathError, check_group, check_socket_path};

@@ -8,9 +8,11 @@
 //! socket on which any program listens is left alone, and from its first moment a socket is open to nobody who may not
 //! use it.
 
+mod beforehand;
 mod error;
 mod lock;
 
+pub use beforehand::{check_group, check_socket_path};
 pub use error::SocketPathError;
 
 use lock::Lock;
@@ -33,7 +35,8 @@ pub struct SocketPath {
     path: PathBuf,
     bound: bool,
     mode: Mode,
-    group: Option<Gid>,
+    /// The group that it shall have, and its name.
+    group: Option<(Gid, String)>,
     /// Folders that were made for it, the deepest first.
     made: Vec<PathBuf>,
     lock: Lock,
@@ -44,7 +47,7 @@ impl SocketPath {
     /// will have this mode and, unless it is empty, this group.
     pub fn take(path: &Path, mode: u32, group: &str) -> Result<Self, SocketPathError> {
         // First what may be wrong with the configuration, so that nothing is left behind.
-        let group = group_id(group)?;
+        let group = group_id(group)?.map(|id| (id, group.to_owned()));
         check_socket_folder(path)?;
         let mut taken = Self {
             path: path.to_owned(),
@@ -87,11 +90,18 @@ impl SocketPath {
         // The file that `bind` makes has the mode of the socket, less the umask.
         fchmod(&listener, Mode::S_IRUSR | Mode::S_IWUSR).map_err(fail("set the mode of"))?;
         let address = UnixAddr::new(path).map_err(fail("listen on"))?;
-        bind(listener.as_raw_fd(), &address).map_err(fail("listen on"))?;
+        bind(listener.as_raw_fd(), &address).map_err(|errno| SocketPathError::making(path, errno.into()))?;
         *bound = true;
-        if let Some(group) = *group {
-            fchownat(AT_FDCWD, path, None, Some(group), AtFlags::AT_SYMLINK_NOFOLLOW)
-                .map_err(fail("give to the group"))?;
+        if let Some((id, name)) = group {
+            fchownat(AT_FDCWD, path, None, Some(*id), AtFlags::AT_SYMLINK_NOFOLLOW).map_err(|errno| {
+                match errno {
+                    Errno::EPERM => SocketPathError::GroupNotOurs {
+                        path: path.into(),
+                        group: name.clone(),
+                    },
+                    errno => fail("change the group of")(errno),
+                }
+            })?;
         }
         fchmodat(AT_FDCWD, path, *mode, FchmodatFlags::NoFollowSymlink).map_err(fail("set the mode of"))?;
         Ok(listener)
@@ -111,16 +121,11 @@ impl SocketPath {
             match DirBuilder::new().mode(0o755).create(folder) {
                 Ok(()) => self.made.insert(0, folder.to_owned()),
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
-                Err(error) => return Err(SocketPathError::io("create the folder", folder, error)),
+                Err(error) => return Err(SocketPathError::making(folder, error)),
             }
         }
         Ok(())
     }
-}
-
-/// Refuses a group that this machine does not know; the empty name is that of the program's own.
-pub fn check_group(name: &str) -> Result<(), SocketPathError> {
-    group_id(name).map(drop)
 }
 
 fn group_id(name: &str) -> Result<Option<Gid>, SocketPathError> {
@@ -132,15 +137,22 @@ fn group_id(name: &str) -> Result<Option<Gid>, SocketPathError> {
     group.map(|group| Some(group.gid)).ok_or_else(unknown)
 }
 
+/// Whether a socket is at the path; refuses everything else that may be there.
+fn refuse_other_files(path: &Path) -> Result<bool, SocketPathError> {
+    match fs::symlink_metadata(path) {
+        Ok(found) if found.file_type().is_socket() => Ok(true),
+        Ok(_) => Err(SocketPathError::NotASocket { path: path.into() }),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(false),
+        Err(error) => Err(SocketPathError::io("look at", path, error)),
+    }
+}
+
 /// Removes a socket on which nobody listens.
 fn remove_stale(path: &Path) -> Result<(), SocketPathError> {
-    let fail = |what| move |error| SocketPathError::io(what, path, error);
-    match fs::symlink_metadata(path) {
-        Ok(found) if found.file_type().is_socket() => {}
-        Ok(_) => return Err(SocketPathError::NotASocket { path: path.into() }),
-        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
-        Err(error) => return Err(fail("look at")(error)),
+    if !refuse_other_files(path)? {
+        return Ok(());
     }
+    let fail = |what| move |error| SocketPathError::io(what, path, error);
     let flags = SockFlag::SOCK_CLOEXEC | SockFlag::SOCK_NONBLOCK;
     let knock = socket(AddressFamily::Unix, SockType::Stream, flags, None)
         .and_then(|knock| connect(knock.as_raw_fd(), &UnixAddr::new(path)?));

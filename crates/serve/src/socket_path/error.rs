@@ -1,6 +1,6 @@
 //! Why a socket path cannot be had.
 
-use std::io;
+use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 use taxel_wire::UntrustedFolder;
 
@@ -36,12 +36,14 @@ pub enum SocketPathError {
     },
     /// The folder is not ours to put a socket into.
     #[error(
-        "cannot make the lock file {}: this user may not write to its folder; choose [socket] images and control in a \
-         folder of your own", path.display()
+        "cannot make {}: {error}; choose [socket] images and control in a folder that this user may write to",
+        path.display()
     )]
     Forbidden {
-        /// The lock file.
+        /// The file or folder that is to be made there.
         path: PathBuf,
+        /// What the system said.
+        error: io::Error,
     },
     /// The folder may be anybody's.
     #[error(transparent)]
@@ -51,6 +53,17 @@ pub enum SocketPathError {
         "the sockets' group \"{group}\" is no group of this machine; create it with `groupadd --system {group}`"
     )]
     UnknownGroup {
+        /// The group's name.
+        group: String,
+    },
+    /// The group is not one of this user's.
+    #[error(
+        "cannot give {} to group {group}: the daemon's user is not in it; name one of its groups (`id -Gn`), or have \
+         it join that one", path.display()
+    )]
+    GroupNotOurs {
+        /// The socket.
+        path: PathBuf,
         /// The group's name.
         group: String,
     },
@@ -72,6 +85,35 @@ impl SocketPathError {
             what,
             path: path.to_owned(),
             error,
+        }
+    }
+
+    /// What cannot be made: for good, where this user may not write to its folder.
+    pub(super) fn making(path: &Path, error: io::Error) -> Self {
+        match error.kind() {
+            ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem | ErrorKind::NotADirectory => {
+                Self::Forbidden {
+                    path: path.to_owned(),
+                    error,
+                }
+            }
+            _ => Self::io("make", path, error),
+        }
+    }
+
+    /// Whether it would be so the next time as well, since the configuration is at fault, and neither another
+    /// program nor the system.
+    pub fn is_lasting(&self) -> bool {
+        match self {
+            Self::NotASocket { .. }
+            | Self::Forbidden { .. }
+            | Self::UnknownGroup { .. }
+            | Self::GroupNotOurs { .. } => true,
+            Self::InUse { .. }
+            | Self::Foreign { .. }
+            | Self::ForeignLock { .. }
+            | Self::Folder(_)
+            | Self::Io { .. } => false,
         }
     }
 }

@@ -56,10 +56,7 @@ fn open(path: &Path) -> Result<File, SocketPathError> {
     let file = opened.map_err(|error| match error.raw_os_error().map(Errno::from_raw) {
         Some(Errno::ELOOP | Errno::ENXIO | Errno::EISDIR) => foreign(),
         _ if error.kind() == io::ErrorKind::PermissionDenied && path.symlink_metadata().is_ok() => foreign(),
-        _ if error.kind() == io::ErrorKind::PermissionDenied => {
-            SocketPathError::Forbidden { path: path.into() }
-        }
-        _ => SocketPathError::io("open the lock file", path, error),
+        _ => SocketPathError::making(path, error),
     })?;
     let fail = |what| move |error| SocketPathError::io(what, path, error);
     let found = file.metadata().map_err(fail("look at the lock file"))?;
