@@ -1,6 +1,7 @@
 """`taxel record` beside a live daemon: what is in the file, who can read it, and what crashes and full disks leave of it."""
 
 import json
+import re
 import resource
 import signal
 import subprocess
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 import taxel_reader
 from conditioning import DAEMON_SETTINGS
+from harness.bus import GROUP, free_udp_port
 from harness.compare import content
 from harness.daemon import Daemon, binary, die_with_parent, eventually
 from harness.lockstep import SWEEP
@@ -163,6 +165,34 @@ def test_a_recording_holds_what_was_sent_and_shown_and_gives_the_same_images(sta
     with np.load(folder / "grasp.npz") as arrays:
         assert arrays["counts"].shape[1:] == (len(hand), 3)
         assert (arrays["counts"][-1] == last).all() or len(arrays["counts"]) > len(live)
+
+
+def test_a_configuration_that_the_daemon_does_not_run_with_is_refused_and_silent_buses_are_named(start, folder):
+    daemon = start()
+
+    def record(*arguments):
+        command = [binary("taxel"), "record", "--seconds", "0.5", *map(str, arguments)]
+        return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=30)
+
+    text = daemon.config.read_text()
+    scenes = re.sub(r'source = "udp:[^"]*"', 'source = "sim:tap"', text)
+    module = 'layout = "uskin-module"\n[[bus]]\nsource = "can:vcan7"\n'
+    for name, other, reads in [
+        ("scenes", scenes, "reads can0 from udp:"),
+        ("module", module, "reads layout allegro-uskin-15"),
+    ]:
+        (folder / f"{name}.toml").write_text(other)
+        refused = record(f"{name}.mcap", "--config", f"{name}.toml", "--socket", daemon.images)
+        assert refused.returncode == 1 and not (folder / f"{name}.mcap").exists(), refused.stderr
+        assert f"{name}.toml is not the configuration of the daemon that runs" in refused.stderr, refused.stderr
+        assert reads in refused.stderr, refused.stderr
+    # Without a daemon to ask, the file is what is spoken of.
+    waiting = record("waiting.mcap", "--config", "scenes.toml", "--socket", folder / "nobody.sock")
+    assert "no raw CAN: scenes.toml reads neither can: nor udp:" in waiting.stderr, waiting.stderr
+    wrong = f"udp:{GROUP}:{free_udp_port()}"
+    silent = record("silent.mcap", "--socket", daemon.images, "--can", f"left={wrong}?hops=0", "--json")
+    assert f"no CAN frame came of left from {wrong}" in silent.stderr, silent.stderr
+    assert json.loads(silent.stdout)["silent"] == ["left"]
 
 
 def test_joint_angles_are_joint_states_to_the_tools_of_others(folder):

@@ -1,5 +1,7 @@
 //! `taxel record`: everything that a running hand sends and the daemon makes of it, into an MCAP file.
 
+mod same_hand;
+
 use crate::control;
 use crate::input::DEFAULT_LAYOUT;
 use anyhow::{Context, bail};
@@ -16,7 +18,7 @@ use taxel_playback::interrupt::Interrupt;
 use taxel_playback::recorded::{CONFIG, LAYOUT};
 use taxel_recorder::{Around, Attached, CanInput, Finished, Plan, Preamble, Signals, Split};
 use taxel_skin::Layout;
-use taxel_wire::status::Status;
+use taxel_wire::status::{BusStatus, Status};
 use taxeld::Config;
 
 /// Seconds of a recording.
@@ -55,7 +57,8 @@ pub(crate) struct Args {
     /// CAN alone
     #[arg(long, conflicts_with_all = ["socket", "no_can", "trigger"], requires = "can")]
     no_daemon: bool,
-    /// The daemon's configuration: it and its layout go into the recording, which then can be read without them
+    /// The configuration that the daemon runs with: it and its layout go into the recording, which then can be
+    /// read without them
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
     /// How long to record [default: until Ctrl-C]
@@ -132,18 +135,31 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         let named = args.socket.clone().or_else(configured);
         named.unwrap_or_else(|| taxeld::config::running_socket("images.sock"))
     });
-    let can = match (&args.can[..], &config, &socket) {
-        _ if args.no_can => Vec::new(),
-        ([], Some(config), _) => buses_of(config),
-        ([], None, Some(socket)) => buses_of_daemon(socket)?,
-        (named, ..) => named
-            .iter()
-            .enumerate()
-            .map(|(place, text)| bus(place, text))
-            .collect::<Result<_, _>>()?,
+    let status_socket = match (&socket, &args.socket, &config) {
+        (Some(_), None, Some(config)) => Some(config.socket.status_path()),
+        (socket, ..) => socket
+            .as_deref()
+            .map(|socket| socket.with_file_name("status.sock")),
     };
-    if !args.no_can && can.is_empty() {
-        eprintln!("taxel: no raw CAN: the daemon reads neither can: nor udp:; --can SOURCE names a bus");
+    let names_none = args.can.is_empty() && !args.no_can;
+    if let (Some(config), Some(file), Some(socket)) = (&config, &args.config, &status_socket)
+        // A daemon that does not answer yet is waited for.
+        && let Ok(status) = status_of_daemon(socket)
+    {
+        same_hand::check(config, file, &status, names_none)?;
+    }
+    let (can, whose) = match (&config, &args.config, &status_socket) {
+        (Some(config), Some(file), _) if names_none => (buses_of(config), file.display().to_string()),
+        (.., Some(socket)) if names_none => {
+            (buses_of_daemon(&status_of_daemon(socket)?), "the daemon".into())
+        }
+        _ => {
+            let named = args.can.iter().enumerate().map(|(place, text)| bus(place, text));
+            (named.collect::<Result<_, _>>()?, String::new())
+        }
+    };
+    if names_none && can.is_empty() {
+        eprintln!("taxel: no raw CAN: {whose} reads neither can: nor udp:; --can SOURCE names a bus");
     }
     let plan = Plan {
         out: args.out.clone(),
@@ -181,7 +197,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         let object = json!({
             "files": files,
             "removed": finished.removed,
-            "can_frames": finished.can_frames,
+            "can_frames": finished.can_frames.iter().sum::<u64>(),
+            "silent": silent(&plan, &finished).map(|bus| &bus.name).collect::<Vec<_>>(),
             "can_lost": finished.can_lost,
             "images": finished.images,
             "skipped": finished.skipped,
@@ -219,10 +236,6 @@ fn bus(place: usize, text: &str) -> anyhow::Result<CanInput> {
     Ok(CanInput { name, address })
 }
 
-fn is_bus(address: &SourceAddress) -> bool {
-    matches!(address, SourceAddress::Can { .. } | SourceAddress::Udp { .. })
-}
-
 fn buses_of(config: &Config) -> Vec<CanInput> {
     let skin = config
         .layout
@@ -234,25 +247,27 @@ fn buses_of(config: &Config) -> Vec<CanInput> {
         .joints_bus()
         .filter(|bus| !bus.shared)
         .map(|bus| ("joints".to_owned(), bus.address));
-    let all = skin.chain(joints).filter(|(_, address)| is_bus(address));
-    all.map(|(name, address)| CanInput { name, address }).collect()
+    let input = |(name, address)| same_hand::bus(address).map(|address| CanInput { name, address });
+    skin.chain(joints).filter_map(input).collect()
 }
 
-/// The buses that a daemon reads, by what it tells of itself.
-fn buses_of_daemon(socket: &Path) -> anyhow::Result<Vec<CanInput>> {
-    let status = socket.with_file_name("status.sock");
-    let reply = control::request(&status, &json!({"cmd": "status"})).context(
+/// What a daemon tells of itself.
+fn status_of_daemon(socket: &Path) -> anyhow::Result<Status> {
+    let reply = control::request(socket, &json!({"cmd": "status"})).context(
         "the daemon does not say which buses it reads; --can SOURCE names them, --no-can leaves them out",
     )?;
-    let status = Status::try_from(reply["status"].clone()).context("the daemon's status")?;
-    let buses = status.buses.into_iter().filter_map(|bus| {
-        let address = bus.source.parse().ok().filter(is_bus)?;
+    Status::try_from(reply["status"].clone()).context("the daemon's status")
+}
+
+/// The buses that a daemon reads.
+fn buses_of_daemon(status: &Status) -> Vec<CanInput> {
+    let input = |bus: &BusStatus| {
         Some(CanInput {
-            name: bus.name,
-            address,
+            name: bus.name.clone(),
+            address: bus.source.parse().ok().and_then(same_hand::bus)?,
         })
-    });
-    Ok(buses.collect())
+    };
+    status.buses.iter().filter_map(input).collect()
 }
 
 fn preamble(args: &Args) -> anyhow::Result<Preamble> {
@@ -295,7 +310,7 @@ pub(crate) fn plan_of_daemon(socket: &Path, out: PathBuf) -> anyhow::Result<Plan
     Ok(Plan {
         out,
         socket: Some(socket.into()),
-        can: buses_of_daemon(socket)?,
+        can: buses_of_daemon(&status_of_daemon(&socket.with_file_name("status.sock"))?),
         split: Split::default(),
         around: None,
         mark_triggers: false,
@@ -305,6 +320,12 @@ pub(crate) fn plan_of_daemon(socket: &Path, out: PathBuf) -> anyhow::Result<Plan
             attached: Vec::new(),
         },
     })
+}
+
+/// The buses of which nothing came.
+fn silent<'a>(plan: &'a Plan, finished: &'a Finished) -> impl Iterator<Item = &'a CanInput> {
+    let buses = plan.can.iter().zip(&finished.can_frames);
+    buses.filter(|(_, frames)| **frames == 0).map(|(bus, _)| bus)
 }
 
 fn report(plan: &Plan, finished: &Finished) {
@@ -341,9 +362,16 @@ pub(crate) fn words(plan: &Plan, finished: &Finished) -> Vec<String> {
         ),
     };
     let mut lines = vec![format!(
-        "{name}: {:.1} MB, {messages} messages; {images} images and {can_frames} CAN frames were read",
-        bytes as f64 / 1e6
+        "{name}: {:.1} MB, {messages} messages; {images} images and {} CAN frames were read",
+        bytes as f64 / 1e6,
+        can_frames.iter().sum::<u64>()
     )];
+    for CanInput { name, address } in silent(plan, finished) {
+        lines.push(format!(
+            "taxel: no CAN frame came of {name} from {address}: no board sends there, or the hand's bus is another; \
+             --can {name}=SOURCE names it"
+        ));
+    }
     for (count, what) in [
         (
             *can_lost,

@@ -36,6 +36,7 @@ pub(super) fn read_can(
             let mut any = false;
             while let Some((bus, received)) = merge.pop() {
                 any = true;
+                shared.can_frames[usize::from(bus)].fetch_add(1, Ordering::Relaxed);
                 if !block.push(bus, &received) {
                     hand_over_can(&mut block, names, &lost, queue, shared);
                     block.push(bus, &received);
@@ -65,7 +66,6 @@ fn hand_over_can(
     queue: &SyncSender<Message>,
     shared: &Shared<'_>,
 ) {
-    shared.can_frames.fetch_add(block.len() as u64, Ordering::Relaxed);
     let wall_ns = shared.wall.at(block.start_ns());
     shared.entry(queue, Topic::Can, wall_ns, block.take(names, lost));
 }

@@ -82,8 +82,8 @@ pub struct Finished {
     pub files: Vec<PathBuf>,
     /// Files that were removed to make room. The counts below are of what they held too.
     pub removed: u32,
-    /// CAN frames recorded.
-    pub can_frames: u64,
+    /// CAN frames read, by bus of the plan.
+    pub can_frames: Vec<u64>,
     /// CAN frames that the kernel dropped.
     pub can_lost: u64,
     /// Images recorded.
@@ -157,7 +157,8 @@ struct Shared<'a> {
     signals: &'a Signals<'a>,
     wall: Wall,
     ended: AtomicBool,
-    can_frames: AtomicU64,
+    /// By bus.
+    can_frames: Vec<AtomicU64>,
     can_lost: AtomicU64,
     images: AtomicU64,
     skipped: AtomicU64,
@@ -201,7 +202,7 @@ pub fn record(plan: &Plan, signals: &Signals<'_>) -> Result<Finished, LiveError>
         signals,
         wall: Wall::now(),
         ended: AtomicBool::new(false),
-        can_frames: AtomicU64::new(0),
+        can_frames: plan.can.iter().map(|_| AtomicU64::new(0)).collect(),
         can_lost: AtomicU64::new(0),
         images: AtomicU64::new(0),
         skipped: AtomicU64::new(0),
@@ -271,7 +272,7 @@ pub fn record(plan: &Plan, signals: &Signals<'_>) -> Result<Finished, LiveError>
     Ok(Finished {
         files: store.files().map(PathBuf::from).collect(),
         removed: store.removed(),
-        can_frames: count(&shared.can_frames),
+        can_frames: shared.can_frames.iter().map(count).collect(),
         can_lost: count(&shared.can_lost),
         images: count(&shared.images),
         skipped: count(&shared.skipped),
