@@ -2,9 +2,10 @@
 
 use crate::schema::Topic;
 use crate::writer::{Entry, Preamble, RecordingWriter};
+use mcap::MAGIC;
 use std::collections::VecDeque;
 use std::fs::{File, OpenOptions};
-use std::io::{self, Seek};
+use std::io::{self, Read, Seek};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -20,7 +21,7 @@ pub struct Split {
     pub bytes: Option<u64>,
     /// After this time, nanoseconds.
     pub after_ns: Option<u64>,
-    /// Older files beyond this many are removed.
+    /// Older files beyond this many are removed, those of earlier runs too.
     pub most_files: Option<usize>,
 }
 
@@ -81,8 +82,11 @@ pub struct Store {
     /// The newest of those messages that every file begins with.
     standing: Vec<Entry>,
     files: VecDeque<PathBuf>,
+    /// Files of earlier runs, the oldest first.
+    earlier: VecDeque<PathBuf>,
     removed: u32,
-    next_number: u32,
+    /// That of the next file; none before it was looked for what is there.
+    next_number: Option<u32>,
     messages: u64,
 }
 
@@ -111,8 +115,9 @@ impl Store {
             until_ns: 0,
             standing: Vec::new(),
             files: VecDeque::new(),
+            earlier: VecDeque::new(),
             removed: 0,
-            next_number: 1,
+            next_number: None,
             messages: 0,
         }
     }
@@ -122,7 +127,7 @@ impl Store {
         self.files.iter().map(PathBuf::as_path)
     }
 
-    /// Files removed so far, to make room.
+    /// Files removed so far, to make room, those of earlier runs too.
     pub fn removed(&self) -> u32 {
         self.removed
     }
@@ -298,16 +303,16 @@ impl Store {
             }
             Err(source) => return Err(Self::torn(path, &file, 0, source)),
         }
-        while self
-            .split
-            .most_files
-            .is_some_and(|most| self.files.len() > most.max(1))
+        let is_too_many = |store: &Self| {
+            let most = store.split.most_files.map(|most| most.max(1));
+            most.is_some_and(|most| store.earlier.len() + store.files.len() > most)
+        };
+        while is_too_many(self)
+            && let Some(oldest) = self.earlier.pop_front().or_else(|| self.files.pop_front())
         {
-            if let Some(oldest) = self.files.pop_front() {
-                // One that somebody else removed is gone as it should be.
-                let _ = std::fs::remove_file(oldest);
-                self.removed += 1;
-            }
+            // One that somebody else removed is gone as it should be.
+            let _ = std::fs::remove_file(oldest);
+            self.removed += 1;
         }
         Ok(())
     }
@@ -321,25 +326,73 @@ impl Store {
         if is_one {
             return create(self.path.clone());
         }
+        let mut number = self.next_number.unwrap_or_else(|| {
+            let numbered = numbered_files(&self.path);
+            let next = numbered.last().map_or(1, |(number, _)| number + 1);
+            let files = numbered.into_iter().map(|(_, path)| path);
+            // What somebody else has given such a name is not ours to remove.
+            self.earlier = files.filter(|path| is_recording(path)).collect();
+            next
+        });
         loop {
-            let stem = self.path.file_stem().unwrap_or_default().to_string_lossy();
-            let ending = self.path.extension().unwrap_or("mcap".as_ref()).to_string_lossy();
-            let name = format!("{stem}-{:04}.{ending}", self.next_number);
-            self.next_number += 1;
-            match create(self.path.with_file_name(name)) {
-                // Of a recording before this one.
+            let created = create(numbered_file(&self.path, number));
+            number += 1;
+            self.next_number = Some(number);
+            match created {
+                // Somebody else's, made meanwhile.
                 Err(StoreError::Create { source, .. })
-                    if source.kind() == io::ErrorKind::AlreadyExists && self.next_number <= MOST_FILES => {}
+                    if source.kind() == io::ErrorKind::AlreadyExists && number <= MOST_FILES => {}
                 created => return created,
             }
         }
     }
 }
 
+/// The file of this number of a recording of this name.
+fn numbered_file(path: &Path, number: u32) -> PathBuf {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let ending = path.extension().unwrap_or("mcap".as_ref()).to_string_lossy();
+    path.with_file_name(format!("{stem}-{number:04}.{ending}"))
+}
+
+/// The files that are there and have a name of this recording's, by their numbers.
+fn numbered_files(path: &Path) -> Vec<(u32, PathBuf)> {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let number_of = |name: &str| {
+        let number = name.strip_prefix(&*stem)?.strip_prefix('-')?;
+        number
+            .split('.')
+            .next()?
+            .parse()
+            .ok()
+            .filter(|number| *number < MOST_FILES)
+    };
+    let entries = std::fs::read_dir(folder_of(path)).into_iter().flatten().flatten();
+    let files = entries.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_file()));
+    let numbered = files.filter_map(|entry| {
+        let number = number_of(&entry.file_name().to_string_lossy())?;
+        let file = numbered_file(path, number);
+        (file.file_name() == Some(&entry.file_name())).then_some((number, file))
+    });
+    let mut numbered: Vec<_> = numbered.collect();
+    numbered.sort_unstable();
+    numbered
+}
+
+fn is_recording(path: &Path) -> bool {
+    let mut start = [0; MAGIC.len()];
+    let read = File::open(path).and_then(|mut file| file.read_exact(&mut start));
+    read.is_ok() && start == *MAGIC
+}
+
+fn folder_of(path: &Path) -> &Path {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    folder.unwrap_or(Path::new("."))
+}
+
 /// After a power loss a new file has its name only if its folder was synced.
 fn sync_folder(path: &Path) {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-    if let Ok(folder) = File::open(folder.unwrap_or(Path::new("."))) {
+    if let Ok(folder) = File::open(folder_of(path)) {
         let _ = folder.sync_all();
     }
 }

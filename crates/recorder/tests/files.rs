@@ -277,7 +277,7 @@ fn a_recording_goes_on_in_another_file_after_its_time_and_the_oldest_make_room()
         store.cut(second * S).unwrap();
     }
     store.close().unwrap();
-    assert_eq!(names(&store), ["day-0004.mcap", "day-0005.mcap"]);
+    assert_eq!(names(&store), ["day-0005.mcap", "day-0006.mcap"]);
     let last: Vec<&Path> = store.files().collect();
     let (events, torn) = texts(last[0], Topic::Events);
     assert_eq!(
@@ -289,8 +289,58 @@ fn a_recording_goes_on_in_another_file_after_its_time_and_the_oldest_make_room()
         ["hello"],
         "each file tells whose hand it is"
     );
-    assert!(!folder.path().join("day-0001.mcap").exists());
+    assert!(!folder.path().join("day-0003.mcap").exists());
     assert!(folder.path().join("day-0002.mcap").exists());
+}
+
+#[test]
+fn a_recording_that_is_begun_anew_goes_on_with_numbers_and_room_where_the_last_one_ended() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("day.mcap");
+    let run = |most_files, files: u64| {
+        let split = Split {
+            after_ns: Some(S),
+            most_files: Some(most_files),
+            ..Split::default()
+        };
+        let mut store = Store::new(&path, Preamble::default(), split, None);
+        for second in 0..files {
+            store.take(entry(Topic::Events, second * S, "")).unwrap();
+            store.cut((second + 1) * S).unwrap();
+        }
+        store.close().unwrap();
+        (names(&store), store.removed())
+    };
+    let there = || {
+        let entries = std::fs::read_dir(folder.path()).unwrap();
+        let mut names: Vec<String> = entries
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort();
+        names
+    };
+    assert_eq!(run(3, 5).1, 2);
+    assert_eq!(there(), ["day-0003.mcap", "day-0004.mcap", "day-0005.mcap"]);
+    // What is called otherwise, is no recording, or no file, stays.
+    let whole = std::fs::read(folder.path().join("day-0003.mcap")).unwrap();
+    let others = [
+        "day-1.mcap",
+        "day-00003.mcap",
+        "day-0003.mcap.part",
+        "night-0003.mcap",
+        "day-.mcap",
+        "day-0003.log",
+    ];
+    for other in others {
+        std::fs::write(folder.path().join(other), &whole).unwrap();
+    }
+    std::fs::write(folder.path().join("day-0001.mcap"), "notes").unwrap();
+    std::os::unix::fs::symlink("day-1.mcap", folder.path().join("day-0002.mcap")).unwrap();
+    assert_eq!(run(2, 1), (vec!["day-0006.mcap".to_owned()], 2));
+    let mut left: Vec<&str> = others.to_vec();
+    left.extend(["day-0001.mcap", "day-0002.mcap", "day-0005.mcap", "day-0006.mcap"]);
+    left.sort_unstable();
+    assert_eq!(there(), left);
 }
 
 #[test]

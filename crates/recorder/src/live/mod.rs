@@ -78,9 +78,10 @@ pub struct Signals<'a> {
 /// What became of a recording.
 #[derive(Debug, Default, Clone)]
 pub struct Finished {
-    /// The files, without those that were removed to make room.
+    /// The files of this recording, without those that were removed to make room.
     pub files: Vec<PathBuf>,
-    /// Files that were removed to make room. The counts below are of what they held too.
+    /// Files that were removed to make room, those of earlier runs too. The counts below are of what this run's
+    /// held too.
     pub removed: u32,
     /// CAN frames read, by bus of the plan.
     pub can_frames: Vec<u64>,
