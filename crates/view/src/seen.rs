@@ -153,6 +153,11 @@ impl Seen {
         self.note = Some((note.into(), now_ns));
     }
 
+    /// Says no more what was said.
+    pub fn hush(&mut self) {
+        self.note = None;
+    }
+
     /// The connection ended, and why; what was seen of the hand is true no more.
     pub fn set_gone(&mut self, why: impl Into<String>) {
         self.gone = Some(why.into());

@@ -257,7 +257,11 @@ impl Shown for Show<'_> {
     }
 
     fn key(&mut self, key: KeyEvent) -> bool {
-        let action = self.screen.key(key, &lock(self.meter).seen);
+        let action = {
+            let seen = &mut lock(self.meter).seen;
+            seen.hush();
+            self.screen.key(key, seen)
+        };
         let request = match action {
             Action::Quit => return false,
             Action::Rezero => json!({ "cmd": "rezero" }),

@@ -207,7 +207,12 @@ impl Shown for View<'_> {
     }
 
     fn key(&mut self, key: KeyEvent) -> bool {
-        let action = self.screen.key(key, &lock(self.seen));
+        let action = {
+            let mut seen = lock(self.seen);
+            // Who has pressed a key has read it.
+            seen.hush();
+            self.screen.key(key, &seen)
+        };
         match action {
             Action::Quit => return false,
             Action::None => {}

@@ -1,14 +1,14 @@
 //! The line above the panels and those below.
 
 use crate::colour::Palette;
-use crate::paint::shortened;
+use crate::paint::{shortened, text};
 use crate::picture::{Picture, fault_in_words};
 use crate::screen::Screen;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::{Modifier, Style};
 use ratatui::text::{Line, Span};
-use ratatui::widgets::Widget;
+use ratatui::widgets::{Clear, Widget};
 use taxel_hand::{Fault, Freshness};
 
 /// Columns of the legend of colours.
@@ -28,8 +28,7 @@ pub(super) fn heading(
         Span::styled(format!(" {} ", heading.name), bold),
         Span::raw(heading.detail.clone()),
     ];
-    let used: usize = spans.iter().map(Span::width).sum();
-    let room = usize::from(area.width).saturating_sub(used + 3);
+    let room = room(area, heading);
     let problem = picture.problems.first().map(|problem| {
         let count = picture.problems.len();
         match count {
@@ -37,14 +36,16 @@ pub(super) fn heading(
             _ => format!("{count} problems: {}", problem.sentence),
         }
     });
-    let urgent = if let Some(why) = &picture.gone {
-        Some(format!("the daemon is gone ({why}); looking for it"))
+    let urgent = if picture.gone.is_some() {
+        said(picture)
     } else if picture.paused {
         Some("paused: every actuator has let go; p goes on".into())
     } else if picture.calibrating {
         Some("measuring the baseline: hands off".into())
     } else {
-        picture.note.clone().or(problem)
+        said(picture)
+            .filter(|words| is_said_above(words, picture, room))
+            .or(problem)
     };
     let (words, style) = match urgent {
         Some(words) => (words, warning(palette)),
@@ -52,6 +53,69 @@ pub(super) fn heading(
     };
     spans.push(Span::styled(format!("  {}", shortened(&words, room)), style));
     Line::from(spans).render(area, buffer);
+}
+
+/// Columns for a sentence behind what is seen.
+fn room(area: Rect, heading: &super::Heading) -> usize {
+    let used = heading.name.chars().count() + heading.detail.chars().count();
+    usize::from(area.width).saturating_sub(used + 5)
+}
+
+/// Whether the line above the panels says these words of the moment: where it has room, and nothing that lasts to say.
+fn is_said_above(words: &str, picture: &Picture, room: usize) -> bool {
+    let lasts = picture.gone.is_none() && (picture.paused || picture.calibrating);
+    !lasts && words.chars().count() <= room
+}
+
+/// What somebody who looks is told for the moment: why there is no daemon, or what became of a key.
+fn said(picture: &Picture) -> Option<String> {
+    let gone = picture.gone.as_ref();
+    gone.map(|why| format!("the daemon is gone ({why}); looking for it"))
+        .or_else(|| picture.note.clone())
+}
+
+/// Draws what is said for the moment over the lines below the panels where the line above does not say it: as a
+/// rule it is too long for that, and why something was refused stands at its end.
+pub(super) fn draw_said(
+    buffer: &mut Buffer,
+    area: Rect,
+    picture: &Picture,
+    heading: &super::Heading,
+    palette: Palette,
+) {
+    let room = room(area, heading);
+    let Some(words) = said(picture).filter(|words| !is_said_above(words, picture, room)) else {
+        return;
+    };
+    let width = usize::from(area.width).saturating_sub(2);
+    // The last line says which keys there are.
+    let most = usize::from(area.height).saturating_sub(1);
+    for (y, row) in (area.top()..).zip(wrapped(&words, width, most)) {
+        let line = Rect { y, height: 1, ..area };
+        Clear.render(line, buffer);
+        text(buffer, line, &format!(" {row}"), warning(palette));
+    }
+}
+
+/// A sentence in at most so many rows of so many characters, with dots where it goes on.
+fn wrapped(words: &str, width: usize, most: usize) -> Vec<String> {
+    let mut rows: Vec<String> = vec![String::new()];
+    for word in words.split_whitespace() {
+        let row = rows.last_mut().expect("one row or more");
+        if row.is_empty() {
+            row.push_str(word);
+        } else if row.chars().count() + 1 + word.chars().count() <= width {
+            *row += " ";
+            row.push_str(word);
+        } else {
+            rows.push(word.into());
+        }
+    }
+    if rows.len() > most {
+        let rest = rows.split_off(most.saturating_sub(1)).join(" ");
+        rows.push(rest);
+    }
+    rows.iter().map(|row| shortened(row, width)).collect()
 }
 
 fn warning(palette: Palette) -> Style {

@@ -87,6 +87,7 @@ pub fn draw(
         ..below
     };
     lines::draw(buffer, lines, picture, screen, palette);
+    lines::draw_said(buffer, below, picture, heading, palette);
     let extra_width = 2 * middle.width / 5;
     let extra = (extra && extra_width >= LEAST_EXTRA).then_some(Rect {
         x: middle.right() - extra_width,

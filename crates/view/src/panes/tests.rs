@@ -363,6 +363,51 @@ fn what_the_user_must_know_replaces_the_sentence_above() {
     }
 }
 
+#[test]
+fn what_is_too_long_for_the_line_above_is_told_whole_below_and_the_keys_stay() {
+    let refused = "cannot reach taxeld at /run/taxeld/control.sock: Permission denied (os error 13); mode and group of \
+                   [control] in its configuration say who may open it";
+    type Change = fn(&mut Picture, &str);
+    let changes: [Change; 2] = [
+        |picture, words| picture.note = Some(words.into()),
+        |picture, words| picture.gone = Some(words.into()),
+    ];
+    for (size, change) in SIZES
+        .into_iter()
+        .flat_map(|size| changes.map(|change| (size, change)))
+    {
+        let mut picture = picture();
+        change(&mut picture, refused);
+        let shown = text(&drawn(size, &picture));
+        let joined = shown.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(joined.contains(refused), "{size:?}\n{shown}");
+        assert!(shown.contains("? keys  q quit"), "{shown}");
+    }
+    // Nor is it hidden by what lasts.
+    let lasting: [fn(&mut Picture); 2] = [
+        |picture| picture.paused = true,
+        |picture| picture.calibrating = true,
+    ];
+    for change in lasting {
+        let mut picture = picture();
+        change(&mut picture);
+        picture.note = Some("mark: cup 3".into());
+        let shown = text(&drawn((80, 24), &picture));
+        assert!(shown.contains("\n mark: cup 3 "), "{shown}");
+    }
+    // One that no rows can hold ends in dots; a single long name is no reason to break.
+    let mut picture = picture();
+    picture.note = Some(["cannot create", &"x".repeat(90), &refused.repeat(4)].join(" "));
+    let shown = text(&drawn((80, 24), &picture));
+    let below: Vec<&str> = shown.lines().skip(20).collect();
+    assert!(below[0].starts_with(" cannot create "), "{shown}");
+    assert!(
+        below[1].trim_end().ends_with('…') && below[2].trim_end().ends_with('…'),
+        "{shown}"
+    );
+    assert!(below[3].contains("? keys  q quit"), "{shown}");
+}
+
 fn problems() -> Vec<ProblemStatus> {
     let problem = |sentence: &str, severe| ProblemStatus {
         sentence: sentence.into(),

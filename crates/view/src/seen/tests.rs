@@ -197,3 +197,13 @@ fn a_recording_has_keys_of_its_own() {
     assert_eq!(press(&seen, &mut screen, '>'), Action::Skip(5.0));
     assert_eq!(press(&seen, &mut screen, 'z'), Action::None);
 }
+
+#[test]
+fn what_was_said_is_gone_with_the_next_key() {
+    let mut seen = seen();
+    seen.say("cannot reach taxeld", SECOND_NS);
+    let note = |seen: &mut Seen| seen.picture(&Screen::new(), SECOND_NS).unwrap().note;
+    assert_eq!(note(&mut seen).as_deref(), Some("cannot reach taxeld"));
+    seen.hush();
+    assert_eq!(note(&mut seen), None);
+}
