@@ -76,3 +76,35 @@ def test_a_key_records_into_a_file_named_by_the_time_and_ends_it(start, folder):
         [binary("taxel"), "convert", file.name, "frames.npz"], cwd=folder, capture_output=True, text=True, timeout=30
     )
     assert made.returncode == 0 and "frames" in made.stderr, made.stderr
+
+
+def test_what_is_wrong_with_a_recording_is_said_in_the_picture_and_printed_behind_it(folder):
+    def taxel(*arguments):
+        subprocess.run([binary("taxel"), *arguments], cwd=folder, check=True, capture_output=True, timeout=30)
+
+    taxel("sim", "tap", "--to", "log:tap.log", "--seconds", "3")
+    taxel("convert", "tap.log", "tap.mcap")
+    whole = (folder / "tap.mcap").read_bytes()
+    (folder / "torn.mcap").write_bytes(whole[: len(whole) * 6 // 10])
+    lines = (folder / "tap.log").read_text().splitlines(keepends=True)
+    (folder / "half.log").write_text("".join(line for line in lines if " can0 " in line))
+    (folder / "more.log").write_text("".join(lines) + lines[-1].replace(" can1 ", " left ").replace(" can0 ", " left "))
+    for file, words in [
+        ("torn.mcap", "torn off"),
+        ("half.log", "nothing for bus can1; its taxels will be missing"),
+        ("more.log", "interface left is left out"),
+    ]:
+        terminal = Terminal(folder, "view", file)
+        try:
+            terminal.wait_for(words)
+            # Said by the picture: nothing has written over it, and moved it.
+            picture = terminal.screen.display
+            assert picture[0].startswith(f" {file} ") and "? keys  q quit" in picture[-1], "\n".join(picture)
+            assert not terminal.shows("taxel: "), "\n".join(picture)
+            terminal.press("q")
+            terminal.wait_for(f"taxel: {file}: ")
+            terminal.wait_for(words)
+            assert terminal.process.wait(10) == 0
+        finally:
+            terminal.process.kill()
+            os.close(terminal.keys)

@@ -10,6 +10,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, Instant};
 use taxel_playback::interrupt::Interrupt;
+use taxel_playback::remarks::Remarks;
 
 /// Time between two pictures, at least.
 const REDRAW: Duration = Duration::from_millis(50);
@@ -24,6 +25,8 @@ pub(crate) trait Shown {
     fn draw(&mut self, frame: &mut Frame<'_>) -> bool;
     /// Does what a key asks; returns whether to go on.
     fn key(&mut self, key: KeyEvent) -> bool;
+    /// Shows what people should know besides, which is printed again when the terminal is given back.
+    fn say(&mut self, words: String);
 }
 
 /// Whether stdout is a terminal that can be drawn on.
@@ -34,11 +37,13 @@ pub(crate) fn can_draw() -> bool {
 
 /// Draws until the deadline, Ctrl-C, the key that ends it, or until there is nothing more to see.
 ///
-/// A connection takes only so many bytes: the next picture waits until the one before is paid for.
+/// A connection takes only so many bytes: the next picture waits until the one before is paid for. What is said
+/// meanwhile is shown, and printed behind the last picture.
 pub(crate) fn show(
     shown: &mut dyn Shown,
     interrupt: &Interrupt,
     deadline: Option<Instant>,
+    mut remarks: Remarks,
 ) -> anyhow::Result<()> {
     let keys = keys()?;
     // Restores the terminal on panic, too; the one that is drawn on counts its bytes.
@@ -57,6 +62,13 @@ pub(crate) fn show(
         while !interrupt.is_set() && deadline.is_none_or(|deadline| Instant::now() < deadline) {
             let (began, before) = (Instant::now(), sent.load(Ordering::Relaxed));
             let mut go_on = true;
+            let news = remarks.news();
+            if !news.is_empty() {
+                let words = news
+                    .iter()
+                    .map(|line| line.strip_prefix("taxel: ").unwrap_or(line));
+                shown.say(words.collect::<Vec<_>>().join("; "));
+            }
             terminal
                 .draw(|frame| go_on = shown.draw(frame))
                 .context("the terminal")?;

@@ -1,20 +1,15 @@
 //! Recordings and scenes, played: through the daemon's pipeline without a daemon, onto buses, and into other files.
 //!
 //! What `taxel replay`, `convert`, `compress`, `eval` and others do with every frame; their arguments are `taxel`'s. As there,
-//! errors are for people, and what they should know besides goes to stderr.
+//! errors are for people, and what they should know besides is said to them ([`remarks`]).
 
 #![cfg_attr(not(test), deny(clippy::print_stdout, clippy::print_stderr))]
 
-/// For people, on stderr, with the names that they gave files. Unlike the standard library's it does not panic where the
-/// terminal is gone or the disk full.
+/// Says a line to people ([`remarks::say`]).
 #[macro_export]
 macro_rules! eprintln {
     () => { $crate::eprintln!("") };
-    ($($words:tt)*) => {{
-        use std::io::Write;
-        let line = $crate::stand_in::as_named(format!($($words)*));
-        let _ = writeln!(std::io::stderr(), "{line}");
-    }};
+    ($($words:tt)*) => { $crate::remarks::say(format!($($words)*)) };
 }
 
 pub mod array_frames;
@@ -31,6 +26,7 @@ pub mod progress;
 pub mod raw_line;
 pub mod recorded;
 mod recorded_buses;
+pub mod remarks;
 pub mod scene_input;
 pub mod stand_in;
 pub mod sweep;

@@ -1,16 +1,9 @@
 //! How far a long job has come, on stderr, where somebody is looking.
 
+use crate::remarks;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
-
-/// Whether the terminal shows something else.
-static HIDDEN: AtomicBool = AtomicBool::new(false);
-
-/// Shows no progress from now on: the terminal is drawn on.
-pub fn hide() {
-    HIDDEN.store(true, Ordering::Relaxed);
-}
 
 /// A progress bar, or nothing when stderr is not a terminal.
 #[derive(Debug)]
@@ -63,8 +56,8 @@ impl Progress {
     }
 
     fn with(total: Option<u64>, template: &str) -> Self {
-        // Draws to stderr, and to nothing when that is no terminal.
-        let target = match HIDDEN.load(Ordering::Relaxed) {
+        // Draws to stderr, and to nothing when that is no terminal, or somebody else draws on it.
+        let target = match remarks::are_gathered() {
             true => ProgressDrawTarget::hidden(),
             false => ProgressDrawTarget::stderr(),
         };

@@ -22,6 +22,7 @@ use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 use taxel_hand::{Method, Profile};
 use taxel_playback::interrupt::Interrupt;
+use taxel_playback::remarks::Remarks;
 use taxel_sim::{Scene, with_stand_in_boards};
 use taxel_skin::{Layout, Preset};
 use taxel_view::{Action, Palette, Screen};
@@ -134,7 +135,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
                 screen: Screen::new(),
                 palette: Palette::of_terminal(),
             };
-            terminal::show(&mut show, &interrupt, deadline)
+            terminal::show(&mut show, &interrupt, deadline, Remarks::gather())
         }
     };
     drop(palpating);
@@ -273,17 +274,18 @@ impl Shown for Show<'_> {
                 json!({ "cmd": "profile", "profile": profile.map_or_else(|| self.own.clone(), |profile| *profile) })
             }
             Action::Record => {
-                let words = "the demo records nothing; `taxel view` does, of a daemon";
-                lock(self.meter).seen.say(words, taxel_can::monotonic_ns());
+                self.say("the demo records nothing; `taxel view` does, of a daemon".into());
                 return true;
             }
             _ => return true,
         };
         if let Err(error) = self.control.request(&request) {
-            lock(self.meter)
-                .seen
-                .say(format!("{error:#}"), taxel_can::monotonic_ns());
+            self.say(format!("{error:#}"));
         }
         true
+    }
+
+    fn say(&mut self, words: String) {
+        lock(self.meter).seen.say(words, taxel_can::monotonic_ns());
     }
 }

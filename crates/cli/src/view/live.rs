@@ -11,6 +11,7 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 use taxel_hand::Profile;
 use taxel_playback::interrupt::Interrupt;
+use taxel_playback::remarks::Remarks;
 use taxel_view::{Action, Heading, Screen, Seen};
 use taxel_wire::{ReadError, Received, Subscribe, Subscriber};
 
@@ -66,7 +67,10 @@ pub(super) fn run(
             glance();
             sheet.draw(&daemon.seen, &*daemon, &Screen::new())
         }
-        None if terminal::can_draw() => look(&daemon.seen, &*daemon, Screen::new(), &interrupt, limit),
+        None if terminal::can_draw() => {
+            let remarks = Remarks::gather();
+            look(&daemon.seen, &*daemon, Screen::new(), &interrupt, limit, remarks)
+        }
         None => {
             glance();
             let seen = lock(&daemon.seen);

@@ -19,6 +19,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 use taxel_playback::interrupt::Interrupt;
+use taxel_playback::remarks::Remarks;
 use taxel_view::{Action, Heading, Palette, Screen, Seen, draw, svg};
 
 /// Without a terminal a daemon is looked at for so long.
@@ -218,13 +219,17 @@ impl Shown for View<'_> {
             Action::None => {}
             action => {
                 if let Some(words) = self.source.act(action) {
-                    let mut seen = lock(self.seen);
-                    let now_ns = self.source.now_ns(&seen);
-                    seen.say(words, now_ns);
+                    self.say(words);
                 }
             }
         }
         true
+    }
+
+    fn say(&mut self, words: String) {
+        let mut seen = lock(self.seen);
+        let now_ns = self.source.now_ns(&seen);
+        seen.say(words, now_ns);
     }
 }
 
@@ -235,6 +240,7 @@ fn look(
     screen: Screen,
     interrupt: &Interrupt,
     limit: Option<Duration>,
+    remarks: Remarks,
 ) -> anyhow::Result<()> {
     let mut view = View {
         seen,
@@ -243,7 +249,7 @@ fn look(
         palette: Palette::of_terminal(),
     };
     let deadline = limit.map(|limit| Instant::now() + limit);
-    terminal::show(&mut view, interrupt, deadline)
+    terminal::show(&mut view, interrupt, deadline, remarks)
 }
 
 /// What was seen in a few lines, for whoever has no terminal.

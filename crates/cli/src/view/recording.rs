@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use taxel_engine::Display;
 use taxel_hand::{ForceFrame, Freshness, TactileFrame, TactileImage};
 use taxel_playback::interrupt::Interrupt;
-use taxel_playback::progress;
+use taxel_playback::remarks::Remarks;
 use taxel_view::{Action, Heading, Screen, Seen};
 use taxel_wire::{Clock, Header, Hello, HelloRate, ImageView, RawView};
 use taxel_wire::{encode_image_payload, encode_raw_payload};
@@ -85,16 +85,17 @@ pub(super) fn run(
             None => print_summary(&lock(&player.seen), &player.name, 0),
         };
     }
-    // What is wrong with the file is said before the terminal is taken.
+    // What keeps the file from being read is said before the terminal is taken.
+    let remarks = Remarks::gather();
     recording.configure(&recording.input.open()?)?;
-    progress::hide();
     let thread = {
         let (player, recording) = (player.clone(), recording.clone());
         std::thread::Builder::new()
             .name("player".into())
             .spawn(move || player.repeat(&recording))?
     };
-    let outcome = look(&player.seen, &*player, Screen::of_recording(), &interrupt, limit);
+    let screen = Screen::of_recording();
+    let outcome = look(&player.seen, &*player, screen, &interrupt, limit, remarks);
     player.change(|pace| pace.over = true);
     let _ = thread.join();
     outcome?;

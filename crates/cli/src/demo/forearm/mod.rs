@@ -13,6 +13,7 @@ use std::io::Write as _;
 use std::time::{Duration, Instant};
 use taxel_forearm::{Estimate, Estimator, Model, Ramp, Squeeze, Trial};
 use taxel_playback::interrupt::Interrupt;
+use taxel_playback::remarks::Remarks;
 use taxel_sim::forearm::SimulatedForearm;
 use taxel_view::Palette;
 
@@ -194,6 +195,9 @@ impl Shown for Show {
         let quits = is_ctrl_c || matches!(key.code, KeyCode::Char('q') | KeyCode::Esc);
         key.kind == KeyEventKind::Release || !quits
     }
+
+    // There is no place for it; it is printed in the end.
+    fn say(&mut self, _: String) {}
 }
 
 /// Draws until `q`; headless squeezes every place once, without waiting for the time that takes.
@@ -225,7 +229,7 @@ pub(super) fn run(args: &Args, seconds: Option<f64>, headless: bool) -> anyhow::
             failure: None,
         };
         let deadline = seconds.map(|seconds| began + Duration::from_secs_f64(seconds));
-        terminal::show(&mut show, &interrupt, deadline)?;
+        terminal::show(&mut show, &interrupt, deadline, Remarks::gather())?;
         if let Some(failure) = show.failure {
             return Err(failure);
         }

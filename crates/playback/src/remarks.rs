@@ -1,0 +1,94 @@
+//! What people should know besides what comes out: on stderr, or with whoever draws on the terminal.
+//!
+//! A process has one terminal. So who draws on it says so once, for all that is said meanwhile, wherever that is.
+
+use crate::stand_in::as_named;
+use std::io::Write;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// Lines said while the terminal is drawn on, each once; none where it is not.
+static GATHERED: Mutex<Option<Vec<String>>> = Mutex::new(None);
+
+/// While it is there, what is for people is gathered instead of printed, and no progress is shown. Dropped, it
+/// prints what was gathered: first the terminal is to be given back.
+#[derive(Debug)]
+pub struct Remarks {
+    told: usize,
+}
+
+impl Remarks {
+    /// Gathers what is said from now on.
+    pub fn gather() -> Self {
+        gathered().get_or_insert_default();
+        Self { told: 0 }
+    }
+
+    /// What was said since this was asked last, a line each.
+    pub fn news(&mut self) -> Vec<String> {
+        let gathered = gathered();
+        let news = gathered.iter().flatten().skip(self.told);
+        let news: Vec<String> = news.cloned().collect();
+        self.told += news.len();
+        news
+    }
+}
+
+impl Drop for Remarks {
+    fn drop(&mut self) {
+        let lines = gathered().take();
+        lines.iter().flatten().for_each(|line| print(line));
+    }
+}
+
+fn gathered() -> MutexGuard<'static, Option<Vec<String>>> {
+    GATHERED.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Whether somebody draws on the terminal.
+pub(crate) fn are_gathered() -> bool {
+    gathered().is_some()
+}
+
+/// Says a line, with the names that people gave files.
+pub fn say(line: String) {
+    let line = as_named(line);
+    match &mut *gathered() {
+        // A recording that is played again says the same again.
+        Some(lines) if lines.contains(&line) => {}
+        Some(lines) => lines.push(line),
+        None => print(&line),
+    }
+}
+
+fn print(line: &str) {
+    // Unlike `eprintln!`, where the terminal is gone or the disk full this is no panic.
+    let _ = writeln!(std::io::stderr(), "{line}");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::recorded_buses::read_ahead;
+    use crate::traffic::Traffic;
+
+    #[test]
+    fn who_draws_is_given_once_what_is_said_by_whichever_thread() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("half-a-log.log");
+        std::fs::write(&path, "(1.000000) can0 001#\nno frame\n").unwrap();
+        let names = ["can0".to_owned()];
+        let mut remarks = Remarks::gather();
+        let mut news_of_a_pass = || -> Vec<String> {
+            // The file is read on a thread of its own.
+            read_ahead(&Traffic::candump(&path), &names, |frames| Ok(frames.count())).unwrap();
+            // Tests beside this one speak, too.
+            let mut news = remarks.news();
+            news.retain(|line| line.contains("half-a-log.log"));
+            news
+        };
+        let news = news_of_a_pass();
+        let is_it = |line: &str| line.contains("1 lines are not classic CAN frames");
+        assert!(matches!(&news[..], [line] if is_it(line)), "{news:?}");
+        assert_eq!(news_of_a_pass(), Vec::<String>::new());
+    }
+}
