@@ -8,6 +8,22 @@ const WINDOW_NS: u64 = 750_000_000;
 /// within two seconds, and the rest of a touch stays in proportion.
 const ABOVE_LATE: f64 = 4.0;
 
+/// A quarter of the actuators at most may be brighter than the rest could ever be: what they feel counts up to so
+/// many times what the next one does.
+const ABOVE_MOST: f64 = 3.0;
+
+/// The greatest of these forces. A few that are many times the others count less, be it a broken taxel or a blow to one
+/// finger: the rest of the hand would be dark beside them.
+pub(crate) fn greatest_of_most(forces: impl Iterator<Item = f64>) -> f64 {
+    let mut forces: Vec<f64> = forces.collect();
+    forces.sort_by(|a, b| b.total_cmp(a));
+    let greatest = forces.first().copied().unwrap_or(0.0);
+    match forces.get(forces.len() / 4) {
+        Some(most) => greatest.min(ABOVE_MOST * most),
+        None => greatest,
+    }
+}
+
 /// The scale of the colours, from the greatest force of each image.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct Scale {
@@ -72,6 +88,29 @@ mod tests {
         now = see(&mut scale, now, 5.0, 0.0);
         see(&mut scale, now, 0.1, 3_000.0);
         assert!(scale.force(0.0) <= 12_000.0, "{scale:?}");
+    }
+
+    #[test]
+    fn a_few_places_pressed_many_times_harder_than_the_others_do_not_darken_these() {
+        let rest = |count| vec![4_000.0; count];
+        for (strong, others, greatest) in [
+            (vec![], rest(0), 0.0),
+            (vec![62_000.0], rest(0), 62_000.0),
+            (vec![62_000.0, 100.0], rest(0), 62_000.0),
+            (vec![62_000.0], rest(3), 12_000.0),
+            (vec![19_000.0, 62_000.0, 45_000.0, 30_000.0], rest(12), 12_000.0),
+            // A touch has its strongest place; and what most of them feel is no exception.
+            (vec![9_000.0, 7_000.0], rest(14), 9_000.0),
+            (vec![62_000.0; 5], rest(11), 62_000.0),
+        ] {
+            let forces = others.iter().chain(&strong).copied();
+            assert_eq!(
+                greatest_of_most(forces),
+                greatest,
+                "{strong:?} beside {}",
+                others.len()
+            );
+        }
     }
 
     #[test]

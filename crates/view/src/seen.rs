@@ -4,7 +4,7 @@ use crate::figures::{Arrivals, Figures};
 use crate::flat::Hand;
 use crate::history::History;
 use crate::picture::{Joint, Picture, TaxelNow, Trace};
-use crate::scale::Scale;
+use crate::scale::{Scale, greatest_of_most};
 use crate::screen::Screen;
 use hdrhistogram::Histogram;
 use std::fmt::Write;
@@ -229,7 +229,7 @@ impl Seen {
             self.calibrated_ns = Some(header.t_ns);
         }
         let forces = newest.actuators.iter().map(|a| f64::from(a.force));
-        self.scale.see(forces.fold(0.0, f64::max), header.t_ns);
+        self.scale.see(greatest_of_most(forces), header.t_ns);
     }
 
     /// A raw frame.
