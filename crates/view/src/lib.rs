@@ -12,6 +12,7 @@ mod figures;
 mod flat;
 mod history;
 mod keys;
+mod out_of_use;
 mod outline;
 mod paint;
 mod panes;

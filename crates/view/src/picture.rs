@@ -35,12 +35,29 @@ pub struct Picture {
     /// Why there is no connection.
     pub(crate) gone: Option<String>,
     pub(crate) note: Option<String>,
-    /// Errors before warnings.
-    pub(crate) problems: Vec<ProblemStatus>,
+    /// Errors before warnings; none where nobody has looked for any.
+    pub(crate) problems: Option<Vec<ProblemStatus>>,
+    /// Whether what is seen is a recording, in which nobody looks.
+    pub(crate) recorded: bool,
     /// Taxels that are shown over time.
     pub(crate) traces: Vec<Trace>,
     /// The taxel that is told in words.
     pub(crate) cursor: Option<usize>,
+}
+
+impl Picture {
+    /// The problems there are, or why nothing is known of them.
+    pub(crate) fn problems(&self) -> Result<&[ProblemStatus], &'static str> {
+        self.problems.as_deref().ok_or(unlooked(self.recorded))
+    }
+}
+
+/// Why nothing is known of problems.
+pub(crate) fn unlooked(recorded: bool) -> &'static str {
+    match recorded {
+        true => "not looked for in a recording",
+        false => "not told yet",
+    }
 }
 
 /// One taxel's newest reading.

@@ -3,7 +3,8 @@
 use crate::figures::{Arrivals, Figures};
 use crate::flat::Hand;
 use crate::history::History;
-use crate::picture::{Joint, Picture, TaxelNow, Trace};
+use crate::out_of_use::out_of_use;
+use crate::picture::{Joint, Picture, TaxelNow, Trace, unlooked};
 use crate::scale::{Scale, greatest_of_most};
 use crate::screen::Screen;
 use hdrhistogram::Histogram;
@@ -321,6 +322,7 @@ impl Seen {
             gone: self.gone.clone(),
             note: self.note.as_ref().map(|(note, _)| note.clone()),
             problems: self.problems(),
+            recorded: hello.clock == Clock::Recording,
             traces: match screen.chosen.is_empty() {
                 true => cursor.into_iter().map(traced).collect(),
                 false => screen
@@ -336,14 +338,11 @@ impl Seen {
         })
     }
 
-    fn problems(&self) -> Vec<ProblemStatus> {
-        let mut problems = self
-            .status
-            .as_ref()
-            .map(|s| s.problems.clone())
-            .unwrap_or_default();
+    /// Errors before warnings; none before somebody has told of any.
+    fn problems(&self) -> Option<Vec<ProblemStatus>> {
+        let mut problems = self.status.as_ref()?.problems.clone();
         problems.sort_by_key(|problem| !problem.severe);
-        problems
+        Some(problems)
     }
 
     /// The taxel with the greatest force, if any has one.
@@ -421,8 +420,20 @@ impl Seen {
                 joints.len()
             )?;
         }
-        for problem in self.problems() {
-            writeln!(text, "problem    {}", problem.sentence)?;
+        match (self.problems(), &self.hello) {
+            (None, Some(hello)) => {
+                writeln!(text, "problems   {}", unlooked(hello.clock == Clock::Recording))?;
+            }
+            (problems, _) => {
+                for problem in problems.iter().flatten() {
+                    writeln!(text, "problem    {}", problem.sentence)?;
+                }
+            }
+        }
+        if let Some(hand) = &self.hand {
+            for sentence in out_of_use(hand, &self.newest.taxels) {
+                writeln!(text, "out of use {sentence}")?;
+            }
         }
         writeln!(
             text,

@@ -29,13 +29,11 @@ pub(super) fn heading(
         Span::raw(heading.detail.clone()),
     ];
     let room = room(area, heading);
-    let problem = picture.problems.first().map(|problem| {
-        let count = picture.problems.len();
-        match count {
-            1 => problem.sentence.clone(),
-            _ => format!("{count} problems: {}", problem.sentence),
-        }
-    });
+    let problem = match picture.problems().unwrap_or_default() {
+        [] => None,
+        [problem] => Some(problem.sentence.clone()),
+        problems @ [first, ..] => Some(format!("{} problems: {}", problems.len(), first.sentence)),
+    };
     let urgent = if picture.gone.is_some() {
         said(picture)
     } else if picture.paused {

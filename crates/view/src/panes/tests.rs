@@ -66,7 +66,8 @@ fn picture_of(name: &str) -> Picture {
         paused: false,
         gone: None,
         note: None,
-        problems: Vec::new(),
+        problems: Some(Vec::new()),
+        recorded: false,
         traces: Vec::new(),
         cursor: Some(0),
     }
@@ -350,7 +351,7 @@ fn what_the_user_must_know_replaces_the_sentence_above() {
         ),
         (|picture| picture.note = Some("mark: cup 3".into()), "mark: cup 3"),
         (
-            |picture| picture.problems = problems(),
+            |picture| picture.problems = Some(problems()),
             "2 problems: can0: nobody",
         ),
     ];
@@ -424,7 +425,7 @@ fn problems() -> Vec<ProblemStatus> {
 #[test]
 fn force_over_time_and_problems_are_beside_the_skin_or_below_where_there_is_room() {
     let mut picture = picture();
-    picture.problems = problems();
+    picture.problems = Some(problems());
     picture.traces = vec![
         Trace {
             taxel: 3,
@@ -458,6 +459,39 @@ fn force_over_time_and_problems_are_beside_the_skin_or_below_where_there_is_room
         "warning index",
     ] {
         assert!(text.contains(part), "{part}\n{text}");
+    }
+}
+
+#[test]
+fn a_recording_in_which_nobody_looks_has_no_none_for_its_problems_and_its_broken_taxels_are_named() {
+    let mut picture = picture();
+    for taxel in 16..32 {
+        picture.taxels[taxel].raw.freshness = Freshness::Missing;
+    }
+    for taxel in [33, 35] {
+        picture.taxels[taxel].raw.faults = Fault::Stuck as u16 | Fault::Missing as u16;
+    }
+    let mut screen = Screen::new();
+    screen.right = Right::Problems;
+    for (problems, recorded, words) in [
+        (Some(Vec::new()), false, "problems none"),
+        (None, true, "problems not looked for in a recording"),
+        (None, false, "problems not told yet"),
+    ] {
+        (picture.problems, picture.recorded) = (problems, recorded);
+        for size in SIZES {
+            let shown = text(&drawn_with(size, &picture, &screen, Palette::True));
+            let half = |line: &str| line.chars().skip(usize::from(size.0) / 2).collect::<String>();
+            let joined: String = shown.lines().map(half).collect();
+            let joined = joined.split_whitespace().collect::<Vec<_>>().join(" ");
+            for part in [
+                words,
+                "out of use index distal all 16: no value, or one that is too old",
+                "out of use index middle 1, 3: stuck, it has not changed",
+            ] {
+                assert!(joined.contains(part), "{part} {size:?}\n{shown}");
+            }
+        }
     }
 }
 

@@ -207,3 +207,21 @@ fn what_was_said_is_gone_with_the_next_key() {
     seen.hush();
     assert_eq!(note(&mut seen), None);
 }
+
+#[test]
+fn a_summary_says_where_nobody_has_looked_for_problems() {
+    let problems = |seen: &Seen| {
+        let summary = seen.summary(0);
+        let line = summary.lines().find(|line| line.starts_with("problem"));
+        line.map(str::to_owned)
+    };
+    let mut seen = seen();
+    assert_eq!(problems(&seen).as_deref(), Some("problems   not told yet"));
+    seen.see_status(serde_json::json!({ "problems": [] }));
+    assert_eq!(problems(&seen), None);
+    let mut recorded = Seen::new();
+    let clock = Clock::Recording;
+    recorded.see_hello(&Hello { clock, ..hello() }, 0);
+    let unlooked = "problems   not looked for in a recording";
+    assert_eq!(problems(&recorded).as_deref(), Some(unlooked));
+}
