@@ -1,4 +1,4 @@
-"""Clients by the hundred that read, never read, come and go, ask without end or do nothing: no image and no torque off is lost to them.
+"""Clients by the hundred that read, never read, come and go, ask without end or do nothing: they cost no image and no torque off.
 
     cargo build --release --workspace --bins --examples
     TAXEL_BIN_DIR=target/release tests/siege/run storms [--seconds 20] [--short] [--only NAME] [--machine quiet|busy]
@@ -46,12 +46,14 @@ STORMS = {
     "come and go": {"visitors": 5000},
     "status by 16": {"askers": 16},
     "idle control": {"idle": 200},
+    "long subscriptions": {"subscribers": 120},
     "all of it": {"sleepers": 450, "visitors": 200, "askers": 16, "idle": 40},
 }
 # Storm, machine, FIFO: what must hold. Ages in ms, skipped as a share of all.
 PROMISES = {
     ("never read", "quiet", True): {"p99.9": 2.0, "skipped": 0.0},
     ("all of it", "quiet", True): {"p99.9": 2.0, "skipped": 0.0},
+    ("long subscriptions", "quiet", True): {"p99.9": 2.0, "skipped": 0.0},
     ("readers alone", "busy", False): {"skipped": 0.01},
 }
 LONGEST_TORQUE_OFF_MS = 100.0
@@ -109,6 +111,7 @@ class Storm:
     def __init__(self, daemon, **clients):
         self.images, self.control = str(daemon.images), str(daemon.control_path)
         jobs = {"sleepers": self.sleep, "visitors": self.visit, "askers": self.ask, "idle": self.idle}
+        jobs["subscribers"] = self.subscribe
         start = lambda job, n: FORK.Process(target=job, args=(n,), daemon=True)  # noqa: E731
         self.over = FORK.Event()
         self.processes = [start(jobs[kind], n) for kind, n in clients.items() if n]
@@ -185,6 +188,40 @@ class Storm:
                         connection.settimeout(0.2)
             except OSError:
                 time.sleep(0.05)
+
+    def subscribe(self, count):
+        """Clients that send the longest subscriptions there are as fast as they are taken: the same part of the hand again and
+        again, and in every other one budgets for parts that it does not have. Who is sent away comes again."""
+        region = taxel_reader.encode_subscribe({"region": ["index"] * 3600})
+        budgets = taxel_reader.encode_subscribe({"profile": {"budgets": {f"p{part}": 1 for part in range(3000)}}})
+        clients = [None] * count
+        while not self.over.is_set():
+            for n, connection in enumerate(clients):
+                try:
+                    if connection is None:
+                        clients[n] = connection = self.reach(self.images, socket.SOCK_SEQPACKET)
+                        connection.setblocking(False)
+                    connection.send(budgets if n % 2 else region)
+                except BlockingIOError:
+                    pass
+                except OSError:
+                    self.part(clients, n)
+                    continue
+                try:
+                    while connection.recv(1 << 17):
+                        pass
+                    self.part(clients, n)
+                except BlockingIOError:
+                    pass
+                except OSError:
+                    self.part(clients, n)
+            time.sleep(0.002)
+
+    @staticmethod
+    def part(clients, n):
+        if clients[n] is not None:
+            clients[n].close()
+        clients[n] = None
 
     def idle(self, count):
         """Control clients that say nothing; the daemon may let them go, and they come again."""
@@ -270,7 +307,7 @@ def run(hand, folder, storm, machine, fifo, seconds, scale):
             loops = [subprocess.Popen(loop, preexec_fn=die_with_parent) for _ in range(BUSY_LOOPS)]
         try:
             with Storm(daemon, **clients):
-                there = 0.95 * (readers + clients.get("sleepers", 0))
+                there = 0.95 * (readers + clients.get("sleepers", 0) + clients.get("subscribers", 0))
                 eventually(lambda: sent(daemon)["subscribers"] >= there, "they do not get in", 60)
                 time.sleep(1.0)
                 before = sent(daemon)

@@ -2,6 +2,7 @@
 //! compressed.
 
 use crate::frames::Frames;
+use std::collections::HashSet;
 use std::ops::Range;
 use taxel_compress::Compressor;
 use taxel_hand::{ForceFrame, Geometry, Module, Profile, ProfileError, TactileImage};
@@ -131,24 +132,29 @@ pub enum RegionError {
     },
 }
 
-/// The parts of a region, each once, in the order of the layout; `None` where they are the whole hand.
+/// The parts of a region, each once, in the order of the layout; `None` where they are the whole hand. Takes time in
+/// proportion to the names and modules, since a client may name thousands.
 pub fn resolve_region(names: &[String], hand: &Geometry) -> Result<Option<Vec<String>>, RegionError> {
-    let mut parts: Vec<String> = Vec::new();
-    for module in &hand.modules {
-        if !parts.contains(&module.part) {
-            parts.push(module.part.clone());
-        }
-    }
-    if let Some(name) = names.iter().find(|name| !parts.contains(name)) {
-        let name = name.chars().take(64).collect();
-        return Err(RegionError::NoSuchPart { name, parts });
+    let mut seen = HashSet::new();
+    let parts: Vec<&String> = (hand.modules.iter())
+        .map(|module| &module.part)
+        .filter(|part| seen.insert(*part))
+        .collect();
+    let owned = |parts: &[&String]| parts.iter().map(|part| part.to_string()).collect();
+    if let Some(name) = names.iter().find(|name| !seen.contains(name)) {
+        return Err(RegionError::NoSuchPart {
+            name: name.chars().take(64).collect(),
+            parts: owned(&parts),
+        });
     }
     if names.is_empty() {
-        return Err(RegionError::Empty { parts });
+        return Err(RegionError::Empty { parts: owned(&parts) });
     }
-    let all = parts.len();
-    parts.retain(|part| names.contains(part));
-    Ok((parts.len() < all).then_some(parts))
+    let named: HashSet<&String> = names.iter().collect();
+    let region: Vec<&String> = (parts.iter().copied())
+        .filter(|part| named.contains(part))
+        .collect();
+    Ok((region.len() < parts.len()).then(|| owned(&region)))
 }
 
 #[cfg(test)]

@@ -350,6 +350,17 @@ mod tests {
     }
 
     #[test]
+    fn budgets_for_more_parts_than_there_are_actuators_are_refused_by_their_number() {
+        let text = "actuators = 2\nbudgets = { index = 1, ring = 1, thumb = 1 }";
+        let profile: Profile = toml::from_str(text).expect(text);
+        let message = profile.check().unwrap_err().to_string();
+        assert!(
+            message.contains("budgets names 3 parts") && message.contains("actuators = 2"),
+            "{message}"
+        );
+    }
+
+    #[test]
     fn a_count_that_is_none_is_refused_with_the_range_of_its_key() {
         for (text, wanted) in [
             (

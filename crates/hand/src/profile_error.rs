@@ -155,6 +155,16 @@ pub enum ProfileError {
         /// Number of parts without a budget.
         others: usize,
     },
+    /// Budgets for more parts than there are actuators.
+    #[error(
+        "profile: budgets names {parts} parts and there are actuators = {actuators}; each of them needs one"
+    )]
+    TooManyBudgets {
+        /// Number of parts that have a budget.
+        parts: usize,
+        /// `K_A`.
+        actuators: u16,
+    },
     /// Hand coordinates that the layout does not have.
     #[error(
         "profile: coordinates = \"hand\" needs the place of every taxel, and the layout has none for taxel {taxel}; add positions to it"
@@ -269,6 +279,12 @@ impl Profile {
                         needs: "placement = \"follow\", as method = \"optimal\" has it",
                     });
                 }
+            }
+            if self.budgets.len() > usize::from(self.actuators) {
+                return Err(ProfileError::TooManyBudgets {
+                    parts: self.budgets.len(),
+                    actuators: self.actuators,
+                });
             }
             return Ok(());
         }

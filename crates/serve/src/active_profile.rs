@@ -15,6 +15,8 @@ pub(crate) struct ActiveProfile {
     /// Number for the status report, never used twice.
     pub(crate) id: u32,
     pub(crate) wanted: DisplayProfile,
+    /// The same, to be compared.
+    pub(crate) canonical: DisplayProfile,
     pub(crate) stream: Rc<Stream>,
     /// Its HELLO message.
     pub(crate) hello: HelloText,
@@ -126,6 +128,7 @@ impl Started {
         ActiveProfile {
             id,
             hello: HelloText::new(&maker.hello(&wanted)),
+            canonical: wanted.canonical(),
             wanted,
             stream: Rc::new(self.stream.open()),
             slot: self.slot,

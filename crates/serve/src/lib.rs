@@ -35,6 +35,7 @@ mod socket;
 mod socket_path;
 mod stream;
 mod subscriber;
+mod turns;
 
 pub use announcements::Announcements;
 pub use config::{Limits, ProfilesConfig};

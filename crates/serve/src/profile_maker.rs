@@ -13,9 +13,12 @@ pub struct DisplayProfile {
 }
 
 impl DisplayProfile {
-    /// Whether both give the same images, however they are written.
-    pub(crate) fn gives_what(&self, other: &Self) -> bool {
-        self.region == other.region && self.profile.canonical() == other.profile.canonical()
+    /// Written in one way: those that give the same images are equal so.
+    pub(crate) fn canonical(&self) -> Self {
+        Self {
+            profile: self.profile.canonical(),
+            region: self.region.clone(),
+        }
     }
 }
 

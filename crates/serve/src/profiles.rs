@@ -199,12 +199,10 @@ impl<M: ProfileMaker> Profiles<M> {
     }
 
     fn find(&self, wanted: &DisplayProfile) -> Option<Lease> {
+        let canonical = wanted.canonical();
         let active = self.active.borrow();
-        active
-            .iter()
-            .find(|active| active.wanted.gives_what(wanted))
-            .cloned()
-            .map(Lease::new)
+        let same = active.iter().find(|active| active.canonical == canonical);
+        same.cloned().map(Lease::new)
     }
 
     /// Makes room for one more profile of this cost, by removing idle ones. The error is how many

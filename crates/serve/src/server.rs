@@ -8,6 +8,7 @@ use crate::profile_maker::{DisplayProfile, ProfileMaker};
 use crate::profiles::{Profiles, start_own};
 use crate::raw::RawStream;
 use crate::registry::Registry;
+use crate::turns::Turns;
 use std::cell::RefCell;
 use std::rc::Rc;
 use std::time::Duration;
@@ -82,6 +83,8 @@ pub struct Server<M: ProfileMaker> {
     /// Where subscriptions are received into, one at a time; one byte longer than the longest, to
     /// tell one too long.
     pub(crate) subscription: RefCell<Box<[u8]>>,
+    /// Whose is looked at next.
+    pub(crate) turns: Turns,
 }
 
 impl<M: ProfileMaker> Server<M> {
@@ -94,6 +97,7 @@ impl<M: ProfileMaker> Server<M> {
             handle: seed.handle,
             requests: RefCell::new(Some(seed.requests)),
             subscription: RefCell::new(vec![0; MAX_SUBSCRIBE + 1].into()),
+            turns: Turns::new(),
         })
     }
 

@@ -110,13 +110,28 @@ impl Socket {
         )?)
     }
 
+    /// Waits for a packet and leaves it where it is; returns its length, 0 where the other end is closed.
+    pub(crate) fn poll_len(&self, cx: &mut Context) -> Poll<io::Result<usize>> {
+        self.poll_recv_with(cx, &mut [], MsgFlags::MSG_PEEK | MsgFlags::MSG_TRUNC)
+    }
+
     /// Waits for a packet; returns its length, 0 where the other end is closed.
     pub(crate) fn poll_recv(&self, cx: &mut Context, buffer: &mut [u8]) -> Poll<io::Result<usize>> {
+        self.poll_recv_with(cx, buffer, MsgFlags::empty())
+    }
+
+    fn poll_recv_with(
+        &self,
+        cx: &mut Context,
+        buffer: &mut [u8],
+        flags: MsgFlags,
+    ) -> Poll<io::Result<usize>> {
         let registered = self.registered.borrow();
         let descriptor = registered.descriptor()?;
+        let flags = flags | MsgFlags::MSG_DONTWAIT;
         loop {
             let mut guard = ready!(descriptor.poll_read_ready(cx))?;
-            let received = guard.try_io(|d| Ok(recv(d.as_raw_fd(), buffer, MsgFlags::MSG_DONTWAIT)?));
+            let received = guard.try_io(|d| Ok(recv(d.as_raw_fd(), buffer, flags)?));
             match received {
                 Ok(Err(error)) if error.kind() == io::ErrorKind::Interrupted => {}
                 Ok(result) => return Poll::Ready(result),
@@ -284,6 +299,10 @@ mod tests {
         let mut buffer = [0; 100];
         let flags = MsgFlags::MSG_DONTWAIT;
         nix::sys::socket::send(theirs.as_raw_fd(), b"subscribe", flags).unwrap();
+        assert_eq!(
+            poll_fn(|cx| socket.poll_len(cx)).await.unwrap(),
+            b"subscribe".len()
+        );
         let received = poll_fn(|cx| socket.poll_recv(cx, &mut buffer)).await.unwrap();
         assert_eq!(&buffer[..received], b"subscribe");
         let (ended, ()) = tokio::join!(socket.send(&[2; 50]), async {

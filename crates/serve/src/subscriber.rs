@@ -16,6 +16,7 @@ use crate::sent::Sent;
 use crate::server::Server;
 use crate::socket::{Socket, kept_bytes, send_buffer};
 use crate::stream::Stream;
+use crate::turns::Account;
 use std::collections::VecDeque;
 use std::future::poll_fn;
 use std::io;
@@ -26,7 +27,7 @@ use std::time::Duration;
 use taxel_wire::{Event, EventKind, HEADER_LEN, Subscribe, SubscribeError, Subscription};
 use tokio::sync::{broadcast, watch};
 use tokio::task::JoinHandle;
-use tokio::time::{Instant, sleep_until, timeout};
+use tokio::time::timeout;
 
 /// Least send buffer of a subscriber's socket, bytes: it holds a part of a HELLO.
 const LEAST_BUFFER: usize = 4608;
@@ -35,9 +36,6 @@ const LEAST_BUFFER: usize = 4608;
 const EVERY_BUFFER: usize = 212_992;
 /// Subscriptions a client may have refused before it is disconnected.
 const MAX_REFUSALS: u32 = 8;
-/// After a subscription the next one is not looked at for this long: whoever sends them without end
-/// costs the others nothing.
-const SUBSCRIPTION_PAUSE: Duration = Duration::from_millis(10);
 
 /// Serves one client until it goes or has to go.
 pub(crate) async fn welcome<M: ProfileMaker>(socket: Socket, server: Rc<Server<M>>) {
@@ -97,8 +95,8 @@ struct Subscriber<'a, M: ProfileMaker> {
     own: watch::Receiver<Rc<ActiveProfile>>,
     /// A subscription whose profile is being looked at. Nothing more is taken from the client meanwhile.
     asked: Option<Asked>,
-    /// When the next packet is taken from the client.
-    receive_at: Instant,
+    /// Its share of what is looked at of all clients' packets.
+    account: Account,
     image_lane: Rc<Lane>,
     raw_lane: Rc<Lane>,
     images: Feed,
@@ -160,7 +158,7 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
             image_lane,
             raw_lane,
             socket,
-            receive_at: Instant::now(),
+            account: server.turns.account(),
             raw: None,
             status: server.handle.status.subscribe(),
             held: VecDeque::new(),
@@ -205,7 +203,7 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
                 biased;
                 answer = answer(&mut self.asked), if self.asked.is_some() => Turn::Answer(answer),
                 _ = self.own.changed(), if self.wants.profile.is_none() && self.asked.is_none() => Turn::Follow,
-                packet = receive(&self.socket, &self.server, self.receive_at), if self.asked.is_none() => {
+                packet = receive(&self.socket, &self.server, &self.account), if self.asked.is_none() => {
                     Turn::Packet(packet)
                 }
                 announcement = announcements.recv() => Turn::Announcement(announcement),
@@ -269,7 +267,6 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
 
     /// Takes a subscription; tells the client what is wrong with one that is refused.
     async fn handle_packet(&mut self, packet: &[u8]) -> Result<(), Farewell> {
-        self.receive_at = Instant::now() + SUBSCRIPTION_PAUSE;
         match Subscribe::from_packet(packet) {
             Ok(wants) => self.ask(wants, true).await,
             Err(
@@ -287,6 +284,11 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
         let region = match self.server.profiles.region(wants.region.as_deref()) {
             Ok(region) => region,
             Err(reason) => return self.refuse(reason).await,
+        };
+        // Kept as the hand has it, however often the client names a part.
+        let wants = Subscribe {
+            region: region.clone(),
+            ..wants
         };
         if wants.profile.is_none() && region.is_none() {
             let own = self.own.borrow_and_update().clone();
@@ -466,10 +468,15 @@ async fn raw_ready(raw: &mut Option<Feed>) -> Result<(), watch::error::RecvError
     }
 }
 
-/// What the client sent: a packet, or nothing where it has gone. It is looked at from an instant on.
-async fn receive<M: ProfileMaker>(socket: &Socket, server: &Server<M>, at: Instant) -> io::Result<Vec<u8>> {
-    if at > Instant::now() {
-        sleep_until(at).await;
+/// What the client sent: a packet, in its turn, or nothing where it has gone.
+async fn receive<M: ProfileMaker>(
+    socket: &Socket,
+    server: &Server<M>,
+    account: &Account,
+) -> io::Result<Vec<u8>> {
+    let len = poll_fn(|cx| socket.poll_len(cx)).await?;
+    if len > 0 {
+        server.turns.wait(account, len).await;
     }
     poll_fn(|cx| {
         let mut buffer = server.subscription.borrow_mut();

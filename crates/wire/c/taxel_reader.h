@@ -28,7 +28,7 @@
 #define TAXEL_MINOR 1
 #define TAXEL_HEADER_LEN 40
 #define TAXEL_MAX_MESSAGE 409600  /* bytes, header included */
-#define TAXEL_MAX_SUBSCRIBE 65536 /* bytes, header included: the most a client may send */
+#define TAXEL_MAX_SUBSCRIBE 32768 /* bytes, header included: the most a client may send */
 
 /* What a message is about: taxel_message.type. Skip the types you do not know. */
 enum taxel_type {

@@ -8,9 +8,9 @@ use crate::message::{Body, decode_packet};
 use serde::{Deserialize, Serialize};
 use taxel_hand::{FromMap, Profile, ProfileError};
 
-/// The most bytes a SUBSCRIBE packet may have: room for a profile with a long codebook, or with a
-/// place for each actuator.
-pub const MAX_SUBSCRIBE: usize = 65_536;
+/// The most bytes a SUBSCRIBE packet may have, header included. The longest that makes sense states 255 levels, 256
+/// places and the parts of a large hand: some 20,000.
+pub const MAX_SUBSCRIBE: usize = 32_768;
 /// The most bytes of text a reader puts together from its parts.
 pub const MAX_TEXT: usize = 8 << 20;
 /// Bytes of text in one packet, unless told otherwise: so few that it fits a socket whose send

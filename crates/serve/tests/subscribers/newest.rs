@@ -225,3 +225,44 @@ fn every_subscription_is_answered_with_what_is_in_force_and_numbers_go_on_across
         reader.join().unwrap();
     });
 }
+
+#[test]
+fn the_longest_subscriptions_of_all_clients_together_are_looked_at_at_one_pace() {
+    /// What is looked at in a second, and what each costs beside its bytes (docs/wire.md).
+    const BYTES_PER_SECOND: f64 = (2 << 20) as f64;
+    const ANSWER: usize = 4096;
+    const CLIENTS: usize = 8;
+    const EACH: usize = 5;
+    on_stage(async |mut stage| {
+        let wants = Subscribe {
+            region: Some(vec!["index".into(); 4000]),
+            ..Subscribe::default()
+        };
+        let bytes = CLIENTS * EACH * (wants.to_packet().len() + ANSWER);
+        let begin = Instant::now();
+        let clients: Vec<_> = (0..CLIENTS)
+            .map(|_| {
+                let (path, wants) = (stage.path.clone(), wants.clone());
+                std::thread::spawn(move || {
+                    let mut subscriber = Subscriber::connect(&path).unwrap();
+                    answer(&mut subscriber, &mut None);
+                    for _ in 0..EACH {
+                        subscriber.subscribe(&wants).unwrap();
+                        answer(&mut subscriber, &mut None);
+                    }
+                })
+            })
+            .collect();
+        stage
+            .until("each is answered", |_| {
+                clients.iter().all(|client| client.is_finished())
+            })
+            .await;
+        for client in clients {
+            client.join().unwrap();
+        }
+        // But for what is looked at at once after a pause.
+        let least = Duration::from_secs_f64(bytes as f64 / BYTES_PER_SECOND) - Duration::from_millis(100);
+        assert!(begin.elapsed() >= least, "{:?}", begin.elapsed());
+    });
+}
