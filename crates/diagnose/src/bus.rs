@@ -141,6 +141,28 @@ pub(crate) fn judge(look: &Look<'_>, index: usize, flapped: bool, found: &mut Ve
             "no more frames lost in the kernel",
         );
     }
+    let undecodable = since(source.undecodable, before.undecodable);
+    // Of a pressure array it is told with what is refused there.
+    if undecodable > 0 && !matches!(address, SourceAddress::Pressure { .. }) {
+        let (unit, advice) = match address {
+            SourceAddress::Udp { .. } => (
+                "datagrams",
+                "does another program send to this group and port? Give the hand one of its own; python-can's \
+                 `udp_multicast` and `taxel` send what is wanted",
+            ),
+            SourceAddress::Log { .. } => ("lines", "the recording is damaged; the rest of it is read"),
+            _ => ("frames", "please report this"),
+        };
+        report(
+            Kind::Undecodable,
+            &format!(
+                "{:.0} {unit} a second from {address} are no CAN frames",
+                per_second(undecodable).max(1.0)
+            ),
+            advice,
+            "all that comes are CAN frames",
+        );
+    }
     let unsent = since(source.send_failures, before.send_failures);
     // Off the bus, the queue fills of course.
     if unsent > 0 && ![source.bus_state, before.bus_state].contains(&BusState::BusOff) {

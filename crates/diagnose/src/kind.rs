@@ -57,6 +57,8 @@ kinds! {
     ControllerOverflow "controller-overflow" Warning,
     /// The kernel drops frames.
     FramesLost "frames-lost" Warning,
+    /// What comes over a bus is no CAN frame.
+    Undecodable "undecodable" Warning,
     /// What is sent to the socket of a pressure array is refused.
     ArrayRefused "array-refused" Warning,
     /// Frames of a pressure array do not come.

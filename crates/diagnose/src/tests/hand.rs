@@ -361,3 +361,26 @@ fn errors_on_the_bus_are_told_with_what_to_look_at() {
         assert_eq!(bench.kinds(), [""; 0], "{kind} is not over");
     }
 }
+
+#[test]
+fn what_is_no_frame_is_told_with_where_it_may_come_from() {
+    for (source, words) in [
+        (
+            "udp:239.74.163.9:43113",
+            ["10 datagrams a second", "another program"],
+        ),
+        ("log:grasp.log", ["10 lines a second", "damaged"]),
+        ("can:can0", ["10 frames a second", "report"]),
+    ] {
+        let mut bench = Bench::of(Layout::builtin("uskin-module").expect("built in"), &[source]);
+        bench.pass(2000, |s| s.buses[0].counters.undecodable += 1);
+        assert_eq!(bench.kinds(), ["undecodable"], "{source}");
+        let said = bench.problems.current()[0].problem.sentence();
+        assert!(
+            words.iter().chain(&[source]).all(|word| said.contains(word)),
+            "{said}"
+        );
+        bench.pass(1000, |_| {});
+        assert_eq!(bench.kinds(), [""; 0], "{source}");
+    }
+}
