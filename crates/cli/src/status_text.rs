@@ -95,7 +95,17 @@ fn write(status: &Status, out: &mut String) -> std::fmt::Result {
     if let Some(joints) = &status.joints {
         write_joints(joints, out)?;
     }
-    writeln!(out, "readers  {}", status.subscribers.len())?;
+    write!(out, "readers  {}", status.subscribers.len())?;
+    let sent = &images.sent;
+    match sent.images {
+        0 => writeln!(out)?,
+        _ => writeln!(
+            out,
+            "; images were p50 {}, p99 {} old when they were sent",
+            time(sent.age_us.p50),
+            time(sent.age_us.p99)
+        )?,
+    }
     for reader in status.subscribers.iter().take(READERS) {
         let wants = match (reader.raw, reader.every) {
             (true, true) => ", raw frames, every one",
@@ -105,11 +115,13 @@ fn write(status: &Status, out: &mut String) -> std::fmt::Result {
         };
         writeln!(
             out,
-            "         pid {}: {} images, {} skipped in {}{wants}",
+            "         pid {}: {} images, {} skipped in {}; p99 {} old, gap {}{wants}",
             reader.pid.map_or("?".into(), |pid| pid.to_string()),
             reader.images,
             reader.skipped,
             duration(reader.connected_s),
+            time(reader.age_us.p99),
+            time(reader.longest_gap_ms * 1000.0),
         )?;
     }
     more(out, status.subscribers.len(), READERS)?;
@@ -226,6 +238,25 @@ mod tests {
             "readers  0",
             "problems 1",
             "  error for 4 s: can0: nobody acknowledges; is the hand switched on?",
+        ] {
+            assert!(text.contains(line), "{line}\n{text}");
+        }
+    }
+
+    #[test]
+    fn a_reader_is_told_with_how_old_its_images_were_when_sent_and_how_long_none_was() {
+        let text = of(&status(json!({
+            "images": { "sent": { "images": 149, "age_us": { "p50": 109.0, "p99": 14_000.0 } } },
+            "subscribers": [
+                { "pid": 7, "images": 52, "skipped": 97, "connected_s": 5.2, "age_us": { "p50": 110.0, "p99": 37_250.0 },
+                  "longest_gap_ms": 532.1 },
+                { "pid": 8, "images": 97, "raw": true, "age_us": { "p99": 216.0 }, "longest_gap_ms": 33.4 },
+            ],
+        })));
+        for line in [
+            "readers  2; images were p50 109 us, p99 14.0 ms old when they were sent",
+            "         pid 7: 52 images, 97 skipped in 5 s; p99 37.2 ms old, gap 532.1 ms",
+            "         pid 8: 97 images, 0 skipped in 0 s; p99 216 us old, gap 33.4 ms, raw frames",
         ] {
             assert!(text.contains(line), "{line}\n{text}");
         }
