@@ -74,6 +74,15 @@ fn write_lines(mut to: impl Write, lines: &Receiver<Vec<u8>>, lost: &AtomicU64) 
     }
 }
 
+impl Log {
+    /// Takes a text as it is, with the lines it has.
+    pub(crate) fn say(&self, text: String) {
+        if self.lines.try_send(text.into_bytes()).is_err() {
+            self.lost.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+}
+
 impl Write for &Log {
     /// Takes a whole line at once, as the formatter of `tracing` hands them over.
     fn write(&mut self, line: &[u8]) -> io::Result<usize> {

@@ -32,6 +32,15 @@ const BAD_CONFIG: u8 = 78;
 fn main() -> ExitCode {
     // Where there is no such socket, /dev/null stays, and the daemon runs.
     let _ = stdout::refuse_closed();
+    // What is told at the end goes the way of the log: it waits for nobody, and neither panics where stderr is gone or full.
+    let (log, _flush) = match log_to_stderr() {
+        Ok(log) => log,
+        Err(error) => {
+            let why = "cannot start the thread that writes the log";
+            let _ = writeln!(std::io::stderr(), "Error: {why}: {error}");
+            return ExitCode::FAILURE;
+        }
+    };
     let outcome = match Arguments::try_parse() {
         Ok(arguments) => run(&arguments),
         Err(said) => stdout::ended(stdout::tell(&said)),
@@ -39,12 +48,7 @@ fn main() -> ExitCode {
     match outcome {
         Ok(status) => status,
         Err(error) => {
-            // Not eprintln!, which panics where stderr is gone or full.
-            let _ = writeln!(
-                std::io::stderr(),
-                "{}Error: {error:#}",
-                journal::prefix(&Level::ERROR)
-            );
+            log.say(format!("{}Error: {error:#}\n", journal::prefix(&Level::ERROR)));
             let start = error.downcast_ref::<StartError>();
             if error.is::<ConfigError>() || start.is_some_and(StartError::is_lasting) {
                 ExitCode::from(BAD_CONFIG)
@@ -56,7 +60,6 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
-    let _flush = log_to_stderr().context("cannot start the thread that writes the log")?;
     let config = Config::load(&arguments.config)?;
     if arguments.check {
         let text = std::fs::read_to_string(&arguments.config).unwrap_or_default();
@@ -131,12 +134,12 @@ fn filter(words: &str) -> Targets {
 
 /// Plain lines for the journal, which stamps them itself and is told how much each matters; with times and colours in
 /// a terminal.
-fn log_to_stderr() -> std::io::Result<Flush> {
+fn log_to_stderr() -> std::io::Result<(Log, Flush)> {
     let (log, flush) = Log::start(std::io::stderr())?;
     let filter = filter(&std::env::var("RUST_LOG").unwrap_or_default());
     let builder = tracing_subscriber::fmt()
         .with_max_level(LevelFilter::TRACE)
-        .with_writer(log)
+        .with_writer(log.clone())
         .with_target(false);
     if journal::is_stderr() {
         let plain = tracing_subscriber::fmt::format()
@@ -151,7 +154,7 @@ fn log_to_stderr() -> std::io::Result<Flush> {
             .with(filter)
             .init();
     }
-    Ok(flush)
+    Ok((log, flush))
 }
 
 #[cfg(test)]

@@ -1,10 +1,12 @@
 //! What a configuration file is refused for, and where.
 
 use std::fs::{OpenOptions, Permissions};
+use std::io::Write;
 use std::os::unix::fs::PermissionsExt;
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
 use taxel_hand::Method;
 use taxel_skin::{ConditionConfig, Preset};
 use taxeld::Config;
@@ -210,6 +212,29 @@ fn a_wrong_configuration_ends_with_its_status_though_nobody_can_be_told() {
         let status = taxeld.stdout(stdout).stderr(Stdio::null()).status().unwrap();
         assert_eq!(status.code(), Some(code));
     }
+}
+
+#[test]
+fn a_wrong_configuration_ends_with_its_status_though_its_stderr_is_a_full_pipe_that_nobody_reads() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("taxeld.toml");
+    std::fs::write(&path, "layout = 3\n").unwrap();
+    let (_unread, mut full) = std::io::pipe().unwrap();
+    let room = nix::fcntl::fcntl(&full, nix::fcntl::FcntlArg::F_GETPIPE_SZ).unwrap();
+    full.write_all(&vec![b'x'; room as usize]).unwrap();
+    let mut taxeld = Command::new(env!("CARGO_BIN_EXE_taxeld"));
+    let mut taxeld = taxeld.arg("--config").arg(&path).stderr(full).spawn().unwrap();
+    let deadline = Instant::now() + Duration::from_secs(20);
+    let status = loop {
+        if let Some(status) = taxeld.try_wait().unwrap() {
+            break status;
+        }
+        if Instant::now() > deadline {
+            taxeld.kill().unwrap();
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    };
+    assert_eq!(status.code(), Some(78), "{status}");
 }
 
 #[test]
