@@ -6,6 +6,7 @@
 mod arguments;
 mod clients;
 mod control;
+mod descriptors;
 mod gather;
 mod image_maker;
 mod joints;
@@ -26,6 +27,7 @@ pub use start_error::{StartError, check};
 pub use taxel_config::{self as config, Config, ConfigError};
 pub use taxel_serve::SocketPathError;
 
+use crate::descriptors::Descriptors;
 use crate::image_maker::{ImageMaker, check_profile};
 use crate::snapshot::Snapshot;
 use crate::state::State;
@@ -143,8 +145,9 @@ impl Daemon {
         } else {
             Clock::Monotonic
         };
+        let Descriptors { subscribers, clients } = Descriptors::take(config.socket.max_subscribers.into());
         let limits = Limits {
-            max_subscribers: config.socket.max_subscribers.into(),
+            max_subscribers: subscribers,
             stall_ms: config.socket.stall_ms,
         };
         let maker = ImageMaker::new(&config, live, shared.clone());
@@ -222,7 +225,15 @@ impl Daemon {
                 }
                 Ok(async move {
                     let _stop_images = stop_images;
-                    let state = Rc::new(State::new(config, server, shared, clock, commands, joint_reader));
+                    let state = Rc::new(State::new(
+                        config,
+                        server,
+                        shared,
+                        clock,
+                        commands,
+                        joint_reader,
+                        clients,
+                    ));
                     tokio::task::spawn_local(control::serve_control(control, state.clone()));
                     tokio::task::spawn_local(control::serve_status(status, state.clone()));
                     tokio::task::spawn_local(reload::take_up(changed, state.clone()));

@@ -65,6 +65,7 @@ impl State {
         clock: PipelineClock,
         commands: mpsc::SyncSender<Command>,
         joint_reader: Option<JointReader>,
+        most_clients: usize,
     ) -> Self {
         Self {
             clock,
@@ -73,8 +74,8 @@ impl State {
             roster: RefCell::default(),
             problems: RefCell::default(),
             reload_refused: RefCell::default(),
-            looking: Rc::default(),
-            changing: Rc::default(),
+            looking: Rc::new(Places::new(most_clients)),
+            changing: Rc::new(Places::new(most_clients)),
             changes: ChangeLog::default(),
             reports: Reports::default(),
             commands,

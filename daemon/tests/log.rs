@@ -122,8 +122,23 @@ fn a_daemon_out_of_file_descriptors_says_so_once() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("log");
     let log = std::fs::File::create(&path).unwrap();
-    let mut daemon = start_with(folder.path(), log.into(), "ulimit -n 32");
-    let mut stays = connect(&mut daemon, folder.path());
+    let mut daemon = start(folder.path(), log.into());
+    let mut stays = served(&mut daemon, folder.path());
+    // It lets in only as many as there are descriptors for, so some are taken from it.
+    let limit_files = |pid: u32, soft: &str| {
+        let pid = pid.to_string();
+        let prlimit = Command::new("prlimit")
+            .args(["--pid", &pid, &format!("--nofile={soft}:")])
+            .status();
+        assert!(prlimit.unwrap().success());
+    };
+    let pid = daemon.0.id();
+    let before = std::fs::read_to_string(format!("/proc/{pid}/limits")).unwrap();
+    let before = before
+        .lines()
+        .find_map(|line| line.strip_prefix("Max open files"))
+        .unwrap();
+    limit_files(pid, "8");
     let connected: Vec<_> = (0..40).map(|_| connect(&mut daemon, folder.path())).collect();
     let complaints = || {
         let log = std::fs::read_to_string(&path).unwrap();
@@ -141,6 +156,7 @@ fn a_daemon_out_of_file_descriptors_says_so_once() {
     assert_eq!(complaints(), 1);
     drop(connected);
     // And it goes on when there are some.
+    limit_files(pid, before.split_whitespace().next().unwrap());
     served(&mut daemon, folder.path());
 }
 

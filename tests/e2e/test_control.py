@@ -45,6 +45,27 @@ def test_the_connection_that_was_idle_for_longest_makes_room_and_is_told(daemon)
         assert ask(idle[0], {"cmd": "status"})["status"]["control"]["made_room"] == 3
 
 
+@pytest.mark.parametrize("limits", ["64:1024", "100:100"], ids=["raised", "held back"])
+def test_readers_of_images_and_who_only_asks_leave_descriptors_to_those_who_command(folder, limits):
+    daemon = Daemon(folder / "d", SCENE, tick=TICK, socket={"max_subscribers": 4096})
+    with ExitStack() as stack:
+        stack.callback(daemon.kill)
+        daemon.spawn(["prlimit", f"--nofile={limits}"])
+        eventually(daemon._answers, "it does not start")
+        for _ in range(150):
+            reader = stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET))
+            reader.settimeout(20)
+            reader.connect(str(daemon.images))
+            assert reader.recv(65536), "neither let in nor told why not"
+        for _ in range(PLACES + 20):
+            stack.enter_context(connect(daemon.folder / "status.sock"))
+        with connect(daemon.control_path) as client:
+            status = ask(client, {"cmd": "status"})["status"]
+        soft, hard = limits.split(":")
+        assert (len(status["subscribers"]) == 150) == (soft != hard), "the limit is not raised to the highest allowed"
+        assert ("files may be open" in daemon.log) and "cannot accept" not in daemon.log, daemon.log
+
+
 def test_a_client_that_asks_without_end_is_slowed_and_the_others_are_not(daemon):
     request = b'{"cmd":"profile"}\n'  # all the answers fit into a socket that nobody reads
     with connect(daemon.control_path) as flood, connect(daemon.control_path) as other:

@@ -8,5 +8,5 @@ mod report;
 
 pub(crate) use allowance::Allowance;
 pub(crate) use asker::{Access, Asker, ChangeLog};
-pub(crate) use places::{Doing, Place, Places};
+pub(crate) use places::{Doing, MOST_CLIENTS, Place, Places};
 pub(crate) use report::Reports;

@@ -7,8 +7,8 @@ use tokio::sync::Notify;
 use tokio::time::Instant;
 
 /// Most connections to one control socket at once: so many that one which has just come is heard before as many others
-/// have.
-const MOST: usize = 128;
+/// have. Fewer where fewer files may be open.
+pub(crate) const MOST_CLIENTS: usize = 128;
 
 /// What a client is doing, in the order in which they have to go.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -24,8 +24,9 @@ pub(crate) enum Doing {
 }
 
 /// The connections to one control socket, and counts since the start.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(crate) struct Places {
+    most: usize,
     clients: RefCell<Vec<Rc<Client>>>,
     made_room: Cell<u64>,
     slowed: Cell<u64>,
@@ -45,9 +46,19 @@ pub(crate) struct Place {
 }
 
 impl Places {
+    /// So many places, all of them free.
+    pub(crate) fn new(most: usize) -> Self {
+        Self {
+            most,
+            clients: RefCell::default(),
+            made_room: Cell::new(0),
+            slowed: Cell::new(0),
+        }
+    }
+
     /// A place for a new connection; where there is none, another one loses its own.
     pub(crate) fn enter(self: &Rc<Self>, now: Instant) -> Place {
-        if self.clients.borrow().len() >= MOST {
+        if self.clients.borrow().len() >= self.most {
             self.make_room();
         }
         let client = Rc::new(Client {
@@ -109,6 +120,8 @@ mod tests {
     use super::*;
     use std::time::Duration;
 
+    const MOST: usize = MOST_CLIENTS;
+
     fn has_to_go(place: &Place) -> bool {
         let clients = place.places.clients.borrow();
         !clients.iter().any(|client| Rc::ptr_eq(client, &place.client))
@@ -116,7 +129,7 @@ mod tests {
 
     #[test]
     fn the_oldest_idle_connection_makes_room_and_one_that_releases_a_motor_goes_last() {
-        let places = Rc::new(Places::default());
+        let places = Rc::new(Places::new(MOST));
         let start = Instant::now();
         let at = |ms| start + Duration::from_millis(ms);
         let held: Vec<Place> = (0..MOST as u64).map(|n| places.enter(at(n))).collect();
@@ -149,7 +162,7 @@ mod tests {
 
     #[test]
     fn who_leaves_gives_the_place_back_and_nobody_has_to_go() {
-        let places = Rc::new(Places::default());
+        let places = Rc::new(Places::new(MOST));
         let now = Instant::now();
         let held: Vec<Place> = (0..MOST).map(|_| places.enter(now)).collect();
         let mut held = held.into_iter();
