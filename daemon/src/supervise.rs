@@ -9,7 +9,7 @@ use sd_notify::NotifyState;
 use std::rc::Rc;
 use std::time::Duration;
 use taxel_can::LinkState;
-use taxel_diagnose::{BusView, HandView, JointsReporter, JointsView, News, Severity};
+use taxel_diagnose::{BusView, Crowd, HandView, JointsReporter, JointsView, News, Severity};
 use taxel_hand::{Fault, Faults};
 use taxel_skin::{BoardState, Layout};
 use taxel_wire::{Event, EventKind};
@@ -235,6 +235,10 @@ fn report_problems(state: &State, now: &Snapshot, joints: Option<&JointsView>, b
         })
         .collect();
     let refused = state.reload_refused.borrow();
+    let crowd = state.roster().crowd().map(|(places, holders)| Crowd {
+        places,
+        holders: holders.iter().map(|of| (of.uid, of.pid, of.places)).collect(),
+    });
     let view = HandView {
         now_ns: now.now_ns,
         buses: &buses,
@@ -243,6 +247,7 @@ fn report_problems(state: &State, now: &Snapshot, joints: Option<&JointsView>, b
         joints,
         boards_due,
         reload_refused: refused.as_deref(),
+        crowd: crowd.as_ref(),
     };
     let news = (state.problems.borrow_mut()).handle_view(&state.config.hand_setup(), &view);
     for news in news {

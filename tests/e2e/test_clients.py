@@ -6,6 +6,7 @@ import signal
 import socket
 import subprocess
 import sys
+from contextlib import ExitStack
 
 import pytest
 import taxel_reader
@@ -157,6 +158,31 @@ def test_one_client_too_many_is_turned_away_with_a_reason(start):
     daemon.wait_status(lambda s: len(s["subscribers"]) == 2, "the place is not free again")
     with taxel_reader.connect(daemon.images) as again:
         assert again.receive(10) is not None
+
+
+def test_who_wants_no_images_makes_room_for_a_display_and_who_is_turned_away_is_a_problem(start):
+    daemon = start(socket={"max_subscribers": 3})
+    with ExitStack() as stack:
+        display = stack.enter_context(taxel_reader.connect(daemon.images))
+        display.receive(10)
+        onlookers = [stack.enter_context(taxel_reader.connect(daemon.images, image=False, status=True)) for _ in range(2)]
+        for onlooker in onlookers:
+            while onlooker.receive(10).header.type != taxel_reader.STATUS:
+                pass
+        for onlooker in onlookers:
+            another = stack.enter_context(taxel_reader.connect(daemon.images))
+            assert another.receive(10) is not None, "a display is not let in"
+            with pytest.raises(taxel_reader.Closed, match="made room"):
+                while True:
+                    assert onlooker.receive(10) is not None, "it keeps its place"
+        # Three displays: the next is turned away.
+        with taxel_reader.connect(daemon.images) as extra, pytest.raises(taxel_reader.Closed, match="3 subscribers"):
+            while True:
+                assert extra.receive(10) is not None, "the fourth display is neither served nor turned away"
+        crowded = lambda s: [p["sentence"] for p in s["problems"] if p["kind"] == "readers-turned-away"]  # noqa: E731
+        [said] = crowded(daemon.wait_status(crowded, "nothing is said of it"))
+        assert f"process {os.getpid()} of user {os.getuid()} has 3" in said
+        assert display.receive(10) is not None
 
 
 def test_a_slow_reader_is_given_the_newest_image_and_the_count_of_what_it_missed(start, lockstep, hand):

@@ -121,6 +121,8 @@ kinds! {
     HandVersion "hand-version" Warning,
     /// The daemon was told to read its configuration again, and cannot take it up.
     ReloadRefused "reload-refused" Warning,
+    /// Clients that want to see images are turned away.
+    ReadersTurnedAway "readers-turned-away" Warning,
 }
 
 impl fmt::Display for Kind {

@@ -15,6 +15,7 @@ mod names;
 mod problem;
 mod problems;
 mod rate_limiter;
+mod readers;
 mod traffic;
 mod view;
 
@@ -27,6 +28,7 @@ pub use kind::{Kind, Severity};
 pub use names::board_name;
 pub use problem::{Place, Problem};
 pub use problems::{CurrentProblem, News, Problems};
+pub use readers::Crowd;
 pub use traffic::speaks_on;
 pub use view::{BusView, HandSetup, HandView, Starting};
 

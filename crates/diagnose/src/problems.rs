@@ -6,7 +6,7 @@ use crate::kind::{Kind, Severity};
 use crate::problem::{Place, Problem};
 use crate::rate_limiter::RateLimiter;
 use crate::view::{HandSetup, HandView, Look};
-use crate::{array, boards, bus, traffic};
+use crate::{array, boards, bus, readers, traffic};
 use std::collections::{HashMap, VecDeque};
 use taxel_can::SourceCounters;
 
@@ -89,6 +89,7 @@ impl Problems {
             judge.judge(&mut self.patience, &mut self.angles_used, &mut found);
         }
         found.extend(view.reload_refused.map(reload_refused));
+        found.extend(view.crowd.map(readers::turned_away));
         self.replace(found)
     }
 

@@ -1,6 +1,7 @@
 //! What is known of a hand at one instant.
 
 use crate::joints_view::JointsView;
+use crate::readers::Crowd;
 use taxel_can::{LinkState, SourceAddress, SourceCounters};
 use taxel_joints::JointsConfig;
 use taxel_skin::{BoardStatus, Finding, Layout};
@@ -37,6 +38,8 @@ pub struct HandView<'a> {
     pub boards_due: bool,
     /// Why the configuration that was read last was refused; `None` where it was taken up.
     pub reload_refused: Option<&'a str>,
+    /// Who holds the places of readers where some are turned away; `None` where none are.
+    pub crowd: Option<&'a Crowd>,
 }
 
 /// What is known of one bus.

@@ -1,12 +1,16 @@
-//! Lets subscribers in.
+//! Lets subscribers in, and tells those why that have to go.
 
+use crate::farewell::Farewell;
 use crate::profile_maker::ProfileMaker;
+use crate::registry::Entry;
 use crate::server::Server;
 use crate::socket::Socket;
-use crate::subscriber::welcome;
+use crate::subscriber::Subscriber;
 use std::rc::Rc;
+use std::sync::Arc;
 use std::time::Duration;
-use tokio::time::interval;
+use taxel_wire::{Event, EventKind};
+use tokio::time::{interval, timeout};
 use tokio_seqpacket::UnixSeqpacketListener;
 
 /// Subscribers that are let in without a pause, and the pause: at most a thousand in a second, so that
@@ -14,6 +18,8 @@ use tokio_seqpacket::UnixSeqpacketListener;
 /// for no more of them. The rest wait in `connect`.
 const MOST_AT_ONCE: u32 = 2;
 const PAUSE: Duration = Duration::from_millis(2);
+/// How long a client may take to hear why it has to go.
+const LAST_WORDS: Duration = Duration::from_millis(100);
 
 impl<M: ProfileMaker> Server<M> {
     /// Lets subscribers in until the program ends.
@@ -45,4 +51,54 @@ impl<M: ProfileMaker> Server<M> {
             }
         }
     }
+}
+
+/// Serves one client until it goes or has to go.
+async fn welcome<M: ProfileMaker>(socket: Socket, server: Rc<Server<M>>) {
+    let peer = socket.peer();
+    let pid = peer.map(|p| p.pid());
+    let uid = peer.map(|p| p.uid());
+    let entry = Arc::new(Entry::new(pid, uid, server.profiles.own().id));
+    let registry = &server.registry;
+    if !registry.make_room() {
+        let farewell = Farewell::TooMany(registry.len());
+        registry.report_turned_away(entry.pid, &farewell);
+        send_disconnect(&socket, &farewell, LAST_WORDS).await;
+        return;
+    }
+    registry.add(&entry);
+    if registry.visits.may_write() {
+        tracing::info!(pid = entry.pid, uid = entry.uid, "subscriber connected");
+    }
+    let farewell = match Subscriber::new(socket, server.clone(), &entry) {
+        Ok(mut subscriber) => {
+            let farewell = subscriber.attend().await;
+            match farewell {
+                Farewell::Nonsense(_) | Farewell::Insists(_) => {
+                    send_disconnect(&subscriber.socket, &farewell, LAST_WORDS).await;
+                }
+                // Its place is taken: it is told if it takes that at once.
+                Farewell::MadeRoom => send_disconnect(&subscriber.socket, &farewell, Duration::ZERO).await,
+                _ => {}
+            }
+            farewell
+        }
+        Err(error) => Farewell::Failed(error),
+    };
+    registry.remove(&entry);
+    if registry.visits.may_write() {
+        tracing::info!(
+            pid = entry.pid,
+            images = entry.images.sent(),
+            skipped = entry.images.skipped(),
+            "subscriber gone: {farewell}"
+        );
+    }
+}
+
+/// Tells a client why it is let go, if it takes the message soon.
+async fn send_disconnect(socket: &Socket, why: &Farewell, patience: Duration) {
+    socket.stop_receiving();
+    let packet = Event::new(EventKind::Disconnect, why.to_string()).to_packet(0, 0);
+    let _ = timeout(patience, socket.send(&packet)).await;
 }

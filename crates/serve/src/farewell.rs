@@ -19,4 +19,6 @@ pub(crate) enum Farewell {
     Insists(String),
     #[error("{0} subscribers are connected already")]
     TooMany(usize),
+    #[error("all places are taken, and it wants no images: it made room for a display; connect again")]
+    MadeRoom,
 }

@@ -4,6 +4,7 @@
 use crate::active_profile::ProfileRecord;
 use crate::registry::Entry;
 use crate::sent::Sent;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use taxel_hand::Profile;
 use taxel_wire::status::{ProfileStatus, ProfilesBudget, SentStatus, SubscriberStatus};
@@ -113,9 +114,39 @@ pub struct Roster {
     pub(crate) profiles: Vec<ProfileRecord>,
     pub(crate) budget: ProfilesBudget,
     pub(crate) images: Arc<Sent>,
+    pub(crate) places: usize,
+    /// Whether clients were turned away of late.
+    pub(crate) is_crowded: bool,
+}
+
+/// Who holds the places of subscribers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Holder {
+    /// The user; `None` where the kernel says nothing.
+    pub uid: Option<u32>,
+    /// The process.
+    pub pid: Option<i32>,
+    /// How many.
+    pub places: usize,
 }
 
 impl Roster {
+    /// Where clients were turned away of late since no place was free: how many places there are, and who holds them, the
+    /// most first.
+    pub fn crowd(&self) -> Option<(usize, Vec<Holder>)> {
+        if !self.is_crowded {
+            return None;
+        }
+        let mut places: BTreeMap<_, usize> = BTreeMap::new();
+        for entry in &self.subscribers {
+            *places.entry((entry.uid, entry.pid)).or_default() += 1;
+        }
+        let holder = |((uid, pid), places)| Holder { uid, pid, places };
+        let mut holders: Vec<Holder> = places.into_iter().map(holder).collect();
+        holders.sort_by_key(|holder| std::cmp::Reverse(holder.places));
+        Some((self.places, holders))
+    }
+
     /// How many subscribers are connected.
     pub fn subscribers(&self) -> usize {
         self.subscribers.len()

@@ -39,7 +39,7 @@ mod turns;
 
 pub use announcements::Announcements;
 pub use config::{Limits, ProfilesConfig};
-pub use handle::{Roster, ServerHandle};
+pub use handle::{Holder, Roster, ServerHandle};
 pub use output_slots::OutputSlots;
 pub use profile_maker::{Cost, DisplayProfile, MadeOutput, Measurement, ProfileMaker};
 pub use server::{Server, ServerSeed};

@@ -9,9 +9,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 use taxel_wire::status::SubscriberStatus;
+use tokio::sync::Notify;
 
 /// A client that tries again and again to get in is told of in the log no more often.
 const TURNED_AWAY_PERIOD: Duration = Duration::from_secs(10);
+/// Clients that are turned away try again within this time, as a rule.
+const OF_LATE: Duration = Duration::from_secs(5);
 
 /// The subscribers of a server.
 #[derive(Debug)]
@@ -28,6 +31,8 @@ pub(crate) struct Registry {
     told_turned_away: Cell<Option<Instant>>,
     /// How many were turned away since.
     turned_away: Cell<u64>,
+    /// When the last one was.
+    turned_away_at: Cell<Option<Instant>>,
 }
 
 /// What is known of one subscriber. The serving thread writes it, others read it whenever they like.
@@ -38,9 +43,12 @@ pub(crate) struct Entry {
     since: Instant,
     pub(crate) images: Arc<Sent>,
     pub(crate) raw_frames: Arc<Sent>,
+    wants_image: AtomicBool,
     wants_raw: AtomicBool,
     wants_status: AtomicBool,
     wants_every: AtomicBool,
+    /// Told when another one takes its place.
+    pub(crate) leave: Notify,
     /// Number of the display profile it is shown.
     profile: AtomicU32,
 }
@@ -53,14 +61,17 @@ impl Entry {
             since: Instant::now(),
             images: Arc::default(),
             raw_frames: Arc::default(),
+            wants_image: AtomicBool::new(true),
             wants_raw: AtomicBool::default(),
             wants_status: AtomicBool::default(),
             wants_every: AtomicBool::default(),
+            leave: Notify::new(),
             profile: AtomicU32::new(profile),
         }
     }
 
     pub(crate) fn set_wants(&self, wants: &taxel_wire::Subscribe) {
+        self.wants_image.store(wants.image, Relaxed);
         self.wants_raw.store(wants.raw, Relaxed);
         self.wants_status.store(wants.status, Relaxed);
         self.wants_every.store(wants.every, Relaxed);
@@ -72,6 +83,11 @@ impl Entry {
 
     pub(crate) fn wants_status(&self) -> bool {
         self.wants_status.load(Relaxed)
+    }
+
+    /// Whether it is shown anything of the hand. Whoever has just come is, unless it says otherwise.
+    fn is_shown_anything(&self) -> bool {
+        self.wants_image.load(Relaxed) || self.wants_raw.load(Relaxed)
     }
 
     pub(crate) fn is_shown(&self, profile: u32) -> bool {
@@ -108,7 +124,27 @@ impl Registry {
             visits: LogLines::default(),
             told_turned_away: Cell::default(),
             turned_away: Cell::default(),
+            turned_away_at: Cell::default(),
         }
+    }
+
+    /// Sees to a place for one more, and says whether there is one. Who is shown nothing of the hand loses its own for it,
+    /// the oldest first.
+    pub(crate) fn make_room(&self) -> bool {
+        let mut entries = self.entries.borrow_mut();
+        if entries.len() < self.max {
+            return true;
+        }
+        let idle = entries.iter().position(|entry| !entry.is_shown_anything());
+        if let Some(idle) = idle {
+            entries.remove(idle).leave.notify_one();
+        }
+        idle.is_some()
+    }
+
+    /// Whether clients are turned away these days.
+    pub(crate) fn is_crowded(&self) -> bool {
+        (self.turned_away_at.get()).is_some_and(|at| at.elapsed() < OF_LATE)
     }
 
     pub(crate) fn add(&self, entry: &Arc<Entry>) {
@@ -121,6 +157,7 @@ impl Registry {
 
     /// Says in the log, now and then, that clients were turned away.
     pub(crate) fn report_turned_away(&self, pid: Option<i32>, farewell: &Farewell) {
+        self.turned_away_at.set(Some(Instant::now()));
         let clients = self.turned_away.get() + 1;
         let told = self.told_turned_away.get();
         if told.is_some_and(|at| at.elapsed() < TURNED_AWAY_PERIOD) {

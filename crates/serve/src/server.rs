@@ -118,6 +118,8 @@ impl<M: ProfileMaker> Server<M> {
             profiles: self.profiles.records(),
             budget: self.profiles.budget(),
             images: self.registry.images.clone(),
+            places: self.registry.max,
+            is_crowded: self.registry.is_crowded(),
         }
     }
 

@@ -23,7 +23,6 @@ use std::io;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::task::{Poll, ready};
-use std::time::Duration;
 use taxel_wire::{Event, EventKind, HEADER_LEN, Subscribe, SubscribeError, Subscription};
 use tokio::sync::{broadcast, watch};
 use tokio::task::JoinHandle;
@@ -37,53 +36,9 @@ const EVERY_BUFFER: usize = 212_992;
 /// Subscriptions a client may have refused before it is disconnected.
 const MAX_REFUSALS: u32 = 8;
 
-/// Serves one client until it goes or has to go.
-pub(crate) async fn welcome<M: ProfileMaker>(socket: Socket, server: Rc<Server<M>>) {
-    let peer = socket.peer();
-    let pid = peer.map(|p| p.pid());
-    let uid = peer.map(|p| p.uid());
-    let entry = Arc::new(Entry::new(pid, uid, server.profiles.own().id));
-    let registry = &server.registry;
-    if registry.len() >= registry.max {
-        let farewell = Farewell::TooMany(registry.len());
-        registry.report_turned_away(entry.pid, &farewell);
-        send_disconnect(&socket, &farewell).await;
-        return;
-    }
-    registry.add(&entry);
-    if registry.visits.may_write() {
-        tracing::info!(pid = entry.pid, uid = entry.uid, "subscriber connected");
-    }
-    let farewell = match Subscriber::new(socket, server.clone(), &entry) {
-        Ok(mut subscriber) => {
-            let farewell = subscriber.attend().await;
-            if let Farewell::Nonsense(_) | Farewell::Insists(_) = farewell {
-                send_disconnect(&subscriber.socket, &farewell).await;
-            }
-            farewell
-        }
-        Err(error) => Farewell::Failed(error),
-    };
-    registry.remove(&entry);
-    if registry.visits.may_write() {
-        tracing::info!(
-            pid = entry.pid,
-            images = entry.images.sent(),
-            skipped = entry.images.skipped(),
-            "subscriber gone: {farewell}"
-        );
-    }
-}
-
-/// Tells a client why it is let go, if it takes the message at once.
-async fn send_disconnect(socket: &Socket, why: &Farewell) {
-    socket.stop_receiving();
-    let packet = Event::new(EventKind::Disconnect, why.to_string()).to_packet(0, 0);
-    let _ = timeout(Duration::from_millis(100), socket.send(&packet)).await;
-}
-
-struct Subscriber<'a, M: ProfileMaker> {
-    socket: Rc<Socket>,
+/// A client that was let in.
+pub(crate) struct Subscriber<'a, M: ProfileMaker> {
+    pub(crate) socket: Rc<Socket>,
     server: Rc<Server<M>>,
     entry: &'a Entry,
     wants: Subscribe,
@@ -142,7 +97,7 @@ enum Which {
 }
 
 impl<'a, M: ProfileMaker> Subscriber<'a, M> {
-    fn new(socket: Socket, server: Rc<Server<M>>, entry: &'a Entry) -> io::Result<Self> {
+    pub(crate) fn new(socket: Socket, server: Rc<Server<M>>, entry: &'a Entry) -> io::Result<Self> {
         let mut own = server.profiles.follow_own();
         let shown = own.borrow_and_update().clone();
         let socket = Rc::new(socket);
@@ -187,10 +142,15 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
     }
 
     /// Serves this subscriber until it goes or has to go.
-    async fn attend(&mut self) -> Farewell {
-        match self.serve().await {
-            Ok(never) => match never {},
-            Err(farewell) => farewell,
+    pub(crate) async fn attend(&mut self) -> Farewell {
+        let entry = self.entry;
+        tokio::select! {
+            biased;
+            () = entry.leave.notified() => Farewell::MadeRoom,
+            served = self.serve() => match served {
+                Ok(never) => match never {},
+                Err(farewell) => farewell,
+            }
         }
     }
 

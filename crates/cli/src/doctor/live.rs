@@ -298,6 +298,7 @@ impl HandListener<'_> {
             joints: None,
             boards_due,
             reload_refused: None,
+            crowd: None,
         };
         let _ = self.problems.handle_view(&self.setup, &view);
         self.noted.iter_mut().for_each(|noted| noted.is_over = true);

@@ -384,3 +384,29 @@ fn what_is_no_frame_is_told_with_where_it_may_come_from() {
         assert_eq!(bench.kinds(), [""; 0], "{source}");
     }
 }
+
+#[test]
+fn that_readers_are_turned_away_is_told_with_who_holds_their_places() {
+    let mut bench = Bench::new();
+    let crowd = Crowd {
+        places: 128,
+        holders: vec![
+            (Some(1000), Some(4242), 120),
+            (None, None, 6),
+            (Some(0), Some(7), 1),
+            (Some(0), Some(8), 1),
+        ],
+    };
+    bench.pass(3000, |s| s.crowd = Some(crowd.clone()));
+    assert_eq!(bench.kinds(), ["readers-turned-away"]);
+    let said = sentence(&bench.said[0]);
+    for words in [
+        "find no place, since all 128 are taken",
+        "process 4242 of user 1000 has 120, process ? of user ? has 6, process 7 of user 0 has 1;",
+        "max_subscribers",
+    ] {
+        assert!(said.contains(words), "{said}");
+    }
+    bench.pass(1000, |s| s.crowd = None);
+    assert_eq!(bench.kinds(), [""; 0]);
+}

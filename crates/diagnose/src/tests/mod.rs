@@ -1,7 +1,7 @@
 mod hand;
 mod joints;
 
-use crate::{BusView, HandSetup, HandView, JointsView, Kind, News, Problems};
+use crate::{BusView, Crowd, HandSetup, HandView, JointsView, Kind, News, Problems};
 use taxel_can::{LinkState, SourceAddress};
 use taxel_joints::JointsConfig;
 use taxel_skin::{BoardState, BoardStatus, Finding, Layout};
@@ -16,6 +16,7 @@ struct Known {
     boards: Vec<BoardStatus>,
     findings: Vec<Finding>,
     reload_refused: Option<&'static str>,
+    crowd: Option<Crowd>,
 }
 
 struct Bench {
@@ -51,6 +52,7 @@ impl Bench {
                 boards: vec![living; layout.modules.len()],
                 findings: Vec::new(),
                 reload_refused: None,
+                crowd: None,
             },
             sources: sources.iter().map(|s| s.parse().expect("a source")).collect(),
             joints: None,
@@ -87,6 +89,7 @@ impl Bench {
             joints,
             boards_due: true,
             reload_refused: self.known.reload_refused,
+            crowd: self.known.crowd.as_ref(),
         };
         self.said.extend(self.problems.handle_view(&setup, &view));
     }

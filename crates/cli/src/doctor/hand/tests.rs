@@ -79,6 +79,7 @@ fn judged(facts: &HandFacts) -> Vec<NotedProblem> {
         joints: None,
         boards_due: true,
         reload_refused: None,
+        crowd: None,
     };
     let mut problems = Problems::default();
     let _ = problems.handle_view(&setup, &view);
