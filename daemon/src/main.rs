@@ -111,6 +111,8 @@ fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
 
 /// The signals that end taxeld after boards and motors have been stopped: all that end a process and can be caught. Not
 /// those that tell of a fault of the program itself (SIGSEGV, SIGABRT and the like), after which it can do nothing more.
+/// SIGABRT is also what systemd sends to a taxeld of which a thread hangs. To stop in order would wait for that thread,
+/// while another one goes on reading the servos, so that their watchdogs let their motors run: it is safest to be gone.
 fn ending_signals() -> impl Iterator<Item = i32> {
     let named = [
         SIGTERM, SIGINT, SIGQUIT, SIGUSR1, SIGUSR2, SIGALRM, SIGVTALRM, SIGPROF, SIGXCPU, SIGXFSZ, SIGIO,

@@ -56,3 +56,17 @@ def test_a_signal_that_ends_nothing_is_lived_through(folder, by):
         before = daemon.status()["images"]["made"]
         eventually(lambda: daemon.status()["images"]["made"] > before + 10, "no more images")
         assert daemon.stop() == 0
+
+
+@pytest.mark.parametrize("by", [signal.SIGABRT, signal.SIGTRAP, signal.SIGSYS], ids=lambda by: by.name)
+def test_a_signal_that_tells_of_a_fault_ends_it_at_once_and_motors_stop_by_their_watchdogs(folder, by):
+    servos = Servos("--ids", "1-16")
+    joints = dynamixel(servos.path, allow_writes=True)
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon:
+        daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+        assert servo(daemon, "joint 5", "--torque", "on") == (0, "")
+        assert daemon.stop(by) == -by
+        eventually(lambda: servos.stopped_ns(5), "the watchdog does not act")
+        # What it has left behind is in nobody's way.
+        daemon.start()
+    servos.close()
