@@ -4,9 +4,11 @@
 
 mod journal;
 mod log;
+mod rereads;
 
 use crate::journal::Journal;
 use crate::log::{Flush, Log};
+use crate::rereads::Rereads;
 use anyhow::Context;
 use clap::Parser;
 use nix::libc;
@@ -19,7 +21,7 @@ use signal_hook::iterator::Signals;
 use signal_hook::low_level::signal_name;
 use std::io::Write;
 use std::process::ExitCode;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use taxeld::{Arguments, Config, ConfigError, Daemon, StartError, stdout};
 use tracing::Level;
 use tracing_subscriber::filter::{LevelFilter, Targets};
@@ -90,9 +92,13 @@ fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     });
     mask.thread_set_mask().context("cannot take signals")?;
     let mut status = ExitCode::SUCCESS;
+    let mut rereads = Rereads::default();
     while daemon.is_running() {
+        if rereads.take(Instant::now()) {
+            daemon.reload(Config::load(&arguments.config));
+        }
         match stop.recv_timeout(Duration::from_millis(200)) {
-            Ok(SIGHUP) => daemon.reload(Config::load(&arguments.config)),
+            Ok(SIGHUP) => rereads.ask(),
             Ok(signal) => {
                 let name = signal_name(signal).map_or_else(|| format!("signal {signal}"), str::to_owned);
                 tracing::info!("{name}: stopping");
