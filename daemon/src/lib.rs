@@ -53,6 +53,8 @@ pub struct Daemon {
     tick: Option<JoinHandle<()>>,
     images: Option<JoinHandle<()>>,
     control: Option<JoinHandle<()>>,
+    /// The threads that read joints.
+    joints: Option<JointReader>,
     /// Dropped to end the control thread, which ends that of the images with it.
     stop: Option<oneshot::Sender<()>>,
     /// Configurations to be taken up by the control thread.
@@ -139,6 +141,7 @@ impl Daemon {
             .map_err(system("make an eventfd"))?,
         });
         let joint_reader = start_joint_reader(&config)?;
+        let joints = joint_reader.clone();
         let engine = Engine::new(&config.engine(joint_reader.is_some())?, start_ns)?;
         let live = if recorded {
             Clock::Recording
@@ -249,6 +252,7 @@ impl Daemon {
             tick: Some(tick),
             images: Some(images),
             control: Some(control),
+            joints,
             stop: Some(stop),
             reload,
             _paths: paths,
@@ -278,24 +282,33 @@ impl Daemon {
         let _ = self.reload.send(config);
     }
 
-    /// Stops the boards, lets every subscriber go, and removes the sockets.
+    /// Switches off the motors that were switched on, stops the boards, lets every subscriber go, and removes the sockets.
     ///
-    /// Returns an error where a thread panicked, which is a fault of the program.
+    /// Returns an error where a thread panicked, which is a fault of the program, or is left behind.
     pub fn stop(mut self) -> Result<(), &'static str> {
         self.shut_down()
     }
 
     fn shut_down(&mut self) -> Result<(), &'static str> {
+        // Motors are switched off whatever the other threads do meanwhile.
+        if let Some(joints) = &self.joints {
+            joints.stop();
+        }
         self.shared.stop.store(true, Ordering::Relaxed);
         let _ = self.shared.wake.write(1);
         let tick = self.tick.take().map(JoinHandle::join);
         drop(self.stop.take());
         let control = self.control.take().map(JoinHandle::join);
         let images = self.images.take().map(JoinHandle::join);
+        let have_joints_ended = self.joints.take().is_none_or(|joints| joints.end());
         match (tick, images, control) {
             (Some(Err(_)), ..) => Err("the tick thread panicked"),
             (_, Some(Err(_)), _) => Err("the thread that sends images panicked"),
             (.., Some(Err(_))) => Err("the control thread panicked"),
+            _ if !have_joints_ended => Err(
+                "the thread that reads joints is left behind: the driver of its serial port does not return, and motors stop \
+                 by their own watchdogs",
+            ),
             _ => Ok(()),
         }
     }

@@ -89,6 +89,10 @@ kinds! {
     BoardNotInLayout "board-not-in-layout" Warning,
     /// The servos' port cannot be opened.
     SerialAbsent "serial-absent" Error,
+    /// The thread that reads servos hangs in a call of their port's driver.
+    SerialStuck "serial-stuck" Error,
+    /// Another program takes the servos' answers out of their port.
+    SerialShared "serial-shared" Error,
     /// The servos' adapter keeps answers back.
     AdapterLatency "adapter-latency" Warning,
     /// No servo answers.

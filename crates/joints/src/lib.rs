@@ -14,6 +14,7 @@ mod dynamixel;
 mod error;
 mod feed;
 mod reader;
+mod reading_thread;
 mod shown;
 mod source;
 mod synchrony;

@@ -36,6 +36,24 @@ impl JointReader {
         Ok((servos.is_some() || analogue.is_some()).then_some(Self { servos, analogue }))
     }
 
+    /// Has the threads end, and does not wait: motors they have switched on are switched off.
+    pub fn stop(&self) {
+        if let Some(servos) = &self.servos {
+            servos.stop();
+        }
+        if let Some(analogue) = &self.analogue {
+            analogue.stop();
+        }
+    }
+
+    /// Does so and waits until the threads have ended, but not for ever; says whether they have.
+    pub fn end(&self) -> bool {
+        self.stop();
+        let servos = self.servos.as_ref().is_none_or(|servos| servos.end());
+        let analogue = self.analogue.as_ref().is_none_or(|analogue| analogue.end());
+        servos && analogue
+    }
+
     /// Copies the readings of a source (0 the joints' own, 1 the potentiometers beside it) that are kept, if there are
     /// others than when this returned `seen` (0 before the first time) and unless the thread is at them just now. Never
     /// waits, and allocates nothing where `into` has the memory for them ([`crate::SourceConfig::readings_kept`]).

@@ -2,7 +2,11 @@
 //!
 //! Nothing here is timed: waiting only ends a test that would never succeed.
 
+use nix::fcntl::{FcntlArg, OFlag, fcntl};
+use std::io::Read;
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use taxel_joints::bus::{FastState, NoReading, WriteCommand, WriteError, WriteRefused, Written};
 use taxel_joints::{
@@ -270,6 +274,33 @@ fn whoever_waits_when_the_port_is_lost_hears_of_it() {
     eventually(&reader, "told", |s| {
         s.servos[0].written.is_some_and(|w| w.number == newest)
     });
+}
+
+#[test]
+fn another_program_that_reads_the_port_is_noticed_and_stops_nothing() {
+    let pty = pty(2);
+    // It has had the port open before; nobody who comes later may, but root.
+    let thief = std::fs::File::open(pty.path()).unwrap();
+    let over = Arc::new(AtomicBool::new(false));
+    let reader = ServoReader::start(&config(pty.path(), 2)).unwrap();
+    let taking = std::thread::spawn({
+        let over = over.clone();
+        move || {
+            // The reader has made reading the port raw. Bytes are taken as soon as there are any.
+            fcntl(&thief, FcntlArg::F_SETFL(OFlag::O_NONBLOCK)).unwrap();
+            let mut bytes = [0; 1024];
+            while !over.load(Ordering::Relaxed) {
+                let _ = (&thief).read(&mut bytes);
+            }
+        }
+    });
+    eventually(&reader, "noticed", |_| reader.port().taken_ns.is_some());
+    let cycles = reader.snapshot().counters.cycles;
+    eventually(&reader, "going on", |s| s.counters.cycles > cycles + 3);
+    over.store(true, Ordering::Relaxed);
+    taking.join().unwrap();
+    eventually(&reader, "read again", all_read);
+    assert!(reader.end());
 }
 
 #[test]

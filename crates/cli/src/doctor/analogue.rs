@@ -126,6 +126,7 @@ mod tests {
                     state,
                     latency: None,
                     opened: 1,
+                    taken_ns: None,
                 },
                 open_ns: 1,
             };

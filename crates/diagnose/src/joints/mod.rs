@@ -4,6 +4,7 @@ mod allegro;
 mod analogue;
 mod angles_used;
 mod patience;
+mod port;
 mod reporter;
 mod servos;
 #[cfg(test)]

@@ -9,12 +9,20 @@ const UNHEARD_NS: u64 = 1_000_000_000;
 /// A joint whose source is well and whose angle is unknown for so long.
 const STALE_NS: u64 = 500_000_000;
 
+/// How many servos' cycles were over at a look, and since when.
+#[derive(Debug, Default)]
+struct Cycles {
+    count: u64,
+    since_ns: u64,
+}
+
 /// Since when each servo or finger is quiet, and each angle unknown.
 #[derive(Debug, Default)]
 pub(crate) struct Patience {
     /// Which opening of the port, and since when the port or the hand's bus is there.
     opened: u64,
     there_ns: Option<u64>,
+    cycles: Cycles,
     pub(super) heard: Vec<bool>,
     quiet_ns: Vec<Option<u64>>,
     unknown_ns: Vec<Option<u64>>,
@@ -25,6 +33,7 @@ impl Patience {
         if self.there_ns.is_none() || self.opened != opened {
             self.opened = opened;
             self.there_ns = Some(now_ns);
+            self.cycles.since_ns = now_ns;
             self.heard = vec![false; sources];
             self.quiet_ns = vec![None; sources];
         }
@@ -33,7 +42,18 @@ impl Patience {
     /// The port or the hand's bus is away: nothing is awaited until it is back.
     pub(super) fn away(&mut self) {
         self.there_ns = None;
-        self.unknown_ns.fill(None);
+        self.all_explained();
+    }
+
+    /// For how long no cycle has ended while the port is open, nanoseconds.
+    pub(super) fn without_cycle_ns(&mut self, count: u64, now_ns: u64) -> u64 {
+        if count != self.cycles.count {
+            self.cycles = Cycles {
+                count,
+                since_ns: now_ns,
+            };
+        }
+        now_ns.saturating_sub(self.cycles.since_ns)
     }
 
     /// Whether a source is silent.
@@ -52,6 +72,11 @@ impl Patience {
     /// Something else explains that a joint's angle is unknown.
     pub(super) fn explained(&mut self, joint: usize) {
         self.unknown_ns[joint] = None;
+    }
+
+    /// Something else explains whatever angle is unknown.
+    pub(super) fn all_explained(&mut self) {
+        self.unknown_ns.fill(None);
     }
 
     /// Joints whose angle has been unknown for too long.

@@ -1,6 +1,6 @@
 //! What is wrong with servos: the serial port, each servo's answers, what it says of itself.
 
-use super::{Judge, Patience, of_joints};
+use super::{Judge, Patience, of_joints, port as of_port};
 use crate::kind::Kind;
 use crate::problem::{Place, Problem};
 use taxel_joints::bus::{ServoCounters, ServoState};
@@ -42,12 +42,21 @@ impl Judge<'_> {
             PortState::Starting => return,
             PortState::Away { reason, .. } => {
                 patience.away();
-                found.push(absent_port(port, reason));
+                found.push(of_port::absent(port, reason));
                 return;
             }
             PortState::Open => patience.begin(port.opened, snapshot.servos.len(), now_ns),
         }
+        let without_cycle_ns = patience.without_cycle_ns(snapshot.counters.cycles, now_ns);
+        if let Some(stuck) = of_port::stuck(config, port, without_cycle_ns) {
+            // What is known of the servos is old.
+            patience.all_explained();
+            found.push(stuck);
+            return;
+        }
         found.extend(adapter_of(port));
+        let shared = of_port::shared(port, now_ns);
+        let first = found.len();
         let late_fast = snapshot.counters.late_fast.saturating_sub(self.before.late_fast);
         let silent: Vec<bool> = (snapshot.servos.iter().enumerate())
             .map(|(joint, servo)| patience.is_silent(joint, servo.alive, now_ns))
@@ -100,6 +109,13 @@ impl Judge<'_> {
                 late_advice(port, &ServoState::default()),
                 "the servos answer in time".into(),
             ));
+        }
+        if let Some(shared) = shared {
+            // It explains whatever is missing or in pieces.
+            patience.all_explained();
+            let of_servos = found.split_off(first);
+            found.extend(of_servos.into_iter().filter(|p| !is_of_answers(p.kind)));
+            found.push(shared);
         }
     }
 
@@ -180,21 +196,11 @@ impl Judge<'_> {
     }
 }
 
-fn absent_port(port: &PortStatus, reason: &str) -> Problem {
-    let path = port.path.display();
-    // The newest reason is that it cannot be opened anew, which says nothing of how it went.
-    let gone = match port.opened {
-        0 => String::new(),
-        _ => format!(
-            "{path} is gone, unplugged or reset by its driver, and is used again as soon as it is back: "
-        ),
-    };
-    of_joints(
-        Kind::SerialAbsent,
-        Place::Joints,
-        format!("{gone}{reason}"),
-        "Until then images go on with unknown joint angles",
-        format!("{path} is there"),
+/// Whether it is about answers that do not come as they should.
+fn is_of_answers(kind: Kind) -> bool {
+    matches!(
+        kind,
+        Kind::ServosSilent | Kind::ServoSilent | Kind::ServoLate | Kind::ServoDamaged | Kind::JointStale
     )
 }
 

@@ -26,6 +26,7 @@ pub(crate) fn servos(n: u8) -> (JointsConfig, JointsView) {
         state: PortState::Starting,
         latency: None,
         opened: 0,
+        taken_ns: None,
     };
     let view = JointsView {
         now_ns: S,

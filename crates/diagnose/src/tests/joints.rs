@@ -40,6 +40,9 @@ impl JointsBench {
         for _ in 0..ms / 100 {
             bench.known.now_ns += 100 * MS;
             view.now_ns = bench.known.now_ns;
+            if let Some((snapshot, _)) = &mut view.servos {
+                snapshot.counters.cycles += 1;
+            }
             change(view);
             bench.look(Some(view));
         }
@@ -250,6 +253,55 @@ fn an_angle_that_nobody_explains_is_told_as_stale() {
 }
 
 #[test]
+fn a_thread_that_ends_no_cycle_is_told_and_what_it_last_knew_is_not() {
+    let mut bench = JointsBench::answering(2);
+    let hang = |view: &mut JointsView| {
+        view.servos.as_mut().unwrap().0.counters.cycles = 1;
+        servo(view, 0).temperature_c = Some(75);
+    };
+    bench.pass(1900, hang);
+    bench.said(&[&["servo 1 (id 1) has 75 degrees"]]);
+    bench.pass(1000, |view| {
+        hang(view);
+        view.tick.angles.fill(f32::NAN);
+    });
+    assert_eq!(bench.bench.kinds(), ["serial-stuck"]);
+    bench.said(&[
+        &["cooled down"],
+        &[
+            "has waited for /dev/servos for 2.1 s",
+            "watchdogs",
+            "unplug the adapter",
+        ],
+    ]);
+    bench.pass(200, |view| servo(view, 0).temperature_c = Some(40));
+    bench.said(&[&["/dev/servos is read again"]]);
+}
+
+#[test]
+fn another_program_that_takes_answers_explains_those_that_are_missing() {
+    let mut bench = JointsBench::answering(3);
+    bench.pass(2000, |view| {
+        view.servos.as_mut().unwrap().1.taken_ns = Some(view.now_ns);
+        (0..3).for_each(|joint| servo(view, joint).alive = false);
+        servo(view, 1).counters.bad_crc += 5;
+        servo(view, 2).counters.late += 5;
+        view.tick.angles.fill(f32::NAN);
+        servo(view, 0).temperature_c = Some(75);
+    });
+    assert_eq!(bench.bench.kinds(), ["servo-hot", "serial-shared"]);
+    let told: Vec<&str> = bench.bench.said.iter().map(sentence).collect();
+    assert!(told[1].contains("another program reads /dev/servos"), "{told:?}");
+    assert!(told[1].contains("`fuser -v /dev/servos`"), "{told:?}");
+    bench.bench.said.clear();
+    bench.pass(5000, |view| {
+        (0..3).for_each(|joint| servo(view, joint).alive = true);
+        view.tick.angles.fill(0.0);
+    });
+    bench.said(&[&["no other program reads /dev/servos any more"]]);
+}
+
+#[test]
 fn a_hand_and_its_fingers_that_are_silent_are_told_and_so_is_its_bus() {
     let mut bench = JointsBench::new(allegro());
     bench.pass(500, |_| {});
@@ -395,6 +447,7 @@ fn with_potentiometers() -> JointsBench {
             state: PortState::Open,
             latency: None,
             opened: 1,
+            taken_ns: None,
         },
         open_ns: view.now_ns,
     });

@@ -3,12 +3,12 @@
 use super::config::{AnalogueConfig, READINGS_KEPT};
 use super::lines::{AnalogueCounters, AnalogueLines, NoAngle};
 use crate::dynamixel::{Port, PortError, PortStatus, StartError};
+use crate::reading_thread::ReadingThread;
 use crate::shown::{history_since, lock};
 use crate::synchrony::JointHistory;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
-use std::thread::JoinHandle;
 use std::time::Duration;
 use taxel_can::monotonic_ns;
 
@@ -37,14 +37,13 @@ struct Shared {
 }
 
 /// Reads potentiometers on a serial port in a thread of its own, for ever: a port that goes away is opened again. Nothing
-/// is ever written to it. Dropping it ends the thread.
+/// is ever written to it. Dropping it ends the thread and waits for that, but not for ever.
 #[derive(Debug)]
 pub struct AnalogueReader {
     shared: Arc<Mutex<Shared>>,
     /// Good lines whose angles are in the history. It grows while `shared` is locked.
     published: Arc<AtomicU64>,
-    stop: Arc<AtomicBool>,
-    thread: Option<JoinHandle<()>>,
+    thread: ReadingThread,
 }
 
 impl AnalogueReader {
@@ -70,19 +69,26 @@ impl AnalogueReader {
             published: published.clone(),
             stop: stop.clone(),
         };
-        let handle = std::thread::Builder::new()
-            .name("analogue".into())
-            .spawn(move || {
-                first();
-                thread.run();
-            })
-            .map_err(StartError::Thread)?;
+        let main = move || {
+            first();
+            thread.run();
+        };
         Ok(Self {
             shared,
             published,
-            stop,
-            thread: Some(handle),
+            thread: ReadingThread::start("analogue", stop, main).map_err(StartError::Thread)?,
         })
+    }
+
+    /// Has the thread end, and does not wait.
+    pub fn stop(&self) {
+        self.thread.stop();
+    }
+
+    /// Does so and waits until the thread has ended; says whether it has. It is not waited for for ever: a serial driver that
+    /// does not return from a call keeps it.
+    pub fn end(&self) -> bool {
+        self.thread.end()
     }
 
     /// A copy of what is known.
@@ -99,15 +105,6 @@ impl AnalogueReader {
             seen,
             into,
         )
-    }
-}
-
-impl Drop for AnalogueReader {
-    fn drop(&mut self) {
-        self.stop.store(true, Ordering::Relaxed);
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
     }
 }
 

@@ -1,10 +1,12 @@
 //! A serial port: opened, made fast, read with a deadline.
 
 use super::low_latency;
+use nix::fcntl::{FcntlArg, OFlag, fcntl};
 use serialport::{ClearBuffer, SerialPort, TTYPort};
 use std::io::{self, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, Instant};
+use taxel_can::monotonic_ns;
 
 /// What happened to a serial port.
 #[derive(Debug, thiserror::Error)]
@@ -64,6 +66,7 @@ pub(crate) struct Port {
     path: PathBuf,
     device: PathBuf,
     latency: PortLatency,
+    taken_ns: Option<u64>,
 }
 
 impl Port {
@@ -77,6 +80,13 @@ impl Port {
         let device = std::fs::canonicalize(path).map_err(failed)?;
         let name = device.to_string_lossy();
         let tty = TTYPort::open(&serialport::new(name, baud)).map_err(|e| failed(e.into()))?;
+        // Opened so that reads block. Another program may take the bytes between being told of them and reading them (one
+        // that had the port open before, or root's), and this one would wait for others for ever.
+        fcntl(
+            low_latency::descriptor(&tty),
+            FcntlArg::F_SETFL(OFlag::O_NONBLOCK),
+        )
+        .map_err(|e| failed(e.into()))?;
         let low_latency = low_latency::set_low_latency(low_latency::descriptor(&tty)).is_ok();
         tty.clear(ClearBuffer::All).map_err(|e| failed(e.into()))?;
         Ok(Self {
@@ -87,6 +97,7 @@ impl Port {
                 ftdi_timer_ms: ftdi_timer_ms(&device),
             },
             device,
+            taken_ns: None,
         })
     }
 
@@ -114,7 +125,12 @@ impl Port {
         Ok(n as usize)
     }
 
-    /// Reads what there is, waiting for the first byte; 0 if none came in time.
+    /// When another program last took bytes that this one was told of, nanoseconds; `None` if none has.
+    pub(crate) fn taken_ns(&self) -> Option<u64> {
+        self.taken_ns
+    }
+
+    /// Reads what there is, waiting for the first byte; 0 if none came in time, or another program took it.
     pub(crate) fn read(&mut self, into: &mut [u8], timeout: Duration) -> Result<usize, PortError> {
         // Cannot fail: the port only notes it.
         let _ = self.tty.set_timeout(timeout);
@@ -122,13 +138,31 @@ impl Port {
             Ok(0) if !into.is_empty() => Err(self.lost(ErrorKind::UnexpectedEof.into())),
             Ok(n) => Ok(n),
             Err(e) if matches!(e.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => Ok(0),
+            Err(e) if e.kind() == ErrorKind::WouldBlock => {
+                self.taken_ns = Some(monotonic_ns());
+                Ok(0)
+            }
             Err(e) => Err(self.lost(e)),
         }
     }
 
-    pub(crate) fn write(&mut self, bytes: &[u8]) -> Result<(), PortError> {
-        let _ = self.tty.set_timeout(WRITE_TIMEOUT);
-        self.tty.write_all(bytes).map_err(|e| self.lost(e))
+    /// Writes all of it within [`WRITE_TIMEOUT`].
+    pub(crate) fn write(&mut self, mut bytes: &[u8]) -> Result<(), PortError> {
+        let end = Instant::now() + WRITE_TIMEOUT;
+        while !bytes.is_empty() {
+            let left = end.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return Err(self.lost(ErrorKind::TimedOut.into()));
+            }
+            let _ = self.tty.set_timeout(left);
+            match self.tty.write(bytes) {
+                Ok(n) => bytes = &bytes[n..],
+                // Another program has filled it meanwhile.
+                Err(e) if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) => {}
+                Err(e) => return Err(self.lost(e)),
+            }
+        }
+        Ok(())
     }
 
     fn lost(&self, source: io::Error) -> PortError {

@@ -33,6 +33,9 @@ pub struct PortStatus {
     pub latency: Option<PortLatency>,
     /// How often it was opened; more than once means that it went away and came back.
     pub opened: u64,
+    /// When another program last took bytes out of it that had come for this one, nanoseconds; `None` if none has since
+    /// it was opened.
+    pub taken_ns: Option<u64>,
 }
 
 impl PortStatus {
@@ -43,6 +46,7 @@ impl PortStatus {
             state: PortState::Starting,
             latency: None,
             opened: 0,
+            taken_ns: None,
         }
     }
 
@@ -51,6 +55,7 @@ impl PortStatus {
         self.device = Some(device.to_path_buf());
         self.latency = Some(latency);
         self.opened += 1;
+        self.taken_ns = None;
     }
 
     /// It is not there, for this reason; since when does not change while it stays away.

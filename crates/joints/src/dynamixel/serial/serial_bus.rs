@@ -56,6 +56,11 @@ impl SerialBus {
         self.port.device()
     }
 
+    /// When another program last took bytes that had come for this one, nanoseconds; `None` if none has.
+    pub fn taken_ns(&self) -> Option<u64> {
+        self.port.taken_ns()
+    }
+
     /// Runs one cycle. The results are in [`Bus::results`]; the only error is a port that is gone.
     pub fn cycle(&mut self, bus: &mut Bus) -> Result<(), PortError> {
         self.cycle_with(bus, |_| {})

@@ -9,6 +9,7 @@ use crate::dynamixel::bus::{
 };
 use crate::dynamixel::config::{DynamixelConfig, READINGS_KEPT};
 use crate::error::JointsConfigError;
+use crate::reading_thread::ReadingThread;
 use crate::shown::{history_since, lock};
 use crate::synchrony::{AngleAt, JointHistory, JointMotion};
 use nix::errno::Errno;
@@ -19,7 +20,6 @@ use std::io;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
-use std::thread::JoinHandle;
 use std::time::Duration;
 use taxel_can::monotonic_ns;
 
@@ -70,16 +70,15 @@ struct Shared {
 /// Reads servos on a serial port in a thread of its own, for ever: a port that goes away is opened again.
 ///
 /// Nothing here waits for the thread longer than it takes to copy a few hundred bytes, and nothing
-/// allocates per cycle. Dropping it ends the thread; motors it has switched on are switched off.
+/// allocates per cycle. Dropping it ends the thread, as [`ServoReader::stop`] does, and waits for that, but not for ever.
 #[derive(Debug)]
 pub struct ServoReader {
     shared: Arc<Mutex<Shared>>,
     /// Cycles whose readings are in the history. It grows while `shared` is locked.
     published: Arc<AtomicU64>,
-    stop: Arc<AtomicBool>,
     /// Whether a command waits that is not to wait for the end of the cycle.
     urgent: Arc<AtomicBool>,
-    thread: Option<JoinHandle<()>>,
+    thread: ReadingThread,
     names: Vec<String>,
     allow_writes: bool,
 }
@@ -129,22 +128,29 @@ impl ServoReader {
             urgent: urgent.clone(),
             commands: Vec::with_capacity(COMMANDS + 2 * n),
         };
-        let handle = std::thread::Builder::new()
-            .name("joints".into())
-            .spawn(move || {
-                first();
-                thread.run();
-            })
-            .map_err(StartError::Thread)?;
+        let main = move || {
+            first();
+            thread.run();
+        };
         Ok(Self {
             shared,
             published,
-            stop,
             urgent,
-            thread: Some(handle),
+            thread: ReadingThread::start("joints", stop, main).map_err(StartError::Thread)?,
             names: config.joint_names(),
             allow_writes: config.allow_writes,
         })
+    }
+
+    /// Has the thread end, and does not wait: motors it has switched on are switched off, and nothing else is obeyed.
+    pub fn stop(&self) {
+        self.thread.stop();
+    }
+
+    /// Does so and waits until the thread has ended; says whether it has. It is not waited for for ever: a serial driver that
+    /// does not return from a call keeps it.
+    pub fn end(&self) -> bool {
+        self.thread.end()
     }
 
     /// Names of the joints, in the order of everything else.
@@ -258,15 +264,6 @@ impl ServoReader {
     }
 }
 
-impl Drop for ServoReader {
-    fn drop(&mut self) {
-        self.stop.store(true, Ordering::Relaxed);
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
-    }
-}
-
 struct Thread {
     bus: Bus,
     path: PathBuf,
@@ -308,7 +305,9 @@ impl Thread {
         let mut next_ns = monotonic_ns();
         let mut latency_due_ns = next_ns + LATENCY_NS;
         while !self.stopped() {
-            self.cycle(port)?;
+            let done = self.cycle(port);
+            lock(&self.shared).port.taken_ns = port.taken_ns();
+            done?;
             self.publish();
             let now = monotonic_ns();
             if now >= latency_due_ns {
