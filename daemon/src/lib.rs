@@ -300,7 +300,16 @@ impl Daemon {
         drop(self.stop.take());
         let control = self.control.take().map(JoinHandle::join);
         let images = self.images.take().map(JoinHandle::join);
-        let have_joints_ended = self.joints.take().is_none_or(|joints| joints.end());
+        let have_joints_ended = self.joints.take().is_none_or(|joints| {
+            let ended = joints.end();
+            for name in joints.motors_not_off() {
+                tracing::error!(
+                    "joints: taxeld ends and nobody knows whether the motor of {name} is off; one that taxeld has switched on \
+                     stops by its own watchdog"
+                );
+            }
+            ended
+        });
         match (tick, images, control) {
             (Some(Err(_)), ..) => Err("the tick thread panicked"),
             (_, Some(Err(_)), _) => Err("the thread that sends images panicked"),

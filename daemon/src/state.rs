@@ -2,7 +2,7 @@
 //! threads.
 
 use crate::clients::{ChangeLog, Places, Reports};
-use crate::joints::{Hold, ServoRequest, ServosRequest};
+use crate::joints::{Hold, Releases, ServoRequest, ServosRequest};
 use crate::snapshot::Snapshot;
 use crate::tick::{Command, PipelineClock, Shared};
 use std::cell::{Cell, Ref, RefCell};
@@ -11,7 +11,7 @@ use std::sync::atomic::Ordering;
 use std::sync::{Arc, mpsc};
 use std::time::{Duration, Instant};
 use taxel_config::Config;
-use taxel_diagnose::{JointsView, Problems, Starting};
+use taxel_diagnose::{JointsView, Problems, Severity, Starting};
 use taxel_engine::TickMode;
 use taxel_joints::JointReader;
 use taxel_serve::{Roster, ServerHandle};
@@ -40,6 +40,8 @@ pub(crate) struct State {
     pub(crate) changes: ChangeLog,
     /// Replies to `status`.
     pub(crate) reports: Reports,
+    /// Motors that are to be off and were not confirmed to be.
+    releases: Releases,
     clock: PipelineClock,
     commands: mpsc::SyncSender<Command>,
     /// The thread that reads joints, where there is one.
@@ -78,6 +80,7 @@ impl State {
             changing: Rc::new(Places::new(most_clients)),
             changes: ChangeLog::default(),
             reports: Reports::default(),
+            releases: Releases::default(),
             commands,
             joint_reader,
             started: Instant::now(),
@@ -104,7 +107,8 @@ impl State {
 
     /// Has a servo told something; returns a sentence for the log.
     pub(crate) async fn write(&self, request: &ServoRequest) -> Result<String, String> {
-        crate::joints::write(self.config.joints.as_ref(), self.joint_reader.as_ref(), request).await
+        let (config, reader) = (self.config.joints.as_ref(), self.joint_reader.as_ref());
+        crate::joints::write(config, reader, &self.releases, request).await
     }
 
     /// Has several servos told something at once; returns a sentence for the log.
@@ -114,7 +118,20 @@ impl State {
 
     /// For the motors that a client holds.
     pub(crate) fn hold(&self) -> Hold<'_> {
-        Hold::new(self.config.joints.as_ref(), self.joint_reader.as_ref())
+        Hold::new(
+            self.config.joints.as_ref(),
+            self.joint_reader.as_ref(),
+            &self.releases,
+        )
+    }
+
+    /// What has become of motors that were to be off: sentences for the log.
+    pub(crate) fn released(&self) -> Vec<(Option<Severity>, String)> {
+        let servos = self
+            .joint_reader
+            .as_ref()
+            .and_then(|reader| reader.servos.as_ref());
+        servos.map_or_else(Vec::new, |servos| self.releases.news(servos))
     }
 
     /// Asks who is connected now; says whether the thread that sends images has answered.

@@ -219,7 +219,11 @@ fn report_joints(state: &State, view: Option<&JointsView>, reporter: &mut Joints
         return;
     };
     state.count_joints(view);
-    for (severity, sentence) in reporter.handle_view(config, view) {
+    for (severity, sentence) in reporter
+        .handle_view(config, view)
+        .into_iter()
+        .chain(state.released())
+    {
         log(severity, &sentence);
     }
 }

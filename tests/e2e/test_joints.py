@@ -3,12 +3,13 @@
 import json
 import math
 import re
+import socket
 import subprocess
 import time
 from statistics import median
 
 import pytest
-from harness.daemon import Daemon, binary, eventually
+from harness.daemon import Daemon, ask, binary, eventually
 from harness.joints import (
     GOAL_PWM,
     IDS,
@@ -284,6 +285,49 @@ def test_torque_and_pwm_are_written_on_request_with_the_watchdog_armed(folder):
         daemon.wait_status(lambda s: s["joints"]["state"] == "gone", "the status does not say that it is gone")
         status, said = servo(daemon, "joint 5", "--torque", "off")
         assert status == 1 and servos.path in said, said
+
+
+def test_a_motor_that_does_not_confirm_that_it_is_off_is_told_again_and_said_to_be_off_when_it_does(folder):
+    servos = Servos("--ids", "1-16")
+    joints = dynamixel(servos.path, allow_writes=True, watchdog_ms=2540)
+    again = "it is told again until it confirms that"
+    off = {5: "torque of joint 5 is off", 6: "torque of joint 6 is off, since who held it is gone"}
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon:
+        daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+        assert servo(daemon, "joint 5", "--torque", "on") == (0, "")
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as holder:
+            holder.connect(str(daemon.control_path))
+            assert ask(holder, {"cmd": "servo", "joint": "joint 6", "torque": True, "hold_ms": 10_000})["ok"]
+            for id in off:
+                servos.tell(f"fault {id} silent")
+        status, said = servo(daemon, "joint 5", "--torque", "off")
+        assert status == 1 and "the servo does not answer" in said and again in said, said
+        for id in off:
+            assert comes(daemon, "motor-not-off", f"joint {id}", "is told again")["severe"]
+        held = "torque of joint 6 is to be off, since who held it is gone: the servo does not answer"
+        eventually(lambda: held in daemon.log and daemon.log.count(again) >= 2, "the log does not say that it may be on")
+        assert not any(line in daemon.log for line in off.values()), daemon.log
+        status, said = servo(daemon, "joint 5", "--pwm", "1")
+        assert status == 1 and "enable its torque first" in said, said
+        for id in off:
+            servos.tell(f"mend {id}")
+        for id, line in off.items():
+            eventually(lambda: line in daemon.log, f"nobody says that joint {id} is off")
+            assert (servos.register(id, *WATCHDOG), servos.register(id, *TORQUE)) == (0, 0)
+        daemon.wait_status(lambda s: s["problems"] == [], "it is never over")
+    servos.close()
+
+
+def test_who_ends_without_knowing_that_a_motor_is_off_says_so(folder):
+    servos = Servos("--ids", "1-16")
+    joints = dynamixel(servos.path, allow_writes=True, watchdog_ms=2540)
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon:
+        daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+        assert servo(daemon, "joint 5", "--torque", "on") == (0, "")
+        servos.tell("fault 5 silent")
+        assert daemon.stop() == 0
+        assert "nobody knows whether the motor of joint 5 is off" in daemon.log
+    servos.close()
 
 
 def test_an_adapter_that_comes_back_under_another_number_is_found_by_its_stable_name(folder):

@@ -107,6 +107,8 @@ kinds! {
     ServoError "servo-error" Error,
     /// A servo is about to switch its motor off.
     ServoHot "servo-hot" Warning,
+    /// A motor was told to be off, and its servo has not confirmed it.
+    MotorNotOff "motor-not-off" Error,
     /// The port of the potentiometers cannot be opened.
     AnalogueAbsent "analogue-absent" Error,
     /// No line comes from the potentiometers.

@@ -54,6 +54,15 @@ impl JointReader {
         servos && analogue
     }
 
+    /// The names of the joints of which nobody knows whether their motors are off, though they are to be.
+    pub fn motors_not_off(&self) -> Vec<&str> {
+        let servos = self.servos.as_ref();
+        servos.map_or_else(Vec::new, |servos| {
+            let joints = servos.motors_not_off().into_iter();
+            joints.map(|joint| servos.names()[joint].as_str()).collect()
+        })
+    }
+
     /// Copies the readings of a source (0 the joints' own, 1 the potentiometers beside it) that are kept, if there are
     /// others than when this returned `seen` (0 before the first time) and unless the thread is at them just now. Never
     /// waits, and allocates nothing where `into` has the memory for them ([`crate::SourceConfig::readings_kept`]).

@@ -1,5 +1,6 @@
 //! Motors that run only as long as the client is there that has had them switched on.
 
+use super::Releases;
 use super::write::{ServoRequest, joint_called};
 use std::cell::{Cell, RefCell};
 use std::time::Duration;
@@ -10,16 +11,22 @@ use taxel_joints::{JointReader, JointSource, JointsConfig};
 pub(crate) struct Hold<'a> {
     config: Option<&'a JointsConfig>,
     reader: Option<&'a JointReader>,
+    releases: &'a Releases,
     joints: RefCell<Vec<usize>>,
     patience: Cell<Option<Duration>>,
 }
 
 impl<'a> Hold<'a> {
     /// None yet.
-    pub(crate) fn new(config: Option<&'a JointsConfig>, reader: Option<&'a JointReader>) -> Self {
+    pub(crate) fn new(
+        config: Option<&'a JointsConfig>,
+        reader: Option<&'a JointReader>,
+        releases: &'a Releases,
+    ) -> Self {
         Self {
             config,
             reader,
+            releases,
             joints: RefCell::default(),
             patience: Cell::default(),
         }
@@ -64,9 +71,8 @@ impl Drop for Hold<'_> {
         };
         for joint in self.joints.take() {
             // Refused only where writing is, and then nothing was switched on.
-            if servos.command(joint, WriteCommand::Torque(false)).is_ok() {
-                let name = servos.names().get(joint).map_or("", String::as_str);
-                tracing::warn!("joints: torque of {name} is switched off, since who held it is gone");
+            if let Ok(number) = servos.command(joint, WriteCommand::Torque(false)) {
+                self.releases.let_go(joint, number);
             }
         }
     }

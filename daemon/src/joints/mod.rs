@@ -2,9 +2,11 @@
 //! frame is `taxel-joints`.
 
 mod hold;
+mod releases;
 mod status;
 mod write;
 
 pub(crate) use hold::Hold;
+pub(crate) use releases::Releases;
 pub(crate) use status::{status, summary};
 pub(crate) use write::{ServoRequest, ServosRequest, write, write_together};

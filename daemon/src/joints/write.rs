@@ -1,5 +1,6 @@
 //! The one way in which taxeld moves anything: control requests to servos, where the configuration allows it.
 
+use super::Releases;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -61,22 +62,43 @@ fn servos<'a>(
     }
 }
 
-/// Has a servo told something, and waits until it has confirmed it; a sentence that says so, or why not.
+/// Has a servo told something, and waits until it has confirmed it; a sentence that says so, or why not. A motor that was to
+/// be switched off and may not be is noted in `releases`.
 pub(crate) async fn write(
     config: Option<&JointsConfig>,
     reader: Option<&JointReader>,
+    releases: &Releases,
     request: &ServoRequest,
 ) -> Result<String, String> {
     let (config, servos) = servos(config, reader)?;
     let (joint, command) = command(config, request)?;
-    if let PortState::Away { reason, .. } = servos.port().state {
-        return Err(format!("{}: {reason}", request.joint));
+    let is_off = command == WriteCommand::Torque(false);
+    let failed = |why: String| format!("{}: {why}", request.joint);
+    let away = match servos.port().state {
+        PortState::Away { reason, .. } => Some(reason),
+        PortState::Starting | PortState::Open => None,
+    };
+    if let Some(reason) = away.clone().filter(|_| !is_off) {
+        return Err(failed(reason));
     }
-    let failed = |error: WriteError| format!("{}: {error}", request.joint);
     let number = servos
         .command(joint, command)
-        .map_err(|refused| failed(WriteError::NotTaken(refused)))?;
-    confirmed(servos, joint, command, number).await.map_err(failed)?;
+        .map_err(|refused| failed(away.clone().unwrap_or_else(|| refused.to_string())))?;
+    let done = match away {
+        Some(reason) => Err(reason),
+        None => confirmed(servos, joint, command, number)
+            .await
+            .map_err(|error| error.to_string()),
+    };
+    if let Err(why) = done {
+        if is_off {
+            releases.asked(joint, number);
+            return Err(failed(format!(
+                "{why}; it is told again until it confirms that its motor is off"
+            )));
+        }
+        return Err(failed(why));
+    }
     Ok(match command {
         WriteCommand::Torque(true) | WriteCommand::Start(_) => format!(
             "joints: torque of {} is on (it stops by itself after {} ms of silence)",
@@ -282,7 +304,9 @@ mod tests {
         let request = of("thumb 0", Some(true), None);
         let allegro = toml::from_str("source = \"allegro:can2\"\nallegro.version = 4").expect("joints");
         for (config, words) in [(None, "no table [joints]"), (Some(&allegro), "listened to only")] {
-            let refused = write(config, None, &request).await.unwrap_err();
+            let refused = write(config, None, &Releases::default(), &request)
+                .await
+                .unwrap_err();
             assert!(refused.contains(words), "{refused}");
         }
     }

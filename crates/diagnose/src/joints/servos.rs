@@ -38,6 +38,10 @@ impl Judge<'_> {
         found: &mut Vec<Problem>,
     ) {
         let now_ns = self.view.now_ns;
+        let not_off = snapshot.servos.iter().enumerate();
+        found.extend(
+            not_off.filter_map(|(joint, servo)| motor_not_off(joint, &name_of(config, joint), servo)),
+        );
         match &port.state {
             PortState::Starting => return,
             PortState::Away { reason, .. } => {
@@ -67,8 +71,7 @@ impl Judge<'_> {
             found.push(missing_servos(&self.config.source.to_string(), config.baud));
         }
         for (joint, servo) in snapshot.servos.iter().enumerate() {
-            let name =
-                (config.servo.get(joint)).map_or_else(String::new, |s| format!("{} (id {})", s.name, s.id));
+            let name = name_of(config, joint);
             let quiet = Quiet {
                 silent: silent[joint],
                 told: all,
@@ -194,6 +197,25 @@ impl Judge<'_> {
             format!("the angle of {name} is known"),
         )
     }
+}
+
+fn name_of(config: &DynamixelConfig, joint: usize) -> String {
+    (config.servo.get(joint)).map_or_else(String::new, |s| format!("{} (id {})", s.name, s.id))
+}
+
+/// A motor was told to be off, and nobody knows whether it is.
+fn motor_not_off(joint: usize, name: &str, servo: &ServoState) -> Option<Problem> {
+    let off = servo.motor_off;
+    let reason = off.written.and_then(|written| written.result.err());
+    let why = reason.map_or_else(String::new, |reason| format!(": {reason}"));
+    let problem = of_joints(
+        Kind::MotorNotOff,
+        Place::Joint(joint),
+        format!("nobody knows whether the motor of servo {name} is off, as it was told to be{why}"),
+        "It is told again until it confirms that; a watchdog that was armed stays armed. Where it has to stand still now, cut its supply",
+        format!("the motor of servo {name} is off, or was started anew"),
+    );
+    off.unconfirmed.then_some(problem)
 }
 
 /// Whether it is about answers that do not come as they should.

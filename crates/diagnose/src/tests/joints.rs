@@ -3,6 +3,7 @@
 use super::*;
 use crate::joints::test_views::{S, allegro, away, finger, open, servo, servos};
 use crate::{Place, Severity};
+use taxel_joints::bus::{MotorOff, WriteError, Written};
 use taxel_joints::registers::HardwareError;
 use taxel_joints::{
     AllegroConfig, AnalogueConfig, AnalogueCounters, AnalogueJointConfig, AnalogueSnapshot, Channel,
@@ -62,6 +63,16 @@ impl JointsBench {
 }
 
 #[test]
+fn a_motor_that_may_be_on_is_told_while_the_port_is_away() {
+    let mut bench = JointsBench::answering(2);
+    bench.pass(300, |view| {
+        away(view);
+        servo(view, 0).motor_off.unconfirmed = true;
+    });
+    assert_eq!(bench.bench.kinds(), ["motor-not-off", "serial-absent"]);
+}
+
+#[test]
 fn an_adapter_that_is_unplugged_is_one_problem_and_its_servos_are_none() {
     let mut bench = JointsBench::answering(3);
     bench.pass(3000, away);
@@ -112,7 +123,26 @@ fn an_angle_is_not_stale_for_the_time_that_the_adapter_was_away() {
 #[test]
 fn a_servo_that_is_silent_late_damaged_hot_or_failed_is_named_with_what_to_do() {
     type Change = fn(&mut JointsView);
-    let cases: [(&str, Change, Change, &[&str], &str); 5] = [
+    let cases: [(&str, Change, Change, &[&str], &str); 6] = [
+        (
+            "motor-not-off",
+            |v| {
+                servo(v, 1).motor_off = MotorOff {
+                    newest: 3,
+                    written: Some(Written {
+                        number: 3,
+                        result: Err(WriteError::Silent),
+                    }),
+                    unconfirmed: true,
+                }
+            },
+            |v| servo(v, 1).motor_off.unconfirmed = false,
+            &[
+                "the motor of servo servo 2 (id 2) is off, as it was told to be: the servo does not answer",
+                "cut its supply",
+            ],
+            "the motor of servo servo 2 (id 2) is off",
+        ),
         (
             "servo-silent",
             |v| servo(v, 1).alive = false,

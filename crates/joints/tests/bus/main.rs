@@ -2,6 +2,7 @@
 //! hides another, and what comes too late is never taken for something new.
 
 mod lost;
+mod told_again;
 mod writes;
 
 use taxel_joints::bus::{Bus, FastState, NoReading, Step, wire_ns};
@@ -21,6 +22,8 @@ struct World {
     /// Bytes that arrive are given to the host in pieces of at most so many.
     piece: usize,
     requests: Vec<Vec<u8>>,
+    /// What the host says is lost on the way.
+    cut: bool,
 }
 
 impl World {
@@ -32,6 +35,7 @@ impl World {
             now_ns: 1_000 * MS,
             piece: usize::MAX,
             requests: Vec::new(),
+            cut: false,
         }
     }
 
@@ -56,7 +60,9 @@ impl World {
             Step::Send => {
                 self.receive();
                 let request = self.bus.request().to_vec();
-                self.servos.receive(&request, self.now_ns);
+                if !self.cut {
+                    self.servos.receive(&request, self.now_ns);
+                }
                 self.requests.push(request);
                 self.bus.sent(self.now_ns);
             }

@@ -29,9 +29,14 @@ fn read_only_means_that_nothing_but_reads_is_sent() {
 }
 
 pub(crate) fn writable(n: u8) -> World {
+    watched(n, 100)
+}
+
+/// The same, whose motors stop by themselves after so long.
+pub(crate) fn watched(n: u8, watchdog_ms: u16) -> World {
     let mut config = DynamixelConfig::new("none", 1..=n);
     config.allow_writes = true;
-    config.watchdog_ms = 100;
+    config.watchdog_ms = watchdog_ms;
     World::new(&config, (1..=n).map(ServoBuild::new))
 }
 
@@ -240,29 +245,6 @@ fn a_motor_stands_within_its_watchdog_whichever_request_is_the_last() {
         }
         assert!(whole, "{command:?}");
     }
-}
-
-#[test]
-fn a_motor_that_nobody_knows_to_be_off_keeps_its_watchdog_and_is_switched_off_at_the_end() {
-    let mut w = writable(1);
-    w.bus.command(0, WriteCommand::Torque(true)).unwrap();
-    w.cycles(3);
-    w.fault(1, ServoFault::Silent);
-    w.bus.command(0, WriteCommand::Torque(false)).unwrap();
-    w.cycles(8);
-    let disarmed = |w: &World| w.requests.iter().any(|r| write_of(r) == Some((1, 98, 0)));
-    w.requests.drain(..w.requests.len().min(4));
-    assert!(!w.bus.has_writes());
-    assert_eq!(w.servos.servo(1).unwrap().register(98, 1), 5);
-    w.requests.clear();
-    w.servos.set_fault(1, None, 1);
-    w.bus.release_motors();
-    w.cycles(200);
-    assert!(disarmed(&w));
-    assert_eq!(
-        [98, 64].map(|at| w.servos.servo(1).unwrap().register(at, 1)),
-        [0, 0]
-    );
 }
 
 #[test]

@@ -67,6 +67,8 @@ pub struct MotorOff {
     pub newest: u64,
     /// What became of the newest that is done with.
     pub written: Option<Written>,
+    /// Whether one was in vain, so that nobody knows whether the motor is off: it is told again until it confirms that.
+    pub unconfirmed: bool,
 }
 
 impl ServoIdentity {
@@ -84,6 +86,21 @@ const LONGEST_REST_NS: u64 = 500_000_000;
 /// Return Delay Time from the factory, until the servo has told its own.
 const FACTORY_RETURN_DELAY_NS: u64 = 500_000;
 
+/// When something that was in vain is tried again: each time twice as late, within limits.
+#[derive(Debug, Default, Clone, Copy)]
+pub(crate) struct Rest {
+    pause_ns: u64,
+    /// When; `None` for at once.
+    pub(crate) until_ns: Option<u64>,
+}
+
+impl Rest {
+    fn begin(&mut self, now_ns: u64) {
+        self.pause_ns = (2 * self.pause_ns).clamp(FIRST_REST_NS, LONGEST_REST_NS);
+        self.until_ns = Some(now_ns + self.pause_ns);
+    }
+}
+
 /// One servo of the bus.
 #[derive(Debug, Clone)]
 pub(crate) struct Servo {
@@ -92,9 +109,10 @@ pub(crate) struct Servo {
     /// Whether its last reading had the alert bit.
     pub(crate) alert: bool,
     silent_in_a_row: u32,
-    rest_ns: u64,
-    /// When it is asked again; `None` if it is asked in every cycle.
-    pub(crate) ask_again_ns: Option<u64>,
+    /// When it is asked again; it is asked in every cycle where it does not rest.
+    pub(crate) rest: Rest,
+    /// When its motor is told again to be off.
+    off: Rest,
 }
 
 impl Servo {
@@ -104,8 +122,8 @@ impl Servo {
             state: ServoState::default(),
             alert: false,
             silent_in_a_row: 0,
-            rest_ns: 0,
-            ask_again_ns: None,
+            rest: Rest::default(),
+            off: Rest::default(),
         }
     }
 
@@ -126,17 +144,21 @@ impl Servo {
             // Restarted, or another servo in its place.
             self.state.identity = None;
         }
+        if self.silent_in_a_row > 0 {
+            self.off = Rest::default();
+        }
         self.state.alive = true;
         self.silent_in_a_row = 0;
-        self.rest_ns = 0;
-        self.ask_again_ns = None;
+        self.rest = Rest::default();
     }
 
     /// An answer to an earlier request came: it lives, so its pause is short.
     pub(crate) fn was_late(&mut self, now_ns: u64) {
         self.state.counters.late += 1;
-        self.rest_ns = 0;
-        self.ask_again_ns = self.ask_again_ns.map(|t| t.min(now_ns + FIRST_REST_NS));
+        self.rest = Rest {
+            pause_ns: 0,
+            until_ns: self.rest.until_ns.map(|t| t.min(now_ns + FIRST_REST_NS)),
+        };
     }
 
     /// It was asked and said nothing, for sure.
@@ -145,9 +167,31 @@ impl Servo {
         self.silent_in_a_row += 1;
         if self.silent_in_a_row >= PATIENCE {
             self.state.alive = false;
-            self.rest_ns = (2 * self.rest_ns).clamp(FIRST_REST_NS, LONGEST_REST_NS);
-            self.ask_again_ns = Some(now_ns + self.rest_ns);
+            self.rest.begin(now_ns);
         }
+    }
+
+    /// Its motor is to be off, and it may not have heard that: it is told again as soon as may be.
+    pub(crate) fn owe_off(&mut self) {
+        self.state.motor_off.unconfirmed = true;
+        self.off = Rest::default();
+    }
+
+    /// It was told to switch its motor off, in vain: it is told again after a while, or once it answers.
+    pub(crate) fn off_failed(&mut self, now_ns: u64) {
+        self.state.motor_off.unconfirmed = true;
+        self.off.begin(now_ns);
+    }
+
+    /// It has confirmed that its motor is off.
+    pub(crate) fn off_confirmed(&mut self) {
+        self.state.motor_off.unconfirmed = false;
+        self.off = Rest::default();
+    }
+
+    /// Whether its motor is to be told again now to be off.
+    pub(crate) fn is_off_due(&self, now_ns: u64) -> bool {
+        self.state.motor_off.unconfirmed && self.off.until_ns.is_none_or(|t| t <= now_ns)
     }
 }
 
@@ -159,20 +203,20 @@ mod tests {
     fn a_silent_servo_is_asked_less_and_less_but_within_half_a_second() {
         let mut servo = Servo::new(1);
         servo.was_silent(0);
-        assert_eq!(servo.ask_again_ns, None);
+        assert_eq!(servo.rest.until_ns, None);
         let rests: Vec<u64> = (0..6)
             .map(|_| {
                 servo.was_silent(1_000);
-                (servo.ask_again_ns.unwrap() - 1_000) / 1_000_000
+                (servo.rest.until_ns.unwrap() - 1_000) / 1_000_000
             })
             .collect();
         assert_eq!(rests, [50, 100, 200, 400, 500, 500]);
         servo.was_late(2_000);
-        assert_eq!(servo.ask_again_ns, Some(2_000 + FIRST_REST_NS), "it lives");
+        assert_eq!(servo.rest.until_ns, Some(2_000 + FIRST_REST_NS), "it lives");
         servo.answered();
-        assert_eq!(servo.ask_again_ns, None);
+        assert_eq!(servo.rest.until_ns, None);
         servo.was_silent(0);
-        assert_eq!(servo.ask_again_ns, None, "patience is full again");
+        assert_eq!(servo.rest.until_ns, None, "patience is full again");
     }
 
     #[test]

@@ -155,12 +155,9 @@ impl Write {
         self.address == address::TORQUE_ENABLE && self.data[0] == 0
     }
 
-    /// Switches a motor off, for no command.
-    pub(crate) fn motor_off(servo: usize) -> Self {
-        Self {
-            urgent: true,
-            ..Self::new(servo, address::TORQUE_ENABLE, [0])
-        }
+    /// Whether it is the one by which a motor that is to be off is switched off, and not the first of those that start one.
+    pub(crate) fn switches_off(&self) -> bool {
+        self.urgent && self.is_motor_off()
     }
 
     /// The writes that a command takes, in order. A watchdog that has tripped is cleared before it is armed, and meanwhile

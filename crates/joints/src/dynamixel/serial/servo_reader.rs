@@ -32,6 +32,8 @@ const LOOK_NS: u64 = 20_000_000;
 const LATENCY_NS: u64 = 1_000_000_000;
 /// Most time that switching the motors off may take at the end; after it their watchdogs do.
 const RELEASE_NS: u64 = 500_000_000;
+/// Between two cycles of that.
+const RELEASE_PAUSE: Duration = Duration::from_millis(1);
 
 /// The newest cycle and what is known of the servos, one entry per joint in the order of the configuration.
 #[derive(Debug, Clone, PartialEq)]
@@ -197,14 +199,20 @@ impl ServoReader {
     /// number under which [`ServoReader::written`] tells what became of it.
     ///
     /// That a motor is switched off is never refused for want of room, and waits for nothing but the request that is
-    /// out: it goes before other commands and readings, and what else that servo was to be told is forgotten.
+    /// out: it goes before other commands and readings, and what else that servo was to be told is forgotten. It is taken
+    /// while a port is away that was open before, and until the servo confirms it, it is sent again and again
+    /// ([`MotorOff::unconfirmed`]).
     pub fn command(&self, joint: usize, command: WriteCommand) -> Result<u64, WriteRefused> {
         if !self.allow_writes {
             return Err(WriteRefused::ReadOnly);
         }
         command.check(joint, self.names.len())?;
-        let mut shared = self.shared_while_open()?;
         if command == WriteCommand::Torque(false) {
+            let mut shared = lock(&self.shared);
+            if shared.port.opened == 0 {
+                // Nothing was switched on.
+                return Err(WriteRefused::NoPort);
+            }
             shared.commands.retain(|(_, other, _)| *other != joint);
             shared.numbers += 1;
             let number = shared.numbers;
@@ -212,6 +220,7 @@ impl ServoReader {
             self.urgent.store(true, Ordering::Release);
             return Ok(number);
         }
+        let mut shared = self.shared_while_open()?;
         if shared.commands.len() >= COMMANDS {
             return Err(WriteRefused::QueueFull(shared.commands.len()));
         }
@@ -257,11 +266,28 @@ impl ServoReader {
         servo.map_or_else(MotorOff::default, |servo| servo.motor_off)
     }
 
+    /// The joints of which nobody knows whether their motors are off, though they are to be.
+    pub fn motors_not_off(&self) -> Vec<usize> {
+        let shared = lock(&self.shared);
+        let servos = shared.snapshot.servos.iter().enumerate();
+        servos
+            .filter_map(|(joint, servo)| servo.motor_off.unconfirmed.then_some(joint))
+            .collect()
+    }
+
     /// What became of the newest command to a servo that is done with; commands to one servo end in
     /// the order in which they were given, but for those that a later one to switch its motor off has overtaken.
     pub fn written(&self, joint: usize) -> Option<Written> {
         lock(&self.shared).snapshot.servos.get(joint)?.written
     }
+}
+
+/// What an urgent command does while the thread sleeps.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Urgent {
+    Wakes,
+    /// The port is away.
+    Waits,
 }
 
 struct Thread {
@@ -293,11 +319,13 @@ impl Thread {
                 }
                 Err(error) => self.away(&error),
             }
-            // Nobody can be told anything.
-            self.urgent.store(false, Ordering::Relaxed);
-            self.sleep_until(monotonic_ns() + pause.as_nanos() as u64);
+            self.sleep_until(monotonic_ns() + pause.as_nanos() as u64, Urgent::Waits);
             pause = (2 * pause).min(LONGEST_PAUSE);
         }
+        // A motor that could not be told to be off is one of which nobody knows whether it is.
+        self.bus.release_motors();
+        self.bus.port_lost();
+        self.publish();
     }
 
     /// Cycle after cycle until the port is lost or the thread shall end.
@@ -317,12 +345,14 @@ impl Thread {
             }
             // A bus that is slower than its rate does not catch up.
             next_ns = (next_ns + self.period_ns).max(monotonic_ns());
-            self.sleep_until(next_ns);
+            self.sleep_until(next_ns, Urgent::Wakes);
         }
         self.bus.release_motors();
         let until_ns = monotonic_ns() + RELEASE_NS;
         while self.bus.has_writes() && monotonic_ns() < until_ns {
             port.cycle(&mut self.bus)?;
+            // Where every servo rests a cycle takes no time.
+            std::thread::sleep(RELEASE_PAUSE);
         }
         Ok(())
     }
@@ -388,8 +418,9 @@ impl Thread {
         self.stop.load(Ordering::Relaxed)
     }
 
-    fn sleep_until(&self, until_ns: u64) {
-        while !self.stopped() && !self.urgent.load(Ordering::Relaxed) {
+    fn sleep_until(&self, until_ns: u64, urgent: Urgent) {
+        let is_called = || urgent == Urgent::Wakes && self.urgent.load(Ordering::Relaxed);
+        while !self.stopped() && !is_called() {
             let now = monotonic_ns();
             if now >= until_ns {
                 return;

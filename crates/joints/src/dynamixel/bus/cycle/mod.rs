@@ -126,6 +126,8 @@ pub struct Bus {
     /// What the servo says against the write that is out.
     write_refused: Option<StatusError>,
     motors_on: Vec<bool>,
+    /// Whose motor is the next to be told again to be off.
+    off_turn: usize,
     begun_ns: u64,
     counters: BusCounters,
 }
@@ -174,6 +176,7 @@ impl Bus {
             writes_done: false,
             write_refused: None,
             motors_on: vec![false; n],
+            off_turn: 0,
             begun_ns: 0,
             counters: BusCounters::default(),
         }
@@ -262,7 +265,6 @@ impl Bus {
             self.write_tries = 0;
         }
         self.servos[servo].state.motor_off.newest = number;
-        let motor_was_on = self.is_on_now(servo);
         self.motors_on[servo] = false;
         let mut i = out;
         while let Some(write) = self.writes.get(i).copied() {
@@ -279,22 +281,25 @@ impl Bus {
             .skip(out)
             .take_while(|write| write.urgent)
             .count();
+        self.insert_off(servo, out + others);
+    }
+
+    /// Puts the writes that switch a motor off into the queue.
+    fn insert_off(&mut self, servo: usize, at: usize) {
+        let number = self.servos[servo].state.motor_off.newest;
         let off = Write::of(servo, WriteCommand::Torque(false), self.watchdog_steps, number);
         for (i, write) in off.enumerate() {
-            let write = Write {
-                motor_was_on,
-                ..write
-            };
-            self.writes.insert(out + others + i, write);
+            self.writes.insert(at + i, write);
         }
     }
 
-    /// Has every motor that was switched on with [`Bus::command`] switched off, before anything else; one that was still
-    /// to be switched on stays off.
+    /// Has every motor that was switched on with [`Bus::command`], or of which nobody knows whether it is off, switched off,
+    /// before anything else; one that was still to be switched on stays off.
     pub fn release_motors(&mut self) {
         for servo in 0..self.servos.len() {
-            if self.motors_on[servo] {
-                self.switch_off(self.servos[servo].state.motor_off.newest, servo);
+            let off = self.servos[servo].state.motor_off;
+            if self.motors_on[servo] || off.unconfirmed {
+                self.switch_off(off.newest, servo);
             }
         }
     }
@@ -313,7 +318,7 @@ impl Bus {
         }
     }
 
-    /// Whether a motor was switched on here and may be on, whatever its servo is still to be told.
+    /// Whether a motor was switched on here and may be on, though its servo is still to be told something.
     fn is_on_now(&self, servo: usize) -> bool {
         let next = self
             .writes
@@ -327,19 +332,23 @@ impl Bus {
         }
     }
 
+    /// No write is sent any more. A motor that was to be switched off is told so when the port is back.
     fn forget_writes(&mut self) {
         self.write_tries = 0;
         for servo in 0..self.servos.len() {
             self.motors_on[servo] = self.is_on_now(servo);
         }
         while let Some(write) = self.writes.pop_front() {
+            if write.switches_off() {
+                self.servos[write.servo].owe_off();
+            }
             self.note(write.servo, write.number, Err(WriteError::PortLost));
         }
     }
 
-    /// Whether writes wait to be sent.
+    /// Whether writes wait to be sent, or have to be sent again.
     pub fn has_writes(&self) -> bool {
-        !self.writes.is_empty()
+        !self.writes.is_empty() || self.servos.iter().any(|s| s.state.motor_off.unconfirmed)
     }
 
     /// Forgets what the port held, and what was to be written: the port has been opened anew.
@@ -375,11 +384,11 @@ impl Bus {
         self.writes_done = false;
         self.pass_active = false;
         let due = (0..self.servos.len())
-            .filter(|i| self.servos[*i].ask_again_ns.is_some_and(|t| t <= now_ns))
-            .min_by_key(|i| self.servos[*i].ask_again_ns);
+            .filter(|i| self.servos[*i].rest.until_ns.is_some_and(|t| t <= now_ns))
+            .min_by_key(|i| self.servos[*i].rest.until_ns);
         self.pass.order.clear();
         for (i, servo) in self.servos.iter_mut().enumerate() {
-            if servo.ask_again_ns.is_none() {
+            if servo.rest.until_ns.is_none() {
                 self.pass.order.push(i);
                 self.results[i] = Err(NoReading::Silent);
             } else if due != Some(i) {
@@ -396,7 +405,8 @@ impl Bus {
         if self.pass.order.is_empty() {
             return;
         }
-        if self.writes.front().is_some_and(|write| write.urgent) {
+        let is_off_due = self.servos.iter().any(|servo| servo.is_off_due(now_ns));
+        if is_off_due || self.writes.front().is_some_and(|write| write.urgent) {
             self.again.append(&mut self.pass.order);
             return;
         }

@@ -39,6 +39,9 @@ impl Bus {
 
     /// Decides what comes after the pass that ended; `false` if the cycle is over.
     pub(super) fn next_request(&mut self, now_ns: u64) -> bool {
+        if !self.writes_done {
+            self.switch_off_again(now_ns);
+        }
         let write = self.writes.front().copied().filter(|_| !self.writes_done);
         if let Some(write) = write.filter(|write| write.urgent || self.again.is_empty()) {
             if self.write_together() {
@@ -85,6 +88,29 @@ impl Bus {
         true
     }
 
+    /// Where nothing else is urgent, has a motor told again to be off of which nobody knows whether it is.
+    fn switch_off_again(&mut self, now_ns: u64) {
+        if self.writes.front().is_some_and(|write| write.urgent) {
+            return;
+        }
+        let servos = self.servos.len();
+        // One after the other, or a servo whose answers all come damaged would keep the others waiting.
+        let due = (0..servos)
+            .map(|step| (self.off_turn + step) % servos)
+            .find(|servo| self.servos[*servo].is_off_due(now_ns) && !self.is_being_started(*servo));
+        if let Some(servo) = due {
+            self.off_turn = servo + 1;
+            self.write_tries = 0;
+            self.insert_off(servo, 0);
+        }
+    }
+
+    /// Whether a start waits that begins with switching the motor off.
+    fn is_being_started(&self, servo: usize) -> bool {
+        let mut writes = self.writes.iter();
+        writes.any(|write| write.servo == servo && write.is_motor_off())
+    }
+
     pub(super) fn activate(&mut self) {
         self.pass.request_bytes = self.request.len();
         self.pass_active = true;
@@ -112,7 +138,7 @@ impl Bus {
                     (Answer::Damaged, _) => Err(WriteError::Damaged),
                     (Answer::Awaited, _) => Err(WriteError::Silent),
                 };
-                self.end_write(result);
+                self.end_write(result, now_ns);
             }
             Kind::ReadBack => self.end_together(),
             Kind::Together => {}
@@ -158,7 +184,7 @@ impl Bus {
             if self.pass.answers[position] != Answer::Awaited {
                 continue;
             }
-            if self.servos[i].ask_again_ns.is_some() {
+            if self.servos[i].rest.until_ns.is_some() {
                 // It had been silent and was asked last: it still is.
                 self.servos[i].was_silent(now_ns);
             } else if first.is_none() {
@@ -170,7 +196,7 @@ impl Bus {
         self.again.extend(first);
     }
 
-    fn end_write(&mut self, result: Result<(), WriteError>) {
+    fn end_write(&mut self, result: Result<(), WriteError>, now_ns: u64) {
         let Some(write) = self.writes.pop_front() else {
             return;
         };
@@ -186,28 +212,35 @@ impl Bus {
         self.write_tries = 0;
         if result.is_ok() {
             self.counters.writes_ok += 1;
+            if write.is_motor_off() {
+                self.servos[write.servo].off_confirmed();
+            }
             if write.last {
                 self.note(write.servo, write.number, result);
             }
             return;
         }
         self.counters.writes_failed += 1;
+        if write.urgent && !write.is_motor_off() {
+            // The motor is off, so that its watchdog has nothing to stop.
+            self.note(write.servo, write.number, Ok(()));
+            return;
+        }
         self.note(write.servo, write.number, result);
-        if write.is_motor_off() && write.urgent {
+        if write.switches_off() {
+            self.servos[write.servo].off_failed(now_ns);
             self.keep_watchdog(&write);
         } else if write.address == address::BUS_WATCHDOG || !write.last {
             self.call_off_torque(&write);
         }
     }
 
-    /// A motor of which nobody knows whether it is off keeps its watchdog, and is switched off again at the end.
+    /// A motor of which nobody knows whether it is off keeps its watchdog.
     fn keep_watchdog(&mut self, failed: &Write) {
         let next = self.writes.front();
-        if next.is_some_and(|next| next.servo == failed.servo && next.number == failed.number && !failed.last)
-        {
+        if next.is_some_and(|next| next.urgent && next.servo == failed.servo && !next.is_motor_off()) {
             self.writes.pop_front();
         }
-        self.motors_on[failed.servo] = failed.motor_was_on;
     }
 
     /// A motor whose watchdog could not be armed, or whose first goal was not taken, is not switched on; one that runs is switched off.
@@ -233,7 +266,7 @@ impl Bus {
         }
         self.motors_on[failed.servo] = false;
         if failed.motor_was_on || self.servos[failed.servo].state.torque_enabled == Some(true) {
-            self.writes.push_front(Write::motor_off(failed.servo));
+            self.servos[failed.servo].owe_off();
         }
     }
 }

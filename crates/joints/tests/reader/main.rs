@@ -2,13 +2,15 @@
 //!
 //! Nothing here is timed: waiting only ends a test that would never succeed.
 
+mod commands;
+
 use nix::fcntl::{FcntlArg, OFlag, fcntl};
 use std::io::Read;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
-use taxel_joints::bus::{FastState, NoReading, WriteCommand, WriteError, WriteRefused, Written};
+use taxel_joints::bus::{FastState, NoReading};
 use taxel_joints::{
     AnalogueConfig, AnalogueReader, AnalogueSnapshot, AngleAt, DynamixelConfig, FastSyncRead, JointHistory,
     JointReader, JointsConfig, NoAngle, PortState, ServoReader, ServoSnapshot, StartError, scan, survey,
@@ -171,109 +173,6 @@ fn angles_are_given_for_the_instant_that_is_asked_for() {
     let mut future = [None];
     reader.angles_at(servo_clock_ns() + 1_000_000_000, &mut future);
     assert!(future[0].unwrap().extrapolated);
-}
-
-#[test]
-fn commands_need_the_configuration_s_consent() {
-    let pty = pty(2);
-    let mut config = config(pty.path(), 2);
-    {
-        let reader = ServoReader::start(&config).unwrap();
-        assert_eq!(
-            reader.command(0, WriteCommand::Torque(true)),
-            Err(WriteRefused::ReadOnly)
-        );
-    }
-    config.allow_writes = true;
-    config.watchdog_ms = 2000;
-    let reader = ServoReader::start(&config).unwrap();
-    eventually(&reader, "read", all_read);
-    assert_eq!(
-        reader.command(2, WriteCommand::Torque(true)),
-        Err(WriteRefused::NoSuchJoint(2))
-    );
-    let early = reader.command(1, WriteCommand::GoalPwm(5)).unwrap();
-    eventually(&reader, "answered", |s| s.servos[1].written.is_some());
-    let off = Err(WriteError::NotTaken(WriteRefused::MotorOff(1)));
-    assert_eq!(
-        reader.written(1),
-        Some(Written {
-            number: early,
-            result: off
-        })
-    );
-    let number = reader.command(1, WriteCommand::Torque(true)).unwrap();
-    let s = eventually(&reader, "written", |s| s.counters.writes_ok == 4);
-    assert_eq!(s.counters.writes_failed, 0);
-    assert_eq!(
-        reader.written(1),
-        Some(Written {
-            number,
-            result: Ok(())
-        })
-    );
-    assert_eq!(reader.written(0), None);
-    assert_eq!(pty.bus().servo(2).unwrap().register(64, 1), 1);
-    // Ending the daemon lets the motor go.
-    drop(reader);
-    assert_eq!(pty.bus().servo(2).unwrap().register(64, 1), 0);
-    assert_eq!(pty.bus().servo(2).unwrap().register(98, 1), 0);
-}
-
-#[test]
-fn what_is_told_before_the_port_is_open_is_refused_at_once() {
-    let folder = tempfile::tempdir().unwrap();
-    let name = folder.path().join("later");
-    let mut config = config(&name, 2);
-    config.allow_writes = true;
-    config.watchdog_ms = 2000;
-    let reader = ServoReader::start(&config).unwrap();
-    for command in [
-        WriteCommand::Torque(true),
-        WriteCommand::Start(1),
-        WriteCommand::Torque(false),
-    ] {
-        assert_eq!(reader.command(0, command), Err(WriteRefused::NoPort));
-    }
-    assert_eq!(
-        reader.command_together(&[(0, 1), (1, 1)]),
-        Err(WriteRefused::NoPort)
-    );
-    let pty = pty(2);
-    std::os::unix::fs::symlink(pty.path(), &name).unwrap();
-    eventually(&reader, "read", all_read);
-    let number = reader.command(0, WriteCommand::Torque(true)).unwrap();
-    let done = Some(Written {
-        number,
-        result: Ok(()),
-    });
-    eventually(&reader, "written", |s| s.servos[0].written == done);
-}
-
-#[test]
-fn whoever_waits_when_the_port_is_lost_hears_of_it() {
-    let pty = pty(1);
-    let mut config = config(pty.path(), 1);
-    config.allow_writes = true;
-    config.watchdog_ms = 2000;
-    let reader = ServoReader::start(&config).unwrap();
-    eventually(&reader, "read", all_read);
-    let mut newest = reader.command(0, WriteCommand::Torque(true)).unwrap();
-    drop(pty);
-    eventually(&reader, "taken", |s| s.servos[0].written.is_some());
-    let end = Instant::now() + Duration::from_secs(20);
-    loop {
-        match reader.command(0, WriteCommand::GoalPwm(1)) {
-            Ok(number) => newest = number,
-            Err(WriteRefused::NoPort) => break,
-            Err(WriteRefused::QueueFull(_)) => std::thread::yield_now(),
-            Err(other) => panic!("{other}"),
-        }
-        assert!(Instant::now() < end, "it is taken for ever");
-    }
-    eventually(&reader, "told", |s| {
-        s.servos[0].written.is_some_and(|w| w.number == newest)
-    });
 }
 
 #[test]

@@ -1,0 +1,171 @@
+//! What becomes of a motor that was told to be off and has not confirmed it.
+
+use crate::writes::{register, start, watched, writable, write_of};
+use crate::{MS, World};
+use taxel_joints::bus::{WriteCommand, WriteRefused};
+use taxel_sim::servo::ServoFault;
+
+const OFF: WriteCommand = WriteCommand::Torque(false);
+
+fn is_unconfirmed(w: &World, servo: usize) -> bool {
+    w.bus.servo(servo).unwrap().motor_off.unconfirmed
+}
+
+fn tells_off(w: &World, id: u8) -> usize {
+    (w.requests.iter())
+        .filter(|r| write_of(r) == Some((id, 64, 0)))
+        .count()
+}
+
+#[test]
+fn a_motor_that_nobody_knows_to_be_off_keeps_its_watchdog_and_is_told_again_until_it_is() {
+    for (fault, at_the_end) in [
+        (ServoFault::Silent, false),
+        (ServoFault::Silent, true),
+        (ServoFault::BadCrc, false),
+    ] {
+        let mut w = writable(1);
+        start(&mut w, [0]);
+        w.fault(1, fault);
+        w.bus.command(0, OFF).unwrap();
+        w.cycles(8);
+        assert!(is_unconfirmed(&w, 0) && w.bus.has_writes(), "{fault:?}");
+        assert_eq!(register(&w, 1, 98, 1), 5, "{fault:?}");
+        assert_eq!(
+            w.bus.command(0, WriteCommand::GoalPwm(1)),
+            Err(WriteRefused::MotorOff(0)),
+            "{fault:?}"
+        );
+        w.servos.set_fault(1, None, 1);
+        if at_the_end {
+            w.bus.release_motors();
+        }
+        w.cycles(200);
+        assert!(!is_unconfirmed(&w, 0) && !w.bus.has_writes(), "{fault:?}");
+        assert_eq!([98, 64].map(|at| register(&w, 1, at, 1)), [0, 0], "{fault:?}");
+    }
+}
+
+#[test]
+fn a_motor_that_has_not_heard_that_it_is_to_be_off_is_off_as_soon_as_its_servo_answers_again() {
+    // Cycles in which nothing is heard: few, and so many that the servo is asked twice a second.
+    for cut in [1, 3, 8, 40, 200] {
+        let mut w = watched(2, 2540);
+        start(&mut w, [0]);
+        w.cut = true;
+        w.bus.command(0, OFF).unwrap();
+        w.cycles(cut);
+        assert_eq!(register(&w, 1, 64, 1), 1, "{cut}");
+        w.cut = false;
+        let answers = |w: &World| w.bus.servo(0).unwrap().counters.ok;
+        let before = answers(&w);
+        while answers(&w) == before {
+            w.cycle(5 * MS);
+        }
+        w.cycles(1);
+        assert_eq!([64, 98].map(|at| register(&w, 1, at, 1)), [0, 0], "{cut}");
+        assert!(!is_unconfirmed(&w, 0), "{cut}");
+    }
+}
+
+#[test]
+fn a_dead_servo_that_is_told_again_and_again_costs_the_living_little() {
+    let mut w = writable(4);
+    w.fault(2, ServoFault::Silent);
+    w.bus.command(1, OFF).unwrap();
+    w.cycles(200);
+    w.requests.clear();
+    let from_ns = w.now_ns;
+    w.cycles(1000);
+    let most = 2 * (w.now_ns - from_ns) / (1000 * MS) + 1;
+    assert!(
+        (1..=most as usize).contains(&tells_off(&w, 2)),
+        "{}",
+        tells_off(&w, 2)
+    );
+}
+
+#[test]
+fn one_that_never_confirms_keeps_no_other_motor_on() {
+    let mut w = writable(3);
+    start(&mut w, 0..3);
+    for id in [1, 2] {
+        w.fault(id, ServoFault::BadCrc);
+    }
+    w.bus.command(0, OFF).unwrap();
+    w.bus.command(1, OFF).unwrap();
+    w.cycles(30);
+    assert_eq!(
+        [1, 2].map(|id| register(&w, id, 64, 1)),
+        [0, 0],
+        "it obeys, and nobody can read that"
+    );
+    w.bus.command(2, OFF).unwrap();
+    w.cycles(2);
+    assert_eq!(register(&w, 3, 64, 1), 0);
+    w.servos.set_fault(2, None, 1);
+    w.cycles(200);
+    assert_eq!(
+        [0, 1, 2].map(|servo| is_unconfirmed(&w, servo)),
+        [true, false, false]
+    );
+}
+
+#[test]
+fn a_later_command_to_start_a_motor_takes_the_place_of_one_to_switch_it_off() {
+    let mut w = writable(1);
+    start(&mut w, [0]);
+    w.fault(1, ServoFault::Silent);
+    w.bus.command(0, OFF).unwrap();
+    w.cycles(8);
+    w.servos.set_fault(1, None, 1);
+    w.bus.command(0, WriteCommand::Start(40)).unwrap();
+    w.cycles(200);
+    assert_eq!([64, 98].map(|at| register(&w, 1, at, 1)), [1, 5]);
+    assert!(!is_unconfirmed(&w, 0));
+    assert_eq!(w.bus.command(0, WriteCommand::GoalPwm(1)), Ok(()));
+
+    // One that is in vain itself does not.
+    w.fault(1, ServoFault::Silent);
+    w.bus.command(0, OFF).unwrap();
+    w.cycles(8);
+    w.bus.command(0, WriteCommand::Start(40)).unwrap();
+    w.cycles(8);
+    w.servos.set_fault(1, None, 1);
+    w.cycles(200);
+    assert_eq!(register(&w, 1, 64, 1), 0);
+}
+
+#[test]
+fn a_motor_that_runs_and_cannot_be_started_anew_is_told_to_be_off_until_it_is() {
+    let mut w = watched(1, 2540);
+    start(&mut w, [0]);
+    w.cut = true;
+    w.bus.command(0, WriteCommand::Torque(true)).unwrap();
+    w.cycles(8);
+    assert!(is_unconfirmed(&w, 0));
+    w.cut = false;
+    w.cycles(200);
+    assert_eq!(register(&w, 1, 64, 1), 0);
+    assert!(!w.bus.has_writes());
+}
+
+#[test]
+fn a_motor_that_was_to_be_switched_off_when_the_port_was_lost_is_when_it_is_back() {
+    for in_vain in [false, true] {
+        let mut w = watched(2, 2540);
+        start(&mut w, [0, 1]);
+        w.cut = in_vain;
+        w.bus.command(0, OFF).unwrap();
+        if in_vain {
+            w.cycles(8);
+        }
+        w.bus.port_lost();
+        w.cut = false;
+        w.bus.port_opened();
+        assert_eq!(register(&w, 1, 64, 1), 1, "it never heard of it");
+        w.cycles(20);
+        assert_eq!(register(&w, 1, 64, 1), 0, "told in vain before: {in_vain}");
+        assert_eq!(register(&w, 2, 64, 1), 1, "nobody has told that one");
+    }
+}

@@ -1,0 +1,192 @@
+//! What servos are told through the thread that reads them.
+
+use crate::{all_read, config, eventually, pty};
+use std::time::{Duration, Instant};
+use taxel_joints::bus::{WriteCommand, WriteError, WriteRefused, Written};
+use taxel_joints::protocol2::Encoder;
+use taxel_joints::{PortState, ServoReader};
+use taxel_sim::servo::{ServoFault, servo_clock_ns};
+
+#[test]
+fn commands_need_the_configuration_s_consent() {
+    let pty = pty(2);
+    let mut config = config(pty.path(), 2);
+    {
+        let reader = ServoReader::start(&config).unwrap();
+        assert_eq!(
+            reader.command(0, WriteCommand::Torque(true)),
+            Err(WriteRefused::ReadOnly)
+        );
+    }
+    config.allow_writes = true;
+    config.watchdog_ms = 2000;
+    let reader = ServoReader::start(&config).unwrap();
+    eventually(&reader, "read", all_read);
+    assert_eq!(
+        reader.command(2, WriteCommand::Torque(true)),
+        Err(WriteRefused::NoSuchJoint(2))
+    );
+    let early = reader.command(1, WriteCommand::GoalPwm(5)).unwrap();
+    eventually(&reader, "answered", |s| s.servos[1].written.is_some());
+    let off = Err(WriteError::NotTaken(WriteRefused::MotorOff(1)));
+    assert_eq!(
+        reader.written(1),
+        Some(Written {
+            number: early,
+            result: off
+        })
+    );
+    let number = reader.command(1, WriteCommand::Torque(true)).unwrap();
+    let s = eventually(&reader, "written", |s| s.counters.writes_ok == 4);
+    assert_eq!(s.counters.writes_failed, 0);
+    assert_eq!(
+        reader.written(1),
+        Some(Written {
+            number,
+            result: Ok(())
+        })
+    );
+    assert_eq!(reader.written(0), None);
+    assert_eq!(pty.bus().servo(2).unwrap().register(64, 1), 1);
+    // Ending the daemon lets the motor go.
+    drop(reader);
+    assert_eq!(pty.bus().servo(2).unwrap().register(64, 1), 0);
+    assert_eq!(pty.bus().servo(2).unwrap().register(98, 1), 0);
+}
+
+#[test]
+fn what_is_told_before_the_port_is_open_is_refused_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let name = folder.path().join("later");
+    let mut config = config(&name, 2);
+    config.allow_writes = true;
+    config.watchdog_ms = 2000;
+    let reader = ServoReader::start(&config).unwrap();
+    for command in [
+        WriteCommand::Torque(true),
+        WriteCommand::Start(1),
+        WriteCommand::Torque(false),
+    ] {
+        assert_eq!(reader.command(0, command), Err(WriteRefused::NoPort));
+    }
+    assert_eq!(
+        reader.command_together(&[(0, 1), (1, 1)]),
+        Err(WriteRefused::NoPort)
+    );
+    let pty = pty(2);
+    std::os::unix::fs::symlink(pty.path(), &name).unwrap();
+    eventually(&reader, "read", all_read);
+    let number = reader.command(0, WriteCommand::Torque(true)).unwrap();
+    let done = Some(Written {
+        number,
+        result: Ok(()),
+    });
+    eventually(&reader, "written", |s| s.servos[0].written == done);
+}
+
+#[test]
+fn whoever_waits_when_the_port_is_lost_hears_of_it() {
+    let pty = pty(1);
+    let mut config = config(pty.path(), 1);
+    config.allow_writes = true;
+    config.watchdog_ms = 2000;
+    let reader = ServoReader::start(&config).unwrap();
+    eventually(&reader, "read", all_read);
+    let mut newest = reader.command(0, WriteCommand::Torque(true)).unwrap();
+    drop(pty);
+    eventually(&reader, "taken", |s| s.servos[0].written.is_some());
+    let end = Instant::now() + Duration::from_secs(20);
+    loop {
+        match reader.command(0, WriteCommand::GoalPwm(1)) {
+            Ok(number) => newest = number,
+            Err(WriteRefused::NoPort) => break,
+            Err(WriteRefused::QueueFull(_)) => std::thread::yield_now(),
+            Err(other) => panic!("{other}"),
+        }
+        assert!(Instant::now() < end, "it is taken for ever");
+    }
+    eventually(&reader, "told", |s| {
+        s.servos[0].written.is_some_and(|w| w.number == newest)
+    });
+}
+
+#[test]
+fn a_motor_that_is_to_be_off_while_the_port_is_away_is_when_it_is_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let name = folder.path().join("servos");
+    let before = pty(2);
+    std::os::unix::fs::symlink(before.path(), &name).unwrap();
+    let mut config = config(&name, 2);
+    config.allow_writes = true;
+    config.watchdog_ms = 2000;
+    let reader = ServoReader::start(&config).unwrap();
+    eventually(&reader, "read", all_read);
+    std::fs::remove_file(&name).unwrap();
+    drop(before);
+    eventually(&reader, "gone", |_| {
+        matches!(reader.port().state, PortState::Away { .. })
+    });
+    let number = reader.command(1, WriteCommand::Torque(false)).unwrap();
+    let told = Some(Written {
+        number,
+        result: Err(WriteError::PortLost),
+    });
+    eventually(&reader, "told", |s| s.servos[1].motor_off.written == told);
+    assert_eq!(reader.motors_not_off(), [1]);
+    assert_eq!(
+        reader.command(1, WriteCommand::Torque(true)),
+        Err(WriteRefused::NoPort)
+    );
+
+    let back = pty(2);
+    for id in [1, 2] {
+        let on = Encoder::default().write(id, 64, &[1]).unwrap().to_vec();
+        back.bus().receive(&on, servo_clock_ns());
+    }
+    std::os::unix::fs::symlink(back.path(), &name).unwrap();
+    let done = Some(Written {
+        number,
+        result: Ok(()),
+    });
+    eventually(&reader, "off", |s| s.servos[1].motor_off.written == done);
+    assert_eq!(
+        [1, 2].map(|id| back.bus().servo(id).unwrap().register(64, 1)),
+        [1, 0]
+    );
+    assert_eq!(reader.motors_not_off(), [0; 0]);
+}
+
+#[test]
+fn who_ends_with_a_motor_of_which_nobody_knows_whether_it_is_off_can_tell() {
+    for away in [false, true] {
+        let pty = pty(2);
+        let mut config = config(pty.path(), 2);
+        config.allow_writes = true;
+        config.watchdog_ms = 2000;
+        let reader = ServoReader::start(&config).unwrap();
+        eventually(&reader, "read", all_read);
+        for joint in 0..2 {
+            let number = reader.command(joint, WriteCommand::Torque(true)).unwrap();
+            eventually(&reader, "on", |s| {
+                s.servos[joint].written.is_some_and(|w| w.number == number)
+            });
+        }
+        let pty = match away {
+            true => {
+                drop(pty);
+                eventually(&reader, "gone", |_| {
+                    matches!(reader.port().state, PortState::Away { .. })
+                });
+                None
+            }
+            false => {
+                pty.bus().set_fault(2, Some(ServoFault::Silent), 1);
+                Some(pty)
+            }
+        };
+        assert!(reader.end());
+        let expected: &[usize] = if away { &[0, 1] } else { &[1] };
+        assert_eq!(reader.motors_not_off(), expected);
+        drop(pty);
+    }
+}
