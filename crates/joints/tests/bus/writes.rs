@@ -445,3 +445,36 @@ fn a_motor_is_switched_off_right_behind_the_goals_that_are_out() {
     assert_eq!([1, 2].map(|id| register(&w, id, 100, 2)), [80, 90]);
     assert!(!w.bus.has_writes());
 }
+
+#[test]
+fn a_goal_whose_answer_is_missed_keeps_no_motor_on() {
+    for (together, off) in [(false, 1), (false, 0), (true, 2), (true, 0)] {
+        let mut w = watched(3, 2540);
+        start(&mut w, 0..3);
+        w.fault(1, ServoFault::Silent);
+        w.fault(2, ServoFault::Silent);
+        match together {
+            true => w.bus.command_together(5, &[(0, 80), (1, 90)]).unwrap(),
+            false => w.bus.command(0, WriteCommand::GoalPwm(80)).unwrap(),
+        }
+        let is_goal =
+            |request: &Vec<u8>| request[7] == 0x83 || write_of(request).is_some_and(|(_, at, _)| at == 100);
+        w.bus.begin(w.now_ns);
+        while w.requests.last().is_none_or(|request| !is_goal(request)) && w.turn() {}
+        w.bus.command(off, WriteCommand::Torque(false)).unwrap();
+        while w.turn() {}
+        w.now_ns += 5 * MS;
+        w.requests.clear();
+        w.cycle(5 * MS);
+        let id = off as u8 + 1;
+        assert_eq!(write_of(&w.requests[0]), Some((id, 64, 0)), "together {together}");
+        w.requests.clear();
+        w.cycles(4);
+        let told = |id: u8| {
+            w.requests
+                .iter()
+                .any(|r| write_of(r).is_some_and(|(to, at, _)| (to, at) == (id, 100)))
+        };
+        assert!(!told(id), "a motor that is to be off is given a goal");
+    }
+}

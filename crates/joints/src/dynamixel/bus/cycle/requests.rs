@@ -206,6 +206,7 @@ impl Bus {
             self.write_tries += 1;
             if self.write_tries < WRITE_TRIES && self.servos[write.servo].state.alive {
                 self.writes.push_front(write);
+                self.let_urgent_pass();
                 return;
             }
         }
@@ -232,6 +233,27 @@ impl Bus {
             self.keep_watchdog(&write);
         } else if write.address == address::BUS_WATCHDOG || !write.last {
             self.call_off_torque(&write);
+        }
+    }
+
+    /// What was out in vain is at the front again, and goes behind what has become urgent meanwhile. A motor that is to be
+    /// off is told nothing else.
+    pub(super) fn let_urgent_pass(&mut self) {
+        let writes = self.writes.make_contiguous();
+        let again = writes.iter().position(|write| write.urgent).unwrap_or(0);
+        if again == 0 {
+            return;
+        }
+        let urgent = writes[again..].iter().take_while(|write| write.urgent).count();
+        writes[..again + urgent].rotate_left(again);
+        self.write_tries = 0;
+        for i in (urgent..urgent + again).rev() {
+            let write = self.writes[i];
+            let mut offs = self.writes.iter().take(urgent);
+            if offs.any(|off| off.servo == write.servo) {
+                self.writes.remove(i);
+                self.note(write.servo, write.number, Err(WriteError::SwitchedOff));
+            }
         }
     }
 

@@ -144,5 +144,6 @@ impl Bus {
         }
         self.writes_done = at > 0;
         self.write_tries = if at > 0 { self.write_tries + 1 } else { 0 };
+        self.let_urgent_pass();
     }
 }
