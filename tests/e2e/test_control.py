@@ -128,6 +128,34 @@ def test_nothing_keeps_a_motor_from_being_switched_off(folder):
     servos.close()
 
 
+@pytest.mark.parametrize(
+    ("sent", "leaves"),
+    [
+        (b"", True),
+        (b"\n" * 60_000, True),
+        (b'{"cmd":"profile"}\n' * 500, True),
+        (b'{"cmd":"servo","joint":"joint 7","torque":true}\n' + b"\n" * 60_000, True),
+        (b'{"cmd":"pro', True),
+        (b"\n" * 60_000, False),
+        (b'{"cmd":"pro', False),
+    ],
+)
+def test_a_motor_is_let_go_when_its_holder_dies_or_asks_nothing_whatever_was_sent_before(folder, sent, leaves):
+    servos = Servos("--ids", "1-16")
+    joints = dynamixel(servos.path, allow_writes=True, watchdog_ms=2540)
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon, connect(daemon.control_path) as holder:
+        daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+        assert ask(holder, {"cmd": "servo", "joint": "joint 5", "torque": True, "hold_ms": 500})["ok"]
+        holder.sendall(sent)
+        if leaves:
+            holder.close()
+        else:
+            assert "nothing was asked for 500ms" in read_reply(holder)["error"]
+        eventually(lambda: servos.register(5, *TORQUE) == 0, "the motor runs without its holder")
+        eventually(lambda: "torque of joint 5 is off, since who held it is gone" in daemon.log, "the log does not say so")
+    servos.close()
+
+
 CHANGES = [
     {"cmd": "rezero"},
     {"cmd": "pause"},

@@ -7,13 +7,13 @@
 mod request;
 
 use crate::clients::{Access, Allowance, Asker, Doing, Place, Places};
-use crate::joints::Hold;
+use crate::joints::{Deserted, Hold};
 use crate::state::State;
 use request::{Request, answer, refusal, report};
 use std::cell::Cell;
 use std::rc::Rc;
 use std::time::Duration;
-use tokio::io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt, BufReader};
+use tokio::io::{AsyncBufReadExt, AsyncReadExt, BufReader, Interest};
 use tokio::net::unix::{OwnedReadHalf, OwnedWriteHalf};
 use tokio::net::{UnixListener, UnixStream};
 use tokio::time::{Instant, sleep, timeout};
@@ -71,11 +71,20 @@ async fn serve(listener: UnixListener, state: Rc<State>, access: Access, places:
 /// Answers a client until it leaves, or has to.
 async fn attend(stream: UnixStream, state: &State, access: Access, place: &Place) -> std::io::Result<()> {
     let asker = Asker::of(&stream, access);
-    let (read, mut write) = stream.into_split();
+    let (read, write) = stream.into_split();
     let replying = Cell::new(false);
     let hold = state.hold();
     tokio::select! {
-        left = converse(read, &mut write, &replying, state, &asker, place, &hold) => left,
+        left = converse(read, &write, &replying, state, &asker, place, &hold) => left,
+        why = hold.deserted(hung_up(&write)) => {
+            if let (Deserted::Silent(patience), false) = (why, replying.get()) {
+                let why = format!(
+                    "nothing was asked for {patience:?}, so the motors that this connection held are switched off"
+                );
+                let _ = write.try_write(&line_of(&refusal(why)));
+            }
+            Ok(())
+        }
         () = place.lost() => {
             let why = "this connection was idle for longest and made room for another; connect again";
             // Not into the middle of a reply. Who does not read is not told.
@@ -87,9 +96,15 @@ async fn attend(stream: UnixStream, state: &State, access: Access, place: &Place
     }
 }
 
+/// Waits until the client has closed its end, whatever there is to be read before.
+async fn hung_up(write: &OwnedWriteHalf) {
+    // Of data that comes this is not told, but of the end of it.
+    let _ = write.ready(Interest::PRIORITY).await;
+}
+
 async fn converse(
     read: OwnedReadHalf,
-    write: &mut OwnedWriteHalf,
+    write: &OwnedWriteHalf,
     replying: &Cell<bool>,
     state: &State,
     asker: &Asker,
@@ -102,20 +117,17 @@ async fn converse(
     loop {
         line.clear();
         let mut limited = (&mut read).take(MAX_REQUEST + 1);
-        let patience = hold.patience().unwrap_or(IDLE_PATIENCE);
-        match timeout(patience, limited.read_until(b'\n', &mut line)).await {
+        match timeout(IDLE_PATIENCE, limited.read_until(b'\n', &mut line)).await {
             Ok(read) => read?,
-            Err(_) if hold.patience().is_some() => {
-                let why = format!(
-                    "nothing was asked for {patience:?}, so the motors that this connection held are off"
-                );
-                let _ = write.try_write(&line_of(&refusal(why)));
-                return Ok(());
-            }
             Err(_) => return Ok(()),
         };
         if line.is_empty() {
             return Ok(());
+        }
+        // A blank line asks nothing.
+        let is_blank = line.iter().all(u8::is_ascii_whitespace);
+        if !is_blank {
+            hold.serve();
         }
         let too_long = line.len() as u64 > MAX_REQUEST;
         let request = match too_long {
@@ -128,7 +140,7 @@ async fn converse(
             place.slowed(Instant::now());
             sleep(pause).await;
         }
-        if line.iter().all(u8::is_ascii_whitespace) {
+        if is_blank {
             continue;
         }
         place.set(
@@ -152,15 +164,29 @@ async fn converse(
             Instant::now(),
         );
         replying.set(true);
-        match timeout(REPLY_PATIENCE, write.write_all(&reply)).await {
+        hold.await_client();
+        match timeout(REPLY_PATIENCE, write_all(write, &reply)).await {
             Ok(written) => written?,
             Err(_) => return Ok(()),
         }
+        hold.await_client();
         replying.set(false);
         if too_long {
             return Ok(());
         }
     }
+}
+
+async fn write_all(write: &OwnedWriteHalf, mut bytes: &[u8]) -> std::io::Result<()> {
+    while !bytes.is_empty() {
+        write.writable().await?;
+        match write.try_write(bytes) {
+            Ok(written) => bytes = &bytes[written..],
+            Err(error) if error.kind() == std::io::ErrorKind::WouldBlock => {}
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(())
 }
 
 fn line_of(reply: &serde_json::Value) -> Vec<u8> {

@@ -6,6 +6,8 @@ use std::cell::{Cell, RefCell};
 use std::time::Duration;
 use taxel_joints::bus::WriteCommand;
 use taxel_joints::{JointReader, JointSource, JointsConfig};
+use tokio::sync::Notify;
+use tokio::time::{Instant, sleep_until};
 
 /// The motors that a connection holds. When it is dropped, however the connection ends, they are switched off.
 pub(crate) struct Hold<'a> {
@@ -14,6 +16,18 @@ pub(crate) struct Hold<'a> {
     releases: &'a Releases,
     joints: RefCell<Vec<usize>>,
     patience: Cell<Option<Duration>>,
+    /// When the client has been silent for too long; `None` where it holds nothing, or waits for an answer.
+    lapses: Cell<Option<Instant>>,
+    changed: Notify,
+}
+
+/// Why a client is let go.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Deserted {
+    /// It has asked nothing for so long.
+    Silent(Duration),
+    /// It has gone.
+    Gone,
 }
 
 impl<'a> Hold<'a> {
@@ -29,12 +43,50 @@ impl<'a> Hold<'a> {
             releases,
             joints: RefCell::default(),
             patience: Cell::default(),
+            lapses: Cell::default(),
+            changed: Notify::new(),
         }
     }
 
     /// How long the client may be silent; `None` where it holds nothing.
     pub(crate) fn patience(&self) -> Option<Duration> {
         self.patience.get()
+    }
+
+    /// The client has asked something. It may wait for as long as the answer takes.
+    pub(crate) fn serve(&self) {
+        self.lapses.set(None);
+    }
+
+    /// It is its turn: to take its answer, or to ask something.
+    pub(crate) fn await_client(&self) {
+        self.lapses
+            .set(self.patience().map(|patience| Instant::now() + patience));
+        self.changed.notify_waiters();
+    }
+
+    /// Waits until the client holds motors and is silent for too long, or has gone: whatever it has sent before, and
+    /// whatever is done about that now. `gone` waits for its connection to be closed.
+    pub(crate) async fn deserted(&self, gone: impl Future<Output = ()>) -> Deserted {
+        let silent = async {
+            loop {
+                match self.lapses.get() {
+                    Some(at) if at <= Instant::now() => return,
+                    Some(at) => sleep_until(at).await,
+                    None => self.changed.notified().await,
+                }
+            }
+        };
+        let gone = async {
+            gone.await;
+            while self.patience().is_none() {
+                self.changed.notified().await;
+            }
+        };
+        tokio::select! {
+            () = silent => Deserted::Silent(self.patience().unwrap_or_default()),
+            () = gone => Deserted::Gone,
+        }
     }
 
     /// Notes what is about to be told to a servo, before it is: whether it is confirmed or not, the motor may run.
@@ -61,6 +113,7 @@ impl<'a> Hold<'a> {
         if joints.is_empty() {
             self.patience.set(None);
         }
+        self.changed.notify_waiters();
     }
 }
 
