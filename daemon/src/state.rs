@@ -105,10 +105,9 @@ impl State {
         self.command(Command::Pause(paused))
     }
 
-    /// Has a servo told something; returns a sentence for the log.
-    pub(crate) async fn write(&self, request: &ServoRequest) -> Result<String, String> {
-        let (config, reader) = (self.config.joints.as_ref(), self.joint_reader.as_ref());
-        crate::joints::write(config, reader, &self.releases, request).await
+    /// Has a servo told something for a client, whose motors are noted in `hold`; returns a sentence for the log.
+    pub(crate) async fn write(&self, request: &ServoRequest, hold: &Hold<'_>) -> Result<String, String> {
+        crate::joints::write(self.config.joints.as_ref(), hold, request).await
     }
 
     /// Has several servos told something at once; returns a sentence for the log.
@@ -118,11 +117,7 @@ impl State {
 
     /// For the motors that a client holds.
     pub(crate) fn hold(&self) -> Hold<'_> {
-        Hold::new(
-            self.config.joints.as_ref(),
-            self.joint_reader.as_ref(),
-            &self.releases,
-        )
+        Hold::new(self.joint_reader.as_ref(), &self.releases)
     }
 
     /// What has become of motors that were to be off: sentences for the log.

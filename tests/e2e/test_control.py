@@ -156,6 +156,22 @@ def test_a_motor_is_let_go_when_its_holder_dies_or_asks_nothing_whatever_was_sen
     servos.close()
 
 
+def test_a_refused_request_takes_no_hold_and_one_that_was_let_go_of_none_either(folder):
+    servos = Servos("--ids", "1-16")
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path, allow_writes=True)) as daemon:
+        daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+        with connect(daemon.control_path) as client:
+            refused = ask(client, {"cmd": "servo", "joint": "joint 5", "torque": True, "pwm_percent": 500, "hold_ms": 20})
+            assert "outside -100 to 100" in refused["error"]
+            # Long enough for it to be let go of, if it held anything.
+            assert servo(daemon, "joint 6", "--torque", "on") == (0, "")
+            assert ask(client, {"cmd": "servo", "joint": "joint 6", "torque": False})["ok"]
+            for _ in range(10):
+                daemon.status()
+            assert ask(client, {"cmd": "profile"})["ok"]
+    servos.close()
+
+
 CHANGES = [
     {"cmd": "rezero"},
     {"cmd": "pause"},

@@ -110,10 +110,7 @@ pub(super) async fn answer(request: Request, state: &State, asker: &Asker, hold:
         ));
     }
     let done = match &request {
-        Request::Servo(servo) => {
-            hold.note(servo);
-            state.write(servo).await.map(Done::Said)
-        }
+        Request::Servo(servo) => state.write(servo, hold).await.map(Done::Said),
         Request::Servos(servos) => state.write_together(servos).await.map(Done::Said),
         Request::Profile { profile } => {
             let profile = profile.clone().unwrap_or_default();

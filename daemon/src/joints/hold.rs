@@ -1,19 +1,17 @@
 //! Motors that run only as long as the client is there that has had them switched on.
 
 use super::Releases;
-use super::write::{ServoRequest, joint_called};
 use std::cell::{Cell, RefCell};
 use std::time::Duration;
+use taxel_joints::JointReader;
 use taxel_joints::bus::WriteCommand;
-use taxel_joints::{JointReader, JointSource, JointsConfig};
 use tokio::sync::Notify;
 use tokio::time::{Instant, sleep_until};
 
 /// The motors that a connection holds. When it is dropped, however the connection ends, they are switched off.
 pub(crate) struct Hold<'a> {
-    config: Option<&'a JointsConfig>,
-    reader: Option<&'a JointReader>,
-    releases: &'a Releases,
+    pub(super) reader: Option<&'a JointReader>,
+    pub(super) releases: &'a Releases,
     joints: RefCell<Vec<usize>>,
     patience: Cell<Option<Duration>>,
     /// When the client has been silent for too long; `None` where it holds nothing, or waits for an answer.
@@ -32,13 +30,8 @@ pub(crate) enum Deserted {
 
 impl<'a> Hold<'a> {
     /// None yet.
-    pub(crate) fn new(
-        config: Option<&'a JointsConfig>,
-        reader: Option<&'a JointReader>,
-        releases: &'a Releases,
-    ) -> Self {
+    pub(crate) fn new(reader: Option<&'a JointReader>, releases: &'a Releases) -> Self {
         Self {
-            config,
             reader,
             releases,
             joints: RefCell::default(),
@@ -89,17 +82,12 @@ impl<'a> Hold<'a> {
         }
     }
 
-    /// Notes what is about to be told to a servo, before it is: whether it is confirmed or not, the motor may run.
-    pub(crate) fn note(&self, request: &ServoRequest) {
-        let Some(JointSource::Dynamixel(config)) = self.config.map(|config| &config.source) else {
-            return;
-        };
-        let Ok(joint) = joint_called(config, &request.joint) else {
-            return;
-        };
+    /// Notes what a servo is being told, once that was taken: whether it is confirmed or not, the motor may run.
+    pub(super) fn note(&self, joint: usize, command: WriteCommand, hold_ms: Option<f64>) {
         let mut joints = self.joints.borrow_mut();
-        match (request.torque, request.hold_ms) {
-            (Some(true), Some(ms)) if (20.0..=10_000.0).contains(&ms) => {
+        match (command, hold_ms) {
+            (WriteCommand::Torque(false), _) => joints.retain(|held| *held != joint),
+            (_, Some(ms)) => {
                 if !joints.contains(&joint) {
                     joints.push(joint);
                 }
@@ -107,7 +95,6 @@ impl<'a> Hold<'a> {
                 let shortest = self.patience.get().map_or(patience, |other| other.min(patience));
                 self.patience.set(Some(shortest));
             }
-            (Some(false), _) => joints.retain(|held| *held != joint),
             _ => {}
         }
         if joints.is_empty() {

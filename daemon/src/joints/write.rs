@@ -1,6 +1,6 @@
 //! The one way in which taxeld moves anything: control requests to servos, where the configuration allows it.
 
-use super::Releases;
+use super::Hold;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -63,14 +63,13 @@ fn servos<'a>(
 }
 
 /// Has a servo told something, and waits until it has confirmed it; a sentence that says so, or why not. A motor that was to
-/// be switched off and may not be is noted in `releases`.
+/// be switched off and may not be is noted among the releases of `hold`.
 pub(crate) async fn write(
     config: Option<&JointsConfig>,
-    reader: Option<&JointReader>,
-    releases: &Releases,
+    hold: &Hold<'_>,
     request: &ServoRequest,
 ) -> Result<String, String> {
-    let (config, servos) = servos(config, reader)?;
+    let (config, servos) = servos(config, hold.reader)?;
     let (joint, command) = command(config, request)?;
     let is_off = command == WriteCommand::Torque(false);
     let failed = |why: String| format!("{}: {why}", request.joint);
@@ -84,6 +83,7 @@ pub(crate) async fn write(
     let number = servos
         .command(joint, command)
         .map_err(|refused| failed(away.clone().unwrap_or_else(|| refused.to_string())))?;
+    hold.note(joint, command, request.hold_ms);
     let done = match away {
         Some(reason) => Err(reason),
         None => confirmed(servos, joint, command, number)
@@ -92,7 +92,7 @@ pub(crate) async fn write(
     };
     if let Err(why) = done {
         if is_off {
-            releases.asked(joint, number);
+            hold.releases.asked(joint, number);
             return Err(failed(format!(
                 "{why}; it is told again until it confirms that its motor is off"
             )));
@@ -227,6 +227,8 @@ fn command(config: &DynamixelConfig, request: &ServoRequest) -> Result<(usize, W
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::joints::Releases;
+    use std::sync::Arc;
 
     fn of(joint: &str, torque: Option<bool>, pwm_percent: Option<f64>) -> ServoRequest {
         ServoRequest {
@@ -300,13 +302,47 @@ mod tests {
     }
 
     #[tokio::test]
+    async fn a_refused_request_holds_nothing() {
+        let mut config = DynamixelConfig::new("/dev/never/there", [7]);
+        config.allow_writes = true;
+        let reader = JointReader {
+            servos: Some(Arc::new(ServoReader::start(&config).expect("a thread"))),
+            analogue: None,
+        };
+        let mut joints = JointsConfig::new(JointSource::Dynamixel(config));
+        for (joint, percent, words) in [
+            ("servo 7", 500.0, "outside -100 to 100"),
+            ("servo 8", 0.0, "no joint is called"),
+            ("servo 7", 0.0, ""),
+        ] {
+            let mut request = of(joint, Some(true), Some(percent));
+            request.hold_ms = Some(100.0);
+            let releases = Releases::default();
+            let hold = Hold::new(Some(&reader), &releases);
+            let refused = write(Some(&joints), &hold, &request).await.unwrap_err();
+            assert!(refused.contains(words), "{refused}");
+            assert_eq!(hold.patience(), None, "{refused}");
+        }
+        let JointSource::Dynamixel(config) = &mut joints.source else {
+            panic!("servos");
+        };
+        config.allow_writes = false;
+        let releases = Releases::default();
+        let hold = Hold::new(Some(&reader), &releases);
+        let mut request = of("servo 7", Some(true), None);
+        request.hold_ms = Some(100.0);
+        assert!(write(Some(&joints), &hold, &request).await.is_err());
+        assert_eq!(hold.patience(), None);
+    }
+
+    #[tokio::test]
     async fn what_has_no_servos_says_so() {
         let request = of("thumb 0", Some(true), None);
         let allegro = toml::from_str("source = \"allegro:can2\"\nallegro.version = 4").expect("joints");
         for (config, words) in [(None, "no table [joints]"), (Some(&allegro), "listened to only")] {
-            let refused = write(config, None, &Releases::default(), &request)
-                .await
-                .unwrap_err();
+            let releases = Releases::default();
+            let hold = Hold::new(None, &releases);
+            let refused = write(config, &hold, &request).await.unwrap_err();
             assert!(refused.contains(words), "{refused}");
         }
     }
