@@ -1,7 +1,8 @@
 //! Who asks, and the lines of the log that say so.
 
 use super::allowance::Allowance;
-use std::cell::{Cell, RefCell};
+use std::cell::RefCell;
+use std::collections::HashMap;
 use std::fmt;
 use std::time::Duration;
 use tokio::net::UnixStream;
@@ -41,43 +42,86 @@ impl fmt::Display for Asker {
     }
 }
 
-/// Says in the log who has changed something. Not each time where that is often.
-#[derive(Debug)]
+/// What was done, or refused.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(crate) struct Change {
+    /// What was asked for, such as "a mark".
+    pub(crate) kind: &'static str,
+    /// Whether it was refused.
+    pub(crate) refused: bool,
+}
+
+/// Says in the log who has changed something. Not each time where a user does so often, and what one user does, or one kind
+/// of change, takes no line from another.
+#[derive(Debug, Default)]
 pub(crate) struct ChangeLog {
-    allowance: RefCell<Allowance>,
-    unsaid: Cell<u64>,
+    lines: RefCell<HashMap<(Option<u32>, Change), Lines>>,
+    /// Whether a joint's motor was said to be on when something was said of it last.
+    motors: RefCell<HashMap<String, bool>>,
+}
+
+/// How much may be said of one kind of change by one user.
+#[derive(Debug)]
+struct Lines {
+    allowance: Allowance,
+    unsaid: u64,
 }
 
 /// Lines of the log at once, and in the long run.
 const LINES: u32 = 30;
 const LINE_INTERVAL: Duration = Duration::from_secs(3);
-
-impl Default for ChangeLog {
-    fn default() -> Self {
-        Self {
-            allowance: RefCell::new(Allowance::new(LINES, LINE_INTERVAL)),
-            unsaid: Cell::new(0),
-        }
-    }
-}
+/// Users and kinds of changes that are told apart. Beyond, those go of whom nothing was left out.
+const TOLD_APART: usize = 1000;
 
 impl ChangeLog {
     /// Says what was done, or refused, for whom.
-    pub(crate) fn note(&self, what: &str, asker: &Asker, now: Instant) {
-        if let Some(line) = self.line(what, asker, now) {
+    pub(crate) fn note(&self, change: Change, what: &str, asker: &Asker, now: Instant) {
+        self.say(self.line(change, false, what, asker, now));
+    }
+
+    /// Says that a joint's motor was switched on or off, and for whom: each time that it is switched. A bus of servos takes
+    /// few of these in a second.
+    pub(crate) fn note_motor(
+        &self,
+        change: Change,
+        motor: (&str, bool),
+        what: &str,
+        asker: &Asker,
+        now: Instant,
+    ) {
+        let is_switched = self.is_switched(motor);
+        self.say(self.line(change, is_switched, what, asker, now));
+    }
+
+    /// Whether a motor that is now on, or off, was not before: one that is started is off for a moment.
+    fn is_switched(&self, (joint, is_on): (&str, bool)) -> bool {
+        let was_on = self.motors.borrow_mut().insert(joint.to_owned(), is_on);
+        is_on || was_on != Some(false)
+    }
+
+    fn say(&self, line: Option<String>) {
+        if let Some(line) = line {
             tracing::info!("{line}");
         }
     }
 
-    fn line(&self, what: &str, asker: &Asker, now: Instant) -> Option<String> {
-        if !self.allowance.borrow_mut().take_now(now) {
-            self.unsaid.set(self.unsaid.get() + 1);
+    fn line(&self, change: Change, always: bool, what: &str, asker: &Asker, now: Instant) -> Option<String> {
+        let mut all = self.lines.borrow_mut();
+        if all.len() >= TOLD_APART {
+            all.retain(|_, lines| lines.unsaid > 0);
+        }
+        let lines = (all.entry((asker.user.map(|(uid, _)| uid), change))).or_insert_with(|| Lines {
+            allowance: Allowance::new(LINES, LINE_INTERVAL),
+            unsaid: 0,
+        });
+        if !lines.allowance.take_now(now) && !always {
+            lines.unsaid += 1;
             return None;
         }
-        Some(match self.unsaid.take() {
+        Some(match std::mem::take(&mut lines.unsaid) {
             0 => format!("{what}, by request of {asker}"),
             unsaid => {
-                format!("{what}, by request of {asker}; {unsaid} requests before it are not in the log")
+                format!("{what}, by request of {asker}; {unsaid} such requests before it are not in the log")
             }
         })
     }
@@ -87,21 +131,68 @@ impl ChangeLog {
 mod tests {
     use super::*;
 
+    const PAUSE: Change = Change {
+        kind: "pause",
+        refused: false,
+    };
+    const MARK_REFUSED: Change = Change {
+        kind: "a mark",
+        refused: true,
+    };
+    const SERVO: Change = Change {
+        kind: "a servo command",
+        refused: false,
+    };
+
+    fn user(uid: u32) -> Asker {
+        Asker {
+            access: Access::Change,
+            user: Some((uid, Some(42))),
+        }
+    }
+
     #[test]
     fn many_changes_fill_no_log_and_those_unsaid_are_counted() {
-        let log = ChangeLog::default();
-        let asker = Asker {
-            access: Access::Change,
-            user: Some((1000, Some(42))),
-        };
-        let now = Instant::now();
-        let said: Vec<String> = (0..100).filter_map(|_| log.line("paused", &asker, now)).collect();
+        let (log, asker, now) = (ChangeLog::default(), user(1000), Instant::now());
+        let line = |at| log.line(PAUSE, false, "paused", &asker, at);
+        let said: Vec<String> = (0..100).filter_map(|_| line(now)).collect();
         assert_eq!(said.len(), LINES as usize);
         assert_eq!(said[0], "paused, by request of user 1000, process 42");
-        let later = log.line("resumed", &asker, now + LINE_INTERVAL).unwrap();
+        let later = line(now + LINE_INTERVAL).unwrap();
         assert!(
-            later.ends_with("; 70 requests before it are not in the log"),
+            later.ends_with("; 70 such requests before it are not in the log"),
             "{later}"
         );
+    }
+
+    #[test]
+    fn nobody_keeps_what_another_does_or_another_kind_of_change_out_of_the_log() {
+        let (log, now) = (ChangeLog::default(), Instant::now());
+        let flood = || (0..1000).filter_map(|_| log.line(MARK_REFUSED, false, "refused", &user(1000), now));
+        assert_eq!(flood().count(), LINES as usize);
+        let refused = |kind| Change { kind, refused: true };
+        for (change, uid) in [
+            (PAUSE, 1000),
+            (refused("pause"), 1000),
+            (MARK_REFUSED, 1001),
+            (PAUSE, 1001),
+        ] {
+            let line = log.line(change, false, "done", &user(uid), now);
+            assert_eq!(line, Some(format!("done, by request of user {uid}, process 42")));
+        }
+    }
+
+    #[test]
+    fn each_time_that_a_motor_is_switched_is_in_the_log() {
+        let (log, asker, now) = (ChangeLog::default(), user(1000), Instant::now());
+        let line = |is_on: bool| {
+            let is_switched = log.is_switched(("index 0", is_on));
+            log.line(SERVO, is_switched, "switched", &asker, now)
+        };
+        for _ in 0..200 {
+            assert!(line(true).is_some() && line(false).is_some());
+        }
+        let said = (0..200).filter_map(|_| line(false)).count();
+        assert_eq!(said, 0, "it was off");
     }
 }

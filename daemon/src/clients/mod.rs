@@ -7,6 +7,6 @@ mod places;
 mod report;
 
 pub(crate) use allowance::Allowance;
-pub(crate) use asker::{Access, Asker, ChangeLog};
+pub(crate) use asker::{Access, Asker, Change, ChangeLog};
 pub(crate) use places::{Doing, MOST_CLIENTS, Place, Places};
 pub(crate) use report::Reports;

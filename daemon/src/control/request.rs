@@ -1,6 +1,6 @@
 //! What can be asked, and the answers.
 
-use crate::clients::{Access, Asker};
+use crate::clients::{Access, Asker, Change};
 use crate::joints::{Hold, ServoRequest, ServosRequest};
 use crate::state::State;
 use serde::{Deserialize, Serialize};
@@ -57,6 +57,14 @@ impl Request {
         matches!(self, Self::Servo(request) if request.releases())
     }
 
+    /// The joint whose motor it has switched on or off, and which of both.
+    fn switched_motor(&self) -> Option<(&str, bool)> {
+        match self {
+            Self::Servo(request) => request.switched_motor(),
+            _ => None,
+        }
+    }
+
     /// What it asks to move or change, and what is said once it is done; none where it only has something told.
     fn change(&self) -> Option<[&'static str; 2]> {
         match self {
@@ -98,7 +106,7 @@ pub(super) async fn report(state: &State) -> Rc<[u8]> {
 /// Does what is asked, but for `status`, and says so in the log where it changes something. Motors that run only as long
 /// as the asker is there are noted in `hold`.
 pub(super) async fn answer(request: Request, state: &State, asker: &Asker, hold: &Hold<'_>) -> Value {
-    let Some([change, changed]) = request.change() else {
+    let Some([kind, changed]) = request.change() else {
         state.call_roster().await;
         return json!({ "ok": true, "profile": state.roster().own_profile() });
     };
@@ -135,9 +143,14 @@ pub(super) async fn answer(request: Request, state: &State, asker: &Asker, hold:
             };
             (said, json!({ "ok": true, "contacts": contacts }))
         }
-        Err(error) => (format!("refused: {change}: {error}"), refusal(error)),
+        Err(error) => (format!("refused: {kind}: {error}"), refusal(error)),
     };
-    state.changes.note(&said, asker, Instant::now());
+    let refused = reply["ok"] == false;
+    let (change, now) = (Change { kind, refused }, Instant::now());
+    match request.switched_motor().filter(|_| !refused) {
+        Some(motor) => state.changes.note_motor(change, motor, &said, asker, now),
+        None => state.changes.note(change, &said, asker, now),
+    }
     state.reports.outdate();
     reply
 }

@@ -34,6 +34,11 @@ const PATIENCE: Duration = Duration::from_secs(2);
 const LOOK: Duration = Duration::from_millis(2);
 
 impl ServoRequest {
+    /// The joint whose motor it has switched on or off, and which of both.
+    pub(crate) fn switched_motor(&self) -> Option<(&str, bool)> {
+        self.torque.map(|is_on| (self.joint.as_str(), is_on))
+    }
+
     /// Whether it has a motor switched off, and nothing else.
     pub(crate) fn releases(&self) -> bool {
         self.torque == Some(false) && self.pwm_percent.is_none()
