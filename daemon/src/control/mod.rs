@@ -2,7 +2,8 @@
 //!
 //! There are two: one that only tells, for everybody who may see images, and one for those who may change something.
 //! Neither can be occupied. A connection too many takes the place of the one that has been idle for longest, a client
-//! that asks without end is slowed, and a request to switch a motor off is neither slowed nor gives up its place.
+//! that asks without end is slowed, and a request to switch off a motor that there is has a pace of its own, which nobody needs
+//! more of, and gives up its place last.
 
 mod request;
 
@@ -13,6 +14,7 @@ use request::{Request, answer, refusal, report};
 use std::cell::Cell;
 use std::rc::Rc;
 use std::time::Duration;
+use taxel_joints::MAX_JOINTS;
 use tokio::io::{AsyncBufReadExt, AsyncReadExt, BufReader, Interest};
 use tokio::net::unix::{OwnedReadHalf, OwnedWriteHalf};
 use tokio::net::{UnixListener, UnixStream};
@@ -27,6 +29,9 @@ const IDLE_PATIENCE: Duration = Duration::from_secs(300);
 /// What a client may ask without being slowed: so many requests at once, and one per interval.
 const REQUESTS: u32 = 20;
 const REQUEST_INTERVAL: Duration = Duration::from_millis(50);
+/// The same of requests to switch a motor off: every joint twice at once.
+const RELEASES: u32 = 2 * MAX_JOINTS as u32;
+const RELEASE_INTERVAL: Duration = Duration::from_millis(10);
 
 /// Serves the socket that only tells until the daemon ends.
 pub(crate) async fn serve_status(listener: UnixListener, state: Rc<State>) {
@@ -113,7 +118,8 @@ async fn converse(
 ) -> std::io::Result<()> {
     let mut read = BufReader::new(read);
     let mut line = Vec::new();
-    let mut allowance = Allowance::new(REQUESTS, REQUEST_INTERVAL);
+    let mut requests = Allowance::new(REQUESTS, REQUEST_INTERVAL);
+    let mut released = Allowance::new(RELEASES, RELEASE_INTERVAL);
     loop {
         line.clear();
         let mut limited = (&mut read).take(MAX_REQUEST + 1);
@@ -134,9 +140,13 @@ async fn converse(
             true => Err(format!("a request has at most {MAX_REQUEST} bytes")),
             false => Request::parse(&line),
         };
-        let releases = request.as_ref().is_ok_and(Request::releases_a_motor);
-        let pause = allowance.take(Instant::now());
-        if !pause.is_zero() && !releases {
+        let releases = asker.access == Access::Change
+            && (request.as_ref()).is_ok_and(|request| request.releases_a_motor(state.config.joints.as_ref()));
+        let pause = match releases {
+            true => released.take(Instant::now()),
+            false => requests.take(Instant::now()),
+        };
+        if !pause.is_zero() {
             place.slowed(Instant::now());
             sleep(pause).await;
         }

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::rc::Rc;
 use taxel_hand::{FromMap, Profile};
+use taxel_joints::JointsConfig;
 use taxel_wire::json_in_words;
 use taxel_wire::status::Status;
 use tokio::time::Instant;
@@ -52,9 +53,9 @@ impl Request {
         })
     }
 
-    /// Whether it has a motor switched off.
-    pub(super) fn releases_a_motor(&self) -> bool {
-        matches!(self, Self::Servo(request) if request.releases())
+    /// Whether it has a motor of these joints switched off.
+    pub(super) fn releases_a_motor(&self, joints: Option<&JointsConfig>) -> bool {
+        matches!(self, Self::Servo(request) if request.releases(joints))
     }
 
     /// The joint whose motor it has switched on or off, and which of both.
@@ -231,20 +232,32 @@ mod tests {
             (r#"{"cmd":"servo","joint":"a","torque":true}"#, true, false),
             (r#"{"cmd":"servo","joint":"a","pwm_percent":0.0}"#, true, false),
             (r#"{"cmd":"servos","pwm_percent":{"a":0.0,"b":1}}"#, true, false),
-            (r#"{"cmd":"servo","joint":"a","torque":false}"#, true, true),
+            (r#"{"cmd":"servo","joint":"servo 1","torque":true}"#, true, false),
+            (r#"{"cmd":"servo","joint":"servo 1","torque":false}"#, true, true),
+            (r#"{"cmd":"servo","joint":"nobody","torque":false}"#, true, false),
             (
-                r#"{"cmd":"servo","joint":"a","torque":false,"pwm_percent":1.0}"#,
+                r#"{"cmd":"servo","joint":"servo 1","torque":false,"hold_ms":100}"#,
+                true,
+                false,
+            ),
+            (
+                r#"{"cmd":"servo","joint":"servo 1","torque":false,"pwm_percent":1.0}"#,
                 true,
                 false,
             ),
         ];
+        let joints = JointsConfig::dynamixel("/dev/servos", [1]);
         for (line, changes, releases) in cases {
             let request = Request::parse(line.as_bytes()).unwrap();
             assert_eq!(
-                (request.change().is_some(), request.releases_a_motor()),
+                (
+                    request.change().is_some(),
+                    request.releases_a_motor(Some(&joints))
+                ),
                 (changes, releases),
                 "{line}"
             );
+            assert!(!request.releases_a_motor(None), "{line}");
         }
     }
 }

@@ -39,9 +39,12 @@ impl ServoRequest {
         self.torque.map(|is_on| (self.joint.as_str(), is_on))
     }
 
-    /// Whether it has a motor switched off, and nothing else.
-    pub(crate) fn releases(&self) -> bool {
-        self.torque == Some(false) && self.pwm_percent.is_none()
+    /// Whether it has the motor of one of these joints switched off, and nothing else.
+    pub(crate) fn releases(&self, joints: Option<&JointsConfig>) -> bool {
+        let Some(JointSource::Dynamixel(config)) = joints.map(|joints| &joints.source) else {
+            return false;
+        };
+        command(config, self).is_ok_and(|(_, command)| command == WriteCommand::Torque(false))
     }
 }
 
@@ -187,7 +190,7 @@ async fn confirmed(
 }
 
 /// The servo of a joint, by its index.
-pub(super) fn joint_called(config: &DynamixelConfig, name: &str) -> Result<usize, String> {
+fn joint_called(config: &DynamixelConfig, name: &str) -> Result<usize, String> {
     let joint = config.servo.iter().position(|servo| servo.name == name);
     joint.ok_or_else(|| {
         let names = config.joint_names().join(", ");
