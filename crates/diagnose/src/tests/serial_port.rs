@@ -1,0 +1,113 @@
+//! Problems of the port of servos, and what of them is told then.
+
+use super::joints::JointsBench;
+use super::*;
+use crate::joints::test_views::{away, open, servo};
+use crate::{Place, Severity};
+
+#[test]
+fn a_motor_that_may_be_on_is_told_while_the_port_is_away() {
+    let mut bench = JointsBench::answering(2);
+    bench.pass(300, |view| {
+        away(view);
+        servo(view, 0).motor_off.unconfirmed = true;
+    });
+    assert_eq!(bench.bench.kinds(), ["motor-not-off", "serial-absent"]);
+}
+
+#[test]
+fn an_adapter_that_is_unplugged_is_one_problem_and_its_servos_are_none() {
+    let mut bench = JointsBench::answering(3);
+    bench.pass(3000, away);
+    bench.said(&[&["/dev/servos is gone, unplugged", "No such file", "images go on"]]);
+    assert_eq!(bench.bench.kinds(), ["serial-absent"]);
+    let problem = &bench.bench.problems.current()[0].problem;
+    assert_eq!(
+        (problem.bus(&bench.bench.layout), problem.place),
+        (None, Place::Joints)
+    );
+    assert_eq!(problem.severity(), Severity::Error);
+
+    open(&mut bench.view, "/dev/ttyUSB1", 1);
+    bench.pass(900, |_| {});
+    bench.said(&[&["/dev/servos is there", "after 3.0 s"]]);
+    bench.pass(500, |_| {});
+    bench.said(&[&[
+        "no servo answers",
+        "baud = 1000000",
+        "taxel doctor --joints dynamixel:/dev/servos",
+    ]]);
+    bench.pass(500, |view| {
+        (0..3).for_each(|joint| servo(view, joint).alive = true)
+    });
+    bench.said(&[&["servos answer"]]);
+}
+
+#[test]
+fn a_thread_that_ends_no_cycle_is_told_and_what_it_last_knew_is_not() {
+    let mut bench = JointsBench::answering(2);
+    let hang = |view: &mut JointsView| {
+        view.servos.as_mut().unwrap().0.counters.cycles = 1;
+        servo(view, 0).temperature_c = Some(75);
+    };
+    bench.pass(1900, hang);
+    bench.said(&[&["servo 1 (id 1) has 75 degrees"]]);
+    bench.pass(1000, |view| {
+        hang(view);
+        view.tick.angles.fill(f32::NAN);
+    });
+    assert_eq!(bench.bench.kinds(), ["serial-stuck"]);
+    bench.said(&[
+        &["cooled down"],
+        &[
+            "has waited for /dev/servos for 2.1 s",
+            "watchdogs",
+            "unplug the adapter",
+        ],
+    ]);
+    bench.pass(200, |view| servo(view, 0).temperature_c = Some(40));
+    bench.said(&[&["/dev/servos is read again"]]);
+}
+
+#[test]
+fn another_program_that_takes_answers_explains_those_that_are_missing() {
+    let mut bench = JointsBench::answering(3);
+    bench.pass(2000, |view| {
+        view.servos.as_mut().unwrap().1.taken_ns = Some(view.now_ns);
+        (0..3).for_each(|joint| servo(view, joint).alive = false);
+        servo(view, 1).counters.bad_crc += 5;
+        servo(view, 2).counters.late += 5;
+        view.tick.angles.fill(f32::NAN);
+        servo(view, 0).temperature_c = Some(75);
+    });
+    assert_eq!(bench.bench.kinds(), ["servo-hot", "serial-shared"]);
+    let told: Vec<&str> = bench.bench.said.iter().map(sentence).collect();
+    assert!(told[1].contains("another program reads /dev/servos"), "{told:?}");
+    assert!(told[1].contains("`fuser -v /dev/servos`"), "{told:?}");
+    bench.bench.said.clear();
+    bench.pass(5000, |view| {
+        (0..3).for_each(|joint| servo(view, joint).alive = true);
+        view.tick.angles.fill(0.0);
+    });
+    bench.said(&[&["no other program reads /dev/servos any more"]]);
+}
+
+/// Angles come a tick later than the servos' answers.
+#[test]
+fn an_angle_is_not_stale_for_the_time_that_the_adapter_was_away() {
+    let mut bench = JointsBench::answering(2);
+    bench.pass(3000, |view| {
+        away(view);
+        view.tick.angles.fill(f32::NAN);
+    });
+    bench.said(&[&["is gone, unplugged"]]);
+    open(&mut bench.view, "/dev/ttyUSB1", 1);
+    let answer = |view: &mut JointsView| (0..2).for_each(|joint| servo(view, joint).alive = true);
+    bench.pass(200, answer);
+    bench.said(&[&["is there"]]);
+    bench.pass(2000, |view| {
+        answer(view);
+        view.tick.angles.fill(0.5);
+    });
+    bench.said(&[]);
+}
