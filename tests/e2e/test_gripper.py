@@ -86,7 +86,7 @@ def test_fingers_are_let_go_when_the_program_that_holds_them_dies_or_hangs(folde
         eventually(lambda: registers(servos, TORQUE) == [0, 0], "the fingers go on without who holds them", seconds=30)
         # The daemon went on speaking to them: no watchdog has done this.
         assert [servos.stopped_ns(id) for id in FINGERS.values()] == [0, 0]
-        eventually(lambda: "torque of right is switched off" in daemon.log, "the log does not say so")
+        eventually(lambda: "torque of right is off" in daemon.log, "the log does not say so")
         holder.kill()
         holder.wait()
         holder.stdin.close()

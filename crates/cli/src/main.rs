@@ -208,17 +208,13 @@ mod tests {
     }
 
     /// Commands without `--json`, and why.
-    const WITHOUT_JSON: [(&str, &str); 15] = [
+    const WITHOUT_JSON: [(&str, &str); 11] = [
         ("demo", "a picture"),
         ("view", "a picture; `taxel watch --json` has what it shows"),
         ("figures", "pictures, and a table as .csv"),
         ("forearm figures", "pictures"),
         ("replay", "sends what it reads"),
-        ("pause", "prints nothing"),
-        ("resume", "prints nothing"),
         ("servo", "prints nothing"),
-        ("profile", "prints JSON in any case"),
-        ("metrics", "prints metrics"),
         ("completions", "prints a script"),
         ("config init", "prints a file"),
         ("forearm record", "writes a session"),

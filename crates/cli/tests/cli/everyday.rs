@@ -4,6 +4,7 @@ use crate::{fails, simulated, succeeds};
 use serde_json::{Value, json};
 use std::fs::{self, File};
 use std::process::Command;
+use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 const CONTROL: [&str; 2] = ["--socket", "control.sock"];
@@ -14,14 +15,22 @@ fn object(dir: &TempDir, args: &[&str]) -> Value {
     serde_json::from_str(&out).unwrap_or_else(|e| panic!("{args:?}: {e}: {out}"))
 }
 
+/// The status follows with the next tick.
+fn waits_until_paused(dir: &TempDir, paused: bool) {
+    let end = Instant::now() + Duration::from_secs(60);
+    while object(dir, &["status", "--json"])["paused"] != paused {
+        assert!(Instant::now() < end, "the status does not say paused: {paused}");
+    }
+}
+
 #[test]
 fn every_request_can_be_answered_in_json() {
     let dir = TempDir::new().unwrap();
     let daemon = simulated(dir.path(), "tap");
     assert_eq!(object(&dir, &["pause", "--json"]), json!({ "paused": true }));
-    assert_eq!(object(&dir, &["status", "--json"])["paused"], true);
+    waits_until_paused(&dir, true);
     assert_eq!(object(&dir, &["resume", "--json"]), json!({ "paused": false }));
-    assert_eq!(object(&dir, &["status", "--json"])["paused"], false);
+    waits_until_paused(&dir, false);
     let (out, _) = succeeds(&dir, &[&["pause"], &CONTROL[..]].concat());
     assert_eq!(out, "");
     let profile = object(&dir, &["profile", "{\"levels\": 5}", "--json"]);
