@@ -57,6 +57,15 @@ fn npy(header: &str, data: &[u8]) -> Vec<u8> {
     bytes
 }
 
+/// A layout file without boards, with taxel numbers that no board has.
+fn array_layout() -> String {
+    let order: Vec<Vec<u32>> = (0..20)
+        .map(|row| (0..20).map(|n| 20 * row + n).collect())
+        .collect();
+    let module = "name = \"m\"\npart = \"m\"\nprotocol = \"offline\"\nat = [0, 0]\n";
+    format!("name = \"a\"\nimage = {{ width = 20, height = 20 }}\n[[module]]\n{module}order = {order:?}\n")
+}
+
 /// Inputs that reach deep into each target.
 fn seeds(target: &str) -> Vec<Vec<u8>> {
     match target {
@@ -188,6 +197,7 @@ fn seeds(target: &str) -> Vec<Vec<u8>> {
                 );
                 [text.into(), text.replace("#!", ""), posed].map(String::into_bytes)
             })
+            .chain([array_layout().into_bytes()])
             .collect(),
         _ => (0..9u8)
             .map(|kind| {

@@ -54,7 +54,6 @@ pub(crate) fn check_order(
     let rows = order.get_ref();
     let columns = rows.first().map_or(0, |row| row.get_ref().len());
     let mut cells: Vec<Cell> = Vec::new();
-    let mut rows_of = [None; 256];
     for (row, cells_of_row) in rows.iter().enumerate() {
         let span = cells_of_row.span();
         let cells_of_row = cells_of_row.get_ref();
@@ -85,22 +84,23 @@ pub(crate) fn check_order(
             if protocol.0.is_temperature(k, icub) {
                 return source.refuse(&span, LayoutProblem::NotATaxel { module: name(), k });
             }
-            if let Some(first) = rows_of[k as usize].replace(row) {
-                let problem = LayoutProblem::OrderRepeats {
-                    module: name(),
-                    k,
-                    first_row: first,
-                    row,
-                };
-                return source.refuse(&span, problem);
-            }
             cells.push(Cell { k, row, column });
         }
     }
     if cells.is_empty() {
         return source.refuse(&order.span(), LayoutProblem::OrderEmpty { module: name() });
     }
+    // Of equal ones the first of the file stays the first.
     cells.sort_by_key(|c| c.k);
+    if let Some([first, again]) = cells.windows(2).find(|pair| pair[0].k == pair[1].k) {
+        let problem = LayoutProblem::OrderRepeats {
+            module: name(),
+            k: again.k,
+            first_row: first.row,
+            row: again.row,
+        };
+        return source.refuse(&rows[again.row].span(), problem);
+    }
     let counts_from_1 = cells.iter().zip(1..).all(|(cell, k)| cell.k == k);
     if counts_from_1 && cells.len() > 1 && !protocol.0.is_temperature(0, icub) {
         let problem = LayoutProblem::OrderFromOne {

@@ -330,4 +330,40 @@ proptest! {
             Err(e) => prop_assert!(e.to_string().starts_with("hand.toml:"), "{}", e),
         }
     }
+
+    /// Numbers that any protocol allows, that only some do, and that none does.
+    #[test]
+    fn a_file_with_any_numbers_is_refused_or_still_makes_sense(
+        protocol in prop::sample::select(Protocol::boards().chain([Protocol::OFFLINE]).collect::<Vec<_>>()),
+        order in prop::option::of((1usize..20).prop_flat_map(|columns| {
+            prop::collection::vec(prop::collection::vec(any_number(), columns), 1..4)
+        })),
+        keys in prop::collection::vec((any_key(), any_number()), 0..4),
+        at in [any_number(), any_number()],
+    ) {
+        let mut changes = vec![format!("protocol = \"{}\"", protocol.name()), format!("at = {at:?}")];
+        changes.extend(order.map(|order| format!("order = {order:?}")));
+        changes.extend(keys.iter().map(|(key, number)| format!("{key} = {number}")));
+        let changes: Vec<&str> = changes.iter().map(String::as_str).collect();
+        let head = HEAD.replace("width = 8, height = 8", "width = 512, height = 8");
+        match Layout::parse(&(head + &module("a", &changes)), "hand.toml") {
+            Ok(layout) => for (i, taxel) in layout.taxels.iter().enumerate() {
+                prop_assert_eq!(layout.taxel_at(taxel.x, taxel.y), Some(i));
+                prop_assert!(i == 0 || layout.k[i - 1] < layout.k[i]);
+            },
+            Err(e) => prop_assert!(e.to_string().starts_with("hand.toml:"), "{}", e),
+        }
+    }
+}
+
+fn any_number() -> impl Strategy<Value = i64> {
+    prop_oneof![
+        8 => 0i64..65_535,
+        4 => 0i64..24,
+        1 => prop::sample::select(vec![-1, 255, 256, 65_534, 65_535, 65_536, i64::MAX, i64::MIN]),
+    ]
+}
+
+fn any_key() -> impl Strategy<Value = &'static str> {
+    prop::sample::select(vec!["board", "rotation", "rows", "columns", "module", "pitch_mm"])
 }

@@ -50,3 +50,31 @@ fn the_largest_hand_is_a_thousand_boards_of_64_taxels() {
     assert_eq!(hand.len(), 64_000);
     assert_eq!(hand.modules[999].first_taxel, 63_936);
 }
+
+#[test]
+fn a_module_of_an_array_has_as_many_taxels_as_a_layout_may() {
+    let order: Vec<Vec<u32>> = (0..255)
+        .map(|row| (0..257).map(|n| row * 257 + n).collect())
+        .collect();
+    let hand = |order: &[Vec<u32>]| {
+        let module = "[[module]]\nname = \"m\"\npart = \"m\"\nprotocol = \"offline\"\nat = [0, 0]\n";
+        format!("name = \"big\"\nimage = {{ width = 257, height = 256 }}\n{module}order = {order:?}\n")
+    };
+    let layout = Layout::parse(&hand(&order), "big.toml").unwrap();
+    assert_eq!((layout.len(), layout.k[65_534]), (65_535, 65_534));
+    for (again, wanted) in [
+        (
+            65_535,
+            "its order has taxel 65535, but the taxels of offline are 0 to 65534",
+        ),
+        (
+            65_000,
+            "hand.toml:8: module \"m\": its order has taxel 65000 twice, in rows 252 and 254",
+        ),
+    ] {
+        let mut order = order.clone();
+        order[254][256] = again;
+        let message = error(&hand(&order));
+        assert!(message.contains(wanted), "{message}");
+    }
+}
