@@ -276,10 +276,11 @@ impl Daemon {
         (finished || runs(&self.tick)) && runs(&self.images) && runs(&self.control)
     }
 
-    /// Takes up what can be changed while the hand is read, the display profile, and says in the log what cannot. No
-    /// subscriber is let go. Where the configuration cannot be read, that is a problem until another one is taken up.
-    pub fn reload(&self, config: Result<Config, ConfigError>) {
-        let _ = self.reload.send(config);
+    /// Reads the configuration again by `read`, here and now, and takes up what can be changed while the hand is read, the
+    /// display profile; says in the log what cannot. No subscriber is let go. Where the configuration cannot be read, even
+    /// where `read` panics, that is a problem until another one is taken up.
+    pub fn reload(&self, read: impl FnOnce() -> Result<Config, ConfigError>) {
+        let _ = self.reload.send(reload::reread(read));
     }
 
     /// Switches off the motors that were switched on, stops the boards, lets every subscriber go, and removes the sockets.

@@ -95,7 +95,7 @@ fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     let mut rereads = Rereads::default();
     while daemon.is_running() {
         if rereads.take(Instant::now()) {
-            daemon.reload(Config::load(&arguments.config));
+            daemon.reload(|| Config::load(&arguments.config));
         }
         match stop.recv_timeout(Duration::from_millis(200)) {
             Ok(SIGHUP) => rereads.ask(),

@@ -1,19 +1,40 @@
 //! Another configuration for a daemon that runs.
 
 use crate::state::State;
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::rc::Rc;
 use taxel_config::{Config, ConfigError};
 use tokio::sync::mpsc::UnboundedReceiver;
 
 /// A configuration that was read again, or why it cannot be read.
-pub(crate) type Reread = Result<Config, ConfigError>;
+pub(crate) type Reread = Result<Config, String>;
+
+/// Reads a configuration again. A file that makes that panic is refused as a wrong one is: a fault in what reads files is
+/// no reason to end what runs, and nothing of it is touched by reading.
+pub(crate) fn reread(read: impl FnOnce() -> Result<Config, ConfigError>) -> Reread {
+    match catch_unwind(AssertUnwindSafe(read)) {
+        Ok(config) => config.map_err(|error| error.to_string()),
+        Err(panic) => Err(format!(
+            "it made taxeld fail to read it, which is a fault of taxeld: {}; please report it with the file",
+            said_by(&*panic)
+        )),
+    }
+}
+
+/// What a panic said.
+fn said_by(panic: &(dyn Any + Send)) -> &str {
+    let text = panic.downcast_ref::<String>().map(String::as_str);
+    text.or_else(|| panic.downcast_ref::<&str>().copied())
+        .unwrap_or("it did not say why")
+}
 
 /// Takes up configurations as they come.
 pub(crate) async fn take_up(mut configs: UnboundedReceiver<Reread>, state: Rc<State>) {
     while let Some(config) = configs.recv().await {
         let taken_up = match config {
             Ok(config) => take_up_one(&config, &state).await,
-            Err(error) => Err(error.to_string()),
+            Err(why) => Err(why),
         };
         note(&state, taken_up.err());
     }
@@ -72,6 +93,17 @@ fn differing_tables(running: &Config, new: &Config) -> Vec<&'static str> {
 mod tests {
     use super::*;
     use std::path::Path;
+
+    #[test]
+    fn a_file_that_makes_reading_panic_is_refused_as_a_wrong_one() {
+        let index = [0; 256].len();
+        let why = reread(|| panic!("the index is {index}")).unwrap_err();
+        assert!(why.contains("a fault of taxeld: the index is 256;"), "{why}");
+        let why = reread(|| panic!("never")).unwrap_err();
+        assert!(why.contains("a fault of taxeld: never;"), "{why}");
+        let why = reread(|| Config::load(Path::new("/nowhere/hand.toml"))).unwrap_err();
+        assert!(why.contains("/nowhere/hand.toml"), "{why}");
+    }
 
     #[test]
     fn each_table_that_needs_a_restart_is_named_and_the_profile_is_not() {
