@@ -21,8 +21,8 @@ pub struct Layout {
     /// The board's own number for each taxel, in the order of [`Geometry::taxels`], as
     /// [`Protocol::frame_id`] takes it: `sda << 2 | chip` in L1 and L2 (from 16 on for chips 4 and 5),
     /// `sda << 4 | taxel` in L3, `triangle * 12 + pad` for the iCub, the sensor's number for CySkin, the
-    /// channel for `cpm-finger`; for a pressure array its place, row by row; for an offline array its place in the
-    /// module, and 0 in a [`Layout::grid`].
+    /// channel for `cpm-finger`; for a pressure array its place, row by row; for an offline array, as a
+    /// [`Layout::grid`] is, its place in the module.
     pub k: Vec<u16>,
     /// How the CySkin hubs of this hand speak; `None` where no module is of protocol `cyskin`.
     pub cyskin: Option<CyskinSetup>,
@@ -69,7 +69,7 @@ impl Layout {
         let geometry = Geometry::grid_of_cells(width, height, is_taxel);
         let geometry = geometry.map_err(|_| LayoutError::GridSize { width, height })?;
         Ok(Self {
-            k: vec![0; geometry.len()],
+            k: (0..geometry.len()).map(|k| k as u16).collect(),
             wiring: vec![Wiring {
                 bus: 0,
                 board: 0,

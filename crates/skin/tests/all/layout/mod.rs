@@ -198,6 +198,7 @@ fn a_grid_numbers_its_taxels_row_by_row() {
         assert_eq!(grid.taxel_at(i % 5, i / 5), Some(i as usize));
     }
     assert_eq!(grid.modules.len(), 1);
+    assert_eq!(grid.k, (0..15).collect::<Vec<u16>>());
     assert_eq!(grid.can_id(0), None);
     assert_eq!(Layout::grid(65_535, 1).unwrap().len(), 65_535);
     assert!(matches!(
