@@ -196,8 +196,8 @@ impl Run {
         eprintln!(
             "{}: {images} images of {}x{}, {with_contact} with contact{}",
             args.out.display(),
-            config.layout.width,
             config.layout.height,
+            config.layout.width,
             if calibrating > 0 {
                 format!(", {calibrating} while calibrating")
             } else {

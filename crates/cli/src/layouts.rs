@@ -80,7 +80,7 @@ fn list(layouts: &[Layout]) -> String {
             layout.len(),
             layout.modules.len(),
             layout.buses.len(),
-            format!("{}x{}", layout.width, layout.height),
+            format!("{}x{}", layout.height, layout.width),
             protocols(layout).join(", "),
         );
     }

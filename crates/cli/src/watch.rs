@@ -234,7 +234,7 @@ fn describe(hello: &Hello) -> String {
         None => rate.mode.clone(),
     };
     format!(
-        "{daemon}: {layout}, {} taxels, {width}x{height} image, {} levels, {} actuators, method {}, {rate}, \
+        "{daemon}: {layout}, {} taxels, {height}x{width} image, {} levels, {} actuators, method {}, {rate}, \
          forces in {force_unit}{joints}",
         hello.taxels.len(),
         profile.levels,

@@ -12,8 +12,8 @@ impl Config {
             layout.name,
             layout.modules.len(),
             layout.len(),
-            layout.width,
-            layout.height
+            layout.height,
+            layout.width
         );
         for (bus, source) in layout.buses.iter().zip(&self.sources) {
             text += &format!("  {bus}: {source}\n");

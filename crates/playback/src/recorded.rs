@@ -176,12 +176,12 @@ pub fn images(path: &Path) -> anyhow::Result<ImageStack> {
         if let Some(first) = images.first().filter(|first| shape(first) != shape(&image)) {
             eprintln!(
                 "taxel: {name}: images of {} x {} and {} joints after {} of {} x {} and {}; read up to there{}",
-                image.width,
                 image.height,
+                image.width,
                 image.joints.len(),
                 images.len(),
-                first.width,
                 first.height,
+                first.width,
                 first.joints.len(),
                 rest(&name, wall_ns)
             );

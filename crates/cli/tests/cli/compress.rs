@@ -148,7 +148,7 @@ fn magnitudes_are_contacts_above_the_threshold() {
         &dir,
         &["compress", "grid.npy", "--threshold", "20", "--out", "grid.jsonl"],
     );
-    assert!(err.contains("2 images of 5x4, 1 with contact"), "{err}");
+    assert!(err.contains("2 images of 4x5, 1 with contact"), "{err}");
     let text = std::fs::read_to_string(dir.path().join("grid.jsonl")).unwrap();
     let last: Value = serde_json::from_str(text.lines().last().unwrap()).unwrap();
     assert_eq!(last["levels"], serde_json::json!(vec![50.0; 8]));
