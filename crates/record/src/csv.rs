@@ -19,7 +19,8 @@ const MAX_COLUMNS: usize = 200_000;
 /// Reads a csv file: one frame a line, the numbers separated by commas, semicolons, tabs, bars or blanks, quoted or not.
 ///
 /// The first line that is neither empty nor begins with `#` shows what separates: a semicolon if it has one, else a comma,
-/// a tab, a bar, or one or more blanks. If it does not begin with a number it is a header. Columns called
+/// a tab, a bar, or one or more blanks. If it does not begin with a number it is a header. A separator at the end of a line,
+/// behind the last column, begins no other. Columns called
 /// `{board}B{taxel}X`, `..Y`, `..Z`, with or without a leading `{finger}F` (docs/protocols.md, "uSkin on a hand"), are raw
 /// counts: taxels are numbered by finger, board and taxel, whatever the order of the columns. Columns called `J{n}`,
 /// `joint{n}` or `joint_{n}` are joint angles, radians, in the order of their numbers. A first column called `time` or `t`
@@ -72,6 +73,9 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
                 line,
                 format!("{} columns, more than {MAX_COLUMNS}", record.len()),
             ));
+        }
+        if ends_with_separator(&record) && meaning.columns.is_none_or(|columns| record.len() == columns + 1) {
+            record.truncate(record.len() - 1);
         }
         if std::mem::take(&mut is_first) && cell(&record[0]).is_ok_and(|c| c.parse::<f64>().is_err()) {
             meaning = LineColumns::of_header(&record, options).map_err(|reason| line_error(line, reason))?;
@@ -159,6 +163,12 @@ fn is_blank(record: &ByteRecord) -> bool {
         return true;
     };
     (record.len() == 1 && first.trim_ascii().is_empty()) || first.trim_ascii().starts_with(b"#")
+}
+
+/// Whether a line, of more than one cell, has nothing in its last one.
+fn ends_with_separator(record: &ByteRecord) -> bool {
+    let last = record.len() - 1;
+    last > 0 && record[last].trim_ascii().is_empty()
 }
 
 fn number(column: usize, bytes: &[u8]) -> Result<f64, String> {
@@ -274,6 +284,24 @@ mod tests {
             assert_eq!(recording.frames(), wanted.frames(), "{text:?}");
             assert_eq!(recording.t_ns(1), 10_000_000, "{text:?}");
         }
+    }
+
+    #[test]
+    fn a_separator_at_the_end_of_lines_is_no_column() {
+        let none = ReadOptions::default();
+        let wanted = read_text("t_ms,a,b\n0,1,2\n10,3,4\n", &none).unwrap();
+        for text in [
+            "t_ms,a,b,\n0,1,2,\n10,3,4,\n",
+            "t_ms;a;b\r\n0;1;2;\r\n10;3;4;\r\n",
+            "t_ms,a,b,\n0,1,2\n10,3,4, \n",
+            "t_ms\ta\tb\t\n0\t1\t2\t\n10\t3\t4\t\n",
+        ] {
+            let recording = read_text(text, &none).unwrap();
+            assert_eq!(recording.frames(), wanted.frames(), "{text:?}");
+            assert_eq!(recording.t_ns(1), 10_000_000, "{text:?}");
+        }
+        let plain = read_text("1,2,\n3,4,\n", &none).unwrap();
+        assert_eq!(plain.magnitudes(1).unwrap(), [3.0, 4.0]);
     }
 
     #[test]
