@@ -3,7 +3,7 @@
 use crate::csv_columns::{LineColumns, cell};
 use crate::error::RecordError;
 use crate::npy::MAX_NUMBERS;
-use crate::table::{Columns, ReadOptions, Table};
+use crate::table::{Columns, ReadOptions, Table, TimeUnit};
 use csv::{ByteRecord, ReaderBuilder, Terminator};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
@@ -91,11 +91,10 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
             return Err(line_error(line, reason));
         }
         if let Some((time, unit)) = meaning.time {
-            let time_ns = (row[time] * unit.nanoseconds()).round();
-            if !(0.0..1.8e19).contains(&time_ns) {
+            let Some(time_ns) = time_ns(&record[time], row[time], unit) else {
                 return Err(line_error(line, format!("{} is no time from 0 on", row[time])));
-            }
-            times_ns.push(time_ns as u64);
+            };
+            times_ns.push(time_ns);
         }
         let columns = meaning
             .resolve(expected)
@@ -182,10 +181,20 @@ fn number(column: usize, bytes: &[u8]) -> Result<f64, String> {
     })
 }
 
+/// The time of a cell that holds this number. Nanoseconds since 1970 are more than a number of 53 bits can hold.
+fn time_ns(bytes: &[u8], number: f64, unit: TimeUnit) -> Option<u64> {
+    let whole = cell(bytes).ok().and_then(|text| text.parse().ok());
+    if let Some(time_ns) = whole.filter(|_| unit == TimeUnit::Ns) {
+        return Some(time_ns);
+    }
+    let time_ns = (number * unit.nanoseconds()).round();
+    (0.0..1.8e19).contains(&time_ns).then_some(time_ns as u64)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Recording, TimeUnit};
+    use crate::Recording;
     use tempfile::TempDir;
 
     fn read_text(text: &str, options: &ReadOptions) -> Result<Recording, String> {

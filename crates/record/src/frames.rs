@@ -104,7 +104,7 @@ mod tests {
         assert_eq!(text.lines().nth(1), Some("5,1,2,65535,4,5,6,0.1,NaN,-1.5"));
         let read = Recording::open(&path, &ReadOptions::default()).unwrap();
         assert_eq!(read.counts(1).unwrap(), [[7, 2, 65_535], [4, 5, 6]]);
-        assert_eq!(read.t_ns(0), 5);
+        assert_eq!((read.t_ns(0), read.t_ns(1)), (5, 1_700_000_000_123_456_789));
         let joints = read.joints(1);
         assert!(joints.len() == 3 && joints[0] == 0.1 && joints[1].is_nan() && joints[2] == -1.5);
     }
