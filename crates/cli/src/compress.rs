@@ -51,7 +51,8 @@ pub(crate) struct Args {
     out: PathBuf,
     #[arg(long, value_name = "METHOD", value_parser = method_parser(), hide_possible_values = true, help = format!("How frames are compressed: {}; paper has the publication's conditioning too, unless told otherwise", methods()))]
     method: Option<Method>,
-    /// Writes the frames that the images are made of as .csv: time, x y z of each taxel, joint angles
+    /// Writes the frames that the images are made of as .csv: time, x y z of each taxel, joint angles; cells of a taxel
+    /// without a value are empty
     #[arg(long, value_name = "FILE")]
     frames: Option<PathBuf>,
     /// Writes the force levels of the whole recording here, to be kept constant as profile.codebook
@@ -128,6 +129,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         with_missing: 0,
         with_faulty: 0,
         of_counts: false,
+        has_gaps: matches!(&input, Input::Frames(recording) if recording.missing() > 0),
     };
     let mut display = Display::new(config.profile.clone(), None, &config.layout)?;
     args.offline.run(&input, &config, &mut |felt| {
@@ -155,6 +157,8 @@ struct Run {
     with_faulty: u64,
     /// Whether it holds what boards sent, and not magnitudes.
     of_counts: bool,
+    /// Whether the recording itself says that values are not there.
+    has_gaps: bool,
 }
 
 impl Run {
@@ -213,7 +217,10 @@ impl Run {
                 config.conditioning.calibration_ms
             );
         } else if with_missing > 0 {
-            let period_ms = config.sweep.board_period_ms.filter(|_| self.of_counts);
+            let period_ms = config
+                .sweep
+                .board_period_ms
+                .filter(|_| self.of_counts && !self.has_gaps);
             let hint = period_ms.map_or_else(String::new, |ms| {
                 format!("; sweep.board_period_ms says that boards send every {ms} ms: do they?")
             });

@@ -253,16 +253,16 @@ fn frames(args: &Args, input: &Input, take: &mut TakeFrame<'_>) -> anyhow::Resul
 
 fn copy_frames(recording: &Recording, layout: &Layout, take: &mut TakeFrame<'_>) -> anyhow::Result<()> {
     let progress = Progress::new(recording.len() as u64, "frames");
-    let mut frame = TactileFrame {
-        freshness: vec![Freshness::Fresh; recording.taxels()],
-        ..TactileFrame::default()
-    };
+    let mut frame = TactileFrame::new(recording.taxels());
     for index in 0..recording.len() {
         frame.t_ns = recording.t_ns(index);
-        frame.counts.clear();
-        frame
-            .counts
-            .extend_from_slice(recording.counts(index).unwrap_or_default());
+        for (taxel, counts) in recording.counts(index).unwrap_or_default().iter().enumerate() {
+            frame.counts[taxel] = counts.unwrap_or_default();
+            frame.freshness[taxel] = match counts {
+                Some(_) => Freshness::Fresh,
+                None => Freshness::Missing,
+            };
+        }
         frame.joints.clear();
         frame.joints.extend_from_slice(recording.joints(index));
         take(layout, &frame)?;
@@ -331,8 +331,7 @@ impl FrameOutput {
     }
 
     fn put(&mut self, layout: &Layout, frame: &TactileFrame) -> anyhow::Result<()> {
-        let is_missing = |freshness: &Freshness| *freshness == Freshness::Missing;
-        if frame.freshness.iter().all(is_missing) {
+        if !frame.freshness.contains(&Freshness::Fresh) {
             return Ok(());
         }
         match self {
@@ -350,7 +349,7 @@ impl FrameOutput {
                 table.push(frame)?;
             }
             Self::Arrays(_, arrays) => {
-                arrays.push(frame.t_ns, &frame.counts, &frame.joints);
+                arrays.push(frame);
             }
         }
         Ok(())

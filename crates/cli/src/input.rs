@@ -16,8 +16,9 @@ pub(crate) const DEFAULT_LAYOUT: &str = "allegro-uskin-15";
 /// A recording, and what to say about it where the file does not.
 #[derive(Debug, Clone, clap::Args)]
 pub(crate) struct InputArgs {
-    /// The recording: candump .log; .mcap as `taxel record` writes it; .csv, .npy, .npz of T x H x W or T x N magnitudes or T x N x 3 counts; or a
-    /// scene, sim:SCENE; - for a recording on stdin
+    /// The recording: candump .log; .mcap as `taxel record` writes it; .csv, .npy, .npz of T x H x W or T x N magnitudes, or
+    /// T x N x 3 counts (a taxel without a value: not a number, in a .csv empty cells); or a scene,
+    /// sim:SCENE; - for a recording on stdin
     #[arg(value_name = "INPUT", value_parser = recording_parser())]
     pub(crate) path: PathBuf,
     /// Which array of an .npz

@@ -76,7 +76,10 @@ impl<'a> ArrayFrames<'a> {
     fn messages(&self, index: usize) -> impl Iterator<Item = (u8, Received)> + '_ {
         let t_ns = self.begins_ns[index];
         let counts: Vec<u16> = match self.recording.counts(index) {
-            Some(counts) => counts.iter().map(|[_, _, z]| *z).collect(),
+            Some(counts) => counts
+                .iter()
+                .map(|counts| counts.map_or(0, |[_, _, z]| z))
+                .collect(),
             None => {
                 let magnitudes = self.recording.magnitudes(index).unwrap_or_default();
                 magnitudes.iter().map(|value| *value as u16).collect()

@@ -130,23 +130,18 @@ impl<'a> Sweeps<'a> {
             .saturating_sub(1)
     }
 
-    /// The frames of one sweep.
+    /// The frames of one sweep; none of a taxel that had no value.
     pub fn sweep(&self, index: usize) -> impl Iterator<Item = (u8, Received)> + '_ {
         let counts = self.recording.counts(index).unwrap_or_default();
         let begin_ns = self.begins_ns[index];
         let spacing_ns = self.spacing_ns(index);
         let mut sent = vec![0u64; self.layout.buses.len()];
-        self.order.iter().map(move |&(bus, taxel, recorded)| {
+        self.order.iter().filter_map(move |&(bus, taxel, recorded)| {
             let place = &mut sent[usize::from(bus)];
             let t_ns = begin_ns + *place * spacing_ns;
             *place += 1;
-            (
-                bus,
-                Received {
-                    t_ns,
-                    frame: self.frame(taxel, counts[recorded]),
-                },
-            )
+            let frame = self.frame(taxel, counts[recorded]?);
+            Some((bus, Received { t_ns, frame }))
         })
     }
 
@@ -240,7 +235,7 @@ mod tests {
             }
         }
         for (taxel, counts) in decoded.into_iter().enumerate() {
-            assert_eq!(counts, Some(recording.counts(1).unwrap()[taxel]), "taxel {taxel}");
+            assert_eq!(counts, recording.counts(1).unwrap()[taxel], "taxel {taxel}");
         }
     }
 

@@ -19,8 +19,8 @@ const MAX_COLUMNS: usize = 200_000;
 /// Reads a csv file: one frame a line, the numbers separated by commas, semicolons, tabs, bars or blanks, quoted or not.
 ///
 /// The first line that is neither empty nor begins with `#` shows what separates: a semicolon if it has one, else a comma,
-/// a tab, a bar, or one or more blanks. If it does not begin with a number it is a header. A separator at the end of a line,
-/// behind the last column, begins no other. Columns called
+/// a tab, a bar, or one or more blanks. If its first cell that is not empty is no number, it is a header. An empty cell is a
+/// value that is not there, but for one that a separator at the end of a line leaves behind the last column. Columns called
 /// `{board}B{taxel}X`, `..Y`, `..Z`, with or without a leading `{finger}F` (docs/protocols.md, "uSkin on a hand"), are raw
 /// counts: taxels are numbered by finger, board and taxel, whatever the order of the columns. Columns called `J{n}`,
 /// `joint{n}` or `joint_{n}` are joint angles, radians, in the order of their numbers. A first column called `time` or `t`
@@ -77,7 +77,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
         if ends_with_separator(&record) && meaning.columns.is_none_or(|columns| record.len() == columns + 1) {
             record.truncate(record.len() - 1);
         }
-        if std::mem::take(&mut is_first) && cell(&record[0]).is_ok_and(|c| c.parse::<f64>().is_err()) {
+        if std::mem::take(&mut is_first) && is_header(&record) {
             meaning = LineColumns::of_header(&record, options).map_err(|reason| line_error(line, reason))?;
             continue;
         }
@@ -118,6 +118,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
         joints: (!joints.is_empty()).then_some(joints),
         columns: meaning.are_counts().then_some(Columns::XyzInterleaved),
         void: None,
+        without_value: None,
         unitless_time: meaning.unitless,
     })
 }
@@ -170,8 +171,18 @@ fn ends_with_separator(record: &ByteRecord) -> bool {
     last > 0 && record[last].trim_ascii().is_empty()
 }
 
+fn is_header(record: &ByteRecord) -> bool {
+    let mut cells = record.iter().map(cell);
+    let first = cells.find(|cell| *cell != Ok(""));
+    first.is_some_and(|cell| cell.is_ok_and(|cell| cell.parse::<f64>().is_err()))
+}
+
+/// The number of a cell; not a number where it is empty.
 fn number(column: usize, bytes: &[u8]) -> Result<f64, String> {
     let text = cell(bytes)?;
+    if text.is_empty() {
+        return Ok(f64::NAN);
+    }
     text.parse().map_err(|_| {
         let advice = match text.contains(',') {
             true => "; decimals are written with a point",
@@ -194,7 +205,7 @@ fn time_ns(bytes: &[u8], number: f64, unit: TimeUnit) -> Option<u64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Recording;
+    use crate::{Recording, Void};
     use tempfile::TempDir;
 
     fn read_text(text: &str, options: &ReadOptions) -> Result<Recording, String> {
@@ -216,7 +227,7 @@ mod tests {
         let text =
             "\u{feff}time_ms,0B1X,0B1Y,0B1Z,0B0Z,0B0Y,0B0X\r\n0,1,2,3,4,5,6\r\n10.5,7,8,9,10,11,12\r\n";
         let recording = read_text(text, &ReadOptions::default()).unwrap();
-        assert_eq!(recording.counts(0).unwrap(), [[6, 5, 4], [1, 2, 3]]);
+        assert_eq!(recording.counts(0).unwrap(), [[6, 5, 4], [1, 2, 3]].map(Some));
         assert_eq!(recording.t_ns(1), 10_500_000);
     }
 
@@ -239,7 +250,11 @@ mod tests {
             ),
         ] {
             let recording = read_text(text, options).unwrap();
-            assert_eq!(recording.counts(0).unwrap(), [[1, 2, 3], [4, 5, 6]], "{text:?}");
+            assert_eq!(
+                recording.counts(0).unwrap(),
+                [[1, 2, 3], [4, 5, 6]].map(Some),
+                "{text:?}"
+            );
             assert_eq!(recording.joints(0), [0.5, -1.0], "{text:?}");
             assert!(recording.joints(1).is_empty());
         }
@@ -262,7 +277,7 @@ mod tests {
     fn boards_of_different_fingers_are_different_taxels() {
         let names = "1F0B0X,1F0B0Y,1F0B0Z,0F1B0X,0F1B0Y,0F1B0Z\n1,2,3,4,5,6\n";
         let recording = read_text(names, &ReadOptions::default()).unwrap();
-        assert_eq!(recording.counts(0).unwrap(), [[4, 5, 6], [1, 2, 3]]);
+        assert_eq!(recording.counts(0).unwrap(), [[4, 5, 6], [1, 2, 3]].map(Some));
     }
 
     #[test]
@@ -273,7 +288,7 @@ mod tests {
             ..Default::default()
         };
         let recording = read_text("clock,a,b,c,d,e,f\n1.5,0,1,2,3,4,5\n", &options).unwrap();
-        assert_eq!(recording.counts(0).unwrap(), [[0, 2, 4], [1, 3, 5]]);
+        assert_eq!(recording.counts(0).unwrap(), [[0, 2, 4], [1, 3, 5]].map(Some));
         assert_eq!(recording.t_ns(0), 1_500_000_000);
         let recording = read_text("1.5,0,1,2,3,4,5\n", &options).unwrap();
         assert_eq!(recording.taxels(), 2);
@@ -292,6 +307,44 @@ mod tests {
             let recording = read_text(text, &none).unwrap();
             assert_eq!(recording.frames(), wanted.frames(), "{text:?}");
             assert_eq!(recording.t_ns(1), 10_000_000, "{text:?}");
+        }
+    }
+
+    #[test]
+    fn an_empty_cell_is_a_value_that_is_not_there() {
+        let none = ReadOptions::default();
+        let counts = ReadOptions {
+            columns: Some(Columns::XyzInterleaved),
+            joint_columns: 1,
+            ..Default::default()
+        };
+        for (text, options) in [
+            (
+                "0B0X,0B0Y,0B0Z,0B1X,0B1Y,0B1Z,J0\n,,,4,5,6,0.5\n1,2,3,,nan,\"\",\n",
+                &none,
+            ),
+            (",,,4,5,6,0.5\n1,2,3,, , ,\n", &counts),
+        ] {
+            let recording = read_text(text, options).unwrap();
+            assert_eq!(recording.counts(0).unwrap(), [None, Some([4, 5, 6])], "{text:?}");
+            assert_eq!(recording.counts(1).unwrap(), [Some([1, 2, 3]), None], "{text:?}");
+            assert_eq!(recording.joints(0), [0.5]);
+            assert!(recording.joints(1)[0].is_nan());
+        }
+        let void = ReadOptions {
+            void: Some(Void::Nan),
+            ..Default::default()
+        };
+        let magnitudes = read_text("1,,3\n4,,\n", &void).unwrap();
+        assert_eq!((magnitudes.taxels(), magnitudes.missing()), (2, 1));
+        for (text, options, wanted) in [
+            ("1,,3,4,5,6,0.5\n", &counts, "frame 0, value 1 is NaN"),
+            ("1,2\n3,\n", &none, "frame 1, taxel 1 is NaN"),
+            ("t,a\n,2\n", &none, ":2: NaN is no time"),
+            ("1,2\n3,4,5,\n", &none, ":2: 4 columns"),
+        ] {
+            let message = read_text(text, options).unwrap_err();
+            assert!(message.contains(wanted), "{text:?}: {message}");
         }
     }
 

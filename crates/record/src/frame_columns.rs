@@ -1,6 +1,8 @@
 //! Tactile frames as `.parquet`: a column for each axis of each taxel.
 
 use crate::error::RecordError;
+use crate::frames::counts_of;
+use crate::recording::TaxelCounts;
 use parquet::basic::{Compression, LogicalType, Repetition, Type as Physical};
 use parquet::column::writer::ColumnWriter;
 use parquet::errors::Result;
@@ -19,13 +21,13 @@ const GATHERED: usize = if cfg!(test) { 12_000 } else { 8 << 20 };
 /// A Parquet file of tactile frames, written some thousand frames at a time.
 ///
 /// Its columns are called as those of [`crate::FrameTable`]: `t_ns` (64 bits, signed as everybody reads it), then x, y and
-/// z of each taxel (16 bits, unsigned), then the joint angles (f32, radians, not a number where unknown).
+/// z of each taxel (16 bits, unsigned, null where it has no value of the frame's time), then the joint angles (f32, radians, not a number where unknown).
 pub struct FrameColumns {
     path: PathBuf,
     taxels: Vec<(u16, u16)>,
     writer: Option<SerializedFileWriter<File>>,
     t_ns: Vec<i64>,
-    counts: Vec<u16>,
+    counts: Vec<TaxelCounts>,
     joints: Vec<f32>,
     joint_count: usize,
 }
@@ -44,7 +46,7 @@ impl FrameColumns {
         }
     }
 
-    /// Adds a frame. A taxel without a value is 0, 0, 0; of the joints there are as many as in the first frame.
+    /// Adds a frame; of the joints there are as many as in the first one.
     pub fn push(&mut self, frame: &TactileFrame) -> std::result::Result<(), RecordError> {
         if self.writer.is_none() {
             self.joint_count = frame.joints.len();
@@ -53,11 +55,11 @@ impl FrameColumns {
             self.writer = Some(self.told(writer)?);
         }
         self.t_ns.push(frame.t_ns as i64);
-        let counts = frame.counts.iter().copied().chain(std::iter::repeat([0; 3]));
-        self.counts.extend(counts.take(self.taxels.len()).flatten());
+        let counts = counts_of(frame).chain(std::iter::repeat(None));
+        self.counts.extend(counts.take(self.taxels.len()));
         let joints = frame.joints.iter().copied().chain(std::iter::repeat(f32::NAN));
         self.joints.extend(joints.take(self.joint_count));
-        match self.counts.len() < GATHERED {
+        match 3 * self.counts.len() < GATHERED {
             true => Ok(()),
             false => self.write_gathered(),
         }
@@ -73,8 +75,12 @@ impl FrameColumns {
     }
 
     fn schema(&self) -> TypePtr {
-        let column = |name: String, physical, logical| {
-            let column = Type::primitive_type_builder(&name, physical).with_repetition(Repetition::REQUIRED);
+        let column = |name: String, physical, logical: Option<LogicalType>| {
+            let may_be_null = match logical {
+                Some(_) => Repetition::OPTIONAL,
+                None => Repetition::REQUIRED,
+            };
+            let column = Type::primitive_type_builder(&name, physical).with_repetition(may_be_null);
             Arc::new(
                 column
                     .with_logical_type(logical)
@@ -111,16 +117,20 @@ impl FrameColumns {
             return Ok(());
         }
         let mut group = writer.next_row_group()?;
-        let (axes, joints) = (3 * self.taxels.len(), self.joint_count);
-        let (mut number, mut integers, mut angles) = (0, Vec::new(), Vec::new());
+        let (taxels, joints) = (self.taxels.len(), self.joint_count);
+        let axes = 3 * taxels;
+        let (mut number, mut integers, mut is_there, mut angles) = (0, Vec::new(), Vec::new(), Vec::new());
         while let Some(mut column) = group.next_column()? {
             match column.untyped() {
                 ColumnWriter::Int64ColumnWriter(times) => times.write_batch(&self.t_ns, None, None)?,
                 ColumnWriter::Int32ColumnWriter(counts) => {
+                    let (taxel, axis) = ((number - 1) / 3, (number - 1) % 3);
+                    let of_taxel = || self.counts.iter().skip(taxel).step_by(taxels);
                     integers.clear();
-                    let axis = self.counts.iter().skip(number - 1).step_by(axes);
-                    integers.extend(axis.map(|count| i32::from(*count)));
-                    counts.write_batch(&integers, None, None)?
+                    integers.extend(of_taxel().flatten().map(|counts| i32::from(counts[axis])));
+                    is_there.clear();
+                    is_there.extend(of_taxel().map(|counts| i16::from(counts.is_some())));
+                    counts.write_batch(&integers, Some(&is_there), None)?
                 }
                 ColumnWriter::FloatColumnWriter(column) => {
                     angles.clear();
@@ -172,6 +182,7 @@ mod tests {
             frame.counts[1] = [4, 5, 6];
             if n == 97 {
                 frame.joints.clear(); // A joint reader that went away.
+                frame.freshness[2] = Freshness::Missing;
             }
             columns.push(&frame).unwrap();
         }
@@ -189,6 +200,9 @@ mod tests {
             assert_eq!(row.get_long(0).unwrap(), 1_700_000_000_000_000_000 + n as i64);
             let counts = [1, 2, 3, 6, 60].map(|column| row.get_ushort(column).unwrap());
             assert_eq!(counts, [n as u16, 2, 65_535, 6, 65_535]);
+            let of_third = [7, 8, 9].map(|column| row.get_ushort(column).ok());
+            let measured = [n as u16, 2, 65_535].map(|count| Some(count).filter(|_| n != 97));
+            assert_eq!(of_third, measured);
             let angle = row.get_float(61).unwrap();
             assert!(if n == 97 {
                 angle.is_nan()

@@ -1,6 +1,7 @@
 //! Tactile frames as `.csv`: one reading of the whole hand a line, and the joint angles of the same instant.
 
 use crate::error::RecordError;
+use crate::recording::TaxelCounts;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -29,14 +30,11 @@ impl FrameTable {
         })
     }
 
-    /// Writes a frame. A taxel without a value is `0,0,0`, as one whose chip does not answer, a joint angle that is not known
-    /// is `NaN`; a frame in which no taxel has a value is left out.
+    /// Writes a frame. Of a taxel without a value of its time, which is one that is not [`Freshness::Fresh`], the three cells
+    /// are empty: a chip that does not answer reads 0, 0, 0. A joint angle that is not known is `NaN`. A frame in which no
+    /// taxel has a value is left out.
     pub fn push(&mut self, frame: &TactileFrame) -> Result<(), RecordError> {
-        if frame
-            .freshness
-            .iter()
-            .all(|freshness| *freshness == Freshness::Missing)
-        {
+        if counts_of(frame).all(|counts| counts.is_none()) {
             return Ok(());
         }
         self.write(frame).map_err(RecordError::io(&self.path))
@@ -60,11 +58,17 @@ impl FrameTable {
                 *joints.insert(frame.joints.len())
             }
         };
-        let (mut digits, counts) = (itoa::Buffer::new(), frame.counts.iter().take(taxels.len()));
+        let mut digits = itoa::Buffer::new();
         file.write_all(digits.format(frame.t_ns).as_bytes())?;
-        for count in counts.flatten() {
-            file.write_all(b",")?;
-            file.write_all(digits.format(*count).as_bytes())?;
+        for counts in counts_of(frame).take(taxels.len()) {
+            let Some(counts) = counts else {
+                file.write_all(b",,,")?;
+                continue;
+            };
+            for count in counts {
+                file.write_all(b",")?;
+                file.write_all(digits.format(count).as_bytes())?;
+            }
         }
         for joint in 0..count {
             write!(file, ",{}", frame.joints.get(joint).copied().unwrap_or(f32::NAN))?;
@@ -76,6 +80,12 @@ impl FrameTable {
     pub fn finish(mut self) -> Result<(), RecordError> {
         self.file.flush().map_err(RecordError::io(&self.path))
     }
+}
+
+/// What each taxel of a frame measured at its time.
+pub(crate) fn counts_of(frame: &TactileFrame) -> impl Iterator<Item = TaxelCounts> {
+    let taxels = frame.counts.iter().zip(&frame.freshness);
+    taxels.map(|(counts, freshness)| Some(*counts).filter(|_| *freshness == Freshness::Fresh))
 }
 
 #[cfg(test)]
@@ -99,11 +109,22 @@ mod tests {
         table.push(&TactileFrame::new(2)).unwrap();
         table.push(&frame(5, 1)).unwrap();
         table.push(&frame(1_700_000_000_123_456_789, 7)).unwrap();
+        for without_value in [Freshness::Missing, Freshness::Stale] {
+            let mut frame = frame(1_700_000_000_123_456_790, 0);
+            frame.freshness[1] = without_value;
+            table.push(&frame).unwrap();
+        }
         table.finish().unwrap();
         let text = std::fs::read_to_string(&path).unwrap();
         assert_eq!(text.lines().nth(1), Some("5,1,2,65535,4,5,6,0.1,NaN,-1.5"));
         let read = Recording::open(&path, &ReadOptions::default()).unwrap();
-        assert_eq!(read.counts(1).unwrap(), [[7, 2, 65_535], [4, 5, 6]]);
+        assert_eq!(read.counts(1).unwrap(), [[7, 2, 65_535], [4, 5, 6]].map(Some));
+        for index in [2, 3] {
+            let cells = text.lines().nth(1 + index).unwrap();
+            assert_eq!(cells, "1700000000123456790,0,2,65535,,,,0.1,NaN,-1.5");
+            assert_eq!(read.counts(index).unwrap(), [Some([0, 2, 65_535]), None]);
+        }
+        assert_eq!((read.len(), read.missing()), (4, 2));
         assert_eq!((read.t_ns(0), read.t_ns(1)), (5, 1_700_000_000_123_456_789));
         let joints = read.joints(1);
         assert!(joints.len() == 3 && joints[0] == 0.1 && joints[1].is_nan() && joints[2] == -1.5);

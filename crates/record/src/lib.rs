@@ -1,8 +1,8 @@
 //! Tactile recordings in and out.
 //!
 //! A [`Recording`] is a sequence of tactile frames read from `.npy`, `.npz` or `.csv`: either
-//! magnitudes, one number per taxel, or raw counts, three per taxel. What a file means is decided
-//! by its shape and by options, never guessed. A candump `.log` is not a sequence of frames but of
+//! magnitudes, one number per taxel, or raw counts, three per taxel; a taxel without a value at a time is not a number there,
+//! and an empty cell of a `.csv`. What a file means is decided by its shape and by options, never guessed. A candump `.log` is not a sequence of frames but of
 //! bus traffic: `taxel_can` reads it.
 //!
 //! [`Labelled`] is frames with the classes they are of; [`NumberArray`] any array, for files that are no recordings, and
@@ -41,5 +41,5 @@ pub use images::ImageStack;
 pub use labelled::Labelled;
 pub use npz_writer::{NpzWriter, Number, write_npy};
 pub use number_array::NumberArray;
-pub use recording::{Frames, Recording};
+pub use recording::{Frames, Recording, TaxelCounts};
 pub use table::{Columns, DEFAULT_RATE_HZ, ReadOptions, TimeUnit, Void};

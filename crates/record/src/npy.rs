@@ -30,6 +30,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
         columns: None,
         unitless_time: None,
         void: None,
+        without_value: None,
     })
 }
 

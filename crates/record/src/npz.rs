@@ -12,7 +12,12 @@ use std::path::Path;
 const TIMES: &str = "t_ns";
 /// The array that gives the joint angles of each frame, radians.
 const JOINTS: &str = "joints";
-/// Reads the named array of an npz file, or its only one, and the times that belong to it.
+/// The array that is not zero where a taxel had no value of the time of a frame.
+pub(crate) const WITHOUT_VALUE: &str = "without_value";
+/// Arrays that say something of each frame of another one.
+const OF_FRAMES: [&str; 3] = [TIMES, JOINTS, WITHOUT_VALUE];
+
+/// Reads the named array of an npz file, or its only one, and what belongs to its frames.
 pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordError> {
     let mut npz = Npz::open(path)?;
     let mask = match &options.void {
@@ -24,8 +29,10 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
         .iter()
         .filter(|n| *n != TIMES && Some(*n) != mask)
         .collect();
-    let but_joints: Vec<&String> = frames.iter().copied().filter(|n| *n != JOINTS).collect();
-    let frames = if but_joints.is_empty() { frames } else { but_joints };
+    let alone: Vec<&String> = (frames.iter().copied())
+        .filter(|n| !OF_FRAMES.contains(&n.as_str()))
+        .collect();
+    let frames = if alone.is_empty() { frames } else { alone };
     let name = match (options.array.as_deref(), frames.as_slice()) {
         (Some(name), _) if npz.names.iter().any(|n| n == name) => name.to_owned(),
         (Some(name), _) => {
@@ -50,11 +57,18 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
     let meaning = Meaning::of(&at, &shape, None, options)?;
     let values = array.numbers()?;
     let times_ns = match name != TIMES && npz.has(TIMES) && options.rate_hz.is_none() {
-        true if npz.belongs(TIMES, &name, &shape)? => Some(npz.array(TIMES)?.times()?),
+        true if npz.belongs(TIMES, &name, &shape, meaning)? => Some(npz.array(TIMES)?.times()?),
         _ => None,
     };
     let joints = match name != JOINTS && npz.has(JOINTS) {
-        true if npz.belongs(JOINTS, &name, &shape)? => Some(npz.array(JOINTS)?.numbers()?),
+        true if npz.belongs(JOINTS, &name, &shape, meaning)? => Some(npz.array(JOINTS)?.numbers()?),
+        _ => None,
+    };
+    let without_value = match name != WITHOUT_VALUE && npz.has(WITHOUT_VALUE) {
+        true if npz.belongs(WITHOUT_VALUE, &name, &shape, meaning)? => {
+            let cells = npz.array(WITHOUT_VALUE)?.numbers()?;
+            Some(cells.into_iter().map(|cell| cell != 0.0).collect())
+        }
         _ => None,
     };
     let void = mask
@@ -69,6 +83,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
         columns: None,
         unitless_time: None,
         void,
+        without_value,
     })
 }
 
@@ -118,22 +133,33 @@ impl<'a> Npz<'a> {
 
     /// Whether what an array says of each frame is said of those of the array `name`, which has this shape. What is of another
     /// length may be of another array, where the file has one of that length.
-    fn belongs(&mut self, each: &str, name: &str, shape: &[usize]) -> Result<bool, RecordError> {
+    fn belongs(
+        &mut self,
+        each: &str,
+        name: &str,
+        shape: &[usize],
+        meaning: Meaning,
+    ) -> Result<bool, RecordError> {
         let array = self.array(each)?;
         let (at, found) = (array.at.clone(), array.shape().to_vec());
         drop(array);
-        let axes = if each == TIMES { 1 } else { 2 };
-        if found.len() == axes && found[0] == shape[0] {
+        let fits = match each {
+            TIMES => found == [shape[0]],
+            WITHOUT_VALUE => found == [shape[0], meaning.taxels],
+            _ => found.len() == 2 && found[0] == shape[0],
+        };
+        if fits {
             return Ok(true);
         }
         for other in self.names.clone() {
-            let is_frames = ![each, name, TIMES, JOINTS].contains(&other.as_str());
+            let is_frames = other != name && !OF_FRAMES.contains(&other.as_str());
             if is_frames && !found.is_empty() && self.array(&other)?.shape().first() == found.first() {
                 return Ok(false);
             }
         }
         let (wanted, advice) = match each {
             TIMES => (format!("{}", shape[0]), "; --rate HZ ignores the times"),
+            WITHOUT_VALUE => (format!("{} x {}", shape[0], meaning.taxels), ""),
             _ => (format!("{} x joints", shape[0]), ""),
         };
         let expected = format!("{wanted}, since {name} has {} frames{advice}", shape[0]);
@@ -377,5 +403,31 @@ mod tests {
         writer.finish().unwrap();
         let message = open(&path).unwrap_err().to_string();
         assert!(message.contains("no array but t_ns"), "{message}");
+    }
+
+    #[test]
+    fn an_array_says_where_taxels_have_no_value() {
+        let dir = TempDir::new().unwrap();
+        let path = dir.path().join("a.npz");
+        let read = |frames: &Array3<u16>, without: Array2<bool>| {
+            let mut writer = NpzWriter::new(File::create(&path).unwrap());
+            writer.add_array("frames", frames).unwrap();
+            writer.add_array("without_value", &without).unwrap();
+            writer.finish().unwrap();
+            open(&path).map_err(|e| e.to_string())
+        };
+        let without = |taxels| Array2::from_shape_fn((2, taxels), |place| place == (1, 2));
+        let counts = Array3::from_elem((2, 4, 3), 7);
+        let recording = read(&counts, without(4)).unwrap();
+        assert_eq!(recording.counts(0).unwrap(), [Some([7; 3]); 4]);
+        let wanted = [Some([7; 3]), Some([7; 3]), None, Some([7; 3])];
+        assert_eq!(recording.counts(1).unwrap(), wanted);
+        for (frames, taxels, wanted) in [
+            (counts, 5, "[without_value] has shape 2 x 5; expected 2 x 4"),
+            (Array3::from_elem((2, 2, 2), 7), 4, "frame 1, taxel 2 is NaN"),
+        ] {
+            let message = read(&frames, without(taxels)).unwrap_err();
+            assert!(message.contains(wanted), "{message}");
+        }
     }
 }

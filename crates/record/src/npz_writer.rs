@@ -29,6 +29,14 @@ macro_rules! number {
     )*};
 }
 
+impl Number for bool {
+    const DESCRIPTOR: &str = "|b1";
+
+    fn write(self, out: &mut impl Write) -> io::Result<()> {
+        u8::from(self).write(out)
+    }
+}
+
 number!(u8 "|u1", u16 "<u2", u64 "<u8", f32 "<f4", f64 "<f8");
 
 /// Writes an `.npy`: numbers in the order of their indices, the last of which moves fastest.

@@ -5,13 +5,16 @@ use crate::idle;
 use crate::meaning::Meaning;
 use crate::table::{Columns, DEFAULT_RATE_HZ, ReadOptions, Table, Void};
 
+/// Raw counts x, y, z of a taxel; none where it had no value of that time.
+pub type TaxelCounts = Option<[u16; 3]>;
+
 /// The values of a recording, frame after frame.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Frames {
     /// One number per taxel, in the recording's own unit; finite, or not a number where the taxel is missing.
     Magnitudes(Vec<f64>),
-    /// Raw counts x, y, z per taxel.
-    Counts(Vec<[u16; 3]>),
+    /// Raw counts per taxel.
+    Counts(Vec<TaxelCounts>),
 }
 
 /// A sequence of tactile frames of equal size. Frames are numbered from 0, taxels `0..N` in the file's order.
@@ -36,11 +39,12 @@ impl Recording {
         let Table {
             at,
             shape,
-            values,
+            mut values,
             times_ns,
             joints,
             columns,
             void,
+            without_value,
             unitless_time,
         } = table;
         let Meaning {
@@ -48,16 +52,20 @@ impl Recording {
             image,
             counts,
         } = Meaning::of(&at, &shape, columns, options)?;
+        let without_value = without_value.unwrap_or_default();
+        let without_value = without_value.iter().enumerate().filter(|(_, without)| **without);
         let (frames, cells) = match counts {
             Some(_) if options.idle_frames.is_some() => {
                 let holds = "holds counts, whose baseline is measured; --idle is for magnitudes";
                 return Err(RecordError::unfit(at, holds));
             }
-            Some(columns) => (
-                Frames::Counts(counts_of_columns(&at, taxels, columns, &values)?),
-                None,
-            ),
+            Some(columns) => {
+                let mut counts = counts_of_columns(&at, taxels, columns, &values)?;
+                without_value.for_each(|(cell, _)| counts[cell] = None);
+                (Frames::Counts(counts), None)
+            }
             None => {
+                without_value.for_each(|(cell, _)| values[cell] = f64::NAN);
                 let void = match options.void {
                     Some(Void::Nan) => Some(never_a_number(taxels, &values)),
                     _ => void,
@@ -115,7 +123,7 @@ impl Recording {
     pub fn of_counts(
         name: String,
         taxels: usize,
-        counts: Vec<[u16; 3]>,
+        counts: Vec<TaxelCounts>,
         times_ns: Vec<u64>,
         joints: Vec<f32>,
     ) -> Result<Self, RecordError> {
@@ -218,6 +226,14 @@ impl Recording {
         joints.get(index * each..(index + 1) * each).unwrap_or_default()
     }
 
+    /// How many values of a taxel at a time are not there.
+    pub fn missing(&self) -> usize {
+        match &self.frames {
+            Frames::Magnitudes(values) => values.iter().filter(|value| value.is_nan()).count(),
+            Frames::Counts(values) => values.iter().filter(|counts| counts.is_none()).count(),
+        }
+    }
+
     /// The usual time from one frame to the next, nanoseconds: the median of the recorded ones, or
     /// of the rate.
     pub fn period_ns(&self) -> u64 {
@@ -237,8 +253,8 @@ impl Recording {
         }
     }
 
-    /// The counts of frame `index`, x y z per taxel; `None` for a recording of magnitudes or past the end.
-    pub fn counts(&self, index: usize) -> Option<&[[u16; 3]]> {
+    /// The counts of frame `index`, per taxel; `None` for a recording of magnitudes or past the end.
+    pub fn counts(&self, index: usize) -> Option<&[TaxelCounts]> {
         match &self.frames {
             Frames::Counts(values) => values.chunks_exact(self.taxels).nth(index),
             Frames::Magnitudes(_) => None,
@@ -309,29 +325,40 @@ fn counts_of_columns(
     taxels: usize,
     columns: Columns,
     values: &[f64],
-) -> Result<Vec<[u16; 3]>, RecordError> {
+) -> Result<Vec<TaxelCounts>, RecordError> {
     let mut counts = Vec::with_capacity(values.len() / 3);
     for (frame, row) in values.chunks_exact(taxels * 3).enumerate() {
         for taxel in 0..taxels {
+            let places = [0, 1, 2].map(|axis| match columns {
+                Columns::XyzInterleaved => taxel * 3 + axis,
+                Columns::XyzBlocks => axis * taxels + taxel,
+            });
+            if places.iter().all(|column| row[*column].is_nan()) {
+                counts.push(None);
+                continue;
+            }
             let mut xyz = [0; 3];
-            for (axis, count) in xyz.iter_mut().enumerate() {
-                let column = match columns {
-                    Columns::XyzInterleaved => taxel * 3 + axis,
-                    Columns::XyzBlocks => axis * taxels + taxel,
-                };
+            for (count, column) in xyz.iter_mut().zip(places) {
                 *count = count_of(row[column]).ok_or_else(|| {
-                    let value = row[column];
-                    let reason = format!(
-                        "frame {frame}, value {column} is {value}; a raw count is a whole number from 0 to 65535. \
-                         Magnitudes of {taxels} x 3 cells are told by --layout grid:{taxels}x3"
-                    );
-                    RecordError::unreadable(at, reason)
+                    RecordError::unreadable(at, no_count(frame, taxels, column, row[column]))
                 })?;
             }
-            counts.push(xyz);
+            counts.push(Some(xyz));
         }
     }
     Ok(counts)
+}
+
+/// Why a value cannot be a count.
+fn no_count(frame: usize, taxels: usize, column: usize, value: f64) -> String {
+    let because = match value.is_nan() {
+        true => "; a taxel without a value has none on all three axes",
+        false => "",
+    };
+    format!(
+        "frame {frame}, value {column} is {value}; a raw count is a whole number from 0 to 65535{because}. Magnitudes of \
+         {taxels} x 3 cells are told by --layout grid:{taxels}x3"
+    )
 }
 
 fn count_of(value: f64) -> Option<u16> {

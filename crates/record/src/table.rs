@@ -72,6 +72,8 @@ pub(crate) struct Table {
     pub(crate) unitless_time: Option<String>,
     /// Which cells of a frame are no taxels, where the file says so.
     pub(crate) void: Option<Vec<bool>>,
+    /// Which cells of every frame have no value, where the file says so besides.
+    pub(crate) without_value: Option<Vec<bool>>,
 }
 
 impl FromStr for Columns {

@@ -2,7 +2,7 @@
 
 use crate::cdr::{CdrReader, CdrWriter, Cells};
 use crate::standard::freshness_number;
-use taxel_hand::{Actuator, TactileImage};
+use taxel_hand::{Actuator, Freshness, TactileImage};
 use taxel_wire::{Flags, Header, ImageView, RawView};
 
 /// A tactile frame from taxeld's RAW message.
@@ -80,18 +80,18 @@ impl<'a> RecordedFrame<'a> {
         })
     }
 
-    /// Counts x, y, z of each taxel; zeros where there never was a value.
-    pub fn counts(&self) -> impl ExactSizeIterator<Item = [u16; 3]> + use<'a> {
-        self.counts
-            .as_chunks::<3>()
-            .0
-            .iter()
-            .map(|xyz| xyz.map(u16::from_le_bytes))
+    /// Counts x, y, z of each taxel; none where it had no value of the frame's time.
+    pub fn counts(&self) -> impl ExactSizeIterator<Item = Option<[u16; 3]>> + use<'a> {
+        let counts = self.counts.as_chunks::<3>().0.iter();
+        counts.zip(self.freshness).map(|(xyz, freshness)| {
+            let is_fresh = *freshness == freshness_number(Freshness::Fresh);
+            is_fresh.then(|| xyz.map(u16::from_le_bytes))
+        })
     }
 
-    /// Whether any taxel has a value.
+    /// Whether any taxel has a value of the frame's time.
     pub fn has_values(&self) -> bool {
-        self.freshness.iter().any(|freshness| *freshness > 0)
+        self.counts().any(|counts| counts.is_some())
     }
 
     /// Joint angles, radians; not a number where unknown.

@@ -151,15 +151,33 @@ pub(super) fn places(
     Ok((0..frames.len()).map(|n| motion.at(n)).collect())
 }
 
-/// All values of a recording as signed numbers, and how many a frame has: magnitudes, or x y z of each taxel.
+/// All values of a recording as signed numbers, and how many a frame has: magnitudes, or x y z of each taxel. Where a taxel has
+/// none, its last one is taken, before its first that, and that is said; 0 where it never has any.
 pub(super) fn values(recording: &Recording) -> (usize, Vec<f64>) {
-    match recording.frames() {
-        Recorded::Magnitudes(values) => (recording.taxels(), values.clone()),
-        Recorded::Counts(counts) => {
-            let values = counts.as_flattened().iter().map(|count| f64::from(*count));
-            (recording.taxels() * 3, values.collect())
-        }
+    let counts = match recording.frames() {
+        Recorded::Magnitudes(values) => return (recording.taxels(), values.clone()),
+        Recorded::Counts(counts) => counts,
+    };
+    if recording.missing() > 0 {
+        eprintln!(
+            "taxel: {}: {} values of taxels are not there; the last one of the same taxel is taken for each",
+            recording.name(),
+            recording.missing()
+        );
     }
+    let taxels = recording.taxels();
+    let first = |taxel| counts.iter().skip(taxel).step_by(taxels).flatten().next();
+    let mut last: Vec<[u16; 3]> = (0..taxels)
+        .map(|taxel| first(taxel).copied().unwrap_or_default())
+        .collect();
+    let mut values = Vec::with_capacity(3 * counts.len());
+    for frame in counts.chunks_exact(taxels) {
+        for (last, counts) in last.iter_mut().zip(frame) {
+            *last = counts.unwrap_or(*last);
+        }
+        values.extend(last.as_flattened().iter().map(|count| f64::from(*count)));
+    }
+    (3 * taxels, values)
 }
 
 /// Values less those of an untouched probe: raw counts are taken from the mean of the frames before the touch, up to
@@ -294,6 +312,20 @@ mod tests {
         assert_eq!(above_baseline(&values, 2, true, 2)[4..], [4.0, -2.0]);
         assert_eq!(above_baseline(&values, 2, true, 0)[..4], [0.0, 0.0, 2.0, 2.0]);
         assert_eq!(above_baseline(&values, 2, false, 2), values);
+    }
+
+    #[test]
+    fn a_taxel_without_a_value_keeps_its_last_and_before_that_its_first() {
+        let (first, last) = (Some([1, 2, 3]), Some([4, 5, 6]));
+        let counts = vec![None, None, first, None, None, None, last, None];
+        let recording = Recording::of_counts("a".into(), 2, counts, vec![0, 1, 2, 3], Vec::new()).unwrap();
+        let (each, values) = values(&recording);
+        let of_first: Vec<f64> = values
+            .chunks_exact(each)
+            .flat_map(|frame| frame[..3].to_vec())
+            .collect();
+        assert_eq!(of_first, [1., 2., 3., 1., 2., 3., 1., 2., 3., 4., 5., 6.]);
+        assert!(values.chunks_exact(each).all(|frame| frame[3..] == [0.0; 3]));
     }
 
     #[test]

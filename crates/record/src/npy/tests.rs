@@ -149,7 +149,7 @@ fn a_fortran_ordered_array_is_read_by_its_indices() {
         ..Default::default()
     };
     let recording = Recording::open(&path, &options).unwrap();
-    assert_eq!(recording.counts(1).unwrap(), [[6, 7, 8], [9, 10, 11]]);
+    assert_eq!(recording.counts(1).unwrap(), [[6, 7, 8], [9, 10, 11]].map(Some));
 }
 
 #[test]

@@ -11,6 +11,7 @@ fn table(shape: &[usize], values: Vec<f64>) -> Table {
         columns: None,
         unitless_time: None,
         void: None,
+        without_value: None,
     }
 }
 
@@ -44,8 +45,21 @@ fn the_shape_decides_what_the_numbers_are() {
 
     let counts = Recording::from_table(ramp(&[2, 4, 3]), &none).unwrap();
     assert_eq!((counts.taxels(), counts.has_counts()), (4, true));
-    assert_eq!(counts.counts(1).unwrap()[0], [12, 13, 14]);
+    assert_eq!(counts.counts(1).unwrap()[0], Some([12, 13, 14]));
     assert_eq!(counts.counts(2), None);
+}
+
+#[test]
+fn a_taxel_without_a_value_has_none_on_any_axis() {
+    let nan = f64::NAN;
+    let none = ReadOptions::default();
+    let recording = Recording::from_table(table(&[1, 2, 3], vec![nan, nan, nan, 1.0, 2.0, 3.0]), &none);
+    assert_eq!(recording.unwrap().counts(0).unwrap(), [None, Some([1, 2, 3])]);
+    let message = message(table(&[1, 2, 3], vec![1.0, nan, nan, 1.0, 2.0, 3.0]), &none);
+    assert!(
+        message.contains("value 1 is NaN") && message.contains("none on all three axes"),
+        "{message}"
+    );
 }
 
 #[test]
@@ -148,9 +162,9 @@ fn columns_of_counts_are_read_in_the_order_given_and_only_when_given() {
     };
     assert!(!read(None).has_counts());
     let interleaved = read(Some(Columns::XyzInterleaved));
-    assert_eq!(interleaved.counts(1).unwrap(), [[6, 7, 8], [9, 10, 11]]);
+    assert_eq!(interleaved.counts(1).unwrap(), [[6, 7, 8], [9, 10, 11]].map(Some));
     let blocks = read(Some(Columns::XyzBlocks));
-    assert_eq!(blocks.counts(0).unwrap(), [[0, 2, 4], [1, 3, 5]]);
+    assert_eq!(blocks.counts(0).unwrap(), [[0, 2, 4], [1, 3, 5]].map(Some));
 }
 
 #[test]
