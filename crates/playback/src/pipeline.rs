@@ -68,22 +68,30 @@ pub(crate) fn pipeline(
     failure.map_or(Ok(()), Err)
 }
 
-/// Shows an instant with the joint angles of that instant. Nothing changes where there is none.
-pub(crate) fn emit_with(emit: &mut Emit<'_>, angles: &[f32], felt: &Felt<'_>) -> anyhow::Result<()> {
-    if angles.is_empty() {
+/// Shows an instant at this time, and with the joint angles of that instant where there are any.
+pub(crate) fn emit_at(emit: &mut Emit<'_>, t_ns: u64, angles: &[f32], felt: &Felt<'_>) -> anyhow::Result<()> {
+    if angles.is_empty() && t_ns == felt.force.t_ns {
         return emit(felt);
     }
-    let tactile = felt.measured.map(|measured| TactileFrame {
-        joint_age_ns: vec![0; angles.len()],
-        joints: angles.to_vec(),
-        ..measured.tactile.clone()
+    let tactile = felt.measured.map(|measured| {
+        let mut tactile = measured.tactile.clone();
+        tactile.t_ns = t_ns;
+        if !angles.is_empty() {
+            tactile.joint_age_ns = vec![0; angles.len()];
+            tactile.joints = angles.to_vec();
+        }
+        tactile
     });
     let measured =
         (felt.measured.zip(tactile.as_ref())).map(|(measured, tactile)| Measured { tactile, ..measured });
+    let force = ForceFrame {
+        t_ns,
+        ..felt.force.clone()
+    };
     emit(&Felt {
         measured,
-        joints: angles,
-        ..*felt
+        force: &force,
+        joints: if angles.is_empty() { felt.joints } else { angles },
     })
 }
 
@@ -97,9 +105,9 @@ pub fn run_traffic(
     read_ahead(traffic, interfaces, |frames| pipeline(config, frames, emit))
 }
 
-/// Takes recorded counts through the pipeline, as what boards would have sent.
+/// Takes recorded counts through the pipeline at their recorded times, as what boards would have sent.
 pub fn run_sweeps(sweeps: &Sweeps<'_>, config: &Config, emit: &mut Emit<'_>) -> anyhow::Result<()> {
-    let recording = sweeps.recording();
+    let (recording, origin_ns) = (sweeps.recording(), sweeps.origin_ns());
     let total = recording.len() as u64 * config.layout.len() as u64;
     let same_time = |frame: &usize| recording.t_ns(*frame) == recording.t_ns(frame - 1);
     let doubled = (1..recording.len()).filter(same_time).count();
@@ -113,8 +121,9 @@ pub fn run_sweeps(sweeps: &Sweeps<'_>, config: &Config, emit: &mut Emit<'_>) -> 
     let progress = Progress::new(total, "frames");
     let frames = sweeps.frames().inspect(|_| progress.advance(1));
     pipeline(config, frames, &mut |felt| {
-        let angles = recording.joints(sweeps.index_at(felt.force.t_ns));
-        emit_with(emit, angles, felt)
+        let played_ns = felt.force.t_ns;
+        let angles = recording.joints(sweeps.index_at(played_ns));
+        emit_at(emit, origin_ns + played_ns, angles, felt)
     })
 }
 

@@ -1,6 +1,6 @@
 //! A scene as a recording: what a simulated hand goes through, once, with the angles of its joints.
 
-use crate::pipeline::{Emit, emit_with, pipeline};
+use crate::pipeline::{Emit, emit_at, pipeline};
 use std::f64::consts::TAU;
 use taxel_can::Received;
 use taxel_config::Config;
@@ -25,7 +25,7 @@ pub fn run(scene: &Scene, config: &Config, emit: &mut Emit<'_>) -> anyhow::Resul
             .collect()
     };
     pipeline(config, traffic(simulator, scene.length_ns()), &mut |felt| {
-        emit_with(emit, &angles_at(felt.force.t_ns), felt)
+        emit_at(emit, felt.force.t_ns, &angles_at(felt.force.t_ns), felt)
     })
 }
 

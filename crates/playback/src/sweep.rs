@@ -130,6 +130,13 @@ impl<'a> Sweeps<'a> {
             .saturating_sub(1)
     }
 
+    /// Where the zero of the times played is on the clock of the recording, nanoseconds: the time of a frame is that of its
+    /// newest reading, with which its sweep ends. No sweep begins before the clock's own zero.
+    pub(crate) fn origin_ns(&self) -> u64 {
+        let sweep_ns = (self.longest as u64 - 1) * self.spacing_ns(0);
+        self.recording.t_ns(0).saturating_sub(sweep_ns)
+    }
+
     /// The frames of one sweep; none of a taxel that had no value.
     pub fn sweep(&self, index: usize) -> impl Iterator<Item = (u8, Received)> + '_ {
         let counts = self.recording.counts(index).unwrap_or_default();

@@ -1,5 +1,6 @@
 //! One recording as figures need it: every frame, and which of them matter.
 
+use crate::input::Input;
 use crate::offline::OfflineArgs;
 use anyhow::{Context, bail};
 use taxel_compress::Compressor;
@@ -20,6 +21,8 @@ pub(super) struct Take {
     /// Counts of each frame; empty where the recording holds magnitudes.
     pub(super) tactile: Vec<TactileFrame>,
     pub(super) force: Vec<ForceFrame>,
+    /// When it begins, nanoseconds.
+    begins_ns: u64,
 }
 
 /// A frame, and what it is.
@@ -45,6 +48,10 @@ impl Take {
             unit: None,
             tactile: Vec::new(),
             force: Vec::new(),
+            begins_ns: match &input {
+                Input::Frames(recording) => recording.t_ns(0),
+                Input::Log(_) | Input::Scene(_) => 0,
+            },
         };
         offline.run(&input, &config, &mut |felt| {
             take.tactile
@@ -61,7 +68,7 @@ impl Take {
 
     /// Time of a frame, seconds from the beginning.
     pub(super) fn time_s(&self, index: usize) -> f64 {
-        self.force[index].t_ns as f64 / 1e9
+        self.force[index].t_ns.saturating_sub(self.begins_ns) as f64 / 1e9
     }
 
     /// Force on a module in a frame: the largest of its taxels in contact, 0 where there is none.
@@ -232,6 +239,7 @@ mod tests {
             unit: None,
             tactile: Vec::new(),
             force: force.collect(),
+            begins_ns: 0,
         }
     }
 

@@ -3,6 +3,7 @@
 mod categorize;
 mod compress;
 mod config;
+mod counts;
 mod eval;
 mod everyday;
 mod extension;
