@@ -17,7 +17,7 @@ pub(crate) const DEFAULT_LAYOUT: &str = "allegro-uskin-15";
 #[derive(Debug, Clone, clap::Args)]
 pub(crate) struct InputArgs {
     /// The recording: candump .log; .mcap as `taxel record` writes it; .csv, .npy, .npz of T x H x W or T x N magnitudes, or
-    /// T x N x 3 counts (a taxel without a value: not a number, in a .csv empty cells); or a scene,
+    /// of T x N x 3 or T x H x W x 3 counts (a taxel without a value: not a number, in a .csv empty cells); or a scene,
     /// sim:SCENE; - for a recording on stdin
     #[arg(value_name = "INPUT", value_parser = recording_parser())]
     pub(crate) path: PathBuf,

@@ -8,10 +8,9 @@ use std::path::{Path, PathBuf};
 use taxel_can::SourceAddress;
 use taxel_engine::TickMode;
 use taxel_playback::log_interfaces::interfaces_of_buses;
-use taxel_playback::pipeline::{Emit, run_magnitudes, run_sweeps, run_traffic};
+use taxel_playback::pipeline::{Emit, run_counts, run_magnitudes, run_traffic};
 use taxel_playback::recorded::Head;
 use taxel_playback::scene_input;
-use taxel_playback::sweep::Sweeps;
 use taxel_playback::traffic::Traffic;
 use taxel_record::Recording;
 use taxel_skin::{Layout, Preset};
@@ -118,7 +117,7 @@ impl OfflineArgs {
                 grid_of(r)?
             }
             (Some(layout), _, _) => layout,
-            (None, _, Input::Frames(r)) if r.image_shape().is_some() && !r.has_counts() => grid_of(r)?,
+            (None, _, Input::Frames(r)) if r.image_shape().is_some() => grid_of(r)?,
             (None, Some(config), _) => config.layout.clone(),
             (None, None, Input::Scene(scene)) => Layout::resolve(scene.layout())?,
             (None, None, _) if self.input.is_mcap() => match Head::read(&self.input.path)?.layout() {
@@ -131,7 +130,9 @@ impl OfflineArgs {
             Some(config) => Config { layout, ..config },
             None => {
                 let mut config = Config::new(layout, Vec::new());
-                if let Input::Frames(recording) = input {
+                if let Input::Frames(recording) = input
+                    && !config.layout.buses.is_empty()
+                {
                     config.tick.mode = TickMode::Sweep;
                     // Recorded frames are all meant; boards that come up are thrown away when live.
                     config.sweep.settle_ms = 0.0;
@@ -187,10 +188,7 @@ impl OfflineArgs {
     pub(crate) fn run(&self, input: &Input, config: &Config, emit: &mut Emit<'_>) -> anyhow::Result<()> {
         match input {
             Input::Frames(recording) if !recording.has_counts() => self.magnitudes(recording, config, emit),
-            Input::Frames(recording) => {
-                let sweeps = Sweeps::new(recording, &config.layout, self.input.tile)?;
-                run_sweeps(&sweeps, config, emit)
-            }
+            Input::Frames(recording) => run_counts(recording, config, self.input.tile, emit),
             Input::Scene(scene) => scene_input::run(scene, config, emit),
             Input::Log(traffic) => {
                 let (joints, skin): (Vec<_>, Vec<_>) = self

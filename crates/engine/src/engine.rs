@@ -241,24 +241,12 @@ impl Engine {
     }
 
     fn tick(&mut self, now_ns: u64) -> &Frames {
-        let Frames {
-            due_ns,
-            tactile,
-            force,
-            baseline,
-        } = &mut self.frames;
-        *due_ns = now_ns;
-        self.sweep.take(now_ns, tactile);
-        self.joints.fill(tactile);
-        self.conditioner.process(tactile, force);
-        for (taxel, (baseline, known)) in baseline.iter_mut().zip(self.conditioner.baseline()).enumerate() {
-            *baseline = match self.conditioner.has_baseline(taxel) {
-                true => known.map(|counts| counts as f32),
-                false => [f32::NAN; 3],
-            };
-        }
+        self.frames.due_ns = now_ns;
+        self.sweep.take(now_ns, &mut self.frames.tactile);
+        self.joints.fill(&mut self.frames.tactile);
+        self.frames.feel(&mut self.conditioner);
         if self.paused {
-            force.contact.fill(false);
+            self.frames.force.contact.fill(false);
         }
         &self.frames
     }

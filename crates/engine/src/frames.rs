@@ -1,6 +1,7 @@
 //! What one tick felt.
 
 use taxel_hand::{ForceFrame, TactileFrame};
+use taxel_skin::Conditioner;
 
 /// What one tick felt. The buffers are used again at the next tick.
 #[derive(Debug, Clone)]
@@ -25,6 +26,17 @@ impl Frames {
             tactile: TactileFrame::new(taxels),
             force: ForceFrame::new(taxels),
             baseline: vec![[0.0; 3]; taxels],
+        }
+    }
+
+    /// What the skin feels of the tactile frame at hand, and above which baseline.
+    pub(crate) fn feel(&mut self, conditioner: &mut Conditioner) {
+        conditioner.process(&self.tactile, &mut self.force);
+        for (taxel, (baseline, known)) in self.baseline.iter_mut().zip(conditioner.baseline()).enumerate() {
+            *baseline = match conditioner.has_baseline(taxel) {
+                true => known.map(|counts| counts as f32),
+                false => [f32::NAN; 3],
+            };
         }
     }
 

@@ -25,4 +25,4 @@ pub use display::{Display, RegionError, resolve_region};
 pub use engine::{Engine, EngineError};
 pub use frames::Frames;
 pub use raw::RawFrames;
-pub use recorded::run_recorded;
+pub use recorded::{run_recorded, run_whole_frames};

@@ -5,6 +5,8 @@ use crate::engine::{Engine, EngineError};
 use crate::frames::Frames;
 use std::ops::ControlFlow;
 use taxel_can::Received;
+use taxel_hand::TactileFrame;
+use taxel_skin::Conditioner;
 
 /// Runs a whole recording through an engine, in the recording's own time: the offline path of `taxel compress`. What it
 /// feels is bit for bit what the daemon feels of the same recording, and [`Display`](crate::Display) makes the same images
@@ -36,5 +38,28 @@ pub fn run_recorded(
     }
     engine.handle_time(end_ns.unwrap_or(last_ns).max(last_ns));
     let _ = make_due(&mut engine);
+    Ok(())
+}
+
+/// Runs tactile frames that are whole already, as those of a skin without buses are: a tick for each, through the same
+/// conditioning, and no sweep to be put together.
+///
+/// `fill` makes the next frame of the one before it, in the order of their times, and says whether there was one: counts,
+/// their age, whether they are fresh, and joints. `emit` is given what each felt; where it breaks off, nothing more is made.
+pub fn run_whole_frames(
+    config: &EngineConfig,
+    mut fill: impl FnMut(&mut TactileFrame) -> bool,
+    mut emit: impl FnMut(&Frames) -> ControlFlow<()>,
+) -> Result<(), EngineError> {
+    let mut conditioner = Conditioner::for_layout(&config.layout, config.conditioning.clone())?;
+    let mut frames = Frames::new(config.layout.len());
+    while fill(&mut frames.tactile) {
+        frames.due_ns = frames.tactile.t_ns;
+        frames.feel(&mut conditioner);
+        if emit(&frames).is_break() {
+            break;
+        }
+        frames.tactile.seq += 1;
+    }
     Ok(())
 }

@@ -13,6 +13,7 @@ macro_rules! eprintln {
 }
 
 pub mod array_frames;
+mod fitted;
 mod frame_file;
 pub mod image_line;
 pub mod image_output;
@@ -33,3 +34,4 @@ pub mod sweep;
 pub mod target;
 pub mod traffic;
 pub mod traffic_output;
+mod whole_frames;

@@ -4,10 +4,11 @@ use crate::progress::Progress;
 use crate::recorded_buses::read_ahead;
 use crate::sweep::Sweeps;
 use crate::traffic::Traffic;
+use crate::whole_frames::WholeFrames;
 use std::ops::ControlFlow;
 use taxel_can::Received;
 use taxel_config::Config;
-use taxel_engine::{Frames, run_recorded};
+use taxel_engine::{EngineError, Frames, run_recorded, run_whole_frames};
 use taxel_hand::{Fault, Faults, ForceFrame, TactileFrame};
 use taxel_record::Recording;
 
@@ -49,8 +50,17 @@ pub(crate) fn pipeline(
     frames: impl Iterator<Item = (u8, Received)>,
     emit: &mut Emit<'_>,
 ) -> anyhow::Result<()> {
+    let config = config.engine(false)?;
+    showing(emit, |take| run_recorded(&config, frames, None, take))
+}
+
+/// Shows what each tick of an engine felt, until that fails.
+fn showing(
+    emit: &mut Emit<'_>,
+    run: impl FnOnce(&mut dyn FnMut(&Frames) -> ControlFlow<()>) -> Result<(), EngineError>,
+) -> anyhow::Result<()> {
     let mut failure = None;
-    run_recorded(&config.engine(false)?, frames, None, |frames: &Frames| {
+    run(&mut |frames| {
         let felt = Felt {
             measured: Some(Measured {
                 tactile: &frames.tactile,
@@ -105,10 +115,14 @@ pub fn run_traffic(
     read_ahead(traffic, interfaces, |frames| pipeline(config, frames, emit))
 }
 
-/// Takes recorded counts through the pipeline at their recorded times, as what boards would have sent.
-pub fn run_sweeps(sweeps: &Sweeps<'_>, config: &Config, emit: &mut Emit<'_>) -> anyhow::Result<()> {
-    let (recording, origin_ns) = (sweeps.recording(), sweeps.origin_ns());
-    let total = recording.len() as u64 * config.layout.len() as u64;
+/// Takes recorded counts through the pipeline, at their recorded times: as what boards would have sent; where the skin has
+/// no buses, the frames as they are. With `tile`, the recording of one module is repeated on every module of the hand.
+pub fn run_counts(
+    recording: &Recording,
+    config: &Config,
+    tile: bool,
+    emit: &mut Emit<'_>,
+) -> anyhow::Result<()> {
     let same_time = |frame: &usize| recording.t_ns(*frame) == recording.t_ns(frame - 1);
     let doubled = (1..recording.len()).filter(same_time).count();
     if doubled > 0 {
@@ -118,6 +132,15 @@ pub fn run_sweeps(sweeps: &Sweeps<'_>, config: &Config, emit: &mut Emit<'_>) -> 
             recording.len()
         );
     }
+    match config.layout.buses.is_empty() {
+        true => run_whole(recording, config, tile, emit),
+        false => run_sweeps(&Sweeps::new(recording, &config.layout, tile)?, config, emit),
+    }
+}
+
+fn run_sweeps(sweeps: &Sweeps<'_>, config: &Config, emit: &mut Emit<'_>) -> anyhow::Result<()> {
+    let (recording, origin_ns) = (sweeps.recording(), sweeps.origin_ns());
+    let total = recording.len() as u64 * config.layout.len() as u64;
     let progress = Progress::new(total, "frames");
     let frames = sweeps.frames().inspect(|_| progress.advance(1));
     pipeline(config, frames, &mut |felt| {
@@ -125,6 +148,17 @@ pub fn run_sweeps(sweeps: &Sweeps<'_>, config: &Config, emit: &mut Emit<'_>) -> 
         let angles = recording.joints(sweeps.index_at(played_ns));
         emit_at(emit, origin_ns + played_ns, angles, felt)
     })
+}
+
+fn run_whole(recording: &Recording, config: &Config, tile: bool, emit: &mut Emit<'_>) -> anyhow::Result<()> {
+    let mut frames = WholeFrames::new(recording, &config.layout, tile)?;
+    let progress = Progress::new(recording.len() as u64, "frames");
+    let config = config.engine(false)?;
+    let fill = |frame: &mut TactileFrame| {
+        progress.advance(1);
+        frames.fill(frame)
+    };
+    showing(emit, |take| run_whole_frames(&config, fill, take))
 }
 
 /// Shows magnitudes, which are forces already; contacts begin above `threshold` and end at `release`.

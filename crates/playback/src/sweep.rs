@@ -1,5 +1,6 @@
 //! Recorded counts as the CAN traffic that would have carried them.
 
+use crate::fitted::recorded_taxels;
 use anyhow::bail;
 use taxel_can::{CanFrame, ClockJumps, LONGEST_PAUSE_NS, Received};
 use taxel_record::Recording;
@@ -39,44 +40,17 @@ impl<'a> Sweeps<'a> {
     /// Refuses a recording that does not fit the hand. With `tile`, the recording is of one module
     /// and is repeated on each.
     pub fn new(recording: &'a Recording, layout: &'a Layout, tile: bool) -> anyhow::Result<Self> {
-        let (name, taxels) = (recording.name(), recording.taxels());
-        if !recording.has_counts() {
-            bail!(
-                "{name} holds magnitudes; boards send counts: T x N x 3, or T x 3N with --columns xyz-interleaved \
-                 or xyz-blocks"
-            );
-        }
+        let name = recording.name();
         if layout.buses.is_empty() {
             bail!(
-                "layout {} has no buses, so there is no board to play {name} as",
+                "layout {} has no buses, so there is no board to play {name} as; name the layout of a hand with boards \
+                 with --layout",
                 layout.name
             );
         }
-        if tile {
-            if let Some(module) = layout.modules.iter().find(|m| usize::from(m.taxels) != taxels) {
-                bail!(
-                    "{name} has {taxels} taxels and module {} of layout {} has {}; --tile needs a recording of one \
-                     module",
-                    module.name,
-                    layout.name,
-                    module.taxels
-                );
-            }
-        } else if layout.len() != taxels {
-            bail!(
-                "{name} has {taxels} taxels and layout {} has {}; {}",
-                layout.name,
-                layout.len(),
-                if layout.modules.iter().all(|m| usize::from(m.taxels) == taxels) {
-                    "repeat it on every module with --tile, or use --layout uskin-module"
-                } else {
-                    "name the hand it was recorded on with --layout; magnitudes of T x H x 3 cells are told by --layout \
-                     grid:Hx3"
-                }
-            );
-        }
+        let recorded = recorded_taxels(recording, layout, tile)?;
         let mut buses: Vec<Vec<(u8, usize, usize)>> = vec![Vec::new(); layout.buses.len()];
-        for taxel in 0..layout.len() {
+        for (taxel, recorded) in recorded.into_iter().enumerate() {
             let module = layout.module_of(taxel);
             if layout.can_id(taxel).is_none() {
                 bail!(
@@ -85,11 +59,6 @@ impl<'a> Sweeps<'a> {
                     layout.name
                 );
             }
-            let recorded = if tile {
-                taxel - usize::from(module.first_taxel)
-            } else {
-                taxel
-            };
             let bus = layout.wiring_of(taxel).bus;
             buses[usize::from(bus)].push((bus, taxel, recorded));
         }

@@ -4,8 +4,8 @@ use crate::error::{RecordError, SOMETHING};
 use crate::table::{Columns, ReadOptions};
 use taxel_hand::MAX_TAXELS;
 
-const SHAPES: &str = "T x H x W or T x N (magnitudes) or T x N x 3 (counts); a T x 3N array of counts needs \
-                      --columns xyz-interleaved (x1,y1,z1,x2,..) or --columns xyz-blocks (x1,x2,..,y1,..,z1,..)";
+const SHAPES: &str = "T x H x W or T x N (magnitudes) or T x N x 3 or T x H x W x 3 (counts); a T x 3N array of \
+                      counts needs --columns xyz-interleaved (x1,y1,z1,x2,..) or --columns xyz-blocks (x1,x2,..,y1,..,z1,..)";
 const SHAPES_WITH_COLUMNS: &str =
     "T x 3N, since --columns was given: three columns, x y z, for each of N taxels";
 
@@ -23,7 +23,8 @@ pub(crate) struct Meaning {
 impl Meaning {
     /// Of an array of this shape, whose file says this of its columns.
     ///
-    /// `T x H x 3` is counts of `H` taxels, unless the options say that frames are images of `H x 3` or have void cells.
+    /// `T x H x W x 3` is counts, and so is `T x H x 3`, of `H` taxels, unless the options say that frames are images of
+    /// `H x 3` or have void cells.
     pub(crate) fn of(
         at: &str,
         shape: &[usize],
@@ -34,44 +35,47 @@ impl Meaning {
         if shape.contains(&0) {
             return Err(wrong_shape(SOMETHING));
         }
-        let magnitudes = |taxels, image| Self {
-            taxels,
-            image,
-            counts: None,
-        };
-        let of_image = |h: usize, w: usize| {
+        let of_image = |h: usize, w: usize, counts: Option<Columns>| {
+            if let Some((height, width)) = options.image.filter(|image| *image != (h, w)) {
+                let axes = if counts.is_some() { " x 3" } else { "" };
+                let expected =
+                    format!("T x {height} x {width}{axes}, as the layout grid:{height}x{width} has it");
+                return Err(wrong_shape(&expected));
+            }
             let taxels = h.checked_mul(w).filter(|taxels| *taxels <= MAX_TAXELS);
-            taxels
-                .map(|taxels| magnitudes(taxels, Some((h, w))))
-                .ok_or_else(|| {
-                    let expected = format!(
-                        "frames of at most {MAX_TAXELS} taxels; {h} x {w} is more than an image can be"
-                    );
-                    wrong_shape(&expected)
-                })
+            let image = |taxels| Self {
+                taxels,
+                image: Some((h, w)),
+                counts,
+            };
+            taxels.map(image).ok_or_else(|| {
+                let expected =
+                    format!("frames of at most {MAX_TAXELS} taxels; {h} x {w} is more than an image can be");
+                wrong_shape(&expected)
+            })
         };
         let meaning = match (shape, columns.or(options.columns)) {
-            (&[_, n], None) => magnitudes(n, None),
+            (&[_, n], None) => Self {
+                taxels: n,
+                image: None,
+                counts: None,
+            },
             (&[_, n], Some(columns)) if n % 3 == 0 => Self {
                 taxels: n / 3,
                 image: None,
                 counts: Some(columns),
             },
             (_, Some(_)) => return Err(wrong_shape(SHAPES_WITH_COLUMNS)),
-            (&[_, h, 3], None) if options.image == Some((h, 3)) || options.void.is_some() => of_image(h, 3)?,
+            (&[_, h, 3], None) if options.image == Some((h, 3)) || options.void.is_some() => {
+                of_image(h, 3, None)?
+            }
             (&[_, n, 3], None) => Self {
                 taxels: n,
                 image: None,
                 counts: Some(Columns::XyzInterleaved),
             },
-            (&[_, h, w], None) => match options.image {
-                Some((height, width)) if (height, width) != (h, w) => {
-                    let expected =
-                        format!("T x {height} x {width}, as the layout grid:{height}x{width} has it");
-                    return Err(wrong_shape(&expected));
-                }
-                _ => of_image(h, w)?,
-            },
+            (&[_, h, w], None) => of_image(h, w, None)?,
+            (&[_, h, w, 3], None) => of_image(h, w, Some(Columns::XyzInterleaved))?,
             _ => return Err(wrong_shape(SHAPES)),
         };
         if meaning.taxels > MAX_TAXELS {

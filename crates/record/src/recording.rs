@@ -177,7 +177,7 @@ impl Recording {
         self.taxels
     }
 
-    /// Height and width of the image, where the array was `T x H x W`.
+    /// Height and width of the image, where the array was `T x H x W` or `T x H x W x 3`.
     pub fn image_shape(&self) -> Option<(usize, usize)> {
         self.shape
     }

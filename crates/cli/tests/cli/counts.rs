@@ -1,9 +1,10 @@
 //! Counts of three axes, from whatever skin and in whatever file.
 
-use crate::succeeds;
-use ndarray::{Array1, Array3};
-use ndarray_npy::{NpzReader, NpzWriter};
-use std::fs::File;
+use crate::{fails, succeeds};
+use ndarray::{Array1, Array3, Array4};
+use ndarray_npy::{NpzReader, NpzWriter, write_npy};
+use std::fs::{File, read_to_string, write};
+use taxel_skin::Layout;
 use tempfile::TempDir;
 
 /// When the recording begins, and how long a frame takes, nanoseconds.
@@ -48,6 +49,106 @@ fn compressed(dir: &TempDir, input: &str, layout: &str, more: &[&str]) -> (Array
 }
 
 #[test]
+fn a_skin_without_buses_is_conditioned_as_one_with_boards() {
+    let dir = TempDir::new().unwrap();
+    write_npz(&dir, "module.npz", &counts(), &times());
+    let boards = Layout::builtin_text("uskin-module").unwrap();
+    let offline = boards
+        .replace("uskin-l1", "offline")
+        .lines()
+        .filter(|line| !line.starts_with("bus") && !line.starts_with("board"))
+        .map(|line| format!("{line}\n"))
+        .collect::<String>()
+        + "order = [[0, 1, 2, 3], [4, 5, 6, 7], [8, 9, 10, 11], [12, 13, 14, 15]]\n";
+    let of_boards = Layout::builtin("uskin-module").unwrap();
+    let offline_layout = Layout::parse(&offline, "offline.toml").unwrap();
+    write(dir.path().join("offline.toml"), offline).unwrap();
+
+    let with_boards = compressed(&dir, "module.npz", "uskin-module", &[]);
+    let without = compressed(&dir, "module.npz", "offline.toml", &[]);
+    assert_eq!(with_boards.1, times().to_vec());
+    assert_eq!((&without.1, &without.2), (&with_boards.1, &vec![0; 20]));
+    for (image, boards) in without.0.outer_iter().zip(with_boards.0.outer_iter()) {
+        let grey = |layout: &Layout, image: &ndarray::ArrayView2<'_, u8>| -> Vec<u8> {
+            let taxels = layout.taxels.iter();
+            taxels
+                .map(|taxel| image[[taxel.y.into(), taxel.x.into()]])
+                .collect()
+        };
+        assert_eq!(grey(&offline_layout, &image), grey(&of_boards, &boards));
+    }
+    assert!(without.0.iter().any(|pixel| *pixel > 0));
+    assert_eq!(compressed(&dir, "module.npz", "grid:4x4", &[]), without);
+
+    let small = ["--restarts", "2", "--passes", "1", "--method", "paper", "--json"];
+    let eval = ["eval", "module.npz", "--layout", "grid:4x4"];
+    let (out, _) = succeeds(&dir, &[&eval[..], &small].concat());
+    let judged: serde_json::Value = serde_json::from_str(&out).unwrap();
+    assert_eq!((&judged["frames"], &judged["taxels"]), (&20.into(), &16.into()));
+    // Times of figures are from the beginning, though the other recording has those of a wall clock.
+    write_npz(
+        &dir,
+        "late.npz",
+        &counts(),
+        &times().mapv(|t| t + 1_700_000_000_000_000_000),
+    );
+    let of_figures = ["late.npz", "module.npz"].map(|input| {
+        let layout = ["--layout", "grid:4x4", "--method", "paper", "--out", "figures"];
+        succeeds(&dir, &[&["figures", input], &layout[..]].concat());
+        let file = format!("figures/{}", input.replace(".npz", "-time.csv"));
+        read_to_string(dir.path().join(file)).unwrap()
+    });
+    assert!(of_figures[0] == of_figures[1], "other times");
+    assert!(dir.path().join("figures/module-frame.svg").exists());
+
+    let err = fails(
+        &dir,
+        &["compress", "module.npz", "--layout", "grid:3x5", "--out", "a.npz"],
+        1,
+    );
+    assert!(err.contains("16 taxels and layout grid:3x5 has 15"), "{err}");
+    let err = fails(
+        &dir,
+        &[
+            "replay",
+            "module.npz",
+            "--layout",
+            "grid:4x4",
+            "--to",
+            "log:a.log",
+        ],
+        1,
+    );
+    assert!(err.contains("name the layout of a hand with boards"), "{err}");
+}
+
+#[test]
+fn counts_of_an_image_are_placed_by_their_shape() {
+    let dir = TempDir::new().unwrap();
+    let counts = counts().mapv(|count| count as u16);
+    let image: Array4<u16> = counts.clone().into_shape_with_order((20, 2, 8, 3)).unwrap();
+    write_npy(dir.path().join("flat.npy"), &counts).unwrap();
+    write_npy(dir.path().join("image.npy"), &image).unwrap();
+    let wanted = compressed(&dir, "flat.npy", "grid:2x8", &[]);
+    assert_eq!(wanted.0.dim(), (20, 2, 8));
+    assert_eq!(compressed(&dir, "image.npy", "grid:2x8", &[]), wanted);
+    let (_, err) = succeeds(
+        &dir,
+        &["compress", "image.npy", "--method", "paper", "--out", "out.npz"],
+    );
+    assert!(err.contains("20 images of 2x8"), "{err}");
+    let err = fails(
+        &dir,
+        &["compress", "image.npy", "--layout", "grid:4x4", "--out", "a.npz"],
+        1,
+    );
+    assert!(
+        err.contains("20 x 2 x 8 x 3") && err.contains("T x 4 x 4 x 3"),
+        "{err}"
+    );
+}
+
+#[test]
 fn images_of_counts_have_the_recorded_times_and_none_before_a_sweep_could_end() {
     let dir = TempDir::new().unwrap();
     let first_sweep_ns = 15 * FRAME_NS;
@@ -66,4 +167,32 @@ fn images_of_counts_have_the_recorded_times_and_none_before_a_sweep_could_end() 
         let (again, made, _) = compressed(&dir, "again.csv", "uskin-module", &[]);
         assert_eq!((again, made), (images, shifted), "{begins_ns}");
     }
+}
+
+#[test]
+fn a_taxel_without_a_value_is_missing_from_file_to_file() {
+    let dir = TempDir::new().unwrap();
+    let mut counts = counts();
+    for (frame, taxel) in [(0, 15), (7, 3), (7, 4)] {
+        counts.slice_mut(ndarray::s![frame, taxel, ..]).fill(f32::NAN);
+    }
+    write_npz(&dir, "module.npz", &counts, &times());
+    let wanted = compressed(&dir, "module.npz", "grid:4x4", &["--frames", "frames.csv"]);
+    let mut missing = vec![0; 20];
+    (missing[0], missing[7]) = (1, 2);
+    assert_eq!(wanted.2, missing);
+    assert!(wanted.0.iter().any(|pixel| *pixel > 0));
+    let text = read_to_string(dir.path().join("frames.csv")).unwrap();
+    assert!(text.lines().nth(1).unwrap().ends_with(",,,"), "{text}");
+    assert!(!text.contains(",0,0,0"), "{text}");
+    succeeds(
+        &dir,
+        &["convert", "module.npz", "again.npz", "--layout", "grid:4x4"],
+    );
+    for input in ["frames.csv", "again.npz"] {
+        assert_eq!(compressed(&dir, input, "grid:4x4", &[]), wanted, "{input}");
+    }
+    // Boards send nothing of such a taxel, and the baseline waits for it.
+    let (_, _, missing) = compressed(&dir, "module.npz", "uskin-module", &[]);
+    assert_eq!(missing.iter().sum::<u16>(), 2);
 }

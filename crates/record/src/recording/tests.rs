@@ -47,6 +47,10 @@ fn the_shape_decides_what_the_numbers_are() {
     assert_eq!((counts.taxels(), counts.has_counts()), (4, true));
     assert_eq!(counts.counts(1).unwrap()[0], Some([12, 13, 14]));
     assert_eq!(counts.counts(2), None);
+
+    let image = Recording::from_table(ramp(&[2, 2, 4, 3]), &none).unwrap();
+    assert_eq!((image.taxels(), image.image_shape()), (8, Some((2, 4))));
+    assert_eq!(image.counts(1).unwrap()[5], Some([39, 40, 41]));
 }
 
 #[test]
@@ -83,6 +87,9 @@ fn three_columns_are_counts_unless_frames_are_said_to_be_images() {
         message.contains("2 x 8 x 8") && message.contains("T x 4 x 16"),
         "{message}"
     );
+    assert!(read(&[2, 4, 5, 3], (4, 5)).unwrap().has_counts());
+    let message = read(&[2, 8, 8, 3], (4, 16)).unwrap_err();
+    assert!(message.contains("T x 4 x 16 x 3"), "{message}");
 }
 
 #[test]
@@ -176,7 +183,7 @@ fn a_shape_that_fits_nothing_says_what_would() {
     };
     for (shape, options, wanted) in [
         (vec![5], &none, "T x N x 3"),
-        (vec![2, 2, 2, 2], &none, "T x N x 3"),
+        (vec![2, 2, 2, 2], &none, "T x H x W x 3"),
         (vec![2, 7], &blocks, "T x 3N"),
         (vec![2, 7, 3], &blocks, "T x 3N"),
         (vec![0, 7], &none, "at least one frame"),
