@@ -1,8 +1,8 @@
 //! `taxel forearm eval`: the publication's protocol.
 
-use super::disturbed;
 use super::eval_json::{self, Figures, Report};
-use super::judge::{Outcome, judge_all, judge_fused, leave_places_out, train, trials};
+use super::judge::{Outcome, chosen, judge_all, judge_fused, train, trials};
+use super::more::More;
 use super::network_args::NetworkArgs;
 use super::report;
 #[cfg(feature = "networks")]
@@ -10,7 +10,7 @@ use anyhow::Context;
 use clap::ValueEnum;
 use std::path::PathBuf;
 use std::time::Instant;
-use taxel_forearm::{Fused, Fusion, Kinesthetic, Session, Split, Tactile, Tried, splits};
+use taxel_forearm::{Fused, Fusion, Kinesthetic, Session, Split, Tactile, splits};
 
 /// Judge estimators by the publication's protocol.
 ///
@@ -52,25 +52,6 @@ enum Method {
 }
 
 const PROTOCOL: &str = "Pastor et al. 2022: trained on nine tenths of every second place, judged on all else";
-
-/// What the choice of least value is taken by.
-type Score = fn(&Tried) -> f64;
-
-/// Other ways to choose, to see what the choice is worth.
-const OTHER_PROCEDURES: [(&str, Score); 5] = [
-    ("chosen with repetitions left out alone", |t| t.repetitions_out),
-    ("chosen with a place left out alone", |t| t.place_out),
-    ("10 phases, first sample to last, 3 components", |t| fixed(t, 3)),
-    ("10 phases, first sample to last, 4 components", |t| fixed(t, 4)),
-    ("10 phases, first sample to last, 5 components", |t| fixed(t, 5)),
-];
-
-fn fixed(tried: &Tried, components: usize) -> f64 {
-    let choice = tried.choice;
-    f64::from(u8::from(
-        (choice.points, choice.from, choice.to, choice.components) != (10, 0, 47, components),
-    ))
-}
 
 #[cfg(not(feature = "networks"))]
 fn paper(_: &NetworkArgs, _: &Args, _: &Session, _: &[taxel_forearm::Split]) -> anyhow::Result<String> {
@@ -146,7 +127,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<String> {
             kinesthetic: Figures::of(&outcome, train_s),
             tactile: touch.as_ref().map(|touch| figures(&touch.tactile)),
             fused: touch.as_ref().map(|touch| figures(&touch.fused)),
-            chosen: eval_json::chosen(&trained.estimators),
+            chosen: chosen(&trained.estimators),
             more: more.as_ref().map(|more| eval_json::More::of(&session, more)),
         };
         return Ok(serde_json::to_string(&report)? + "\n");
@@ -175,26 +156,6 @@ pub(super) fn run(args: &Args) -> anyhow::Result<String> {
         );
     }
     Ok(text)
-}
-
-/// What is judged beside the protocol.
-pub(super) struct More {
-    pub(super) disturbed: Vec<(String, Outcome)>,
-    /// After this share of a squeeze's time.
-    pub(super) early: Vec<(f64, Outcome)>,
-    pub(super) places_left_out: Outcome,
-    pub(super) procedures: Vec<(String, Outcome)>,
-}
-
-impl More {
-    fn of(session: &Session, splits: &[Split], models: &[Kinesthetic]) -> anyhow::Result<Self> {
-        Ok(Self {
-            disturbed: disturbed::disturbances(session, splits, models)?,
-            early: disturbed::by_share(session, splits, models)?,
-            places_left_out: leave_places_out(session, Kinesthetic::train)?,
-            procedures: other_procedures(session, splits)?,
-        })
-    }
 }
 
 /// Outcomes of the estimators that need touch, and how long their training took, s.
@@ -228,16 +189,4 @@ fn with_touch(session: &Session, splits: &[Split], angles: &[Kinesthetic]) -> an
         tactile: (outcome, tactile.took.as_secs_f64()),
         fused: (judge_fused(session, splits, &fused)?, took.as_secs_f64()),
     })
-}
-
-fn other_procedures(session: &Session, splits: &[Split]) -> anyhow::Result<Vec<(String, Outcome)>> {
-    let mut rows = Vec::new();
-    for (name, score) in OTHER_PROCEDURES {
-        let trained = train(session, splits, |trials| Kinesthetic::train_by(trials, score))?;
-        rows.push((
-            name.to_owned(),
-            judge_all(session, splits, &trained.estimators, None)?,
-        ));
-    }
-    Ok(rows)
 }

@@ -1,10 +1,9 @@
 //! What `taxel forearm eval --json` prints.
 
-use super::eval;
-use super::judge::Outcome;
-use super::report::closed_at_peak;
+use super::judge::{Chosen, Outcome, closed_at_peak};
+use super::more;
 use serde::Serialize;
-use taxel_forearm::{Choice, Kinesthetic, PlaceErrors, Session};
+use taxel_forearm::{PlaceErrors, Session};
 
 #[derive(Debug, Serialize)]
 pub(super) struct Report {
@@ -99,27 +98,6 @@ impl Figures {
     }
 }
 
-/// A choice, and in how many repetitions it was taken.
-#[derive(Debug, Serialize)]
-pub(super) struct Chosen {
-    pub(super) times: usize,
-    #[serde(flatten)]
-    pub(super) choice: Choice,
-}
-
-pub(super) fn chosen(models: &[Kinesthetic]) -> Vec<Chosen> {
-    let mut chosen: Vec<Chosen> = Vec::new();
-    for model in models {
-        let choice = model.chosen().choice;
-        match chosen.iter_mut().find(|known| known.choice == choice) {
-            Some(known) => known.times += 1,
-            None => chosen.push(Chosen { times: 1, choice }),
-        }
-    }
-    chosen.sort_by_key(|chosen| std::cmp::Reverse(chosen.times));
-    chosen
-}
-
 /// What is judged beside the protocol.
 #[derive(Debug, Serialize)]
 pub(super) struct More {
@@ -185,7 +163,7 @@ struct PlaceLeftOut {
 }
 
 impl More {
-    pub(super) fn of(session: &Session, more: &eval::More) -> Self {
+    pub(super) fn of(session: &Session, more: &more::More) -> Self {
         let rows = |rows: &[(String, Outcome)]| {
             let row = |(what, outcome): &(String, Outcome)| Row::of(Some(what), None, outcome);
             rows.iter().map(row).collect()

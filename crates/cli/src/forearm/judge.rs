@@ -1,8 +1,11 @@
 //! Estimators trained and judged by the publication's protocol.
 
 use anyhow::Context;
+use serde::Serialize;
 use std::time::{Duration, Instant};
-use taxel_forearm::{Errors, Estimator, ForearmError, Judged, Session, Split, Squeeze, Trial};
+use taxel_forearm::{
+    Choice, Errors, Estimator, ForearmError, Judged, Kinesthetic, Session, Split, Squeeze, Trial,
+};
 use taxel_playback::progress::Progress;
 
 /// Estimators of each repetition, and how long their training took.
@@ -171,4 +174,41 @@ pub(super) fn leave_places_out<E: Estimator>(
         });
     }
     judge(session, &all, None)
+}
+
+/// A choice, and in how many repetitions it was taken.
+#[derive(Debug, Serialize)]
+pub(super) struct Chosen {
+    pub(super) times: usize,
+    #[serde(flatten)]
+    pub(super) choice: Choice,
+}
+
+pub(super) fn chosen(models: &[Kinesthetic]) -> Vec<Chosen> {
+    let mut chosen: Vec<Chosen> = Vec::new();
+    for model in models {
+        let choice = model.chosen().choice;
+        match chosen.iter_mut().find(|known| known.choice == choice) {
+            Some(known) => known.times += 1,
+            None => chosen.push(Chosen { times: 1, choice }),
+        }
+    }
+    chosen.sort_by_key(|chosen| std::cmp::Reverse(chosen.times));
+    chosen
+}
+
+/// Mean over the squeezes of a place of how far both fingers close at the highest PWM, degrees.
+pub(super) fn closed_at_peak(session: &Session, place: f64) -> f64 {
+    let here = session
+        .trials
+        .iter()
+        .filter(|trial| trial.location_percent == place);
+    let closed = here.filter_map(|trial| {
+        let squeeze = &trial.squeeze;
+        let peak = (0..squeeze.len()).max_by(|a, b| squeeze.pwm[*a].total_cmp(&squeeze.pwm[*b]))?;
+        let [first, second] = squeeze.sample(peak).theta_a_deg;
+        Some(first + second).filter(|sum| sum.is_finite())
+    });
+    let (sum, count) = closed.fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
+    sum / count
 }

@@ -6,6 +6,7 @@ mod eval_json;
 mod figures;
 mod judge;
 mod live;
+mod more;
 mod network_args;
 #[cfg(feature = "networks")]
 mod networks;

@@ -1,7 +1,6 @@
 //! What `taxel forearm eval` says to people.
 
-use super::eval_json::chosen;
-use super::judge::Outcome;
+use super::judge::{Outcome, chosen, closed_at_peak};
 use std::fmt::Write as _;
 use taxel_forearm::{Kinesthetic, Session, Split};
 
@@ -172,20 +171,4 @@ pub(super) fn places_left_out(session: &Session, outcome: &Outcome) -> String {
         );
     }
     text
-}
-
-/// Mean over the squeezes of a place of how far both fingers close at the highest PWM, degrees.
-pub(super) fn closed_at_peak(session: &Session, place: f64) -> f64 {
-    let here = session
-        .trials
-        .iter()
-        .filter(|trial| trial.location_percent == place);
-    let closed = here.filter_map(|trial| {
-        let squeeze = &trial.squeeze;
-        let peak = (0..squeeze.len()).max_by(|a, b| squeeze.pwm[*a].total_cmp(&squeeze.pwm[*b]))?;
-        let [first, second] = squeeze.sample(peak).theta_a_deg;
-        Some(first + second).filter(|sum| sum.is_finite())
-    });
-    let (sum, count) = closed.fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
-    sum / count
 }
