@@ -10,7 +10,7 @@ pub(crate) enum Farewell {
     #[error("it closed the connection")]
     Closed,
     #[error("its connection failed: {0}")]
-    Failed(#[from] io::Error),
+    Failed(#[source] io::Error),
     #[error("it took no message for {0:?}")]
     Stalled(Duration),
     #[error("it sent what is no subscription: {0}")]
@@ -21,4 +21,31 @@ pub(crate) enum Farewell {
     TooMany(usize),
     #[error("all places are taken, and it wants no images: it made room for a display; connect again")]
     MadeRoom,
+}
+
+/// Who leaves without having read all that was sent resets the connection: it has closed it all the same.
+impl From<io::Error> for Farewell {
+    fn from(error: io::Error) -> Self {
+        match error.kind() {
+            io::ErrorKind::ConnectionReset | io::ErrorKind::BrokenPipe => Self::Closed,
+            _ => Self::Failed(error),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn who_leaves_with_messages_unread_has_closed_the_connection() {
+        for (errno, closed) in [
+            (nix::libc::ECONNRESET, true),
+            (nix::libc::EPIPE, true),
+            (nix::libc::ENOBUFS, false),
+        ] {
+            let farewell = Farewell::from(io::Error::from_raw_os_error(errno));
+            assert_eq!(matches!(farewell, Farewell::Closed), closed, "{farewell}");
+        }
+    }
 }
