@@ -316,8 +316,12 @@ fn potentiometers_are_read_line_by_line_and_their_port_is_opened_again() {
     assert!((snapshot.angles[0].unwrap().to_degrees() - 40.0).abs() < 1e-9);
     assert_eq!(snapshot.angles[1], Err(NoAngle::AtEnd(0.0)));
     let mut history = JointHistory::new(2, 32);
-    let seen = reader.try_history_since(0, &mut history);
-    assert!(seen > 0 && history.at(0, u64::MAX).is_some());
+    // It is tried: while the thread has the lock there is nothing new.
+    let end = Instant::now() + Duration::from_secs(20);
+    while reader.try_history_since(0, &mut history) == 0 {
+        assert!(Instant::now() < end, "the lock is never free");
+    }
+    assert!(history.at(0, u64::MAX).is_some());
     assert_eq!(history.at(1, u64::MAX), None, "what is at an end is no angle");
     drop(pty);
     wait("away", &|s| matches!(s.port.state, PortState::Away { .. }));
