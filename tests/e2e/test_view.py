@@ -18,6 +18,25 @@ def buses():
     yield None
 
 
+class Screen(pyte.Screen):
+    """Keeps a program's picture apart from what it prints, as terminals do: pyte's own draws both on one screen."""
+
+    ALTERNATE = 1049
+
+    def set_mode(self, *modes, **private):
+        super().set_mode(*modes, **private)
+        self.turn(modes)
+
+    def reset_mode(self, *modes, **private):
+        super().reset_mode(*modes, **private)
+        self.turn(modes)
+
+    def turn(self, modes):
+        if self.ALTERNATE in modes:
+            self.erase_in_display(2)
+            self.cursor_position()
+
+
 class Terminal:
     """A program on a terminal of 100x30."""
 
@@ -37,7 +56,7 @@ class Terminal:
         )
         os.close(theirs)
         # What is sent are changes of the picture: a letter that was there before is not sent again.
-        self.screen = pyte.Screen(100, 30)
+        self.screen = Screen(100, 30)
         self.stream = pyte.ByteStream(self.screen)
 
     def shows(self, text):
