@@ -316,7 +316,7 @@ impl Seen {
             contacts: newest.contacts,
             missing: newest.missing,
             faulty: newest.faulty,
-            skipped: (!self.is_limited()).then_some(self.skipped),
+            skipped: self.most_hz().is_none().then_some(self.skipped),
             calibrating: newest.calibrating,
             paused: self.paused,
             gone: self.gone.clone(),
@@ -359,10 +359,10 @@ impl Seen {
         text
     }
 
-    /// Whether fewer images were asked for than are made.
-    fn is_limited(&self) -> bool {
+    /// The most images in a second that were asked for, if that is fewer than all.
+    fn most_hz(&self) -> Option<f64> {
         let subscription = self.hello.as_ref().and_then(|hello| hello.subscription.as_ref());
-        subscription.is_some_and(|s| s.max_rate_hz.is_some())
+        subscription.and_then(|s| s.max_rate_hz)
     }
 
     fn write_summary(&self, began_ns: u64, text: &mut String) -> std::fmt::Result {
@@ -376,9 +376,13 @@ impl Seen {
         let ms = |ns: u64| ns as f64 / 1e6;
         let (raw_bits, image_bits) = self.bits_per_frame();
         write!(text, "images     {made} in {seconds:.1} s, {rate_hz:.1} Hz, ")?;
-        match self.is_limited() {
-            true => writeln!(text, "{} of them taken, as was asked", self.images)?,
-            false => writeln!(text, "{} of them skipped", self.skipped)?,
+        match self.most_hz() {
+            Some(hz) => writeln!(
+                text,
+                "{} of them asked for: at most {hz:.0} a second",
+                self.images
+            )?,
+            None => writeln!(text, "{} of them skipped", self.skipped)?,
         }
         let latency = |q: f64| ms(self.latency_ns.value_at_quantile(q));
         if self
