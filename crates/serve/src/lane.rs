@@ -81,21 +81,22 @@ impl Lane {
         self.counts[0].rest();
     }
 
+    /// Whether the courier is to send a message.
+    pub(crate) fn waits_for(&self, message: &Message) -> bool {
+        self.is_free.get() && message.tick > self.after()
+    }
+
     /// Sends a message if the socket takes it at once; otherwise the task is to.
-    pub(crate) fn offer(&self, message: &Message) {
-        if !self.is_free.get() || message.tick <= self.after() {
-            return;
-        }
+    pub(crate) fn offer(&self, message: &Message, is_writable: bool) {
         let Some((header, skipped)) = self.header(message) else {
             return;
         };
         let packet = [IoSlice::new(&header), IoSlice::new(&message.payload)];
-        match self.socket.try_send(&packet, Room::Fresh) {
-            Ok(()) => self.note_sent(message, skipped),
-            Err(_) => {
-                self.is_free.set(false);
-                self.wake.notify_one();
-            }
+        if is_writable && self.socket.try_send(&packet, Room::Any).is_ok() {
+            self.note_sent(message, skipped);
+        } else {
+            self.is_free.set(false);
+            self.wake.notify_one();
         }
     }
 }

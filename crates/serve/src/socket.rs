@@ -86,6 +86,21 @@ fn register(descriptor: OwnedFd, interest: Interest) -> io::Result<AsyncFd<Owned
     AsyncFd::with_interest(descriptor, interest)
 }
 
+/// Which sockets are writable, asked in one call: a call for each costs a fifth of the sending. One that is closed is, and
+/// sending to it is the error.
+pub(crate) fn are_writable<'a>(sockets: impl Iterator<Item = &'a Socket>) -> io::Result<Vec<bool>> {
+    let registered: Vec<_> = sockets.map(|socket| socket.registered.borrow()).collect();
+    let descriptors = || registered.iter().map(|registered| registered.descriptor().ok());
+    let open = descriptors().flatten();
+    let mut asked: Vec<_> = open
+        .map(|open| PollFd::new(open.as_fd(), PollFlags::POLLOUT))
+        .collect();
+    poll(&mut asked, PollTimeout::ZERO)?;
+    let mut answers = asked.iter().map(|asked| asked.any().unwrap_or(true));
+    let writable = descriptors().map(|open| open.is_none() || answers.next() == Some(true));
+    Ok(writable.collect())
+}
+
 impl Socket {
     pub(crate) fn new(descriptor: OwnedFd) -> io::Result<Self> {
         let descriptor = register(descriptor, Interest::READABLE)?;
@@ -153,14 +168,11 @@ impl Socket {
 
     /// Sends a packet if there is room for it at once; otherwise the error is `EAGAIN`.
     pub(crate) fn try_send(&self, packet: &[IoSlice], room: Room) -> io::Result<()> {
+        if room == Room::Fresh && !are_writable([self].into_iter())?.contains(&true) {
+            return Err(Errno::EAGAIN.into());
+        }
         let registered = self.registered.borrow();
         let descriptor = registered.descriptor()?;
-        if room == Room::Fresh {
-            let mut asked = [PollFd::new(descriptor.as_fd(), PollFlags::POLLOUT)];
-            if poll(&mut asked, PollTimeout::ZERO)? == 0 {
-                return Err(Errno::EAGAIN.into());
-            }
-        }
         let flags = MsgFlags::MSG_DONTWAIT | MsgFlags::MSG_NOSIGNAL;
         sendmsg::<()>(descriptor.as_raw_fd(), packet, &[], flags, None)?;
         Ok(())

@@ -206,7 +206,7 @@ impl Stream {
     }
 
     /// Another lane is sent the newest message from now on. Returns whether the caller has to see to it
-    /// that [`Stream::for_each_lane`] is called for each message, until that says that there is none.
+    /// that [`Stream::with_lanes`] is called for each message, until that says that there is none.
     pub(crate) fn join(&self, lane: &Rc<Lane>) -> bool {
         self.lanes.borrow_mut().push(lane.clone());
         !self.is_delivered.replace(true)
@@ -220,10 +220,10 @@ impl Stream {
         }
     }
 
-    /// Does something for every lane; says whether there is any.
-    pub(crate) fn for_each_lane(&self, offer: impl Fn(&Lane)) -> bool {
+    /// Does something with the lanes; says whether there is any.
+    pub(crate) fn with_lanes(&self, offer: impl Fn(&[Rc<Lane>])) -> bool {
         let lanes = self.lanes.borrow();
-        lanes.iter().for_each(|lane| offer(lane));
+        offer(&lanes);
         self.is_delivered.set(!lanes.is_empty());
         !lanes.is_empty()
     }
