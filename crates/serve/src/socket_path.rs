@@ -10,11 +10,13 @@
 
 mod beforehand;
 mod error;
+mod identity;
 mod lock;
 
 pub use beforehand::{check_group, check_socket_path};
 pub use error::SocketPathError;
 
+use identity::FileId;
 use lock::Lock;
 use nix::errno::Errno;
 use nix::fcntl::{AT_FDCWD, AtFlags};
@@ -29,17 +31,18 @@ use std::path::{Path, PathBuf};
 use taxel_wire::check_socket_folder;
 
 /// The right to bind a socket path, held until dropped; dropping removes the socket, its lock file and the folders
-/// that were made for them, where nothing else is in those.
+/// that were made for them, where nothing else is in those. What another daemon has put in their place is left alone.
 #[derive(Debug)]
 pub struct SocketPath {
     path: PathBuf,
-    bound: bool,
+    /// The socket that was bound there, if any was.
+    bound: Option<FileId>,
     mode: Mode,
     /// The group that it shall have, and its name.
     group: Option<(Gid, String)>,
     /// Folders that were made for it, the deepest first.
     made: Vec<PathBuf>,
-    lock: Lock,
+    lock: Option<Lock>,
 }
 
 impl SocketPath {
@@ -51,16 +54,16 @@ impl SocketPath {
         check_socket_folder(path)?;
         let mut taken = Self {
             path: path.to_owned(),
-            bound: false,
+            bound: None,
             mode: Mode::from_bits_truncate(mode),
             group,
             made: Vec::new(),
-            lock: Lock::default(),
+            lock: None,
         };
         taken.make_folders()?;
         // Somebody may have been faster.
         check_socket_folder(path)?;
-        taken.lock = Lock::take(path)?;
+        taken.lock = Some(Lock::take(path)?);
         remove_stale(path)?;
         Ok(taken)
     }
@@ -91,7 +94,7 @@ impl SocketPath {
         fchmod(&listener, Mode::S_IRUSR | Mode::S_IWUSR).map_err(fail("set the mode of"))?;
         let address = UnixAddr::new(path).map_err(fail("listen on"))?;
         bind(listener.as_raw_fd(), &address).map_err(|errno| SocketPathError::making(path, errno.into()))?;
-        *bound = true;
+        *bound = FileId::at(path);
         if let Some((id, name)) = group {
             fchownat(AT_FDCWD, path, None, Some(*id), AtFlags::AT_SYMLINK_NOFOLLOW).map_err(|errno| {
                 match errno {
@@ -169,10 +172,12 @@ fn remove_stale(path: &Path) -> Result<(), SocketPathError> {
 
 impl Drop for SocketPath {
     fn drop(&mut self) {
-        if self.bound {
-            let _ = fs::remove_file(&self.path);
+        if let Some(socket) = self.bound {
+            socket.remove_from(&self.path);
         }
-        self.lock.remove();
+        if let Some(lock) = &self.lock {
+            lock.remove();
+        }
         for folder in &self.made {
             // Fails, rightly, where something else is in it.
             let _ = fs::remove_dir(folder);

@@ -1,17 +1,21 @@
 //! The lock file beside a socket.
 
 use super::SocketPathError;
+use super::identity::FileId;
 use nix::errno::Errno;
 use nix::fcntl::OFlag;
 use nix::unistd::geteuid;
-use std::fs::{self, File, OpenOptions, Permissions, TryLockError};
+use std::fs::{File, OpenOptions, Permissions, TryLockError};
 use std::io;
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
-/// An exclusive lock on a file that nobody else can open, held until dropped; none by default.
-#[derive(Debug, Default)]
-pub(super) struct Lock(Option<(PathBuf, File)>);
+/// An exclusive lock on a file that nobody else can open, held until dropped.
+#[derive(Debug)]
+pub(super) struct Lock {
+    path: PathBuf,
+    file: File,
+}
 
 impl Lock {
     /// Takes the lock of a socket; `InUse` where it is held.
@@ -23,21 +27,28 @@ impl Lock {
                 TryLockError::WouldBlock => SocketPathError::InUse { path: socket.into() },
                 TryLockError::Error(error) => SocketPathError::io("lock", &path, error),
             })?;
+            let path = path.clone();
+            let lock = Self { path, file };
             // Whoever held it may have removed the file between our opening it and locking it.
-            let is_there = match (fs::symlink_metadata(&path), file.metadata()) {
-                (Ok(there), Ok(ours)) => (there.dev(), there.ino()) == (ours.dev(), ours.ino()),
-                _ => false,
-            };
-            if is_there {
-                return Ok(Self(Some((path, file))));
+            if lock.is_there() {
+                return Ok(lock);
             }
         }
     }
 
+    fn id(&self) -> Option<FileId> {
+        Some(FileId::of(&self.file.metadata().ok()?))
+    }
+
+    /// Whether its file is the one at its path, so that nobody else can have the lock there.
+    pub(super) fn is_there(&self) -> bool {
+        (self.id()).is_some_and(|id| FileId::at(&self.path) == Some(id))
+    }
+
     /// Removes the file while the lock is still held.
     pub(super) fn remove(&self) {
-        if let Some((path, _)) = &self.0 {
-            let _ = fs::remove_file(path);
+        if let Some(id) = self.id() {
+            id.remove_from(&self.path);
         }
     }
 }

@@ -143,6 +143,24 @@ fn the_socket_its_lock_and_folders_go_with_their_owner_and_the_path_is_free_agai
 }
 
 #[test]
+fn an_ending_owner_leaves_the_socket_and_lock_of_another_one_alone() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("taxeld/images.sock");
+    let folder = path.parent().unwrap();
+    let mut first = take(&path).unwrap();
+    let first_listener = first.listen(SockType::SeqPacket, 8).unwrap();
+    // As `rm -r` does, upon which another daemon can start.
+    fs::remove_dir_all(folder).unwrap();
+    let mut second = take(&path).unwrap();
+    let second_listener = second.listen(SockType::SeqPacket, 8).unwrap();
+    drop((first, first_listener));
+    assert!(path.exists() && folder.join("images.sock.lock").exists());
+    assert!(matches!(take(&path), Err(SocketPathError::InUse { .. })));
+    drop((second, second_listener));
+    assert!(!folder.exists());
+}
+
+#[test]
 fn a_start_that_fails_for_its_group_names_it_and_leaves_nothing_behind() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("taxeld/images.sock");
