@@ -163,12 +163,12 @@ impl Feed {
             let Some(message) = self.next() else {
                 return Poll::Ready(Ok(()));
             };
-            let Some((header, skipped)) = self.lane.header(&message) else {
+            let Some(header) = self.lane.header(&message) else {
                 return Poll::Ready(Ok(()));
             };
             let packet = [IoSlice::new(&header), IoSlice::new(&message.payload)];
             ready!(self.lane.socket.poll_send(cx, &packet, self.way.room()))?;
-            self.lane.note_sent(&message, skipped);
+            self.lane.note_sent(&message);
             self.pace.note_sent(message.due);
             Poll::Ready(Ok(()))
         })

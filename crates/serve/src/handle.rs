@@ -154,13 +154,15 @@ impl Roster {
 
     /// The images that all were sent since the start, for a status report.
     pub fn sent_status(&self) -> SentStatus {
+        // Those that go on are in no total yet.
+        let gaps = self.subscribers.iter().map(|entry| entry.images.longest_gap_ms());
         SentStatus {
             subscribers: self.subscribers.len(),
             images: self.images.sent(),
             skipped: self.images.skipped(),
             age_us: self.images.age_us(),
             ages: self.images.ages(),
-            longest_gap_ms: self.images.longest_gap_ms(),
+            longest_gap_ms: gaps.fold(self.images.longest_gap_ms(), f64::max),
         }
     }
 

@@ -21,7 +21,7 @@ pub(crate) struct Lane {
     pub(crate) socket: Rc<Socket>,
     /// Counts of the subscriber, and of all together.
     counts: [Arc<Sent>; 2],
-    /// Tick of the last message sent, for the count of those skipped; 0 before the first.
+    /// Tick of the last message sent, for the count of those skipped in the header of the next; 0 before the first.
     last: Cell<u64>,
     /// Tick up to which messages are none of this subscriber's: they came before it asked.
     before: Cell<u64>,
@@ -58,27 +58,38 @@ impl Lane {
         self.last.get().max(self.before.get())
     }
 
-    /// The header of a message for this subscriber, and how many it was not sent before it; `None`
-    /// where there is no message.
-    pub(crate) fn header(&self, message: &Message) -> Option<([u8; HEADER_LEN], u64)> {
+    /// Whether no message was sent yet.
+    pub(crate) fn is_untouched(&self) -> bool {
+        self.last.get() == 0
+    }
+
+    /// The header of a message for this subscriber, with how many it was not sent since the one before; `None` where
+    /// there is no message.
+    pub(crate) fn header(&self, message: &Message) -> Option<[u8; HEADER_LEN]> {
         let skipped = match self.last.get() {
             0 => 0,
             last => message.tick.saturating_sub(last + 1),
         };
         let header = message.header?.with_skipped(skipped.min(u32::MAX.into()) as u32);
-        Some((header.to_bytes(), skipped))
+        Some(header.to_bytes())
     }
 
     /// Notes that a message was sent.
-    pub(crate) fn note_sent(&self, message: &Message, skipped: u64) {
+    pub(crate) fn note_sent(&self, message: &Message) {
         self.last.set(message.tick);
         let [counts, of_all] = &self.counts;
-        counts.record(of_all, Instant::now(), message.due, skipped);
+        counts.record(of_all, Instant::now(), message.due, message.tick);
     }
 
-    /// No message is due for a while.
-    pub(crate) fn rest(&self) {
-        self.counts[0].rest();
+    /// Messages after this tick are asked for from now on.
+    pub(crate) fn begin(&self, tick: u64) {
+        self.counts[0].begin(Instant::now(), tick);
+    }
+
+    /// None is asked for any more; what was made up to this tick and not sent is counted.
+    pub(crate) fn end(&self, tick: u64) {
+        let [counts, of_all] = &self.counts;
+        counts.end(of_all, Instant::now(), tick);
     }
 
     /// Whether the courier is to send a message.
@@ -88,12 +99,12 @@ impl Lane {
 
     /// Sends a message if the socket takes it at once; otherwise the task is to.
     pub(crate) fn offer(&self, message: &Message, is_writable: bool) {
-        let Some((header, skipped)) = self.header(message) else {
+        let Some(header) = self.header(message) else {
             return;
         };
         let packet = [IoSlice::new(&header), IoSlice::new(&message.payload)];
         if is_writable && self.socket.try_send(&packet, Room::Any).is_ok() {
-            self.note_sent(message, skipped);
+            self.note_sent(message);
         } else {
             self.is_free.set(false);
             self.wake.notify_one();

@@ -9,8 +9,9 @@ use crate::config::ProfilesConfig;
 use crate::log_lines::LogLines;
 use crate::output_slots::{Output, SlotControl, cost_per_tick};
 use crate::profile_maker::{Cost, DisplayProfile, ProfileMaker};
-use crate::stream::{StreamEnd, stream};
+use crate::stream::{OverTicks, StreamEnd, stream};
 use std::cell::{Cell, RefCell};
+use std::collections::HashMap;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -186,6 +187,12 @@ impl<M: ProfileMaker> Profiles<M> {
             cost_ns: active.cost_ns.clone(),
         };
         self.active.borrow().iter().map(record).collect()
+    }
+
+    /// For each profile, by its number, [`OverTicks`] of its images.
+    pub(crate) fn over_ticks(&self) -> HashMap<u32, OverTicks> {
+        let over = |active: &Rc<ActiveProfile>| (active.id, OverTicks::of(&active.stream));
+        self.active.borrow().iter().map(over).collect()
     }
 
     /// What is set aside for all profiles; not what they take of it.

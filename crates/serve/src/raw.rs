@@ -2,7 +2,7 @@
 
 use crate::output_slots::{Output, SlotControl, cost_per_tick};
 use crate::profile_maker::ProfileMaker;
-use crate::stream::{Stream, stream};
+use crate::stream::{OverTicks, Stream, stream};
 use std::cell::RefCell;
 use std::rc::Rc;
 
@@ -40,6 +40,11 @@ impl RawStream {
             stream: stream.clone(),
         });
         Ok(stream)
+    }
+
+    /// [`OverTicks`] of the frames, where any are made.
+    pub(crate) fn over_ticks(&self) -> Option<OverTicks> {
+        self.0.borrow().as_ref().map(|made| OverTicks::of(&made.stream))
     }
 
     /// Has no more raw frames made where nobody reads them.

@@ -4,7 +4,9 @@ use crate::config::Limits;
 use crate::farewell::Farewell;
 use crate::log_lines::LogLines;
 use crate::sent::Sent;
+use crate::stream::OverTicks;
 use std::cell::{Cell, RefCell};
+use std::collections::HashMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 use std::time::{Duration, Instant};
@@ -175,6 +177,24 @@ impl Registry {
             tracing::info!(
                 "subscribers came and went {lines} times more than this log tells in the last minute"
             );
+        }
+    }
+
+    /// Counts what subscribers will not be sent any more, given the images of each profile, by its number, and the raw
+    /// frames.
+    pub(crate) fn count_skipped(&self, images: &HashMap<u32, OverTicks>, raw_frames: Option<OverTicks>) {
+        for entry in self.entries.borrow().iter() {
+            let over = |ticks: &OverTicks| match entry.wants_every.load(Relaxed) {
+                true => ticks.every,
+                false => ticks.newest,
+            };
+            // One that is no longer made is followed by another one soon.
+            if let Some(images) = images.get(&entry.profile.load(Relaxed)) {
+                entry.images.skip_to(&self.images, over(images));
+            }
+            if let Some(raw_frames) = &raw_frames {
+                entry.raw_frames.skip_to(&self.raw_frames, over(raw_frames));
+            }
         }
     }
 

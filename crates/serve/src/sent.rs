@@ -1,7 +1,10 @@
 //! What a subscriber was sent of a stream, and how old it was then. The serving thread writes, others
 //! read whenever they like.
 
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::atomic::{
+    AtomicU64,
+    Ordering::{Acquire, Relaxed, Release},
+};
 use std::time::{Duration, Instant};
 use taxel_wire::status::QuantileStatus;
 
@@ -10,7 +13,11 @@ const STEPS: usize = 8;
 /// Octaves of microseconds, up to 16 s.
 const OCTAVES: usize = 24;
 
-/// Counts of one subscriber, or of all together.
+/// In place of a tick: no message is asked for.
+const NONE_ASKED: u64 = u64::MAX;
+
+/// Counts of one subscriber, or of all together. A message that was made while it was asked for is counted once: as
+/// sent, or as skipped as soon as it is certain that it will not be.
 #[derive(Debug)]
 pub(crate) struct Sent {
     sent: AtomicU64,
@@ -18,8 +25,13 @@ pub(crate) struct Sent {
     /// How old messages were when they were sent.
     ages: [AtomicU64; STEPS * OCTAVES],
     oldest_us: AtomicU64,
+    /// The tick up to which messages are counted.
+    counted: AtomicU64,
     since: Instant,
-    /// When the last one was sent, microseconds after `since`; 0 where none is due.
+    /// When they were asked for, microseconds after `since`.
+    asked_us: AtomicU64,
+    /// When the last one was sent, or they were asked for where the first has been skipped, microseconds after `since`;
+    /// 0 where none was due yet.
     last_us: AtomicU64,
     longest_gap_us: AtomicU64,
 }
@@ -31,7 +43,9 @@ impl Default for Sent {
             skipped: AtomicU64::default(),
             ages: [const { AtomicU64::new(0) }; STEPS * OCTAVES],
             oldest_us: AtomicU64::default(),
+            counted: AtomicU64::new(NONE_ASKED),
             since: Instant::now(),
+            asked_us: AtomicU64::default(),
             last_us: AtomicU64::default(),
             longest_gap_us: AtomicU64::default(),
         }
@@ -39,27 +53,66 @@ impl Default for Sent {
 }
 
 impl Sent {
-    /// One more was sent at `now`, which was due at `due`, behind so many that were not sent. It is
-    /// counted `of_all`, too.
-    pub(crate) fn record(&self, of_all: &Self, now: Instant, due: Instant, skipped: u64) {
+    /// Messages after this tick are asked for from `now` on.
+    pub(crate) fn begin(&self, now: Instant, tick: u64) {
+        self.asked_us.store(self.us_at(now), Relaxed);
+        self.counted.store(tick, Relaxed);
+    }
+
+    /// No message after this tick is asked for, nor will an earlier one be sent. That none comes from now on is no gap.
+    pub(crate) fn end(&self, of_all: &Self, now: Instant, tick: u64) {
+        self.skip_to(of_all, tick);
+        self.close_gap(of_all, now);
+        self.last_us.store(0, Release);
+        self.counted.store(NONE_ASKED, Relaxed);
+    }
+
+    /// Messages up to this tick were sent, or never will be: the latter are counted, `of_all`, too.
+    pub(crate) fn skip_to(&self, of_all: &Self, tick: u64) {
+        let skipped = tick.saturating_sub(self.counted.load(Relaxed));
+        if skipped == 0 {
+            return;
+        }
+        self.counted.store(tick, Relaxed);
+        for counts in [self, of_all] {
+            counts.skipped.fetch_add(skipped, Relaxed);
+        }
+        if self.last_us.load(Relaxed) == 0 {
+            self.last_us.store(self.asked_us.load(Relaxed), Release);
+        }
+    }
+
+    /// The message of a tick that was due at `due` was sent at `now`. It is counted `of_all`, too.
+    pub(crate) fn record(&self, of_all: &Self, now: Instant, due: Instant, tick: u64) {
+        self.skip_to(of_all, tick.saturating_sub(1));
+        self.close_gap(of_all, now);
+        self.counted.store(tick, Relaxed);
+        self.last_us.store(self.us_at(now), Release);
         let age_us = micros(now.duration_since(due));
-        let now_us = micros(now.duration_since(self.since)).max(1);
-        let gap_us = match self.last_us.swap(now_us, Relaxed) {
-            0 => 0,
-            last_us => now_us.saturating_sub(last_us),
-        };
         for counts in [self, of_all] {
             counts.sent.fetch_add(1, Relaxed);
-            counts.skipped.fetch_add(skipped, Relaxed);
             counts.ages[step_of(age_us)].fetch_add(1, Relaxed);
             counts.oldest_us.fetch_max(age_us, Relaxed);
+        }
+    }
+
+    fn close_gap(&self, of_all: &Self, now: Instant) {
+        let gap_us = self.open_gap_us(now);
+        for counts in [self, of_all] {
             counts.longest_gap_us.fetch_max(gap_us, Relaxed);
         }
     }
 
-    /// None is due for a while: that is no gap.
-    pub(crate) fn rest(&self) {
-        self.last_us.store(0, Relaxed);
+    fn open_gap_us(&self, now: Instant) -> u64 {
+        match self.last_us.load(Acquire) {
+            0 => 0,
+            last_us => self.us_at(now).saturating_sub(last_us),
+        }
+    }
+
+    /// Microseconds after `since`; never 0.
+    fn us_at(&self, now: Instant) -> u64 {
+        micros(now.duration_since(self.since)).max(1)
     }
 
     pub(crate) fn sent(&self) -> u64 {
@@ -72,11 +125,9 @@ impl Sent {
 
     /// The longest time between two messages, milliseconds; that which goes on included.
     pub(crate) fn longest_gap_ms(&self) -> f64 {
-        let gap_us = match self.last_us.load(Relaxed) {
-            0 => 0,
-            last_us => micros(self.since.elapsed()).saturating_sub(last_us),
-        };
-        gap_us.max(self.longest_gap_us.load(Relaxed)) as f64 / 1000.0
+        // Asked first: it is closed before the next one is opened, so that the longest never falls.
+        let open_us = self.open_gap_us(Instant::now());
+        open_us.max(self.longest_gap_us.load(Relaxed)) as f64 / 1000.0
     }
 
     /// How many messages were how old when they were sent: the most microseconds of each step that has
@@ -156,11 +207,13 @@ mod tests {
         );
         let start = sent.since;
         let at = |ms| start + Duration::from_millis(ms);
+        sent.begin(start, 0);
         for image in 0..998 {
-            sent.record(&all, at(image + 1), at(image), 0);
+            sent.record(&all, at(image + 1), at(image), image + 1);
         }
-        sent.record(&all, at(1500), at(1490), 3);
-        sent.record(&all, at(1501), at(1401), 0);
+        sent.record(&all, at(1500), at(1490), 1002);
+        sent.record(&all, at(1501), at(1401), 1003);
+        sent.end(&all, at(1502), 1003);
         let age = sent.age_us();
         assert!((1000.0..1130.0).contains(&age.p50), "{age:?}");
         assert!((1000.0..1130.0).contains(&age.p99), "{age:?}");
@@ -170,8 +223,112 @@ mod tests {
         assert_eq!(ages.iter().map(|(_, count)| count).sum::<u64>(), 1000);
         assert_eq!((ages.len(), ages[0].1), (3, 998), "{ages:?}");
         assert_eq!((sent.sent(), sent.skipped()), (1000, 3));
-        sent.rest();
         assert_eq!(sent.longest_gap_ms(), 502.0);
         assert_eq!((all.age_us(), all.longest_gap_ms()), (age, 502.0));
+        assert_eq!((all.sent(), all.skipped()), (1000, 3));
+    }
+
+    #[test]
+    fn what_was_not_sent_is_counted_once_whether_another_one_is_sent_or_not() {
+        /// What happens, at which time in ms.
+        enum Act {
+            Begin(u64),
+            /// Nothing up to this tick will be sent.
+            SkipTo(u64),
+            Send(u64),
+            End(u64),
+        }
+        use Act::*;
+        for (what, acts, skipped, gap_ms) in [
+            ("never sent one", vec![(100, Begin(50)), (400, End(59))], 9, 300.0),
+            (
+                "the same, looked at meanwhile",
+                vec![
+                    (100, Begin(50)),
+                    (200, SkipTo(52)),
+                    (300, SkipTo(55)),
+                    (400, End(59)),
+                ],
+                9,
+                300.0,
+            ),
+            (
+                "none was made",
+                vec![(100, Begin(50)), (900, SkipTo(49)), (900, End(50))],
+                0,
+                0.0,
+            ),
+            (
+                "the first came long after it was asked for, since none was made before",
+                vec![(100, Begin(50)), (900, Send(51)), (901, End(51))],
+                0,
+                1.0,
+            ),
+            (
+                "took one and no more",
+                vec![
+                    (100, Begin(50)),
+                    (133, Send(51)),
+                    (1133, SkipTo(80)),
+                    (1163, End(82)),
+                ],
+                31,
+                1030.0,
+            ),
+            (
+                "took one again",
+                vec![
+                    (100, Begin(50)),
+                    (133, Send(51)),
+                    (1133, SkipTo(80)),
+                    (1166, Send(82)),
+                    (1199, End(82)),
+                ],
+                30,
+                1033.0,
+            ),
+            (
+                "asked for none in between",
+                vec![
+                    (100, Begin(50)),
+                    (133, Send(51)),
+                    (140, End(51)),
+                    (900, SkipTo(74)),
+                    (900, Begin(74)),
+                    (933, Send(75)),
+                ],
+                0,
+                7.0,
+            ),
+        ] {
+            let (sent, all) = (Sent::default(), Sent::default());
+            let at = |ms| sent.since + Duration::from_millis(ms);
+            let mut before = (0, 0);
+            for (ms, act) in acts {
+                match act {
+                    Begin(tick) => sent.begin(at(ms), tick),
+                    SkipTo(tick) => sent.skip_to(&all, tick),
+                    Send(tick) => sent.record(&all, at(ms), at(ms), tick),
+                    End(tick) => sent.end(&all, at(ms), tick),
+                }
+                let now = (all.skipped(), all.longest_gap_us.load(Relaxed));
+                assert!(
+                    now.0 >= before.0 && now.1 >= before.1,
+                    "{what}: {now:?} after {before:?}"
+                );
+                before = now;
+            }
+            let gap_us = sent.longest_gap_us.load(Relaxed);
+            assert_eq!(
+                (sent.skipped(), gap_us as f64 / 1000.0),
+                (skipped, gap_ms),
+                "{what}"
+            );
+            assert_eq!(
+                (all.skipped(), all.longest_gap_us.load(Relaxed)),
+                (skipped, gap_us),
+                "{what}"
+            );
+        }
     }
 }

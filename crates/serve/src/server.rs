@@ -113,6 +113,7 @@ impl<M: ProfileMaker> Server<M> {
 
     /// Who is connected, and what is made for them.
     pub fn roster(&self) -> Roster {
+        self.count_skipped();
         Roster {
             subscribers: self.registry.entries(),
             profiles: self.profiles.records(),
@@ -121,6 +122,13 @@ impl<M: ProfileMaker> Server<M> {
             places: self.registry.max,
             is_crowded: self.registry.is_crowded(),
         }
+    }
+
+    /// Counts what subscribers will not be sent any more, of whom the task may be waiting for its socket.
+    fn count_skipped(&self) {
+        let images = self.profiles.over_ticks();
+        let raw_frames = self.raw.over_ticks();
+        self.registry.count_skipped(&images, raw_frames);
     }
 
     /// Answers what other threads ask.

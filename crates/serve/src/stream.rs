@@ -57,6 +57,27 @@ pub(crate) struct Stream {
     payload_len: usize,
 }
 
+/// The ticks up to which a stream's messages were sent, or never will be: what is sent is chosen and sent in one go on
+/// the serving thread, so that none of them is on its way.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct OverTicks {
+    /// To readers of the newest.
+    pub(crate) newest: u64,
+    /// To readers of every one.
+    pub(crate) every: u64,
+}
+
+impl OverTicks {
+    pub(crate) fn of(stream: &Stream) -> Self {
+        stream.collect();
+        let oldest = stream.backlog.borrow().front().map_or(0, |oldest| oldest.tick);
+        Self {
+            newest: stream.newest_tick().saturating_sub(1),
+            every: oldest.saturating_sub(1),
+        }
+    }
+}
+
 /// Buffers beside those of the backlog: one is the newest, one may be being sent.
 const SPARE: usize = 4;
 /// Most bytes that the messages of a backlog may have together.
@@ -226,6 +247,11 @@ impl Stream {
         offer(&lanes);
         self.is_delivered.set(!lanes.is_empty());
         !lanes.is_empty()
+    }
+
+    /// The tick of the newest message.
+    pub(crate) fn newest_tick(&self) -> u64 {
+        self.newest.borrow().tick
     }
 
     fn forget(&self) {

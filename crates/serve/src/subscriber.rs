@@ -125,6 +125,7 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
             server,
         };
         subscriber.size_send_buffer()?;
+        subscriber.image_lane.begin(subscriber.newest_tick());
         Ok(subscriber)
     }
 
@@ -144,14 +145,19 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
     /// Serves this subscriber until it goes or has to go.
     pub(crate) async fn attend(&mut self) -> Farewell {
         let entry = self.entry;
-        tokio::select! {
+        let farewell = tokio::select! {
             biased;
             () = entry.leave.notified() => Farewell::MadeRoom,
             served = self.serve() => match served {
                 Ok(never) => match never {},
                 Err(farewell) => farewell,
             }
+        };
+        if self.wants.image {
+            self.image_lane.end(self.newest_tick());
         }
+        self.end_raw();
+        farewell
     }
 
     async fn serve(&mut self) -> Result<std::convert::Infallible, Farewell> {
@@ -223,6 +229,18 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
         let newest = |active: &ActiveProfile| active.stream.newest.borrow().header;
         let header = newest(&self.shown).or_else(|| newest(&self.own.borrow()));
         header.map_or((0, 0), |h| (h.seq, h.t_ns))
+    }
+
+    /// The newest tick that made an image, of whichever profile: one that is made anew has none of its own yet.
+    fn newest_tick(&self) -> u64 {
+        let own = self.own.borrow().stream.newest_tick();
+        own.max(self.shown.stream.newest_tick())
+    }
+
+    fn end_raw(&mut self) {
+        if let Some(raw) = self.raw.take() {
+            self.raw_lane.end(raw.stream().newest_tick());
+        }
     }
 
     /// Takes a subscription; tells the client what is wrong with one that is refused.
@@ -309,12 +327,16 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
     fn subscribe(&mut self, wants: Subscribe) -> Result<Result<(), String>, Farewell> {
         let raw_way = Way::of_raw_frames(&wants);
         if !wants.raw {
-            self.raw = None;
-            self.raw_lane.rest();
+            self.end_raw();
         } else if self.raw.as_ref().is_none_or(|raw| raw.way() != raw_way) {
             let profiles = &self.server.profiles;
             match self.server.raw.open(&profiles.maker, &profiles.slots) {
-                Ok(stream) => self.raw = Some(Feed::new(&stream, &self.raw_lane, raw_way)),
+                Ok(stream) => {
+                    if self.raw.is_none() {
+                        self.raw_lane.begin(stream.newest_tick().max(self.newest_tick()));
+                    }
+                    self.raw = Some(Feed::new(&stream, &self.raw_lane, raw_way));
+                }
                 Err(reason) => return Ok(Err(reason)),
             }
         }
@@ -322,8 +344,10 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
         if wants.image != self.wants.image || self.images.way() != image_way {
             self.images = Feed::new(&self.shown.stream, &self.image_lane, image_way);
         }
-        if !wants.image {
-            self.image_lane.rest();
+        match (self.wants.image, wants.image) {
+            (true, false) => self.image_lane.end(self.newest_tick()),
+            (false, true) => self.image_lane.begin(self.newest_tick()),
+            _ => {}
         }
         if wants.status && !self.wants.status {
             self.status.mark_unchanged();
@@ -351,6 +375,9 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
             self.images.set_rate(self.wants.max_rate_hz);
             self.entry.set_profile(shown.id);
             self.shown = shown;
+            if self.wants.image && self.image_lane.is_untouched() {
+                self.image_lane.begin(self.newest_tick());
+            }
             self.size_send_buffer()?;
         }
         self.send_hello().await

@@ -44,6 +44,10 @@ fn what_is_lost_to_a_reader_of_every_message_is_counted_and_costs_the_others_not
             assert_eq!(newest.read(1).await, [Got::Image(seq, 0)]);
         }
         stage.publish(1);
+        // What was lost is counted though nothing was read yet, and what is kept is not.
+        let status = stage.server.roster().subscriber_status();
+        let counted = status.iter().find(|s| s.every).map(|s| s.images + s.skipped);
+        assert_eq!(counted, Some(2001 - DEPTH));
         let mut last = None;
         while last != Some(2000) {
             let got = slow.read(1).await;

@@ -1,10 +1,11 @@
 //! What a subscriber is promised that is sent the newest image, whatever others do and whatever it asks for.
 
-use crate::stage::{Got, PATIENCE, Reader, on_stage};
+use crate::stage::{Got, Maker, PATIENCE, Reader, on_stage};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 use taxel_hand::Profile;
+use taxel_serve::Server;
 use taxel_wire::{Hello, Received, Subscribe, Subscriber, Subscription};
 
 #[test]
@@ -33,12 +34,83 @@ fn a_reader_that_takes_nothing_costs_the_others_no_image() {
             "{images:?}"
         );
         let sent = roster.sent_status();
-        assert_eq!((sent.subscribers, sent.skipped), (6, 0));
+        assert_eq!(sent.subscribers, 6);
         assert_eq!(sent.images, images.iter().sum::<u64>());
         assert!(
             sent.age_us.max > 0.0 && sent.age_us.p50 <= sent.age_us.max,
             "{sent:?}"
         );
+    });
+}
+
+#[test]
+fn what_a_reader_that_takes_nothing_is_not_sent_is_counted_while_it_is_there_and_when_it_is_gone() {
+    on_stage(async |mut stage| {
+        let idle = Subscriber::connect(&stage.path).unwrap();
+        let mut reader = Reader::connect(&stage.path, Subscribe::default()).await;
+        stage
+            .until("both are there", |server| server.roster().subscribers() == 2)
+            .await;
+        let mut before = 0;
+        for seq in 0..200 {
+            stage.publish(1);
+            // The newest may still be sent to both.
+            let skipped = stage.server.roster().sent_status().skipped;
+            assert!(skipped >= before, "{skipped} after {before}");
+            before = skipped;
+            assert_eq!(reader.read(1).await, [Got::Image(seq, 0)]);
+        }
+        let roster = stage.server.roster();
+        let (mut each, sent) = (roster.subscriber_status(), roster.sent_status());
+        each.sort_by_key(|status| status.images);
+        assert_eq!((each[1].images, each[1].skipped), (200, 0));
+        assert_eq!(each[0].images + each[0].skipped, 199);
+        assert_eq!(sent.skipped, each[0].skipped);
+        assert!(each[0].longest_gap_ms > 0.0 && sent.longest_gap_ms >= each[0].longest_gap_ms);
+        drop(idle);
+        stage
+            .until("it is gone", |server| server.roster().subscribers() == 1)
+            .await;
+        let gone = stage.server.roster().sent_status();
+        assert_eq!((gone.images, gone.images + gone.skipped), (sent.images, 400));
+        assert!(gone.longest_gap_ms >= sent.longest_gap_ms);
+    });
+}
+
+#[test]
+fn nothing_is_counted_as_skipped_that_was_made_before_it_was_asked_for_or_not_asked_for() {
+    on_stage(async |mut stage| {
+        stage.publish(50);
+        let stated = Subscribe {
+            profile: Some(Profile {
+                levels: 3,
+                ..Profile::default()
+            }),
+            ..Subscribe::default()
+        };
+        let none = Subscribe {
+            image: false,
+            ..Subscribe::default()
+        };
+        // One whose images come from a stream of their own, that of whoever states none, and one that is sent none.
+        let mut readers = Vec::new();
+        for wants in [stated, Subscribe::default(), none] {
+            readers.push(Reader::connect(&stage.path, wants).await);
+        }
+        for seq in 50..60 {
+            stage.publish(1);
+            for reader in &mut readers[..2] {
+                assert_eq!(reader.read(1).await, [Got::Image(seq, 0)]);
+            }
+        }
+        drop(readers);
+        let skipped = |server: &Server<Maker>| server.roster().sent_status().skipped;
+        assert_eq!(skipped(&stage.server), 0);
+        stage
+            .until("all are gone", |server| server.roster().subscribers() == 0)
+            .await;
+        assert_eq!(skipped(&stage.server), 0);
+        assert_eq!(stage.server.roster().sent_status().images, 20);
     });
 }
 

@@ -113,14 +113,14 @@ report! {
         subscribers: usize,
         /// Images they were sent.
         images: u64,
-        /// Images that were made and that one of them was not sent.
+        /// Images that were made while one of them asked for images, and that it was not sent, nor will be.
         skipped: u64,
         /// From when an image was due until it was sent, microseconds.
         age_us: QuantileStatus,
         /// The same as a histogram, of which differences can be taken: rows of an age in microseconds
         /// and the images up to that age and above that of the row before.
         ages: Vec<(u64, u64)>,
-        /// The longest that one of them was without an image between two, milliseconds.
+        /// The longest that one of them was without an image between two, milliseconds; those that go on included.
         longest_gap_ms: f64,
     }
 
@@ -387,13 +387,13 @@ report! {
         connected_s: f64,
         /// Images it was sent.
         images: u64,
-        /// Images that were made and that it was not sent.
+        /// Images that were made while it asked for images, and that it was not sent, nor will be.
         skipped: u64,
         /// Whether it is sent raw frames.
         raw: bool,
         /// Raw frames it was sent.
         raw_frames: u64,
-        /// Raw frames that were made while it asked for them, and that it was not sent.
+        /// Raw frames that were made while it asked for them, and that it was not sent, nor will be.
         raw_skipped: u64,
         /// Whether it is sent every message in order, and not only the newest.
         every: bool,
