@@ -22,7 +22,7 @@ const PAUSE: Duration = Duration::from_millis(2);
 const LAST_WORDS: Duration = Duration::from_millis(100);
 
 impl<M: ProfileMaker> Server<M> {
-    /// Lets subscribers in until the program ends.
+    /// Lets subscribers in, to be dropped when they come another way.
     pub(crate) async fn let_in(self: Rc<Self>, mut listener: UnixSeqpacketListener) {
         let mut failing = false;
         let mut pause = interval(PAUSE);

@@ -5,6 +5,8 @@ use crate::active_profile::ProfileRecord;
 use crate::registry::Entry;
 use crate::sent::Sent;
 use std::collections::BTreeMap;
+use std::io;
+use std::os::fd::OwnedFd;
 use std::sync::Arc;
 use taxel_hand::Profile;
 use taxel_wire::status::{ProfileStatus, ProfilesBudget, SentStatus, SubscriberStatus};
@@ -33,6 +35,7 @@ pub(crate) enum Announcement {
 pub(crate) enum Request {
     Roster(oneshot::Sender<Roster>),
     SetOwnProfile(Profile, oneshot::Sender<Result<(), String>>),
+    Listen(OwnedFd, oneshot::Sender<io::Result<()>>),
 }
 
 /// A server as other threads see it.
@@ -97,6 +100,15 @@ impl ServerHandle {
             Ok(()) => answered.await.unwrap_or_else(|_| stopping()),
             Err(_) => stopping(),
         }
+    }
+
+    /// Has subscribers let in at another socket, which listens, and no longer at the one before. Those who are in stay.
+    pub async fn listen(&self, listener: OwnedFd) -> io::Result<()> {
+        let (answer, answered) = oneshot::channel();
+        let stopping = || io::Error::other("the daemon is stopping");
+        let asked = self.requests.send(Request::Listen(listener, answer)).await;
+        asked.map_err(|_| stopping())?;
+        answered.await.unwrap_or_else(|_| Err(stopping()))
     }
 }
 

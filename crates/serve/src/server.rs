@@ -15,6 +15,7 @@ use std::time::Duration;
 use taxel_hand::Profile;
 use taxel_wire::MAX_SUBSCRIBE;
 use tokio::sync::mpsc;
+use tokio::task::JoinHandle;
 use tokio::time::{MissedTickBehavior, interval};
 use tokio_seqpacket::UnixSeqpacketListener;
 
@@ -80,6 +81,8 @@ pub struct Server<M: ProfileMaker> {
     pub(crate) raw: RawStream,
     pub(crate) handle: ServerHandle,
     requests: RefCell<Option<mpsc::Receiver<Request>>>,
+    /// The task that lets subscribers in.
+    letting_in: RefCell<Option<JoinHandle<()>>>,
     /// Where subscriptions are received into, one at a time; one byte longer than the longest, to
     /// tell one too long.
     pub(crate) subscription: RefCell<Box<[u8]>>,
@@ -96,6 +99,7 @@ impl<M: ProfileMaker> Server<M> {
             raw: RawStream::default(),
             handle: seed.handle,
             requests: RefCell::new(Some(seed.requests)),
+            letting_in: RefCell::default(),
             subscription: RefCell::new(vec![0; MAX_SUBSCRIBE + 1].into()),
             turns: Turns::new(),
         })
@@ -104,11 +108,16 @@ impl<M: ProfileMaker> Server<M> {
     /// Serves subscribers, and answers the program's other threads, until the program ends. To be
     /// run in a [`tokio::task::LocalSet`], once.
     pub async fn serve(self: Rc<Self>, listener: UnixSeqpacketListener) {
-        tokio::join!(
-            self.clone().let_in(listener),
-            self.clone().answer_requests(),
-            self.tidy(),
-        );
+        self.listen(listener);
+        tokio::join!(self.clone().answer_requests(), self.tidy());
+    }
+
+    /// Lets subscribers in at this socket, and no longer at the one before.
+    fn listen(self: &Rc<Self>, listener: UnixSeqpacketListener) {
+        let letting_in = tokio::task::spawn_local(self.clone().let_in(listener));
+        if let Some(before) = self.letting_in.replace(Some(letting_in)) {
+            before.abort();
+        }
     }
 
     /// Who is connected, and what is made for them.
@@ -139,6 +148,10 @@ impl<M: ProfileMaker> Server<M> {
         while let Some(request) = requests.recv().await {
             match request {
                 Request::Roster(answer) => drop(answer.send(self.roster())),
+                Request::Listen(listener, answer) => {
+                    let listener = UnixSeqpacketListener::try_from(listener);
+                    drop(answer.send(listener.map(|listener| self.listen(listener))));
+                }
                 // Its cost is measured first, which takes a while.
                 Request::SetOwnProfile(profile, answer) => {
                     let server = self.clone();

@@ -51,7 +51,6 @@ impl SocketPath {
     pub fn take(path: &Path, mode: u32, group: &str) -> Result<Self, SocketPathError> {
         // First what may be wrong with the configuration, so that nothing is left behind.
         let group = group_id(group)?.map(|id| (id, group.to_owned()));
-        check_socket_folder(path)?;
         let mut taken = Self {
             path: path.to_owned(),
             bound: None,
@@ -60,12 +59,58 @@ impl SocketPath {
             made: Vec::new(),
             lock: None,
         };
-        taken.make_folders()?;
-        // Somebody may have been faster.
-        check_socket_folder(path)?;
-        taken.lock = Some(Lock::take(path)?);
+        taken.take_lock()?;
         remove_stale(path)?;
         Ok(taken)
+    }
+
+    /// Whether the path leads to the socket that was bound, and nobody else can take it.
+    pub fn is_whole(&self) -> bool {
+        self.holds_lock() && self.is_bound()
+    }
+
+    /// Takes the path once more, of which somebody has removed or replaced the socket, the lock file or their folder, in
+    /// the way of [`SocketPath::take`]; returns another socket that listens where the path does not lead to the one
+    /// before.
+    pub fn retake(&mut self, kind: SockType, backlog: i32) -> Result<Option<OwnedFd>, SocketPathError> {
+        if !self.holds_lock() {
+            self.take_lock()?;
+        }
+        if self.is_bound() {
+            return Ok(None);
+        }
+        check_socket_folder(&self.path)?;
+        remove_stale(&self.path)?;
+        let listener = self.listen(kind, backlog);
+        if listener.is_err() {
+            self.unbind();
+        }
+        listener.map(Some)
+    }
+
+    /// Removes the socket where it is still the one that was bound.
+    pub fn unbind(&mut self) {
+        if let Some(socket) = self.bound.take() {
+            socket.remove_from(&self.path);
+        }
+    }
+
+    fn holds_lock(&self) -> bool {
+        self.lock.as_ref().is_some_and(Lock::is_there)
+    }
+
+    fn is_bound(&self) -> bool {
+        self.bound.is_some() && FileId::at(&self.path) == self.bound
+    }
+
+    /// Takes the lock, and makes the folder first where it is missing.
+    fn take_lock(&mut self) -> Result<(), SocketPathError> {
+        check_socket_folder(&self.path)?;
+        self.make_folders()?;
+        // Somebody may have been faster.
+        check_socket_folder(&self.path)?;
+        self.lock = Some(Lock::take(&self.path)?);
+        Ok(())
     }
 
     /// A socket that listens at the path, non-blocking, with the mode and group that it shall have.
@@ -122,6 +167,8 @@ impl SocketPath {
             .collect();
         for folder in missing.into_iter().rev() {
             match DirBuilder::new().mode(0o755).create(folder) {
+                // One that is made again is in its place already.
+                Ok(()) if self.made.iter().any(|made| made == folder) => {}
                 Ok(()) => self.made.insert(0, folder.to_owned()),
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
                 Err(error) => return Err(SocketPathError::making(folder, error)),
@@ -172,9 +219,7 @@ fn remove_stale(path: &Path) -> Result<(), SocketPathError> {
 
 impl Drop for SocketPath {
     fn drop(&mut self) {
-        if let Some(socket) = self.bound {
-            socket.remove_from(&self.path);
-        }
+        self.unbind();
         if let Some(lock) = &self.lock {
             lock.remove();
         }

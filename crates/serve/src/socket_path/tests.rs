@@ -161,6 +161,72 @@ fn an_ending_owner_leaves_the_socket_and_lock_of_another_one_alone() {
 }
 
 #[test]
+fn a_path_that_somebody_has_spoilt_is_taken_again_and_stays_with_one_daemon() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("taxeld/images.sock");
+    let folder = path.parent().unwrap();
+    let lock = folder.join("images.sock.lock");
+    let is_removed = |path: &Path| fs::remove_file(path).unwrap();
+    type Spoil<'a> = (&'a str, bool, &'a dyn Fn());
+    let ways: [Spoil; 6] = [
+        ("the socket", true, &|| is_removed(&path)),
+        ("the lock file", false, &|| is_removed(&lock)),
+        ("both", true, &|| {
+            is_removed(&path);
+            is_removed(&lock);
+        }),
+        ("the folder", true, &|| fs::remove_dir_all(folder).unwrap()),
+        ("the folder, renamed", true, &|| {
+            fs::rename(folder, dir.path().join("elsewhere")).unwrap();
+        }),
+        ("the socket, replaced by a stale one", true, &|| {
+            is_removed(&path);
+            drop(UnixListener::bind(&path).unwrap());
+        }),
+    ];
+    let mut taken = take(&path).unwrap();
+    let mut listener = taken.listen(SockType::Stream, 8).unwrap();
+    for (what, is_anew, spoil) in ways {
+        assert!(taken.is_whole(), "{what}");
+        spoil();
+        assert!(!taken.is_whole(), "{what}");
+        let anew = taken.retake(SockType::Stream, 8).unwrap();
+        assert_eq!(anew.is_some(), is_anew, "{what}");
+        listener = anew.unwrap_or(listener);
+        UnixStream::connect(&path).unwrap();
+        assert_eq!((mode(&path), mode(&lock)), (0o660, 0o600), "{what}");
+        assert!(
+            matches!(take(&path), Err(SocketPathError::InUse { .. })),
+            "{what}"
+        );
+    }
+    drop((taken, listener));
+    assert!(!folder.exists());
+}
+
+#[test]
+fn a_path_that_somebody_else_has_taken_is_left_to_him_and_taken_again_when_he_is_gone() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("taxeld/images.sock");
+    let mut first = take(&path).unwrap();
+    let first_listener = first.listen(SockType::Stream, 8).unwrap();
+    fs::remove_dir_all(path.parent().unwrap()).unwrap();
+    let mut second = take(&path).unwrap();
+    let second_listener = second.listen(SockType::Stream, 8).unwrap();
+    let mut refused = || first.retake(SockType::Stream, 8).unwrap_err();
+    assert!(matches!(refused(), SocketPathError::InUse { .. }));
+    drop((second, second_listener));
+    fs::create_dir_all(path.parent().unwrap()).unwrap();
+    fs::write(&path, "precious").unwrap();
+    assert!(matches!(refused(), SocketPathError::NotASocket { .. }));
+    assert_eq!(fs::read(&path).unwrap(), b"precious");
+    fs::remove_file(&path).unwrap();
+    assert!(first.retake(SockType::Stream, 8).unwrap().is_some() && first.is_whole());
+    drop(first_listener);
+    assert!(first.is_whole());
+}
+
+#[test]
 fn a_start_that_fails_for_its_group_names_it_and_leaves_nothing_behind() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("taxeld/images.sock");

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use taxel_hand::Profile;
 use taxel_serve::Server;
 use taxel_wire::{Hello, Received, Subscribe, Subscriber, Subscription};
+use tokio_seqpacket::UnixSeqpacketListener;
 
 #[test]
 fn a_reader_that_takes_nothing_costs_the_others_no_image() {
@@ -111,6 +112,21 @@ fn nothing_is_counted_as_skipped_that_was_made_before_it_was_asked_for_or_not_as
             .await;
         assert_eq!(skipped(&stage.server), 0);
         assert_eq!(stage.server.roster().sent_status().images, 20);
+    });
+}
+
+#[test]
+fn who_is_in_stays_when_others_are_let_in_at_another_socket() {
+    on_stage(async |mut stage| {
+        let mut early = Reader::connect(&stage.path, Subscribe::default()).await;
+        std::fs::remove_file(&stage.path).unwrap();
+        let anew = UnixSeqpacketListener::bind(&stage.path).unwrap();
+        stage.handle.listen(anew.into()).await.unwrap();
+        let mut late = Reader::connect(&stage.path, Subscribe::default()).await;
+        stage.publish(1);
+        for reader in [&mut early, &mut late] {
+            assert_eq!(reader.read(1).await, [Got::Image(0, 0)]);
+        }
     });
 }
 
