@@ -13,6 +13,7 @@ mod joints;
 mod realtime;
 mod reload;
 mod snapshot;
+mod sockets;
 mod sources;
 mod start_error;
 mod state;
@@ -30,9 +31,9 @@ pub use taxel_serve::SocketPathError;
 use crate::descriptors::Descriptors;
 use crate::image_maker::{ImageMaker, check_profile};
 use crate::snapshot::Snapshot;
+use crate::sockets::{Sockets, Which};
 use crate::state::State;
 use crate::tick::{PipelineClock, Shared, TickThread};
-use nix::sys::socket::SockType;
 use std::rc::Rc;
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, mpsc};
@@ -40,7 +41,7 @@ use std::thread::JoinHandle;
 use taxel_can::monotonic_ns;
 use taxel_engine::Engine;
 use taxel_joints::JointReader;
-use taxel_serve::{Limits, Server, ServerSeed, SocketPath};
+use taxel_serve::{Limits, Server, ServerSeed};
 use taxel_wire::Clock;
 use tokio::net::UnixListener;
 use tokio::sync::oneshot;
@@ -60,35 +61,7 @@ pub struct Daemon {
     /// Configurations to be taken up by the control thread.
     reload: tokio::sync::mpsc::UnboundedSender<reload::Reread>,
     /// Gone when nobody serves any more.
-    _paths: SocketPaths,
-}
-
-/// Connections that may wait to be accepted.
-const BACKLOG: i32 = 128;
-
-/// The places of the daemon's sockets. The one that was taken first goes last, and its folder with it.
-#[derive(Debug)]
-struct SocketPaths {
-    status: SocketPath,
-    control: SocketPath,
-    images: SocketPath,
-}
-
-impl SocketPaths {
-    fn take(config: &Config) -> Result<Self, SocketPathError> {
-        let Config { socket, control, .. } = config;
-        // Checked when the configuration was read; what cannot be read is open to nobody else.
-        let mode = socket.mode_bits().unwrap_or(0o600);
-        let images = SocketPath::take(&socket.images, mode, &socket.group)?;
-        let control_mode = control.mode_bits().unwrap_or(0o600);
-        let control = SocketPath::take(&socket.control, control_mode, &control.group)?;
-        let status = SocketPath::take(&socket.status_path(), mode, &socket.group)?;
-        Ok(Self {
-            status,
-            control,
-            images,
-        })
-    }
+    _sockets: Arc<Mutex<Sockets>>,
 }
 
 impl Daemon {
@@ -105,13 +78,13 @@ impl Daemon {
                 error: error.into(),
             }
         };
-        let mut paths = SocketPaths::take(&config)?;
+        let mut sockets = Sockets::take(&config)?;
         let listen = |error| StartError::System {
             what: "listen on a socket",
             error,
         };
-        let control = paths.control.listen(SockType::Stream, BACKLOG)?;
-        let status = paths.status.listen(SockType::Stream, BACKLOG)?;
+        let control = sockets.listen(Which::Control)?;
+        let status = sockets.listen(Which::Status)?;
 
         let recorded = sources::are_recorded(&config);
         let clock = PipelineClock {
@@ -200,7 +173,7 @@ impl Daemon {
         let server = seed.handle();
         let (ready, is_ready) = mpsc::channel();
         let (stop_images, stopped) = oneshot::channel::<()>();
-        let images = paths.images.listen(SockType::SeqPacket, BACKLOG)?;
+        let images = sockets.listen(Which::Images)?;
         let images = serving_thread("images", ready.clone(), async move || {
             let images = UnixSeqpacketListener::try_from(images).map_err(listen)?;
             // Below the tick thread and that of the joints; the former has said why, if it is refused.
@@ -217,8 +190,9 @@ impl Daemon {
         })?;
         let (stop, stopped) = oneshot::channel();
         let (reload, changed) = tokio::sync::mpsc::unbounded_channel();
+        let sockets = Arc::new(Mutex::new(sockets));
         let control = {
-            let shared = shared.clone();
+            let (shared, sockets) = (shared.clone(), sockets.clone());
             serving_thread("control", ready, async move || {
                 let control = UnixListener::from_std(control.into()).map_err(listen)?;
                 let status = UnixListener::from_std(status.into()).map_err(listen)?;
@@ -237,8 +211,7 @@ impl Daemon {
                         joint_reader,
                         clients,
                     ));
-                    tokio::task::spawn_local(control::serve_control(control, state.clone()));
-                    tokio::task::spawn_local(control::serve_status(status, state.clone()));
+                    tokio::task::spawn_local(sockets::serve(sockets, control, status, state.clone()));
                     tokio::task::spawn_local(reload::take_up(changed, state.clone()));
                     tokio::select! {
                         _ = stopped => {}
@@ -255,7 +228,7 @@ impl Daemon {
             joints,
             stop: Some(stop),
             reload,
-            _paths: paths,
+            _sockets: sockets,
         };
         for _ in [&daemon.images, &daemon.control] {
             is_ready.recv().unwrap_or_else(|_| {

@@ -33,6 +33,8 @@ pub(crate) struct State {
     pub(crate) problems: RefCell<Problems>,
     /// Why the configuration that was read last is not the one that runs.
     pub(crate) reload_refused: RefCell<Option<String>>,
+    /// The sockets that nobody can connect to, and why.
+    pub(crate) sockets_lost: RefCell<Option<String>>,
     /// Who is connected to the socket that only tells, and to the one for changes.
     pub(crate) looking: Rc<Places>,
     pub(crate) changing: Rc<Places>,
@@ -76,6 +78,7 @@ impl State {
             roster: RefCell::default(),
             problems: RefCell::default(),
             reload_refused: RefCell::default(),
+            sockets_lost: RefCell::default(),
             looking: Rc::new(Places::new(most_clients)),
             changing: Rc::new(Places::new(most_clients)),
             changes: ChangeLog::default(),

@@ -239,6 +239,7 @@ fn report_problems(state: &State, now: &Snapshot, joints: Option<&JointsView>, b
         })
         .collect();
     let refused = state.reload_refused.borrow();
+    let sockets_lost = state.sockets_lost.borrow();
     let crowd = state.roster().crowd().map(|(places, holders)| Crowd {
         places,
         holders: holders.iter().map(|of| (of.uid, of.pid, of.places)).collect(),
@@ -251,6 +252,7 @@ fn report_problems(state: &State, now: &Snapshot, joints: Option<&JointsView>, b
         joints,
         boards_due,
         reload_refused: refused.as_deref(),
+        sockets_lost: sockets_lost.as_deref(),
         crowd: crowd.as_ref(),
     };
     let news = (state.problems.borrow_mut()).handle_view(&state.config.hand_setup(), &view);

@@ -1,5 +1,6 @@
 """Start, stop, configuration, and a bus that says nothing."""
 
+import shutil
 import signal
 import subprocess
 
@@ -46,6 +47,75 @@ def test_a_second_daemon_on_the_same_socket_is_refused_and_the_first_goes_on(sta
         before = next_image(reader).seq
         assert next_image(reader).seq > before
     assert first.status()["images"]["made"] > 0
+
+
+SPOILT = {
+    "the control socket is removed": lambda daemon, _: daemon.control_path.unlink(),
+    "the socket of images is removed": lambda daemon, _: daemon.images.unlink(),
+    # At once, or the daemon might make a part of it while another one is being removed.
+    "the folder is removed": lambda daemon, aside: shutil.rmtree(daemon.images.parent.rename(aside)),
+    "the folder is renamed": lambda daemon, aside: daemon.images.parent.rename(aside),
+}
+
+
+@pytest.mark.parametrize("what", SPOILT)
+def test_sockets_that_somebody_removes_are_made_again_and_said_and_nobody_is_let_go(folder, buses, what):
+    at = folder / "run" / "taxeld"
+    sockets = {name: at / f"{name}.sock" for name in ("images", "control")}
+    with Daemon(folder / "d", buses.sources, socket=sockets) as daemon, taxel_reader.connect(daemon.images) as reader:
+        next_image(reader)
+        SPOILT[what](daemon, folder / "aside")
+        eventually(lambda: "is made again" in daemon.log, lambda: f"not made again\n{daemon.log}")
+        for asked in ("pause", "resume"):
+            daemon.control(asked)
+        with taxel_reader.connect(daemon.images) as late:
+            next_image(late)
+        said = []
+        while not any("is made again" in text for text in said):
+            message = reader.receive(10)
+            assert message is not None, said
+            if message.header.type == taxel_reader.EVENT:
+                said.append(message.json()["message"])
+        assert daemon.log.count("is made again") == 1 and "sockets-lost" not in str(daemon.status()["problems"]), daemon.log
+        second = Daemon(folder / "second", buses.sources, socket=sockets).spawn()
+        assert second.process.wait(10) != 0 and "in use by another taxeld" in second.log
+    assert not at.exists()
+
+
+def test_what_takes_the_place_of_a_socket_is_left_alone_and_a_problem_until_it_is_gone(start):
+    daemon = start()
+    with taxel_reader.connect(daemon.images, image=False, status=True) as reader:
+        daemon.images.unlink()
+        daemon.images.write_text("precious")
+
+        def lost():
+            return [p["sentence"] for p in daemon.status()["problems"] if p["kind"] == "sockets-lost"]
+
+        eventually(lambda: lost() and daemon.log.count("ERROR"), lambda: f"not told\n{daemon.log}")
+        [said] = lost()
+        assert str(daemon.images) in said and "is not a socket" in said, said
+        assert daemon.images.read_text() == "precious" and reader.receive(10) is not None
+        daemon.images.unlink()
+        eventually(lambda: not lost(), lambda: f"it stays\n{daemon.log}")
+        assert daemon.log.count("is not a socket") == 1, daemon.log
+    with taxel_reader.connect(daemon.images) as late:
+        next_image(late)
+
+
+def test_a_daemon_that_ends_leaves_the_sockets_of_one_alone_that_came_into_its_folder(folder, buses):
+    at = folder / "run" / "taxeld"
+    sockets = {name: at / f"{name}.sock" for name in ("images", "control")}
+    with Daemon(folder / "first", buses.sources, socket=sockets) as first:
+        # It does not look before it goes on, and then it is too late.
+        first.process.send_signal(signal.SIGSTOP)
+        shutil.rmtree(at)
+        with Daemon(folder / "second", buses.sources, socket=sockets) as second:
+            first.process.send_signal(signal.SIGCONT)
+            eventually(lambda: "in use by another taxeld" in first.log, lambda: f"not told\n{first.log}")
+            assert first.stop() == 0, first.log
+            assert second.status()["images"]["made"] >= 0
+            with taxel_reader.connect(second.images) as reader:
+                next_image(reader)
 
 
 def test_what_is_no_socket_is_left_alone(folder, buses):

@@ -65,19 +65,19 @@ def toml(value, within=""):
 class Daemon:
     """A running taxeld. Use it as a context: the process is gone afterwards, whatever happened.
 
-    `tables` are the tables of its configuration; sockets go into `folder`.
+    `tables` are the tables of its configuration; sockets go into `folder` unless they say otherwise.
     """
 
     def __init__(self, folder, sources, layout="allegro-uskin-15", environment=None, **tables):
         self.folder = Path(folder)
         self.folder.mkdir(exist_ok=True)
-        self.images = self.folder / "images.sock"
-        self.control_path = self.folder / "control.sock"
         self.config = self.folder / "taxeld.toml"
         self.log_path = self.folder / "taxeld.log"
         self.environment = environment or {}
         # A test that looks at something else for a while has not stopped reading.
-        tables["socket"] = {"images": self.images, "control": self.control_path, "stall_ms": 60_000, **tables.get("socket", {})}
+        sockets = {name: self.folder / f"{name}.sock" for name in ("images", "control")}
+        tables["socket"] = {**sockets, "stall_ms": 60_000, **tables.get("socket", {})}
+        self.images, self.control_path = (Path(tables["socket"][name]) for name in sockets)
         buses = "".join(f"\n[[bus]]\nsource = {toml(s)}\n" for s in sources)
         self.config.write_text(f"layout = {toml(layout)}\n{buses}\n{toml(tables)}\n")
         self.process = None

@@ -127,6 +127,8 @@ kinds! {
     HandVersion "hand-version" Warning,
     /// The daemon was told to read its configuration again, and cannot take it up.
     ReloadRefused "reload-refused" Warning,
+    /// Sockets of the daemon were removed or replaced: nobody can switch a motor off or be shown images any more.
+    SocketsLost "sockets-lost" Error,
     /// Clients that want to see images are turned away.
     ReadersTurnedAway "readers-turned-away" Warning,
 }

@@ -89,6 +89,7 @@ impl Problems {
             judge.judge(&mut self.patience, &mut self.angles_used, &mut found);
         }
         found.extend(view.reload_refused.map(reload_refused));
+        found.extend(view.sockets_lost.map(sockets_lost));
         found.extend(view.crowd.map(readers::turned_away));
         self.replace(found)
     }
@@ -168,6 +169,16 @@ fn reload_refused(why: &str) -> Problem {
         format!("the configuration was read again and is refused: {why}"),
         "The one before goes on. Mend the file, and have it read again",
         "the configuration was read again and is taken up",
+    )
+}
+
+fn sockets_lost(which: &str) -> Problem {
+    Problem::new(
+        Kind::SocketsLost,
+        Place::Daemon,
+        format!("nobody can connect any more to {which}"),
+        "Whoever is connected has stayed so; it is tried again each second",
+        "every socket can be connected to again",
     )
 }
 

@@ -38,6 +38,8 @@ pub struct HandView<'a> {
     pub boards_due: bool,
     /// Why the configuration that was read last was refused; `None` where it was taken up.
     pub reload_refused: Option<&'a str>,
+    /// The daemon's sockets that nobody can connect to any more, and why; `None` where all can be reached.
+    pub sockets_lost: Option<&'a str>,
     /// Who holds the places of readers where some are turned away; `None` where none are.
     pub crowd: Option<&'a Crowd>,
 }

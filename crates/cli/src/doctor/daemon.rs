@@ -136,6 +136,8 @@ fn object(problem: &ProblemStatus) -> String {
         (_, Some(bus), _) => bus.clone(),
         (_, _, Some(joint)) => joint.clone(),
         _ if problem.kind == Kind::ReloadRefused.name() => "configuration".into(),
+        _ if problem.kind == Kind::SocketsLost.name() => "sockets".into(),
+        _ if problem.kind == Kind::ReadersTurnedAway.name() => "readers".into(),
         _ => "joints".into(),
     }
 }

@@ -298,6 +298,7 @@ impl HandListener<'_> {
             joints: None,
             boards_due,
             reload_refused: None,
+            sockets_lost: None,
             crowd: None,
         };
         let _ = self.problems.handle_view(&self.setup, &view);

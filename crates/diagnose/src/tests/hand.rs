@@ -386,6 +386,19 @@ fn what_is_no_frame_is_told_with_where_it_may_come_from() {
 }
 
 #[test]
+fn that_nobody_can_connect_is_an_error_of_the_daemon_until_everybody_can() {
+    let mut bench = Bench::new();
+    let lost = "/run/taxeld/control.sock: cannot make /run/taxeld: Permission denied";
+    bench.pass(60_000, |s| s.sockets_lost = Some(lost));
+    assert_eq!(bench.kinds(), ["sockets-lost"]);
+    assert_eq!(bench.problems.kinds(Place::Daemon), [Kind::SocketsLost]);
+    assert_eq!(bench.said.len(), 1, "{:?}", bench.said);
+    assert!(sentence(&bench.said[0]).contains(lost), "{:?}", bench.said);
+    bench.pass(1000, |s| s.sockets_lost = None);
+    assert_eq!(bench.kinds(), [""; 0]);
+}
+
+#[test]
 fn that_readers_are_turned_away_is_told_with_who_holds_their_places() {
     let mut bench = Bench::new();
     let crowd = Crowd {

@@ -17,6 +17,7 @@ struct Known {
     boards: Vec<BoardStatus>,
     findings: Vec<Finding>,
     reload_refused: Option<&'static str>,
+    sockets_lost: Option<&'static str>,
     crowd: Option<Crowd>,
 }
 
@@ -53,6 +54,7 @@ impl Bench {
                 boards: vec![living; layout.modules.len()],
                 findings: Vec::new(),
                 reload_refused: None,
+                sockets_lost: None,
                 crowd: None,
             },
             sources: sources.iter().map(|s| s.parse().expect("a source")).collect(),
@@ -90,6 +92,7 @@ impl Bench {
             joints,
             boards_due: true,
             reload_refused: self.known.reload_refused,
+            sockets_lost: self.known.sockets_lost,
             crowd: self.known.crowd.as_ref(),
         };
         self.said.extend(self.problems.handle_view(&setup, &view));

@@ -79,6 +79,7 @@ fn judged(facts: &HandFacts) -> Vec<NotedProblem> {
         joints: None,
         boards_due: true,
         reload_refused: None,
+        sockets_lost: None,
         crowd: None,
     };
     let mut problems = Problems::default();
