@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use taxel_wire::status::Status;
 
 /// Where the daemon is asked.
-#[derive(Debug, clap::Args)]
+#[derive(Debug, Clone, clap::Args)]
 pub(crate) struct Ask {
     /// The daemon's control or status socket [default: where the daemon of this user, or of the system, puts it]
     #[arg(long, value_name = "PATH")]

@@ -1,6 +1,7 @@
 //! `taxel metrics`: the daemon's counts and times for Prometheus and its like.
 
 mod families;
+mod http;
 mod numbers;
 mod text;
 
@@ -8,17 +9,12 @@ use crate::everyday::Ask;
 use anyhow::Context;
 use families::Format;
 use serde_json::json;
-use std::io::{BufRead, BufReader, Read, Write};
-use std::net::{SocketAddr, TcpListener, TcpStream, ToSocketAddrs};
+use std::io::Write;
+use std::net::{SocketAddr, TcpListener, ToSocketAddrs};
 use std::path::PathBuf;
 use std::time::Duration;
 use taxel_playback::output_file::OutputFile;
 use taxel_wire::status::Status;
-
-/// How long a client may take to ask, and to take the answer.
-const PATIENCE: Duration = Duration::from_secs(2);
-/// The most bytes of a request that are read.
-const REQUEST: u64 = 8192;
 
 /// Give the running daemon's counts and times to Prometheus and Grafana.
 ///
@@ -67,7 +63,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             "metrics at http://{}/metrics; Ctrl-C stops it",
             listener.local_addr()?
         );
-        return serve(&listener, &args.ask);
+        return http::serve(listener, &args.ask);
     }
     let Some(path) = &args.textfile else {
         let mut out = std::io::stdout().lock();
@@ -97,52 +93,4 @@ fn metrics(ask: &Ask, format: Format) -> String {
 fn status(ask: &Ask) -> anyhow::Result<Status> {
     let reply = ask.send(&json!({ "cmd": "status" }))?;
     Ok(Status::try_from(reply["status"].clone())?)
-}
-
-/// Answers one client after the other; one that is slow holds up the others for no longer than [`PATIENCE`].
-fn serve(listener: &TcpListener, ask: &Ask) -> anyhow::Result<()> {
-    loop {
-        let (client, _) = listener.accept().context("cannot take a connection")?;
-        // A client that leaves early is none of our business.
-        let _ = answer(client, ask);
-    }
-}
-
-fn answer(mut client: TcpStream, ask: &Ask) -> std::io::Result<()> {
-    client.set_read_timeout(Some(PATIENCE))?;
-    client.set_write_timeout(Some(PATIENCE))?;
-    let mut request = BufReader::new(client.try_clone()?.take(REQUEST));
-    let mut first = String::new();
-    request.read_line(&mut first)?;
-    let mut format = Format::Prometheus;
-    let mut line = String::new();
-    while request.read_line(&mut line)? > 2 {
-        if let Some((name, value)) = line.split_once(':')
-            && name.eq_ignore_ascii_case("accept")
-        {
-            format = Format::accepted(value);
-        }
-        line.clear();
-    }
-    let path = first
-        .strip_prefix("GET ")
-        .and_then(|rest| rest.split([' ', '?']).next());
-    let (status, kind, body) = match path {
-        Some("/metrics") => ("200 OK", format.content_type(), metrics(ask, format)),
-        Some(_) => (
-            "404 Not Found",
-            "text/plain",
-            "metrics are at /metrics\n".to_owned(),
-        ),
-        None => (
-            "405 Method Not Allowed",
-            "text/plain",
-            "GET /metrics\n".to_owned(),
-        ),
-    };
-    let length = body.len();
-    write!(
-        client,
-        "HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {length}\r\nConnection: close\r\n\r\n{body}"
-    )
 }

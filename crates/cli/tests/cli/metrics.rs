@@ -1,9 +1,10 @@
 //! `taxel metrics`, of a real daemon in this process.
 
 use crate::{fails, simulated, succeeds};
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
 use std::net::TcpStream;
 use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 /// `taxel metrics --listen`, gone with the test.
@@ -95,4 +96,38 @@ fn the_metrics_of_a_daemon_are_fetched_over_http_while_it_runs_and_after() {
     );
     assert!(exporter.get("GET / HTTP/1.1").starts_with("HTTP/1.1 404"));
     assert!(exporter.get("POST /metrics HTTP/1.1").starts_with("HTTP/1.1 405"));
+}
+
+#[test]
+fn a_client_that_asks_nothing_or_byte_by_byte_keeps_nobody_waiting() {
+    /// More than are served at once, each of which may take its two seconds.
+    const IDLE: usize = 100;
+    let dir = TempDir::new().unwrap();
+    let exporter = Exporter::start(&dir);
+    let connect = || TcpStream::connect(&exporter.1).unwrap();
+    let _idle: Vec<TcpStream> = (0..IDLE).map(|_| connect()).collect();
+    // Bounds failure alone.
+    let patience = Duration::from_secs(30);
+    let scrape = |exporter: &Exporter| {
+        let mut stream = connect();
+        stream.set_read_timeout(Some(patience)).unwrap();
+        write!(stream, "GET /metrics HTTP/1.1\r\n\r\n").unwrap();
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).expect(&exporter.1);
+        assert!(answer.contains("\ntaxeld_up 0\n"), "{answer}");
+    };
+    scrape(&exporter);
+
+    let mut slow = connect();
+    let ended_by = Instant::now() + patience;
+    write!(slow, "GET /metrics HTTP/1.1\r\na").unwrap();
+    scrape(&exporter);
+    slow.set_read_timeout(Some(Duration::from_millis(100))).unwrap();
+    let is_waiting = |read: std::io::Result<usize>| {
+        read.is_err_and(|error| matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut))
+    };
+    while is_waiting(slow.read(&mut [0])) {
+        assert!(Instant::now() < ended_by, "it may go on asking");
+        let _ = slow.write(b"a");
+    }
 }

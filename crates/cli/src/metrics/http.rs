@@ -1,0 +1,103 @@
+//! The metrics over HTTP: clients are answered side by side, and none can keep another one waiting.
+
+use super::families::Format;
+use super::metrics;
+use crate::everyday::Ask;
+use anyhow::Context;
+use std::collections::VecDeque;
+use std::io;
+use std::time::Duration;
+use tokio::io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt, BufReader};
+use tokio::net::tcp::ReadHalf;
+use tokio::net::{TcpListener, TcpStream};
+use tokio::task::{JoinHandle, spawn_blocking};
+use tokio::time::timeout;
+
+/// How long a client may take for its whole request, and again to take the answer.
+const PATIENCE: Duration = Duration::from_secs(2);
+/// The most bytes of a request that are read.
+const REQUEST: u64 = 8192;
+/// Most clients at once. One more takes the place of the one that came first: who has not asked by then is no scraper.
+const CLIENTS: usize = 64;
+/// Most threads that ask the daemon.
+const ASKING: usize = 2;
+
+/// Answers clients until the program is ended.
+pub(super) fn serve(listener: std::net::TcpListener, ask: &Ask) -> anyhow::Result<()> {
+    listener.set_nonblocking(true)?;
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .max_blocking_threads(ASKING)
+        .build()?;
+    runtime.block_on(async {
+        let listener = TcpListener::from_std(listener)?;
+        let mut clients: VecDeque<JoinHandle<()>> = VecDeque::new();
+        loop {
+            let (client, _) = listener.accept().await.context("cannot take a connection")?;
+            clients.retain(|client| !client.is_finished());
+            if clients.len() == CLIENTS
+                && let Some(first) = clients.pop_front()
+            {
+                first.abort();
+            }
+            let ask = ask.clone();
+            clients.push_back(tokio::spawn(async move {
+                // A client that leaves early is none of our business.
+                let _ = attend(client, ask).await;
+            }));
+        }
+    })
+}
+
+async fn attend(mut client: TcpStream, ask: Ask) -> io::Result<()> {
+    let (read, mut write) = client.split();
+    let request = timeout(PATIENCE, Request::read(read)).await??;
+    let answer = spawn_blocking(move || request.answer(&ask)).await?;
+    timeout(PATIENCE, write.write_all(answer.as_bytes())).await?
+}
+
+/// What a client asks for.
+struct Request {
+    first_line: String,
+    format: Format,
+}
+
+impl Request {
+    async fn read(client: ReadHalf<'_>) -> io::Result<Self> {
+        let mut client = BufReader::new(client.take(REQUEST));
+        let mut first_line = String::new();
+        client.read_line(&mut first_line).await?;
+        let mut format = Format::Prometheus;
+        let mut line = String::new();
+        while client.read_line(&mut line).await? > 2 {
+            if let Some((name, value)) = line.split_once(':')
+                && name.eq_ignore_ascii_case("accept")
+            {
+                format = Format::accepted(value);
+            }
+            line.clear();
+        }
+        Ok(Self { first_line, format })
+    }
+
+    fn answer(&self, ask: &Ask) -> String {
+        let path = (self.first_line.strip_prefix("GET ")).and_then(|rest| rest.split([' ', '?']).next());
+        let (status, kind, body) = match path {
+            Some("/metrics") => ("200 OK", self.format.content_type(), metrics(ask, self.format)),
+            Some(_) => (
+                "404 Not Found",
+                "text/plain",
+                "metrics are at /metrics\n".to_owned(),
+            ),
+            None => (
+                "405 Method Not Allowed",
+                "text/plain",
+                "GET /metrics\n".to_owned(),
+            ),
+        };
+        let length = body.len();
+        format!(
+            "HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {length}\r\nConnection: close\r\n\r\n{body}"
+        )
+    }
+}
