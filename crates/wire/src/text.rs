@@ -69,9 +69,9 @@ impl Default for Subscribe {
 #[derive(Debug, thiserror::Error)]
 pub enum SubscribeError {
     /// Longer than a subscription may be.
-    #[error("a client's message may have {MAX_SUBSCRIBE} bytes; this one has {len}")]
+    #[error("a client's message may have {MAX_SUBSCRIBE} bytes; this one has more")]
     TooLong {
-        /// Bytes of the packet.
+        /// Bytes of the packet, as far as they were received.
         len: usize,
     },
     /// Not a message at all.
