@@ -242,6 +242,7 @@ fn report_problems(state: &State, now: &Snapshot, joints: Option<&JointsView>, b
     let sockets_lost = state.sockets_lost.borrow();
     let crowd = state.roster().crowd().map(|(places, holders)| Crowd {
         places,
+        most: state.config.socket.max_subscribers.into(),
         holders: holders.iter().map(|of| (of.uid, of.pid, of.places)).collect(),
     });
     let view = HandView {

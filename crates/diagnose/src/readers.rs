@@ -8,6 +8,8 @@ use crate::problem::{Place, Problem};
 pub struct Crowd {
     /// How many readers there may be.
     pub places: usize,
+    /// How many the configuration would allow, where more files could be open.
+    pub most: usize,
     /// Who holds the places: user, process, and how many, the most first. What the kernel does not say is `None`.
     pub holders: Vec<(Option<u32>, Option<i32>, usize)>,
 }
@@ -23,6 +25,14 @@ pub(crate) fn turned_away(crowd: &Crowd) -> Problem {
             format!("process {} of user {} has {places}", known(pid), known(uid))
         })
         .collect();
+    let raise = match crowd.places < crowd.most {
+        true => format!(
+            "allow more open files, too few for [socket] max_subscribers = {} (LimitNOFILE= in the unit, or `ulimit \
+             -Hn`),",
+            crowd.most
+        ),
+        false => "raise [socket] max_subscribers".into(),
+    };
     Problem::new(
         Kind::ReadersTurnedAway,
         Place::Daemon,
@@ -31,7 +41,7 @@ pub(crate) fn turned_away(crowd: &Crowd) -> Problem {
             crowd.places,
             named.join(", ")
         ),
-        "end those that are not needed, or raise [socket] max_subscribers and restart",
+        format!("end those that are not needed, or {raise} and restart"),
         "there is a place for every reader again",
     )
 }

@@ -401,8 +401,9 @@ fn that_nobody_can_connect_is_an_error_of_the_daemon_until_everybody_can() {
 #[test]
 fn that_readers_are_turned_away_is_told_with_who_holds_their_places() {
     let mut bench = Bench::new();
-    let crowd = Crowd {
+    let mut crowd = Crowd {
         places: 128,
+        most: 128,
         holders: vec![
             (Some(1000), Some(4242), 120),
             (None, None, 6),
@@ -416,10 +417,18 @@ fn that_readers_are_turned_away_is_told_with_who_holds_their_places() {
     for words in [
         "find no place, since all 128 are taken",
         "process 4242 of user 1000 has 120, process ? of user ? has 6, process 7 of user 0 has 1;",
-        "max_subscribers",
+        "or raise [socket] max_subscribers and restart",
     ] {
         assert!(said.contains(words), "{said}");
     }
+    // Where the files that may be open are too few, it would not help to raise what is configured.
+    crowd.places = 8;
+    bench.pass(100, |s| s.crowd = Some(crowd.clone()));
+    let now = bench.problems.current()[0].problem.sentence();
+    assert!(
+        now.contains("LimitNOFILE=") && !now.contains("raise") && now.contains("all 8 are taken"),
+        "{now}"
+    );
     bench.pass(1000, |s| s.crowd = None);
     assert_eq!(bench.kinds(), [""; 0]);
 }
