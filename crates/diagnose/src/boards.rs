@@ -30,8 +30,16 @@ struct Board {
     counted: u64,
     /// When it fell silent last, and whether that is still to be judged.
     last: Option<(u64, bool)>,
-    /// When it fell silent by itself.
-    silences: VecDeque<u64>,
+    /// When it fell silent by itself, and whether some others did just then.
+    silences: VecDeque<(u64, bool)>,
+}
+
+/// How often a board has fallen silent of late.
+#[derive(Debug, Clone, Copy)]
+struct Unsteady {
+    times: usize,
+    /// Whether others fell silent with it once.
+    with_others: bool,
 }
 
 impl Steadiness {
@@ -62,26 +70,31 @@ impl Steadiness {
                 (self.boards[*other].last).is_some_and(|(t, _)| t.abs_diff(fell_ns) <= TOGETHER_NS)
             };
             let together: Vec<usize> = modules.iter().copied().filter(near).collect();
-            let by_itself = 2 * boards(layout, &together) <= boards(layout, modules).max(2);
+            let fallen = boards(layout, &together);
+            let by_itself = 2 * fallen <= boards(layout, modules).max(2);
             let board = &mut self.boards[*module];
             board.last = Some((fell_ns, false));
             if by_itself {
-                board.silences.push_back(fell_ns);
+                board.silences.push_back((fell_ns, fallen > 1));
             }
         }
     }
 
     /// How often a board has fallen silent by itself of late, if that makes it unsteady.
-    fn unsteady(&mut self, module: usize, now_ns: u64) -> Option<usize> {
+    fn unsteady(&mut self, module: usize, now_ns: u64) -> Option<Unsteady> {
         let silences = &mut self.boards[module].silences;
         while silences
             .front()
-            .is_some_and(|t| now_ns.saturating_sub(*t) > UNSTEADY_NS)
+            .is_some_and(|(t, _)| now_ns.saturating_sub(*t) > UNSTEADY_NS)
         {
             silences.pop_front();
         }
-        let last_ns = *silences.back()?;
-        (silences.len() >= SILENCES && now_ns.saturating_sub(last_ns) <= STEADY_NS).then_some(silences.len())
+        let (last_ns, _) = *silences.back()?;
+        let unsteady = Unsteady {
+            times: silences.len(),
+            with_others: silences.iter().any(|(_, with_others)| *with_others),
+        };
+        (unsteady.times >= SILENCES && now_ns.saturating_sub(last_ns) <= STEADY_NS).then_some(unsteady)
     }
 }
 
@@ -125,15 +138,15 @@ pub(crate) fn judge(look: &Look<'_>, steadiness: &mut Steadiness, found: &mut Ve
         }
         let (mut silent, mut unsteady) = (Vec::new(), Vec::new());
         for module in boards() {
-            if let Some(times) = steadiness.unsteady(module, view.now_ns) {
-                unsteady.push((module, times));
+            if let Some(how) = steadiness.unsteady(module, view.now_ns) {
+                unsteady.push((module, how));
             }
             if !all && quiet(module) && speaks_on(layout, view.findings, module).is_none() {
                 silent.push((module, state(module)));
             }
         }
-        for (modules, times) in by_board(layout, &unsteady, |_, _| true) {
-            found.push(unsteady_board(layout, modules, times));
+        for (modules, how) in by_board(layout, &unsteady, |_, _| true) {
+            found.push(unsteady_board(layout, modules, how));
         }
         for (modules, state) in by_board(layout, &silent, |a, b| a == b) {
             found.push(match layout.wiring[modules[0]].array {
@@ -262,11 +275,17 @@ fn silent_board(layout: &Layout, modules: Vec<usize>, state: BoardState, startin
     }
 }
 
-fn unsteady_board(layout: &Layout, modules: Vec<usize>, times: usize) -> Problem {
+fn unsteady_board(layout: &Layout, modules: Vec<usize>, how: Unsteady) -> Problem {
+    let Unsteady { times, with_others } = how;
     let name = modules_name(layout, &modules);
     let over = format!("{} is steady again", name.trim_end_matches(','));
+    let busy = match with_others {
+        true => ". Others fell silent at the same moment: a busy machine, or what they share",
+        false => "",
+    };
     let found = format!(
-        "{name} fell silent {times} times within half a minute: a loose plug, or a supply that sags so that it reboots"
+        "{name} fell silent {times} times within half a minute: a loose plug, or a supply that sags so that it \
+         reboots{busy}"
     );
     of_board(layout, Kind::BoardUnsteady, modules, found, String::new(), over)
 }

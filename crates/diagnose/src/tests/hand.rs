@@ -120,6 +120,22 @@ fn silences_of_most_boards_of_a_bus_together_are_not_the_boards() {
 }
 
 #[test]
+fn boards_that_fall_silent_together_though_few_may_be_those_of_a_busy_machine() {
+    for (boards, is_busy) in [(1, false), (3, true)] {
+        let mut bench = Bench::new();
+        bench.pass(9000, |s| {
+            for board in &mut s.boards[..boards] {
+                board.silences = s.now_ns / (1500 * MS);
+            }
+        });
+        assert_eq!(bench.kinds(), vec!["board-unsteady"; boards]);
+        for news in &bench.said {
+            assert_eq!(sentence(news).contains("a busy machine"), is_busy, "{news:?}");
+        }
+    }
+}
+
+#[test]
 fn a_board_that_never_holds_is_unsteady_and_one_of_two_that_send_as_one_is_not() {
     let mut bench = Bench::new();
     bench.pass(5000, |s| s.boards[3].silences += 1);
