@@ -12,6 +12,7 @@ mod joints;
 mod joints_view;
 mod kind;
 mod names;
+mod news;
 mod problem;
 mod problems;
 mod rate_limiter;
@@ -26,8 +27,9 @@ pub use joints::{
 pub use joints_view::{JointsView, SourceView};
 pub use kind::{Kind, Severity};
 pub use names::board_name;
+pub use news::News;
 pub use problem::{Place, Problem};
-pub use problems::{CurrentProblem, News, Problems};
+pub use problems::{CurrentProblem, Problems};
 pub use readers::Crowd;
 pub use traffic::speaks_on;
 pub use view::{BusView, HandSetup, HandView, Starting};

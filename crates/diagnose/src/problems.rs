@@ -2,33 +2,18 @@
 //! it is over; one that comes and goes is told less and less often.
 
 use crate::joints::{self, AnglesUsed, JointsReadings, Patience};
-use crate::kind::{Kind, Severity};
+use crate::kind::Kind;
+use crate::news::{self, News, Told};
 use crate::problem::{Place, Problem};
 use crate::rate_limiter::RateLimiter;
 use crate::view::{HandSetup, HandView, Look};
 use crate::{array, boards, bus, readers, traffic};
 use std::collections::{HashMap, VecDeque};
 use taxel_can::SourceCounters;
+use taxel_joints::JointsConfig;
 
 /// Counters are compared with those of this long ago, nanoseconds.
 const RECENT_NS: u64 = 500_000_000;
-
-/// Something to tell.
-#[derive(Debug, Clone, PartialEq)]
-pub enum News {
-    /// A problem has come.
-    Came {
-        /// How much it matters.
-        severity: Severity,
-        /// What is wrong and what to do.
-        sentence: String,
-    },
-    /// A problem is over.
-    Over {
-        /// What is right again.
-        sentence: String,
-    },
-}
 
 /// A problem that there is.
 #[derive(Debug, Clone, PartialEq)]
@@ -91,49 +76,49 @@ impl Problems {
         found.extend(view.reload_refused.map(reload_refused));
         found.extend(view.sockets_lost.map(sockets_lost));
         found.extend(view.crowd.map(readers::turned_away));
-        self.replace(found)
+        let joints = setup.joints.map(JointsConfig::joint_names).unwrap_or_default();
+        self.replace(found, &joints)
     }
 
-    fn replace(&mut self, found: Vec<Problem>) -> Vec<News> {
+    fn replace(&mut self, found: Vec<Problem>, joints: &[String]) -> Vec<News> {
         let now_ns = self.now_ns;
-        let mut news = Vec::new();
         let old = std::mem::take(&mut self.current);
+        let (mut over, mut came) = (Vec::new(), Vec::new());
         for CurrentProblem { problem, since_ns } in &old {
             if !found.iter().any(|p| p.is_same(problem))
                 && let Some(unsaid) = self.poll_limiter(problem)
             {
-                let lasted_s = now_ns.saturating_sub(*since_ns) as f64 / 1e9;
-                let more = unsaid.map_or(String::new(), |unsaid| format!(", {unsaid}"));
-                let sentence = format!("{} (after {lasted_s:.1} s{more})", problem.over);
-                news.push(News::Over { sentence });
-            }
-        }
-        for problem in found {
-            let since_ns = old
-                .iter()
-                .find(|p| p.problem.is_same(&problem))
-                .map(|p| p.since_ns);
-            if since_ns.is_none()
-                && let Some(unsaid) = self.poll_limiter(&problem)
-            {
-                let more = unsaid.map_or(String::new(), |unsaid| format!(" ({unsaid})"));
-                news.push(News::Came {
-                    severity: problem.severity(),
-                    sentence: problem.sentence() + &more,
+                over.push(Told {
+                    problem,
+                    lasted_ns: now_ns.saturating_sub(*since_ns),
+                    unsaid,
                 });
             }
-            let since_ns = since_ns.unwrap_or(now_ns);
-            self.current.push(CurrentProblem { problem, since_ns });
         }
-        news
+        for problem in &found {
+            let before = old.iter().find(|p| p.problem.is_same(problem));
+            if before.is_none()
+                && let Some(unsaid) = self.poll_limiter(problem)
+            {
+                came.push(Told {
+                    problem,
+                    lasted_ns: 0,
+                    unsaid,
+                });
+            }
+            self.current.push(CurrentProblem {
+                problem: problem.clone(),
+                since_ns: before.map_or(now_ns, |p| p.since_ns),
+            });
+        }
+        [news::over(&over, joints), news::came(&came, joints)].concat()
     }
 
-    /// Whether a sentence on this problem may be said now, with what to add on those that were not.
-    fn poll_limiter(&mut self, problem: &Problem) -> Option<Option<String>> {
+    /// Whether a sentence on this problem may be said now, with how many changes of it were not told.
+    fn poll_limiter(&mut self, problem: &Problem) -> Option<u64> {
         let limiter = (self.limiters.entry((problem.kind, problem.place)))
             .or_insert_with(|| RateLimiter::new(self.now_ns));
-        let unsaid = limiter.poll(self.now_ns)?;
-        Some((unsaid > 0).then(|| format!("{unsaid} changes in between were not told")))
+        limiter.poll(self.now_ns)
     }
 
     /// Those there are now.

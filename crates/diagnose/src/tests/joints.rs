@@ -172,6 +172,31 @@ fn answers_that_are_late_or_damaged_from_all_servos_are_one_problem() {
 }
 
 #[test]
+fn servos_that_are_late_and_in_time_again_at_the_same_look_are_told_together() {
+    for (late, came, over) in [
+        (
+            2,
+            "; the same of 1 more servo (servo 2). Look",
+            "; the same of 1 more servo (servo 2) (after",
+        ),
+        (
+            6,
+            "; the same of 5 more servos (servo 2, servo 3, servo 4, ...). Look",
+            "; the same of 5 more servos (servo 2, servo 3, servo 4, ...) (after",
+        ),
+    ] {
+        let mut bench = JointsBench::answering(12);
+        bench.pass(1500, |view| {
+            (0..late).for_each(|joint| servo(view, joint).counters.late += 1);
+        });
+        bench.said(&[&["servo 1 (id 1) answers after its deadline", came]]);
+        assert_eq!(bench.bench.kinds(), vec!["servo-late"; late]);
+        bench.pass(1000, |_| {});
+        bench.said(&[&["servo 1 (id 1) answers in time", over]]);
+    }
+}
+
+#[test]
 fn what_is_at_the_edge_does_not_come_and_go() {
     let mut bench = JointsBench::answering(2);
     let mut looks = 0;
