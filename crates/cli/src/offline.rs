@@ -133,9 +133,8 @@ impl OfflineArgs {
                 if let Input::Frames(recording) = input
                     && !config.layout.buses.is_empty()
                 {
+                    // A frame for each that was recorded.
                     config.tick.mode = TickMode::Sweep;
-                    // Recorded frames are all meant; boards that come up are thrown away when live.
-                    config.sweep.settle_ms = 0.0;
                     let period_ms = recording.period_ns() as f64 / 1e6;
                     config.sweep.board_period_ms = Some(period_ms.clamp(1.0, 10_000.0));
                 }

@@ -41,8 +41,8 @@ pub fn run_recorded(
     Ok(())
 }
 
-/// Runs tactile frames that are whole already, as those of a skin without buses are: a tick for each, through the same
-/// conditioning, and no sweep to be put together.
+/// Runs tactile frames that are whole already, as recorded ones are, whatever is missing in them: a tick for each,
+/// through the same conditioning, and no sweep to be put together.
 ///
 /// `fill` makes the next frame of the one before it, in the order of their times, and says whether there was one: counts,
 /// their age, whether they are fresh, and joints. `emit` is given what each felt; where it breaks off, nothing more is made.

@@ -8,7 +8,7 @@ use crate::whole_frames::WholeFrames;
 use std::ops::ControlFlow;
 use taxel_can::Received;
 use taxel_config::Config;
-use taxel_engine::{EngineError, Frames, run_recorded, run_whole_frames};
+use taxel_engine::{EngineError, Frames, TickMode, run_recorded, run_whole_frames};
 use taxel_hand::{Fault, Faults, ForceFrame, TactileFrame};
 use taxel_record::Recording;
 
@@ -115,8 +115,10 @@ pub fn run_traffic(
     read_ahead(traffic, interfaces, |frames| pipeline(config, frames, emit))
 }
 
-/// Takes recorded counts through the pipeline, at their recorded times: as what boards would have sent; where the skin has
-/// no buses, the frames as they are. With `tile`, the recording of one module is repeated on every module of the hand.
+/// Takes recorded counts through the pipeline, at their recorded times. Each recorded frame is a frame, since the
+/// recording says which values belong together: as what boards would have sent, or as it is where the skin has no
+/// buses. Boards at a fixed tick are sampled instead, as a daemon samples them. With `tile`, the recording of one
+/// module is repeated on every module of the hand.
 pub fn run_counts(
     recording: &Recording,
     config: &Config,
@@ -132,13 +134,20 @@ pub fn run_counts(
             recording.len()
         );
     }
-    match config.layout.buses.is_empty() {
-        true => run_whole(recording, config, tile, emit),
-        false => run_sweeps(&Sweeps::new(recording, &config.layout, tile)?, config, emit),
+    if config.layout.buses.is_empty() {
+        return run_whole(WholeFrames::bare(recording, &config.layout, tile)?, config, emit);
+    }
+    let sweeps = Sweeps::new(recording, &config.layout, tile)?;
+    match config.tick.mode {
+        TickMode::Timer => run_sampled(&sweeps, config, emit),
+        TickMode::Sweep => run_whole(WholeFrames::of_boards(&sweeps), config, &mut |felt| {
+            let index = sweeps.index_at(felt.force.t_ns);
+            emit_at(emit, sweeps.time_ns(index), &[], felt)
+        }),
     }
 }
 
-fn run_sweeps(sweeps: &Sweeps<'_>, config: &Config, emit: &mut Emit<'_>) -> anyhow::Result<()> {
+fn run_sampled(sweeps: &Sweeps<'_>, config: &Config, emit: &mut Emit<'_>) -> anyhow::Result<()> {
     let (recording, origin_ns) = (sweeps.recording(), sweeps.origin_ns());
     let total = recording.len() as u64 * config.layout.len() as u64;
     let progress = Progress::new(total, "frames");
@@ -150,9 +159,8 @@ fn run_sweeps(sweeps: &Sweeps<'_>, config: &Config, emit: &mut Emit<'_>) -> anyh
     })
 }
 
-fn run_whole(recording: &Recording, config: &Config, tile: bool, emit: &mut Emit<'_>) -> anyhow::Result<()> {
-    let mut frames = WholeFrames::new(recording, &config.layout, tile)?;
-    let progress = Progress::new(recording.len() as u64, "frames");
+fn run_whole(mut frames: WholeFrames<'_>, config: &Config, emit: &mut Emit<'_>) -> anyhow::Result<()> {
+    let progress = Progress::new(frames.len(), "frames");
     let config = config.engine(false)?;
     let fill = |frame: &mut TactileFrame| {
         progress.advance(1);

@@ -102,8 +102,18 @@ impl<'a> Sweeps<'a> {
     /// Where the zero of the times played is on the clock of the recording, nanoseconds: the time of a frame is that of its
     /// newest reading, with which its sweep ends. No sweep begins before the clock's own zero.
     pub(crate) fn origin_ns(&self) -> u64 {
-        let sweep_ns = (self.longest as u64 - 1) * self.spacing_ns(0);
-        self.recording.t_ns(0).saturating_sub(sweep_ns)
+        self.recording.t_ns(0).saturating_sub(self.end_ns(0))
+    }
+
+    /// When a sweep ends, on the times played, nanoseconds: where its last frame on the fullest bus is, sent or not.
+    pub(crate) fn end_ns(&self, index: usize) -> u64 {
+        self.begins_ns[index] + (self.longest as u64 - 1) * self.spacing_ns(index)
+    }
+
+    /// The time of a recorded frame on the clock of the recording, nanoseconds: its own, however fast its sweep is sent,
+    /// but for what [`Sweeps::origin_ns`] lacks and the pauses that are left out.
+    pub(crate) fn time_ns(&self, index: usize) -> u64 {
+        self.origin_ns() + self.end_ns(0) + self.begins_ns[index]
     }
 
     /// The frames of one sweep; none of a taxel that had no value.

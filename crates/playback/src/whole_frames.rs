@@ -1,30 +1,65 @@
-//! Recorded counts as tactile frames that are whole already.
+//! Recorded counts as tactile frames that are whole already: the recording says which values are of one frame.
 
 use crate::fitted::recorded_taxels;
+use crate::sweep::Sweeps;
 use taxel_hand::{Freshness, TactileFrame};
 use taxel_record::Recording;
-use taxel_skin::Layout;
+use taxel_skin::{Decoder, Layout, Readings};
 
-/// The frames of a recording of a skin that has no buses, one after the other.
+/// The frames of a recording, one after the other.
 pub(crate) struct WholeFrames<'a> {
     recording: &'a Recording,
-    /// For each taxel its number in the recording.
-    recorded: Vec<usize>,
+    skin: Skin<'a>,
     next: usize,
 }
 
+/// Where the values of a frame come from.
+enum Skin<'a> {
+    /// The file itself, where the skin has no buses: for each taxel its number in the recording.
+    Bare(Vec<usize>),
+    /// What boards would have sent.
+    Boards {
+        sweeps: &'a Sweeps<'a>,
+        decoders: Vec<Decoder>,
+        readings: Box<Readings>,
+    },
+}
+
 impl<'a> WholeFrames<'a> {
-    /// Refuses a recording that does not fit the skin; with `tile`, it is repeated on every module.
-    pub(crate) fn new(recording: &'a Recording, layout: &Layout, tile: bool) -> anyhow::Result<Self> {
+    /// Those of a skin without buses, at their recorded times. Refuses a recording that does not fit it; with `tile`,
+    /// the recording is repeated on every module.
+    pub(crate) fn bare(recording: &'a Recording, layout: &Layout, tile: bool) -> anyhow::Result<Self> {
         Ok(Self {
             recording,
-            recorded: recorded_taxels(recording, layout, tile)?,
+            skin: Skin::Bare(recorded_taxels(recording, layout, tile)?),
             next: 0,
         })
     }
 
-    /// Makes the next frame, at its recorded time; false at the end. A frame that has the time of the one before is passed
-    /// over, as a board sends nothing twice at once.
+    /// Those of a hand with boards: each is what its boards send in one sweep and has the time at which the sweep ends,
+    /// whatever is missing in it.
+    pub(crate) fn of_boards(sweeps: &'a Sweeps<'a>) -> Self {
+        let layout = sweeps.layout();
+        Self {
+            recording: sweeps.recording(),
+            skin: Skin::Boards {
+                sweeps,
+                decoders: (0..layout.buses.len())
+                    .map(|bus| Decoder::new(layout, bus as u8))
+                    .collect(),
+                readings: Box::default(),
+            },
+            next: 0,
+        }
+    }
+
+    /// How many frames are recorded.
+    pub(crate) fn len(&self) -> u64 {
+        self.recording.len() as u64
+    }
+
+    /// Makes the next frame; false at the end. A frame that has the time of the one before is passed over, as a board
+    /// sends nothing twice at once.
     pub(crate) fn fill(&mut self, frame: &mut TactileFrame) -> bool {
         let recording = self.recording;
         while self.next > 0
@@ -36,12 +71,35 @@ impl<'a> WholeFrames<'a> {
         let Some(counts) = recording.counts(self.next) else {
             return false;
         };
-        frame.t_ns = recording.t_ns(self.next);
-        for (taxel, recorded) in self.recorded.iter().enumerate() {
-            (frame.counts[taxel], frame.freshness[taxel], frame.age_ns[taxel]) = match counts[*recorded] {
-                Some(counts) => (counts, Freshness::Fresh, 0),
-                None => ([0; 3], Freshness::Missing, u64::MAX),
-            };
+        frame.counts.fill([0; 3]);
+        frame.freshness.fill(Freshness::Missing);
+        frame.age_ns.fill(u64::MAX);
+        match &mut self.skin {
+            Skin::Bare(recorded) => {
+                frame.t_ns = recording.t_ns(self.next);
+                for (taxel, recorded) in recorded.iter().enumerate() {
+                    if let Some(counts) = counts[*recorded] {
+                        (frame.counts[taxel], frame.freshness[taxel], frame.age_ns[taxel]) =
+                            (counts, Freshness::Fresh, 0);
+                    }
+                }
+            }
+            Skin::Boards {
+                sweeps,
+                decoders,
+                readings,
+            } => {
+                frame.t_ns = sweeps.end_ns(self.next);
+                for (bus, received) in sweeps.sweep(self.next) {
+                    decoders[usize::from(bus)].decode_at(received.t_ns, &received.frame, readings);
+                    for reading in readings.iter() {
+                        let taxel = usize::from(reading.taxel);
+                        (frame.counts[taxel], frame.status[taxel]) = (reading.counts, reading.status);
+                        (frame.freshness[taxel], frame.age_ns[taxel]) =
+                            (Freshness::Fresh, frame.t_ns - received.t_ns);
+                    }
+                }
+            }
         }
         let joints = recording.joints(self.next);
         frame.joints.clear();

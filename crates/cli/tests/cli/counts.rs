@@ -192,7 +192,60 @@ fn a_taxel_without_a_value_is_missing_from_file_to_file() {
     for input in ["frames.csv", "again.npz"] {
         assert_eq!(compressed(&dir, input, "grid:4x4", &[]), wanted, "{input}");
     }
-    // Boards send nothing of such a taxel, and the baseline waits for it.
-    let (_, _, missing) = compressed(&dir, "module.npz", "uskin-module", &[]);
-    assert_eq!(missing.iter().sum::<u16>(), 2);
+    // Boards send nothing of such a taxel, and the frame is the recording's all the same.
+    let (_, times, missing) = compressed(&dir, "module.npz", "uskin-module", &[]);
+    assert_eq!((times, missing), (wanted.1, wanted.2));
+}
+
+/// When a frame was recorded, nanoseconds.
+type Time<'a> = &'a dyn Fn(usize) -> u64;
+/// Whether a taxel has no value in a frame.
+type IsMissing = fn(usize, usize) -> bool;
+
+#[test]
+fn each_frame_has_one_image_at_its_time_whatever_is_missing_in_it() {
+    const FRAMES: usize = 24;
+    let dir = TempDir::new().unwrap();
+    let usual = |t: usize| BEGINS_NS + t as u64 * PERIOD_NS;
+    // Between a third of the usual time and twice it, and faster than a bus carries the hand.
+    let uneven = |t: usize| usual(t) + [0, 20_000_000, 0, 10_000_000][t % 4];
+    let fast = |t: usize| BEGINS_NS + t as u64 * 10_000_000 + [0, 3_000_000, 1_000_000][t % 3];
+    let with_a_pause = |t: usize| usual(t) + if t >= 12 { 3_000_000_000 } else { 0 };
+    let nothing: IsMissing = |_, _| false;
+    let first_taxel: IsMissing = |t, taxel| t == 9 && taxel == 0;
+    // What is first on each bus, as the boards are wired.
+    let first_taxels: IsMissing = |t, taxel| t == 9 && taxel % 16 == 0;
+    let last_board: IsMissing = |t, taxel| (9..15).contains(&t) && taxel / 16 == 7;
+    let all_but_one: IsMissing = |t, taxel| t % 2 == 1 && taxel != 100;
+    let whole_frames: IsMissing = |t, _| (9..15).contains(&t);
+    let the_first: IsMissing = |t, taxel| t == 0 && taxel == 112;
+    let cases: [(&str, Time<'_>, IsMissing); 11] = [
+        ("nothing", &usual, nothing),
+        ("nothing, uneven", &uneven, nothing),
+        ("nothing, fast", &fast, nothing),
+        ("nothing, with a pause", &with_a_pause, nothing),
+        ("the first taxel of a frame", &usual, first_taxel),
+        ("the first taxel of every board", &usual, first_taxels),
+        ("the last board of a bus", &usual, last_board),
+        ("the last board of a bus, fast", &fast, last_board),
+        ("all but one taxel of every other frame", &uneven, all_but_one),
+        ("every taxel of some frames", &usual, whole_frames),
+        ("a taxel of the first frame", &usual, the_first),
+    ];
+    for (name, time, is_missing) in cases {
+        let counts = Array3::from_shape_fn((FRAMES, 240, 3), |(t, taxel, axis)| {
+            let count = 20_000 + (t * 7 + taxel * 5 + axis) % 4 + if t > 6 { taxel } else { 0 };
+            if is_missing(t, taxel) {
+                f32::NAN
+            } else {
+                count as f32
+            }
+        });
+        let times = Array1::from_shape_fn(FRAMES, time);
+        write_npz(&dir, "hand.npz", &counts, &times);
+        let (_, made, missing) = compressed(&dir, "hand.npz", "allegro-uskin-15", &[]);
+        assert_eq!(made, times.to_vec(), "{name}");
+        let wanted = (0..FRAMES).map(|t| (0..240).filter(|taxel| is_missing(t, *taxel)).count() as u16);
+        assert_eq!(missing, wanted.collect::<Vec<_>>(), "{name}");
+    }
 }
