@@ -15,6 +15,7 @@ def check(frames, joints):
     assert frames.counts.tolist() == COUNTS.tolist()
     assert frames.t_ns.tolist() == TIMES.tolist()
     np.testing.assert_array_equal(frames.joints, joints)
+    assert frames.without_value.tolist() == [[False] * 2] * 2
 
 
 @pytest.mark.parametrize("joints", [ANGLES, np.zeros((2, 0), np.float32)])
@@ -26,6 +27,21 @@ def test_arrays_and_columns_of_convert_are_the_same_frames(tmp_path, joints):
     header = HEADER + ",J0" * len(angles)
     (tmp_path / "a.csv").write_text("\n".join([header, *(",".join(map(str, row)) for row in rows), ""]))
     check(taxel.load_frames(tmp_path / "a.csv"), joints)
+
+
+def test_a_taxel_without_a_value_is_told_from_one_that_reads_0(tmp_path):
+    without = np.array([[False, True], [True, False]])
+    counts = np.where(without[..., None], 0, COUNTS).astype(np.uint16)
+    counts[0, 0] = 0
+    np.savez(tmp_path / "a.npz", counts=counts, t_ns=TIMES, joints=ANGLES, without_value=without)
+    (tmp_path / "a.csv").write_text(f"{HEADER},J0\n0,0,0,0,,,,0.25\n{TIMES[1]},,,,9,10,11,NaN\n")
+    (tmp_path / "last.csv").write_text(f"{HEADER}\n0,0,0,0,,,\r\n{TIMES[1]},,,,9,10,11")
+    for name, joints in [("a.npz", ANGLES), ("a.csv", ANGLES), ("last.csv", np.zeros((2, 0), np.float32))]:
+        frames = taxel.load_frames(tmp_path / name)
+        assert frames.without_value.dtype == np.bool_ and frames.without_value.tolist() == without.tolist(), name
+        assert frames.counts.dtype == np.uint16 and frames.counts.tolist() == counts.tolist(), name
+        np.testing.assert_array_equal(frames.joints, joints)
+        assert frames.t_ns.tolist() == TIMES.tolist(), name
 
 
 def test_no_frames_are_frames(tmp_path):
@@ -41,6 +57,9 @@ def test_no_frames_are_frames(tmp_path):
         ("t_ns,0B0X,0B0Y\n0,1,2\n", "its columns are not"),
         (HEADER + "\n0,1,2,3\n", ""),
         (HEADER + "\nnow,1,2,3,4,5,6\n", "now"),
+        (HEADER + "\n0,1,2,3,4,,6\n", "frame 0, column 0B1Y is nan"),
+        (HEADER + "\n0,1,2,3,4,5,65536\n", "frame 0, column 0B1Z is 65536"),
+        (HEADER + "\n0,1.5,2,3,4,5,6\n", "frame 0, column 0B0X is 1.5"),
     ],
 )
 def test_columns_that_are_no_frames_are_refused(tmp_path, text, why):
@@ -52,6 +71,12 @@ def test_columns_that_are_no_frames_are_refused(tmp_path, text, why):
 def test_arrays_that_do_not_fit_together_are_refused(tmp_path):
     np.savez(tmp_path / "a.npz", counts=COUNTS, t_ns=TIMES[:1])
     with pytest.raises(ValueError, match="a.npz: no frames .*1 times"):
+        taxel.load_frames(tmp_path / "a.npz")
+
+
+def test_without_value_of_other_taxels_is_refused(tmp_path):
+    np.savez(tmp_path / "a.npz", counts=COUNTS, t_ns=TIMES, without_value=np.zeros((2, 3), bool))
+    with pytest.raises(ValueError, match=r"a.npz: no frames .*without_value of shape \(2, 3\)"):
         taxel.load_frames(tmp_path / "a.npz")
 
 

@@ -90,6 +90,22 @@ for a, b, c in zip(npz, jsonl, binary):
     subprocess.run([python, "-I", "-c", same, *files], check=True, timeout=60)
 
 
+def test_it_tells_which_taxels_of_a_faulty_hand_had_no_value(python, folder):
+    files = [folder / name for name in ("a.npz", "a.csv")]
+    for file in files:
+        subprocess.run([binary("taxel"), "convert", "sim:faulty-hand", file], check=True, timeout=60)
+    same = """
+import sys, numpy, taxel
+npz, csv = (taxel.load_frames(path) for path in sys.argv[1:])
+assert len(npz) > 100 and npz.without_value.shape == npz.counts.shape[:2]
+assert npz.without_value.any() and not npz.without_value.all(axis=0).any()
+assert not npz.counts[npz.without_value].any()
+for name in ("counts", "t_ns", "joints", "without_value"):
+    assert numpy.array_equal(getattr(npz, name), getattr(csv, name), equal_nan=name == "joints"), name
+"""
+    subprocess.run([python, "-I", "-c", same, *files], check=True, timeout=60)
+
+
 def test_what_its_fake_daemon_refuses_the_daemon_refuses(python, start):
     daemon = start()
     refused = """

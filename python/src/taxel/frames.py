@@ -24,6 +24,8 @@ class Frames:
     """From the first frame."""
     joints: "NDArray[np.float32]"
     """T x J, radians; J is 0 where none were recorded."""
+    without_value: "NDArray[np.bool_]"
+    """T x N: true where a taxel had no value of the frame's time. Its counts are then 0."""
 
     def __len__(self) -> int:
         return len(self.t_ns)
@@ -50,9 +52,15 @@ def _npz(file: Any) -> Frames:
     with np.load(file) as arrays:
         counts, t_ns = arrays["counts"], arrays["t_ns"]
         joints = arrays["joints"] if "joints" in arrays else np.zeros((len(t_ns), 0), np.float32)
+        without = arrays["without_value"] if "without_value" in arrays else np.zeros(counts.shape[:2], np.bool_)
     if not len(counts) == len(t_ns) == len(joints) or counts.shape[2:] != (3,) or joints.ndim != 2:
         raise ValueError(f"counts of shape {counts.shape}, {len(t_ns)} times, joints of shape {joints.shape}")
-    return Frames(counts, t_ns, joints)
+    if without.shape != counts.shape[:2]:
+        raise ValueError(f"counts of shape {counts.shape}, without_value of shape {without.shape}")
+    return Frames(counts, t_ns, joints, without != 0)
+
+
+_EMPTY_CELL = re.compile(rb",(?=[,\r\n]|$)")
 
 
 def _csv(file: Any) -> Frames:
@@ -66,11 +74,21 @@ def _csv(file: Any) -> Frames:
     # Not by loadtxt: a float has not all digits of a nanosecond.
     t_ns = np.array([int(line.split(b",", 1)[0]) for line in file if line.strip()], np.uint64)
 
-    def columns(first: int, count: int, kind: Any) -> Any:
+    def columns(first: int, count: int) -> Any:
         if count == 0 or len(t_ns) == 0:
-            return np.zeros((len(t_ns), count), kind)
+            return np.zeros((len(t_ns), count), np.float32)
         file.seek(begin)
-        return np.loadtxt(file, kind, delimiter=",", usecols=range(first, first + count), ndmin=2)
+        lines = (_EMPTY_CELL.sub(b",nan", line) for line in file)
+        return np.loadtxt(lines, np.float32, delimiter=",", usecols=range(first, first + count), ndmin=2)
 
-    counts = columns(1, len(readings), np.uint16).reshape(len(t_ns), len(readings) // 3, 3)
-    return Frames(counts, t_ns, columns(1 + len(readings), joints, np.float32))
+    values = columns(1, len(readings)).reshape(len(t_ns), len(readings) // 3, 3)
+    without = np.isnan(values).all(axis=2)
+    values[without] = 0
+    strange = ~((values >= 0) & (values <= 65535) & (values % 1 == 0))
+    if strange.any():
+        frame, taxel, axis = np.argwhere(strange)[0]
+        raise ValueError(
+            f"frame {frame}, column {names[1 + 3 * taxel + axis]} is {values[frame, taxel, axis]}; a count is a whole "
+            "number from 0 to 65535, and a taxel without a value has none on all three axes"
+        )
+    return Frames(values.astype(np.uint16), t_ns, columns(1 + len(readings), joints), without)
