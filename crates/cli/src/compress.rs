@@ -1,5 +1,6 @@
 //! `taxel compress`: the daemon's compression, offline.
 
+use crate::frame_output::{FrameFormat, FrameOutput};
 use crate::input::Input;
 use crate::offered::offering;
 use crate::offline::OfflineArgs;
@@ -16,7 +17,6 @@ use taxel_playback::interrupt::Interrupt;
 use taxel_playback::output_file::{OutputFile, refuse_overlap};
 use taxel_playback::pipeline::Felt;
 use taxel_playback::progress::Progress;
-use taxel_record::FrameTable;
 use taxel_skin::Layout;
 use taxel_wire::Flags;
 use taxeld::Config;
@@ -51,8 +51,8 @@ pub(crate) struct Args {
     out: PathBuf,
     #[arg(long, value_name = "METHOD", value_parser = method_parser(), hide_possible_values = true, help = format!("How frames are compressed: {}; paper has the publication's conditioning too, unless told otherwise", methods()))]
     method: Option<Method>,
-    /// Writes the frames that the images are made of as .csv: time, x y z of each taxel, joint angles; cells of a taxel
-    /// without a value are empty
+    /// Writes the frames that the images are made of: .csv, with time, x y z of each taxel and joint angles a line, where
+    /// cells of a taxel without a value are empty; .npz or .parquet, as `taxel convert` writes them
     #[arg(long, value_name = "FILE")]
     frames: Option<PathBuf>,
     /// Writes the force levels of the whole recording here, to be kept constant as profile.codebook
@@ -174,7 +174,7 @@ impl Run {
             frames.push(force.clone());
         }
         if let (Some(raw), Some(tactile)) = (&mut self.raw, measured) {
-            raw.table.push(&tactile)?;
+            raw.output.put(&raw.layout, &tactile)?;
         }
         let saturation = measured.map_or(Flags::NONE, |tactile| {
             Flags::of_saturation(&tactile, force, 0..tactile.counts.len())
@@ -186,8 +186,8 @@ impl Run {
         let writing = Progress::busy(format!("writing {}", args.out.display()));
         self.output.finish()?;
         drop(writing);
-        if let Some(raw) = self.raw.take() {
-            raw.finish()?;
+        if let (Some(raw), Some(path)) = (self.raw.take(), &args.frames) {
+            raw.finish(path)?;
         }
         let Self {
             images,
@@ -267,23 +267,37 @@ impl Run {
 /// A file of tactile frames.
 struct RawFrames {
     whole: OutputFile,
-    table: FrameTable,
+    layout: Layout,
+    output: FrameOutput,
 }
 
 impl RawFrames {
     fn create(path: &Path, layout: &Layout) -> anyhow::Result<Self> {
+        let ending = path.extension().and_then(|ending| ending.to_str());
+        let ending = ending.unwrap_or_default().to_ascii_lowercase();
+        let Some(format) = FrameFormat::of_ending(&ending) else {
+            bail!(
+                "--frames {}: frames are written as .csv, .npz or .parquet",
+                path.display()
+            );
+        };
+        format.check(path)?;
         let whole = OutputFile::begin(path)?;
-        let taxels = layout
-            .taxels
-            .iter()
-            .zip(&layout.k)
-            .map(|(taxel, k)| (taxel.module, *k));
-        let table = FrameTable::create(whole.path(), taxels)?;
-        Ok(Self { whole, table })
+        Ok(Self {
+            output: FrameOutput::create(whole.path(), format),
+            layout: layout.clone(),
+            whole,
+        })
     }
 
-    fn finish(mut self) -> anyhow::Result<()> {
-        self.table.finish()?;
+    fn finish(mut self, path: &Path) -> anyhow::Result<()> {
+        if self.output.finish()? == 0 {
+            eprintln!(
+                "taxel: {}: not written, since no taxel has a value in any frame",
+                path.display()
+            );
+            return Ok(());
+        }
         self.whole.finish()
     }
 }

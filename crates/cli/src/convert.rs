@@ -1,5 +1,6 @@
 //! `taxel convert`: a recording in another format.
 
+use crate::frame_output::{FrameFormat, FrameOutput};
 use crate::input::{DEFAULT_LAYOUT, Input};
 use crate::marks_file;
 use crate::offline::OfflineArgs;
@@ -15,9 +16,7 @@ use taxel_playback::progress::Progress;
 use taxel_playback::recorded;
 use taxel_playback::sweep::Sweeps;
 use taxel_playback::traffic_output::{Check, TrafficOutput};
-#[cfg(feature = "parquet")]
-use taxel_record::FrameColumns;
-use taxel_record::{FrameArrays, FrameTable, RecordError, Recording};
+use taxel_record::Recording;
 use taxel_skin::Layout;
 
 /// Write a recording in another format.
@@ -71,19 +70,15 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     if args.images || args.marks {
         return extract(args, &ending);
     }
-    if !["log", "mcap", "npz", "csv", "parquet"].contains(&ending.as_str()) {
+    let format = FrameFormat::of_ending(&ending);
+    if format.is_none() && !["log", "mcap"].contains(&ending.as_str()) {
         bail!(
             "{}: a recording is written as .log, .mcap, .npz, .csv or .parquet, or as candump lines to -",
             out.display()
         );
     }
-    if ending == "parquet" && !cfg!(feature = "parquet") {
-        bail!(
-            "{}: this taxel was built without Parquet, which its packages have; build it with \
-             `cargo build --release -p taxel-cli --features parquet`, or write a .csv, which \
-             `pandas.read_csv(..).to_parquet(..)` makes Parquet of",
-            out.display()
-        );
+    if let Some(format) = format {
+        format.check(out)?;
     }
     refuse_overlap(&[out], &args.offline.inputs())?;
     let input = args.offline.input.open()?;
@@ -93,14 +88,14 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         false => Ok(()),
     };
     let mut whole = OutputFile::begin(out)?;
-    let (count, what) = match ending.as_str() {
-        "log" | "mcap" => {
+    let (count, what) = match format {
+        None => {
             let mut output = TrafficOutput::create(whole.path(), &ending, "convert")?;
             traffic(args, &input, &mut output, &check)?;
             (output.finish()?, "CAN frames")
         }
-        _ => {
-            let mut output = FrameOutput::create(whole.path(), &ending);
+        Some(format) => {
+            let mut output = FrameOutput::create(whole.path(), format);
             frames(args, &input, &mut |layout, frame| {
                 check()?;
                 output.put(layout, frame)
@@ -269,109 +264,4 @@ fn copy_frames(recording: &Recording, layout: &Layout, take: &mut TakeFrame<'_>)
         progress.advance(1);
     }
     Ok(())
-}
-
-/// A file of tactile frames.
-enum FrameOutput {
-    Table {
-        path: PathBuf,
-        ending: String,
-        table: Option<Table>,
-        count: u64,
-    },
-    Arrays(PathBuf, FrameArrays),
-}
-
-/// A file of a frame a row, in one of two formats.
-enum Table {
-    Csv(FrameTable),
-    #[cfg(feature = "parquet")]
-    Parquet(Box<FrameColumns>),
-}
-
-impl Table {
-    fn create(path: &Path, ending: &str, layout: &Layout) -> Result<Self, RecordError> {
-        let taxels = layout.taxels.iter().zip(&layout.k);
-        let taxels = taxels.map(|(taxel, k)| (taxel.module, *k));
-        match ending {
-            #[cfg(feature = "parquet")]
-            "parquet" => Ok(Self::Parquet(Box::new(FrameColumns::create(path, taxels)))),
-            _ => FrameTable::create(path, taxels).map(Self::Csv),
-        }
-    }
-
-    fn push(&mut self, frame: &TactileFrame) -> Result<(), RecordError> {
-        match self {
-            Self::Csv(table) => table.push(frame),
-            #[cfg(feature = "parquet")]
-            Self::Parquet(columns) => columns.push(frame),
-        }
-    }
-
-    fn finish(self) -> Result<(), RecordError> {
-        match self {
-            Self::Csv(table) => table.finish(),
-            #[cfg(feature = "parquet")]
-            Self::Parquet(columns) => columns.finish(),
-        }
-    }
-}
-
-impl FrameOutput {
-    fn create(path: &Path, ending: &str) -> Self {
-        match ending {
-            "npz" => Self::Arrays(path.into(), FrameArrays::default()),
-            _ => Self::Table {
-                path: path.into(),
-                ending: ending.into(),
-                table: None,
-                count: 0,
-            },
-        }
-    }
-
-    fn put(&mut self, layout: &Layout, frame: &TactileFrame) -> anyhow::Result<()> {
-        if !frame.freshness.contains(&Freshness::Fresh) {
-            return Ok(());
-        }
-        match self {
-            Self::Table {
-                path,
-                ending,
-                table,
-                count,
-            } => {
-                *count += 1;
-                let table = match table {
-                    Some(table) => table,
-                    None => table.insert(Table::create(path, ending, layout)?),
-                };
-                table.push(frame)?;
-            }
-            Self::Arrays(_, arrays) => {
-                arrays.push(frame);
-            }
-        }
-        Ok(())
-    }
-
-    /// Writes what is left; returns how many frames there are.
-    fn finish(self) -> anyhow::Result<u64> {
-        Ok(match self {
-            Self::Table {
-                table: Some(table),
-                count,
-                ..
-            } => {
-                table.finish()?;
-                count
-            }
-            Self::Table { table: None, .. } => 0,
-            Self::Arrays(_, arrays) if arrays.is_empty() => 0,
-            Self::Arrays(path, arrays) => {
-                arrays.write_npz(&path)?;
-                arrays.len() as u64
-            }
-        })
-    }
 }

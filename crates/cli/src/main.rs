@@ -19,6 +19,7 @@ mod everyday;
 mod extension;
 mod figures;
 mod forearm;
+mod frame_output;
 mod input;
 mod layouts;
 mod live_lines;

@@ -139,6 +139,32 @@ fn counts_compress_alike_from_the_array_and_from_the_traffic_they_become() {
 }
 
 #[test]
+fn frames_are_written_in_the_format_their_file_s_name_tells() {
+    let dir = TempDir::new().unwrap();
+    succeeds(&dir, &["sim", "tap", "--to", "log:tap.log", "--seconds", "1"]);
+    let compress = ["compress", "tap.log", "--out", "tap.npy", "--frames"];
+    for name in ["tap.csv", "tap.npz"] {
+        succeeds(&dir, &[&compress[..], &[name]].concat());
+    }
+    let mut npz =
+        ndarray_npy::NpzReader::new(std::fs::File::open(dir.path().join("tap.npz")).unwrap()).unwrap();
+    let times: ndarray::Array1<u64> = npz.by_name("t_ns").unwrap();
+    let counts: Array3<u16> = npz.by_name("counts").unwrap();
+    let text = std::fs::read_to_string(dir.path().join("tap.csv")).unwrap();
+    assert_eq!(text.lines().count(), 1 + times.len());
+    let last: Vec<&str> = text.lines().last().unwrap().split(',').collect();
+    assert_eq!(last[0], times.last().unwrap().to_string());
+    let [z, of_csv] = [counts[[times.len() - 1, 239, 2]].to_string(), last[720].into()];
+    assert_eq!(z, of_csv);
+    for name in ["tap.log.txt", "tap.mcap", "frames"] {
+        let err = fails(&dir, &[&compress[..], &[name]].concat(), 1);
+        let wanted = format!("--frames {name}: frames are written as .csv, .npz or .parquet");
+        assert!(err.contains(&wanted), "{err}");
+        assert!(!dir.path().join(name).exists());
+    }
+}
+
+#[test]
 fn magnitudes_are_contacts_above_the_threshold() {
     let dir = TempDir::new().unwrap();
     let mut frames = Array3::<f32>::from_elem((2, 4, 5), 10.0);

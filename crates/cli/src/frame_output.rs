@@ -1,0 +1,131 @@
+//! Where tactile frames go: a file, in the format its name tells.
+
+use anyhow::bail;
+use std::path::{Path, PathBuf};
+use taxel_hand::{Freshness, TactileFrame};
+#[cfg(feature = "parquet")]
+use taxel_record::FrameColumns;
+use taxel_record::{FrameArrays, FrameTable, RecordError};
+use taxel_skin::Layout;
+
+/// What a file of frames looks like.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum FrameFormat {
+    /// Arrays of counts, times and joint angles.
+    Npz,
+    /// A frame a line.
+    Csv,
+    /// A frame a row, by columns.
+    Parquet,
+}
+
+impl FrameFormat {
+    /// By what a name ends with, in small letters.
+    pub(crate) fn of_ending(ending: &str) -> Option<Self> {
+        match ending {
+            "npz" => Some(Self::Npz),
+            "csv" => Some(Self::Csv),
+            "parquet" => Some(Self::Parquet),
+            _ => None,
+        }
+    }
+
+    /// Refuses what this build cannot write.
+    pub(crate) fn check(self, out: &Path) -> anyhow::Result<()> {
+        if self == Self::Parquet && !cfg!(feature = "parquet") {
+            bail!(
+                "{}: this taxel was built without Parquet, which its packages have; build it with \
+                 `cargo build --release -p taxel-cli --features parquet`, or write a .csv, which \
+                 `pandas.read_csv(..).to_parquet(..)` makes Parquet of",
+                out.display()
+            );
+        }
+        Ok(())
+    }
+}
+
+/// A file of tactile frames, written frame by frame.
+pub(crate) struct FrameOutput {
+    path: PathBuf,
+    format: FrameFormat,
+    /// None before the first frame, which says how many joints there are.
+    file: Option<FrameFile>,
+    count: u64,
+}
+
+enum FrameFile {
+    Csv(FrameTable),
+    Arrays(FrameArrays),
+    #[cfg(feature = "parquet")]
+    Parquet(Box<FrameColumns>),
+}
+
+impl FrameOutput {
+    /// Nothing is written before the first frame.
+    pub(crate) fn create(path: &Path, format: FrameFormat) -> Self {
+        Self {
+            path: path.into(),
+            format,
+            file: None,
+            count: 0,
+        }
+    }
+
+    /// Writes a frame of a hand. One in which no taxel has a value is left out.
+    pub(crate) fn put(&mut self, layout: &Layout, frame: &TactileFrame) -> anyhow::Result<()> {
+        if !frame.freshness.contains(&Freshness::Fresh) {
+            return Ok(());
+        }
+        let file = match &mut self.file {
+            Some(file) => file,
+            None => self
+                .file
+                .insert(FrameFile::create(&self.path, self.format, layout)?),
+        };
+        file.push(frame)?;
+        self.count += 1;
+        Ok(())
+    }
+
+    /// Writes what is left; returns how many frames there are.
+    pub(crate) fn finish(self) -> anyhow::Result<u64> {
+        if let Some(file) = self.file {
+            file.finish(&self.path)?;
+        }
+        Ok(self.count)
+    }
+}
+
+impl FrameFile {
+    fn create(path: &Path, format: FrameFormat, layout: &Layout) -> Result<Self, RecordError> {
+        let taxels = layout.taxels.iter().zip(&layout.k);
+        let taxels = taxels.map(|(taxel, k)| (taxel.module, *k));
+        match format {
+            FrameFormat::Npz => Ok(Self::Arrays(FrameArrays::default())),
+            #[cfg(feature = "parquet")]
+            FrameFormat::Parquet => Ok(Self::Parquet(Box::new(FrameColumns::create(path, taxels)))),
+            _ => FrameTable::create(path, taxels).map(Self::Csv),
+        }
+    }
+
+    fn push(&mut self, frame: &TactileFrame) -> Result<(), RecordError> {
+        match self {
+            Self::Csv(table) => table.push(frame),
+            Self::Arrays(arrays) => {
+                arrays.push(frame);
+                Ok(())
+            }
+            #[cfg(feature = "parquet")]
+            Self::Parquet(columns) => columns.push(frame),
+        }
+    }
+
+    fn finish(self, path: &Path) -> Result<(), RecordError> {
+        match self {
+            Self::Csv(table) => table.finish(),
+            Self::Arrays(arrays) => arrays.write_npz(path),
+            #[cfg(feature = "parquet")]
+            Self::Parquet(columns) => columns.finish(),
+        }
+    }
+}
