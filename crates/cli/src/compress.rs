@@ -51,8 +51,9 @@ pub(crate) struct Args {
     out: PathBuf,
     #[arg(long, value_name = "METHOD", value_parser = method_parser(), hide_possible_values = true, help = format!("How frames are compressed: {}; paper has the publication's conditioning too, unless told otherwise", methods()))]
     method: Option<Method>,
-    /// Writes the frames that the images are made of: .csv, with time, x y z of each taxel and joint angles a line, where
-    /// cells of a taxel without a value are empty; .npz or .parquet, as `taxel convert` writes them
+    /// Writes the frames that the images are made of, from the first in which a taxel has a value: .csv, with time, x y
+    /// z of each taxel and joint angles a line, where cells of a taxel without a value are empty; .npz or .parquet, as
+    /// `taxel convert` writes them
     #[arg(long, value_name = "FILE")]
     frames: Option<PathBuf>,
     /// Writes the force levels of the whole recording here, to be kept constant as profile.codebook

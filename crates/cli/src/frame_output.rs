@@ -71,9 +71,10 @@ impl FrameOutput {
         }
     }
 
-    /// Writes a frame of a hand. One in which no taxel has a value is left out.
+    /// Writes a frame of a hand. Frames before the first in which a taxel has a value are left out: nothing has begun.
+    /// Those behind it are written all the same, so that times and joint angles have no hole.
     pub(crate) fn put(&mut self, layout: &Layout, frame: &TactileFrame) -> anyhow::Result<()> {
-        if !frame.freshness.contains(&Freshness::Fresh) {
+        if self.file.is_none() && !frame.freshness.contains(&Freshness::Fresh) {
             return Ok(());
         }
         let file = match &mut self.file {

@@ -91,7 +91,7 @@ impl Head {
     }
 }
 
-/// The tactile frames that the daemon made, counts and joint angles.
+/// The tactile frames that the daemon made, counts and joint angles, from the first in which a taxel has a value.
 pub fn frames(path: &Path) -> anyhow::Result<Recording> {
     frames_and_marks(path).map(|(recording, _)| recording)
 }
@@ -122,9 +122,13 @@ pub fn frames_and_marks(path: &Path) -> anyhow::Result<(Recording, Vec<Mark>)> {
             hello_ns = Some(wall_ns);
             continue;
         }
-        let Some(frame) = RecordedFrame::read(data).filter(RecordedFrame::has_values) else {
+        let Some(frame) = RecordedFrame::read(data) else {
             continue;
         };
+        // Before a hand speaks there is nothing to begin with; a hand that falls silent goes on in time.
+        if times_ns.is_empty() && !frame.has_values() {
+            continue;
+        }
         let present = (frame.counts().len(), frame.joints().len());
         // Where the daemon was started anew, or its hand changed, another recording begins.
         let is_before_the_last = times_ns.last().is_some_and(|last| *last > frame.t_ns);

@@ -31,12 +31,8 @@ impl FrameTable {
     }
 
     /// Writes a frame. Of a taxel without a value of its time, which is one that is not [`Freshness::Fresh`], the three cells
-    /// are empty: a chip that does not answer reads 0, 0, 0. A joint angle that is not known is `NaN`. A frame in which no
-    /// taxel has a value is left out.
+    /// are empty: a chip that does not answer reads 0, 0, 0. A joint angle that is not known is `NaN`.
     pub fn push(&mut self, frame: &TactileFrame) -> Result<(), RecordError> {
-        if counts_of(frame).all(|counts| counts.is_none()) {
-            return Ok(());
-        }
         self.write(frame).map_err(RecordError::io(&self.path))
     }
 
@@ -106,7 +102,6 @@ mod tests {
             joints: vec![0.1, f32::NAN, -1.5],
             ..TactileFrame::default()
         };
-        table.push(&TactileFrame::new(2)).unwrap();
         table.push(&frame(5, 1)).unwrap();
         table.push(&frame(1_700_000_000_123_456_789, 7)).unwrap();
         for without_value in [Freshness::Missing, Freshness::Stale] {
@@ -114,6 +109,9 @@ mod tests {
             frame.freshness[1] = without_value;
             table.push(&frame).unwrap();
         }
+        let mut silent = frame(1_700_000_000_123_456_791, 0);
+        silent.freshness.fill(Freshness::Stale);
+        table.push(&silent).unwrap();
         table.finish().unwrap();
         let text = std::fs::read_to_string(&path).unwrap();
         assert_eq!(text.lines().nth(1), Some("5,1,2,65535,4,5,6,0.1,NaN,-1.5"));
@@ -124,7 +122,12 @@ mod tests {
             assert_eq!(cells, "1700000000123456790,0,2,65535,,,,0.1,NaN,-1.5");
             assert_eq!(read.counts(index).unwrap(), [Some([0, 2, 65_535]), None]);
         }
-        assert_eq!((read.len(), read.missing()), (4, 2));
+        assert_eq!(
+            text.lines().last(),
+            Some("1700000000123456791,,,,,,,0.1,NaN,-1.5")
+        );
+        assert_eq!(read.counts(4).unwrap(), [None, None]);
+        assert_eq!((read.len(), read.missing()), (5, 4));
         assert_eq!((read.t_ns(0), read.t_ns(1)), (5, 1_700_000_000_123_456_789));
         let joints = read.joints(1);
         assert!(joints.len() == 3 && joints[0] == 0.1 && joints[1].is_nan() && joints[2] == -1.5);

@@ -1,7 +1,7 @@
 //! `taxel convert`, and MCAP recordings as inputs: the same frames and the same images whatever the file.
 
 use crate::{fails, succeeds};
-use ndarray::{Array1, Array3};
+use ndarray::{Array1, Array2, Array3};
 use ndarray_npy::NpzReader;
 use std::fs::File;
 use std::io::BufReader;
@@ -186,6 +186,17 @@ fn damaged_bytes_cost_their_chunk_and_are_told() {
 
 /// What a daemon sends of a hand that it was started with: HELLO, and frames.
 fn put_hand(writer: &mut RecordingWriter<File>, layout: &str, from_ns: u64, frames: u64) {
+    put_hand_with_silence(writer, layout, from_ns, frames, |_| false);
+}
+
+/// The same, where no taxel has a value in some frames.
+fn put_hand_with_silence(
+    writer: &mut RecordingWriter<File>,
+    layout: &str,
+    from_ns: u64,
+    frames: u64,
+    is_silent: fn(u64) -> bool,
+) {
     let layout = Layout::builtin(layout).unwrap();
     let (mode, hz) = ("sweep".into(), None);
     let profile = Profile::default();
@@ -200,11 +211,14 @@ fn put_hand(writer: &mut RecordingWriter<File>, layout: &str, from_ns: u64, fram
     let text = String::from_utf8(hello.to_json()).unwrap();
     put(Topic::Hello, from_ns, text_message(&text));
     let mut tactile = TactileFrame::new(layout.len());
-    tactile.freshness.fill(Freshness::Fresh);
     tactile.age_ns.fill(0);
     let mut payload = Vec::new();
     for n in 0..frames {
         (tactile.seq, tactile.t_ns) = (n, 1_000_000_000 + n * 10_000_000);
+        tactile.freshness.fill(match is_silent(n) {
+            true => Freshness::Missing,
+            false => Freshness::Fresh,
+        });
         let force = ForceFrame::new(layout.len());
         encode_raw_payload(&tactile, &force, None, &mut payload).unwrap();
         let header = Header::of_frame(&tactile, &force, payload.len());
@@ -214,6 +228,54 @@ fn put_hand(writer: &mut RecordingWriter<File>, layout: &str, from_ns: u64, fram
         };
         let message = frame_message(&header, &RawView::decode(&payload).unwrap());
         put(Topic::Frames, from_ns + n * 10_000_000, message);
+    }
+}
+
+#[test]
+fn frames_of_a_silent_hand_are_there_with_their_times_but_for_those_before_it_speaks() {
+    let dir = TempDir::new().unwrap();
+    let path = dir.path().join("gap.mcap");
+    let mut writer = RecordingWriter::begin(File::create(&path).unwrap(), &Preamble::default(), 0).unwrap();
+    put_hand_with_silence(&mut writer, "uskin-module", 1_000_000_000, 12, |n| {
+        n < 2 || (5..8).contains(&n) || n == 11
+    });
+    writer.finish().unwrap();
+    let wanted: Vec<bool> = (2..12).map(|n| (5..8).contains(&n) || n == 11).collect();
+    let times: Vec<u64> = (0..10).map(|n| n * 10_000_000).collect();
+    let npz = |file: &str| NpzReader::new(File::open(dir.path().join(file)).unwrap()).unwrap();
+    // Of the recording, and of every file that was made of it.
+    for (from, to) in [
+        ("gap.mcap", "gap.csv"),
+        ("gap.csv", "gap.npz"),
+        ("gap.npz", "again.npz"),
+    ] {
+        let (_, err) = succeeds(&dir, &["convert", from, to, "--layout", "uskin-module"]);
+        assert!(err.contains(&format!("{to}: 10 frames")), "{err}");
+        if to.ends_with(".npz") {
+            let without: Array2<bool> = npz(to).by_name("without_value").unwrap();
+            let silent = without
+                .outer_iter()
+                .map(|frame| frame.iter().all(|without| *without));
+            assert_eq!(silent.collect::<Vec<_>>(), wanted, "{to}");
+            let made: Array1<u64> = npz(to).by_name("t_ns").unwrap();
+            assert_eq!(made.to_vec(), times, "{to}");
+        }
+    }
+    let text = std::fs::read_to_string(dir.path().join("gap.csv")).unwrap();
+    let is_empty = |line: &str| line.ends_with(&",".repeat(48));
+    assert_eq!(text.lines().skip(1).map(is_empty).collect::<Vec<_>>(), wanted);
+    // An image for each of them, too, and the frames that they are made of.
+    for input in ["gap.mcap", "gap.csv", "gap.npz"] {
+        let out = ["--out", "images.npz", "--frames", "frames.csv"];
+        succeeds(
+            &dir,
+            &[&["compress", input, "--layout", "uskin-module"][..], &out].concat(),
+        );
+        let missing: Array1<u16> = npz("images.npz").by_name("missing").unwrap();
+        let silent = missing.iter().map(|missing| *missing == 16);
+        assert_eq!(silent.collect::<Vec<_>>(), wanted, "{input}");
+        let frames = std::fs::read_to_string(dir.path().join("frames.csv")).unwrap();
+        assert_eq!(frames.lines().skip(1).map(is_empty).collect::<Vec<_>>(), wanted);
     }
 }
 
