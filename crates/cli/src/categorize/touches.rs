@@ -5,7 +5,7 @@ use anyhow::{Context, bail, ensure};
 use std::path::{Path, PathBuf};
 use taxel_can::Received;
 use taxel_engine::{Engine, Frames, TickMode};
-use taxel_playback::recorded;
+use taxel_playback::{recorded, stand_in};
 use taxel_record::{Frames as Recorded, ReadOptions, Recording};
 use taxel_sequence::{Aligned, Alignment, Cut, Mark, Motion, Touch, align, cut_by_contact, cut_by_marks};
 use taxel_sim::{Palpation, Scene, Simulator, with_stand_in_boards};
@@ -114,7 +114,7 @@ pub(crate) fn of_recording(
     };
     let touches = cuts.iter().enumerate().map(of_cut).collect::<anyhow::Result<_>>();
     Ok(Set {
-        name: recording.name().to_owned(),
+        name: stand_in::as_named(recording.name().to_owned()),
         phantom: String::new(),
         motion,
         touches: touches.with_context(|| path.display().to_string())?,

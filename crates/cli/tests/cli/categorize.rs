@@ -10,7 +10,7 @@ const RATE: f64 = 30.0;
 
 /// A recording of six touches of 13 steps each on two taxels, five still frames before each, and the manifest and marks
 /// of it: two classes, the second pressing twice as hard.
-fn recorded() -> TempDir {
+pub(crate) fn recorded() -> TempDir {
     let dir = tempfile::tempdir().unwrap();
     let (mut frames, mut manifest, mut marks) = (String::new(), String::new(), String::new());
     let mut count = 0;

@@ -51,6 +51,14 @@ fn a_recording_of_any_kind_is_read_from_stdin_and_leaves_no_file() {
 }
 
 #[test]
+fn what_came_through_stdin_is_called_so() {
+    let dir = crate::categorize::recorded();
+    let args = ["categorize", "-", "--marks", "marks.csv", "--classes", "2"];
+    let (out, err) = texts(&reading(&dir, "frames.csv", &args));
+    assert!(out.starts_with("stdin: 6 touches"), "{out}{err}");
+}
+
+#[test]
 fn a_signal_leaves_nothing_of_what_came_through_a_pipe() {
     let dir = TempDir::new().unwrap();
     let temporary = dir.path().join("tmp");
