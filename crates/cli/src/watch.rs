@@ -85,7 +85,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             Ok(()) => break,
             Err((true, error)) if args.reconnect => {
                 if !std::mem::replace(&mut is_waiting, true) {
-                    eprintln!("taxel: {error:#}; waiting for it");
+                    eprintln!("taxel: {}; waiting for it", crate::describe(&error));
                 }
                 std::thread::sleep(LOOK);
             }

@@ -138,6 +138,7 @@ fn watch_waits_for_a_daemon_that_is_not_there_and_for_one_that_ended() {
     let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
     let waits = said.next().unwrap().unwrap();
     assert!(waits.contains("waiting for it"), "{waits}");
+    assert_eq!(waits.matches("No such file").count(), 1, "{waits}");
     for _ in 0..2 {
         let daemon = simulated(dir.path(), "idle");
         assert!(lines.next().unwrap().unwrap().contains("contacts"));
