@@ -151,7 +151,10 @@ pub fn frames_and_marks(path: &Path) -> anyhow::Result<(Recording, Vec<Mark>)> {
         );
     }
     let (Some((taxels, _)), Some(began_ns)) = (size, began_ns) else {
-        bail!("{name}: neither CAN traffic nor tactile frames in it");
+        match reader.may_hold(Topic::Can) {
+            true => bail!("{name}: no tactile frames in it, from the first of which marks are counted"),
+            false => bail!("{name}: neither CAN traffic nor tactile frames in it"),
+        }
     };
     if let Some(first_ns) = times_ns.first().copied() {
         times_ns.iter_mut().for_each(|t_ns| *t_ns -= first_ns);

@@ -36,7 +36,13 @@ fn traffic_comes_back_from_mcap_to_the_byte() {
         "{err}"
     );
     assert!(read(&dir, "grasp.mcap").len() * 2 < log.len());
-    succeeds(&dir, &["convert", "grasp.mcap", "again.log"]);
+    let (_, err) = succeeds(&dir, &["convert", "grasp.mcap", "again.log"]);
+    assert!(!err.contains("taken along"), "{err}");
+    let err = fails(&dir, &["convert", "grasp.mcap", "marks.csv", "--marks"], 1);
+    assert!(
+        err.contains("grasp.mcap: no tactile frames in it, from the first of which marks are counted"),
+        "{err}"
+    );
     assert!(read(&dir, "again.log") == log, "not the same traffic");
 }
 
