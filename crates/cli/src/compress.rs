@@ -27,9 +27,9 @@ use taxeld::Config;
 /// baseline, contact threshold, faults, compression. Magnitudes go straight to the compression; a
 /// taxel is in contact where its value exceeds --threshold.
 ///
-/// A candump log gives images at the configuration's tick (30 Hz unless --config says otherwise),
-/// raw counts one image per recorded frame. Both begin with the calibration window
-/// (conditioning.calibration_ms), in which images are empty.
+/// A candump log gives images at the configuration's tick (30 Hz unless --config says otherwise), raw counts one image
+/// per recorded frame; with --config, those of a hand with boards are sampled at its tick, unless that has mode =
+/// "sweep". All begin with the calibration window (conditioning.calibration_ms), in which images are empty.
 ///
 /// OUT tells the format: .npz (images T x H x W u8, levels, actuators, seq, t_ns, contacts, faulty,
 /// missing, joints; a row of actuators is id, x, y, level, force, and NaN where none presses), .npy and .csv (images alone), .jsonl (the objects of `taxel watch --json`,

@@ -139,7 +139,15 @@ pub fn run_counts(
     }
     let sweeps = Sweeps::new(recording, &config.layout, tile)?;
     match config.tick.mode {
-        TickMode::Timer => run_sampled(&sweeps, config, emit),
+        TickMode::Timer => {
+            eprintln!(
+                "taxel: {}: its frames are sampled at the configuration's {} Hz; mode = \"sweep\" in its [tick] gives an \
+                 image for each of them",
+                recording.name(),
+                config.tick.rate_hz
+            );
+            run_sampled(&sweeps, config, emit)
+        }
         TickMode::Sweep => run_whole(WholeFrames::of_boards(&sweeps), config, &mut |felt| {
             let index = sweeps.index_at(felt.force.t_ns);
             emit_at(emit, sweeps.time_ns(index), &[], felt)

@@ -249,3 +249,36 @@ fn each_frame_has_one_image_at_its_time_whatever_is_missing_in_it() {
         assert_eq!(missing, wanted.collect::<Vec<_>>(), "{name}");
     }
 }
+
+#[test]
+fn a_configuration_samples_counts_at_its_timer_and_says_so() {
+    let dir = TempDir::new().unwrap();
+    write_npz(&dir, "module.npz", &counts(), &times());
+    let bus = "layout = \"uskin-module\"\n[[bus]]\nsource = \"can:can0\"\n";
+    for (tick, sampled) in [
+        ("", Some("30 Hz")),
+        ("[tick]\nrate_hz = 10.0\n", Some("10 Hz")),
+        ("[tick]\nmode = \"sweep\"\n", None),
+    ] {
+        write(dir.path().join("hand.toml"), format!("{bus}{tick}")).unwrap();
+        let args = [
+            "compress",
+            "module.npz",
+            "--config",
+            "hand.toml",
+            "--out",
+            "out.npz",
+        ];
+        let (_, err) = succeeds(&dir, &args);
+        let said = "module.npz [counts]: its frames are sampled at the configuration's ";
+        assert_eq!(err.contains(said), sampled.is_some(), "{err}");
+        match sampled {
+            Some(rate) => assert!(err.contains(&format!("{said}{rate}")), "{err}"),
+            None => {
+                let mut npz = NpzReader::new(File::open(dir.path().join("out.npz")).unwrap()).unwrap();
+                let made: Array1<u64> = npz.by_name("t_ns").unwrap();
+                assert_eq!(made, times());
+            }
+        }
+    }
+}
