@@ -17,13 +17,15 @@ use taxel_playback::recorded;
 use taxel_playback::sweep::Sweeps;
 use taxel_playback::traffic_output::{Check, TrafficOutput};
 use taxel_record::Recording;
+use taxel_recorder::Topic;
 use taxel_skin::Layout;
 
 /// Write a recording in another format.
 ///
-/// Into .log (candump) and .mcap goes CAN traffic, frame by frame: that of a log or an .mcap, or what the boards of the hand
-/// would have sent for the counts of a .csv, .npy or .npz. Into .npz, .csv and .parquet go tactile frames, counts, times and joint
-/// angles: those that the daemon made, where an .mcap holds them, or else those that it would make of the traffic.
+/// Into .log (candump) and .mcap goes CAN traffic, frame by frame: that of a log or an .mcap, or what the boards of the
+/// hand would have sent for the counts of a .csv, .npy or .npz; what else is in an .mcap stays behind, which is said.
+/// Into .npz, .csv and .parquet go tactile frames, counts, times and joint angles: those that the daemon made, where an
+/// .mcap holds them, or else those that it would make of the traffic.
 ///
 /// BLF, ASC and TRC are python-can's: `can_logconvert grasp.log grasp.blf`, and back. Images are made by `taxel compress`.
 #[derive(Debug, clap::Args)]
@@ -163,8 +165,12 @@ fn extract(args: &Args, ending: &str) -> anyhow::Result<()> {
 }
 
 fn traffic(args: &Args, input: &Input, output: &mut TrafficOutput, check: &Check<'_>) -> anyhow::Result<()> {
-    match input {
-        Input::Log(traffic) => output.take_traffic(traffic, check),
+    let path = &args.offline.input.path;
+    let stays_behind = match input {
+        Input::Log(traffic) => {
+            output.take_traffic(traffic, check)?;
+            &[Topic::Frames, Topic::Images, Topic::Events][..]
+        }
         Input::Scene(scene) => bail!(
             "sim:{0} is a scene, not a recording; `taxel sim {0} --to log:{1}` writes its traffic",
             scene.name(),
@@ -180,9 +186,19 @@ fn traffic(args: &Args, input: &Input, output: &mut TrafficOutput, check: &Check
                 recording.name(),
                 recording.len()
             );
-            output.take_sweeps(&sweeps, check)
+            output.take_sweeps(&sweeps, check)?;
+            &[Topic::Images, Topic::Events]
         }
+    };
+    if args.offline.input.is_mcap()
+        && let Some(counted) = recorded::counted(path, stays_behind)?
+    {
+        eprintln!(
+            "taxel: {}: not taken along: {counted}; CAN traffic is all that goes there",
+            path.display()
+        );
     }
+    Ok(())
 }
 
 fn tell_joints(recording: &Recording) {

@@ -110,9 +110,7 @@ pub fn frames_and_marks(path: &Path) -> anyhow::Result<(Recording, Vec<Mark>)> {
             continue;
         };
         if topic == Topic::Events {
-            if let Some((kind, text)) = read_event(data)
-                && kind == event_name(EventKind::Mark)
-            {
+            if let Some(text) = mark_text(data) {
                 let text = text.to_owned();
                 marks.push(Mark { t_ns: wall_ns, text });
             }
@@ -206,6 +204,45 @@ pub fn images(path: &Path) -> anyhow::Result<ImageStack> {
     let mut stack = ImageStack::new(first.width, first.height, levels, actuators);
     images.iter().for_each(|image| stack.push(image));
     Ok(stack)
+}
+
+/// How many marks, frames and images there are among these topics of a recording, in words such as `1 mark and 449
+/// frames`; none where there are none.
+pub fn counted(path: &Path, topics: &[Topic]) -> anyhow::Result<Option<String>> {
+    let mut reader = RecordingReader::open(path, topics)?;
+    if !topics.iter().any(|topic| reader.may_hold(*topic)) {
+        return Ok(None);
+    }
+    let [mut marks, mut frames, mut images] = [0u64; 3];
+    while let Some(item) = reader.next_item()? {
+        match item {
+            Item::Message {
+                topic: Topic::Frames, ..
+            } => frames += 1,
+            Item::Message {
+                topic: Topic::Images, ..
+            } => images += 1,
+            Item::Message { data, .. } => marks += u64::from(mark_text(data).is_some()),
+            Item::Attached(_) => {}
+        }
+    }
+    let counted = [(marks, "mark"), (frames, "frame"), (images, "image")];
+    let mut parts: Vec<String> = counted
+        .into_iter()
+        .filter(|(count, _)| *count > 0)
+        .map(|(count, what)| format!("{count} {what}{}", if count == 1 { "" } else { "s" }))
+        .collect();
+    let last = parts.pop();
+    Ok(last.map(|last| match parts.is_empty() {
+        true => last,
+        false => format!("{} and {last}", parts.join(", ")),
+    }))
+}
+
+/// The text of a mark, where an event is one.
+fn mark_text(data: &[u8]) -> Option<&str> {
+    let (kind, text) = read_event(data)?;
+    (kind == event_name(EventKind::Mark)).then_some(text)
 }
 
 /// How what is behind this time is read.

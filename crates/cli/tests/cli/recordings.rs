@@ -5,11 +5,13 @@ use ndarray::{Array1, Array2, Array3};
 use ndarray_npy::NpzReader;
 use std::fs::File;
 use std::io::BufReader;
-use taxel_can::{LogReader, Received};
+use taxel_can::{CanFrame, LogReader, Received};
 use taxel_hand::{ForceFrame, Freshness, Profile, TactileFrame};
-use taxel_recorder::{CanBlock, Entry, Preamble, RecordingWriter, Topic, frame_message, text_message};
+use taxel_recorder::{
+    CanBlock, Entry, Preamble, RecordingWriter, Topic, event_message, event_name, frame_message, text_message,
+};
 use taxel_skin::Layout;
-use taxel_wire::{Clock, Header, Hello, HelloRate, RawView, encode_raw_payload};
+use taxel_wire::{Clock, EventKind, Header, Hello, HelloRate, RawView, encode_raw_payload};
 use tempfile::TempDir;
 
 const SCENE: [&str; 6] = ["sim", "ball-grasp", "--to", "log:grasp.log", "--seconds", "4"];
@@ -44,6 +46,38 @@ fn traffic_comes_back_from_mcap_to_the_byte() {
         "{err}"
     );
     assert!(read(&dir, "again.log") == log, "not the same traffic");
+}
+
+#[test]
+fn what_is_no_traffic_stays_behind_and_is_counted() {
+    let dir = TempDir::new().unwrap();
+    for (name, has_can, left) in [
+        ("hand.mcap", true, "1 mark and 30 frames"),
+        ("frames.mcap", false, "1 mark"),
+    ] {
+        let path = dir.path().join(name);
+        let mut writer =
+            RecordingWriter::begin(File::create(&path).unwrap(), &Preamble::default(), 0).unwrap();
+        let wall_ns = 1_000_000_000;
+        put_hand(&mut writer, "uskin-module", wall_ns, 30);
+        for kind in [EventKind::Mark, EventKind::Calibrated] {
+            let (topic, data) = (Topic::Events, event_message(event_name(kind), "cup 3", wall_ns));
+            writer.put(&Entry { topic, wall_ns, data }).unwrap();
+        }
+        if has_can {
+            let frame = CanFrame::standard(0x710, &[0x80, 1, 2, 3, 4, 5, 6, 1]).unwrap();
+            let mut block = CanBlock::default();
+            assert!(block.push(0, &Received { t_ns: wall_ns, frame }));
+            let (topic, data) = (Topic::Can, block.take(&["can0".to_owned()], &[0]));
+            writer.put(&Entry { topic, wall_ns, data }).unwrap();
+        }
+        writer.finish().unwrap();
+        for out in ["hand.log", "again.mcap"] {
+            let (_, err) = succeeds(&dir, &["convert", name, out, "--layout", "uskin-module"]);
+            let wanted = format!("{name}: not taken along: {left}; CAN traffic");
+            assert!(err.contains(&wanted), "{err}");
+        }
+    }
 }
 
 #[test]
