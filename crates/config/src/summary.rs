@@ -41,7 +41,7 @@ impl Config {
                 ("boards", table(&self.boards)),
                 ("sweep", table(&self.sweep)),
                 ("conditioning", table(&self.conditioning)),
-                ("profile", table(&self.profile)),
+                ("profile", table(self.profile.in_force())),
                 ("profiles", table(self.profiles)),
                 ("socket", table(&self.socket)),
                 ("control", table(&self.control)),

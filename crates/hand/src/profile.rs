@@ -268,36 +268,41 @@ impl Profile {
         count.max(1)
     }
 
+    /// The profile with what the method implies stated: how levels are fitted, how actuators are placed and with which
+    /// force they press. What other settings leave without effect is not stated, so that [`Profile::check`] accepts it
+    /// as it accepts this one.
+    pub fn in_force(&self) -> Self {
+        Self {
+            force_fit: self.fits_frames().then(|| self.force_fit()),
+            placement: self.fixed.is_empty().then(|| self.placement()),
+            actuator_force: Some(self.actuator_force()),
+            ..self.clone()
+        }
+    }
+
     /// The profile written in one way: settings that make no difference are at their defaults, and
     /// what the method or a JND implies is stated. Profiles with the same canonical form give the
     /// same images. It is for comparing; [`Profile::check`] may refuse it.
     pub fn canonical(&self) -> Self {
         let default = Self::default();
-        let is_fixed = !self.fixed.is_empty();
-        let force_fit = self.fits_frames().then(|| self.force_fit());
-        let placement = (!is_fixed).then(|| self.placement());
-        let follows = placement == Some(Placement::Follow);
         let mut canonical = Self {
             method: default.method,
             levels: self.level_count(),
             jnd: None,
-            force_fit,
-            placement,
-            actuator_force: Some(self.actuator_force()),
-            ..self.clone()
+            ..self.in_force()
         };
-        if force_fit != Some(ForceFit::Lloyd) {
+        if canonical.force_fit != Some(ForceFit::Lloyd) {
             canonical.force_iterations = default.force_iterations;
         }
-        if placement != Some(Placement::Lloyd) {
+        if canonical.placement != Some(Placement::Lloyd) {
             canonical.actuator_iterations = default.actuator_iterations;
         }
-        if !follows {
+        if canonical.placement != Some(Placement::Follow) {
             (canonical.history, canonical.jump_gain) = (default.history, default.jump_gain);
             canonical.parts_apart = default.parts_apart;
             canonical.force_distance = default.force_distance;
         }
-        if is_fixed {
+        if !self.fixed.is_empty() {
             canonical.force_weighted = default.force_weighted;
         }
         if self.level_steps == LevelSteps::Fitted {
@@ -375,6 +380,39 @@ mod tests {
         ] {
             let error = toml::from_str::<Profile>(text).unwrap_err();
             assert_eq!(crate::plain_words(error.message()), wanted, "{text}");
+        }
+    }
+
+    #[test]
+    fn what_is_in_force_is_a_profile_that_says_the_same() {
+        for (text, fit, placement, force) in [
+            ("", Some("exact"), Some("follow"), "closest"),
+            ("method = 'paper'", Some("lloyd"), Some("lloyd"), "max"),
+            (
+                "method = 'paper'\nplacement = 'follow'",
+                Some("lloyd"),
+                Some("follow"),
+                "max",
+            ),
+            ("codebook = [1.0]", None, Some("follow"), "closest"),
+            (
+                "actuators = 1\nfixed = [[1.0, 2.0]]",
+                Some("exact"),
+                None,
+                "closest",
+            ),
+        ] {
+            let stated = profile(text);
+            let in_force = toml::Table::try_from(stated.in_force()).unwrap();
+            let of = |key: &str| in_force.get(key).and_then(toml::Value::as_str);
+            let wanted = [fit, placement, Some(force)];
+            assert_eq!(
+                ["force_fit", "placement", "actuator_force"].map(of),
+                wanted,
+                "{text}"
+            );
+            let again = profile(&in_force.to_string());
+            assert_eq!(again.canonical(), stated.canonical(), "{text}");
         }
     }
 

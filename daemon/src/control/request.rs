@@ -109,7 +109,7 @@ pub(super) async fn report(state: &State) -> Rc<[u8]> {
 pub(super) async fn answer(request: Request, state: &State, asker: &Asker, hold: &Hold<'_>) -> Value {
     let Some([kind, changed]) = request.change() else {
         state.call_roster().await;
-        return json!({ "ok": true, "profile": state.roster().own_profile() });
+        return json!({ "ok": true, "profile": state.roster().own_profile().in_force() });
     };
     if asker.access == Access::Look {
         return refusal(format!(

@@ -50,6 +50,7 @@ fn what_is_in_force_is_a_configuration_that_says_the_same() {
         "layout = \"uskin-module\"",
         "rate_hz = 30.0",
         "fault_rule = \"paper\"",
+        "placement = \"lloyd\"",
         "version = 4",
     ] {
         assert!(shown.contains(wanted), "{wanted} in {shown}");

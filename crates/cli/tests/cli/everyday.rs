@@ -36,6 +36,9 @@ fn every_request_can_be_answered_in_json() {
     let profile = object(&dir, &["profile", "{\"levels\": 5}", "--json"]);
     assert_eq!(profile["levels"], 5);
     assert_eq!(object(&dir, &["profile", "--json"]), profile);
+    // What nobody stated is in force, too.
+    let implied = ["force_fit", "placement", "actuator_force"].map(|key| profile[key].as_str());
+    assert_eq!(implied, ["exact", "follow", "closest"].map(Some));
     let (metrics, _) = succeeds(&dir, &[&["metrics", "--json"], &CONTROL[..]].concat());
     let samples: Vec<Value> = metrics
         .lines()
