@@ -67,13 +67,16 @@ fn no_frame_allocates() {
         let mut compressor = Compressor::new(profile.clone(), &layout).expect("a valid profile");
         let mut image = compressor.new_image();
         let ((), allocations) = taxel_allocations::during(|| {
-            for contacts in [240, 0, 1, 15, 16, 17, 240, 3, 100] {
-                for n in 0..240 {
-                    frame.contact[n] = n < contacts;
-                    frame.force[n] = (n * 7919 % 240) as f64 + 0.5;
+            for decades in [0, 35] {
+                for contacts in [240, 0, 1, 15, 16, 17, 240, 3, 100] {
+                    for n in 0..240 {
+                        let decade = n as i32 % (2 * decades + 1) - decades;
+                        frame.contact[n] = n < contacts;
+                        frame.force[n] = ((n * 7919 % 240) as f64 + 0.5) * 10f64.powi(decade);
+                    }
+                    compressor.compress(&frame, &mut image);
+                    assert_eq!(usize::from(image.contacts), contacts);
                 }
-                compressor.compress(&frame, &mut image);
-                assert_eq!(usize::from(image.contacts), contacts);
             }
         });
         assert_eq!(allocations, 0, "allocations with {profile:?}");

@@ -336,6 +336,34 @@ fn a_learned_codebook_changes_less_and_less_and_forgets() {
     assert!((levels([10.0, 11.0, 500.0, 500.0])[1] / 500.0 - 1.0).abs() < 0.01);
 }
 
+#[test]
+fn levels_are_learned_of_forces_of_every_size_that_is_accepted() {
+    let layout = grid(8, 4);
+    let profile = Profile {
+        levels: 8,
+        codebook_learning: Some(CodebookLearning { forgetting: 0.01 }),
+        ..optimal()
+    };
+    // Six octaves from 1, so that times a power of two they are from 1e-38 to 1e38.
+    let learned = |scale: f64| {
+        let mut compressor = Compressor::new(profile.clone(), &layout).expect("a valid profile");
+        let mut image = compressor.new_image();
+        for step in 0..20 {
+            let force = |n: u16| scale * 1.14f64.powi(i32::from((n * 7 + step * 3) % 32));
+            let touches = (0..32).map(|n| (n % 8, n / 8, force(n)));
+            compressor.compress(&touched(&layout, touches), &mut image);
+        }
+        image.levels
+    };
+    let want = learned(1.0);
+    assert_eq!(want.len(), 8);
+    for octave in [-126, -120, -100, -40, -20, -10, 10, 30, 45, 50, 66, 100, 120] {
+        let scale = 2f64.powi(octave);
+        let scaled: Vec<f64> = want.iter().map(|level| level * scale).collect();
+        assert_eq!(learned(scale), scaled, "2^{octave}");
+    }
+}
+
 proptest! {
     #[test]
     fn fixed_actuators_stand_for_every_contact_and_only_near_ones_alone(
