@@ -22,6 +22,8 @@ const METHODS: [&str; 5] = [
     "optimal force_weighted=true",
     "optimal force_weighted=true actuator_force=max",
 ];
+/// What follows the name of a method in the row of a compressor that runs on.
+const RUNNING: &str = ", running";
 /// Levels and actuators of the curves; each is varied while the other is as it is.
 const SIZES: [u16; 5] = [2, 4, 8, 16, 32];
 
@@ -81,15 +83,20 @@ pub(super) fn run(args: &Args, csv: Option<OutputFile>, figure: Option<OutputFil
         Some(error) if !args.method.is_empty() => bail!("{error}"),
         _ => super::tell(&ways.left_out),
     }
-    let shown: Vec<_> = ways.controls.iter().chain(&ways.displays).collect();
+    let (controls, displays) = (ways.controls.len(), ways.displays.len());
     let progress = Progress::new(
-        (1 + 2 * SIZES.len() as u64) * shown.len() as u64,
+        ((1 + 2 * SIZES.len()) * (controls + displays) + displays) as u64,
         "ways to show it",
     );
     let mut rows = Vec::new();
-    for (name, shown) in shown {
+    for (name, shown) in ways.controls.iter().chain(&ways.displays) {
         rows.push(task.judge(name, shown).with_context(|| name.clone())?);
         progress.advance(1);
+        if matches!(shown, Shown::Method(_)) {
+            let running = task.judge_running(&format!("{name}{RUNNING}"), shown);
+            rows.extend(running.with_context(|| name.clone())?);
+            progress.advance(1);
+        }
     }
     let curve = |sizes: [(u16, u16); 5]| -> anyhow::Result<Vec<TaskPoint>> {
         let mut points = Vec::new();
@@ -222,7 +229,12 @@ fn human(report: &Report) -> String {
         "{input}: {frames} frames of {taxels} taxels, {classes} classes; a contact is above {threshold}, median \
          {contacts_median:.0} contacts\n\nrecognised of one frame, K_D = {levels}, K_A = {actuators}\n"
     );
-    let width = rows.iter().map(|row| row.name.len()).max().unwrap_or(0);
+    // It stands below that of its method.
+    let label = |row: &TaskRow| match row.name.ends_with(RUNNING) {
+        true => "  running".into(),
+        false => row.name.clone(),
+    };
+    let width = rows.iter().map(|row| label(row).len()).max().unwrap_or(0);
     let mut line = |name: &str, cells: &[String]| {
         let _ = write!(text, "{name:width$}");
         cells.iter().for_each(|cell| {
@@ -238,7 +250,7 @@ fn human(report: &Report) -> String {
     let or = |value: Option<String>| value.unwrap_or_else(|| "-".into());
     for row in rows {
         line(
-            &row.name,
+            &label(row),
             &[
                 percent(row.nearest),
                 percent(row.logistic),
@@ -278,8 +290,9 @@ fn human(report: &Report) -> String {
     }
     text + "nearest, logistic: by the nearest of two examples a class, by logistic regression on them; moved: everything \
             moved\nby up to 3 pixels, ten examples. Examples are of the first half of each class's frames, what is \
-            recognised of the\nsecond. levels: from the levels' numbers without their forces. us: median of both stages, \
-            each frame the first.\n"
+            recognised of the\nsecond. levels: from the levels' numbers without their forces. us: median of both stages. \
+            A compressor starts anew with\neach frame; running: one sees all of them in a shuffled order and an empty \
+            frame between, ten orders. Without that\nrow it shows the same. The curves are of fresh starts.\n"
 }
 
 /// The names of curves in the order in which they begin.

@@ -196,12 +196,28 @@ fn eval_says_what_can_be_told_from_one_image() {
         );
     }
     assert_eq!(rows[0]["bits"], 256.0);
-    let (text, _) = succeeds(&dir, &["eval", "objects.npz", "--task", "--method", "paper"]);
+    let text_of = |more: &[&str]| succeeds(&dir, &[&["eval", "objects.npz", "--task"], more].concat()).0;
+    let text = text_of(&["--method", "paper"]);
     assert!(
         text.contains("2 classes") && text.contains("paper") && !text.contains("weighted"),
         "{text}"
     );
-    assert!(text.lines().all(|line| line.len() <= 120), "{text}");
+    // What remembers has a second row, of a compressor that runs on.
+    let names: Vec<&str> = rows.iter().map(|row| row["name"].as_str().unwrap()).collect();
+    let after = |name: &str| names[names.iter().position(|other| *other == name).unwrap() + 1];
+    let weighted = "optimal force_weighted=true";
+    assert_eq!(after(weighted), format!("{weighted}, running"), "{names:?}");
+    assert_eq!(after("paper"), "optimal", "{names:?}");
+    assert!(!text.contains("  running "), "{text}");
+    let text_of_all = text_of(&["--actuators", "4"]);
+    let lines: Vec<&str> = text_of_all.lines().collect();
+    let at = lines
+        .iter()
+        .position(|line| line.starts_with(&format!("{weighted}  ")));
+    assert!(lines[at.unwrap() + 1].starts_with("  running  "), "{text_of_all}");
+    for text in [text, text_of_all] {
+        assert!(text.lines().all(|line| line.len() <= 120), "{text}");
+    }
     let curves = std::fs::read_to_string(dir.path().join("curves.csv")).unwrap();
     assert!(
         curves.starts_with("name,levels,actuators,nearest,bits\n") && curves.contains("\"paper\",8,2,"),

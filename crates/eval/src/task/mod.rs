@@ -8,8 +8,10 @@ use crate::classify::{Logistic, nearest};
 use crate::quantile::quantile;
 use picture::{Pictures, blur};
 use serde::Serialize;
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use taxel_cluster::Random;
+use taxel_compress::Compressor;
 use taxel_hand::{ForceFrame, ProfileError};
 use taxel_skin::Layout;
 
@@ -20,13 +22,16 @@ const EXAMPLES: usize = 2;
 const MOVED_DRAWS: usize = 5;
 const MOVED_EXAMPLES: usize = 10;
 const MOVED_PX: i32 = 3;
+/// Seed of the examples and moves, and of the orders in which a compressor that runs on sees frames.
+const SEED: u64 = 0x6f62_6a65_6374;
+const ORDERS: u64 = 1;
 
 /// Frames of things that are touched, and what is asked: which thing is it?
 ///
 /// The first half of each class's frames is there to learn from, the second to be recognised: two
 /// examples a class are drawn, ten times over. Then everything is moved at random by up to 3 pixels along
 /// each axis, the examples too, and ten examples a class are drawn, five times. Each frame is compressed by a
-/// compressor that has seen none before.
+/// compressor that has seen none before ([`Task::judge`]), or by one that runs on ([`Task::judge_running`]).
 #[derive(Debug)]
 pub struct Task {
     layout: Layout,
@@ -87,7 +92,7 @@ pub struct TaskRow {
     pub level_nearest: Option<f64>,
     /// Bits a frame without the levels' forces.
     pub level_bits: Option<f64>,
-    /// Median time of both stages, microseconds, for a frame that comes without any before.
+    /// Median time of both stages, microseconds.
     pub compress_us_p50: Option<f64>,
 }
 
@@ -183,16 +188,54 @@ impl Task {
         quantile(&mut contacts, 0.5)
     }
 
-    /// How much is recognised of what is shown.
+    /// How much is recognised of what is shown, where every frame has a compressor of its own.
     ///
     /// # Errors
     ///
     /// A profile that describes no display, or not for this hand.
     pub fn judge(&self, name: &str, shown: &Shown) -> Result<TaskRow, ProfileError> {
-        let mut random = Random::new(0x6f62_6a65_6374);
-        let mut pictures = self.pictures(shown, None)?;
+        let pictures = vec![self.pictures(shown, None, None)?];
+        self.row(name, pictures, |moves| self.pictures(shown, Some(moves), None))
+    }
+
+    /// The same where one compressor sees all frames, in a random order with a frame without contacts between any two,
+    /// so that what it remembers is of other things mostly. Each draw has an order of its own. `None` where that
+    /// changes no picture: what is shown has no memory.
+    ///
+    /// # Errors
+    ///
+    /// As [`Task::judge`].
+    pub fn judge_running(&self, name: &str, shown: &Shown) -> Result<Option<TaskRow>, ProfileError> {
+        let fresh = self.pictures(shown, None, None)?;
+        let mut random = Random::for_purpose(SEED, ORDERS);
+        let mut order = || {
+            let mut order: Vec<usize> = (0..self.frames.len()).collect();
+            random.shuffle(&mut order);
+            order
+        };
+        let pictures: Result<Vec<Pictures>, _> = (0..DRAWS)
+            .map(|_| self.pictures(shown, None, Some(&order())))
+            .collect();
+        let pictures = pictures?;
+        if (pictures.iter()).all(|running| (&running.force, &running.level) == (&fresh.force, &fresh.level)) {
+            return Ok(None);
+        }
+        self.row(name, pictures, |moves| {
+            self.pictures(shown, Some(moves), Some(&order()))
+        })
+        .map(Some)
+    }
+
+    /// Judges pictures, those of the draws in turn, and of frames that are moved.
+    fn row(
+        &self,
+        name: &str,
+        mut of_draws: Vec<Pictures>,
+        mut moved: impl FnMut(&[[i32; 2]]) -> Result<Pictures, ProfileError>,
+    ) -> Result<TaskRow, ProfileError> {
+        let mut random = Random::new(SEED);
         let (mut nearest, mut logistic, mut level_nearest) = (0.0, 0.0, 0.0);
-        for _ in 0..DRAWS {
+        for pictures in of_draws.iter().cycle().take(DRAWS) {
             let drawn = self.draw(EXAMPLES, &mut random);
             nearest += self.nearest(&pictures.force, &drawn);
             logistic += self.logistic(&pictures.force, &drawn);
@@ -200,21 +243,27 @@ impl Task {
                 level_nearest += self.nearest(level, &drawn);
             }
         }
+        let mean = |of: fn(&Pictures) -> f64| of_draws.iter().map(of).sum::<f64>() / of_draws.len() as f64;
+        let (bits, level_bits) = (mean(|p| p.bits), mean(|p| p.level_bits));
+        let has_levels = of_draws.iter().all(|pictures| pictures.level.is_some());
+        let mut us: Vec<f64> = (of_draws.iter_mut())
+            .flat_map(|pictures| pictures.us.drain(..))
+            .collect();
         let mut row = TaskRow {
             name: name.into(),
             nearest: nearest / DRAWS as f64,
             logistic: logistic / DRAWS as f64,
             moved_nearest: 0.0,
             moved_logistic: 0.0,
-            bits: pictures.bits,
-            level_nearest: pictures.level.is_some().then_some(level_nearest / DRAWS as f64),
-            level_bits: pictures.level.is_some().then_some(pictures.level_bits),
-            compress_us_p50: (!pictures.us.is_empty()).then(|| quantile(&mut pictures.us, 0.5)),
+            bits,
+            level_nearest: has_levels.then_some(level_nearest / DRAWS as f64),
+            level_bits: has_levels.then_some(level_bits),
+            compress_us_p50: (!us.is_empty()).then(|| quantile(&mut us, 0.5)),
         };
         for _ in 0..MOVED_DRAWS {
             let mut step = || random.below(2 * MOVED_PX as usize + 1) as i32 - MOVED_PX;
             let moves: Vec<[i32; 2]> = self.frames.iter().map(|_| [step(), step()]).collect();
-            let pictures = self.pictures(shown, Some(&moves))?;
+            let pictures = moved(&moves)?;
             let drawn = self.draw(MOVED_EXAMPLES, &mut random);
             row.moved_nearest += self.nearest(&pictures.force, &drawn);
             row.moved_logistic += self.logistic(&pictures.force, &drawn);
@@ -236,8 +285,8 @@ impl Task {
         levels: u16,
         actuators: u16,
     ) -> Result<TaskPoint, ProfileError> {
-        let mut random = Random::new(0x6f62_6a65_6374);
-        let pictures = self.pictures(shown, None)?;
+        let mut random = Random::new(SEED);
+        let pictures = self.pictures(shown, None, None)?;
         let of_draw = |_| self.nearest(&pictures.force, &self.draw(EXAMPLES, &mut random));
         Ok(TaskPoint {
             name: name.into(),
@@ -286,19 +335,27 @@ impl Task {
         right as f64 / self.unknown.len() as f64
     }
 
-    fn pictures(&self, shown: &Shown, moves: Option<&[[i32; 2]]>) -> Result<Pictures, ProfileError> {
-        let mut pictures = Pictures {
-            force: Vec::new(),
-            level: matches!(shown, Shown::Method(_)).then(Vec::new),
-            level_bits: 0.0,
-            bits: 0.0,
-            us: Vec::new(),
-        };
-        for (n, frame) in self.frames.iter().enumerate() {
-            match moves {
-                Some(moves) => pictures.add(&self.layout, &self.moved(frame, moves[n]), shown)?,
-                None => pictures.add(&self.layout, frame, shown)?,
+    /// What is shown of every frame, by one compressor in the order given, or else each by its own.
+    fn pictures(
+        &self,
+        shown: &Shown,
+        moves: Option<&[[i32; 2]]>,
+        order: Option<&[usize]>,
+    ) -> Result<Pictures, ProfileError> {
+        let mut pictures = Pictures::new(self.frames.len(), shown);
+        let mut running = match shown {
+            Shown::Method(method) if order.is_some() => {
+                Some(Compressor::new(method.profile.clone(), &self.layout)?)
             }
+            _ => None,
+        };
+        for at in 0..self.frames.len() {
+            let n = order.map_or(at, |order| order[at]);
+            let frame = match moves {
+                Some(moves) => Cow::Owned(self.moved(&self.frames[n], moves[n])),
+                None => Cow::Borrowed(&self.frames[n]),
+            };
+            pictures.add(n, &self.layout, &frame, shown, running.as_mut())?;
         }
         pictures.bits /= self.frames.len() as f64;
         pictures.level_bits /= self.frames.len() as f64;

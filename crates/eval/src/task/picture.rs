@@ -67,7 +67,7 @@ pub(super) fn grid_shape(geometry: &Geometry, cells: u16) -> [u16; 2] {
 
 /// What a person or a program sees of every frame.
 pub(super) struct Pictures {
-    /// Forces by pixel.
+    /// Forces by pixel, of each frame.
     pub(super) force: Vec<Vec<f64>>,
     /// Numbers of the levels by pixel, where there are levels.
     pub(super) level: Option<Vec<Vec<f64>>>,
@@ -77,12 +77,27 @@ pub(super) struct Pictures {
 }
 
 impl Pictures {
-    /// Adds what is shown of a frame.
+    /// Room for so many frames.
+    pub(super) fn new(frames: usize, shown: &Shown) -> Self {
+        let none = vec![Vec::new(); frames];
+        Self {
+            level: matches!(shown, Shown::Method(_)).then(|| none.clone()),
+            force: none,
+            level_bits: 0.0,
+            bits: 0.0,
+            us: Vec::new(),
+        }
+    }
+
+    /// Adds what is shown of frame `n`, a method's image by the compressor that runs on, after the hand has let go, or
+    /// else by one that has seen none before.
     pub(super) fn add(
         &mut self,
+        n: usize,
         geometry: &Geometry,
         frame: &ForceFrame,
         shown: &Shown,
+        running: Option<&mut Compressor>,
     ) -> Result<(), ProfileError> {
         let width = usize::from(geometry.width);
         let empty = || vec![0.0; width * usize::from(geometry.height)];
@@ -120,8 +135,15 @@ impl Pictures {
                 self.bits += f64::from(*cells) * bits(usize::from(*levels) + 1) + 32.0;
             }
             Shown::Method(method) => {
-                let mut compressor = Compressor::new(method.profile.clone(), geometry)?;
-                let mut image = compressor.new_image();
+                let mut fresh = Compressor::new(method.profile.clone(), geometry)?;
+                let mut image = fresh.new_image();
+                let compressor = match running {
+                    Some(running) => {
+                        running.compress(&ForceFrame::new(frame.force.len()), &mut image);
+                        running
+                    }
+                    None => &mut fresh,
+                };
                 let start = Instant::now();
                 compressor.compress(frame, &mut image);
                 self.us.push(start.elapsed().as_secs_f64() * 1e6);
@@ -130,7 +152,9 @@ impl Pictures {
                     picture[at(actuator.x, actuator.y)] = actuator.force;
                     level[at(actuator.x, actuator.y)] = f64::from(actuator.level);
                 }
-                self.level.get_or_insert_default().push(level);
+                if let Some(levels) = &mut self.level {
+                    levels[n] = level;
+                }
                 let levels = usize::from(method.profile.level_count());
                 let sent = if method.profile.fixed.is_empty() {
                     image.actuators.len() as f64 * (place_bits + bits(levels))
@@ -143,7 +167,7 @@ impl Pictures {
                 self.bits += sent + 32.0 * levels as f64;
             }
         }
-        self.force.push(picture);
+        self.force[n] = picture;
         Ok(())
     }
 }

@@ -40,6 +40,52 @@ fn what_differs_is_told_apart_raw_and_compressed_and_moved() {
 }
 
 #[test]
+fn what_remembers_is_judged_while_it_runs_too() {
+    let task = bars(10.0);
+    for (shown, remembers) in [
+        (Shown::Raw, false),
+        (Shown::Blocks { levels: 8, cells: 4 }, false),
+        (method("paper", 4), false),
+        // The hand lets go between any two frames, and fixed places forget then.
+        (method("optimal fixed=[[1,1],[5,1],[1,5],[5,5]]", 4), false),
+        (method("optimal", 4), true),
+        (method("paper codebook_learning={forgetting=0.001}", 4), true),
+    ] {
+        let running = || task.judge_running("it, running", &shown).unwrap();
+        assert_eq!(running().is_some(), remembers, "{shown:?}");
+        let untimed = |row: TaskRow| TaskRow {
+            compress_us_p50: None,
+            ..row
+        };
+        assert_eq!(
+            running().map(untimed),
+            running().map(untimed),
+            "another order: {shown:?}"
+        );
+    }
+}
+
+#[test]
+fn a_compressor_that_runs_on_has_seen_the_frames_before() {
+    // Presses of 10 and of 1000 at the same taxel, one force a frame: a fresh codebook is that force alone, one that is
+    // learned holds both, so that the weaker press has the lower of two levels.
+    let forces = |n: usize| vec![if n.is_multiple_of(2) { 10.0 } else { 1000.0 }, 0.0];
+    let frames: Vec<Vec<f64>> = (0..40).map(forces).collect();
+    let labels: Vec<usize> = (0..40).map(|n| n % 2).collect();
+    let task = Task::new(Layout::grid(2, 1).unwrap(), &frames, &labels, 0.0).unwrap();
+    let shown = method("optimal codebook_learning={forgetting=0.001}", 1);
+    let order: Vec<usize> = (0..40).rev().collect();
+    let bits = |order| task.pictures(&shown, None, order).unwrap().bits;
+    let level_bits = 1.0 + 3.0;
+    assert_eq!(bits(None), level_bits + 32.0);
+    // All but the first know both forces.
+    assert_eq!(
+        bits(Some(&order[..])),
+        level_bits + 32.0 * (1.0 + 39.0 * 2.0) / 40.0
+    );
+}
+
+#[test]
 fn one_actuator_that_is_always_in_the_middle_tells_nothing() {
     let row = task_of_noise().judge("it", &method("optimal", 1)).unwrap();
     assert!((0.2..0.8).contains(&row.nearest), "{row:?}");
