@@ -14,7 +14,7 @@ NOWHERE = F(1e17)  # where an id is that was never anywhere
 ROUNDS, SWAPS, FALLS = 6, 4, 16.0
 LEAST_SHARE, QUIET_SHARE, FIRST_FRAMES, QUIET_FRAMES, RANKED = 0.002, 0.1, 4, 4, 64
 PATIENCE, TRIED_POINTS, MOST_TRIES = 2.0, 1000, 4
-MOST_FOUND, NEAR_LEAST = 8, 1.06
+TRIES, MOST_FOUND, NEAR_LEAST = 4, 8, 1.06
 MOST_RAISED, MOST_GIVEN, TRADES = 3, (0.02, 0.01), 2
 
 
@@ -32,7 +32,7 @@ def squared(a, b):
 class Follower:
     """Frames in, actuators out."""
 
-    def __init__(self, actuators, jump_gain=0.02, reach=2.0):
+    def __init__(self, actuators, jump_gain=0.04, reach=2.0):
         self.k, self.jump_gain, self.reach = actuators, jump_gain, F(reach)
         self.id_bits = np.uint32((1 << (actuators - 1).bit_length()) - 1)
         self.at = np.full((actuators, 2), NOWHERE, dtype=F)
@@ -377,11 +377,9 @@ class Follower:
         return [swap for beyond, swap in found[:most] if most > 1 or beyond > 0]
 
     def most_tried(self):
-        if not self.raised:
-            return 1
         over = len(self.xy) - self.k
-        if over > self.k:
-            return 2
+        if not self.raised or over > self.k:
+            return TRIES
         pitch = 0.5 * float(self.reach)
         return MOST_FOUND if in_order(self.weight * self.near.astype(np.float64)) > NEAR_LEAST * (0.5 * pitch * pitch * over) else 1
 

@@ -202,7 +202,7 @@ impl Default for Profile {
             placement: None,
             level_hysteresis: 0.0,
             history: 0.0,
-            jump_gain: 0.02,
+            jump_gain: 0.04,
             force_distance: 1.0,
             parts_apart: false,
             grey: Grey::default(),

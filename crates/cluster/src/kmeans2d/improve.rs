@@ -9,6 +9,9 @@ const QUIET_FRAMES: u32 = 4;
 /// Points in the swaps that are tried in a quiet frame, in all: small frames try several swaps, at most so many.
 const TRIED_POINTS: usize = 1000;
 const MOST_TRIES: usize = 4;
+/// Swaps that are tried in other frames, the best by judgement first, before none is made: judgement does not know how
+/// the clusters settle afterwards.
+const TRIES: usize = 4;
 /// Swaps in quiet frames are asked for this share of what others are: there are few of them, and
 /// what they save lasts.
 const QUIET_SHARE: f64 = 0.1;
@@ -132,7 +135,6 @@ impl Kmeans2d {
 
     /// Dissolves one cluster and splits another if that saves enough; says whether it did.
     fn swap(&mut self) -> bool {
-        // Heights leave fewer ways for single points: the best two are tried, whatever they are judged to save.
         let most = self.most_tried();
         let judge = judge!(self, self.settings.swap_gain);
         let at = [&self.x[..], &self.y, &self.height];
@@ -148,15 +150,13 @@ impl Kmeans2d {
         false
     }
 
-    /// How many swaps are tried before none is made. Heights leave fewer ways for single points; so where points have
-    /// them, more than one is, unless the points can hardly be nearer to their centroids than they are. A cluster of n
-    /// points that are `d` apart or more has a cost of at least `d^2 (n - 1) / 2`, and so all clusters together.
+    /// How many swaps are tried before none is made. Heights leave few points fewer ways; so where they have them, more
+    /// are, unless the points can hardly be nearer to their centroids than they are. A cluster of n points that are `d`
+    /// apart or more has a cost of at least `d^2 (n - 1) / 2`, and so all clusters together.
     fn most_tried(&self) -> usize {
         let (points, clusters) = (self.assignment.len(), self.x.len());
-        if !self.assignment.is_raised() {
-            1
-        } else if points > 2 * clusters {
-            2
+        if !self.assignment.is_raised() || points > 2 * clusters {
+            TRIES
         } else {
             let pitch = 0.5 * self.settings.reach;
             let least = 0.5 * pitch * pitch * (points - clusters) as f64;
