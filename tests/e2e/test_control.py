@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import socket
 import stat
 import threading
@@ -180,6 +181,53 @@ CHANGES = [
     {"cmd": "profile", "profile": {"levels": 4}},
     {"cmd": "servo", "joint": "joint 5", "torque": False},
 ]
+
+
+def test_who_has_gone_before_it_was_begun_has_a_motor_switched_off_and_nothing_else_done(folder):
+    servos = Servos("--ids", "1-16")
+    torque = lambda joint, on: {"cmd": "servo", "joint": joint, "torque": on}  # noqa: E731
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path, allow_writes=True, watchdog_ms=2540)) as daemon:
+        daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+        holder = connect(daemon.control_path)
+        assert ask(holder, {**torque("joint 7", True), "hold_ms": 10_000})["ok"]
+        for joint in ("joint 5", "joint 8"):
+            assert ask(holder, torque(joint, True))["ok"]
+        profile = daemon.control("profile")
+        asked = [
+            *[(request, None) for request in CHANGES if request["cmd"] != "servo"],
+            (torque("joint 5", False), "torque of joint 5 is off, by request of"),
+            (torque("joint 6", True), None),
+            ({"cmd": "servos", "pwm_percent": {"joint 8": 50}}, None),
+        ]
+        os.kill(daemon.process.pid, signal.SIGSTOP)
+        for request, _ in asked:
+            with connect(daemon.control_path) as client:
+                client.sendall(json.dumps(request).encode() + b"\n")
+        # What is behind a request that is not carried out, beyond what a client may ask at once.
+        requests = [{"cmd": "pause"}] * 60 + [torque("joint 8", False)]
+        holder.sendall(b"".join(json.dumps(request).encode() + b"\n" for request in requests))
+        holder.close()
+        os.kill(daemon.process.pid, signal.SIGCONT)
+        kinds = ["a new baseline", "pause", "resume", "a mark", "a new display profile", "a servo command"]
+        for words in [f"refused: {kind}: whoever asked for it had gone" for kind in kinds] + [w for _, w in asked if w]:
+            eventually(lambda words=words: words in daemon.log, f"the log does not say: {words}")
+        for servo_id in (5, 7, 8):
+            eventually(lambda servo_id=servo_id: servos.register(servo_id, *TORQUE) == 0, f"the motor of {servo_id} is on")
+        eventually(lambda: daemon.status()["control"]["clients"] == 1, "who has gone is kept")
+        assert servos.register(6, *TORQUE) == 0
+        assert daemon.control("profile") == profile and not daemon.status()["paused"]
+        done = ["measured anew", "paused, by", "resumed, by", "marked, by", "replaced, by", "joint 6 is on", "given PWM"]
+        assert not [words for words in done if words in daemon.log]
+    servos.close()
+
+
+def test_who_only_writes_no_more_is_answered(daemon):
+    with connect(daemon.control_path) as client:
+        client.sendall(b'{"cmd":"profile","profile":{"levels":4}}\n{"cmd":"profile"}')
+        client.shutdown(socket.SHUT_WR)
+        replies = client.makefile("rb").read().splitlines()
+    changed, told = map(json.loads, replies)
+    assert changed == {"ok": True} and told["profile"]["levels"] == 4
 
 
 def test_the_status_socket_tells_and_changes_nothing(daemon):

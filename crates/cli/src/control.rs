@@ -4,7 +4,7 @@ use anyhow::{Context, anyhow, bail};
 use nix::libc::EPROTOTYPE;
 use serde_json::Value;
 use std::ffi::OsStr;
-use std::io::{BufRead, BufReader, ErrorKind, Write};
+use std::io::{self, BufRead, BufReader, ErrorKind, Write};
 use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::time::Duration;
@@ -62,10 +62,10 @@ impl Connection {
         match writeln!(self.0.get_mut(), "{request}") {
             // Who has closed it may have said why.
             Err(error) if error.kind() == ErrorKind::BrokenPipe => {}
-            written => written.context("the control socket")?,
+            written => written.map_err(|error| unanswered(error, request))?,
         }
         let mut reply = String::new();
-        (self.0.read_line(&mut reply)).context("no answer from the daemon")?;
+        (self.0.read_line(&mut reply)).map_err(|error| unanswered(error, request))?;
         if reply.is_empty() {
             bail!("taxeld has closed the connection; if it has ended, its log says why");
         }
@@ -75,6 +75,20 @@ impl Connection {
             _ => bail!("{}", reply["error"].as_str().unwrap_or("refused")),
         }
     }
+}
+
+/// Why there is no reply.
+fn unanswered(error: io::Error, request: &Value) -> anyhow::Error {
+    if error.kind() != ErrorKind::WouldBlock {
+        return anyhow!(error).context("no answer from the daemon");
+    }
+    let only_tells =
+        matches!(request["cmd"].as_str(), Some("status" | "profile")) && request["profile"].is_null();
+    let next = match only_tells {
+        true => "its log says what it does, and where it hangs, restart it",
+        false => "what it was asked for may still be done: `taxel status` tells, once it is answered",
+    };
+    anyhow!("taxeld has not answered within {PATIENCE:?}; {next}")
 }
 
 #[cfg(test)]
@@ -101,6 +115,30 @@ mod tests {
             let error = connection.ask(&Value::Null).unwrap_err();
             assert!(error.to_string().starts_with(wanted), "{error:#}");
             assert!(!taxeld::stdout::is_broken_pipe(&error), "{error:#}");
+        }
+    }
+
+    #[test]
+    fn a_daemon_that_does_not_answer_may_still_do_what_it_was_asked_for() {
+        let late = || io::Error::from(ErrorKind::WouldBlock);
+        for (request, wanted) in [
+            (r#"{"cmd":"status"}"#, "its log says what it does"),
+            (r#"{"cmd":"profile"}"#, "its log says what it does"),
+            (
+                r#"{"cmd":"profile","profile":{}}"#,
+                "may still be done: `taxel status` tells",
+            ),
+            (
+                r#"{"cmd":"servo","joint":"a","torque":true}"#,
+                "may still be done",
+            ),
+        ] {
+            let told = unanswered(late(), &serde_json::from_str(request).unwrap()).to_string();
+            assert!(told.starts_with("taxeld has not answered within 5s; "), "{told}");
+            assert!(
+                told.contains(wanted) && !told.contains("os error"),
+                "{request}: {told}"
+            );
         }
     }
 

@@ -4,20 +4,27 @@
 //! Neither can be occupied. A connection too many takes the place of the one that has been idle for longest, a client
 //! that asks without end is slowed, and a request to switch off a motor that there is has a pace of its own, which nobody needs
 //! more of, and gives up its place last.
+//!
+//! Who has gone before a request of theirs is begun does not have it carried out, since nobody would know of it; a motor is
+//! switched off all the same.
 
 mod request;
 
 use crate::clients::{Access, Allowance, Asker, Doing, Place, Places};
 use crate::joints::{Deserted, Hold};
 use crate::state::State;
-use request::{Request, answer, refusal, report};
+use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+use request::{Request, abandon, answer, refusal, report};
 use std::cell::Cell;
+use std::os::fd::AsFd;
+use std::pin::pin;
 use std::rc::Rc;
 use std::time::Duration;
 use taxel_joints::MAX_JOINTS;
 use tokio::io::{AsyncBufReadExt, AsyncReadExt, BufReader, Interest};
 use tokio::net::unix::{OwnedReadHalf, OwnedWriteHalf};
 use tokio::net::{UnixListener, UnixStream};
+use tokio::task::yield_now;
 use tokio::time::{Instant, sleep, timeout};
 
 /// Longest request line, bytes.
@@ -55,7 +62,7 @@ async fn serve(listener: UnixListener, state: Rc<State>, access: Access, places:
                     let _ = attend(stream, &state, access, &place).await;
                 });
                 // Those that wait to be accepted do not push out one that has not been heard.
-                tokio::task::yield_now().await;
+                yield_now().await;
             }
             Err(error) => {
                 // Out of file descriptors, most likely, of which an idle client has one; or a client that was gone before
@@ -79,26 +86,41 @@ async fn attend(stream: UnixStream, state: &State, access: Access, place: &Place
     let (read, write) = stream.into_split();
     let replying = Cell::new(false);
     let hold = state.hold();
-    tokio::select! {
-        left = converse(read, &write, &replying, state, &asker, place, &hold) => left,
-        why = hold.deserted(hung_up(&write)) => {
-            if let (Deserted::Silent(patience), false) = (why, replying.get()) {
-                let why = format!(
-                    "nothing was asked for {patience:?}, so the motors that this connection held are switched off"
-                );
-                let _ = write.try_write(&line_of(&refusal(why)));
+    let mut talk = pin!(converse(read, &write, &replying, state, &asker, place, &hold));
+    loop {
+        tokio::select! {
+            left = &mut talk => return left,
+            why = hold.deserted(hung_up(&write)) => match why {
+                // Behind what it asked before, another motor may be to be switched off.
+                Deserted::Gone => hold.let_go(),
+                Deserted::Silent(patience) => {
+                    if !replying.get() {
+                        let why = format!(
+                            "nothing was asked for {patience:?}, so the motors that this connection held are switched off"
+                        );
+                        let _ = write.try_write(&line_of(&refusal(why)));
+                    }
+                    return Ok(());
+                }
+            },
+            () = place.lost() => {
+                let why = "this connection was idle for longest and made room for another; connect again";
+                // Not into the middle of a reply. Who does not read is not told.
+                if !replying.get() {
+                    let _ = write.try_write(&line_of(&refusal(why.into())));
+                }
+                return Ok(());
             }
-            Ok(())
-        }
-        () = place.lost() => {
-            let why = "this connection was idle for longest and made room for another; connect again";
-            // Not into the middle of a reply. Who does not read is not told.
-            if !replying.get() {
-                let _ = write.try_write(&line_of(&refusal(why.into())));
-            }
-            Ok(())
         }
     }
+}
+
+/// Whether the client has closed the connection, and hears no answer. Who only writes no more still waits for one.
+fn has_gone(write: &OwnedWriteHalf) -> bool {
+    // That both ways are closed is told unasked, and that one is only where it is asked for.
+    let mut socket = [PollFd::new(write.as_ref().as_fd(), PollFlags::empty())];
+    let told = poll(&mut socket, PollTimeout::ZERO).ok().and(socket[0].revents());
+    told.is_some_and(|told| told.contains(PollFlags::POLLHUP))
 }
 
 /// Waits until the client has closed its end, whatever there is to be read before.
@@ -120,6 +142,7 @@ async fn converse(
     let mut line = Vec::new();
     let mut requests = Allowance::new(REQUESTS, REQUEST_INTERVAL);
     let mut released = Allowance::new(RELEASES, RELEASE_INTERVAL);
+    let has_gone = || hold.has_let_go() || has_gone(write);
     loop {
         line.clear();
         let mut limited = (&mut read).take(MAX_REQUEST + 1);
@@ -146,9 +169,20 @@ async fn converse(
             true => released.take(Instant::now()),
             false => requests.take(Instant::now()),
         };
-        if !pause.is_zero() {
+        if !pause.is_zero() && (releases || !has_gone()) {
             place.slowed(Instant::now());
             sleep(pause).await;
+        }
+        if !releases && has_gone() {
+            if asker.access == Access::Look {
+                return Ok(());
+            }
+            // Behind it, a motor may be to be switched off.
+            if let Ok(request) = &request {
+                abandon(request, state, asker);
+            }
+            yield_now().await;
+            continue;
         }
         if is_blank {
             continue;
@@ -176,7 +210,8 @@ async fn converse(
         replying.set(true);
         hold.await_client();
         match timeout(REPLY_PATIENCE, write_all(write, &reply)).await {
-            Ok(written) => written?,
+            Ok(Err(error)) if !has_gone() => return Err(error),
+            Ok(_) => {}
             Err(_) => return Ok(()),
         }
         hold.await_client();

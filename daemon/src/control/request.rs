@@ -156,6 +156,15 @@ pub(super) async fn answer(request: Request, state: &State, asker: &Asker, hold:
     reply
 }
 
+/// Says in the log that something is not changed, since who asked for it has gone.
+pub(super) fn abandon(request: &Request, state: &State, asker: &Asker) {
+    if let Some([kind, _]) = request.change() {
+        let change = Change { kind, refused: true };
+        let said = format!("refused: {kind}: whoever asked for it had gone before it was begun");
+        state.changes.note(change, &said, asker, Instant::now());
+    }
+}
+
 /// How a change was done.
 enum Done {
     Plain,

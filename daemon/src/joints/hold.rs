@@ -16,6 +16,7 @@ pub(crate) struct Hold<'a> {
     patience: Cell<Option<Duration>>,
     /// When the client has been silent for too long; `None` where it holds nothing, or waits for an answer.
     lapses: Cell<Option<Instant>>,
+    has_let_go: Cell<bool>,
     changed: Notify,
 }
 
@@ -37,6 +38,7 @@ impl<'a> Hold<'a> {
             joints: RefCell::default(),
             patience: Cell::default(),
             lapses: Cell::default(),
+            has_let_go: Cell::default(),
             changed: Notify::new(),
         }
     }
@@ -82,6 +84,27 @@ impl<'a> Hold<'a> {
         }
     }
 
+    /// Has the motors switched off: who held them has gone, and is to hold no others.
+    pub(crate) fn let_go(&self) {
+        self.has_let_go.set(true);
+        self.patience.set(None);
+        self.lapses.set(None);
+        let Some(servos) = self.reader.and_then(|reader| reader.servos.as_deref()) else {
+            return;
+        };
+        for joint in self.joints.take() {
+            // Refused only where writing is, and then nothing was switched on.
+            if let Ok(number) = servos.command(joint, WriteCommand::Torque(false)) {
+                self.releases.let_go(joint, number);
+            }
+        }
+    }
+
+    /// Whether the client has gone that held motors.
+    pub(crate) fn has_let_go(&self) -> bool {
+        self.has_let_go.get()
+    }
+
     /// Notes what a servo is being told, once that was taken: whether it is confirmed or not, the motor may run.
     pub(super) fn note(&self, joint: usize, command: WriteCommand, hold_ms: Option<f64>) {
         let mut joints = self.joints.borrow_mut();
@@ -106,14 +129,6 @@ impl<'a> Hold<'a> {
 
 impl Drop for Hold<'_> {
     fn drop(&mut self) {
-        let Some(servos) = self.reader.and_then(|reader| reader.servos.as_deref()) else {
-            return;
-        };
-        for joint in self.joints.take() {
-            // Refused only where writing is, and then nothing was switched on.
-            if let Ok(number) = servos.command(joint, WriteCommand::Torque(false)) {
-                self.releases.let_go(joint, number);
-            }
-        }
+        self.let_go();
     }
 }

@@ -83,7 +83,8 @@ class Control:
                 with connection.makefile("rb") as answers:
                     reply = answers.readline()
             except socket.timeout:
-                raise TimeoutError(f"{path}: taxeld has not answered within {self.timeout} s") from None
+                perhaps = "" if tells else "; what it was asked for may still be done, as its status tells"
+                raise TimeoutError(f"{path}: taxeld has not answered within {self.timeout} s{perhaps}") from None
         if not reply.endswith(b"\n"):
             raise ConnectionError(f"{path}: taxeld closed the connection before it answered")
         answer: Dict[str, Any] = json.loads(reply)
