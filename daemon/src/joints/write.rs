@@ -1,8 +1,9 @@
 //! The one way in which taxeld moves anything: control requests to servos, where the configuration allows it.
 
 use super::Hold;
-use serde::Deserialize;
-use std::collections::BTreeMap;
+use serde::de::{MapAccess, Visitor};
+use serde::{Deserialize, Deserializer};
+use std::fmt;
 use std::time::Duration;
 use taxel_hand::check_range;
 use taxel_joints::bus::{WriteCommand, WriteError, WriteRefused};
@@ -26,7 +27,35 @@ pub(crate) struct ServoRequest {
 #[serde(deny_unknown_fields)]
 pub(crate) struct ServosRequest {
     /// Share of full PWM by the joint's name, in the joint's direction, percent.
-    pwm_percent: BTreeMap<String, f64>,
+    pwm_percent: Shares,
+}
+
+/// Names with their values as they come, a name that comes twice as well: a map would drop one of them unsaid.
+#[derive(Debug, Clone, PartialEq)]
+struct Shares(Vec<(String, f64)>);
+
+impl<'de> Deserialize<'de> for Shares {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Pairs;
+
+        impl<'de> Visitor<'de> for Pairs {
+            type Value = Shares;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a map")
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Shares, A::Error> {
+                let mut shares = Vec::new();
+                while let Some(share) = map.next_entry()? {
+                    shares.push(share);
+                }
+                Ok(Shares(shares))
+            }
+        }
+
+        deserializer.deserialize_map(Pairs)
+    }
 }
 
 /// How long a servo may take to confirm it: many cycles of a slow bus.
@@ -124,12 +153,7 @@ pub(crate) async fn write_together(
     request: &ServosRequest,
 ) -> Result<String, String> {
     let (config, servos) = servos(config, reader)?;
-    let goals: Vec<(usize, i16)> = (request.pwm_percent.iter())
-        .map(|(name, percent)| {
-            let joint = joint_called(config, name)?;
-            Ok((joint, counts(config, joint, *percent)?))
-        })
-        .collect::<Result<_, String>>()?;
+    let goals = goals(config, request)?;
     if goals.is_empty() {
         return Err("pwm_percent names no joint; write {\"pwm_percent\":{\"JOINT\":PERCENT,...}}".into());
     }
@@ -147,7 +171,9 @@ pub(crate) async fn write_together(
             Err(error) => failed.push(format!("{}: {error}", config.servo[*joint].name)),
         }
     }
-    let names: Vec<&str> = request.pwm_percent.keys().map(String::as_str).collect();
+    let names: Vec<&str> = (request.pwm_percent.0.iter())
+        .map(|(name, _)| name.as_str())
+        .collect();
     match failed.is_empty() {
         true => Ok(format!("joints: {} are given PWM together", names.join(", "))),
         false => Err(failed.join("; ")),
@@ -205,6 +231,19 @@ fn counts(config: &DynamixelConfig, joint: usize, percent: f64) -> Result<i16, S
     }
     let share = percent / 100.0 * f64::from(config.servo[joint].direction);
     Ok((share * f64::from(WriteCommand::PWM_COUNTS)).round() as i16)
+}
+
+/// Which servos, by their indices, and the PWM that each is given.
+fn goals(config: &DynamixelConfig, request: &ServosRequest) -> Result<Vec<(usize, i16)>, String> {
+    let mut goals: Vec<(usize, i16)> = Vec::new();
+    for (name, percent) in &request.pwm_percent.0 {
+        let joint = joint_called(config, name)?;
+        if goals.iter().any(|(other, _)| *other == joint) {
+            return Err(format!("{name}: {}", WriteRefused::Twice(joint)));
+        }
+        goals.push((joint, counts(config, joint, *percent)?));
+    }
+    Ok(goals)
 }
 
 /// Which servo, by its index, and what it is told.
@@ -284,6 +323,28 @@ mod tests {
                 (Ok(got), Ok(wanted)) => assert_eq!(got, wanted, "{request:?}"),
                 (Err(got), Err(wanted)) => assert!(got.contains(wanted), "{request:?}: {got}"),
                 (got, _) => panic!("{request:?}: {got:?}"),
+            }
+        }
+    }
+
+    #[test]
+    fn several_servos_are_named_once_each() {
+        let config = DynamixelConfig::new("/dev/servos", [7, 9]);
+        for (shares, wanted) in [
+            (r#"{"servo 9":100,"servo 7":0}"#, Ok(vec![(1, 885), (0, 0)])),
+            (r#"{"servo 7":1,"servo 7":90}"#, Err("servo 7: it is named twice")),
+            (
+                r#"{"servo 7":1,"servo 9":0,"servo 7":1}"#,
+                Err("servo 7: it is named twice"),
+            ),
+            (r#"{"servo 8":1}"#, Err("no joint is called servo 8")),
+            (r#"{"servo 7":101}"#, Err("outside -100 to 100")),
+        ] {
+            let request = serde_json::from_str(&format!("{{\"pwm_percent\":{shares}}}")).unwrap();
+            match (goals(&config, &request), wanted) {
+                (Ok(got), Ok(wanted)) => assert_eq!(got, wanted, "{shares}"),
+                (Err(got), Err(wanted)) => assert!(got.contains(wanted), "{shares}: {got}"),
+                (got, _) => panic!("{shares}: {got:?}"),
             }
         }
     }
