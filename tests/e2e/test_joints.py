@@ -248,7 +248,9 @@ def test_torque_and_pwm_are_written_on_request_with_the_watchdog_armed(folder):
             assert servo(daemon, name, "--pwm", "-20") == (0, "")
             assert servos.register(id, *GOAL_PWM) == goal
         assert [servos.register(id, *TORQUE) for id in (4, 7)] == [0, 0]
-        enabled = lambda s: [j["torque_enabled"] for j in s["joints"]["joints"][3:7]] == [False, True, True, False]
+        torque = lambda s: [j["torque_enabled"] for j in s["joints"]["joints"][3:7]]
+        assert torque(daemon.status())[1:3] == [True, True], "what is confirmed is not told at once"
+        enabled = lambda s: torque(s) == [False, True, True, False]
         status = daemon.wait_status(enabled, "the status does not say whose torque is on")["joints"]
         assert (status["writes_ok"], status["writes_failed"]) == (10, 0)
         assert "torque of joint 5 is on" in daemon.log
@@ -259,6 +261,7 @@ def test_torque_and_pwm_are_written_on_request_with_the_watchdog_armed(folder):
         servos.tell("mend 6")
         assert servo(daemon, "joint 5", "--torque", "off") == (0, "")
         assert (servos.register(5, *WATCHDOG), servos.register(5, *TORQUE)) == (0, 0)
+        assert daemon.status()["joints"]["joints"][4]["torque_enabled"] is False
         assert all_known(watch.more(30)[-1]), "writing hides angles"
     # The daemon has ended, and with it all that it had switched on.
     assert (servos.register(6, *WATCHDOG), servos.register(6, *TORQUE)) == (0, 0)

@@ -1,7 +1,7 @@
 //! What is known of one servo, and how often it is asked.
 
 use super::writes::Written;
-use crate::dynamixel::registers::{HardwareError, Model};
+use crate::dynamixel::registers::{HardwareError, Model, address};
 
 /// How often each thing happened to one servo.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
@@ -44,7 +44,7 @@ pub struct ServoState {
     pub counters: ServoCounters,
     /// What it says it is; `None` until it was asked.
     pub identity: Option<ServoIdentity>,
-    /// Whether its motor holds (Torque Enable); `None` until it was asked.
+    /// Whether its motor holds (Torque Enable): as the newest confirmed write has it, or it said since; `None` before both.
     pub torque_enabled: Option<bool>,
     /// Hardware Error Status; `None` until it was asked.
     pub hardware_error: Option<HardwareError>,
@@ -138,6 +138,17 @@ impl Servo {
         self.state.identity?.model()?.current_unit_a()
     }
 
+    /// It has confirmed that a register has this value. It is shown from now on: what it said before was asked before.
+    pub(crate) fn confirmed(&mut self, register: u16, value: u8) {
+        if register == address::TORQUE_ENABLE {
+            self.state.torque_enabled = Some(value != 0);
+            if value == 0 {
+                self.state.motor_off.unconfirmed = false;
+                self.off = Rest::default();
+            }
+        }
+    }
+
     /// Something of it came, good or not.
     pub(crate) fn answered(&mut self) {
         if !self.state.alive && self.silent_in_a_row > 0 {
@@ -181,12 +192,6 @@ impl Servo {
     pub(crate) fn off_failed(&mut self, now_ns: u64) {
         self.state.motor_off.unconfirmed = true;
         self.off.begin(now_ns);
-    }
-
-    /// It has confirmed that its motor is off.
-    pub(crate) fn off_confirmed(&mut self) {
-        self.state.motor_off.unconfirmed = false;
-        self.off = Rest::default();
     }
 
     /// Whether its motor is to be told again now to be off.

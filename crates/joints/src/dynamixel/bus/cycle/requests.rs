@@ -213,9 +213,7 @@ impl Bus {
         self.write_tries = 0;
         if result.is_ok() {
             self.counters.writes_ok += 1;
-            if write.is_motor_off() {
-                self.servos[write.servo].off_confirmed();
-            }
+            self.servos[write.servo].confirmed(write.address, write.data[0]);
             if write.last {
                 self.note(write.servo, write.number, result);
             }
