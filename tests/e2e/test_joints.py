@@ -281,9 +281,12 @@ def test_torque_and_pwm_are_written_on_request_with_the_watchdog_armed(folder):
         # A servo that has heard nothing for so long has stopped its motor, and takes no goal.
         daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
         assert servos.register(5, *WATCHDOG) % 256 == 255
+        assert comes(daemon, "motor-stopped", "joint 5", "Enable its torque anew")["severe"]
+        assert daemon.status()["joints"]["joints"][4]["watchdog_tripped"] is True
         assert servo(daemon, "joint 5", "--pwm", "10")[0] == 1
         assert servo(daemon, "joint 5", "--torque", "on") == (0, "")
         assert servos.register(5, *WATCHDOG) == 50
+        daemon.wait_status(lambda s: s["problems"] == [], "it is never over")
         servos.close()
         daemon.wait_status(lambda s: s["joints"]["state"] == "gone", "the status does not say that it is gone")
         status, said = servo(daemon, "joint 5", "--torque", "off")

@@ -109,6 +109,8 @@ kinds! {
     ServoHot "servo-hot" Warning,
     /// A motor was told to be off, and its servo has not confirmed it.
     MotorNotOff "motor-not-off" Error,
+    /// A motor that is on was stopped by its servo's bus watchdog.
+    MotorStopped "motor-stopped" Error,
     /// The port of the potentiometers cannot be opened.
     AnalogueAbsent "analogue-absent" Error,
     /// No line comes from the potentiometers.

@@ -120,6 +120,7 @@ fn servos(
                     voltage_v: s.voltage_v,
                     hardware_error: s.hardware_error.filter(|e| !e.is_none()).map(|e| e.to_string()),
                     torque_enabled: s.torque_enabled,
+                    watchdog_tripped: s.watchdog_tripped,
                     model: s.identity.and_then(|i| i.model()).map(|m| m.name.to_string()),
                     firmware: s.identity.map(|i| i.firmware),
                     return_delay_us: s.identity.map(|i| i.return_delay_us),

@@ -3,10 +3,10 @@
 use super::fault::ServoFault;
 use super::load::Load;
 use super::motion::{Drive, Motion};
-use super::table::{ControlTable, TRIPPED};
+use super::table::ControlTable;
 use std::sync::Arc;
 use taxel_joints::protocol2::{Instruction, StatusError};
-use taxel_joints::registers::{address, baud_of};
+use taxel_joints::registers::{WATCHDOG_TRIPPED, address, baud_of};
 
 /// A servo to be built.
 #[derive(Debug, Clone)]
@@ -159,7 +159,8 @@ impl SimServo {
     pub(crate) fn handle_time(&mut self, t_ns: u64) {
         if let Some(at_ns) = self.trips_ns().filter(|at_ns| *at_ns < t_ns) {
             self.stop_at(at_ns);
-            self.table.put(address::BUS_WATCHDOG, 1, i32::from(TRIPPED));
+            self.table
+                .put(address::BUS_WATCHDOG, 1, i32::from(WATCHDOG_TRIPPED));
             self.stopped_ns = Some(at_ns);
             self.refresh(t_ns);
         }
@@ -369,7 +370,7 @@ impl SimServo {
 
     /// Whether its bus watchdog has stopped it, and has not been cleared since.
     fn has_tripped(&self) -> bool {
-        self.table.get(address::BUS_WATCHDOG, 1) == i32::from(TRIPPED)
+        self.table.get(address::BUS_WATCHDOG, 1) == i32::from(WATCHDOG_TRIPPED)
     }
 
     /// What the motor is given though it stands, counts.

@@ -1,7 +1,9 @@
 //! A simulated servo's control table: what may be read and written, and what it refuses.
 
 use taxel_joints::protocol2::StatusError;
-use taxel_joints::registers::{Access, RAM, Register, TABLE_BYTES, XM430_W210, address, indirect};
+use taxel_joints::registers::{
+    Access, RAM, Register, TABLE_BYTES, WATCHDOG_TRIPPED, XM430_W210, address, indirect,
+};
 
 /// Data Limit registers: a goal, the register of its limit.
 const LIMITS: [(u16, u16); 3] = [(100, 36), (102, 38), (104, 44)];
@@ -10,8 +12,6 @@ const MAX_POSITION_LIMIT: u16 = 48;
 const MIN_POSITION_LIMIT: u16 = 52;
 /// Operating Mode in which a goal position has limits.
 const POSITION_MODE: i32 = 3;
-/// Bus Watchdog after it has tripped.
-pub(crate) const TRIPPED: u8 = 0xFF;
 
 /// The bytes of a control table.
 #[derive(Debug, Clone)]
@@ -151,7 +151,7 @@ impl ControlTable {
             return Err(StatusError::Access);
         }
         let is_goal = (address::GOAL_PWM..=GOAL_POSITION).contains(&register.address);
-        if is_goal && self.bytes[usize::from(address::BUS_WATCHDOG)] == TRIPPED {
+        if is_goal && self.bytes[usize::from(address::BUS_WATCHDOG)] == WATCHDOG_TRIPPED {
             return Err(StatusError::DataRange);
         }
         Ok(())
@@ -236,7 +236,7 @@ mod tests {
     #[test]
     fn a_tripped_watchdog_refuses_goals_until_it_is_cleared() {
         let mut table = ControlTable::new(1);
-        table.put(address::BUS_WATCHDOG, 1, i32::from(TRIPPED));
+        table.put(address::BUS_WATCHDOG, 1, i32::from(WATCHDOG_TRIPPED));
         assert_eq!(table.write(100, &[1, 0]), Err(StatusError::DataRange));
         table.write(98, &[0]).unwrap();
         assert_eq!(table.write(100, &[1, 0]), Ok(()));

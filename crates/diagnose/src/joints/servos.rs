@@ -300,6 +300,17 @@ pub fn servo_state(joint: usize, name: &str, state: &ServoState, was_hot: bool) 
             format!("servo {name} has no hardware error any more"),
         ));
     }
+    if state.is_stopped() {
+        found.push(of_joints(
+            Kind::MotorStopped,
+            place,
+            format!(
+                "the motor of servo {name} is switched on and holds nothing: its bus watchdog has stopped it, since it heard nothing for too long. It refuses goals"
+            ),
+            "Enable its torque anew (`taxel servo`, --torque on), or switch it off; that it heard nothing is of a cable, or of a taxeld that stood still or was killed",
+            format!("the motor of servo {name} is not stopped by its watchdog any more"),
+        ));
+    }
     let least_c = if was_hot { HOT_ON_C } else { HOT_C };
     if let Some(celsius) = state.temperature_c.filter(|c| *c >= least_c) {
         found.push(of_joints(

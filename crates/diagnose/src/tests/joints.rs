@@ -65,7 +65,17 @@ impl JointsBench {
 #[test]
 fn a_servo_that_is_silent_late_damaged_hot_or_failed_is_named_with_what_to_do() {
     type Change = fn(&mut JointsView);
-    let cases: [(&str, Change, Change, &[&str], &str); 6] = [
+    let cases: [(&str, Change, Change, &[&str], &str); 7] = [
+        (
+            "motor-stopped",
+            |v| (servo(v, 1).torque_enabled, servo(v, 1).watchdog_tripped) = (Some(true), Some(true)),
+            |v| servo(v, 1).torque_enabled = Some(false),
+            &[
+                "the motor of servo servo 2 (id 2) is switched on and holds nothing: its bus watchdog has stopped it",
+                "Enable its torque anew",
+            ],
+            "servo 2 (id 2) is not stopped by its watchdog any more",
+        ),
         (
             "motor-not-off",
             |v| {

@@ -93,6 +93,8 @@ const fn row(
 pub const RAM: u16 = 64;
 /// Bytes of the control table.
 pub const TABLE_BYTES: usize = 662;
+/// Bus Watchdog (address 98) after it has stopped its motor: -1. Goals are refused until it is written 0.
+pub const WATCHDOG_TRIPPED: u8 = 0xFF;
 
 /// Address of a register that this crate uses by name.
 pub mod address {

@@ -161,8 +161,10 @@ part! {
         voltage_v: Option<f64>,
         /// What it complains of, in words.
         hardware_error: Option<String>,
-        /// Whether its motor holds.
+        /// Whether its motor is switched on. It holds nothing where its watchdog has stopped it.
         torque_enabled: Option<bool>,
+        /// Whether its bus watchdog has stopped its motor, which is switched on.
+        watchdog_tripped: Option<bool>,
         /// Its model.
         model: Option<String>,
         /// Version of its firmware.

@@ -46,6 +46,9 @@ pub struct ServoState {
     pub identity: Option<ServoIdentity>,
     /// Whether its motor holds (Torque Enable): as the newest confirmed write has it, or it said since; `None` before both.
     pub torque_enabled: Option<bool>,
+    /// Whether its bus watchdog has stopped its motor (Bus Watchdog): as it said when it was asked last, while its motor was
+    /// on, or as the newest confirmed write has it; `None` before both.
+    pub watchdog_tripped: Option<bool>,
     /// Hardware Error Status; `None` until it was asked.
     pub hardware_error: Option<HardwareError>,
     /// Input voltage, volts; `None` until it was asked.
@@ -69,6 +72,14 @@ pub struct MotorOff {
     pub written: Option<Written>,
     /// Whether one was in vain, so that nobody knows whether the motor is off: it is told again until it confirms that.
     pub unconfirmed: bool,
+}
+
+impl ServoState {
+    /// Whether its motor is on, as far as Torque Enable goes, and was stopped by its bus watchdog: it holds nothing and
+    /// refuses goals until its torque is enabled anew.
+    pub fn is_stopped(&self) -> bool {
+        self.torque_enabled == Some(true) && self.watchdog_tripped == Some(true)
+    }
 }
 
 impl ServoIdentity {
@@ -140,12 +151,16 @@ impl Servo {
 
     /// It has confirmed that a register has this value. It is shown from now on: what it said before was asked before.
     pub(crate) fn confirmed(&mut self, register: u16, value: u8) {
-        if register == address::TORQUE_ENABLE {
-            self.state.torque_enabled = Some(value != 0);
-            if value == 0 {
-                self.state.motor_off.unconfirmed = false;
-                self.off = Rest::default();
+        match register {
+            address::TORQUE_ENABLE => {
+                self.state.torque_enabled = Some(value != 0);
+                if value == 0 {
+                    self.state.motor_off.unconfirmed = false;
+                    self.off = Rest::default();
+                }
             }
+            address::BUS_WATCHDOG => self.state.watchdog_tripped = Some(false),
+            _ => {}
         }
     }
 

@@ -1,7 +1,7 @@
 //! The slow lane: what is asked of one servo at a time, between two cycles.
 
 use super::servo::{Servo, ServoIdentity};
-use crate::dynamixel::registers::{HardwareError, address, volts};
+use crate::dynamixel::registers::{HardwareError, WATCHDOG_TRIPPED, address, volts};
 
 /// What is asked. Each has a length that nothing else has, so that an answer says what it answers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -10,11 +10,16 @@ pub(crate) enum Task {
     Identity,
     /// Addresses 64 to 70: torque enable to hardware error.
     State,
+    /// Address 98: whether its bus watchdog has stopped a motor that is on.
+    Watchdog,
     /// Addresses 144 to 146: voltage and temperature.
     Power,
 }
 
-/// Each servo's state and power are asked about once in this time.
+/// What every servo is asked in turn.
+const ROUND: [Task; 3] = [Task::State, Task::Watchdog, Task::Power];
+
+/// Each servo's state and power, and the watchdog of a motor that is on, are asked about once in this time.
 const PERIOD_NS: u64 = 1_000_000_000;
 /// Between two questions out of turn (identity, alert).
 const URGENT_GAP_NS: u64 = 10_000_000;
@@ -25,6 +30,7 @@ impl Task {
         match self {
             Task::Identity => (address::MODEL_NUMBER, 11),
             Task::State => (address::TORQUE_ENABLE, 7),
+            Task::Watchdog => (address::BUS_WATCHDOG, 1),
             Task::Power => (address::PRESENT_INPUT_VOLTAGE, 3),
         }
     }
@@ -44,8 +50,13 @@ impl Task {
             }
             (Task::State, [torque, _, _, _, _, _, error]) => {
                 state.torque_enabled = Some(*torque != 0);
+                if *torque == 0 {
+                    // It is not asked any more.
+                    state.watchdog_tripped = None;
+                }
                 state.hardware_error = Some(HardwareError(*error));
             }
+            (Task::Watchdog, [steps]) => state.watchdog_tripped = Some(*steps == WATCHDOG_TRIPPED),
             (Task::Power, [v0, v1, celsius]) => {
                 state.voltage_v = Some(volts(u16::from_le_bytes([*v0, *v1])));
                 state.temperature_c = Some(*celsius);
@@ -82,11 +93,23 @@ impl SlowLane {
         if now_ns < self.turn_ns {
             return None;
         }
-        self.turn_ns = now_ns + PERIOD_NS / (2 * n as u64).max(1);
-        self.turn = (self.turn + 1) % (2 * n);
-        let (i, task) = (self.turn / 2, [Task::State, Task::Power][self.turn % 2]);
+        // Of a motor that is off nobody asks for its watchdog, and it takes no turn.
+        let off = servos.iter().filter(|servo| !is_on(servo)).count();
+        self.turn_ns = now_ns + PERIOD_NS / ((ROUND.len() * n - off) as u64).max(1);
+        let after = |turn: usize| (turn + 1) % (ROUND.len() * n);
+        let of = |turn: usize| (turn / ROUND.len(), ROUND[turn % ROUND.len()]);
+        self.turn = after(self.turn);
+        if matches!(of(self.turn), (i, Task::Watchdog) if !is_on(&servos[i])) {
+            self.turn = after(self.turn);
+        }
+        let (i, task) = of(self.turn);
         servos[i].state.alive.then_some((i, task))
     }
+}
+
+/// Whether its motor is on, as far as is known.
+fn is_on(servo: &Servo) -> bool {
+    servo.state.torque_enabled == Some(true)
 }
 
 /// What a servo has to be asked before its turn.
@@ -116,23 +139,31 @@ mod tests {
     }
 
     #[test]
-    fn identity_comes_first_then_everything_once_a_second() {
+    fn identity_comes_first_then_everything_once_a_second_and_the_watchdog_only_of_a_motor_that_is_on() {
         let mut servos = servos(3);
         let mut lane = SlowLane::default();
         let mut asked = Vec::new();
         for ms in 0..2_000_u64 {
             if let Some((i, task)) = lane.next(&servos, ms * 1_000_000) {
                 let (_, bytes) = task.span();
-                assert!(task.take(&mut servos[i], &vec![0; usize::from(bytes)]));
+                let mut data = vec![0; usize::from(bytes)];
+                // The motor of the second is on.
+                data[0] = u8::from(i == 1);
+                assert!(task.take(&mut servos[i], &data));
                 asked.push((i, task));
             }
         }
         let count = |task| asked.iter().filter(|(_, t)| *t == task).count();
         assert_eq!(count(Task::Identity), 3);
         for i in 0..3 {
-            for task in [Task::State, Task::Power] {
+            for task in ROUND {
                 let n = asked.iter().filter(|a| **a == (i, task)).count();
-                assert!((1..=3).contains(&n), "servo {i}: {task:?} {n} times");
+                let wanted = if task == Task::Watchdog && i != 1 {
+                    0..=0
+                } else {
+                    1..=3
+                };
+                assert!(wanted.contains(&n), "servo {i}: {task:?} {n} times");
             }
         }
         assert!(asked.len() < 20);

@@ -7,13 +7,11 @@ use super::{Bus, QUEUE, WRITE_TRIES};
 use crate::dynamixel::bus::pass::{Answer, Kind};
 use crate::dynamixel::bus::writes::{WriteCommand, WriteError, WriteRefused};
 use crate::dynamixel::protocol2::Assignment;
-use crate::dynamixel::registers::address;
+use crate::dynamixel::registers::{WATCHDOG_TRIPPED, address};
 use crate::error::MAX_JOINTS;
 
 /// From Bus Watchdog to Goal PWM; no other question has this length.
 const HELD_BYTES: u16 = address::GOAL_PWM + 2 - address::BUS_WATCHDOG;
-/// Bus Watchdog after it has stopped its motor.
-const TRIPPED: u8 = 0xFF;
 
 impl Bus {
     /// Gives several servos goals (counts) in one packet, after the next cycle's positions; all or none.
@@ -106,7 +104,7 @@ impl Bus {
             return;
         };
         let held = data.len() == usize::from(HELD_BYTES)
-            && data[0] != TRIPPED
+            && data[0] != WATCHDOG_TRIPPED
             && data[data.len() - 2..] == write.data;
         let result = if held { Ok(()) } else { Err(WriteError::NotHeld) };
         self.end_goal(position, result);
