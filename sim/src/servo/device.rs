@@ -72,6 +72,8 @@ const PWM_MODE: i32 = 16;
 const FULL_PWM: f64 = 885.0;
 /// Speed at full PWM, counts of velocity.
 const NO_LOAD_COUNTS: f64 = 330.0;
+/// Whether a restart leaves torque on (bit 0).
+const STARTUP_CONFIGURATION: u16 = 60;
 const REGISTERED_INSTRUCTION: u16 = 69;
 const PROFILE_VELOCITY: u16 = 112;
 const VELOCITY_LIMIT: u16 = 44;
@@ -208,6 +210,10 @@ impl SimServo {
                 (self.registered, self.cleared) = (None, 0.0);
                 self.release(t_ns);
                 self.up_ns = t_ns + RESTART_NS;
+                if self.table.get(STARTUP_CONFIGURATION, 1) & 1 != 0 {
+                    // With all the PWM that its limit allows, and no watchdog.
+                    let _ = self.write(address::TORQUE_ENABLE, &[1], self.up_ns);
+                }
                 return (level >= 2 && !broadcast).then_some((error, Vec::new()));
             }
             _ => (2, Err(StatusError::Instruction)),
