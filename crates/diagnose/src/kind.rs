@@ -111,6 +111,8 @@ kinds! {
     MotorNotOff "motor-not-off" Error,
     /// A motor that is on was stopped by its servo's bus watchdog.
     MotorStopped "motor-stopped" Error,
+    /// A motor that was switched on here is so no longer, without being told to.
+    MotorLost "motor-lost" Error,
     /// The port of the potentiometers cannot be opened.
     AnalogueAbsent "analogue-absent" Error,
     /// No line comes from the potentiometers.

@@ -167,7 +167,7 @@ pub(crate) async fn write_together(
         match done {
             Ok(()) => {}
             // All or none is told; only the one that is off is at fault.
-            Err(WriteError::NotTaken(WriteRefused::MotorOff(other))) if other != *joint => {}
+            Err(WriteError::NotTaken(refused)) if refused.is_of_another(*joint) => {}
             Err(error) => failed.push(format!("{}: {error}", config.servo[*joint].name)),
         }
     }

@@ -3,7 +3,7 @@
 use super::{Judge, Patience, of_joints, port as of_port};
 use crate::kind::Kind;
 use crate::problem::{Place, Problem};
-use taxel_joints::bus::{ServoCounters, ServoState};
+use taxel_joints::bus::{MotorLost, ServoCounters, ServoState};
 use taxel_joints::registers::HardwareError;
 use taxel_joints::{DynamixelConfig, PortState, PortStatus, ServoSnapshot};
 
@@ -166,6 +166,7 @@ impl Judge<'_> {
         if quiet.unknown && !quiet.silent && found.len() == count {
             found.push(self.stale(joint));
         }
+        found.extend(motor_lost(joint, name, servo));
         let was_hot = (self.has)(Kind::ServoHot, place);
         found.extend(servo_state(joint, name, servo, was_hot));
     }
@@ -216,6 +217,35 @@ fn motor_not_off(joint: usize, name: &str, servo: &ServoState) -> Option<Problem
         format!("the motor of servo {name} is off, or was started anew"),
     );
     off.unconfirmed.then_some(problem)
+}
+
+/// A motor that was switched on here is so no longer, and nobody has told it to be off.
+fn motor_lost(joint: usize, name: &str, servo: &ServoState) -> Option<Problem> {
+    let (what, advice) = match servo.motor_lost? {
+        MotorLost::Restarted => (
+            format!(
+                "servo {name} has restarted while its motor was on, and has forgotten the watchdog that stops it; its motor is switched off"
+            ),
+            "Look at its supply and plug",
+        ),
+        MotorLost::Meddled { watchdog, armed } => (
+            format!(
+                "another program has set the bus watchdog of servo {name} to {watchdog} (address 98), where taxeld had {armed}; its motor is switched off"
+            ),
+            "End the other program",
+        ),
+        MotorLost::GoneOff => (
+            format!("the motor of servo {name} was on and has gone off by itself"),
+            "A servo does so at a hardware error and where it restarts, and another program may have done it",
+        ),
+    };
+    Some(of_joints(
+        Kind::MotorLost,
+        Place::Joint(joint),
+        what,
+        format!("{advice}. It takes no goal until its torque is enabled anew (`taxel servo`, --torque on)"),
+        format!("the motor of servo {name} is on again, or was told to be off"),
+    ))
 }
 
 /// Whether it is about answers that do not come as they should.

@@ -3,7 +3,7 @@
 use super::*;
 use crate::Place;
 use crate::joints::test_views::{S, allegro, finger, open, servo, servos};
-use taxel_joints::bus::{MotorOff, WriteError, Written};
+use taxel_joints::bus::{MotorLost, MotorOff, WriteError, Written};
 use taxel_joints::registers::HardwareError;
 use taxel_joints::{
     AllegroConfig, AnalogueConfig, AnalogueCounters, AnalogueJointConfig, AnalogueSnapshot, Channel,
@@ -65,7 +65,43 @@ impl JointsBench {
 #[test]
 fn a_servo_that_is_silent_late_damaged_hot_or_failed_is_named_with_what_to_do() {
     type Change = fn(&mut JointsView);
-    let cases: [(&str, Change, Change, &[&str], &str); 7] = [
+    let cases: [(&str, Change, Change, &[&str], &str); 10] = [
+        (
+            "motor-lost",
+            |v| servo(v, 1).motor_lost = Some(MotorLost::Restarted),
+            |v| servo(v, 1).motor_lost = None,
+            &[
+                "servo servo 2 (id 2) has restarted while its motor was on",
+                "its motor is switched off. Look at its supply",
+                "enabled anew",
+            ],
+            "the motor of servo servo 2 (id 2) is on again",
+        ),
+        (
+            "motor-lost",
+            |v| {
+                servo(v, 1).motor_lost = Some(MotorLost::Meddled {
+                    watchdog: 50,
+                    armed: 10,
+                })
+            },
+            |v| servo(v, 1).motor_lost = None,
+            &[
+                "another program has set the bus watchdog of servo servo 2 (id 2) to 50",
+                "had 10",
+            ],
+            "is on again",
+        ),
+        (
+            "motor-lost",
+            |v| servo(v, 1).motor_lost = Some(MotorLost::GoneOff),
+            |v| servo(v, 1).motor_lost = None,
+            &[
+                "the motor of servo servo 2 (id 2) was on and has gone off by itself",
+                "enabled anew",
+            ],
+            "is on again",
+        ),
         (
             "motor-stopped",
             |v| (servo(v, 1).torque_enabled, servo(v, 1).watchdog_tripped) = (Some(true), Some(true)),

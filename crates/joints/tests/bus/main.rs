@@ -2,6 +2,7 @@
 //! hides another, and what comes too late is never taken for something new.
 
 mod lost;
+mod restarts;
 mod shown;
 mod told_again;
 mod writes;

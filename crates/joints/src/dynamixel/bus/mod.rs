@@ -16,7 +16,7 @@ mod writes;
 pub use cycle::{Bus, BusCounters, FastState, Step};
 pub use reading::{JointReading, NoReading};
 pub use servo::{MotorOff, ServoCounters, ServoIdentity, ServoState};
-pub use writes::{WriteCommand, WriteError, WriteRefused, Written};
+pub use writes::{MotorLost, WriteCommand, WriteError, WriteRefused, Written};
 
 /// Nanoseconds that so many bytes take on the wire: ten bits each.
 pub fn wire_ns(bytes: usize, baud: u32) -> u64 {

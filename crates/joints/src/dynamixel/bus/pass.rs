@@ -13,6 +13,8 @@ pub(crate) enum Kind {
     Slow(super::slow::Task),
     /// One servo is written to.
     Write,
+    /// Servos are asked for their watchdogs, before their motors are told to move.
+    Watchdog,
     /// Several servos are given goals in one packet, which nobody answers.
     Together,
     /// Those are asked what goals they have.

@@ -1,6 +1,6 @@
 //! What is known of one servo, and how often it is asked.
 
-use super::writes::Written;
+use super::writes::{MotorLost, Written};
 use crate::dynamixel::registers::{HardwareError, Model, address};
 
 /// How often each thing happened to one servo.
@@ -61,6 +61,9 @@ pub struct ServoState {
     pub written: Option<Written>,
     /// What became of commands to switch its motor off.
     pub motor_off: MotorOff,
+    /// How its motor was lost that was switched on here; `None` where none was, or since it was switched on anew or
+    /// somebody asked for it to be off.
+    pub motor_lost: Option<MotorLost>,
 }
 
 /// Commands to switch a motor off.
@@ -112,11 +115,32 @@ impl Rest {
     }
 }
 
+/// No servo restarts within this time, nanoseconds. One that was not heard for longer may have, and has forgotten then
+/// that its watchdog was armed.
+const SHORTEST_RESTART_NS: u64 = 50_000_000;
+
+/// What is known of the bus watchdog of a motor that was switched on here.
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Watch {
+    /// It is as it was armed, or has stopped the motor: the servo has said so since it could have restarted last.
+    Known,
+    /// The servo has had time to restart between two readings.
+    #[default]
+    Unchecked,
+    /// It was silent for as long: it is asked as soon as may be.
+    Doubted,
+}
+
 /// One servo of the bus.
 #[derive(Debug, Clone)]
 pub(crate) struct Servo {
     pub(crate) id: u8,
     pub(crate) state: ServoState,
+    /// Whether its motor was switched on here, or is about to be.
+    pub(crate) on_here: bool,
+    pub(crate) watch: Watch,
+    /// When something of it came last in a cycle, nanoseconds.
+    heard_ns: u64,
     /// Whether its last reading had the alert bit.
     pub(crate) alert: bool,
     silent_in_a_row: u32,
@@ -131,6 +155,9 @@ impl Servo {
         Self {
             id,
             state: ServoState::default(),
+            on_here: false,
+            watch: Watch::default(),
+            heard_ns: 0,
             alert: false,
             silent_in_a_row: 0,
             rest: Rest::default(),
@@ -157,15 +184,30 @@ impl Servo {
                 if value == 0 {
                     self.state.motor_off.unconfirmed = false;
                     self.off = Rest::default();
+                } else {
+                    self.state.motor_lost = None;
                 }
             }
-            address::BUS_WATCHDOG => self.state.watchdog_tripped = Some(false),
+            address::BUS_WATCHDOG => {
+                self.state.watchdog_tripped = Some(false);
+                self.watch = match value {
+                    0 => Watch::Unchecked,
+                    _ => Watch::Known,
+                };
+            }
             _ => {}
         }
     }
 
     /// Something of it came, good or not.
-    pub(crate) fn answered(&mut self) {
+    pub(crate) fn answered(&mut self, now_ns: u64) {
+        if self.may_have_restarted(now_ns) {
+            self.watch = match self.state.alive && self.silent_in_a_row == 0 {
+                true => Watch::Unchecked,
+                false => Watch::Doubted,
+            };
+        }
+        self.heard_ns = now_ns;
         if !self.state.alive && self.silent_in_a_row > 0 {
             // Restarted, or another servo in its place.
             self.state.identity = None;
@@ -187,8 +229,15 @@ impl Servo {
         };
     }
 
+    fn may_have_restarted(&self, now_ns: u64) -> bool {
+        now_ns.saturating_sub(self.heard_ns) >= SHORTEST_RESTART_NS
+    }
+
     /// It was asked and said nothing, for sure.
     pub(crate) fn was_silent(&mut self, now_ns: u64) {
+        if self.may_have_restarted(now_ns) {
+            self.watch = Watch::Doubted;
+        }
         self.state.counters.timeouts += 1;
         self.silent_in_a_row += 1;
         if self.silent_in_a_row >= PATIENCE {
@@ -233,7 +282,7 @@ mod tests {
         assert_eq!(rests, [50, 100, 200, 400, 500, 500]);
         servo.was_late(2_000);
         assert_eq!(servo.rest.until_ns, Some(2_000 + FIRST_REST_NS), "it lives");
-        servo.answered();
+        servo.answered(0);
         assert_eq!(servo.rest.until_ns, None);
         servo.was_silent(0);
         assert_eq!(servo.rest.until_ns, None, "patience is full again");
@@ -242,7 +291,7 @@ mod tests {
     #[test]
     fn a_servo_that_comes_back_is_asked_who_it_is() {
         let mut servo = Servo::new(1);
-        servo.answered();
+        servo.answered(0);
         servo.state.identity = Some(ServoIdentity {
             model_number: 1030,
             firmware: 46,
@@ -251,12 +300,12 @@ mod tests {
             drive_mode: 0,
         });
         servo.was_silent(0);
-        servo.answered();
+        servo.answered(0);
         assert!(servo.state.identity.is_some(), "one answer missed is no restart");
         servo.was_silent(0);
         servo.was_silent(0);
         assert_eq!(servo.return_delay_ns(), 0);
-        servo.answered();
+        servo.answered(0);
         assert!(servo.state.identity.is_none());
         assert_eq!(servo.return_delay_ns(), 500_000);
     }

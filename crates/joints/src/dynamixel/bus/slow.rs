@@ -1,6 +1,6 @@
 //! The slow lane: what is asked of one servo at a time, between two cycles.
 
-use super::servo::{Servo, ServoIdentity};
+use super::servo::{Servo, ServoIdentity, Watch};
 use crate::dynamixel::registers::{HardwareError, WATCHDOG_TRIPPED, address, volts};
 
 /// What is asked. Each has a length that nothing else has, so that an answer says what it answers.
@@ -72,6 +72,8 @@ impl Task {
 pub(crate) struct SlowLane {
     turn: usize,
     turn_ns: u64,
+    /// Whether the last question was out of turn; then a turn that is due comes first.
+    was_urgent: bool,
     urgent_ns: u64,
     urgent_turn: usize,
 }
@@ -80,17 +82,20 @@ impl SlowLane {
     /// The next question, if one is due; only servos that answer are asked.
     pub(crate) fn next(&mut self, servos: &[Servo], now_ns: u64) -> Option<(usize, Task)> {
         let n = servos.len();
-        if now_ns >= self.urgent_ns {
+        let is_turn = now_ns >= self.turn_ns;
+        let waits = std::mem::take(&mut self.was_urgent) && is_turn;
+        if now_ns >= self.urgent_ns && !waits {
             for step in 0..n {
                 let i = (self.urgent_turn + step) % n;
                 if let Some(task) = urgent(&servos[i]) {
                     self.urgent_turn = i + 1;
                     self.urgent_ns = now_ns + URGENT_GAP_NS;
+                    self.was_urgent = true;
                     return Some((i, task));
                 }
             }
         }
-        if now_ns < self.turn_ns {
+        if !is_turn {
             return None;
         }
         // Of a motor that is off nobody asks for its watchdog, and it takes no turn.
@@ -117,6 +122,9 @@ fn urgent(servo: &Servo) -> Option<Task> {
     if !servo.state.alive {
         return None;
     }
+    if servo.on_here && servo.watch == Watch::Doubted {
+        return Some(Task::Watchdog);
+    }
     if servo.state.identity.is_none() {
         return Some(Task::Identity);
     }
@@ -132,7 +140,7 @@ mod tests {
         (1..=n)
             .map(|id| {
                 let mut s = Servo::new(id);
-                s.answered();
+                s.answered(0);
                 s
             })
             .collect()
@@ -188,6 +196,28 @@ mod tests {
             s.state.identity = None;
         }
         assert!((0..100).all(|s| lane.next(&servos, s * 1_000_000_000).is_none()));
+    }
+
+    #[test]
+    fn a_question_out_of_turn_that_is_never_explained_keeps_no_other_waiting() {
+        let mut servos = servos(3);
+        for servo in &mut servos {
+            assert!(Task::Identity.take(servo, &[0; 11]));
+        }
+        servos[0].alert = true;
+        (servos[1].on_here, servos[1].watch) = (true, Watch::Doubted);
+        let mut lane = SlowLane::default();
+        let asked: Vec<_> = (0..200)
+            .filter_map(|n| lane.next(&servos, n * 10_000_000))
+            .collect();
+        for question in [
+            (0, Task::State),
+            (1, Task::Watchdog),
+            (2, Task::State),
+            (2, Task::Power),
+        ] {
+            assert!(asked.contains(&question), "{question:?}");
+        }
     }
 
     #[test]

@@ -36,12 +36,52 @@ pub enum WriteRefused {
     /// A goal for a motor that was not switched on here, whose watchdog is not armed therefore.
     #[error("its motor was not switched on here; enable its torque first, which arms its watchdog")]
     MotorOff(usize),
+    /// A goal for a motor that was switched on here and is so no longer.
+    #[error("{lost}; enable its torque anew")]
+    MotorLost {
+        /// Which joint's.
+        joint: usize,
+        /// What happened to it.
+        lost: MotorLost,
+    },
     /// The port is away, or not open yet.
     #[error("the port of the servos is not open; ask again once `taxel status` shows it connected")]
     NoPort,
     /// Too many commands wait.
     #[error("{0} commands wait to be sent; the bus is slower than they come, or away")]
     QueueFull(usize),
+}
+
+impl WriteRefused {
+    /// Whether it is for another joint's motor that goals of several are refused.
+    pub fn is_of_another(self, joint: usize) -> bool {
+        match self {
+            Self::MotorOff(other) | Self::MotorLost { joint: other, .. } => other != joint,
+            _ => false,
+        }
+    }
+}
+
+/// How a motor that was switched on here was lost.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum MotorLost {
+    /// Its servo's bus watchdog (address 98) was no longer what it had been armed with, but 0 as behind a restart; so the
+    /// motor is switched off.
+    #[error("its servo has restarted and forgotten its bus watchdog, so that its motor is switched off")]
+    Restarted,
+    /// It was something else, which another program has written; so the motor is switched off.
+    #[error(
+        "another program has set its servo's bus watchdog to {watchdog} (address 98), where taxeld had {armed}, so that its motor is switched off"
+    )]
+    Meddled {
+        /// What the servo says.
+        watchdog: u8,
+        /// What it was armed with.
+        armed: u8,
+    },
+    /// Its Torque Enable (address 64) is 0, and nobody has asked for that here.
+    #[error("its motor has gone off by itself, without being told to here")]
+    GoneOff,
 }
 
 /// Why a servo did not do what it was told.
@@ -148,6 +188,11 @@ impl Write {
             motor_was_on: false,
             urgent: false,
         }
+    }
+
+    /// Whether a motor may turn by it.
+    pub(crate) fn moves(&self) -> bool {
+        self.address == address::GOAL_PWM || self.address == address::TORQUE_ENABLE && self.data[0] != 0
     }
 
     /// Whether it switches a motor off.

@@ -3,6 +3,7 @@
 use super::Bus;
 use crate::dynamixel::bus::pass::{Answer, Kind};
 use crate::dynamixel::bus::reading::{JointReading, NoReading, PRESENT_BYTES};
+use crate::dynamixel::bus::slow::Task;
 use crate::dynamixel::bus::wire_ns;
 use crate::dynamixel::protocol2::{
     BROADCAST_ID, BadCrc, FAST_BLOCK_OVERHEAD, FastBlock, FastBlocks, Instruction, Packet, Parser, StatusByte,
@@ -87,9 +88,13 @@ impl Bus {
             Kind::Plain | Kind::Fast => self.take_present(position, status, data, packet.raw.len(), now_ns),
             Kind::Slow(task) => {
                 if status.error().is_none() {
-                    task.take(&mut self.servos[servo], data);
+                    self.take_told(servo, task, data);
                 }
             }
+            Kind::Watchdog => match status.error() {
+                None => self.take_told(servo, Task::Watchdog, data),
+                refused => self.write_refused = refused,
+            },
             Kind::Write => self.write_refused = status.error(),
             Kind::ReadBack => self.take_goal(position, data),
             Kind::Together => {}
@@ -166,7 +171,7 @@ impl Bus {
         let servo = self.pass.order[position];
         if !block.crc_ok || self.servos[servo].id != block.id {
             self.damaged(position);
-            self.servos[servo].answered();
+            self.servos[servo].answered(now_ns);
             return;
         }
         self.pass.answers[position] = Answer::Got;
@@ -180,7 +185,7 @@ impl Bus {
         let t_ns = self.answer_begun_ns(position, bytes, now_ns);
         let lead = usize::from(self.pass.data_bytes) - PRESENT_BYTES;
         let servo = &mut self.servos[i];
-        servo.answered();
+        servo.answered(now_ns);
         self.results[i] = if let Some(error) = status.error() {
             servo.state.counters.refused += 1;
             Err(NoReading::Refused(error))

@@ -3,6 +3,7 @@
 mod answers;
 mod requests;
 mod together;
+mod watch;
 
 use super::pass::{Kind, Pass};
 use super::reading::{JointReading, NoReading, PRESENT_BYTES};
@@ -125,7 +126,6 @@ pub struct Bus {
     writes_done: bool,
     /// What the servo says against the write that is out.
     write_refused: Option<StatusError>,
-    motors_on: Vec<bool>,
     /// Whose motor is the next to be told again to be off.
     off_turn: usize,
     begun_ns: u64,
@@ -175,7 +175,6 @@ impl Bus {
             write_tries: 0,
             writes_done: false,
             write_refused: None,
-            motors_on: vec![false; n],
             off_turn: 0,
             begun_ns: 0,
             counters: BusCounters::default(),
@@ -233,13 +232,13 @@ impl Bus {
             return Err(WriteRefused::QueueFull(self.writes.len()));
         }
         let writes = Write::of(servo, command, self.watchdog_steps, number);
-        let motor_was_on = self.motors_on[servo];
+        let motor_was_on = self.servos[servo].on_here;
         self.writes.extend(writes.map(|write| Write {
             motor_was_on,
             ..write
         }));
         if command.starts() {
-            self.motors_on[servo] = true;
+            self.servos[servo].on_here = true;
         }
         Ok(())
     }
@@ -251,7 +250,7 @@ impl Bus {
         }
         command.check(servo, self.servos.len())?;
         match command {
-            WriteCommand::GoalPwm(_) if !self.motors_on[servo] => Err(WriteRefused::MotorOff(servo)),
+            WriteCommand::GoalPwm(_) if !self.servos[servo].on_here => Err(self.motor_off(servo)),
             _ => Ok(()),
         }
     }
@@ -265,7 +264,8 @@ impl Bus {
             self.write_tries = 0;
         }
         self.servos[servo].state.motor_off.newest = number;
-        self.motors_on[servo] = false;
+        self.servos[servo].on_here = false;
+        self.servos[servo].state.motor_lost = None;
         let mut i = out;
         while let Some(write) = self.writes.get(i).copied() {
             if write.servo == servo {
@@ -298,7 +298,7 @@ impl Bus {
     pub fn release_motors(&mut self) {
         for servo in 0..self.servos.len() {
             let off = self.servos[servo].state.motor_off;
-            if self.motors_on[servo] || off.unconfirmed {
+            if self.servos[servo].on_here || off.unconfirmed {
                 self.switch_off(off.newest, servo);
             }
         }
@@ -325,7 +325,7 @@ impl Bus {
             .iter()
             .find(|write| write.servo == servo && !(write.address == address::GOAL_PWM && write.last));
         match next {
-            None => self.motors_on[servo],
+            None => self.servos[servo].on_here,
             Some(write) if write.is_motor_off() => write.motor_was_on,
             // It has been switched off, and is on again only where the last write of a start has been sent.
             Some(write) => write.address == address::TORQUE_ENABLE,
@@ -336,7 +336,7 @@ impl Bus {
     fn forget_writes(&mut self) {
         self.write_tries = 0;
         for servo in 0..self.servos.len() {
-            self.motors_on[servo] = self.is_on_now(servo);
+            self.servos[servo].on_here = self.is_on_now(servo);
         }
         while let Some(write) = self.writes.pop_front() {
             if write.switches_off() {

@@ -44,7 +44,7 @@ impl Bus {
         }
         let write = self.writes.front().copied().filter(|_| !self.writes_done);
         if let Some(write) = write.filter(|write| write.urgent || self.again.is_empty()) {
-            if self.write_together() {
+            if self.ask_watchdogs() || self.write_together() {
                 return true;
             }
             self.pass.order.clear();
@@ -140,6 +140,7 @@ impl Bus {
                 };
                 self.end_write(result, now_ns);
             }
+            Kind::Watchdog => self.end_watchdogs(),
             Kind::ReadBack => self.end_together(),
             Kind::Together => {}
             Kind::Slow(_) => self.counters.slow_unanswered += u64::from(unanswered),
@@ -153,7 +154,7 @@ impl Bus {
         for (position, i) in self.pass.order.iter().copied().enumerate() {
             match self.pass.answers[position] {
                 Answer::Got => {}
-                Answer::Damaged => self.servos[i].answered(),
+                Answer::Damaged => self.servos[i].answered(now_ns),
                 Answer::Awaited if self.pass.is_silent(position) => self.servos[i].was_silent(now_ns),
                 Answer::Awaited => self.again.push(i),
             }
@@ -231,6 +232,9 @@ impl Bus {
             self.keep_watchdog(&write);
         } else if write.address == address::BUS_WATCHDOG || !write.last {
             self.call_off_torque(&write);
+        } else if write.address == address::TORQUE_ENABLE && matches!(result, Err(WriteError::Servo(_))) {
+            // It was off, and has said that it stays so.
+            self.servos[write.servo].on_here = false;
         }
     }
 
@@ -284,7 +288,7 @@ impl Bus {
         if !torque {
             return;
         }
-        self.motors_on[failed.servo] = false;
+        self.servos[failed.servo].on_here = false;
         if failed.motor_was_on || self.servos[failed.servo].state.torque_enabled == Some(true) {
             self.servos[failed.servo].owe_off();
         }

@@ -46,7 +46,7 @@ impl Bus {
             _ if !self.pass_active => 0,
             Kind::Write => 1,
             Kind::Together | Kind::ReadBack => self.pass.order.len(),
-            Kind::Plain | Kind::Fast | Kind::Slow(_) => 0,
+            Kind::Plain | Kind::Fast | Kind::Slow(_) | Kind::Watchdog => 0,
         }
     }
 

@@ -1,0 +1,182 @@
+//! Motors that were switched on here: whether they still are, and under the watchdog that was armed.
+//!
+//! A servo that restarts forgets its watchdog, and may come back with its motor on (Startup Configuration, address 60). So
+//! none is given a goal that may have restarted since its watchdog was known.
+
+use super::requests::load;
+use super::{Bus, WRITE_TRIES};
+use crate::dynamixel::bus::pass::{Answer, Kind};
+use crate::dynamixel::bus::servo::Watch;
+use crate::dynamixel::bus::slow::Task;
+use crate::dynamixel::bus::writes::{MotorLost, Write, WriteError, WriteRefused};
+use crate::dynamixel::registers::{WATCHDOG_TRIPPED, address};
+use crate::error::MAX_JOINTS;
+
+impl Bus {
+    /// Why a motor that is off is given no goal.
+    pub(super) fn motor_off(&self, joint: usize) -> WriteRefused {
+        match self.servos[joint].state.motor_lost {
+            Some(lost) => WriteRefused::MotorLost { joint, lost },
+            None => WriteRefused::MotorOff(joint),
+        }
+    }
+
+    /// A servo has told something between two cycles: of a motor that was switched on here, it may be that it is lost.
+    pub(super) fn take_told(&mut self, servo: usize, task: Task, data: &[u8]) {
+        let was_on = self.servos[servo].state.torque_enabled == Some(true);
+        if !task.take(&mut self.servos[servo], data) {
+            return;
+        }
+        match (task, data) {
+            (Task::State, [0, ..]) if self.is_settled(servo) && self.servos[servo].on_here => match was_on {
+                true => self.lose_motor(servo, MotorLost::GoneOff),
+                // That it was not switched on was told to whoever wanted it.
+                false => self.servos[servo].on_here = false,
+            },
+            (Task::Watchdog, [watchdog]) if self.is_armed(servo) => {
+                let armed = self.watchdog_steps;
+                match *watchdog {
+                    WATCHDOG_TRIPPED => self.servos[servo].watch = Watch::Known,
+                    steps if steps == armed => self.servos[servo].watch = Watch::Known,
+                    0 => self.lose_motor(servo, MotorLost::Restarted),
+                    watchdog => self.lose_motor(servo, MotorLost::Meddled { watchdog, armed }),
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// Whether a servo is still to be told nothing but goals.
+    fn is_settled(&self, servo: usize) -> bool {
+        let mut own = self.writes.iter().filter(|write| write.servo == servo);
+        own.all(|write| write.address == address::GOAL_PWM && write.last)
+    }
+
+    /// Whether a servo's watchdog is to be armed by now, though it is still to be told something.
+    fn is_armed(&self, servo: usize) -> bool {
+        let mut own = self.writes.iter().filter(|write| write.servo == servo);
+        match own.find(|write| write.address != address::GOAL_PWM) {
+            None => self.servos[servo].on_here,
+            Some(write) if write.is_motor_off() => write.motor_was_on && !write.urgent,
+            // It is armed before the motor is switched on.
+            Some(write) => write.address == address::TORQUE_ENABLE,
+        }
+    }
+
+    /// A motor is on no longer, or without the watchdog that was armed: it is given no goal, and in the latter case switched
+    /// off until it confirms that.
+    fn lose_motor(&mut self, servo: usize, lost: MotorLost) {
+        let refused = WriteRefused::MotorLost { joint: servo, lost };
+        self.write_tries = 0;
+        while let Some(at) = self.writes.iter().position(|write| write.servo == servo) {
+            if !self.writes[at].moves() {
+                // It is about to be started anew, which begins with switching it off.
+                return;
+            }
+            self.refuse(at, WriteError::NotTaken(refused));
+        }
+        self.servos[servo].on_here = false;
+        self.servos[servo].state.motor_lost = Some(lost);
+        if lost != MotorLost::GoneOff {
+            self.servos[servo].owe_off();
+        }
+    }
+
+    /// Takes a write out of the queue, and with it those that are to be done together with it or not at all.
+    fn refuse(&mut self, at: usize, error: WriteError) {
+        let number = self.writes[at].number;
+        let mut next = at;
+        loop {
+            let Some(write) = self.writes.remove(next) else {
+                return;
+            };
+            self.counters.writes_failed += 1;
+            self.note(write.servo, number, Err(error));
+            match self
+                .writes
+                .iter()
+                .position(|write| number != 0 && write.number == number)
+            {
+                Some(other) => next = other,
+                None => return,
+            }
+        }
+    }
+
+    /// Asks those servos for their watchdogs whose motors are to be told next to move, and which may have restarted; `false`
+    /// where none may have.
+    pub(super) fn ask_watchdogs(&mut self) -> bool {
+        let Some(first) = self.writes.front().copied() else {
+            return false;
+        };
+        let mut ids = [0; MAX_JOINTS];
+        self.pass.order.clear();
+        let alike = (self.writes.iter()).take_while(|write| {
+            write.number == first.number && write.address == first.address && write.moves()
+        });
+        for write in alike {
+            let servo = &self.servos[write.servo];
+            let count = self.pass.order.len();
+            if servo.watch != Watch::Known && count < ids.len() && !self.pass.order.contains(&write.servo) {
+                ids[count] = servo.id;
+                self.pass.order.push(write.servo);
+            }
+        }
+        let (at, length) = Task::Watchdog.span();
+        let packet = match self.pass.order.len() {
+            0 => return false,
+            1 => Some(self.encoder.read(ids[0], at, length)),
+            count => self.encoder.sync_read(at, length, &ids[..count]),
+        };
+        load(&mut self.request, packet);
+        self.pass.begin(Kind::Watchdog, at, length);
+        self.activate();
+        true
+    }
+
+    /// Those servos have told their watchdogs, or will not any more. As long as one has not that may still do so, nobody is
+    /// told to move of those who are to do it together; then those who have.
+    pub(super) fn end_watchdogs(&mut self) {
+        let refused = self.write_refused.take();
+        let is_open = |bus: &Self, servo: usize| {
+            let next = bus.writes.iter().find(|write| write.servo == servo);
+            bus.servos[servo].watch != Watch::Known && next.is_some_and(Write::moves)
+        };
+        let open = (self.pass.order.iter()).filter(|servo| is_open(self, **servo));
+        let (all, living) = open.fold((0, 0), |(all, living), servo| {
+            (all + 1, living + u32::from(self.servos[*servo].state.alive))
+        });
+        if all == 0 {
+            return;
+        }
+        self.write_tries += 1;
+        if refused.is_none() && living > 0 && self.write_tries < WRITE_TRIES {
+            self.writes_done = !self.writes.front().is_some_and(|write| write.urgent);
+            return;
+        }
+        self.write_tries = 0;
+        for position in 0..self.pass.order.len() {
+            let servo = self.pass.order[position];
+            if !is_open(self, servo) {
+                continue;
+            }
+            let error = match (self.pass.answers[position], refused) {
+                (Answer::Awaited, _) => WriteError::Silent,
+                (Answer::Got, Some(error)) => WriteError::Servo(error),
+                (Answer::Got, None) | (Answer::Damaged, _) => WriteError::Damaged,
+            };
+            self.refuse_move(servo, error);
+        }
+    }
+
+    /// A motor is not told to move whose watchdog nobody knows.
+    fn refuse_move(&mut self, servo: usize, error: WriteError) {
+        let Some(at) = self.writes.iter().position(|write| write.servo == servo) else {
+            return;
+        };
+        if let Some(write) = self.writes.remove(at) {
+            self.counters.writes_failed += 1;
+            self.note(servo, write.number, Err(error));
+        }
+    }
+}
