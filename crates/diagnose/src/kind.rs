@@ -103,6 +103,8 @@ kinds! {
     ServoLate "servo-late" Warning,
     /// Answers come damaged.
     ServoDamaged "servo-damaged" Warning,
+    /// A servo answers, and refuses to be read.
+    ServoRefuses "servo-refuses" Error,
     /// A servo has switched its motor off.
     ServoError "servo-error" Error,
     /// A servo is about to switch its motor off.

@@ -299,12 +299,14 @@ impl ServoBus {
                 break;
             }
             line_ns += servo.return_delay_ns();
-            let Some(reply) = servo.share(at, length, line_ns).filter(|(_, d)| !d.is_empty()) else {
+            let Some(mut reply) = servo.share(at, length, line_ns).filter(|(_, d)| !d.is_empty()) else {
                 break;
             };
             match servo.next_fault() {
                 Some(ServoFault::Silent | ServoFault::Late { .. } | ServoFault::Noise { .. }) => break,
                 Some(ServoFault::BadCrc) => damage.push(bytes + 2),
+                // In one packet with others its data is there all the same.
+                Some(ServoFault::Refuse { number }) => reply.0 = refused(reply.0, number),
                 Some(ServoFault::Truncated { bytes: n }) => cut = Some(bytes + n),
                 Some(ServoFault::Garbage { bytes: n }) if blocks.is_empty() => garbage = n,
                 Some(ServoFault::Garbage { .. }) | None => {}
@@ -372,10 +374,14 @@ impl ServoBus {
     /// `None` if it stays silent.
     fn put_on_wire(&mut self, servo: usize, id: u8, (error, data): &Reply, begin_ns: u64) -> Option<u64> {
         let fault = self.servos[servo].next_fault();
-        let mut bytes = self.encoder.status(id, *error, data)?.to_vec();
+        let mut bytes = match fault {
+            Some(ServoFault::Refuse { number }) => self.encoder.status(id, refused(*error, number), &[]),
+            _ => self.encoder.status(id, *error, data),
+        }?
+        .to_vec();
         let mut late_ns = 0;
         match fault {
-            None => {}
+            None | Some(ServoFault::Refuse { .. }) => {}
             Some(ServoFault::Silent) => return None,
             Some(ServoFault::BadCrc) => {
                 if let Some(last) = bytes.last_mut() {
@@ -410,6 +416,11 @@ impl ServoBus {
         self.seed += 1;
         (0..bytes as u64).map(|i| bits(self.seed, 77, i) as u8).collect()
     }
+}
+
+/// An answer's first byte with another error number and the alert that it had.
+fn refused(error: u8, number: u8) -> u8 {
+    error & 0x80 | number
 }
 
 fn word(bytes: &[u8], at: usize) -> u16 {

@@ -24,6 +24,11 @@ pub enum ServoFault {
         /// How many.
         bytes: usize,
     },
+    /// It answers with an error number instead of what it was asked for; what it was told it does.
+    Refuse {
+        /// Error number, 1 to 127.
+        number: u8,
+    },
     /// So many random bytes come instead of an answer.
     Noise {
         /// How many.
@@ -32,14 +37,14 @@ pub enum ServoFault {
 }
 
 /// As it is written on a command line: `silent`, `bad-crc`, `truncated:BYTES`, `late:MS`, `garbage:BYTES`,
-/// `noise:BYTES`.
+/// `noise:BYTES`, `refuse:NUMBER`.
 impl FromStr for ServoFault {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
         let bad = || {
             format!(
-                "`{text}` is no fault of a servo; there are silent, bad-crc, truncated:BYTES, late:MS, garbage:BYTES, noise:BYTES"
+                "`{text}` is no fault of a servo; there are silent, bad-crc, truncated:BYTES, late:MS, garbage:BYTES, noise:BYTES, refuse:NUMBER"
             )
         };
         let (name, number) = match text.split_once(':') {
@@ -55,6 +60,7 @@ impl FromStr for ServoFault {
             },
             ("garbage", Some(n)) if n <= 65_536 => ServoFault::Garbage { bytes: n as usize },
             ("noise", Some(n)) if n <= 65_536 => ServoFault::Noise { bytes: n as usize },
+            ("refuse", Some(n @ 1..=127)) => ServoFault::Refuse { number: n as u8 },
             _ => return Err(bad()),
         })
     }
@@ -73,6 +79,8 @@ mod tests {
             ("late:12", Some(ServoFault::Late { by_ns: 12_000_000 })),
             ("garbage:3", Some(ServoFault::Garbage { bytes: 3 })),
             ("noise:400", Some(ServoFault::Noise { bytes: 400 })),
+            ("refuse:2", Some(ServoFault::Refuse { number: 2 })),
+            ("refuse:128", None),
             ("noise", None),
             ("noise:4000000000", None),
             ("silent:1", None),

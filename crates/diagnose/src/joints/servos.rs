@@ -4,13 +4,15 @@ use super::{Judge, Patience, of_joints, port as of_port};
 use crate::kind::Kind;
 use crate::problem::{Place, Problem};
 use taxel_joints::bus::{MotorLost, ServoCounters, ServoState};
+use taxel_joints::protocol2::StatusError;
 use taxel_joints::registers::HardwareError;
 use taxel_joints::{DynamixelConfig, PortState, PortStatus, ServoSnapshot};
 
-/// Late and damaged answers in the time looked at, from which they are a problem, if they are a
+/// Late, damaged and refusing answers in the time looked at, from which they are a problem, if they are a
 /// fifth of all; one keeps it up. A machine that is held up for a moment makes some answers late.
 const LATE: u64 = 2;
 const DAMAGED: u64 = 3;
+const REFUSED: u64 = 3;
 const SHARE: u64 = 5;
 /// Degrees Celsius from which a servo is too hot, and down to which it stays so. It switches itself
 /// off at 80.
@@ -134,8 +136,8 @@ impl Judge<'_> {
         let place = Place::Joint(joint);
         let before = self.before.servos.get(joint).copied().unwrap_or(servo.counters);
         let since = |count: fn(&ServoCounters) -> u64| count(&servo.counters).saturating_sub(count(&before));
-        let (late, damaged) = (since(|c| c.late), since(|c| c.bad_crc));
-        let all = late + damaged + since(|c| c.ok) + since(|c| c.timeouts);
+        let (late, damaged, refused) = (since(|c| c.late), since(|c| c.bad_crc), since(|c| c.refused));
+        let all = late + damaged + refused + since(|c| c.ok) + since(|c| c.timeouts);
         let seconds = self.look.seconds;
         let count = found.len();
         if late >= self.least(Kind::ServoLate, place, LATE.max(all.div_ceil(SHARE))) {
@@ -159,6 +161,9 @@ impl Judge<'_> {
                 "look for a loose plug, a cable beside motor wires, a long bus without termination (RS-485), or two servos with one id",
                 format!("the answers of servo {name} are whole"),
             ));
+        }
+        if refused >= self.least(Kind::ServoRefuses, place, REFUSED.max(all.div_ceil(SHARE))) {
+            found.push(refusing_servo(place, name, refused, seconds, servo.refusal));
         }
         if quiet.silent && !quiet.told && late == 0 {
             found.push(silent_servo(joint, name, quiet.heard));
@@ -248,11 +253,42 @@ fn motor_lost(joint: usize, name: &str, servo: &ServoState) -> Option<Problem> {
     ))
 }
 
+/// A servo that answers with an error number where its position is wanted.
+fn refusing_servo(
+    place: Place,
+    name: &str,
+    refused: u64,
+    seconds: f64,
+    refusal: Option<StatusError>,
+) -> Problem {
+    let why = refusal.map_or_else(String::new, |refusal| format!(": {refusal}"));
+    let advice = match refusal {
+        Some(StatusError::Crc) => {
+            "Look for a cable beside motor wires, or a long bus without termination (RS-485)"
+        }
+        _ => {
+            "Reboot it; if that does not help, bring its firmware up to date (DYNAMIXEL Wizard), or look whether its model has the control table of the XM430-W210"
+        }
+    };
+    of_joints(
+        Kind::ServoRefuses,
+        place,
+        format!("servo {name} answers and refuses to be read ({refused} times in {seconds:.1} s){why}"),
+        advice,
+        format!("servo {name} is read again"),
+    )
+}
+
 /// Whether it is about answers that do not come as they should.
 fn is_of_answers(kind: Kind) -> bool {
     matches!(
         kind,
-        Kind::ServosSilent | Kind::ServoSilent | Kind::ServoLate | Kind::ServoDamaged | Kind::JointStale
+        Kind::ServosSilent
+            | Kind::ServoSilent
+            | Kind::ServoLate
+            | Kind::ServoDamaged
+            | Kind::ServoRefuses
+            | Kind::JointStale
     )
 }
 
@@ -318,15 +354,25 @@ pub fn servo_state(joint: usize, name: &str, state: &ServoState, was_hot: bool) 
     let place = Place::Joint(joint);
     let mut found = Vec::new();
     let error = state.hardware_error.unwrap_or(HardwareError(0));
-    if !error.is_none() {
-        let advice: Vec<&str> = error.names().map(cure).collect();
+    let told = match error.is_none() {
+        false => Some((
+            format!("{error}. Its motor stays off until it is rebooted; its angle goes on"),
+            format!("{}; then reboot it", cures(error)),
+        )),
+        // It is asked at once which one it is; one that refuses that never says.
+        true => (state.alert && state.refusal.is_some()).then(|| {
+            (
+                "it does not say which, since it refuses to be read. Its motor stays off until it is rebooted".into(),
+                "Reboot it".into(),
+            )
+        }),
+    };
+    if let Some((what, advice)) = told {
         found.push(of_joints(
             Kind::ServoError,
             place,
-            format!(
-                "servo {name} reports a hardware error: {error}. Its motor stays off until it is rebooted; its angle goes on"
-            ),
-            format!("{}; then reboot it, or switch it off and on", advice.join(", ")),
+            format!("servo {name} reports a hardware error: {what}"),
+            format!("{advice}, or switch it off and on"),
             format!("servo {name} has no hardware error any more"),
         ));
     }
@@ -356,14 +402,29 @@ pub fn servo_state(joint: usize, name: &str, state: &ServoState, was_hot: bool) 
     found
 }
 
-/// What to do about a hardware error, by its name in the data sheet.
+/// What to do about a hardware error.
+fn cures(error: HardwareError) -> String {
+    let all: Vec<&str> = error.names().map(cure).collect();
+    match &all[..] {
+        [] => "See its data sheet".into(),
+        all => capitalised(&all.join(", ")),
+    }
+}
+
+/// What to do about one, by its name in the data sheet.
 fn cure(error: &str) -> &'static str {
     match error {
-        "input voltage" => "Check its supply",
-        "overheating" => "Let it cool down",
-        "overload" => "Free the joint",
-        "motor encoder" => "Its encoder is defective",
-        "electrical shock" => "Check supply and motor wires for a short circuit",
-        _ => "See its data sheet",
+        "input voltage" => "check its supply",
+        "overheating" => "let it cool down",
+        "overload" => "free the joint",
+        "motor encoder" => "its encoder is defective",
+        "electrical shock" => "check supply and motor wires for a short circuit",
+        _ => "see its data sheet",
     }
+}
+
+fn capitalised(words: &str) -> String {
+    let mut rest = words.chars();
+    rest.next()
+        .map_or_else(String::new, |first| first.to_uppercase().chain(rest).collect())
 }

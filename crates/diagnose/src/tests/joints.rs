@@ -4,11 +4,9 @@ use super::*;
 use crate::Place;
 use crate::joints::test_views::{S, allegro, finger, open, servo, servos};
 use taxel_joints::bus::{MotorLost, MotorOff, WriteError, Written};
+use taxel_joints::protocol2::StatusError;
 use taxel_joints::registers::HardwareError;
-use taxel_joints::{
-    AllegroConfig, AnalogueConfig, AnalogueCounters, AnalogueJointConfig, AnalogueSnapshot, Channel,
-    JointSource, NoAngle, PortState, PortStatus,
-};
+use taxel_joints::{AllegroConfig, JointSource};
 
 pub(super) struct JointsBench {
     pub(super) bench: Bench,
@@ -16,7 +14,7 @@ pub(super) struct JointsBench {
 }
 
 impl JointsBench {
-    fn new((joints, view): (JointsConfig, JointsView)) -> Self {
+    pub(super) fn new((joints, view): (JointsConfig, JointsView)) -> Self {
         let mut bench = Bench::new();
         bench.joints = Some(joints);
         Self { bench, view }
@@ -65,7 +63,7 @@ impl JointsBench {
 #[test]
 fn a_servo_that_is_silent_late_damaged_hot_or_failed_is_named_with_what_to_do() {
     type Change = fn(&mut JointsView);
-    let cases: [(&str, Change, Change, &[&str], &str); 10] = [
+    let cases: [(&str, Change, Change, &[&str], &str); 13] = [
         (
             "motor-lost",
             |v| servo(v, 1).motor_lost = Some(MotorLost::Restarted),
@@ -159,8 +157,45 @@ fn a_servo_that_is_silent_late_damaged_hot_or_failed_is_named_with_what_to_do() 
             &[
                 "servo 2 (id 2)",
                 "overheating, overload",
-                "Let it cool down, Free the joint",
-                "reboot",
+                "Let it cool down, free the joint; then reboot it",
+            ],
+            "no hardware error",
+        ),
+        (
+            "servo-refuses",
+            |v| {
+                servo(v, 1).counters.refused += 1;
+                servo(v, 1).refusal = Some(StatusError::Instruction);
+                v.tick.angles[1] = f32::NAN;
+            },
+            |v| {
+                servo(v, 1).refusal = None;
+                v.tick.angles[1] = 0.0;
+            },
+            &[
+                "servo servo 2 (id 2) answers and refuses to be read",
+                "does not know the instruction (2",
+                "firmware up to date",
+            ],
+            "servo 2 (id 2) is read again",
+        ),
+        (
+            "servo-refuses",
+            |v| {
+                servo(v, 1).counters.refused += 1;
+                servo(v, 1).refusal = Some(StatusError::Crc);
+            },
+            |v| servo(v, 1).refusal = None,
+            &["reached the servo damaged (3", "motor wires"],
+            "servo 2 (id 2) is read again",
+        ),
+        (
+            "servo-error",
+            |v| (servo(v, 1).alert, servo(v, 1).refusal) = (true, Some(StatusError::DataRange)),
+            |v| servo(v, 1).alert = false,
+            &[
+                "servo 2 (id 2) reports a hardware error: it does not say which",
+                "Reboot it",
             ],
             "no hardware error",
         ),
@@ -409,93 +444,4 @@ fn angles_that_a_hand_of_the_version_given_cannot_have_are_told() {
             _ => panic!("{what}: {found:?}"),
         }
     }
-}
-
-/// Two servos that answer, and two potentiometers beside them.
-fn with_potentiometers() -> JointsBench {
-    let (mut config, mut view) = servos(2);
-    let potentiometer = |n: u8, name: &str| AnalogueJointConfig {
-        name: name.into(),
-        channel: Channel::Place(n),
-        counts: [100.0, 900.0],
-        degrees: [0.0, 80.0],
-    };
-    config.analogue = Some(AnalogueConfig {
-        device: "/dev/lines".into(),
-        baud: 115_200,
-        ends: [0.0, 1023.0],
-        joint: vec![potentiometer(0, "left p"), potentiometer(1, "right p")],
-    });
-    open(&mut view, "/dev/ttyUSB0", 1);
-    for joint in 0..2 {
-        servo(&mut view, joint).alive = true;
-    }
-    view.tick = taxel_joints::JointsSnapshot::new(4);
-    view.tick.angles.fill(0.0);
-    view.analogue = Some(AnalogueSnapshot {
-        angles: vec![Ok(0.5); 2],
-        counters: AnalogueCounters::default(),
-        port: PortStatus {
-            path: "/dev/lines".into(),
-            device: None,
-            state: PortState::Open,
-            latency: None,
-            opened: 1,
-            taken_ns: None,
-        },
-        open_ns: view.now_ns,
-    });
-    JointsBench::new((config, view))
-}
-
-/// A line comes.
-fn line(view: &mut JointsView) {
-    let now_ns = view.now_ns;
-    let counters = &mut view.analogue.as_mut().expect("potentiometers").counters;
-    counters.lines += 1;
-    counters.heard_ns = Some(now_ns);
-}
-
-#[test]
-fn potentiometers_that_fall_silent_are_one_problem_and_one_whose_wire_is_off_is_named() {
-    let mut bench = with_potentiometers();
-    bench.pass(900, |_| {});
-    bench.said(&[]);
-    bench.pass(300, |_| {});
-    bench.said(&[&[
-        "nothing comes from the potentiometers on /dev/lines",
-        "115200 bit/s",
-        "p0 512",
-    ]]);
-    assert_eq!(bench.bench.kinds(), ["analogue-silent"]);
-    bench.pass(2000, line);
-    bench.said(&[&["lines come from the potentiometers on /dev/lines"]]);
-    let angles = |view: &mut JointsView, angle| view.analogue.as_mut().unwrap().angles[1] = angle;
-    bench.pass(300, |view| {
-        line(view);
-        angles(view, Err(NoAngle::AtEnd(1023.0)));
-    });
-    bench.said(&[&[
-        "the potentiometer of right p",
-        "at an end (1023 of 0 to 1023 counts)",
-        "a wire that is off",
-    ]]);
-    assert_eq!(bench.bench.problems.current()[0].problem.place, Place::Joint(3));
-    bench.pass(3000, |view| {
-        line(view);
-        angles(view, Ok(0.1));
-    });
-    bench.said(&[&["the potentiometer of right p gives its angle again"]]);
-    bench.pass(1000, |view| {
-        line(view);
-        view.analogue.as_mut().unwrap().counters.malformed += 5;
-    });
-    bench.said(&[&["lines of the potentiometers on /dev/lines in", "cannot be read"]]);
-    bench.pass(3000, |view| {
-        view.analogue.as_mut().unwrap().port.state = PortState::Away {
-            reason: "No such file".into(),
-            since_ns: 0,
-        };
-    });
-    assert_eq!(bench.bench.kinds(), ["analogue-absent"]);
 }

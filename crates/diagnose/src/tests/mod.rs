@@ -1,5 +1,6 @@
 mod hand;
 mod joints;
+mod potentiometers;
 mod serial_port;
 
 use crate::{BusView, Crowd, HandSetup, HandView, JointsView, Kind, News, Problems};

@@ -401,6 +401,29 @@ fn an_alert_leaves_the_reading_and_fetches_the_error() {
 }
 
 #[test]
+fn an_alert_beside_an_error_number_is_counted_and_kept() {
+    for fast in [FastSyncRead::Off, FastSyncRead::On] {
+        let mut w = World::of(3, fast);
+        w.cycles(10);
+        w.servos.servo_mut(2).unwrap().set_hardware_error(0x20);
+        w.fault(2, ServoFault::Refuse { number: 4 });
+        w.cycles(10);
+        let state = w.bus.servo(1).unwrap();
+        assert_eq!(state.refusal, Some(StatusError::DataRange), "{fast:?}");
+        assert!(state.alert);
+        assert_eq!((state.counters.alerts, state.counters.refused), (10, 10));
+        w.servos.set_fault(2, None, 1);
+        w.cycles(10);
+        let state = w.bus.servo(1).unwrap();
+        assert_eq!((state.alert, state.refusal), (true, None));
+        assert_eq!(state.hardware_error, Some(HardwareError(0x20)));
+        w.servos.servo_mut(2).unwrap().set_hardware_error(0);
+        w.cycles(1);
+        assert!(!w.bus.servo(1).unwrap().alert);
+    }
+}
+
+#[test]
 fn a_servo_with_another_id_is_counted_and_changes_nothing() {
     let mut w = World::new(&DynamixelConfig::new("none", 1..=2), (1..=3).map(ServoBuild::new));
     // Something else on the wire makes servo 3 talk.

@@ -1,6 +1,7 @@
 //! What is known of one servo, and how often it is asked.
 
 use super::writes::{MotorLost, Written};
+use crate::dynamixel::protocol2::{StatusByte, StatusError};
 use crate::dynamixel::registers::{HardwareError, Model, address};
 
 /// How often each thing happened to one servo.
@@ -12,7 +13,7 @@ pub struct ServoCounters {
     pub timeouts: u64,
     /// Answers with a wrong CRC.
     pub bad_crc: u64,
-    /// Readings with the alert bit.
+    /// Readings, refused ones too, with the alert bit.
     pub alerts: u64,
     /// Answers that came after their deadline, or twice.
     pub late: u64,
@@ -57,6 +58,10 @@ pub struct ServoState {
     pub temperature_c: Option<u8>,
     /// Whether it answered when it was last asked.
     pub alive: bool,
+    /// Whether its newest answer had the alert bit: it reports a hardware error.
+    pub alert: bool,
+    /// Why it refused its newest reading; `None` where it gave one.
+    pub refusal: Option<StatusError>,
     /// What became of the newest command to it; `None` before any.
     pub written: Option<Written>,
     /// What became of commands to switch its motor off.
@@ -141,8 +146,6 @@ pub(crate) struct Servo {
     pub(crate) watch: Watch,
     /// When something of it came last in a cycle, nanoseconds.
     heard_ns: u64,
-    /// Whether its last reading had the alert bit.
-    pub(crate) alert: bool,
     silent_in_a_row: u32,
     /// When it is asked again; it is asked in every cycle where it does not rest.
     pub(crate) rest: Rest,
@@ -158,7 +161,6 @@ impl Servo {
             on_here: false,
             watch: Watch::default(),
             heard_ns: 0,
-            alert: false,
             silent_in_a_row: 0,
             rest: Rest::default(),
             off: Rest::default(),
@@ -227,6 +229,14 @@ impl Servo {
             pause_ns: 0,
             until_ns: self.rest.until_ns.map(|t| t.min(now_ns + FIRST_REST_NS)),
         };
+    }
+
+    /// An answer's first byte. What went wrong with the instruction is in the same byte as the alert, and hides none.
+    pub(crate) fn take_status(&mut self, status: StatusByte) {
+        self.state.alert = status.alert();
+        if !status.alert() {
+            self.state.hardware_error = self.state.hardware_error.map(|_| HardwareError::default());
+        }
     }
 
     fn may_have_restarted(&self, now_ns: u64) -> bool {

@@ -128,7 +128,7 @@ fn urgent(servo: &Servo) -> Option<Task> {
     if servo.state.identity.is_none() {
         return Some(Task::Identity);
     }
-    let unexplained = servo.alert && servo.state.hardware_error.is_none_or(HardwareError::is_none);
+    let unexplained = servo.state.alert && servo.state.hardware_error.is_none_or(HardwareError::is_none);
     unexplained.then_some(Task::State)
 }
 
@@ -185,7 +185,7 @@ mod tests {
         }
         let mut lane = SlowLane::default();
         while lane.next(&servos, 0).is_some() {}
-        servos[1].alert = true;
+        servos[1].state.alert = true;
         assert_eq!(lane.next(&servos, 20_000_000), Some((1, Task::State)));
         assert!(Task::State.take(&mut servos[1], &[1, 0, 0, 0, 0, 0, 0x20]));
         assert_eq!(servos[1].state.hardware_error, Some(HardwareError(0x20)));
@@ -204,7 +204,7 @@ mod tests {
         for servo in &mut servos {
             assert!(Task::Identity.take(servo, &[0; 11]));
         }
-        servos[0].alert = true;
+        servos[0].state.alert = true;
         (servos[1].on_here, servos[1].watch) = (true, Watch::Doubted);
         let mut lane = SlowLane::default();
         let asked: Vec<_> = (0..200)

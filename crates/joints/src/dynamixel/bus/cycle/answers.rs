@@ -84,6 +84,7 @@ impl Bus {
             self.servos[servo].was_late(now_ns);
         }
         self.pass.answers[position] = Answer::Got;
+        self.servos[servo].take_status(status);
         match self.pass.kind {
             Kind::Plain | Kind::Fast => self.take_present(position, status, data, packet.raw.len(), now_ns),
             Kind::Slow(task) => {
@@ -175,6 +176,7 @@ impl Bus {
             return;
         }
         self.pass.answers[position] = Answer::Got;
+        self.servos[servo].take_status(block.status);
         self.take_present(position, block.status, block.data, 0, now_ns);
     }
 
@@ -186,16 +188,13 @@ impl Bus {
         let lead = usize::from(self.pass.data_bytes) - PRESENT_BYTES;
         let servo = &mut self.servos[i];
         servo.answered(now_ns);
+        servo.state.counters.alerts += u64::from(status.alert());
+        servo.state.refusal = status.error();
         self.results[i] = if let Some(error) = status.error() {
             servo.state.counters.refused += 1;
             Err(NoReading::Refused(error))
         } else if let Some(present) = data.get(lead..).and_then(|d| d.first_chunk()) {
             servo.state.counters.ok += 1;
-            servo.state.counters.alerts += u64::from(status.alert());
-            servo.alert = status.alert();
-            if !status.alert() {
-                servo.state.hardware_error = servo.state.hardware_error.map(|_| Default::default());
-            }
             let unit = servo.current_unit_a();
             Ok(JointReading::decode(
                 present,
