@@ -2,7 +2,7 @@
 //! threads.
 
 use crate::clients::{ChangeLog, Places, Reports};
-use crate::joints::{Hold, Releases, ServoRequest, ServosRequest};
+use crate::joints::{Hold, Releases, ServoRequest, ServosRequest, Told};
 use crate::snapshot::Snapshot;
 use crate::tick::{Command, PipelineClock, Shared};
 use std::cell::{Cell, Ref, RefCell};
@@ -108,13 +108,13 @@ impl State {
         self.command(Command::Pause(paused))
     }
 
-    /// Has a servo told something for a client, whose motors are noted in `hold`; returns a sentence for the log.
-    pub(crate) async fn write(&self, request: &ServoRequest, hold: &Hold<'_>) -> Result<String, String> {
+    /// Has a servo told something for a client, whose motors are noted in `hold`.
+    pub(crate) async fn write(&self, request: &ServoRequest, hold: &Hold<'_>) -> Result<Told, String> {
         crate::joints::write(self.config.joints.as_ref(), hold, request).await
     }
 
-    /// Has several servos told something at once; returns a sentence for the log.
-    pub(crate) async fn write_together(&self, request: &ServosRequest) -> Result<String, String> {
+    /// Has several servos told something at once.
+    pub(crate) async fn write_together(&self, request: &ServosRequest) -> Result<Told, String> {
         crate::joints::write_together(self.config.joints.as_ref(), self.joint_reader.as_ref(), request).await
     }
 

@@ -35,6 +35,12 @@ def test_a_refusal_is_raised_with_its_sentence(daemon):
         taxel.Control(daemon.control).rezero()
 
 
+def test_a_warning_beside_what_was_done_is_given(daemon):
+    daemon.answer = lambda _: {"ok": True, "warning": "index 0: the servo reports a hardware error: overload"}
+    with pytest.warns(RuntimeWarning, match="index 0: .* overload"):
+        taxel.Control(daemon.control).torque("index 0", True)
+
+
 def test_no_daemon_is_told_with_its_place(tmp_path):
     with pytest.raises(FileNotFoundError, match="control.sock.*does taxeld run"):
         taxel.Control(tmp_path / "control.sock").status()

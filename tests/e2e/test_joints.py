@@ -324,6 +324,30 @@ def test_a_motor_that_does_not_confirm_that_it_is_off_is_told_again_and_said_to_
     servos.close()
 
 
+def test_who_tells_a_servo_something_that_reports_a_hardware_error_hears_of_it(folder):
+    servos = Servos("--ids", "1-16")
+    joints = dynamixel(servos.path, allow_writes=True, watchdog_ms=2540)
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon:
+        daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+        assert servo(daemon, "joint 6", "--torque", "on", "--pwm", "0") == (0, "")
+        servos.tell("error 5 32")
+        assert comes(daemon, "servo-error", "joint 5", "overload")["severe"]
+        words = "joint 5: the servo reports a hardware error: overload; its motor may stay off until it is rebooted"
+        for arguments in [("--torque", "on", "--pwm", "0"), ("--pwm", "5"), ("--torque", "off"), ("--torque", "on")]:
+            status, said = servo(daemon, "joint 5", *arguments)
+            assert status == 0 and words in said, said
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as client:
+            client.connect(str(daemon.control_path))
+            together = ask(client, {"cmd": "servos", "pwm_percent": {"joint 5": 3, "joint 6": 3}})
+        assert together == {"ok": True, "warning": words}
+        assert f"torque of joint 5 is on (it stops by itself after 2540 ms of silence); {words}" in daemon.log
+        # Goals beyond its PWM Limit are refused, which is told first.
+        servos.tell("fault 5 refuse:6")
+        status, said = servo(daemon, "joint 5", "--pwm", "6")
+        assert status == 1 and "data limit" in said and "hardware error: overload" in said, said
+    servos.close()
+
+
 def test_who_ends_without_knowing_that_a_motor_is_off_says_so(folder):
     servos = Servos("--ids", "1-16")
     joints = dynamixel(servos.path, allow_writes=True, watchdog_ms=2540)

@@ -61,5 +61,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     if let Some(percent) = args.pwm {
         request["pwm_percent"] = percent.into();
     }
-    control::request(&socket, &request).map(drop)
+    let reply = control::request(&socket, &request)?;
+    if let Some(warning) = reply["warning"].as_str() {
+        eprintln!("taxel: {warning}");
+    }
+    Ok(())
 }

@@ -1,7 +1,7 @@
 //! What can be asked, and the answers.
 
 use crate::clients::{Access, Asker, Change};
-use crate::joints::{Hold, ServoRequest, ServosRequest};
+use crate::joints::{Hold, ServoRequest, ServosRequest, Told};
 use crate::state::State;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -119,8 +119,8 @@ pub(super) async fn answer(request: Request, state: &State, asker: &Asker, hold:
         ));
     }
     let done = match &request {
-        Request::Servo(servo) => state.write(servo, hold).await.map(Done::Said),
-        Request::Servos(servos) => state.write_together(servos).await.map(Done::Said),
+        Request::Servo(servo) => state.write(servo, hold).await.map(Done::Told),
+        Request::Servos(servos) => state.write_together(servos).await.map(Done::Told),
         Request::Profile { profile } => {
             let profile = profile.clone().unwrap_or_default();
             state.server.set_own_profile(profile).await.map(|()| Done::Plain)
@@ -132,7 +132,14 @@ pub(super) async fn answer(request: Request, state: &State, asker: &Asker, hold:
     };
     let (said, reply) = match done {
         Ok(Done::Plain) => (changed.to_owned(), json!({ "ok": true })),
-        Ok(Done::Said(sentence)) => (sentence, json!({ "ok": true })),
+        Ok(Done::Told(Told { said, warning: None })) => (said, json!({ "ok": true })),
+        Ok(Done::Told(Told {
+            said,
+            warning: Some(warning),
+        })) => (
+            format!("{said}; {warning}"),
+            json!({ "ok": true, "warning": warning }),
+        ),
         Ok(Done::Marked(seq, t_ns)) => (
             changed.to_owned(),
             json!({ "ok": true, "mark": { "seq": seq, "t_ns": t_ns } }),
@@ -168,8 +175,8 @@ pub(super) fn abandon(request: &Request, state: &State, asker: &Asker) {
 /// How a change was done.
 enum Done {
     Plain,
-    /// With a sentence for the log.
-    Said(String),
+    /// Servos were told it.
+    Told(Told),
     /// Behind which frame, and when, nanoseconds.
     Marked(u64, u64),
     /// With so many taxels in contact before.

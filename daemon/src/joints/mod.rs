@@ -9,4 +9,4 @@ mod write;
 pub(crate) use hold::{Deserted, Hold};
 pub(crate) use releases::Releases;
 pub(crate) use status::{status, summary};
-pub(crate) use write::{ServoRequest, ServosRequest, write, write_together};
+pub(crate) use write::{ServoRequest, ServosRequest, Told, write, write_together};

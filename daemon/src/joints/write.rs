@@ -58,6 +58,15 @@ impl<'de> Deserialize<'de> for Shares {
     }
 }
 
+/// What has been done.
+#[derive(Debug, PartialEq)]
+pub(crate) struct Told {
+    /// A sentence for the log.
+    pub(crate) said: String,
+    /// What has to be known of it by who asked: servos that have confirmed it and report a hardware error.
+    pub(crate) warning: Option<String>,
+}
+
 /// How long a servo may take to confirm it: many cycles of a slow bus.
 const PATIENCE: Duration = Duration::from_secs(2);
 const LOOK: Duration = Duration::from_millis(2);
@@ -99,13 +108,25 @@ fn servos<'a>(
     }
 }
 
+/// That a servo reports a hardware error, and what that means for what it was told; `None` where it does not.
+fn complaint(servos: &ServoReader, joint: usize) -> Option<String> {
+    let error = servos.reported_error(joint)?;
+    let which = match error.is_none() {
+        true => String::new(),
+        false => format!(": {error}"),
+    };
+    Some(format!(
+        "the servo reports a hardware error{which}; its motor may stay off until it is rebooted"
+    ))
+}
+
 /// Has a servo told something, and waits until it has confirmed it; a sentence that says so, or why not. A motor that was to
 /// be switched off and may not be is noted among the releases of `hold`.
 pub(crate) async fn write(
     config: Option<&JointsConfig>,
     hold: &Hold<'_>,
     request: &ServoRequest,
-) -> Result<String, String> {
+) -> Result<Told, String> {
     let (config, servos) = servos(config, hold.reader)?;
     let (joint, command) = command(config, request)?;
     let is_off = command == WriteCommand::Torque(false);
@@ -121,12 +142,16 @@ pub(crate) async fn write(
         .command(joint, command)
         .map_err(|refused| failed(away.clone().unwrap_or_else(|| refused.to_string())))?;
     hold.note(joint, command, request.hold_ms);
-    let done = match away {
-        Some(reason) => Err(reason),
-        None => confirmed(servos, joint, command, number)
-            .await
-            .map_err(|error| error.to_string()),
-    };
+    let done =
+        match away {
+            Some(reason) => Err(reason),
+            None => confirmed(servos, joint, command, number).await.map_err(|error| {
+                match complaint(servos, joint) {
+                    Some(complaint) => format!("{error}; {complaint}"),
+                    None => error.to_string(),
+                }
+            }),
+        };
     if let Err(why) = done {
         if is_off {
             hold.releases.asked(joint, number);
@@ -136,14 +161,16 @@ pub(crate) async fn write(
         }
         return Err(failed(why));
     }
-    Ok(match command {
+    let said = match command {
         WriteCommand::Torque(true) | WriteCommand::Start(_) => format!(
             "joints: torque of {} is on (it stops by itself after {} ms of silence)",
             request.joint, config.watchdog_ms
         ),
         WriteCommand::Torque(false) => format!("joints: torque of {} is off", request.joint),
         WriteCommand::GoalPwm(counts) => format!("joints: {} is given PWM {counts}", request.joint),
-    })
+    };
+    let warning = complaint(servos, joint).map(|complaint| format!("{}: {complaint}", request.joint));
+    Ok(Told { said, warning })
 }
 
 /// Has several servos given their PWM in one packet, and waits until each has confirmed it.
@@ -151,7 +178,7 @@ pub(crate) async fn write_together(
     config: Option<&JointsConfig>,
     reader: Option<&JointReader>,
     request: &ServosRequest,
-) -> Result<String, String> {
+) -> Result<Told, String> {
     let (config, servos) = servos(config, reader)?;
     let goals = goals(config, request)?;
     if goals.is_empty() {
@@ -161,11 +188,14 @@ pub(crate) async fn write_together(
         return Err(reason);
     }
     let number = servos.command_together(&goals).map_err(|e| e.to_string())?;
-    let mut failed = Vec::new();
+    let (mut failed, mut warnings) = (Vec::new(), Vec::new());
     for (joint, counts) in &goals {
         let done = confirmed(servos, *joint, WriteCommand::GoalPwm(*counts), number).await;
         match done {
-            Ok(()) => {}
+            Ok(()) => {
+                let name = &config.servo[*joint].name;
+                warnings.extend(complaint(servos, *joint).map(|complaint| format!("{name}: {complaint}")));
+            }
             // All or none is told; only the one that is off is at fault.
             Err(WriteError::NotTaken(refused)) if refused.is_of_another(*joint) => {}
             Err(error) => failed.push(format!("{}: {error}", config.servo[*joint].name)),
@@ -175,7 +205,10 @@ pub(crate) async fn write_together(
         .map(|(name, _)| name.as_str())
         .collect();
     match failed.is_empty() {
-        true => Ok(format!("joints: {} are given PWM together", names.join(", "))),
+        true => Ok(Told {
+            said: format!("joints: {} are given PWM together", names.join(", ")),
+            warning: (!warnings.is_empty()).then(|| warnings.join("; ")),
+        }),
         false => Err(failed.join("; ")),
     }
 }

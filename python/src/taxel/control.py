@@ -3,6 +3,7 @@
 import json
 import os
 import socket
+import warnings
 from typing import Any, Dict, NamedTuple, Optional
 
 from .arguments import Path, plain
@@ -60,7 +61,7 @@ class Control:
         return Mark(int(mark["seq"]), int(mark["t_ns"]))
 
     def torque(self, joint: str, on: bool) -> None:
-        """Switches a servo's motor on or off, where `allow_writes = true`."""
+        """Switches a servo's motor on or off, where `allow_writes = true`; warns where it reports a hardware error."""
         self.request({"cmd": "servo", "joint": joint, "torque": on})
 
     def pwm(self, joint: str, percent: float) -> None:
@@ -90,6 +91,8 @@ class Control:
         answer: Dict[str, Any] = json.loads(reply)
         if not answer.get("ok"):
             raise Refused(str(answer.get("error", "refused")))
+        if "warning" in answer:
+            warnings.warn(str(answer["warning"]), RuntimeWarning, stacklevel=3)
         return answer
 
 

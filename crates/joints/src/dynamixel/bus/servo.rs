@@ -88,6 +88,12 @@ impl ServoState {
     pub fn is_stopped(&self) -> bool {
         self.torque_enabled == Some(true) && self.watchdog_tripped == Some(true)
     }
+
+    /// The hardware error that its newest answer, to whatever it was, reports; none of its names where it has not said yet
+    /// which one. `None` where all is well.
+    pub fn reported_error(&self) -> Option<HardwareError> {
+        self.alert.then(|| self.hardware_error.unwrap_or_default())
+    }
 }
 
 impl ServoIdentity {

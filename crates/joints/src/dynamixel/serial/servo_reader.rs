@@ -8,6 +8,7 @@ use crate::dynamixel::bus::{
     WriteRefused, Written,
 };
 use crate::dynamixel::config::{DynamixelConfig, READINGS_KEPT};
+use crate::dynamixel::registers::HardwareError;
 use crate::error::JointsConfigError;
 use crate::reading_thread::ReadingThread;
 use crate::shown::{history_since, lock};
@@ -273,6 +274,11 @@ impl ServoReader {
         servos
             .filter_map(|(joint, servo)| servo.motor_off.unconfirmed.then_some(joint))
             .collect()
+    }
+
+    /// What hardware error a servo reports in its newest answer ([`ServoState::reported_error`]).
+    pub fn reported_error(&self, joint: usize) -> Option<HardwareError> {
+        lock(&self.shared).snapshot.servos.get(joint)?.reported_error()
     }
 
     /// What became of the newest command to a servo that is done with; commands to one servo end in
