@@ -105,6 +105,8 @@ kinds! {
     ServoDamaged "servo-damaged" Warning,
     /// A servo answers, and refuses to be read.
     ServoRefuses "servo-refuses" Error,
+    /// A servo is of a model that is not known.
+    ServoModel "servo-model" Warning,
     /// A servo has switched its motor off.
     ServoError "servo-error" Error,
     /// A servo is about to switch its motor off.

@@ -3,7 +3,7 @@
 use super::finding::{Check, State};
 use std::borrow::Cow;
 use std::collections::BTreeSet;
-use taxel_diagnose::{Kind, missing_servos, servo_state, silent_servo};
+use taxel_diagnose::{Kind, missing_servos, servo_state, silent_servo, unknown_model};
 use taxel_joints::bus::{ServoState, wire_ns};
 use taxel_joints::registers::{Model, baud_of};
 use taxel_joints::{BusSurvey, DynamixelConfig, SurveyedServo};
@@ -131,17 +131,6 @@ fn check_servo(
     } else {
         checks.push(Check::ok(AREA, "answers", object, found));
     }
-    if Model::of(servo.model_number).is_none() {
-        checks.push(
-            Check::warning(
-                AREA,
-                "model",
-                object,
-                format!("model number {} is not known", servo.model_number),
-            )
-            .wanted("an X-series servo with the control table of the XM430-W210"),
-        );
-    }
     if servo.status_return_level == Some(0)
         || (servo.identity.is_none() && servo.status_return_level.is_none())
     {
@@ -204,7 +193,10 @@ fn check_state(
         temperature_c: servo.temperature_c,
         ..ServoState::default()
     };
-    let problems = servo_state(joint, name, &state, false);
+    let mut problems = servo_state(joint, name, &state, false);
+    if Model::of(servo.model_number).is_none() {
+        problems.push(unknown_model(joint, name, servo.model_number));
+    }
     let is_hot = problems.iter().any(|p| p.kind == Kind::ServoHot);
     let well = servo.temperature_c.filter(|_| !is_hot);
     let well = well.map(|c| Check::ok(AREA, "temperature", object.as_str(), format!("{c} degrees")));
@@ -403,7 +395,7 @@ mod tests {
         for (checks, name) in [
             (changed(|s| s.voltage_v = Some(5.1)), "supply"),
             (changed(|s| s.temperature_c = Some(75)), "servo-hot"),
-            (changed(|s| s.model_number = 7), "model"),
+            (changed(|s| s.model_number = 7), "servo-model"),
             (
                 changed(|s| s.identity.as_mut().unwrap().baud_register = 1),
                 "baud rate",

@@ -15,7 +15,7 @@ pub use analogue::{absent_potentiometers, potentiometer_state, silent_potentiome
 pub(crate) use angles_used::AnglesUsed;
 pub(crate) use patience::Patience;
 pub use reporter::JointsReporter;
-pub use servos::{missing_servos, servo_state, silent_servo, slow_adapter};
+pub use servos::{missing_servos, servo_state, silent_servo, slow_adapter, unknown_model};
 
 use crate::joints_view::{JointsView, SourceView};
 use crate::kind::Kind;

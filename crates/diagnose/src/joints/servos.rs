@@ -82,7 +82,7 @@ impl Judge<'_> {
             };
             self.one_servo(joint, &name, servo, &quiet, port, &mut own);
         }
-        for problem in own.iter().filter(|p| p.kind != Kind::JointStale) {
+        for problem in own.iter().filter(|p| explains_no_angle(p.kind)) {
             if let Place::Joint(joint) = problem.place {
                 patience.explained(joint);
             }
@@ -279,6 +279,11 @@ fn refusing_servo(
     )
 }
 
+/// Whether the angle of a servo with such a problem may be unknown for it.
+fn explains_no_angle(kind: Kind) -> bool {
+    is_of_answers(kind) && kind != Kind::JointStale
+}
+
 /// Whether it is about answers that do not come as they should.
 fn is_of_answers(kind: Kind) -> bool {
     matches!(
@@ -376,6 +381,9 @@ pub fn servo_state(joint: usize, name: &str, state: &ServoState, was_hot: bool) 
             format!("servo {name} has no hardware error any more"),
         ));
     }
+    if let Some(identity) = state.identity.filter(|identity| identity.model().is_none()) {
+        found.push(unknown_model(joint, name, identity.model_number));
+    }
     if state.is_stopped() {
         found.push(of_joints(
             Kind::MotorStopped,
@@ -400,6 +408,18 @@ pub fn servo_state(joint: usize, name: &str, state: &ServoState, was_hot: bool) 
         ));
     }
     found
+}
+
+/// A servo, by its joint and its name with its id, has a model number that is not known. What it says is taken as that of a
+/// servo of the X series.
+pub fn unknown_model(joint: usize, name: &str, number: u16) -> Problem {
+    of_joints(
+        Kind::ServoModel,
+        Place::Joint(joint),
+        format!("the model number {number} of servo {name} is not known, so that its angles may be wrong"),
+        "Wanted is an X-series servo with the control table of the XM430-W210 (4096 pulses per turn)",
+        format!("servo {name} is of a known model"),
+    )
 }
 
 /// What to do about a hardware error.

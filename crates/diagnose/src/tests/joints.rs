@@ -3,7 +3,7 @@
 use super::*;
 use crate::Place;
 use crate::joints::test_views::{S, allegro, finger, open, servo, servos};
-use taxel_joints::bus::{MotorLost, MotorOff, WriteError, Written};
+use taxel_joints::bus::{MotorLost, MotorOff, ServoIdentity, WriteError, Written};
 use taxel_joints::protocol2::StatusError;
 use taxel_joints::registers::HardwareError;
 use taxel_joints::{AllegroConfig, JointSource};
@@ -63,7 +63,7 @@ impl JointsBench {
 #[test]
 fn a_servo_that_is_silent_late_damaged_hot_or_failed_is_named_with_what_to_do() {
     type Change = fn(&mut JointsView);
-    let cases: [(&str, Change, Change, &[&str], &str); 13] = [
+    let cases: [(&str, Change, Change, &[&str], &str); 14] = [
         (
             "motor-lost",
             |v| servo(v, 1).motor_lost = Some(MotorLost::Restarted),
@@ -198,6 +198,21 @@ fn a_servo_that_is_silent_late_damaged_hot_or_failed_is_named_with_what_to_do() 
                 "Reboot it",
             ],
             "no hardware error",
+        ),
+        (
+            "servo-model",
+            |v| {
+                servo(v, 1).identity = Some(ServoIdentity {
+                    model_number: 51_200,
+                    ..ServoIdentity::default()
+                });
+            },
+            |v| servo(v, 1).identity.as_mut().unwrap().model_number = 1030,
+            &[
+                "the model number 51200 of servo servo 2 (id 2) is not known, so that its angles may be wrong",
+                "X-series servo with the control table of the XM430-W210",
+            ],
+            "servo 2 (id 2) is of a known model",
         ),
         (
             "servo-hot",

@@ -24,7 +24,7 @@ pub struct ServoCounters {
 }
 
 /// What a servo says it is (addresses 0 to 10).
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
 pub struct ServoIdentity {
     /// Model Number.
     pub model_number: u16,
