@@ -25,7 +25,7 @@ pub use allegro::{
 };
 pub use analogue::{
     AnalogueConfig, AnalogueCounters, AnalogueJointConfig, AnalogueLines, AnalogueReader, AnalogueSnapshot,
-    Channel, NoAngle,
+    Channel, HeardChannel, NoAngle,
 };
 pub use buses::{JointsBus, JointsError};
 pub use config::{JointSource, JointsConfig};

@@ -39,8 +39,10 @@ pub(crate) fn status(
         } => servos(config, view, snapshot, port),
         SourceView::Hand(source) => hand(source, &config.source.config().joint_names(), view),
     };
+    let hold_ms = config.hold_ms;
     if let (Some(config), Some(snapshot)) = (&config.analogue, &view.analogue) {
-        potentiometers(config, snapshot, view, &mut status);
+        let hold_ns = (hold_ms * 1e6) as u64;
+        potentiometers(config, snapshot, view, hold_ns, &mut status);
     }
     status.source = config.source.to_string();
     status.cycle_hz = cycle_hz;
@@ -62,14 +64,16 @@ fn potentiometers(
     config: &AnalogueConfig,
     snapshot: &AnalogueSnapshot,
     view: &JointsView,
+    hold_ns: u64,
     status: &mut JointsStatus,
 ) {
     let (port, counters) = (&snapshot.port, snapshot.counters);
-    for (joint, newest) in config.joint.iter().zip(&snapshot.angles) {
+    for (n, joint) in config.joint.iter().enumerate() {
+        let lost = snapshot.lost(n, view.now_ns, hold_ns);
         let (angle_rad, age_ms) = angle(view, status.joints.len());
         status.joints.push(JointStatus {
             name: joint.name.clone(),
-            state: (newest.as_ref().err()).map_or("speaks".to_string(), ToString::to_string),
+            state: lost.map_or("speaks".to_string(), |lost| lost.to_string()),
             angle_rad,
             age_ms,
             ..JointStatus::default()

@@ -28,9 +28,10 @@ pub(super) fn check(config: &AnalogueConfig, first: usize, heard: &AnalogueSnaps
             vec![silent_potentiometers(config, counters.malformed > 0)]
         }
         PortState::Open => {
-            let lost = heard.angles.iter().enumerate().filter_map(|(n, angle)| {
-                let lost = angle.as_ref().err()?;
-                potentiometer_state(config, n, first + n, *lost)
+            // A channel that was in some line of the listening is not missing.
+            let lost = (0..heard.angles.len()).filter_map(|n| {
+                let lost = heard.lost(n, heard.open_ns, u64::MAX)?;
+                potentiometer_state(config, n, first + n, lost)
             });
             let seconds = LISTEN.as_secs_f64();
             let unread = (counters.malformed > 0).then(|| unread_lines(config, counters.malformed, seconds));
@@ -38,9 +39,15 @@ pub(super) fn check(config: &AnalogueConfig, first: usize, heard: &AnalogueSnaps
         }
     };
     if problems.is_empty() {
-        let names = config.joint.iter().zip(&heard.angles);
+        let names = config.joint.iter().zip(&heard.heard);
         let angles: Vec<String> = names
-            .filter_map(|(joint, angle)| Some(format!("{} {:.1}", joint.name, angle.ok()?.to_degrees())))
+            .filter_map(|(joint, heard)| {
+                Some(format!(
+                    "{} {:.1}",
+                    joint.name,
+                    (*heard)?.angle.ok()?.to_degrees()
+                ))
+            })
             .collect();
         let hz = counters.lines as f64 / LISTEN.as_secs_f64();
         let found = format!("{hz:.0} lines a second; degrees: {}", angles.join(", "));
@@ -56,7 +63,7 @@ pub(super) fn check(config: &AnalogueConfig, first: usize, heard: &AnalogueSnaps
 mod tests {
     use super::super::finding::State;
     use super::*;
-    use taxel_joints::{AnalogueCounters, NoAngle, PortStatus};
+    use taxel_joints::{AnalogueCounters, HeardChannel, NoAngle, PortStatus};
 
     #[test]
     fn potentiometers_are_judged_by_their_port_their_lines_and_each_joint() {
@@ -115,6 +122,7 @@ mod tests {
         for (state, heard_ns, malformed, angle, wanted, words) in cases {
             let heard = AnalogueSnapshot {
                 angles: vec![angle],
+                heard: vec![angle.is_ok().then_some(HeardChannel { t_ns: 1, angle })],
                 counters: AnalogueCounters {
                     lines: 300,
                     malformed,

@@ -46,9 +46,10 @@ impl Judge<'_> {
         }
         let names = self.config.joint_names();
         let first = names.len() - config.joint.len();
-        let lost = snapshot.angles.iter().enumerate().filter_map(|(n, angle)| {
-            let lost = angle.as_ref().err()?;
-            potentiometer_state(config, n, first + n, *lost)
+        let (now_ns, hold_ns) = (self.view.now_ns, (self.config.hold_ms * 1e6) as u64);
+        let lost = (0..snapshot.angles.len()).filter_map(|n| {
+            let lost = snapshot.lost(n, now_ns, hold_ns)?;
+            potentiometer_state(config, n, first + n, lost)
         });
         found.extend(lost);
     }
@@ -97,7 +98,8 @@ pub fn unread_lines(config: &AnalogueConfig, malformed: u64, seconds: f64) -> Pr
     )
 }
 
-/// A potentiometer, by its number and its joint's, that gives no angle in the newest line; `None` where no line has come.
+/// A potentiometer, by its number and its joint's, that gives no angle ([`AnalogueSnapshot::lost`]); `None` where no line
+/// has come.
 pub fn potentiometer_state(
     config: &AnalogueConfig,
     n: usize,

@@ -5,8 +5,8 @@ use super::*;
 use crate::Place;
 use crate::joints::test_views::{open, servo, servos};
 use taxel_joints::{
-    AnalogueConfig, AnalogueCounters, AnalogueJointConfig, AnalogueSnapshot, Channel, NoAngle, PortState,
-    PortStatus,
+    AnalogueConfig, AnalogueCounters, AnalogueJointConfig, AnalogueSnapshot, Channel, HeardChannel, NoAngle,
+    PortState, PortStatus,
 };
 
 /// Two servos that answer, and two potentiometers beside them.
@@ -32,6 +32,7 @@ fn with_potentiometers() -> JointsBench {
     view.tick.angles.fill(0.0);
     view.analogue = Some(AnalogueSnapshot {
         angles: vec![Ok(0.5); 2],
+        heard: vec![None; 2],
         counters: AnalogueCounters::default(),
         port: PortStatus {
             path: "/dev/lines".into(),
@@ -96,4 +97,42 @@ fn potentiometers_that_fall_silent_are_one_problem_and_one_whose_wire_is_off_is_
         };
     });
     assert_eq!(bench.bench.kinds(), ["analogue-absent"]);
+}
+
+#[test]
+fn a_channel_that_comes_on_a_line_of_its_own_is_not_missing_until_it_was_in_none_for_hold_ms() {
+    let mut bench = with_potentiometers();
+    let mut looks = 0;
+    // Each line has one channel: the one of this look, and what the other said in the line before.
+    let mut turns = |view: &mut JointsView, right: Option<Result<f64, NoAngle>>| {
+        line(view);
+        looks += 1;
+        let t_ns = view.now_ns;
+        let analogue = view.analogue.as_mut().unwrap();
+        let channel = looks % 2;
+        if looks == 1 {
+            analogue.heard.fill(Some(HeardChannel { t_ns, angle: Ok(0.5) }));
+        }
+        let said = match channel {
+            0 => Some(Ok(0.5)),
+            _ => right,
+        };
+        analogue.angles.fill(Err(NoAngle::Missing));
+        if let Some(angle) = said {
+            analogue.angles[channel] = angle;
+            analogue.heard[channel] = Some(HeardChannel { t_ns, angle });
+        }
+    };
+    bench.pass(3000, |view| turns(view, Some(Ok(0.1))));
+    bench.said(&[]);
+    bench.pass(3000, |view| turns(view, Some(Err(NoAngle::AtEnd(1023.0)))));
+    bench.said(&[&["the potentiometer of right p", "at an end (1023"]]);
+    bench.pass(3000, |view| turns(view, None));
+    assert_eq!(bench.bench.kinds(), ["potentiometer-lost"]);
+    let problem = &bench.bench.problems.current()[0].problem;
+    assert!(
+        problem.found.contains("channel 1 is not in the lines"),
+        "{}",
+        problem.found
+    );
 }

@@ -8,7 +8,8 @@ use taxel_hand::{FromMap, WholeList, check_range};
 /// Readings kept per joint: a third of a second at 100 lines a second.
 pub(crate) const READINGS_KEPT: usize = 32;
 
-/// Potentiometers that a microcontroller reads and prints, beside another source of angles.
+/// Potentiometers that a microcontroller reads and prints, beside another source of angles: `[joints]` needs its `source`
+/// all the same, and potentiometers alone are refused.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AnalogueConfig {

@@ -31,6 +31,15 @@ pub enum NoAngle {
     AtEnd(f64),
 }
 
+/// What the newest good line that has a joint's channel says of it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HeardChannel {
+    /// When it came, nanoseconds.
+    pub t_ns: u64,
+    /// The angle, radians, or why there is none.
+    pub angle: Result<f64, NoAngle>,
+}
+
 /// Lines as they come in pieces, and what the newest one says of each joint.
 #[derive(Debug)]
 pub struct AnalogueLines {
@@ -42,6 +51,7 @@ pub struct AnalogueLines {
     /// Whether its throwing away is counted.
     counted: bool,
     angles: Vec<Result<f64, NoAngle>>,
+    heard: Vec<Option<HeardChannel>>,
     counters: AnalogueCounters,
 }
 
@@ -50,6 +60,7 @@ impl AnalogueLines {
     pub fn new(config: &AnalogueConfig) -> Self {
         Self {
             angles: vec![Err(NoAngle::NeverHeard); config.joint.len()],
+            heard: vec![None; config.joint.len()],
             joints: config.joint.clone(),
             ends: config.ends,
             line: Vec::with_capacity(LONGEST),
@@ -75,6 +86,11 @@ impl AnalogueLines {
         &self.angles
     }
 
+    /// What the newest good line that has its channel says of each joint; `None` where none has had it.
+    pub fn heard(&self) -> &[Option<HeardChannel>] {
+        &self.heard
+    }
+
     /// Takes bytes that came at `t_ns`; `each` is called for each joint of each good line that has an angle, with its
     /// number and the angle, radians.
     pub fn push(&mut self, bytes: &[u8], t_ns: u64, mut each: impl FnMut(usize, f64)) {
@@ -93,7 +109,7 @@ impl AnalogueLines {
         let counted = std::mem::replace(&mut self.counted, true);
         if lost {
             self.counters.malformed += u64::from(counted);
-        } else if self.read_line() {
+        } else if self.read_line(t_ns) {
             self.counters.lines += 1;
             self.counters.heard_ns = Some(t_ns);
             for (joint, angle) in self.angles.iter().enumerate() {
@@ -108,7 +124,7 @@ impl AnalogueLines {
     }
 
     /// Reads a whole line; where it is none, nothing changes.
-    fn read_line(&mut self) -> bool {
+    fn read_line(&mut self, t_ns: u64) -> bool {
         let Ok(text) = std::str::from_utf8(&self.line) else {
             return false;
         };
@@ -116,12 +132,15 @@ impl AnalogueLines {
             return false;
         }
         let [low, high] = self.ends;
-        for (joint, angle) in self.joints.iter().zip(&mut self.angles) {
+        for ((joint, angle), heard) in self.joints.iter().zip(&mut self.angles).zip(&mut self.heard) {
             *angle = match counts_of(text, &joint.channel) {
                 None => Err(NoAngle::Missing),
                 Some(counts) if counts <= low || counts >= high => Err(NoAngle::AtEnd(counts)),
                 Some(counts) => Ok(joint.angle_rad(counts)),
             };
+            if *angle != Err(NoAngle::Missing) {
+                *heard = Some(HeardChannel { t_ns, angle: *angle });
+            }
         }
         true
     }
@@ -247,6 +266,29 @@ mod tests {
             assert_eq!(lines.angles()[0], Err(first));
         }
         assert_eq!(lines.counters().malformed, 0);
+    }
+
+    #[test]
+    fn what_a_joint_said_last_is_kept_while_other_lines_have_not_its_channel() {
+        let mut lines = AnalogueLines::new(&config(&["\"p0\"", "\"p1\""]));
+        lines.push(b"\n", 0, |_, _| panic!("an angle"));
+        assert_eq!(lines.heard(), [None; 2]);
+        lines.push(b"p0 1023\n", 3, |_, _| panic!("an angle"));
+        let mut angles = Vec::new();
+        lines.push(b"p1 300\n", 4, |joint, _| angles.push(joint));
+        assert_eq!(angles, [1], "what is old is given as no new reading");
+        let at_end = Err(NoAngle::AtEnd(1023.0));
+        assert_eq!(
+            lines.heard()[0],
+            Some(HeardChannel {
+                t_ns: 3,
+                angle: at_end
+            })
+        );
+        assert_eq!(
+            lines.heard()[1].map(|heard| (heard.t_ns, heard.angle)),
+            Some((4, lines.angles()[1]))
+        );
     }
 
     #[test]

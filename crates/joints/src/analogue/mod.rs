@@ -9,5 +9,5 @@ mod reader;
 
 pub(crate) use config::READINGS_KEPT;
 pub use config::{AnalogueConfig, AnalogueJointConfig, Channel};
-pub use lines::{AnalogueCounters, AnalogueLines, NoAngle};
+pub use lines::{AnalogueCounters, AnalogueLines, HeardChannel, NoAngle};
 pub use reader::{AnalogueReader, AnalogueSnapshot};

@@ -1,7 +1,7 @@
 //! The thread that reads potentiometers, and what it shows.
 
 use super::config::{AnalogueConfig, READINGS_KEPT};
-use super::lines::{AnalogueCounters, AnalogueLines, NoAngle};
+use super::lines::{AnalogueCounters, AnalogueLines, HeardChannel, NoAngle};
 use crate::dynamixel::{Port, PortError, PortStatus, StartError};
 use crate::reading_thread::ReadingThread;
 use crate::shown::{history_since, lock};
@@ -22,6 +22,8 @@ const LOOK: Duration = Duration::from_millis(20);
 pub struct AnalogueSnapshot {
     /// Angles of the newest good line, radians, or why there is none.
     pub angles: Vec<Result<f64, NoAngle>>,
+    /// The same of the newest good line that has the joint's channel; `None` where none has had it.
+    pub heard: Vec<Option<HeardChannel>>,
     /// What happened on the port.
     pub counters: AnalogueCounters,
     /// The serial port.
@@ -34,6 +36,19 @@ pub struct AnalogueSnapshot {
 struct Shared {
     snapshot: AnalogueSnapshot,
     history: JointHistory,
+}
+
+impl AnalogueSnapshot {
+    /// Why a joint has no angle at `now_ns`; `None` where it has one. A program may print its channels on lines of their own:
+    /// one that is not in the newest line is missing only where it was in none for longer than `hold_ns`.
+    pub fn lost(&self, joint: usize, now_ns: u64, hold_ns: u64) -> Option<NoAngle> {
+        let lost = self.angles.get(joint)?.err()?;
+        let heard = self.heard.get(joint).copied().flatten();
+        match heard.filter(|heard| now_ns.saturating_sub(heard.t_ns) <= hold_ns) {
+            Some(heard) if lost == NoAngle::Missing => heard.angle.err(),
+            _ => Some(lost),
+        }
+    }
 }
 
 /// Reads potentiometers on a serial port in a thread of its own, for ever: a port that goes away is opened again. Nothing
@@ -54,6 +69,7 @@ impl AnalogueReader {
         let shared = Arc::new(Mutex::new(Shared {
             snapshot: AnalogueSnapshot {
                 angles: lines.angles().to_vec(),
+                heard: lines.heard().to_vec(),
                 counters: lines.counters(),
                 port: PortStatus::starting(config.device.clone()),
                 open_ns: 0,
@@ -160,6 +176,7 @@ impl Thread {
             });
             snapshot.counters = self.lines.counters();
             snapshot.angles.copy_from_slice(self.lines.angles());
+            snapshot.heard.copy_from_slice(self.lines.heard());
             let lines = snapshot.counters.lines - before;
             self.published.fetch_add(lines, Ordering::Release);
         }
