@@ -4,7 +4,7 @@ use crate::array;
 use crate::kind::Kind;
 use crate::names::{is_of_board, modules_name};
 use crate::problem::{Place, Problem};
-use crate::traffic::speaks_on;
+use crate::traffic::{hub_speaks, speaks_on};
 use crate::view::{Look, Starting};
 use std::collections::VecDeque;
 use taxel_can::{BusState, LinkState};
@@ -129,7 +129,8 @@ pub(crate) fn judge(look: &Look<'_>, steadiness: &mut Steadiness, found: &mut Ve
             BoardState::Settling | BoardState::Streaming => false,
         };
         let is_foreign = bus.unknown > 0 && boards().all(|m| state(m) == BoardState::NeverSeen);
-        let all = (boards().count() > 1 || is_foreign) && boards().all(quiet);
+        let hub_speaks = |m: usize| hub_speaks(layout, view.findings, m);
+        let all = (boards().count() > 1 || is_foreign) && boards().all(|m| quiet(m) && !hub_speaks(m));
         if all {
             found.push(match is_foreign {
                 true => foreign_bus(look, index),
@@ -151,6 +152,7 @@ pub(crate) fn judge(look: &Look<'_>, steadiness: &mut Steadiness, found: &mut Ve
         for (modules, state) in by_board(layout, &silent, |a, b| a == b) {
             found.push(match layout.wiring[modules[0]].array {
                 Some(_) => array::silent(&look.setup.sources[index], layout, modules[0], state),
+                None if hub_speaks(modules[0]) => unnamed_modules(layout, modules, state),
                 None => silent_board(layout, modules, state, bus.starting),
             });
         }
@@ -273,6 +275,23 @@ fn silent_board(layout: &Layout, modules: Vec<usize>, state: BoardState, startin
             over,
         ),
     }
+}
+
+/// Modules of which nothing comes, though their hub sends values of others.
+fn unnamed_modules(layout: &Layout, modules: Vec<usize>, state: BoardState) -> Problem {
+    let name = modules_name(layout, &modules);
+    let kind = match state {
+        BoardState::NeverSeen => Kind::BoardUnheard,
+        _ => Kind::BoardSilent,
+    };
+    of_board(
+        layout,
+        kind,
+        modules,
+        format!("{name} sends no values, and its hub sends those of modules that the layout does not have on it"),
+        "compare `board` in the layout with the numbers on the hub; if they are right, check the module's cable".into(),
+        format!("{} speaks", name.trim_end_matches(',')),
+    )
 }
 
 fn unsteady_board(layout: &Layout, modules: Vec<usize>, how: Unsteady) -> Problem {

@@ -21,12 +21,12 @@ pub fn speaks_on(layout: &Layout, findings: &[Finding], module: usize) -> Option
 }
 
 pub(crate) fn judge(look: &Look<'_>, found: &mut Vec<Problem>) {
-    found.extend(look.view.findings.iter().map(|finding| of_finding(look, finding)));
+    found.extend((look.view.findings.iter()).filter_map(|finding| of_finding(look, finding)));
 }
 
-fn of_finding(look: &Look<'_>, finding: &Finding) -> Problem {
+fn of_finding(look: &Look<'_>, finding: &Finding) -> Option<Problem> {
     let layout = look.setup.layout;
-    match *finding {
+    Some(match *finding {
         Finding::IdBabbles {
             bus,
             id,
@@ -94,7 +94,34 @@ fn of_finding(look: &Look<'_>, finding: &Finding) -> Problem {
                 format!("{name}: no board answers as address {number} any more"),
             )
         }
-    }
+        Finding::ModulesNotInLayout { hub, number, modules } => {
+            return strange_modules(layout, hub, number, modules);
+        }
+    })
+}
+
+/// Whether the hub of a module was found to send values of modules that the layout does not have on it.
+pub(crate) fn hub_speaks(layout: &Layout, findings: &[Finding], module: usize) -> bool {
+    let own = layout.wiring[module].hub;
+    findings
+        .iter()
+        .any(|finding| matches!(*finding, Finding::ModulesNotInLayout { hub, .. } if own == Some(hub)))
+}
+
+fn strange_modules(layout: &Layout, hub: u8, number: u8, modules: u16) -> Option<Problem> {
+    let known = layout.cyskin.as_ref()?.hubs.get(usize::from(hub))?;
+    let name = format!("{}: hub {}", bus_name(layout, known.bus), known.name);
+    let more = match modules {
+        0 | 1 => String::new(),
+        modules => format!(" and {} more", modules - 1),
+    };
+    Some(Problem::new(
+        Kind::BoardNotInLayout,
+        Place::Stranger(known.bus.into(), 0x4000_0000 | u32::from(hub)),
+        format!("{name} sends values of module {number}{more}, which the layout does not have on it"),
+        "compare `board` of its modules with their numbers on the hub, or add what is missing to the layout",
+        format!("{name} sends values of no other modules than the layout's any more"),
+    ))
 }
 
 fn bus_name(layout: &Layout, bus: u8) -> &str {

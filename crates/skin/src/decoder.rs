@@ -41,7 +41,8 @@ pub enum Decoded {
     /// own where the source hears itself. Also an iCub board's answer to a question, and a CySkin
     /// packet that carries no values.
     Command,
-    /// A standard or extended data frame that is nothing of this hand's.
+    /// A standard or extended data frame that is nothing of this hand's, or the end of a CySkin packet with
+    /// values of modules that the layout does not have on that hub.
     Unknown,
     /// A remote or error frame.
     NotData,
@@ -52,7 +53,7 @@ pub enum Decoded {
 pub struct BusCounters {
     /// Frames given to the decoder.
     pub frames: u64,
-    /// Frames that carried readings.
+    /// Frames that carried readings, be it of places that are no taxels.
     pub readings: u64,
     /// Data frames that are nothing of this hand's.
     pub unknown: u64,
@@ -209,6 +210,10 @@ impl Decoder {
             HubFrameKind::Values => {
                 self.counters.readings += 1;
                 Decoded::Readings
+            }
+            HubFrameKind::OfNobody => {
+                self.counters.unknown += 1;
+                Decoded::Unknown
             }
             HubFrameKind::Partial => {
                 self.counters.partial += 1;

@@ -296,6 +296,37 @@ fn a_silent_hub_is_one_problem_with_its_modules_named() {
 }
 
 #[test]
+fn a_hub_that_sends_only_modules_of_no_layout_is_not_called_silent() {
+    for (state, kind) in [
+        (BoardState::Silent, "board-silent"),
+        (BoardState::NeverSeen, "board-unheard"),
+    ] {
+        let mut bench = Bench::of(two_hubs(), &["can:can0"]);
+        bench.pass(1000, |s| {
+            s.boards.iter_mut().for_each(|board| board.state = state);
+            s.findings = vec![Finding::ModulesNotInLayout {
+                hub: 1,
+                number: 9,
+                modules: 2,
+            }];
+        });
+        let said: Vec<String> = (bench.problems.current().iter())
+            .map(|p| p.problem.sentence())
+            .collect();
+        assert_eq!(bench.kinds(), ["board-not-in-layout", kind, kind], "{said:?}");
+        for (said, words) in said.iter().zip([
+            "can0: hub right sends values of module 9 and 1 more, which the layout does not have on it; ",
+            "check its power",
+            "m5 (can0 hub right, board 5) sends no values, and its hub sends those of modules",
+        ]) {
+            assert!(said.contains(words), "{said}");
+        }
+        bench.pass(1000, |s| s.findings.clear());
+        assert_eq!(bench.kinds(), ["bus-silent"]);
+    }
+}
+
+#[test]
 fn findings_are_told_with_their_figures_and_what_to_do() {
     let cases = [
         (

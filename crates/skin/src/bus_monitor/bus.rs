@@ -1,6 +1,7 @@
 //! One bus as its traffic shows it.
 
 use super::finding::BusLoad;
+use super::hub_modules::HubModules;
 use super::stray::{Held, NOBODY};
 use super::tally::{FOREIGN_HUBS, Tally};
 use crate::layout::Layout;
@@ -30,6 +31,8 @@ pub(super) struct Bus {
     pub(super) answers: [Option<BoardKind>; 16],
     /// Hubs whose address no hub of the hand has.
     pub(super) foreign_hubs: Vec<ForeignHub>,
+    /// What speaks on hubs of the hand.
+    pub(super) hub_modules: HubModules,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -39,7 +42,7 @@ pub(super) struct ForeignHub {
 }
 
 impl Bus {
-    pub(super) fn new(layout: &Layout) -> Self {
+    pub(super) fn new(layout: &Layout, bus: u8) -> Self {
         let mut familiar = Box::new(std::array::from_fn(|id| matches!(id >> 4, 0x20 | 0x70)));
         let hub_ids = layout.cyskin.as_ref().map(|setup| setup.ids);
         let addresses = || {
@@ -66,6 +69,7 @@ impl Bus {
             babbles: Held::default(),
             answers: [None; 16],
             foreign_hubs: Vec::with_capacity(FOREIGN_HUBS),
+            hub_modules: HubModules::new(layout, bus),
         }
     }
 

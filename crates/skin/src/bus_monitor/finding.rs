@@ -65,6 +65,15 @@ pub enum Finding {
         /// Its address.
         address: u32,
     },
+    /// A CySkin hub of the layout sends values of modules that the layout does not have on it.
+    ModulesNotInLayout {
+        /// The hub (index in the layout's [`crate::CyskinSetup::hubs`]).
+        hub: u8,
+        /// Of these modules, the lowest number on the hub.
+        number: u8,
+        /// How many such modules there are.
+        modules: u16,
+    },
 }
 
 /// How much a bus carried in the newest window.

@@ -8,6 +8,7 @@
 mod alternation;
 mod bus;
 mod finding;
+mod hub_modules;
 mod stray;
 mod tally;
 
@@ -98,7 +99,10 @@ struct Taxel {
 impl BusMonitor {
     /// A monitor for the buses of a layout.
     pub fn new(layout: &Layout) -> Self {
-        let mut buses: Vec<Bus> = layout.buses.iter().map(|_| Bus::new(layout)).collect();
+        let mut buses: Vec<Bus> = (0u8..)
+            .zip(&layout.buses)
+            .map(|(bus, _)| Bus::new(layout, bus))
+            .collect();
         let mut modules = Vec::new();
         for (index, module, wiring) in layout.boards() {
             let ids = ids_of(wiring.protocol, wiring.board, layout.k_of(module));
@@ -141,7 +145,8 @@ impl BusMonitor {
             }
         }
         let pairs = pairs(layout, &strays);
-        let most = (1 + FOREIGN_HUBS) * buses.len() + 2 * modules.len() + strays.len() + pairs.len();
+        let hubs: usize = buses.iter().map(|bus| bus.hub_modules.len()).sum();
+        let most = (1 + FOREIGN_HUBS) * buses.len() + hubs + 2 * modules.len() + strays.len() + pairs.len();
         let taxels = layout.taxels.iter().map(|t| Taxel {
             module: t.module,
             alternation: Alternation::default(),
@@ -188,6 +193,7 @@ impl BusMonitor {
         let frame = &received.frame;
         if let Some(bus) = self.buses.get_mut(usize::from(bus)) {
             let owner = frame.standard_id().map(|id| bus.owners[usize::from(id) & 0x7FF]);
+            bus.hub_modules.note(frame);
             bus.tally
                 .count(frame, owner.is_some_and(|module| module != NOBODY));
             if let Some(address) = answering(frame) {
@@ -433,6 +439,7 @@ impl BusMonitor {
                 protocol: Protocol::CYSKIN,
                 address: hub.address,
             }));
+            self.findings.extend(bus.hub_modules.end_window());
         }
     }
 }

@@ -232,6 +232,12 @@ fn hubs_interleave_and_what_breaks_a_packet_is_counted() {
         (
             "a module that is not in the layout",
             cyskin_frames(setup, 0x123, SENSOR_DATA, &[200, 1, 0, 5]).unwrap(),
+            vec![Decoded::Unknown],
+            0,
+        ),
+        (
+            "nothing but a temperature of a module that is",
+            cyskin_frames(setup, 0x123, SENSOR_DATA, &[0, 0, 0, 5]).unwrap(),
             vec![r],
             0,
         ),

@@ -1,6 +1,6 @@
 //! One hub: its packets, and the values in them.
 
-use super::packet::{Assembly, Rules, Step};
+use super::packet::{Assembly, Rules, Step, modules_of_values};
 use super::setup::{ByteOrder, CyskinSetup, HubIds, MODULES, SENSOR_DATA, SENSORS};
 use crate::reading::{Readings, STATUS_ERROR, TaxelReading};
 
@@ -34,8 +34,10 @@ pub(crate) struct Hub {
 /// What a frame of a hub was.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum HubFrameKind {
-    /// The last frame of a packet with values.
+    /// The last frame of a packet with values of modules in the layout.
     Values,
+    /// The last frame of a packet with values of modules that the layout does not have on this hub.
+    OfNobody,
     /// A frame of a packet that is not complete yet.
     Partial,
     /// The last frame of a packet that carries something else.
@@ -119,13 +121,14 @@ impl Hub {
         let [module, sensor, values @ ..] = data else {
             return HubFrameKind::Malformed;
         };
-        let (mut module, mut sensor) = (usize::from(*module), *sensor);
-        let count = values.len() / 2;
-        let ends = (usize::from(sensor) + count).div_ceil(usize::from(*sensors_per_module));
-        let fits = sensor < *sensors_per_module && module + ends <= usize::from(MODULES);
-        if values.len() % 2 != 0 || !fits {
+        let span = modules_of_values([*module, *sensor], values.len() / 2, *sensors_per_module);
+        let Some(span) = span.filter(|_| values.len() % 2 == 0) else {
             return HubFrameKind::Malformed;
+        };
+        if numbers[span].iter().all(|place| *place == NOBODY) {
+            return HubFrameKind::OfNobody;
         }
+        let (mut module, mut sensor) = (usize::from(*module), *sensor);
         for bytes in values.chunks_exact(2) {
             let bytes = [bytes[0], bytes[1]];
             let value = match byte_order {

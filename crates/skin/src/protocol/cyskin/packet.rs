@@ -1,6 +1,7 @@
 //! Packets over one or more frames: `p[0]` command, `p[1]` size, data, checksum.
 
-use super::setup::{Checksum, CyskinSetup, FIRST, HubIds, LAST, MIDDLE, SENSOR_DATA, SINGLE};
+use super::setup::{Checksum, CyskinSetup, FIRST, HubIds, LAST, MIDDLE, MODULES, SENSOR_DATA, SINGLE};
+use std::ops::Range;
 use taxel_can::CanFrame;
 
 /// A first byte below this is a sequence number.
@@ -94,6 +95,18 @@ pub(crate) fn begins_with_values(place: u32, data: &[u8]) -> bool {
         _ => false,
     };
     fits && size >= 4 && size.is_multiple_of(2)
+}
+
+/// The numbers of the modules that values run over, from this module and sensor on; `None` where a hub has no such
+/// places. At least the first is among them.
+pub(crate) fn modules_of_values(
+    [module, sensor]: [u8; 2],
+    values: usize,
+    sensors_per_module: u8,
+) -> Option<Range<usize>> {
+    let ends = (usize::from(sensor) + values).div_ceil(usize::from(sensors_per_module));
+    let modules = usize::from(module)..usize::from(module) + ends.max(1);
+    (sensor < sensors_per_module && modules.end <= usize::from(MODULES)).then_some(modules)
 }
 
 /// A packet under assembly: a buffer of fixed size, whatever the bus carries.

@@ -109,10 +109,14 @@ fn two_buses_of_hubs(hubs: [&[u32]; 2]) -> Layout {
     Layout::parse(&text, "hubs.toml").unwrap_or_else(|e| panic!("{e}\n{text}"))
 }
 
-/// The packets of values of a hub on a bus, fifty times a second.
+/// The packets of values of module 2 of a hub on a bus, fifty times a second.
 fn hub(layout: &Layout, bus: u8, address: u32, command: u8) -> Traffic {
+    hub_module(layout, bus, address, command, 2)
+}
+
+fn hub_module(layout: &Layout, bus: u8, address: u32, command: u8, number: u8) -> Traffic {
     let setup = layout.cyskin.as_ref().expect("hubs");
-    let mut data = vec![2, 1];
+    let mut data = vec![number, 1];
     data.extend((0..7).flat_map(|k| [0x20, k]));
     let frames = taxel_skin::cyskin_frames(setup, address, command, &data).expect("a packet");
     let sent = (0..75u64).flat_map(|sweep| (0u64..).zip(&frames).map(move |(i, frame)| (sweep, i, *frame)));
@@ -204,6 +208,30 @@ fn cyskin_hubs_on_the_wrong_bus_are_told_by_their_addresses() {
             .iter()
             .flat_map(|(bus, address, command)| hub(&layout, *bus, *address, *command));
         assert_eq!(last(&found(&layout, traffic.collect(), 1400)), wanted, "{what}");
+    }
+}
+
+#[test]
+fn modules_that_the_layout_does_not_have_on_a_hub_are_named() {
+    let strange = |number, modules| Finding::ModulesNotInLayout {
+        hub: 1,
+        number,
+        modules,
+    };
+    // What hub 7 of the second bus sends, beside hub 3 of the first.
+    let cases: [(&[u8], &[Finding]); 4] = [
+        (&[2], &[]),
+        (&[9], &[strange(9, 1)]),
+        (&[2, 200, 9], &[strange(9, 2)]),
+        (&[], &[]),
+    ];
+    for (sent, wanted) in cases {
+        let layout = two_buses_of_hubs([&[3], &[7]]);
+        let mut traffic = hub(&layout, 0, 3, 0x43);
+        for number in sent {
+            traffic.extend(hub_module(&layout, 1, 7, 0x43, *number));
+        }
+        assert_eq!(last(&found(&layout, traffic, 1400)), wanted, "{sent:?}");
     }
 }
 
