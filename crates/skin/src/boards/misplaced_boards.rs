@@ -36,15 +36,17 @@ impl BusSet {
 }
 
 impl Search {
-    /// The search for a board or hub: on every bus without one of its address. Where `asks_only`,
-    /// it is asked there whether it is there, and never configured or started.
+    /// The search for a board or hub: on every bus without one of its address, but those of pressure arrays,
+    /// which are no buses that a board could be on. Where `asks_only`, it is asked there whether it is there, and
+    /// never configured or started.
     pub(crate) fn new(layout: &Layout, board: &Wiring, asks_only: bool) -> Self {
         let mut search = Self {
             asks_only,
             ..Self::default()
         };
         for bus in 0..layout.buses.len() as u8 {
-            search.buses.set(bus, !layout.has_address_of(board, bus));
+            let may_be_there = layout.array_on(bus.into()).is_none() && !layout.has_address_of(board, bus);
+            search.buses.set(bus, may_be_there);
         }
         search
     }
@@ -87,5 +89,34 @@ impl Search {
         let bus = self.pending.first()?;
         self.pending.set(bus, false);
         Some((bus, mode, command))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_board_is_looked_for_on_every_bus_without_its_address_that_is_no_pressure_arrays() {
+        let text = "name = \"t\"\nbuses = [\"a\", \"mat\", \"b\", \"c\"]\nimage = { width = 9, height = 8 }\n\
+            [[module]]\nname = \"m\"\npart = \"p\"\nbus = \"mat\"\nprotocol = \"pressure-array\"\nrows = 3\n\
+            columns = 5\nat = [4, 0]\n";
+        let board = |bus: &str, address: u8, at: u8| {
+            format!(
+                "[[module]]\nname = \"{bus}{address}\"\npart = \"q\"\nbus = \"{bus}\"\nboard = {address}\n\
+                 protocol = \"uskin-l2\"\nat = [{}, {}]\n",
+                at % 2 * 4,
+                at / 2 * 4
+            )
+        };
+        let text = text.to_owned() + &board("a", 1, 0) + &board("b", 1, 2) + &board("c", 2, 3);
+        let layout = Layout::parse(&text, "t.toml").unwrap_or_else(|e| panic!("{e}"));
+        let buses = |module: usize| {
+            let search = Search::new(&layout, &layout.wiring[module], false);
+            (0..4u8)
+                .filter(|bus| search.buses.0 & 1 << bus != 0)
+                .collect::<Vec<_>>()
+        };
+        assert_eq!((buses(1), buses(3)), (vec![3], vec![0, 2]));
     }
 }
