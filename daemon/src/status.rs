@@ -145,6 +145,7 @@ impl State {
             array,
             problems: names(problems, Place::Bus(index)),
             received: source.received,
+            readings: bus.decoder.readings,
             used: sum(|b| b.used),
             unknown: bus.decoder.unknown,
             not_data: bus.decoder.not_data,

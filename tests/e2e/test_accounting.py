@@ -64,6 +64,8 @@ def test_every_frame_that_is_no_reading_is_counted_by_its_kind(start, lockstep, 
     kinds = ["used", "unknown", "not_data", "commands", "malformed", "queue_overflows", "duplicate", "late", "settling"]
     assert sum(bus[k] for k in kinds) == bus["received"], "frames went missing in the account"
     malformed = {b["module"]: b["malformed"] for b in status["boards"] if b["malformed"]}
+    kinds = ["readings", "unknown", "not_data", "commands", "malformed", "queue_overflows", "joints", "partial"]
+    assert sum(bus[k] for k in kinds) == bus["received"], "frames went missing in the account"
     assert malformed == {hand.modules[0]: 2, hand.modules[1]: 1}
     assert status["buses"][1]["received"] == 112 * driver.sweeps
 

@@ -34,10 +34,8 @@ impl BoardState {
 
 /// What one board has sent, since the start. Every count only grows.
 ///
-/// Each frame of the board is in exactly one of `used`, `duplicate`, `late`, `settling`, `malformed` and
-/// `queue_overflows`.
-///
-/// Where a frame carries several taxels, those that count readings count each of them.
+/// Each reading of the board is in exactly one of `used`, `duplicate`, `late` and `settling`; each frame without
+/// readings in one of `malformed` and `queue_overflows`.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct BoardStatus {
     /// Readings that renewed a taxel.
@@ -75,7 +73,7 @@ pub struct BoardStatus {
 }
 
 impl BoardStatus {
-    /// Frames of the board that are accounted for.
+    /// Frames of the board that are accounted for, where each carries one reading.
     pub fn frames(&self) -> u64 {
         self.used + self.duplicate + self.late + self.settling + self.malformed + self.queue_overflows
     }

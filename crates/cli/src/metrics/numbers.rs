@@ -48,7 +48,8 @@ pub(super) const BUS: &[Number] = &[
         "Load of a bus with as many stuff bits as there can be, 1 where it is full.",
     ),
     count("received", "Frames received."),
-    count("used", "Frames that renewed a taxel."),
+    count("readings", "Frames with readings of boards."),
+    count("used", "Readings that renewed a taxel."),
     count(
         "unknown",
         "Frames that belong to no board and no joint of the layout.",
@@ -68,13 +69,13 @@ pub(super) const BUS: &[Number] = &[
     ),
     count(
         "duplicate",
-        "Frames that came again within half a period of their board.",
+        "Readings that came again within half a period of their board.",
     ),
     count(
         "late",
-        "Frames that came after the image that should have had them.",
+        "Readings that came after the image that should have had them.",
     ),
-    count("settling", "Frames that came while their board was starting."),
+    count("settling", "Readings that came while their board was starting."),
     count(
         "lost_in_kernel",
         "Frames that the kernel dropped before the daemon read them.",

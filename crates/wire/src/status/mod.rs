@@ -182,7 +182,10 @@ report! {
         problems: Vec<String>,
         /// Frames received.
         received: u64,
-        /// Frames that renewed a taxel.
+        /// Frames with readings of boards. What became of these readings is in `used`, `duplicate`, `late` and
+        /// `settling`, which count taxels.
+        readings: u64,
+        /// Readings that renewed a taxel.
         used: u64,
         /// Frames that belong to nobody.
         unknown: u64,
@@ -200,11 +203,11 @@ report! {
         malformed: u64,
         /// How often boards threw their transmit queue away.
         queue_overflows: u64,
-        /// Frames that came again within half a board period.
+        /// Readings that came again within half a board period.
         duplicate: u64,
-        /// Frames that came after the image that should have had them.
+        /// Readings that came after the image that should have had them.
         late: u64,
-        /// Frames that came while their board was starting.
+        /// Readings that came while their board was starting.
         settling: u64,
         /// Frames that the kernel dropped.
         lost_in_kernel: u64,
