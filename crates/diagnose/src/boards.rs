@@ -134,7 +134,10 @@ pub(crate) fn judge(look: &Look<'_>, steadiness: &mut Steadiness, found: &mut Ve
         if all {
             found.push(match is_foreign {
                 true => foreign_bus(look, index),
-                false => silent_bus(&layout.buses[index], index, bus.starting),
+                false => {
+                    let starting = here.iter().any(|m| layout.is_started(*m)).then_some(bus.starting);
+                    silent_bus(&layout.buses[index], index, starting)
+                }
             });
         }
         let (mut silent, mut unsteady) = (Vec::new(), Vec::new());
@@ -189,10 +192,12 @@ fn by_board<T: Copy>(
     boards
 }
 
-fn silent_bus(name: &str, bus: usize, starting: Starting) -> Problem {
+/// `starting` is `None` where no board of the bus is ever told to start.
+fn silent_bus(name: &str, bus: usize, starting: Option<Starting>) -> Problem {
     let done = match starting {
-        Starting::Repeated => "They are told to start again and again",
-        starting => what_is_done(starting),
+        Some(Starting::Repeated) => "They are told to start again and again",
+        Some(starting) => what_is_done(starting),
+        None => "Nothing is sent to such boards: they send from power-up on",
     };
     Problem::new(
         Kind::BusSilent,
@@ -253,7 +258,10 @@ fn of_board(
 
 fn silent_board(layout: &Layout, modules: Vec<usize>, state: BoardState, starting: Starting) -> Problem {
     let name = modules_name(layout, &modules);
-    let done = what_is_done(starting);
+    let done = match layout.is_started(modules[0]) {
+        true => what_is_done(starting),
+        false => "Nothing is sent to it: such a board sends from power-up on",
+    };
     let over = format!("{} speaks", name.trim_end_matches(','));
     match state {
         BoardState::NeverSeen => of_board(

@@ -57,7 +57,7 @@ pub struct BusView {
     pub starting: Starting,
 }
 
-/// What is done about boards that are silent.
+/// What is done about boards that are silent, where their protocol knows a command to start them.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
 pub enum Starting {
     /// They are told to start again and again.

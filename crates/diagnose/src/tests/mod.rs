@@ -1,3 +1,4 @@
+mod boards;
 mod hand;
 mod joints;
 mod potentiometers;

@@ -134,6 +134,16 @@ impl Layout {
         of_bus.filter_map(|wiring| wiring.array).next()
     }
 
+    /// Whether the board of a module (index) is told to start; others send from power-up on.
+    pub fn is_started(&self, module: usize) -> bool {
+        let wiring = &self.wiring[module];
+        wiring
+            .protocol
+            .0
+            .sequences(&self.wired_board(module as u16))
+            .is_some()
+    }
+
     /// The board of a module, as its protocol sees it.
     pub(crate) fn wired_board(&self, module: u16) -> WiredBoard<'_> {
         let (of_module, wiring) = (

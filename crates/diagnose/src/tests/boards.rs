@@ -1,0 +1,28 @@
+//! What is said of boards by what they are: those that are never told to start.
+
+use super::{Bench, sentence};
+use taxel_skin::{BoardState, Layout};
+
+#[test]
+fn only_of_boards_that_are_told_to_start_it_is_said() {
+    let sources = ["can:can0", "can:can1", "can:can2", "can:can3", "can:can4"];
+    for (layout, is_told) in [("allegro-uskin-15", true), ("allegro-xela-18", false)] {
+        let layout = Layout::builtin(layout).expect("built in");
+        let sources = &sources[..layout.buses.len()];
+        let boards = layout.modules.len();
+        for silent in [1, boards] {
+            let mut bench = Bench::of(layout.clone(), sources);
+            bench.pass(1000, |s| {
+                for board in &mut s.boards[..silent] {
+                    board.state = BoardState::Silent;
+                }
+            });
+            let said: Vec<&str> = bench.said.iter().map(sentence).collect();
+            assert!(!said.is_empty());
+            for said in said {
+                assert_eq!(said.contains("told to start again and again"), is_told, "{said}");
+                assert_eq!(said.contains("from power-up on"), !is_told, "{said}");
+            }
+        }
+    }
+}
