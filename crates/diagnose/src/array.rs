@@ -103,3 +103,11 @@ pub(crate) fn silent(address: &SourceAddress, layout: &Layout, module: usize, st
         format!("{name}: frames come"),
     )
 }
+
+/// What is said of an array whose frames stopped several times of late, and what to do.
+pub(crate) fn unsteady(name: &str, times: usize) -> (String, String) {
+    (
+        format!("{name}: its frames stopped {times} times within half a minute"),
+        "look at the program of its sensor, which pauses or is started anew, and at the sensor's plug".into(),
+    )
+}

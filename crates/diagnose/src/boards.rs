@@ -314,5 +314,9 @@ fn unsteady_board(layout: &Layout, modules: Vec<usize>, how: Unsteady) -> Proble
         "{name} fell silent {times} times within half a minute: a loose plug, or a supply that sags so that it \
          reboots{busy}"
     );
-    of_board(layout, Kind::BoardUnsteady, modules, found, String::new(), over)
+    let (found, advice) = match layout.wiring[modules[0]].array {
+        Some(_) => array::unsteady(&name, times),
+        None => (found, String::new()),
+    };
+    of_board(layout, Kind::BoardUnsteady, modules, found, advice, over)
 }

@@ -1,6 +1,6 @@
-//! What is said of boards by what they are: those that are never told to start.
+//! What is said of boards by what they are: those that are never told to start, pressure arrays.
 
-use super::{Bench, sentence};
+use super::{Bench, MS, sentence};
 use taxel_skin::{BoardState, Layout};
 
 #[test]
@@ -25,4 +25,19 @@ fn only_of_boards_that_are_told_to_start_it_is_said() {
             }
         }
     }
+}
+
+#[test]
+fn of_an_unsteady_pressure_array_its_program_is_named_and_no_supply() {
+    let text = "name = \"t\"\nbuses = [\"mat\"]\nimage = { width = 5, height = 3 }\n[[module]]\nname = \"mat\"\n\
+        part = \"p\"\nbus = \"mat\"\nprotocol = \"pressure-array\"\nrows = 3\ncolumns = 5\nat = [0, 0]\n";
+    let layout = Layout::parse(text, "t.toml").unwrap_or_else(|e| panic!("{e}"));
+    let mut bench = Bench::of(layout, &["pressure:/run/mat.sock"]);
+    bench.pass(9000, |s| s.boards[0].silences = s.now_ns / (1500 * MS));
+    assert_eq!(bench.kinds(), ["board-unsteady"]);
+    let said = sentence(&bench.said[0]);
+    assert!(
+        said.contains("the program of its sensor") && !said.contains("supply"),
+        "{said}"
+    );
 }

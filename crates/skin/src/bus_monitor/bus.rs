@@ -33,6 +33,8 @@ pub(super) struct Bus {
     pub(super) foreign_hubs: Vec<ForeignHub>,
     /// What speaks on hubs of the hand.
     pub(super) hub_modules: HubModules,
+    /// Whether it is the socket of a pressure array, which no frame keeps another from and whose rate is its program's.
+    pub(super) is_array: bool,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -70,6 +72,7 @@ impl Bus {
             answers: [None; 16],
             foreign_hubs: Vec::with_capacity(FOREIGN_HUBS),
             hub_modules: HubModules::new(layout, bus),
+            is_array: layout.array_on(bus.into()).is_some(),
         }
     }
 

@@ -268,7 +268,8 @@ impl BusMonitor {
     }
 
     fn find_babblers(&mut self) {
-        for (index, bus) in (0u8..).zip(&mut self.buses) {
+        let buses = (0u8..).zip(&mut self.buses);
+        for (index, bus) in buses.filter(|(_, bus)| !bus.is_array) {
             let loudest = bus.tally.loudest().filter(|(extended, id, of)| {
                 let (rate_hz, share) = figures(of.frames, of.bits);
                 let owner = (!extended).then(|| bus.owners[*id as usize & 0x7FF]);
@@ -320,8 +321,9 @@ impl BusMonitor {
         };
         let usual_hz = others_hz.or(self.modules[index].usual_hz);
         let module = &mut self.modules[index];
-        let Some(bus) = self.buses.get(usize::from(module.bus)) else {
-            // The modules of an array in a file are on no bus.
+        let bus = self.buses.get(usize::from(module.bus));
+        let Some(bus) = bus.filter(|bus| !bus.is_array) else {
+            // The modules of an array in a file are on no bus, those of a pressure array on none of boards.
             return;
         };
         let own = (module.ids.iter()).fold((0, 0), |(frames, bits), id| {

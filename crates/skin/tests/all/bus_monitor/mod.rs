@@ -207,6 +207,25 @@ fn a_board_that_sweeps_without_pause_is_named() {
 }
 
 #[test]
+fn a_pressure_array_sends_at_any_rate() {
+    let text = "name = \"t\"\nbuses = [\"mat\"]\nimage = { width = 5, height = 3 }\n[[module]]\nname = \"mat\"\n\
+        part = \"p\"\nbus = \"mat\"\nprotocol = \"pressure-array\"\nrows = 3\ncolumns = 5\nat = [0, 0]\n";
+    let layout = Layout::parse(text, "t.toml").unwrap_or_else(|e| panic!("{e}"));
+    let mut traffic = Traffic::new();
+    let mut t_ns = 0;
+    for message in 0..6000u32 {
+        // At 50 Hz for a second, then at 2000 Hz.
+        t_ns += if message < 50 { 20 * MS } else { MS / 2 };
+        // Values that swing, as those of two boards would.
+        let counts = [[900; 15], [100; 15]][message as usize % 2];
+        let frames = taxel_can::pressure_frames([3, 5], message, &counts);
+        traffic.extend(frames.into_iter().map(|frame| (0, Received { t_ns, frame })));
+    }
+    let found = found(&layout, traffic, t_ns / MS);
+    assert!(found.iter().all(|(_, findings)| findings.is_empty()), "{found:?}");
+}
+
+#[test]
 fn two_boards_with_one_address_are_told_from_one_that_is_fast_or_noisy() {
     let hand = hand();
     // Board 5 of the first bus answers as board 3 from one second on.
