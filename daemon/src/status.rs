@@ -160,6 +160,7 @@ impl State {
             settling: sum(|b| b.settling),
             lost_in_kernel: source.lost_in_kernel,
             undecodable: source.undecodable,
+            can_fd: source.can_fd,
             reopens: source.reopens,
             link_losses: source.link_losses,
             sent: source.sent,

@@ -52,6 +52,7 @@ def test_every_frame_that_is_no_reading_is_counted_by_its_kind(start, lockstep, 
         "received": 128 * driver.sweeps + len(frames),
         "used": 128 * driver.sweeps,
         "undecodable": len(undecodable) + 1,
+        "can_fd": 1,
         "remote": 1,
         "duplicate": 0,
         "late": 0,
@@ -63,9 +64,9 @@ def test_every_frame_that_is_no_reading_is_counted_by_its_kind(start, lockstep, 
     assert bus["errors"]["frames"] == 1
     kinds = ["used", "unknown", "not_data", "commands", "malformed", "queue_overflows", "duplicate", "late", "settling"]
     assert sum(bus[k] for k in kinds) == bus["received"], "frames went missing in the account"
-    malformed = {b["module"]: b["malformed"] for b in status["boards"] if b["malformed"]}
     kinds = ["readings", "unknown", "not_data", "commands", "malformed", "queue_overflows", "joints", "partial"]
     assert sum(bus[k] for k in kinds) == bus["received"], "frames went missing in the account"
+    malformed = {b["module"]: b["malformed"] for b in status["boards"] if b["malformed"]}
     assert malformed == {hand.modules[0]: 2, hand.modules[1]: 1}
     assert status["buses"][1]["received"] == 112 * driver.sweeps
 

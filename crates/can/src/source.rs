@@ -112,6 +112,8 @@ pub struct SourceCounters {
     /// Datagrams or lines that were not a frame, or not one a hand can send (CAN FD); messages of a pressure array that
     /// were refused.
     pub undecodable: u64,
+    /// CAN FD frames among `undecodable`, where the source can tell.
+    pub can_fd: u64,
     /// Remote frames among `received`.
     pub remote: u64,
     /// Error frames among `received`, by cause.

@@ -144,7 +144,16 @@ pub(crate) fn judge(look: &Look<'_>, index: usize, flapped: bool, found: &mut Ve
     let undecodable = since(source.undecodable, before.undecodable);
     // Of a pressure array it is told with what is refused there.
     if undecodable > 0 && !matches!(address, SourceAddress::Pressure { .. }) {
+        let can_fd = since(source.can_fd, before.can_fd);
+        let mut what = "are no CAN frames";
         let (unit, advice) = match address {
+            SourceAddress::Udp { .. } if 2 * can_fd > undecodable => {
+                what = "are CAN FD frames, which are refused";
+                (
+                    "datagrams",
+                    "no board of a known skin sends such; have the sender make classic ones (python-can: `is_fd=False`)",
+                )
+            }
             SourceAddress::Udp { .. } => (
                 "datagrams",
                 "does another program send to this group and port? Give the hand one of its own; python-can's \
@@ -156,7 +165,7 @@ pub(crate) fn judge(look: &Look<'_>, index: usize, flapped: bool, found: &mut Ve
         report(
             Kind::Undecodable,
             &format!(
-                "{:.0} {unit} a second from {address} are no CAN frames",
+                "{:.0} {unit} a second from {address} {what}",
                 per_second(undecodable).max(1.0)
             ),
             advice,

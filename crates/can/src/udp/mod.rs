@@ -4,7 +4,7 @@ use crate::address::{DEFAULT_UDP_GROUP, DEFAULT_UDP_HOP_LIMIT, DEFAULT_UDP_PORT}
 use crate::clock::{StampConverter, monotonic_ns, realtime_ns};
 use crate::drops::DropCounter;
 use crate::kernel::DatagramReader;
-use crate::python_can;
+use crate::python_can::{self, Undecodable};
 use crate::{CanFrame, CanSource, LinkState, Received, SendError, SourceCounters, Wakeup};
 use ::socketcan::SocketOptions;
 use nix::errno::Errno;
@@ -312,7 +312,10 @@ impl CanSource for UdpMulticast {
                         self.counters.count(&frame);
                         batch.push(Received { t_ns, frame });
                     }
-                    _ => self.counters.undecodable += 1,
+                    outcome => {
+                        self.counters.undecodable += 1;
+                        self.counters.can_fd += u64::from(outcome == Err(Undecodable::CanFd));
+                    }
                 }
             }
         }

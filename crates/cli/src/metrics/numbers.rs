@@ -81,6 +81,7 @@ pub(super) const BUS: &[Number] = &[
         "Frames that the kernel dropped before the daemon read them.",
     ),
     count("undecodable", "Datagrams or lines that were no frame."),
+    count("can_fd", "CAN FD frames among these."),
     count("reopens", "How often the source of a bus was opened anew."),
     count("link_losses", "How often the link of a bus was lost."),
     count("sent", "Frames that the daemon sent."),

@@ -411,16 +411,28 @@ fn errors_on_the_bus_are_told_with_what_to_look_at() {
 
 #[test]
 fn what_is_no_frame_is_told_with_where_it_may_come_from() {
-    for (source, words) in [
+    for (source, can_fd, words) in [
         (
             "udp:239.74.163.9:43113",
+            0,
             ["10 datagrams a second", "another program"],
         ),
-        ("log:grasp.log", ["10 lines a second", "damaged"]),
-        ("can:can0", ["10 frames a second", "report"]),
+        (
+            "udp:239.74.163.9:43113",
+            1,
+            [
+                "10 datagrams a second from udp:239.74.163.9:43113 are CAN FD frames",
+                "is_fd=False",
+            ],
+        ),
+        ("log:grasp.log", 0, ["10 lines a second", "damaged"]),
+        ("can:can0", 0, ["10 frames a second", "report"]),
     ] {
         let mut bench = Bench::of(Layout::builtin("uskin-module").expect("built in"), &[source]);
-        bench.pass(2000, |s| s.buses[0].counters.undecodable += 1);
+        bench.pass(2000, |s| {
+            s.buses[0].counters.undecodable += 1;
+            s.buses[0].counters.can_fd += can_fd;
+        });
         assert_eq!(bench.kinds(), ["undecodable"], "{source}");
         let said = bench.problems.current()[0].problem.sentence();
         assert!(

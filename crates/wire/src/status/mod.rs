@@ -213,6 +213,8 @@ report! {
         lost_in_kernel: u64,
         /// Datagrams or lines that were no frame.
         undecodable: u64,
+        /// CAN FD frames among these.
+        can_fd: u64,
         /// How often the source was opened anew.
         reopens: u64,
         /// How often the link was lost.
