@@ -3,6 +3,7 @@
 //!
 //! The tick thread itself never logs, so that a slow terminal or journal cannot hold up an image.
 
+use crate::out_of_use::OutOfUse;
 use crate::snapshot::Snapshot;
 use crate::state::State;
 use sd_notify::NotifyState;
@@ -10,8 +11,8 @@ use std::rc::Rc;
 use std::time::Duration;
 use taxel_can::LinkState;
 use taxel_diagnose::{BusView, Crowd, HandView, JointsReporter, JointsView, News, Severity};
-use taxel_hand::{Fault, Faults};
-use taxel_skin::{BoardState, Layout};
+use taxel_hand::Fault;
+use taxel_skin::BoardState;
 use taxel_wire::{Event, EventKind};
 use tokio::time::{Instant, MissedTickBehavior, interval};
 
@@ -27,6 +28,7 @@ pub(crate) async fn watch(state: Rc<State>) {
     let mut period = interval(PERIOD);
     period.set_missed_tick_behavior(MissedTickBehavior::Delay);
     let mut before: Option<Snapshot> = None;
+    let mut out_of_use = OutOfUse::default();
     let mut joints = JointsReporter::default();
     let mut last_heartbeat = 0;
     let mut status_at = Instant::now();
@@ -41,7 +43,7 @@ pub(crate) async fn watch(state: Rc<State>) {
             continue;
         }
         let is_sending = state.call_roster().await;
-        report_changes(&state, before.as_ref(), &now);
+        report_changes(&state, before.as_ref(), &now, &mut out_of_use);
         let view = state.joints(&now);
         if !finished {
             // A recording that is over is no bus that is down.
@@ -103,7 +105,7 @@ impl Reports {
 }
 
 /// Says what is different between two looks at the hand.
-fn report_changes(state: &State, before: Option<&Snapshot>, now: &Snapshot) {
+fn report_changes(state: &State, before: Option<&Snapshot>, now: &Snapshot, out_of_use: &mut OutOfUse) {
     let layout = &state.config.layout;
     for (i, bus) in now.buses.iter().enumerate() {
         let was_up =
@@ -139,8 +141,12 @@ fn report_changes(state: &State, before: Option<&Snapshot>, now: &Snapshot) {
         tracing::error!("{sentence}");
         state.server.announce(Event::new(EventKind::Notice, sentence));
     }
-    let Some(before) = before else { return };
-    for (faults, taxels) in newly_out_of_use(layout, &before.force.faults, &now.force.faults) {
+    let speaks = |module: usize| {
+        now.boards
+            .get(module)
+            .is_some_and(|b| b.state == BoardState::Streaming)
+    };
+    for (faults, taxels) in out_of_use.look(layout, &now.force.faults, speaks) {
         let module = layout.module_of(taxels[0]);
         let name = &module.name;
         let reasons = faults.iter().map(Fault::name).collect::<Vec<_>>().join(", ");
@@ -157,6 +163,7 @@ fn report_changes(state: &State, before: Option<&Snapshot>, now: &Snapshot) {
             ),
         }
     }
+    let Some(before) = before else { return };
     if now.overruns > before.overruns {
         tracing::warn!(
             ticks = now.overruns - before.overruns,
@@ -190,27 +197,6 @@ fn report_changes(state: &State, before: Option<&Snapshot>, now: &Snapshot) {
         tracing::info!("{text}");
         state.server.announce(Event::new(kind, text));
     }
-}
-
-/// Taxels that are out of use for reasons that did not hold before, and these reasons; those of one module with the same
-/// are one entry. That a value is missing is told of boards.
-fn newly_out_of_use(layout: &Layout, before: &[Faults], now: &[Faults]) -> Vec<(Faults, Vec<usize>)> {
-    let mut all: Vec<(Faults, Vec<usize>)> = Vec::new();
-    for module in &layout.modules {
-        let first = all.len();
-        for taxel in module.taxel_range() {
-            let mut newly = Faults::NONE;
-            (now[taxel].iter())
-                .filter(|fault| !before[taxel].contains(*fault) && *fault != Fault::Missing)
-                .for_each(|fault| newly.insert(fault));
-            match all[first..].iter_mut().find(|(faults, _)| *faults == newly) {
-                _ if newly.is_empty() => {}
-                Some((_, taxels)) => taxels.push(taxel),
-                None => all.push((newly, vec![taxel])),
-            }
-        }
-    }
-    all
 }
 
 /// Says what is new of the joints.
@@ -291,38 +277,6 @@ fn call_roll(state: &State, now: Option<&Snapshot>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn taxels_of_one_module_that_fall_out_for_the_same_reason_are_told_together() {
-        let layout = Layout::builtin("allegro-uskin-15").expect("built in");
-        let of = |faults: &[Fault]| {
-            let mut all = Faults::NONE;
-            faults.iter().for_each(|fault| all.insert(*fault));
-            all
-        };
-        let (status, stuck) = (of(&[Fault::Status]), of(&[Fault::Stuck]));
-        let mut before = vec![Faults::NONE; layout.taxels.len()];
-        let mut now = before.clone();
-        now[..40].fill(status);
-        now[3] = of(&[Fault::Status, Fault::Stuck]);
-        (before[5], now[5]) = (status, of(&[Fault::Status, Fault::Missing]));
-        (before[6], now[6]) = (status, of(&[Fault::Status, Fault::Stuck]));
-        now[100] = of(&[Fault::Missing]);
-        before[101] = stuck;
-        let told = newly_out_of_use(&layout, &before, &now);
-        let all_but = |not: &[usize]| (0..16).filter(|taxel| !not.contains(taxel)).collect();
-        assert_eq!(
-            told,
-            [
-                (status, all_but(&[3, 5, 6])),
-                (of(&[Fault::Status, Fault::Stuck]), vec![3]),
-                (stuck, vec![6]),
-                (status, (16..32).collect()),
-                (status, (32..40).collect()),
-            ]
-        );
-        assert!(newly_out_of_use(&layout, &now, &now).is_empty());
-    }
 
     #[test]
     fn a_report_is_made_at_once_where_one_asks_and_then_each_second_however_many_do() {
