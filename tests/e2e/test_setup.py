@@ -160,6 +160,21 @@ def test_the_daemon_of_the_written_configuration_shows_a_press_where_it_was_said
             assert lit == wanted, f"{module}: {sorted(lit)} instead of {sorted(wanted)}"
 
 
+def test_a_wrong_press_is_asked_for_again_where_nobody_types_too(buses, shuffled, folder):
+    first, second = shuffled.hand.modules[:2]
+    by_word = shuffled.hand.modules[2:]
+    words = "".join("can{}/{}\n".format(*shuffled.address[module]) for module in by_word)
+    options = ["--layout", "allegro-uskin-15", "--touch", "--joints", "none", "--dry-run"]
+    setup = Setup(folder, *buses.sources, *options, answers="\n\n" + words + "\n")
+    press(shuffled, setup, first)
+    setup.wait_for(f"Press the {second} (")
+    shuffled.pressed = first
+    setup.wait_for(f"which is the {first} already")
+    press(shuffled, setup, second)
+    status, _ = setup.end()
+    assert status == 0, setup.said
+
+
 def test_nothing_is_written_over_a_file_or_after_an_answer_is_missing(buses, shuffled, folder):
     (folder / "taxeld.toml").write_text("mine")
     setup = Setup(folder, *buses.sources, "--yes")

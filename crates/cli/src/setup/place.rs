@@ -132,14 +132,14 @@ impl<'a> Pressing<'a> {
     }
 
     /// A press, or what was said instead. A script has a line for each press, an empty one to wait for it; behind its
-    /// end presses alone count.
-    fn press(&mut self) -> anyhow::Result<Reply> {
+    /// end presses alone count. It has no line for a press that is asked for `again`.
+    fn press(&mut self, again: bool) -> anyhow::Result<Reply> {
         let is_typed = self.answers.are_typed();
         let line = Awaited {
             touch: is_typed,
             line: true,
         };
-        if is_typed || !self.is_unanswered {
+        if is_typed || !(again || self.is_unanswered) {
             match self.wait(line)? {
                 Some(Reply::Line(text)) if text.is_empty() && !is_typed => {}
                 Some(reply) => return Ok(reply),
@@ -161,11 +161,14 @@ impl<'a> Pressing<'a> {
             "Press each module in turn and hold it until its board is named. Or type: s to skip it, b to go back, q to \
              leave the rest out, or its board, such as can0/3.",
         );
-        let mut next = 0;
+        let (mut next, mut again) = (0, false);
         while next < count {
             let name = &hand.modules[next].name;
             prompt(&format!("Press the {name} ({} of {count}): ", next + 1));
-            let (board, why) = match self.press()? {
+            let reply = self.press(again)?;
+            let is_pressed = matches!(reply, Reply::Pressed { .. });
+            again = false;
+            let (board, why) = match reply {
                 Reply::Pressed { module, lead } => {
                     let why = match lead < 100.0 {
                         true => format!(", which rose {lead:.0} times as much as any other"),
@@ -196,15 +199,16 @@ impl<'a> Pressing<'a> {
             if let Some(other) = places.iter().position(|place| *place == Some(board)) {
                 let other = &hand.modules[other].name;
                 eprintln!();
-                self.answers
-                    .refuse(&format!("That is {called}, which is the {other} already."))?;
+                let why = format!("That is {called}, which is the {other} already.");
+                again = self.refuse(is_pressed, &why)?;
             } else if !self.heard.can_be(board, hand, next) {
                 let taxels = [&self.heard.layout.modules[board], &hand.modules[next]].map(|m| m.taxels);
                 eprintln!();
-                self.answers.refuse(&format!(
+                let why = format!(
                     "That is {called}, whose {} taxels are not the {} of the {name}.",
                     taxels[0], taxels[1]
-                ))?;
+                );
+                again = self.refuse(is_pressed, &why)?;
             } else {
                 eprintln!("{called}{why}");
                 places[next] = Some(board);
@@ -212,6 +216,16 @@ impl<'a> Pressing<'a> {
             }
         }
         Ok(places)
+    }
+
+    /// A board that cannot be the one; says whether it was pressed, which whoever presses does again. One that a script
+    /// names is wrong for good.
+    fn refuse(&self, is_pressed: bool, why: &str) -> anyhow::Result<bool> {
+        match is_pressed {
+            true => say(why),
+            false => self.answers.refuse(why)?,
+        }
+        Ok(is_pressed)
     }
 
     /// The board that was typed; `None`, and said, where none of that name was heard.
@@ -233,7 +247,7 @@ impl<'a> Pressing<'a> {
             "Name each module and press it, from the fingertips down; the first word of a name is the part of the hand \
              that it belongs to, such as `index` of `index tip`.",
         );
-        while named.len() < self.heard.layout.modules.len() {
+        'names: while named.len() < self.heard.layout.modules.len() {
             prompt("Name of the next module (empty: no more): ");
             let line = Awaited {
                 touch: false,
@@ -248,22 +262,30 @@ impl<'a> Pressing<'a> {
                     .refuse(&format!("There is a module {name} already."))?;
                 continue;
             }
-            prompt(&format!("Press the {name}: "));
-            let board = match self.press()? {
-                Reply::Pressed { module, .. } => module,
-                Reply::Line(text) => match self.typed(&text)? {
-                    Some(board) => board,
-                    None => continue,
-                },
+            let mut again = false;
+            let board = loop {
+                prompt(&format!("Press the {name}: "));
+                let reply = self.press(again)?;
+                let is_pressed = matches!(reply, Reply::Pressed { .. });
+                let board = match reply {
+                    Reply::Pressed { module, .. } => module,
+                    Reply::Line(text) => match self.typed(&text)? {
+                        Some(board) => board,
+                        None => continue 'names,
+                    },
+                };
+                let called = self.heard.board(board);
+                eprintln!("{called}");
+                let Some((_, other)) = named.iter().find(|(other, _)| *other == board) else {
+                    break board;
+                };
+                let why = format!("That is {called}, which is the {other} already.");
+                again = self.refuse(is_pressed, &why)?;
+                if !again {
+                    continue 'names;
+                }
             };
-            let called = self.heard.board(board);
-            eprintln!("{called}");
-            match named.iter().find(|(other, _)| *other == board) {
-                Some((_, other)) => self
-                    .answers
-                    .refuse(&format!("That is {called}, which is the {other} already."))?,
-                None => named.push((board, name)),
-            }
+            named.push((board, name));
         }
         Ok(named)
     }
