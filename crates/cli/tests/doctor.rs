@@ -435,3 +435,26 @@ fn a_scan_starts_silent_boards_only_where_it_is_told_to() {
     let text = found["layout"].as_str().unwrap();
     assert_eq!(taxel_skin::Layout::parse(text, "found.toml").unwrap().len(), 16);
 }
+
+#[test]
+fn a_scan_that_starts_boards_configures_those_of_an_icub_which_have_to_be() {
+    let dir = TempDir::new().unwrap();
+    let (_hand, sources) = hand(&dir, "idle", &["--layout", "icub-forearm"], 1);
+    let wanted = taxel_skin::Layout::builtin("icub-forearm").unwrap();
+    let found = eventually(|| {
+        let mut command = taxel(&dir, &["doctor", "--scan", "--start", "--json", "--seconds", "1"]);
+        let output = command.arg(&sources[0]).output().unwrap();
+        let found: Value =
+            serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{e}: {}", said(&output)));
+        let is_whole = found["layout"]
+            .as_str()
+            .is_some_and(|text| taxel_skin::Layout::parse(text, "found.toml").unwrap().len() == wanted.len());
+        is_whole.then_some(found.clone()).ok_or(found.to_string())
+    });
+    let boards = found["buses"][0]["boards"].as_array().unwrap();
+    assert_eq!(boards.len(), wanted.wiring.len());
+    assert!(
+        boards.iter().all(|board| board["protocol"] == "icub-mtb3"),
+        "{boards:?}"
+    );
+}

@@ -39,6 +39,7 @@ pub use protocol::cyskin::setup::{
 };
 pub use protocol::icub::decode::{ICUB_NO_ACK, ICUB_NOT_CONNECTED, ICUB_OUT_OF_RANGE, icub_triangle_data};
 pub use protocol::icub::setup::IcubSetup;
+pub use protocol::icub::start::{ICUB_CALIBRATION_MS, icub_configuration};
 pub use protocol::mtb::{BoardKind, MtbCommand};
 pub use protocol::{Measures, Mtb, Protocol};
 

@@ -17,6 +17,7 @@ mod picture;
 pub(crate) mod report;
 pub(crate) mod scan;
 mod servos;
+pub(crate) mod starting;
 
 pub(crate) use arguments::Args;
 

@@ -4,22 +4,17 @@ use super::bus_listener::{BusListener, Listener};
 use super::capacity::plural;
 use super::link;
 use super::report;
+use super::starting::Asked;
 use anyhow::{Context, bail};
 use serde_json::json;
 use std::io::{self, Write};
 use std::path::Path;
-use taxel_can::{CanFrame, EXTENDED_FLAG, LinkState, Received, SourceAddress};
+use taxel_can::{EXTENDED_FLAG, LinkState, Received, SourceAddress};
 use taxel_playback::interrupt::Interrupt;
 use taxel_playback::output_file::OutputFile;
 use taxel_playback::traffic::Traffic;
-use taxel_skin::{
-    CyskinPacket, CyskinSetup, Discovery, Layout, MtbCommand, RecognisedBus, Recogniser, Recognition,
-    cyskin_frames,
-};
+use taxel_skin::{Layout, RecognisedBus, Recogniser, Recognition};
 
-const DISCOVERY_NS: u64 = 4_000_000_000;
-/// Between two commands to boards (docs/protocols.md, "MTB3 firmware").
-const GAP: std::time::Duration = std::time::Duration::from_millis(10);
 const RECEIVE_BUFFER: usize = 4 << 20;
 
 /// What to scan, and how.
@@ -43,18 +38,18 @@ pub(crate) struct Bus {
 /// Listens, recognises, and writes the proposed file; says whether any board was recognised.
 pub(super) fn run(scan: &Scan<'_>, root: &Path, interrupt: Interrupt) -> anyhow::Result<bool> {
     let buses = buses(scan.sources, root)?;
-    let found = hear(&buses, scan.seconds, scan.start, interrupt)?;
-    tell(scan, &buses, &found)
+    let (found, asked) = hear(&buses, scan.seconds, scan.start, interrupt)?;
+    tell(scan, &buses, &found, asked.as_ref())
 }
 
 /// Listens to these buses and recognises what speaks there. With `start`, silent buses are asked for boards, and those
-/// that answer speak meanwhile; a recording is heard to its end.
+/// that answer speak meanwhile: who did is the second; a recording is heard to its end.
 pub(crate) fn hear(
     buses: &[Bus],
     seconds: f64,
     start: bool,
     interrupt: Interrupt,
-) -> anyhow::Result<Recognition> {
+) -> anyhow::Result<(Recognition, Option<Asked>)> {
     let sources: Vec<SourceAddress> = buses.iter().map(|bus| bus.source.clone()).collect();
     let (mut bus_listener, failures) = BusListener::open(&sources, None, RECEIVE_BUFFER, interrupt);
     if let Some((bus, error)) = failures.into_iter().next() {
@@ -71,9 +66,13 @@ pub(crate) fn hear(
         }
     }
     let mut recogniser = Recogniser::new(buses.len());
-    let mut started = Vec::new();
+    let mut asked = None;
     if start && bus_listener.is_live() {
-        started = start_boards(&mut bus_listener, buses.len() as u8, &mut recogniser)?;
+        asked = Some(Asked::start(
+            &mut bus_listener,
+            buses.len() as u8,
+            &mut recogniser,
+        )?);
     }
     let length_ns = if bus_listener.is_live() {
         (seconds * 1e9) as u64
@@ -84,16 +83,13 @@ pub(crate) fn hear(
         recogniser: &mut recogniser,
     };
     let go_on = bus_listener.listen(length_ns, "listening", &mut hearing);
-    for (bus, board) in started {
-        match board {
-            Started::Mtb(address) => send(&mut bus_listener, bus, &MtbCommand::stop(address).frame()),
-            Started::Hubs => tell_hubs(&mut bus_listener, bus, |hubs| &hubs.stop),
-        }
+    if let Some(asked) = &asked {
+        asked.stop(&mut bus_listener);
     }
     if !go_on {
         bail!("stopped before anything was recognised");
     }
-    Ok(recogniser.finish())
+    Ok((recogniser.finish(), asked))
 }
 
 /// The buses that are meant: a recording of several interfaces is several buses, and nothing named
@@ -197,78 +193,7 @@ impl Listener for Hearing<'_> {
     }
 }
 
-struct Asking(Discovery);
-
-impl Listener for Asking {
-    fn handle_frame(&mut self, bus: u8, received: &Received) {
-        self.0.handle_frame(bus, received);
-    }
-
-    fn handle_turn(&mut self, bus_listener: &mut BusListener, now_ns: u64) -> bool {
-        while let Some(command) = self.0.poll_command(now_ns) {
-            bus_listener.send(command.bus, &command.frame);
-        }
-        !self.0.is_done()
-    }
-}
-
-/// What was started on a bus.
-enum Started {
-    /// The MTB of this address.
-    Mtb(u8),
-    /// Whatever CySkin hubs there are.
-    Hubs,
-}
-
-/// Asks silent buses for MTBs and starts those that answer. Where none does, CySkin hubs are started, which answer
-/// no question; returns what was started, by bus.
-fn start_boards(
-    bus_listener: &mut BusListener,
-    buses: u8,
-    recogniser: &mut Recogniser,
-) -> anyhow::Result<Vec<(u8, Started)>> {
-    let mut asking = Asking(Discovery::scan(buses));
-    if !bus_listener.listen(DISCOVERY_NS, "asking who is there", &mut asking) {
-        bail!("stopped before anything was recognised");
-    }
-    let (report, ()) = asking.0.finish();
-    let mut started = Vec::new();
-    for board in report.boards.iter().filter(|board| !board.in_bootloader) {
-        recogniser.handle_board_kind(board.bus, board.address, board.kind);
-        send(bus_listener, board.bus, &MtbCommand::start(board.address).frame());
-        started.push((board.bus, Started::Mtb(board.address)));
-    }
-    for bus in 0..buses {
-        let has_mtbs = report.boards.iter().any(|board| board.bus == bus);
-        if !has_mtbs && !report.busy.iter().any(|busy| busy.bus == bus) {
-            tell_hubs(bus_listener, bus, |hubs| &hubs.start);
-            started.push((bus, Started::Hubs));
-        }
-    }
-    Ok(started)
-}
-
-/// Sends packets of Genoa's library to all CySkin hubs of a bus. Their id, 0x5FF, is no command to any other board or
-/// hand that is known.
-fn tell_hubs(bus_listener: &mut BusListener, bus: u8, packets: fn(&CyskinSetup) -> &[CyskinPacket]) {
-    const PERIOD_MS: u16 = 50;
-    let hubs = CyskinSetup::of_library(PERIOD_MS, Vec::new());
-    for packet in packets(&hubs) {
-        let frames = cyskin_frames(&hubs, hubs.ids.everybody(), packet.command, &packet.data);
-        for frame in frames.into_iter().flatten() {
-            send(bus_listener, bus, &frame);
-        }
-    }
-}
-
-/// Commands go to boards that stream only as an [`MtbCommand`] or to [`tell_hubs`], neither of which can be one that
-/// stops the others.
-fn send(bus_listener: &mut BusListener, bus: u8, frame: &CanFrame) {
-    bus_listener.send(bus, frame);
-    std::thread::sleep(GAP);
-}
-
-fn tell(scan: &Scan<'_>, buses: &[Bus], found: &Recognition) -> anyhow::Result<bool> {
+fn tell(scan: &Scan<'_>, buses: &[Bus], found: &Recognition, asked: Option<&Asked>) -> anyhow::Result<bool> {
     let names: Vec<&str> = buses.iter().map(|bus| bus.name.as_str()).collect();
     let name = match scan.out.and_then(Path::file_stem) {
         Some(stem) => stem.to_string_lossy().into_owned(),
@@ -291,14 +216,12 @@ fn tell(scan: &Scan<'_>, buses: &[Bus], found: &Recognition) -> anyhow::Result<b
     }
     // The file goes to stdout, so that it can be redirected; what is said about it does not.
     let mut said = Vec::new();
-    for (bus, found) in buses.iter().zip(&found.buses) {
-        let unheard = match scan.start {
-            true => ASKED,
-            false => {
-                "; MTBs and CySkin hubs wait to be started: --start asks for them and starts those that answer"
-            }
+    for (number, (bus, found)) in (0u8..).zip(buses.iter().zip(&found.buses)) {
+        let unheard = match asked {
+            Some(asked) => asked.unheard(number, &bus.source),
+            None => "; MTBs and CySkin hubs wait to be started: --start asks for them and starts those that answer".into(),
         };
-        said.extend(words(bus, found, scan.seconds, unheard));
+        said.extend(words(bus, found, scan.seconds, &unheard));
     }
     if let Some(builtin) = found.builtin() {
         said.push(format!("These are the boards of the built-in hand {builtin}."));
@@ -333,10 +256,6 @@ fn sources(buses: &[Bus], found: &Recognition) -> String {
     let sources: Vec<String> = with_boards.map(|(bus, _)| bus.source.to_string()).collect();
     sources.join(" ")
 }
-
-/// What there is to say of a silent bus that was asked for boards.
-pub(crate) const ASKED: &str =
-    " and no MTB or CySkin hub answers: is it powered, and is this its bus and bit rate?";
 
 /// What was found on a bus, a sentence each; `unheard` goes on where nothing was heard on a live one.
 pub(crate) fn words(bus: &Bus, found: &RecognisedBus, seconds: f64, unheard: &str) -> Vec<String> {

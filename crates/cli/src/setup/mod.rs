@@ -229,8 +229,7 @@ fn find_boards(
     answers: &Answers,
     interrupt: &Interrupt,
 ) -> anyhow::Result<Recognition> {
-    let mut found = scan::hear(buses, args.seconds, false, interrupt.clone())?;
-    let mut unheard = "";
+    let (mut found, mut asked) = scan::hear(buses, args.seconds, false, interrupt.clone())?;
     let silent: Vec<&str> = buses
         .iter()
         .zip(&found.buses)
@@ -243,12 +242,12 @@ fn find_boards(
             silent.join(", ")
         );
         if answers.confirm(&question, true)? {
-            found = scan::hear(buses, args.seconds, true, interrupt.clone())?;
-            unheard = scan::ASKED;
+            (found, asked) = scan::hear(buses, args.seconds, true, interrupt.clone())?;
         }
     }
-    for (bus, found) in buses.iter().zip(&found.buses) {
-        for line in scan::words(bus, found, args.seconds, unheard) {
+    for (number, (bus, found)) in (0u8..).zip(buses.iter().zip(&found.buses)) {
+        let unheard = (asked.as_ref()).map_or(String::new(), |asked| asked.unheard(number, &bus.source));
+        for line in scan::words(bus, found, args.seconds, &unheard) {
             say(&line);
         }
     }

@@ -1,7 +1,7 @@
 //! What was heard on a bus of which nothing is known, and which boards were recognised in it.
 
 use super::board_protocol::Protocol;
-use super::icub::decode::half_of;
+use super::icub::decode::{ICUB_NOT_CONNECTED, half_of};
 use super::mtb::BoardKind;
 use std::collections::BTreeMap;
 
@@ -66,6 +66,8 @@ pub(crate) struct IdTraffic {
     pub(crate) varies: bool,
     /// Frames that begin as the first and the second of an iCub triangle.
     pub(crate) triangle: [u64; 2],
+    /// Of the second ones, those that say that no chip is connected.
+    pub(crate) not_connected: u64,
 }
 
 impl IdTraffic {
@@ -78,6 +80,8 @@ impl IdTraffic {
         self.last_ns = t_ns;
         if let Some(half) = half_of(data) {
             self.triangle[half] += 1;
+            let status = data.get(7).filter(|_| half == 1);
+            self.not_connected += u64::from(status.is_some_and(|status| status & ICUB_NOT_CONNECTED != 0));
         }
         if let [.., last] = data
             && data.len() == 8

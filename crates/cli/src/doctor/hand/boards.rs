@@ -132,7 +132,7 @@ pub(super) fn check_discovery(layout: &Layout, bus: u8, facts: &HandFacts) -> Ve
     }
     let mismatches: Vec<(u16, Protocol)> = discovery.mismatches(layout).map(|(m, p, _)| (m, p)).collect();
     for found in discovery.boards.iter().filter(|b| b.bus == bus) {
-        let what = describe(found);
+        let what = firmware_text(found);
         let Some(module) = found.module else {
             if facts.is_told_stranger(bus, found.address.into()) {
                 continue;
@@ -175,7 +175,8 @@ pub(super) fn check_discovery(layout: &Layout, bus: u8, facts: &HandFacts) -> Ve
     checks
 }
 
-fn describe(found: &FoundBoard) -> String {
+/// What a board says it is, and with which firmware.
+pub(crate) fn firmware_text(found: &FoundBoard) -> String {
     let kind = match found.kind {
         BoardKind::Mtb3 => "MTB3".into(),
         BoardKind::Mtb4 => "MTB4".into(),

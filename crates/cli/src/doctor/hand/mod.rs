@@ -4,6 +4,8 @@ mod boards;
 mod strangers;
 mod taxels;
 
+pub(super) use boards::firmware_text;
+
 use super::capacity;
 use super::finding::Check;
 use super::picture;

@@ -4,7 +4,7 @@
 pub(crate) mod decode;
 pub(crate) mod recognise;
 pub(crate) mod setup;
-mod start;
+pub(crate) mod start;
 
 use super::board_protocol::{BoardProtocol, Measures, Mtb, Order, Properties};
 use super::commands::Sequences;

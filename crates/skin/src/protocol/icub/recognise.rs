@@ -26,7 +26,14 @@ pub(crate) fn take_boards(heard: &mut HeardIds, bus: &mut RecognisedBus) {
         return;
     }
     let (mtb3, mtb4) = (Protocol(&MTB3), Protocol(&MTB4));
-    for (board, triangles) in boards {
+    for (board, mut triangles) in boards {
+        // A scan switches all on, and those that the skin does not have say so.
+        triangles.retain(|(_, heard)| heard.not_connected < heard.triangle[1]);
+        if triangles.is_empty() {
+            bus.doubts
+                .push(format!("board {board}: no triangle is connected to it"));
+            continue;
+        }
         let protocol = match kinds.get(&board) {
             Some(kind) if mtb4.is_spoken_by(*kind) => mtb4,
             Some(_) => mtb3,

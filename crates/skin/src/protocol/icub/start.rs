@@ -7,7 +7,9 @@ use crate::protocol::mtb::MtbCommand;
 /// Least time between two commands to an iCub board (docs/protocols.md, "MTB commands").
 const GAP_NS: u64 = 10_000_000;
 /// Pause after the triangles of an iCub board were configured: they are calibrated.
-const CALIBRATION_NS: u64 = 500_000_000;
+const CALIBRATION_NS: u64 = ICUB_CALIBRATION_MS * 1_000_000;
+/// The same in milliseconds.
+pub const ICUB_CALIBRATION_MS: u64 = 500;
 /// While it is configured, a board is asked this often whether it is there, until it answers. With
 /// the start at the end of the pause that leaves room in its receive buffer of five
 /// (docs/protocols.md, "MTB3 firmware").
@@ -58,6 +60,12 @@ pub(super) fn sequences(address: u8, setup: &IcubSetup, triangles: u16) -> Seque
         silence_ns: PERIODS * period_ns,
         triggered: false,
     }
+}
+
+/// The commands that configure an iCub board of which nothing is known: the values of [`IcubSetup::default`], and all
+/// sixteen triangles on. [`ICUB_CALIBRATION_MS`] later it can be started.
+pub fn icub_configuration(address: u8) -> Vec<MtbCommand> {
+    configuration(address, u16::MAX, &IcubSetup::default())
 }
 
 /// The commands that configure an iCub board: the board, which switches all triangles off; all of
