@@ -277,6 +277,13 @@ pub(crate) fn words(bus: &Bus, found: &RecognisedBus, seconds: f64, unheard: &st
             None => format!("{} ({})", b.board, b.taxels.len()),
         })
         .collect();
+    if let Some([rows, columns]) = found.array {
+        return vec![format!(
+            "{}: a pressure array of {rows} x {columns} taxels; write it into a layout as `protocol = \"pressure-array\"`, \
+             rows = {rows}, columns = {columns} (docs/hardware.md)",
+            bus.name
+        )];
+    }
     lines.push(match boards.is_empty() {
         true => format!(
             "{}: no board of a known skin in {} frames",
@@ -353,6 +360,7 @@ pub(crate) fn json(bus: &Bus, found: &RecognisedBus) -> serde_json::Value {
         "seconds": found.seconds,
         "boards": boards,
         "allegro": found.allegro,
+        "array": found.array,
         "others": found.others.iter().map(|id| id_text(*id)).collect::<Vec<_>>(),
         "doubts": found.doubts,
     })

@@ -38,6 +38,8 @@ pub struct RecognisedBus {
     /// The version of an Allegro hand that reports its joints here: 3 (for 1 to 3) or 4 (for 4 and 5, whose
     /// ids are the same).
     pub allegro: Option<u8>,
+    /// Rows and columns of a pressure array, whose frames are here instead of boards'.
+    pub array: Option<[u16; 2]>,
     /// Ids that belong to nothing recognised, extended ones with [`taxel_can::EXTENDED_FLAG`].
     pub others: Vec<u32>,
     /// What is ambiguous or guessed, in words.

@@ -8,6 +8,7 @@
 //! remains a guess is named in [`RecognisedBus::doubts`] and in the proposed file.
 
 mod allegro;
+mod array;
 mod found;
 mod propose;
 
@@ -57,6 +58,7 @@ struct Traffic {
     first_ns: Option<u64>,
     last_ns: u64,
     heard: HeardIds,
+    array: array::Heads,
     /// Hubs with extended ids.
     hubs: BTreeMap<u32, HubTraffic>,
     /// What may be hubs with standard ids.
@@ -172,6 +174,9 @@ impl Traffic {
             let address = (id >> 4 & 15) as u8;
             self.heard.kinds.insert(address, BoardKind::of(*kind));
         }
+        if id == 0 {
+            self.array.add(data);
+        }
         self.heard.ids.entry(id).or_default().add(t_ns, data);
     }
 
@@ -209,6 +214,7 @@ impl Traffic {
                 ids.for_each(|id| _ = left.ids.remove(&id));
             }
         }
+        self.array.take(&mut left, &mut bus);
         for take_boards in RECOGNISERS {
             take_boards(&mut left, &mut bus);
         }

@@ -153,6 +153,29 @@ fn every_built_in_hand_with_boards_comes_back_from_its_traffic() {
 }
 
 #[test]
+fn a_recorded_pressure_array_is_told_by_its_size_and_all_of_its_frames() {
+    let heard = |sizes: &[[u16; 2]], stranger: Option<u16>| {
+        let mut recogniser = Recogniser::new(1);
+        for (message, size) in (0u32..).zip(sizes) {
+            let counts = vec![7; usize::from(size[0]) * usize::from(size[1])];
+            let mut frames = taxel_can::pressure_frames(*size, message, &counts);
+            frames.extend(stranger.map(|id| CanFrame::standard(id, &[0; 8]).unwrap()));
+            for frame in frames {
+                let t_ns = u64::from(message) * 20_000_000;
+                recogniser.handle_frame(0, &Received { t_ns, frame });
+            }
+        }
+        let bus = recogniser.finish().buses.remove(0);
+        (bus.array, bus.others.is_empty() && bus.boards.is_empty())
+    };
+    assert_eq!(heard(&[[3, 5]; 9], None), (Some([3, 5]), true));
+    assert_eq!(heard(&[[28, 50]; 9], None), (Some([28, 50]), true));
+    assert_eq!(heard(&[[3, 5]; 9], Some(5)).0, None);
+    assert_eq!(heard(&[[3, 5], [5, 3], [3, 5]], None).0, None);
+    assert_eq!(heard(&[[3, 5]], None).0, None);
+}
+
+#[test]
 fn cyskin_hubs_come_back_with_what_is_not_public_about_them() {
     for (checksum, above) in [
         ("sum", 5),
