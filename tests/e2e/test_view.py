@@ -116,6 +116,8 @@ def test_what_is_wrong_with_a_recording_is_said_in_the_picture_and_printed_behin
         terminal = Terminal(folder, "view", file)
         try:
             terminal.wait_for(words)
+            # The rows come from above: the picture is whole once its last one is there.
+            terminal.wait_for("? keys  q quit")
             # Said by the picture: nothing has written over it, and moved it.
             picture = terminal.screen.display
             assert picture[0].startswith(f" {file} ") and "? keys  q quit" in picture[-1], "\n".join(picture)
