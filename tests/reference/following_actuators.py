@@ -14,7 +14,7 @@ NOWHERE = F(1e17)  # where an id is that was never anywhere
 ROUNDS, SWAPS, FALLS = 6, 4, 16.0
 LEAST_SHARE, QUIET_SHARE, FIRST_FRAMES, QUIET_FRAMES, RANKED = 0.002, 0.1, 4, 4, 64
 PATIENCE, TRIED_POINTS, MOST_TRIES = 2.0, 1000, 4
-TRIES, MOST_FOUND, NEAR_LEAST = 4, 8, 1.06
+TRIES, MOST_FOUND, NEAR_LEAST, DOUBT = 4, 8, 1.06, 1.25
 MOST_RAISED, MOST_GIVEN, TRADES = 3, (0.02, 0.01), 2
 
 
@@ -371,7 +371,8 @@ class Follower:
                 if others:
                     dissolved = min(others, key=lambda i: losses[i])
                     asked = self.asked(dissolved, split, halves[0], self.jump_gain)
-                    found.append((gain - losses[dissolved] - asked, (dissolved, split, halves, asked)))
+                    beyond = gain - losses[dissolved] - asked
+                    found.append((beyond, (dissolved, split, halves, asked if beyond > 0 else DOUBT * asked)))
         found.sort(key=lambda swap: -swap[0])
         most = self.most_tried()
         return [swap for beyond, swap in found[:most] if most > 1 or beyond > 0]

@@ -19,6 +19,9 @@ pub(super) const MOST_FOUND: usize = 8;
 /// Most clusters whose pairs are ranked, and most pairs kept.
 const RANKED_CLUSTERS: usize = 64;
 const RANKED: usize = 64;
+/// Swaps that are judged to save too little have to save so many times what others have to: they are tried because
+/// judgement may be wrong, and actuators that slide along should not jump for the little more that they find.
+const DOUBT: f64 = 1.25;
 
 /// A cluster's second moments, and what its points would lose without it.
 #[derive(Debug, Default, Clone, Copy)]
@@ -142,7 +145,7 @@ impl Splits {
                         dissolved,
                         split,
                         halves,
-                        asked,
+                        asked: if beyond > 0.0 { asked } else { DOUBT * asked },
                     };
                     self.found.insert(rank, (beyond, swap));
                 }
