@@ -1,8 +1,8 @@
 //! What a motor does whose commands were lost with the port, or came at the end.
 
 use crate::World;
-use crate::writes::{register, start, writable, write_of};
-use taxel_joints::bus::{WriteCommand, WriteRefused};
+use crate::writes::{register, start, watched, writable, write_of};
+use taxel_joints::bus::{Step, WriteCommand, WriteRefused};
 
 #[test]
 fn a_motor_whose_start_was_lost_with_the_port_was_not_switched_on() {
@@ -79,4 +79,35 @@ fn a_motor_whose_start_was_called_off_before_it_was_sent_is_not_taken_for_one_th
         w.bus.command(0, WriteCommand::GoalPwm(1)),
         Err(WriteRefused::MotorOff(0))
     );
+}
+
+#[test]
+fn a_port_that_comes_and_goes_while_a_motor_is_to_be_switched_off_leaves_no_questions_behind() {
+    for servos in [2, 16, 64] {
+        let mut w = watched(servos, 2540);
+        start(&mut w, [0]);
+        w.bus.port_lost();
+        w.bus.command(0, WriteCommand::Torque(false)).unwrap();
+        // Each time it goes at the first request, which tells the motor to be off.
+        for _ in 0..20 {
+            w.bus.port_opened();
+            w.bus.begin(w.now_ns);
+            assert_eq!(w.bus.step(w.now_ns), Step::Send);
+            w.bus.port_lost();
+        }
+        w.bus.port_opened();
+        w.requests.clear();
+        w.cycles(20);
+        assert_eq!(
+            [64, 98].map(|at| register(&w, 1, at, 1)),
+            [0, 0],
+            "{servos} servos"
+        );
+        assert!(w.bus.results().iter().all(Result::is_ok), "{servos} servos");
+        let asked = w.requests.iter().filter(|r| r[7] == 0x82).map(|r| r.len() - 14);
+        assert!(
+            asked.max().is_some_and(|most| most <= usize::from(servos)),
+            "{servos} servos"
+        );
+    }
 }

@@ -383,6 +383,8 @@ impl Bus {
         self.slow_done = false;
         self.writes_done = false;
         self.pass_active = false;
+        // A cycle that the port did not see to its end leaves those that were to be asked in it.
+        self.again.clear();
         let due = (0..self.servos.len())
             .filter(|i| self.servos[*i].rest.until_ns.is_some_and(|t| t <= now_ns))
             .min_by_key(|i| self.servos[*i].rest.until_ns);
