@@ -284,3 +284,37 @@ fn a_goal_costs_no_question_as_long_as_the_servos_are_read_often() {
     let most = 2 * ((w.now_ns - from_ns) / (1000 * MS) + 1);
     assert!((questions(&w) - before) as u64 <= most);
 }
+
+#[test]
+fn what_a_servo_refused_when_the_port_was_lost_is_held_against_no_goal_behind_it() {
+    let mut w = watched(2, 2540);
+    start(&mut w, [0, 1]);
+    w.now_ns += 60 * MS;
+    w.fault(1, ServoFault::Refuse { number: 7 });
+    w.fault(2, ServoFault::Silent);
+    w.bus.command_together(7, &[(0, 90), (1, 90)]).unwrap();
+    w.bus.begin(w.now_ns);
+    // The first has refused to tell its watchdog, and the second is awaited.
+    let asked = |w: &World| {
+        w.requests
+            .last()
+            .is_some_and(|r| r[7] == 0x82 && r[8..10] == [98, 0])
+    };
+    while !asked(&w) && w.turn() {}
+    assert!(asked(&w) && w.turn() && w.turn());
+    w.bus.port_lost();
+    w.bus.port_opened();
+    for id in [1, 2] {
+        w.servos.set_fault(id, None, 1);
+    }
+    w.cycles(2);
+    w.now_ns += 60 * MS;
+    w.bus.command_together(8, &[(0, 90), (1, 90)]).unwrap();
+    w.cut = true;
+    w.cycles(1);
+    w.cut = false;
+    w.cycles(2);
+    let written = |servo: usize| w.bus.servo(servo).unwrap().written.unwrap();
+    assert_eq!([0, 1].map(|servo| written(servo).result), [Ok(()); 2]);
+    assert_eq!([1, 2].map(|id| register(&w, id, 100, 2)), [90, 90]);
+}

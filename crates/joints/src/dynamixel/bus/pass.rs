@@ -1,6 +1,6 @@
 //! One request and the answers to it.
 
-use crate::dynamixel::protocol2::{FAST_BLOCK_OVERHEAD, PREFIX_BYTES, STATUS_OVERHEAD};
+use crate::dynamixel::protocol2::{FAST_BLOCK_OVERHEAD, PREFIX_BYTES, STATUS_OVERHEAD, StatusError};
 
 /// What a request asks for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -46,6 +46,8 @@ pub(crate) struct Pass {
     pub(crate) fast_done: bool,
     /// An answer said that a servo does not know the instruction.
     pub(crate) fast_refused: bool,
+    /// The error number of a servo that refused a write, or to tell its watchdog.
+    pub(crate) refused: Option<StatusError>,
 }
 
 impl Pass {
@@ -61,6 +63,7 @@ impl Pass {
             deadline_ns: 0,
             fast_done: false,
             fast_refused: false,
+            refused: None,
         }
     }
 
@@ -74,6 +77,7 @@ impl Pass {
         self.sent_ns = None;
         self.fast_done = false;
         self.fast_refused = false;
+        self.refused = None;
     }
 
     /// Bytes that one servo puts on the wire.

@@ -94,9 +94,9 @@ impl Bus {
             }
             Kind::Watchdog => match status.error() {
                 None => self.take_told(servo, Task::Watchdog, data),
-                refused => self.write_refused = refused,
+                refused => self.pass.refused = refused,
             },
-            Kind::Write => self.write_refused = status.error(),
+            Kind::Write => self.pass.refused = status.error(),
             Kind::ReadBack => self.take_goal(position, data),
             Kind::Together => {}
         }

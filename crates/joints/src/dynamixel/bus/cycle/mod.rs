@@ -12,7 +12,7 @@ use super::slow::SlowLane;
 use super::wire_ns;
 use super::writes::{QUEUE, WRITES_PER_COMMAND, Write, WriteCommand, WriteError, WriteRefused, Written};
 use crate::dynamixel::config::{DynamixelConfig, FastSyncRead, ServoConfig};
-use crate::dynamixel::protocol2::{Encoder, FAST_BLOCK_OVERHEAD, Parser, StatusError};
+use crate::dynamixel::protocol2::{Encoder, FAST_BLOCK_OVERHEAD, Parser};
 use crate::dynamixel::registers::address;
 use std::collections::VecDeque;
 
@@ -124,8 +124,6 @@ pub struct Bus {
     /// How often the write at the front was sent in vain, and whether no more are sent in this cycle.
     write_tries: u32,
     writes_done: bool,
-    /// What the servo says against the write that is out.
-    write_refused: Option<StatusError>,
     /// Whose motor is the next to be told again to be off.
     off_turn: usize,
     begun_ns: u64,
@@ -174,7 +172,6 @@ impl Bus {
             writes: VecDeque::with_capacity(QUEUE + 2 * n),
             write_tries: 0,
             writes_done: false,
-            write_refused: None,
             off_turn: 0,
             begun_ns: 0,
             counters: BusCounters::default(),

@@ -131,8 +131,7 @@ impl Bus {
         }
         match self.pass.kind {
             Kind::Write => {
-                let refused = self.write_refused.take();
-                let result = match (self.pass.answers[0], refused) {
+                let result = match (self.pass.answers[0], self.pass.refused) {
                     (Answer::Got, None) => Ok(()),
                     (Answer::Got, Some(error)) => Err(WriteError::Servo(error)),
                     (Answer::Damaged, _) => Err(WriteError::Damaged),

@@ -137,7 +137,7 @@ impl Bus {
     /// Those servos have told their watchdogs, or will not any more. As long as one has not that may still do so, nobody is
     /// told to move of those who are to do it together; then those who have.
     pub(super) fn end_watchdogs(&mut self) {
-        let refused = self.write_refused.take();
+        let refused = self.pass.refused;
         let is_open = |bus: &Self, servo: usize| {
             let next = bus.writes.iter().find(|write| write.servo == servo);
             bus.servos[servo].watch != Watch::Known && next.is_some_and(Write::moves)
