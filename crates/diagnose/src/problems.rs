@@ -1,11 +1,11 @@
 //! The problems there are, and what of them is new. Each is told once when it comes and once when
-//! it is over; one that comes and goes is told less and less often.
+//! it is over; one that comes and goes is told less and less often, and how it is in the end is told all the same.
 
 use crate::joints::{self, AnglesUsed, JointsReadings, Patience};
 use crate::kind::Kind;
 use crate::news::{self, News, Told};
 use crate::problem::{Place, Problem};
-use crate::rate_limiter::RateLimiter;
+use crate::rate_limiter::Telling;
 use crate::view::{HandSetup, HandView, Look};
 use crate::{array, boards, bus, readers, traffic};
 use std::collections::{HashMap, VecDeque};
@@ -24,11 +24,21 @@ pub struct CurrentProblem {
     pub since_ns: u64,
 }
 
+/// A problem that is over.
+#[derive(Debug)]
+struct Gone {
+    problem: Problem,
+    /// How long it was there, nanoseconds.
+    lasted_ns: u64,
+}
+
 /// The problems there are, and what was told of them. It is given a [`HandView`] several times a second.
 #[derive(Debug, Default)]
 pub struct Problems {
     current: Vec<CurrentProblem>,
-    limiters: HashMap<(Kind, Place), RateLimiter>,
+    /// Those that are over, which is still to be told.
+    gone: Vec<Gone>,
+    tellings: HashMap<(Kind, Place), Telling>,
     recent: VecDeque<(u64, Vec<SourceCounters>, JointsReadings)>,
     steadiness: boards::Steadiness,
     patience: Patience,
@@ -82,43 +92,69 @@ impl Problems {
 
     fn replace(&mut self, found: Vec<Problem>, joints: &[String]) -> Vec<News> {
         let now_ns = self.now_ns;
-        let old = std::mem::take(&mut self.current);
-        let (mut over, mut came) = (Vec::new(), Vec::new());
-        for CurrentProblem { problem, since_ns } in &old {
-            if !found.iter().any(|p| p.is_same(problem))
-                && let Some(unsaid) = self.poll_limiter(problem)
-            {
-                over.push(Told {
-                    problem,
-                    lasted_ns: now_ns.saturating_sub(*since_ns),
-                    unsaid,
-                });
+        let mut old = std::mem::take(&mut self.current);
+        for problem in found {
+            let before = old.iter().position(|p| p.problem.is_same(&problem));
+            let since_ns = match before {
+                Some(before) => old.remove(before).since_ns,
+                None => {
+                    self.telling(&problem).change();
+                    now_ns
+                }
+            };
+            self.gone.retain(|gone| !gone.problem.is_same(&problem));
+            self.current.push(CurrentProblem { problem, since_ns });
+        }
+        for CurrentProblem { problem, since_ns } in old {
+            let lasted_ns = now_ns.saturating_sub(since_ns);
+            self.telling(&problem).change();
+            self.gone.push(Gone { problem, lasted_ns });
+        }
+        [self.tell_over(joints), self.tell_came(joints)].concat()
+    }
+
+    /// Says of those that are over what may be said now. Nothing is to be said of one that was not told when it came.
+    fn tell_over(&mut self, joints: &[String]) -> Vec<News> {
+        let gone = std::mem::take(&mut self.gone);
+        let mut over = Vec::new();
+        for one in gone {
+            let now_ns = self.now_ns;
+            let telling = self.telling(&one.problem);
+            match telling.poll(false, now_ns) {
+                Some(unsaid) => over.push((one, unsaid)),
+                None if telling.owes(false) => self.gone.push(one),
+                None => {}
             }
         }
-        for problem in &found {
-            let before = old.iter().find(|p| p.problem.is_same(problem));
-            if before.is_none()
-                && let Some(unsaid) = self.poll_limiter(problem)
-            {
-                came.push(Told {
+        let told: Vec<Told<'_>> = (over.iter())
+            .map(|(Gone { problem, lasted_ns }, unsaid)| Told {
+                problem,
+                lasted_ns: *lasted_ns,
+                unsaid: *unsaid,
+            })
+            .collect();
+        news::over(&told, joints)
+    }
+
+    /// Says of those that there are what may be said now.
+    fn tell_came(&mut self, joints: &[String]) -> Vec<News> {
+        let mut told = Vec::new();
+        for CurrentProblem { problem, .. } in &self.current {
+            let telling = self.tellings.get_mut(&(problem.kind, problem.place));
+            if let Some(unsaid) = telling.and_then(|telling| telling.poll(true, self.now_ns)) {
+                told.push(Told {
                     problem,
                     lasted_ns: 0,
                     unsaid,
                 });
             }
-            self.current.push(CurrentProblem {
-                problem: problem.clone(),
-                since_ns: before.map_or(now_ns, |p| p.since_ns),
-            });
         }
-        [news::over(&over, joints), news::came(&came, joints)].concat()
+        news::came(&told, joints)
     }
 
-    /// Whether a sentence on this problem may be said now, with how many changes of it were not told.
-    fn poll_limiter(&mut self, problem: &Problem) -> Option<u64> {
-        let limiter = (self.limiters.entry((problem.kind, problem.place)))
-            .or_insert_with(|| RateLimiter::new(self.now_ns));
-        limiter.poll(self.now_ns)
+    fn telling(&mut self, problem: &Problem) -> &mut Telling {
+        let now_ns = self.now_ns;
+        (self.tellings.entry((problem.kind, problem.place))).or_insert_with(|| Telling::new(now_ns))
     }
 
     /// Those there are now.

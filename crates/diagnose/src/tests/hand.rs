@@ -491,3 +491,70 @@ fn that_readers_are_turned_away_is_told_with_who_holds_their_places() {
     bench.pass(1000, |s| s.crowd = None);
     assert_eq!(bench.kinds(), [""; 0]);
 }
+
+/// What was said of the kind `reload-refused` while it is there for so long at a time and gone for so long, milliseconds;
+/// each sentence with when it was said, in seconds.
+fn said_of_refusals(times_ms: &[(u64, u64)]) -> Vec<(f64, bool, String)> {
+    let mut bench = Bench::new();
+    let mut said = Vec::new();
+    let mut pass = |bench: &mut Bench, ms: u64, refused: Option<&'static str>| {
+        for _ in 0..ms / 100 {
+            bench.pass(100, |s| s.reload_refused = refused);
+            let now_s = (bench.known.now_ns / MS) as f64 / 1e3;
+            said.extend((bench.said.drain(..)).map(|news| {
+                let came = matches!(news, News::Came { .. });
+                (now_s, came, sentence(&news).to_owned())
+            }));
+        }
+    };
+    for (there_ms, gone_ms) in times_ms {
+        pass(&mut bench, *there_ms, Some("hand.toml:3: unknown key"));
+        pass(&mut bench, *gone_ms, None);
+    }
+    said
+}
+
+#[test]
+fn what_is_so_in_the_end_is_told_however_often_it_came_and_went_before() {
+    let twice = [(500, 500); 2];
+    let quick = [(100, 100); 20];
+    for (what, times, stays, came) in [
+        ("it stays", &twice[..], (18_000, 0), true),
+        ("it stays, after many", &quick, (18_000, 0), true),
+        ("it is over", &quick, (100, 18_000), false),
+        ("it is over after it stayed", &quick, (18_000, 18_000), false),
+    ] {
+        let times = [times, &[stays]].concat();
+        let said = said_of_refusals(&times);
+        let (_, last, _) = said.last().unwrap();
+        assert_eq!(*last, came, "{what}: {said:#?}");
+        // They alternate, so that nothing is told twice.
+        assert!(
+            said.windows(2).all(|two| two[0].1 != two[1].1),
+            "{what}: {said:#?}"
+        );
+    }
+    let said = said_of_refusals(&[&quick[..], &[(18_000, 0)]].concat());
+    let (_, _, last) = said.last().unwrap();
+    // Each of twenty came and went, and four changes were told.
+    assert!(last.ends_with("(36 changes in between were not told)"), "{last}");
+}
+
+#[test]
+fn what_comes_and_goes_fast_is_told_six_times_a_minute_at_most_behind_the_first_four() {
+    for times in [(100, 100), (100, 900), (900, 100), (3000, 3000), (11_000, 200)] {
+        let (there_ms, gone_ms) = times;
+        let count = 600_000 / (there_ms + gone_ms);
+        let said = said_of_refusals(&vec![times; count as usize]);
+        assert!(
+            said.len() <= 4 + 60,
+            "{times:?}: {} sentences in ten minutes",
+            said.len()
+        );
+        assert!(
+            said.len() >= 50,
+            "{times:?}: {} sentences in ten minutes",
+            said.len()
+        );
+    }
+}
