@@ -64,10 +64,10 @@ impl Problems {
             seconds: view.now_ns.saturating_sub(*then_ns).max(1) as f64 / 1e9,
         };
         let current = &self.current;
-        let has = |kind, place| is_among(current, kind, place);
+        let had = |kind, place| among(current, kind, place);
         let mut found = Vec::new();
         for index in 0..view.buses.len() {
-            let flapped = has(Kind::Flapping, Place::Bus(index));
+            let flapped = had(Kind::Flapping, Place::Bus(index)).is_some();
             bus::judge(&look, index, flapped, &mut found);
             array::judge(&look, index, &mut found);
         }
@@ -79,7 +79,7 @@ impl Problems {
                 view,
                 before: joints_before,
                 look: &look,
-                has: &has,
+                had: &had,
             };
             judge.judge(&mut self.patience, &mut self.angles_used, &mut found);
         }
@@ -203,8 +203,7 @@ fn sockets_lost(which: &str) -> Problem {
     )
 }
 
-fn is_among(problems: &[CurrentProblem], kind: Kind, place: Place) -> bool {
-    problems
-        .iter()
-        .any(|p| (p.problem.kind, p.problem.place) == (kind, place))
+fn among(problems: &[CurrentProblem], kind: Kind, place: Place) -> Option<&Problem> {
+    let mut problems = problems.iter().map(|p| &p.problem);
+    problems.find(|p| (p.kind, p.place) == (kind, place))
 }

@@ -37,7 +37,7 @@ impl Judge<'_> {
         let before = self.before.analogue;
         let malformed = counters.malformed.saturating_sub(before.malformed);
         let lines = counters.lines.saturating_sub(before.lines);
-        let least = match (self.has)(Kind::AnalogueMalformed, Place::Joints) {
+        let least = match (self.had)(Kind::AnalogueMalformed, Place::Joints).is_some() {
             true => 1,
             false => MALFORMED.max((malformed + lines).div_ceil(SHARE)),
         };

@@ -52,8 +52,8 @@ pub(crate) struct Judge<'a> {
     pub(crate) view: &'a JointsView,
     pub(crate) before: &'a JointsReadings,
     pub(crate) look: &'a Look<'a>,
-    /// Whether there was such a problem at the last look.
-    pub(crate) has: &'a dyn Fn(Kind, Place) -> bool,
+    /// The problem of this kind and place that there was at the last look.
+    pub(crate) had: &'a dyn Fn(Kind, Place) -> Option<&'a Problem>,
 }
 
 impl Judge<'_> {

@@ -40,10 +40,10 @@ impl Judge<'_> {
         found: &mut Vec<Problem>,
     ) {
         let now_ns = self.view.now_ns;
-        let not_off = snapshot.servos.iter().enumerate();
-        found.extend(
-            not_off.filter_map(|(joint, servo)| motor_not_off(joint, &name_of(config, joint), servo)),
-        );
+        // That nobody can ask them any more puts none of it right.
+        for (joint, servo) in snapshot.servos.iter().enumerate() {
+            self.known_of(joint, &name_of(config, joint), servo, found);
+        }
         match &port.state {
             PortState::Starting => return,
             PortState::Away { reason, .. } => {
@@ -55,7 +55,6 @@ impl Judge<'_> {
         }
         let without_cycle_ns = patience.without_cycle_ns(snapshot.counters.cycles, now_ns);
         if let Some(stuck) = of_port::stuck(config, port, without_cycle_ns) {
-            // What is known of the servos is old.
             patience.all_explained();
             found.push(stuck);
             return;
@@ -171,14 +170,26 @@ impl Judge<'_> {
         if quiet.unknown && !quiet.silent && found.len() == count {
             found.push(self.stale(joint));
         }
+    }
+
+    /// What a servo and its motor have come to, as was known when it was heard last.
+    fn known_of(&self, joint: usize, name: &str, servo: &ServoState, found: &mut Vec<Problem>) {
+        let had = |kind| (self.had)(kind, Place::Joint(joint));
+        found.extend(motor_not_off(joint, name, servo));
         found.extend(motor_lost(joint, name, servo));
-        let was_hot = (self.has)(Kind::ServoHot, place);
-        found.extend(servo_state(joint, name, servo, was_hot));
+        found.extend(servo_state(joint, name, servo, had(Kind::ServoHot).is_some()));
+        if servo.identity.is_none() {
+            // It is asked anew, perhaps since another one may be in its place.
+            found.extend(had(Kind::ServoModel).cloned());
+        }
     }
 
     /// How many there must be of something for a problem: one is enough to keep it up.
     fn least(&self, kind: Kind, place: Place, come: u64) -> u64 {
-        if (self.has)(kind, place) || (self.has)(kind, Place::Joints) {
+        if (self.had)(kind, place)
+            .or((self.had)(kind, Place::Joints))
+            .is_some()
+        {
             1
         } else {
             come

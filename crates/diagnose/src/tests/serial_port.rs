@@ -4,6 +4,8 @@ use super::joints::JointsBench;
 use super::*;
 use crate::joints::test_views::{away, open, servo};
 use crate::{Place, Severity};
+use taxel_joints::bus::{MotorLost, ServoIdentity};
+use taxel_joints::registers::HardwareError;
 
 #[test]
 fn a_motor_that_may_be_on_is_told_while_the_port_is_away() {
@@ -44,7 +46,7 @@ fn an_adapter_that_is_unplugged_is_one_problem_and_its_servos_are_none() {
 }
 
 #[test]
-fn a_thread_that_ends_no_cycle_is_told_and_what_it_last_knew_is_not() {
+fn a_thread_that_ends_no_cycle_is_told_and_puts_right_nothing_that_it_last_knew() {
     let mut bench = JointsBench::answering(2);
     let hang = |view: &mut JointsView| {
         view.servos.as_mut().unwrap().0.counters.cycles = 1;
@@ -56,17 +58,14 @@ fn a_thread_that_ends_no_cycle_is_told_and_what_it_last_knew_is_not() {
         hang(view);
         view.tick.angles.fill(f32::NAN);
     });
-    assert_eq!(bench.bench.kinds(), ["serial-stuck"]);
-    bench.said(&[
-        &["cooled down"],
-        &[
-            "has waited for /dev/servos for 2.1 s",
-            "watchdogs",
-            "unplug the adapter",
-        ],
-    ]);
+    assert_eq!(bench.bench.kinds(), ["servo-hot", "serial-stuck"]);
+    bench.said(&[&[
+        "has waited for /dev/servos for 2.1 s",
+        "watchdogs",
+        "unplug the adapter",
+    ]]);
     bench.pass(200, |view| servo(view, 0).temperature_c = Some(40));
-    bench.said(&[&["/dev/servos is read again"]]);
+    bench.said(&[&["cooled down"], &["/dev/servos is read again"]]);
 }
 
 #[test]
@@ -110,4 +109,57 @@ fn an_angle_is_not_stale_for_the_time_that_the_adapter_was_away() {
         view.tick.angles.fill(0.5);
     });
     bench.said(&[]);
+}
+
+/// Nobody has put right what they said last, and it is not told anew when they can be asked again.
+#[test]
+fn what_servos_said_of_themselves_stays_while_nobody_can_ask_them() {
+    type Change = fn(&mut JointsView);
+    let unplugged: Change = away;
+    let hangs: Change = |view| view.servos.as_mut().unwrap().0.counters.cycles = 1;
+    for (change, port) in [(unplugged, "serial-absent"), (hangs, "serial-stuck")] {
+        let mut bench = JointsBench::answering(4);
+        bench.pass(1000, |view| {
+            servo(view, 0).motor_lost = Some(MotorLost::GoneOff);
+            (servo(view, 1).torque_enabled, servo(view, 1).watchdog_tripped) = (Some(true), Some(true));
+            servo(view, 2).hardware_error = Some(HardwareError(0x20));
+            servo(view, 3).identity = Some(ServoIdentity {
+                model_number: 51_200,
+                ..ServoIdentity::default()
+            });
+        });
+        let own = ["motor-lost", "motor-stopped", "servo-error", "servo-model"];
+        assert_eq!(bench.bench.kinds(), own);
+        bench.bench.said.clear();
+        bench.pass(3000, change);
+        assert_eq!(bench.bench.kinds(), [&own[..], &[port]].concat());
+        assert_eq!(bench.bench.said.len(), 1, "{:#?}", bench.bench.said);
+        bench.bench.said.clear();
+        open(&mut bench.view, "/dev/ttyUSB1", 1);
+        bench.pass(2000, |view| {
+            (0..4).for_each(|joint| servo(view, joint).alive = true);
+        });
+        assert_eq!(bench.bench.kinds(), own);
+        assert_eq!(bench.bench.said.len(), 1, "{:#?}", bench.bench.said);
+    }
+}
+
+/// A servo that was silent is asked anew who it is.
+#[test]
+fn a_model_that_is_not_known_is_a_problem_until_the_servo_says_another() {
+    let mut bench = JointsBench::answering(2);
+    let is = |view: &mut JointsView, model: Option<u16>| {
+        servo(view, 1).identity = model.map(|model_number| ServoIdentity {
+            model_number,
+            ..ServoIdentity::default()
+        });
+    };
+    bench.pass(1000, |view| is(view, Some(51_200)));
+    bench.said(&[&["the model number 51200 of servo servo 2 (id 2) is not known"]]);
+    bench.pass(1000, |view| is(view, None));
+    bench.pass(1000, |view| is(view, Some(51_200)));
+    bench.said(&[]);
+    bench.pass(100, |view| is(view, None));
+    bench.pass(100, |view| is(view, Some(1030)));
+    bench.said(&[&["servo 2 (id 2) is of a known model"]]);
 }
