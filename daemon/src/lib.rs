@@ -260,11 +260,11 @@ impl Daemon {
     /// Switches off the motors that were switched on, stops the boards, lets every subscriber go, and removes the sockets.
     ///
     /// Returns an error where a thread panicked, which is a fault of the program, or is left behind.
-    pub fn stop(mut self) -> Result<(), &'static str> {
+    pub fn stop(mut self) -> Result<(), String> {
         self.shut_down()
     }
 
-    fn shut_down(&mut self) -> Result<(), &'static str> {
+    fn shut_down(&mut self) -> Result<(), String> {
         // Motors are switched off whatever the other threads do meanwhile.
         if let Some(joints) = &self.joints {
             joints.stop();
@@ -275,7 +275,7 @@ impl Daemon {
         drop(self.stop.take());
         let control = self.control.take().map(JoinHandle::join);
         let images = self.images.take().map(JoinHandle::join);
-        let have_joints_ended = self.joints.take().is_none_or(|joints| {
+        let joints = self.joints.take().map_or(Ok(()), |joints| {
             let ended = joints.end();
             for name in joints.motors_not_off() {
                 tracing::error!(
@@ -286,14 +286,10 @@ impl Daemon {
             ended
         });
         match (tick, images, control) {
-            (Some(Err(_)), ..) => Err("the tick thread panicked"),
-            (_, Some(Err(_)), _) => Err("the thread that sends images panicked"),
-            (.., Some(Err(_))) => Err("the control thread panicked"),
-            _ if !have_joints_ended => Err(
-                "the thread that reads joints is left behind: the driver of its serial port does not return, and motors stop \
-                 by their own watchdogs",
-            ),
-            _ => Ok(()),
+            (Some(Err(_)), ..) => Err("the tick thread panicked".into()),
+            (_, Some(Err(_)), _) => Err("the thread that sends images panicked".into()),
+            (.., Some(Err(_))) => Err("the control thread panicked".into()),
+            _ => joints.map_err(|error| error.to_string()),
         }
     }
 }

@@ -89,7 +89,7 @@ kinds! {
     BoardNotInLayout "board-not-in-layout" Warning,
     /// The servos' port cannot be opened.
     SerialAbsent "serial-absent" Error,
-    /// The thread that reads servos hangs in a call of their port's driver.
+    /// The thread that reads servos hangs in a call of their port's driver, or has panicked.
     SerialStuck "serial-stuck" Error,
     /// Another program takes the servos' answers out of their port.
     SerialShared "serial-shared" Error,

@@ -3,6 +3,7 @@
 use crate::analogue::AnalogueReader;
 use crate::config::{JointSource, JointsConfig};
 use crate::dynamixel::{ServoReader, StartError};
+use crate::reading_thread::ReadingThreadError;
 use crate::synchrony::JointHistory;
 use std::sync::Arc;
 
@@ -46,12 +47,12 @@ impl JointReader {
         }
     }
 
-    /// Does so and waits until the threads have ended, but not for ever; says whether they have.
-    pub fn end(&self) -> bool {
+    /// Does so and waits until the threads have ended, but not for ever.
+    pub fn end(&self) -> Result<(), ReadingThreadError> {
         self.stop();
-        let servos = self.servos.as_ref().is_none_or(|servos| servos.end());
-        let analogue = self.analogue.as_ref().is_none_or(|analogue| analogue.end());
-        servos && analogue
+        let servos = self.servos.as_ref().map_or(Ok(()), |servos| servos.end());
+        let analogue = self.analogue.as_ref().map_or(Ok(()), |analogue| analogue.end());
+        servos.and(analogue)
     }
 
     /// The names of the joints of which nobody knows whether their motors are off, though they are to be.

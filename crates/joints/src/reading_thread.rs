@@ -3,7 +3,6 @@
 use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// How long after it was told to end a thread is waited for: longer than a cycle and the release of motors take. A driver
@@ -12,13 +11,42 @@ const PATIENCE: Duration = Duration::from_secs(3);
 /// How often a thread that ends is looked at.
 const LOOK: Duration = Duration::from_millis(1);
 
+/// How a thread that reads joints did not end as it should.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum ReadingThreadError {
+    /// It has panicked, perhaps long ago: nobody has read the port since.
+    #[error(
+        "the thread that reads joints panicked, which is a fault of this program; motors stop by their own watchdogs"
+    )]
+    Panicked,
+    /// It does not return from a call.
+    #[error(
+        "the thread that reads joints is left behind: the driver of its serial port does not return, and motors stop by \
+         their own watchdogs"
+    )]
+    LeftBehind,
+}
+
+/// Notes, when it is dropped with all else of the thread, that the thread is over.
+struct Over(Arc<OnceLock<Result<(), ReadingThreadError>>>);
+
+impl Drop for Over {
+    fn drop(&mut self) {
+        let _ = self.0.set(match std::thread::panicking() {
+            true => Err(ReadingThreadError::Panicked),
+            false => Ok(()),
+        });
+    }
+}
+
 /// The thread. When this is dropped it is told to end, and waited for, but not for ever.
 #[derive(Debug)]
 pub(crate) struct ReadingThread {
     stop: Arc<AtomicBool>,
     /// When it was told to end.
     told: OnceLock<Instant>,
-    handle: JoinHandle<()>,
+    /// How it ended; empty while it runs.
+    over: Arc<OnceLock<Result<(), ReadingThreadError>>>,
 }
 
 impl ReadingThread {
@@ -28,9 +56,14 @@ impl ReadingThread {
         stop: Arc<AtomicBool>,
         main: impl FnOnce() + Send + 'static,
     ) -> io::Result<Self> {
-        let handle = std::thread::Builder::new().name(name.into()).spawn(main)?;
+        let over = Arc::new(OnceLock::new());
+        let at_end = Over(over.clone());
+        std::thread::Builder::new().name(name.into()).spawn(move || {
+            let _at_end = at_end;
+            main();
+        })?;
         let told = OnceLock::new();
-        Ok(Self { stop, told, handle })
+        Ok(Self { stop, told, over })
     }
 
     /// Tells it to end, and does not wait.
@@ -39,26 +72,33 @@ impl ReadingThread {
         self.stop.store(true, Ordering::Relaxed);
     }
 
-    /// Tells it to end and waits until it has, but not for ever; says whether it has.
-    pub(crate) fn end(&self) -> bool {
+    /// Whether it has panicked.
+    pub(crate) fn has_panicked(&self) -> bool {
+        self.over.get() == Some(&Err(ReadingThreadError::Panicked))
+    }
+
+    /// Tells it to end and waits until it has, but not for ever.
+    pub(crate) fn end(&self) -> Result<(), ReadingThreadError> {
         self.stop();
         self.ends_by(*self.told.get_or_init(Instant::now) + PATIENCE)
     }
 
-    fn ends_by(&self, end: Instant) -> bool {
-        while !self.handle.is_finished() {
+    fn ends_by(&self, end: Instant) -> Result<(), ReadingThreadError> {
+        loop {
+            if let Some(over) = self.over.get() {
+                return *over;
+            }
             if Instant::now() >= end {
-                return false;
+                return Err(ReadingThreadError::LeftBehind);
             }
             std::thread::sleep(LOOK);
         }
-        true
     }
 }
 
 impl Drop for ReadingThread {
     fn drop(&mut self) {
-        self.end();
+        let _ = self.end();
     }
 }
 
@@ -75,8 +115,20 @@ mod tests {
         };
         let thread = ReadingThread::start("hangs", Arc::default(), main).unwrap();
         thread.stop();
-        assert!(!thread.ends_by(Instant::now()));
+        assert_eq!(
+            thread.ends_by(Instant::now()),
+            Err(ReadingThreadError::LeftBehind)
+        );
         drop(returns);
-        assert!(thread.end());
+        assert_eq!(thread.end(), Ok(()));
+    }
+
+    #[test]
+    fn a_thread_that_has_panicked_is_told_from_one_that_was_told_to_end() {
+        for (panics, end) in [(true, Err(ReadingThreadError::Panicked)), (false, Ok(()))] {
+            let thread = ReadingThread::start("panics", Arc::default(), move || assert!(!panics)).unwrap();
+            assert_eq!(thread.end(), end);
+            assert_eq!(thread.has_panicked(), panics);
+        }
     }
 }

@@ -98,10 +98,11 @@ fn servos(
     port: &PortStatus,
 ) -> JointsStatus {
     let (state, reason) = match &port.state {
+        _ if port.abandoned => ("gone", Some("the thread that read it has died; restart taxeld")),
         PortState::Open => ("connected", None),
         PortState::Starting => ("waiting", None),
-        PortState::Away { reason, .. } if port.opened == 0 => ("waiting", Some(reason)),
-        PortState::Away { reason, .. } => ("gone", Some(reason)),
+        PortState::Away { reason, .. } if port.opened == 0 => ("waiting", Some(reason.as_str())),
+        PortState::Away { reason, .. } => ("gone", Some(reason.as_str())),
     };
     let c = &snapshot.counters;
     let sum = |count: fn(&ServoState) -> u64| snapshot.servos.iter().map(count).sum::<u64>();

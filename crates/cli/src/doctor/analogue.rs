@@ -135,6 +135,7 @@ mod tests {
                     latency: None,
                     opened: 1,
                     taken_ns: None,
+                    abandoned: false,
                 },
                 open_ns: 1,
             };

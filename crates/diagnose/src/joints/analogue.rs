@@ -18,6 +18,10 @@ impl Judge<'_> {
         snapshot: &AnalogueSnapshot,
         found: &mut Vec<Problem>,
     ) {
+        if snapshot.port.abandoned {
+            found.push(abandoned_potentiometers(config));
+            return;
+        }
         match &snapshot.port.state {
             PortState::Starting => return,
             PortState::Away { reason, .. } => {
@@ -63,6 +67,18 @@ pub fn absent_potentiometers(config: &AnalogueConfig, reason: &str) -> Problem {
         format!("potentiometers: {reason}"),
         "Until then images go on with unknown angles of those joints",
         format!("the potentiometers' port {} is there", config.device.display()),
+    )
+}
+
+/// The thread that read them has panicked.
+fn abandoned_potentiometers(config: &AnalogueConfig) -> Problem {
+    let device = config.device.display();
+    of_joints(
+        Kind::AnalogueSilent,
+        Place::Joints,
+        format!("the thread that reads the potentiometers on {device} has died of a fault of taxeld"),
+        "restart taxeld, and report what its log says of the panic",
+        format!("lines come from the potentiometers on {device}"),
     )
 }
 

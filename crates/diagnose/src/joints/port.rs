@@ -49,6 +49,20 @@ pub(super) fn stuck(config: &DynamixelConfig, port: &PortStatus, without_cycle_n
     (without_cycle_ns >= most_ns).then_some(problem)
 }
 
+/// The thread that read it has panicked.
+pub(super) fn abandoned(port: &PortStatus) -> Problem {
+    let path = port.path.display();
+    of_joints(
+        Kind::SerialStuck,
+        Place::Joints,
+        format!(
+            "the thread that reads servos has died of a fault of taxeld, so that {path} is not read and no servo obeys; motors stop by their own watchdogs"
+        ),
+        "restart taxeld, and report what its log says of the panic",
+        format!("{path} is read again"),
+    )
+}
+
 /// Another program reads it.
 pub(super) fn shared(port: &PortStatus, now_ns: u64) -> Option<Problem> {
     let taken_ns = port.taken_ns?;

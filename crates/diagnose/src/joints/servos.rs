@@ -44,6 +44,11 @@ impl Judge<'_> {
         for (joint, servo) in snapshot.servos.iter().enumerate() {
             self.known_of(joint, &name_of(config, joint), servo, found);
         }
+        if port.abandoned {
+            patience.all_explained();
+            found.push(of_port::abandoned(port));
+            return;
+        }
         match &port.state {
             PortState::Starting => return,
             PortState::Away { reason, .. } => {

@@ -27,6 +27,7 @@ pub(crate) fn servos(n: u8) -> (JointsConfig, JointsView) {
         latency: None,
         opened: 0,
         taken_ns: None,
+        abandoned: false,
     };
     let view = JointsView {
         now_ns: S,

@@ -41,6 +41,7 @@ fn with_potentiometers() -> JointsBench {
             latency: None,
             opened: 1,
             taken_ns: None,
+            abandoned: false,
         },
         open_ns: view.now_ns,
     });
@@ -135,4 +136,18 @@ fn a_channel_that_comes_on_a_line_of_its_own_is_not_missing_until_it_was_in_none
         "{}",
         problem.found
     );
+}
+
+#[test]
+fn the_thread_of_potentiometers_that_has_died_is_told_as_that() {
+    let mut bench = with_potentiometers();
+    bench.pass(1000, |view| {
+        line(view);
+        view.analogue.as_mut().unwrap().port.abandoned = true;
+    });
+    bench.said(&[&[
+        "the thread that reads the potentiometers on /dev/lines has died",
+        "restart taxeld",
+    ]]);
+    assert_eq!(bench.bench.kinds(), ["analogue-silent"]);
 }

@@ -111,13 +111,35 @@ fn an_angle_is_not_stale_for_the_time_that_the_adapter_was_away() {
     bench.said(&[]);
 }
 
+#[test]
+fn a_thread_that_has_died_is_told_as_that() {
+    let mut bench = JointsBench::answering(2);
+    bench.pass(5000, |view| {
+        let (snapshot, port) = view.servos.as_mut().unwrap();
+        snapshot.counters.cycles = 1;
+        port.abandoned = true;
+        view.tick.angles.fill(f32::NAN);
+    });
+    bench.said(&[&[
+        "has died of a fault of taxeld",
+        "/dev/servos is not read",
+        "restart taxeld",
+    ]]);
+    assert_eq!(bench.bench.kinds(), ["serial-stuck"]);
+}
+
 /// Nobody has put right what they said last, and it is not told anew when they can be asked again.
 #[test]
 fn what_servos_said_of_themselves_stays_while_nobody_can_ask_them() {
     type Change = fn(&mut JointsView);
     let unplugged: Change = away;
     let hangs: Change = |view| view.servos.as_mut().unwrap().0.counters.cycles = 1;
-    for (change, port) in [(unplugged, "serial-absent"), (hangs, "serial-stuck")] {
+    let dies: Change = |view| view.servos.as_mut().unwrap().1.abandoned = true;
+    for (change, port) in [
+        (unplugged, "serial-absent"),
+        (hangs, "serial-stuck"),
+        (dies, "serial-stuck"),
+    ] {
         let mut bench = JointsBench::answering(4);
         bench.pass(1000, |view| {
             servo(view, 0).motor_lost = Some(MotorLost::GoneOff);
@@ -137,6 +159,7 @@ fn what_servos_said_of_themselves_stays_while_nobody_can_ask_them() {
         bench.bench.said.clear();
         open(&mut bench.view, "/dev/ttyUSB1", 1);
         bench.pass(2000, |view| {
+            view.servos.as_mut().unwrap().1.abandoned = false;
             (0..4).for_each(|joint| servo(view, joint).alive = true);
         });
         assert_eq!(bench.bench.kinds(), own);

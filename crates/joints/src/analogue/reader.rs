@@ -3,7 +3,7 @@
 use super::config::{AnalogueConfig, READINGS_KEPT};
 use super::lines::{AnalogueCounters, AnalogueLines, HeardChannel, NoAngle};
 use crate::dynamixel::{Port, PortError, PortStatus, StartError};
-use crate::reading_thread::ReadingThread;
+use crate::reading_thread::{ReadingThread, ReadingThreadError};
 use crate::shown::{history_since, lock};
 use crate::synchrony::JointHistory;
 use std::path::PathBuf;
@@ -101,15 +101,17 @@ impl AnalogueReader {
         self.thread.stop();
     }
 
-    /// Does so and waits until the thread has ended; says whether it has. It is not waited for for ever: a serial driver that
-    /// does not return from a call keeps it.
-    pub fn end(&self) -> bool {
+    /// Does so and waits until the thread has ended. It is not waited for for ever: a serial driver that does not return from a
+    /// call keeps it.
+    pub fn end(&self) -> Result<(), ReadingThreadError> {
         self.thread.end()
     }
 
     /// A copy of what is known.
     pub fn snapshot(&self) -> AnalogueSnapshot {
-        lock(&self.shared).snapshot.clone()
+        let mut snapshot = lock(&self.shared).snapshot.clone();
+        snapshot.port.abandoned = self.thread.has_panicked();
+        snapshot
     }
 
     /// Copies the readings that are kept, as [`crate::ServoReader::try_history_since`] does.

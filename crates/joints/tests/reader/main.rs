@@ -13,7 +13,8 @@ use std::time::{Duration, Instant};
 use taxel_joints::bus::{FastState, NoReading};
 use taxel_joints::{
     AnalogueConfig, AnalogueReader, AnalogueSnapshot, AngleAt, DynamixelConfig, FastSyncRead, JointHistory,
-    JointReader, JointsConfig, NoAngle, PortState, ServoReader, ServoSnapshot, StartError, scan, survey,
+    JointReader, JointsConfig, NoAngle, PortState, ReadingThreadError, ServoReader, ServoSnapshot,
+    StartError, scan, survey,
 };
 use taxel_sim::servo::{LinePty, Motion, ServoBuild, ServoBus, ServoFault, ServoPty, servo_clock_ns};
 
@@ -199,7 +200,22 @@ fn another_program_that_reads_the_port_is_noticed_and_stops_nothing() {
     over.store(true, Ordering::Relaxed);
     taking.join().unwrap();
     eventually(&reader, "read again", all_read);
-    assert!(reader.end());
+    reader.end().unwrap();
+}
+
+#[test]
+fn a_thread_that_has_panicked_leaves_its_port_and_is_told_at_the_end() {
+    let joints = JointsConfig::dynamixel("/dev/null", [1]);
+    let threads = JointReader::start(&joints, || panic!("as a fault would"))
+        .unwrap()
+        .unwrap();
+    let servos = threads.servos.clone().unwrap();
+    eventually(&servos, "abandoned", |_| servos.port().abandoned);
+    assert_eq!(threads.end(), Err(ReadingThreadError::Panicked));
+    // One that is told to end leaves nothing.
+    let reader = ServoReader::start(&config("/dev/null".as_ref(), 1)).unwrap();
+    assert_eq!(reader.end(), Ok(()));
+    assert!(!reader.port().abandoned);
 }
 
 #[test]

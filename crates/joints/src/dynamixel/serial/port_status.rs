@@ -36,6 +36,8 @@ pub struct PortStatus {
     /// When another program last took bytes out of it that had come for this one, nanoseconds; `None` if none has since
     /// it was opened.
     pub taken_ns: Option<u64>,
+    /// Whether nobody reads it any more, since the thread that did has panicked. The rest of this is from before.
+    pub abandoned: bool,
 }
 
 impl PortStatus {
@@ -47,6 +49,7 @@ impl PortStatus {
             latency: None,
             opened: 0,
             taken_ns: None,
+            abandoned: false,
         }
     }
 

@@ -10,7 +10,7 @@ use crate::dynamixel::bus::{
 use crate::dynamixel::config::{DynamixelConfig, READINGS_KEPT};
 use crate::dynamixel::registers::HardwareError;
 use crate::error::JointsConfigError;
-use crate::reading_thread::ReadingThread;
+use crate::reading_thread::{ReadingThread, ReadingThreadError};
 use crate::shown::{history_since, lock};
 use crate::synchrony::{AngleAt, JointHistory, JointMotion};
 use nix::errno::Errno;
@@ -150,9 +150,9 @@ impl ServoReader {
         self.thread.stop();
     }
 
-    /// Does so and waits until the thread has ended; says whether it has. It is not waited for for ever: a serial driver that
-    /// does not return from a call keeps it.
-    pub fn end(&self) -> bool {
+    /// Does so and waits until the thread has ended. It is not waited for for ever: a serial driver that does not return from a
+    /// call keeps it.
+    pub fn end(&self) -> Result<(), ReadingThreadError> {
         self.thread.end()
     }
 
@@ -192,7 +192,10 @@ impl ServoReader {
 
     /// What is known of the serial port.
     pub fn port(&self) -> PortStatus {
-        lock(&self.shared).port.clone()
+        PortStatus {
+            abandoned: self.thread.has_panicked(),
+            ..lock(&self.shared).port.clone()
+        }
     }
 
     /// Has a servo told something after the next cycle; refused unless the configuration allows
