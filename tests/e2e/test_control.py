@@ -230,6 +230,25 @@ def test_who_only_writes_no_more_is_answered(daemon):
     assert changed == {"ok": True} and told["profile"]["levels"] == 4
 
 
+def test_who_only_writes_no_more_and_holds_a_motor_is_answered_and_then_let_go(folder):
+    servos = Servos("--ids", "1-16")
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path, allow_writes=True, watchdog_ms=2540)) as daemon:
+        daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+        requests = [
+            {"cmd": "servo", "joint": "joint 5", "torque": True, "pwm_percent": 0, "hold_ms": 10_000},
+            {"cmd": "servo", "joint": "joint 5", "pwm_percent": 5},
+            {"cmd": "mark", "text": "held"},
+        ]
+        with connect(daemon.control_path) as client:
+            client.sendall(b"".join(json.dumps(request).encode() + b"\n" for request in requests))
+            client.shutdown(socket.SHUT_WR)
+            replies = [json.loads(line) for line in client.makefile("rb").read().splitlines()]
+        assert [reply["ok"] for reply in replies] == [True, True, True], replies
+        eventually(lambda: servos.register(5, *TORQUE) == 0, "the motor runs without its holder")
+        assert "had gone" not in daemon.log
+    servos.close()
+
+
 def test_the_status_socket_tells_and_changes_nothing(daemon):
     with connect(daemon.folder / "status.sock") as client:
         before = ask(client, {"cmd": "profile"})["profile"]

@@ -31,6 +31,8 @@ use tokio::time::{Instant, sleep, timeout};
 const MAX_REQUEST: u64 = 64 * 1024;
 /// A client that does not take its reply for this long is disconnected.
 const REPLY_PATIENCE: Duration = Duration::from_secs(5);
+/// How often a client that writes no more is looked at, whether it has gone.
+const HALF_CLOSED_LOOK: Duration = Duration::from_millis(10);
 /// A client that asks nothing for this long is disconnected.
 const IDLE_PATIENCE: Duration = Duration::from_secs(300);
 /// What a client may ask without being slowed: so many requests at once, and one per interval.
@@ -123,10 +125,14 @@ fn has_gone(write: &OwnedWriteHalf) -> bool {
     told.is_some_and(|told| told.contains(PollFlags::POLLHUP))
 }
 
-/// Waits until the client has closed its end, whatever there is to be read before.
+/// Waits until the client has closed the connection, whatever there is to be read before. Who only writes no more has not gone.
 async fn hung_up(write: &OwnedWriteHalf) {
     // Of data that comes this is not told, but of the end of it.
     let _ = write.ready(Interest::PRIORITY).await;
+    // Of what comes behind that end nobody tells.
+    while !has_gone(write) {
+        sleep(HALF_CLOSED_LOOK).await;
+    }
 }
 
 async fn converse(
