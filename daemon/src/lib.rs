@@ -420,9 +420,12 @@ mod tests {
             std::thread::yield_now();
         }
         assert!(daemon.shared.finished.load(Ordering::Acquire));
-        // The control thread has ended of itself, and that of the images with it.
+        // The control thread ends of itself, and that of the images with it.
         let ended = |thread: &Option<JoinHandle<()>>| thread.as_ref().unwrap().is_finished();
-        assert!(ended(&daemon.control) || ended(&daemon.images));
+        while !(ended(&daemon.control) && ended(&daemon.images)) {
+            assert!(Instant::now() < deadline, "a thread goes on");
+            std::thread::yield_now();
+        }
         daemon.stop().unwrap();
     }
 }
