@@ -117,6 +117,36 @@ pub fn align(touches: &[Touch], along: Alignment, step: f64) -> Result<Aligned, 
     Ok(aligned)
 }
 
+/// The smallest whole multiple of `step` that is as long as the longest way between two frames of a touch that follow each
+/// other, but for a hundredth of `step`: with it every touch has a frame at every step between its first and its last.
+///
+/// # Errors
+/// As [`align`]. Whether all touches have a step in common is not asked.
+pub fn sure_step(touches: &[Touch], along: Alignment, step: f64) -> Result<f64, SequenceError> {
+    let mut longest = step;
+    for touch in touches {
+        check(touch, along, step)?;
+        let ways = touch.at.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+        longest = ways.fold(longest, f64::max);
+    }
+    // Where one frame of a timer is lost, the way is about two of its steps, now more and now less. Whether two are
+    // enough is seen; one more always is.
+    let times = (longest / step - 0.01).ceil();
+    let holds = |step: f64| touches.iter().all(|touch| has_every_step(touch, step));
+    Ok(if holds(times * step) { times } else { times + 1.0 } * step)
+}
+
+/// Whether a touch has a frame at every step from its first to its last.
+fn has_every_step(touch: &Touch, step: f64) -> bool {
+    let numbers = || {
+        touch
+            .at
+            .windows(2)
+            .map(|pair| [number(pair[0], step), number(pair[1], step)])
+    };
+    numbers().all(|[before, after]| before.abs_diff(after) <= 1)
+}
+
 impl Aligned {
     /// Puts another touch on the same steps: its features, and how many of its frames are outside of them.
     ///
@@ -226,6 +256,34 @@ mod tests {
         let turn = |by: f64| touch("turn", &[-2.0 * by, -by, 0.0, by]);
         let aligned = align(&[turn(1.0), turn(1.0)], Alignment::Angle, 1.0).unwrap();
         assert_eq!((aligned.first, aligned.steps), (-2.0, 4));
+    }
+
+    #[test]
+    fn a_sure_step_is_the_smallest_multiple_that_no_touch_can_lack() {
+        let even = || touch("even", &[0.0, 1.0, 2.0, 3.0, 4.0, 5.0]);
+        for (others, step) in [
+            (vec![], 1.0),
+            (vec![touch("late", &[0.0, 1.0, 2.9, 4.0, 5.0])], 2.0),
+            (vec![touch("lost", &[0.0, 1.0, 3.0, 4.0, 5.0])], 2.0),
+            (
+                vec![touch("lost, and a little more", &[0.0, 1.0, 3.001, 4.0, 5.0])],
+                2.0,
+            ),
+            (vec![touch("lost, the other way", &[5.0, 4.0, 2.0, 1.0])], 2.0),
+            (vec![touch("long lost", &[0.0, 1.0, 4.6, 5.0])], 4.0),
+            (vec![touch("one frame", &[2.0])], 1.0),
+        ] {
+            let touches = [vec![even()], others].concat();
+            let name = &touches.last().unwrap().name;
+            assert_eq!(sure_step(&touches, Alignment::Time, 1.0), Ok(step), "{name}");
+            align(&touches, Alignment::Time, step).expect(name);
+        }
+        // A quarter of a step off, a border lies in the middle of the hole.
+        let touches = [touch("off", &[0.25, 0.5, 1.0, 2.5, 2.75])];
+        let step = sure_step(&touches, Alignment::Time, 0.25).unwrap();
+        assert!(step >= 1.5 && has_every_step(&touches[0], step), "{step}");
+        assert!(sure_step(&[touch("lost", &[f64::NAN])], Alignment::Time, 1.0).is_err());
+        assert!(sure_step(&[even()], Alignment::Time, 0.0).is_err());
     }
 
     #[test]

@@ -25,7 +25,7 @@ mod align;
 mod cut;
 mod motion;
 
-pub use align::{Aligned, Alignment, Touch, align};
+pub use align::{Aligned, Alignment, Touch, align, sure_step};
 pub use cut::{Cut, Mark, cut_by_contact, cut_by_marks};
 pub use motion::Motion;
 

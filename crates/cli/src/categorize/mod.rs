@@ -75,7 +75,8 @@ pub(crate) struct Args {
     /// Radius of the motion, mm; 0 is straight down
     #[arg(long, value_name = "MM", default_value_t = 0.0)]
     radius: f64,
-    /// From one step to the next: mm, degrees or s [default: the motion's, or the time between frames]
+    /// From one step to the next: mm, degrees or s [default: the motion's, or the time between frames; where some came late, up to
+    /// four times that]
     #[arg(long, value_name = "STEP")]
     step: Option<f64>,
     /// Marks that cut a recording into touches: SECONDS,TEXT a line; the last word of a text is the class [default: the marks in

@@ -1,13 +1,16 @@
 //! Touches of one motion: from a recording cut by marks or contact, or from a scene.
 
 use crate::marks_file;
-use anyhow::{Context, bail, ensure};
+use anyhow::{Context, anyhow, bail, ensure};
 use std::path::{Path, PathBuf};
 use taxel_can::Received;
 use taxel_engine::{Engine, Frames, TickMode};
 use taxel_playback::{recorded, stand_in};
 use taxel_record::{Frames as Recorded, ReadOptions, Recording};
-use taxel_sequence::{Aligned, Alignment, Cut, Mark, Motion, Touch, align, cut_by_contact, cut_by_marks};
+use taxel_sequence::{
+    Aligned, Alignment, Cut, Mark, Motion, SequenceError, Touch, align, cut_by_contact, cut_by_marks,
+    sure_step,
+};
 use taxel_sim::{Palpation, Scene, Simulator, with_stand_in_boards};
 use taxel_skin::Layout;
 use taxeld::Config;
@@ -28,14 +31,35 @@ pub(crate) struct Set {
     pub(crate) rest_ms: Option<f64>,
 }
 
+/// Without `--step`, steps are at most this many times the time between frames. Frames of a live hand come late by less; more
+/// is a hole in the recording, which is not stepped over unasked.
+const MOST_TIMES: f64 = 4.0;
+
 impl Set {
-    /// The touches side by side.
+    /// The touches side by side: at `step`, or else at the motion's, or at the time between frames. Where frames came late,
+    /// so that a touch lacks a step of that, at the smallest multiple of it that every touch has; that is said.
     pub(crate) fn align(&self, step: Option<f64>) -> anyhow::Result<Aligned> {
         let (along, usual) = match self.motion {
             Some(motion) => (motion.along(), motion.step()),
             None => (Alignment::Time, self.period_s),
         };
-        align(&self.touches, along, step.unwrap_or(usual)).with_context(|| self.name.clone())
+        let lacking = match align(&self.touches, along, step.unwrap_or(usual)) {
+            Err(lacking @ SequenceError::StepMissing { .. }) => lacking,
+            aligned => return aligned.with_context(|| self.name.clone()),
+        };
+        let sure = in_billionths(sure_step(&self.touches, along, usual)?);
+        if step.is_none() && along == Alignment::Time && sure <= MOST_TIMES * usual + 1e-9 {
+            eprintln!(
+                "taxel: {}: frames came late, so touches are put side by side in steps of {sure} s, not in those of {usual} s \
+                 from frame to frame; --step S takes others",
+                self.name
+            );
+            return align(&self.touches, along, sure).with_context(|| self.name.clone());
+        }
+        let name = &self.name;
+        Err(anyhow!(
+            "{name}: {lacking}: --step {sure} is wide enough for all of its touches"
+        ))
     }
 
     /// The classes in the order of their first touches, and the number of that of each touch; `None` where a touch has
@@ -55,6 +79,11 @@ impl Set {
         let numbers = self.labels.iter().map(&mut number).collect();
         Some((names, numbers))
     }
+}
+
+/// Rounded up to what can be read and typed again.
+fn in_billionths(step: f64) -> f64 {
+    (step * 1e9 - 1e-3).ceil() / 1e9
 }
 
 /// How a recording is cut into touches.

@@ -122,6 +122,45 @@ fn a_manifest_marks_and_contact_cut_the_same_touches() {
 }
 
 #[test]
+fn late_frames_widen_the_step_and_a_hole_is_refused_with_the_step_that_is_wide_enough() {
+    let dir = recorded();
+    let frames = std::fs::read_to_string(dir.path().join("frames.csv")).unwrap();
+    let marks = ["--marks", "marks.csv"];
+    // The ninth frame of the first touch comes late, or the eight before it are lost.
+    for (ms, lost) in [(26, 0), (0, 8)] {
+        let timed: String = (frames.lines().enumerate())
+            .filter(|(n, _)| !(14 - lost..14).contains(n))
+            .map(|(n, frame)| {
+                let late = if n == 14 { f64::from(ms) / 1e3 } else { 0.0 };
+                format!("{:.6},{frame}\n", n as f64 / RATE + late)
+            })
+            .collect();
+        std::fs::write(dir.path().join("timed.csv"), format!("t_s,a,b\n{timed}")).unwrap();
+        let args = |step: &[&'static str]| {
+            let begin = ["categorize", "timed.csv", "--classes", "2", "--json"];
+            [&begin[..], &marks, step].concat()
+        };
+        let wide = if lost == 0 {
+            let (out, err) = succeeds(&dir, &args(&[]));
+            let report: Value = serde_json::from_str(&out).unwrap();
+            assert_eq!(report["labels"], serde_json::json!([0, 1, 0, 1, 0, 1]));
+            let said = "timed.csv: frames came late, so touches are put side by side in steps of 0.066666 s, not in those of 0.033333 s";
+            assert!(err.contains(said), "{err}");
+            assert_eq!(report["step"], 0.066666);
+            "0.066666"
+        } else {
+            "0.299997"
+        };
+        let step = if lost == 0 { &["--step", "0.03"][..] } else { &[] };
+        let err = fails(&dir, &args(step), 1);
+        assert!(err.contains("touch 0 (touch 0 soft): no frame at time"), "{err}");
+        assert!(err.contains(&format!("--step {wide} is wide enough")), "{err}");
+        let (_, err) = succeeds(&dir, &[&args(&["--step"])[..], &[wide]].concat());
+        assert!(!err.contains("late"), "{err}");
+    }
+}
+
+#[test]
 fn the_number_of_categories_can_be_left_to_the_silhouette() {
     let dir = recorded();
     let (out, _) = succeeds(&dir, &["categorize", "manifest.csv", "--classes", "2-5"]);
