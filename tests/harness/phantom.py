@@ -85,7 +85,8 @@ class Categorizer:
         self.lines = lines_of(self.process.stdout)
 
     def touches(self):
-        return [json.loads(line) for line in self.lines]
+        """Those that have a category."""
+        return [touch for touch in map(json.loads, self.lines) if "error" not in touch]
 
     def wait_told(self, enough, offline, seconds=90):
         """Waits until `enough` areas were told in the category that they have offline; all touches until then.

@@ -2,11 +2,12 @@
 
 use super::map_file::MapFile;
 use crate::live_lines::{Lines, every_frame};
-use anyhow::bail;
+use anyhow::{anyhow, bail};
 use serde::Serialize;
+use std::fmt;
 use std::path::Path;
 use taxel_palpation::Classifier;
-use taxel_sequence::{Aligned, Alignment, Motion, Touch};
+use taxel_sequence::{Aligned, Alignment, Motion, SequenceError, Touch};
 use taxel_wire::{EventKind, Hello, Kind, Received};
 
 /// Touches as they come: frames and marks in, categories out. No socket and no clock.
@@ -19,8 +20,16 @@ pub(crate) struct Live {
     labels: Vec<Option<String>>,
     classifier: Classifier,
     until: String,
-    /// The touch at work: when it began, when its last frame was.
-    touch: Option<(Touch, u64, u64)>,
+    /// The touch at work.
+    touch: Option<AtWork>,
+}
+
+/// A touch that goes on: when it began, and its first and its newest frame.
+struct AtWork {
+    touch: Touch,
+    start_ns: u64,
+    first_ns: Option<u64>,
+    end_ns: u64,
 }
 
 /// A touch and its category: the keys of a TOUCH message, and the mark that began it.
@@ -37,6 +46,24 @@ pub(crate) struct Categorised {
     /// Where it is on the map.
     #[serde(skip)]
     pub(crate) place: Vec<f64>,
+}
+
+/// A touch that has no category, and why: the keys of one that has, as far as they can be told.
+#[derive(Debug, Clone, Serialize, PartialEq)]
+pub(crate) struct Untold {
+    category: Option<usize>,
+    label: Option<String>,
+    unknown: bool,
+    start_ns: u64,
+    end_ns: u64,
+    mark: String,
+    error: String,
+}
+
+impl fmt::Display for Untold {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.error)
+    }
 }
 
 impl Live {
@@ -67,16 +94,24 @@ impl Live {
 
     /// Takes a frame: signed counts above baseline.
     fn handle_frame(&mut self, t_ns: u64, values: impl Iterator<Item = f64>) {
-        let Some((touch, start_ns, end_ns)) = &mut self.touch else {
+        let Some(AtWork {
+            touch,
+            start_ns,
+            first_ns,
+            end_ns,
+        }) = &mut self.touch
+        else {
             return;
         };
         let since_ns = t_ns.saturating_sub(*start_ns);
+        // As in a recording, where a mark has no frame of its own.
+        let since_first_ns = t_ns.saturating_sub(*first_ns.get_or_insert(t_ns));
         let at = match (self.motion, self.rest_ns) {
             // The probe moves at the beginning of a step.
             (Some(_), Some(rest_ns)) if since_ns % rest_ns < rest_ns / 10 => return,
             (Some(motion), Some(rest_ns)) => motion.at((since_ns / rest_ns) as usize),
             (Some(motion), None) => motion.at(touch.at.len()),
-            (None, _) => since_ns as f64 / 1e9,
+            (None, _) => since_first_ns as f64 / 1e9,
         };
         // A touch that nobody ends keeps no more than twice what its steps can need.
         if touch.at.len() < 1_000_000 {
@@ -87,7 +122,7 @@ impl Live {
     }
 
     /// Takes a mark: the touch that it ends, if it ends one; why that has no category, where it has none.
-    fn handle_mark(&mut self, t_ns: u64, text: &str) -> Option<anyhow::Result<Categorised>> {
+    fn handle_mark(&mut self, t_ns: u64, text: &str) -> Option<Result<Categorised, Untold>> {
         let ended = self.touch.take();
         if text != self.until {
             let touch = Touch {
@@ -96,13 +131,35 @@ impl Live {
                 taxels: self.grid.taxels,
                 values: Vec::new(),
             };
-            self.touch = Some((touch, t_ns, t_ns));
+            self.touch = Some(AtWork {
+                touch,
+                start_ns: t_ns,
+                first_ns: None,
+                end_ns: t_ns,
+            });
         }
-        ended.map(|(touch, start_ns, end_ns)| self.categorise(touch, start_ns, end_ns))
+        ended.map(|ended| {
+            self.categorise(&ended).map_err(|error| Untold {
+                category: None,
+                label: None,
+                unknown: true,
+                start_ns: ended.start_ns,
+                end_ns: ended.end_ns,
+                mark: ended.touch.name,
+                error: format!("{error:#}"),
+            })
+        })
     }
 
-    fn categorise(&self, touch: Touch, start_ns: u64, end_ns: u64) -> anyhow::Result<Categorised> {
-        let (features, _) = self.grid.place(&touch)?;
+    fn categorise(&self, ended: &AtWork) -> anyhow::Result<Categorised> {
+        let placed = self.grid.place(&ended.touch);
+        let (features, _) = placed.map_err(|error| match error {
+            SequenceError::StepMissing { .. } => {
+                let step = self.grid.step;
+                anyhow!("{error}: the map's is {step}, and `--save` makes another with --step")
+            }
+            error => error.into(),
+        })?;
         let found = self.classifier.classify(&features)?;
         Ok(Categorised {
             category: found.category,
@@ -110,9 +167,9 @@ impl Live {
             distances: found.distances,
             confidence: found.confidence,
             unknown: found.unknown,
-            start_ns,
-            end_ns,
-            mark: touch.name,
+            start_ns: ended.start_ns,
+            end_ns: ended.end_ns,
+            mark: ended.touch.name.clone(),
             place: found.place,
         })
     }
@@ -127,7 +184,7 @@ pub(crate) trait Listener {
 
     /// A touch, when the mark that ends it has come, or why it has no category. The mark's instant is `ended_ns` on the
     /// daemon's clock, and `newest` the number of the newest frame.
-    fn touch(&mut self, touch: anyhow::Result<Categorised>, ended_ns: u64, newest: u64)
+    fn touch(&mut self, touch: Result<Categorised, Untold>, ended_ns: u64, newest: u64)
     -> anyhow::Result<()>;
 
     /// Frames that this reader was too slow for, before frame `seq`, while something was touched.
@@ -202,16 +259,14 @@ impl Listener for Lines<'_> {
 
     fn touch(
         &mut self,
-        touch: anyhow::Result<Categorised>,
+        touch: Result<Categorised, Untold>,
         ended_ns: u64,
         newest: u64,
     ) -> anyhow::Result<()> {
         match touch {
             Ok(touch) => self.tell(&touch, ended_ns, Some((newest, touch.end_ns))),
-            Err(error) => {
-                eprintln!("taxel: {error:#}");
-                Ok(())
-            }
+            // A TOUCH message always has a category.
+            Err(untold) => self.tell(&untold, ended_ns, None),
         }
     }
 
@@ -285,12 +340,38 @@ mod tests {
         let touch = live.handle_mark(2, "b").unwrap().unwrap();
         assert_eq!((touch.category, touch.label), (1, None));
         live.handle_frame(3, std::iter::once(1.0));
-        let error = live.handle_mark(4, "away").unwrap().unwrap_err().to_string();
+        let untold = live.handle_mark(4, "away").unwrap().unwrap_err();
+        let error = &untold.error;
         assert!(error.contains("touch b: no frame at depth 1;"), "{error}");
+        assert!(error.contains("--step"), "{error}");
+        let line = serde_json::to_value(&untold).unwrap();
+        assert_eq!((&line["mark"], &line["unknown"]), (&"b".into(), &true.into()));
+        assert_eq!(
+            (&line["category"], &line["start_ns"], &line["end_ns"]),
+            (&serde_json::Value::Null, &2.into(), &3.into())
+        );
         live.handle_mark(5, "c");
         for value in [900.0, -900.0, 900.0] {
             live.handle_frame(6, std::iter::once(value));
         }
         assert!(live.handle_mark(7, "away").unwrap().unwrap().unknown);
+    }
+
+    #[test]
+    fn time_counts_from_the_first_frame_as_in_a_recording() {
+        let map = MapFile {
+            motion: None,
+            first: 0.0,
+            ..MapFile::of_two_classes(None)
+        };
+        let mut live = Live::new(map, "away").unwrap();
+        live.handle_mark(0, "late");
+        // The first frame comes most of a step after the mark.
+        for (ms, value) in [(450, 10.0), (950, 20.0), (1450, 30.0)] {
+            live.handle_frame(ms * 1_000_000, std::iter::once(value));
+        }
+        let touch = live.handle_mark(1_500_000_000, "away").unwrap().unwrap();
+        assert_eq!((touch.category, touch.unknown), (0, false));
+        assert_eq!((touch.start_ns, touch.end_ns), (0, 1_450_000_000));
     }
 }

@@ -13,7 +13,7 @@ use crate::piped_file::recording_parser;
 use anyhow::{Context, bail, ensure};
 use clap::ValueEnum;
 use clap::builder::TypedValueParser;
-pub(crate) use live::{Categorised, Listener, Live, follow};
+pub(crate) use live::{Categorised, Listener, Live, Untold, follow};
 use map_file::MapFile;
 pub(crate) use phantom_map::PhantomMap;
 use serde::Serialize;

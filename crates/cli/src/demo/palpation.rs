@@ -1,7 +1,7 @@
 //! A palpated phantom in the demo's picture: touches on the map of the first two components.
 
 use super::{Meter, lock};
-use crate::categorize::{Categorised, Listener, Live, PhantomMap, follow, label_of};
+use crate::categorize::{Categorised, Listener, Live, PhantomMap, Untold, follow, label_of};
 use crate::scene_marks::SceneMarks;
 use ratatui::buffer::Buffer;
 use ratatui::layout::{Constraint, Layout as Split, Rect};
@@ -127,7 +127,7 @@ impl OntoMap {
 }
 
 impl Listener for OntoMap {
-    fn touch(&mut self, touch: anyhow::Result<Categorised>, _: u64, _: u64) -> anyhow::Result<()> {
+    fn touch(&mut self, touch: Result<Categorised, Untold>, _: u64, _: u64) -> anyhow::Result<()> {
         let mut meter = lock(&self.0);
         match (touch, &mut meter.palpation) {
             (Ok(touch), Some(palpation)) => palpation.touch(touch),
