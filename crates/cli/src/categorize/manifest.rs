@@ -1,6 +1,6 @@
 //! Touches that a manifest names.
 
-use super::touches::{Set, above_baseline, of_scene, places, values};
+use super::touches::{Set, above_baseline, of_scene, open, places, values};
 use anyhow::{Context, anyhow, bail, ensure};
 use std::fs::File;
 use std::io::Read;
@@ -251,7 +251,7 @@ impl Job {
                     columns: self.columns,
                     ..ReadOptions::default()
                 };
-                let recording = Recording::open(&path, &options).with_context(|| at(line))?;
+                let recording = open(&path, &options).with_context(|| at(line))?;
                 opened = vec![(row.file.clone(), recording)];
             }
             let recording = &opened[0].1;

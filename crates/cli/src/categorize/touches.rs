@@ -107,7 +107,7 @@ pub(crate) fn of_recording(
         .is_some_and(|ending| ending.eq_ignore_ascii_case("mcap"));
     let (recording, marks) = match is_mcap {
         true => recorded::frames_and_marks(path)?,
-        false => (Recording::open(path, options)?, Vec::new()),
+        false => (open(path, options)?, Vec::new()),
     };
     let (taxels, values) = values(&recording);
     let times: Vec<u64> = (0..recording.len()).map(|frame| recording.t_ns(frame)).collect();
@@ -151,6 +151,19 @@ pub(crate) fn of_recording(
         period_s: recording.period_ns() as f64 / 1e9,
         rest_ms: None,
     })
+}
+
+/// Opens frames; of CAN traffic, says how they are made of it.
+pub(super) fn open(path: &Path, options: &ReadOptions) -> anyhow::Result<Recording> {
+    ensure!(
+        path.extension()
+            .is_none_or(|ending| !ending.eq_ignore_ascii_case("log")),
+        "{0}: a candump .log holds CAN traffic, not tactile frames; `taxel convert {0} {1}` makes frames of it, with --config \
+         FILE those of your hand",
+        path.display(),
+        path.with_extension("npz").display()
+    );
+    Ok(Recording::open(path, options)?)
 }
 
 /// The class that a mark names: its last word, where there are several, as in `touch 5 SS`.

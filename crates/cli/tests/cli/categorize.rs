@@ -161,6 +161,22 @@ fn late_frames_widen_the_step_and_a_hole_is_refused_with_the_step_that_is_wide_e
 }
 
 #[test]
+fn can_traffic_is_told_how_frames_are_made_of_it() {
+    let dir = tempfile::tempdir().unwrap();
+    std::fs::write(dir.path().join("hand.log"), "(1.5) can0 123#00\n").unwrap();
+    for input in ["hand.log", "log:hand.log"] {
+        let err = fails(
+            &dir,
+            &["categorize", input, "--contact", "9", "--classes", "2"],
+            1,
+        );
+        let wanted =
+            "`taxel convert hand.log hand.npz` makes frames of it, with --config FILE those of your hand";
+        assert!(err.contains(wanted), "{err}");
+    }
+}
+
+#[test]
 fn the_number_of_categories_can_be_left_to_the_silhouette() {
     let dir = recorded();
     let (out, _) = succeeds(&dir, &["categorize", "manifest.csv", "--classes", "2-5"]);
