@@ -1,6 +1,7 @@
 """A phantom palpated over the bus at 20 Hz: `taxel sim` makes the marks, and `taxel categorize --live` tells each touch's category."""
 
 import re
+import signal
 import subprocess
 import threading
 
@@ -87,6 +88,19 @@ def test_touches_that_turn_the_probe_are_told_in_their_categories(start, taxel, 
     touches = live.wait_told(two_categories(offline), offline)
     for touch in touches:
         assert 6.0e9 < touch["end_ns"] - touch["start_ns"], "61 steps of 100 ms"
+
+
+@pytest.mark.parametrize("ending", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_leaves_nothing_of_the_socket_of_touches(start, taxel, buses, folder, ending):
+    phantom = Phantom(folder, DEPTH_MM)
+    phantom.offline(2)
+    daemon = phantom.daemon(start, buses.sources)
+    own = folder / "published" / "touches.sock"
+    live = Categorizer(taxel, phantom, daemon, "--publish", own)
+    eventually(own.exists, "no socket of touches", 30)
+    live.process.send_signal(ending)
+    assert live.process.wait(timeout=30) == -ending
+    assert not own.parent.exists(), list(own.parent.iterdir())
 
 
 def test_the_map_of_another_probe_is_refused(start, taxel, folder):

@@ -1,22 +1,33 @@
 //! What programs beside the daemon publish: one text for all subscribers, in the daemon's own manner.
 
+use crate::piped_file;
+use anyhow::Context;
 use std::io;
 use std::path::Path;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use taxel_playback::interrupt::before_the_end;
 use taxel_serve::{Announcements, Limits, ProfilesConfig, Server, ServerHandle, ServerSeed, SocketPath};
 use taxel_wire::{Hello, Kind};
 use tokio_seqpacket::UnixSeqpacketListener;
 
-/// A socket that texts are published on, served by a thread of its own as long as the program runs.
+/// The socket of the publisher, until the program ends.
+static PUBLISHED: Mutex<Option<SocketPath>> = Mutex::new(None);
+
+/// A socket that texts are published on, served by a thread of its own as long as the program runs. A program has one at
+/// most; it is gone when the publisher is dropped and when a signal ends the program.
 pub(crate) struct Publisher {
     handle: ServerHandle,
-    _path: SocketPath,
+    _published: Published,
 }
 
 impl Publisher {
     /// Takes the socket of this name; `what` is published there, and `hello` is what subscribers are told of the hand.
     pub(crate) fn start(path: &Path, hello: Hello, what: &'static str) -> anyhow::Result<Self> {
         let mut path = SocketPath::take(path, 0o660, "")?;
+        // A signal ends the program without any destructor.
+        before_the_end(last).context("cannot handle signals")?;
         let listening = path.listen(nix::sys::socket::SockType::SeqPacket, 16)?;
+        let published = Published::until_dropped(path);
         let limits = Limits {
             max_subscribers: 16,
             stall_ms: 2000,
@@ -46,11 +57,39 @@ impl Publisher {
             }
         };
         std::thread::Builder::new().name("publish".into()).spawn(report)?;
-        Ok(Self { handle, _path: path })
+        Ok(Self {
+            handle,
+            _published: published,
+        })
     }
 
     /// Sends a text to every subscriber; `seq` and `t_ns` are those of the newest frame that it is about.
     pub(crate) fn publish(&self, kind: Kind, text: &[u8], seq: u64, t_ns: u64) {
         self.handle.publish_text(kind, text, seq, t_ns);
     }
+}
+
+/// Gives [`PUBLISHED`] back.
+struct Published;
+
+impl Published {
+    fn until_dropped(path: SocketPath) -> Self {
+        *published() = Some(path);
+        Self
+    }
+}
+
+impl Drop for Published {
+    fn drop(&mut self) {
+        drop(published().take());
+    }
+}
+
+fn published() -> MutexGuard<'static, Option<SocketPath>> {
+    PUBLISHED.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn last() {
+    drop(Published);
+    piped_file::remove();
 }
