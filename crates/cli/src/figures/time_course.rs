@@ -58,7 +58,8 @@ fn shown(take: &Take, module: usize, image: &TactileImage) -> (f64, u8) {
     })
 }
 
-/// Every codebook, each with a name: those that are fitted to each frame, and those that stay.
+/// Every codebook, each with a name: those that are fitted to each frame, those that stay, and the configuration's own
+/// where it stays.
 fn codebooks(take: &Take) -> Vec<(String, Profile)> {
     let plain = |method| Profile {
         method,
@@ -104,6 +105,14 @@ fn codebooks(take: &Take) -> Vec<(String, Profile)> {
     if least < most {
         all.push(("equal steps (constant)".into(), range(LevelSteps::Equal)));
         all.push(("Weber steps (constant)".into(), range(LevelSteps::Weber)));
+    }
+    let own = &take.profile;
+    if !own.fits_frames() && own.codebook_learning.is_none() {
+        let own = Profile {
+            actuator_force: Some(ActuatorForce::Max),
+            ..own.clone()
+        };
+        all.push(("configured (constant)".into(), own));
     }
     all
 }

@@ -76,6 +76,43 @@ fn a_scene_becomes_the_publications_figures_with_their_numbers() {
 }
 
 #[test]
+fn a_constant_codebook_of_ones_own_has_a_row_beside_the_others() {
+    let dir = TempDir::new().unwrap();
+    fs::write(dir.path().join("grid.csv"), "0,1,9,3\n0,7,0,4\n").unwrap();
+    for (profile, is_constant) in [
+        ("codebook = [2.0, 8.0]", true),
+        ("level_steps = \"equal\"\nforce_min = 1.0\nforce_max = 9.0", true),
+        ("levels = 4", false),
+        ("codebook_learning = { forgetting = 0.001 }", false),
+    ] {
+        fs::write(
+            dir.path().join("taxeld.toml"),
+            format!("layout = \"uskin-module\"\n[[bus]]\nsource = \"can:can0\"\n[profile]\n{profile}\n"),
+        )
+        .unwrap();
+        let args = [
+            "figures",
+            "grid.csv",
+            "--config",
+            "taxeld.toml",
+            "--layout",
+            "grid:2x2",
+            "--out",
+            "out",
+        ];
+        succeeds(&dir, &args);
+        let shown = rows(&dir, "grid-time.csv", "configured (constant),line,configured");
+        assert_eq!(!shown.is_empty(), is_constant, "{profile}");
+        if profile.starts_with("codebook =") {
+            assert!(
+                shown.iter().all(|row| ["2", "8"].contains(&&*row[4])),
+                "{shown:?}"
+            );
+        }
+    }
+}
+
+#[test]
 fn a_recording_of_magnitudes_has_all_but_colours_and_instants_can_be_chosen() {
     let dir = TempDir::new().unwrap();
     let text: String = (0..40)
