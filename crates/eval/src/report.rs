@@ -3,6 +3,7 @@
 use crate::contact_truth::ContactTruth;
 use crate::cost::Cost;
 use crate::judge::Errors;
+use crate::method::Method;
 use serde::Serialize;
 
 /// Every method on the same frames.
@@ -60,6 +61,10 @@ pub struct ScalingReport {
 pub struct MethodReport {
     /// Its name.
     pub name: String,
+    /// Whether its levels are fitted to each frame. Those that stay are optimal for no frame on purpose.
+    pub levels_fitted: bool,
+    /// Whether the display's actuators cannot move, so that how close they are to the contacts is not the method's doing.
+    pub places_fixed: bool,
     /// Its errors.
     #[serde(flatten)]
     pub errors: Errors,
@@ -89,9 +94,11 @@ pub struct CostDetail {
 
 impl MethodReport {
     /// Errors and cost of a method, together.
-    pub fn new(name: String, errors: Errors, cost: Cost) -> Self {
+    pub fn new(method: &Method, errors: Errors, cost: Cost) -> Self {
         Self {
-            name,
+            name: method.name.clone(),
+            levels_fitted: method.profile.fits_frames(),
+            places_fixed: !method.profile.fixed.is_empty(),
             errors,
             tick_us_p50: cost.tick_us.p50,
             tick_us_p99: cost.tick_us.p99,

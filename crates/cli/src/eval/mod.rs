@@ -172,6 +172,10 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let base = config.profile;
     let Offered { methods, left_out } = args.methods(&base)?;
     tell(&left_out);
+    let (methods, same) = told_apart(methods);
+    for (name, other) in same {
+        eprintln!("taxel: `{name}` is judged as `{other}`, which this configuration makes it the same as");
+    }
     let (input, references, timings) = args.report(&frames, &methods)?;
     if let Some(file) = &mut export {
         export::write(file.path(), &frames.sequence, &references)
@@ -190,9 +194,10 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     };
     for scene in &args.scene {
         let (frames, config) = scene::frames(scene, args)?;
-        output
-            .scenes
-            .push(args.report(&frames, &args.methods(&config.profile)?.methods)?.0);
+        output.scenes.push(
+            args.report(&frames, &told_apart(args.methods(&config.profile)?.methods).0)?
+                .0,
+        );
     }
     if args.sweep_k {
         for size in SIZES {
@@ -242,6 +247,19 @@ fn tell(left_out: &[MethodError]) {
     for excluded in left_out {
         eprintln!("taxel: left out, since the configuration excludes it: {excluded}");
     }
+}
+
+/// Each way to compress once, and the names of the others with that of the method that each is.
+fn told_apart(methods: Vec<Method>) -> (Vec<Method>, Vec<(String, String)>) {
+    let way = |method: &Method| (method.learned, method.profile.canonical());
+    let (mut apart, mut same) = (Vec::<Method>::new(), Vec::new());
+    for method in methods {
+        match apart.iter().find(|other| way(other) == way(&method)) {
+            Some(other) => same.push((method.name, other.name.clone())),
+            None => apart.push(method),
+        }
+    }
+    (apart, same)
 }
 
 /// The methods with the codebooks that they learn from the frames.
@@ -413,8 +431,7 @@ impl Args {
         }
         let timings = time(sequence, methods, passes, Some(COUNTER), || progress.advance(1));
         let reports = methods.iter().zip(errors).zip(&timings);
-        let reports =
-            reports.map(|((m, errors), timings)| MethodReport::new(m.name.clone(), errors, timings.cost()));
+        let reports = reports.map(|((m, errors), timings)| MethodReport::new(m, errors, timings.cost()));
         let mut contacts: Vec<f64> = references.frames.iter().map(|f| f.force.len() as f64).collect();
         contacts.retain(|n| *n > 0.0);
         let words = if sequence.conditioning.is_some() { 3.0 } else { 1.0 };

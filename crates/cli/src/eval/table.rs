@@ -59,7 +59,7 @@ pub(super) fn main_figures(report: &EvalReport) -> String {
                 percent(e.displayed_total_error_mean),
                 within(e.cop_error_mean, 2, CELL),
                 percent(e.force_optimal_fraction),
-                if e.position_frames > 0 {
+                if e.position_frames > 0 && !m.places_fixed {
                     within(e.position_sse_ratio_mean, 3, CELL)
                 } else {
                     "-".into()
@@ -74,8 +74,13 @@ pub(super) fn main_figures(report: &EvalReport) -> String {
     text += &wrapped(&format!(
         "shown: error of the force at each taxel in contact (NRMSE), both stages; in 7 %: taxels shown within a just \
          noticeable difference; total: error of their sum; {unit}: of the centre of pressure; optimal: frames whose levels \
-         have the least error; places: squared error over the best of {}; us: a tick{}. Every switch and figure: --all.",
+         have the least error; places: squared error over the best of {}{}; us: a tick{}. Every switch and figure: --all.",
         report.restarts,
+        if report.methods.iter().any(|m| m.places_fixed) {
+            ", - where they cannot move"
+        } else {
+            ""
+        },
         if report.conditioning_timed {
             ", conditioning included"
         } else {
@@ -129,12 +134,17 @@ fn verdict(report: &EvalReport) -> String {
         (_, others) if is_none(others) => format!(", where `{}` has none", other.name),
         (error, others) => format!(", {:.2} times that of `{}`", error / others, other.name),
     };
+    let optimal = match best.levels_fitted {
+        true => format!(
+            " levels are optimal in {:.1} % of frames,",
+            100.0 * e.force_optimal_fraction
+        ),
+        false => String::new(),
+    };
     format!(
-        "`{}` shows forces with an error of {:.3}{compared}; levels are optimal in {:.1} % of frames, {:.1} % of \
-         actuators jump, and a tick takes {:.1} us.",
+        "`{}` shows forces with an error of {:.3}{compared};{optimal} {:.1} % of actuators jump, and a tick takes {:.1} us.",
         best.name,
         e.displayed_nrmse,
-        100.0 * e.force_optimal_fraction,
         100.0 * e.jump_fraction,
         best.tick_us_p50,
     )
@@ -351,7 +361,8 @@ pub(super) fn scaling(reports: &[ScalingReport]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use taxel_eval::{Cost, Errors, Quantiles};
+    use taxel_eval::{Cost, Errors, Method, Quantiles};
+    use taxel_hand::Profile;
 
     #[test]
     fn paragraphs_fit_the_columns_and_lose_no_word() {
@@ -399,7 +410,10 @@ mod tests {
             conditioning_timed: false,
             contact_truth: None,
             methods: methods
-                .map(|(name, errors)| MethodReport::new(name.into(), errors, cost.clone()))
+                .map(|(name, errors)| {
+                    let method = Method::parse(name, &Profile::default()).unwrap();
+                    MethodReport::new(&method, errors, cost.clone())
+                })
                 .into(),
         }
     }
@@ -429,6 +443,31 @@ mod tests {
             let figures = line.replace(" %", "%").replace(" ms", "ms");
             assert_eq!(figures.split_whitespace().count(), 1 + cells, "{line}");
         }
+    }
+
+    #[test]
+    fn what_a_display_does_not_choose_is_not_held_against_it() {
+        let errors = || Errors {
+            position_sse_ratio_mean: 7.5,
+            position_frames: 2,
+            ..Errors::default()
+        };
+        let mut report = report(errors(), errors(), 1.0);
+        let text = main_figures(&report).replace('\n', " ");
+        assert!(text.contains("levels are optimal in 0.0 % of frames, 0.0 % of actuators jump"));
+        assert!(
+            text.contains(" 7.500 ") && !text.contains("cannot move"),
+            "{text}"
+        );
+        for method in &mut report.methods {
+            (method.levels_fitted, method.places_fixed) = (false, true);
+        }
+        let text = main_figures(&report).replace('\n', " ");
+        assert!(text.contains("as `paper`; 0.0 % of actuators jump"), "{text}");
+        assert!(
+            !text.contains("7.500") && text.contains("- where they cannot move"),
+            "{text}"
+        );
     }
 
     #[test]

@@ -388,6 +388,41 @@ fn a_configuration_that_excludes_usual_methods_is_judged_by_the_others() {
 }
 
 #[test]
+fn a_method_that_a_configuration_makes_the_same_as_another_is_judged_once() {
+    let dir = TempDir::new().unwrap();
+    let forces = Array3::from_shape_fn((6, 4, 4), |(t, y, x)| (1 + (4 * y + x) * (t + 1) % 11) as f64);
+    ndarray_npy::write_npy(dir.path().join("forces.npy"), &forces).unwrap();
+    for (profile, same) in [("levels = 4", false), ("codebook = [1.0, 2.0, 5.0, 9.0]", true)] {
+        std::fs::write(
+            dir.path().join("own.toml"),
+            format!("layout = \"uskin-module\"\n[[bus]]\nsource = \"can:can0\"\n[profile]\n{profile}\n"),
+        )
+        .unwrap();
+        let args = [
+            "eval",
+            "forces.npy",
+            "--restarts",
+            "1",
+            "--passes",
+            "1",
+            "--config",
+            "own.toml",
+        ];
+        let (out, err) = succeeds(&dir, &[&args[..], &["--layout", "grid:4x4"]].concat());
+        let has_row = |name: &str| out.lines().any(|line| line.starts_with(name));
+        assert!(
+            has_row("paper placement=follow ") && has_row("optimal codebook=learned "),
+            "{out}"
+        );
+        assert_eq!(has_row("paper force_fit=exact "), !same, "{out}");
+        let said =
+            "`paper force_fit=exact` is judged as `paper`, which this configuration makes it the same as";
+        assert_eq!(err.contains(said), same, "{err}");
+        assert_eq!(out.contains("levels are optimal in"), !same, "{out}");
+    }
+}
+
+#[test]
 fn the_tables_of_every_figure_are_no_wider_than_their_help_says() {
     let dir = TempDir::new().unwrap();
     let (help, _) = succeeds(&dir, &["eval", "--help"]);
