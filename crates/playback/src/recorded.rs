@@ -168,12 +168,19 @@ pub fn frames_and_marks(path: &Path) -> anyhow::Result<(Recording, Vec<Mark>)> {
 /// The images that the daemon made, as they were shown.
 pub fn images(path: &Path) -> anyhow::Result<ImageStack> {
     let name = path.display().to_string();
-    let mut reader = RecordingReader::open(path, &[Topic::Images])?;
+    let mut reader = RecordingReader::open(path, &[Topic::Images, Topic::Hello])?;
     let mut images: Vec<TactileImage> = Vec::new();
+    // Levels and actuators: of the display, so that images of one display have one shape, and of every image.
+    let (mut display, mut most) = ([0, 0], [0, 0]);
     while let Some(item) = reader.next_item()? {
-        let Item::Message { data, wall_ns, .. } = item else {
+        let Item::Message { topic, data, wall_ns } = item else {
             continue;
         };
+        if topic == Topic::Hello {
+            let hello = read_text(data).and_then(|text| Hello::parse(text.as_bytes()).ok());
+            display = hello.map_or(display, |hello| [hello.profile.levels, hello.profile.actuators]);
+            continue;
+        }
         let Some((image, _)) = read_image(data) else {
             continue;
         };
@@ -192,15 +199,17 @@ pub fn images(path: &Path) -> anyhow::Result<ImageStack> {
             );
             break;
         }
+        let has = [image.levels.len(), image.actuators.len()].map(|count| count as u16);
+        for ((most, has), display) in most.iter_mut().zip(has).zip(display) {
+            *most = has.max(display).max(*most);
+        }
         images.push(image);
     }
     tell_left_out(&name, &reader);
     let Some(first) = images.first() else {
         bail!("{name}: no image in it; `taxel compress` makes images of CAN traffic and frames");
     };
-    let most = |count: fn(&TactileImage) -> usize| images.iter().map(count).max().unwrap_or(0) as u16;
-    let levels = most(|image| image.levels.len());
-    let actuators = most(|image| image.actuators.len());
+    let [levels, actuators] = most;
     let mut stack = ImageStack::new(first.width, first.height, levels, actuators);
     images.iter().for_each(|image| stack.push(image));
     Ok(stack)

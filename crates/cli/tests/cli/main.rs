@@ -17,6 +17,7 @@ mod publication;
 mod recordings;
 mod replay;
 mod setup;
+mod shown_images;
 mod sim;
 mod streams;
 mod view;

@@ -225,7 +225,7 @@ fn damaged_bytes_cost_their_chunk_and_are_told() {
 }
 
 /// What a daemon sends of a hand that it was started with: HELLO, and frames.
-fn put_hand(writer: &mut RecordingWriter<File>, layout: &str, from_ns: u64, frames: u64) {
+pub(crate) fn put_hand(writer: &mut RecordingWriter<File>, layout: &str, from_ns: u64, frames: u64) {
     put_hand_with_silence(writer, layout, from_ns, frames, |_| false);
 }
 
