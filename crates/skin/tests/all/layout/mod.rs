@@ -239,3 +239,44 @@ fn resolve_knows_built_in_names_and_files_and_says_what_it_tried() {
         Err(LayoutError::Read { .. })
     ));
 }
+
+/// The part of the guide on layouts.
+fn guide() -> &'static str {
+    let guide = include_str!("../../../../../docs/guide.md");
+    let (_, section) = guide.split_once("\n## Write a layout\n").unwrap();
+    section.split_once("\n## ").unwrap().0
+}
+
+#[test]
+fn the_layout_of_the_guide_is_one() {
+    let (_, text) = guide().split_once("```toml\n").unwrap();
+    let (text, _) = text.split_once("```").unwrap();
+    let hand = Layout::parse(text, "guide.md").unwrap();
+    assert_eq!((hand.width, hand.height, hand.len()), (6, 4, 16 + 3));
+    // Turned clockwise, the first cell of `order` is at the top right.
+    let thumb: Vec<_> = hand.taxels[16..]
+        .iter()
+        .map(|t| ([t.x, t.y], t.position_mm))
+        .collect();
+    let at = |x, y, place| ([x, y], Some(place));
+    assert_eq!(
+        thumb,
+        [
+            at(5, 0, [60.0, 20.0, 0.0]),
+            at(5, 1, [64.7, 20.0, 0.0]),
+            at(4, 0, [60.0, 24.7, -1.5])
+        ]
+    );
+    assert_eq!(hand.modules[1].joint.as_deref(), Some("thumb 3"));
+}
+
+#[test]
+fn the_guide_explains_every_key_of_a_module() {
+    let refused = error(&format!("{HEAD}{}", module("a", &["colour = \"red\""])));
+    let (_, keys) = refused.split_once("; there are ").expect(&refused);
+    let keys: Vec<&str> = keys.split(", ").collect();
+    assert!(keys.contains(&"name") && keys.contains(&"joint"), "{refused}");
+    for key in keys {
+        assert!(guide().contains(&format!("`{key}`")), "{key}");
+    }
+}
