@@ -2,7 +2,7 @@
 
 use crate::progress::Progress;
 use crate::recorded_buses::read_ahead;
-use crate::sweep::Sweeps;
+use crate::sweep::{Sweeps, can_carry_counts};
 use crate::traffic::Traffic;
 use crate::whole_frames::WholeFrames;
 use std::ops::ControlFlow;
@@ -116,8 +116,8 @@ pub fn run_traffic(
 }
 
 /// Takes recorded counts through the pipeline, at their recorded times. Each recorded frame is a frame, since the
-/// recording says which values belong together: as what boards would have sent, or as it is where the skin has no
-/// buses. Boards at a fixed tick are sampled instead, as a daemon samples them. With `tile`, the recording of one
+/// recording says which values belong together: as what boards would have sent, or as it is where they have no CAN frame
+/// for each taxel. Boards at a fixed tick are sampled instead, as a daemon samples them. With `tile`, the recording of one
 /// module is repeated on every module of the hand.
 pub fn run_counts(
     recording: &Recording,
@@ -134,7 +134,7 @@ pub fn run_counts(
             recording.len()
         );
     }
-    if config.layout.buses.is_empty() {
+    if !can_carry_counts(&config.layout) {
         return run_whole(WholeFrames::bare(recording, &config.layout, tile)?, config, emit);
     }
     let sweeps = Sweeps::new(recording, &config.layout, tile)?;

@@ -13,6 +13,12 @@ const FRAME_NS: u64 = 125_000;
 /// "MLX90393 status").
 const STATUS: u8 = 0x83;
 
+/// Whether counts can be sent as CAN frames of a hand: every taxel has one of its own. Boards that put several taxels into
+/// a frame, pressure arrays and skins in a file have none.
+pub(crate) fn can_carry_counts(layout: &Layout) -> bool {
+    (0..layout.len()).all(|taxel| layout.can_id(taxel).is_some())
+}
+
 /// Turns each frame of a recording into one sweep of every board of a hand.
 #[derive(Debug)]
 pub struct Sweeps<'a> {
@@ -54,7 +60,8 @@ impl<'a> Sweeps<'a> {
             let module = layout.module_of(taxel);
             if layout.can_id(taxel).is_none() {
                 bail!(
-                    "module {} of layout {} has no board to play {name} as",
+                    "module {} of layout {} has no CAN frame for each taxel, so {name} cannot be sent as CAN; its frames \
+                     can be read as they are, and written as .npz or .csv",
                     module.name,
                     layout.name
                 );

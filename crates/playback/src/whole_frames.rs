@@ -15,7 +15,7 @@ pub(crate) struct WholeFrames<'a> {
 
 /// Where the values of a frame come from.
 enum Skin<'a> {
-    /// The file itself, where the skin has no buses: for each taxel its number in the recording.
+    /// The file itself, where boards have no CAN frame for each taxel: for each taxel its number in the recording.
     Bare(Vec<usize>),
     /// What boards would have sent.
     Boards {
@@ -26,8 +26,8 @@ enum Skin<'a> {
 }
 
 impl<'a> WholeFrames<'a> {
-    /// Those of a skin without buses, at their recorded times. Refuses a recording that does not fit it; with `tile`,
-    /// the recording is repeated on every module.
+    /// Those of a skin whose counts no CAN frames carry one by one, at their recorded times. Refuses a recording that does
+    /// not fit it; with `tile`, the recording is repeated on every module.
     pub(crate) fn bare(recording: &'a Recording, layout: &Layout, tile: bool) -> anyhow::Result<Self> {
         Ok(Self {
             recording,

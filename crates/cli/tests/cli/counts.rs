@@ -123,6 +123,35 @@ fn a_skin_without_buses_is_conditioned_as_one_with_boards() {
 }
 
 #[test]
+fn counts_that_no_can_frame_carries_one_by_one_are_taken_as_they_are() {
+    for (name, at_rest, pressed) in [
+        ("tekscan-6077", 1, 200),
+        ("icub-forearm", 3920, 2000),
+        ("cpm-finger", 24_000, 30_000),
+    ] {
+        let dir = TempDir::new().unwrap();
+        let taxels = Layout::builtin(name).unwrap().len();
+        let counts = Array3::from_shape_fn((20, taxels, 3), |(t, taxel, axis)| match axis {
+            2 if t > 1 && taxel < 5 => pressed as f32,
+            2 => at_rest as f32,
+            _ => 0.0,
+        });
+        write_npz(&dir, "hand.npz", &counts, &times());
+        let wanted = compressed(&dir, "hand.npz", name, &[]);
+        assert_eq!(
+            (&wanted.1, &wanted.2),
+            (&times().to_vec(), &vec![0; 20]),
+            "{name}"
+        );
+        assert!(wanted.0.iter().any(|pixel| *pixel > 0), "{name}");
+        succeeds(&dir, &["convert", "hand.npz", "again.csv", "--layout", name]);
+        assert_eq!(compressed(&dir, "again.csv", name, &[]), wanted, "{name}");
+        let err = fails(&dir, &["convert", "hand.npz", "a.log", "--layout", name], 1);
+        assert!(err.contains("no CAN frame for each taxel"), "{err}");
+    }
+}
+
+#[test]
 fn counts_of_an_image_are_placed_by_their_shape() {
     let dir = TempDir::new().unwrap();
     let counts = counts().mapv(|count| count as u16);
