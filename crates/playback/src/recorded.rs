@@ -93,12 +93,37 @@ impl Head {
 
 /// The tactile frames that the daemon made, counts and joint angles, from the first in which a taxel has a value.
 pub fn frames(path: &Path) -> anyhow::Result<Recording> {
-    frames_and_marks(path).map(|(recording, _)| recording)
+    frames_and_wall_marks(path).map(|(recording, ..)| recording)
 }
 
 /// The tactile frames that the daemon made, and the marks that people and programs made meanwhile; times of both begin with
-/// the first frame.
+/// the first frame. What was marked last before it holds when it comes, and is marked there.
 pub fn frames_and_marks(path: &Path) -> anyhow::Result<(Recording, Vec<Mark>)> {
+    let (recording, mut marks, began_ns) = frames_and_wall_marks(path)?;
+    marks.sort_by_key(|mark| mark.t_ns);
+    let early = marks.partition_point(|mark| mark.t_ns < began_ns);
+    if early > 0 {
+        let (name, last) = (recording.name(), &marks[early - 1].text);
+        match early {
+            1 => eprintln!(
+                "taxel: {name}: the mark {last:?} was made before the first frame; it is taken to be made with it"
+            ),
+            _ => eprintln!(
+                "taxel: {name}: {early} marks were made before the first frame; the last, {last:?}, is taken to be made \
+                 with it, and the others are left out"
+            ),
+        }
+        marks.drain(..early - 1);
+    }
+    for mark in &mut marks {
+        mark.t_ns = mark.t_ns.saturating_sub(began_ns);
+    }
+    Ok((recording, marks))
+}
+
+/// The frames, their times from the first; marks on the wall clock, in the order of the file; and when the first frame was
+/// on that clock, nanoseconds.
+fn frames_and_wall_marks(path: &Path) -> anyhow::Result<(Recording, Vec<Mark>, u64)> {
     let name = path.display().to_string();
     let mut reader = RecordingReader::open(path, &[Topic::Frames, Topic::Events, Topic::Hello])?;
     let (mut counts, mut times_ns, mut joints) = (Vec::new(), Vec::new(), Vec::new());
@@ -157,12 +182,8 @@ pub fn frames_and_marks(path: &Path) -> anyhow::Result<(Recording, Vec<Mark>)> {
     if let Some(first_ns) = times_ns.first().copied() {
         times_ns.iter_mut().for_each(|t_ns| *t_ns -= first_ns);
     }
-    marks
-        .iter_mut()
-        .for_each(|mark| mark.t_ns = mark.t_ns.saturating_sub(began_ns));
-    marks.sort_by_key(|mark| mark.t_ns);
     let recording = Recording::of_counts(name, taxels, counts, times_ns, joints)?;
-    Ok((recording, marks))
+    Ok((recording, marks, began_ns))
 }
 
 /// The images that the daemon made, as they were shown.

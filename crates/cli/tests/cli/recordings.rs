@@ -320,6 +320,52 @@ fn frames_of_a_silent_hand_are_there_with_their_times_but_for_those_before_it_sp
 }
 
 #[test]
+fn of_the_marks_made_before_a_hand_speaks_the_last_holds_from_its_first_frame_on() {
+    let began_ns = 1_000_000_000;
+    for (early, said, wanted) in [
+        (&[][..], None, "0.05,touch 2\n"),
+        (
+            &["touch 1"],
+            Some("the mark \"touch 1\" was made before the first frame; it is taken to be made with it\n"),
+            "0,touch 1\n0.05,touch 2\n",
+        ),
+        (
+            &["one", "two", "touch 1"],
+            Some(
+                "3 marks were made before the first frame; the last, \"touch 1\", is taken to be made with it, and the others",
+            ),
+            "0,touch 1\n0.05,touch 2\n",
+        ),
+    ] {
+        let dir = TempDir::new().unwrap();
+        let path = dir.path().join("early.mcap");
+        let mut writer =
+            RecordingWriter::begin(File::create(&path).unwrap(), &Preamble::default(), 0).unwrap();
+        // The hand is silent in its first five frames.
+        let early = early
+            .iter()
+            .zip(1..)
+            .map(|(text, n)| (*text, began_ns + n * 10_000_000));
+        for (text, wall_ns) in early.chain([("touch 2", began_ns + 100_000_000)]) {
+            let (topic, data) = (
+                Topic::Events,
+                event_message(event_name(EventKind::Mark), text, wall_ns),
+            );
+            writer.put(&Entry { topic, wall_ns, data }).unwrap();
+        }
+        put_hand_with_silence(&mut writer, "uskin-module", began_ns, 20, |n| n < 5);
+        writer.finish().unwrap();
+        let (_, err) = succeeds(&dir, &["convert", "early.mcap", "marks.csv", "--marks"]);
+        match said {
+            Some(said) => assert!(err.contains(said), "{err}"),
+            None => assert!(!err.contains("before the first frame"), "{err}"),
+        }
+        let text = std::fs::read_to_string(dir.path().join("marks.csv")).unwrap();
+        assert_eq!(text, format!("t_s,text\n{wanted}"));
+    }
+}
+
+#[test]
 fn a_recording_of_two_hands_is_read_as_the_first_of_them_and_says_how_to_read_the_other() {
     let dir = TempDir::new().unwrap();
     let path = dir.path().join("hands.mcap");
