@@ -18,6 +18,15 @@ def check(frames, joints):
     assert frames.without_value.tolist() == [[False] * 2] * 2
 
 
+def test_taxels_of_images_are_listed_row_by_row(tmp_path):
+    counts = np.arange(36, dtype=np.uint16).reshape(2, 2, 3, 3)
+    for more in ({}, {"without_value": np.arange(12).reshape(2, 6) == 7}):
+        np.savez(tmp_path / "a.npz", counts=counts, t_ns=TIMES, **more)
+        frames = taxel.load_frames(tmp_path / "a.npz")
+        assert frames.counts.tolist() == counts.reshape(2, 6, 3).tolist()
+        assert frames.without_value.sum() == len(more)
+
+
 @pytest.mark.parametrize("joints", [ANGLES, np.zeros((2, 0), np.float32)])
 def test_arrays_and_columns_of_convert_are_the_same_frames(tmp_path, joints):
     angles = {"joints": joints} if joints.size else {}

@@ -120,7 +120,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         raw: args
             .frames
             .as_deref()
-            .map(|path| RawFrames::create(path, &config.layout))
+            .map(|path| RawFrames::create(path, &config.layout, input.image_shape()))
             .transpose()?,
         output: ImageOutput::create(&args.out, format, &config.layout, &config.profile)?,
         frames: args.learn_codebook.as_ref().map(|_| Vec::new()),
@@ -273,7 +273,7 @@ struct RawFrames {
 }
 
 impl RawFrames {
-    fn create(path: &Path, layout: &Layout) -> anyhow::Result<Self> {
+    fn create(path: &Path, layout: &Layout, image: Option<(usize, usize)>) -> anyhow::Result<Self> {
         let ending = path.extension().and_then(|ending| ending.to_str());
         let ending = ending.unwrap_or_default().to_ascii_lowercase();
         let Some(format) = FrameFormat::of_ending(&ending) else {
@@ -285,7 +285,7 @@ impl RawFrames {
         format.check(path)?;
         let whole = OutputFile::begin(path)?;
         Ok(Self {
-            output: FrameOutput::create(whole.path(), format),
+            output: FrameOutput::create(whole.path(), format, image),
             layout: layout.clone(),
             whole,
         })

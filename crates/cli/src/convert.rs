@@ -97,7 +97,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             (output.finish()?, "CAN frames")
         }
         Some(format) => {
-            let mut output = FrameOutput::create(whole.path(), format);
+            let mut output = FrameOutput::create(whole.path(), format, input.image_shape());
             frames(args, &input, &mut |layout, frame| {
                 check()?;
                 output.put(layout, frame)

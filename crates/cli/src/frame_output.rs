@@ -48,6 +48,7 @@ impl FrameFormat {
 pub(crate) struct FrameOutput {
     path: PathBuf,
     format: FrameFormat,
+    image: Option<(usize, usize)>,
     /// None before the first frame, which says how many joints there are.
     file: Option<FrameFile>,
     count: u64,
@@ -61,11 +62,13 @@ enum FrameFile {
 }
 
 impl FrameOutput {
-    /// Nothing is written before the first frame.
-    pub(crate) fn create(path: &Path, format: FrameFormat) -> Self {
+    /// Nothing is written before the first frame. `image` is height and width of the frames, where they come from a file of
+    /// images.
+    pub(crate) fn create(path: &Path, format: FrameFormat, image: Option<(usize, usize)>) -> Self {
         Self {
             path: path.into(),
             format,
+            image,
             file: None,
             count: 0,
         }
@@ -79,9 +82,13 @@ impl FrameOutput {
         }
         let file = match &mut self.file {
             Some(file) => file,
-            None => self
-                .file
-                .insert(FrameFile::create(&self.path, self.format, layout)?),
+            None => {
+                let image = self
+                    .image
+                    .filter(|(height, width)| height * width == layout.len());
+                self.file
+                    .insert(FrameFile::create(&self.path, self.format, layout, image)?)
+            }
         };
         file.push(frame)?;
         self.count += 1;
@@ -98,14 +105,31 @@ impl FrameOutput {
 }
 
 impl FrameFile {
-    fn create(path: &Path, format: FrameFormat, layout: &Layout) -> Result<Self, RecordError> {
+    fn create(
+        path: &Path,
+        format: FrameFormat,
+        layout: &Layout,
+        image: Option<(usize, usize)>,
+    ) -> Result<Self, RecordError> {
         let taxels = layout.taxels.iter().zip(&layout.k);
         let taxels = taxels.map(|(taxel, k)| (taxel.module, *k));
         match format {
-            FrameFormat::Npz => Ok(Self::Arrays(FrameArrays::default())),
+            FrameFormat::Npz => Ok(Self::Arrays(match image {
+                Some((height, width)) => FrameArrays::of_images(height, width),
+                None => FrameArrays::default(),
+            })),
             #[cfg(feature = "parquet")]
             FrameFormat::Parquet => Ok(Self::Parquet(Box::new(FrameColumns::create(path, taxels)))),
-            _ => FrameTable::create(path, taxels).map(Self::Csv),
+            _ => {
+                if let Some((height, width)) = image {
+                    eprintln!(
+                        "taxel: {}: a .csv does not say that its frames are images; it is read with --layout \
+                         grid:{height}x{width}",
+                        path.display()
+                    );
+                }
+                FrameTable::create(path, taxels).map(Self::Csv)
+            }
         }
     }
 

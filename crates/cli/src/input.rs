@@ -65,6 +65,16 @@ pub(crate) enum Input {
     Scene(Box<Scene>),
 }
 
+impl Input {
+    /// Height and width of its frames, where they are images.
+    pub(crate) fn image_shape(&self) -> Option<(usize, usize)> {
+        match self {
+            Self::Frames(recording) => recording.image_shape(),
+            Self::Log(_) | Self::Scene(_) => None,
+        }
+    }
+}
+
 impl InputArgs {
     /// Opens the recording.
     pub(crate) fn open(&self) -> anyhow::Result<Input> {

@@ -11,12 +11,22 @@ use taxel_hand::TactileFrame;
 /// Tactile frames of one hand, collected to be written together.
 #[derive(Debug, Default, Clone)]
 pub struct FrameArrays {
+    /// Height and width, where frames are images.
+    image: Option<[usize; 2]>,
     counts: Vec<TaxelCounts>,
     t_ns: Vec<u64>,
     joints: Vec<f32>,
 }
 
 impl FrameArrays {
+    /// None yet, of frames that are images of this height and width, their taxels row by row. By default they are lists.
+    pub fn of_images(height: usize, width: usize) -> Self {
+        Self {
+            image: Some([height, width]),
+            ..Self::default()
+        }
+    }
+
     /// Adds a frame: its time, counts and joint angles.
     ///
     /// # Panics
@@ -42,16 +52,19 @@ impl FrameArrays {
         self.t_ns.is_empty()
     }
 
-    /// Writes a `.npz`: `counts` `T x N x 3` u16, `t_ns` u64; where any taxel has no value of the time of a frame,
-    /// `without_value` `T x N` bool, true there; and, where there are joints, `joints` `T x J` f32, radians, not a number where unknown.
+    /// Writes a `.npz`: `counts` `T x N x 3` u16, of images `T x H x W x 3`, `t_ns` u64; where any taxel has no value of the
+    /// time of a frame, `without_value` `T x N` bool, true there; and, where there are joints, `joints` `T x J` f32, radians, not a number where unknown.
     /// [`crate::Recording`] reads it.
     pub fn write_npz(&self, path: &Path) -> Result<(), RecordError> {
         let frames = self.len();
         let each = |len: usize| len / frames.max(1);
         let mut npz = NpzWriter::plain(path);
         let taxels = each(self.counts.len());
+        let of_images = self.image.map(|[height, width]| [frames, height, width, 3]);
+        let of_lists = [frames, taxels, 3];
+        let shape = of_images.as_ref().map_or(&of_lists[..], |shape| &shape[..]);
         let counts = self.counts.iter().flat_map(|counts| counts.unwrap_or_default());
-        npz.add("counts", &[frames, taxels, 3], counts)?;
+        npz.add("counts", shape, counts)?;
         if self.counts.contains(&None) {
             let without = self.counts.iter().map(Option::is_none);
             npz.add(WITHOUT_VALUE, &[frames, taxels], without)?;

@@ -19,7 +19,7 @@ class Frames:
     """What every taxel read, one frame after another."""
 
     counts: "NDArray[np.uint16]"
-    """T x N x 3: x, y and z of each taxel, in the layout's order."""
+    """T x N x 3: x, y and z of each taxel, in the layout's order; those of an image row by row."""
     t_ns: "NDArray[np.uint64]"
     """From the first frame."""
     joints: "NDArray[np.float32]"
@@ -51,6 +51,9 @@ def load_frames(path: Path) -> Frames:
 def _npz(file: Any) -> Frames:
     with np.load(file) as arrays:
         counts, t_ns = arrays["counts"], arrays["t_ns"]
+        if counts.ndim == 4:  # frames that are images
+            frames, height, width, axes = counts.shape
+            counts = counts.reshape(frames, height * width, axes)
         joints = arrays["joints"] if "joints" in arrays else np.zeros((len(t_ns), 0), np.float32)
         without = arrays["without_value"] if "without_value" in arrays else np.zeros(counts.shape[:2], np.bool_)
     if not len(counts) == len(t_ns) == len(joints) or counts.shape[2:] != (3,) or joints.ndim != 2:

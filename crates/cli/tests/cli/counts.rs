@@ -166,6 +166,27 @@ fn counts_of_an_image_are_placed_by_their_shape() {
         &["compress", "image.npy", "--method", "paper", "--out", "out.npz"],
     );
     assert!(err.contains("20 images of 2x8"), "{err}");
+    // Whatever it is converted into; a .csv has no shape, which is said.
+    for (from, to, layout, said) in [
+        ("image.npy", "again.npz", &[][..], false),
+        ("again.npz", "frames.npz", &[], false),
+        ("frames.npz", "frames.csv", &[], true),
+        ("frames.csv", "last.npz", &["--layout", "grid:2x8"], false),
+    ] {
+        let (_, err) = succeeds(&dir, &[&["convert", from, to][..], layout].concat());
+        assert_eq!(err.contains("frames.csv: a .csv does not say"), said, "{err}");
+        let kept = if said {
+            &["--layout", "grid:2x8"][..]
+        } else {
+            layout
+        };
+        let args = [
+            "compress", to, "--method", "paper", "--out", "out.npz", "--frames", "f.npz",
+        ];
+        let (_, err) = succeeds(&dir, &[&args, kept].concat());
+        assert!(err.contains("20 images of 2x8"), "{to}: {err}");
+        assert_eq!(compressed(&dir, "f.npz", "grid:2x8", &[]), wanted, "{to}");
+    }
     let err = fails(
         &dir,
         &["compress", "image.npy", "--layout", "grid:4x4", "--out", "a.npz"],
