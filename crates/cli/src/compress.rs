@@ -11,7 +11,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use taxel_compress::learn_codebook;
 use taxel_engine::Display;
-use taxel_hand::{FORCE_MAX, FORCE_MIN, ForceFrame, Method, Profile, TactileImage, did_you_mean};
+use taxel_hand::{FORCE_MAX, FORCE_MIN, ForceFrame, LevelSteps, Method, Profile, TactileImage, did_you_mean};
 use taxel_playback::image_output::{ImageOutput, OutputFormat};
 use taxel_playback::interrupt::Interrupt;
 use taxel_playback::output_file::{OutputFile, refuse_overlap};
@@ -241,11 +241,13 @@ impl Run {
             let profile = Profile {
                 levels: config.profile.level_count(),
                 jnd: None,
+                level_steps: LevelSteps::Fitted,
+                codebook_learning: None,
                 codebook,
                 ..config.profile.clone()
             };
             profile.check()?;
-            write_codebook(path, args, &profile)?;
+            write_codebook(path, args, &profile, &other_levels(&config.profile))?;
             eprintln!("{}: {} levels learned", path.display(), profile.codebook.len());
         }
         if args.json {
@@ -303,14 +305,33 @@ impl RawFrames {
     }
 }
 
-fn write_codebook(path: &Path, args: &Args, profile: &Profile) -> anyhow::Result<()> {
+/// The keys of a profile that say how many levels there are and which, and that a codebook takes the place of.
+fn other_levels(profile: &Profile) -> Vec<&'static str> {
+    let keys = [
+        ("jnd", profile.jnd.is_some()),
+        ("level_steps", profile.level_steps != LevelSteps::Fitted),
+        ("codebook_learning", profile.codebook_learning.is_some()),
+        ("codebook", !profile.codebook.is_empty()),
+    ];
+    keys.into_iter()
+        .filter(|(_, set)| *set)
+        .map(|(key, _)| key)
+        .collect()
+}
+
+/// Writes the levels of a profile as a piece of a configuration, which takes the place of these keys of it.
+fn write_codebook(path: &Path, args: &Args, profile: &Profile, replaced: &[&str]) -> anyhow::Result<()> {
     let levels: Vec<String> = profile
         .codebook
         .iter()
         .map(|force| format!("{force:?}"))
         .collect();
+    let place = match replaced {
+        [] => String::new(),
+        keys => format!(" in place of {}", keys.join(" and ")),
+    };
     let text = format!(
-        "# Force levels learned from {}; put them into the daemon's configuration.\n[profile]\nlevels = {}\n\
+        "# Force levels learned from {}; put them into the daemon's configuration{place}.\n[profile]\nlevels = {}\n\
          codebook = [{}]\n",
         args.offline.input.name(),
         profile.levels,

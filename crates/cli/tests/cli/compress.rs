@@ -282,6 +282,43 @@ fn a_learned_codebook_is_a_configuration() {
 }
 
 #[test]
+fn a_codebook_is_learned_whatever_gives_the_levels_of_the_configuration() {
+    let dir = TempDir::new().unwrap();
+    let forces = Array3::from_shape_fn((20, 4, 4), |(t, y, x)| (t * (1 + y) + x) as f32);
+    ndarray_npy::write_npy(dir.path().join("press.npy"), &forces).unwrap();
+    for (key, replaced) in [
+        ("", "configuration."),
+        (
+            "codebook_learning = { forgetting = 0.01 }",
+            "in place of codebook_learning.",
+        ),
+        ("codebook = [1.0, 20.0]", "in place of codebook."),
+        (
+            "level_steps = \"equal\"\nforce_min = 1.0\nforce_max = 80.0",
+            "in place of level_steps.",
+        ),
+        (
+            "level_steps = \"weber\"\njnd = 0.5\nforce_min = 1.0\nforce_max = 80.0",
+            "in place of jnd and level_steps.",
+        ),
+    ] {
+        std::fs::write(
+            dir.path().join("hand.toml"),
+            format!("layout = \"grid:4x4\"\n[profile]\n{key}\n"),
+        )
+        .unwrap();
+        let learn = ["--learn-codebook", "book.toml", "--out", "a.npy"];
+        succeeds(
+            &dir,
+            &[&["compress", "press.npy", "--config", "hand.toml"][..], &learn].concat(),
+        );
+        let book = std::fs::read_to_string(dir.path().join("book.toml")).unwrap();
+        assert!(book.lines().next().unwrap().ends_with(replaced), "{key}: {book}");
+        assert!(book.contains("codebook = ["), "{key}: {book}");
+    }
+}
+
+#[test]
 fn input_that_cannot_be_read_says_what_to_do() {
     let dir = TempDir::new().unwrap();
     let path = |name: &str| -> PathBuf { dir.path().join(name) };
