@@ -192,14 +192,32 @@ fn number(column: usize, bytes: &[u8]) -> Result<f64, String> {
     })
 }
 
-/// The time of a cell that holds this number. Nanoseconds since 1970 are more than a number of 53 bits can hold.
+/// The time of a cell that holds this number. Nanoseconds since 1970 are more than a number of 53 bits can hold, in
+/// whatever unit they are written: its digits are taken as they stand there, and rounded below a nanosecond.
 fn time_ns(bytes: &[u8], number: f64, unit: TimeUnit) -> Option<u64> {
-    let whole = cell(bytes).ok().and_then(|text| text.parse().ok());
-    if let Some(time_ns) = whole.filter(|_| unit == TimeUnit::Ns) {
-        return Some(time_ns);
-    }
-    let time_ns = (number * unit.nanoseconds()).round();
-    (0.0..1.8e19).contains(&time_ns).then_some(time_ns as u64)
+    let exact = cell(bytes).ok().and_then(|text| exact_ns(text, unit));
+    exact.or_else(|| {
+        let time_ns = (number * 10f64.powi(unit.decimals())).round();
+        (0.0..1.8e19).contains(&time_ns).then_some(time_ns as u64)
+    })
+}
+
+/// The nanoseconds of a number as it is written; none where it has a sign, no digits, or more of them than fit.
+fn exact_ns(text: &str, unit: TimeUnit) -> Option<u64> {
+    let (number, exponent) = match text.split_once(['e', 'E']) {
+        Some((number, exponent)) => (number, exponent.parse::<i32>().ok()?),
+        None => (text, 0),
+    };
+    let (whole, fraction) = number.split_once('.').unwrap_or((number, ""));
+    let digits: u128 = format!("{whole}{fraction}").parse().ok()?;
+    let decimals = i32::try_from(fraction.len()).ok()?;
+    let scale = exponent.checked_add(unit.decimals())?.checked_sub(decimals)?;
+    let power = 10u128.checked_pow(scale.unsigned_abs())?;
+    let time_ns = match scale < 0 {
+        true => digits.checked_add(power / 2)? / power,
+        false => digits.checked_mul(power)?,
+    };
+    time_ns.try_into().ok()
 }
 
 #[cfg(test)]
@@ -292,6 +310,34 @@ mod tests {
         assert_eq!(recording.t_ns(0), 1_500_000_000);
         let recording = read_text("1.5,0,1,2,3,4,5\n", &options).unwrap();
         assert_eq!(recording.taxels(), 2);
+    }
+
+    #[test]
+    fn times_of_a_wall_clock_are_exact_in_every_unit() {
+        for (unit, text, wanted) in [
+            ("ns", "1700000000123456789", 1_700_000_000_123_456_789),
+            ("us", "1700000000123457", 1_700_000_000_123_457_000),
+            ("us", "1700000000123456.789", 1_700_000_000_123_456_789),
+            ("ms", "1700000000123.456789", 1_700_000_000_123_456_789),
+            ("s", "1700000000.123456789", 1_700_000_000_123_456_789),
+            ("s", " 1700000000.1234567894 ", 1_700_000_000_123_456_789),
+            ("s", "1700000000.1234567895", 1_700_000_000_123_456_790),
+            // As numpy.savetxt writes them.
+            ("s", "1.700000000123456789e+09", 1_700_000_000_123_456_789),
+            ("us", "+1.700000000123457E15", 1_700_000_000_123_457_000),
+            ("s", ".5", 500_000_000),
+            ("s", "2.", 2_000_000_000),
+            ("s", "1e-400", 0),
+            ("s", "-0.0", 0),
+            ("s", "0.0000000000000000000000000000000000000000005", 0),
+        ] {
+            let recording = read_text(&format!("t_{unit},a\n{text},1\n"), &ReadOptions::default()).unwrap();
+            assert_eq!(recording.t_ns(0), wanted, "{text} {unit}");
+        }
+        for text in ["1e400", "1e30", "inf", "-1e-9"] {
+            let message = read_text(&format!("t_s,a\n{text},1\n"), &ReadOptions::default()).unwrap_err();
+            assert!(message.contains("is no time from 0 on"), "{text}: {message}");
+        }
     }
 
     #[test]

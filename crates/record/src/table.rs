@@ -117,13 +117,13 @@ impl FromStr for TimeUnit {
 }
 
 impl TimeUnit {
-    /// Nanoseconds in one unit.
-    pub fn nanoseconds(self) -> f64 {
+    /// Decimals of one unit down to a nanosecond.
+    pub(crate) fn decimals(self) -> i32 {
         match self {
-            TimeUnit::S => 1e9,
-            TimeUnit::Ms => 1e6,
-            TimeUnit::Us => 1e3,
-            TimeUnit::Ns => 1.0,
+            TimeUnit::S => 9,
+            TimeUnit::Ms => 6,
+            TimeUnit::Us => 3,
+            TimeUnit::Ns => 0,
         }
     }
 }
