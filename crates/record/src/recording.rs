@@ -92,13 +92,7 @@ impl Recording {
                 );
                 return Err(RecordError::unreadable(at, reason));
             }
-            if let Some(i) = times.windows(2).position(|w| w[1] < w[0]) {
-                let reason = format!(
-                    "the time of frame {} is before that of the frame before it",
-                    i + 1
-                );
-                return Err(RecordError::unreadable(at, reason));
-            }
+            refuse_backwards(&at, times)?;
         }
         let rate_hz = options.rate_hz.unwrap_or(DEFAULT_RATE_HZ);
         Ok(Self {
@@ -136,13 +130,7 @@ impl Recording {
             );
             return Err(RecordError::unreadable(name, reason));
         }
-        if let Some(i) = times_ns.windows(2).position(|w| w[1] < w[0]) {
-            let reason = format!(
-                "the time of frame {} is before that of the frame before it",
-                i + 1
-            );
-            return Err(RecordError::unreadable(name, reason));
-        }
+        refuse_backwards(&name, &times_ns)?;
         Ok(Self {
             name,
             len,
@@ -260,6 +248,18 @@ impl Recording {
             Frames::Magnitudes(_) => None,
         }
     }
+}
+
+/// Refuses times that run backwards.
+fn refuse_backwards(at: &str, times_ns: &[u64]) -> Result<(), RecordError> {
+    let Some(before) = times_ns.windows(2).position(|w| w[1] < w[0]) else {
+        return Ok(());
+    };
+    let reason = format!(
+        "the time of frame {} is before that of the frame before it",
+        before + 1
+    );
+    Err(RecordError::unreadable(at, reason))
 }
 
 /// The cells of a frame that are not a number in any frame.
