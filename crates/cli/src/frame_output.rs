@@ -3,6 +3,7 @@
 use anyhow::bail;
 use std::path::{Path, PathBuf};
 use taxel_hand::{Freshness, TactileFrame};
+use taxel_playback::recorded::tell_frames_before;
 #[cfg(feature = "parquet")]
 use taxel_record::FrameColumns;
 use taxel_record::{FrameArrays, FrameTable, RecordError};
@@ -52,6 +53,8 @@ pub(crate) struct FrameOutput {
     /// None before the first frame, which says how many joints there are.
     file: Option<FrameFile>,
     count: u64,
+    /// Frames before the first in which a taxel has a value.
+    before: u64,
 }
 
 enum FrameFile {
@@ -71,6 +74,7 @@ impl FrameOutput {
             image,
             file: None,
             count: 0,
+            before: 0,
         }
     }
 
@@ -78,6 +82,7 @@ impl FrameOutput {
     /// Those behind it are written all the same, so that times and joint angles have no hole.
     pub(crate) fn put(&mut self, layout: &Layout, frame: &TactileFrame) -> anyhow::Result<()> {
         if self.file.is_none() && !frame.freshness.contains(&Freshness::Fresh) {
+            self.before += 1;
             return Ok(());
         }
         let file = match &mut self.file {
@@ -95,10 +100,11 @@ impl FrameOutput {
         Ok(())
     }
 
-    /// Writes what is left; returns how many frames there are.
+    /// Writes what is left, and says how many frames were left out; returns how many frames there are.
     pub(crate) fn finish(self) -> anyhow::Result<u64> {
         if let Some(file) = self.file {
             file.finish(&self.path)?;
+            tell_frames_before(&self.path.display().to_string(), self.before);
         }
         Ok(self.count)
     }

@@ -128,7 +128,7 @@ fn frames_and_wall_marks(path: &Path) -> anyhow::Result<(Recording, Vec<Mark>, u
     let mut reader = RecordingReader::open(path, &[Topic::Frames, Topic::Events, Topic::Hello])?;
     let (mut counts, mut times_ns, mut joints) = (Vec::new(), Vec::new(), Vec::new());
     let (mut size, mut hello_ns, mut rest_ns) = (None, None, None);
-    let (mut began_ns, mut marks) = (None, Vec::new());
+    let (mut before, mut began_ns, mut marks) = (0, None, Vec::new());
     let may_hold = reader.may_hold(Topic::Frames);
     while may_hold && let Some(item) = reader.next_item()? {
         let Item::Message { topic, wall_ns, data } = item else {
@@ -150,6 +150,7 @@ fn frames_and_wall_marks(path: &Path) -> anyhow::Result<(Recording, Vec<Mark>, u
         };
         // Before a hand speaks there is nothing to begin with; a hand that falls silent goes on in time.
         if times_ns.is_empty() && !frame.has_values() {
+            before += 1;
             continue;
         }
         let present = (frame.counts().len(), frame.joints().len());
@@ -179,6 +180,7 @@ fn frames_and_wall_marks(path: &Path) -> anyhow::Result<(Recording, Vec<Mark>, u
             false => bail!("{name}: neither CAN traffic nor tactile frames in it"),
         }
     };
+    tell_frames_before(&name, before);
     if let Some(first_ns) = times_ns.first().copied() {
         times_ns.iter_mut().for_each(|t_ns| *t_ns -= first_ns);
     }
@@ -280,6 +282,15 @@ pub(crate) fn rest(name: &str, from_ns: u64) -> String {
     format!(
         "; `mcap filter {name} -o rest.mcap --start {from_ns} --output-compression lz4` takes out the rest"
     )
+}
+
+/// Says how many frames of a recording are left out since nothing has begun: those before the first in which a taxel has a
+/// value.
+pub fn tell_frames_before(name: &str, before: u64) {
+    if before > 0 {
+        let frames = if before == 1 { "frame is" } else { "frames are" };
+        eprintln!("taxel: {name}: {before} {frames} left out, before the first in which a taxel has a value");
+    }
 }
 
 fn tell_left_out(name: &str, reader: &RecordingReader) {

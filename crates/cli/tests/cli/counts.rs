@@ -247,6 +247,24 @@ fn a_taxel_without_a_value_is_missing_from_file_to_file() {
     assert_eq!((times, missing), (wanted.1, wanted.2));
 }
 
+#[test]
+fn frames_before_a_taxel_has_a_value_are_left_out_and_counted() {
+    let dir = TempDir::new().unwrap();
+    for (silent, said) in [(0, ""), (1, "1 frame is left out"), (3, "3 frames are left out")] {
+        let mut counts = counts();
+        counts.slice_mut(ndarray::s![..silent, .., ..]).fill(f32::NAN);
+        write_npz(&dir, "module.npz", &counts, &times());
+        for out in ["out.npz", "out.csv"] {
+            let (_, err) = succeeds(&dir, &["convert", "module.npz", out, "--layout", "grid:4x4"]);
+            assert!(err.contains(&format!("{out}: {} frames", 20 - silent)), "{err}");
+            match said {
+                "" => assert!(!err.contains("left out"), "{err}"),
+                said => assert!(err.contains(&format!("{out}: {said}, before the first")), "{err}"),
+            }
+        }
+    }
+}
+
 /// When a frame was recorded, nanoseconds.
 type Time<'a> = &'a dyn Fn(usize) -> u64;
 /// Whether a taxel has no value in a frame.

@@ -291,6 +291,8 @@ fn frames_of_a_silent_hand_are_there_with_their_times_but_for_those_before_it_sp
     ] {
         let (_, err) = succeeds(&dir, &["convert", from, to, "--layout", "uskin-module"]);
         assert!(err.contains(&format!("{to}: 10 frames")), "{err}");
+        let said = "gap.mcap: 2 frames are left out, before the first in which a taxel has a value\n";
+        assert_eq!(err.contains(said), from == "gap.mcap", "{err}");
         if to.ends_with(".npz") {
             let without: Array2<bool> = npz(to).by_name("without_value").unwrap();
             let silent = without
