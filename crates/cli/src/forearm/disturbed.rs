@@ -1,6 +1,6 @@
 //! Estimates of squeezes that something happened to, and of squeezes that are not over.
 
-use super::judge::{Outcome, judge_all};
+use super::judge::{Judgement, judge_all};
 use taxel_forearm::{Disturbance, Kinesthetic, Session, Split, Squeeze};
 use taxel_playback::progress::Progress;
 
@@ -29,32 +29,28 @@ pub(super) fn disturbances(
     session: &Session,
     splits: &[Split],
     models: &[Kinesthetic],
-) -> anyhow::Result<Vec<(String, Outcome)>> {
+) -> Vec<(String, Judgement)> {
     let progress = Progress::new(DISTURBANCES.len() as u64, "disturbances");
     let mut rows = Vec::new();
     for what in DISTURBANCES {
         let change = |squeeze: &Squeeze, seed: u64| what.apply(squeeze, seed);
         rows.push((
             what.to_string(),
-            judge_all(session, splits, models, Some(&change))?,
+            judge_all(session, splits, models, Some(&change)),
         ));
         progress.advance(1);
     }
-    Ok(rows)
+    rows
 }
 
 /// Outcomes after each of `SHARES`.
-pub(super) fn by_share(
-    session: &Session,
-    splits: &[Split],
-    models: &[Kinesthetic],
-) -> anyhow::Result<Vec<(f64, Outcome)>> {
+pub(super) fn by_share(session: &Session, splits: &[Split], models: &[Kinesthetic]) -> Vec<(f64, Judgement)> {
     let after = |share: f64| {
         let change = |squeeze: &Squeeze, _: u64| {
             let end = share * squeeze.time_ms.last().copied().unwrap_or(0.0);
             squeeze.filtered(|row| squeeze.time_ms[row] <= end)
         };
-        Ok((share, judge_all(session, splits, models, Some(&change))?))
+        (share, judge_all(session, splits, models, Some(&change)))
     };
     SHARES.into_iter().map(after).collect()
 }

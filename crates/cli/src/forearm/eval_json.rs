@@ -1,9 +1,9 @@
 //! What `taxel forearm eval --json` prints.
 
-use super::judge::{Chosen, Outcome, closed_at_peak};
+use super::judge::{Chosen, Judgement, Outcome, closed_at_peak};
 use super::more;
 use serde::Serialize;
-use taxel_forearm::{PlaceErrors, Session};
+use taxel_forearm::{Errors, PlaceErrors, Session};
 
 #[derive(Debug, Serialize)]
 pub(super) struct Report {
@@ -107,7 +107,7 @@ pub(super) struct More {
     procedures: Vec<Row>,
 }
 
-/// A line of a table.
+/// A line of a table; its figures are null where no squeeze has an estimate.
 #[derive(Debug, Serialize)]
 struct Row {
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -129,20 +129,25 @@ struct Row {
 }
 
 impl Row {
-    fn of(what: Option<&str>, after: Option<f64>, outcome: &Outcome) -> Self {
-        let errors = &outcome.errors;
+    fn of(what: Option<&str>, after: Option<f64>, judgement: &Judgement) -> Self {
+        let outcome = judgement.as_ref().ok();
+        let figure = |of: fn(&Errors) -> f64| outcome.map_or(f64::NAN, |outcome| of(&outcome.errors));
+        let (refused, why) = match judgement {
+            Ok(outcome) => outcome.refused.clone().unzip(),
+            Err(none) => (Some(none.squeezes), Some(none.why.clone())),
+        };
         Self {
             what: what.map(Into::into),
             after,
-            macro_rmse: errors.macro_rmse,
-            macro_mae: errors.macro_mae,
-            pooled_rmse: errors.pooled_rmse,
-            pooled_mae: errors.pooled_mae,
-            coverage_90: errors.coverage_90,
-            half_width_90: errors.half_width_90,
-            without_an_angle: outcome.without_an_angle,
-            refused: outcome.refused.as_ref().map_or(0, |(count, _)| *count),
-            why: outcome.refused.as_ref().map(|(_, why)| why.clone()),
+            macro_rmse: figure(|e| e.macro_rmse),
+            macro_mae: figure(|e| e.macro_mae),
+            pooled_rmse: figure(|e| e.pooled_rmse),
+            pooled_mae: figure(|e| e.pooled_mae),
+            coverage_90: figure(|e| e.coverage_90),
+            half_width_90: figure(|e| e.half_width_90),
+            without_an_angle: outcome.map_or(f64::NAN, |outcome| outcome.without_an_angle),
+            refused: refused.unwrap_or(0),
+            why,
         }
     }
 }
@@ -164,11 +169,11 @@ struct PlaceLeftOut {
 
 impl More {
     pub(super) fn of(session: &Session, more: &more::More) -> Self {
-        let rows = |rows: &[(String, Outcome)]| {
-            let row = |(what, outcome): &(String, Outcome)| Row::of(Some(what), None, outcome);
+        let rows = |rows: &[(String, Judgement)]| {
+            let row = |(what, judgement): &(String, Judgement)| Row::of(Some(what), None, judgement);
             rows.iter().map(row).collect()
         };
-        let left_out = &more.places_left_out.errors;
+        let left_out = more.places_left_out.as_ref().ok().map(|outcome| &outcome.errors);
         let place = |errors: &PlaceErrors| PlaceLeftOut {
             errors: Place::of(errors),
             closed_deg: closed_at_peak(session, errors.percent),
@@ -176,12 +181,16 @@ impl More {
         Self {
             disturbed: rows(&more.disturbed),
             early: (more.early.iter())
-                .map(|(share, outcome)| Row::of(None, Some(*share), outcome))
+                .map(|(share, judgement)| Row::of(None, Some(*share), judgement))
                 .collect(),
             places_left_out: PlacesLeftOut {
-                macro_rmse: left_out.macro_rmse,
-                pooled_rmse: left_out.pooled_rmse,
-                places: left_out.places.iter().map(place).collect(),
+                macro_rmse: left_out.map_or(f64::NAN, |errors| errors.macro_rmse),
+                pooled_rmse: left_out.map_or(f64::NAN, |errors| errors.pooled_rmse),
+                places: left_out
+                    .map_or(&[][..], |errors| &errors.places)
+                    .iter()
+                    .map(place)
+                    .collect(),
             },
             procedures: rows(&more.procedures),
         }

@@ -1,7 +1,7 @@
 //! The publication's Figures 5, 7 and 8, and error against how much of the squeeze has been.
 
 use super::disturbed::by_share;
-use super::judge::{Outcome, judge_all, train};
+use super::judge::{Judgement, judge_all, train};
 use super::report;
 use anyhow::Context;
 use std::path::PathBuf;
@@ -32,7 +32,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<String> {
     let splits = splits(&session, args.repetitions.into(), args.seed);
     let models = train(&session, &splits, Kinesthetic::train)?.estimators;
     let errors = judge_all(&session, &splits, &models, None)?.errors;
-    let early = by_share(&session, &splits, &models)?;
+    let early = by_share(&session, &splits, &models);
     let published = report::beside("kinesthetic", &session);
     let sheets = [
         ("forearm-05", squeezes(&session)),
@@ -41,7 +41,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<String> {
         (
             "forearm-early",
             elapsed(
-                early.iter().map(|(share, o)| (*share, &o.errors)),
+                (early.iter())
+                    .filter_map(|(share, judgement)| Some((*share, &judgement.as_ref().ok()?.errors))),
                 &errors,
                 &not_estimated(&early),
                 published,
@@ -151,9 +152,12 @@ fn errors_by_place(errors: &Errors, published: Option<[f64; 3]>) -> Sheet {
     sheet
 }
 
-/// Of 100 squeezes those without an estimate after each share of their time: one sample is no squeeze.
-fn not_estimated(early: &[(f64, Outcome)]) -> Vec<(f64, f64)> {
-    let percent = |outcome: &Outcome| {
+/// Of 100 squeezes those without an estimate after each share of their time.
+fn not_estimated(early: &[(f64, Judgement)]) -> Vec<(f64, f64)> {
+    let percent = |judgement: &Judgement| {
+        let Ok(outcome) = judgement else {
+            return 100.0;
+        };
         let refused = outcome.refused.as_ref().map_or(0, |(count, _)| *count) as f64;
         let judged: usize = outcome
             .errors
@@ -165,7 +169,7 @@ fn not_estimated(early: &[(f64, Outcome)]) -> Vec<(f64, f64)> {
     };
     early
         .iter()
-        .map(|(share, outcome)| (100.0 * share, percent(outcome)))
+        .map(|(share, judgement)| (100.0 * share, percent(judgement)))
         .collect()
 }
 
@@ -191,10 +195,7 @@ fn elapsed<'a>(
         .line("RMSE, mean over places", line(|e| e.macro_rmse))
         .line("RMSE over squeezes", line(|e| e.pooled_rmse))
         .line("half-width of the 90 % interval", line(|e| e.half_width_90))
-        .line(
-            "squeezes of one sample, without an estimate",
-            not_estimated.iter().copied(),
-        );
+        .line("squeezes without an estimate", not_estimated.iter().copied());
     if let Some([rmse, ..]) = published {
         chart = chart.at_y("publication, kinesthetic", rmse);
     }

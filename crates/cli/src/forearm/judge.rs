@@ -2,6 +2,7 @@
 
 use anyhow::Context;
 use serde::Serialize;
+use std::fmt;
 use std::time::{Duration, Instant};
 use taxel_forearm::{
     Choice, Errors, Estimator, ForearmError, Judged, Kinesthetic, Session, Split, Squeeze, Trial,
@@ -12,6 +13,26 @@ use taxel_playback::progress::Progress;
 pub(super) struct Trained<E> {
     pub(super) estimators: Vec<E>,
     pub(super) took: Duration,
+}
+
+/// Estimates of a protocol, summed up, or why there is none.
+pub(super) type Judgement = Result<Outcome, NoEstimate>;
+
+/// Nothing could be said of any squeeze.
+#[derive(Debug)]
+pub(super) struct NoEstimate {
+    /// How many there were.
+    pub(super) squeezes: usize,
+    /// Why, in the words of the first.
+    pub(super) why: String,
+}
+
+impl std::error::Error for NoEstimate {}
+
+impl fmt::Display for NoEstimate {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.why)
+    }
 }
 
 /// Estimates of a protocol, summed up.
@@ -55,11 +76,7 @@ struct Part<'a, E> {
 /// What happens to a squeeze before it is judged; it is given a number of the squeeze's own in each repetition.
 pub(super) type Change<'a> = Option<&'a dyn Fn(&Squeeze, u64) -> Squeeze>;
 
-fn judge<E: Estimator>(
-    session: &Session,
-    parts: &[Part<'_, E>],
-    change: Change<'_>,
-) -> anyhow::Result<Outcome> {
+fn judge<E: Estimator>(session: &Session, parts: &[Part<'_, E>], change: Change<'_>) -> Judgement {
     let (mut judged, mut refused, mut without) = (Vec::new(), None, 0.0);
     let mut took = Duration::ZERO;
     for part in parts {
@@ -93,17 +110,18 @@ fn judge<E: Estimator>(
             }
         }
     }
-    let why = || {
-        refused
-            .as_ref()
-            .map_or("there is nothing to judge".into(), |(_, why)| why.clone())
-    };
-    Ok(Outcome {
-        estimate_us: took.as_secs_f64() * 1e6 / judged.len().max(1) as f64,
-        errors: Errors::of(&judged).with_context(why)?,
-        without_an_angle: without / judged.len().max(1) as f64,
-        refused,
-    })
+    match Errors::of(&judged) {
+        Some(errors) => Ok(Outcome {
+            estimate_us: took.as_secs_f64() * 1e6 / judged.len() as f64,
+            errors,
+            without_an_angle: without / judged.len() as f64,
+            refused,
+        }),
+        None => {
+            let (squeezes, why) = refused.unwrap_or((0, "there is nothing to judge".into()));
+            Err(NoEstimate { squeezes, why })
+        }
+    }
 }
 
 /// Judges the single estimators of all repetitions on what the protocol says.
@@ -112,18 +130,14 @@ pub(super) fn judge_all<E: Estimator>(
     splits: &[Split],
     estimators: &[E],
     change: Change<'_>,
-) -> anyhow::Result<Outcome> {
+) -> Judgement {
     judge_parts(session, splits, estimators, change, |split| {
         (&split.train, &split.test)
     })
 }
 
 /// Judges fused estimators, which learn and are judged at the other places.
-pub(super) fn judge_fused<E: Estimator>(
-    session: &Session,
-    splits: &[Split],
-    estimators: &[E],
-) -> anyhow::Result<Outcome> {
+pub(super) fn judge_fused<E: Estimator>(session: &Session, splits: &[Split], estimators: &[E]) -> Judgement {
     judge_parts(session, splits, estimators, None, |split| {
         (&split.fusion_train, &split.fusion_test)
     })
@@ -135,7 +149,7 @@ fn judge_parts<E: Estimator>(
     estimators: &[E],
     change: Change<'_>,
     of: fn(&Split) -> (&Vec<usize>, &Vec<usize>),
-) -> anyhow::Result<Outcome> {
+) -> Judgement {
     let mut parts = Vec::new();
     for (repetition, (split, estimator)) in splits.iter().zip(estimators).enumerate() {
         let (train, test) = of(split);
@@ -153,7 +167,7 @@ fn judge_parts<E: Estimator>(
 pub(super) fn leave_places_out<E: Estimator>(
     session: &Session,
     train: impl Fn(&[&Trial]) -> Result<E, ForearmError>,
-) -> anyhow::Result<Outcome> {
+) -> anyhow::Result<Judgement> {
     let places = session.locations();
     let progress = Progress::new(places.len() as u64, "places left out");
     let mut parts = Vec::new();
@@ -173,7 +187,7 @@ pub(super) fn leave_places_out<E: Estimator>(
             test,
         });
     }
-    judge(session, &all, None)
+    Ok(judge(session, &all, None))
 }
 
 /// A choice, and in how many repetitions it was taken.

@@ -1,7 +1,7 @@
 //! What `taxel forearm eval` judges beside the protocol.
 
 use super::disturbed;
-use super::judge::{Outcome, judge_all, leave_places_out, train};
+use super::judge::{Judgement, judge_all, leave_places_out, train};
 use taxel_forearm::{Kinesthetic, Session, Split, Tried};
 
 /// What the choice of least value is taken by.
@@ -25,31 +25,31 @@ fn fixed(tried: &Tried, components: usize) -> f64 {
 
 /// Disturbed and early estimates, places left out, and other ways to choose.
 pub(super) struct More {
-    pub(super) disturbed: Vec<(String, Outcome)>,
+    pub(super) disturbed: Vec<(String, Judgement)>,
     /// After this share of a squeeze's time.
-    pub(super) early: Vec<(f64, Outcome)>,
-    pub(super) places_left_out: Outcome,
-    pub(super) procedures: Vec<(String, Outcome)>,
+    pub(super) early: Vec<(f64, Judgement)>,
+    pub(super) places_left_out: Judgement,
+    pub(super) procedures: Vec<(String, Judgement)>,
 }
 
 impl More {
     pub(super) fn of(session: &Session, splits: &[Split], models: &[Kinesthetic]) -> anyhow::Result<Self> {
         Ok(Self {
-            disturbed: disturbed::disturbances(session, splits, models)?,
-            early: disturbed::by_share(session, splits, models)?,
+            disturbed: disturbed::disturbances(session, splits, models),
+            early: disturbed::by_share(session, splits, models),
             places_left_out: leave_places_out(session, Kinesthetic::train)?,
             procedures: other_procedures(session, splits)?,
         })
     }
 }
 
-fn other_procedures(session: &Session, splits: &[Split]) -> anyhow::Result<Vec<(String, Outcome)>> {
+fn other_procedures(session: &Session, splits: &[Split]) -> anyhow::Result<Vec<(String, Judgement)>> {
     let mut rows = Vec::new();
     for (name, score) in OTHER_PROCEDURES {
         let trained = train(session, splits, |trials| Kinesthetic::train_by(trials, score))?;
         rows.push((
             name.to_owned(),
-            judge_all(session, splits, &trained.estimators, None)?,
+            judge_all(session, splits, &trained.estimators, None),
         ));
     }
     Ok(rows)

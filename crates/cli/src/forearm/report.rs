@@ -1,6 +1,6 @@
 //! What `taxel forearm eval` says to people.
 
-use super::judge::{Outcome, chosen, closed_at_peak};
+use super::judge::{Judgement, Outcome, chosen, closed_at_peak};
 use std::fmt::Write as _;
 use taxel_forearm::{Kinesthetic, Session, Split};
 
@@ -114,15 +114,22 @@ pub(super) fn places(outcome: &Outcome) -> String {
 
 pub(super) fn table<'a, S: std::fmt::Display>(
     title: &str,
-    rows: impl IntoIterator<Item = (S, &'a Outcome)>,
+    rows: impl IntoIterator<Item = (S, &'a Judgement)>,
 ) -> String {
     let mut text = format!(
         "\n{title}\n{:50}    macro RMSE  MAE   pooled RMSE  MAE   in interval  without an angle\n",
         ""
     );
-    for (name, outcome) in rows {
-        let e = &outcome.errors;
+    for (name, judgement) in rows {
         let name = name.to_string();
+        let outcome = match judgement {
+            Ok(outcome) => outcome,
+            Err(none) => {
+                let _ = writeln!(text, "  {name:50}  refused: all, because {none}");
+                continue;
+            }
+        };
+        let e = &outcome.errors;
         let _ = write!(
             text,
             "  {name:50}{:10.2}{:6.2}{:12.2}{:6.2}{:11.1} %{:15.1} %",
@@ -142,16 +149,17 @@ pub(super) fn table<'a, S: std::fmt::Display>(
 }
 
 /// Why the floor is where it is: places that their neighbours tell nothing of.
-pub(super) fn places_left_out(session: &Session, outcome: &Outcome) -> String {
-    let errors = &outcome.errors;
+pub(super) fn places_left_out(session: &Session, judgement: &Judgement) -> String {
+    let errors = match judgement {
+        Ok(outcome) => &outcome.errors,
+        Err(none) => return format!("\ntrained on all other places: refused: all, because {none}\n"),
+    };
     let mut text = format!(
         "\ntrained on all other places: RMSE {:.2} (mean over places), {:.2} (over squeezes)\n   place    RMSE  closed\n",
         errors.macro_rmse, errors.pooled_rmse
     );
-    let closed: Vec<f64> = session
-        .locations()
-        .iter()
-        .map(|place| closed_at_peak(session, *place))
+    let closed: Vec<f64> = (errors.places.iter())
+        .map(|place| closed_at_peak(session, place.percent))
         .collect();
     for (place, closed) in errors.places.iter().zip(&closed) {
         let _ = writeln!(text, "{:6.1} %{:8.2}{closed:8.1}", place.percent, place.rmse);

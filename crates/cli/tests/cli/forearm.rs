@@ -229,6 +229,57 @@ fn the_protocol_is_one_object_with_what_there_is() {
 }
 
 #[test]
+fn a_row_without_an_estimate_says_why_and_hides_no_other() {
+    let dir = TempDir::new().unwrap();
+    let simulate = ["forearm", "simulate", "--out", "all.npz", "--repetitions", "3"];
+    succeeds(&dir, &simulate);
+    // So few samples that after a twentieth of a squeeze there is only its first.
+    let mut session = Session::open(&dir.path().join("all.npz")).unwrap();
+    for trial in &mut session.trials {
+        trial.squeeze = trial.squeeze.filtered(|row| row % 5 == 0);
+        trial.squeeze.tactile = None;
+    }
+    session.write_npz(&dir.path().join("few.npz")).unwrap();
+    let eval = ["forearm", "eval", "few.npz", "--repetitions", "1"];
+    let (told, _) = succeeds(&dir, &eval);
+    let (json, _) = succeeds(&dir, &[&eval[..], &["--json"]].concat());
+    let report: Value = serde_json::from_str(&json).unwrap();
+    let early = report["early"].as_array().unwrap();
+    let (first, last) = (&early[0], &early[early.len() - 1]);
+    let why = first["why"].as_str().unwrap();
+    let judged = report["kinesthetic"]["places"].as_array().unwrap();
+    assert!(why.contains("1 samples are no squeeze"), "{why}");
+    assert!(
+        first["macro_rmse"].is_null() && last["macro_rmse"].is_f64(),
+        "{json}"
+    );
+    assert!(
+        first["refused"].as_u64().unwrap() >= judged.len() as u64,
+        "{json}"
+    );
+    let line = told
+        .lines()
+        .find(|line| line.contains("after 5 % of its time"))
+        .unwrap();
+    assert!(line.ends_with(&format!("refused: all, because {why}")), "{line}");
+    let figures = [
+        "forearm",
+        "figures",
+        "few.npz",
+        "--out",
+        "figures",
+        "--repetitions",
+        "1",
+    ];
+    succeeds(&dir, &figures);
+    let numbers = fs::read_to_string(dir.path().join("figures/forearm-early.csv")).unwrap();
+    assert!(
+        numbers.contains("squeezes without an estimate,5,100"),
+        "{numbers}"
+    );
+}
+
+#[test]
 fn options_that_would_do_nothing_are_refused() {
     let dir = TempDir::new().unwrap();
     for (arguments, words) in [
