@@ -80,12 +80,11 @@ fn judge<E: Estimator>(session: &Session, parts: &[Part<'_, E>], change: Change<
     let (mut judged, mut refused, mut without) = (Vec::new(), None, 0.0);
     let mut took = Duration::ZERO;
     for part in parts {
-        let mut known: Vec<f64> = part
+        let known: Vec<f64> = part
             .train
             .iter()
             .map(|n| session.trials[*n].location_percent)
             .collect();
-        known.dedup();
         for number in part.test {
             let trial = &session.trials[*number];
             let seed = ((part.repetition as u64) << 32) | *number as u64;
@@ -94,9 +93,9 @@ fn judge<E: Estimator>(session: &Session, parts: &[Part<'_, E>], change: Change<
             let estimate = part
                 .estimator
                 .estimate(changed.as_ref().unwrap_or(&trial.squeeze));
-            took += began.elapsed();
             match estimate {
                 Ok(estimate) => {
+                    took += began.elapsed();
                     without += f64::from(u8::from(estimate.left_out.names().next().is_some()));
                     judged.push(Judged {
                         repetition: part.repetition,
