@@ -340,10 +340,14 @@ fn advice(sequence: &Sequence) -> String {
         return "the recording has to begin with the hand at rest, for its baseline, and be touched later"
             .into();
     }
-    let forces = || {
-        (sequence.force.iter().enumerate()).flat_map(|(n, frame)| frame.force.iter().map(move |f| (n, *f)))
-    };
     let threshold = sequence.force.first().map_or(0.0, |frame| frame.threshold);
+    advice_on_forces(sequence.force.iter().map(|frame| &frame.force[..]), threshold)
+}
+
+/// What to do where none of these forces, frame by frame, is one above the threshold that an image can carry.
+fn advice_on_forces<'a>(frames: impl Iterator<Item = &'a [f64]> + Clone, threshold: f64) -> String {
+    let forces =
+        || (frames.clone().enumerate()).flat_map(|(n, forces)| forces.iter().map(move |force| (n, *force)));
     let usable = FORCE_MIN..=FORCE_MAX;
     let unusable = forces().find(|(_, force)| *force > threshold && !usable.contains(force));
     if let Some((frame, force)) = unusable {

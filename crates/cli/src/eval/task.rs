@@ -1,13 +1,13 @@
 //! `taxel eval --task`: what can still be told from one image.
 
-use super::Args;
+use super::{Args, advice_on_forces};
 use anyhow::{Context, bail};
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::io::{self, Write};
 use taxel_compress::Compressor;
 use taxel_eval::{BLUR_PX, Method, MethodError, Offered, Shown, Task, TaskPoint, TaskRow, grid_places};
-use taxel_hand::{ActuatorForce, Coordinates, Profile};
+use taxel_hand::{ActuatorForce, Coordinates, FORCE_MAX, FORCE_MIN, Profile};
 use taxel_playback::output_file::OutputFile;
 use taxel_playback::progress::Progress;
 use taxel_plot::{Axis, Chart, Sheet};
@@ -36,6 +36,9 @@ struct Report {
     taxels: usize,
     contacts_median: f64,
     threshold: f64,
+    /// Least and most examples of a class where things are moved.
+    #[serde(skip)]
+    moved_examples: [usize; 2],
     levels: u16,
     actuators: u16,
     blur_px: f64,
@@ -75,6 +78,15 @@ pub(super) fn run(args: &Args, csv: Option<OutputFile>, figure: Option<OutputFil
         threshold,
     )
     .with_context(|| labelled.name.clone())?;
+    let is_shown = |force: &f64| *force > threshold && (FORCE_MIN..=FORCE_MAX).contains(force);
+    if !labelled.frames.iter().flatten().any(is_shown) {
+        bail!(
+            "{}: nothing is in contact in any of {} frames, so there is nothing to judge; {}",
+            labelled.name,
+            task.len(),
+            advice_on_forces(labelled.frames.iter().map(Vec::as_slice), threshold)
+        );
+    }
     let base = &config.profile;
     let (levels, actuators) = (base.level_count(), base.actuators);
     Compressor::new(base.clone(), &config.layout)?;
@@ -129,6 +141,7 @@ pub(super) fn run(args: &Args, csv: Option<OutputFile>, figure: Option<OutputFil
         classes: task.classes(),
         taxels: config.layout.len(),
         contacts_median: task.contacts_median(),
+        moved_examples: task.moved_examples(),
         threshold,
         levels,
         actuators,
@@ -218,6 +231,7 @@ fn human(report: &Report) -> String {
         taxels,
         contacts_median,
         threshold,
+        moved_examples: [least, most],
         levels,
         actuators,
         rows,
@@ -288,11 +302,17 @@ fn human(report: &Report) -> String {
         }
         line("", &[]);
     }
-    text + "nearest, logistic: by the nearest of two examples a class, by logistic regression on them; moved: everything \
-            moved\nby up to 3 pixels, ten examples. Examples are of the first half of each class's frames, what is \
-            recognised of the\nsecond. levels: from the levels' numbers without their forces. us: median of both stages. \
-            A compressor starts anew with\neach frame; running: one sees all of them in a shuffled order and an empty \
-            frame between, ten orders. Without that\nrow it shows the same. The curves are of fresh starts.\n"
+    let examples = match least == most {
+        true => least.to_string(),
+        false => format!("{least} to {most}"),
+    };
+    text + &format!(
+        "nearest, logistic: by the nearest of two examples a class, by logistic regression on them; moved: everything \
+         moved\nby up to 3 pixels, {examples} examples. Examples are of the first half of each class's frames, what is \
+         recognised of the\nsecond. levels: from the levels' numbers without their forces. us: median of both stages. \
+         A compressor starts anew with\neach frame; running: one sees all of them in a shuffled order and an empty \
+         frame between, ten orders. Without that\nrow it shows the same. The curves are of fresh starts.\n"
+    )
 }
 
 /// The names of curves in the order in which they begin.

@@ -141,13 +141,18 @@ fn eval_takes_magnitudes_and_scenes_and_methods_and_writes_tables() {
 
 /// An .npz of labelled frames, 4 x 4: pressed in the corner of their class, idling elsewhere.
 fn objects(path: &Path) {
+    objects_of(path, 1.0);
+}
+
+/// The same with other forces, in the ratio of these.
+fn objects_of(path: &Path, scale: f64) {
     let frames = Array3::from_shape_fn((16, 4, 4), |(n, y, x)| {
         let corner = [x / 2, y / 2] == [n % 2, n % 2];
-        if corner {
-            50 + (n * 7 + x * 5 + y) as u16 % 20
-        } else {
-            1
-        }
+        scale
+            * match corner {
+                true => 50.0 + f64::from((n * 7 + x * 5 + y) as u16 % 20),
+                false => 1.0,
+            }
     });
     let mut npz = ndarray_npy::NpzWriter::new(std::fs::File::create(path).unwrap());
     npz.add_array("frames", &frames).unwrap();
@@ -202,6 +207,8 @@ fn eval_says_what_can_be_told_from_one_image() {
         text.contains("2 classes") && text.contains("paper") && !text.contains("weighted"),
         "{text}"
     );
+    // Half of the eight frames of a class.
+    assert!(text.contains("by up to 3 pixels, 4 examples."), "{text}");
     // What remembers has a second row, of a compressor that runs on.
     let names: Vec<&str> = rows.iter().map(|row| row["name"].as_str().unwrap()).collect();
     let after = |name: &str| names[names.iter().position(|other| *other == name).unwrap() + 1];
@@ -228,6 +235,31 @@ fn eval_says_what_can_be_told_from_one_image() {
             .unwrap()
             .starts_with("<svg")
     );
+}
+
+#[test]
+fn a_task_without_a_force_to_show_says_what_to_do() {
+    let dir = TempDir::new().unwrap();
+    for (scale, threshold, wanted) in [
+        (1e39, "0", "numbers from 1e-38 to 1e38, and frame 0 has"),
+        (0.0, "0", "no force is above 0"),
+        (
+            1.0,
+            "1000",
+            "the greatest force is 69, and --threshold 1000 is not below it",
+        ),
+    ] {
+        objects_of(&dir.path().join("objects.npz"), scale);
+        let err = fails(
+            &dir,
+            &["eval", "objects.npz", "--task", "--threshold", threshold],
+            1,
+        );
+        assert!(
+            err.contains("nothing is in contact in any of 16 frames") && err.contains(wanted),
+            "{err}"
+        );
+    }
 }
 
 #[test]

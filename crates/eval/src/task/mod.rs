@@ -30,7 +30,7 @@ const ORDERS: u64 = 1;
 ///
 /// The first half of each class's frames is there to learn from, the second to be recognised: two
 /// examples a class are drawn, ten times over. Then everything is moved at random by up to 3 pixels along
-/// each axis, the examples too, and ten examples a class are drawn, five times. Each frame is compressed by a
+/// each axis, the examples too, and ten examples a class are drawn, or all it has, five times. Each frame is compressed by a
 /// compressor that has seen none before ([`Task::judge`]), or by one that runs on ([`Task::judge_running`]).
 #[derive(Debug)]
 pub struct Task {
@@ -82,7 +82,7 @@ pub struct TaskRow {
     pub nearest: f64,
     /// Share recognised by logistic regression on two examples a class.
     pub logistic: f64,
-    /// The same with everything moved, and ten examples a class.
+    /// The same with everything moved, and ten examples a class, or all it has ([`Task::moved_examples`]).
     pub moved_nearest: f64,
     /// The same by logistic regression.
     pub moved_logistic: f64,
@@ -180,6 +180,16 @@ impl Task {
     /// Whether there is no frame: never.
     pub fn is_empty(&self) -> bool {
         self.frames.is_empty()
+    }
+
+    /// Least and most examples of a class that are drawn where things are moved: ten, or all that the class has.
+    pub fn moved_examples(&self) -> [usize; 2] {
+        let counts = || {
+            self.examples
+                .iter()
+                .map(|examples| examples.len().min(MOVED_EXAMPLES))
+        };
+        [counts().min().unwrap_or(0), counts().max().unwrap_or(0)]
     }
 
     /// Median number of contacts.
