@@ -21,7 +21,8 @@ class Frames:
     counts: "NDArray[np.uint16]"
     """T x N x 3: x, y and z of each taxel, in the layout's order; those of an image row by row."""
     t_ns: "NDArray[np.uint64]"
-    """From the first frame."""
+    """Nanoseconds: of an .mcap from its first frame, of CAN traffic from its first CAN frame; those of other files as
+    they were there."""
     joints: "NDArray[np.float32]"
     """T x J, radians; J is 0 where none were recorded."""
     without_value: "NDArray[np.bool_]"
