@@ -1,0 +1,116 @@
+//! What servos are told: which commands are taken, and in which order they wait.
+
+use super::Bus;
+use crate::dynamixel::bus::servo::ServoState;
+use crate::dynamixel::bus::writes::{
+    QUEUE, WRITES_PER_COMMAND, Write, WriteCommand, WriteError, WriteRefused, Written,
+};
+
+impl Bus {
+    /// Has a servo told something, after the next cycle's positions; that its motor is switched off goes before them.
+    pub fn command(&mut self, servo: usize, command: WriteCommand) -> Result<(), WriteRefused> {
+        self.numbered_command(0, servo, command)
+    }
+
+    /// The same; [`ServoState::written`] tells under this number what became of it.
+    pub(crate) fn numbered_command(
+        &mut self,
+        number: u64,
+        servo: usize,
+        command: WriteCommand,
+    ) -> Result<(), WriteRefused> {
+        self.check(servo, command)?;
+        if command == WriteCommand::Torque(false) {
+            self.switch_off(number, servo);
+            return Ok(());
+        }
+        if self.writes.len() + WRITES_PER_COMMAND > QUEUE {
+            return Err(WriteRefused::QueueFull(self.writes.len()));
+        }
+        let writes = Write::of(servo, command, self.watchdog_steps, number);
+        let motor_was_on = self.servos[servo].on_here;
+        self.writes.extend(writes.map(|write| Write {
+            motor_was_on,
+            ..write
+        }));
+        if command.starts() {
+            self.servos[servo].on_here = true;
+        }
+        Ok(())
+    }
+
+    /// Refuses what may not be told to a servo now.
+    pub(super) fn check(&self, servo: usize, command: WriteCommand) -> Result<(), WriteRefused> {
+        if !self.allow_writes {
+            return Err(WriteRefused::ReadOnly);
+        }
+        command.check(servo, self.servos.len())?;
+        match command {
+            WriteCommand::GoalPwm(_) if !self.servos[servo].on_here => Err(self.motor_off(servo)),
+            _ => Ok(()),
+        }
+    }
+
+    /// Has a motor switched off before anything else is written or read. What else that servo was to be told is
+    /// forgotten.
+    pub(super) fn switch_off(&mut self, number: u64, servo: usize) {
+        // What is out stays at the front until it is answered.
+        let out = self.writes_out();
+        if out == 0 {
+            self.write_tries = 0;
+        }
+        self.servos[servo].state.motor_off.newest = number;
+        self.servos[servo].on_here = false;
+        self.servos[servo].state.motor_lost = None;
+        let mut i = out;
+        while let Some(write) = self.writes.get(i).copied() {
+            if write.servo == servo {
+                self.writes.remove(i);
+                self.note(servo, write.number, Err(WriteError::SwitchedOff));
+            } else {
+                i += 1;
+            }
+        }
+        let others = self
+            .writes
+            .iter()
+            .skip(out)
+            .take_while(|write| write.urgent)
+            .count();
+        self.insert_off(servo, out + others);
+    }
+
+    /// Puts the writes that switch a motor off into the queue.
+    pub(super) fn insert_off(&mut self, servo: usize, at: usize) {
+        let number = self.servos[servo].state.motor_off.newest;
+        let off = Write::of(servo, WriteCommand::Torque(false), self.watchdog_steps, number);
+        for (i, write) in off.enumerate() {
+            self.writes.insert(at + i, write);
+        }
+    }
+
+    /// Has every motor that was switched on with [`Bus::command`], or of which nobody knows whether it is off, switched off,
+    /// before anything else; one that was still to be switched on stays off.
+    pub fn release_motors(&mut self) {
+        for servo in 0..self.servos.len() {
+            let off = self.servos[servo].state.motor_off;
+            if self.servos[servo].on_here || off.unconfirmed {
+                self.switch_off(off.newest, servo);
+            }
+        }
+    }
+
+    /// Tells what became of a command. One of several writes that fails is a command that failed.
+    pub(crate) fn note(&mut self, servo: usize, number: u64, result: Result<(), WriteError>) {
+        let ServoState {
+            written, motor_off, ..
+        } = &mut self.servos[servo].state;
+        let done = Some(Written { number, result });
+        if number == motor_off.newest {
+            motor_off.written = done;
+        }
+        if number > written.map_or(0, |w| w.number) {
+            *written = done;
+        }
+    }
+}
