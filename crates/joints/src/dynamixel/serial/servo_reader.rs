@@ -4,8 +4,8 @@ use super::port::PortError;
 use super::port_status::{PortState, PortStatus};
 use super::serial_bus::SerialBus;
 use crate::dynamixel::bus::{
-    Bus, BusCounters, FastState, JointReading, MotorOff, NoReading, ServoState, WriteCommand, WriteError,
-    WriteRefused, Written,
+    Bus, BusCounters, FastState, JointReading, MotorOff, NoReading, ServoState, WriteCommand, WriteRefused,
+    Written,
 };
 use crate::dynamixel::config::{DynamixelConfig, READINGS_KEPT};
 use crate::dynamixel::registers::HardwareError;
@@ -378,7 +378,8 @@ impl Thread {
         port.cycle_with(bus, |bus| {
             if urgent.swap(false, Ordering::Acquire) {
                 std::mem::swap(&mut lock(shared).commands, commands);
-                hand_over(bus, commands);
+                bus.take(commands);
+                commands.clear();
             }
         })
     }
@@ -408,7 +409,12 @@ impl Thread {
             }
             self.published.fetch_add(1, Ordering::Release);
         }
-        hand_over(&mut self.bus, &mut self.commands);
+        self.hand_over();
+    }
+
+    fn hand_over(&mut self) {
+        self.bus.take(&self.commands);
+        self.commands.clear();
     }
 
     /// The port is away: no command is taken any more, and of those that wait it is told that they are forgotten.
@@ -418,7 +424,7 @@ impl Thread {
             shared.port.lost(error);
             std::mem::swap(&mut shared.commands, &mut self.commands);
         }
-        hand_over(&mut self.bus, &mut self.commands);
+        self.hand_over();
         self.bus.port_lost();
         self.publish();
     }
@@ -446,24 +452,4 @@ impl Thread {
             }
         }
     }
-}
-
-fn hand_over(bus: &mut Bus, commands: &mut Vec<(u64, usize, WriteCommand)>) {
-    for together in commands.chunk_by(|a, b| a.0 == b.0) {
-        let goals = together.iter().filter_map(|(_, joint, command)| match command {
-            WriteCommand::GoalPwm(counts) => Some((*joint, *counts)),
-            _ => None,
-        });
-        let refused = bus.check_together(goals).err();
-        for (number, joint, command) in together.iter().copied() {
-            let taken = match refused {
-                Some(refused) => Err(refused),
-                None => bus.numbered_command(number, joint, command),
-            };
-            if let Err(refused) = taken {
-                bus.note(joint, number, Err(WriteError::NotTaken(refused)));
-            }
-        }
-    }
-    commands.clear();
 }

@@ -24,9 +24,45 @@ impl Bus {
             self.switch_off(number, servo);
             return Ok(());
         }
-        if self.writes.len() + WRITES_PER_COMMAND > QUEUE {
-            return Err(WriteRefused::QueueFull(self.writes.len()));
+        self.has_room(match command {
+            WriteCommand::GoalPwm(_) => 1,
+            _ => WRITES_PER_COMMAND,
+        })?;
+        self.queue(number, servo, command);
+        Ok(())
+    }
+
+    /// Takes commands as they have come: a number, a servo by its index, and what it is told. Those with one number are goals
+    /// that are given together ([`Bus::command_together`]). What is refused is done with, and its result says why.
+    pub fn take(&mut self, commands: &[(u64, usize, WriteCommand)]) {
+        for same in commands.chunk_by(|a, b| a.0 == b.0) {
+            let goals = same.iter().filter_map(|(_, servo, command)| match command {
+                WriteCommand::GoalPwm(counts) => Some((*servo, *counts)),
+                _ => None,
+            });
+            let taken = match same {
+                [(number, servo, command)] => self.numbered_command(*number, *servo, *command),
+                _ => self.take_together(same[0].0, goals),
+            };
+            let Err(refused) = taken else {
+                continue;
+            };
+            for (number, servo, _) in same {
+                self.note(*servo, *number, Err(WriteError::NotTaken(refused)));
+            }
         }
+    }
+
+    /// Refuses so many more writes than can wait.
+    pub(super) fn has_room(&self, writes: usize) -> Result<(), WriteRefused> {
+        match self.writes.len() {
+            waiting if waiting + writes > QUEUE => Err(WriteRefused::QueueFull(waiting)),
+            _ => Ok(()),
+        }
+    }
+
+    /// Puts what a servo is to be told behind all else.
+    pub(super) fn queue(&mut self, number: u64, servo: usize, command: WriteCommand) {
         let writes = Write::of(servo, command, self.watchdog_steps, number);
         let motor_was_on = self.servos[servo].on_here;
         self.writes.extend(writes.map(|write| Write {
@@ -36,7 +72,6 @@ impl Bus {
         if command.starts() {
             self.servos[servo].on_here = true;
         }
-        Ok(())
     }
 
     /// Refuses what may not be told to a servo now.

@@ -3,7 +3,7 @@
 //! Nobody answers a sync write; so the servos are asked behind it what they hold: Bus Watchdog and Goal PWM.
 
 use super::requests::load;
-use super::{Bus, QUEUE, WRITE_TRIES};
+use super::{Bus, WRITE_TRIES};
 use crate::dynamixel::bus::pass::{Answer, Kind};
 use crate::dynamixel::bus::writes::{WriteCommand, WriteError, WriteRefused};
 use crate::dynamixel::protocol2::Assignment;
@@ -16,16 +16,12 @@ const HELD_BYTES: u16 = address::GOAL_PWM + 2 - address::BUS_WATCHDOG;
 impl Bus {
     /// Gives several servos goals (counts) in one packet, after the next cycle's positions; all or none.
     pub fn command_together(&mut self, number: u64, goals: &[(usize, i16)]) -> Result<(), WriteRefused> {
-        self.check_together(goals.iter().copied())?;
-        for (servo, counts) in goals.iter().copied() {
-            self.numbered_command(number, servo, WriteCommand::GoalPwm(counts))?;
-        }
-        Ok(())
+        self.take_together(number, goals.iter().copied())
     }
 
-    /// Refuses goals of which one may not be given now.
-    pub(crate) fn check_together(
-        &self,
+    pub(super) fn take_together(
+        &mut self,
+        number: u64,
         goals: impl Iterator<Item = (usize, i16)> + Clone,
     ) -> Result<(), WriteRefused> {
         for (i, (servo, counts)) in goals.clone().enumerate() {
@@ -34,10 +30,11 @@ impl Bus {
                 return Err(WriteRefused::Twice(servo));
             }
         }
-        match self.writes.len() + goals.count() {
-            waiting if waiting > QUEUE => Err(WriteRefused::QueueFull(waiting)),
-            _ => Ok(()),
+        self.has_room(goals.clone().count())?;
+        for (servo, counts) in goals {
+            self.queue(number, servo, WriteCommand::GoalPwm(counts));
         }
+        Ok(())
     }
 
     /// How many writes at the front are on their way to the servos.
