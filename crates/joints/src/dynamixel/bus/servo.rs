@@ -147,8 +147,9 @@ pub(crate) enum Watch {
 pub(crate) struct Servo {
     pub(crate) id: u8,
     pub(crate) state: ServoState,
-    /// Whether its motor was switched on here, or is about to be.
-    pub(crate) on_here: bool,
+    /// Whether it was told here to switch its motor on, and has not said since that it is off. What it was told may be lost,
+    /// or its answer.
+    pub(crate) may_run: bool,
     pub(crate) watch: Watch,
     /// When something of it came last in a cycle, nanoseconds.
     heard_ns: u64,
@@ -164,7 +165,7 @@ impl Servo {
         Self {
             id,
             state: ServoState::default(),
-            on_here: false,
+            may_run: false,
             watch: Watch::default(),
             heard_ns: 0,
             silent_in_a_row: 0,
@@ -190,6 +191,7 @@ impl Servo {
             address::TORQUE_ENABLE => {
                 self.state.torque_enabled = Some(value != 0);
                 if value == 0 {
+                    self.may_run = false;
                     self.state.motor_off.unconfirmed = false;
                     self.off = Rest::default();
                 } else {
@@ -260,6 +262,11 @@ impl Servo {
             self.state.alive = false;
             self.rest.begin(now_ns);
         }
+    }
+
+    /// Whether its motor may run here, and nobody wants it off.
+    pub(crate) fn runs(&self) -> bool {
+        self.may_run && !self.state.motor_off.unconfirmed
     }
 
     /// Its motor is to be off, and it may not have heard that: it is told again as soon as may be.

@@ -122,7 +122,7 @@ fn urgent(servo: &Servo) -> Option<Task> {
     if !servo.state.alive {
         return None;
     }
-    if servo.on_here && servo.watch == Watch::Doubted {
+    if servo.runs() && servo.watch == Watch::Doubted {
         return Some(Task::Watchdog);
     }
     if servo.state.identity.is_none() {
@@ -205,7 +205,7 @@ mod tests {
             assert!(Task::Identity.take(servo, &[0; 11]));
         }
         servos[0].state.alert = true;
-        (servos[1].on_here, servos[1].watch) = (true, Watch::Doubted);
+        (servos[1].may_run, servos[1].watch) = (true, Watch::Doubted);
         let mut lane = SlowLane::default();
         let asked: Vec<_> = (0..200)
             .filter_map(|n| lane.next(&servos, n * 10_000_000))

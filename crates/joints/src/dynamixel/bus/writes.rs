@@ -132,11 +132,6 @@ impl WriteCommand {
     /// Full PWM in one direction, counts.
     pub const PWM_COUNTS: i16 = 885;
 
-    /// Whether it has a motor switched on.
-    pub(crate) fn starts(self) -> bool {
-        matches!(self, Self::Torque(true) | Self::Start(_))
-    }
-
     /// Refuses a joint that is not there and a value that cannot be.
     pub(crate) fn check(self, joint: usize, joints: usize) -> Result<(), WriteRefused> {
         if joint >= joints {
@@ -168,8 +163,8 @@ pub(crate) struct Write {
     /// Of which command it is, and whether that is done with it.
     pub(crate) number: u64,
     pub(crate) last: bool,
-    /// Whether the motor had been switched on before that command.
-    pub(crate) motor_was_on: bool,
+    /// Whether it was sent before, in vain: it may have been obeyed.
+    pub(crate) again: bool,
     /// Whether it goes before everything else.
     pub(crate) urgent: bool,
 }
@@ -185,14 +180,24 @@ impl Write {
             len: N,
             number: 0,
             last: false,
-            motor_was_on: false,
+            again: false,
             urgent: false,
         }
     }
 
     /// Whether a motor may turn by it.
     pub(crate) fn moves(&self) -> bool {
-        self.address == address::GOAL_PWM || self.address == address::TORQUE_ENABLE && self.data[0] != 0
+        self.address == address::GOAL_PWM || self.is_motor_on()
+    }
+
+    /// Whether it switches a motor on.
+    pub(crate) fn is_motor_on(&self) -> bool {
+        self.address == address::TORQUE_ENABLE && self.data[0] != 0
+    }
+
+    /// Whether it is a goal for a motor that is on, and not the first of a start.
+    pub(crate) fn is_goal(&self) -> bool {
+        self.address == address::GOAL_PWM && self.last
     }
 
     /// Whether it switches a motor off.

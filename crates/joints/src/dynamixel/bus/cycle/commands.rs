@@ -5,6 +5,7 @@ use crate::dynamixel::bus::servo::ServoState;
 use crate::dynamixel::bus::writes::{
     QUEUE, WRITES_PER_COMMAND, Write, WriteCommand, WriteError, WriteRefused, Written,
 };
+use crate::dynamixel::registers::address;
 
 impl Bus {
     /// Has a servo told something, after the next cycle's positions; that its motor is switched off goes before them.
@@ -13,7 +14,7 @@ impl Bus {
     }
 
     /// The same; [`ServoState::written`] tells under this number what became of it.
-    pub(crate) fn numbered_command(
+    pub fn numbered_command(
         &mut self,
         number: u64,
         servo: usize,
@@ -64,14 +65,7 @@ impl Bus {
     /// Puts what a servo is to be told behind all else.
     pub(super) fn queue(&mut self, number: u64, servo: usize, command: WriteCommand) {
         let writes = Write::of(servo, command, self.watchdog_steps, number);
-        let motor_was_on = self.servos[servo].on_here;
-        self.writes.extend(writes.map(|write| Write {
-            motor_was_on,
-            ..write
-        }));
-        if command.starts() {
-            self.servos[servo].on_here = true;
-        }
+        self.writes.extend(writes);
     }
 
     /// Refuses what may not be told to a servo now.
@@ -81,9 +75,16 @@ impl Bus {
         }
         command.check(servo, self.servos.len())?;
         match command {
-            WriteCommand::GoalPwm(_) if !self.servos[servo].on_here => Err(self.motor_off(servo)),
+            WriteCommand::GoalPwm(_) if !self.will_run(servo) => Err(self.motor_off(servo)),
             _ => Ok(()),
         }
+    }
+
+    /// Whether a motor that was switched on here may be on once its servo has been told all that waits.
+    pub(super) fn will_run(&self, servo: usize) -> bool {
+        let mut torque = (self.writes.iter().rev())
+            .filter(|write| write.servo == servo && write.address == address::TORQUE_ENABLE);
+        (torque.next()).map_or(self.servos[servo].runs(), Write::is_motor_on)
     }
 
     /// Has a motor switched off before anything else is written or read. What else that servo was to be told is
@@ -95,7 +96,6 @@ impl Bus {
             self.write_tries = 0;
         }
         self.servos[servo].state.motor_off.newest = number;
-        self.servos[servo].on_here = false;
         self.servos[servo].state.motor_lost = None;
         let mut i = out;
         while let Some(write) = self.writes.get(i).copied() {
@@ -129,7 +129,7 @@ impl Bus {
     pub fn release_motors(&mut self) {
         for servo in 0..self.servos.len() {
             let off = self.servos[servo].state.motor_off;
-            if self.servos[servo].on_here || off.unconfirmed {
+            if self.will_run(servo) || off.unconfirmed {
                 self.switch_off(off.newest, servo);
             }
         }

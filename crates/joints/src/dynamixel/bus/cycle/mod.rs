@@ -14,7 +14,6 @@ use super::wire_ns;
 use super::writes::{QUEUE, Write, WriteError};
 use crate::dynamixel::config::{DynamixelConfig, FastSyncRead, ServoConfig};
 use crate::dynamixel::protocol2::{Encoder, FAST_BLOCK_OVERHEAD, Parser};
-use crate::dynamixel::registers::address;
 use std::collections::VecDeque;
 
 /// What [`Bus::step`] wants from its caller.
@@ -209,26 +208,9 @@ impl Bus {
         self.fast
     }
 
-    /// Whether a motor was switched on here and may be on, though its servo is still to be told something.
-    fn is_on_now(&self, servo: usize) -> bool {
-        let next = self
-            .writes
-            .iter()
-            .find(|write| write.servo == servo && !(write.address == address::GOAL_PWM && write.last));
-        match next {
-            None => self.servos[servo].on_here,
-            Some(write) if write.is_motor_off() => write.motor_was_on,
-            // It has been switched off, and is on again only where the last write of a start has been sent.
-            Some(write) => write.address == address::TORQUE_ENABLE,
-        }
-    }
-
     /// No write is sent any more. A motor that was to be switched off is told so when the port is back.
     fn forget_writes(&mut self) {
         self.write_tries = 0;
-        for servo in 0..self.servos.len() {
-            self.servos[servo].on_here = self.is_on_now(servo);
-        }
         while let Some(write) = self.writes.pop_front() {
             if write.switches_off() {
                 self.servos[write.servo].owe_off();

@@ -55,6 +55,8 @@ impl Bus {
                 &write.data[..write.len],
             );
             load(&mut self.request, packet);
+            // From here on it may be obeyed, whatever becomes of the port.
+            self.servos[write.servo].may_run |= write.is_motor_on();
             self.pass.begin(Kind::Write, 0, 0);
             self.activate();
             return true;
@@ -205,7 +207,7 @@ impl Bus {
             self.writes_done = true;
             self.write_tries += 1;
             if self.write_tries < WRITE_TRIES && self.servos[write.servo].state.alive {
-                self.writes.push_front(write);
+                self.writes.push_front(Write { again: true, ..write });
                 self.let_urgent_pass();
                 return;
             }
@@ -231,9 +233,9 @@ impl Bus {
             self.keep_watchdog(&write);
         } else if write.address == address::BUS_WATCHDOG || !write.last {
             self.call_off_torque(&write);
-        } else if write.address == address::TORQUE_ENABLE && matches!(result, Err(WriteError::Servo(_))) {
+        } else if write.is_motor_on() && !write.again && matches!(result, Err(WriteError::Servo(_))) {
             // It was off, and has said that it stays so.
-            self.servos[write.servo].on_here = false;
+            self.servos[write.servo].may_run = false;
         }
     }
 
@@ -268,28 +270,27 @@ impl Bus {
 
     /// A motor whose watchdog could not be armed, or whose first goal was not taken, is not switched on; one that runs is switched off.
     fn call_off_torque(&mut self, failed: &Write) {
-        let mut torque = false;
+        let (mut torque, mut is_own) = (false, !failed.last);
         let mut i = 0;
         while let Some(next) = self.writes.get(i).copied() {
             if next.servo != failed.servo {
                 i += 1;
                 continue;
             }
-            if next.number != failed.number && next.address != address::GOAL_PWM {
+            // The rest of it, and the goals behind it: what comes then has the motor switched off first.
+            if next.urgent || !is_own && !next.is_goal() {
                 break;
             }
-            torque |= next.address == address::TORQUE_ENABLE && next.data[0] == 1;
+            is_own &= !next.last;
+            torque |= next.is_motor_on();
             self.writes.remove(i);
             self.counters.writes_failed += 1;
             let off = WriteError::NotTaken(WriteRefused::MotorOff(next.servo));
             self.note(next.servo, next.number, Err(off));
         }
-        if !torque {
-            return;
-        }
-        self.servos[failed.servo].on_here = false;
-        if failed.motor_was_on || self.servos[failed.servo].state.torque_enabled == Some(true) {
-            self.servos[failed.servo].owe_off();
+        let servo = &mut self.servos[failed.servo];
+        if torque && (servo.may_run || servo.state.torque_enabled == Some(true)) {
+            servo.owe_off();
         }
     }
 }

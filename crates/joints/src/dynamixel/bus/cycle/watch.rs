@@ -28,10 +28,10 @@ impl Bus {
             return;
         }
         match (task, data) {
-            (Task::State, [0, ..]) if self.is_settled(servo) && self.servos[servo].on_here => match was_on {
+            (Task::State, [0, ..]) if self.is_settled(servo) && self.servos[servo].runs() => match was_on {
                 true => self.lose_motor(servo, MotorLost::GoneOff),
                 // That it was not switched on was told to whoever wanted it.
-                false => self.servos[servo].on_here = false,
+                false => self.servos[servo].may_run = false,
             },
             (Task::Watchdog, [watchdog]) if self.is_armed(servo) => {
                 let armed = self.watchdog_steps;
@@ -49,15 +49,15 @@ impl Bus {
     /// Whether a servo is still to be told nothing but goals.
     fn is_settled(&self, servo: usize) -> bool {
         let mut own = self.writes.iter().filter(|write| write.servo == servo);
-        own.all(|write| write.address == address::GOAL_PWM && write.last)
+        own.all(Write::is_goal)
     }
 
     /// Whether a servo's watchdog is to be armed by now, though it is still to be told something.
     fn is_armed(&self, servo: usize) -> bool {
         let mut own = self.writes.iter().filter(|write| write.servo == servo);
         match own.find(|write| write.address != address::GOAL_PWM) {
-            None => self.servos[servo].on_here,
-            Some(write) if write.is_motor_off() => write.motor_was_on && !write.urgent,
+            None => self.servos[servo].runs(),
+            Some(write) if write.is_motor_off() => self.servos[servo].runs() && !write.urgent,
             // It is armed before the motor is switched on.
             Some(write) => write.address == address::TORQUE_ENABLE,
         }
@@ -75,10 +75,10 @@ impl Bus {
             }
             self.refuse(at, WriteError::NotTaken(refused));
         }
-        self.servos[servo].on_here = false;
         self.servos[servo].state.motor_lost = Some(lost);
-        if lost != MotorLost::GoneOff {
-            self.servos[servo].owe_off();
+        match lost {
+            MotorLost::GoneOff => self.servos[servo].may_run = false,
+            _ => self.servos[servo].owe_off(),
         }
     }
 

@@ -1,0 +1,163 @@
+//! One servo that is told to start by two at once, where the first is in vain: what the servo does and what is believed of it
+//! are the same.
+
+use crate::writes::{register, watched, write_of};
+use crate::{MS, World};
+use taxel_joints::bus::{WriteCommand, WriteRefused};
+use taxel_sim::servo::ServoFault;
+
+const START: WriteCommand = WriteCommand::Start(40);
+const OFF: WriteCommand = WriteCommand::Torque(false);
+const GOAL: WriteCommand = WriteCommand::GoalPwm(90);
+/// Of which a start consists.
+const WRITES: usize = 5;
+
+fn writes(w: &World) -> usize {
+    w.requests.iter().filter(|r| write_of(r).is_some()).count()
+}
+
+/// Two starts, with a command between where one is given. Behind so many writes the servo has a fault, until the first start
+/// is given up.
+fn started_twice(before: usize, fault: Option<ServoFault>, between: Option<WriteCommand>) -> World {
+    let mut w = watched(2, 2540);
+    w.cycles(3);
+    w.bus.numbered_command(1, 0, START).unwrap();
+    w.bus.begin(w.now_ns);
+    while writes(&w) < before && w.turn() {}
+    // Without a fault what it is told is lost, and not its answers alone.
+    match fault {
+        Some(fault) => w.fault(1, fault),
+        None => w.cut = true,
+    }
+    for (number, command) in (2..).zip(between) {
+        w.bus.numbered_command(number, 0, command).unwrap();
+    }
+    w.bus.numbered_command(3, 0, START).unwrap();
+    // A refusal is an answer, and one write is refused; a silence ends after a few cycles.
+    let is_over = |w: &World| match fault {
+        Some(ServoFault::Refuse { .. }) => writes(w) > before,
+        _ => w.bus.counters().writes_failed > 0,
+    };
+    for _ in 0..10 {
+        while !is_over(&w) && w.turn() {}
+        if is_over(&w) {
+            break;
+        }
+        w.now_ns += 5 * MS;
+        w.bus.begin(w.now_ns);
+    }
+    assert!(is_over(&w));
+    w.servos.set_fault(1, None, 1);
+    w.cut = false;
+    while w.turn() {}
+    w.cycles(200);
+    w
+}
+
+#[test]
+fn a_motor_that_the_second_of_two_starts_has_switched_on_is_known_to_be_and_is_off_at_the_end() {
+    let faults = [
+        Some(ServoFault::Refuse { number: 4 }),
+        Some(ServoFault::Silent),
+        Some(ServoFault::BadCrc),
+        None,
+    ];
+    for before in 0..WRITES {
+        for fault in faults {
+            for between in [None, Some(OFF)] {
+                let what = format!("{fault:?} behind write {before}, {between:?} between");
+                let mut w = started_twice(before, fault, between);
+                let is_on = register(&w, 1, 64, 1) == 1;
+                let expected = match is_on {
+                    true => Ok(()),
+                    false => Err(WriteRefused::MotorOff(0)),
+                };
+                assert_eq!(w.bus.command(0, GOAL), expected, "{what}");
+                assert!(!w.bus.servo(0).unwrap().motor_off.unconfirmed, "{what}");
+                w.bus.release_motors();
+                w.cycles(3);
+                assert_eq!(register(&w, 1, 64, 1), 0, "{what}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_start_goes_on_behind_one_that_its_servo_refuses() {
+    for before in 0..WRITES {
+        let w = started_twice(before, Some(ServoFault::Refuse { number: 4 }), None);
+        let written = w.bus.servo(0).unwrap().written.unwrap();
+        assert_eq!(
+            (written.number, written.result),
+            (3, Ok(())),
+            "behind write {before}"
+        );
+        assert_eq!([64, 98].map(|at| register(&w, 1, at, 1)), [1, 127]);
+    }
+}
+
+#[test]
+fn a_motor_whose_start_was_not_answered_may_run_until_its_servo_says_that_it_is_off() {
+    // Its start is obeyed, and the answer lost; or the start is lost itself.
+    for cut in [false, true] {
+        let mut w = watched(1, 2540);
+        w.cycles(3);
+        w.bus.numbered_command(1, 0, START).unwrap();
+        w.bus.begin(w.now_ns);
+        while writes(&w) < WRITES - 1 && w.turn() {}
+        w.cut = cut;
+        if !cut {
+            w.fault(1, ServoFault::Silent);
+        }
+        while w.turn() {}
+        w.cycles(8);
+        w.servos.set_fault(1, None, 1);
+        w.cut = false;
+        assert_eq!(register(&w, 1, 64, 1), i32::from(!cut));
+        assert_eq!(w.bus.command(0, GOAL), Ok(()), "nobody knows");
+        w.cycles(300);
+        let known = if cut {
+            Err(WriteRefused::MotorOff(0))
+        } else {
+            Ok(())
+        };
+        assert_eq!(w.bus.command(0, GOAL), known);
+        w.bus.release_motors();
+        w.cycles(3);
+        assert_eq!(register(&w, 1, 64, 1), 0);
+    }
+}
+
+#[test]
+fn a_start_that_is_refused_when_it_is_sent_again_may_have_been_obeyed_before() {
+    let mut w = watched(1, 2540);
+    w.cycles(3);
+    w.bus.command(0, START).unwrap();
+    w.bus.begin(w.now_ns);
+    while writes(&w) < WRITES - 1 && w.turn() {}
+    w.fault(1, ServoFault::Silent);
+    while w.turn() {}
+    w.fault(1, ServoFault::Refuse { number: 4 });
+    w.cycles(1);
+    assert!(!w.bus.has_writes());
+    w.servos.set_fault(1, None, 1);
+    assert_eq!(register(&w, 1, 64, 1), 1);
+    w.bus.release_motors();
+    w.cycles(3);
+    assert_eq!(register(&w, 1, 64, 1), 0);
+}
+
+#[test]
+fn a_motor_that_never_ran_is_not_told_to_be_off_where_its_servo_is_silent() {
+    for starts in 1..=3 {
+        let mut w = watched(2, 2540);
+        w.fault(1, ServoFault::Silent);
+        w.cycles(3);
+        for number in 1..=starts {
+            w.bus.numbered_command(number, 0, START).unwrap();
+        }
+        w.cycles(20);
+        assert!(!w.bus.servo(0).unwrap().motor_off.unconfirmed, "{starts}");
+        assert!(!w.bus.has_writes(), "{starts}");
+    }
+}
