@@ -161,3 +161,25 @@ fn a_motor_that_never_ran_is_not_told_to_be_off_where_its_servo_is_silent() {
         assert!(!w.bus.has_writes(), "{starts}");
     }
 }
+
+#[test]
+fn a_motor_whose_first_goal_is_given_up_for_its_watchdog_is_not_switched_on_without_it() {
+    let mut w = watched(1, 2540);
+    w.cycles(3);
+    w.bus.numbered_command(1, 0, START).unwrap();
+    w.bus.begin(w.now_ns);
+    while writes(&w) < WRITES - 2 && w.turn() {}
+    assert!(w.turn(), "its watchdog is armed");
+    // It may restart then, and nobody can read what it says of its watchdog.
+    w.fault(1, ServoFault::BadCrc);
+    while w.turn() {}
+    w.now_ns += 60 * MS;
+    while w.bus.counters().writes_failed == 0 {
+        w.cycle(5 * MS);
+    }
+    w.servos.set_fault(1, None, 1);
+    w.cycles(200);
+    assert!(!w.requests.iter().any(|r| write_of(r) == Some((1, 64, 1))));
+    assert_eq!(register(&w, 1, 64, 1), 0);
+    assert_eq!(w.bus.command(0, GOAL), Err(WriteRefused::MotorOff(0)));
+}

@@ -269,7 +269,7 @@ impl Bus {
     }
 
     /// A motor whose watchdog could not be armed, or whose first goal was not taken, is not switched on; one that runs is switched off.
-    fn call_off_torque(&mut self, failed: &Write) {
+    pub(super) fn call_off_torque(&mut self, failed: &Write) {
         let (mut torque, mut is_own) = (false, !failed.last);
         let mut i = 0;
         while let Some(next) = self.writes.get(i).copied() {

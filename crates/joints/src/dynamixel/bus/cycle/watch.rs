@@ -169,7 +169,7 @@ impl Bus {
         }
     }
 
-    /// A motor is not told to move whose watchdog nobody knows.
+    /// A motor is not told to move whose watchdog nobody knows, nor switched on without the goal that it was to begin with.
     fn refuse_move(&mut self, servo: usize, error: WriteError) {
         let Some(at) = self.writes.iter().position(|write| write.servo == servo) else {
             return;
@@ -177,6 +177,9 @@ impl Bus {
         if let Some(write) = self.writes.remove(at) {
             self.counters.writes_failed += 1;
             self.note(servo, write.number, Err(error));
+            if !write.last {
+                self.call_off_torque(&write);
+            }
         }
     }
 }
