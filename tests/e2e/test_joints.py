@@ -9,7 +9,7 @@ import time
 from statistics import median
 
 import pytest
-from harness.daemon import Daemon, ask, binary, eventually
+from harness.daemon import Daemon, ask, binary, eventually, read_reply
 from harness.joints import (
     GOAL_PWM,
     IDS,
@@ -321,6 +321,23 @@ def test_a_motor_that_does_not_confirm_that_it_is_off_is_told_again_and_said_to_
             eventually(lambda: line in daemon.log, f"nobody says that joint {id} is off")
             assert (servos.register(id, *WATCHDOG), servos.register(id, *TORQUE)) == (0, 0)
         daemon.wait_status(lambda s: s["problems"] == [], "it is never over")
+    servos.close()
+
+
+def test_each_of_two_who_tell_one_servo_something_at_once_hears_of_its_own_request(folder):
+    servos = Servos("--ids", "1-16")
+    joints = dynamixel(servos.path, allow_writes=True, watchdog_ms=2540)
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon:
+        daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+        with socket.socket(socket.AF_UNIX) as one, socket.socket(socket.AF_UNIX) as other:
+            for client in (one, other):
+                client.connect(str(daemon.control_path))
+            for percent in (5, -5):
+                for client in (one, other):
+                    request = {"cmd": "servo", "joint": "joint 5", "pwm_percent": percent}
+                    client.sendall(json.dumps(request).encode() + b"\n")
+                for reply in [read_reply(one), read_reply(other)]:
+                    assert not reply["ok"] and "enable its torque first" in reply["error"], reply
     servos.close()
 
 

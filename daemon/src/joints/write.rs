@@ -189,9 +189,9 @@ pub(crate) async fn write_together(
     }
     let number = servos.command_together(&goals).map_err(|e| e.to_string())?;
     let (mut failed, mut warnings) = (Vec::new(), Vec::new());
-    for (joint, counts) in &goals {
-        let done = confirmed(servos, *joint, WriteCommand::GoalPwm(*counts), number).await;
-        match done {
+    let outcomes = all_confirmed(servos, &goals, number).await;
+    for ((joint, _), outcome) in goals.iter().zip(outcomes) {
+        match outcome {
             Ok(()) => {
                 let name = &config.servo[*joint].name;
                 warnings.extend(complaint(servos, *joint).map(|complaint| format!("{name}: {complaint}")));
@@ -220,32 +220,47 @@ async fn confirmed(
     command: WriteCommand,
     number: u64,
 ) -> Result<(), WriteError> {
-    let confirmed = async {
+    let done = looked_for(|| match command {
+        // A newer one has taken its place.
+        WriteCommand::Torque(false) => (servos.motor_off(joint).written)
+            .filter(|off| off.number >= number)
+            .map(|off| off.result),
+        _ => servos.outcome(joint, number),
+    });
+    done.await.unwrap_or(Err(WriteError::Unconfirmed))
+}
+
+/// Waits until each of several servos has confirmed its goal, all of this number.
+async fn all_confirmed(
+    servos: &ServoReader,
+    goals: &[(usize, i16)],
+    number: u64,
+) -> Vec<Result<(), WriteError>> {
+    let mut outcomes = vec![None; goals.len()];
+    looked_for(|| {
+        for (outcome, (joint, _)) in outcomes.iter_mut().zip(goals) {
+            *outcome = outcome.or_else(|| servos.outcome(*joint, number));
+        }
+        outcomes.iter().all(Option::is_some).then_some(())
+    })
+    .await;
+    let unconfirmed = Err(WriteError::Unconfirmed);
+    (outcomes.into_iter())
+        .map(|outcome| outcome.unwrap_or(unconfirmed))
+        .collect()
+}
+
+/// Looks again and again until there is something, but not for ever.
+async fn looked_for<T>(mut look: impl FnMut() -> Option<T>) -> Option<T> {
+    let found = async {
         loop {
-            let off = servos.motor_off(joint);
-            if command == WriteCommand::Torque(false) {
-                // A newer one has taken its place.
-                if let Some(done) = off.written.filter(|off| off.number >= number) {
-                    return done.result;
-                }
-            } else {
-                match servos.written(joint) {
-                    Some(written) if written.number == number => return written.result,
-                    // A later command to the same servo is done. So is this one, unless that was to switch it off.
-                    Some(written) if written.number > number => {
-                        return match off.newest > number {
-                            true => Err(WriteError::SwitchedOff),
-                            false => Ok(()),
-                        };
-                    }
-                    _ => {}
-                }
+            if let Some(found) = look() {
+                return found;
             }
             tokio::time::sleep(LOOK).await;
         }
     };
-    let outcome = tokio::time::timeout(PATIENCE, confirmed).await;
-    outcome.unwrap_or(Err(WriteError::Unconfirmed))
+    tokio::time::timeout(PATIENCE, found).await.ok()
 }
 
 /// The servo of a joint, by its index.

@@ -45,9 +45,8 @@ fn goals_that_are_given_together_are_all_taken_or_none_where_little_room_is_left
         w.cycles(30);
         let full = WriteError::NotTaken(WriteRefused::QueueFull(waiting));
         for servo in 1..=together {
-            let written = w.bus.servo(servo).unwrap().written.unwrap();
             let expected = if is_taken { Ok(()) } else { Err(full) };
-            assert_eq!((written.number, written.result), (7, expected), "{waiting}");
+            assert_eq!(w.bus.outcome(servo, 7), Some(expected), "{waiting}");
             let goal = register(&w, servo as u8 + 1, 100, 2);
             assert_eq!(goal, if is_taken { 90 } else { 0 }, "{waiting}");
         }

@@ -108,7 +108,7 @@ fn no_motor_is_given_a_goal_whose_servo_may_have_restarted_since_its_watchdog_wa
         if together {
             let error = WriteError::NotTaken(refusal(1, MotorLost::Restarted));
             for servo in 0..3 {
-                assert_eq!(w.bus.servo(servo).unwrap().written.unwrap().result, Err(error));
+                assert_eq!(w.bus.outcome(servo, 7), Some(Err(error)));
             }
             assert!(!is_moved(&w, 1), "all or none");
         }
@@ -151,7 +151,7 @@ fn a_goal_waits_for_a_watchdog_whose_servo_does_not_tell_it_and_is_given_up_in_t
         w.cycles(1);
         assert!(!is_moved(&w, 1) && !is_moved(&w, 2), "all or none");
         w.cycles(5);
-        let written = |servo: usize| w.bus.servo(servo).unwrap().written.unwrap().result;
+        let written = |servo: usize| w.bus.outcome(servo, 7).unwrap();
         assert_eq!([written(0), written(1)], [Err(error), Ok(())]);
         assert_eq!([1, 2].map(|id| register(&w, id, 100, 2)), [0, 90]);
         assert!(!w.bus.has_writes());

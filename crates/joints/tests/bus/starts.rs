@@ -3,7 +3,7 @@
 
 use crate::writes::{register, watched, write_of};
 use crate::{MS, World};
-use taxel_joints::bus::{WriteCommand, WriteRefused};
+use taxel_joints::bus::{WriteCommand, WriteError, WriteRefused};
 use taxel_sim::servo::ServoFault;
 
 const START: WriteCommand = WriteCommand::Start(40);
@@ -86,12 +86,12 @@ fn a_motor_that_the_second_of_two_starts_has_switched_on_is_known_to_be_and_is_o
 fn a_start_goes_on_behind_one_that_its_servo_refuses() {
     for before in 0..WRITES {
         let w = started_twice(before, Some(ServoFault::Refuse { number: 4 }), None);
-        let written = w.bus.servo(0).unwrap().written.unwrap();
-        assert_eq!(
-            (written.number, written.result),
-            (3, Ok(())),
-            "behind write {before}"
+        let refused = w.bus.outcome(0, 1).unwrap();
+        assert!(
+            matches!(refused, Err(WriteError::Servo(_))),
+            "behind write {before}: {refused:?}"
         );
+        assert_eq!(w.bus.outcome(0, 3), Some(Ok(())), "behind write {before}");
         assert_eq!([64, 98].map(|at| register(&w, 1, at, 1)), [1, 127]);
     }
 }

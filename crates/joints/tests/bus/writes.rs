@@ -335,8 +335,7 @@ fn goals_of_several_servos_go_out_in_one_packet_and_are_read_back() {
     let writes = w.requests.iter().filter(|r| r[7] == 0x03).count();
     assert_eq!((sync_writes, writes), (1, 0));
     for servo in [0, 2] {
-        let written = w.bus.servo(servo).unwrap().written.unwrap();
-        assert_eq!((written.number, written.result), (7, Ok(())));
+        assert_eq!(w.bus.outcome(servo, 7), Some(Ok(())));
     }
     assert_eq!(w.bus.counters().writes_ok, before.writes_ok + 2);
     assert!(w.bus.results().iter().all(Result::is_ok));
@@ -361,7 +360,7 @@ fn one_that_has_not_taken_its_goal_is_told_from_one_that_is_silent_and_one_that_
         .command_together(9, &[(0, 50), (1, 50), (2, 50), (3, 50)])
         .unwrap();
     w.cycles(4);
-    let results = [0, 1, 2, 3].map(|servo| w.bus.servo(servo).unwrap().written.unwrap().result);
+    let results = [0, 1, 2, 3].map(|servo| w.bus.outcome(servo, 9).unwrap());
     assert_eq!(
         results,
         [
@@ -384,16 +383,10 @@ fn goals_whose_confirmation_is_missed_are_sent_again() {
     w.fault(3, ServoFault::Silent);
     w.bus.command_together(4, &[(0, 60), (1, 60), (2, 60)]).unwrap();
     w.cycles(1);
-    let written = |w: &World, servo| {
-        w.bus
-            .servo(servo)
-            .unwrap()
-            .written
-            .map(|done| (done.number, done.result))
-    };
+    let written = |w: &World, servo| w.bus.outcome(servo, 4);
     assert_eq!(
         [0, 1, 2].map(|servo| written(&w, servo)),
-        [None, Some((4, Ok(()))), None]
+        [None, Some(Ok(())), None]
     );
     assert!(w.bus.has_writes());
     for id in [1, 3] {
@@ -401,7 +394,7 @@ fn goals_whose_confirmation_is_missed_are_sent_again() {
     }
     w.cycles(1);
     for servo in 0..3 {
-        assert_eq!(written(&w, servo), Some((4, Ok(()))));
+        assert_eq!(written(&w, servo), Some(Ok(())));
     }
     assert!(!w.bus.has_writes());
 }

@@ -27,26 +27,14 @@ fn commands_need_the_configuration_s_consent() {
         Err(WriteRefused::NoSuchJoint(2))
     );
     let early = reader.command(1, WriteCommand::GoalPwm(5)).unwrap();
-    eventually(&reader, "answered", |s| s.servos[1].written.is_some());
+    eventually(&reader, "answered", |_| reader.outcome(1, early).is_some());
     let off = Err(WriteError::NotTaken(WriteRefused::MotorOff(1)));
-    assert_eq!(
-        reader.written(1),
-        Some(Written {
-            number: early,
-            result: off
-        })
-    );
+    assert_eq!(reader.outcome(1, early), Some(off));
     let number = reader.command(1, WriteCommand::Torque(true)).unwrap();
     let s = eventually(&reader, "written", |s| s.counters.writes_ok == 4);
     assert_eq!(s.counters.writes_failed, 0);
-    assert_eq!(
-        reader.written(1),
-        Some(Written {
-            number,
-            result: Ok(())
-        })
-    );
-    assert_eq!(reader.written(0), None);
+    assert_eq!(reader.outcome(1, number), Some(Ok(())));
+    assert_eq!(reader.outcome(0, number), None);
     assert_eq!(pty.bus().servo(2).unwrap().register(64, 1), 1);
     // Ending the daemon lets the motor go.
     drop(reader);
@@ -77,11 +65,7 @@ fn what_is_told_before_the_port_is_open_is_refused_at_once() {
     std::os::unix::fs::symlink(pty.path(), &name).unwrap();
     eventually(&reader, "read", all_read);
     let number = reader.command(0, WriteCommand::Torque(true)).unwrap();
-    let done = Some(Written {
-        number,
-        result: Ok(()),
-    });
-    eventually(&reader, "written", |s| s.servos[0].written == done);
+    eventually(&reader, "written", |_| reader.outcome(0, number) == Some(Ok(())));
 }
 
 #[test]
@@ -94,7 +78,7 @@ fn whoever_waits_when_the_port_is_lost_hears_of_it() {
     eventually(&reader, "read", all_read);
     let mut newest = reader.command(0, WriteCommand::Torque(true)).unwrap();
     drop(pty);
-    eventually(&reader, "taken", |s| s.servos[0].written.is_some());
+    eventually(&reader, "taken", |_| reader.outcome(0, newest).is_some());
     let end = Instant::now() + Duration::from_secs(20);
     loop {
         match reader.command(0, WriteCommand::GoalPwm(1)) {
@@ -105,9 +89,7 @@ fn whoever_waits_when_the_port_is_lost_hears_of_it() {
         }
         assert!(Instant::now() < end, "it is taken for ever");
     }
-    eventually(&reader, "told", |s| {
-        s.servos[0].written.is_some_and(|w| w.number == newest)
-    });
+    eventually(&reader, "told", |_| reader.outcome(0, newest).is_some());
 }
 
 #[test]
@@ -167,9 +149,7 @@ fn who_ends_with_a_motor_of_which_nobody_knows_whether_it_is_off_can_tell() {
         eventually(&reader, "read", all_read);
         for joint in 0..2 {
             let number = reader.command(joint, WriteCommand::Torque(true)).unwrap();
-            eventually(&reader, "on", |s| {
-                s.servos[joint].written.is_some_and(|w| w.number == number)
-            });
+            eventually(&reader, "on", |_| reader.outcome(joint, number).is_some());
         }
         let pty = match away {
             true => {
@@ -188,5 +168,54 @@ fn who_ends_with_a_motor_of_which_nobody_knows_whether_it_is_off_can_tell() {
         let expected: &[usize] = if away { &[0, 1] } else { &[1] };
         assert_eq!(reader.motors_not_off(), expected);
         drop(pty);
+    }
+}
+
+#[test]
+fn each_command_is_told_what_became_of_it_whatever_became_of_later_ones_to_the_same_servo() {
+    use WriteCommand::{GoalPwm, Start, Torque};
+    let not_on = WriteError::NotTaken(WriteRefused::MotorOff(0));
+    let pty = pty(1);
+    let mut config = config(pty.path(), 1);
+    config.allow_writes = true;
+    config.watchdog_ms = 2000;
+    let reader = ServoReader::start(&config).unwrap();
+    eventually(&reader, "read", all_read);
+    // Given at once, and looked at only when the last is done with.
+    let given = [
+        (GoalPwm(1), Err(not_on)),
+        (GoalPwm(2), Err(not_on)),
+        (Start(0), Ok(())),
+        (GoalPwm(3), Ok(())),
+        (Torque(true), Ok(())),
+    ]
+    .map(|(command, expected)| (reader.command(0, command).unwrap(), expected));
+    let last = given[given.len() - 1].0;
+    eventually(&reader, "done", |_| reader.outcome(0, last).is_some());
+    for (number, expected) in given {
+        assert_eq!(reader.outcome(0, number), Some(expected), "{number}");
+    }
+}
+
+#[test]
+fn what_a_torque_off_overtakes_is_told_so_however_far_it_has_come() {
+    let pty = pty(1);
+    let mut config = config(pty.path(), 1);
+    config.allow_writes = true;
+    config.watchdog_ms = 2000;
+    let reader = ServoReader::start(&config).unwrap();
+    eventually(&reader, "read", all_read);
+    pty.bus().set_fault(1, Some(ServoFault::Silent), 1);
+    // So many that some still wait for the thread.
+    let starts: Vec<u64> = (0..40)
+        .map(|_| reader.command(0, WriteCommand::Start(0)).unwrap())
+        .collect();
+    let off = reader.command(0, WriteCommand::Torque(false)).unwrap();
+    eventually(&reader, "off", |s| {
+        s.servos[0].motor_off.written.is_some_and(|w| w.number == off)
+    });
+    for number in starts {
+        let outcome = reader.outcome(0, number);
+        assert!(outcome.is_some_and(|result| result.is_err()), "{outcome:?}");
     }
 }

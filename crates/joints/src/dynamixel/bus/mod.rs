@@ -7,6 +7,7 @@
 //! never hides another.
 
 mod cycle;
+mod outcomes;
 mod pass;
 mod reading;
 mod servo;
@@ -14,6 +15,7 @@ mod slow;
 mod writes;
 
 pub use cycle::{Bus, BusCounters, FastState, Step};
+pub(crate) use outcomes::Outcomes;
 pub use reading::{JointReading, NoReading};
 pub use servo::{MotorOff, ServoCounters, ServoIdentity, ServoState};
 pub use writes::{MotorLost, WriteCommand, WriteError, WriteRefused, Written};

@@ -62,8 +62,6 @@ pub struct ServoState {
     pub alert: bool,
     /// Why it refused its newest reading; `None` where it gave one.
     pub refusal: Option<StatusError>,
-    /// What became of the newest command to it; `None` before any.
-    pub written: Option<Written>,
     /// What became of commands to switch its motor off.
     pub motor_off: MotorOff,
     /// How its motor was lost that was switched on here; `None` where none was, or since it was switched on anew or

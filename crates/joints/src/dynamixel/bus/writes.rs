@@ -119,7 +119,7 @@ pub enum WriteError {
     Unconfirmed,
 }
 
-/// What became of the newest command to a servo.
+/// What became of a command to a servo.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Written {
     /// The number that [`crate::ServoReader::command`] gave it.

@@ -4,8 +4,8 @@ use super::port::PortError;
 use super::port_status::{PortState, PortStatus};
 use super::serial_bus::SerialBus;
 use crate::dynamixel::bus::{
-    Bus, BusCounters, FastState, JointReading, MotorOff, NoReading, ServoState, WriteCommand, WriteRefused,
-    Written,
+    Bus, BusCounters, FastState, JointReading, MotorOff, NoReading, Outcomes, ServoState, WriteCommand,
+    WriteError, WriteRefused, Written,
 };
 use crate::dynamixel::config::{DynamixelConfig, READINGS_KEPT};
 use crate::dynamixel::registers::HardwareError;
@@ -68,6 +68,27 @@ struct Shared {
     commands: Vec<(u64, usize, WriteCommand)>,
     /// Commands so far.
     numbers: u64,
+    outcomes: Outcomes,
+}
+
+impl Shared {
+    /// What else a servo was to be told is forgotten, since its motor is to be off.
+    fn forget_commands(&mut self, joint: usize) {
+        let outcomes = &mut self.outcomes;
+        self.commands.retain(|(number, other, _)| {
+            let result = Err(WriteError::SwitchedOff);
+            if *other == joint {
+                outcomes.push(
+                    joint,
+                    Written {
+                        number: *number,
+                        result,
+                    },
+                );
+            }
+            *other != joint
+        });
+    }
 }
 
 /// Reads servos on a serial port in a thread of its own, for ever: a port that goes away is opened again.
@@ -115,6 +136,7 @@ impl ServoReader {
             port: PortStatus::starting(config.path.clone()),
             commands: Vec::with_capacity(COMMANDS + 2 * n),
             numbers: 0,
+            outcomes: Outcomes::new(),
         }));
         let urgent = Arc::new(AtomicBool::new(false));
         let stop = Arc::new(AtomicBool::new(false));
@@ -200,7 +222,7 @@ impl ServoReader {
 
     /// Has a servo told something after the next cycle; refused unless the configuration allows
     /// writing, and while the port is not open. Commands that wait when the port is lost are forgotten. Returns the
-    /// number under which [`ServoReader::written`] tells what became of it.
+    /// number under which [`ServoReader::outcome`] tells what became of it.
     ///
     /// That a motor is switched off is never refused for want of room, and waits for nothing but the request that is
     /// out: it goes before other commands and readings, and what else that servo was to be told is forgotten. It is taken
@@ -217,7 +239,7 @@ impl ServoReader {
                 // Nothing was switched on.
                 return Err(WriteRefused::NoPort);
             }
-            shared.commands.retain(|(_, other, _)| *other != joint);
+            shared.forget_commands(joint);
             shared.numbers += 1;
             let number = shared.numbers;
             shared.commands.insert(0, (number, joint, command));
@@ -244,7 +266,7 @@ impl ServoReader {
     }
 
     /// Gives several joints' servos a goal PWM (counts) in one packet, so that all take it at once; one number for all of
-    /// them, under which [`ServoReader::written`] tells what became of each. All or none are given it.
+    /// them, under which [`ServoReader::outcome`] tells what became of each. All or none are given it.
     pub fn command_together(&self, goals: &[(usize, i16)]) -> Result<u64, WriteRefused> {
         if !self.allow_writes {
             return Err(WriteRefused::ReadOnly);
@@ -284,10 +306,10 @@ impl ServoReader {
         lock(&self.shared).snapshot.servos.get(joint)?.reported_error()
     }
 
-    /// What became of the newest command to a servo that is done with; commands to one servo end in
-    /// the order in which they were given, but for those that a later one to switch its motor off has overtaken.
-    pub fn written(&self, joint: usize) -> Option<Written> {
-        lock(&self.shared).snapshot.servos.get(joint)?.written
+    /// What became of the command of this number to a joint's servo; `None` where it is not done with, or was so long ago.
+    /// One that switches a motor off is not among them ([`ServoReader::motor_off`]).
+    pub fn outcome(&self, joint: usize, number: u64) -> Option<Result<(), WriteError>> {
+        lock(&self.shared).outcomes.of(joint, number)
     }
 }
 
@@ -397,6 +419,7 @@ impl Thread {
             }
             shared.snapshot.counters = self.bus.counters();
             shared.snapshot.fast = self.bus.fast_state();
+            shared.outcomes.append(self.bus.outcomes());
             for (joint, result) in self.bus.results().iter().enumerate() {
                 if let Ok(reading) = result {
                     shared.history.push(joint, reading.t_ns, reading.angle_rad);

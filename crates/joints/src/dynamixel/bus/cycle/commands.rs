@@ -1,6 +1,7 @@
 //! What servos are told: which commands are taken, and in which order they wait.
 
 use super::Bus;
+use crate::dynamixel::bus::outcomes::Outcomes;
 use crate::dynamixel::bus::servo::ServoState;
 use crate::dynamixel::bus::writes::{
     QUEUE, WRITES_PER_COMMAND, Write, WriteCommand, WriteError, WriteRefused, Written,
@@ -13,7 +14,8 @@ impl Bus {
         self.numbered_command(0, servo, command)
     }
 
-    /// The same; [`ServoState::written`] tells under this number what became of it.
+    /// The same; [`Bus::outcome`] tells under this number, unless it is 0, what became of it, and [`ServoState::motor_off`] of
+    /// one that switches the motor off.
     pub fn numbered_command(
         &mut self,
         number: u64,
@@ -137,15 +139,26 @@ impl Bus {
 
     /// Tells what became of a command. One of several writes that fails is a command that failed.
     pub(crate) fn note(&mut self, servo: usize, number: u64, result: Result<(), WriteError>) {
-        let ServoState {
-            written, motor_off, ..
-        } = &mut self.servos[servo].state;
-        let done = Some(Written { number, result });
+        let Some(ServoState { motor_off, .. }) = self.servos.get_mut(servo).map(|servo| &mut servo.state)
+        else {
+            return;
+        };
+        let done = Written { number, result };
         if number == motor_off.newest {
-            motor_off.written = done;
+            motor_off.written = Some(done);
+        } else if number != 0 {
+            self.outcomes.push(servo, done);
         }
-        if number > written.map_or(0, |w| w.number) {
-            *written = done;
-        }
+    }
+
+    /// What became of the command of this number to this servo; `None` where it is not done with, or was so long ago. One that
+    /// switches a motor off is not among them.
+    pub fn outcome(&self, servo: usize, number: u64) -> Option<Result<(), WriteError>> {
+        self.outcomes.of(servo, number)
+    }
+
+    /// Those of the commands that are done with, to be taken over by who keeps them.
+    pub(crate) fn outcomes(&mut self) -> &mut Outcomes {
+        &mut self.outcomes
     }
 }

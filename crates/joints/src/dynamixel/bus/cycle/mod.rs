@@ -6,6 +6,7 @@ mod requests;
 mod together;
 mod watch;
 
+use super::outcomes::Outcomes;
 use super::pass::{Kind, Pass};
 use super::reading::{JointReading, NoReading, PRESENT_BYTES};
 use super::servo::{Servo, ServoState};
@@ -121,6 +122,7 @@ pub struct Bus {
     allow_writes: bool,
     watchdog_steps: u8,
     writes: VecDeque<Write>,
+    outcomes: Outcomes,
     /// How often the write at the front was sent in vain, and whether no more are sent in this cycle.
     write_tries: u32,
     writes_done: bool,
@@ -170,6 +172,7 @@ impl Bus {
             allow_writes: config.allow_writes,
             watchdog_steps: u8::try_from(config.watchdog_ms / 20).unwrap_or(127).clamp(1, 127),
             writes: VecDeque::with_capacity(QUEUE + 2 * n),
+            outcomes: Outcomes::new(),
             write_tries: 0,
             writes_done: false,
             off_turn: 0,
