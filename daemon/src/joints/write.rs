@@ -6,7 +6,7 @@ use serde::{Deserialize, Deserializer};
 use std::fmt;
 use std::time::Duration;
 use taxel_hand::check_range;
-use taxel_joints::bus::{WriteCommand, WriteError, WriteRefused};
+use taxel_joints::bus::{WriteCommand, WriteError, WriteRefused, check_goals};
 use taxel_joints::{DynamixelConfig, JointReader, JointSource, JointsConfig, PortState, ServoReader};
 
 /// What a servo is to do: torque, PWM, or torque that begins with a PWM.
@@ -120,6 +120,20 @@ fn complaint(servos: &ServoReader, joint: usize) -> Option<String> {
     ))
 }
 
+/// Why the servos' port is away; `None` where it is not.
+fn away(servos: &ServoReader) -> Option<String> {
+    match servos.port().state {
+        PortState::Away { reason, .. } => Some(reason),
+        PortState::Starting | PortState::Open => None,
+    }
+}
+
+/// Why a command was not taken; of a port that is not open, why that is so.
+fn why_not(servos: &ServoReader, refused: WriteRefused) -> String {
+    let reason = away(servos).filter(|_| refused == WriteRefused::NoPort);
+    reason.unwrap_or_else(|| refused.to_string())
+}
+
 /// Has a servo told something, and waits until it has confirmed it; a sentence that says so, or why not. A motor that was to
 /// be switched off and may not be is noted among the releases of `hold`.
 pub(crate) async fn write(
@@ -131,19 +145,13 @@ pub(crate) async fn write(
     let (joint, command) = command(config, request)?;
     let is_off = command == WriteCommand::Torque(false);
     let failed = |why: String| format!("{}: {why}", request.joint);
-    let away = match servos.port().state {
-        PortState::Away { reason, .. } => Some(reason),
-        PortState::Starting | PortState::Open => None,
-    };
-    if let Some(reason) = away.clone().filter(|_| !is_off) {
-        return Err(failed(reason));
-    }
     let number = servos
         .command(joint, command)
-        .map_err(|refused| failed(away.clone().unwrap_or_else(|| refused.to_string())))?;
+        .map_err(|refused| failed(why_not(servos, refused)))?;
     hold.note(joint, command, request.hold_ms);
+    // It is taken while the port is away, and done when that is back.
     let done =
-        match away {
+        match away(servos).filter(|_| is_off) {
             Some(reason) => Err(reason),
             None => confirmed(servos, joint, command, number).await.map_err(|error| {
                 match complaint(servos, joint) {
@@ -184,10 +192,9 @@ pub(crate) async fn write_together(
     if goals.is_empty() {
         return Err("pwm_percent names no joint; write {\"pwm_percent\":{\"JOINT\":PERCENT,...}}".into());
     }
-    if let PortState::Away { reason, .. } = servos.port().state {
-        return Err(reason);
-    }
-    let number = servos.command_together(&goals).map_err(|e| e.to_string())?;
+    let number = servos
+        .command_together(&goals)
+        .map_err(|refused| why_not(servos, refused))?;
     let (mut failed, mut warnings) = (Vec::new(), Vec::new());
     let outcomes = all_confirmed(servos, &goals, number).await;
     for ((joint, _), outcome) in goals.iter().zip(outcomes) {
@@ -283,15 +290,18 @@ fn counts(config: &DynamixelConfig, joint: usize, percent: f64) -> Result<i16, S
 
 /// Which servos, by their indices, and the PWM that each is given.
 fn goals(config: &DynamixelConfig, request: &ServosRequest) -> Result<Vec<(usize, i16)>, String> {
-    let mut goals: Vec<(usize, i16)> = Vec::new();
+    let mut goals = Vec::new();
     for (name, percent) in &request.pwm_percent.0 {
         let joint = joint_called(config, name)?;
-        if goals.iter().any(|(other, _)| *other == joint) {
-            return Err(format!("{name}: {}", WriteRefused::Twice(joint)));
-        }
         goals.push((joint, counts(config, joint, *percent)?));
     }
-    Ok(goals)
+    match check_goals(goals.iter().copied(), config.servo.len()) {
+        Err(WriteRefused::Twice(joint)) => {
+            let name = &config.servo[joint].name;
+            Err(format!("{name}: {}", WriteRefused::Twice(joint)))
+        }
+        checked => checked.map(|()| goals).map_err(|refused| refused.to_string()),
+    }
 }
 
 /// Which servo, by its index, and what it is told.

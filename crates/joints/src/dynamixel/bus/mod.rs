@@ -18,7 +18,7 @@ pub use cycle::{Bus, BusCounters, FastState, Step};
 pub(crate) use outcomes::Outcomes;
 pub use reading::{JointReading, NoReading};
 pub use servo::{MotorOff, ServoCounters, ServoIdentity, ServoState};
-pub use writes::{MotorLost, WriteCommand, WriteError, WriteRefused, Written};
+pub use writes::{MotorLost, WriteCommand, WriteError, WriteRefused, Written, check_goals};
 
 /// Nanoseconds that so many bytes take on the wire: ten bits each.
 pub fn wire_ns(bytes: usize, baud: u32) -> u64 {

@@ -148,6 +148,20 @@ impl WriteCommand {
     }
 }
 
+/// Refuses goals (counts) for several of so many joints of which one cannot be, or that name a joint twice.
+pub fn check_goals(
+    goals: impl Iterator<Item = (usize, i16)> + Clone,
+    joints: usize,
+) -> Result<(), WriteRefused> {
+    for (i, (joint, counts)) in goals.clone().enumerate() {
+        WriteCommand::GoalPwm(counts).check(joint, joints)?;
+        if goals.clone().take(i).any(|(other, _)| other == joint) {
+            return Err(WriteRefused::Twice(joint));
+        }
+    }
+    Ok(())
+}
+
 /// Most writes that a command takes.
 pub(crate) const WRITES_PER_COMMAND: usize = 5;
 /// Most writes that wait.

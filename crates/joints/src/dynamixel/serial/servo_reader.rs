@@ -5,7 +5,7 @@ use super::port_status::{PortState, PortStatus};
 use super::serial_bus::SerialBus;
 use crate::dynamixel::bus::{
     Bus, BusCounters, FastState, JointReading, MotorOff, NoReading, Outcomes, ServoState, WriteCommand,
-    WriteError, WriteRefused, Written,
+    WriteError, WriteRefused, Written, check_goals,
 };
 use crate::dynamixel::config::{DynamixelConfig, READINGS_KEPT};
 use crate::dynamixel::registers::HardwareError;
@@ -271,11 +271,9 @@ impl ServoReader {
         if !self.allow_writes {
             return Err(WriteRefused::ReadOnly);
         }
-        for (joint, counts) in goals {
-            WriteCommand::GoalPwm(*counts).check(*joint, self.names.len())?;
-        }
+        check_goals(goals.iter().copied(), self.names.len())?;
         let mut shared = self.shared_while_open()?;
-        if shared.commands.len() >= COMMANDS || goals.len() > self.names.len() {
+        if shared.commands.len() >= COMMANDS {
             return Err(WriteRefused::QueueFull(shared.commands.len()));
         }
         shared.numbers += 1;

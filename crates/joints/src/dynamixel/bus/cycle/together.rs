@@ -5,7 +5,7 @@
 use super::requests::load;
 use super::{Bus, WRITE_TRIES};
 use crate::dynamixel::bus::pass::{Answer, Kind};
-use crate::dynamixel::bus::writes::{WriteCommand, WriteError, WriteRefused};
+use crate::dynamixel::bus::writes::{WriteCommand, WriteError, WriteRefused, check_goals};
 use crate::dynamixel::protocol2::Assignment;
 use crate::dynamixel::registers::{WATCHDOG_TRIPPED, address};
 use crate::error::MAX_JOINTS;
@@ -24,11 +24,9 @@ impl Bus {
         number: u64,
         goals: impl Iterator<Item = (usize, i16)> + Clone,
     ) -> Result<(), WriteRefused> {
-        for (i, (servo, counts)) in goals.clone().enumerate() {
+        check_goals(goals.clone(), self.servos.len())?;
+        for (servo, counts) in goals.clone() {
             self.check(servo, WriteCommand::GoalPwm(counts))?;
-            if goals.clone().take(i).any(|(other, _)| other == servo) {
-                return Err(WriteRefused::Twice(servo));
-            }
         }
         self.has_room(goals.clone().count())?;
         for (servo, counts) in goals {
