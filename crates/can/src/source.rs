@@ -132,7 +132,8 @@ pub struct SourceCounters {
     pub link_losses: u64,
     /// Frames sent.
     pub sent: u64,
-    /// Frames that could not be sent.
+    /// Frames that could not be sent. None where there is nobody to send to ([`SendError::ReceiveOnly`]): nothing is
+    /// wrong there, and nothing to be mended.
     pub send_failures: u64,
     /// The last line of a recording that cannot be read any further; 0 where it can be, and from 1 otherwise.
     pub cut_off_line: u64,

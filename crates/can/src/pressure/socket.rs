@@ -141,7 +141,6 @@ impl CanSource for PressureSocket {
     }
 
     fn send(&mut self, _frame: &CanFrame) -> Result<(), SendError> {
-        self.counters.send_failures += 1;
         Err(SendError::ReceiveOnly)
     }
 

@@ -1,5 +1,5 @@
 use super::*;
-use crate::{CanSource, Received};
+use crate::{CanFrame, CanSource, Received, SendError};
 use std::os::fd::OwnedFd;
 use std::os::unix::net::UnixDatagram;
 
@@ -202,4 +202,12 @@ fn a_frame_that_promises_more_taxels_than_an_array_has_is_no_head() {
         );
     }
     assert!(ArrayHead::of_frame(pressure_frames([1, MAX_ARRAY_TAXELS], 0, &[0; 8188])[0].data()).is_some());
+}
+
+#[test]
+fn an_array_takes_no_commands_and_that_is_no_failure() {
+    let mut pair = Pair::new();
+    let frame = CanFrame::standard(1, &[]).unwrap();
+    assert!(matches!(pair.source.send(&frame), Err(SendError::ReceiveOnly)));
+    assert_eq!(pair.source.counters().send_failures, 0);
 }
