@@ -15,7 +15,7 @@ use taxel_hand::{Geometry, Module, Profile, Taxel};
 use taxel_wire::status::ProblemStatus;
 use taxel_wire::{Clock, Event, EventKind, Flags, Header, Hello, ImageView, RawView, Status, WireActuator};
 
-/// A sentence of the daemon or about a key stays as long.
+/// A sentence of the daemon or about a key stays for so long.
 const NOTE_NS: u64 = 6_000_000_000;
 /// Bits of one taxel's raw counts: three axes of 16.
 const RAW_TAXEL_BITS: f64 = 48.0;
@@ -42,7 +42,10 @@ pub struct Seen {
     newest: Newest,
     paused: bool,
     gone: Option<String>,
-    note: Option<(String, u64)>,
+    /// What became of a key, and since when it is said.
+    answer: Option<(String, u64)>,
+    /// What happened by itself, likewise.
+    told: Option<(String, u64)>,
 }
 
 /// The newest image and raw frame.
@@ -89,7 +92,8 @@ impl Seen {
             newest: Newest::default(),
             paused: false,
             gone: None,
-            note: None,
+            answer: None,
+            told: None,
         }
     }
 
@@ -149,14 +153,27 @@ impl Seen {
         self.paused = paused;
     }
 
-    /// Says something to whoever is looking, for a few seconds from now on.
-    pub fn say(&mut self, note: impl Into<String>, now_ns: u64) {
-        self.note = Some((note.into(), now_ns));
+    /// Says to whoever is looking what became of a key, for a few seconds from now on.
+    pub fn say(&mut self, answer: impl Into<String>, now_ns: u64) {
+        self.answer = Some((answer.into(), now_ns));
+    }
+
+    /// Tells whoever is looking what happened by itself, for a few seconds from now on. While it is said what became
+    /// of a key, that stays.
+    pub fn tell(&mut self, news: impl Into<String>, now_ns: u64) {
+        self.told = Some((news.into(), now_ns));
     }
 
     /// Says no more what was said.
     pub fn hush(&mut self) {
-        self.note = None;
+        (self.answer, self.told) = (None, None);
+    }
+
+    /// What is said now.
+    fn note(&self, now_ns: u64) -> Option<String> {
+        let is_new = |(_, at_ns): &&(String, u64)| now_ns.saturating_sub(*at_ns) <= NOTE_NS;
+        let said = [&self.answer, &self.told].map(|said| said.as_ref().filter(is_new));
+        said.into_iter().flatten().next().map(|(words, _)| words.clone())
     }
 
     /// The connection ended, and why; what was seen of the hand is true no more.
@@ -174,7 +191,7 @@ impl Seen {
                 self.hand = Some(Arc::new(Hand::new(hand)))
             }
             Ok(_) => {}
-            Err(error) => self.say(format!("the hand cannot be drawn: {error}"), now_ns),
+            Err(error) => self.tell(format!("the hand cannot be drawn: {error}"), now_ns),
         }
         self.gone = None;
         self.hello = Some(hello.clone());
@@ -194,8 +211,8 @@ impl Seen {
             EventKind::Paused => self.paused = true,
             EventKind::Resumed => self.paused = false,
             EventKind::Calibrating | EventKind::Calibrated => {}
-            EventKind::Mark => self.say(format!("mark: {}", event.message), now_ns),
-            _ => self.say(event.message, now_ns),
+            EventKind::Mark => self.tell(format!("mark: {}", event.message), now_ns),
+            _ => self.tell(event.message, now_ns),
         }
     }
 
@@ -280,13 +297,6 @@ impl Seen {
         let hand = self.hand.clone()?;
         let figures = self.figures(now_ns);
         let (hello, newest) = (self.hello.as_ref()?, &self.newest);
-        if self
-            .note
-            .as_ref()
-            .is_some_and(|(_, at)| now_ns.saturating_sub(*at) > NOTE_NS)
-        {
-            self.note = None;
-        }
         let traced = |taxel: usize| Trace {
             taxel,
             points: self.history.of(taxel),
@@ -320,7 +330,7 @@ impl Seen {
             calibrating: newest.calibrating,
             paused: self.paused,
             gone: self.gone.clone(),
-            note: self.note.as_ref().map(|(note, _)| note.clone()),
+            note: self.note(now_ns),
             problems: self.problems(),
             recorded: hello.clock == Clock::Recording,
             traces: match screen.chosen.is_empty() {

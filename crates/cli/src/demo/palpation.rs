@@ -99,7 +99,7 @@ impl Palpating {
         let marks = SceneMarks::start(scene, began, control, move |text| {
             let mut meter = lock(&told);
             if !meter.closed {
-                meter.seen.say(text, taxel_can::monotonic_ns());
+                meter.seen.tell(text, taxel_can::monotonic_ns());
             }
         })?;
         let mut onto_map = OntoMap(meter.clone());
@@ -121,7 +121,7 @@ impl OntoMap {
         if let (Err(error), false) = (outcome, meter.closed) {
             meter
                 .seen
-                .say(format!("touches: {error:#}"), taxel_can::monotonic_ns());
+                .tell(format!("touches: {error:#}"), taxel_can::monotonic_ns());
         }
     }
 }
@@ -131,7 +131,7 @@ impl Listener for OntoMap {
         let mut meter = lock(&self.0);
         match (touch, &mut meter.palpation) {
             (Ok(touch), Some(palpation)) => palpation.touch(touch),
-            (Err(error), _) => meter.seen.say(format!("{error:#}"), taxel_can::monotonic_ns()),
+            (Err(error), _) => meter.seen.tell(format!("{error:#}"), taxel_can::monotonic_ns()),
             (Ok(_), None) => {}
         }
         Ok(())

@@ -129,7 +129,7 @@ impl Daemon {
                     lock(&self.seen).set_gone(error.to_string());
                 }
                 // The next message may be read.
-                Some(error) => lock(&self.seen).say(error.to_string(), taxel_can::monotonic_ns()),
+                Some(error) => lock(&self.seen).tell(error.to_string(), taxel_can::monotonic_ns()),
             }
         }
     }

@@ -73,17 +73,17 @@ fn begin(images: &Path, out: PathBuf, seen: Arc<Mutex<Seen>>) -> anyhow::Result<
     let stop = Arc::new(AtomicBool::new(false));
     let is_stopped = stop.clone();
     let record = move || {
-        let say = |text: &str| lock(&seen).say(text, taxel_can::monotonic_ns());
+        let tell = |text: &str| lock(&seen).tell(text, taxel_can::monotonic_ns());
         let signals = Signals {
             stop: &|| is_stopped.load(Ordering::Relaxed),
             trigger: &|| false,
-            say: &say,
+            say: &tell,
         };
         match taxel_recorder::record(&plan, &signals) {
             Ok(finished) => words(&plan, &finished),
             Err(error) => {
                 let words = format!("{error}; nothing is recorded any more");
-                say(&words);
+                lock(&seen).say(words.as_str(), taxel_can::monotonic_ns());
                 vec![words]
             }
         }

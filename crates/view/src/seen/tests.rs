@@ -209,6 +209,29 @@ fn what_was_said_is_gone_with_the_next_key() {
 }
 
 #[test]
+fn what_became_of_a_key_is_not_replaced_by_what_happens_meanwhile() {
+    let mut seen = seen();
+    seen.say("recording taxel.mcap; r ends it", SECOND_NS);
+    let event = Event::new(EventKind::Notice, "joints: servo 3 answers in time");
+    seen.see_event(event, 3 * SECOND_NS);
+    // The answer for its six seconds, then the event for what is left of its own.
+    for (second, note) in [
+        (3, Some("recording taxel.mcap; r ends it")),
+        (7, Some("recording taxel.mcap; r ends it")),
+        (8, Some("joints: servo 3 answers in time")),
+        (10, None),
+    ] {
+        let picture = seen.picture(&Screen::new(), second * SECOND_NS).unwrap();
+        assert_eq!(picture.note.as_deref(), note, "at {second} s");
+    }
+    // The next answer is to the next key.
+    seen.say("one", 11 * SECOND_NS);
+    seen.say("two", 11 * SECOND_NS);
+    let picture = seen.picture(&Screen::new(), 11 * SECOND_NS).unwrap();
+    assert_eq!(picture.note.as_deref(), Some("two"));
+}
+
+#[test]
 fn a_summary_says_where_nobody_has_looked_for_problems() {
     let problems = |seen: &Seen| {
         let summary = seen.summary(0);
