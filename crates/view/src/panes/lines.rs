@@ -173,7 +173,7 @@ pub(super) fn draw(buffer: &mut Buffer, area: Rect, picture: &Picture, screen: &
             vec![label(" mark: "), value(format!("{text}▏"))],
             vec![label("  Enter makes it, Esc leaves")],
         ],
-        None => legend(picture, palette),
+        None => last_line(picture, palette, area.width.into()),
     };
     let taxel = taxel_in_words(picture, area.width);
     let taxel = taxel.into_iter().map(|part| vec![Span::raw(part)]).collect();
@@ -196,7 +196,22 @@ fn whole(parts: Vec<Vec<Span<'static>>>, width: usize) -> Vec<Span<'static>> {
     line
 }
 
-fn legend(picture: &Picture, palette: Palette) -> Vec<Vec<Span<'static>>> {
+/// The legend and where keys are listed; the latter first where there is no room for all.
+fn last_line(picture: &Picture, palette: Palette, width: usize) -> Vec<Vec<Span<'static>>> {
+    let [colours, digits, keys] = legend(picture, palette);
+    let columns = |part: &[Span<'static>]| part.iter().map(Span::width).sum::<usize>();
+    match width
+        .saturating_sub(columns(&keys))
+        .checked_sub(columns(&colours))
+    {
+        Some(room) if room >= columns(&digits) => vec![colours, digits, keys],
+        Some(_) => vec![colours, keys],
+        None => vec![keys],
+    }
+}
+
+/// Of colours and of digits; then where keys are listed.
+fn legend(picture: &Picture, palette: Palette) -> [Vec<Span<'static>>; 3] {
     let dim = Style::new().fg(palette.rgb(138, 138, 138));
     let bold = Style::new().add_modifier(Modifier::BOLD);
     let label = |text: &'static str| Span::styled(text, dim);
@@ -231,7 +246,7 @@ fn legend(picture: &Picture, palette: Palette) -> Vec<Vec<Span<'static>>> {
         Span::styled("q", bold),
         label(" quit"),
     ];
-    vec![legend, digits, keys]
+    [legend, digits, keys]
 }
 
 /// A taxel's name: its module and its number there.

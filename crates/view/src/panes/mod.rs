@@ -8,7 +8,7 @@ mod problems;
 mod traces;
 
 use crate::colour::Palette;
-use crate::flat::{Part, parts};
+use crate::flat::parts;
 use crate::paint::text;
 use crate::picture::Picture;
 use crate::raster::{Raster, Room, Size};
@@ -119,13 +119,13 @@ impl Arrangement {
     /// Side by side, or one above the other where taxels are larger so; with a lower pane where that costs them
     /// nothing.
     fn of(picture: &Picture, area: Rect) -> Self {
-        let bars = rows_below(picture);
+        let (names, bars) = (names_below(picture), bars_below(picture));
         let fit = |stacked: bool, height: u16| {
             let (width, rows) = match stacked {
-                false => ((area.width - 2) / 2, height.saturating_sub(HEAD + bars)),
+                false => ((area.width - 2) / 2, height.saturating_sub(HEAD + names + bars)),
                 true => (
                     area.width - 2,
-                    (height.saturating_sub(bars) / 2).saturating_sub(HEAD),
+                    (height.saturating_sub(bars) / 2).saturating_sub(HEAD + names),
                 ),
             };
             let room = Room {
@@ -142,13 +142,13 @@ impl Arrangement {
             }
         };
         let (mut stacked, mut raster, size) = best(area.height);
-        if area.height > LEAST_LOWER + HEAD + bars + 1 {
+        if area.height > LEAST_LOWER + HEAD + names + bars + 1 {
             let (small_stacked, small, small_size): (bool, Raster, Size) = best(area.height - LEAST_LOWER);
             if small_size.area == size.area || small_size.area >= LARGE {
                 (stacked, raster) = (small_stacked, small);
             }
         }
-        let rows = raster.rows() + HEAD + bars;
+        let rows = raster.rows() + HEAD + names + bars;
         let half = (area.width - 2) / 2;
         let panels = match stacked {
             false => [1, area.width - half].map(|x| Rect {
@@ -243,20 +243,23 @@ fn panel(
     let origin = Position::new(x, area.y + HEAD);
     let dim = Style::new().fg(palette.rgb(138, 138, 138));
     // Above their taxels; those that something else is above already, below.
+    let end = area.bottom().min(origin.y + raster.rows() + names_below(picture));
     let mut free = area.x;
     let mut free_below = area.x;
     for part in parts(&picture.hand) {
         let place = raster.around(&part.taxels, origin);
-        let width = (part.name.chars().count() as u16).min(place.width.max(3));
-        let begins = place.x + place.width.saturating_sub(width) / 2;
-        let (y, free) = match (
-            begins >= free,
-            begins >= free_below && place.bottom() < area.bottom(),
-        ) {
+        let mut width = (part.name.chars().count() as u16).min(place.width.max(3));
+        let mut begins = place.x + place.width.saturating_sub(width) / 2;
+        let (y, free) = match (begins >= free, begins >= free_below && place.bottom() < end) {
             (true, _) => (area.y + 1, &mut free),
             (false, true) => (place.bottom(), &mut free_below),
             (false, false) => continue,
         };
+        if begins == *free && begins > area.x {
+            // A blank between two names is worth the last letter.
+            begins += 1;
+            width = width.min(place.right().saturating_sub(begins));
+        }
         *free = begins + width;
         let place = Rect {
             x: begins,
@@ -269,21 +272,44 @@ fn panel(
     origin
 }
 
-/// Rows below the taxels: for the joints' bars, and for the names of parts that are below others.
-fn rows_below(picture: &Picture) -> u16 {
-    let down = &picture.hand.flat.down[0][0].places;
-    let is_below = |part: &Part<'_>| part.taxels.iter().all(|taxel| down[*taxel] > 2.0);
-    u16::from(!picture.joints.is_empty() || parts(&picture.hand).iter().any(is_below))
+/// Rows below the taxels for the names of parts that are below others.
+fn names_below(picture: &Picture) -> u16 {
+    let flat = &picture.hand.flat;
+    let places = [&flat.across[0].places, &flat.down[0][0].places];
+    // From the first taxel to the last one, across and down.
+    let reaches: Vec<[(f32, f32); 2]> = (parts(&picture.hand).iter())
+        .map(|part| {
+            places.map(|places| {
+                let places = || part.taxels.iter().map(|taxel| places[*taxel]);
+                (
+                    places().fold(f32::INFINITY, f32::min),
+                    places().fold(0.0, f32::max),
+                )
+            })
+        })
+        .collect();
+    let is_below = |[across, down]: &[(f32, f32); 2]| {
+        let is_above = |[other, top]: &[(f32, f32); 2]| {
+            other.0 < across.1 + 1.0 && across.0 < other.1 + 1.0 && top.0 < down.0
+        };
+        down.0 > 2.0 && reaches.iter().any(is_above)
+    };
+    u16::from(reaches.iter().any(is_below))
+}
+
+/// Rows below these for the joints' bars.
+fn bars_below(picture: &Picture) -> u16 {
+    u16::from(!picture.joints.is_empty())
 }
 
 /// The joints' bars below the parts of the hand that they move.
 fn draw_bars(buffer: &mut Buffer, origin: Position, picture: &Picture, raster: &Raster, palette: Palette) {
-    if picture.joints.is_empty() {
+    if bars_below(picture) == 0 {
         return;
     }
     for part in parts(&picture.hand) {
         let below = Rect {
-            y: origin.y + raster.rows(),
+            y: origin.y + raster.rows() + names_below(picture),
             height: 1,
             ..raster.around(&part.taxels, origin)
         };

@@ -342,6 +342,70 @@ fn joints_are_bars_under_their_fingers_and_degrees_where_there_is_room() {
 }
 
 #[test]
+fn bars_of_joints_leave_the_names_of_parts_below_others_alone() {
+    for name in Layout::builtin_names() {
+        let mut picture = picture_of(name);
+        let parts: Vec<String> = (crate::flat::parts(&picture.hand).iter())
+            .map(|part| part.name.to_owned())
+            .collect();
+        let joints = parts.iter().flat_map(|part| {
+            (0..3).map(move |joint| Joint {
+                name: format!("{part} {joint}"),
+                angle_rad: Some(0.0),
+            })
+        });
+        picture.joints = joints.collect();
+        for size in SIZES {
+            let text = text(&drawn(size, &picture));
+            // Above or below the skin, and as often at the image; degrees are behind names of their own.
+            for part in &parts {
+                let name = &part[..part.len().min(3)];
+                assert!(text.matches(name).count() >= 2, "{name} {size:?}\n{text}");
+            }
+            let bars = text.lines().find(|line| line.contains('▁')).unwrap();
+            assert_eq!(
+                bars.matches("▁▁▁").count(),
+                parts.len(),
+                "{name} {size:?}\n{text}"
+            );
+            assert!(!bars.chars().any(char::is_alphabetic), "{name} {size:?}\n{text}");
+        }
+    }
+}
+
+#[test]
+fn names_side_by_side_have_a_blank_between_them() {
+    for name in Layout::builtin_names() {
+        let picture = picture_of(name);
+        let parts = crate::flat::parts(&picture.hand);
+        let known: Vec<&str> = parts.iter().flat_map(|part| part.name.split(' ')).collect();
+        for (width, height) in (40..90).flat_map(|width| [14, 20, 26].map(|height| (width, height))) {
+            let text = text(&drawn((width, height), &picture));
+            for word in text.lines().nth(2).unwrap().split_whitespace() {
+                let is_known = known.iter().any(|known| known.starts_with(word));
+                assert!(is_known, "{word} {name} {width}x{height}\n{text}");
+            }
+        }
+    }
+}
+
+#[test]
+fn on_a_narrow_terminal_keys_are_listed_before_digits_and_colours_are_explained() {
+    for (size, others) in [
+        ((80, 24), ["force 0", "digits"].as_slice()),
+        ((60, 20), &["force 0"]),
+        ((40, 14), &[]),
+    ] {
+        let shown = text(&drawn(size, &picture()));
+        let last = shown.lines().last().unwrap().trim_end();
+        assert!(last.ends_with("? keys  q quit"), "{shown}");
+        for part in ["force 0", "digits"] {
+            assert_eq!(last.contains(part), others.contains(&part), "{part}\n{shown}");
+        }
+    }
+}
+
+#[test]
 fn every_key_is_listed_and_an_extra_pane_has_its_room() {
     let mut screen = Screen::new();
     screen.help = true;
