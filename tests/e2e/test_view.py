@@ -129,3 +129,23 @@ def test_what_is_wrong_with_a_recording_is_said_in_the_picture_and_printed_behin
         finally:
             terminal.process.kill()
             os.close(terminal.keys)
+
+
+def test_keys_are_asked_of_the_control_socket_that_is_named(start, folder):
+    sockets = {"images": str(folder / "left-images.sock"), "control": str(folder / "left-control.sock")}
+    daemon = start(sources=["sim:ball-grasp"] * 2, boards={"mode": "free-running"}, socket=sockets)
+    for named, answer, paused in [
+        ([], "--control", False),
+        (["--control", daemon.control_path], "paused: every actuator has let go", True),
+    ]:
+        terminal = Terminal(folder, "view", "--socket", daemon.images, *named)
+        try:
+            terminal.wait_for("? keys  q quit")
+            terminal.press("p")
+            terminal.wait_for(answer)
+            assert daemon.status()["paused"] == paused
+            terminal.press("q")
+            assert terminal.process.wait(10) == 0
+        finally:
+            terminal.process.kill()
+            os.close(terminal.keys)

@@ -33,15 +33,17 @@ struct Daemon {
     over: AtomicBool,
 }
 
+/// Looks at a daemon; its sockets are those of images and of control, where they were named.
 pub(super) fn run(
-    socket: Option<&Path>,
+    [socket, control]: [Option<&Path>; 2],
     limit: Option<Duration>,
     sheet: Option<&Sheet<'_>>,
 ) -> anyhow::Result<()> {
     let images = socket.map_or_else(|| taxeld::config::running_socket("images.sock"), Path::to_owned);
-    let control = match socket {
-        Some(socket) => socket.with_file_name("control.sock"),
-        None => taxeld::config::running_socket("control.sock"),
+    let control = match (control, socket) {
+        (Some(control), _) => control.to_owned(),
+        (None, Some(socket)) => socket.with_file_name("control.sock"),
+        (None, None) => taxeld::config::running_socket("control.sock"),
     };
     let interrupt = Interrupt::install()?;
     let daemon = Arc::new(Daemon {
@@ -155,9 +157,15 @@ impl Daemon {
     }
 
     fn request(&self, request: &Value) -> Option<String> {
-        control::request(&self.control, request)
-            .err()
-            .map(|error| format!("{error:#}"))
+        let error = control::request(&self.control, request).err()?;
+        Some(match self.control.try_exists() {
+            // The daemon is there, whose images are shown: its control socket has another name.
+            Ok(false) => format!(
+                "there is no control socket at {}; name this daemon's with `taxel view --control PATH`",
+                self.control.display()
+            ),
+            _ => format!("{error:#}"),
+        })
     }
 }
 

@@ -48,6 +48,9 @@ pub(crate) struct Args {
     /// The daemon's image socket [default: where the daemon of this user, or of the system, puts it]
     #[arg(long, value_name = "PATH", conflicts_with = "path")]
     socket: Option<PathBuf>,
+    /// Its control socket, for z, p and m [default: control.sock beside --socket, or where the daemon puts it]
+    #[arg(long, value_name = "PATH", conflicts_with = "path")]
+    control: Option<PathBuf>,
     /// Stop after so long [default: never; without a terminal a daemon is looked at for 2 s]
     #[arg(long, value_name = "S", value_parser = seconds)]
     seconds: Option<f64>,
@@ -153,7 +156,11 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     });
     match &args.recording.0 {
         Some(recording) => recording::run(recording, limit, sheet.as_ref()),
-        None => live::run(args.socket.as_deref(), limit, sheet.as_ref()),
+        None => live::run(
+            [&args.socket, &args.control].map(Option::as_deref),
+            limit,
+            sheet.as_ref(),
+        ),
     }
 }
 
