@@ -12,24 +12,55 @@ pub(crate) fn places(geometry: &Geometry, coordinates: Coordinates) -> Result<Ve
     geometry.taxels.iter().enumerate().map(place).collect()
 }
 
-/// Refuses a place of `fixed` that is more than a pixel outside the image: nothing is ever felt there.
-pub(crate) fn check_fixed(geometry: &Geometry, profile: &Profile) -> Result<(), ProfileError> {
+/// Refuses a place of `fixed` where nothing is ever felt: more than a pixel outside the image, or
+/// in millimetres beyond the taxels on every side by more than an actuator's reach (two distances of
+/// neighbours). Between taxels, where a finger ends before another one, it may be as in the image.
+pub(crate) fn check_fixed(
+    geometry: &Geometry,
+    profile: &Profile,
+    places: &[[f64; 2]],
+    reach: f64,
+) -> Result<(), ProfileError> {
     let Geometry { width, height, .. } = *geometry;
-    let is_inside = |at: f64, size: u16| (-1.0..=f64::from(size)).contains(&at);
-    let outside = |[x, y]: &[f64; 2]| !(is_inside(*x, width) && is_inside(*y, height));
-    match profile.fixed.iter().position(outside) {
-        Some(index) if profile.coordinates == Coordinates::Pixels => {
-            let [x, y] = profile.fixed[index];
-            Err(ProfileError::PlaceOutsideImage {
-                index,
-                x,
-                y,
-                width,
-                height,
-            })
-        }
-        _ => Ok(()),
-    }
+    let (margin, [from, to]) = match profile.coordinates {
+        Coordinates::Pixels => (0.0, [[-1.0; 2], [width, height].map(f64::from)]),
+        Coordinates::Hand => (reach, extent(places)),
+    };
+    let outside = |place: &[f64; 2]| {
+        (0..2).any(|axis| !(from[axis] - margin..=to[axis] + margin).contains(&place[axis]))
+    };
+    let Some(index) = profile.fixed.iter().position(outside) else {
+        return Ok(());
+    };
+    let [x, y] = profile.fixed[index];
+    Err(match profile.coordinates {
+        Coordinates::Pixels => ProfileError::PlaceOutsideImage {
+            index,
+            x,
+            y,
+            width,
+            height,
+        },
+        Coordinates::Hand => ProfileError::PlaceOffHand {
+            index,
+            x,
+            y,
+            distance_mm: (places.iter())
+                .map(|at| (at[0] - x).hypot(at[1] - y))
+                .fold(f64::INFINITY, f64::min),
+            from,
+            to,
+        },
+    })
+}
+
+/// The least and the greatest coordinates of places.
+fn extent(places: &[[f64; 2]]) -> [[f64; 2]; 2] {
+    let all = |axis: usize| places.iter().map(move |place| place[axis]);
+    [
+        [0, 1].map(|axis| all(axis).fold(f64::INFINITY, f64::min)),
+        [0, 1].map(|axis| all(axis).fold(f64::NEG_INFINITY, f64::max)),
+    ]
 }
 
 /// How far an actuator may go between two images without jumping: 2 pixels, or twice the median

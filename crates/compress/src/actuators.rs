@@ -101,7 +101,7 @@ impl Actuators {
             groups.push(Group::new(first_id, size, taxels, settings));
             first_id += size;
         }
-        actuator_groups::check_fixed(geometry, profile)?;
+        actuator_groups::check_fixed(geometry, profile, places, settings.reach)?;
         let fixed = (!profile.fixed.is_empty())
             .then(|| Fixed::new(&profile.fixed, geometry, places, &contacts.raster()));
         Ok(Self {

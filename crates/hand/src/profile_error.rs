@@ -165,6 +165,26 @@ pub enum ProfileError {
         /// `K_A`.
         actuators: u16,
     },
+    /// A place beside the hand.
+    #[error(
+        "profile: place {index} of fixed, [{x}, {y}], is {distance_mm:.0} mm from the nearest taxel of this hand; its \
+         taxels are from [{:.1}, {:.1}] to [{:.1}, {:.1}], millimetres as coordinates = \"hand\" has them",
+        .from[0], .from[1], .to[0], .to[1]
+    )]
+    PlaceOffHand {
+        /// Its number, from 0.
+        index: usize,
+        /// Its first coordinate, millimetres.
+        x: f64,
+        /// Its second coordinate, millimetres.
+        y: f64,
+        /// From the nearest taxel, millimetres.
+        distance_mm: f64,
+        /// The least coordinates of taxels, millimetres.
+        from: [f64; 2],
+        /// The greatest coordinates of taxels, millimetres.
+        to: [f64; 2],
+    },
     /// Hand coordinates that the layout does not have.
     #[error(
         "profile: coordinates = \"hand\" needs the place of every taxel, and the layout has none for taxel {taxel}; add positions to it"

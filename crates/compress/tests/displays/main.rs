@@ -162,6 +162,19 @@ fn places_in_millimetres_are_the_layout_s() {
     let mut frame = ForceFrame::new(layout.len());
     (frame.contact[100], frame.force[100]) = (true, 3.0);
     assert_eq!(ids(&compressed(&profile, &layout, &frame).1), [1]);
+    // At the edge, between the fingers and where the thumb has no module, as in pixels.
+    let reached = fixed(&[[-9.0, 0.0], [25.0, 10.0], [137.0, 110.0]]);
+    let hand_coordinates = |profile| Profile {
+        coordinates: Coordinates::Hand,
+        ..profile
+    };
+    compressed(&hand_coordinates(reached), &layout, &frame);
+    let off = hand_coordinates(fixed(&[at(0), [-400.0, 3.0]]));
+    let message = refused(off, &layout).to_string();
+    assert!(
+        message.contains("place 1 of fixed, [-400, 3], is 400 mm from the nearest taxel"),
+        "{message}"
+    );
     let without = grid(4, 4);
     assert_eq!(
         refused(
