@@ -79,6 +79,9 @@ impl Daemon {
                 error: error.into(),
             }
         };
+        if let Some(sentence) = config.unread_joints() {
+            tracing::warn!("{sentence}");
+        }
         let mut sockets = Sockets::take(&config)?;
         let listen = |error| StartError::System {
             what: "listen on a socket",

@@ -96,6 +96,21 @@ def test_angles_are_those_of_the_images_own_instant(folder):
     servos.close()
 
 
+def test_a_joint_of_the_layout_that_nobody_reads_is_warned_of_once(folder):
+    servos = Servos("--ids", "1-16")
+    command = [binary("taxel"), "layouts", "uskin-module", "--file"]
+    layout = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    (folder / "own.toml").write_text(layout.replace("[[module]]\n", '[[module]]\njoint = "jiont 3"\n', 1))
+    hand = {"layout": str(folder / "own.toml"), "joints": dynamixel(servos.path)}
+    with Daemon(folder / "d", ["sim:roll"], tick=TICK, **hand) as daemon, Watch(daemon) as watch:
+        eventually(lambda: "all 16 servos answer" in daemon.log, "no roll call")
+        watch.more(10)
+        sentence = "sit on joints that [joints] does not read: `jiont 3` (there is `joint 3`)"
+        assert [line for line in daemon.log.splitlines() if "WARN" in line and sentence in line] != []
+        assert daemon.log.count(sentence) == 1, daemon.log
+    servos.close()
+
+
 def test_a_dead_servo_is_unknown_and_named_and_the_others_go_on(folder):
     servos = Servos("--ids", "1-16")
     with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path)) as daemon, Watch(daemon) as watch:

@@ -7,6 +7,7 @@ mod place;
 mod sockets;
 mod summary;
 mod syntax;
+mod unread_joints;
 
 pub use place::line_of;
 pub use sockets::{ControlConfig, SocketConfig, default_directory, running_socket};

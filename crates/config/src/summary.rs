@@ -4,7 +4,7 @@ use crate::Config;
 use serde::Serialize;
 
 impl Config {
-    /// The hand, its buses and its joints in a few lines.
+    /// The hand, its buses and its joints in a few lines, and what of them does not fit together.
     pub fn summary(&self) -> String {
         let layout = &self.layout;
         let mut text = format!(
@@ -20,6 +20,9 @@ impl Config {
         }
         if let Some(joints) = &self.joints {
             text += &format!("  {} joints: {}\n", joints.joint_names().len(), joints.source);
+        }
+        if let Some(sentence) = self.unread_joints() {
+            text += &format!("  {sentence}\n");
         }
         text
     }

@@ -3,6 +3,7 @@
 
 use std::path::Path;
 use taxel_config::Config;
+use taxel_skin::Layout;
 
 fn parse(bus: &str, joints: &str) -> Result<Config, String> {
     let text = format!("layout = \"allegro-uskin-15\"\n\n{bus}\n{joints}");
@@ -83,4 +84,39 @@ fn a_hand_has_a_bus_of_its_own_or_shares_one_whose_ids_are_not_its_own() {
     };
     let bus = shared.joints_bus().unwrap();
     assert_eq!((bus.index, bus.shared), (0, true));
+}
+
+#[test]
+fn joints_of_the_layout_that_are_read_under_no_such_name_are_told_with_the_nearest() {
+    let module = Layout::builtin_text("uskin-module").unwrap();
+    let sentence = |joint: &str, joints: &str| {
+        let text = format!("layout = \"uskin-module\"\n[[bus]]\nsource = \"can:can0\"\n{joints}");
+        let mut config = Config::parse(&text, Path::new("taxeld.toml")).unwrap();
+        let on_joint = format!("[[module]]\njoint = \"{joint}\"\n");
+        config.layout = Layout::parse(&module.replacen("[[module]]\n", &on_joint, 1), "own.toml").unwrap();
+        let sentence = config.unread_joints();
+        let shown = sentence
+            .as_ref()
+            .map(|sentence| config.summary().contains(sentence));
+        assert_ne!(shown, Some(false), "a check says it");
+        sentence
+    };
+    let named = |name: &str| SERVOS.replace("\"a\"", &format!("\"{name}\""));
+    for (joint, joints, said) in [
+        ("thumb 2", named("thumb 2"), None),
+        (
+            "thumb 2",
+            named("thmb 2"),
+            Some("does not read: `thumb 2` (there is `thmb 2`); "),
+        ),
+        ("thumb 2", named("servo 1"), Some("does not read: `thumb 2`; ")),
+        // Without servos there is nothing to mend.
+        ("thumb 2", String::new(), None),
+    ] {
+        let told = sentence(joint, &joints);
+        let fits = said.map_or(told.is_none(), |said| {
+            told.as_ref().is_some_and(|told| told.contains(said))
+        });
+        assert!(fits, "{joint} {joints}: {told:?}");
+    }
 }

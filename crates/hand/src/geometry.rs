@@ -126,6 +126,17 @@ impl Geometry {
         })
     }
 
+    /// Names of the joints that move modules, each once, in the order of the modules.
+    pub fn joints(&self) -> Vec<&str> {
+        let mut names: Vec<&str> = Vec::new();
+        for name in self.modules.iter().filter_map(|module| module.joint.as_deref()) {
+            if !names.contains(&name) {
+                names.push(name);
+            }
+        }
+        names
+    }
+
     /// An array without modules of its own: one taxel per pixel, numbered row by row, in one pseudo
     /// module `grid`.
     ///
