@@ -55,6 +55,21 @@ impl Answers {
         })
     }
 
+    /// These lines, of a pipe.
+    #[cfg(test)]
+    pub(super) fn of_lines(given: &[&str]) -> Self {
+        let (sender, lines) = mpsc::channel();
+        for line in given {
+            let _ = sender.send((*line).to_owned());
+        }
+        Self {
+            lines,
+            yes: false,
+            is_typed: false,
+            interrupt: Interrupt::install().unwrap(),
+        }
+    }
+
     /// Whether a person types the answers.
     pub(super) fn are_typed(&self) -> bool {
         self.is_typed && !self.yes

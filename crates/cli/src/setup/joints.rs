@@ -6,6 +6,7 @@ use crate::doctor::capacity::plural;
 use anyhow::bail;
 use std::path::{Path, PathBuf};
 use taxel_can::SourceAddress;
+use taxel_hand::why_no_name;
 use taxel_joints::registers::Model;
 use taxel_joints::{JointSource, JointSourceError};
 
@@ -40,31 +41,77 @@ impl std::str::FromStr for Joints {
 /// An Allegro hand that was heard: the bus and its version.
 pub(super) type HeardHand = (SourceAddress, u8);
 
-/// The table as text, of what the command line states; empty for none.
-pub(super) fn stated(
-    joints: &Joints,
-    heard: Option<&HeardHand>,
-    answers: &Answers,
-) -> anyhow::Result<String> {
+/// What reports angles, before the joints of servos have names; nothing for none.
+#[derive(Debug, Default, PartialEq)]
+pub(super) struct Table {
+    /// The table without its servos.
+    text: String,
+    /// Ids, and what is said of each.
+    servos: Vec<(u8, &'static str)>,
+}
+
+impl Table {
+    /// The table as text. Where the layout names joints, it is asked which of them each servo moves: nothing shows it,
+    /// and a name that is guessed would move another finger.
+    pub(super) fn named(self, joints: &[&str], answers: &Answers) -> anyhow::Result<String> {
+        let mut text = self.text;
+        let mut names: Vec<String> = Vec::new();
+        for (id, model) in self.servos {
+            let name = match joints.is_empty() {
+                true => format!("servo {id}"),
+                false => ask_name(id, joints, &names, answers)?,
+            };
+            text += &format!(
+                "\n# {model}\n[[joints.servo]]\nid = {id}\nname = {}\n",
+                toml::Value::from(name.as_str())
+            );
+            names.push(name);
+        }
+        Ok(text)
+    }
+}
+
+/// The name of the joint that a servo moves, other than those `given`.
+fn ask_name(id: u8, joints: &[&str], given: &[String], answers: &Answers) -> anyhow::Result<String> {
+    let left: Vec<&str> = (joints.iter().copied())
+        .filter(|joint| !given.iter().any(|name| name == joint))
+        .collect();
+    let question = match left.is_empty() {
+        true => format!("Joint that servo {id} moves (those of the layout have servos)"),
+        false => format!("Joint that servo {id} moves (of the layout: {})", left.join(", ")),
+    };
+    loop {
+        let name = answers.ask(&question, &format!("servo {id}"))?;
+        let why = why_no_name(&name).or(given.contains(&name).then_some("that of another servo"));
+        match why {
+            Some(why) => answers.refuse(&format!("`{name}` is {why}"))?,
+            None => return Ok(name),
+        }
+    }
+}
+
+/// What the command line states.
+pub(super) fn stated(joints: &Joints, heard: Option<&HeardHand>, answers: &Answers) -> anyhow::Result<Table> {
     match joints {
-        Joints::None => Ok(String::new()),
+        Joints::None => Ok(Table::default()),
         Joints::Allegro(bus) => {
             let version = match heard {
                 Some((_, version)) => *version,
                 None => ask_version(answers)?,
             };
             let source = toml::Value::from(format!("allegro:{bus}"));
-            Ok(format!(
-                "\n[joints]\nsource = {source}\n\n[joints.allegro]\nversion = {version}\n"
-            ))
+            Ok(Table {
+                text: format!("\n[joints]\nsource = {source}\n\n[joints.allegro]\nversion = {version}\n"),
+                servos: Vec::new(),
+            })
         }
         Joints::Dynamixel(port) => servos(port),
     }
 }
 
-/// The table as text, of what is answered. Who types is asked until something answers there: this is the last question,
+/// What is answered. Who types is asked until something answers there: this is the last question,
 /// and the modules have been pressed.
-pub(super) fn asked(heard: Option<&HeardHand>, answers: &Answers) -> anyhow::Result<String> {
+pub(super) fn asked(heard: Option<&HeardHand>, answers: &Answers) -> anyhow::Result<Table> {
     let ports = serial_ports(Path::new("/dev"));
     if !ports.is_empty() {
         say(&format!("Serial ports: {}", ports.join(", ")));
@@ -118,7 +165,7 @@ fn serial_ports(dev: &Path) -> Vec<String> {
 }
 
 /// Asks the servos of a port who they are, at each bit rate until some answer.
-fn servos(port: &Path) -> anyhow::Result<String> {
+fn servos(port: &Path) -> anyhow::Result<Table> {
     for baud in BAUDS {
         let found = taxel_joints::scan(port, baud)?;
         if found.is_empty() {
@@ -131,16 +178,17 @@ fn servos(port: &Path) -> anyhow::Result<String> {
         ));
         let port = std::path::absolute(port)?;
         let source = toml::Value::from(format!("dynamixel:{}", port.display()));
-        let mut text = format!("\n[joints]\nsource = {source}\nbaud = {baud}\n");
-        for servo in &found {
-            let model = Model::of(servo.model_number).map_or("unknown model", |model| model.name);
-            say(&format!("  id {}, {model}", servo.id));
-            text += &format!(
-                "\n# {model}\n[[joints.servo]]\nid = {0}\nname = \"servo {0}\"\n",
-                servo.id
-            );
+        let model = |number| Model::of(number).map_or("unknown model", |model| model.name);
+        let servos: Vec<_> = (found.iter())
+            .map(|servo| (servo.id, model(servo.model_number)))
+            .collect();
+        for (id, model) in &servos {
+            say(&format!("  id {id}, {model}"));
         }
-        return Ok(text);
+        return Ok(Table {
+            text: format!("\n[joints]\nsource = {source}\nbaud = {baud}\n"),
+            servos,
+        });
     }
     bail!(
         "{}: no servo answers at any usual bit rate; `taxel doctor --joints dynamixel:{0} --ids 1` says what may be wrong",
@@ -168,6 +216,36 @@ mod tests {
         for text in ["", "servos", "dynamixel:", "allegro", "allegro:", "allegro:a b"] {
             assert!(text.parse::<Joints>().is_err(), "{text}");
         }
+    }
+
+    #[test]
+    fn each_servo_is_asked_for_its_joint_where_the_layout_names_joints() {
+        let table = || Table {
+            text: "[joints]\n".into(),
+            servos: vec![(3, "XL430-W250"), (7, "XL430-W250")],
+        };
+        let names = |joints: &[&str], lines: &[&str]| {
+            let text = table()
+                .named(joints, &Answers::of_lines(lines))
+                .map_err(|e| e.to_string())?;
+            let table: toml::Table = text.parse().unwrap();
+            let servos = table["joints"]["servo"].as_array().unwrap();
+            Ok(servos
+                .iter()
+                .map(|servo| servo["name"].as_str().unwrap().to_owned())
+                .collect::<Vec<_>>())
+        };
+        let of = |names: [&str; 2]| Ok::<_, String>(names.map(str::to_owned).to_vec());
+        let joints = ["index 2", "thumb 2"];
+        assert_eq!(
+            names(&joints, &["thumb 2", "index 2"]),
+            of(["thumb 2", "index 2"])
+        );
+        // Nobody guesses, and a servo may move what has no skin.
+        assert_eq!(names(&joints, &["", "wrist"]), of(["servo 3", "wrist"]));
+        assert_eq!(names(&[], &[]), of(["servo 3", "servo 7"]));
+        let twice = names(&joints, &["thumb 2", "thumb 2"]).unwrap_err();
+        assert!(twice.contains("`thumb 2` is that of another servo"), "{twice}");
     }
 
     #[test]

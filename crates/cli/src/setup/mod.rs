@@ -111,10 +111,11 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         .map(|joints| joints::stated(joints, allegro.as_ref(), &answers))
         .transpose()?;
     let mut hand = choose(args, &heard, &name, &answers, &interrupt)?;
-    hand.joints = match stated {
+    let joints = match stated {
         Some(joints) => joints,
         None => joints::asked(allegro.as_ref(), &answers)?,
     };
+    hand.joints = joints.named(&hand.layout.joints(), &answers)?;
     let outcome = Outcome::new(&hand, &args.out, &answers, args.force)?;
     if interrupt.is_set() {
         bail!(answers::STOPPED);

@@ -85,6 +85,9 @@ impl Outcome {
         let name = self.config_path.file_name().unwrap_or_default();
         let path = folder.path().join(name);
         let config = Config::parse(&self.config, &path)?;
+        if let Some(sentence) = config.unread_joints() {
+            say(&format!("{sentence}."));
+        }
         Ok(taxeld::check(&config, &self.config, &path)?)
     }
 
