@@ -314,7 +314,6 @@ fn what_a_servo_refused_when_the_port_was_lost_is_held_against_no_goal_behind_it
     w.cycles(1);
     w.cut = false;
     w.cycles(2);
-    let written = |servo: usize| w.bus.servo(servo).unwrap().written.unwrap();
-    assert_eq!([0, 1].map(|servo| written(servo).result), [Ok(()); 2]);
+    assert_eq!([0, 1].map(|servo| w.bus.outcome(servo, 8)), [Some(Ok(())); 2]);
     assert_eq!([1, 2].map(|id| register(&w, id, 100, 2)), [90, 90]);
 }
