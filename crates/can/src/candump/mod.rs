@@ -156,7 +156,7 @@ impl fmt::Display for LineProblem {
 /// As an iterator it gives each frame, and an error for each line that holds none; empty lines are
 /// skipped. After the error of a line it goes on with the next; after an [`LogError::Io`] it ends. 64 MiB
 /// without a frame are such an error: what holds them, such as `/dev/zero`, is no log. Differences of times
-/// ([`LogReader::has_differences`]) are another.
+/// (`has_differences`) are another.
 /// It allocates only when a line is longer or an interface newer than all before. [`LogReader::next_frame`] is the same for who
 /// reads millions: to hand out a name costs as much as a fifth of reading its line.
 #[derive(Debug)]
