@@ -333,6 +333,22 @@ def test_a_full_disk_stops_the_recording_says_so_and_costs_no_image(start, locks
     assert (folder / "full.log").stat().st_size > 0
 
 
+def test_a_disk_without_room_for_a_first_chunk_is_left_without_files_however_often_it_is_tried(start, folder):
+    daemon = start()
+    out = folder / "full.mcap"
+
+    def limited():
+        die_with_parent()
+        resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))
+
+    for _ in range(2):
+        command = [binary("taxel"), "record", out, "--no-can", "--socket", daemon.images, "--split-size", "1MB"]
+        options = {"capture_output": True, "text": True, "timeout": 30}
+        failed = subprocess.run(command, preexec_fn=limited, restore_signals=False, **options)
+        assert failed.returncode == 1 and "full-0001.mcap: File too large" in failed.stderr, failed.stderr
+        assert list(folder.glob("*.mcap")) == []
+
+
 @pytest.mark.parametrize("trigger", ["mark", "signal"])
 def test_a_trigger_keeps_what_was_before_it_and_nothing_is_written_until_then(start, lockstep, folder, hand, trigger):
     daemon = start(conditioning=DAEMON_SETTINGS, sweep=SWEEP)

@@ -353,6 +353,7 @@ pub(crate) fn words(plan: &Plan, finished: &Finished) -> Vec<String> {
         .sum();
     let name = match &files[..] {
         [] if plan.around.is_some() => return vec!["taxel: no trigger came, and nothing was kept".into()],
+        [] => "taxel: nothing came of a daemon or of a bus, and no file was made".into(),
         [only] => only.display().to_string(),
         files if *removed == 0 => format!("{} files of {}", files.len(), plan.out.display()),
         files => format!(
@@ -361,11 +362,14 @@ pub(crate) fn words(plan: &Plan, finished: &Finished) -> Vec<String> {
             plan.out.display()
         ),
     };
-    let mut lines = vec![format!(
-        "{name}: {:.1} MB, {messages} messages; {images} images and {} CAN frames were read",
-        bytes as f64 / 1e6,
-        can_frames.iter().sum::<u64>()
-    )];
+    let mut lines = vec![match files.is_empty() {
+        true => name,
+        false => format!(
+            "{name}: {:.1} MB, {messages} messages; {images} images and {} CAN frames were read",
+            bytes as f64 / 1e6,
+            can_frames.iter().sum::<u64>()
+        ),
+    }];
     for CanInput { name, address } in silent(plan, finished) {
         lines.push(format!(
             "taxel: no CAN frame came of {name} from {address}: no board sends there, or the hand's bus is another; \

@@ -15,6 +15,7 @@ mod left_out;
 mod live;
 mod reader;
 mod schema;
+mod series;
 mod standard;
 mod store;
 mod tactile;

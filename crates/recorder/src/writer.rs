@@ -5,6 +5,8 @@ use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, Compression, McapError, WriteOptions, Writer};
 use std::collections::BTreeMap;
 use std::io::{self, Seek, SeekFrom, Write};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Uncompressed bytes after which a chunk is written even before it is asked for.
 const CHUNK: u64 = 256 << 10;
@@ -46,11 +48,13 @@ pub struct RecordingWriter<W: Write + Seek> {
     channels: [Option<u16>; Topic::ALL.len()],
     sequence: u32,
     messages: u64,
+    bytes: Arc<AtomicU64>,
 }
 
 impl<W: Write + Seek> RecordingWriter<W> {
     /// Begins a recording at the start of `output`.
     pub fn begin(output: W, preamble: &Preamble, wall_ns: u64) -> io::Result<Self> {
+        let bytes = Arc::new(AtomicU64::new(0));
         let options = WriteOptions::new()
             .compression(Some(Compression::Lz4))
             .profile("ros2")
@@ -59,7 +63,10 @@ impl<W: Write + Seek> RecordingWriter<W> {
             // Chunks come into the file whole.
             .disable_seeking(true);
         let mut writer = options
-            .create(Counting { inner: output, at: 0 })
+            .create(Counting {
+                inner: output,
+                at: Arc::clone(&bytes),
+            })
             .map_err(io_error)?;
         let metadata = Metadata {
             name: "taxel".into(),
@@ -81,6 +88,7 @@ impl<W: Write + Seek> RecordingWriter<W> {
             channels: [None; Topic::ALL.len()],
             sequence: 0,
             messages: 0,
+            bytes,
         })
     }
 
@@ -116,6 +124,11 @@ impl<W: Write + Seek> RecordingWriter<W> {
     /// Number of messages.
     pub fn messages(&self) -> u64 {
         self.messages
+    }
+
+    /// Bytes that the output has taken.
+    pub fn bytes(&self) -> u64 {
+        self.bytes.load(Ordering::Relaxed)
     }
 
     /// Writes what is left and the index, and gives the output back.
@@ -160,13 +173,13 @@ fn io_error(error: McapError) -> io::Error {
 /// Knows its place without asking the system, so that anything that bytes can be written to will do.
 struct Counting<W> {
     inner: W,
-    at: u64,
+    at: Arc<AtomicU64>,
 }
 
 impl<W: Write> Write for Counting<W> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let written = self.inner.write(bytes)?;
-        self.at += written as u64;
+        self.at.fetch_add(written as u64, Ordering::Relaxed);
         Ok(written)
     }
 
@@ -178,9 +191,10 @@ impl<W: Write> Write for Counting<W> {
 impl<W: Seek> Seek for Counting<W> {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
         if to == SeekFrom::Current(0) {
-            return Ok(self.at);
+            return Ok(self.at.load(Ordering::Relaxed));
         }
-        self.at = self.inner.seek(to)?;
-        Ok(self.at)
+        let at = self.inner.seek(to)?;
+        self.at.store(at, Ordering::Relaxed);
+        Ok(at)
     }
 }

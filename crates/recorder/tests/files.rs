@@ -268,7 +268,7 @@ fn a_recording_goes_on_in_another_file_after_its_time_and_the_oldest_make_room()
     };
     std::fs::write(folder.path().join("day-0002.mcap"), "of another recording").unwrap();
     let mut store = Store::new(&path, Preamble::default(), split, None);
-    store.begin(0).unwrap();
+    store.check().unwrap();
     store.take(entry(Topic::Hello, 0, "hello")).unwrap();
     for second in 0..35 {
         store
@@ -383,7 +383,7 @@ fn only_what_is_around_a_trigger_is_kept() {
         Split::default(),
         Some(around),
     );
-    store.begin(0).unwrap();
+    store.check().unwrap();
     for second in 0..40 {
         store
             .take(entry(Topic::Events, second * S, &second.to_string()))
@@ -416,7 +416,7 @@ fn no_file_is_overwritten() {
     let path = folder.path().join("a.mcap");
     std::fs::write(&path, "precious").unwrap();
     let error = Store::new(&path, Preamble::default(), Split::default(), None)
-        .begin(0)
+        .check()
         .unwrap_err();
     assert!(
         matches!(error, StoreError::Create { .. }) && error.to_string().contains("not overwritten"),

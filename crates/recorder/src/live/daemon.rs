@@ -6,6 +6,7 @@ use crate::standard::{
     diagnostics_message, event_message, event_name, joints_message, picture_message, text_message,
 };
 use crate::tactile::{frame_message, image_message};
+use crate::writer::Entry;
 use std::path::Path;
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::SyncSender;
@@ -56,12 +57,9 @@ pub(super) fn read_daemon(
 fn tell(text: &str, queue: &SyncSender<Message>, shared: &Shared<'_>) {
     (shared.signals.say)(text);
     let wall_ns = shared.wall.at(monotonic_ns());
-    shared.entry(
-        queue,
-        Topic::Events,
-        wall_ns,
-        event_message("recorder", text, wall_ns),
-    );
+    let data = event_message("recorder", text, wall_ns);
+    let topic = Topic::Events;
+    shared.hand_over(queue, Message::Note(Entry { topic, wall_ns, data }));
 }
 
 fn read_subscription(

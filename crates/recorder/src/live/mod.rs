@@ -127,7 +127,12 @@ pub enum LiveError {
 /// What the readers hand to the writer.
 enum Message {
     Entry(Entry),
-    Trigger { wall_ns: u64, why: String },
+    /// What the recorder itself says.
+    Note(Entry),
+    Trigger {
+        wall_ns: u64,
+        why: String,
+    },
 }
 
 /// From `CLOCK_MONOTONIC` to the wall clock, by what both showed when the recording began: time in it never jumps.
@@ -210,7 +215,7 @@ pub fn record(plan: &Plan, signals: &Signals<'_>) -> Result<Finished, LiveError>
         dropped: AtomicU64::new(0),
     };
     let mut store = Store::new(&plan.out, plan.preamble.clone(), plan.split.clone(), plan.around);
-    store.begin(shared.wall.at(monotonic_ns()))?;
+    store.check()?;
     let (queue, messages) = sync_channel(QUEUE);
     // One file on its way to the disk, one behind it; more would only be synced for nothing.
     let (to_sync, syncing) = sync_channel::<Arc<File>>(1);
@@ -250,8 +255,10 @@ pub fn record(plan: &Plan, signals: &Signals<'_>) -> Result<Finished, LiveError>
             written?;
             // What the readers had in hand when they were told.
             for message in &messages {
-                if let Message::Entry(entry) = message {
-                    store.take(entry)?;
+                match message {
+                    Message::Entry(entry) => store.take(entry)?,
+                    Message::Note(entry) => store.note(entry)?,
+                    Message::Trigger { .. } => {}
                 }
             }
             Ok(())
@@ -300,6 +307,7 @@ fn write(
         for message in messages.try_iter().take(QUEUE) {
             match message {
                 Message::Entry(entry) => store.take(entry)?,
+                Message::Note(entry) => store.note(entry)?,
                 Message::Trigger { wall_ns, why } => trigger(store, wall_ns, &why, shared)?,
             }
         }
@@ -321,7 +329,7 @@ fn write(
         if noted.is_none_or(|noted| now - noted >= CLOCK) {
             noted = Some(now);
             let data = clock_message(monotonic_ns(), realtime_ns());
-            store.take(Entry {
+            store.note(Entry {
                 topic: Topic::Clock,
                 wall_ns,
                 data,
@@ -335,7 +343,7 @@ fn write(
                 (shared.signals.say)(&text);
                 told_dropped = dropped;
                 let data = event_message("recorder", &text, wall_ns);
-                store.take(Entry {
+                store.note(Entry {
                     topic: Topic::Events,
                     wall_ns,
                     data,
@@ -353,10 +361,11 @@ fn write(
 }
 
 fn trigger(store: &mut Store, wall_ns: u64, why: &str, shared: &Shared<'_>) -> Result<(), LiveError> {
-    if store.trigger(wall_ns)?
-        && let Some(file) = store.files().last()
-    {
+    let has_begun = store.trigger(wall_ns)?;
+    if let Some(file) = store.files().last().filter(|_| has_begun) {
         (shared.signals.say)(&format!("{}: {why}", file.display()));
+    } else if !store.is_writing() {
+        (shared.signals.say)(&format!("{why}: nothing came before it that could be kept"));
     }
     Ok(())
 }

@@ -1,0 +1,168 @@
+//! The files of one recording: how they are called, which are there, and which make room for new ones.
+
+use crate::store::StoreError;
+use mcap::MAGIC;
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+
+/// Numbers that files of one name are given at most.
+const MOST_FILES: u32 = 1_000_000;
+
+/// The files of one recording.
+#[derive(Debug)]
+pub(crate) struct Series {
+    path: PathBuf,
+    /// Whether the next file has a number; the only file of a recording has none.
+    is_numbered: bool,
+    most_files: Option<usize>,
+    /// The least number that the next file may have.
+    next_number: u32,
+    files: Vec<PathBuf>,
+    removed: u32,
+}
+
+impl Series {
+    /// Of files named after `path`: that itself, or, where there may be several, with a number before its ending.
+    pub(crate) fn new(path: &Path, is_numbered: bool, most_files: Option<usize>) -> Self {
+        Self {
+            path: path.into(),
+            is_numbered,
+            most_files: most_files.map(|most| most.max(1)),
+            next_number: 1,
+            files: Vec::new(),
+            removed: 0,
+        }
+    }
+
+    /// Files made so far, without those that were removed to make room.
+    pub(crate) fn files(&self) -> &[PathBuf] {
+        &self.files
+    }
+
+    /// Files removed so far to make room, those of earlier runs and of other recorders too.
+    pub(crate) fn removed(&self) -> u32 {
+        self.removed
+    }
+
+    /// Whether a file can be made: makes one and removes it.
+    pub(crate) fn check(&self) -> Result<(), StoreError> {
+        let (_, path, _) = self.create_new()?;
+        std::fs::remove_file(&path).map_err(|source| StoreError::Create { path, source })
+    }
+
+    /// Makes the next file.
+    pub(crate) fn create(&mut self) -> Result<(PathBuf, File), StoreError> {
+        let (next_number, path, file) = self.create_new()?;
+        self.next_number = next_number;
+        // A recording that was to be one file and needs another goes on with numbers.
+        self.is_numbered = true;
+        // So that no other recorder removes it; where the file system has no locks, it may.
+        let _ = file.try_lock();
+        self.files.push(path.clone());
+        Ok((path, file))
+    }
+
+    /// Counts this file no longer, since it is not, or no longer, what was recorded.
+    pub(crate) fn forget(&mut self, path: &Path) {
+        self.files.retain(|file| file != path);
+    }
+
+    /// Removes the oldest files where there are too many. What is there is looked for anew, since other recorders may give
+    /// their files the same name.
+    pub(crate) fn make_room(&mut self) {
+        let Some(most) = self.most_files else {
+            return;
+        };
+        let there = numbered_files(&self.path).into_iter().map(|(_, path)| path);
+        // What somebody else has given such a name is not ours to remove.
+        let there: Vec<_> = there.filter(|path| is_recording(path)).collect();
+        let mut too_many = there.len().saturating_sub(most);
+        for oldest in there {
+            if too_many == 0 {
+                break;
+            }
+            if self.files.last() == Some(&oldest) || is_being_written(&oldest) {
+                continue;
+            }
+            too_many -= 1;
+            if std::fs::remove_file(&oldest).is_ok() {
+                self.forget(&oldest);
+                self.removed += 1;
+            }
+        }
+    }
+
+    /// A new file, and the least number of the one behind it.
+    fn create_new(&self) -> Result<(u32, PathBuf, File), StoreError> {
+        let mut number = self.next_number;
+        if self.is_numbered
+            && let Some((greatest, _)) = numbered_files(&self.path).last()
+        {
+            number = number.max(greatest + 1);
+        }
+        loop {
+            let path = match self.is_numbered {
+                true => numbered_file(&self.path, number),
+                false => self.path.clone(),
+            };
+            match OpenOptions::new().append(true).create_new(true).open(&path) {
+                Ok(file) => return Ok((number + u32::from(self.is_numbered), path, file)),
+                // Somebody else's, made meanwhile, or of another kind.
+                Err(error)
+                    if error.kind() == io::ErrorKind::AlreadyExists
+                        && self.is_numbered
+                        && number < MOST_FILES => {}
+                Err(source) => return Err(StoreError::Create { path, source }),
+            }
+            number += 1;
+        }
+    }
+}
+
+/// The file of this number of a recording of this name.
+fn numbered_file(path: &Path, number: u32) -> PathBuf {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let ending = path.extension().unwrap_or("mcap".as_ref()).to_string_lossy();
+    path.with_file_name(format!("{stem}-{number:04}.{ending}"))
+}
+
+/// The files that are there and have a name of this recording's, by their numbers.
+fn numbered_files(path: &Path) -> Vec<(u32, PathBuf)> {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let number_of = |name: &str| {
+        let number = name.strip_prefix(&*stem)?.strip_prefix('-')?;
+        number
+            .split('.')
+            .next()?
+            .parse()
+            .ok()
+            .filter(|number| *number < MOST_FILES)
+    };
+    let entries = std::fs::read_dir(folder_of(path)).into_iter().flatten().flatten();
+    let files = entries.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_file()));
+    let numbered = files.filter_map(|entry| {
+        let number = number_of(&entry.file_name().to_string_lossy())?;
+        let file = numbered_file(path, number);
+        (file.file_name() == Some(&entry.file_name())).then_some((number, file))
+    });
+    let mut numbered: Vec<_> = numbered.collect();
+    numbered.sort_unstable();
+    numbered
+}
+
+fn is_recording(path: &Path) -> bool {
+    let mut start = [0; MAGIC.len()];
+    let read = File::open(path).and_then(|mut file| file.read_exact(&mut start));
+    read.is_ok() && start == *MAGIC
+}
+
+fn is_being_written(path: &Path) -> bool {
+    let locked = File::open(path).map(|file| file.try_lock());
+    matches!(locked, Ok(Err(TryLockError::WouldBlock)))
+}
+
+pub(crate) fn folder_of(path: &Path) -> &Path {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    folder.unwrap_or(Path::new("."))
+}
