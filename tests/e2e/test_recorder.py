@@ -91,9 +91,9 @@ def taxel(*arguments):
 
 
 def messages(path):
-    """Every message by topic, decoded by mcap-ros2-support; also of a file without its end."""
+    """Every message by topic, decoded by mcap-ros2-support; also of a file without its end, and of one that is not made yet."""
     decoder, by_topic = DecoderFactory(), {}
-    with path.open("rb") as file, suppress(McapError):
+    with suppress(McapError, FileNotFoundError), path.open("rb") as file:
         read = NonSeekingReader(file, decoder_factories=[decoder]).iter_decoded_messages(log_time_order=False)
         for schema, channel, message, decoded in read:
             by_topic.setdefault(channel.topic, []).append((schema.name, message.log_time, decoded))
@@ -347,6 +347,23 @@ def test_a_disk_without_room_for_a_first_chunk_is_left_without_files_however_oft
         failed = subprocess.run(command, preexec_fn=limited, restore_signals=False, **options)
         assert failed.returncode == 1 and "full-0001.mcap: File too large" in failed.stderr, failed.stderr
         assert list(folder.glob("*.mcap")) == []
+
+
+def test_a_file_that_is_renamed_while_it_is_recorded_into_is_told_and_the_recording_goes_on_in_another(start, folder):
+    daemon = start()
+    out, old = folder / "a.mcap", folder / "a.mcap.1"
+    with recording(daemon, out) as recorder:
+        eventually(lambda: len(messages(out).get("/taxel/hello", [])) > 0, "nothing comes into the file")
+        out.rename(old)
+        another = folder / "a-0001.mcap"
+        eventually(another.exists, lambda: f"no other file is made: {recorder.said}")
+        assert recorder.end() == 1, recorder.said
+    assert "a.mcap was removed or renamed while it was recorded into" in recorder.said
+    assert "the recording goes on in another file" in recorder.said and "not whole in its files" in recorder.said
+    for whole in old, another:
+        with whole.open("rb") as file:
+            counted = make_reader(file).get_summary().statistics
+        assert counted.message_count > 0
 
 
 @pytest.mark.parametrize("trigger", ["mark", "signal"])

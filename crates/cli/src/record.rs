@@ -197,6 +197,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         let object = json!({
             "files": files,
             "removed": finished.removed,
+            "gone": finished.gone.iter().map(|gone| gone.path.display().to_string()).collect::<Vec<_>>(),
             "can_frames": finished.can_frames.iter().sum::<u64>(),
             "silent": silent(&plan, &finished).map(|bus| &bus.name).collect::<Vec<_>>(),
             "can_lost": finished.can_lost,
@@ -206,6 +207,11 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             "messages": finished.messages,
         });
         writeln!(std::io::stdout(), "{object}").context("stdout")?;
+    }
+    if !finished.gone.is_empty() {
+        bail!(
+            "the recording is not whole in its files, since others did not leave them alone while they were made"
+        );
     }
     Ok(())
 }
@@ -338,6 +344,7 @@ fn report(plan: &Plan, finished: &Finished) {
 pub(crate) fn words(plan: &Plan, finished: &Finished) -> Vec<String> {
     let Finished {
         files,
+        gone,
         removed,
         can_frames,
         can_lost,
@@ -353,6 +360,7 @@ pub(crate) fn words(plan: &Plan, finished: &Finished) -> Vec<String> {
         .sum();
     let name = match &files[..] {
         [] if plan.around.is_some() => return vec!["taxel: no trigger came, and nothing was kept".into()],
+        [] if !gone.is_empty() => "taxel: no file of the recording is there".into(),
         [] => "taxel: nothing came of a daemon or of a bus, and no file was made".into(),
         [only] => only.display().to_string(),
         files if *removed == 0 => format!("{} files of {}", files.len(), plan.out.display()),
@@ -370,6 +378,7 @@ pub(crate) fn words(plan: &Plan, finished: &Finished) -> Vec<String> {
             can_frames.iter().sum::<u64>()
         ),
     }];
+    lines.extend(gone.iter().map(|gone| format!("taxel: {gone}")));
     for CanInput { name, address } in silent(plan, finished) {
         lines.push(format!(
             "taxel: no CAN frame came of {name} from {address}: no board sends there, or the hand's bus is another; \

@@ -11,6 +11,7 @@
 mod can_block;
 mod can_reader;
 mod cdr;
+mod gone;
 mod left_out;
 mod live;
 mod reader;
@@ -23,6 +24,7 @@ mod writer;
 
 pub use can_block::{CanBlock, CanFrames};
 pub use can_reader::CanReader;
+pub use gone::Gone;
 pub use live::{CanInput, Finished, LiveError, Plan, Signals, record};
 pub use reader::{Item, ReadError, RecordingReader};
 pub use schema::Topic;

@@ -1,5 +1,6 @@
 //! What comes, into files: one, several that are split, or only what is around a trigger.
 
+use crate::gone::{Gone, is_at};
 use crate::schema::Topic;
 use crate::series::{Series, folder_of};
 use crate::writer::{Entry, Preamble, RecordingWriter};
@@ -83,6 +84,7 @@ pub struct Store {
     /// The newest of those messages that every file begins with.
     standing: Vec<Entry>,
     messages: u64,
+    gone: Vec<Gone>,
 }
 
 /// A message that waits for a file.
@@ -104,6 +106,13 @@ struct Current {
     good: u64,
 }
 
+impl Current {
+    /// What others did to it, at a cut.
+    fn gone(&self) -> Option<Gone> {
+        Gone::look(&self.path, &self.file, self.good)
+    }
+}
+
 impl Store {
     /// A store of files named after `path`: that itself, or, where there may be several, with a number before its ending.
     pub fn new(path: &Path, preamble: Preamble, split: Split, around: Option<Around>) -> Self {
@@ -119,10 +128,11 @@ impl Store {
             until_ns: None,
             standing: Vec::new(),
             messages: 0,
+            gone: Vec::new(),
         }
     }
 
-    /// Files made so far, and not removed since.
+    /// Files made so far, and neither removed since nor gone.
     pub fn files(&self) -> impl ExactSizeIterator<Item = &Path> {
         self.series.files().iter().map(PathBuf::as_path)
     }
@@ -130,6 +140,11 @@ impl Store {
     /// Files removed so far, to make room, those of earlier runs too.
     pub fn removed(&self) -> u32 {
         self.series.removed()
+    }
+
+    /// Files that others removed, renamed or changed while they were recorded into, the oldest first.
+    pub fn gone(&self) -> &[Gone] {
+        &self.gone
     }
 
     /// Whether there is a file that messages go into now.
@@ -214,8 +229,8 @@ impl Store {
         Ok(true)
     }
 
-    /// Writes what came so far, so that it can be read after a crash, and goes on in another file where it is time. Returns the
-    /// file that is to be synced to its disk.
+    /// Writes what came so far, so that it can be read after a crash, and goes on in another file where it is time, or where
+    /// others did something to this one. Returns the file that is to be synced to its disk.
     pub fn cut(&mut self, now_ns: u64) -> Result<Option<Arc<File>>, StoreError> {
         if self.until_ns.is_some_and(|until_ns| now_ns > until_ns) {
             self.until_ns = None;
@@ -228,7 +243,7 @@ impl Store {
         let is_full = self.split.bytes.is_some_and(|most| current.good >= most);
         let is_old =
             (self.split.after_ns).is_some_and(|most| now_ns.saturating_sub(current.began_ns) >= most);
-        match is_full || is_old {
+        match is_full || is_old || current.gone().is_some() {
             true => self.close(),
             false => Ok(Some(Arc::clone(&current.file))),
         }
@@ -240,6 +255,11 @@ impl Store {
         let Some(current) = self.current.take() else {
             return Ok(None);
         };
+        if let Some(gone) = current.gone() {
+            self.series.forget(&gone.path);
+            self.gone.push(gone);
+        }
+        // One that was renamed becomes whole, too.
         let Current {
             path,
             file,
@@ -292,11 +312,15 @@ impl Store {
     fn torn(&mut self, path: PathBuf, file: &File, good: u64, source: io::Error) -> StoreError {
         if good == 0 {
             self.series.forget(&path);
-            let _ = std::fs::remove_file(&path);
+            if is_at(&path, file).is_ok_and(|is_it| is_it) {
+                let _ = std::fs::remove_file(&path);
+            }
             return StoreError::Create { path, source };
         }
-        // Where that fails, too, readers pass over it.
-        let _ = file.set_len(good);
+        if file.metadata().is_ok_and(|file| file.len() > good) {
+            // Where that fails, too, readers pass over it.
+            let _ = file.set_len(good);
+        }
         StoreError::Write { path, source, good }
     }
 

@@ -165,3 +165,121 @@ fn a_trigger_before_which_nothing_came_makes_a_file_of_what_comes_behind_it() {
         ["a note", "4", "5", "6"]
     );
 }
+
+#[test]
+fn a_file_that_others_do_something_to_is_told_and_the_recording_goes_on_in_another() {
+    type Harm = fn(&Path);
+    let rename: Harm = |path| std::fs::rename(path, path.with_extension("old")).unwrap();
+    let cases: [(&str, Harm, &str, &[&str]); 6] = [
+        (
+            "removed",
+            |path| std::fs::remove_file(path).unwrap(),
+            "was removed or renamed",
+            &["a-0001.mcap"],
+        ),
+        (
+            "renamed",
+            rename,
+            "was removed or renamed",
+            &["a-0001.mcap", "a.old"],
+        ),
+        (
+            "replaced",
+            |path| {
+                std::fs::write(path.with_extension("new"), "another").unwrap();
+                std::fs::rename(path.with_extension("new"), path).unwrap();
+            },
+            "is now another file",
+            &["a-0001.mcap", "a.mcap"],
+        ),
+        (
+            "emptied",
+            |path| std::fs::write(path, "").unwrap(),
+            "was changed by another program",
+            &["a-0001.mcap", "a.mcap"],
+        ),
+        (
+            "emptied by a link to it",
+            |path| {
+                std::fs::rename(path, path.with_extension("old")).unwrap();
+                std::os::unix::fs::symlink("a.old", path).unwrap();
+                std::fs::write(path, "").unwrap();
+            },
+            "was changed by another program",
+            &["a-0001.mcap", "a.mcap", "a.old"],
+        ),
+        (
+            "with more in it",
+            |path| {
+                let mut whole = std::fs::read(path).unwrap();
+                whole.extend([0; 100]);
+                std::fs::write(path, whole).unwrap();
+            },
+            "was changed by another program",
+            &["a-0001.mcap", "a.mcap"],
+        ),
+    ];
+    for (name, harm, said, files) in cases {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.mcap");
+        let mut store = Store::new(&path, Preamble::default(), Split::default(), None);
+        store.take(entry(Topic::Events, 0, "before")).unwrap();
+        store.cut(0).unwrap();
+        assert!(store.gone().is_empty(), "{name}");
+        harm(&path);
+        store.take(entry(Topic::Events, S, "at")).unwrap();
+        store.cut(S).unwrap();
+        assert_eq!(store.gone().len(), 1, "{name}");
+        let gone = store.gone()[0].to_string();
+        assert!(gone.contains("a.mcap") && gone.contains(said), "{name}: {gone}");
+        store.take(entry(Topic::Events, 2 * S, "behind")).unwrap();
+        store.cut(2 * S).unwrap();
+        store.close().unwrap();
+        let another = folder.path().join("a-0001.mcap");
+        assert_eq!(store.files().collect::<Vec<_>>(), [&*another], "{name}");
+        assert_eq!(store.gone().len(), 1, "{name}");
+        assert_eq!(there(folder.path()), files, "{name}");
+        assert_eq!(events(&another), ["behind"], "{name}");
+        if name == "renamed" {
+            assert_eq!(events(&path.with_extension("old")), ["before", "at"]);
+        }
+    }
+}
+
+#[test]
+fn what_is_around_a_trigger_goes_on_in_another_file_where_its_own_is_gone() {
+    let folder = tempfile::tempdir().unwrap();
+    let around = Around {
+        before_ns: 3 * S,
+        after_ns: 5 * S,
+    };
+    let path = folder.path().join("slip.mcap");
+    let mut store = Store::new(&path, Preamble::default(), Split::default(), Some(around));
+    store.take(entry(Topic::Events, S, "1")).unwrap();
+    assert!(store.trigger(S).unwrap());
+    store.cut(S).unwrap();
+    std::fs::remove_file(folder.path().join("slip-0001.mcap")).unwrap();
+    for second in 2..9 {
+        store
+            .take(entry(Topic::Events, second * S, &second.to_string()))
+            .unwrap();
+        store.cut(second * S).unwrap();
+    }
+    store.close().unwrap();
+    assert_eq!(there(folder.path()), ["slip-0002.mcap"]);
+    assert_eq!(
+        events(&folder.path().join("slip-0002.mcap")),
+        ["3", "4", "5", "6"]
+    );
+}
+
+#[test]
+fn a_file_that_is_gone_when_it_is_closed_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.mcap");
+    let mut store = Store::new(&path, Preamble::default(), Split::default(), None);
+    store.take(entry(Topic::Events, 0, "")).unwrap();
+    std::fs::remove_file(&path).unwrap();
+    store.close().unwrap();
+    assert_eq!((store.gone().len(), store.files().len()), (1, 0));
+}

@@ -9,6 +9,7 @@ mod daemon;
 
 use self::can::read_can;
 use self::daemon::read_daemon;
+use crate::gone::Gone;
 use crate::schema::Topic;
 use crate::standard::{clock_message, event_message};
 use crate::store::{Around, Split, Store, StoreError};
@@ -78,8 +79,10 @@ pub struct Signals<'a> {
 /// What became of a recording.
 #[derive(Debug, Default, Clone)]
 pub struct Finished {
-    /// The files of this recording, without those that were removed to make room.
+    /// The files of this recording, without those that were removed to make room, and those that are gone.
     pub files: Vec<PathBuf>,
+    /// Files that others removed, renamed or changed while they were recorded into.
+    pub gone: Vec<Gone>,
     /// Files that were removed to make room, those of earlier runs too. The counts below are of what this run's
     /// held too.
     pub removed: u32,
@@ -279,6 +282,7 @@ pub fn record(plan: &Plan, signals: &Signals<'_>) -> Result<Finished, LiveError>
     let count = |count: &AtomicU64| count.load(Ordering::Relaxed);
     Ok(Finished {
         files: store.files().map(PathBuf::from).collect(),
+        gone: store.gone().to_vec(),
         removed: store.removed(),
         can_frames: shared.can_frames.iter().map(count).collect(),
         can_lost: count(&shared.can_lost),
@@ -300,7 +304,7 @@ fn write(
 ) -> Result<(), LiveError> {
     let began = Instant::now();
     let (mut cut, mut noted, mut looked) = (began, None::<Instant>, began);
-    let mut told_dropped = 0;
+    let (mut told_dropped, mut told_gone) = (0, 0);
     loop {
         thread::sleep(WRITE_PAUSE);
         // No more than there is room for: who reads more than can be written must not keep it from being cut.
@@ -340,14 +344,8 @@ fn write(
                     "{} messages were dropped: the disk is too slow",
                     dropped - told_dropped
                 );
-                (shared.signals.say)(&text);
                 told_dropped = dropped;
-                let data = event_message("recorder", &text, wall_ns);
-                store.note(Entry {
-                    topic: Topic::Events,
-                    wall_ns,
-                    data,
-                })?;
+                say(store, &text, wall_ns, shared)?;
             }
         }
         if now - cut >= CUT {
@@ -356,8 +354,23 @@ fn write(
                 // Where the disk is busy with the one before, the next takes this along.
                 let _ = to_sync.try_send(file);
             }
+            if let Some(gone) = store.gone().get(told_gone) {
+                told_gone += 1;
+                let text = format!("{gone}; the recording goes on in another file");
+                say(store, &text, wall_ns, shared)?;
+            }
         }
     }
+}
+
+/// Says something about the recording, there and to people.
+fn say(store: &mut Store, text: &str, wall_ns: u64, shared: &Shared<'_>) -> Result<(), StoreError> {
+    (shared.signals.say)(text);
+    store.note(Entry {
+        topic: Topic::Events,
+        wall_ns,
+        data: event_message("recorder", text, wall_ns),
+    })
 }
 
 fn trigger(store: &mut Store, wall_ns: u64, why: &str, shared: &Shared<'_>) -> Result<(), LiveError> {
