@@ -85,6 +85,8 @@ pub struct Store {
     standing: Vec<Entry>,
     messages: u64,
     gone: Vec<Gone>,
+    /// See [`Store::set_clock`].
+    clock_moved_ns: i64,
 }
 
 /// A message that waits for a file.
@@ -102,6 +104,8 @@ struct Current {
     file: Arc<File>,
     writer: RecordingWriter<File>,
     began_ns: u64,
+    /// What is added to the times of messages, nanoseconds.
+    clock_moved_ns: i64,
     /// Bytes up to the last cut; 0 where nothing that came can be read yet.
     good: u64,
 }
@@ -129,6 +133,7 @@ impl Store {
             standing: Vec::new(),
             messages: 0,
             gone: Vec::new(),
+            clock_moved_ns: 0,
         }
     }
 
@@ -145,6 +150,18 @@ impl Store {
     /// Files that others removed, renamed or changed while they were recorded into, the oldest first.
     pub fn gone(&self) -> &[Gone] {
         &self.gone
+    }
+
+    /// Tells how far the wall clock was set since the recording began, nanoseconds. Messages and cuts have times that do not
+    /// know of that; a file has them by the clock as it stood when the file was begun, so that time in it never jumps.
+    pub fn set_clock(&mut self, moved_ns: i64) {
+        self.clock_moved_ns = moved_ns;
+    }
+
+    /// How far the clock had been set when the file was begun that messages go into, nanoseconds; that of the next one where
+    /// there is none.
+    pub fn clock_of_file(&self) -> i64 {
+        (self.current.as_ref()).map_or(self.clock_moved_ns, |current| current.clock_moved_ns)
     }
 
     /// Whether there is a file that messages go into now.
@@ -194,7 +211,7 @@ impl Store {
             }
             self.open(entry.wall_ns)?;
         }
-        self.put(&entry)
+        self.put(entry)
     }
 
     fn keep(&mut self, entry: Entry, is_note: bool) {
@@ -289,11 +306,11 @@ impl Store {
         Ok(())
     }
 
-    fn put(&mut self, entry: &Entry) -> Result<(), StoreError> {
+    fn put(&mut self, entry: Entry) -> Result<(), StoreError> {
         let Some(current) = &mut self.current else {
             return Ok(());
         };
-        match current.writer.put(entry) {
+        match current.writer.put(&entry.moved(current.clock_moved_ns)) {
             Ok(()) => Ok(()),
             Err(error) => self.failed(error),
         }
@@ -328,17 +345,20 @@ impl Store {
         let (path, file) = self.series.create()?;
         let oldest_ns = self.kept.front().map(|kept| kept.entry.wall_ns);
         let began_ns = oldest_ns.map_or(now_ns, |oldest_ns| oldest_ns.min(now_ns));
+        let clock_moved_ns = self.clock_moved_ns;
         let clone = file.try_clone();
         let begun = clone.and_then(|clone| {
-            let mut writer = RecordingWriter::begin(clone, &self.preamble, began_ns)?;
-            for standing in &self.standing {
-                writer.put(&Entry {
-                    wall_ns: began_ns,
-                    ..standing.clone()
-                })?;
-            }
-            for kept in self.kept.drain(..) {
-                writer.put(&kept.entry)?;
+            let mut writer = RecordingWriter::begin(
+                clone,
+                &self.preamble,
+                began_ns.saturating_add_signed(clock_moved_ns),
+            )?;
+            let standing = self.standing.iter().cloned().map(|standing| Entry {
+                wall_ns: began_ns,
+                ..standing
+            });
+            for entry in standing.chain(self.kept.drain(..).map(|kept| kept.entry)) {
+                writer.put(&entry.moved(clock_moved_ns))?;
             }
             Ok(writer)
         });
@@ -351,6 +371,7 @@ impl Store {
                     file: Arc::new(file),
                     writer,
                     began_ns: now_ns,
+                    clock_moved_ns,
                     good: 0,
                 });
                 Ok(())

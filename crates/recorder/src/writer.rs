@@ -22,6 +22,14 @@ pub struct Entry {
     pub data: Vec<u8>,
 }
 
+impl Entry {
+    /// The same message by a wall clock that was set so far.
+    pub(crate) fn moved(self, moved_ns: i64) -> Self {
+        let wall_ns = self.wall_ns.saturating_add_signed(moved_ns);
+        Self { wall_ns, ..self }
+    }
+}
+
 /// A file that a recording is made with: its name there, its kind (a MIME type), its content.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Attached {

@@ -167,6 +167,40 @@ fn a_trigger_before_which_nothing_came_makes_a_file_of_what_comes_behind_it() {
 }
 
 #[test]
+fn each_file_has_the_times_of_the_clock_as_it_stood_when_it_was_begun() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut store = day(folder.path(), 9);
+    let day_ns = 86_400 * S;
+    let times = |number: u64| {
+        let path = folder.path().join(format!("day-000{number}.mcap"));
+        let mut reader = RecordingReader::open(&path, &[Topic::Hello, Topic::Events]).unwrap();
+        let mut seconds = Vec::new();
+        while let Some(item) = reader.next_item().unwrap() {
+            if let taxel_recorder::Item::Message { wall_ns, .. } = item {
+                seconds.push(wall_ns / S);
+            }
+        }
+        seconds
+    };
+    let at = |store: &mut Store, second: u64| {
+        store.take(entry(Topic::Events, second * S, "")).unwrap();
+        store.cut(second * S).unwrap();
+    };
+    store.set_clock(day_ns as i64);
+    store.take(entry(Topic::Hello, 100 * S, "")).unwrap();
+    // Set in the middle of a file: forward, and back to before the first.
+    for (clock_ns, second) in [(2 * day_ns, 105), (2 * day_ns, 110), (0, 115), (0, 121), (0, 125)] {
+        store.set_clock(clock_ns as i64);
+        at(&mut store, second);
+    }
+    store.close().unwrap();
+    let day_s = day_ns / S;
+    // The first message of a hand stands at the beginning of every file.
+    assert_eq!(times(1), [100, 100, 105, 110].map(|second| day_s + second));
+    assert_eq!(times(2), [115, 115, 121, 125]);
+}
+
+#[test]
 fn a_file_that_others_do_something_to_is_told_and_the_recording_goes_on_in_another() {
     type Harm = fn(&Path);
     let rename: Harm = |path| std::fs::rename(path, path.with_extension("old")).unwrap();

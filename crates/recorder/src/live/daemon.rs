@@ -57,7 +57,7 @@ pub(super) fn read_daemon(
 fn tell(text: &str, queue: &SyncSender<Message>, shared: &Shared<'_>) {
     (shared.signals.say)(text);
     let wall_ns = shared.wall.at(monotonic_ns());
-    let data = event_message("recorder", text, wall_ns);
+    let data = event_message("recorder", text, shared.stamp_ns(wall_ns));
     let topic = Topic::Events;
     shared.hand_over(queue, Message::Note(Entry { topic, wall_ns, data }));
 }
@@ -113,7 +113,11 @@ fn read_subscription(
                 shared.skipped.fetch_add(header.skipped.into(), Ordering::Relaxed);
                 put(Topic::Frames, wall_ns, frame_message(&header, &raw));
                 if raw.joints().len() == joints.len() && !joints.is_empty() {
-                    put(Topic::Joints, wall_ns, joints_message(&joints, &raw, wall_ns));
+                    put(
+                        Topic::Joints,
+                        wall_ns,
+                        joints_message(&joints, &raw, shared.stamp_ns(wall_ns)),
+                    );
                 }
             }
             Received::Image(header, image) => {
@@ -121,12 +125,20 @@ fn read_subscription(
                 shared.images.fetch_add(1, Ordering::Relaxed);
                 shared.skipped.fetch_add(header.skipped.into(), Ordering::Relaxed);
                 put(Topic::Images, wall_ns, image_message(&header, &image));
-                put(Topic::Picture, wall_ns, picture_message(&image, wall_ns));
+                put(
+                    Topic::Picture,
+                    wall_ns,
+                    picture_message(&image, shared.stamp_ns(wall_ns)),
+                );
             }
             Received::Status(_, status) => {
                 put(Topic::Status, now_ns, text_message(&status.to_string()));
                 if let Ok(status) = Status::try_from(status) {
-                    put(Topic::Diagnostics, now_ns, diagnostics_message(&status, now_ns));
+                    put(
+                        Topic::Diagnostics,
+                        now_ns,
+                        diagnostics_message(&status, shared.stamp_ns(now_ns)),
+                    );
                 }
             }
             Received::Event(header, event) => {
@@ -135,7 +147,7 @@ fn read_subscription(
                 } else {
                     now_ns
                 };
-                let text = event_message(event_name(event.event), &event.message, wall_ns);
+                let text = event_message(event_name(event.event), &event.message, shared.stamp_ns(wall_ns));
                 put(Topic::Events, wall_ns, text);
                 if mark_triggers && event.event == EventKind::Mark {
                     let why = format!("mark {:?}", event.message);

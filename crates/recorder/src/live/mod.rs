@@ -6,9 +6,11 @@
 
 mod can;
 mod daemon;
+mod wall;
 
 use self::can::read_can;
 use self::daemon::read_daemon;
+use self::wall::{Wall, realtime_ns};
 use crate::gone::Gone;
 use crate::schema::Topic;
 use crate::standard::{clock_message, event_message};
@@ -18,10 +20,10 @@ use std::fs::File;
 use std::io;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::thread;
-use std::time::{Duration, Instant, SystemTime};
+use std::time::{Duration, Instant};
 use taxel_can::{OpenError, SourceAddress, SourceOptions, monotonic_ns};
 
 /// Between two cuts. With the time that a disk takes, a crash costs less than a second.
@@ -138,33 +140,12 @@ enum Message {
     },
 }
 
-/// From `CLOCK_MONOTONIC` to the wall clock, by what both showed when the recording began: time in it never jumps.
-#[derive(Debug, Clone, Copy)]
-struct Wall {
-    minus_monotonic_ns: u64,
-}
-
-impl Wall {
-    fn now() -> Self {
-        Self {
-            minus_monotonic_ns: realtime_ns().saturating_sub(monotonic_ns()),
-        }
-    }
-
-    fn at(self, t_ns: u64) -> u64 {
-        self.minus_monotonic_ns.saturating_add(t_ns)
-    }
-}
-
-fn realtime_ns() -> u64 {
-    let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
-    since.map_or(0, |since| since.as_nanos() as u64)
-}
-
 /// What the threads share.
 struct Shared<'a> {
     signals: &'a Signals<'a>,
     wall: Wall,
+    /// How far the wall clock had been set when the file was begun that is written, nanoseconds.
+    clock_of_file_ns: AtomicI64,
     ended: AtomicBool,
     /// By bus.
     can_frames: Vec<AtomicU64>,
@@ -177,6 +158,11 @@ struct Shared<'a> {
 impl Shared<'_> {
     fn is_over(&self) -> bool {
         self.ended.load(Ordering::Relaxed)
+    }
+
+    /// A time as it stands in the file that is written.
+    fn stamp_ns(&self, wall_ns: u64) -> u64 {
+        wall_ns.saturating_add_signed(self.clock_of_file_ns.load(Ordering::Relaxed))
     }
 
     fn hand_over(&self, queue: &SyncSender<Message>, message: Message) {
@@ -210,6 +196,7 @@ pub fn record(plan: &Plan, signals: &Signals<'_>) -> Result<Finished, LiveError>
     let shared = Shared {
         signals,
         wall: Wall::now(),
+        clock_of_file_ns: AtomicI64::new(0),
         ended: AtomicBool::new(false),
         can_frames: plan.can.iter().map(|_| AtomicU64::new(0)).collect(),
         can_lost: AtomicU64::new(0),
@@ -304,7 +291,7 @@ fn write(
 ) -> Result<(), LiveError> {
     let began = Instant::now();
     let (mut cut, mut noted, mut looked) = (began, None::<Instant>, began);
-    let (mut told_dropped, mut told_gone) = (0, 0);
+    let (mut told_dropped, mut told_gone, mut clock_moved_ns) = (0, 0, 0);
     loop {
         thread::sleep(WRITE_PAUSE);
         // No more than there is room for: who reads more than can be written must not keep it from being cut.
@@ -329,6 +316,18 @@ fn write(
                 let path = store.files().last().unwrap_or(&plan.out).into();
                 return Err(LiveError::Sync { path, source });
             }
+        }
+        if let Some(moved_ns) = shared.wall.moved_ns(clock_moved_ns) {
+            store.set_clock(moved_ns);
+            if store.is_writing() {
+                let by_s = (moved_ns - clock_moved_ns) as f64 / 1e9;
+                let text = format!(
+                    "the wall clock was set by {by_s:+.1} s: times in this file go on as before, as /taxel/clock shows, and \
+                     the next file is by the new one"
+                );
+                say(store, &text, wall_ns, shared)?;
+            }
+            clock_moved_ns = moved_ns;
         }
         if noted.is_none_or(|noted| now - noted >= CLOCK) {
             noted = Some(now);
@@ -360,6 +359,9 @@ fn write(
                 say(store, &text, wall_ns, shared)?;
             }
         }
+        shared
+            .clock_of_file_ns
+            .store(store.clock_of_file(), Ordering::Relaxed);
     }
 }
 
@@ -369,7 +371,7 @@ fn say(store: &mut Store, text: &str, wall_ns: u64, shared: &Shared<'_>) -> Resu
     store.note(Entry {
         topic: Topic::Events,
         wall_ns,
-        data: event_message("recorder", text, wall_ns),
+        data: event_message("recorder", text, shared.stamp_ns(wall_ns)),
     })
 }
 

@@ -1,0 +1,62 @@
+//! The wall clock of a recording.
+
+use std::time::SystemTime;
+use taxel_can::monotonic_ns;
+
+/// By how much a clock was set at least that is taken for set, nanoseconds: less is the time between reading two clocks.
+const SET_NS: u64 = 100_000_000;
+/// Within what two clocks are read that are compared, nanoseconds.
+const AT_ONCE_NS: u64 = 10_000_000;
+
+/// From `CLOCK_MONOTONIC` to the wall clock, by what both showed when the recording began.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Wall {
+    minus_monotonic_ns: u64,
+}
+
+impl Wall {
+    pub(super) fn now() -> Self {
+        Self {
+            minus_monotonic_ns: realtime_ns().saturating_sub(monotonic_ns()),
+        }
+    }
+
+    pub(super) fn at(self, t_ns: u64) -> u64 {
+        self.minus_monotonic_ns.saturating_add(t_ns)
+    }
+
+    /// How far the clock was set since then, where it was set since it was `known_ns` off; nanoseconds.
+    pub(super) fn moved_ns(self, known_ns: i64) -> Option<i64> {
+        let (before_ns, wall_ns, after_ns) = (monotonic_ns(), realtime_ns(), monotonic_ns());
+        let moved_ns = wall_ns.wrapping_sub(self.at(before_ns)) as i64;
+        let is_set = moved_ns.abs_diff(known_ns) > SET_NS;
+        // Else the machine is too busy to say.
+        let at_once = after_ns.saturating_sub(before_ns) < AT_ONCE_NS;
+        (is_set && at_once).then_some(moved_ns)
+    }
+}
+
+pub(super) fn realtime_ns() -> u64 {
+    let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
+    since.map_or(0, |since| since.as_nanos() as u64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_clock_that_was_set_is_told_once_by_how_far() {
+        const DAY_NS: u64 = 86_400_000_000_000;
+        let now = Wall::now();
+        for minus_monotonic_ns in [now.minus_monotonic_ns - DAY_NS, now.minus_monotonic_ns + DAY_NS] {
+            // As one that began when the clock stood so.
+            let wall = Wall { minus_monotonic_ns };
+            let forward = wall.minus_monotonic_ns < now.minus_monotonic_ns;
+            let day_ns = if forward { DAY_NS as i64 } else { -(DAY_NS as i64) };
+            let moved_ns = std::iter::repeat_with(|| wall.moved_ns(0)).find_map(|moved| moved);
+            assert!(moved_ns.unwrap().abs_diff(day_ns) < DAY_NS / 24);
+            assert_eq!(wall.moved_ns(moved_ns.unwrap()), None);
+        }
+    }
+}
