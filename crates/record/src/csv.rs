@@ -78,6 +78,15 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
             record.truncate(record.len() - 1);
         }
         if std::mem::take(&mut is_first) && is_header(&record) {
+            if is_log_of_python_can(&record) {
+                let (file, log) = (path.display(), path.with_extension("log"));
+                let reason = format!(
+                    "a log of CAN frames, as python-can writes them, and no table of numbers; `can_logconvert {file} {}` \
+                     of python-can makes a .log of it",
+                    log.display()
+                );
+                return Err(line_error(line, reason));
+            }
             meaning = LineColumns::of_header(&record, options).map_err(|reason| line_error(line, reason))?;
             continue;
         }
@@ -175,6 +184,11 @@ fn is_header(record: &ByteRecord) -> bool {
     let mut cells = record.iter().map(cell);
     let first = cells.find(|cell| *cell != Ok(""));
     first.is_some_and(|cell| cell.is_ok_and(|cell| cell.parse::<f64>().is_err()))
+}
+
+/// Whether a header is that of python-can's `CSVWriter`, `can/io/csv.py`.
+fn is_log_of_python_can(header: &ByteRecord) -> bool {
+    header.iter().take(2).eq([&b"timestamp"[..], b"arbitration_id"])
 }
 
 /// The number of a cell; not a number where it is empty.
@@ -296,6 +310,16 @@ mod tests {
         let names = "1F0B0X,1F0B0Y,1F0B0Z,0F1B0X,0F1B0Y,0F1B0Z\n1,2,3,4,5,6\n";
         let recording = read_text(names, &ReadOptions::default()).unwrap();
         assert_eq!(recording.counts(0).unwrap(), [[4, 5, 6], [1, 2, 3]].map(Some));
+    }
+
+    #[test]
+    fn a_log_of_python_can_is_told_from_a_table_of_numbers() {
+        let log =
+            "timestamp,arbitration_id,extended,remote,error,dlc,data\n0.002437,0x600,0,0,0,8,g4A5gAYyhgE=\n";
+        let message = read_text(log, &ReadOptions::default()).unwrap_err();
+        assert!(message.contains("frames.csv:1: a log of CAN frames"), "{message}");
+        let (advice, makes) = ("`can_logconvert ", "frames.log` of python-can makes a .log of it");
+        assert!(message.contains(advice) && message.contains(makes), "{message}");
     }
 
     #[test]
