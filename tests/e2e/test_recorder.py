@@ -189,6 +189,7 @@ def test_a_configuration_that_the_daemon_does_not_run_with_is_refused_and_silent
     # Without a daemon to ask, the file is what is spoken of.
     waiting = record("waiting.mcap", "--config", "scenes.toml", "--socket", folder / "nobody.sock")
     assert "no raw CAN: scenes.toml reads neither can: nor udp:" in waiting.stderr, waiting.stderr
+    assert "no file was made" in waiting.stderr and not (folder / "waiting.mcap").exists(), waiting.stderr
     wrong = f"udp:{GROUP}:{free_udp_port()}"
     silent = record("silent.mcap", "--socket", daemon.images, "--can", f"left={wrong}?hops=0", "--json")
     assert f"no CAN frame came of left from {wrong}" in silent.stderr, silent.stderr

@@ -286,7 +286,11 @@ impl Store {
         } = current;
         self.messages += writer.messages();
         match writer.finish() {
-            Ok(_) => Ok(Some(file)),
+            Ok(_) => {
+                // It may be held for long until its disk has it, and may make room meanwhile.
+                let _ = file.unlock();
+                Ok(Some(file))
+            }
             Err(source) => Err(self.torn(path, &file, good, source)),
         }
     }

@@ -117,6 +117,20 @@ fn the_oldest_files_make_room_only_when_the_new_one_can_be_read() {
 }
 
 #[test]
+fn a_finished_file_makes_room_while_it_is_on_its_way_to_the_disk() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut store = day(folder.path(), 1);
+    let on_their_way: Vec<_> = (0..3)
+        .map(|n| {
+            store.take(entry(Topic::Events, 20 * n * S, "")).unwrap();
+            store.cut((20 * n + 10) * S).unwrap().unwrap()
+        })
+        .collect();
+    assert_eq!(there(folder.path()), ["day-0003.mcap"]);
+    assert_eq!((on_their_way.len(), store.removed()), (3, 2));
+}
+
+#[test]
 fn recorders_that_give_their_files_one_name_leave_no_more_than_either_wants_and_no_file_of_the_other_half_written()
  {
     let folder = tempfile::tempdir().unwrap();
