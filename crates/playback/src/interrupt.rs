@@ -10,6 +10,9 @@ use std::time::{Duration, Instant};
 /// The longest sleep between two looks at the flag.
 const LOOK: Duration = Duration::from_millis(50);
 
+/// How soon behind a Ctrl-C another signal is the same one: `timeout` sends it to the command and to its group.
+const SAME: Duration = Duration::from_millis(500);
+
 /// Whether the work has taken over what ends a process.
 static TAKEN_OVER: AtomicBool = AtomicBool::new(false);
 
@@ -59,23 +62,30 @@ impl Ending {
     }
 }
 
-/// Whether the user asked to stop. The first Ctrl-C (or SIGTERM) sets it, the second ends the
-/// process; SIGHUP only sets it.
+/// Whether the user asked to stop. The first Ctrl-C (or SIGTERM) sets it, the second, half a second later or more, ends
+/// the process; SIGHUP only sets it.
 #[derive(Debug, Clone)]
 pub struct Interrupt(Arc<AtomicBool>);
 
 impl Interrupt {
     /// Takes over SIGINT, SIGTERM, and SIGHUP, which a closed terminal sends.
     pub fn install() -> std::io::Result<Self> {
-        TAKEN_OVER.store(true, Ordering::Relaxed);
         let flag = Arc::new(AtomicBool::new(false));
-        for signal in [SIGINT, SIGTERM] {
-            // In this order: the second signal finds the flag that the first has set.
-            signal_hook::flag::register_conditional_shutdown(signal, 128 + signal, flag.clone())?;
-            signal_hook::flag::register(signal, flag.clone())?;
-        }
-        // A closed terminal may send it twice, and nobody is impatient there.
-        signal_hook::flag::register(SIGHUP, flag.clone())?;
+        let mut signals = Signals::new([SIGINT, SIGTERM, SIGHUP])?;
+        TAKEN_OVER.store(true, Ordering::Relaxed);
+        let asked = Arc::clone(&flag);
+        std::thread::Builder::new()
+            .name("signals".into())
+            .spawn(move || {
+                let mut patience = Patience::default();
+                for signal in signals.forever() {
+                    asked.store(true, Ordering::Relaxed);
+                    // A closed terminal may send it twice, and nobody is impatient there.
+                    if signal != SIGHUP && patience.has_ended(Instant::now()) {
+                        signal_hook::low_level::exit(128 + signal);
+                    }
+                }
+            })?;
         Ok(Self(flag))
     }
 
@@ -95,6 +105,40 @@ impl Interrupt {
                 return true;
             }
             std::thread::sleep(left.min(LOOK));
+        }
+    }
+}
+
+/// That of somebody who has asked once.
+#[derive(Debug, Default)]
+struct Patience {
+    asked: Option<Instant>,
+}
+
+impl Patience {
+    /// Whether who asks at this time has asked before.
+    fn has_ended(&mut self, now: Instant) -> bool {
+        let asked = *self.asked.get_or_insert(now);
+        now.saturating_duration_since(asked) >= SAME
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_signal_that_comes_twice_at_once_is_one_and_the_next_ends_the_process() {
+        let began = Instant::now();
+        for (times_ms, ended) in [
+            (&[0, 0][..], &[false, false][..]),
+            (&[0, 1, 499], &[false, false, false]),
+            (&[0, 500], &[false, true]),
+            (&[0, 3, 2000], &[false, false, true]),
+        ] {
+            let mut patience = Patience::default();
+            let at = |ms: &u64| patience.has_ended(began + Duration::from_millis(*ms));
+            assert_eq!(times_ms.iter().map(at).collect::<Vec<_>>(), ended, "{times_ms:?}");
         }
     }
 }
