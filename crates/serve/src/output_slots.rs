@@ -8,6 +8,10 @@
 use crate::stream::Publisher;
 use hdrhistogram::Histogram;
 use std::cell::RefCell;
+use std::sync::atomic::{
+    AtomicU64,
+    Ordering::{Acquire, Release},
+};
 use std::sync::{Arc, Mutex, mpsc};
 use std::time::Instant;
 use taxel_wire::Encode;
@@ -44,6 +48,8 @@ pub struct OutputSlots<F> {
     returned: mpsc::SyncSender<(usize, Box<Output<F>>)>,
     /// Messages that outputs no longer there could not hand over.
     unpublished: u64,
+    /// The last tick of which every output's message was handed over.
+    newest_tick: Arc<AtomicU64>,
 }
 
 /// The serving thread's hold on the table.
@@ -51,6 +57,7 @@ pub(crate) struct SlotControl<F> {
     free: RefCell<Vec<usize>>,
     changes: mpsc::SyncSender<Change<F>>,
     returned: mpsc::Receiver<(usize, Box<Output<F>>)>,
+    newest_tick: Arc<AtomicU64>,
     /// Has the other thread look at the table soon.
     wake: Box<dyn Fn() + Send>,
 }
@@ -60,16 +67,19 @@ pub(crate) fn output_slots<F>(slots: usize, wake: Box<dyn Fn() + Send>) -> (Outp
     let (returned, receiver) = mpsc::sync_channel(slots);
     // Each slot can be filled and emptied before the other thread looks.
     let (sender, changes) = mpsc::sync_channel(2 * slots);
+    let newest_tick = Arc::new(AtomicU64::new(0));
     let table = OutputSlots {
         slots: (0..slots).map(|_| None).collect(),
         changes,
         returned,
         unpublished: 0,
+        newest_tick: newest_tick.clone(),
     };
     let control = SlotControl {
         free: RefCell::new((0..slots).rev().collect()),
         changes: sender,
         returned: receiver,
+        newest_tick,
         wake,
     };
     (table, control)
@@ -114,6 +124,7 @@ impl<F> OutputSlots<F> {
             }
             before = now;
         }
+        self.newest_tick.store(tick, Release);
     }
 
     /// Messages that could not be handed over since the start. Only ever grows.
@@ -151,6 +162,12 @@ impl<F> SlotControl<F> {
     /// Has an output made no longer.
     pub(crate) fn remove(&self, slot: usize) -> Result<(), SlotError> {
         self.change(Change::Remove(slot))
+    }
+
+    /// The last tick that was published, of whichever outputs there were; 0 before the first. While one is being
+    /// published it is the one before.
+    pub(crate) fn newest_tick(&self) -> u64 {
+        self.newest_tick.load(Acquire)
     }
 
     /// Frees what came back.

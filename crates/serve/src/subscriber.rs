@@ -231,10 +231,11 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
         header.map_or((0, 0), |h| (h.seq, h.t_ns))
     }
 
-    /// The newest tick that made an image, of whichever profile: one that is made anew has none of its own yet.
+    /// The newest tick of which there is an image, of whichever profile: one that is made anew has none of its own yet.
     fn newest_tick(&self) -> u64 {
-        let own = self.own.borrow().stream.newest_tick();
-        own.max(self.shown.stream.newest_tick())
+        let published = self.server.profiles.slots.newest_tick();
+        // Its own may be there while others of the same tick are still made.
+        published.max(self.shown.stream.newest_tick())
     }
 
     fn end_raw(&mut self) {

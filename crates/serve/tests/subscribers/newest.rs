@@ -116,6 +116,60 @@ fn nothing_is_counted_as_skipped_that_was_made_before_it_was_asked_for_or_not_as
 }
 
 #[test]
+fn nothing_is_counted_as_skipped_to_who_begins_before_a_new_profile_has_an_image() {
+    async fn state(mut subscriber: Subscriber, wants: Subscribe) -> Subscriber {
+        let stated = move || {
+            subscriber.subscribe(&wants).unwrap();
+            for _ in [
+                "to whoever comes, or to whom the profile changes",
+                "to the subscription",
+            ] {
+                answer(&mut subscriber, &mut None);
+            }
+            subscriber
+        };
+        tokio::task::spawn_blocking(stated).await.unwrap()
+    }
+    let none = Subscribe {
+        image: false,
+        ..Subscribe::default()
+    };
+    let raw = Subscribe {
+        raw: true,
+        ..none.clone()
+    };
+    for (what, before, wants) in [
+        ("comes then", None, Subscribe::default()),
+        ("asks for images then", Some(none.clone()), Subscribe::default()),
+        ("asks for raw frames then", Some(none), raw),
+    ] {
+        on_stage(async |mut stage| {
+            stage.publish(50);
+            let connect = || Subscriber::connect(&stage.path).unwrap();
+            let early = match before {
+                Some(before) => Some(state(connect(), before).await),
+                None => None,
+            };
+            let profile = Profile {
+                levels: 6,
+                ..Profile::default()
+            };
+            stage.handle.set_own_profile(profile).await.unwrap();
+            let _subscriber = state(early.unwrap_or_else(connect), wants).await;
+            stage.publish(1);
+            let status = |server: &Server<Maker>| server.roster().subscriber_status().remove(0);
+            stage
+                .until("it is sent one", |server| {
+                    status(server).images + status(server).raw_frames == 1
+                })
+                .await;
+            let status = status(&stage.server);
+            assert_eq!((status.skipped, status.raw_skipped), (0, 0), "{what}");
+        });
+    }
+}
+
+#[test]
 fn who_is_in_stays_when_others_are_let_in_at_another_socket() {
     on_stage(async |mut stage| {
         let mut early = Reader::connect(&stage.path, Subscribe::default()).await;

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::rc::Rc;
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
-use taxel_hand::{Profile, TactileImage};
+use taxel_hand::{ForceFrame, Profile, TactileFrame, TactileImage};
 use taxel_serve::{
     Cost, DisplayProfile, Limits, MadeOutput, Measurement, OutputSlots, ProfileMaker, ProfilesConfig, Server,
     ServerHandle, ServerSeed,
@@ -33,6 +33,21 @@ impl Encode<u64> for Pixel {
     }
 }
 
+/// Frames of no taxel.
+struct Raw;
+
+impl Encode<u64> for Raw {
+    fn encode(&mut self, seq: &u64, payload: &mut Vec<u8>) -> Result<Header, EncodeError> {
+        let frame = TactileFrame {
+            seq: *seq,
+            ..TactileFrame::default()
+        };
+        let force = ForceFrame::new(0);
+        taxel_wire::encode_raw_payload(&frame, &force, None, payload)?;
+        Ok(Header::of_frame(&frame, &force, payload.len()))
+    }
+}
+
 pub(crate) struct Maker;
 
 impl ProfileMaker for Maker {
@@ -56,7 +71,7 @@ impl ProfileMaker for Maker {
     }
 
     fn raw(&self) -> Option<MadeOutput<u64>> {
-        None
+        Some((Box::new(Raw), 64))
     }
 
     fn region(&self, _: &[String]) -> Result<Option<Vec<String>>, String> {
