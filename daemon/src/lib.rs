@@ -10,6 +10,7 @@ mod descriptors;
 mod gather;
 mod image_maker;
 mod joints;
+pub mod log;
 mod out_of_use;
 mod realtime;
 mod reload;

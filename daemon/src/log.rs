@@ -1,4 +1,5 @@
-//! The log: lines for standard error, written by a thread of their own.
+//! The log: lines for standard error, written by a thread of their own. Also those of a program beside the daemon that
+//! must not wait.
 //!
 //! Whoever reads standard error may stop reading (a stopped terminal, a pipe into a program that
 //! hangs, a journal that waits for its disk), may have gone, or may have no room left. None of that
@@ -19,21 +20,22 @@ const LINES: usize = 1024;
 const PATIENCE: Duration = Duration::from_millis(500);
 
 /// Where lines are put. It never waits and never fails.
-#[derive(Clone)]
-pub(crate) struct Log {
+#[derive(Debug, Clone)]
+pub struct Log {
     lines: SyncSender<Vec<u8>>,
     lost: Arc<AtomicU64>,
 }
 
 /// Waits for the last lines when it is dropped, but not for long.
-pub(crate) struct Flush {
+#[derive(Debug)]
+pub struct Flush {
     log: Log,
     written: Receiver<()>,
 }
 
 impl Log {
     /// Starts the thread that writes to `to`. It takes no signals.
-    pub(crate) fn start(to: impl Write + Send + 'static) -> io::Result<(Self, Flush)> {
+    pub fn start(to: impl Write + Send + 'static) -> io::Result<(Self, Flush)> {
         let (lines, received) = sync_channel::<Vec<u8>>(LINES);
         let (sender, written) = sync_channel(1);
         let log = Self {
@@ -65,7 +67,7 @@ fn write_lines(mut to: impl Write, lines: &Receiver<Vec<u8>>, lost: &AtomicU64) 
             0 => {}
             lost => drop(writeln!(
                 to,
-                "{lost} lines of the log are lost: it was not read as fast as it was written"
+                "{lost} lines are lost here: nobody read them as fast as they were written"
             )),
         }
         if line.is_empty() {
@@ -76,7 +78,7 @@ fn write_lines(mut to: impl Write, lines: &Receiver<Vec<u8>>, lost: &AtomicU64) 
 
 impl Log {
     /// Takes a text as it is, with the lines it has.
-    pub(crate) fn say(&self, text: String) {
+    pub fn say(&self, text: String) {
         if self.lines.try_send(text.into_bytes()).is_err() {
             self.lost.fetch_add(1, Ordering::Relaxed);
         }
@@ -194,7 +196,7 @@ mod tests {
         let kept = text.lines().filter(|line| *line == "x").count() as u64;
         let lost: u64 = (text.lines())
             .filter_map(|line| {
-                line.strip_suffix(" lines of the log are lost: it was not read as fast as it was written")
+                line.strip_suffix(" lines are lost here: nobody read them as fast as they were written")
             })
             .map(|lost| lost.parse::<u64>().unwrap())
             .sum();

@@ -3,11 +3,9 @@
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
 mod journal;
-mod log;
 mod rereads;
 
 use crate::journal::Journal;
-use crate::log::{Flush, Log};
 use crate::rereads::Rereads;
 use anyhow::Context;
 use clap::Parser;
@@ -22,6 +20,7 @@ use signal_hook::low_level::signal_name;
 use std::io::Write;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
+use taxeld::log::{Flush, Log};
 use taxeld::{Arguments, Config, ConfigError, Daemon, StartError, stdout};
 use tracing::Level;
 use tracing_subscriber::filter::{LevelFilter, Targets};

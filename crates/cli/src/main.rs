@@ -26,6 +26,7 @@ mod live_lines;
 mod manual;
 mod marks_file;
 mod metrics;
+mod notices;
 mod offered;
 mod offline;
 mod piped_file;
@@ -122,10 +123,12 @@ enum Command {
 fn main() -> ExitCode {
     let outcome = stdout::ended(run());
     piped_file::remove();
-    outcome.unwrap_or_else(|error| {
-        eprintln!("taxel: {}", describe(&error));
+    let code = outcome.unwrap_or_else(|error| {
+        notices::say_last(&format!("taxel: {}", describe(&error)));
         ExitCode::FAILURE
-    })
+    });
+    notices::end();
+    code
 }
 
 fn run() -> anyhow::Result<ExitCode> {

@@ -1,5 +1,6 @@
 //! `taxel watch`: one line per image of a running daemon.
 
+use crate::notices;
 use crate::rates::Rates;
 use anyhow::Context;
 use std::io::{self, IsTerminal, Write};
@@ -85,7 +86,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             Ok(()) => break,
             Err((true, error)) if args.reconnect => {
                 if !std::mem::replace(&mut is_waiting, true) {
-                    eprintln!("taxel: {}; waiting for it", crate::describe(&error));
+                    notices::say(&format!("taxel: {}; waiting for it", crate::describe(&error)));
                 }
                 std::thread::sleep(LOOK);
             }
@@ -174,13 +175,13 @@ impl Watch<'_> {
                     // It also comes in answer to the subscription.
                     let description = describe(hello);
                     if !args.json && description != self.described {
-                        eprintln!("{description}");
+                        notices::say(&description);
                     }
                     self.described = description;
                     continue;
                 }
                 Some(Received::Event(_, event)) => {
-                    eprintln!("taxeld: {}", event.message);
+                    notices::say(&format!("taxeld: {}", event.message));
                     continue;
                 }
                 _ => continue,

@@ -2,6 +2,7 @@
 
 use super::map_file::MapFile;
 use crate::live_lines::{Lines, every_frame};
+use crate::notices;
 use anyhow::{anyhow, bail};
 use serde::Serialize;
 use std::fmt;
@@ -271,7 +272,9 @@ impl Listener for Lines<'_> {
     }
 
     fn lost(&mut self, frames: u32, seq: u64) {
-        eprintln!("taxel: {frames} frames were lost before frame {seq}; this reader was slow");
+        notices::say(&format!(
+            "taxel: {frames} frames were lost before frame {seq}; this reader was slow"
+        ));
     }
 }
 

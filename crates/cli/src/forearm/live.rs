@@ -2,6 +2,7 @@
 
 use super::touch::TactileFinger;
 use crate::live_lines::{Lines, every_frame};
+use crate::notices;
 use anyhow::{Context, bail};
 use serde::Serialize;
 use std::path::Path;
@@ -172,7 +173,7 @@ pub(super) fn run(
             Received::Event(header, event) if event.event == EventKind::Mark => {
                 match live.handle_mark(&event.message) {
                     None => {}
-                    Some(Err(error)) => eprintln!("taxel: {error}"),
+                    Some(Err(error)) => notices::say(&format!("taxel: {error}")),
                     Some(Ok(line)) => {
                         let newest = live.frame.as_ref().map(|(seq, t_ns, _)| (*seq, *t_ns));
                         lines.tell(&line, header.t_ns, newest)?;

@@ -2,7 +2,9 @@
 
 use crate::{fails, simulated, succeeds, texts};
 use serde_json::Value;
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, ErrorKind, Write};
+use std::os::fd::OwnedFd;
+use std::os::unix::net::UnixStream;
 use std::process::{Command, Stdio};
 use tempfile::TempDir;
 
@@ -95,6 +97,37 @@ fn a_reader_that_has_seen_enough_is_no_failure() {
     let output = child.wait_with_output().unwrap();
     assert!(output.status.success(), "{}: {:?}", output.status, texts(&output));
     assert!(!texts(&output).1.contains("pipe"), "{:?}", texts(&output));
+}
+
+#[test]
+fn a_parent_that_never_reads_stderr_is_printed_images_to_the_end_and_told_by_the_exit_code() {
+    let dir = TempDir::new().unwrap();
+    let daemon = simulated(dir.path(), "idle");
+    // What a child of Node.js has, full to the brim.
+    let (_unread, mut stderr) = UnixStream::pair().unwrap();
+    stderr.set_nonblocking(true).unwrap();
+    let full = loop {
+        if let Err(error) = stderr.write(b".") {
+            break error;
+        }
+    };
+    assert_eq!(full.kind(), ErrorKind::WouldBlock);
+    stderr.set_nonblocking(false).unwrap();
+    let mut child = Command::new(env!("CARGO_BIN_EXE_taxel"))
+        .args(["watch", "--socket", "images.sock"])
+        .current_dir(dir.path())
+        .stdout(Stdio::piped())
+        .stderr(OwnedFd::from(stderr))
+        .spawn()
+        .unwrap();
+    // It has told of the hand before.
+    let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
+    for _ in 0..3 {
+        assert!(lines.next().unwrap().unwrap().contains("contacts"));
+    }
+    daemon.stop().unwrap();
+    lines.for_each(|line| assert!(line.unwrap().contains("contacts")));
+    assert_eq!(child.wait().unwrap().code(), Some(1));
 }
 
 #[test]
