@@ -1,16 +1,18 @@
 //! The metrics over HTTP: clients are answered side by side, and none can keep another one waiting.
 
 use super::families::Format;
-use super::metrics;
+use super::shared_ask::SharedAsk;
+use super::{status, text};
 use crate::everyday::Ask;
 use anyhow::Context;
 use std::collections::VecDeque;
 use std::io;
+use std::sync::Arc;
 use std::time::Duration;
 use tokio::io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt, BufReader};
 use tokio::net::tcp::ReadHalf;
 use tokio::net::{TcpListener, TcpStream};
-use tokio::task::{JoinHandle, spawn_blocking};
+use tokio::task::JoinHandle;
 use tokio::time::timeout;
 
 /// How long a client may take for its whole request, and again to take the answer.
@@ -19,16 +21,15 @@ const PATIENCE: Duration = Duration::from_secs(2);
 const REQUEST: u64 = 8192;
 /// Most clients at once. One more takes the place of the one that came first: who has not asked by then is no scraper.
 const CLIENTS: usize = 64;
-/// Most threads that ask the daemon.
-const ASKING: usize = 2;
 
 /// Answers clients until the program is ended.
 pub(super) fn serve(listener: std::net::TcpListener, ask: &Ask) -> anyhow::Result<()> {
     listener.set_nonblocking(true)?;
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
-        .max_blocking_threads(ASKING)
         .build()?;
+    let ask = ask.clone();
+    let daemon = Arc::new(SharedAsk::new(move || status(&ask).ok()));
     runtime.block_on(async {
         let listener = TcpListener::from_std(listener)?;
         let mut clients: VecDeque<JoinHandle<()>> = VecDeque::new();
@@ -40,19 +41,19 @@ pub(super) fn serve(listener: std::net::TcpListener, ask: &Ask) -> anyhow::Resul
             {
                 first.abort();
             }
-            let ask = ask.clone();
+            let daemon = daemon.clone();
             clients.push_back(tokio::spawn(async move {
                 // A client that leaves early is none of our business.
-                let _ = attend(client, ask).await;
+                let _ = attend(client, &daemon).await;
             }));
         }
     })
 }
 
-async fn attend(mut client: TcpStream, ask: Ask) -> io::Result<()> {
+async fn attend(mut client: TcpStream, daemon: &SharedAsk) -> io::Result<()> {
     let (read, mut write) = client.split();
     let request = timeout(PATIENCE, Request::read(read)).await??;
-    let answer = spawn_blocking(move || request.answer(&ask)).await?;
+    let answer = request.answer(daemon).await;
     timeout(PATIENCE, write.write_all(answer.as_bytes())).await?
 }
 
@@ -80,10 +81,14 @@ impl Request {
         Ok(Self { first_line, format })
     }
 
-    fn answer(&self, ask: &Ask) -> String {
+    async fn answer(&self, daemon: &SharedAsk) -> String {
         let path = (self.first_line.strip_prefix("GET ")).and_then(|rest| rest.split([' ', '?']).next());
         let (status, kind, body) = match path {
-            Some("/metrics") => ("200 OK", self.format.content_type(), metrics(ask, self.format)),
+            Some("/metrics") => {
+                let told = daemon.status().await;
+                let body = text::of(told.as_deref(), self.format);
+                ("200 OK", self.format.content_type(), body)
+            }
             Some(_) => (
                 "404 Not Found",
                 "text/plain",

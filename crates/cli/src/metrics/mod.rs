@@ -3,6 +3,7 @@
 mod families;
 mod http;
 mod numbers;
+mod shared_ask;
 mod text;
 
 use crate::everyday::Ask;
@@ -80,14 +81,10 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         return Ok(out.write_all(text.as_bytes()).and_then(|()| out.flush())?);
     };
     loop {
-        OutputFile::write(path, metrics(&args.ask, Format::Prometheus))?;
+        let status = status(&args.ask);
+        OutputFile::write(path, text::of(status.as_ref().ok(), Format::Prometheus))?;
         std::thread::sleep(args.every);
     }
-}
-
-/// What the daemon tells now.
-fn metrics(ask: &Ask, format: Format) -> String {
-    text::of(status(ask).as_ref().ok(), format)
 }
 
 fn status(ask: &Ask) -> anyhow::Result<Status> {
