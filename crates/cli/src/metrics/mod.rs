@@ -7,12 +7,13 @@ mod shared_ask;
 mod text;
 
 use crate::everyday::Ask;
+use crate::{describe, notices};
 use anyhow::Context;
 use families::Format;
 use serde_json::json;
 use std::io::Write;
 use std::net::{SocketAddr, TcpListener, ToSocketAddrs};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 use taxel_playback::output_file::OutputFile;
 use taxel_wire::status::Status;
@@ -34,7 +35,8 @@ pub(crate) struct Args {
     /// Answer HTTP requests for /metrics here; port 0 takes a free one
     #[arg(long, value_name = "ADDRESS:PORT", value_parser = address, conflicts_with = "textfile")]
     listen: Option<SocketAddr>,
-    /// Write them to this file again and again, whole each time, for node_exporter's textfile collector
+    /// Write them to this file again and again, whole each time, for node_exporter's textfile collector; where a later
+    /// write fails, it is said once and tried again
     #[arg(long, value_name = "FILE")]
     textfile: Option<PathBuf>,
     /// Seconds between two writes of --textfile, 0.1 to 3600
@@ -80,10 +82,32 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         let text = text::of(status.as_ref().ok(), format);
         return Ok(out.write_all(text.as_bytes()).and_then(|()| out.flush())?);
     };
-    loop {
+    write_again_and_again(path, args)
+}
+
+/// Writes the file until the program is ended. Only the first write has to succeed, or the name is wrong; later the
+/// disk may be full or the folder away for a while.
+fn write_again_and_again(path: &Path, args: &Args) -> anyhow::Result<()> {
+    let write = || {
         let status = status(&args.ask);
-        OutputFile::write(path, text::of(status.as_ref().ok(), Format::Prometheus))?;
+        OutputFile::write(path, text::of(status.as_ref().ok(), Format::Prometheus))
+    };
+    write()?;
+    let mut has_failed = false;
+    loop {
         std::thread::sleep(args.every);
+        let failed_before = has_failed;
+        let written = write();
+        has_failed = written.is_err();
+        match written {
+            Err(error) if !failed_before => notices::say(&format!(
+                "taxel: {}; it is tried again every {:?}",
+                describe(&error),
+                args.every
+            )),
+            Ok(()) if failed_before => notices::say(&format!("taxel: {}: is written again", path.display())),
+            _ => {}
+        }
     }
 }
 

@@ -131,3 +131,46 @@ fn a_client_that_asks_nothing_or_byte_by_byte_keeps_nobody_waiting() {
         let _ = slow.write(b"a");
     }
 }
+
+#[test]
+fn a_file_of_metrics_that_cannot_be_written_for_a_while_is_written_again() {
+    let dir = TempDir::new().unwrap();
+    let (folder, away) = (dir.path().join("collected"), dir.path().join("away"));
+    let textfile = [
+        "metrics",
+        "--socket",
+        "control.sock",
+        "--every",
+        "0.1",
+        "--textfile",
+    ];
+    let err = fails(&dir, &[&textfile[..], &["collected/taxeld.prom"]].concat(), 1);
+    assert!(err.contains("collected/taxeld.prom"), "{err}");
+    std::fs::create_dir(&folder).unwrap();
+    let mut child = Command::new(env!("CARGO_BIN_EXE_taxel"))
+        .args(textfile)
+        .arg("collected/taxeld.prom")
+        .current_dir(dir.path())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut said = BufReader::new(child.stderr.take().unwrap()).lines();
+    let deadline = Instant::now() + Duration::from_secs(30);
+    while !folder.join("taxeld.prom").exists() {
+        assert!(Instant::now() < deadline && child.try_wait().unwrap().is_none());
+        std::thread::yield_now();
+    }
+    for _ in 0..2 {
+        std::fs::rename(&folder, &away).unwrap();
+        let failed = said.next().unwrap().unwrap();
+        assert!(
+            failed.contains("collected/taxeld.prom") && failed.ends_with("; it is tried again every 100ms"),
+            "{failed}"
+        );
+        std::fs::rename(&away, &folder).unwrap();
+        let again = said.next().unwrap().unwrap();
+        assert_eq!(again, "taxel: collected/taxeld.prom: is written again");
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+}
