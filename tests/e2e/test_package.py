@@ -42,3 +42,9 @@ def test_pages_of_man_refer_to_pages_and_files_that_are_packaged(packaged):
             assert f"{name}.{section}" in pages, f"{page.name}: {name}({section})"
         for path in re.findall(r"/usr/share/doc/taxeld/[\w./-]+\w", text):
             assert (packaged / path.lstrip("/")).exists(), f"{page.name}: {path}"
+
+
+def test_the_kernel_setting_is_read_before_those_of_others_so_that_a_larger_one_is_not_lowered(packaged):
+    others = ("10-cyclone-max.conf", "10-network-security.conf", "50-default.conf", "60-cyclonedds.conf")
+    ours = list((packaged / "usr/lib/sysctl.d").iterdir())
+    assert [name.name for name in ours if name.name < min(others)] == ["05-taxeld.conf"] and len(ours) == 1

@@ -36,6 +36,22 @@ def test_an_upgrade_runs_the_new_one_where_the_old_one_ran_and_keeps_the_configu
     assert service.config.read_text().endswith("# mine\n")
 
 
+def test_what_another_program_has_raised_is_not_lowered_at_once_or_at_the_next_start(package):
+    limit, others = Path("/proc/sys/net/core/rmem_max"), Path("/etc/sysctl.d/10-others.conf")
+    before = limit.read_text()
+    try:
+        others.parent.mkdir(exist_ok=True)
+        others.write_text("net.core.rmem_max = 8388608\n")
+        limit.write_text("8388608")
+        install(os.environ["TAXEL_PACKAGE"])
+        assert limit.read_text() == "8388608\n"
+        run("/usr/lib/systemd/systemd-sysctl", check=True)
+        assert limit.read_text() == "8388608\n"
+    finally:
+        others.unlink(missing_ok=True)
+        limit.write_text(before)
+
+
 def test_removed_it_is_stopped_and_purged_it_is_gone(service):
     try:
         systemctl("enable", "--now", "taxeld.service", check=True)

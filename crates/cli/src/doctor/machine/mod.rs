@@ -106,7 +106,7 @@ fn check_rmem(facts: &MachineFacts, needs: &Needs) -> Option<Check> {
             needs.receive_buffer_kib
         ))
         .run(format!("sudo sysctl net.core.rmem_max={wanted}"))
-        .run("sudo install -m 644 systemd/60-taxeld.sysctl.conf /usr/lib/sysctl.d/    # for good");
+        .run("sudo install -m 644 systemd/05-taxeld.sysctl.conf /usr/lib/sysctl.d/    # for good");
     // The service has no such capability, whoever runs the doctor.
     Some(match facts.may(CAP_NET_ADMIN) && facts.unit.is_none() {
         true => Check::ok(
