@@ -150,6 +150,7 @@ pub(super) fn check_port(facts: &PortFacts, user: &User) -> Vec<Check> {
     if !facts.is_terminal {
         return vec![Check::error(AREA, "port", path, "is no serial port")];
     }
+    let name = device.file_name().unwrap_or_default().to_string_lossy();
     let mut checks = Vec::new();
     match &facts.file {
         Some(file) if !user.may_use(file) => {
@@ -158,12 +159,17 @@ pub(super) fn check_port(facts: &PortFacts, user: &User) -> Vec<Check> {
                 file.group, file.mode
             );
             let check = Check::error(AREA, "port", &path, found);
-            checks.push(match file.join_its_group() {
-                Some(command) => check.run(command),
-                None => check.advise(
-                    "a udev rule gives it to group dialout: systemd/60-taxeld-serial.rules to /etc/udev/rules.d/, then \
-                     `udevadm control --reload && udevadm trigger`",
-                ),
+            checks.push(match (file.join_its_group(), name.trim_end_matches(char::is_numeric)) {
+                (Some(command), _) => check.run(command),
+                // One end of a pseudo terminal, which udev has no say in.
+                (None, "") => check.advise("its owner alone may use it: run the doctor as that user"),
+                (None, kind) => check
+                    .run(format!(
+                        "echo 'SUBSYSTEM==\"tty\", KERNEL==\"{kind}*\", GROUP=\"dialout\", MODE=\"0660\"' \
+                         | sudo tee /etc/udev/rules.d/60-taxeld-port.rules"
+                    ))
+                    .run("sudo udevadm control --reload && sudo udevadm trigger --subsystem-match=tty")
+                    .run("sudo usermod -aG dialout $USER    # then log in anew"),
             });
         }
         _ => checks.push(Check::ok(AREA, "port", &path, "may be opened")),
@@ -182,14 +188,13 @@ pub(super) fn check_port(facts: &PortFacts, user: &User) -> Vec<Check> {
         );
     }
     if let Some(ms) = facts.latency_ms {
-        let name = device.file_name().unwrap_or_default().to_string_lossy();
         checks.push(match slow_adapter(ms, &name) {
             None => Check::ok(AREA, "FTDI latency", &path, format!("{ms} ms")),
             Some(problem) => Check::of_problem(AREA, &path, &problem)
                 .without_mend()
                 .run(format!("echo 1 | sudo tee /sys/bus/usb-serial/devices/{name}/latency_timer"))
                 .run(
-                    "echo 'ACTION==\"add\", SUBSYSTEM==\"usb-serial\", DRIVER==\"ftdi_sio\", ATTR{latency_timer}=\"1\"' \
+                    "echo 'ACTION!=\"remove\", SUBSYSTEM==\"usb-serial\", DRIVER==\"ftdi_sio\", ATTR{latency_timer}=\"1\"' \
                      | sudo tee /etc/udev/rules.d/60-taxeld-ftdi.rules    # for good",
                 )
                 .advise("taxeld also asks the driver for low latency when it opens the port, which sets it for that time"),
@@ -276,6 +281,23 @@ mod tests {
                 "port",
                 State::Error,
                 "sudo usermod -aG dialout $USER",
+            ),
+            (
+                port(|f| (f.file.as_mut().unwrap().gid, f.file.as_mut().unwrap().group) = (0, "root".into())),
+                &member,
+                "port",
+                State::Error,
+                "echo 'SUBSYSTEM==\"tty\", KERNEL==\"ttyUSB*\", GROUP=\"dialout\", MODE=\"0660\"' | sudo tee",
+            ),
+            (
+                port(|f| {
+                    f.device = Some("/dev/pts/3".into());
+                    f.file.as_mut().unwrap().mode = 0o600;
+                }),
+                &member,
+                "port",
+                State::Error,
+                "its owner alone may use it",
             ),
             (
                 port(|f| f.device = None),
