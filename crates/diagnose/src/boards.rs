@@ -104,8 +104,11 @@ pub(crate) fn judge(look: &Look<'_>, steadiness: &mut Steadiness, found: &mut Ve
         let boards = || (0..layout.modules.len()).filter(|m| usize::from(layout.wiring[*m].bus) == index);
         let lost = bus.link != LinkState::Up || bus.counters.bus_state == BusState::BusOff;
         let here: Vec<usize> = boards().collect();
+        // What a daemon that was stopped has not heard says nothing of boards, nor of the wires to them.
+        let awake_for_ns = view.now_ns.saturating_sub(look.awake_ns);
+        let was_held_up = look.awake_ns > 0 && awake_for_ns < look.setup.silence_ns;
         for module in &here {
-            let excused = lost || !view.boards_due || is_doubled(view.findings, *module);
+            let excused = lost || was_held_up || !view.boards_due || is_doubled(view.findings, *module);
             steadiness.note(*module, view.boards[*module].silences, excused, view.now_ns);
         }
         steadiness.judge(layout, &here, view.now_ns);
@@ -121,7 +124,7 @@ pub(crate) fn judge(look: &Look<'_>, steadiness: &mut Steadiness, found: &mut Ve
                 Some(_) => array::SILENCE_NS.max(look.setup.silence_ns),
                 None => look.setup.silence_ns,
             };
-            last_ns.is_none_or(|last| view.now_ns.saturating_sub(last) >= silence_ns)
+            last_ns.is_none_or(|last| view.now_ns.saturating_sub(last.max(look.awake_ns)) >= silence_ns)
         };
         let quiet = |m: usize| match state(m) {
             BoardState::Silent => long(m),

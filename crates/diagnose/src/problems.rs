@@ -14,6 +14,9 @@ use taxel_joints::JointsConfig;
 
 /// Counters are compared with those of this long ago, nanoseconds.
 const RECENT_NS: u64 = 500_000_000;
+/// Whoever looks several times a second was held up where two views are farther apart than this, nanoseconds: it was
+/// stopped, or the machine slept.
+const HELD_UP_NS: u64 = 500_000_000;
 
 /// A problem that there is.
 #[derive(Debug, Clone, PartialEq)]
@@ -44,12 +47,18 @@ pub struct Problems {
     patience: Patience,
     angles_used: AnglesUsed,
     now_ns: u64,
+    /// The time of the first view behind the last that was held up; 0 where none was.
+    awake_ns: u64,
 }
 
 impl Problems {
     /// Judges what is known of the hand now, and returns what is new.
     pub fn handle_view(&mut self, setup: &HandSetup<'_>, view: &HandView<'_>) -> Vec<News> {
         self.now_ns = view.now_ns;
+        let before_ns = self.recent.back().map_or(view.now_ns, |(at_ns, ..)| *at_ns);
+        if view.now_ns.saturating_sub(before_ns) > HELD_UP_NS {
+            self.awake_ns = view.now_ns;
+        }
         let counters: Vec<SourceCounters> = view.buses.iter().map(|b| b.counters).collect();
         let readings = JointsReadings::of(view.joints);
         self.recent.push_back((view.now_ns, counters, readings));
@@ -62,6 +71,7 @@ impl Problems {
             view,
             before,
             seconds: view.now_ns.saturating_sub(*then_ns).max(1) as f64 / 1e9,
+            awake_ns: self.awake_ns,
         };
         let current = &self.current;
         let had = |kind, place| among(current, kind, place);

@@ -77,4 +77,6 @@ pub(crate) struct Look<'a> {
     pub(crate) before: &'a [SourceCounters],
     /// What `before` is older by, seconds.
     pub(crate) seconds: f64,
+    /// Since when whoever looks was not held up, nanoseconds: what was not heard before it is no silence.
+    pub(crate) awake_ns: u64,
 }

@@ -1,6 +1,6 @@
 //! What is said of boards by what they are: those that are never told to start, pressure arrays.
 
-use super::{Bench, MS, sentence};
+use super::{Bench, Known, MS, sentence};
 use taxel_skin::{BoardState, Layout};
 
 #[test]
@@ -40,4 +40,45 @@ fn of_an_unsteady_pressure_array_its_program_is_named_and_no_supply() {
         said.contains("the program of its sensor") && !said.contains("supply"),
         "{said}"
     );
+}
+
+#[test]
+fn what_a_daemon_that_was_stopped_has_not_heard_is_no_silence_and_what_it_does_not_hear_then_is() {
+    const STOPPED_NS: u64 = 5000 * MS;
+    let of_one_board = "name = \"t\"\nbuses = [\"can0\"]\nimage = { width = 4, height = 4 }\n[[module]]\nname = \"pad\"\n\
+        part = \"p\"\nbus = \"can0\"\nboard = 0\nprotocol = \"uskin-l2\"\nat = [0, 0]\n";
+    let of_one_board = Layout::parse(of_one_board, "t.toml").unwrap_or_else(|e| panic!("{e}"));
+    let of_a_hand = Layout::builtin("allegro-uskin-15").expect("built in");
+    for (layout, sources) in [
+        (of_one_board, &["can:can0"][..]),
+        (of_a_hand, &["can:can0", "can:can1"]),
+    ] {
+        let buses = layout.buses.len();
+        let mut bench = Bench::of(layout, &sources[..buses]);
+        let speaks = |s: &mut Known| {
+            for board in &mut s.boards {
+                (board.state, board.last_ns) = (BoardState::Streaming, Some(s.now_ns));
+            }
+        };
+        let is_silent = |s: &mut Known| {
+            for board in &mut s.boards {
+                board.silences += u64::from(board.state == BoardState::Streaming);
+                board.state = BoardState::Silent;
+            }
+        };
+        // The kernel has kept the oldest frames, those of just after the stop. Boards that fall silent so often by
+        // themselves would be unsteady.
+        for _ in 0..4 {
+            bench.pass(1000, speaks);
+            bench.known.now_ns += STOPPED_NS;
+            bench.pass(100, is_silent);
+            bench.pass(1000, speaks);
+        }
+        assert_eq!(bench.said, []);
+        bench.known.now_ns += STOPPED_NS;
+        bench.pass(100, is_silent);
+        assert_eq!(bench.said, []);
+        bench.pass(100, is_silent);
+        assert_eq!(bench.kinds().len(), buses);
+    }
 }
