@@ -6,15 +6,22 @@ const SENTENCE_NS: u64 = 10_000_000_000;
 
 /// Lets a few sentences on one thing through, then one now and then.
 #[derive(Debug, Clone, Copy)]
-struct RateLimiter {
+pub(crate) struct RateLimiter {
     /// Sentences that may be said, and since when that many.
     left: u64,
     at_ns: u64,
 }
 
 impl RateLimiter {
+    pub(crate) fn new(now_ns: u64) -> Self {
+        Self {
+            left: SENTENCES,
+            at_ns: now_ns,
+        }
+    }
+
     /// Whether a sentence may be said now.
-    fn poll(&mut self, now_ns: u64) -> bool {
+    pub(crate) fn poll(&mut self, now_ns: u64) -> bool {
         let earned = now_ns.saturating_sub(self.at_ns) / SENTENCE_NS;
         if self.left + earned >= SENTENCES {
             (self.left, self.at_ns) = (SENTENCES, now_ns);
@@ -41,12 +48,8 @@ pub(crate) struct Telling {
 
 impl Telling {
     pub(crate) fn new(now_ns: u64) -> Self {
-        let limiter = RateLimiter {
-            left: SENTENCES,
-            at_ns: now_ns,
-        };
         Self {
-            limiter,
+            limiter: RateLimiter::new(now_ns),
             said: false,
             changes: 0,
         }

@@ -2,6 +2,7 @@
 
 use crate::joints_view::{JointsView, SourceView};
 use crate::kind::Severity;
+use crate::rate_limiter::RateLimiter;
 use taxel_can::LinkState;
 use taxel_joints::bus::{FastState, ServoState};
 use taxel_joints::{ALLEGRO_FINGERS, DynamixelConfig, JointsConfig, PortState, PortStatus, ServoSnapshot};
@@ -18,9 +19,9 @@ pub struct JointsReporter {
     opened: u64,
     analogue_opened: u64,
     roll_call_ns: Option<u64>,
-    fast: Option<FastState>,
-    /// Whether it was said that fast sync read works, and that it does not.
-    fast_told: [bool; 2],
+    /// What was said last of fast sync read, and how often that may be.
+    fast_told: Option<FastState>,
+    fast_limiter: Option<RateLimiter>,
     delays: bool,
 }
 
@@ -81,28 +82,30 @@ impl JointsReporter {
         }
         let answer = snapshot.servos.iter().filter(|s| s.alive).count();
         self.call_roll(answer, snapshot.servos.len(), "servos answer", now_ns, news);
-        if self.fast != Some(snapshot.fast) && snapshot.fast != FastState::Probing {
-            self.fast = Some(snapshot.fast);
-            match snapshot.fast {
-                FastState::On if !std::mem::replace(&mut self.fast_told[0], true) => {
-                    news.push((
-                        None,
-                        "joints: all servos answer in one packet (fast sync read)".into(),
-                    ));
-                }
-                FastState::NotSupported if !std::mem::replace(&mut self.fast_told[1], true) => news.push((
-                    None,
-                    "joints: fast sync read is not answered as it should be; each servo answers with its own packet".into(),
-                )),
-                _ => {}
-            }
-        }
+        self.of_fast_reads(snapshot.fast, now_ns, news);
         if !self.delays && self.roll_call_ns.is_none() {
             self.delays = true;
             let named: Vec<String> = (config.servo.iter())
                 .map(|s| format!("{} (id {})", s.name, s.id))
                 .collect();
             news.extend(long_delays(&named, &snapshot.servos));
+        }
+    }
+
+    /// Says how servos answer, and that they do so no longer. A change that may not be said yet is said later where it still
+    /// holds, so that what was said last is so.
+    fn of_fast_reads(&mut self, fast: FastState, now_ns: u64, news: &mut Vec<(Option<Severity>, String)>) {
+        let sentence = match fast {
+            FastState::On => "joints: all servos answer in one packet (fast sync read)",
+            FastState::NotSupported => {
+                "joints: fast sync read is not answered as it should be; each servo answers with its own packet"
+            }
+            FastState::Off | FastState::Probing => return,
+        };
+        let limiter = self.fast_limiter.get_or_insert_with(|| RateLimiter::new(now_ns));
+        if self.fast_told != Some(fast) && limiter.poll(now_ns) {
+            self.fast_told = Some(fast);
+            news.push((None, sentence.into()));
         }
     }
 
@@ -200,6 +203,35 @@ mod tests {
         servo(&mut view, 1).alive = true;
         view.now_ns += 2 * S;
         says(&mut reporter, &config, &view, &[&["all 2 servos answer"]]);
+    }
+
+    #[test]
+    fn how_servos_answer_is_told_at_each_change_and_where_that_is_too_often_the_last_word_is_so() {
+        let (config, mut view) = servos(2);
+        let mut reporter = JointsReporter::default();
+        open(&mut view, "/dev/servos", 1);
+        says(&mut reporter, &config, &view, &[&["is open"]]);
+        let mut answers = |fast, view: &mut JointsView, sentences: &[&[&str]]| {
+            view.servos.as_mut().unwrap().0.fast = fast;
+            says(&mut reporter, &config, view, sentences);
+        };
+        let (in_one, each): (&[&str], &[&str]) = (&["in one packet"], &["with its own packet"]);
+        for _ in 0..2 {
+            answers(FastState::Probing, &mut view, &[]);
+            answers(FastState::On, &mut view, &[in_one]);
+            answers(FastState::NotSupported, &mut view, &[each]);
+        }
+        for _ in 0..5 {
+            answers(FastState::On, &mut view, &[]);
+            answers(FastState::NotSupported, &mut view, &[]);
+        }
+        answers(FastState::On, &mut view, &[]);
+        view.now_ns += 10 * S;
+        answers(
+            FastState::On,
+            &mut view,
+            &[&["0 of 2 servos answer so far"], in_one],
+        );
     }
 
     #[test]
