@@ -156,9 +156,12 @@ impl OutputFile {
         let Some(part) = self.part.take() else {
             return Ok(());
         };
+        let before = part.path().to_owned();
         let synced = part.as_file().sync_all();
         let named = synced.and_then(|()| Ok(part.persist(&self.path).map(drop)?));
-        named.with_context(|| self.path.display().to_string())
+        named.with_context(|| self.path.display().to_string())?;
+        stand_in::forget(&before);
+        Ok(())
     }
 }
 
@@ -191,9 +194,14 @@ mod tests {
         assert_eq!((fs::read(&path).unwrap(), names()), (b"before".to_vec(), 1));
         let mut whole = OutputFile::begin(&path).unwrap();
         fs::write(whole.path(), "whole").unwrap();
+        let part = whole.part().unwrap().display().to_string();
+        let said = || stand_in::as_named(part.clone());
+        assert_eq!(said(), path.display().to_string());
         whole.finish().unwrap();
         drop(whole);
         assert_eq!((fs::read(&path).unwrap(), names()), (b"whole".to_vec(), 1));
+        // Whoever writes a file again and again for months keeps no name of each.
+        assert_eq!(said(), part);
     }
 
     #[test]

@@ -13,6 +13,13 @@ pub fn call(file: &Path, name: &str) {
     names.push([file.display().to_string(), name.to_owned()]);
 }
 
+/// There is no such file any more, and nothing more is said of it.
+pub fn forget(file: &Path) {
+    let mut names = NAMES.lock().unwrap_or_else(|e| e.into_inner());
+    let file = file.display().to_string();
+    names.retain(|[known, _]| *known != file);
+}
+
 /// A text in which files have the names that people know.
 pub fn as_named(text: String) -> String {
     let names = NAMES.lock().unwrap_or_else(|e| e.into_inner());
@@ -38,5 +45,7 @@ mod tests {
         ] {
             assert_eq!(as_named(said.into()), wanted);
         }
+        forget(Path::new("out/a.npz.Qx7.part"));
+        assert_eq!(as_named("out/a.npz.Qx7.part".into()), "out/a.npz.Qx7.part");
     }
 }
