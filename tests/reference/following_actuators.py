@@ -364,7 +364,7 @@ class Follower:
 
     def best_swaps(self):
         """(dissolved, split, halves, what it is asked to save), in the order they are tried in."""
-        losses, found = self.losses(), []
+        losses, found, (most, doubt) = self.losses(), [], self.most_tried()
         for split, (gain, halves) in self.splits().items():
             for bound in (False, True):
                 others = [i for i in range(self.k) if i != split and self.is_bound(i) == bound]
@@ -372,17 +372,17 @@ class Follower:
                     dissolved = min(others, key=lambda i: losses[i])
                     asked = self.asked(dissolved, split, halves[0], self.jump_gain)
                     beyond = gain - losses[dissolved] - asked
-                    found.append((beyond, (dissolved, split, halves, asked if beyond > 0 else DOUBT * asked)))
+                    found.append((beyond, (dissolved, split, halves, asked if beyond > 0 else doubt * asked)))
         found.sort(key=lambda swap: -swap[0])
-        most = self.most_tried()
         return [swap for beyond, swap in found[:most] if most > 1 or beyond > 0]
 
     def most_tried(self):
         over = len(self.xy) - self.k
         if not self.raised or over > self.k:
-            return TRIES
+            return TRIES, DOUBT
         pitch = 0.5 * float(self.reach)
-        return MOST_FOUND if in_order(self.weight * self.near.astype(np.float64)) > NEAR_LEAST * (0.5 * pitch * pitch * over) else 1
+        far = in_order(self.weight * self.near.astype(np.float64)) > NEAR_LEAST * (0.5 * pitch * pitch * over)
+        return MOST_FOUND if far else 1, 1
 
     def make(self, swap):
         """Makes a swap, and unmakes it unless it saves what it is asked to."""

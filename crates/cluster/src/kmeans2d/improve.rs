@@ -12,6 +12,9 @@ const MOST_TRIES: usize = 4;
 /// Swaps that are tried in other frames, the best by judgement first, before none is made: judgement does not know how
 /// the clusters settle afterwards.
 const TRIES: usize = 4;
+/// What one of these has to save that is judged to save too little, in terms of what it is asked otherwise: it is tried
+/// because judgement may be wrong, and actuators that slide along should not jump for the little more that it finds.
+const DOUBT: f64 = 1.25;
 /// Swaps in quiet frames are asked for this share of what others are: there are few of them, and
 /// what they save lasts.
 const QUIET_SHARE: f64 = 0.1;
@@ -27,6 +30,7 @@ macro_rules! judge {
         Judge {
             gain: $gain * cost,
             least: 0.002 * cost,
+            doubt: 1.0,
             reach: $clusters.settings.reach * $clusters.settings.reach,
             pinned: &$clusters.pinned,
             moved: &$clusters.moved,
@@ -135,8 +139,11 @@ impl Kmeans2d {
 
     /// Dissolves one cluster and splits another if that saves enough; says whether it did.
     fn swap(&mut self) -> bool {
-        let most = self.most_tried();
-        let judge = judge!(self, self.settings.swap_gain);
+        let (most, doubt) = self.most_tried();
+        let judge = Judge {
+            doubt,
+            ..judge!(self, self.settings.swap_gain)
+        };
         let at = [&self.x[..], &self.y, &self.height];
         self.splits.find(&self.assignment, &self.sums, at, &judge, most);
         for rank in 0..most {
@@ -150,21 +157,22 @@ impl Kmeans2d {
         false
     }
 
-    /// How many swaps are tried before none is made. Heights leave few points fewer ways; so where they have them, more
-    /// are, unless the points can hardly be nearer to their centroids than they are. A cluster of n points that are `d`
-    /// apart or more has a cost of at least `d^2 (n - 1) / 2`, and so all clusters together.
-    fn most_tried(&self) -> usize {
+    /// How many swaps are tried before none is made, and how many times as much those have to save that are judged to save
+    /// too little. Heights leave few points fewer ways; so where they have them, more are tried, unless the points can
+    /// hardly be nearer to their centroids than they are. A cluster of n points that are `d` apart or more has a cost of at
+    /// least `d^2 (n - 1) / 2`, and so all clusters together.
+    fn most_tried(&self) -> (usize, f64) {
         let (points, clusters) = (self.assignment.len(), self.x.len());
         if !self.assignment.is_raised() || points > 2 * clusters {
-            TRIES
+            (TRIES, DOUBT)
         } else {
             let pitch = 0.5 * self.settings.reach;
             let least = 0.5 * pitch * pitch * (points - clusters) as f64;
-            if self.assignment.cost() > NEAR_LEAST * least {
-                MOST_FOUND
-            } else {
-                1
-            }
+            let most = match self.assignment.cost() > NEAR_LEAST * least {
+                true => MOST_FOUND,
+                false => 1,
+            };
+            (most, 1.0)
         }
     }
 

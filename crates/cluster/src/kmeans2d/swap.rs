@@ -19,9 +19,6 @@ pub(super) const MOST_FOUND: usize = 8;
 /// Most clusters whose pairs are ranked, and most pairs kept.
 const RANKED_CLUSTERS: usize = 64;
 const RANKED: usize = 64;
-/// Swaps that are judged to save too little have to save so many times what others have to: they are tried because
-/// judgement may be wrong, and actuators that slide along should not jump for the little more that they find.
-const DOUBT: f64 = 1.25;
 
 /// A cluster's second moments, and what its points would lose without it.
 #[derive(Debug, Default, Clone, Copy)]
@@ -52,6 +49,8 @@ pub(super) struct Judge<'a> {
     pub(super) gain: f64,
     /// For a swap in which none jumps.
     pub(super) least: f64,
+    /// So many times as much, where it is judged to save too little.
+    pub(super) doubt: f64,
     /// Square of the distance that is no jump.
     pub(super) reach: f64,
     /// Ids that were in use in the last frame.
@@ -145,7 +144,7 @@ impl Splits {
                         dissolved,
                         split,
                         halves,
-                        asked: if beyond > 0.0 { asked } else { DOUBT * asked },
+                        asked: if beyond > 0.0 { asked } else { judge.doubt * asked },
                     };
                     self.found.insert(rank, (beyond, swap));
                 }
