@@ -1,9 +1,9 @@
 //! `taxel eval`: speed and error of every method on the same frames.
 
+use crate::eval_task::objects;
 use crate::{fails, succeeds};
-use ndarray::{Array1, Array2, Array3};
+use ndarray::{Array2, Array3};
 use serde_json::Value;
-use std::path::Path;
 use tempfile::TempDir;
 
 /// Counts of a module: at rest, then pressed here and there.
@@ -137,129 +137,6 @@ fn eval_takes_magnitudes_and_scenes_and_methods_and_writes_tables() {
         report["contact_truth"]["precision"].as_f64().unwrap() > 0.9,
         "{out}"
     );
-}
-
-/// An .npz of labelled frames, 4 x 4: pressed in the corner of their class, idling elsewhere.
-fn objects(path: &Path) {
-    objects_of(path, 1.0);
-}
-
-/// The same with other forces, in the ratio of these.
-fn objects_of(path: &Path, scale: f64) {
-    let frames = Array3::from_shape_fn((16, 4, 4), |(n, y, x)| {
-        let corner = [x / 2, y / 2] == [n % 2, n % 2];
-        scale
-            * match corner {
-                true => 50.0 + f64::from((n * 7 + x * 5 + y) as u16 % 20),
-                false => 1.0,
-            }
-    });
-    let mut npz = ndarray_npy::NpzWriter::new(std::fs::File::create(path).unwrap());
-    npz.add_array("frames", &frames).unwrap();
-    npz.add_array("labels", &Array1::from_iter((0..16).map(|n| 3 + n % 2)))
-        .unwrap();
-    npz.finish().unwrap();
-}
-
-#[test]
-fn eval_says_what_can_be_told_from_one_image() {
-    let dir = TempDir::new().unwrap();
-    objects(&dir.path().join("objects.npz"));
-    let args = [
-        "eval",
-        "objects.npz",
-        "--task",
-        "--actuators",
-        "4",
-        "--csv",
-        "curves.csv",
-        "--figure",
-        "curves.svg",
-    ];
-    let (out, _) = succeeds(&dir, &[&args[..], &["--json"]].concat());
-    let report: Value = serde_json::from_str(&out).unwrap();
-    for (key, want) in [
-        ("frames", 16),
-        ("classes", 2),
-        ("taxels", 16),
-        ("levels", 8),
-        ("actuators", 4),
-    ] {
-        assert_eq!(report[key], want, "{key}");
-    }
-    let rows = report["rows"].as_array().unwrap();
-    for (name, share) in [
-        ("raw", 1.0),
-        ("optimal force_weighted=true actuator_force=max", 1.0),
-        ("fixed places in a grid, actuator_force=max", 1.0),
-    ] {
-        let row = rows.iter().find(|row| row["name"] == name).unwrap();
-        assert_eq!(
-            (row["nearest"].as_f64(), row["logistic"].as_f64()),
-            (Some(share), Some(share)),
-            "{name}"
-        );
-    }
-    assert_eq!(rows[0]["bits"], 256.0);
-    let text_of = |more: &[&str]| succeeds(&dir, &[&["eval", "objects.npz", "--task"], more].concat()).0;
-    let text = text_of(&["--method", "paper"]);
-    assert!(
-        text.contains("2 classes") && text.contains("paper") && !text.contains("weighted"),
-        "{text}"
-    );
-    // Half of the eight frames of a class.
-    assert!(text.contains("by up to 3 pixels, 4 examples."), "{text}");
-    // What remembers has a second row, of a compressor that runs on.
-    let names: Vec<&str> = rows.iter().map(|row| row["name"].as_str().unwrap()).collect();
-    let after = |name: &str| names[names.iter().position(|other| *other == name).unwrap() + 1];
-    let weighted = "optimal force_weighted=true";
-    assert_eq!(after(weighted), format!("{weighted}, running"), "{names:?}");
-    assert_eq!(after("paper"), "optimal", "{names:?}");
-    assert!(!text.contains("  running "), "{text}");
-    let text_of_all = text_of(&["--actuators", "4"]);
-    let lines: Vec<&str> = text_of_all.lines().collect();
-    let at = lines
-        .iter()
-        .position(|line| line.starts_with(&format!("{weighted}  ")));
-    assert!(lines[at.unwrap() + 1].starts_with("  running  "), "{text_of_all}");
-    for text in [text, text_of_all] {
-        assert!(text.lines().all(|line| line.len() <= 120), "{text}");
-    }
-    let curves = std::fs::read_to_string(dir.path().join("curves.csv")).unwrap();
-    assert!(
-        curves.starts_with("name,levels,actuators,nearest,bits\n") && curves.contains("\"paper\",8,2,"),
-        "{curves}"
-    );
-    assert!(
-        std::fs::read_to_string(dir.path().join("curves.svg"))
-            .unwrap()
-            .starts_with("<svg")
-    );
-}
-
-#[test]
-fn a_task_without_a_force_to_show_says_what_to_do() {
-    let dir = TempDir::new().unwrap();
-    for (scale, threshold, wanted) in [
-        (1e39, "0", "numbers from 1e-38 to 1e38, and frame 0 has"),
-        (0.0, "0", "no force is above 0"),
-        (
-            1.0,
-            "1000",
-            "the greatest force is 69, and --threshold 1000 is not below it",
-        ),
-    ] {
-        objects_of(&dir.path().join("objects.npz"), scale);
-        let err = fails(
-            &dir,
-            &["eval", "objects.npz", "--task", "--threshold", threshold],
-            1,
-        );
-        assert!(
-            err.contains("nothing is in contact in any of 16 frames") && err.contains(wanted),
-            "{err}"
-        );
-    }
 }
 
 #[test]

@@ -5,6 +5,7 @@ mod compress;
 mod config;
 mod counts;
 mod eval;
+mod eval_task;
 mod everyday;
 mod extension;
 mod figures;

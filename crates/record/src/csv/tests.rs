@@ -1,0 +1,265 @@
+use super::*;
+use crate::{Recording, Void};
+use tempfile::TempDir;
+
+fn read_text(text: &str, options: &ReadOptions) -> Result<Recording, String> {
+    let dir = TempDir::new().unwrap();
+    let path = dir.path().join("frames.csv");
+    std::fs::write(&path, text).unwrap();
+    Recording::open(&path, options).map_err(|e| e.to_string())
+}
+
+#[test]
+fn plain_numbers_are_magnitudes() {
+    let recording = read_text("1,2.5,3\n4,5,-6\n\n", &ReadOptions::default()).unwrap();
+    assert_eq!(recording.magnitudes(1).unwrap(), [4.0, 5.0, -6.0]);
+    assert!(!recording.has_times());
+}
+
+#[test]
+fn named_columns_are_counts_in_the_order_of_their_taxels() {
+    let text = "\u{feff}time_ms,0B1X,0B1Y,0B1Z,0B0Z,0B0Y,0B0X\r\n0,1,2,3,4,5,6\r\n10.5,7,8,9,10,11,12\r\n";
+    let recording = read_text(text, &ReadOptions::default()).unwrap();
+    assert_eq!(recording.counts(0).unwrap(), [[6, 5, 4], [1, 2, 3]].map(Some));
+    assert_eq!(recording.t_ns(1), 10_500_000);
+}
+
+#[test]
+fn the_publications_rows_are_readings_and_joint_angles_named_or_in_its_order() {
+    let order = ReadOptions {
+        columns: Some(Columns::XyzInterleaved),
+        joint_columns: 2,
+        ..Default::default()
+    };
+    let none = ReadOptions::default();
+    for (text, options) in [
+        ("1,2,3,4,5,6,0.5,-1\n", &order),
+        ("1 2  3 4 5 6 0.5 -1 \n   \n  # no more \n", &order),
+        ("1|2|3|4|5|6|0.5|-1", &order),
+        ("a;b;c;d;e;f;g;h\n1;2;3;4;5;6;0.5;-1\n", &order),
+        (
+            "J1,0B0X,0B0Y,0B0Z,joint_0,0B1X,0B1Y,0B1Z\n-1,1,2,3,0.5,4,5,6\n",
+            &none,
+        ),
+    ] {
+        let recording = read_text(text, options).unwrap();
+        assert_eq!(
+            recording.counts(0).unwrap(),
+            [[1, 2, 3], [4, 5, 6]].map(Some),
+            "{text:?}"
+        );
+        assert_eq!(recording.joints(0), [0.5, -1.0], "{text:?}");
+        assert!(recording.joints(1).is_empty());
+    }
+    for (text, options, wanted) in [
+        ("J0,J0,0B0X\n1,2,3\n", &none, "joint 0 has two columns"),
+        ("J0,J1\n1,2\n", &none, "no column of a taxel"),
+        ("1,2\n", &order, "2 columns, of which 2 are joint angles"),
+        (
+            "0B0X,0B0Y,0B0Z,J0,J1\n1,2,3,4,5\n",
+            &order,
+            "leave --joint-columns out",
+        ),
+    ] {
+        let message = read_text(text, options).unwrap_err();
+        assert!(message.contains(wanted), "{message}");
+    }
+}
+
+#[test]
+fn boards_of_different_fingers_are_different_taxels() {
+    let names = "1F0B0X,1F0B0Y,1F0B0Z,0F1B0X,0F1B0Y,0F1B0Z\n1,2,3,4,5,6\n";
+    let recording = read_text(names, &ReadOptions::default()).unwrap();
+    assert_eq!(recording.counts(0).unwrap(), [[4, 5, 6], [1, 2, 3]].map(Some));
+}
+
+#[test]
+fn a_log_of_python_can_is_told_from_a_table_of_numbers() {
+    let log =
+        "timestamp,arbitration_id,extended,remote,error,dlc,data\n0.002437,0x600,0,0,0,8,g4A5gAYyhgE=\n";
+    let message = read_text(log, &ReadOptions::default()).unwrap_err();
+    assert!(message.contains("frames.csv:1: a log of CAN frames"), "{message}");
+    let (advice, makes) = ("`can_logconvert ", "frames.log` of python-can makes a .log of it");
+    assert!(message.contains(advice) && message.contains(makes), "{message}");
+}
+
+#[test]
+fn other_names_say_nothing_and_options_say_the_rest() {
+    let options = ReadOptions {
+        columns: Some(Columns::XyzBlocks),
+        time_column: Some(TimeUnit::S),
+        ..Default::default()
+    };
+    let recording = read_text("clock,a,b,c,d,e,f\n1.5,0,1,2,3,4,5\n", &options).unwrap();
+    assert_eq!(recording.counts(0).unwrap(), [[0, 2, 4], [1, 3, 5]].map(Some));
+    assert_eq!(recording.t_ns(0), 1_500_000_000);
+    let recording = read_text("1.5,0,1,2,3,4,5\n", &options).unwrap();
+    assert_eq!(recording.taxels(), 2);
+}
+
+#[test]
+fn times_of_a_wall_clock_are_exact_in_every_unit() {
+    for (unit, text, wanted) in [
+        ("ns", "1700000000123456789", 1_700_000_000_123_456_789),
+        ("us", "1700000000123457", 1_700_000_000_123_457_000),
+        ("us", "1700000000123456.789", 1_700_000_000_123_456_789),
+        ("ms", "1700000000123.456789", 1_700_000_000_123_456_789),
+        ("s", "1700000000.123456789", 1_700_000_000_123_456_789),
+        ("s", " 1700000000.1234567894 ", 1_700_000_000_123_456_789),
+        ("s", "1700000000.1234567895", 1_700_000_000_123_456_790),
+        // As numpy.savetxt writes them.
+        ("s", "1.700000000123456789e+09", 1_700_000_000_123_456_789),
+        ("us", "+1.700000000123457E15", 1_700_000_000_123_457_000),
+        ("s", ".5", 500_000_000),
+        ("s", "2.", 2_000_000_000),
+        ("s", "1e-400", 0),
+        ("s", "-0.0", 0),
+        ("s", "0.0000000000000000000000000000000000000000005", 0),
+    ] {
+        let recording = read_text(&format!("t_{unit},a\n{text},1\n"), &ReadOptions::default()).unwrap();
+        assert_eq!(recording.t_ns(0), wanted, "{text} {unit}");
+    }
+    for text in ["1e400", "1e30", "inf", "-1e-9"] {
+        let message = read_text(&format!("t_s,a\n{text},1\n"), &ReadOptions::default()).unwrap_err();
+        assert!(message.contains("is no time from 0 on"), "{text}: {message}");
+    }
+}
+
+#[test]
+fn semicolons_and_tabs_separate_like_commas_and_quotes_hide_them() {
+    let none = ReadOptions::default();
+    let wanted = read_text("t_ms,a,b\n0,1.5,-2\n10,3,4\n", &none).unwrap();
+    for text in [
+        "t_ms;a;b\r\n0;1.5;-2\r\n10;3;4\r\n",
+        "\u{feff}# made by hand, today\n\nt_ms\ta\tb\n0\t1.5\t-2\n \n10\t3\t4",
+        "\"t_ms\",\"a;b\",\"c, \"\"d\"\"\"\n\"0\",\"1.5\", -2\n  # half time\n10,3,\"4\"",
+        "t_ms,\ta,\tb\n0,\t1.5,\t-2\n10,\t3,\t4\n",
+    ] {
+        let recording = read_text(text, &none).unwrap();
+        assert_eq!(recording.frames(), wanted.frames(), "{text:?}");
+        assert_eq!(recording.t_ns(1), 10_000_000, "{text:?}");
+    }
+}
+
+#[test]
+fn an_empty_cell_is_a_value_that_is_not_there() {
+    let none = ReadOptions::default();
+    let counts = ReadOptions {
+        columns: Some(Columns::XyzInterleaved),
+        joint_columns: 1,
+        ..Default::default()
+    };
+    for (text, options) in [
+        (
+            "0B0X,0B0Y,0B0Z,0B1X,0B1Y,0B1Z,J0\n,,,4,5,6,0.5\n1,2,3,,nan,\"\",\n",
+            &none,
+        ),
+        (",,,4,5,6,0.5\n1,2,3,, , ,\n", &counts),
+    ] {
+        let recording = read_text(text, options).unwrap();
+        assert_eq!(recording.counts(0).unwrap(), [None, Some([4, 5, 6])], "{text:?}");
+        assert_eq!(recording.counts(1).unwrap(), [Some([1, 2, 3]), None], "{text:?}");
+        assert_eq!(recording.joints(0), [0.5]);
+        assert!(recording.joints(1)[0].is_nan());
+    }
+    let void = ReadOptions {
+        void: Some(Void::Nan),
+        ..Default::default()
+    };
+    let magnitudes = read_text("1,,3\n4,,\n", &void).unwrap();
+    assert_eq!((magnitudes.taxels(), magnitudes.missing()), (2, 1));
+    for (text, options, wanted) in [
+        ("1,,3,4,5,6,0.5\n", &counts, "frame 0, value 1 is NaN"),
+        ("1,2\n3,\n", &none, "frame 1, taxel 1 is NaN"),
+        ("t,a\n,2\n", &none, ":2: NaN is no time"),
+        ("1,2\n3,4,5,\n", &none, ":2: 4 columns"),
+    ] {
+        let message = read_text(text, options).unwrap_err();
+        assert!(message.contains(wanted), "{text:?}: {message}");
+    }
+}
+
+#[test]
+fn a_separator_at_the_end_of_lines_is_no_column() {
+    let none = ReadOptions::default();
+    let wanted = read_text("t_ms,a,b\n0,1,2\n10,3,4\n", &none).unwrap();
+    for text in [
+        "t_ms,a,b,\n0,1,2,\n10,3,4,\n",
+        "t_ms;a;b\r\n0;1;2;\r\n10;3;4;\r\n",
+        "t_ms,a,b,\n0,1,2\n10,3,4, \n",
+        "t_ms\ta\tb\t\n0\t1\t2\t\n10\t3\t4\t\n",
+    ] {
+        let recording = read_text(text, &none).unwrap();
+        assert_eq!(recording.frames(), wanted.frames(), "{text:?}");
+        assert_eq!(recording.t_ns(1), 10_000_000, "{text:?}");
+    }
+    let plain = read_text("1,2,\n3,4,\n", &none).unwrap();
+    assert_eq!(plain.magnitudes(1).unwrap(), [3.0, 4.0]);
+}
+
+#[test]
+fn a_line_without_end_is_refused_before_it_takes_the_memory() {
+    let endless = |begin: &str, again: &str| {
+        let text = begin.to_owned() + &again.repeat(2 * LINE_BYTES as usize / again.len());
+        read_text(&text, &ReadOptions::default()).unwrap_err()
+    };
+    for (begin, again, line) in [
+        ("1,2\n3,", "4,", 2),
+        ("1,2\n3,\"", "4\n", LINE_BYTES),
+        ("#", "#", 1),
+        ("", "x", 1),
+        ("", "# nothing\n", 1),
+    ] {
+        let message = endless(begin, again);
+        assert!(message.contains("longer than 4 MiB"), "{begin:?}: {message}");
+        let place: Vec<&str> = message.split(':').collect();
+        assert!(place[1].parse::<u64>().unwrap() >= line.min(1_000), "{message}");
+    }
+}
+
+#[test]
+fn errors_name_the_line() {
+    let columns = ReadOptions {
+        columns: Some(Columns::XyzBlocks),
+        ..Default::default()
+    };
+    let none = ReadOptions::default();
+    for (text, options, wanted) in [
+        ("1,2\n3\n", &none, ":2: 1 columns"),
+        ("1,2\n\n3,x\n", &none, ":3: column 2 is \"x\""),
+        ("1,x\n2,3\n", &none, ":1: column 2 is \"x\""),
+        ("# c\r\n\r\n1;2\r\n# c\r\n3;x", &none, ":5: column 2 is \"x\""),
+        (
+            "1;2\n1,5;2\n",
+            &none,
+            ":2: column 1 is \"1,5\", which is not a number; decimals",
+        ),
+        ("", &none, ":1: no line"),
+        ("a,b\n", &none, ":1: no line"),
+        ("0B0X,0B0Y,0B0Z,a\n1,2,3,4\n", &none, ":1: column \"a\""),
+        (
+            "0B0X,0B0Y,0B0Y\n1,2,3\n",
+            &none,
+            ":1: column \"0B0Y\" comes twice",
+        ),
+        ("0B0X,0B0Y\n1,2\n", &none, ":1: taxel 0B0 has no column Z"),
+        ("0B0X,0B0Y,0B0Z\n1,2,3\n", &columns, ":1: the header names"),
+        ("t,a\n-1,2\n", &none, ":2: -1 is no time"),
+        ("0B0X,0B0Y,0B0Z\n1,2,70000\n", &none, "70000"),
+        ("1,2\n3,nan\n", &none, "frame 1, taxel 1"),
+    ] {
+        let message = read_text(text, options).unwrap_err();
+        assert!(message.contains(wanted), "{text:?}: {message}");
+    }
+    let wide = "a,".repeat(MAX_COLUMNS) + "a\n";
+    let message = read_text(&wide, &none).unwrap_err();
+    assert!(
+        message.contains(":1: 200001 columns, more than 200000"),
+        "{message}"
+    );
+    let dir = TempDir::new().unwrap();
+    let path = dir.path().join("latin.csv");
+    std::fs::write(&path, b"1,2\n3,\xff\n").unwrap();
+    let message = Recording::open(&path, &none).unwrap_err().to_string();
+    assert!(message.contains(":2: not UTF-8"), "{message}");
+}
