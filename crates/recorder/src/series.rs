@@ -1,6 +1,6 @@
 //! The files of one recording: how they are called, which are there, and which make room for new ones.
 
-use crate::store::StoreError;
+use crate::store_error::StoreError;
 use mcap::MAGIC;
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, Read};

@@ -3,6 +3,7 @@
 use crate::gone::{Gone, is_at};
 use crate::schema::Topic;
 use crate::series::{Series, folder_of};
+use crate::store_error::StoreError;
 use crate::writer::{Entry, Preamble, RecordingWriter};
 use std::collections::VecDeque;
 use std::fs::File;
@@ -33,38 +34,6 @@ pub struct Around {
     pub before_ns: u64,
     /// Behind it.
     pub after_ns: u64,
-}
-
-/// Why a recording stopped.
-#[derive(Debug, thiserror::Error)]
-pub enum StoreError {
-    /// The file cannot be made.
-    #[error("cannot create {path}: {source}{}", advice(.source))]
-    Create {
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: io::Error,
-    },
-    /// The file cannot be written; what it holds of the recording can be read.
-    #[error(
-        "{path}: {source}: the recording stopped there; its first {good} bytes are whole and can be read"
-    )]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// What the system said, such as that the disk is full.
-        source: io::Error,
-        /// Bytes of the file that can be read.
-        good: u64,
-    },
-}
-
-fn advice(error: &io::Error) -> &'static str {
-    match error.kind() {
-        io::ErrorKind::AlreadyExists => "; a recording is not overwritten: remove it or give another name",
-        _ => "",
-    }
 }
 
 /// Puts messages into files. A file is begun with the first message of a hand, and older ones make room when it can be read
