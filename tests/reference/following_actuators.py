@@ -101,7 +101,10 @@ class Follower:
         self.at[self.label] = self.xy
         self.pressed[:] = False
         self.pressed[self.label] = True
-        self.member = {int(i): n for n, i in enumerate(label)}
+        taken = self.exchanged()
+        self.label = np.argsort(taken)[self.label]
+        self.at = self.at[taken]
+        self.member = {i: n for n, i in enumerate(self.label.tolist())}
         for i, n in self.member.items():
             self.stood[i] = tuple(self.xy[n].tolist())
         self.done, self.judged, self.patience = True, None, 0
@@ -228,6 +231,7 @@ class Follower:
 
     def wake(self):
         woke = False
+        lost = int(np.count_nonzero(self.bound & (self.sums[:, 2] == 0)))
         for jumps in (False, True):
             for i in range(self.k):
                 if self.sums[i, 2] > 0 or self.moved[i] or self.bound[i] != jumps:
@@ -235,7 +239,7 @@ class Follower:
                 n = int(np.argmax(self.near))
                 if self.near[n] == 0:
                     return woke
-                if jumps and self.weight[n] * float(self.near[n]) <= self.jump_gain * self.cost():
+                if jumps and self.weight[n] * float(self.near[n]) * lost <= self.jump_gain * self.cost():
                     return woke
                 self.at[i] = self.xy[n]
                 self.moved[i] = woke = True
@@ -443,8 +447,37 @@ class Follower:
 
     # Where they stand
 
+    def exchanged(self):
+        """The cluster that each id takes, so that as many as can go a little way where one would jump."""
+        taken = list(range(self.k))
+        near = lambda i, to: not self.bound[i] or squared(self.at[to], self.stood[i]) <= self.reach * self.reach
+        for jumper in range(self.k) if self.k <= RANKED else ():
+            left = taken[jumper]
+            if not self.pressed[jumper] or near(jumper, left):
+                continue
+            ways = [[jumper]]  # ids, each of which is to take the cluster of the next, and the last the one that is left
+            seen = {}
+            for way in ways:
+                if left in seen:
+                    break
+                for to in range(self.k):
+                    if self.pressed[to] and to not in seen and near(way[-1], to):
+                        seen[to] = way
+                        ways.append([*way, taken.index(to)])
+                        if to == left:
+                            break
+            if left in seen:
+                clusters = [taken[i] for i in seen[left][1:]] + [left]
+                for i, cluster in zip(seen[left], clusters):
+                    taken[i] = cluster
+        return np.array(taken)
+
     def finish(self):
         self.pressed = self.sums[:, 2] > 0
+        taken = self.exchanged()
+        takes = np.argsort(taken)
+        self.label, self.second = takes[self.label], takes[self.second]
+        self.at, self.tall, self.sums = self.at[taken], self.tall[taken], self.sums[taken]
         self.done = self.done and bool(np.all(self.pressed))
         step = F(0.125) * self.reach * self.reach
         least, self.member = {}, {}

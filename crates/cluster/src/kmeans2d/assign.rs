@@ -80,6 +80,19 @@ impl Assignment {
         self.label[n] = id as u16;
     }
 
+    /// Gives the clusters other ids.
+    pub(super) fn rename(&mut self, ids: &[u16]) {
+        for label in &mut self.label {
+            *label = ids[usize::from(*label)];
+        }
+        for next in self.next.as_flattened_mut().iter_mut().take(self.n) {
+            let id = (next.to_bits() & self.ids) as usize;
+            if let Some(id) = ids.get(id) {
+                *next = f32::from_bits(next.to_bits() & !self.ids | u32::from(*id));
+            }
+        }
+    }
+
     /// A point and its weight.
     pub(super) fn point(&self, n: usize) -> (f64, f64, f64) {
         (

@@ -14,9 +14,12 @@
 //!    gain is worth what it makes people feel. Only this move makes an actuator jump. While nothing
 //!    changes less and less is asked of one, so that a bad arrangement does not last.
 //!
+//! Where a cluster would jump in the end though others lie between, each takes the place of the next (`exchange.rs`):
+//! so a contact that slides by a pixel takes all its actuators along.
+//!
 //! An actuator whose points are gone rests where it stood, for a frame at least, and returns when a
-//! point returns there. Only after that rest it may be put elsewhere: it has been lifted then, and
-//! does not jump. So a point that flickers at the contact threshold does not send an actuator back
+//! point returns there. Only after that rest it may be put elsewhere for little: it has been lifted
+//! then, and does not jump. So a point that flickers at the contact threshold does not send an actuator back
 //! and forth.
 //!
 //! Points may have heights, which decide between arrangements that are nearly as good in the plane. With few points for
@@ -27,6 +30,7 @@
 //! operation is elementwise or in index order, so results are the same at every vector width.
 
 mod assign;
+mod exchange;
 mod identity;
 mod improve;
 mod least;
@@ -37,6 +41,7 @@ mod swap;
 mod trade;
 
 use assign::Assignment;
+use exchange::Exchange;
 use settle::Joined;
 use stand::Stands;
 
@@ -111,6 +116,7 @@ pub struct Kmeans2d {
     stands: Stands,
     traded: Traded,
     identity: identity::Matching,
+    exchange: Exchange,
 }
 
 /// No id.
@@ -208,6 +214,7 @@ impl Kmeans2d {
             stands: Stands::new(clusters),
             traded: Traded::new(keys, clusters),
             identity: identity::Matching::new(clusters),
+            exchange: Exchange::new(clusters),
         }
     }
 
@@ -342,6 +349,7 @@ impl Kmeans2d {
             (self.x[id], self.y[id]) = (x as f32, y as f32);
             self.live[id] = true;
         }
+        self.exchange();
         self.stands.stand_on_points(&self.assignment);
         self.settled = true;
         // What comes next does not depend on how long the hand was idle.
@@ -371,10 +379,34 @@ impl Kmeans2d {
     /// Finds out which ids have points, and where they stand.
     fn finish(&mut self) {
         self.find_live();
+        self.exchange();
         let rests = self.pinned.iter().zip(&self.live).any(|(was, is)| *was && !*is);
         self.settled &= !rests && self.live.iter().all(|live| *live);
         self.stands
             .stand(&self.assignment, &self.pinned, self.settings.reach as f32);
+    }
+
+    /// Where an id would jump and others near it could go a little way instead, each takes the place of the next.
+    fn exchange(&mut self) {
+        let (stands, reach) = (self.stands.places(), self.settings.reach as f32);
+        let near = |id: usize, to: usize| {
+            let (dx, dy) = (self.x[to] - stands[id][0], self.y[to] - stands[id][1]);
+            !self.pinned[id] || dx * dx + dy * dy <= reach * reach
+        };
+        if !self.exchange.find(&self.live, near) {
+            return;
+        }
+        let Saved { x, y, height, sums } = &mut self.saved;
+        x.copy_from_slice(&self.x);
+        y.copy_from_slice(&self.y);
+        height.copy_from_slice(&self.height);
+        sums.copy_from_slice(&self.sums);
+        for (id, cluster) in self.exchange.clusters().iter().enumerate() {
+            let cluster = usize::from(*cluster);
+            (self.x[id], self.y[id]) = (x[cluster], y[cluster]);
+            (self.height[id], self.sums[id]) = (height[cluster], sums[cluster]);
+        }
+        self.assignment.rename(self.exchange.ids());
     }
 
     fn find_live(&mut self) {
@@ -384,10 +416,13 @@ impl Kmeans2d {
     }
 
     /// Puts ids without points to the points farthest from all clusters: those that rested in the
-    /// last frame wherever it helps, the others where it saves enough for a jump. Says whether it
-    /// put any.
+    /// last frame wherever it helps, the others where it saves enough for a jump, the less of each
+    /// the more there are: many lose their points at once where a contact moves, and not where one
+    /// flickers. Says whether it put any.
     fn wake(&mut self) -> bool {
         let mut woke = false;
+        let lost = |(pinned, sums): &(&bool, &Sums)| **pinned && sums.weight <= 0.0;
+        let lost = self.pinned.iter().zip(&self.sums).filter(lost).count() as f64;
         for jumps in [false, true] {
             for id in 0..self.x.len() {
                 if self.sums[id].weight > 0.0 || self.moved[id] || self.pinned[id] != jumps {
@@ -396,7 +431,7 @@ impl Kmeans2d {
                 let Some((place, saving)) = self.assignment.farthest() else {
                     return woke;
                 };
-                if jumps && saving <= self.settings.swap_gain * self.cost() {
+                if jumps && saving * lost <= self.settings.swap_gain * self.cost() {
                     return woke;
                 }
                 (self.x[id], self.y[id]) = place;

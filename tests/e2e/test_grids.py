@@ -1,4 +1,4 @@
-"""Actuators on skins of thousands of taxels are where the recipe puts them, offline as live."""
+"""Actuators on grids of up to ten thousands of taxels are where the recipe puts them, offline as live."""
 
 import subprocess
 
@@ -52,6 +52,30 @@ def fills(height, width, frames):
     return made
 
 
+def walks(rows, columns, every):
+    """A block of contacts that goes on by a pixel, to the right and down in turns, on a skin of 28 x 28."""
+    force = np.random.default_rng(13).integers(10, 100, (rows, columns)).astype(float)
+    made = np.zeros((20 * every, 28, 28))
+    for t, frame in enumerate(made):
+        left, top = (t // every + 1) // 2, t // every // 2
+        frame[top : top + rows, left : left + columns] = force
+    return made
+
+
+def where_the_recipe_puts_them(folder, frames, actuators):
+    """Checks the actuators of every frame; returns the images."""
+    follower = Follower(actuators)
+    made = images(folder, frames, actuators)
+    assert len(made) == len(frames)
+    for i, (image, force) in enumerate(zip(made, frames)):
+        y, x = np.nonzero(force > 0.5)
+        xy = np.column_stack([x, y])
+        _, member = follower.follow(xy, height=force[y, x] / force.max())
+        assert image.contacts == len(xy)
+        assert [(a.id, a.x, a.y) for a in image.actuators] == [(k, *xy[n]) for k, n in sorted(member.items())], f"frame {i}"
+    return made
+
+
 @pytest.mark.parametrize(
     "frames, actuators, contacts",
     [
@@ -64,12 +88,17 @@ def fills(height, width, frames):
     ids=["about 1,024 contacts", "thousands", "ten thousand", "65,025 contacts", "1,024 actuators, ties everywhere"],
 )
 def test_actuators_of_a_large_skin_are_where_the_recipe_puts_them(folder, frames, actuators, contacts):
-    follower = Follower(actuators)
-    made = images(folder, frames, actuators)
-    assert len(made) == len(frames) and max(image.contacts for image in made) >= contacts
-    for i, (image, force) in enumerate(zip(made, frames)):
-        y, x = np.nonzero(force > 0.5)
-        xy = np.column_stack([x, y])
-        _, member = follower.follow(xy, height=force[y, x] / force.max())
-        assert image.contacts == len(xy)
-        assert [(a.id, a.x, a.y) for a in image.actuators] == [(k, *xy[n]) for k, n in sorted(member.items())], f"frame {i}"
+    made = where_the_recipe_puts_them(folder, frames, actuators)
+    assert max(image.contacts for image in made) >= contacts
+
+
+@pytest.mark.parametrize("rows, columns", [(4, 4), (4, 5), (3, 6), (1, 17)], ids=lambda n: str(n))
+@pytest.mark.parametrize("every", [1, 3])
+def test_a_block_that_goes_on_by_a_pixel_takes_its_actuators_along(folder, rows, columns, every):
+    made = where_the_recipe_puts_them(folder, walks(rows, columns, every), 16)
+    ways = []
+    for before, after in zip(made, made[1:]):
+        at = {a.id: (a.x, a.y) for a in before.actuators}
+        ways += [np.hypot(a.x - at[a.id][0], a.y - at[a.id][1]) for a in after.actuators if a.id in at]
+    assert len(ways) > 250
+    assert max(ways) <= 2
