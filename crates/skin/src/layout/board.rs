@@ -15,229 +15,259 @@ use toml::Spanned;
 pub(crate) fn accept_board(
     source: &Source<'_>,
     module: &FileModule,
-    module_span: &Range<usize>,
+    span: &Range<usize>,
     head: &Head,
     accepted: &Accepted,
 ) -> Result<(Wiring, Range<usize>), LayoutError> {
-    let name = || module.name.clone();
     let Some(protocol) = Protocol::from_name(module.protocol.get_ref()) else {
         let problem = LayoutProblem::UnknownProtocol {
-            module: name(),
+            module: module.name.clone(),
             protocol: module.protocol.get_ref().clone(),
         };
         return source.refuse(&module.protocol.span(), problem);
     };
-    let refuse = |span: &Range<usize>, problem: &str| {
-        let problem = LayoutProblem::Key {
-            module: name(),
-            protocol,
-            problem: problem.into(),
-        };
-        source.refuse(span, problem)
+    let board = Board {
+        source,
+        module,
+        span,
+        protocol,
+        head,
+        accepted,
     };
-    let bus_span = module.bus.as_ref().map(Spanned::span);
-    let board_span = module.board.as_ref().map(Spanned::span);
-    for (key, span) in [
-        ("icub", module.icub.as_ref().map(Spanned::span)),
-        ("hub", module.hub.as_ref().map(Spanned::span)),
-        ("rows", module.rows.as_ref().map(Spanned::span)),
-        ("columns", module.columns.as_ref().map(Spanned::span)),
-    ] {
-        if let Some(span) = span.filter(|_| !protocol.takes_key(key)) {
-            return refuse(&span, &format!("has no use for the key `{key}`"));
-        }
-    }
+    board.refuse_useless_keys()?;
+    let wiring = Wiring {
+        bus: 0,
+        board: 0,
+        protocol,
+        icub: None,
+        hub: None,
+        array: None,
+    };
     if !protocol.has_board() {
-        return match bus_span.or(board_span) {
-            Some(span) => refuse(&span, "has neither bus nor board; remove the key"),
-            None => {
-                let wiring = Wiring {
-                    bus: 0,
-                    board: 0,
-                    protocol,
-                    icub: None,
-                    hub: None,
-                    array: None,
-                };
-                Ok((wiring, module_span.clone()))
-            }
-        };
+        return Ok((wiring, span.clone()));
     }
-
-    let Some(bus_name) = &module.bus else {
-        return refuse(module_span, "needs the key `bus`");
-    };
-    let Some(bus) = head.buses.iter().position(|b| b == bus_name.get_ref()) else {
-        let problem = LayoutProblem::UnknownBus {
-            module: name(),
-            bus: bus_name.get_ref().clone(),
-            known: head.buses.join(", "),
-        };
-        return source.refuse(&bus_name.span(), problem);
-    };
-    let addresses = protocol.addresses();
-    let (board, board_span) = match &module.board {
-        Some(board) => (*board.get_ref(), board.span()),
-        None if protocol.takes_key("board") => return refuse(module_span, "needs the key `board`"),
-        None => (addresses.start.into(), module_span.clone()),
-    };
-    if board < addresses.start.into() || board >= addresses.end.into() {
-        let problem = LayoutProblem::BoardOutOfRange {
-            module: name(),
-            board,
-            protocol,
-        };
-        return source.refuse(&board_span, problem);
-    }
-    let (bus, board) = (bus as u8, board as u8);
-    let hub = if protocol.takes_key("hub") {
-        Some(find_hub(source, module, module_span, (bus, protocol), head)?)
-    } else {
-        None
-    };
-    let same = |m: &Wiring| {
-        m.bus == bus && m.board == board && m.hub == hub && m.protocol.has_addresses_of(protocol)
-    };
-    if let Some(other) = accepted.wiring.iter().position(same) {
-        let problem = LayoutProblem::SameBoard {
-            module: name(),
-            bus: head.buses[bus as usize].clone(),
-            board,
-            other: accepted.modules[other].name.clone(),
-            other_line: source.line(&accepted.spans[other]),
-        };
-        return source.refuse(&board_span, problem);
-    }
-    // A middle frame of a hub's packet would be a command to an MTB, and its other ids are those of data.
-    let hubs_use_standard_ids = head
-        .cyskin
-        .as_ref()
-        .is_some_and(|setup| setup.ids == HubIds::Standard);
-    let other_kind =
-        |m: &Wiring| m.protocol.has_board() && m.bus == bus && (m.hub.is_some() != hub.is_some());
-    if let Some(other) = accepted
-        .wiring
-        .iter()
-        .position(other_kind)
-        .filter(|_| hubs_use_standard_ids)
-    {
-        let problem = format!(
-            "cannot share bus {:?} with module {:?} (line {}): hubs with standard ids use those of other boards and of commands to them; give hubs a bus of their own",
-            head.buses[bus as usize],
-            accepted.modules[other].name,
-            source.line(&accepted.spans[other])
-        );
-        return refuse(&bus_name.span(), &problem);
-    }
-    let array = match protocol.takes_key("rows") {
-        true => Some(array_size(source, module, module_span, protocol)?),
-        false => None,
-    };
-    let not_alone =
-        |m: &Wiring| m.protocol.has_board() && m.bus == bus && (array.is_some() || m.array.is_some());
-    if let Some(other) = accepted.wiring.iter().position(not_alone) {
-        let problem = format!(
-            "cannot share bus {:?} with module {:?} (line {}): a pressure array has a socket of its own; give it a bus of its own",
-            head.buses[bus as usize],
-            accepted.modules[other].name,
-            source.line(&accepted.spans[other])
-        );
-        return refuse(&bus_name.span(), &problem);
-    }
-    let icub = match &module.icub {
-        Some(setup) => {
-            if let Some(problem) = setup.get_ref().0.problem() {
-                return refuse(&setup.span(), &problem);
-            }
-            Some(setup.get_ref().0)
-        }
-        None => protocol.takes_key("icub").then(IcubSetup::default),
-    };
+    let (bus, bus_span) = board.find_bus()?;
+    let (address, address_span) = board.address()?;
     let wiring = Wiring {
         bus,
-        board,
-        protocol,
-        icub,
-        hub,
-        array,
+        board: address,
+        hub: board.find_hub(bus)?,
+        ..wiring
     };
-    Ok((wiring, board_span))
+    board.refuse_same(&wiring, &address_span)?;
+    board.refuse_beside_hubs(&wiring, &bus_span)?;
+    let wiring = Wiring {
+        array: board.array_size()?,
+        ..wiring
+    };
+    board.refuse_beside_array(&wiring, &bus_span)?;
+    let icub = board.icub_setup()?;
+    Ok((Wiring { icub, ..wiring }, address_span))
 }
 
-/// Rows and columns of a pressure array.
-fn array_size(
-    source: &Source<'_>,
-    module: &FileModule,
-    module_span: &Range<usize>,
+/// A module's keys, its place in the file, and what they are checked against.
+struct Board<'a> {
+    source: &'a Source<'a>,
+    module: &'a FileModule,
+    span: &'a Range<usize>,
     protocol: Protocol,
-) -> Result<[u16; 2], LayoutError> {
-    let most = protocol.taxel_numbers();
-    let key = |problem: String| LayoutProblem::Key {
-        module: module.name.clone(),
-        protocol,
-        problem,
-    };
-    let side = |name: &str, value: &Option<Spanned<i64>>| match value {
-        None => source.refuse(module_span, key(format!("needs the key `{name}`"))),
-        Some(value) => match u16::try_from(*value.get_ref()) {
-            Ok(side) if (1..=most).contains(&side) => Ok(side),
-            _ => {
-                let problem = format!("has 1 to {most} {name}, not {}", value.get_ref());
-                source.refuse(&value.span(), key(problem))
+    head: &'a Head,
+    accepted: &'a Accepted,
+}
+
+impl Board<'_> {
+    fn refuse<T>(&self, span: &Range<usize>, problem: impl Into<String>) -> Result<T, LayoutError> {
+        let problem = LayoutProblem::Key {
+            module: self.module.name.clone(),
+            protocol: self.protocol,
+            problem: problem.into(),
+        };
+        self.source.refuse(span, problem)
+    }
+
+    fn refuse_useless_keys(&self) -> Result<(), LayoutError> {
+        let FileModule {
+            bus,
+            board,
+            icub,
+            hub,
+            rows,
+            columns,
+            ..
+        } = self.module;
+        for (key, span) in [
+            ("icub", icub.as_ref().map(Spanned::span)),
+            ("hub", hub.as_ref().map(Spanned::span)),
+            ("rows", rows.as_ref().map(Spanned::span)),
+            ("columns", columns.as_ref().map(Spanned::span)),
+        ] {
+            if let Some(span) = span.filter(|_| !self.protocol.takes_key(key)) {
+                return self.refuse(&span, format!("has no use for the key `{key}`"));
             }
-        },
-    };
-    let [rows, columns] = [side("rows", &module.rows)?, side("columns", &module.columns)?];
-    match u32::from(rows) * u32::from(columns) {
-        taxels if taxels <= most.into() => Ok([rows, columns]),
-        taxels => {
-            let problem =
-                format!("has {taxels} taxels in {rows} rows of {columns}; an array has {most} at most");
-            source.refuse(module_span, key(problem))
+        }
+        let place = bus.as_ref().map(Spanned::span);
+        match place.or(board.as_ref().map(Spanned::span)) {
+            Some(span) if !self.protocol.has_board() => {
+                self.refuse(&span, "has neither bus nor board; remove the key")
+            }
+            _ => Ok(()),
         }
     }
-}
 
-/// The hub of a CySkin module, which must be on the module's bus.
-fn find_hub(
-    source: &Source<'_>,
-    module: &FileModule,
-    module_span: &Range<usize>,
-    (bus, protocol): (u8, Protocol),
-    head: &Head,
-) -> Result<u8, LayoutError> {
-    let Some(setup) = &head.cyskin else {
-        return source.refuse(module_span, LayoutProblem::Cyskin(no_table()));
-    };
-    let known = || {
-        let names: Vec<&str> = setup.hubs.iter().map(|hub| hub.name.as_str()).collect();
-        names.join(", ")
-    };
-    let (span, problem) = match &module.hub {
-        None => (
-            module_span.clone(),
-            format!("needs the key `hub`, one of {}", known()),
-        ),
-        Some(hub) => match setup.hubs.iter().position(|h| h.name == *hub.get_ref()) {
-            None => (
-                hub.span(),
-                format!("names hub {:?}, but the hubs are {}", hub.get_ref(), known()),
-            ),
-            Some(index) if setup.hubs[index].bus != bus => (
-                hub.span(),
+    fn find_bus(&self) -> Result<(u8, Range<usize>), LayoutError> {
+        let Some(name) = &self.module.bus else {
+            return self.refuse(self.span, "needs the key `bus`");
+        };
+        match self.head.buses.iter().position(|bus| bus == name.get_ref()) {
+            Some(bus) => Ok((bus as u8, name.span())),
+            None => {
+                let problem = LayoutProblem::UnknownBus {
+                    module: self.module.name.clone(),
+                    bus: name.get_ref().clone(),
+                    known: self.head.buses.join(", "),
+                };
+                self.source.refuse(&name.span(), problem)
+            }
+        }
+    }
+
+    fn address(&self) -> Result<(u8, Range<usize>), LayoutError> {
+        let addresses = self.protocol.addresses();
+        let (board, span) = match &self.module.board {
+            Some(board) => (*board.get_ref(), board.span()),
+            None if self.protocol.takes_key("board") => {
+                return self.refuse(self.span, "needs the key `board`");
+            }
+            None => (addresses.start.into(), self.span.clone()),
+        };
+        if board < addresses.start.into() || board >= addresses.end.into() {
+            let problem = LayoutProblem::BoardOutOfRange {
+                module: self.module.name.clone(),
+                board,
+                protocol: self.protocol,
+            };
+            return self.source.refuse(&span, problem);
+        }
+        Ok((board as u8, span))
+    }
+
+    /// The hub of a CySkin module, which must be on the module's bus.
+    fn find_hub(&self, bus: u8) -> Result<Option<u8>, LayoutError> {
+        if !self.protocol.takes_key("hub") {
+            return Ok(None);
+        }
+        let Some(setup) = &self.head.cyskin else {
+            return self.source.refuse(self.span, LayoutProblem::Cyskin(no_table()));
+        };
+        let known = || {
+            let names: Vec<&str> = setup.hubs.iter().map(|hub| hub.name.as_str()).collect();
+            names.join(", ")
+        };
+        let Some(hub) = &self.module.hub else {
+            return self.refuse(self.span, format!("needs the key `hub`, one of {}", known()));
+        };
+        let name = hub.get_ref();
+        let problem = match setup.hubs.iter().position(|h| h.name == *name) {
+            None => format!("names hub {name:?}, but the hubs are {}", known()),
+            Some(index) if setup.hubs[index].bus != bus => {
+                let bus = &self.head.buses[setup.hubs[index].bus as usize];
+                format!("names hub {name:?}, which is on bus {bus:?}")
+            }
+            Some(index) => return Ok(Some(index as u8)),
+        };
+        self.refuse(&hub.span(), problem)
+    }
+
+    fn refuse_same(&self, wiring: &Wiring, span: &Range<usize>) -> Result<(), LayoutError> {
+        let same = |m: &Wiring| {
+            (m.bus, m.board, m.hub) == (wiring.bus, wiring.board, wiring.hub)
+                && m.protocol.has_addresses_of(self.protocol)
+        };
+        let Some(other) = self.accepted.wiring.iter().position(same) else {
+            return Ok(());
+        };
+        let problem = LayoutProblem::SameBoard {
+            module: self.module.name.clone(),
+            bus: self.head.buses[wiring.bus as usize].clone(),
+            board: wiring.board,
+            other: self.accepted.modules[other].name.clone(),
+            other_line: self.source.line(&self.accepted.spans[other]),
+        };
+        self.source.refuse(span, problem)
+    }
+
+    /// A middle frame of a hub's packet would be a command to an MTB, and its other ids are those of data.
+    fn refuse_beside_hubs(&self, wiring: &Wiring, span: &Range<usize>) -> Result<(), LayoutError> {
+        let hubs = self.head.cyskin.as_ref();
+        if hubs.is_none_or(|setup| setup.ids != HubIds::Standard) {
+            return Ok(());
+        }
+        let why = "hubs with standard ids use those of other boards and of commands to them; give hubs a bus of their own";
+        self.refuse_beside(wiring, |m| m.hub.is_some() != wiring.hub.is_some(), span, why)
+    }
+
+    fn refuse_beside_array(&self, wiring: &Wiring, span: &Range<usize>) -> Result<(), LayoutError> {
+        let why = "a pressure array has a socket of its own; give it a bus of its own";
+        self.refuse_beside(wiring, |m| m.array.is_some() || wiring.array.is_some(), span, why)
+    }
+
+    /// Refuses a bus that such a board is on already.
+    fn refuse_beside(
+        &self,
+        wiring: &Wiring,
+        such: impl Fn(&Wiring) -> bool,
+        span: &Range<usize>,
+        why: &str,
+    ) -> Result<(), LayoutError> {
+        let mut before = self.accepted.wiring.iter();
+        match before.position(|m| m.protocol.has_board() && m.bus == wiring.bus && such(m)) {
+            None => Ok(()),
+            Some(other) => self.refuse(
+                span,
                 format!(
-                    "names hub {:?}, which is on bus {:?}",
-                    hub.get_ref(),
-                    head.buses[setup.hubs[index].bus as usize]
+                    "cannot share bus {:?} with module {:?} (line {}): {why}",
+                    self.head.buses[wiring.bus as usize],
+                    self.accepted.modules[other].name,
+                    self.source.line(&self.accepted.spans[other])
                 ),
             ),
-            Some(index) => return Ok(index as u8),
-        },
-    };
-    let problem = LayoutProblem::Key {
-        module: module.name.clone(),
-        protocol,
-        problem,
-    };
-    source.refuse(&span, problem)
+        }
+    }
+
+    /// Rows and columns of a pressure array.
+    fn array_size(&self) -> Result<Option<[u16; 2]>, LayoutError> {
+        if !self.protocol.takes_key("rows") {
+            return Ok(None);
+        }
+        let most = self.protocol.taxel_numbers();
+        let side = |name: &str, value: &Option<Spanned<i64>>| match value {
+            None => self.refuse(self.span, format!("needs the key `{name}`")),
+            Some(value) => match u16::try_from(*value.get_ref()) {
+                Ok(side) if (1..=most).contains(&side) => Ok(side),
+                _ => self.refuse(
+                    &value.span(),
+                    format!("has 1 to {most} {name}, not {}", value.get_ref()),
+                ),
+            },
+        };
+        let rows = side("rows", &self.module.rows)?;
+        let columns = side("columns", &self.module.columns)?;
+        match u32::from(rows) * u32::from(columns) {
+            taxels if taxels <= most.into() => Ok(Some([rows, columns])),
+            taxels => self.refuse(
+                self.span,
+                format!("has {taxels} taxels in {rows} rows of {columns}; an array has {most} at most"),
+            ),
+        }
+    }
+
+    fn icub_setup(&self) -> Result<Option<IcubSetup>, LayoutError> {
+        let Some(setup) = &self.module.icub else {
+            return Ok(self.protocol.takes_key("icub").then(IcubSetup::default));
+        };
+        match setup.get_ref().0.problem() {
+            Some(problem) => self.refuse(&setup.span(), problem),
+            None => Ok(Some(setup.get_ref().0)),
+        }
+    }
 }

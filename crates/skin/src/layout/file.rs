@@ -5,10 +5,11 @@ use super::error::{LayoutError, LayoutProblem};
 use super::pose::check_place;
 use super::source::{Accepted, FileModule, Head, Source, Table};
 use super::tile::{check_order, check_positions, check_rotation, turn};
-use super::wiring::Layout;
+use super::wiring::{Layout, Wiring};
 use crate::protocol::Protocol;
 use crate::protocol::cyskin::file::FileCyskin;
 use serde::Deserialize;
+use std::ops::Range;
 use taxel_hand::{FromMap, Geometry, MAX_MODULES, MAX_PIXELS, MAX_TAXELS, Module, Taxel, plain_words};
 use toml::Spanned;
 
@@ -138,7 +139,6 @@ fn accept_module(
     head: &Head,
     accepted: &mut Accepted,
 ) -> Result<(), LayoutError> {
-    let [width, height] = head.size;
     let span = module.span();
     let FromMap(module) = module.get_ref();
     let name = || module.name.clone();
@@ -156,9 +156,9 @@ fn accept_module(
     }
 
     let (wiring, board_span) = accept_board(source, module, &span, head, accepted)?;
-    let (bus, protocol, board) = (wiring.bus, wiring.protocol, wiring.board);
     let ([rows, columns], cells) = check_order(source, module, &wiring, &span)?;
-    let taxels = accepted.taxels.len() + cells.len();
+    let first_taxel = accepted.taxels.len();
+    let taxels = first_taxel + cells.len();
     if taxels > MAX_TAXELS {
         let problem = LayoutProblem::TooManyTaxels {
             module: name(),
@@ -171,70 +171,23 @@ fn accept_module(
     let (pose, joint) = check_place(module.pose.as_ref(), module.joint.as_ref())
         .or_else(|(span, why)| source.refuse(&span, LayoutProblem::Place { module: name(), why }))?;
 
-    let first_taxel = accepted.taxels.len();
-    let [left, top] = module.at.get_ref().0;
+    let place = Place {
+        source,
+        module,
+        wiring: &wiring,
+        board_span,
+        head,
+    };
     for (cell, position_mm) in cells.iter().zip(positions) {
         let (row, column) = turn(cell.row, cell.column, rows, columns, rotation);
-        let (x, y) = (left.saturating_add(column as i64), top.saturating_add(row as i64));
-        let k = cell.k;
-        if x < 0 || y < 0 || x >= width as i64 || y >= height as i64 {
-            let problem = LayoutProblem::OutsideImage {
-                module: name(),
-                k,
-                x,
-                y,
-                width,
-                height,
-            };
-            return source.refuse(&module.at.span(), problem);
-        }
-        let (x, y) = (x as u16, y as u16);
+        let (x, y) = place.free_pixel(cell.k, row, column, accepted)?;
+        let id = place.free_id(cell.k, accepted)?;
         let taxel = accepted.taxels.len();
-        let describe = |other: usize| {
-            let module = usize::from(accepted.taxels[other].module);
-            let other_name = accepted.modules[module].name.clone();
-            (
-                other_name,
-                accepted.k[other],
-                source.line(&accepted.spans[module]),
-            )
-        };
-        if let Some(&other) = accepted.pixels.get(&(x, y)) {
-            let (other, other_k, other_line) = describe(other);
-            let problem = LayoutProblem::Overlap {
-                module: name(),
-                k,
-                x,
-                y,
-                other,
-                other_k,
-                other_line,
-            };
-            return source.refuse(&module.at.span(), problem);
-        }
-        if let Some(id) = protocol.frame_id(board, k) {
-            let others = accepted.ids.get(&(bus, id)).filter(|other| **other < first_taxel);
-            if let Some(&other) = others {
-                let (other, other_k, other_line) = describe(other);
-                let bus = head.buses[bus as usize].clone();
-                let problem = LayoutProblem::SameCanId {
-                    module: name(),
-                    k,
-                    bus,
-                    id,
-                    other,
-                    other_k,
-                    other_line,
-                };
-                return source.refuse(&board_span, problem);
-            }
-            accepted.ids.insert((bus, id), taxel);
-        }
         accepted.pixels.insert((x, y), taxel);
-        let module = accepted.modules.len() as u16;
-        accepted.k.push(k);
+        accepted.ids.extend(id.map(|id| (id, taxel)));
+        accepted.k.push(cell.k);
         accepted.taxels.push(Taxel {
-            module,
+            module: accepted.modules.len() as u16,
             x,
             y,
             position_mm,
@@ -251,4 +204,81 @@ fn accept_module(
         joint,
     });
     Ok(())
+}
+
+/// Where the taxels of a module are to be: in the image, and among the ids of a bus.
+struct Place<'a> {
+    source: &'a Source<'a>,
+    module: &'a FileModule,
+    wiring: &'a Wiring,
+    board_span: Range<usize>,
+    head: &'a Head,
+}
+
+impl Place<'_> {
+    /// The pixel of a taxel, which must be in the image and nobody's.
+    fn free_pixel(
+        &self,
+        k: u16,
+        row: usize,
+        column: usize,
+        accepted: &Accepted,
+    ) -> Result<(u16, u16), LayoutError> {
+        let module = self.module.name.clone();
+        let [left, top] = self.module.at.get_ref().0;
+        let [width, height] = self.head.size;
+        let (x, y) = (left.saturating_add(column as i64), top.saturating_add(row as i64));
+        let is_inside = (0..width.into()).contains(&x) && (0..height.into()).contains(&y);
+        let pixel = (x as u16, y as u16);
+        let problem = match accepted.pixels.get(&pixel) {
+            _ if !is_inside => LayoutProblem::OutsideImage {
+                module,
+                k,
+                x,
+                y,
+                width,
+                height,
+            },
+            Some(&other) => {
+                let (other, other_k, other_line) = accepted.describe(other, self.source);
+                LayoutProblem::Overlap {
+                    module,
+                    k,
+                    x: pixel.0,
+                    y: pixel.1,
+                    other,
+                    other_k,
+                    other_line,
+                }
+            }
+            None => return Ok(pixel),
+        };
+        self.source.refuse(&self.module.at.span(), problem)
+    }
+
+    /// The bus and id of a taxel's frames, where they have one of their own, which must be no other module's.
+    fn free_id(&self, k: u16, accepted: &Accepted) -> Result<Option<(u8, u16)>, LayoutError> {
+        let Wiring {
+            bus, board, protocol, ..
+        } = *self.wiring;
+        let Some(id) = protocol.frame_id(board, k) else {
+            return Ok(None);
+        };
+        let of_another =
+            |taxel: &&usize| usize::from(accepted.taxels[**taxel].module) < accepted.modules.len();
+        let Some(&other) = accepted.ids.get(&(bus, id)).filter(of_another) else {
+            return Ok(Some((bus, id)));
+        };
+        let (other, other_k, other_line) = accepted.describe(other, self.source);
+        let problem = LayoutProblem::SameCanId {
+            module: self.module.name.clone(),
+            k,
+            bus: self.head.buses[bus as usize].clone(),
+            id,
+            other,
+            other_k,
+            other_line,
+        };
+        self.source.refuse(&self.board_span, problem)
+    }
 }

@@ -116,6 +116,15 @@ pub(crate) struct Accepted {
     pub(crate) ids: HashMap<(u8, u16), usize>,
 }
 
+impl Accepted {
+    /// The name of a taxel's module, its number there, and the line of that module.
+    pub(crate) fn describe(&self, taxel: usize, source: &Source<'_>) -> (String, u16, usize) {
+        let module = usize::from(self.taxels[taxel].module);
+        let name = self.modules[module].name.clone();
+        (name, self.k[taxel], source.line(&self.spans[module]))
+    }
+}
+
 /// What of the head of the file every module is checked against.
 pub(crate) struct Head {
     pub(crate) size: [u16; 2],
