@@ -248,114 +248,28 @@ impl Config {
 
     /// Checks the text of a configuration file; `path` is only for messages and for finding a layout file.
     pub fn parse(text: &str, path: &Path) -> Result<Self, ConfigError> {
-        let file = path.display().to_string();
-        let line_at = |offset: usize| {
-            1 + text.as_bytes()[..offset.min(text.len())]
-                .iter()
-                .filter(|b| **b == b'\n')
-                .count()
-        };
-        let refuse = |offset: usize, message: String| ConfigError::Value {
-            file: file.clone(),
-            line: line_at(offset),
-            message,
-        };
-        // At the key that the message names, where the table is written line by line.
-        let refuse_in = |table: &str, offset: usize, message: String| ConfigError::Value {
-            file: file.clone(),
-            line: line_of(text, table, &message).unwrap_or_else(|| line_at(offset)),
-            message,
-        };
+        let file = &File { text, path };
         let parsed: FileConfig = toml::from_str(text).map_err(|e| ConfigError::Syntax {
-            file: file.clone(),
-            line: line_at(e.span().map_or(0, |s| s.start)),
+            file: path.display().to_string(),
+            line: file.line_at(e.span().map_or(0, |s| s.start)),
             message: syntax::problem(text, e.span(), e.message()),
         })?;
-
-        let mut layout = {
-            let name = parsed.layout.get_ref();
-            let beside = path.parent().unwrap_or(Path::new("")).join(name);
-            let found = if Layout::builtin(name).is_none() && beside.is_file() {
-                Layout::load(&beside)
-            } else {
-                Layout::resolve(name)
-            };
-            found.map_err(|e| refuse(parsed.layout.span().start, e.to_string()))?
-        };
-
-        let mut sources = Vec::new();
-        for bus in &parsed.bus {
-            let source = &bus.get_ref().0.source;
-            let address = source
-                .get_ref()
-                .parse::<SourceAddress>()
-                .map_err(|e| refuse(source.span().start, e.to_string()))?;
-            sources.push(address);
-        }
-        if let Some(again) = read_twice(&sources) {
-            let message = format!(
-                "{} is given twice; each bus of the hand has a source of its own",
-                sources[again]
-            );
-            let source = &parsed.bus[again].get_ref().0.source;
-            return Err(refuse(source.span().start, message));
-        }
-        let scenes = sources.iter().all(|s| matches!(s, SourceAddress::Sim { .. }));
-        if layout.buses.is_empty() && scenes && !sources.is_empty() {
+        let mut layout = layout_of(file, &parsed.layout)?;
+        let sources = sources_of(file, &parsed.bus)?;
+        let are_scenes = sources.iter().all(|s| matches!(s, SourceAddress::Sim { .. }));
+        if layout.buses.is_empty() && are_scenes && !sources.is_empty() {
             // A scene on a hand without boards is played on simulated ones.
-            layout = with_boards(layout).map_err(|message| refuse(parsed.layout.span().start, message))?;
+            let refuse = |message| file.refuse(parsed.layout.span().start, message);
+            layout = with_boards(layout).map_err(refuse)?;
         }
-        if sources.len() != layout.buses.len() {
-            let place = parsed.bus.last().map_or(text.len(), |b| b.span().start);
-            return Err(refuse(
-                place,
-                format!(
-                    "layout {} has {} buses ({}), so there must be as many [[bus]] tables with a source, not {}",
-                    layout.name,
-                    layout.buses.len(),
-                    layout.buses.join(", "),
-                    sources.len()
-                ),
-            ));
-        }
-        if sources.len() > MAX_BUSES {
-            return Err(refuse(
-                0,
-                format!(
-                    "{} buses are more than the {MAX_BUSES} a daemon reads",
-                    sources.len()
-                ),
-            ));
-        }
-
-        for (index, bus) in parsed.bus.iter().enumerate() {
-            let (name, source) = (&layout.buses[index], &bus.get_ref().0.source);
-            let problem = match (&sources[index], layout.array_on(index)) {
-                (SourceAddress::Pressure { .. }, None) => format!(
-                    "{} is for a pressure array, and bus {name:?} of layout {} has none; name its bus, such as can:{name}",
-                    sources[index], layout.name
-                ),
-                (SourceAddress::Can { .. } | SourceAddress::Udp { .. }, Some(_)) => format!(
-                    "bus {name:?} of layout {} is a pressure array, whose frames come over a Unix socket; write \
-                     pressure:PATH",
-                    layout.name
-                ),
-                (SourceAddress::Pressure { path }, _) => match sockets::check_path(path) {
-                    Ok(()) => continue,
-                    Err(problem) => problem,
-                },
-                _ => continue,
-            };
-            return Err(refuse(source.span().start, problem));
-        }
-
+        check_buses(file, &parsed.bus, &layout, &sources)?;
         let joints = match parsed.joints {
             Some(table) => {
                 let offset = table.span().start;
                 let FromMap(joints) = table.into_inner();
                 joints
                     .check_beside(&layout, &sources)
-                    .map_err(|e| refuse_in("joints", offset, e.to_string()))?;
+                    .map_err(|e| file.refuse_in("joints", offset, e.to_string()))?;
                 Some(joints)
             }
             None => None,
@@ -369,7 +283,7 @@ impl Config {
                     None => (0, Default::default()),
                 };
                 let check: Result<(), String> = $check(&value);
-                check.map_err(|message| refuse_in(stringify!($name), offset, message))?;
+                check.map_err(|message| file.refuse_in(stringify!($name), offset, message))?;
                 value
             }};
         }
@@ -397,6 +311,120 @@ impl Config {
             layout,
             sources,
         })
+    }
+}
+
+/// The text of a configuration and where it stands, to tell the line of what is refused.
+struct File<'a> {
+    text: &'a str,
+    path: &'a Path,
+}
+
+impl File<'_> {
+    fn line_at(&self, offset: usize) -> usize {
+        let before = &self.text.as_bytes()[..offset.min(self.text.len())];
+        1 + before.iter().filter(|b| **b == b'\n').count()
+    }
+
+    fn refuse(&self, offset: usize, message: String) -> ConfigError {
+        self.refuse_at(self.line_at(offset), message)
+    }
+
+    /// At the key that the message names, where the table is written line by line.
+    fn refuse_in(&self, table: &str, offset: usize, message: String) -> ConfigError {
+        let line = line_of(self.text, table, &message);
+        self.refuse_at(line.unwrap_or_else(|| self.line_at(offset)), message)
+    }
+
+    fn refuse_at(&self, line: usize, message: String) -> ConfigError {
+        ConfigError::Value {
+            file: self.path.display().to_string(),
+            line,
+            message,
+        }
+    }
+}
+
+/// A built-in layout, or one in a file, which may be beside the configuration.
+fn layout_of(file: &File<'_>, named: &Spanned<String>) -> Result<Layout, ConfigError> {
+    let name = named.get_ref();
+    let beside = file.path.parent().unwrap_or(Path::new("")).join(name);
+    let found = if Layout::builtin(name).is_none() && beside.is_file() {
+        Layout::load(&beside)
+    } else {
+        Layout::resolve(name)
+    };
+    found.map_err(|e| file.refuse(named.span().start, e.to_string()))
+}
+
+/// One source for each table, none of them given twice.
+fn sources_of(file: &File<'_>, buses: &[Table<BusConfig>]) -> Result<Vec<SourceAddress>, ConfigError> {
+    let refuse = |bus: &Table<BusConfig>, message| file.refuse(bus.get_ref().0.source.span().start, message);
+    let sources = buses
+        .iter()
+        .map(|bus| {
+            let address = bus.get_ref().0.source.get_ref().parse::<SourceAddress>();
+            address.map_err(|e| refuse(bus, e.to_string()))
+        })
+        .collect::<Result<Vec<_>, _>>()?;
+    match read_twice(&sources) {
+        None => Ok(sources),
+        Some(again) => {
+            let message = format!(
+                "{} is given twice; each bus of the hand has a source of its own",
+                sources[again]
+            );
+            Err(refuse(&buses[again], message))
+        }
+    }
+}
+
+/// There is a source for each bus of the layout, of a kind that can carry what is on it.
+fn check_buses(
+    file: &File<'_>,
+    buses: &[Table<BusConfig>],
+    layout: &Layout,
+    sources: &[SourceAddress],
+) -> Result<(), ConfigError> {
+    if sources.len() != layout.buses.len() {
+        let message = format!(
+            "layout {} has {} buses ({}), so there must be as many [[bus]] tables with a source, not {}",
+            layout.name,
+            layout.buses.len(),
+            layout.buses.join(", "),
+            sources.len()
+        );
+        let place = buses.last().map_or(file.text.len(), |b| b.span().start);
+        return Err(file.refuse(place, message));
+    }
+    if sources.len() > MAX_BUSES {
+        let message = format!(
+            "{} buses are more than the {MAX_BUSES} a daemon reads",
+            sources.len()
+        );
+        return Err(file.refuse(0, message));
+    }
+    for (index, (bus, source)) in buses.iter().zip(sources).enumerate() {
+        source_fits(layout, index, source)
+            .map_err(|problem| file.refuse(bus.get_ref().0.source.span().start, problem))?;
+    }
+    Ok(())
+}
+
+/// Only the frames of pressure arrays come over a Unix socket of their own.
+fn source_fits(layout: &Layout, bus: usize, source: &SourceAddress) -> Result<(), String> {
+    let name = &layout.buses[bus];
+    match (source, layout.array_on(bus)) {
+        (SourceAddress::Pressure { .. }, None) => Err(format!(
+            "{source} is for a pressure array, and bus {name:?} of layout {} has none; name its bus, such as can:{name}",
+            layout.name
+        )),
+        (SourceAddress::Can { .. } | SourceAddress::Udp { .. }, Some(_)) => Err(format!(
+            "bus {name:?} of layout {} is a pressure array, whose frames come over a Unix socket; write pressure:PATH",
+            layout.name
+        )),
+        (SourceAddress::Pressure { path }, Some(_)) => sockets::check_path(path),
+        _ => Ok(()),
     }
 }
 
