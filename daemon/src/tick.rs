@@ -348,10 +348,6 @@ mod tests {
         fn counters(&self) -> &taxel_can::SourceCounters {
             &self.0
         }
-
-        fn link(&self) -> LinkState {
-            LinkState::Up
-        }
     }
 
     #[test]

@@ -4,7 +4,7 @@ use crate::bus::Bus;
 use crate::random::bits;
 use crate::scene::{Scene, SceneError};
 use crate::simulator::Simulator;
-use taxel_can::{CanFrame, CanSource, LinkState, Received, SendError, SourceCounters, Wakeup};
+use taxel_can::{CanFrame, CanSource, Received, SendError, SourceCounters, Wakeup};
 use taxel_skin::Layout;
 
 /// Random numbers of delays, one stream per bus.
@@ -161,10 +161,6 @@ impl CanSource for SimSource {
 
     fn counters(&self) -> &SourceCounters {
         &self.counters
-    }
-
-    fn link(&self) -> LinkState {
-        LinkState::Up
     }
 
     fn is_finished(&self) -> bool {

@@ -35,8 +35,10 @@ pub trait CanSource: Send {
     /// What has been received, lost and reported since the source was made.
     fn counters(&self) -> &SourceCounters;
 
-    /// The state of what is behind the source.
-    fn link(&self) -> LinkState;
+    /// The state of what is behind the source; always up where that has none of its own.
+    fn link(&self) -> LinkState {
+        LinkState::Up
+    }
 
     /// Whether no frame will ever come again; only so for a recording that has been played to its end.
     fn is_finished(&self) -> bool {

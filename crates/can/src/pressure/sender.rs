@@ -95,8 +95,4 @@ impl CanSource for PressureSender {
     fn counters(&self) -> &SourceCounters {
         &self.counters
     }
-
-    fn link(&self) -> LinkState {
-        LinkState::Up
-    }
 }

@@ -343,11 +343,6 @@ impl CanSource for UdpMulticast {
     fn counters(&self) -> &SourceCounters {
         &self.counters
     }
-
-    /// Always up: a group has no state of its own.
-    fn link(&self) -> LinkState {
-        LinkState::Up
-    }
 }
 
 #[cfg(test)]
