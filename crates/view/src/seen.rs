@@ -11,7 +11,7 @@ use hdrhistogram::Histogram;
 use std::fmt::Write;
 use std::ops::Deref;
 use std::sync::Arc;
-use taxel_hand::{Geometry, Module, Profile, Taxel};
+use taxel_hand::Profile;
 use taxel_wire::status::ProblemStatus;
 use taxel_wire::{Clock, Event, EventKind, Flags, Header, Hello, ImageView, RawView, Status, WireActuator};
 
@@ -186,7 +186,7 @@ impl Seen {
 
     /// A description of hand and display. One that describes no hand is told as a note.
     pub fn see_hello(&mut self, hello: &Hello, now_ns: u64) {
-        match geometry(hello) {
+        match hello.geometry() {
             Ok(hand) if self.hand.as_deref().map(Deref::deref) != Some(&hand) => {
                 self.hand = Some(Arc::new(Hand::new(hand)))
             }
@@ -457,26 +457,6 @@ impl Seen {
             raw_bits / image_bits.max(1.0),
         )
     }
-}
-
-/// The hand that a HELLO describes.
-fn geometry(hello: &Hello) -> Result<Geometry, taxel_hand::GeometryError> {
-    let modules = hello.modules.iter().map(|module| Module {
-        name: module.name.clone(),
-        part: module.part.clone(),
-        first_taxel: module.first_taxel,
-        taxels: module.taxels,
-        pose: module.pose,
-        joint: module.joint.clone(),
-    });
-    let taxels = hello.taxels.iter().map(|taxel| Taxel {
-        module: taxel.module,
-        x: taxel.x,
-        y: taxel.y,
-        position_mm: taxel.position_mm,
-    });
-    let size = [hello.width, hello.height];
-    Geometry::new(hello.layout.clone(), size, modules.collect(), taxels.collect())
 }
 
 /// A rate of data as people say it.

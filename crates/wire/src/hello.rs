@@ -3,7 +3,7 @@
 use crate::format::{MAJOR, MINOR};
 use crate::text::{Subscribe, split_json, to_json};
 use serde::{Deserialize, Serialize};
-use taxel_hand::{Geometry, Pose, Profile};
+use taxel_hand::{Geometry, GeometryError, Module, Pose, Profile, Taxel};
 
 /// The self-description that each reader gets first, and again whenever it changes.
 ///
@@ -263,6 +263,26 @@ impl Hello {
             force_unit: "counts".into(),
             clock,
         }
+    }
+
+    /// The hand that it describes, where it describes one.
+    pub fn geometry(&self) -> Result<Geometry, GeometryError> {
+        let modules = self.modules.iter().map(|module| Module {
+            name: module.name.clone(),
+            part: module.part.clone(),
+            first_taxel: module.first_taxel,
+            taxels: module.taxels,
+            pose: module.pose,
+            joint: module.joint.clone(),
+        });
+        let taxels = self.taxels.iter().map(|taxel| Taxel {
+            module: taxel.module,
+            x: taxel.x,
+            y: taxel.y,
+            position_mm: taxel.position_mm,
+        });
+        let size = [self.width, self.height];
+        Geometry::new(self.layout.clone(), size, modules.collect(), taxels.collect())
     }
 
     /// The text of the message; [`crate::split_text`] makes packets of it.
