@@ -1,50 +1,15 @@
 //! After its start the tick thread allocates nothing: not per frame, not per tick, not per reader.
 
-#![allow(unsafe_code)]
-
-use std::alloc::{GlobalAlloc, Layout, System};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
+use taxel_allocations::{Counting, of_thread};
 use taxel_engine::TickMode;
 use taxel_hand::{Method, Profile};
 use taxel_joints::{AllegroConfig, AllegroSource, JointSource, JointsConfig};
 use taxel_sim::servo::{ServoBuild, ServoBus, ServoPty};
 use taxel_wire::{Received, Subscribe, Subscriber};
 use taxeld::{Config, Daemon};
-
-/// Allocations per thread, by the lower bits of its id.
-static ALLOCATIONS: [AtomicU64; 1 << 16] = [const { AtomicU64::new(0) }; 1 << 16];
-
-struct Counting;
-
-fn count() {
-    let thread = nix::unistd::gettid().as_raw() as usize;
-    ALLOCATIONS[thread % ALLOCATIONS.len()].fetch_add(1, Ordering::Relaxed);
-}
-
-// SAFETY: every call is handed on to the system's allocator unchanged; counting neither allocates nor panics.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count();
-        // SAFETY: the caller's promises are passed on.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // Giving memory back can take as long as asking for it.
-        count();
-        // SAFETY: the caller's promises are passed on.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-
-    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        count();
-        // SAFETY: the caller's promises are passed on.
-        unsafe { System.realloc(pointer, layout, size) }
-    }
-}
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
@@ -163,13 +128,13 @@ fn allocations_per_run(mode: TickMode, rate_hz: f64, joints: JointsConfig) -> u6
     // Past the calibration window, and every buffer has grown to its size.
     watch(&mut subscriber, (3.0 * rate_hz) as u64);
 
-    let counter = &ALLOCATIONS[tick_thread() % ALLOCATIONS.len()];
-    let before = counter.load(Ordering::Relaxed);
+    let tick = tick_thread();
+    let before = of_thread(tick);
     // A display comes, and its profile goes again two seconds after it has left.
     drop(display(&config, of(7, Method::Optimal), None));
     let angles = watch(&mut subscriber, (3.0 * rate_hz) as u64);
     assert_eq!(angles, 16, "joints are read meanwhile");
-    let allocated = counter.load(Ordering::Relaxed) - before;
+    let allocated = of_thread(tick) - before;
     daemon.stop().unwrap();
     allocated
 }
