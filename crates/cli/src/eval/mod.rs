@@ -21,6 +21,7 @@ use taxel_eval::{
 use taxel_hand::{FORCE_MAX, FORCE_MIN};
 use taxel_playback::interrupt::Ending;
 use taxel_playback::output_file::{OutputFile, refuse_overlap};
+use taxel_playback::pipeline::Emit;
 use taxel_playback::progress::Progress;
 use taxel_skin::{ConditionConfig, Preset};
 use taxeld::Config;
@@ -295,14 +296,7 @@ fn recorded(args: &Args) -> anyhow::Result<(Frames, Config)> {
     let input = offline.input.open()?;
     let mut config = offline.configure(&input)?;
     args.condition(&mut config);
-    let mut sequence = empty(&config);
-    offline.run(&input, &config, &mut |felt| {
-        sequence
-            .tactile
-            .extend(felt.measured.map(|measured| measured.tactile.clone()));
-        sequence.force.push(felt.force.clone());
-        Ok(())
-    })?;
+    let mut sequence = gathered(&config, |emit| offline.run(&input, &config, emit))?;
     if sequence.tactile.is_empty() {
         sequence.conditioning = None;
     }
@@ -317,14 +311,23 @@ fn recorded(args: &Args) -> anyhow::Result<(Frames, Config)> {
     ))
 }
 
-/// No frames yet, of a configured hand.
-fn empty(config: &Config) -> Sequence {
-    Sequence {
+/// The frames of a configured hand that something plays.
+fn gathered(
+    config: &Config,
+    play: impl FnOnce(&mut Emit<'_>) -> anyhow::Result<()>,
+) -> anyhow::Result<Sequence> {
+    let (mut force, mut tactile) = (Vec::new(), Vec::new());
+    play(&mut |felt| {
+        tactile.extend(felt.measured.map(|measured| measured.tactile.clone()));
+        force.push(felt.force.clone());
+        Ok(())
+    })?;
+    Ok(Sequence {
         layout: config.layout.clone(),
-        force: Vec::new(),
-        tactile: Vec::new(),
+        force,
+        tactile,
         conditioning: Some(config.conditioning.clone()),
-    }
+    })
 }
 
 /// The preset that settings are, by its name.

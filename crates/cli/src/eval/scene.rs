@@ -1,6 +1,6 @@
 //! The frames of a scene, whose truth is known.
 
-use super::{Args, Frames, empty};
+use super::{Args, Frames, gathered};
 use taxel_eval::{Sequence, contact_truth};
 use taxel_playback::scene_input;
 use taxel_sim::{Scene, Simulator};
@@ -12,14 +12,7 @@ pub(super) fn frames(name: &str, args: &Args) -> anyhow::Result<(Frames, Config)
     let scene = Scene::resolve(name)?;
     let mut config = args.offline.configure_for(scene.layout())?;
     args.condition(&mut config);
-    let mut sequence = empty(&config);
-    scene_input::run(&scene, &config, &mut |felt| {
-        sequence
-            .tactile
-            .extend(felt.measured.map(|measured| measured.tactile.clone()));
-        sequence.force.push(felt.force.clone());
-        Ok(())
-    })?;
+    let sequence = gathered(&config, |emit| scene_input::run(&scene, &config, emit))?;
     let simulator = Simulator::new(&scene, &config.layout, scene.seed())?;
     let truth = Some(contact_truth(&sequence, truth(&simulator, &sequence)));
     let name = format!("sim:{name}");

@@ -186,149 +186,35 @@ fn what(report: &EvalReport) -> String {
 
 /// Two tables, errors and cost, below a line of what was measured.
 pub(super) fn every_figure(report: &EvalReport) -> String {
-    let EvalReport {
-        contact_frames,
-        contacts_median,
-        levels,
-        actuators,
-        restarts,
-        passes,
-        ..
-    } = report;
     let mut text = format!(
-        "{}, {contact_frames} with contact (median {contacts_median:.0}); K_D = {levels}, K_A = {actuators}\n\n",
-        what(report)
+        "{}, {} with contact (median {:.0}); K_D = {}, K_A = {}\n\n",
+        what(report),
+        report.contact_frames,
+        report.contacts_median,
+        report.levels,
+        report.actuators
     );
-    let width = report
-        .methods
-        .iter()
-        .map(|m| m.name.len())
-        .filter(|width| *width <= WIDEST_NAME)
-        .max()
-        .unwrap_or(0)
-        .max(8);
-    let mut line = |cells: &[String]| {
-        for (n, cell) in cells.iter().enumerate() {
-            let _ = if n == 0 && cell.len() > width {
-                write!(text, "{cell}\n{:width$}", "")
-            } else if n == 0 {
-                write!(text, "{cell:width$}")
-            } else {
-                write!(text, "  {cell:>WIDE_CELL$}")
-            };
-        }
-        text.push('\n');
-    };
-    let head = |names: &[&str]| names.iter().map(|n| n.to_string()).collect::<Vec<_>>();
-    let unit = report.methods.first().map_or("px", |m| &m.errors.cop_unit);
-    let centre = format!("cop {unit}");
-    line(&head(&[
-        "errors",
-        "force",
-        "p50",
-        "p95",
-        "optimal",
-        "place",
-        "p95",
-        "snapped",
-        "jumps",
-        "moved px",
-        "level chg",
-        "nrmse",
-        "levels 7%",
-        "shown",
-        "shown 7%",
-        "total",
-        &centre,
-        "kbit/s",
-    ]));
-    let percent = |share: f64| percent(share, WIDE_CELL);
-    let within = |value: f64, decimals| within(value, decimals, WIDE_CELL);
-    for m in &report.methods {
-        let e = &m.errors;
-        line(&[
-            m.name.clone(),
-            ratio(e.force_sse_ratio_mean),
-            ratio(e.force_sse_ratio_p50),
-            ratio(e.force_sse_ratio_p95),
-            percent(e.force_optimal_fraction),
-            ratio(e.position_sse_ratio_mean),
-            ratio(e.position_sse_ratio_p95),
-            ratio(e.snapped_sse_ratio_mean),
-            percent(e.jump_fraction),
-            within(e.moved_px_mean, 2),
-            percent(e.level_change_fraction),
-            within(e.force_nrmse, 3),
-            percent(e.weber_share),
-            within(e.displayed_nrmse, 3),
-            percent(e.displayed_weber_share),
-            percent(e.displayed_total_error_mean),
-            within(e.cop_error_mean, 2),
-            within(e.bits_per_s / 1e3, 1),
-        ]);
-    }
-    line(&[]);
-    line(&head(&[
-        "cost, us",
-        "tick p50",
-        "p99",
-        "p99.9",
-        "condition",
-        "compress",
-        "p99",
-        "all p50",
-        "all p99",
-        "all p99.9",
-        "all max",
-        "allocs",
-    ]));
-    for m in &report.methods {
-        let (condition, compress, every) = (&m.cost.condition_us, &m.cost.compress_us, &m.cost.every_tick_us);
-        let mut cells = vec![m.name.clone()];
-        let times = [
-            m.tick_us_p50,
-            m.tick_us_p99,
-            m.tick_us_p999,
-            condition.p50,
-            compress.p50,
-            compress.p99,
-            every.p50,
-            every.p99,
-            every.p999,
-            every.max,
-        ];
-        cells.extend(times.map(|us| within(us, 2)));
-        cells.push(m.allocations_per_tick.map_or("-".into(), |n| format!("{n:.3}")));
-        line(&cells);
-    }
+    let (errors, costs) = (error_columns(report), cost_columns(report));
+    text += &table("errors", &errors, &report.methods);
     text.push('\n');
-    text += &wrapped(&format!(
-        "errors, where p50 and p95 are of the frames, else means. force: squared error of the levels over the least there \
-         is; optimal: frames that have the least; place: squared distance of contacts from the middle of those that share \
-         their actuator, over the best of {restarts} k-means++; snapped: the same from the actuator's pixel; jumps: \
-         actuators that move more than 2 pixels between two images; moved px: how far they move; level chg: taxels in \
-         contact whose level changes; nrmse: error of the levels at each taxel in contact; levels 7%: taxels within a just \
-         noticeable difference; shown, shown 7%: the same of the force with which their actuators press; total: error of the \
-         sum of these; {centre}: how far off the centre of pressure is; kbit/s: of actuators and levels, where the raw \
-         counts are {:.1}.",
-        report.raw_bits_per_s / 1e3,
-    ));
-    text += &wrapped(&format!(
-        "cost, us: per frame with contacts, the median of {passes} passes. tick: {}; condition and compress: each alone, \
-         p50; all: every tick of every pass; allocs: allocations per tick.",
-        if report.conditioning_timed {
-            "conditioning and compression"
-        } else {
-            "compression, since magnitudes need no conditioning"
-        },
-    ));
+    text += &table("cost, us", &costs, &report.methods);
+    text.push('\n');
+    text += &explained(
+        "errors, where p50 and p95 are of the frames, else means.",
+        &errors,
+    );
+    let cost = format!(
+        "cost, us: per frame with contacts, the median of {} passes.",
+        report.passes
+    );
+    text += &explained(&cost, &costs);
     text += &jump_on_large_skins(report);
     if report.jump_bound_fraction > 0.0 {
         let _ = writeln!(
             text,
             "Contacts come and go so far apart that at least {} of the actuators jump whatever the method, if place is to stay \
              within 1.08 in every frame.",
-            percent(report.jump_bound_fraction)
+            share(report.jump_bound_fraction)
         );
     }
     if let Some(t) = &report.contact_truth {
@@ -340,6 +226,156 @@ pub(super) fn every_figure(report: &EvalReport) -> String {
     }
     text.push('\n');
     text
+}
+
+/// A figure of every method.
+struct Column {
+    heading: String,
+    /// What it is; empty where it is said with another.
+    explanation: String,
+    figure: fn(&MethodReport) -> String,
+}
+
+fn column(
+    heading: impl Into<String>,
+    explanation: impl Into<String>,
+    figure: fn(&MethodReport) -> String,
+) -> Column {
+    Column {
+        heading: heading.into(),
+        explanation: explanation.into(),
+        figure,
+    }
+}
+
+fn number(value: f64, decimals: usize) -> String {
+    within(value, decimals, WIDE_CELL)
+}
+
+fn share(value: f64) -> String {
+    percent(value, WIDE_CELL)
+}
+
+fn error_columns(report: &EvalReport) -> Vec<Column> {
+    let unit = report.methods.first().map_or("px", |m| &m.errors.cop_unit);
+    let centre = format!("cop {unit}");
+    let place = format!(
+        "place: squared distance of contacts from the middle of those that share their actuator, over the best of {} \
+         k-means++",
+        report.restarts
+    );
+    let bits = format!(
+        "kbit/s: of actuators and levels, where the raw counts are {:.1}",
+        report.raw_bits_per_s / 1e3
+    );
+    let centre_is = format!("{centre}: how far off the centre of pressure is");
+    vec![
+        column(
+            "force",
+            "force: squared error of the levels over the least there is",
+            |m| ratio(m.errors.force_sse_ratio_mean),
+        ),
+        column("p50", "", |m| ratio(m.errors.force_sse_ratio_p50)),
+        column("p95", "", |m| ratio(m.errors.force_sse_ratio_p95)),
+        column("optimal", "optimal: frames that have the least", |m| {
+            share(m.errors.force_optimal_fraction)
+        }),
+        column("place", place, |m| ratio(m.errors.position_sse_ratio_mean)),
+        column("p95", "", |m| ratio(m.errors.position_sse_ratio_p95)),
+        column("snapped", "snapped: the same from the actuator's pixel", |m| {
+            ratio(m.errors.snapped_sse_ratio_mean)
+        }),
+        column(
+            "jumps",
+            "jumps: actuators that move more than 2 pixels between two images",
+            |m| share(m.errors.jump_fraction),
+        ),
+        column("moved px", "moved px: how far they move", |m| {
+            number(m.errors.moved_px_mean, 2)
+        }),
+        column(
+            "level chg",
+            "level chg: taxels in contact whose level changes",
+            |m| share(m.errors.level_change_fraction),
+        ),
+        column(
+            "nrmse",
+            "nrmse: error of the levels at each taxel in contact",
+            |m| number(m.errors.force_nrmse, 3),
+        ),
+        column(
+            "levels 7%",
+            "levels 7%: taxels within a just noticeable difference",
+            |m| share(m.errors.weber_share),
+        ),
+        column(
+            "shown",
+            "shown, shown 7%: the same of the force with which their actuators press",
+            |m| number(m.errors.displayed_nrmse, 3),
+        ),
+        column("shown 7%", "", |m| share(m.errors.displayed_weber_share)),
+        column("total", "total: error of the sum of these", |m| {
+            share(m.errors.displayed_total_error_mean)
+        }),
+        column(centre, centre_is, |m| number(m.errors.cop_error_mean, 2)),
+        column("kbit/s", bits, |m| number(m.errors.bits_per_s / 1e3, 1)),
+    ]
+}
+
+fn cost_columns(report: &EvalReport) -> Vec<Column> {
+    let tick = match report.conditioning_timed {
+        true => "tick: conditioning and compression",
+        false => "tick: compression, since magnitudes need no conditioning",
+    };
+    vec![
+        column("tick p50", tick, |m| number(m.tick_us_p50, 2)),
+        column("p99", "", |m| number(m.tick_us_p99, 2)),
+        column("p99.9", "", |m| number(m.tick_us_p999, 2)),
+        column("condition", "condition and compress: each alone, p50", |m| {
+            number(m.cost.condition_us.p50, 2)
+        }),
+        column("compress", "", |m| number(m.cost.compress_us.p50, 2)),
+        column("p99", "", |m| number(m.cost.compress_us.p99, 2)),
+        column("all p50", "all: every tick of every pass", |m| {
+            number(m.cost.every_tick_us.p50, 2)
+        }),
+        column("all p99", "", |m| number(m.cost.every_tick_us.p99, 2)),
+        column("all p99.9", "", |m| number(m.cost.every_tick_us.p999, 2)),
+        column("all max", "", |m| number(m.cost.every_tick_us.max, 2)),
+        column("allocs", "allocs: allocations per tick", |m| {
+            m.allocations_per_tick.map_or("-".into(), |n| format!("{n:.3}"))
+        }),
+    ]
+}
+
+/// A line for each method, below one of headings.
+fn table(title: &str, columns: &[Column], methods: &[MethodReport]) -> String {
+    let widths = methods.iter().map(|m| m.name.len());
+    let fitting = widths.filter(|width| *width <= WIDEST_NAME).max();
+    let width = fitting.unwrap_or(0).max(8);
+    let line = |name: &str, cell: &dyn Fn(&Column) -> String| {
+        let name = match name.len() > width {
+            true => format!("{name}\n{:width$}", ""),
+            false => format!("{name:width$}"),
+        };
+        let cells = columns
+            .iter()
+            .map(|column| format!("  {:>WIDE_CELL$}", cell(column)));
+        cells.fold(name, |line, cell| line + &cell) + "\n"
+    };
+    let lines = methods
+        .iter()
+        .map(|m| line(&m.name, &|column| (column.figure)(m)));
+    lines.fold(line(title, &|column| column.heading.clone()), |table, line| {
+        table + &line
+    })
+}
+
+/// What the figures of a table are.
+fn explained(all: &str, columns: &[Column]) -> String {
+    let explanations = columns.iter().map(|column| column.explanation.as_str());
+    let said: Vec<&str> = explanations.filter(|said| !said.is_empty()).collect();
+    wrapped(&format!("{all} {}.", said.join("; ")))
 }
 
 /// How the time of both stages grows; nothing of nothing.
