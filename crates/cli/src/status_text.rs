@@ -1,7 +1,7 @@
 //! The daemon's status on one screen of 80 columns.
 
 use std::fmt::Write;
-use taxel_wire::status::{JointsStatus, Status};
+use taxel_wire::status::{BoardStatus, BusStatus, JointsStatus, ProblemStatus, Status};
 
 /// Boards and joints with problems that are listed; the others are counted.
 const LISTED: usize = 6;
@@ -17,6 +17,19 @@ pub(crate) fn of(status: &Status) -> String {
 }
 
 fn write(status: &Status, out: &mut String) -> std::fmt::Result {
+    write_state(status, out)?;
+    write_images(status, out)?;
+    write_hand(status, out)?;
+    write_buses(&status.buses, out)?;
+    write_boards(&status.boards, out)?;
+    if let Some(joints) = &status.joints {
+        write_joints(joints, out)?;
+    }
+    write_readers(status, out)?;
+    write_problems(&status.problems, out)
+}
+
+fn write_state(status: &Status, out: &mut String) -> std::fmt::Result {
     let state = match (status.paused, status.calibrating) {
         (true, _) => "paused",
         (_, true) => "measuring the baseline; do not touch the hand",
@@ -27,7 +40,10 @@ fn write(status: &Status, out: &mut String) -> std::fmt::Result {
         out,
         "taxeld {} on {}, up {up}: {state}",
         status.version, status.layout
-    )?;
+    )
+}
+
+fn write_images(status: &Status, out: &mut String) -> std::fmt::Result {
     let images = &status.images;
     writeln!(
         out,
@@ -39,7 +55,10 @@ fn write(status: &Status, out: &mut String) -> std::fmt::Result {
         images.unpublished,
         time(images.lateness_us.p50),
         time(images.lateness_us.p99),
-    )?;
+    )
+}
+
+fn write_hand(status: &Status, out: &mut String) -> std::fmt::Result {
     writeln!(
         out,
         "hand     {} in contact, {} missing, {} faulty; contact threshold {}",
@@ -50,8 +69,11 @@ fn write(status: &Status, out: &mut String) -> std::fmt::Result {
             true => "not known yet".to_owned(),
             false => format!("{:.0}", status.threshold),
         }
-    )?;
-    for (n, bus) in status.buses.iter().enumerate() {
+    )
+}
+
+fn write_buses(buses: &[BusStatus], out: &mut String) -> std::fmt::Result {
+    for (n, bus) in buses.iter().enumerate() {
         let not_used = [
             (bus.unknown, "unknown"),
             (bus.late, "late"),
@@ -74,13 +96,11 @@ fn write(status: &Status, out: &mut String) -> std::fmt::Result {
                 .collect::<String>(),
         )?;
     }
-    let living = status
-        .boards
-        .iter()
-        .filter(|board| board.state == "living")
-        .count();
-    let silent: Vec<String> = status
-        .boards
+    Ok(())
+}
+
+fn write_boards(boards: &[BoardStatus], out: &mut String) -> std::fmt::Result {
+    let silent: Vec<String> = boards
         .iter()
         .filter(|board| board.state != "living")
         .map(|board| {
@@ -90,13 +110,14 @@ fn write(status: &Status, out: &mut String) -> std::fmt::Result {
             )
         })
         .collect();
-    writeln!(out, "boards   {living} of {} speak", status.boards.len())?;
-    listed(out, &silent)?;
-    if let Some(joints) = &status.joints {
-        write_joints(joints, out)?;
-    }
+    let living = boards.len() - silent.len();
+    writeln!(out, "boards   {living} of {} speak", boards.len())?;
+    listed(out, &silent)
+}
+
+fn write_readers(status: &Status, out: &mut String) -> std::fmt::Result {
     write!(out, "readers  {}", status.subscribers.len())?;
-    let sent = &images.sent;
+    let sent = &status.images.sent;
     match sent.images {
         0 => writeln!(out)?,
         _ => writeln!(
@@ -124,12 +145,15 @@ fn write(status: &Status, out: &mut String) -> std::fmt::Result {
             time(reader.longest_gap_ms * 1000.0),
         )?;
     }
-    more(out, status.subscribers.len(), READERS)?;
-    match status.problems.len() {
+    more(out, status.subscribers.len(), READERS)
+}
+
+fn write_problems(problems: &[ProblemStatus], out: &mut String) -> std::fmt::Result {
+    match problems.len() {
         0 => writeln!(out, "problems none"),
         count => {
             writeln!(out, "problems {count}")?;
-            for problem in &status.problems {
+            for problem in problems {
                 let mark = if problem.severe { "error" } else { "warning" };
                 writeln!(
                     out,
