@@ -4,9 +4,9 @@ use crate::csv_columns::{LineColumns, cell};
 use crate::error::RecordError;
 use crate::npy::MAX_NUMBERS;
 use crate::table::{Columns, ReadOptions, Table, TimeUnit};
-use csv::{ByteRecord, ReaderBuilder, Terminator};
+use csv::{ByteRecord, Reader, ReaderBuilder, Terminator};
 use std::fs::File;
-use std::io::{self, BufRead, BufReader, Read};
+use std::io::{self, BufRead, BufReader, Read, Take};
 use std::path::Path;
 
 /// What some spreadsheets begin a file with.
@@ -29,107 +29,172 @@ const MAX_COLUMNS: usize = 200_000;
 /// numbers, of which the last may be joint angles by [`ReadOptions::joint_columns`].
 pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordError> {
     let io_error = RecordError::io(path);
-    let line_error = |line: u64, reason: String| {
-        RecordError::unreadable(format_args!("{}:{line}", path.display()), reason)
-    };
     let mut file = BufReader::new(File::open(path).map_err(&io_error)?);
     let head = head(&mut file).map_err(&io_error)?;
     // A last line without its end gets one, so that the line of a record is always the one before
     // the reader's.
     let whole = head.as_slice().chain(file).chain(&b"\n"[..]);
-    let delimiter = delimiter(&head);
-    let mut reader = ReaderBuilder::new()
-        .has_headers(false)
-        .flexible(true)
-        .delimiter(delimiter)
-        .comment(Some(b'#'))
-        .terminator(Terminator::Any(b'\n'))
-        .from_reader(whole.take(LINE_BYTES));
-
-    let mut meaning = LineColumns::of_plain(options);
-    let (mut values, mut times_ns, mut joints, mut row) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-    let (mut frames, mut is_first, mut record) = (0, true, ByteRecord::new());
-    loop {
-        let has_record = reader.read_byte_record(&mut record);
-        let has_record = has_record.map_err(|e| io_error(e.into()))?;
-        let next_line = reader.position().line();
-        if reader.get_ref().limit() == 0 {
-            let reason = format!("longer than {} MiB, or a quote is not closed", LINE_BYTES >> 20);
-            return Err(line_error(next_line, reason));
-        }
-        if !has_record {
-            break;
-        }
-        reader.get_mut().set_limit(LINE_BYTES);
-        let line = next_line - 1;
-        if delimiter == b' ' {
-            record = record.iter().filter(|cell| !cell.is_empty()).collect();
-        }
-        if is_blank(&record) {
-            continue;
-        }
-        if record.len() > MAX_COLUMNS {
-            return Err(line_error(
-                line,
-                format!("{} columns, more than {MAX_COLUMNS}", record.len()),
-            ));
-        }
-        if ends_with_separator(&record) && meaning.columns.is_none_or(|columns| record.len() == columns + 1) {
+    let mut lines = Lines::new(path, whole, delimiter(&head));
+    let mut frames = Frames::new(LineColumns::of_plain(options));
+    let mut is_first = true;
+    while lines.read()? {
+        let refuse = |reason| unreadable(path, lines.number, reason);
+        let record = &mut lines.record;
+        let is_short = |columns| record.len() == columns + 1;
+        if ends_with_separator(record) && frames.meaning.columns.is_none_or(is_short) {
             record.truncate(record.len() - 1);
         }
-        if std::mem::take(&mut is_first) && is_header(&record) {
-            if is_log_of_python_can(&record) {
-                let (file, log) = (path.display(), path.with_extension("log"));
-                let reason = format!(
-                    "a log of CAN frames, as python-can writes them, and no table of numbers; `can_logconvert {file} {}` \
-                     of python-can makes a .log of it",
-                    log.display()
-                );
-                return Err(line_error(line, reason));
+        if std::mem::take(&mut is_first) && is_header(record) {
+            refuse_log_of_python_can(record, path).map_err(refuse)?;
+            frames.meaning = LineColumns::of_header(record, options).map_err(refuse)?;
+        } else {
+            frames.take(record).map_err(refuse)?;
+        }
+    }
+    frames.table(path)
+}
+
+fn unreadable(path: &Path, line: u64, reason: String) -> RecordError {
+    RecordError::unreadable(format_args!("{}:{line}", path.display()), reason)
+}
+
+/// The lines of a file that say something, cut into cells.
+struct Lines<'a, R> {
+    path: &'a Path,
+    reader: Reader<Take<R>>,
+    delimiter: u8,
+    /// The newest line.
+    record: ByteRecord,
+    /// Its number, from 1 on.
+    number: u64,
+}
+
+impl<'a, R: Read> Lines<'a, R> {
+    fn new(path: &'a Path, whole: R, delimiter: u8) -> Self {
+        let reader = ReaderBuilder::new()
+            .has_headers(false)
+            .flexible(true)
+            .delimiter(delimiter)
+            .comment(Some(b'#'))
+            .terminator(Terminator::Any(b'\n'))
+            .from_reader(whole.take(LINE_BYTES));
+        Self {
+            path,
+            reader,
+            delimiter,
+            record: ByteRecord::new(),
+            number: 0,
+        }
+    }
+
+    /// Reads the next line; false at the end of the file.
+    fn read(&mut self) -> Result<bool, RecordError> {
+        loop {
+            let has_record = self.reader.read_byte_record(&mut self.record);
+            let has_record = has_record.map_err(|e| RecordError::io(self.path)(e.into()))?;
+            let next_line = self.reader.position().line();
+            if self.reader.get_ref().limit() == 0 {
+                let reason = format!("longer than {} MiB, or a quote is not closed", LINE_BYTES >> 20);
+                return Err(unreadable(self.path, next_line, reason));
             }
-            meaning = LineColumns::of_header(&record, options).map_err(|reason| line_error(line, reason))?;
-            continue;
+            if !has_record {
+                return Ok(false);
+            }
+            self.reader.get_mut().set_limit(LINE_BYTES);
+            self.number = next_line - 1;
+            if self.delimiter == b' ' {
+                self.record = self.record.iter().filter(|cell| !cell.is_empty()).collect();
+            }
+            if is_blank(&self.record) {
+                continue;
+            }
+            if self.record.len() > MAX_COLUMNS {
+                let reason = format!("{} columns, more than {MAX_COLUMNS}", self.record.len());
+                return Err(unreadable(self.path, self.number, reason));
+            }
+            return Ok(true);
         }
-        row.clear();
+    }
+}
+
+/// The frames of the lines so far.
+struct Frames {
+    meaning: LineColumns,
+    frames: usize,
+    values: Vec<f64>,
+    times_ns: Vec<u64>,
+    joints: Vec<f32>,
+    /// The numbers of a line.
+    row: Vec<f64>,
+}
+
+impl Frames {
+    fn new(meaning: LineColumns) -> Self {
+        Self {
+            meaning,
+            frames: 0,
+            values: Vec::new(),
+            times_ns: Vec::new(),
+            joints: Vec::new(),
+            row: Vec::new(),
+        }
+    }
+
+    /// Takes the numbers of a line.
+    fn take(&mut self, record: &ByteRecord) -> Result<(), String> {
+        self.row.clear();
         for (column, bytes) in record.iter().enumerate() {
-            row.push(number(column, bytes).map_err(|reason| line_error(line, reason))?);
+            self.row.push(number(column, bytes)?);
         }
-        let expected = *meaning.columns.get_or_insert(row.len());
+        let row = &self.row;
+        let expected = *self.meaning.columns.get_or_insert(row.len());
         if row.len() != expected {
-            let reason = format!("{} columns, where the lines before have {expected}", row.len());
-            return Err(line_error(line, reason));
+            return Err(format!(
+                "{} columns, where the lines before have {expected}",
+                row.len()
+            ));
         }
-        if let Some((time, unit)) = meaning.time {
-            let Some(time_ns) = time_ns(&record[time], row[time], unit) else {
-                return Err(line_error(line, format!("{} is no time from 0 on", row[time])));
-            };
-            times_ns.push(time_ns);
+        if let Some((time, unit)) = self.meaning.time {
+            let time_ns = time_ns(&record[time], row[time], unit);
+            let no_time = || format!("{} is no time from 0 on", row[time]);
+            self.times_ns.push(time_ns.ok_or_else(no_time)?);
         }
-        let columns = meaning
-            .resolve(expected)
-            .map_err(|reason| line_error(line, reason))?;
-        values.extend(columns.values.iter().map(|&column| row[column]));
-        joints.extend(columns.joints.iter().map(|&column| row[column] as f32));
-        frames += 1;
-        if values.len() > MAX_NUMBERS {
-            let reason = format!("more than {MAX_NUMBERS} numbers up to here; cut the file into pieces");
-            return Err(line_error(line, reason));
+        let columns = self.meaning.resolve(expected)?;
+        self.values
+            .extend(columns.values.iter().map(|&column| row[column]));
+        self.joints
+            .extend(columns.joints.iter().map(|&column| row[column] as f32));
+        self.frames += 1;
+        if self.values.len() > MAX_NUMBERS {
+            return Err(format!(
+                "more than {MAX_NUMBERS} numbers up to here; cut the file into pieces"
+            ));
         }
+        Ok(())
     }
-    if frames == 0 {
-        return Err(line_error(1, "no line of numbers in the file".into()));
+
+    fn table(self, path: &Path) -> Result<Table, RecordError> {
+        let Self {
+            meaning,
+            frames,
+            values,
+            ..
+        } = self;
+        if frames == 0 {
+            return Err(unreadable(path, 1, "no line of numbers in the file".into()));
+        }
+        Ok(Table {
+            at: path.display().to_string(),
+            shape: vec![frames, values.len() / frames],
+            values,
+            times_ns: meaning.time.is_some().then_some(self.times_ns),
+            joints: (!self.joints.is_empty()).then_some(self.joints),
+            columns: meaning.are_counts().then_some(Columns::XyzInterleaved),
+            void: None,
+            without_value: None,
+            unitless_time: meaning.unitless,
+        })
     }
-    Ok(Table {
-        at: path.display().to_string(),
-        shape: vec![frames, values.len() / frames],
-        values,
-        times_ns: meaning.time.is_some().then_some(times_ns),
-        joints: (!joints.is_empty()).then_some(joints),
-        columns: meaning.are_counts().then_some(Columns::XyzInterleaved),
-        void: None,
-        without_value: None,
-        unitless_time: meaning.unitless,
-    })
 }
 
 /// The lines up to the first one that is neither empty nor a comment.
@@ -186,9 +251,17 @@ fn is_header(record: &ByteRecord) -> bool {
     first.is_some_and(|cell| cell.is_ok_and(|cell| cell.parse::<f64>().is_err()))
 }
 
-/// Whether a header is that of python-can's `CSVWriter`, `can/io/csv.py`.
-fn is_log_of_python_can(header: &ByteRecord) -> bool {
-    header.iter().take(2).eq([&b"timestamp"[..], b"arbitration_id"])
+/// Refuses the header of python-can's `CSVWriter`, `can/io/csv.py`.
+fn refuse_log_of_python_can(header: &ByteRecord, path: &Path) -> Result<(), String> {
+    if header.iter().take(2).ne([&b"timestamp"[..], b"arbitration_id"]) {
+        return Ok(());
+    }
+    let (file, log) = (path.display(), path.with_extension("log"));
+    Err(format!(
+        "a log of CAN frames, as python-can writes them, and no table of numbers; `can_logconvert {file} {}` of python-can \
+         makes a .log of it",
+        log.display()
+    ))
 }
 
 /// The number of a cell; not a number where it is empty.
