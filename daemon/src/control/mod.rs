@@ -86,31 +86,31 @@ async fn serve(listener: UnixListener, state: Rc<State>, access: Access, places:
 async fn attend(stream: UnixStream, state: &State, access: Access, place: &Place) -> std::io::Result<()> {
     let asker = Asker::of(&stream, access);
     let (read, write) = stream.into_split();
-    let replying = Cell::new(false);
-    let hold = state.hold();
-    let mut talk = pin!(converse(read, &write, &replying, state, &asker, place, &hold));
+    let talk = Talk {
+        hold: state.hold(),
+        write,
+        replying: Cell::new(false),
+        state,
+        asker,
+        place,
+    };
+    let mut converse = pin!(talk.converse(read));
     loop {
         tokio::select! {
-            left = &mut talk => return left,
-            why = hold.deserted(hung_up(&write)) => match why {
+            left = &mut converse => return left,
+            why = talk.hold.deserted(hung_up(&talk.write)) => match why {
                 // Behind what it asked before, another motor may be to be switched off.
-                Deserted::Gone => hold.let_go(),
+                Deserted::Gone => talk.hold.let_go(),
                 Deserted::Silent(patience) => {
-                    if !replying.get() {
-                        let why = format!(
-                            "nothing was asked for {patience:?}, so the motors that this connection held are switched off"
-                        );
-                        let _ = write.try_write(&line_of(&refusal(why)));
-                    }
+                    talk.take_leave(format!(
+                        "nothing was asked for {patience:?}, so the motors that this connection held are switched off"
+                    ));
                     return Ok(());
                 }
             },
             () = place.lost() => {
                 let why = "this connection was idle for longest and made room for another; connect again";
-                // Not into the middle of a reply. Who does not read is not told.
-                if !replying.get() {
-                    let _ = write.try_write(&line_of(&refusal(why.into())));
-                }
+                talk.take_leave(why.into());
                 return Ok(());
             }
         }
@@ -135,96 +135,123 @@ async fn hung_up(write: &OwnedWriteHalf) {
     }
 }
 
-async fn converse(
-    read: OwnedReadHalf,
-    write: &OwnedWriteHalf,
-    replying: &Cell<bool>,
-    state: &State,
-    asker: &Asker,
-    place: &Place,
-    hold: &Hold<'_>,
-) -> std::io::Result<()> {
-    let mut read = BufReader::new(read);
-    let mut line = Vec::new();
-    let mut requests = Allowance::new(REQUESTS, REQUEST_INTERVAL);
-    let mut released = Allowance::new(RELEASES, RELEASE_INTERVAL);
-    let has_gone = || hold.has_let_go() || has_gone(write);
-    loop {
-        line.clear();
-        let mut limited = (&mut read).take(MAX_REQUEST + 1);
-        match timeout(IDLE_PATIENCE, limited.read_until(b'\n', &mut line)).await {
-            Ok(read) => read?,
-            Err(_) => return Ok(()),
-        };
-        if line.is_empty() {
-            return Ok(());
+/// A connection to a client.
+struct Talk<'a> {
+    /// Before `write`, so that its motors are let go before the client sees the end.
+    hold: Hold<'a>,
+    write: OwnedWriteHalf,
+    /// Whether a reply is on its way.
+    replying: Cell<bool>,
+    state: &'a State,
+    asker: Asker,
+    place: &'a Place,
+}
+
+impl Talk<'_> {
+    /// Says why the client has to leave. Who does not read is not told.
+    fn take_leave(&self, why: String) {
+        // Not into the middle of a reply.
+        if !self.replying.get() {
+            let _ = self.write.try_write(&line_of(&refusal(why)));
         }
-        // A blank line asks nothing.
-        let is_blank = line.iter().all(u8::is_ascii_whitespace);
-        if !is_blank {
-            hold.serve();
-        }
-        let too_long = line.len() as u64 > MAX_REQUEST;
-        let request = match too_long {
-            true => Err(format!("a request has at most {MAX_REQUEST} bytes")),
-            false => Request::parse(&line),
-        };
-        let releases = asker.access == Access::Change
-            && (request.as_ref()).is_ok_and(|request| request.releases_a_motor(state.config.joints.as_ref()));
-        let pause = match releases {
-            true => released.take(Instant::now()),
-            false => requests.take(Instant::now()),
-        };
-        if !pause.is_zero() && (releases || !has_gone()) {
-            place.slowed(Instant::now());
-            sleep(pause).await;
-        }
-        if !releases && has_gone() {
-            if asker.access == Access::Look {
+    }
+
+    fn has_gone(&self) -> bool {
+        self.hold.has_let_go() || has_gone(&self.write)
+    }
+
+    async fn converse(&self, read: OwnedReadHalf) -> std::io::Result<()> {
+        let mut read = BufReader::new(read);
+        let mut line = Vec::new();
+        let mut requests = Allowance::new(REQUESTS, REQUEST_INTERVAL);
+        let mut released = Allowance::new(RELEASES, RELEASE_INTERVAL);
+        while read_line(&mut read, &mut line).await? {
+            // A blank line asks nothing.
+            let is_blank = line.iter().all(u8::is_ascii_whitespace);
+            if !is_blank {
+                self.hold.serve();
+            }
+            let too_long = line.len() as u64 > MAX_REQUEST;
+            let request = match too_long {
+                true => Err(format!("a request has at most {MAX_REQUEST} bytes")),
+                false => Request::parse(&line),
+            };
+            let releases = self.asker.access == Access::Change
+                && (request.as_ref())
+                    .is_ok_and(|request| request.releases_a_motor(self.state.config.joints.as_ref()));
+            let allowance = match releases {
+                true => &mut released,
+                false => &mut requests,
+            };
+            let pause = allowance.take(Instant::now());
+            if !pause.is_zero() && (releases || !self.has_gone()) {
+                self.place.slowed(Instant::now());
+                sleep(pause).await;
+            }
+            if !releases && self.has_gone() {
+                if self.asker.access == Access::Look {
+                    return Ok(());
+                }
+                // Behind it, a motor may be to be switched off.
+                if let Ok(request) = &request {
+                    abandon(request, self.state, &self.asker);
+                }
+                yield_now().await;
+                continue;
+            }
+            if is_blank {
+                continue;
+            }
+            let reply = self.obey(request, releases).await;
+            if !self.reply(&reply).await? || too_long {
                 return Ok(());
             }
-            // Behind it, a motor may be to be switched off.
-            if let Ok(request) = &request {
-                abandon(request, state, asker);
-            }
-            yield_now().await;
-            continue;
         }
-        if is_blank {
-            continue;
-        }
-        place.set(
-            if releases {
-                Doing::Releasing
-            } else {
-                Doing::Obeying
-            },
-            Instant::now(),
-        );
-        let reply: Rc<[u8]> = match request {
-            Ok(Request::Status {}) => report(state).await,
-            Ok(request) => line_of(&answer(request, state, asker, hold).await).into(),
+        Ok(())
+    }
+
+    /// Carries out a request, and gives the line that answers it.
+    async fn obey(&self, request: Result<Request, String>, releases: bool) -> Rc<[u8]> {
+        let doing = match releases {
+            true => Doing::Releasing,
+            false => Doing::Obeying,
+        };
+        self.place.set(doing, Instant::now());
+        let reply = match request {
+            Ok(Request::Status {}) => report(self.state).await,
+            Ok(request) => line_of(&answer(request, self.state, &self.asker, &self.hold).await).into(),
             Err(error) => line_of(&refusal(error)).into(),
         };
-        place.set(
-            match hold.patience() {
-                Some(_) => Doing::Obeying,
-                None => Doing::Nothing,
-            },
-            Instant::now(),
-        );
-        replying.set(true);
-        hold.await_client();
-        match timeout(REPLY_PATIENCE, write_all(write, &reply)).await {
-            Ok(Err(error)) if !has_gone() => return Err(error),
+        let doing = match self.hold.patience() {
+            Some(_) => Doing::Obeying,
+            None => Doing::Nothing,
+        };
+        self.place.set(doing, Instant::now());
+        reply
+    }
+
+    /// Whether the client has taken its reply, or has gone.
+    async fn reply(&self, reply: &[u8]) -> std::io::Result<bool> {
+        self.replying.set(true);
+        self.hold.await_client();
+        match timeout(REPLY_PATIENCE, write_all(&self.write, reply)).await {
+            Ok(Err(error)) if !self.has_gone() => return Err(error),
             Ok(_) => {}
-            Err(_) => return Ok(()),
+            Err(_) => return Ok(false),
         }
-        hold.await_client();
-        replying.set(false);
-        if too_long {
-            return Ok(());
-        }
+        self.hold.await_client();
+        self.replying.set(false);
+        Ok(true)
+    }
+}
+
+/// Reads the next request, or as much of it as may be; false where the client asks nothing more.
+async fn read_line(read: &mut BufReader<OwnedReadHalf>, line: &mut Vec<u8>) -> std::io::Result<bool> {
+    line.clear();
+    let mut limited = read.take(MAX_REQUEST + 1);
+    match timeout(IDLE_PATIENCE, limited.read_until(b'\n', line)).await {
+        Ok(read) => read.map(|bytes| bytes > 0),
+        Err(_) => Ok(false),
     }
 }
 
