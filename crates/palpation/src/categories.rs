@@ -1,9 +1,9 @@
 //! Categories on a map: the publication's rule, and the best there are.
 
+use crate::branch_and_bound::least;
 use crate::error::PalpationError;
 use crate::labels::canonical;
 use crate::matrix::{Matrix, squared_distance};
-use crate::proof::least;
 use crate::silhouette::Silhouette;
 use std::cmp::Ordering;
 use std::ops::RangeInclusive;

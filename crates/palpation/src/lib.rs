@@ -21,6 +21,7 @@
 //! ```
 
 mod agreement;
+mod branch_and_bound;
 mod categories;
 mod classifier;
 mod decomposition;
@@ -30,7 +31,6 @@ mod jacobi;
 mod labels;
 mod matrix;
 mod pca;
-mod proof;
 mod ranking;
 mod silhouette;
 mod stability;
