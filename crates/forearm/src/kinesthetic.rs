@@ -36,6 +36,9 @@ const JUMPS: f64 = 0.1;
 const STEPS: usize = 8;
 /// In some squeeze of a training a motor closes by at least this, degrees: in radians it would be half a turn.
 const LEAST_CLOSED_DEG: f64 = 3.0;
+/// While a squeeze goes on, an angle that is not known in so many samples on end is lost: `taxel forearm record` ends a
+/// squeeze then, too. Fewer may be a machine that was busy with something else.
+const UNKNOWN: usize = 8;
 /// The motors' angles among the four.
 const MOTORS: std::ops::Range<usize> = 2..4;
 /// Where angles are lost there is a line for every so many steps only.
@@ -131,10 +134,11 @@ impl Kinesthetic {
                 healthy[n] = false;
                 continue;
             };
-            let known = column.iter().copied().filter(|v| v.is_finite());
-            let (mut least, mut most, mut inside, mut outside) = (f64::INFINITY, f64::NEG_INFINITY, 0, None);
-            for value in known {
+            let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
+            let (mut known, mut inside, mut outside) = (0, 0, None);
+            for value in column.iter().copied().filter(|v| v.is_finite()) {
                 (least, most) = (value.min(least), value.max(most));
+                known += 1;
                 if (low..=high).contains(&value) {
                     inside += 1;
                 } else {
@@ -142,8 +146,8 @@ impl Kinesthetic {
                 }
             }
             let stuck = most - least <= STUCK_DEG;
-            let lost = 2 * inside < column.len();
-            if let Some(value) = outside.filter(|_| lost && !stuck) {
+            let elsewhere = 2 * inside < known;
+            if let Some(value) = outside.filter(|_| elsewhere && !stuck) {
                 let name = ANGLES[n];
                 return Err(ForearmError::Angle {
                     name,
@@ -159,19 +163,19 @@ impl Kinesthetic {
                 return Err(ForearmError::Still { name, moved, span });
             }
             let is_over = course.reached() >= WHOLE;
+            // As long as more samples come, one without an angle says nothing of the next.
+            let lost = match is_over {
+                true => 2 * inside < column.len(),
+                false => elsewhere || known == 0 || falls_silent(column),
+            };
             let stands = is_over && self.stillness.get(n).is_some_and(|of| of.is_stuck(column));
             healthy[n] = !(lost || stands || whole && (stuck || jumps(column, span)));
         }
         Ok(healthy)
     }
 
-    /// The columns of a reading at all phases.
-    fn features(
-        &self,
-        squeeze: &Squeeze,
-        course: &Course,
-        reading: [bool; 4],
-    ) -> Result<Vec<f64>, ForearmError> {
+    /// The columns of a reading at all phases. None where two angles that are added up are known in no sample both.
+    fn features(&self, squeeze: &Squeeze, course: &Course, reading: [bool; 4]) -> Option<Vec<f64>> {
         let mut features = Vec::with_capacity(2 * PHASES);
         let columns = angles(squeeze);
         for pair in columns_of(reading) {
@@ -183,11 +187,10 @@ impl Kinesthetic {
                 }
             };
             if !course.at_phases(|row| pair.iter().map(|n| value(*n, row)).sum(), &mut features) {
-                let what = pair.iter().map(|n| ANGLES[*n]).collect::<Vec<_>>().join(" or ");
-                return Err(ForearmError::Lost { what });
+                return None;
             }
         }
-        Ok(features)
+        Some(features)
     }
 
     /// What an angle may be; None where the training's gripper does not have it.
@@ -200,22 +203,24 @@ impl Estimator for Kinesthetic {
     fn estimate(&self, squeeze: &Squeeze) -> Result<Estimate, ForearmError> {
         let course = self.profile.course(squeeze)?;
         let healthy = self.healthy(squeeze, &course)?;
-        let mut usable = READINGS
+        let usable = READINGS
             .into_iter()
             .zip(&self.readings)
-            .filter_map(|(reading, regression)| Some((reading, regression.as_ref()?)))
-            .filter(|(reading, _)| covers(healthy, *reading));
+            .filter(|(reading, _)| covers(healthy, *reading))
+            .find_map(|(reading, regression)| {
+                let features = self.features(squeeze, &course, reading)?;
+                Some((reading, regression.as_ref()?, features))
+            });
         let never = self.range_deg.map(|range| range.is_none());
         let lacks = |used: [bool; 4]| LeftOut {
             angles: std::array::from_fn(|n| !used[n] && !never[n]),
         };
-        let Some((reading, regression)) = usable.next() else {
+        let Some((reading, regression, features)) = usable else {
             let lost = lacks(healthy).names();
             return Err(ForearmError::Lost {
                 what: lost.collect::<Vec<_>>().join(", "),
             });
         };
-        let features = self.features(squeeze, &course, reading)?;
         let (percent, half_width_90) = regression.estimate(&features, course.steps());
         Ok(Estimate {
             percent,
@@ -225,6 +230,12 @@ impl Estimator for Kinesthetic {
             phase: course.reached(),
         })
     }
+}
+
+/// Whether the newest samples of a column, [`UNKNOWN`] of them, are none of them known.
+fn falls_silent(column: &[f64]) -> bool {
+    let newest = column.iter().rev().take(UNKNOWN);
+    column.len() >= UNKNOWN && newest.copied().all(|angle| !angle.is_finite())
 }
 
 /// Whether a column jumps from sample to sample by a good part of what it may go through, degrees.

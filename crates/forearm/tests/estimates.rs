@@ -111,6 +111,58 @@ fn an_estimate_names_the_angles_that_it_was_made_without() {
 }
 
 #[test]
+fn an_angle_that_is_missing_in_samples_is_lost_where_it_stays_away_or_most_of_the_squeeze_lacks_it() {
+    let model = model();
+    let whole = squeeze(37.0, 0.0);
+    let at = |rows: &'static [usize]| move |row: usize| rows.contains(&row);
+    type Missing = Box<dyn Fn(usize) -> bool>;
+    let table: [(&str, usize, Missing, bool); 9] = [
+        ("its first sample", 2, Box::new(at(&[0])), false),
+        ("both samples", 2, Box::new(at(&[0, 1])), true),
+        ("the newest", 2, Box::new(at(&[1])), false),
+        (
+            "all but the first and the last",
+            20,
+            Box::new(|row| row > 0 && row < 19),
+            false,
+        ),
+        ("the newest seven", 40, Box::new(|row| row >= 33), false),
+        ("the newest eight", 40, Box::new(|row| row >= 32), true),
+        (
+            "eight before the newest",
+            40,
+            Box::new(|row| (31..39).contains(&row)),
+            false,
+        ),
+        ("less than half of all", 95, Box::new(|row| row % 2 == 1), false),
+        ("most of all", 95, Box::new(|row| row % 2 == 0), true),
+    ];
+    for (what, len, is_missing, is_lost) in table {
+        for motor in [false, true] {
+            let mut part = whole.prefix(len);
+            let [p, a] = [&mut part.theta_p_deg, &mut part.theta_a_deg];
+            let column = if motor { &mut a[0] } else { &mut p[0] };
+            for (row, angle) in column.iter_mut().enumerate() {
+                *angle = if is_missing(row) { f64::NAN } else { *angle };
+            }
+            let estimate = model.estimate(&part).unwrap();
+            let left_out = estimate.left_out.names().next().is_some();
+            assert_eq!(left_out, is_lost, "{what}, motor {motor}: {estimate:?}");
+        }
+    }
+    // Both motors are known, and never in the same sample: one of them is enough.
+    let mut torn = whole.prefix(20);
+    for row in 0..20 {
+        torn.theta_a_deg[row % 2][row] = f64::NAN;
+    }
+    let estimate = model.estimate(&torn).unwrap();
+    assert_eq!(
+        estimate.left_out.names().collect::<Vec<_>>(),
+        ["theta_a of finger 0"]
+    );
+}
+
+#[test]
 fn angles_that_no_training_squeeze_has_are_done_without_unsaid() {
     for (lost, names) in [
         (vec![0, 1], vec!["theta_p of finger 0", "theta_p of finger 1"]),
