@@ -1,5 +1,6 @@
 //! `taxel forearm estimate --live MODEL`: where the gripper holds while it squeezes, beside a running daemon.
 
+use super::angles::{FRESH_US, JointAngles};
 use super::touch::TactileFinger;
 use crate::live_lines::{Lines, every_frame};
 use crate::notices;
@@ -7,7 +8,7 @@ use anyhow::{Context, bail};
 use serde::Serialize;
 use std::path::Path;
 use taxel_forearm::{Estimator, FINGERS, ForearmError, Sample, Squeeze};
-use taxel_wire::{EventKind, Kind, RawView, Received};
+use taxel_wire::{EventKind, Kind, Received};
 
 /// What a program that squeezes marks: a squeeze begins; a sample of this PWM, counts of 885, begins and the one before is
 /// over; the squeeze is over.
@@ -15,8 +16,9 @@ pub(super) const BEGINS: &str = "squeeze";
 pub(super) const SAMPLE: &str = "pwm ";
 pub(super) const ENDS: &str = "release";
 
-/// An angle read longer than this before its frame, half a sample of the publication's, is of another sample: microseconds.
-const STALE_US: u32 = 60_000;
+/// Until an angle is known in a squeeze, one that was read so long before is better than none: two samples, microseconds.
+/// A squeeze begins at rest.
+const FIRST_US: u32 = 4 * FRESH_US;
 
 /// A squeeze as it goes on: frames and marks in, estimates out. No socket and no clock.
 struct Live<'a> {
@@ -24,8 +26,8 @@ struct Live<'a> {
     /// Numbers of the joints: the fingers' servos, and their potentiometers where there are any.
     theta_a: [usize; FINGERS],
     theta_p: Option<[usize; FINGERS]>,
-    /// The newest frame: its number, its time in nanoseconds, its angles in radians.
-    frame: Option<(u64, u64, Vec<f32>)>,
+    /// The newest frame: its number, its time in nanoseconds, its angles.
+    frame: Option<(u64, u64, JointAngles)>,
     /// Its tactile image; empty where there is none.
     image: Vec<u16>,
     /// The squeeze at work, and the time of its first sample.
@@ -53,13 +55,6 @@ struct Line {
 }
 
 impl Live<'_> {
-    fn handle_frame(&mut self, seq: u64, t_ns: u64, angles: impl Iterator<Item = f32>) {
-        let (newest_seq, newest_ns, newest) = self.frame.get_or_insert_with(Default::default);
-        (*newest_seq, *newest_ns) = (seq, t_ns);
-        newest.clear();
-        newest.extend(angles);
-    }
-
     /// Takes a mark: the estimate of the sample that it ends, if it ends one, or why there is none, said once a squeeze.
     fn handle_mark(&mut self, text: &str) -> Option<Result<Line, ForearmError>> {
         match text {
@@ -86,7 +81,10 @@ impl Live<'_> {
         let pwm = self.pwm.take()?;
         let (squeeze, first_ns) = self.squeeze.as_mut()?;
         let (_, t_ns, angles) = self.frame.as_ref()?;
-        let degrees = |joint: usize| angles.get(joint).map_or(f64::NAN, |a| f64::from(*a).to_degrees());
+        let degrees = |joint: usize, before: &[f64]| {
+            let is_first = before.iter().all(|angle| !angle.is_finite());
+            angles.degrees(joint, if is_first { FIRST_US } else { FRESH_US })
+        };
         let first_ns = *first_ns.get_or_insert(*t_ns);
         let time_ms = t_ns.saturating_sub(first_ns) as f64 / 1e6;
         // A mark without a frame since the last one ends no sample.
@@ -95,10 +93,13 @@ impl Live<'_> {
         }
         squeeze.push(Sample {
             time_ms,
-            theta_p_deg: self
-                .theta_p
-                .map_or([f64::NAN; FINGERS], |joints| joints.map(degrees)),
-            theta_a_deg: self.theta_a.map(degrees),
+            theta_p_deg: std::array::from_fn(|finger| {
+                let joint = self.theta_p.map(|joints| joints[finger]);
+                joint.map_or(f64::NAN, |joint| degrees(joint, &squeeze.theta_p_deg[finger]))
+            }),
+            theta_a_deg: std::array::from_fn(|finger| {
+                degrees(self.theta_a[finger], &squeeze.theta_a_deg[finger])
+            }),
             pwm,
         });
         // Touch has an image for each sample: from the first that is missing on, the squeeze is one without.
@@ -164,7 +165,7 @@ pub(super) fn run(
                 lines.hello(hello)?;
             }
             Received::Raw(header, raw) => {
-                live.handle_frame(header.seq, header.t_ns, fresh_angles(&raw));
+                live.frame = Some((header.seq, header.t_ns, JointAngles::of(&raw)));
                 live.image.clear();
                 if let Some(finger) = &finger {
                     finger.image(&raw, &mut live.image);
@@ -183,13 +184,6 @@ pub(super) fn run(
             _ => {}
         }
     }
-}
-
-/// The angles of a frame, those that are too old not a number.
-fn fresh_angles(raw: &RawView<'_>) -> impl Iterator<Item = f32> {
-    let ages = raw.joint_ages_us().into_iter().flatten();
-    let ages = ages.chain(std::iter::repeat(0));
-    (raw.joints().zip(ages)).map(|(angle, age_us)| if age_us > STALE_US { f32::NAN } else { angle })
 }
 
 /// Numbers of the joints of these names, or of the first there are.
@@ -235,9 +229,7 @@ fn joints(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use taxel_forearm::{Estimate, LeftOut, Source, TACTELS};
-    use taxel_hand::{ForceFrame, TactileFrame};
-    use taxel_wire::encode_raw_payload;
+    use taxel_forearm::{Estimate, Kinesthetic, LeftOut, Source, TACTELS, Trial};
 
     /// Says the angle of the first finger, from two samples on; refuses PWM beyond 500.
     struct FirstAngle;
@@ -277,11 +269,8 @@ mod tests {
     }
 
     fn frame(live: &mut Live<'_>, ms: u64, degrees: f32) {
-        live.handle_frame(
-            ms,
-            ms * 1_000_000,
-            [degrees.to_radians(), 0.0, 0.0, 0.0].into_iter(),
-        );
+        let angles = [degrees.to_radians(), 0.0, 0.0, 0.0].map(|angle| (angle, 0));
+        live.frame = Some((ms, ms * 1_000_000, angles.into_iter().collect()));
     }
 
     #[test]
@@ -369,23 +358,90 @@ mod tests {
             }
             assert_eq!(errors, 1);
             live.handle_mark(ENDS);
-            live.handle_frame(0, 0, std::iter::empty());
+            live.frame = Some((0, 0, JointAngles::default()));
         }
     }
 
+    /// Softer from wrist to elbow.
+    fn arm(percent: f64, off: f64) -> Squeeze {
+        let mut squeeze = Squeeze::default();
+        for row in 0..95 {
+            let pwm = 10.0 * (40.0 - (f64::from(row) - 50.0).abs()).max(0.0);
+            let closed = 60.0 - 0.4 * percent + 0.05 * pwm * (1.0 + 0.005 * percent) + off;
+            squeeze.push(Sample {
+                time_ms: 121.0 * f64::from(row),
+                theta_p_deg: [f64::NAN; FINGERS],
+                theta_a_deg: [closed, closed + 8.0],
+                pwm,
+            });
+        }
+        squeeze
+    }
+
     #[test]
-    fn an_angle_that_was_read_long_before_its_frame_is_not_known() {
-        let mut frame = TactileFrame::new(1);
-        frame.joints = vec![1.0, 2.0, 3.0];
-        let mut angles = |ages_ms: &[u64]| -> Vec<f32> {
-            frame.joint_age_ns = ages_ms.iter().map(|ms| ms * 1_000_000).collect();
-            let mut payload = Vec::new();
-            encode_raw_payload(&frame, &ForceFrame::new(1), None, &mut payload).unwrap();
-            fresh_angles(&RawView::decode(&payload).unwrap()).collect()
-        };
-        let seen = angles(&[10, 60, 61]);
-        assert!(seen[..2] == [1.0, 2.0] && seen[2].is_nan(), "{seen:?}");
-        assert_eq!(angles(&[]), [1.0, 2.0, 3.0], "a daemon that tells no ages");
+    fn a_sample_whose_angles_were_read_late_has_an_estimate_from_those_before() {
+        let mut trials = Vec::new();
+        for n in 0..10 {
+            let location_percent = f64::from(n / 2) * 25.0;
+            trials.push(Trial {
+                location_percent,
+                repetition: n as usize % 2,
+                squeeze: arm(location_percent, f64::from(n % 2)),
+            });
+        }
+        let estimator = Kinesthetic::train(&trials.iter().collect::<Vec<_>>()).unwrap();
+        // Which samples' angles are so many milliseconds old, and which then have no estimate.
+        let nothing: &[usize] = &[];
+        for (late, age_ms, missing) in [
+            (&[][..], 0, nothing),
+            (&[2, 3], 200, nothing),
+            (&[1, 3, 4], 200, nothing),
+            (&[2, 3, 4], 200, nothing),
+            (&[1, 2], 200, nothing),
+            (&[1, 2, 3, 4], 200, nothing),
+            (&[3, 5, 6, 7], 200, nothing),
+            (&[8, 9, 10], 200, nothing),
+            // Longer than two samples ago; and nothing new for eight.
+            (&[1, 2], 241, &[2]),
+            (&[4, 5, 6, 7, 8, 9, 10, 11, 12, 13], 200, &[11, 12, 13]),
+        ] {
+            let mut live = Live {
+                estimator: &estimator,
+                theta_p: None,
+                ..live()
+            };
+            live.handle_mark(BEGINS);
+            let (squeeze, mut without, mut said) = (arm(37.0, 0.0), Vec::new(), String::new());
+            for row in 0..14 {
+                live.handle_mark(&format!("pwm {}", squeeze.pwm[row]));
+                let age_us = if late.contains(&(row + 1)) {
+                    1000 * age_ms
+                } else {
+                    5000
+                };
+                let angles = squeeze
+                    .sample(row)
+                    .theta_a_deg
+                    .map(|a| (a.to_radians() as f32, age_us));
+                let t_ns = 121_000_000 * row as u64;
+                live.frame = Some((row as u64, t_ns, angles.into_iter().collect()));
+                // The next sample begins.
+                let line = live.handle_mark(&format!("pwm {}", squeeze.pwm[row + 1]));
+                live.pwm = None;
+                match line {
+                    Some(Ok(_)) => continue,
+                    Some(Err(error)) => said += &error.to_string(),
+                    None => {}
+                }
+                without.push(row + 1);
+            }
+            assert_eq!(without, [&[1], missing].concat(), "{age_ms} ms old at {late:?}");
+            assert_eq!(
+                said.contains("lost or stuck"),
+                !missing.is_empty(),
+                "{late:?}: {said}"
+            );
+        }
     }
 
     #[test]

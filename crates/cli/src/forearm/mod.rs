@@ -1,5 +1,6 @@
 //! `taxel forearm`: where on the forearm a gripper holds.
 
+mod angles;
 mod disturbed;
 mod eval;
 mod eval_json;
