@@ -6,7 +6,7 @@ use taxel_wire::RawView;
 pub(super) const FRESH_US: u32 = 60_000;
 
 /// The angles of a frame, radians, not a number where unknown; and their ages, microseconds.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct JointAngles(Vec<(f32, u32)>);
 
 impl JointAngles {
@@ -22,6 +22,12 @@ impl JointAngles {
             Some((angle_rad, age_us)) if age_us <= oldest_us => f64::from(angle_rad).to_degrees(),
             _ => f64::NAN,
         }
+    }
+
+    /// How long before the frame an angle was read that is known, and of another sample: milliseconds.
+    pub(super) fn late_ms(&self, joint: usize) -> Option<f64> {
+        let (_, age_us) = self.known(joint)?;
+        (age_us > FRESH_US).then(|| f64::from(age_us) / 1e3)
     }
 
     fn known(&self, joint: usize) -> Option<(f32, u32)> {
@@ -56,6 +62,10 @@ mod tests {
         let [a, b, late, unknown, none] = seen(&some);
         assert_eq!([a, b], [1.0, 2.0]);
         assert!(late.is_nan() && unknown.is_nan() && none.is_nan());
+        assert_eq!(
+            [0, 1, 2, 3, 4].map(|n| some.late_ms(n)),
+            [None, None, Some(61.0), None, None]
+        );
         assert_eq!(some.degrees(2, 61_000).to_radians(), 3.0);
         assert_eq!(
             seen(&angles(&[]))[..3],

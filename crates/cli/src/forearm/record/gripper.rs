@@ -1,6 +1,7 @@
 //! The gripper, moved through the daemon.
 
 use super::super::live::{BEGINS, ENDS, SAMPLE};
+use super::followed::Followed;
 use super::newest::{Joints, Newest};
 use crate::control::{self, Connection};
 use anyhow::{Context, anyhow, bail};
@@ -14,8 +15,6 @@ use taxel_wire::status::{JointsStatus, Status};
 
 /// After so long without a request the daemon lets the motors go: eight samples.
 const HOLD_MS: f64 = 1000.0;
-/// So many samples in a row a potentiometer may be unknown.
-const UNKNOWN: usize = 8;
 /// A finger that has moved less than this, degrees, has not squeezed.
 const MOVED_DEG: f64 = 1.0;
 
@@ -123,7 +122,12 @@ impl Gripper {
         let mut due = Instant::now();
         let mut squeeze = Squeeze::default();
         let (mut first_ns, mut newest_ns) = (None, None);
-        let mut unknown = [0; FINGERS];
+        let motor = |finger: usize| Followed::new(&self.fingers[finger], self.theta_a[finger], true);
+        let [mut left, mut right] = [0, 1].map(motor);
+        let potentiometers = self.potentiometers.iter().zip(&self.theta_p);
+        let mut potentiometers: Vec<_> = potentiometers
+            .map(|(name, joint)| Followed::new(name, *joint, false))
+            .collect();
         for pwm in pwm {
             motors.mark(&format!("{SAMPLE}{pwm}"))?;
             motors.drive(*pwm)?;
@@ -133,30 +137,21 @@ impl Gripper {
             if !interrupt.sleep_until(due) {
                 return Ok(None);
             }
-            let joints = self.newest.after(newest_ns)?;
+            // As long again, where angles of another sample are all that there is.
+            let joints = self
+                .newest
+                .after(newest_ns, |joints| !self.has_late(joints), period)?;
             newest_ns = Some(joints.t_ns);
             let time_ms = joints.t_ns.saturating_sub(*first_ns.get_or_insert(joints.t_ns)) as f64 / 1e6;
-            let sample = Sample {
+            squeeze.push(Sample {
                 time_ms,
-                theta_a_deg: self.theta_a.map(|joint| degrees(&joints, Some(joint))),
-                theta_p_deg: [0, 1].map(|finger| degrees(&joints, self.theta_p.get(finger).copied())),
+                theta_a_deg: [left.angle(&joints.angles)?, right.angle(&joints.angles)?],
+                theta_p_deg: match potentiometers.as_mut_slice() {
+                    [left, right] => [left.angle(&joints.angles)?, right.angle(&joints.angles)?],
+                    _ => [f64::NAN; FINGERS],
+                },
                 pwm: *pwm,
-            };
-            for (finger, unknown) in unknown.iter_mut().enumerate() {
-                if sample.theta_a_deg[finger].is_nan() {
-                    bail!(
-                        "the angle of {} is unknown; `taxel status` says why",
-                        self.fingers[finger]
-                    );
-                }
-                let is_known = self.potentiometers.is_empty() || !sample.theta_p_deg[finger].is_nan();
-                *unknown = if is_known { 0 } else { *unknown + 1 };
-                if *unknown > UNKNOWN {
-                    let name = &self.potentiometers[finger];
-                    bail!("the angle of {name} is unknown; `taxel status` says why");
-                }
-            }
-            squeeze.push(sample);
+            });
             if self.has_touch() {
                 let image = joints.image.as_ref();
                 squeeze
@@ -165,6 +160,12 @@ impl Gripper {
         }
         motors.mark(ENDS)?;
         Ok(Some(squeeze))
+    }
+
+    /// Whether an angle of these is of another sample.
+    fn has_late(&self, joints: &Joints) -> bool {
+        let mut own = self.theta_a.iter().chain(&self.theta_p);
+        own.any(|joint| joints.angles.late_ms(*joint).is_some())
     }
 
     fn has_moved(&self, squeeze: &Squeeze) -> anyhow::Result<()> {
@@ -197,11 +198,6 @@ impl fmt::Display for Gripper {
             self.watchdog_ms
         )
     }
-}
-
-fn degrees(joints: &Joints, joint: Option<usize>) -> f64 {
-    let angle = joint.and_then(|joint| joints.angles.get(joint));
-    angle.map_or(f64::NAN, |angle| f64::from(*angle).to_degrees())
 }
 
 /// The joints of these names, or the first that fit.

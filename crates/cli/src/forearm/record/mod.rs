@@ -1,5 +1,6 @@
 //! `taxel forearm record`: squeezes through the daemon, into the publication's files.
 
+mod followed;
 mod gripper;
 mod newest;
 mod plan;
@@ -198,6 +199,8 @@ fn stopped(plan: &Plan) -> anyhow::Result<()> {
 /// A line for each squeeze that is written.
 fn say(next: &Next, squeeze: &Squeeze) -> anyhow::Result<()> {
     let most = |angles: &Vec<f64>| angles.iter().copied().fold(f64::NAN, f64::max);
+    // Samples whose angle is unknown, or was read too long before.
+    let unknown = |angles: &Vec<f64>| angles.iter().filter(|angle| angle.is_nan()).count();
     let line = serde_json::json!({
         "file": next.file,
         "place": next.place,
@@ -206,6 +209,8 @@ fn say(next: &Next, squeeze: &Squeeze) -> anyhow::Result<()> {
         "samples": squeeze.len(),
         "touch": squeeze.tactile.is_some(),
         "duration_ms": squeeze.time_ms.last(),
+        "unknown_theta_a": squeeze.theta_a_deg.each_ref().map(unknown),
+        "unknown_theta_p": squeeze.theta_p_deg.each_ref().map(unknown),
         "most_theta_a_deg": squeeze.theta_a_deg.each_ref().map(most),
         "most_theta_p_deg": squeeze.theta_p_deg.each_ref().map(most),
     });

@@ -1,5 +1,6 @@
 //! The newest joint angles and tactile image that the daemon sends, kept by a thread.
 
+use super::super::angles::JointAngles;
 use super::super::touch::TactileFinger;
 use anyhow::{Context, bail};
 use std::path::Path;
@@ -12,8 +13,7 @@ use taxel_wire::{Received, Subscribe, Subscriber};
 pub(super) struct Joints {
     /// The frame's instant on the daemon's clock, nanoseconds.
     pub(super) t_ns: u64,
-    /// Radians; not a number where unknown.
-    pub(super) angles: Vec<f32>,
+    pub(super) angles: JointAngles,
     /// The tactile image, where the hand has such a finger and it is felt.
     pub(super) image: Option<Vec<u16>>,
     came: Instant,
@@ -63,7 +63,7 @@ impl Newest {
                             .is_some_and(|finger| finger.image(&raw, &mut image));
                         Joints {
                             t_ns: header.t_ns,
-                            angles: raw.joints().collect(),
+                            angles: JointAngles::of(&raw),
                             image: is_felt.then_some(image),
                             came: Instant::now(),
                         }
@@ -90,15 +90,22 @@ impl Newest {
         lock_of(&self.0).has_touch
     }
 
-    /// Those of a frame that is newer than the one of this time; waits for it, at most a second.
-    pub(super) fn after(&self, t_ns: Option<u64>) -> anyhow::Result<Joints> {
-        let end = Instant::now() + STALE;
+    /// Those of a frame that is newer than the one of this time, and as wanted; after `patience` of one that is not. Waits for
+    /// a newer one, at most a second.
+    pub(super) fn after(
+        &self,
+        t_ns: Option<u64>,
+        is_wanted: impl Fn(&Joints) -> bool,
+        patience: Duration,
+    ) -> anyhow::Result<Joints> {
+        let began = Instant::now();
         loop {
             let joints = self.joints()?;
-            if t_ns.is_none_or(|before| joints.t_ns > before) {
+            let is_newer = t_ns.is_none_or(|before| joints.t_ns > before);
+            if is_newer && (is_wanted(&joints) || began.elapsed() >= patience) {
                 return Ok(joints);
             }
-            if Instant::now() > end {
+            if !is_newer && began.elapsed() > STALE {
                 bail!("the daemon's frames stand still; `taxel status` says why");
             }
             std::thread::sleep(Duration::from_millis(2));
@@ -120,4 +127,34 @@ impl Newest {
 
 fn lock_of(state: &Mutex<State>) -> std::sync::MutexGuard<'_, State> {
     state.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn joints(t_ns: u64, age_us: u32) -> Joints {
+        Joints {
+            t_ns,
+            angles: JointAngles::from_iter([(1.0, age_us)]),
+            image: None,
+            came: Instant::now(),
+        }
+    }
+
+    #[test]
+    fn a_frame_with_angles_of_its_sample_is_waited_for_as_long_as_there_is_patience() {
+        let hour = Duration::from_secs(3600);
+        for (patience, taken) in [(hour, 4), (Duration::ZERO, 2)] {
+            let newest = Newest(Arc::default());
+            let put = |t_ns, age_us| lock_of(&newest.0).joints = Some(joints(t_ns, age_us));
+            put(2, 300_000);
+            // Whoever looks at a frame and does not want it is shown the next one.
+            let is_wanted = |joints: &Joints| {
+                put(joints.t_ns + 1, if joints.t_ns < 3 { 200_000 } else { 10_000 });
+                joints.angles.late_ms(0).is_none()
+            };
+            assert_eq!(newest.after(Some(1), is_wanted, patience).unwrap().t_ns, taken);
+        }
+    }
 }
