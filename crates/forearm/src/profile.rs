@@ -96,10 +96,12 @@ impl Profile {
     /// The same of a squeeze that is to be trained on: it must be whole.
     pub(crate) fn whole(&self, squeeze: &Squeeze) -> Result<Course, ForearmError> {
         let course = self.course(squeeze)?;
-        if peak(squeeze) < (1.0 - HIGHER_PEAK) * self.peak_pwm {
+        let reached = course.reached();
+        // One that ends on its way up had not come to its peak.
+        let is_on_its_way = (0.0..=1.0).contains(&reached);
+        if !is_on_its_way && peak(squeeze) < (1.0 - HIGHER_PEAK) * self.peak_pwm {
             return Err(self.too_low(squeeze, course.row_at(1.0)));
         }
-        let reached = course.reached();
         if reached < WHOLE {
             return Err(ForearmError::NoEnd { reached });
         }

@@ -422,10 +422,13 @@ fn training_names_the_squeeze_that_it_cannot_take() {
         &|s| s.trials.truncate(12),
         "12 squeezes at 2 places; it takes at least 3",
     );
-    refused(
-        &|s| s.trials[7].squeeze = s.trials[7].squeeze.prefix(60),
-        "the squeeze 1 at 8.3 %: the squeeze breaks off",
-    );
+    for (rows, words) in [
+        (60, "the squeeze 1 at 8.3 %: the squeeze breaks off at phase 1."),
+        (40, "the squeeze 1 at 8.3 %: the squeeze breaks off at phase 0."),
+        (10, "the squeeze 1 at 8.3 %: PWM rises to 0, and to 400"),
+    ] {
+        refused(&|s| s.trials[7].squeeze = s.trials[7].squeeze.prefix(rows), words);
+    }
     refused(
         &|s| s.trials[7].squeeze.theta_p_deg[0].fill(f64::NAN),
         "theta_p of finger 0",
