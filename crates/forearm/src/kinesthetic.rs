@@ -34,7 +34,8 @@ const LEAST_MOVED: f64 = 0.05;
 const JUMPS: f64 = 0.1;
 /// Steps that it takes to see that.
 const STEPS: usize = 8;
-/// In some squeeze of a training a motor closes by at least this, degrees: in radians it would be half a turn.
+/// In some squeeze of a training a motor closes by at least this, degrees: in radians it would be half a turn. A
+/// potentiometer, which may hardly move, comes at least so far from 0.
 const LEAST_CLOSED_DEG: f64 = 3.0;
 /// While a squeeze goes on, an angle that is not known in so many samples on end is lost: `taxel forearm record` ends a
 /// squeeze then, too. Fewer may be a machine that was busy with something else.
@@ -350,6 +351,7 @@ impl Training {
             set.add(&trial.squeeze).map_err(within(trial))?;
         }
         set.of_one_gripper(trials)?;
+        set.in_degrees(trials)?;
         Ok(set)
     }
 
@@ -382,14 +384,30 @@ impl Training {
                     });
                 }
             }
-            let moved = ranges
-                .iter()
-                .map(|[least, most]| most - least)
-                .fold(0.0, f64::max);
-            if MOTORS.contains(&n) && moved < LEAST_CLOSED_DEG {
+        }
+        Ok(())
+    }
+
+    /// Whether each angle is as large in some squeeze as one in radians is in none.
+    fn in_degrees(&self, trials: &[&Trial]) -> Result<(), ForearmError> {
+        for n in MOTORS
+            .chain(0..MOTORS.start)
+            .filter(|n| self.range_deg[*n].is_some())
+        {
+            let ranges = trials.iter().map(|trial| range(angles(&trial.squeeze)[n]));
+            let (goes, most) = match MOTORS.contains(&n) {
+                true => (
+                    "moves by",
+                    ranges.map(|[least, most]| most - least).fold(0.0, f64::max),
+                ),
+                false => ("comes to", ranges.flatten().map(f64::abs).fold(0.0, f64::max)),
+            };
+            if most < LEAST_CLOSED_DEG {
+                let name = ANGLES[n];
                 return Err(ForearmError::Untrained {
                     what: format!(
-                        "{name} moves by {moved:.2} degrees in a squeeze at most; is it in degrees?"
+                        "{name} {goes} {most:.2} degrees in a squeeze at most; is it in degrees? If it is, it tells nothing: \
+                         write NaN in its place throughout, and it is done without"
                     ),
                 });
             }

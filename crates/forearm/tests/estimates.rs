@@ -460,6 +460,16 @@ fn training_names_the_squeeze_that_it_cannot_take() {
         &|s| s.trials.iter_mut().for_each(|t| in_radians(&mut t.squeeze)),
         "theta_a of finger 0 moves by 0.5",
     );
+    for finger in 0..2 {
+        let potentiometer = |squeeze: &mut Squeeze| {
+            let angles = &mut squeeze.theta_p_deg[finger];
+            angles.iter_mut().for_each(|angle| *angle = angle.to_radians());
+        };
+        refused(
+            &|s| s.trials.iter_mut().for_each(|t| potentiometer(&mut t.squeeze)),
+            &format!("theta_p of finger {finger} comes to 0."),
+        );
+    }
 }
 
 #[test]
