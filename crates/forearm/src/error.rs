@@ -217,7 +217,16 @@ pub enum ForearmError {
     /// A squeeze without the touch that is to be looked at.
     #[error("the squeeze has no tactile images; record the tactile finger too, or estimate from the angles")]
     NoTouch,
-    /// Touch in which nothing is ever felt.
+    /// Touch that is the same in all squeezes.
+    #[error(
+        "the tactile images of all {squeezes} squeezes are the same; is the array connected? To train from angles alone, \
+         take touch away: `tactile` of an .npz, the tactile*.npy files of a folder"
+    )]
+    SameTouch {
+        /// Squeezes of the training.
+        squeezes: usize,
+    },
+    /// Touch that has no components.
     #[error("tactile images cannot be told apart: {0}")]
     Blind(#[from] taxel_palpation::PalpationError),
 }

@@ -8,7 +8,7 @@ use crate::regression::{Regression, Rows, Tried, try_all};
 use crate::session::Trial;
 use crate::squeeze::{Squeeze, TACTELS};
 use serde::{Deserialize, Serialize};
-use taxel_palpation::{Matrix, Pca, Solver};
+use taxel_palpation::{Matrix, PalpationError, Pca, Solver};
 
 /// Principal components that an image is reduced to.
 const COMPONENTS: usize = 6;
@@ -49,7 +49,13 @@ impl Tactile {
                     .map_err(within(trial))?,
             );
         }
-        let pca = Pca::fit(&images(trials, &courses), COMPONENTS, Solver::Auto)?;
+        let pca =
+            Pca::fit(&images(trials, &courses), COMPONENTS, Solver::Auto).map_err(|error| match error {
+                PalpationError::Constant { .. } => ForearmError::SameTouch {
+                    squeezes: trials.len(),
+                },
+                error => error.into(),
+            })?;
         let mean = pca.mean().to_vec();
         let components = pca.components().as_slice().to_vec();
         let mut features = Vec::with_capacity(trials.len() * COMPONENTS * PHASES);

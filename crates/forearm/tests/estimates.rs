@@ -98,6 +98,19 @@ fn touch_alone_and_with_angles_tells_the_place_and_a_lost_sense_is_done_without(
 }
 
 #[test]
+fn touch_that_is_the_same_in_all_squeezes_is_named_by_the_array() {
+    for count in [0, 7] {
+        let mut session = session_with_touch();
+        for trial in &mut session.trials {
+            trial.squeeze.tactile = Some(vec![count; TACTELS * trial.squeeze.len()]);
+        }
+        let error = Model::train(&session).unwrap_err().to_string();
+        let words = "the tactile images of all 26 squeezes are the same; is the array connected?";
+        assert!(error.contains(words), "{error}");
+    }
+}
+
+#[test]
 fn an_estimate_names_the_angles_that_it_was_made_without() {
     let model = model();
     let whole = squeeze(37.0, 0.0);
