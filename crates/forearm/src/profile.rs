@@ -135,10 +135,7 @@ impl Profile {
 
 /// What errors call a squeeze of the training.
 pub(crate) fn within(trial: &Trial) -> impl Fn(ForearmError) -> ForearmError + use<> {
-    let at = format!(
-        "the squeeze {} at {:.1} %",
-        trial.repetition, trial.location_percent
-    );
+    let at = format!("the {}", trial.name());
     move |source| ForearmError::In {
         at: at.clone(),
         source: Box::new(source),

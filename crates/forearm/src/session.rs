@@ -35,6 +35,18 @@ pub struct Trial {
     pub squeeze: Squeeze,
 }
 
+impl Trial {
+    /// What people call it, numbered from 1 as files are: `squeeze 1 at 8.3 %`.
+    pub fn name(&self) -> String {
+        format!("squeeze {} at {:.1} %", self.number(), self.location_percent)
+    }
+
+    /// Which squeeze at this place, from 1 as files are numbered.
+    pub fn number(&self) -> usize {
+        self.repetition + 1
+    }
+}
+
 /// Squeezes of one arm and gripper.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Session {

@@ -370,7 +370,7 @@ fn a_course_that_is_no_squeeze_of_the_profile_is_refused_with_the_row_that_tells
         let mut session = session();
         session.trials[7].squeeze = squeeze;
         let error = Model::train(&session).unwrap_err().to_string();
-        assert!(error.contains("the squeeze 1 at 8.3 %: "), "{what}: {error}");
+        assert!(error.contains("the squeeze 2 at 8.3 %: "), "{what}: {error}");
     }
     // What hides little is estimated as before.
     let estimate = model.estimate(&whole).unwrap();
@@ -436,9 +436,9 @@ fn training_names_the_squeeze_that_it_cannot_take() {
         "12 squeezes at 2 places; it takes at least 3",
     );
     for (rows, words) in [
-        (60, "the squeeze 1 at 8.3 %: the squeeze breaks off at phase 1."),
-        (40, "the squeeze 1 at 8.3 %: the squeeze breaks off at phase 0."),
-        (10, "the squeeze 1 at 8.3 %: PWM rises to 0, and to 400"),
+        (60, "the squeeze 2 at 8.3 %: the squeeze breaks off at phase 1."),
+        (40, "the squeeze 2 at 8.3 %: the squeeze breaks off at phase 0."),
+        (10, "the squeeze 2 at 8.3 %: PWM rises to 0, and to 400"),
     ] {
         refused(&|s| s.trials[7].squeeze = s.trials[7].squeeze.prefix(rows), words);
     }
@@ -459,7 +459,7 @@ fn training_names_the_squeeze_that_it_cannot_take() {
     };
     refused(
         &|s| s.trials[6..8].iter_mut().for_each(|t| in_radians(&mut t.squeeze)),
-        "the squeeze 0 at 8.3 %: theta_a of finger 0 moves by 0.",
+        "the squeeze 1 at 8.3 %: theta_a of finger 0 moves by 0.",
     );
     refused(
         &|s| {
@@ -467,7 +467,7 @@ fn training_names_the_squeeze_that_it_cannot_take() {
                 .iter_mut()
                 .for_each(|a| *a = a.to_radians())
         },
-        "the squeeze 1 at 8.3 %: theta_p of finger 1 is 0.",
+        "the squeeze 2 at 8.3 %: theta_p of finger 1 is 0.",
     );
     refused(
         &|s| s.trials.iter_mut().for_each(|t| in_radians(&mut t.squeeze)),

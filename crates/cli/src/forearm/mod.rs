@@ -110,6 +110,7 @@ struct Line {
     file: String,
     /// Where the session says that it was made; null for a single file.
     true_percent: Option<f64>,
+    /// Which squeeze at its place, from 1 as files are numbered; null for a single file.
     repetition: Option<usize>,
     /// The estimate, as in an ESTIMATE message.
     location_percent: f64,
@@ -230,12 +231,7 @@ fn estimate_file(
         return line(text, &file, None, estimate, json);
     }
     for trial in &Session::open(path)?.trials {
-        let place = || {
-            format!(
-                "{file}, squeeze {} at {:.1} %",
-                trial.repetition, trial.location_percent
-            )
-        };
+        let place = || format!("{file}, {}", trial.name());
         match told(model, &trial.squeeze).with_context(place) {
             Ok(estimate) => line(text, &file, Some(trial), estimate, json)?,
             Err(error) => failed.push(error),
@@ -271,7 +267,7 @@ fn line(
         let line = Line {
             file: file.into(),
             true_percent: trial.map(|t| t.location_percent),
-            repetition: trial.map(|t| t.repetition),
+            repetition: trial.map(Trial::number),
             location_percent: estimate.percent,
             half_width_90: estimate.half_width_90,
             source: estimate.source.to_string(),
@@ -280,7 +276,7 @@ fn line(
         };
         writeln!(text, "{}", serde_json::to_string(&line)?)?;
     } else {
-        let made = trial.map(|t| format!(", squeeze {} at {:.1} %", t.repetition, t.location_percent));
+        let made = trial.map(|t| format!(", {}", t.name()));
         let (percent, width) = (estimate.percent, estimate.half_width_90);
         let made = made.unwrap_or_default();
         write!(

@@ -26,6 +26,14 @@ fn a_session_is_trained_on_and_its_squeezes_and_more_are_placed() {
         .map(|line| serde_json::from_str(line).unwrap())
         .collect();
     assert_eq!(lines.len(), 39);
+    // As files are numbered.
+    let numbers: Vec<_> = lines
+        .iter()
+        .map(|line| line["repetition"].as_u64().unwrap())
+        .collect();
+    assert_eq!(numbers, [1, 2, 3].repeat(13));
+    let (out, _) = succeeds(&dir, &["forearm", "estimate", "arm.model", "more.npz"]);
+    assert!(out.starts_with("more.npz, squeeze 1 at 0.0 %: "), "{out}");
     for line in &lines {
         let number = |key: &str| line[key].as_f64().unwrap();
         let off = number("location_percent") - number("true_percent");
