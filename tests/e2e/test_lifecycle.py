@@ -113,7 +113,8 @@ def test_a_daemon_that_ends_leaves_the_sockets_of_one_alone_that_came_into_its_f
             first.process.send_signal(signal.SIGCONT)
             eventually(lambda: "in use by another taxeld" in first.log, lambda: f"not told\n{first.log}")
             assert first.stop() == 0, first.log
-            assert second.status()["images"]["made"] >= 0
+            made = second.status()["images"]["made"]
+            second.wait_status(lambda s: s["images"]["made"] > made, "it makes no images any more")
             with taxel_reader.connect(second.images) as reader:
                 next_image(reader)
 
