@@ -14,7 +14,7 @@ import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "tests")]
+sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "crates/wire/python")]
 
 from harness.bus import MulticastBuses  # noqa: E402
 from harness.daemon import Daemon, binary, die_with_parent  # noqa: E402

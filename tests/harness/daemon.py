@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
+import taxel_reader
 
 PR_SET_PDEATHSIG = 1
 LIBC = ctypes.CDLL(None, use_errno=True)
@@ -165,6 +166,16 @@ class Daemon:
 
         eventually(met, lambda: f"{what}; status: {json.dumps(last)[:4000]}", seconds)
         return last
+
+    def report(self, times):
+        """Waits until it has said this often what is wrong, once a second: what is not told by then, it does not tell."""
+        with taxel_reader.connect(self.images, image=False, status=True) as reader:
+            reports = 0
+            # The first comes at once, of a look at the hand that may be over.
+            while reports <= times:
+                message = reader.receive(60)
+                assert message is not None, f"no report within 60 s:\n{self.log}"
+                reports += message.header.type == taxel_reader.STATUS
 
 
 def ask(connection, request):

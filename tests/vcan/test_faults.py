@@ -125,7 +125,7 @@ def test_bus_off_and_the_kernels_restart(play, buses):
     assert found["severe"] and found["bus"] == "right"
     others_go_on(daemon, but=("right 0", "right 1"))
     # Its boards are not blamed.
-    time.sleep(0.5)
+    daemon.report(1)
     assert kinds(daemon.status()) == ["bus-off"]
     for board in boards[3:]:
         board.powered = True
@@ -323,14 +323,14 @@ def test_the_states_of_a_real_controller(play, buses, adapter):
     slcan.state("w", rx=100)
     state("error-warning")
     comes(daemon, "error-warning", "0 sending, 100 receiving", "bit rate")
-    time.sleep(0.5)  # slower than flapping
+    daemon.report(1)  # slower than flapping
     slcan.state("p", tx=135)
     state("error-passive")
     comes(daemon, "error-passive", "135 sending, 0 receiving", "not acknowledged")
-    time.sleep(0.5)
+    daemon.report(1)
     slcan.state("a")
     state("error-active")
-    time.sleep(0.5)
+    daemon.report(1)
     slcan.state("b", tx=255)
     state("bus-off")
     comes(daemon, "bus-off", "`ip link set adapter0 down")
