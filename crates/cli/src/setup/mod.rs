@@ -145,10 +145,11 @@ fn find_buses(args: &Args, root: &Path, answers: &Answers) -> anyhow::Result<Vec
         true => link::can_interfaces(&root.join("sys/class/net")),
         false => args.sources.iter().filter_map(interface).collect(),
     };
-    tell_of_daemon(&match args.sources.is_empty() {
+    let sources = match args.sources.is_empty() {
         true => names.iter().map(|name| can(name)).collect::<Result<_, _>>()?,
         false => args.sources.clone(),
-    });
+    };
+    refuse_shared(&sources, args, answers)?;
     let mut usable = Vec::new();
     let mut report = Report::new(std::io::stderr(), Style::of_stderr());
     for name in names {
@@ -192,28 +193,45 @@ fn can(interface: &str) -> Result<SourceAddress, AddressError> {
     format!("can:{interface}").parse()
 }
 
-/// Says that a daemon has these boards, which two must not start and stop.
-fn tell_of_daemon(sources: &[SourceAddress]) {
+/// Refuses the boards of a running daemon, which two must not start and stop, unless told to go on. Who only listens
+/// is told of it.
+fn refuse_shared(sources: &[SourceAddress], args: &Args, answers: &Answers) -> anyhow::Result<()> {
     let socket = taxeld::config::running_socket("status.sock");
     let stop = "`sudo systemctl stop taxeld`, or Ctrl-C where you have started it";
-    match daemon::ask(&socket) {
+    let (who, question) = match daemon::ask(&socket) {
         Daemon::Running(status) => {
             let shared = daemon::shared(&status, sources);
-            let shared: Vec<String> = shared.iter().map(ToString::to_string).collect();
-            if !shared.is_empty() {
-                say(&format!(
-                    "A daemon reads {} (it is asked at {}). Stop it first: {stop}.",
-                    shared.join(" and "),
-                    socket.display()
-                ));
+            if shared.is_empty() {
+                return Ok(());
             }
+            let shared: Vec<String> = shared.iter().map(ToString::to_string).collect();
+            let shared = shared.join(" and ");
+            (
+                format!(
+                    "A daemon reads {shared} (it is asked at {}). Stop it first: {stop}.",
+                    socket.display()
+                ),
+                format!("Set up {shared} beside it, starting and stopping its boards"),
+            )
         }
-        Daemon::Forbidden => say(&format!(
-            "A daemon runs on this machine, and this user may not ask it which boards it has. If these are its boards, stop \
-             it first: {stop}."
-        )),
-        Daemon::Absent | Daemon::Strange(_) => {}
+        Daemon::Forbidden if sources.iter().any(is_live) => (
+            format!(
+                "A daemon runs on this machine, and this user may not ask it which boards it has. If these are its boards, \
+                 stop it first: {stop}."
+            ),
+            "Go on, since these are not its boards".into(),
+        ),
+        Daemon::Forbidden | Daemon::Absent | Daemon::Strange(_) => return Ok(()),
+    };
+    say(&who);
+    if !args.listen_only && !answers.confirm(&question, false)? {
+        bail!("nothing was sent and nothing written; stop the daemon, or --listen-only sends nothing");
     }
+    Ok(())
+}
+
+fn is_live(source: &SourceAddress) -> bool {
+    !matches!(source, SourceAddress::Log { .. })
 }
 
 fn interface(source: &SourceAddress) -> Option<String> {
@@ -234,7 +252,7 @@ fn find_boards(
     let silent: Vec<&str> = buses
         .iter()
         .zip(&found.buses)
-        .filter(|(bus, found)| !matches!(bus.source, SourceAddress::Log { .. }) && found.boards.is_empty())
+        .filter(|(bus, found)| is_live(&bus.source) && found.boards.is_empty())
         .map(|(bus, _)| bus.name.as_str())
         .collect();
     if !silent.is_empty() && !args.listen_only {
@@ -284,10 +302,7 @@ fn choose(
             answers.ask("Which hand is it (a layout's name or file, or `new`)", proposal)?
         }
     };
-    let can_press = heard
-        .sources
-        .iter()
-        .all(|s| !matches!(s, SourceAddress::Log { .. }));
+    let can_press = heard.sources.iter().all(is_live);
     if args.touch && !can_press {
         bail!("--touch: nobody can press a recording");
     }

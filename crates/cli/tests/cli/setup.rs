@@ -106,22 +106,17 @@ fn what_cannot_be_done_is_refused_before_anything_is_written() {
     assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 2);
 }
 
-/// What `taxel setup` says of a bus beside the daemon that has its sockets in this folder.
-fn said_beside_a_daemon(dir: &TempDir, source: &str) -> String {
+/// What `taxel setup` says of a bus beside the daemon that has its sockets in this folder; it finds no board there.
+fn said_beside_a_daemon(dir: &TempDir, source: &str, options: &[&str]) -> String {
     let mut taxel = Command::new(env!("CARGO_BIN_EXE_taxel"));
     taxel
-        .args([
-            "setup",
-            "--yes",
-            "--dry-run",
-            "--listen-only",
-            "--seconds",
-            "0.1",
-            source,
-        ])
+        .args(["setup", "--yes", "--dry-run", "--seconds", "0.1", source])
+        .args(options)
         .env("RUNTIME_DIRECTORY", dir.path())
         .current_dir(dir.path());
-    texts(&taxel.output().unwrap()).1
+    let output = taxel.output().unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    texts(&output).1
 }
 
 #[test]
@@ -132,16 +127,22 @@ fn a_daemon_is_to_be_stopped_only_where_it_reads_one_of_the_buses() {
     let dir = TempDir::new().unwrap();
     let sources = [&first, &second].map(|source| source.parse().unwrap());
     let daemon = Daemon::start(config(dir.path(), sources)).unwrap();
-    let said = said_beside_a_daemon(&dir, &second);
+    let listen_only = &["--listen-only"];
+    let said = said_beside_a_daemon(&dir, &second, listen_only);
     assert!(
         said.contains("A daemon reads udp:") && said.contains("Ctrl-C"),
         "{said}"
     );
-    let said = said_beside_a_daemon(&dir, &other);
+    assert!(said.contains("no board was recognised"), "{said}");
+    // Nobody says that its boards are to be started all the same.
+    let said = said_beside_a_daemon(&dir, &second, &[]);
+    assert!(said.contains("starting and stopping its boards [no]"), "{said}");
+    assert!(!said.contains("Ask for boards"), "{said}");
+    let said = said_beside_a_daemon(&dir, &other, listen_only);
     assert!(!said.contains("A daemon"), "{said}");
     daemon.stop().unwrap();
     let daemon = simulated(dir.path(), "tap");
-    let said = said_beside_a_daemon(&dir, &first);
+    let said = said_beside_a_daemon(&dir, &first, listen_only);
     assert!(!said.contains("A daemon"), "{said}");
     daemon.stop().unwrap();
 }
