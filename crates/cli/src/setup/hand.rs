@@ -66,6 +66,22 @@ impl Heard {
         own == other && self.layout.wiring[module].icub.is_some() == hand.wiring[place].icub.is_some()
     }
 
+    /// Why a board cannot be that of a module of another layout.
+    pub(super) fn misfit(&self, module: usize, hand: &Layout, place: usize) -> String {
+        let [own, other] = [&self.layout.modules[module], &hand.modules[place]];
+        let (called, name) = (self.board(module), &other.name);
+        match own.taxels == other.taxels {
+            true => format!(
+                "{called}, whose {} taxels are others than those of the {name}",
+                own.taxels
+            ),
+            false => format!(
+                "{called}, whose {} taxels are not the {} of the {name}",
+                own.taxels, other.taxels
+            ),
+        }
+    }
+
     /// Whether every module of this layout can have a board of its own, and every board a module.
     pub(super) fn fits(&self, hand: &Layout) -> bool {
         let shape = |layout: &Layout| {
@@ -269,6 +285,16 @@ mod tests {
         let names: Vec<&str> = written.modules[..4].iter().map(|m| m.name.as_str()).collect();
         assert_eq!(names, ["pointer tip", "pointer root", "big tip", "index tip"]);
         assert_eq!([0, 1, 2, 3].map(place), [(0, 0), (0, 4), (4, 0), (8, 0)]);
+    }
+
+    #[test]
+    fn a_board_that_cannot_be_a_module_is_told_with_its_taxels_and_those_of_the_module() {
+        let (heard, hand) = (heard("uskin-module"), Layout::builtin("icub-forearm").unwrap());
+        assert!(!heard.can_be(0, &hand, 0));
+        assert_eq!(
+            heard.misfit(0, &hand, 0),
+            "can0 board 1, whose 16 taxels are not the 80 of the forearm strip"
+        );
     }
 
     #[test]

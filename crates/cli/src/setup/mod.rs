@@ -329,7 +329,14 @@ fn choose(
         sources: buses.iter().map(|bus| heard.sources[*bus].clone()).collect(),
         joints: String::new(),
     };
+    // One board for one module: there is nothing to tell apart by pressing.
     let is_one = template.modules.len() == 1 && heard.layout.modules.len() == 1;
+    if is_one && !heard.can_be(0, &template, 0) {
+        bail!(
+            "the one board that was heard is {}; name a layout that it fits, or take it as it is (--layout new)",
+            heard.misfit(0, &template, 0)
+        );
+    }
     if !is_one && press(!args.yes)? {
         let places = begin()?.place(&template)?;
         tell_left_out(heard, &template, &places);
@@ -343,9 +350,7 @@ fn choose(
     }
     match same {
         Some(buses) => Ok(as_it_is(&buses)),
-        None if is_one && heard.can_be(0, &template, 0) => {
-            hand_of(heard.placed(&template, &text, &[Some(0)], name)?, heard)
-        }
+        None if is_one => hand_of(heard.placed(&template, &text, &[Some(0)], name)?, heard),
         None => bail!(
             "the boards of {layout} have other addresses than those that were heard: press its modules (--touch), or take the \
              boards as they are (--layout new)"

@@ -202,12 +202,8 @@ impl<'a> Pressing<'a> {
                 let why = format!("That is {called}, which is the {other} already.");
                 again = self.refuse(is_pressed, &why)?;
             } else if !self.heard.can_be(board, hand, next) {
-                let taxels = [&self.heard.layout.modules[board], &hand.modules[next]].map(|m| m.taxels);
                 eprintln!();
-                let why = format!(
-                    "That is {called}, whose {} taxels are not the {} of the {name}.",
-                    taxels[0], taxels[1]
-                );
+                let why = format!("That is {}.", self.heard.misfit(board, hand, next));
                 again = self.refuse(is_pressed, &why)?;
             } else {
                 eprintln!("{called}{why}");

@@ -55,6 +55,12 @@ fn boards_of_no_known_hand_are_taken_as_they_were_heard() {
         (layout.name.as_str(), layout.modules.len(), layout.len()),
         ("a", 1, 16)
     );
+    // A layout of one module that has other taxels is no question of where to press.
+    let said = fails(&dir, &["setup", "--yes", "--layout", "icub-forearm", &log], 1);
+    assert!(
+        said.contains("whose 16 taxels are not the 80 of") && !said.contains("--touch"),
+        "{said}"
+    );
     // The next hand takes the next name.
     succeeds(
         &dir,
