@@ -17,7 +17,7 @@ use answers::{Answers, say};
 use anyhow::{Context, bail};
 use hand::Heard;
 use joints::Joints;
-use outcome::{Hand, Outcome, may_write};
+use outcome::{Hand, Origin, Outcome, may_write};
 use place::Pressing;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -58,7 +58,7 @@ pub(crate) struct Args {
     /// Where joint angles come from: dynamixel:DEVICE, allegro:INTERFACE or none
     #[arg(long, value_name = "SOURCE")]
     joints: Option<Joints>,
-    /// Where to write; a layout file that is needed goes beside it
+    /// Where to write; the layout file, where the hand is not built in, goes beside it
     #[arg(long, value_name = "FILE", default_value = "taxeld.toml")]
     out: PathBuf,
     /// Overwrite files that exist
@@ -324,8 +324,10 @@ fn choose(
     let same = heard.same_buses(&template);
     let as_it_is = |buses: &[usize]| Hand {
         layout: template.clone(),
-        layout_file: None,
-        layout_name: layout_name(&layout),
+        origin: match Layout::builtin_text(&layout) {
+            Some(_) => Origin::BuiltIn(layout.clone()),
+            None => Origin::File(layout.clone().into(), text.clone()),
+        },
         sources: buses.iter().map(|bus| heard.sources[*bus].clone()).collect(),
         joints: String::new(),
     };
@@ -390,18 +392,9 @@ fn tell_left_out(heard: &Heard, template: &Layout, places: &[Option<usize>]) {
 fn hand_of(text: String, heard: &Heard) -> anyhow::Result<Hand> {
     let layout = Layout::parse(&text, "the layout")?;
     Ok(Hand {
-        layout_name: layout.name.clone(),
         layout,
-        layout_file: Some(text),
+        origin: Origin::New(text),
         sources: heard.sources.clone(),
         joints: String::new(),
     })
-}
-
-/// What a configuration calls a layout: a file by its whole path.
-fn layout_name(layout: &str) -> String {
-    match Layout::builtin_text(layout) {
-        Some(_) => layout.into(),
-        None => std::path::absolute(layout).map_or(layout.into(), |path| path.display().to_string()),
-    }
 }

@@ -16,14 +16,22 @@ use taxeld::Config;
 #[derive(Debug)]
 pub(super) struct Hand {
     pub(super) layout: Layout,
-    /// The layout file to be written; `None` where the layout has a name already.
-    pub(super) layout_file: Option<String>,
-    /// What the layout is called where no file is written.
-    pub(super) layout_name: String,
+    pub(super) origin: Origin,
     /// Where each of the layout's buses is.
     pub(super) sources: Vec<SourceAddress>,
     /// The table `[joints]`.
     pub(super) joints: String,
+}
+
+/// Where the layout comes from that the configuration names.
+#[derive(Debug, Clone)]
+pub(super) enum Origin {
+    /// Its name.
+    BuiltIn(String),
+    /// A file of the user's, and its text.
+    File(PathBuf, String),
+    /// The text of a file that there is not yet.
+    New(String),
 }
 
 /// The files, as they will be.
@@ -31,7 +39,16 @@ pub(super) struct Hand {
 pub(super) struct Outcome {
     config_path: PathBuf,
     config: String,
-    layout: Option<(PathBuf, String)>,
+    layout: Option<LayoutFile>,
+}
+
+/// A layout file beside the configuration, which names it.
+#[derive(Debug)]
+struct LayoutFile {
+    path: PathBuf,
+    text: String,
+    /// It is there already.
+    is_there: bool,
 }
 
 impl Outcome {
@@ -42,20 +59,10 @@ impl Outcome {
         answers: &Answers,
         force: bool,
     ) -> anyhow::Result<Self> {
-        let folder = config_path.parent().unwrap_or(Path::new(""));
-        let layout = match &hand.layout_file {
-            Some(text) => Some((layout_path(folder, force, answers)?, text.clone())),
-            None => None,
-        };
-        let file_name = |path: &Path| {
-            path.file_name()
-                .unwrap_or_default()
-                .to_string_lossy()
-                .into_owned()
-        };
-        let name = match &layout {
-            Some((path, _)) => file_name(path),
-            None => hand.layout_name.clone(),
+        let layout = LayoutFile::of(&hand.origin, config_path, answers, force)?;
+        let name = match &hand.origin {
+            Origin::BuiltIn(name) => name.clone(),
+            _ => layout.as_ref().map_or(String::new(), LayoutFile::name),
         };
         let mut config = text_for(&hand.layout, &name, &hand.sources);
         if let Some(hz) = capacity::trigger_hz(&hand.layout, link::BITRATE) {
@@ -78,9 +85,9 @@ impl Outcome {
     /// Whether a daemon could start with these files.
     fn check(&self) -> anyhow::Result<()> {
         let folder = tempfile::TempDir::new().context("a folder to check the files in")?;
-        if let Some((path, text)) = &self.layout {
-            let name = path.file_name().unwrap_or_default();
-            std::fs::write(folder.path().join(name), text).context("a layout file to check")?;
+        if let Some(layout) = &self.layout {
+            std::fs::write(folder.path().join(layout.name()), &layout.text)
+                .context("a layout file to check")?;
         }
         let name = self.config_path.file_name().unwrap_or_default();
         let path = folder.path().join(name);
@@ -96,9 +103,9 @@ impl Outcome {
         let mut config = OutputFile::begin(&self.config_path)?;
         std::fs::write(config.path(), &self.config)
             .with_context(|| self.config_path.display().to_string())?;
-        if let Some((path, text)) = &self.layout {
-            OutputFile::write(path, text)?;
-            say(&format!("{} is written.", path.display()));
+        if let Some(layout) = self.new_layout() {
+            OutputFile::write(&layout.path, &layout.text)?;
+            say(&format!("{} is written.", layout.path.display()));
         }
         config.finish()?;
         say(&format!(
@@ -108,12 +115,17 @@ impl Outcome {
         Ok(())
     }
 
+    /// The layout file that is written with the configuration.
+    fn new_layout(&self) -> Option<&LayoutFile> {
+        self.layout.as_ref().filter(|layout| !layout.is_there)
+    }
+
     /// Prints the files to stdout instead of writing them.
     pub(super) fn print(&self) -> anyhow::Result<()> {
         let mut out = std::io::stdout().lock();
         let mut text = String::new();
-        if let Some((path, layout)) = &self.layout {
-            text += &format!("# {}:\n{layout}\n", path.display());
+        if let Some(layout) = self.new_layout() {
+            text += &format!("# {}:\n{}\n", layout.path.display(), layout.text);
         }
         text += &format!("# {}:\n{}", self.config_path.display(), self.config);
         Ok(out.write_all(text.as_bytes()).and_then(|()| out.flush())?)
@@ -124,16 +136,17 @@ impl Outcome {
             let bus = &hand.layout.buses[usize::from(wiring.bus)];
             json!({ "name": module.name, "bus": bus, "board": wiring.board, "protocol": wiring.protocol.name() })
         });
-        let (path, text) = match &self.layout {
-            Some((path, text)) => (Some(path.display().to_string()), Some(text)),
-            None => (None, None),
+        let layout = self.layout.as_ref();
+        let builtin = match &hand.origin {
+            Origin::BuiltIn(name) => Some(name),
+            _ => None,
         };
         json!({
             "sources": hand.sources.iter().map(ToString::to_string).collect::<Vec<_>>(),
             "modules": modules.collect::<Vec<_>>(),
-            "layout": hand.layout_file.is_none().then_some(&hand.layout_name),
-            "layout_path": path,
-            "layout_file": text,
+            "layout": builtin,
+            "layout_path": layout.map(|layout| layout.path.display().to_string()),
+            "layout_file": layout.map(|layout| &layout.text),
             "config_path": self.config_path.display().to_string(),
             "config": self.config,
             "written": is_written,
@@ -145,9 +158,9 @@ impl Outcome {
         let config = self.config_path.display();
         eprintln!("\nTry it:\n    taxeld --config {config}\n    taxel view");
         eprintln!("As a service, with the package installed:");
-        if let Some((path, _)) = &self.layout {
-            let name = path.file_name().unwrap_or_default().to_string_lossy();
-            eprintln!("    sudo install -m 644 {} /etc/taxeld/{name}", path.display());
+        if let Some(layout) = &self.layout {
+            let (path, name) = (layout.path.display(), layout.name());
+            eprintln!("    sudo install -m 644 {path} /etc/taxeld/{name}");
         }
         eprintln!("    sudo install -m 644 {config} /etc/taxeld/taxeld.toml");
         eprintln!("    sudo systemctl enable --now taxeld");
@@ -166,19 +179,66 @@ impl Outcome {
     }
 }
 
+impl LayoutFile {
+    /// `None` for a built-in layout. A file that lies beside the configuration stays as it is; any other is written there,
+    /// since a service reads no file of a user's, and the two are to be moved together.
+    fn of(
+        origin: &Origin,
+        config_path: &Path,
+        answers: &Answers,
+        force: bool,
+    ) -> anyhow::Result<Option<Self>> {
+        let whole = |folder: &Path| {
+            std::path::absolute(folder)
+                .and_then(|folder| folder.canonicalize())
+                .ok()
+        };
+        let folder = config_path.parent().unwrap_or(Path::new(""));
+        let (text, proposal) = match origin {
+            Origin::BuiltIn(_) => return Ok(None),
+            Origin::New(text) => (text, "hand".into()),
+            Origin::File(path, text) => {
+                let of_file = path.parent().unwrap_or(Path::new(""));
+                if whole(of_file) == whole(folder) {
+                    return Ok(Some(Self {
+                        path: path.clone(),
+                        text: text.clone(),
+                        is_there: true,
+                    }));
+                }
+                (text, path.file_stem().unwrap_or_default().to_string_lossy())
+            }
+        };
+        Ok(Some(Self {
+            path: layout_path(config_path, &proposal, force, answers)?,
+            text: text.clone(),
+            is_there: false,
+        }))
+    }
+
+    fn name(&self) -> String {
+        let name = self.path.file_name().unwrap_or_default();
+        name.to_string_lossy().into_owned()
+    }
+}
+
 /// A name for the layout file beside the configuration that no file has.
-fn layout_path(folder: &Path, force: bool, answers: &Answers) -> anyhow::Result<PathBuf> {
-    let mut names = std::iter::once("hand.toml".to_owned()).chain((2..).map(|n| format!("hand-{n}.toml")));
-    let free = match force {
-        true => names.next(),
-        false => names.find(|name| !folder.join(name).exists()),
-    };
+fn layout_path(config_path: &Path, stem: &str, force: bool, answers: &Answers) -> anyhow::Result<PathBuf> {
+    let folder = config_path.parent().unwrap_or(Path::new(""));
+    let names = std::iter::once(format!("{stem}.toml")).chain((2..).map(|n| format!("{stem}-{n}.toml")));
+    let mut paths = names.map(|name| folder.join(name));
+    let free = paths.find(|path| path != config_path && (force || !path.exists()));
     let free = free.unwrap_or_default();
     loop {
-        let answer = answers.ask("Write the layout to", &folder.join(&free).display().to_string())?;
+        let answer = answers.ask("Write the layout to", &free.display().to_string())?;
         let path = PathBuf::from(answer);
         if path.parent() != Some(folder) {
             answers.refuse("the layout file goes beside the configuration, which names it")?;
+        } else if path == config_path {
+            answers.refuse(&format!(
+                "{} is the configuration; the layout is a file of its own",
+                path.display()
+            ))?;
         } else if !force && path.exists() {
             answers.refuse(&format!("{} exists; --force overwrites it", path.display()))?;
         } else {

@@ -70,6 +70,44 @@ fn boards_of_no_known_hand_are_taken_as_they_were_heard() {
 }
 
 #[test]
+fn the_layout_file_that_is_named_is_beside_the_configuration_and_goes_with_it_to_the_service() {
+    let (dir, log) = recording("uskin-module");
+    let at = |name: &str| dir.path().join(name);
+    let text = Layout::builtin_text("uskin-module").unwrap();
+    for folder in ["elsewhere", "here"] {
+        fs::create_dir(at(folder)).unwrap();
+        fs::write(at(folder).join("mine.toml"), text).unwrap();
+    }
+    // Whose layout lies elsewhere gets a copy, and who has the file there already keeps it.
+    for (layout, out, copied) in [
+        ("elsewhere/mine.toml", "taxeld.toml", "mine.toml"),
+        ("elsewhere/mine.toml", "mine-2.toml", "mine-3.toml"),
+        ("here/mine.toml", "here/taxeld.toml", ""),
+    ] {
+        let (_, said) = succeeds(&dir, &["setup", "--yes", "--layout", layout, "--out", out, &log]);
+        let (from, name) = match copied {
+            "" => (layout, "mine.toml"),
+            copied => (copied, copied),
+        };
+        assert_eq!(fs::read_to_string(at(from)).unwrap(), text);
+        let config = fs::read_to_string(at(out)).unwrap();
+        assert!(
+            config.contains(&format!("\nlayout = \"{name}\"\n")),
+            "{out}: {config}"
+        );
+        taxeld::Config::load(&at(out)).unwrap();
+        let install = format!("sudo install -m 644 {from} /etc/taxeld/{name}\n");
+        assert!(said.contains(&install), "{said}");
+        assert_eq!(
+            said.contains(&format!("{from} is written")),
+            !copied.is_empty(),
+            "{said}"
+        );
+    }
+    assert_eq!(fs::read_dir(at("here")).unwrap().count(), 2);
+}
+
+#[test]
 fn a_dry_run_writes_nothing_and_prints_all_of_it() {
     let (dir, log) = recording("uskin-module");
     let arguments = ["setup", "--yes", "--dry-run", "--layout", "new", &log];
