@@ -406,6 +406,13 @@ impl Doctor {
     }
 }
 
+/// What is wrong where the kernel of this machine has no CAN sockets; `None` where it has them.
+pub(crate) fn without_can_sockets(root: &Path) -> Option<Check> {
+    let facts = machine::MachineFacts::read(root).with_can_sockets();
+    let check = machine::check_af_can(&facts, true);
+    (check.state == State::Error).then_some(check)
+}
+
 /// What bit rate the boards on an interface need; `None` where that is not public (CySkin).
 fn bitrate_of(config: &Config, interface: &str) -> Option<u64> {
     let bus = config

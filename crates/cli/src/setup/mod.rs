@@ -8,6 +8,7 @@ mod outcome;
 mod place;
 mod touch;
 
+use crate::doctor;
 use crate::doctor::daemon::{self, Daemon};
 use crate::doctor::finding::{Check, State};
 use crate::doctor::link::{self, LinkFacts};
@@ -152,6 +153,13 @@ fn find_buses(args: &Args, root: &Path, answers: &Answers) -> anyhow::Result<Vec
     refuse_shared(&sources, args, answers)?;
     let mut usable = Vec::new();
     let mut report = Report::new(std::io::stderr(), Style::of_stderr());
+    let needs_can = args.sources.is_empty() || !names.is_empty();
+    if let Some(check) = doctor::without_can_sockets(root).filter(|_| needs_can) {
+        report.write(&[check]).context("stderr")?;
+        bail!(
+            "no CAN interface can be heard here; a bus elsewhere is named, such as udp::43113, and a recording log:FILE"
+        );
+    }
     for name in names {
         let checks = link::check(&LinkFacts::read(root, &name), None);
         let is_wrong = |check: &Check| matches!(check.state, State::Error | State::Warning);

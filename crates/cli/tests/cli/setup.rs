@@ -1,6 +1,6 @@
 //! `taxel setup` without anybody to press a module: what it writes for boards that were heard, and what it refuses.
 
-use crate::{config, fails, simulated, succeeds, texts};
+use crate::{config, fails, simulated, succeeds, taxel, texts};
 use serde_json::Value;
 use std::fs;
 use std::net::UdpSocket;
@@ -148,6 +148,25 @@ fn what_cannot_be_done_is_refused_before_anything_is_written() {
     assert!(fails(&dir, &["setup", "--yes", "sim:tap"], 1).contains("taxel sim"));
     assert_eq!(fs::read_to_string(dir.path().join("mine.toml")).unwrap(), "mine");
     assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 2);
+}
+
+#[test]
+fn where_the_kernel_has_no_can_setup_says_what_the_doctor_says() {
+    let dir = TempDir::new().unwrap();
+    // Lines are wrapped, and how long they are is the kernel's name.
+    let in_one_line = |text: String| text.split_whitespace().collect::<Vec<_>>().join(" ");
+    let arguments = [
+        "doctor",
+        "--layout",
+        "uskin-module",
+        "--listen-only",
+        "can:nosuch0",
+    ];
+    let report = in_one_line(texts(&taxel(&dir, &arguments)).0);
+    let has_no_can = report.contains("has no CAN sockets");
+    let said = in_one_line(fails(&dir, &["setup", "--yes", "can:nosuch0"], 1));
+    assert_eq!(said.contains("has no CAN sockets"), has_no_can, "{said}");
+    assert_ne!(said.contains("does not exist"), has_no_can, "{said}");
 }
 
 /// What `taxel setup` says of a bus beside the daemon that has its sockets in this folder; it finds no board there.

@@ -29,7 +29,7 @@ pub(super) struct Needs {
 
 /// What is to be said of the machine.
 pub(super) fn check(facts: &MachineFacts, needs: &Needs) -> Vec<Check> {
-    let mut checks = vec![check_af_can(facts, needs)];
+    let mut checks = vec![check_af_can(facts, needs.can)];
     if needs.sockets {
         checks.extend(check_rmem(facts, needs));
     }
@@ -55,13 +55,14 @@ pub(super) fn check(facts: &MachineFacts, needs: &Needs) -> Vec<Check> {
     checks
 }
 
-fn check_af_can(facts: &MachineFacts, needs: &Needs) -> Check {
+/// Whether the kernel has CAN sockets, which a CAN interface `is_needed` for.
+pub(super) fn check_af_can(facts: &MachineFacts, is_needed: bool) -> Check {
     const NAME: &str = "AF_CAN";
     let Some(why) = &facts.no_af_can else {
         return Check::ok(AREA, NAME, "", "the kernel has CAN sockets");
     };
     let found = format!("kernel {} has no CAN sockets ({why})", facts.kernel);
-    if !needs.can {
+    if !is_needed {
         return Check::ok(AREA, NAME, "", format!("{found}, and no source here needs them"));
     }
     let check = Check::error(AREA, NAME, "", found);
