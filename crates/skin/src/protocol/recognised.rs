@@ -61,6 +61,8 @@ pub(crate) struct IdTraffic {
     pub(crate) count: u64,
     /// Frames of eight bytes.
     pub(crate) full: u64,
+    /// Of these, answers of MTBs that are asked for their firmware; a taxel may have their first byte.
+    pub(crate) answers: u64,
     first_ns: u64,
     last_ns: u64,
     /// Byte 7 of the full frames, as long as it is the same.

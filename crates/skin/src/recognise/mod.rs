@@ -17,7 +17,7 @@ pub use found::Recognition;
 use crate::protocol::RECOGNISERS;
 use crate::protocol::cyskin::recognise::{CyskinGuess, HubTraffic, add_hubs, guess};
 use crate::protocol::cyskin::setup::HubIds;
-use crate::protocol::mtb::BoardKind;
+use crate::protocol::mtb::{BoardKind, answering};
 use crate::protocol::recognised::{HeardIds, RecognisedBus};
 use std::collections::BTreeMap;
 use taxel_can::{CanFrame, EXTENDED_FLAG, Received};
@@ -177,7 +177,9 @@ impl Traffic {
         if id == 0 {
             self.array.add(data);
         }
-        self.heard.ids.entry(id).or_default().add(t_ns, data);
+        let of_id = self.heard.ids.entry(id).or_default();
+        of_id.add(t_ns, data);
+        of_id.answers += u64::from(answering(frame).is_some());
     }
 
     fn hubs(&self, ids: HubIds) -> &BTreeMap<u32, HubTraffic> {
@@ -223,7 +225,7 @@ impl Traffic {
         // Commands to MTBs, their answers, and what they say in discovery are no data of anybody.
         left.retain(|id, heard| {
             let management = id & 0x7F0 == 0x200 || id & 0x70F == 0x200 || id & 0x700 == 0x700;
-            !(management && heard.full < heard.count)
+            !(management && (heard.full < heard.count || heard.answers == heard.full))
         });
         bus.others.extend(left.keys().map(|id| u32::from(*id)));
         bus

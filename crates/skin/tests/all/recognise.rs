@@ -374,12 +374,17 @@ fn commands_and_answers_of_boards_are_no_strangers() {
         (0x70F, &[0xFF]),
         (0x710, &[0xFF, 5, 2, 17, 0]),
         (0x201, &[0x1C, 1, 0]),
+        (0x210, &[0x1C, 5, 2, 17, 0, 1, 0, 1]),
+        (0x230, &[0x1C, 11, 2, 9, 0, 1, 0, 1]),
     ] {
         traffic.insert(0, (0, 0, CanFrame::standard(id, data).unwrap()));
     }
     let found = recognise(1, &traffic);
     assert_eq!(found.buses[0].boards.len(), 1);
     assert!(found.buses[0].others.is_empty(), "{:?}", found.buses[0].others);
+    // Other frames of that id are somebody's.
+    traffic.push((0, 0, CanFrame::standard(0x230, &[0x1D; 8]).unwrap()));
+    assert_eq!(recognise(1, &traffic).buses[0].others, [0x230]);
 }
 
 #[test]
