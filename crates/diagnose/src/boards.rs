@@ -214,6 +214,11 @@ fn silent_bus(name: &str, bus: usize, starting: Option<Starting>) -> Problem {
 /// A bus on which others speak and none of its boards ever did: probably it is the layout that is wrong.
 fn foreign_bus(look: &Look<'_>, bus: usize) -> Problem {
     let (layout, unknown) = (look.setup.layout, look.view.buses[bus].unknown);
+    // Boards that are told to start fall silent where whoever tells them ends.
+    let start = match look.view.buses[bus].starting {
+        Starting::Repeated => " --start",
+        Starting::ByOthers | Starting::NotAllowed => "",
+    };
     let (name, source) = (&layout.buses[bus], &look.setup.sources[bus]);
     Problem::new(
         Kind::BusSilent,
@@ -223,7 +228,7 @@ fn foreign_bus(look: &Look<'_>, bus: usize) -> Problem {
             layout.name
         ),
         format!(
-            "`taxel doctor --scan {source}` says which boards these are, and writes their layout. If they are not the \
+            "`taxel doctor --scan{start} {source}` says which boards these are, and writes their layout. If they are not the \
              hand's, check its power and cable"
         ),
         format!("{name}: boards of layout {} speak", layout.name),

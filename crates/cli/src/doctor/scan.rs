@@ -16,6 +16,9 @@ use taxel_playback::traffic::Traffic;
 use taxel_skin::{Layout, RecognisedBus, Recogniser, Recognition};
 
 const RECEIVE_BUFFER: usize = 4 << 20;
+/// How the sentence goes on that no board was heard, where none was asked for.
+const START: &str =
+    "; MTBs and CySkin hubs wait to be started: --start asks for them and starts those that answer";
 
 /// What to scan, and how.
 #[derive(Debug)]
@@ -219,7 +222,7 @@ fn tell(scan: &Scan<'_>, buses: &[Bus], found: &Recognition, asked: Option<&Aske
     for (number, (bus, found)) in (0u8..).zip(buses.iter().zip(&found.buses)) {
         let unheard = match asked {
             Some(asked) => asked.unheard(number, &bus.source),
-            None => "; MTBs and CySkin hubs wait to be started: --start asks for them and starts those that answer".into(),
+            None => START.into(),
         };
         said.extend(words(bus, found, scan.seconds, &unheard));
     }
@@ -257,15 +260,24 @@ fn sources(buses: &[Bus], found: &Recognition) -> String {
     sources.join(" ")
 }
 
-/// What was found on a bus, a sentence each; `unheard` goes on where nothing was heard on a live one.
+/// What was found on a bus, a sentence each; `unheard` goes on where no board was heard on a live one.
 pub(crate) fn words(bus: &Bus, found: &RecognisedBus, seconds: f64, unheard: &str) -> Vec<String> {
     let mut lines = Vec::new();
+    let advice = match &bus.source {
+        SourceAddress::Log { .. } => "",
+        _ => unheard,
+    };
     if found.frames == 0 {
-        let advice = match &bus.source {
-            SourceAddress::Log { .. } => "",
-            _ => unheard,
-        };
         return vec![format!("{}: nothing was heard in {seconds} s{advice}", bus.name)];
+    }
+    // Somebody, such as a daemon, tells boards to start, and those that are there do not mean themselves by it.
+    let is_silent = found.boards.is_empty() && found.others.is_empty();
+    if is_silent && found.allegro.is_none() && found.array.is_none() {
+        return vec![format!(
+            "{}: no board was heard in {seconds} s, commands and answers alone ({}){advice}",
+            bus.name,
+            plural(found.frames as usize, "frame")
+        )];
     }
     let mut protocols: Vec<&str> = found.boards.iter().map(|b| b.protocol.name()).collect();
     protocols.dedup();
@@ -377,6 +389,39 @@ fn id_text(id: u32) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn where_no_board_speaks_it_is_said_how_to_start_them_whether_or_not_somebody_commands_them() {
+        let heard = |frames, others: &[u32]| RecognisedBus {
+            frames,
+            others: others.to_vec(),
+            ..RecognisedBus::default()
+        };
+        for (source, found, begin, says_start) in [
+            ("can:can0", heard(0, &[]), "can0: nothing was heard in 2 s;", true),
+            (
+                "can:can0",
+                heard(9, &[]),
+                "can0: no board was heard in 2 s, commands and answers alone (9 frames);",
+                true,
+            ),
+            (
+                "can:can0",
+                heard(9, &[0x123]),
+                "can0: no board of a known skin in 9 frames",
+                false,
+            ),
+            ("log:a.log", heard(9, &[]), "can0: no board was heard", false),
+        ] {
+            let bus = Bus {
+                name: "can0".into(),
+                source: source.parse().unwrap(),
+            };
+            let said = words(&bus, &found, 2.0, START);
+            assert!(said[0].starts_with(begin), "{said:?}");
+            assert_eq!(said[0].contains("--start"), says_start, "{said:?}");
+        }
+    }
 
     #[test]
     fn a_recording_of_two_interfaces_and_a_scene_are_several_buses() {

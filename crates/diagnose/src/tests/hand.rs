@@ -1,7 +1,7 @@
 //! Problems of buses and boards, as they come and go.
 
 use super::*;
-use crate::Place;
+use crate::{Place, Starting};
 use taxel_can::SourceCounters;
 
 #[test]
@@ -124,23 +124,43 @@ fn a_bus_on_which_nobody_speaks_is_one_problem_and_one_silent_board_another() {
 
 #[test]
 fn a_bus_of_other_boards_than_the_layout_has_points_to_the_layout() {
-    for layout in ["uskin-module", "allegro-uskin-15"] {
+    for (layout, starting, scan) in [
+        (
+            "uskin-module",
+            Starting::Repeated,
+            "`taxel doctor --scan --start can:can0`",
+        ),
+        (
+            "allegro-uskin-15",
+            Starting::Repeated,
+            "`taxel doctor --scan --start can:can0`",
+        ),
+        (
+            "allegro-uskin-15",
+            Starting::ByOthers,
+            "`taxel doctor --scan can:can0`",
+        ),
+        (
+            "allegro-uskin-15",
+            Starting::NotAllowed,
+            "`taxel doctor --scan can:can0`",
+        ),
+    ] {
         let mut bench = Bench::of(
             Layout::builtin(layout).expect("built in"),
             &["can:can0", "can:can1"],
         );
         bench.pass(1000, |s| {
-            s.buses.iter_mut().for_each(|bus| bus.unknown += 100);
+            for bus in &mut s.buses {
+                bus.unknown += 100;
+                bus.starting = starting;
+            }
             s.boards.fill(BoardStatus::default());
         });
         assert_eq!(bench.kinds(), vec!["bus-silent"; bench.layout.buses.len()]);
         let said = sentence(&bench.said[0]);
         let layout = format!("no board of layout {layout} speaks");
-        for words in [
-            &layout,
-            "100 frames have ids of nobody",
-            "`taxel doctor --scan can:can0`",
-        ] {
+        for words in [&layout, "100 frames have ids of nobody", scan] {
             assert!(said.contains(words), "{words}: {said}");
         }
         // A board that has spoken is of this layout, whoever else is on the bus.

@@ -25,16 +25,14 @@ pub(super) fn of_problem(layout: &Layout, bus: &BusFacts, facts: &HandFacts, not
             check.found += "; it answers when it is asked and sends no taxels";
             check.without_mend().advise(match found.in_bootloader {
                 true => "it is in its bootloader: switch its power off and on, or load its firmware",
-                false => "its firmware may use another id layout than the layout file says: `taxel doctor --scan` tells",
+                false => {
+                    "its firmware may use another id layout than the layout file says: `taxel doctor --scan --start` tells"
+                }
             })
         }
-        (Kind::BoardUnheard | Kind::BoardNotInLayout, None) => check.run(scan(bus)),
+        (Kind::BoardUnheard | Kind::BoardNotInLayout, None) => check.run(bus.scan()),
         _ => check,
     }
-}
-
-fn scan(bus: &BusFacts) -> String {
-    format!("taxel doctor --scan {}", bus.source)
 }
 
 /// What is to be said of boards that speak.
@@ -141,7 +139,7 @@ pub(super) fn check_discovery(layout: &Layout, bus: u8, facts: &HandFacts) -> Ve
             checks.push(
                 Check::warning(AREA, "unexpected board", object, format!("answers: {what}"))
                     .wanted("no board there, or a [[module]] in the layout file")
-                    .run(scan(&facts.buses[usize::from(bus)])),
+                    .run(facts.buses[usize::from(bus)].scan()),
             );
             continue;
         };

@@ -44,6 +44,12 @@ pub(super) struct BusFacts {
 }
 
 impl BusFacts {
+    /// The command that tells which boards are on the bus. Those that the doctor has started are silent again by then.
+    fn scan(&self) -> String {
+        let start = if self.spoken_to { " --start" } else { "" };
+        format!("taxel doctor --scan{start} {}", self.source)
+    }
+
     /// The bus as the judges of problems are told of it.
     pub(super) fn view(&self) -> BusView {
         BusView {

@@ -83,7 +83,7 @@ pub(super) fn check(layout: &Layout, bus: u8, hand: &HandFacts) -> Vec<Check> {
                         ),
                     ),
                 }
-                .run(format!("taxel doctor --scan {}", facts.source)),
+                .run(facts.scan()),
             );
         }
     }

@@ -303,7 +303,20 @@ fn what_the_boards_say_of_themselves_is_compared_with_the_layout() {
     );
     let stranger = checks.iter().find(|c| c.name == "unexpected board").unwrap();
     assert_eq!(stranger.object, "can0 board 9");
-    assert_eq!(stranger.mend, [Mend::Run("taxel doctor --scan can:can0".into())]);
+    // What the doctor has started is silent when the scan listens.
+    let scan = "taxel doctor --scan --start can:can0";
+    assert_eq!(stranger.mend, [Mend::Run(scan.into())]);
+    for (spoken_to, scan) in [
+        (true, "taxel doctor --scan --start can:can1"),
+        (false, "taxel doctor --scan can:can1"),
+    ] {
+        let checks = found(|f| {
+            f.buses[1].spoken_to = spoken_to;
+            f.buses[1].unclaimed = unclaimed(&[0x700, 0x701]);
+        });
+        let stranger = checks.iter().find(|c| c.name == "unexpected board").unwrap();
+        assert_eq!(stranger.mend, [Mend::Run(scan.into())]);
+    }
 
     let change = |change: fn(&mut FoundBoard)| {
         found(|f| {
