@@ -25,8 +25,9 @@ pub(crate) trait Shown {
     fn draw(&mut self, frame: &mut Frame<'_>) -> bool;
     /// Does what a key asks; returns whether to go on.
     fn key(&mut self, key: KeyEvent) -> bool;
-    /// Shows what people should know besides, which is printed again when the terminal is given back.
-    fn say(&mut self, words: String);
+    /// Shows what happened by itself, which is printed again when the terminal is given back. It does not take the place
+    /// of what became of a key.
+    fn tell(&mut self, words: String);
 }
 
 /// Whether stdout is a terminal that can be drawn on.
@@ -67,7 +68,7 @@ pub(crate) fn show(
                 let words = news
                     .iter()
                     .map(|line| line.strip_prefix("taxel: ").unwrap_or(line));
-                shown.say(words.collect::<Vec<_>>().join("; "));
+                shown.tell(words.collect::<Vec<_>>().join("; "));
             }
             terminal
                 .draw(|frame| go_on = shown.draw(frame))

@@ -285,7 +285,14 @@ impl Shown for Show<'_> {
         true
     }
 
-    fn say(&mut self, words: String) {
+    fn tell(&mut self, words: String) {
+        lock(self.meter).seen.tell(words, taxel_can::monotonic_ns());
+    }
+}
+
+impl Show<'_> {
+    /// Shows what became of a key.
+    fn say(&self, words: String) {
         lock(self.meter).seen.say(words, taxel_can::monotonic_ns());
     }
 }

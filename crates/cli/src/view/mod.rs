@@ -226,17 +226,19 @@ impl Shown for View<'_> {
             Action::None => {}
             action => {
                 if let Some(words) = self.source.act(action) {
-                    self.say(words);
+                    let mut seen = lock(self.seen);
+                    let now_ns = self.source.now_ns(&seen);
+                    seen.say(words, now_ns);
                 }
             }
         }
         true
     }
 
-    fn say(&mut self, words: String) {
+    fn tell(&mut self, words: String) {
         let mut seen = lock(self.seen);
         let now_ns = self.source.now_ns(&seen);
-        seen.say(words, now_ns);
+        seen.tell(words, now_ns);
     }
 }
 
@@ -277,4 +279,79 @@ fn print_summary(seen: &Seen, name: &str, began_ns: u64) -> anyhow::Result<()> {
     out.write_all(text.as_bytes())
         .and_then(|()| out.flush())
         .context("stdout")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ratatui::crossterm::event::{KeyCode, KeyModifiers};
+    use taxel_hand::Profile;
+    use taxel_skin::Layout;
+    use taxel_wire::{Clock, Hello, HelloRate};
+
+    /// Answers each key.
+    struct Answering;
+
+    impl Source for Answering {
+        fn heading(&self, _: &Seen) -> Heading {
+            Heading {
+                name: "hand".into(),
+                detail: String::new(),
+                about: String::new(),
+            }
+        }
+
+        fn now_ns(&self, _: &Seen) -> u64 {
+            1
+        }
+
+        fn act(&self, _: Action) -> Option<String> {
+            Some("may not be paused".into())
+        }
+    }
+
+    #[test]
+    fn what_happens_by_itself_does_not_hide_what_became_of_a_key() {
+        let (mode, hz) = ("timer".into(), Some(50.0));
+        let hello = Hello::new(
+            "taxeld 0.1.0",
+            &Layout::builtin("uskin-module").unwrap(),
+            &Profile::default(),
+            HelloRate { mode, hz },
+            Clock::Monotonic,
+        );
+        let seen = Mutex::new(Seen::default());
+        lock(&seen).see_hello(&hello, 0);
+        let mut view = View {
+            seen: &seen,
+            source: &Answering,
+            screen: Screen::default(),
+            palette: Palette::True,
+        };
+        let shown = |view: &View<'_>| {
+            let area = Rect::new(0, 0, 120, 40);
+            let mut buffer = Buffer::empty(area);
+            let picture = lock(&seen).picture(&view.screen, 1).unwrap();
+            let heading = Answering.heading(&lock(&seen));
+            draw(
+                &mut buffer,
+                area,
+                &picture,
+                &view.screen,
+                &heading,
+                Palette::True,
+                false,
+            );
+            buffer
+                .content
+                .iter()
+                .map(|cell| cell.symbol())
+                .collect::<String>()
+        };
+        view.tell("a file is damaged".into());
+        assert!(shown(&view).contains("a file is damaged"));
+        view.key(KeyEvent::new(KeyCode::Char('p'), KeyModifiers::NONE));
+        view.tell("a file is damaged".into());
+        assert!(shown(&view).contains("may not be paused"), "{}", shown(&view));
+    }
 }

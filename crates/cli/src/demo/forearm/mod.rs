@@ -197,7 +197,7 @@ impl Shown for Show {
     }
 
     // There is no place for it; it is printed in the end.
-    fn say(&mut self, _: String) {}
+    fn tell(&mut self, _: String) {}
 }
 
 /// Draws until `q`; headless squeezes every place once, without waiting for the time that takes.
