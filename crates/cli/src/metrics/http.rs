@@ -4,7 +4,7 @@ use super::families::Format;
 use super::shared_ask::SharedAsk;
 use super::{status, text};
 use crate::everyday::Ask;
-use anyhow::Context;
+use crate::notices;
 use std::collections::VecDeque;
 use std::io;
 use std::sync::Arc;
@@ -13,10 +13,12 @@ use tokio::io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt, BufReader};
 use tokio::net::tcp::ReadHalf;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::task::JoinHandle;
-use tokio::time::timeout;
+use tokio::time::{sleep, timeout};
 
 /// How long a client may take for its whole request, and again to take the answer.
 const PATIENCE: Duration = Duration::from_secs(2);
+/// After a connection could not be taken.
+const TRY_AGAIN: Duration = Duration::from_millis(100);
 /// The most bytes of a request that are read.
 const REQUEST: u64 = 8192;
 /// Most clients at once. One more takes the place of the one that came first: who has not asked by then is no scraper.
@@ -33,8 +35,22 @@ pub(super) fn serve(listener: std::net::TcpListener, ask: &Ask) -> anyhow::Resul
     runtime.block_on(async {
         let listener = TcpListener::from_std(listener)?;
         let mut clients: VecDeque<JoinHandle<()>> = VecDeque::new();
+        let mut is_failing = false;
         loop {
-            let (client, _) = listener.accept().await.context("cannot take a connection")?;
+            let client = match listener.accept().await {
+                Ok((client, _)) => client,
+                Err(error) => {
+                    // Out of file descriptors, most likely. Said once, however long it lasts.
+                    if !std::mem::replace(&mut is_failing, true) {
+                        notices::say(&format!(
+                            "taxel: cannot take a connection: {error}; it is tried again every {TRY_AGAIN:?}"
+                        ));
+                    }
+                    sleep(TRY_AGAIN).await;
+                    continue;
+                }
+            };
+            is_failing = false;
             clients.retain(|client| !client.is_finished());
             if clients.len() == CLIENTS
                 && let Some(first) = clients.pop_front()

@@ -12,7 +12,18 @@ struct Exporter(Child, String);
 
 impl Exporter {
     fn start(dir: &TempDir) -> Self {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_taxel"));
+        Self::run(dir, Command::new(env!("CARGO_BIN_EXE_taxel")))
+    }
+
+    /// With at most this many open files.
+    fn start_with_files(dir: &TempDir, files: usize) -> Self {
+        let mut limited = Command::new("sh");
+        let program = env!("CARGO_BIN_EXE_taxel");
+        limited.args(["-c", &format!("ulimit -n {files} && exec \"$0\" \"$@\""), program]);
+        Self::run(dir, limited)
+    }
+
+    fn run(dir: &TempDir, mut command: Command) -> Self {
         command.args(["metrics", "--listen", "127.0.0.1:0", "--socket", "control.sock"]);
         let mut child = command
             .current_dir(dir.path())
@@ -48,6 +59,20 @@ impl Drop for Exporter {
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
+}
+
+#[test]
+fn an_exporter_that_could_not_take_a_connection_takes_the_next() {
+    let dir = TempDir::new().unwrap();
+    let exporter = Exporter::start_with_files(&dir, 24);
+    // More than it has files for; nobody asks anything.
+    let clients: Vec<TcpStream> = (0..40)
+        .map(|_| TcpStream::connect(&exporter.1).unwrap())
+        .collect();
+    let waits = TcpStream::connect(&exporter.1).unwrap();
+    drop(clients);
+    assert!(exporter.get("GET /metrics HTTP/1.1").contains("\ntaxeld_up 0\n"));
+    drop(waits);
 }
 
 #[test]
