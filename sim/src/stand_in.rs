@@ -35,7 +35,8 @@ pub fn with_stand_in_boards(layout: &Layout) -> Result<Layout, SceneError> {
             layout: layout.name.clone(),
             problem: format!(
                 "`{}` has no board, and {} taxels are more than the {ICUB_TAXELS} of a simulated one; name a layout with \
-                 boards",
+                 boards, or make it a pressure array: `protocol = \"pressure-array\"`, rows and columns \
+                 (docs/hardware.md)",
                 layout.modules[m].name, layout.modules[m].taxels
             ),
         });
@@ -165,7 +166,8 @@ mod tests {
         assert_eq!(with_stand_in_boards(&hand).unwrap(), hand);
         let error = with_stand_in_boards(&Layout::grid(40, 40).unwrap()).unwrap_err();
         assert!(
-            error.to_string().contains("1600 taxels are more than the 160"),
+            error.to_string().contains("1600 taxels are more than the 160")
+                && error.to_string().contains("pressure-array"),
             "{error}"
         );
     }

@@ -121,15 +121,15 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         );
     }
     let scene = Scene::resolve(name)?;
-    let layout = Layout::resolve(args.layout.as_deref().unwrap_or(scene.layout()))?;
-    if layout.buses.is_empty() {
+    let named = Layout::resolve(args.layout.as_deref().unwrap_or(scene.layout()))?;
+    let layout = with_stand_in_boards(&named)?;
+    if named.buses.is_empty() {
         eprintln!(
             "{0} has no boards on a bus; simulated ones stand in for them. Their layout file for who reads the bus: \
              taxel sim {name} --layout {0} --show",
-            layout.name
+            named.name
         );
     }
-    let layout = with_stand_in_boards(&layout)?;
     let seed = args.seed.unwrap_or(scene.seed());
     let named = of_buses(&args.to, &layout)?;
     refuse_shared_ids(&named, &layout)?;
