@@ -1,11 +1,12 @@
 //! `taxel config`: the daemon's configuration file.
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use serde_json::json;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use taxel_can::SourceAddress;
 use taxel_playback::output_file::{OutputFile, refuse_existing};
+use taxel_sim::with_stand_in_boards;
 use taxel_skin::Layout;
 use taxeld::Config;
 use taxeld::config::ANNOTATED;
@@ -144,11 +145,14 @@ impl File {
 fn init(name: &str, sources: &[SourceAddress]) -> anyhow::Result<String> {
     let layout = Layout::resolve(name)?;
     let buses = &layout.buses;
-    anyhow::ensure!(
-        !buses.is_empty(),
-        "layout {name} has no buses, so there is nothing to read; `taxel sim roll --layout {name} --show` prints it \
-         with simulated boards"
-    );
+    if buses.is_empty() {
+        // What is too great for simulated boards is said to be a pressure array's.
+        with_stand_in_boards(&layout).with_context(|| format!("layout {name} has no buses to read"))?;
+        bail!(
+            "layout {name} has no buses, so there is nothing to read; `taxel sim roll --layout {name} --show` prints it \
+             with simulated boards"
+        );
+    }
     anyhow::ensure!(
         sources.is_empty() || sources.len() == buses.len(),
         "layout {name} has {} buses ({}); give --source once for each, in this order",

@@ -40,6 +40,27 @@ fn a_file_to_start_from_is_one_that_is_well_for_every_hand_with_buses() {
 }
 
 #[test]
+fn an_array_too_great_for_simulated_boards_is_said_to_be_a_pressure_array() {
+    let dir = TempDir::new().unwrap();
+    let init = |grid| fails(&dir, &["config", "init", "--layout", grid], 1);
+    assert!(init("grid:16x10").contains("taxel sim roll --layout grid:16x10 --show"));
+    let said = init("grid:16x24");
+    assert!(
+        said.contains("pressure-array") && !said.contains("taxel sim"),
+        "{said}"
+    );
+    let said = fails(
+        &dir,
+        &["sim", "roll", "--layout", "grid:16x24", "--to", "udp:"],
+        1,
+    );
+    assert!(
+        said.contains("pressure-array") && !said.contains("--show"),
+        "{said}"
+    );
+}
+
+#[test]
 fn what_is_in_force_is_a_configuration_that_says_the_same() {
     let dir = TempDir::new().unwrap();
     let text = "layout = 'uskin-module'\n[[bus]]\nsource = 'udp:'\n[profile]\nmethod = 'paper'\n[joints]\n\
