@@ -3,7 +3,7 @@
 use crate::image_maker::check_profile;
 use crate::{Config, SocketPathError, sources};
 use nix::unistd::Group;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use taxel_config::line_of;
 use taxel_engine::{Engine, EngineError};
 use taxel_joints::JointsError;
@@ -116,6 +116,21 @@ pub fn check(config: &Config, text: &str, file: &Path) -> Result<(), StartError>
         .map_err(|message| at("profile", &message, StartError::ProfileUnfit(message.clone())))?;
     Engine::new(&config.engine(true)?, 0)?;
     Ok(())
+}
+
+/// A stated socket that [`check`] leaves to the service, whose folder systemd makes, and why whoever checks could not
+/// have it.
+pub fn left_to_service(config: &Config, text: &str) -> Option<(PathBuf, SocketPathError)> {
+    let socket = &config.socket;
+    let sockets = [
+        ("images", socket.images.clone()),
+        ("control", socket.control.clone()),
+        ("status", socket.status_path()),
+    ];
+    let mut left = sockets
+        .into_iter()
+        .filter(|(key, path)| line_of(text, "socket", key).is_some() && is_folder_of_service(path));
+    left.find_map(|(_, path)| check_socket_path(&path).err().map(|error| (path, error)))
 }
 
 /// Whether systemd makes the folder of this socket for the service, or for an instance of it, when that starts.

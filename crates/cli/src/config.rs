@@ -94,15 +94,22 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         Command::Check(args) => {
             let checked = args.file.read().and_then(|(config, text)| {
                 taxeld::check(&config, &text, args.file.name())?;
-                Ok(config)
+                Ok((config, text))
             });
             if args.json {
                 let error = checked.as_ref().err().map(crate::describe);
-                let summary = checked.as_ref().ok().map(Config::summary);
+                let summary = checked.as_ref().ok().map(|(config, _)| config.summary());
                 let object = json!({ "valid": error.is_none(), "error": error, "summary": summary });
                 print(&format!("{object}\n"))?;
             }
-            let config = checked?;
+            let (config, text) = checked?;
+            if let Some((path, error)) = taxeld::left_to_service(&config, &text) {
+                eprintln!(
+                    "taxel: not checked: {}, whose folder systemd makes for the service; run by this user, taxeld ends: \
+                     {error}",
+                    path.display()
+                );
+            }
             match args.json {
                 true => Ok(()),
                 false => print(&config.summary()),

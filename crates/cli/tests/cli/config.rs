@@ -3,6 +3,7 @@
 use crate::{fails, succeeds, texts};
 use std::fs;
 use std::io::Write;
+use std::os::unix::fs::MetadataExt;
 use std::process::{Command, Stdio};
 use taxel_skin::Layout;
 use tempfile::TempDir;
@@ -58,6 +59,21 @@ fn an_array_too_great_for_simulated_boards_is_said_to_be_a_pressure_array() {
         said.contains("pressure-array") && !said.contains("--show"),
         "{said}"
     );
+}
+
+#[test]
+fn sockets_in_the_folder_that_systemd_makes_are_said_not_to_be_checked() {
+    let dir = TempDir::new().unwrap();
+    let hand = "layout = 'uskin-module'\n[[bus]]\nsource = 'udp:'\n[socket]\n";
+    // Root may make the folder.
+    let is_root = fs::metadata(dir.path()).unwrap().uid() == 0;
+    for (folder, is_told) in [("/run/taxeld-nobodys", !is_root), (".", false)] {
+        let text = format!("{hand}images = '{folder}/images.sock'\ncontrol = '{folder}/control.sock'\n");
+        fs::write(dir.path().join("a.toml"), text).unwrap();
+        let (_, said) = succeeds(&dir, &["config", "check", "a.toml"]);
+        let told = format!("not checked: {folder}/images.sock");
+        assert_eq!(said.contains(&told), is_told, "{said}");
+    }
 }
 
 #[test]
