@@ -6,6 +6,7 @@ mod angles_used;
 mod patience;
 mod port;
 mod reporter;
+mod servo_state;
 mod servos;
 #[cfg(test)]
 pub(crate) mod test_views;
@@ -15,7 +16,8 @@ pub use analogue::{absent_potentiometers, potentiometer_state, silent_potentiome
 pub(crate) use angles_used::AnglesUsed;
 pub(crate) use patience::Patience;
 pub use reporter::JointsReporter;
-pub use servos::{missing_servos, servo_state, silent_servo, slow_adapter, unknown_model};
+pub use servo_state::{servo_state, unknown_model};
+pub use servos::{missing_servos, silent_servo, slow_adapter};
 
 use crate::joints_view::{JointsView, SourceView};
 use crate::kind::Kind;
