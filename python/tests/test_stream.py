@@ -45,6 +45,20 @@ def test_iterating_goes_on_after_a_restart_of_the_daemon(daemon):
     assert daemon.subscriptions == [{"profile": {"levels": 4}}] * 2, "it subscribes anew"
 
 
+def test_a_daemon_that_was_waited_for_has_not_restarted(daemon):
+    daemon.stop()
+    with taxel.connect(daemon.path, wait=True) as hand:
+        assert hand.next(timeout=0) is None and hand.gone
+        daemon.restart()
+        daemon.press([(0, 0, 1)])
+        assert hand.next(timeout=10) is not None
+        assert hand.restarts == 0 and hand.gone == ""
+        daemon.restart()
+        daemon.press([(0, 0, 2)])
+        assert hand.next(timeout=10) is not None
+        assert hand.restarts == 1
+
+
 def test_a_display_learns_that_no_image_comes(daemon):
     with taxel.connect(daemon.path) as hand:
         images = hand.images(timeout=0.05)

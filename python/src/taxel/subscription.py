@@ -26,6 +26,8 @@ class Subscription:
         self._reader: Optional[_reader.Reader] = None
         self._restarts = 0
         self._gone = ""
+        self._lost = False
+        """A connection was lost, and there was none since; one that is waited for was never there."""
         self._unanswered = 0
         """HELLOs until what is asked for is in force: the first of a connection, and the answer."""
         self._closed = False
@@ -82,7 +84,8 @@ class Subscription:
         """Connects where it is not connected. Raises OSError."""
         if self._reader is None:
             self._reader = _reader.connect(self._path, **self._wanted)
-            self._restarts += bool(self._gone)
+            self._restarts += self._lost
+            self._lost = False
             self._gone = ""
             self._unanswered = 2 if self._wanted else 0
         return self._reader
@@ -108,6 +111,7 @@ class Subscription:
     def _lose(self, error: OSError) -> None:
         """The daemon is gone, or not there yet."""
         self._gone = str(error) or "taxeld is gone"
+        self._lost |= self._reader is not None
         self._disconnect()
 
     def _disconnect(self) -> None:
