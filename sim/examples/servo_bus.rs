@@ -4,7 +4,7 @@
 //!
 //! prints the path of the terminal and runs until its standard input ends. Lines of standard input
 //! break and mend servos: `fault ID
-//! silent|bad-crc|truncated:BYTES|late:MS|garbage:BYTES|noise:BYTES|refuse:NUMBER [EVERY]`, `mend ID`, `error ID
+//! silent|bad-crc|truncated:BYTES|late:MS|garbage:BYTES|noise:BYTES|refuse:NUMBER|twice [EVERY]`, `mend ID`, `error ID
 //! BITS`; `mode ID OPERATING_MODE`; `register ID ADDRESS BYTES` prints what stands in a servo's table; `stopped ID` prints when its bus watchdog
 //! stopped it (CLOCK_MONOTONIC, nanoseconds; 0 for never); `traffic` prints how
 //! many bytes the bus has heard, has said, and has still to say, and whether its client has hung up

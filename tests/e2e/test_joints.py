@@ -170,6 +170,7 @@ def test_damaged_and_late_answers_are_counted_and_never_become_wrong_angles(fold
         ("servo-silent", True, "fault 5 silent", "mend 5", ["joint 5 (id 5) is silent", "power and cable"], "joint 5 (id 5) answers again"),
         ("servo-late", False, f"fault 5 {LATE}", "mend 5", ["joint 5 (id 5)", "after its deadline", "answer_margin_ms"], "answers in time"),
         ("servo-damaged", False, "fault 5 bad-crc", "mend 5", ["joint 5 (id 5)", "damaged (CRC)", "two servos with one id"], "are whole"),
+        ("two-servos-one-id", True, "fault 5 twice", "mend 5", ["2 servos answer with the id of servo joint 5 (id 5)", "unplug all but one"], "one servo answers with the id"),
         ("servo-error", True, "error 5 4", "error 5 0", ["joint 5 (id 5)", "overheating", "Let it cool down"], "no hardware error any more"),
     ],
 )

@@ -103,6 +103,8 @@ kinds! {
     ServoLate "servo-late" Warning,
     /// Answers come damaged.
     ServoDamaged "servo-damaged" Warning,
+    /// Two servos answer with one id.
+    TwoServos "two-servos-one-id" Error,
     /// A servo answers, and refuses to be read.
     ServoRefuses "servo-refuses" Error,
     /// A servo is of a model that is not known.

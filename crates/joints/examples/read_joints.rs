@@ -76,7 +76,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                 "temperature_c": state.temperature_c,
                 "hardware_error": state.hardware_error.map(|e| e.0),
                 "counters": {"ok": c.ok, "timeouts": c.timeouts, "bad_crc": c.bad_crc, "alerts": c.alerts,
-                             "late": c.late, "refused": c.refused, "rested": c.rested},
+                             "late": c.late, "double": c.double, "refused": c.refused, "rested": c.rested},
             });
             match result {
                 Ok(r) => {

@@ -134,6 +134,7 @@ fn servos(
                     bad_crc: s.counters.bad_crc,
                     alerts: s.counters.alerts,
                     late: s.counters.late,
+                    double: s.counters.double,
                     refused: s.counters.refused,
                 }),
                 ..JointStatus::default()
@@ -165,6 +166,7 @@ fn servos(
             bad_crc: sum(|s| s.counters.bad_crc),
             alerts: sum(|s| s.counters.alerts),
             late: sum(|s| s.counters.late) + c.late_fast,
+            double: sum(|s| s.counters.double),
             noise_bytes: c.noise_bytes,
             foreign: c.foreign,
         }),

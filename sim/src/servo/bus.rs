@@ -304,7 +304,7 @@ impl ServoBus {
             };
             match servo.next_fault() {
                 Some(ServoFault::Silent | ServoFault::Late { .. } | ServoFault::Noise { .. }) => break,
-                Some(ServoFault::BadCrc) => damage.push(bytes + 2),
+                Some(ServoFault::BadCrc | ServoFault::Twice) => damage.push(bytes + 2),
                 // In one packet with others its data is there all the same.
                 Some(ServoFault::Refuse { number }) => reply.0 = refused(reply.0, number),
                 Some(ServoFault::Truncated { bytes: n }) => cut = Some(bytes + n),
@@ -372,7 +372,7 @@ impl ServoBus {
 
     /// Puts an answer on the wire, as its servo's fault has it; gives when the wire is free again,
     /// `None` if it stays silent.
-    fn put_on_wire(&mut self, servo: usize, id: u8, (error, data): &Reply, begin_ns: u64) -> Option<u64> {
+    fn put_on_wire(&mut self, servo: usize, id: u8, (error, data): &Reply, mut begin_ns: u64) -> Option<u64> {
         let fault = self.servos[servo].next_fault();
         let mut bytes = match fault {
             Some(ServoFault::Refuse { number }) => self.encoder.status(id, refused(*error, number), &[]),
@@ -389,6 +389,10 @@ impl ServoBus {
                 }
             }
             Some(ServoFault::Truncated { bytes: n }) => bytes.truncate(n),
+            Some(ServoFault::Twice) => {
+                begin_ns += wire_ns(bytes.len(), self.baud);
+                self.schedule(begin_ns, bytes.clone());
+            }
             Some(ServoFault::Late { by_ns }) => late_ns = by_ns,
             Some(ServoFault::Garbage { bytes: n }) => {
                 let mut noise = self.noise(n);

@@ -29,6 +29,8 @@ pub enum ServoFault {
         /// Error number, 1 to 127.
         number: u8,
     },
+    /// Its answer comes twice, as of two servos with one id; in one packet with others the two spoil each other.
+    Twice,
     /// So many random bytes come instead of an answer.
     Noise {
         /// How many.
@@ -37,14 +39,14 @@ pub enum ServoFault {
 }
 
 /// As it is written on a command line: `silent`, `bad-crc`, `truncated:BYTES`, `late:MS`, `garbage:BYTES`,
-/// `noise:BYTES`, `refuse:NUMBER`.
+/// `noise:BYTES`, `refuse:NUMBER`, `twice`.
 impl FromStr for ServoFault {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
         let bad = || {
             format!(
-                "`{text}` is no fault of a servo; there are silent, bad-crc, truncated:BYTES, late:MS, garbage:BYTES, noise:BYTES, refuse:NUMBER"
+                "`{text}` is no fault of a servo; there are silent, bad-crc, truncated:BYTES, late:MS, garbage:BYTES, noise:BYTES, refuse:NUMBER, twice"
             )
         };
         let (name, number) = match text.split_once(':') {
@@ -54,6 +56,7 @@ impl FromStr for ServoFault {
         Ok(match (name, number) {
             ("silent", None) => ServoFault::Silent,
             ("bad-crc", None) => ServoFault::BadCrc,
+            ("twice", None) => ServoFault::Twice,
             ("truncated", Some(n)) => ServoFault::Truncated { bytes: n as usize },
             ("late", Some(ms)) => ServoFault::Late {
                 by_ns: u64::from(ms) * 1_000_000,
@@ -80,6 +83,8 @@ mod tests {
             ("garbage:3", Some(ServoFault::Garbage { bytes: 3 })),
             ("noise:400", Some(ServoFault::Noise { bytes: 400 })),
             ("refuse:2", Some(ServoFault::Refuse { number: 2 })),
+            ("twice", Some(ServoFault::Twice)),
+            ("twice:2", None),
             ("refuse:128", None),
             ("noise", None),
             ("noise:4000000000", None),

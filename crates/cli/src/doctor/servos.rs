@@ -3,7 +3,7 @@
 use super::finding::{Check, State};
 use std::borrow::Cow;
 use std::collections::BTreeSet;
-use taxel_diagnose::{Kind, missing_servos, servo_state, silent_servo, unknown_model};
+use taxel_diagnose::{Kind, missing_servos, servo_state, silent_servo, two_servos, unknown_model};
 use taxel_joints::bus::{ServoState, wire_ns};
 use taxel_joints::registers::{Model, baud_of};
 use taxel_joints::{BusSurvey, DynamixelConfig, SurveyedServo};
@@ -80,7 +80,7 @@ pub(super) fn check(config: &DynamixelConfig, facts: &ServoFacts) -> Vec<Check> 
                 ));
             }
             Some(servo) => {
-                of_servos.extend(check_servo(servo, &object, config, &write));
+                of_servos.extend(check_servo(servo, (joint, &name), &object, config, &write));
                 of_servos.extend(check_state(servo, (joint, &name), object, &write));
             }
         }
@@ -105,6 +105,7 @@ pub(super) fn check(config: &DynamixelConfig, facts: &ServoFacts) -> Vec<Check> 
 
 fn check_servo(
     servo: &SurveyedServo,
+    (joint, name): (usize, &str),
     object: &str,
     config: &DynamixelConfig,
     write: &impl Fn(u8, &str) -> String,
@@ -118,15 +119,9 @@ fn check_servo(
     let found = format!("{model}, firmware {}", servo.firmware);
     if servo.answers > 1 {
         checks.push(
-            Check::error(
-                AREA,
-                "answers",
-                object,
-                format!("{} servos answer with this id", servo.answers),
-            )
-            .wanted("one id per servo")
-            .advise("unplug all but one of them and give it an id of its own, then plug the others in again")
-            .run(write(id, "write1ByteTxRx(p, ID, 7, NEW_ID)")),
+            Check::of_problem(AREA, object, &two_servos(joint, name, servo.answers))
+                .wanted("one id per servo")
+                .run(write(id, "write1ByteTxRx(p, ID, 7, NEW_ID)")),
         );
     } else {
         checks.push(Check::ok(AREA, "answers", object, found));
@@ -343,7 +338,7 @@ mod tests {
             ),
             (
                 changed(|s| s.answers = 2),
-                "answers",
+                "two-servos-one-id",
                 State::Error,
                 "write1ByteTxRx(p, 2, 7, NEW_ID)",
             ),

@@ -168,6 +168,7 @@ pub(super) const SERVOS: &[Number] = &[
     count("bad_crc", "Answers of servos that came damaged."),
     count("alerts", "Answers of servos that report a hardware error."),
     count("late", "Answers of servos that came too late."),
+    count("double", "Second answers of servos to one request."),
     count(
         "noise_bytes",
         "Bytes on the servos' port that belong to no packet.",
@@ -233,5 +234,6 @@ pub(super) const JOINT: &[Number] = &[
     count("bad_crc", "Answers of a servo that came damaged."),
     count("alerts", "Answers of a servo that report a hardware error."),
     count("late", "Answers of a servo that came too late."),
+    count("double", "Second answers of a servo to one request."),
     count("refused", "Requests that a servo refused."),
 ];

@@ -8,10 +8,12 @@ use taxel_joints::bus::{ServoCounters, ServoState};
 use taxel_joints::protocol2::StatusError;
 use taxel_joints::{DynamixelConfig, PortState, PortStatus, ServoSnapshot};
 
-/// Late, damaged and refusing answers in the time looked at, from which they are a problem, if they are a
-/// fifth of all; one keeps it up. A machine that is held up for a moment makes some answers late.
+/// Late, damaged and refusing answers in the time looked at, from which they are a problem, if they are a fifth of all; one
+/// keeps it up. A machine that is held up for a moment makes some answers late.
 const LATE: u64 = 2;
 const DAMAGED: u64 = 3;
+/// Requests in that time that had two answers, from which two servos have one id: nothing else makes them.
+const DOUBLE: u64 = 2;
 const REFUSED: u64 = 3;
 const SHARE: u64 = 5;
 
@@ -137,7 +139,8 @@ impl Judge<'_> {
         let before = self.before.servos.get(joint).copied().unwrap_or(servo.counters);
         let since = |count: fn(&ServoCounters) -> u64| count(&servo.counters).saturating_sub(count(&before));
         let (late, damaged, refused) = (since(|c| c.late), since(|c| c.bad_crc), since(|c| c.refused));
-        let all = late + damaged + refused + since(|c| c.ok) + since(|c| c.timeouts);
+        let double = since(|c| c.double);
+        let all = late + damaged + double + refused + since(|c| c.ok) + since(|c| c.timeouts);
         let seconds = self.look.seconds;
         let count = found.len();
         if late >= self.least(Kind::ServoLate, place, LATE.max(all.div_ceil(SHARE))) {
@@ -151,7 +154,14 @@ impl Judge<'_> {
                 format!("servo {name} answers in time"),
             ));
         }
-        if damaged >= self.least(Kind::ServoDamaged, place, DAMAGED.max(all.div_ceil(SHARE))) {
+        // Two that answer at once damage each other's answers.
+        let two = match (self.had)(Kind::TwoServos, place) {
+            Some(_) => double + damaged > 0,
+            None => double >= DOUBLE,
+        };
+        if two {
+            found.push(two_servos(joint, name, 2));
+        } else if damaged >= self.least(Kind::ServoDamaged, place, DAMAGED.max(all.div_ceil(SHARE))) {
             found.push(of_joints(
                 Kind::ServoDamaged,
                 place,
@@ -221,6 +231,19 @@ fn name_of(config: &DynamixelConfig, joint: usize) -> String {
     (config.servo.get(joint)).map_or_else(String::new, |s| format!("{} (id {})", s.name, s.id))
 }
 
+/// More than one servo, so many, answers with the id of this one, by its joint and its name with that id.
+pub fn two_servos(joint: usize, name: &str, servos: u32) -> Problem {
+    of_joints(
+        Kind::TwoServos,
+        Place::Joint(joint),
+        format!(
+            "{servos} servos answer with the id of servo {name}, and all obey what it is told: the angle of none is taken"
+        ),
+        "unplug all but one of them and give it an id of its own, then plug the others in again",
+        format!("one servo answers with the id of servo {name}"),
+    )
+}
+
 /// A servo that answers with an error number where its position is wanted.
 fn refusing_servo(
     place: Place,
@@ -260,6 +283,7 @@ fn is_of_answers(kind: Kind) -> bool {
             | Kind::ServoSilent
             | Kind::ServoLate
             | Kind::ServoDamaged
+            | Kind::TwoServos
             | Kind::ServoRefuses
             | Kind::JointStale
     )

@@ -63,7 +63,7 @@ impl JointsBench {
 #[test]
 fn a_servo_that_is_silent_late_damaged_hot_or_failed_is_named_with_what_to_do() {
     type Change = fn(&mut JointsView);
-    let cases: [(&str, Change, Change, &[&str], &str); 14] = [
+    let cases: [(&str, Change, Change, &[&str], &str); 15] = [
         (
             "motor-lost",
             |v| servo(v, 1).motor_lost = Some(MotorLost::Restarted),
@@ -149,6 +149,19 @@ fn a_servo_that_is_silent_late_damaged_hot_or_failed_is_named_with_what_to_do() 
             |_| {},
             &["answers of servo servo 2 (id 2)", "damaged (CRC)", "termination"],
             "are whole",
+        ),
+        (
+            "two-servos-one-id",
+            |v| {
+                servo(v, 1).counters.double += 1;
+                v.tick.angles[1] = f32::NAN;
+            },
+            |v| v.tick.angles[1] = 0.0,
+            &[
+                "2 servos answer with the id of servo servo 2 (id 2)",
+                "the angle of none is taken; unplug all but one",
+            ],
+            "one servo answers with the id of servo servo 2 (id 2)",
         ),
         (
             "servo-error",
@@ -309,6 +322,29 @@ fn what_is_at_the_edge_does_not_come_and_go() {
         servo(view, 0).counters.late += u64::from(view.now_ns % (1000 * MS) == 0)
     });
     assert_eq!(bench.bench.said, [], "one in a second");
+}
+
+#[test]
+fn two_servos_with_one_id_are_told_of_as_long_as_they_damage_each_other_and_that_is_not_told_beside() {
+    let mut bench = JointsBench::answering(4);
+    bench.pass(2000, |view| servo(view, 1).counters.bad_crc += 3);
+    bench.said(&[&["damaged (CRC)"]]);
+    // In one packet with others they damage each other; what they are asked alone, now and then, they answer twice.
+    for _ in 0..5 {
+        let mut looks = 0;
+        bench.pass(1000, |view| {
+            servo(view, 1).counters.bad_crc += 3;
+            servo(view, 1).counters.double += u64::from(looks < 2);
+            looks += 1;
+        });
+        assert_eq!(bench.bench.kinds(), ["two-servos-one-id"]);
+    }
+    bench.said(&[
+        &["are whole"],
+        &["2 servos answer with the id of servo servo 2 (id 2)"],
+    ]);
+    bench.pass(1000, |_| {});
+    bench.said(&[&["one servo answers with the id"]]);
 }
 
 #[test]

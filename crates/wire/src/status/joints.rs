@@ -105,6 +105,8 @@ part! {
         alerts: u64,
         /// Answers that came too late.
         late: u64,
+        /// Second answers to one request.
+        double: u64,
         /// Bytes that belong to no packet.
         noise_bytes: u64,
         /// Packets of somebody else.
@@ -181,6 +183,8 @@ part! {
         alerts: u64,
         /// Answers that came too late.
         late: u64,
+        /// Second answers to one request: two servos have its id.
+        double: u64,
         /// Requests that it refused.
         refused: u64,
     }

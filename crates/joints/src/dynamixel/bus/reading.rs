@@ -39,6 +39,11 @@ pub enum NoReading {
     /// The answer came damaged.
     #[error("the answer was damaged (CRC): check cable, termination and baud rate")]
     BadCrc,
+    /// Two servos with one id have answered.
+    #[error(
+        "two servos answer with this id, and the angle of neither is taken: give one of them an id of its own"
+    )]
+    Double,
     /// The servo refused to answer.
     #[error("the servo refused: {0}")]
     Refused(StatusError),

@@ -15,8 +15,10 @@ pub struct ServoCounters {
     pub bad_crc: u64,
     /// Readings, refused ones too, with the alert bit.
     pub alerts: u64,
-    /// Answers that came after their deadline, or twice.
+    /// Answers that came after their deadline.
     pub late: u64,
+    /// Second answers to one request: two servos have one id. The angle of neither is a reading.
+    pub double: u64,
     /// Answers with an error number.
     pub refused: u64,
     /// Cycles in which it was not asked because it had been silent.
@@ -149,6 +151,11 @@ pub(crate) struct Servo {
     /// or its answer.
     pub(crate) may_run: bool,
     pub(crate) watch: Watch,
+    /// Bytes that it told in its answer, good or not, to the newest request that is over; `None` where none came, which may
+    /// still do so. Another answer of as many is a second one to the same request.
+    pub(crate) told_bytes: Option<usize>,
+    /// Its next angle is not taken: two servos have its id.
+    pub(crate) withhold: bool,
     /// When something of it came last in a cycle, nanoseconds.
     heard_ns: u64,
     silent_in_a_row: u32,
@@ -165,6 +172,8 @@ impl Servo {
             state: ServoState::default(),
             may_run: false,
             watch: Watch::default(),
+            told_bytes: None,
+            withhold: false,
             heard_ns: 0,
             silent_in_a_row: 0,
             rest: Rest::default(),

@@ -73,16 +73,25 @@ impl Bus {
             if self.is_awaiting() && self.pass.kind == Kind::Fast && status.error().is_some() {
                 // Firmware that does not know the instruction says so by itself.
                 self.pass.fast_refused = true;
+            } else if self.servos[servo].told_bytes == Some(data.len()) {
+                self.take_double(servo);
             } else {
                 self.servos[servo].was_late(now_ns);
             }
             return;
         };
-        self.revoke_before(position);
         if self.pass.answers[position] == Answer::Got {
-            // The first was late, or this one is double; the newer one is taken.
-            self.servos[servo].was_late(now_ns);
+            if self.servos[servo].told_bytes.is_some() {
+                self.take_double(servo);
+                if self.pass.kind == Kind::Plain {
+                    return;
+                }
+            } else {
+                // The first was late: the newer one is taken.
+                self.servos[servo].was_late(now_ns);
+            }
         }
+        self.revoke_before(position);
         self.pass.answers[position] = Answer::Got;
         self.servos[servo].take_status(status);
         match self.pass.kind {
@@ -102,7 +111,20 @@ impl Bus {
         }
     }
 
-    /// Servos answer in the order of the request, so what came of those behind `position` was late.
+    /// Two servos have this id: one request has had two answers, of which this is the second. Nobody knows whose the first
+    /// was, so the angle of neither is taken; nor is the next, whose second answer may come when the cycle is over.
+    fn take_double(&mut self, servo: usize) {
+        let of = &mut self.servos[servo];
+        of.state.counters.double += 1;
+        of.withhold = true;
+        if self.results[servo].is_ok() {
+            of.state.counters.ok = of.state.counters.ok.saturating_sub(1);
+            self.results[servo] = Err(NoReading::Double);
+        }
+    }
+
+    /// Servos answer in the order of the request, so what came of those behind `position` was late, or the second answer to
+    /// the request before.
     fn revoke_before(&mut self, position: usize) {
         if self.pass.kind != Kind::Plain {
             return;
@@ -111,6 +133,10 @@ impl Bus {
             if self.pass.answers[behind] == Answer::Got {
                 let i = self.pass.order[behind];
                 self.pass.answers[behind] = Answer::Awaited;
+                if self.servos[i].told_bytes.is_some() {
+                    self.take_double(i);
+                    continue;
+                }
                 self.results[i] = Err(NoReading::Silent);
                 self.servos[i].state.counters.late += 1;
                 self.servos[i].state.counters.ok = self.servos[i].state.counters.ok.saturating_sub(1);
@@ -193,6 +219,8 @@ impl Bus {
         self.results[i] = if let Some(error) = status.error() {
             servo.state.counters.refused += 1;
             Err(NoReading::Refused(error))
+        } else if std::mem::take(&mut servo.withhold) {
+            Err(NoReading::Double)
         } else if let Some(present) = data.get(lead..).and_then(|d| d.first_chunk()) {
             servo.state.counters.ok += 1;
             let unit = servo.current_unit_a();

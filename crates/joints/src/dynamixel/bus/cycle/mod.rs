@@ -233,6 +233,9 @@ impl Bus {
         self.pass_active = false;
         self.forget_writes();
         self.suspicious_ns = None;
+        for servo in &mut self.servos {
+            (servo.told_bytes, servo.withhold) = (None, false);
+        }
         self.results.fill(Err(NoReading::NotAsked));
         if self.fast == FastState::NotSupported {
             self.fast = FastState::Probing;

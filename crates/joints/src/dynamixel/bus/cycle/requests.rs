@@ -125,6 +125,10 @@ impl Bus {
             self.read_goals_back();
             return;
         }
+        for (servo, answer) in self.pass.order.iter().zip(&self.pass.answers) {
+            let came = *answer != Answer::Awaited;
+            self.servos[*servo].told_bytes = came.then_some(usize::from(self.pass.data_bytes));
+        }
         let unanswered = self.pass.answers.contains(&Answer::Awaited);
         if unanswered {
             // An answer may still come: the next requests ask for another length.
