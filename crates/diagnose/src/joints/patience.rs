@@ -2,8 +2,8 @@
 
 use crate::joints_view::JointsView;
 
-/// A servo that does not answer for so long is silent; one that was not heard since the port was
-/// opened is given longer.
+/// A servo that does not answer for so long is silent; one that was not heard since the port was opened, or since all were
+/// silent, is given longer: until it was asked again.
 const SILENT_NS: u64 = 200_000_000;
 const UNHEARD_NS: u64 = 1_000_000_000;
 /// A joint whose source is well and whose angle is unknown for so long.
@@ -23,6 +23,8 @@ pub(crate) struct Patience {
     opened: u64,
     there_ns: Option<u64>,
     cycles: Cycles,
+    /// When all servos were silent last.
+    all_silent_ns: Option<u64>,
     pub(super) heard: Vec<bool>,
     quiet_ns: Vec<Option<u64>>,
     unknown_ns: Vec<Option<u64>>,
@@ -34,6 +36,7 @@ impl Patience {
             self.opened = opened;
             self.there_ns = Some(now_ns);
             self.cycles.since_ns = now_ns;
+            self.all_silent_ns = None;
             self.heard = vec![false; sources];
             self.quiet_ns = vec![None; sources];
         }
@@ -67,6 +70,19 @@ impl Patience {
         let there_ns = self.there_ns.unwrap_or(now_ns);
         now_ns.saturating_sub(since_ns) >= SILENT_NS
             && (self.heard[source] || now_ns.saturating_sub(there_ns) >= UNHEARD_NS)
+    }
+
+    /// Whether that all are silent explains a servo's silence and an unknown angle: `all` says that they are, and for a while
+    /// each is still to be asked again.
+    pub(super) fn is_of_all(&mut self, all: bool, now_ns: u64) -> bool {
+        if all {
+            self.all_silent_ns = Some(now_ns);
+        }
+        let explains = (self.all_silent_ns).is_some_and(|t| now_ns.saturating_sub(t) < UNHEARD_NS);
+        if explains {
+            self.all_explained();
+        }
+        explains
     }
 
     /// Something else explains that a joint's angle is unknown.

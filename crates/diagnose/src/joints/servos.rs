@@ -20,7 +20,7 @@ const SHARE: u64 = 5;
 /// How quiet a servo is.
 struct Quiet {
     silent: bool,
-    /// That all are silent is told instead.
+    /// That all are silent is told instead, or was until now.
     told: bool,
     heard: bool,
     /// Its angle is unknown.
@@ -74,11 +74,12 @@ impl Judge<'_> {
         if all {
             found.push(missing_servos(&self.config.source.to_string(), config.baud));
         }
+        let of_all = patience.is_of_all(all, now_ns);
         for (joint, servo) in snapshot.servos.iter().enumerate() {
             let name = name_of(config, joint);
             let quiet = Quiet {
                 silent: silent[joint],
-                told: all,
+                told: of_all,
                 heard: patience.heard[joint],
                 unknown: unknown[joint] && patience.heard[joint] && late_fast == 0,
             };

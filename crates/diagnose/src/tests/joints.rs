@@ -348,6 +348,35 @@ fn two_servos_with_one_id_are_told_of_as_long_as_they_damage_each_other_and_that
 }
 
 #[test]
+fn servos_that_all_come_back_are_told_alone_and_one_that_does_not_after_it_was_asked_again() {
+    let mut bench = JointsBench::answering(4);
+    bench.pass(3000, |view| {
+        (0..4).for_each(|joint| {
+            servo(view, joint).alive = false;
+            view.tick.angles[joint] = f32::NAN;
+        });
+    });
+    bench.said(&[&["no servo answers"]]);
+    // Each is asked again twice a second, so that one after the other answers.
+    let mut looks = 0;
+    bench.pass(2000, |view| {
+        looks += 1;
+        for joint in (0..3).filter(|joint| 2 * joint < looks) {
+            servo(view, joint).alive = true;
+            view.tick.angles[joint] = 0.0;
+        }
+    });
+    bench.said(&[
+        &["servos answer"],
+        &["servo 4 (id 4) is silent; check its power and cable. "],
+    ]);
+    bench.pass(2000, |view| {
+        (servo(view, 3).alive, view.tick.angles[3]) = (true, 0.0)
+    });
+    bench.said(&[&["servo 4 (id 4) answers again"]]);
+}
+
+#[test]
 fn a_servo_that_was_never_heard_is_given_time_and_then_other_advice() {
     let (config, mut view) = servos(2);
     open(&mut view, "/dev/ttyUSB0", 16);
