@@ -18,10 +18,12 @@ use taxel_wire::{Clock, Header, Hello, ReadError, Received, Subscribe, Subscribe
 #[command(after_help = "\
 With --json each line is one object:
   {\"seq\",\"t_ns\",\"latency_us\",\"width\",\"height\",\"image\":[H*W of 0..255],\"levels\":[forces],
-   \"actuators\":[{\"id\",\"x\",\"y\",\"level\",\"force\"}],\"contacts\",\"faulty\",\"missing\",\"joints\":[rad]}
-latency_us is null when the daemon plays a recording. With --raw as well:
+   \"actuators\":[{\"id\",\"x\",\"y\",\"level\",\"force\"}],\"contacts\",\"faulty\",\"missing\",\"joints\":[rad],
+   \"skipped\",\"calibrating\"}
+latency_us is null when the daemon plays a recording; skipped counts the images that this reader was too slow for since
+the line before; calibrating is true while the baseline is measured, and the image is empty. With --raw as well:
   {\"seq\",\"t_ns\",\"latency_us\",\"threshold\",\"taxels\":[{\"counts\":[x,y,z],\"force\",\"contact\",\"repaired\",
-   \"age_us\",\"status\",\"faults\":[names]}],\"joints\":[rad]}
+   \"age_us\",\"status\",\"faults\":[names]}],\"joints\":[rad],\"skipped\",\"calibrating\"}
 With --hz: {\"hz\",\"received_hz\",\"skipped\",\"longest_gap_ms\",\"latency_p50_us\",\"latency_p99_us\",\"latency_max_us\",
    \"contacts\",\"missing\",\"faulty\"}
 

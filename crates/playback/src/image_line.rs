@@ -20,6 +20,10 @@ struct ImageLine<'a> {
     faulty: u32,
     missing: u32,
     joints: Vec<Option<f32>>,
+    /// Images that the reader was not given since its last one.
+    skipped: u32,
+    /// Whether the baseline is being measured, so that the image is empty.
+    calibrating: bool,
 }
 
 #[derive(Debug, Serialize)]
@@ -58,6 +62,8 @@ pub fn json(header: &Header, image: &ImageView<'_>, latency_ns: Option<i64>) -> 
             .joints()
             .map(|angle| angle.is_finite().then_some(angle))
             .collect(),
+        skipped: header.skipped,
+        calibrating: header.flags.contains(Flags::CALIBRATING),
     };
     serde_json::to_string(&line).expect("numbers and lists always serialise")
 }
@@ -169,7 +175,7 @@ mod tests {
 
     #[test]
     fn json_has_the_keys_that_scripts_rely_on() {
-        let (json, _) = lines(&image(), Some(250_500), 0);
+        let (json, _) = lines(&image(), Some(250_500), 3);
         let value: serde_json::Value = serde_json::from_str(&json).unwrap();
         let expected = serde_json::json!({
             "seq": 7, "t_ns": 1_500_000_000, "latency_us": 250.5, "width": 2, "height": 2,
@@ -178,9 +184,14 @@ mod tests {
                 {"id": 0, "x": 1, "y": 0, "level": 2, "force": 80.0},
                 {"id": 1, "x": 0, "y": 1, "level": 1, "force": 40.5},
             ],
-            "contacts": 2, "faulty": 1, "missing": 0, "joints": [0.5, null],
+            "contacts": 2, "faulty": 1, "missing": 0, "joints": [0.5, null], "skipped": 3, "calibrating": false,
         });
         assert_eq!(value, expected);
+        let calibrating = TactileImage {
+            calibrating: true,
+            ..image()
+        };
+        assert!(lines(&calibrating, None, 0).0.contains("\"calibrating\":true"));
         assert!(!json.contains('\n'));
     }
 

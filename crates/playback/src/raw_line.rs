@@ -4,7 +4,7 @@ use crate::image_line::{joints, remarks, start};
 use serde::Serialize;
 use std::fmt::Write;
 use taxel_hand::Freshness;
-use taxel_wire::{Header, Hello, RawTaxel, RawView};
+use taxel_wire::{Flags, Header, Hello, RawTaxel, RawView};
 
 #[derive(Debug, Serialize)]
 struct RawLine {
@@ -15,6 +15,10 @@ struct RawLine {
     /// In the order of their numbers.
     taxels: Vec<TaxelLine>,
     joints: Vec<Option<f32>>,
+    /// Frames that the reader was not given since its last one.
+    skipped: u32,
+    /// Whether the baseline is being measured, so that there is no force yet.
+    calibrating: bool,
 }
 
 #[derive(Debug, Serialize)]
@@ -31,7 +35,8 @@ struct TaxelLine {
 }
 
 /// The raw frame as one line of JSON, without the line break:
-/// `{"seq","t_ns","latency_us","threshold","taxels":[{"counts","force","contact","repaired","age_us","status","faults"}],"joints"}`.
+/// `{"seq","t_ns","latency_us","threshold","taxels":[{"counts","force","contact","repaired","age_us","status","faults"}],"joints",
+/// "skipped","calibrating"}`.
 pub fn json(header: &Header, raw: &RawView<'_>, latency_ns: Option<i64>) -> String {
     let taxel = |t: RawTaxel| TaxelLine {
         counts: t.counts,
@@ -52,6 +57,8 @@ pub fn json(header: &Header, raw: &RawView<'_>, latency_ns: Option<i64>) -> Stri
             .joints()
             .map(|angle| angle.is_finite().then_some(angle))
             .collect(),
+        skipped: header.skipped,
+        calibrating: header.flags.contains(Flags::CALIBRATING),
     };
     serde_json::to_string(&line).expect("numbers and lists always serialise")
 }
@@ -123,7 +130,9 @@ mod tests {
         let mut payload = Vec::new();
         encode_raw_payload(&frame, &force, None, &mut payload).unwrap();
         let packet = [
-            &Header::of_frame(&frame, &force, payload.len()).to_bytes()[..],
+            &Header::of_frame(&frame, &force, payload.len())
+                .with_skipped(4)
+                .to_bytes()[..],
             &payload,
         ]
         .concat();
@@ -137,6 +146,10 @@ mod tests {
         assert_eq!(value["taxels"][1]["age_us"], 2000);
         assert_eq!(value["taxels"][0]["age_us"], serde_json::Value::Null);
         assert_eq!(value["taxels"][0]["faults"], serde_json::json!(["missing"]));
+        assert_eq!(
+            (&value["skipped"], &value["calibrating"]),
+            (&4.into(), &false.into())
+        );
         let words = words(&message.header, &raw, None, &["a 0".into(), "a 1".into()]);
         for part in [
             "1 of 2 taxels fresh",

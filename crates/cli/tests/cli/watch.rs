@@ -46,6 +46,8 @@ fn watch_prints_one_object_per_image_with_the_keys_of_the_contract() {
         "faulty",
         "missing",
         "joints",
+        "skipped",
+        "calibrating",
     ];
     contract.sort_unstable();
     assert_eq!(keys, contract);
