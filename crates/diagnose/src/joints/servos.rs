@@ -27,6 +27,23 @@ struct Quiet {
     unknown: bool,
 }
 
+/// What became of a servo's requests in the time looked at.
+struct Answers {
+    late: u64,
+    damaged: u64,
+    refused: u64,
+    /// Two servos answer.
+    two: bool,
+    all: u64,
+}
+
+impl Answers {
+    /// How many are a problem, of which `least` are too few to be told.
+    fn many(&self, least: u64) -> u64 {
+        least.max(self.all.div_ceil(SHARE))
+    }
+}
+
 impl Judge<'_> {
     pub(super) fn servos(
         &self,
@@ -75,6 +92,9 @@ impl Judge<'_> {
             found.push(missing_servos(&self.config.source.to_string(), config.baud));
         }
         let of_all = patience.is_of_all(all, now_ns);
+        let answers: Vec<Answers> = (snapshot.servos.iter().enumerate())
+            .map(|(joint, servo)| self.answers(joint, servo))
+            .collect();
         for (joint, servo) in snapshot.servos.iter().enumerate() {
             let name = name_of(config, joint);
             let quiet = Quiet {
@@ -83,18 +103,24 @@ impl Judge<'_> {
                 heard: patience.heard[joint],
                 unknown: unknown[joint] && patience.heard[joint] && late_fast == 0,
             };
-            self.one_servo(joint, &name, servo, &quiet, port, &mut own);
+            self.one_servo((joint, &name), servo, &answers[joint], &quiet, port, &mut own);
         }
         for problem in own.iter().filter(|p| explains_no_angle(p.kind)) {
             if let Place::Joint(joint) = problem.place {
                 patience.explained(joint);
             }
         }
-        let most = |kind: Kind, own: &[Problem]| {
-            let of_kind = own.iter().filter(|p| p.kind == kind).count();
-            snapshot.servos.len() > 2 && 2 * of_kind > snapshot.servos.len()
+        let most = |kind: Kind, least: u64, count: fn(&Answers) -> u64| {
+            // One of a servo is enough to keep up what there is of most, and none too many for one of its own.
+            let kept_up = (self.had)(kind, Place::Joints).is_some();
+            let is_of_kind = |(joint, answers): &(usize, &Answers)| {
+                let come = self.least(kind, Place::Joint(*joint), answers.many(least));
+                count(answers) >= if kept_up { 1 } else { come }
+            };
+            let of_kind = answers.iter().enumerate().filter(is_of_kind).count();
+            answers.len() > 2 && 2 * of_kind > answers.len()
         };
-        if most(Kind::ServoDamaged, &own) {
+        if most(Kind::ServoDamaged, DAMAGED, |a| a.damaged) {
             own.retain(|p| p.kind != Kind::ServoDamaged);
             found.push(of_joints(
                 Kind::ServoDamaged,
@@ -104,7 +130,7 @@ impl Judge<'_> {
                 "the servos' answers are whole".into(),
             ));
         }
-        let all_late = most(Kind::ServoLate, &own);
+        let all_late = most(Kind::ServoLate, LATE, |a| a.late);
         if all_late {
             own.retain(|p| p.kind != Kind::ServoLate);
         }
@@ -127,53 +153,63 @@ impl Judge<'_> {
         }
     }
 
+    fn answers(&self, joint: usize, servo: &ServoState) -> Answers {
+        let before = self.before.servos.get(joint).copied().unwrap_or(servo.counters);
+        let since = |count: fn(&ServoCounters) -> u64| count(&servo.counters).saturating_sub(count(&before));
+        let (late, damaged, refused) = (since(|c| c.late), since(|c| c.bad_crc), since(|c| c.refused));
+        let double = since(|c| c.double);
+        // Two that answer at once damage each other's answers.
+        let two = match (self.had)(Kind::TwoServos, Place::Joint(joint)) {
+            Some(_) => double + damaged > 0,
+            None => double >= DOUBLE,
+        };
+        Answers {
+            late,
+            damaged: if two { 0 } else { damaged },
+            refused,
+            two,
+            all: late + damaged + double + refused + since(|c| c.ok) + since(|c| c.timeouts),
+        }
+    }
+
     fn one_servo(
         &self,
-        joint: usize,
-        name: &str,
+        (joint, name): (usize, &str),
         servo: &ServoState,
+        answers: &Answers,
         quiet: &Quiet,
         port: &PortStatus,
         found: &mut Vec<Problem>,
     ) {
         let place = Place::Joint(joint);
-        let before = self.before.servos.get(joint).copied().unwrap_or(servo.counters);
-        let since = |count: fn(&ServoCounters) -> u64| count(&servo.counters).saturating_sub(count(&before));
-        let (late, damaged, refused) = (since(|c| c.late), since(|c| c.bad_crc), since(|c| c.refused));
-        let double = since(|c| c.double);
-        let all = late + damaged + double + refused + since(|c| c.ok) + since(|c| c.timeouts);
+        let (late, damaged, refused) = (answers.late, answers.damaged, answers.refused);
         let seconds = self.look.seconds;
         let count = found.len();
-        if late >= self.least(Kind::ServoLate, place, LATE.max(all.div_ceil(SHARE))) {
+        if late >= self.least(Kind::ServoLate, place, answers.many(LATE)) {
             found.push(of_joints(
                 Kind::ServoLate,
                 place,
                 format!(
-                    "servo {name} answers after its deadline ({late} times in {seconds:.1} s), into the next request; such answers are not taken for its angle",
+                    "servo {name} answers after its deadline (late: {late} in {seconds:.1} s), into the next request; such answers are not taken for its angle",
                 ),
                 late_advice(port, servo),
                 format!("servo {name} answers in time"),
             ));
         }
-        // Two that answer at once damage each other's answers.
-        let two = match (self.had)(Kind::TwoServos, place) {
-            Some(_) => double + damaged > 0,
-            None => double >= DOUBLE,
-        };
-        if two {
+        if answers.two {
             found.push(two_servos(joint, name, 2));
-        } else if damaged >= self.least(Kind::ServoDamaged, place, DAMAGED.max(all.div_ceil(SHARE))) {
+        } else if damaged >= self.least(Kind::ServoDamaged, place, answers.many(DAMAGED)) {
             found.push(of_joints(
                 Kind::ServoDamaged,
                 place,
                 format!(
-                    "{damaged} answers of servo {name} in {seconds:.1} s came damaged (CRC)"
+                    "answers of servo {name} come damaged (CRC): {damaged} in {seconds:.1} s"
                 ),
                 "look for a loose plug, a cable beside motor wires, a long bus without termination (RS-485), or two servos with one id",
                 format!("the answers of servo {name} are whole"),
             ));
         }
-        if refused >= self.least(Kind::ServoRefuses, place, REFUSED.max(all.div_ceil(SHARE))) {
+        if refused >= self.least(Kind::ServoRefuses, place, answers.many(REFUSED)) {
             found.push(refusing_servo(place, name, refused, seconds, servo.refusal));
         }
         if quiet.silent && !quiet.told && late == 0 {
@@ -198,13 +234,9 @@ impl Judge<'_> {
 
     /// How many there must be of something for a problem: one is enough to keep it up.
     fn least(&self, kind: Kind, place: Place, come: u64) -> u64 {
-        if (self.had)(kind, place)
-            .or((self.had)(kind, Place::Joints))
-            .is_some()
-        {
-            1
-        } else {
-            come
+        match (self.had)(kind, place) {
+            Some(_) => 1,
+            None => come,
         }
     }
 
@@ -265,7 +297,7 @@ fn refusing_servo(
     of_joints(
         Kind::ServoRefuses,
         place,
-        format!("servo {name} answers and refuses to be read ({refused} times in {seconds:.1} s){why}"),
+        format!("servo {name} answers and refuses to be read (refused: {refused} in {seconds:.1} s){why}"),
         advice,
         format!("servo {name} is read again"),
     )

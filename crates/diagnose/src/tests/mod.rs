@@ -3,6 +3,7 @@ mod hand;
 mod joints;
 mod potentiometers;
 mod serial_port;
+mod servo_answers;
 mod telling;
 
 use crate::{BusView, Crowd, HandSetup, HandView, JointsView, Kind, News, Problems};
