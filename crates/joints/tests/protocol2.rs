@@ -1,7 +1,7 @@
 //! Packets written, cut up, damaged and buried in noise come back out, or are counted.
 
 use proptest::prelude::*;
-use taxel_joints::protocol2::{Assignment, Encoder, Instruction, Packet, Parser, Span};
+use taxel_joints::protocol2::{Assignment, Encoder, Instruction, Packet, Parser};
 
 /// Everything a parser gives for these bytes, pushed in pieces of these sizes: id, instruction, parameters.
 fn parsed(parser: &mut Parser, bytes: &[u8], pieces: &[usize]) -> Vec<(u8, u8, Vec<u8>)> {
@@ -162,18 +162,7 @@ fn a_damaged_packet_names_the_servo_it_claims() {
 fn a_device_reads_what_a_host_writes() {
     let mut e = Encoder::default();
     let mut bytes = e
-        .bulk_read(&[
-            Span {
-                id: 1,
-                address: 144,
-                length: 2,
-            },
-            Span {
-                id: 2,
-                address: 0x1FF,
-                length: 1,
-            },
-        ])
+        .packet(0xFE, Instruction::BulkRead, [1, 144, 0, 2, 0, 2, 0xFF, 1, 1, 0])
         .unwrap()
         .to_vec();
     let rows = [

@@ -2,17 +2,6 @@
 
 use super::{BROADCAST_ID, HEADER, Instruction, PREFIX_BYTES, crc16};
 
-/// Bytes of one servo's control table, as a bulk read asks for them.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Span {
-    /// The servo.
-    pub id: u8,
-    /// First address.
-    pub address: u16,
-    /// Number of bytes.
-    pub length: u16,
-}
-
 /// Bytes for one servo, as a sync write hands them out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Assignment<'a> {
@@ -95,14 +84,6 @@ impl Encoder {
             Instruction::SyncWrite,
             place.into_iter().chain(each),
         )
-    }
-
-    /// Read bytes of several servos, each in its own place; they answer in the order of `spans`.
-    pub fn bulk_read(&mut self, spans: &[Span]) -> Option<&[u8]> {
-        let parameters = spans
-            .iter()
-            .flat_map(|s| std::iter::once(s.id).chain(place(s.address, s.length)));
-        self.packet(BROADCAST_ID, Instruction::BulkRead, parameters)
     }
 
     /// A servo's answer: `error` is its ERR byte.

@@ -10,7 +10,7 @@ mod fast;
 mod parser;
 
 pub use crc::crc16;
-pub use encode::{Assignment, Encoder, Span};
+pub use encode::{Assignment, Encoder};
 pub use fast::{FastBlock, FastBlocks, encode_fast_reply};
 pub use parser::{BadCrc, Packet, Parser, ParserCounters};
 
