@@ -1,6 +1,6 @@
 //! A thread that reads a serial port until it is told to end.
 
-use std::io;
+use crate::dynamixel::StartError;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
@@ -50,18 +50,21 @@ pub(crate) struct ReadingThread {
 }
 
 impl ReadingThread {
-    /// Starts a thread that ends once `stop` is set.
+    /// Starts a thread that calls `first`, and then `main`, which ends once `stop` is set.
     pub(crate) fn start(
         name: &str,
         stop: Arc<AtomicBool>,
+        first: impl FnOnce() + Send + 'static,
         main: impl FnOnce() + Send + 'static,
-    ) -> io::Result<Self> {
+    ) -> Result<Self, StartError> {
         let over = Arc::new(OnceLock::new());
         let at_end = Over(over.clone());
-        std::thread::Builder::new().name(name.into()).spawn(move || {
+        let begun = std::thread::Builder::new().name(name.into()).spawn(move || {
             let _at_end = at_end;
+            first();
             main();
-        })?;
+        });
+        begun.map_err(StartError::Thread)?;
         let told = OnceLock::new();
         Ok(Self { stop, told, over })
     }
@@ -113,7 +116,7 @@ mod tests {
         let main = move || {
             let _ = hangs.recv();
         };
-        let thread = ReadingThread::start("hangs", Arc::default(), main).unwrap();
+        let thread = ReadingThread::start("hangs", Arc::default(), || {}, main).unwrap();
         thread.stop();
         assert_eq!(
             thread.ends_by(Instant::now()),
@@ -126,7 +129,8 @@ mod tests {
     #[test]
     fn a_thread_that_has_panicked_is_told_from_one_that_was_told_to_end() {
         for (panics, end) in [(true, Err(ReadingThreadError::Panicked)), (false, Ok(()))] {
-            let thread = ReadingThread::start("panics", Arc::default(), move || assert!(!panics)).unwrap();
+            let thread =
+                ReadingThread::start("panics", Arc::default(), move || assert!(!panics), || {}).unwrap();
             assert_eq!(thread.end(), end);
             assert_eq!(thread.has_panicked(), panics);
         }

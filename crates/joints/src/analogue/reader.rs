@@ -85,14 +85,10 @@ impl AnalogueReader {
             published: published.clone(),
             stop: stop.clone(),
         };
-        let main = move || {
-            first();
-            thread.run();
-        };
         Ok(Self {
             shared,
             published,
-            thread: ReadingThread::start("analogue", stop, main).map_err(StartError::Thread)?,
+            thread: ReadingThread::start("analogue", stop, first, move || thread.run())?,
         })
     }
 

@@ -153,15 +153,11 @@ impl ServoReader {
             urgent: urgent.clone(),
             commands: Vec::with_capacity(COMMANDS + 2 * n),
         };
-        let main = move || {
-            first();
-            thread.run();
-        };
         Ok(Self {
             shared,
             published,
             urgent,
-            thread: ReadingThread::start("joints", stop, main).map_err(StartError::Thread)?,
+            thread: ReadingThread::start("joints", stop, first, move || thread.run())?,
             names: config.joint_names(),
             allow_writes: config.allow_writes,
         })
