@@ -177,8 +177,7 @@ fn traffic(args: &Args, input: &Input, output: &mut TrafficOutput, check: &Check
             args.out.with_extension("log").display()
         ),
         Input::Frames(recording) => {
-            let named = args.offline.input.named_layout()?;
-            let layout = named.map_or_else(|| Layout::resolve(DEFAULT_LAYOUT), Ok)?;
+            let layout = args.offline.hand(DEFAULT_LAYOUT)?;
             let sweeps = Sweeps::new(recording, &layout, args.offline.input.tile)?;
             tell_joints(recording);
             eprintln!(

@@ -3,12 +3,14 @@
 use crate::piped_file::recording_parser;
 use anyhow::{Context, bail};
 use std::path::PathBuf;
-use taxel_playback::recorded::{self, Head};
+use taxel_playback::head::Head;
+use taxel_playback::recorded;
 use taxel_playback::stand_in;
 use taxel_playback::traffic::Traffic;
 use taxel_record::{Columns, ReadOptions, RecordError, Recording, TimeUnit, Void};
 use taxel_sim::Scene;
 use taxel_skin::Layout;
+use taxeld::Config;
 
 /// The hand that is meant where no other is named.
 pub(crate) const DEFAULT_LAYOUT: &str = "allegro-uskin-15";
@@ -185,6 +187,25 @@ impl InputArgs {
             None
         };
         Ok(layout.map(|layout| (layout.height.into(), layout.width.into())))
+    }
+
+    /// The hand that the recording is of: the layout named, or that of the configuration, or that of an .mcap's daemon, or
+    /// this one, where nothing says any.
+    ///
+    /// # Errors
+    /// Where an .mcap is of a hand that is not here.
+    pub(crate) fn hand(&self, configured: Option<&Config>, default: &str) -> anyhow::Result<Layout> {
+        if let Some(layout) = self.named_layout()? {
+            return Ok(layout);
+        }
+        if let Some(config) = configured {
+            return Ok(config.layout.clone());
+        }
+        let recorded = match self.is_mcap() {
+            true => Head::read(&self.path)?.layout()?,
+            false => None,
+        };
+        Ok(recorded.map_or_else(|| Layout::resolve(default), Ok)?)
     }
 
     /// Whether the layout named is a plain grid.

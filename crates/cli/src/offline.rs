@@ -7,9 +7,9 @@ use clap::builder::TypedValueParser;
 use std::path::{Path, PathBuf};
 use taxel_can::SourceAddress;
 use taxel_engine::TickMode;
+use taxel_playback::head::Head;
 use taxel_playback::log_interfaces::interfaces_of_buses;
 use taxel_playback::pipeline::{Emit, run_counts, run_magnitudes, run_traffic};
-use taxel_playback::recorded::Head;
 use taxel_playback::scene_input;
 use taxel_playback::traffic::Traffic;
 use taxel_record::Recording;
@@ -72,22 +72,19 @@ impl OfflineArgs {
     fn configured(&self) -> anyhow::Result<Option<Config>> {
         match &self.config {
             Some(path) => Ok(Some(Config::load(path)?)),
-            None if self.input.is_mcap() => Head::read(&self.input.path)?.config(&self.input.path),
+            None if self.input.is_mcap() => Head::read(&self.input.path)?.config(),
             None => Ok(None),
         }
     }
 
     /// The configuration named, or the defaults, without the hand of a recording.
     pub(crate) fn configure_for(&self, default_layout: &str) -> anyhow::Result<Config> {
-        let configured = self.configured()?;
-        let mut config = match (self.input.named_layout()?, configured) {
-            (Some(layout), Some(config)) => Config { layout, ..config },
-            (None, Some(config)) => config,
-            (Some(layout), None) => Config::new(layout, Vec::new()),
-            (None, None) => Config::new(Layout::resolve(default_layout)?, Vec::new()),
-        };
-        self.fit_display(&mut config);
-        Ok(config)
+        self.configure_hand(self.hand(default_layout)?)
+    }
+
+    /// The hand that the recording is of ([`InputArgs::hand`]).
+    pub(crate) fn hand(&self, default: &str) -> anyhow::Result<Layout> {
+        self.input.hand(self.configured()?.as_ref(), default)
     }
 
     /// The configuration named, or the defaults, for this hand.
@@ -111,20 +108,13 @@ impl OfflineArgs {
     /// The configuration named, or the defaults, for the hand that the recording is of.
     pub(crate) fn configure(&self, input: &Input) -> anyhow::Result<Config> {
         let configured = self.configured()?;
-        let named = self.input.named_layout()?;
-        let layout = match (named, &configured, input) {
-            (Some(_), _, Input::Frames(r)) if self.input.is_grid() && r.image_shape().is_some() => {
-                grid_of(r)?
+        let is_placed = self.input.layout.is_some() && !self.input.is_grid();
+        let layout = match input {
+            Input::Frames(recording) if recording.image_shape().is_some() && !is_placed => {
+                grid_of(recording)?
             }
-            (Some(layout), _, _) => layout,
-            (None, _, Input::Frames(r)) if r.image_shape().is_some() => grid_of(r)?,
-            (None, Some(config), _) => config.layout.clone(),
-            (None, None, Input::Scene(scene)) => Layout::resolve(scene.layout())?,
-            (None, None, _) if self.input.is_mcap() => match Head::read(&self.input.path)?.layout() {
-                Some(layout) => layout,
-                None => Layout::resolve(DEFAULT_LAYOUT)?,
-            },
-            (None, None, _) => Layout::resolve(DEFAULT_LAYOUT)?,
+            Input::Scene(scene) => self.input.hand(configured.as_ref(), scene.layout())?,
+            _ => self.input.hand(configured.as_ref(), DEFAULT_LAYOUT)?,
         };
         let mut config = match configured {
             Some(config) => Config { layout, ..config },

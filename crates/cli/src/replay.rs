@@ -3,7 +3,7 @@
 use crate::input::{DEFAULT_LAYOUT, Input, InputArgs, pair};
 use anyhow::{anyhow, bail};
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use taxel_can::SourceAddress;
 use taxel_playback::array_frames::{ARRAY_LAYOUT, ArrayFrames, is_of_arrays};
 use taxel_playback::output_file::refuse_overlap;
@@ -11,7 +11,7 @@ use taxel_playback::player::Player;
 use taxel_playback::sweep::Sweeps;
 use taxel_playback::target::{TargetAddress, Targets, refuse_shared_ids};
 use taxel_record::Recording;
-use taxel_skin::Layout;
+use taxeld::Config;
 
 /// Put a recording back onto a bus, at the times at which it was recorded.
 ///
@@ -34,6 +34,9 @@ Examples:
 pub(crate) struct Args {
     #[command(flatten)]
     input: InputArgs,
+    /// The configuration of the daemon that read the hand, for its layout
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
     /// Where to: can:INTERFACE, udp:GROUP:PORT, pressure:SOCKET (a pressure array's), log:FILE (candump, not waited
     /// for), or - for candump lines on stdout
     #[arg(long, value_name = "SOURCE")]
@@ -98,10 +101,8 @@ fn play_frames(args: &Args, window: Range<u64>, recording: &Recording) -> anyhow
         true => ARRAY_LAYOUT,
         false => DEFAULT_LAYOUT,
     };
-    let layout = args
-        .input
-        .named_layout()?
-        .map_or_else(|| Layout::resolve(default), Ok)?;
+    let configured = args.config.as_deref().map(Config::load).transpose()?;
+    let layout = args.input.hand(configured.as_ref(), default)?;
     let named = || args.route(&layout.buses, "bus of the layout");
     if is_of_arrays(&layout) {
         if args.input.tile {

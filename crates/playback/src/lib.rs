@@ -15,6 +15,7 @@ macro_rules! eprintln {
 pub mod array_frames;
 mod fitted;
 mod frame_file;
+pub mod head;
 pub mod image_line;
 pub mod image_output;
 pub mod interrupt;

@@ -1,95 +1,14 @@
-//! An MCAP recording as an input: whose hand it is, what it was configured as, and its frames where it has no CAN.
+//! An MCAP recording as an input: the frames and images that the daemon made, and the marks in between.
 
-use anyhow::{Context, bail};
+use anyhow::bail;
 use std::path::Path;
-use taxel_config::Config;
 use taxel_hand::TactileImage;
 use taxel_record::{ImageStack, Recording};
 use taxel_recorder::{
-    Attached, Item, RecordedFrame, RecordingReader, Topic, event_name, read_event, read_image, read_text,
+    Item, RecordedFrame, RecordingReader, Topic, event_name, read_event, read_image, read_text,
 };
 use taxel_sequence::Mark;
-use taxel_skin::Layout;
 use taxel_wire::{EventKind, Hello};
-
-/// The daemon's configuration in a recording.
-pub const CONFIG: &str = "taxeld.toml";
-/// The hand's layout in a recording, where it is no built-in one.
-pub const LAYOUT: &str = "layout.toml";
-
-/// How much of a recording is looked at for what it is, nanoseconds.
-const HEAD_NS: u64 = 10_000_000_000;
-
-/// What the first seconds of a recording tell.
-#[derive(Debug, Default)]
-pub struct Head {
-    config: Option<String>,
-    layout: Option<String>,
-    hello: Option<Hello>,
-    /// Whether there is CAN traffic in it.
-    pub has_can: bool,
-}
-
-impl Head {
-    /// Looks at the beginning of a recording.
-    pub fn read(path: &Path) -> anyhow::Result<Self> {
-        let mut head = Self::default();
-        let mut reader = RecordingReader::open(path, &[Topic::Can, Topic::Hello, Topic::Frames])?;
-        let (mut began_ns, mut has_frames) = (None, false);
-        while let Some(item) = reader.next_item()? {
-            match item {
-                Item::Attached(attached) => head.take(attached),
-                Item::Message { topic, wall_ns, data } => {
-                    match topic {
-                        Topic::Can => head.has_can = true,
-                        // One behind frames may be that of another hand, whose frames follow.
-                        Topic::Hello if head.hello.is_none() || !has_frames => {
-                            head.hello = read_text(data).and_then(|text| Hello::parse(text.as_bytes()).ok())
-                        }
-                        _ => has_frames |= topic == Topic::Frames,
-                    }
-                    let is_known = head.has_can && (head.hello.is_some() || head.config.is_some());
-                    if is_known || wall_ns.saturating_sub(*began_ns.get_or_insert(wall_ns)) > HEAD_NS {
-                        break;
-                    }
-                }
-            }
-        }
-        Ok(head)
-    }
-
-    fn take(&mut self, attached: Attached) {
-        let text = String::from_utf8(attached.data).ok();
-        match attached.name.as_str() {
-            CONFIG => self.config = text,
-            LAYOUT => self.layout = text,
-            _ => {}
-        }
-    }
-
-    /// The configuration that it was recorded with, where it is in there.
-    pub fn config(&self, path: &Path) -> anyhow::Result<Option<Config>> {
-        let Some(text) = &self.config else {
-            return Ok(None);
-        };
-        let what = || format!("{}: {CONFIG} in it", path.display());
-        let folder = tempfile::tempdir()?;
-        let mut table: toml::Table = toml::from_str(text).with_context(what)?;
-        if let Some(layout) = &self.layout {
-            std::fs::write(folder.path().join(LAYOUT), layout)?;
-            table.insert("layout".into(), LAYOUT.into());
-        }
-        let text = toml::to_string(&table).with_context(what)?;
-        Config::parse(&text, &folder.path().join(CONFIG))
-            .map(Some)
-            .with_context(what)
-    }
-
-    /// The hand that it was recorded on, where it names one that is built in.
-    pub fn layout(&self) -> Option<Layout> {
-        Layout::builtin(&self.hello.as_ref()?.layout)
-    }
-}
 
 /// The tactile frames that the daemon made, counts and joint angles, from the first in which a taxel has a value.
 pub fn frames(path: &Path) -> anyhow::Result<Recording> {

@@ -15,6 +15,7 @@ mod forearm_scene;
 mod manual;
 mod metrics;
 mod publication;
+mod recorded_hands;
 mod recordings;
 mod replay;
 mod setup;

@@ -1,17 +1,15 @@
 //! `taxel convert`, and MCAP recordings as inputs: the same frames and the same images whatever the file.
 
+use crate::recorded_hands::{put_hand, put_hand_with_silence};
 use crate::{fails, succeeds};
 use ndarray::{Array1, Array2, Array3};
 use ndarray_npy::NpzReader;
 use std::fs::File;
 use std::io::BufReader;
 use taxel_can::{CanFrame, LogReader, Received};
-use taxel_hand::{ForceFrame, Freshness, Profile, TactileFrame};
-use taxel_recorder::{
-    CanBlock, Entry, Preamble, RecordingWriter, Topic, event_message, event_name, frame_message, text_message,
-};
+use taxel_recorder::{CanBlock, Entry, Preamble, RecordingWriter, Topic, event_message, event_name};
 use taxel_skin::Layout;
-use taxel_wire::{Clock, EventKind, Header, Hello, HelloRate, RawView, encode_raw_payload};
+use taxel_wire::EventKind;
 use tempfile::TempDir;
 
 const SCENE: [&str; 6] = ["sim", "ball-grasp", "--to", "log:grasp.log", "--seconds", "4"];
@@ -224,61 +222,18 @@ fn damaged_bytes_cost_their_chunk_and_are_told() {
     assert!(left.len() < log.len() && left.lines().last() == log.lines().last());
 }
 
-/// What a daemon sends of a hand that it was started with: HELLO, and frames.
-pub(crate) fn put_hand(writer: &mut RecordingWriter<File>, layout: &str, from_ns: u64, frames: u64) {
-    put_hand_with_silence(writer, layout, from_ns, frames, |_| false);
-}
-
-/// The same, where no taxel has a value in some frames.
-fn put_hand_with_silence(
-    writer: &mut RecordingWriter<File>,
-    layout: &str,
-    from_ns: u64,
-    frames: u64,
-    is_silent: fn(u64) -> bool,
-) {
-    let layout = Layout::builtin(layout).unwrap();
-    let (mode, hz) = ("sweep".into(), None);
-    let profile = Profile::default();
-    let hello = Hello::new(
-        "taxeld",
-        &layout.geometry,
-        &profile,
-        HelloRate { mode, hz },
-        Clock::Monotonic,
-    );
-    let mut put = |topic, wall_ns, data| writer.put(&Entry { topic, wall_ns, data }).unwrap();
-    let text = String::from_utf8(hello.to_json()).unwrap();
-    put(Topic::Hello, from_ns, text_message(&text));
-    let mut tactile = TactileFrame::new(layout.len());
-    tactile.age_ns.fill(0);
-    let mut payload = Vec::new();
-    for n in 0..frames {
-        (tactile.seq, tactile.t_ns) = (n, 1_000_000_000 + n * 10_000_000);
-        tactile.freshness.fill(match is_silent(n) {
-            true => Freshness::Missing,
-            false => Freshness::Fresh,
-        });
-        let force = ForceFrame::new(layout.len());
-        encode_raw_payload(&tactile, &force, None, &mut payload).unwrap();
-        let header = Header::of_frame(&tactile, &force, payload.len());
-        let header = Header {
-            t_ns: tactile.t_ns,
-            ..header
-        };
-        let message = frame_message(&header, &RawView::decode(&payload).unwrap());
-        put(Topic::Frames, from_ns + n * 10_000_000, message);
-    }
-}
-
 #[test]
 fn frames_of_a_silent_hand_are_there_with_their_times_but_for_those_before_it_speaks() {
     let dir = TempDir::new().unwrap();
     let path = dir.path().join("gap.mcap");
     let mut writer = RecordingWriter::begin(File::create(&path).unwrap(), &Preamble::default(), 0).unwrap();
-    put_hand_with_silence(&mut writer, "uskin-module", 1_000_000_000, 12, |n| {
-        n < 2 || (5..8).contains(&n) || n == 11
-    });
+    put_hand_with_silence(
+        &mut writer,
+        &Layout::builtin("uskin-module").unwrap(),
+        1_000_000_000,
+        12,
+        |n| n < 2 || (5..8).contains(&n) || n == 11,
+    );
     writer.finish().unwrap();
     let wanted: Vec<bool> = (2..12).map(|n| (5..8).contains(&n) || n == 11).collect();
     let times: Vec<u64> = (0..10).map(|n| n * 10_000_000).collect();
@@ -355,7 +310,13 @@ fn of_the_marks_made_before_a_hand_speaks_the_last_holds_from_its_first_frame_on
             );
             writer.put(&Entry { topic, wall_ns, data }).unwrap();
         }
-        put_hand_with_silence(&mut writer, "uskin-module", began_ns, 20, |n| n < 5);
+        put_hand_with_silence(
+            &mut writer,
+            &Layout::builtin("uskin-module").unwrap(),
+            began_ns,
+            20,
+            |n| n < 5,
+        );
         writer.finish().unwrap();
         let (_, err) = succeeds(&dir, &["convert", "early.mcap", "marks.csv", "--marks"]);
         match said {

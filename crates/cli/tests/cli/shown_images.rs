@@ -1,6 +1,6 @@
 //! `taxel convert --images`: what a display was shown, out of an MCAP recording.
 
-use crate::recordings::put_hand;
+use crate::recorded_hands::put_hand;
 use crate::succeeds;
 use ndarray::{Array2, Array3};
 use ndarray_npy::NpzReader;

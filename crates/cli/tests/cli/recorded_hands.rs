@@ -1,0 +1,140 @@
+//! Whose hand an MCAP recording is read as: that which is named, or that in the file, and never another.
+
+use crate::{fails, succeeds};
+use std::fs::File;
+use taxel_hand::{ForceFrame, Freshness, Profile, TactileFrame};
+use taxel_recorder::{Attached, Entry, Preamble, RecordingWriter, Topic, frame_message, text_message};
+use taxel_skin::Layout;
+use taxel_wire::{Clock, Header, Hello, HelloRate, RawView, encode_raw_payload};
+use tempfile::TempDir;
+
+/// What a daemon sends of a hand that it was started with: HELLO, and frames.
+pub(crate) fn put_hand(writer: &mut RecordingWriter<File>, layout: &str, from_ns: u64, frames: u64) {
+    put_hand_with_silence(writer, &Layout::builtin(layout).unwrap(), from_ns, frames, |_| {
+        false
+    });
+}
+
+/// The same, where no taxel has a value in some frames.
+pub(crate) fn put_hand_with_silence(
+    writer: &mut RecordingWriter<File>,
+    layout: &Layout,
+    from_ns: u64,
+    frames: u64,
+    is_silent: fn(u64) -> bool,
+) {
+    let (mode, hz) = ("sweep".into(), None);
+    let profile = Profile::default();
+    let hello = Hello::new(
+        "taxeld",
+        &layout.geometry,
+        &profile,
+        HelloRate { mode, hz },
+        Clock::Monotonic,
+    );
+    let mut put = |topic, wall_ns, data| writer.put(&Entry { topic, wall_ns, data }).unwrap();
+    let text = String::from_utf8(hello.to_json()).unwrap();
+    put(Topic::Hello, from_ns, text_message(&text));
+    let mut tactile = TactileFrame::new(layout.len());
+    tactile.age_ns.fill(0);
+    let mut payload = Vec::new();
+    for n in 0..frames {
+        (tactile.seq, tactile.t_ns) = (n, 1_000_000_000 + n * 10_000_000);
+        tactile.freshness.fill(match is_silent(n) {
+            true => Freshness::Missing,
+            false => Freshness::Fresh,
+        });
+        let force = ForceFrame::new(layout.len());
+        encode_raw_payload(&tactile, &force, None, &mut payload).unwrap();
+        let header = Header::of_frame(&tactile, &force, payload.len());
+        let header = Header {
+            t_ns: tactile.t_ns,
+            ..header
+        };
+        let message = frame_message(&header, &RawView::decode(&payload).unwrap());
+        put(Topic::Frames, from_ns + n * 10_000_000, message);
+    }
+}
+
+/// What reads the counts of `hand.mcap` as those of its hand.
+const READERS: [&[&str]; 4] = [
+    &["compress", "hand.mcap", "--out", "images.npz"],
+    &["convert", "hand.mcap", "hand.csv"],
+    &["convert", "hand.mcap", "hand.log"],
+    &["replay", "hand.mcap", "--to", "log:played.log", "--speed", "inf"],
+];
+
+/// A recording of 20 frames of a hand without CAN, `hand.mcap`, with these files attached.
+fn record(dir: &TempDir, hand: &Layout, attached: &[(&str, &str)]) {
+    let preamble = Preamble {
+        attached: attached
+            .iter()
+            .map(|(name, text)| Attached {
+                name: (*name).into(),
+                media_type: "application/toml".into(),
+                data: text.as_bytes().into(),
+            })
+            .collect(),
+        ..Preamble::default()
+    };
+    let file = File::create(dir.path().join("hand.mcap")).unwrap();
+    let mut writer = RecordingWriter::begin(file, &preamble, 0).unwrap();
+    put_hand_with_silence(&mut writer, hand, 1_000_000_000, 20, |_| false);
+    writer.finish().unwrap();
+}
+
+#[test]
+fn a_recording_of_a_hand_that_is_not_here_is_refused_with_its_name_and_read_with_its_layout() {
+    let module = Layout::builtin_text("uskin-module").unwrap();
+    let own = module.replace("\"uskin-module\"", "\"my-module\"");
+    let turned = module.replace("at = [0, 0]", "at = [0, 0]\nrotation = 90");
+    for (text, said) in [
+        (
+            &own,
+            "hand.mcap: recorded on hand my-module of 16 taxels, which is not built in; name its layout with --layout",
+        ),
+        (
+            &turned,
+            "hand.mcap: recorded on hand uskin-module of 16 taxels, which has other modules or places than the built-in",
+        ),
+    ] {
+        let dir = TempDir::new().unwrap();
+        std::fs::write(dir.path().join("mine.toml"), text).unwrap();
+        let config = "layout = \"mine.toml\"\n[[bus]]\nsource = \"udp:\"\n";
+        std::fs::write(dir.path().join("hand.toml"), config).unwrap();
+        let hand = Layout::parse(text, "mine.toml").unwrap();
+        record(&dir, &hand, &[]);
+        let others: [&[&str]; 3] = [
+            &["eval", "hand.mcap"],
+            &["view", "hand.mcap", "--seconds", "1"],
+            &["figures", "hand.mcap", "--out", "figures"],
+        ];
+        for args in READERS.iter().chain(&others) {
+            let err = fails(&dir, args, 1);
+            assert!(err.contains(said), "{args:?}: {err}");
+        }
+        for args in READERS {
+            for more in [["--layout", "mine.toml"], ["--config", "hand.toml"]] {
+                succeeds(&dir, &[args, &more].concat());
+            }
+        }
+        record(&dir, &hand, &[("taxeld.toml", config), ("layout.toml", text)]);
+        for args in READERS {
+            succeeds(&dir, args);
+        }
+    }
+}
+
+#[test]
+fn a_recording_of_a_built_in_hand_is_read_as_that_hand_by_everything() {
+    let dir = TempDir::new().unwrap();
+    record(&dir, &Layout::builtin("uskin-module").unwrap(), &[]);
+    for args in READERS {
+        succeeds(&dir, args);
+    }
+    record(&dir, &Layout::builtin("tekscan-6077").unwrap(), &[]);
+    succeeds(&dir, READERS[0]);
+    succeeds(&dir, READERS[3]);
+    let err = fails(&dir, READERS[2], 1);
+    assert!(err.contains("module touch of layout tekscan-6077"), "{err}");
+}

@@ -1,0 +1,135 @@
+//! What the beginning of an MCAP recording tells: whose hand it is, and how its daemon was configured.
+
+use anyhow::{Context, bail};
+use std::path::{Path, PathBuf};
+use taxel_config::Config;
+use taxel_hand::Geometry;
+use taxel_recorder::{Attached, Item, RecordingReader, Topic, read_text};
+use taxel_skin::Layout;
+use taxel_wire::Hello;
+
+/// The daemon's configuration in a recording.
+pub const CONFIG: &str = "taxeld.toml";
+/// The hand's layout in a recording, where it is no built-in one.
+pub const LAYOUT: &str = "layout.toml";
+
+/// How much of a recording is looked at for what it is, nanoseconds.
+const HEAD_NS: u64 = 10_000_000_000;
+
+/// What the first seconds of a recording tell.
+#[derive(Debug, Default)]
+pub struct Head {
+    path: PathBuf,
+    config: Option<String>,
+    layout: Option<String>,
+    hello: Option<Hello>,
+    /// Whether there is CAN traffic in it.
+    pub has_can: bool,
+}
+
+impl Head {
+    /// Looks at the beginning of a recording.
+    pub fn read(path: &Path) -> anyhow::Result<Self> {
+        let mut head = Self {
+            path: path.into(),
+            ..Self::default()
+        };
+        let mut reader = RecordingReader::open(path, &[Topic::Can, Topic::Hello, Topic::Frames])?;
+        let (mut began_ns, mut has_frames) = (None, false);
+        while let Some(item) = reader.next_item()? {
+            match item {
+                Item::Attached(attached) => head.take(attached),
+                Item::Message { topic, wall_ns, data } => {
+                    match topic {
+                        Topic::Can => head.has_can = true,
+                        // One behind frames may be that of another hand, whose frames follow.
+                        Topic::Hello if head.hello.is_none() || !has_frames => {
+                            head.hello = read_text(data).and_then(|text| Hello::parse(text.as_bytes()).ok())
+                        }
+                        _ => has_frames |= topic == Topic::Frames,
+                    }
+                    let is_known = head.has_can && (head.hello.is_some() || head.config.is_some());
+                    if is_known || wall_ns.saturating_sub(*began_ns.get_or_insert(wall_ns)) > HEAD_NS {
+                        break;
+                    }
+                }
+            }
+        }
+        Ok(head)
+    }
+
+    fn take(&mut self, attached: Attached) {
+        let text = String::from_utf8(attached.data).ok();
+        match attached.name.as_str() {
+            CONFIG => self.config = text,
+            LAYOUT => self.layout = text,
+            _ => {}
+        }
+    }
+
+    /// The configuration that it was recorded with, where it is in there.
+    pub fn config(&self) -> anyhow::Result<Option<Config>> {
+        let Some(text) = &self.config else {
+            return Ok(None);
+        };
+        let what = || format!("{}: {CONFIG} in it", self.path.display());
+        let folder = tempfile::tempdir()?;
+        let mut table: toml::Table = toml::from_str(text).with_context(what)?;
+        if let Some(layout) = &self.layout {
+            std::fs::write(folder.path().join(LAYOUT), layout)?;
+            table.insert("layout".into(), LAYOUT.into());
+        }
+        let text = toml::to_string(&table).with_context(what)?;
+        Config::parse(&text, &folder.path().join(CONFIG))
+            .map(Some)
+            .with_context(what)
+    }
+
+    /// The hand that it was recorded on: that of the configuration in it, or else the built-in one that the daemon's
+    /// description (HELLO) names and describes; none where no daemon described any.
+    ///
+    /// # Errors
+    /// Where the daemon read a hand that is not here, so that nothing is taken for another hand.
+    pub fn layout(&self) -> anyhow::Result<Option<Layout>> {
+        if let Some(config) = self.config()? {
+            return Ok(Some(config.layout));
+        }
+        let Some(hello) = &self.hello else {
+            return Ok(None);
+        };
+        let grid = || Layout::grid(hello.width, hello.height).ok();
+        let known = Layout::builtin(&hello.layout).or_else(grid);
+        match known.filter(|known| known.name == hello.layout) {
+            Some(known) if is_of(hello, &known) => Ok(Some(known)),
+            known => bail!(
+                "{}: recorded on hand {} of {} taxels, which {}; name its layout with --layout, or its configuration \
+                 with --config",
+                self.path.display(),
+                hello.layout,
+                hello.taxels.len(),
+                match known {
+                    Some(_) => "has other modules or places than the built-in hand of that name",
+                    None => "is not built in",
+                }
+            ),
+        }
+    }
+}
+
+/// Whether a daemon's description is that of this hand: of the same name and modules, and each taxel at its pixel.
+pub fn is_of(hello: &Hello, hand: &Geometry) -> bool {
+    let modules = hello
+        .modules
+        .iter()
+        .map(|module| (&module.name, &module.part, module.first_taxel, module.taxels));
+    let hand_modules = hand
+        .modules
+        .iter()
+        .map(|module| (&module.name, &module.part, module.first_taxel, module.taxels));
+    let taxels = hello.taxels.iter().map(|taxel| (taxel.x, taxel.y, taxel.module));
+    let hand_taxels = hand.taxels.iter().map(|taxel| (taxel.x, taxel.y, taxel.module));
+    hello.layout == hand.name
+        && [hello.width, hello.height] == [hand.width, hand.height]
+        && modules.eq(hand_modules)
+        && taxels.eq(hand_taxels)
+}
