@@ -1,13 +1,24 @@
 //! What people should know besides what comes out: on stderr, or with whoever draws on the terminal.
 //!
-//! A process has one terminal. So who draws on it says so once, for all that is said meanwhile, wherever that is.
+//! A process has one terminal. So who draws on it says so once, for all that is said meanwhile, wherever that is. A
+//! recording is looked at more than once, and may be played again and again; what is said of it is said once.
 
 use crate::stand_in::as_named;
 use std::io::Write;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Lines said while the terminal is drawn on, each once; none where it is not.
-static GATHERED: Mutex<Option<Vec<String>>> = Mutex::new(None);
+static SAID: Mutex<Said> = Mutex::new(Said {
+    lines: Vec::new(),
+    gathered_from: None,
+});
+
+/// What was said by this process.
+struct Said {
+    /// Each line once.
+    lines: Vec<String>,
+    /// The first line that is gathered, while the terminal is drawn on.
+    gathered_from: Option<usize>,
+}
 
 /// While it is there, what is for people is gathered instead of printed, and no progress is shown. Dropped, it
 /// prints what was gathered: first the terminal is to be given back.
@@ -19,15 +30,15 @@ pub struct Remarks {
 impl Remarks {
     /// Gathers what is said from now on.
     pub fn gather() -> Self {
-        gathered().get_or_insert_default();
-        Self { told: 0 }
+        let mut said = said();
+        let told = said.lines.len();
+        said.gathered_from.get_or_insert(told);
+        Self { told }
     }
 
     /// What was said since this was asked last, a line each.
     pub fn news(&mut self) -> Vec<String> {
-        let gathered = gathered();
-        let news = gathered.iter().flatten().skip(self.told);
-        let news: Vec<String> = news.cloned().collect();
+        let news = said().lines[self.told..].to_vec();
         self.told += news.len();
         news
     }
@@ -35,29 +46,33 @@ impl Remarks {
 
 impl Drop for Remarks {
     fn drop(&mut self) {
-        let lines = gathered().take();
-        lines.iter().flatten().for_each(|line| print(line));
+        let mut said = said();
+        if let Some(from) = said.gathered_from.take() {
+            said.lines[from..].iter().for_each(|line| print(line));
+        }
     }
 }
 
-fn gathered() -> MutexGuard<'static, Option<Vec<String>>> {
-    GATHERED.lock().unwrap_or_else(PoisonError::into_inner)
+fn said() -> MutexGuard<'static, Said> {
+    SAID.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Whether somebody draws on the terminal.
 pub(crate) fn are_gathered() -> bool {
-    gathered().is_some()
+    said().gathered_from.is_some()
 }
 
-/// Says a line, with the names that people gave files.
+/// Says a line, with the names that people gave files, if it was not said before.
 pub fn say(line: String) {
     let line = as_named(line);
-    match &mut *gathered() {
-        // A recording that is played again says the same again.
-        Some(lines) if lines.contains(&line) => {}
-        Some(lines) => lines.push(line),
-        None => print(&line),
+    let mut said = said();
+    if said.lines.contains(&line) {
+        return;
     }
+    if said.gathered_from.is_none() {
+        print(&line);
+    }
+    said.lines.push(line);
 }
 
 fn print(line: &str) {

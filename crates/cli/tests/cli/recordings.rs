@@ -218,6 +218,8 @@ fn damaged_bytes_cost_their_chunk_and_are_told() {
         err.contains("damaged.mcap: bytes ") && err.contains("are damaged"),
         "{err}"
     );
+    let (_, err) = succeeds(&dir, &["replay", "damaged.mcap", "--to", "log:replayed.log"]);
+    assert_eq!(err.matches("are damaged").count(), 1, "{err}");
     let [left, log] = ["damaged.log", "grasp.log"].map(|file| String::from_utf8(read(&dir, file)).unwrap());
     assert!(left.len() < log.len() && left.lines().last() == log.lines().last());
 }
