@@ -20,7 +20,9 @@ use taxel_engine::{EngineConfig, EngineJoints, TickConfig, TickMode};
 use taxel_hand::{FromMap, Method, Profile};
 use taxel_joints::{JointsBus, JointsConfig, JointsError};
 use taxel_serve::ProfilesConfig;
-use taxel_skin::{BoardsConfig, ConditionConfig, ConditionSettings, Layout, Preset, SweepConfig};
+use taxel_skin::{
+    BoardsConfig, ConditionConfig, ConditionSettings, Layout, LayoutError, Preset, SweepConfig,
+};
 use toml::Spanned;
 
 /// Every key of a configuration behind `#`, with its default and what it means; `layout` and `[[bus]]` go above it.
@@ -248,13 +250,30 @@ impl Config {
 
     /// Checks the text of a configuration file; `path` is only for messages and for finding a layout file.
     pub fn parse(text: &str, path: &Path) -> Result<Self, ConfigError> {
-        let file = &File { text, path };
+        Self::parse_for(text, &path.display().to_string(), |name| {
+            let beside = path.parent().unwrap_or(Path::new("")).join(name);
+            match Layout::builtin(name).is_none() && beside.is_file() {
+                true => Layout::load(&beside),
+                false => Layout::resolve(name),
+            }
+        })
+    }
+
+    /// Checks the text of a configuration that stands in no folder; `file` is what it is called in messages, and
+    /// `layout_of` finds the hand that it names.
+    pub fn parse_for(
+        text: &str,
+        file: &str,
+        layout_of: impl FnOnce(&str) -> Result<Layout, LayoutError>,
+    ) -> Result<Self, ConfigError> {
+        let file = &File { text, name: file };
         let parsed: FileConfig = toml::from_str(text).map_err(|e| ConfigError::Syntax {
-            file: path.display().to_string(),
+            file: file.name.to_owned(),
             line: file.line_at(e.span().map_or(0, |s| s.start)),
             message: syntax::problem(text, e.span(), e.message()),
         })?;
-        let mut layout = layout_of(file, &parsed.layout)?;
+        let mut layout = layout_of(parsed.layout.get_ref())
+            .map_err(|e| file.refuse(parsed.layout.span().start, e.to_string()))?;
         let sources = sources_of(file, &parsed.bus)?;
         let are_scenes = sources.iter().all(|s| matches!(s, SourceAddress::Sim { .. }));
         if layout.buses.is_empty() && are_scenes && !sources.is_empty() {
@@ -317,7 +336,7 @@ impl Config {
 /// The text of a configuration and where it stands, to tell the line of what is refused.
 struct File<'a> {
     text: &'a str,
-    path: &'a Path,
+    name: &'a str,
 }
 
 impl File<'_> {
@@ -338,23 +357,11 @@ impl File<'_> {
 
     fn refuse_at(&self, line: usize, message: String) -> ConfigError {
         ConfigError::Value {
-            file: self.path.display().to_string(),
+            file: self.name.to_owned(),
             line,
             message,
         }
     }
-}
-
-/// A built-in layout, or one in a file, which may be beside the configuration.
-fn layout_of(file: &File<'_>, named: &Spanned<String>) -> Result<Layout, ConfigError> {
-    let name = named.get_ref();
-    let beside = file.path.parent().unwrap_or(Path::new("")).join(name);
-    let found = if Layout::builtin(name).is_none() && beside.is_file() {
-        Layout::load(&beside)
-    } else {
-        Layout::resolve(name)
-    };
-    found.map_err(|e| file.refuse(named.span().start, e.to_string()))
 }
 
 /// One source for each table, none of them given twice.

@@ -1,11 +1,11 @@
 //! What the beginning of an MCAP recording tells: whose hand it is, and how its daemon was configured.
 
-use anyhow::{Context, bail};
+use anyhow::bail;
 use std::path::{Path, PathBuf};
 use taxel_config::Config;
 use taxel_hand::Geometry;
 use taxel_recorder::{Attached, Item, RecordingReader, Topic, read_text};
-use taxel_skin::Layout;
+use taxel_skin::{Layout, LayoutError};
 use taxel_wire::Hello;
 
 /// The daemon's configuration in a recording.
@@ -23,6 +23,8 @@ pub struct Head {
     config: Option<String>,
     layout: Option<String>,
     hello: Option<Hello>,
+    /// Whether a file that is attached to it is damaged.
+    is_damaged: bool,
     /// Whether there is CAN traffic in it.
     pub has_can: bool,
 }
@@ -39,6 +41,7 @@ impl Head {
         while let Some(item) = reader.next_item()? {
             match item {
                 Item::Attached(attached) => head.take(attached),
+                Item::Damaged => head.is_damaged = true,
                 Item::Message { topic, wall_ns, data } => {
                     match topic {
                         Topic::Can => head.has_can = true,
@@ -67,22 +70,36 @@ impl Head {
         }
     }
 
-    /// The configuration that it was recorded with, where it is in there.
+    /// The configuration that it was recorded with, where it is in there. Says where it is damaged, and then left out.
     pub fn config(&self) -> anyhow::Result<Option<Config>> {
-        let Some(text) = &self.config else {
-            return Ok(None);
-        };
-        let what = || format!("{}: {CONFIG} in it", self.path.display());
-        let folder = tempfile::tempdir()?;
-        let mut table: toml::Table = toml::from_str(text).with_context(what)?;
-        if let Some(layout) = &self.layout {
-            std::fs::write(folder.path().join(LAYOUT), layout)?;
-            table.insert("layout".into(), LAYOUT.into());
+        let path = self.path.display();
+        let parsed = self.config.as_ref().map(|text| {
+            Config::parse_for(text, &format!("{path}: {CONFIG} in it"), |name| {
+                self.hand_of(name)
+            })
+        });
+        match parsed.transpose() {
+            Ok(None) | Err(_) if self.is_damaged => {
+                eprintln!(
+                    "taxel: {path}: the configuration in it is damaged and left out; --config gives one"
+                );
+                Ok(None)
+            }
+            parsed => Ok(parsed?),
         }
-        let text = toml::to_string(&table).with_context(what)?;
-        Config::parse(&text, &folder.path().join(CONFIG))
-            .map(Some)
-            .with_context(what)
+    }
+
+    /// The hand that the configuration in it names.
+    fn hand_of(&self, name: &str) -> Result<Layout, LayoutError> {
+        match &self.layout {
+            Some(text) => Layout::parse(text, LAYOUT),
+            None if name.starts_with("grid:") => Layout::resolve(name),
+            // A file of that name that is here now is not that of the recording.
+            None => Layout::builtin(name).ok_or_else(|| LayoutError::Unknown {
+                name: name.into(),
+                builtin: Layout::builtin_names().collect::<Vec<_>>().join(", "),
+            }),
+        }
     }
 
     /// The hand that it was recorded on: that of the configuration in it, or else the built-in one that the daemon's

@@ -174,7 +174,7 @@ pub fn counted(path: &Path, topics: &[Topic]) -> anyhow::Result<Option<String>> 
                 topic: Topic::Images, ..
             } => images += 1,
             Item::Message { data, .. } => marks += u64::from(mark_text(data).is_some()),
-            Item::Attached(_) => {}
+            Item::Attached(_) | Item::Damaged => {}
         }
     }
     let counted = [(marks, "mark"), (frames, "frame"), (images, "image")];

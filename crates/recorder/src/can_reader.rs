@@ -121,7 +121,7 @@ impl CanReader {
                     }
                 }
                 Some(Item::Message { data, wall_ns, .. }) => break (data, wall_ns),
-                Some(Item::Attached(_)) => {}
+                Some(Item::Attached(_) | Item::Damaged) => {}
             }
         };
         let Some(block) = CanFrames::read(data) else {

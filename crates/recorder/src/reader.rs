@@ -20,6 +20,8 @@ const BLOCK: usize = 256 << 10;
 const RECORD_HEAD: usize = 9;
 /// Bytes of the record that ends a file, which says where the summary begins.
 const FOOTER: usize = RECORD_HEAD + 20;
+/// Characters of the name of a damaged file that are told.
+const LONGEST_NAME: usize = 40;
 /// What is wrong with a record whose fields do not fit into it.
 const CUT_OFF: &str = "a record is cut off";
 
@@ -58,6 +60,8 @@ pub enum Item<'a> {
     },
     /// A file that the recording was made with.
     Attached(Attached),
+    /// The same, where its bytes are damaged and therefore left out.
+    Damaged,
 }
 
 /// Reads a recording from its beginning to its end. Damaged chunks are passed over, and one that was torn off ends with its
@@ -110,6 +114,8 @@ fn options() -> LinearReaderOptions {
 enum Found {
     Message(Topic, u64),
     Attached(Attached),
+    /// An attached file that is damaged: its name, as far as it can be read.
+    Damaged(String),
     Channel(u16, Option<Topic>),
     NoTopic,
     End,
@@ -157,6 +163,7 @@ impl RecordingReader {
                 Found::Channel(id, topic) => self.take_channel(id, topic),
                 Found::NoTopic => self.left_out.of_no_topic += 1,
                 Found::Attached(attached) => return Ok(Some(Item::Attached(attached))),
+                Found::Damaged(_) => return Ok(Some(Item::Damaged)),
                 Found::Message(topic, wall_ns) => {
                     let data = &self.message;
                     return Ok(Some(Item::Message { topic, wall_ns, data }));
@@ -187,6 +194,9 @@ impl RecordingReader {
                     return Ok(Found::Other);
                 }
                 let found = look(opcode, data, &self.channels, &mut self.message);
+                if let Some(Found::Damaged(name)) = &found {
+                    self.left_out.record(at, end, format!("the attached {name:?}"));
+                }
                 return Ok(found.unwrap_or_else(|| {
                     self.left_out.record(at, end, CUT_OFF.into());
                     Found::Other
@@ -341,21 +351,35 @@ fn look(
             let (id, topic) = channel(fields)?;
             Found::Channel(id, topic)
         }
-        op::ATTACHMENT => {
-            let (_logged_ns, _created_ns) = (fields.u64()?, fields.u64()?);
-            let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-            let (name, media_type) = (text(fields.text()?), text(fields.text()?));
-            let len = usize::try_from(fields.u64()?).ok()?;
-            let data = fields.take(len)?.into();
-            Found::Attached(Attached {
-                name,
-                media_type,
-                data,
-            })
-        }
+        op::ATTACHMENT => attached(data),
         op::DATA_END => Found::End,
         _ => Found::Other,
     })
+}
+
+/// A file that is attached, if it is as it was when it was attached.
+fn attached(record: &[u8]) -> Found {
+    let (mut fields, mut name) = (Fields(record), String::new());
+    let mut read = || {
+        let (_logged_ns, _created_ns) = (fields.u64()?, fields.u64()?);
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        name = text(fields.text()?);
+        let media_type = text(fields.text()?);
+        let len = usize::try_from(fields.u64()?).ok()?;
+        let data = fields.take(len)?.to_vec();
+        // The reader of the format takes for granted that it is there.
+        let _checksum = fields.u32()?;
+        Some((media_type, data))
+    };
+    let read = read().filter(|_| mcap::parse_record(op::ATTACHMENT, record).is_ok());
+    match read {
+        Some((media_type, data)) => Found::Attached(Attached {
+            name,
+            media_type,
+            data,
+        }),
+        None => Found::Damaged(name.chars().take(LONGEST_NAME).collect()),
+    }
 }
 
 /// The number of a channel, and which of our topics it is.

@@ -131,6 +131,7 @@ fn records(file: &[u8]) -> Vec<(usize, u8)> {
 }
 
 const CHUNK: u8 = 0x06;
+const ATTACHMENT: u8 = 9;
 const DATA_END: u8 = 0x0F;
 
 #[test]
@@ -198,6 +199,45 @@ fn damaged_chunks_are_passed_over_and_their_bytes_told() {
         left_out[0].contains("checksum") && left_out.len() == 1,
         "{left_out:?}"
     );
+}
+
+#[test]
+fn an_attached_file_is_given_as_it_was_or_left_out_and_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("attached.mcap");
+    let attached = Attached {
+        name: "taxeld.toml".into(),
+        media_type: "application/toml".into(),
+        data: b"layout = \"x\"".to_vec(),
+    };
+    let preamble = Preamble {
+        attached: vec![attached],
+        ..Preamble::default()
+    };
+    let mut writer = RecordingWriter::begin(Cursor::new(Vec::new()), &preamble, 7).unwrap();
+    writer.put(&entry(Topic::Status, 1, "there")).unwrap();
+    let whole = writer.finish().unwrap().into_inner();
+    let records = records(&whole);
+    let place = records
+        .iter()
+        .position(|(_, opcode)| *opcode == ATTACHMENT)
+        .unwrap();
+    let [begin, end] = [place, place + 1].map(|place| records[place].0);
+    // Every byte but those that say what the record is, and how long.
+    for byte in begin + 9..end {
+        let mut file = whole.clone();
+        file[byte] ^= 0x04;
+        std::fs::write(&path, &file).unwrap();
+        let mut reader = RecordingReader::open(&path, &[Topic::Status]).unwrap();
+        assert_eq!(reader.next_item().unwrap(), Some(Item::Damaged), "byte {byte}");
+        let (left, left_out) = texts(&path, Topic::Status);
+        assert_eq!(left, ["there"], "byte {byte}");
+        let bytes = format!("bytes {begin} to {} are damaged (the attached \"", end - 1);
+        assert!(
+            left_out.len() == 1 && left_out[0].starts_with(&bytes),
+            "{left_out:?}"
+        );
+    }
 }
 
 #[test]

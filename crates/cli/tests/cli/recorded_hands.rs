@@ -126,6 +126,58 @@ fn a_recording_of_a_hand_that_is_not_here_is_refused_with_its_name_and_read_with
 }
 
 #[test]
+fn a_damaged_configuration_in_a_recording_is_left_out_and_named_as_what_it_is() {
+    let dir = TempDir::new().unwrap();
+    let damage = |wanted: &str| {
+        let path = dir.path().join("hand.mcap");
+        let mut bytes = std::fs::read(&path).unwrap();
+        let at = bytes
+            .windows(wanted.len())
+            .position(|found| found == wanted.as_bytes());
+        bytes[at.unwrap()] ^= 1;
+        std::fs::write(path, bytes).unwrap();
+    };
+    let said = "hand.mcap: the configuration in it is damaged and left out; --config gives one\n";
+    let config = "layout = \"uskin-module\"\n[[bus]]\nsource = \"udp:\"\n[profile]\nlevels = 4\n";
+    let module = Layout::builtin_text("uskin-module").unwrap();
+    let builtin = Layout::builtin("uskin-module").unwrap();
+    for wanted in ["taxeld.toml", "levels", "levels = 4"] {
+        record(&dir, &builtin, &[("taxeld.toml", config)]);
+        damage(wanted);
+        for args in READERS {
+            let (_, err) = succeeds(&dir, args);
+            assert_eq!(err.matches(said).count(), 1, "{args:?}: {err}");
+        }
+        let named = ["--layout", "uskin-module"];
+        let (_, err) = succeeds(&dir, &[READERS[3], &named].concat());
+        assert!(!err.contains(said), "not asked for: {err}");
+    }
+    // Of a hand of one's own, the layout goes with it.
+    let own = module.replace("\"uskin-module\"", "\"my-module\"");
+    let config = config.replace("uskin-module", "mine.toml");
+    let hand = Layout::parse(&own, "mine.toml").unwrap();
+    for wanted in ["levels", "my-module"] {
+        record(&dir, &hand, &[("taxeld.toml", &config), ("layout.toml", &own)]);
+        damage(wanted);
+        for args in READERS {
+            let err = fails(&dir, args, 1);
+            assert!(
+                err.contains(said) && err.contains("recorded on hand my-module"),
+                "{err}"
+            );
+        }
+    }
+    // What is whole and wrong is named by its place in the recording.
+    record(
+        &dir,
+        &hand,
+        &[("taxeld.toml", &config.replace("4", "0")), ("layout.toml", &own)],
+    );
+    let err = fails(&dir, READERS[0], 1);
+    assert!(err.contains("hand.mcap: taxeld.toml in it:5: "), "{err}");
+}
+
+#[test]
 fn a_recording_of_a_built_in_hand_is_read_as_that_hand_by_everything() {
     let dir = TempDir::new().unwrap();
     record(&dir, &Layout::builtin("uskin-module").unwrap(), &[]);
