@@ -186,7 +186,7 @@ impl OfflineArgs {
                     .cloned()
                     .partition(|(_, bus)| bus == JOINTS_BUS);
                 let joints = interface_of_joints(traffic, config, &joints)?;
-                let mut interfaces = interfaces_of_buses(traffic, &config.layout, &skin, joints.as_deref())?;
+                let mut interfaces = interfaces_of_buses(traffic, config, &skin, joints.as_deref())?;
                 interfaces.extend(joints);
                 run_traffic(traffic, &interfaces, config, emit)
             }

@@ -6,6 +6,7 @@ use anyhow::bail;
 use std::collections::BTreeSet;
 use std::path::Path;
 use taxel_can::{EXTENDED_FLAG, LogFrame};
+use taxel_config::Config;
 use taxel_skin::{Decoded, Decoder, Layout, Readings};
 
 /// Frames of an interface that are looked at, or more until one is a board's.
@@ -106,13 +107,15 @@ struct Survey<'a> {
 ///
 /// An interface belongs to the bus of its name; a log of one interface to a hand of one bus. `pairs` (interface, bus)
 /// say otherwise. Where a bus has no interface and an interface with boards of the hand no bus, names were changed on
-/// the way: then the boards decide, or the log is refused. `joints` is an interface of which nothing is said.
+/// the way: then the boards decide, or the log is refused. `joints` is an interface of which nothing is said. Frames that
+/// are of nobody are told, but for the bus that the configuration's joints share with the skin.
 pub fn interfaces_of_buses(
     traffic: &Traffic,
-    layout: &Layout,
+    config: &Config,
     pairs: &[(String, String)],
     joints: Option<&str>,
 ) -> anyhow::Result<Vec<String>> {
+    let layout = &config.layout;
     let mut survey = Survey {
         path: traffic.path(),
         scan: traffic.is_candump(),
@@ -151,6 +154,8 @@ pub fn interfaces_of_buses(
     survey.correct_by_boards(&mut chosen, pairs)?;
     survey.refuse_other_hands(&chosen)?;
     survey.tell_left_out(&chosen, joints);
+    let shared = config.joints_bus().filter(|bus| bus.shared);
+    survey.tell_foreign(&chosen, shared.map(|bus| usize::from(bus.index)));
     // A name that no interface has: the bus stays silent.
     let name = |(chosen, bus): (Option<usize>, &String)| {
         chosen.map_or_else(|| bus.clone(), |place| survey.heard[place].name.clone())
@@ -279,46 +284,58 @@ impl Survey<'_> {
         Ok(())
     }
 
+    /// Each bus that has an interface, read as that bus.
+    fn used<'a>(&'a self, chosen: &'a [Option<usize>]) -> impl Iterator<Item = (usize, &'a AsBus)> {
+        let used = chosen.iter().enumerate();
+        used.filter_map(|(bus, place)| Some((bus, &self.heard[(*place)?].as_bus[bus])))
+    }
+
     /// Refuses a log in which no board of the hand speaks, and others do.
     fn refuse_other_hands(&self, chosen: &[Option<usize>]) -> anyhow::Result<()> {
-        let used = || {
-            chosen
-                .iter()
-                .enumerate()
-                .filter_map(|(bus, place)| Some((bus, &self.heard[(*place)?])))
-        };
-        if used().any(|(bus, heard)| !heard.as_bus[bus].modules.is_empty()) {
+        if self.used(chosen).any(|(_, bus)| !bus.modules.is_empty()) {
             return Ok(());
         }
-        let foreign: BTreeSet<u32> = used()
-            .flat_map(|(bus, heard)| heard.as_bus[bus].foreign.iter().copied())
-            .collect();
+        let foreign = self.used(chosen).flat_map(|(_, bus)| bus.foreign.iter().copied());
+        let foreign: BTreeSet<u32> = foreign.collect();
         if foreign.is_empty() {
             return Ok(());
         }
-        let id = |id: &u32| match id & EXTENDED_FLAG {
-            0 => format!("{id:03X}"),
-            flag => format!("{:08X}", id & !flag),
-        };
-        let ids: Vec<String> = foreign.iter().take(NAMED_IDS).map(id).collect();
-        let more = if foreign.len() > NAMED_IDS { ", .." } else { "" };
-        let path = self.path.display();
-        let log = match self.scan {
-            true => path.to_string(),
-            false => self.path.with_extension("log").display().to_string(),
-        };
         bail!(
-            "{path}: none of its frames is one of a board of layout {}: {} ids of nobody ({}{more}); {}`taxel doctor \
-             --scan log:{log}` says which boards these are, and writes their layout",
+            "{}: none of its frames is one of a board of layout {}: {}; {} says which boards these are, and writes their \
+             layout",
+            self.path.display(),
             self.layout.name,
-            foreign.len(),
-            ids.join(", "),
-            if self.scan {
-                String::new()
-            } else {
-                format!("behind `taxel convert {path} {log}`, ")
-            },
+            ids_of_nobody(&foreign),
+            self.scan_command()
         );
+    }
+
+    /// Says which frames are of no board of the hand. Nothing is said of a bus with joints.
+    fn tell_foreign(&self, chosen: &[Option<usize>], joints_bus: Option<usize>) {
+        let skin = self.used(chosen).filter(|(bus, _)| joints_bus != Some(*bus));
+        let foreign: BTreeSet<u32> = skin.flat_map(|(_, bus)| bus.foreign.iter().copied()).collect();
+        if !foreign.is_empty() {
+            eprintln!(
+                "taxel: {}: not all of its frames are those of layout {}: {}, which are left out; {} says whose they are",
+                self.path.display(),
+                self.layout.name,
+                ids_of_nobody(&foreign),
+                self.scan_command()
+            );
+        }
+    }
+
+    /// The command that looks at whose frames these are.
+    fn scan_command(&self) -> String {
+        let path = self.path.display();
+        match self.scan {
+            true => format!("`taxel doctor --scan log:{path}`"),
+            false => {
+                let log = self.path.with_extension("log");
+                let log = log.display();
+                format!("behind `taxel convert {path} {log}`, `taxel doctor --scan log:{log}`")
+            }
+        }
     }
 
     /// Names what of the log is not used, and what of the hand is not in it.
@@ -346,6 +363,19 @@ impl Survey<'_> {
             }
         }
     }
+}
+
+/// How many ids these are, and the first of them.
+fn ids_of_nobody(ids: &BTreeSet<u32>) -> String {
+    let id = |id: &u32| match id & EXTENDED_FLAG {
+        0 => format!("{id:03X}"),
+        flag => format!("{:08X}", id & !flag),
+    };
+    let named: Vec<String> = ids.iter().take(NAMED_IDS).map(id).collect();
+    let (count, named) = (ids.len(), named.join(", "));
+    let s = if count == 1 { "" } else { "s" };
+    let more = if count > NAMED_IDS { ", .." } else { "" };
+    format!("{count} id{s} of nobody ({named}{more})")
 }
 
 /// The orders of buses for interfaces that fit best.

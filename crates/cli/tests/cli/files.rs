@@ -413,35 +413,6 @@ fn interfaces_that_were_renamed_on_the_way_are_told_by_their_boards_or_refused()
 }
 
 #[test]
-fn a_log_of_other_boards_than_the_layout_has_is_refused_with_their_ids() {
-    let dir = TempDir::new().unwrap();
-    succeeds(&dir, &["sim", "tap", "--to", "log:tap.log", "--seconds", "1"]);
-    let err = fails(
-        &dir,
-        &[
-            "compress",
-            "tap.log",
-            "--layout",
-            "icub-forearm",
-            "--out",
-            "o.npz",
-        ],
-        1,
-    );
-    for part in [
-        "layout icub-forearm",
-        "ids of nobody (000, 001,",
-        "taxel doctor --scan log:tap.log",
-    ] {
-        assert!(err.contains(part), "{part}: {err}");
-    }
-    assert!(
-        !err.contains("calibra") && !dir.path().join("o.npz").exists(),
-        "{err}"
-    );
-}
-
-#[test]
 fn what_candump_showed_and_cannot_be_read_is_refused_by_its_option() {
     let dir = TempDir::new().unwrap();
     std::fs::write(

@@ -1,4 +1,4 @@
-//! Whose hand an MCAP recording is read as: that which is named, or that in the file, and never another.
+//! Whose hand a recording is read as: that which is named, or that in the file, and never another.
 
 use crate::{fails, succeeds};
 use std::fs::File;
@@ -189,4 +189,53 @@ fn a_recording_of_a_built_in_hand_is_read_as_that_hand_by_everything() {
     succeeds(&dir, READERS[3]);
     let err = fails(&dir, READERS[2], 1);
     assert!(err.contains("module touch of layout tekscan-6077"), "{err}");
+}
+
+#[test]
+fn a_log_of_other_boards_than_the_layout_has_is_refused_with_their_ids() {
+    let dir = TempDir::new().unwrap();
+    succeeds(&dir, &["sim", "tap", "--to", "log:tap.log", "--seconds", "1"]);
+    let err = fails(
+        &dir,
+        &[
+            "compress",
+            "tap.log",
+            "--layout",
+            "icub-forearm",
+            "--out",
+            "o.npz",
+        ],
+        1,
+    );
+    for part in [
+        "layout icub-forearm",
+        "ids of nobody (000, 001,",
+        "taxel doctor --scan log:tap.log",
+    ] {
+        assert!(err.contains(part), "{part}: {err}");
+    }
+    assert!(
+        !err.contains("calibra") && !dir.path().join("o.npz").exists(),
+        "{err}"
+    );
+}
+
+#[test]
+fn frames_of_other_boards_beside_those_of_the_hand_are_told_by_their_ids() {
+    let dir = TempDir::new().unwrap();
+    succeeds(&dir, &["sim", "tap", "--to", "log:tap.log", "--seconds", "2"]);
+    let (_, err) = succeeds(&dir, &["compress", "tap.log", "--out", "hand.npz"]);
+    assert!(!err.contains("of nobody"), "{err}");
+    let log = std::fs::read_to_string(dir.path().join("tap.log")).unwrap();
+    let others = "(0000000000.000001) can0 042#01\n(0000000000.000001) can1 00000052#02\n";
+    std::fs::write(dir.path().join("both.log"), others.to_owned() + &log).unwrap();
+    for args in [
+        &["compress", "both.log", "--out", "both.npz"][..],
+        &["convert", "both.log", "both.csv"],
+    ] {
+        let (_, err) = succeeds(&dir, args);
+        let said = "taxel: both.log: not all of its frames are those of layout allegro-uskin-15: 2 ids of nobody (042, \
+                    00000052), which are left out; `taxel doctor --scan log:both.log` says whose they are\n";
+        assert_eq!(err.matches(said).count(), 1, "{err}");
+    }
 }
