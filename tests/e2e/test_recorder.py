@@ -196,6 +196,30 @@ def test_a_configuration_that_the_daemon_does_not_run_with_is_refused_and_silent
     assert json.loads(silent.stdout)["silent"] == ["left"]
 
 
+def test_a_hand_is_compared_where_the_daemon_answers_by_another_name_and_one_of_no_layout_here_is_told(start, folder):
+    layout = subprocess.run([binary("taxel"), "layouts", "uskin-module", "--file"], capture_output=True, text=True)
+    own = folder / "own.toml"
+    own.write_text(layout.stdout.replace('"uskin-module"', '"my-module"'))
+    sources = [f"udp:{GROUP}:{free_udp_port()}?hops=0"]
+    daemon = start(sources, layout=str(own), socket={"status": str(folder / "tells.sock")})
+
+    def record(name, *arguments):
+        command = [binary("taxel"), "record", f"{name}.mcap", "--seconds", "0.5", "--socket", daemon.images]
+        command += map(str, arguments)
+        return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=30)
+
+    (folder / "other.toml").write_text('layout = "uskin-module"\n[[bus]]\nsource = "can:vcan7"\n')
+    refused = record("other", "--config", "other.toml")
+    assert refused.returncode == 1 and "reads layout my-module" in refused.stderr, refused.stderr
+    elsewhere = record("elsewhere")
+    assert elsewhere.returncode == 1 and "--control PATH names the socket that answers" in elsewhere.stderr
+    bare = record("bare", "--control", folder / "tells.sock")
+    assert bare.returncode == 0, bare.stderr
+    assert "hand my-module is not built in, and its layout will not be in the recording" in bare.stderr, bare.stderr
+    whole = record("whole", "--config", daemon.config)
+    assert whole.returncode == 0 and "not built in" not in whole.stderr, whole.stderr
+
+
 def test_joint_angles_are_joint_states_to_the_tools_of_others(folder):
     servos = Servos("--ids", "1-4", "--motion", "sine")
     names = [f"index {n}" for n in range(4)]

@@ -4,7 +4,7 @@ mod same_hand;
 
 use crate::control;
 use crate::input::DEFAULT_LAYOUT;
-use anyhow::{Context, bail};
+use anyhow::{Context, anyhow, bail};
 use serde_json::json;
 use signal_hook::consts::SIGUSR1;
 use std::collections::BTreeMap;
@@ -14,7 +14,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use taxel_can::SourceAddress;
-use taxel_playback::head::{CONFIG, LAYOUT};
+use taxel_playback::head::{CONFIG, LAYOUT, is_here};
 use taxel_playback::interrupt::Interrupt;
 use taxel_recorder::{Around, Attached, CanInput, Finished, Plan, Preamble, Signals, Split};
 use taxel_skin::Layout;
@@ -47,6 +47,10 @@ pub(crate) struct Args {
     /// The daemon's image socket [default: the configuration's, or where the daemon of this user, or of the system, puts it]
     #[arg(long, value_name = "PATH")]
     socket: Option<PathBuf>,
+    /// Its status or control socket, which tells the buses that it reads [default: the configuration's, or status.sock beside
+    /// --socket]
+    #[arg(long, value_name = "PATH", conflicts_with = "no_daemon")]
+    control: Option<PathBuf>,
     /// A bus, can:INTERFACE or udp:GROUP:PORT, and what it is called in the recording; repeat it for several [default: those
     /// of the configuration, or that the daemon reads]
     #[arg(long, value_name = "[NAME=]SOURCE")]
@@ -135,23 +139,47 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         let named = args.socket.clone().or_else(configured);
         named.unwrap_or_else(|| taxeld::config::running_socket("images.sock"))
     });
-    let status_socket = match (&socket, &args.socket, &config) {
-        (Some(_), None, Some(config)) => Some(config.socket.status_path()),
-        (socket, ..) => socket
-            .as_deref()
-            .map(|socket| socket.with_file_name("status.sock")),
-    };
+    let status_socket = socket.as_deref().map(|socket| match (&args.control, &config) {
+        (Some(named), _) => named.clone(),
+        (None, Some(config)) if config.socket.images == socket => config.socket.status_path(),
+        _ => socket.with_file_name("status.sock"),
+    });
+    // A daemon that does not answer yet is waited for.
+    let hello = socket.as_deref().and_then(same_hand::hello);
     let names_none = args.can.is_empty() && !args.no_can;
-    if let (Some(config), Some(file), Some(socket)) = (&config, &args.config, &status_socket)
-        // A daemon that does not answer yet is waited for.
-        && let Ok(status) = status_of_daemon(socket)
-    {
-        same_hand::check(config, file, &status, names_none)?;
+    match (&config, &args.config, &hello) {
+        (Some(config), Some(file), Some(hello)) => {
+            same_hand::check(config, file, hello)?;
+            if let Some(socket) = status_socket.as_deref().filter(|_| names_none) {
+                match status_of_daemon(socket) {
+                    Ok(status) => same_hand::check_buses(config, file, &status)?,
+                    Err(error) => eprintln!(
+                        "taxel: whether the daemon reads the buses of {} is not known: {error:#}",
+                        file.display()
+                    ),
+                }
+            }
+        }
+        (None, _, Some(hello)) if !is_here(hello) => eprintln!(
+            "taxel: hand {} is not built in, and its layout will not be in the recording, which is then read with \
+             --layout alone; --config FILE, the daemon's configuration, puts it there",
+            hello.layout
+        ),
+        _ => {}
     }
     let (can, whose) = match (&config, &args.config, &status_socket) {
         (Some(config), Some(file), _) if names_none => (buses_of(config), file.display().to_string()),
         (.., Some(socket)) if names_none => {
-            (buses_of_daemon(&status_of_daemon(socket)?), "the daemon".into())
+            let status = status_of_daemon(socket).map_err(|error| match &hello {
+                // It runs, and listens elsewhere.
+                Some(_) => anyhow!(
+                    "the daemon sends images and does not answer at {}, so its buses are not known; --control PATH \
+                     names the socket that answers, --can SOURCE the buses, --no-can leaves them out",
+                    socket.display()
+                ),
+                None => error,
+            });
+            (buses_of_daemon(&status?), "the daemon".into())
         }
         _ => {
             let named = args.can.iter().enumerate().map(|(place, text)| bus(place, text));

@@ -114,9 +114,7 @@ impl Head {
         let Some(hello) = &self.hello else {
             return Ok(None);
         };
-        let grid = || Layout::grid(hello.width, hello.height).ok();
-        let known = Layout::builtin(&hello.layout).or_else(grid);
-        match known.filter(|known| known.name == hello.layout) {
+        match named(hello) {
             Some(known) if is_of(hello, &known) => Ok(Some(known)),
             known => bail!(
                 "{}: recorded on hand {} of {} taxels, which {}; name its layout with --layout, or its configuration \
@@ -131,6 +129,18 @@ impl Head {
             ),
         }
     }
+}
+
+/// The hand of the name in a daemon's description, where a name is enough to have it.
+fn named(hello: &Hello) -> Option<Layout> {
+    let grid = || Layout::grid(hello.width, hello.height).ok();
+    let known = Layout::builtin(&hello.layout).or_else(grid);
+    known.filter(|known| known.name == hello.layout)
+}
+
+/// Whether a recording of the hand that a daemon describes is read without a layout file.
+pub fn is_here(hello: &Hello) -> bool {
+    named(hello).is_some_and(|known| is_of(hello, &known))
 }
 
 /// Whether a daemon's description is that of this hand: of the same name and modules, and each taxel at its pixel.
