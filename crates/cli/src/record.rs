@@ -217,13 +217,13 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let finished = taxel_recorder::record(&plan, &signals)?;
     report(&plan, &finished);
     if args.json {
-        let files: Vec<_> = finished
-            .files
-            .iter()
-            .map(|file| file.display().to_string())
-            .collect();
+        let names = |files: Vec<&PathBuf>| -> Vec<String> {
+            files.into_iter().map(|file| file.display().to_string()).collect()
+        };
+        let [there, away] = there_and_away(&finished);
         let object = json!({
-            "files": files,
+            "files": names(there),
+            "away": names(away),
             "removed": finished.removed,
             "gone": finished.gone.iter().map(|gone| gone.path.display().to_string()).collect::<Vec<_>>(),
             "can_frames": finished.can_frames.iter().sum::<u64>(),
@@ -356,6 +356,12 @@ pub(crate) fn plan_of_daemon(socket: &Path, out: PathBuf) -> anyhow::Result<Plan
     })
 }
 
+/// The files of the recording that are where they were written, and those that others moved or removed since.
+fn there_and_away(finished: &Finished) -> [Vec<&PathBuf>; 2] {
+    let (there, away) = finished.files.iter().partition(|file| file.exists());
+    [there, away]
+}
+
 /// The buses of which nothing came.
 fn silent<'a>(plan: &'a Plan, finished: &'a Finished) -> impl Iterator<Item = &'a CanInput> {
     let buses = plan.can.iter().zip(&finished.can_frames);
@@ -371,7 +377,7 @@ fn report(plan: &Plan, finished: &Finished) {
 /// What became of a recording, and what is missing of it, a sentence each.
 pub(crate) fn words(plan: &Plan, finished: &Finished) -> Vec<String> {
     let Finished {
-        files,
+        files: _,
         gone,
         removed,
         can_frames,
@@ -381,6 +387,7 @@ pub(crate) fn words(plan: &Plan, finished: &Finished) -> Vec<String> {
         dropped,
         messages,
     } = finished;
+    let [files, away] = there_and_away(finished);
     let bytes: u64 = files
         .iter()
         .filter_map(|file| std::fs::metadata(file).ok())
@@ -388,7 +395,7 @@ pub(crate) fn words(plan: &Plan, finished: &Finished) -> Vec<String> {
         .sum();
     let name = match &files[..] {
         [] if plan.around.is_some() => return vec!["taxel: no trigger came, and nothing was kept".into()],
-        [] if !gone.is_empty() => "taxel: no file of the recording is there".into(),
+        [] if !gone.is_empty() || !away.is_empty() => "taxel: no file of the recording is there".into(),
         [] => "taxel: nothing came of a daemon or of a bus, and no file was made".into(),
         [only] => only.display().to_string(),
         files if *removed == 0 => format!("{} files of {}", files.len(), plan.out.display()),
@@ -407,6 +414,16 @@ pub(crate) fn words(plan: &Plan, finished: &Finished) -> Vec<String> {
         ),
     }];
     lines.extend(gone.iter().map(|gone| format!("taxel: {gone}")));
+    if let (Some(first), Some(last)) = (away.first(), away.last()) {
+        let (first, last) = (first.display(), last.display());
+        lines.push(match away.len() {
+            1 => format!("taxel: {first} is not there any more: others moved or removed it when it was finished"),
+            count => format!(
+                "taxel: {count} files are not there any more, {first} to {last}: others moved or removed them when they \
+                 were finished"
+            ),
+        });
+    }
     for CanInput { name, address } in silent(plan, finished) {
         lines.push(format!(
             "taxel: no CAN frame came of {name} from {address}: no board sends there, or the hand's bus is another; \
@@ -453,6 +470,49 @@ mod tests {
         for text in ["", "0", "-3", "inf", "nan", "1h"] {
             assert!(seconds(text).is_err(), "{text}");
         }
+    }
+
+    #[test]
+    fn finished_files_that_others_took_away_are_not_counted_as_there() {
+        let folder = tempfile::tempdir().unwrap();
+        let [first, second, third] = [1, 2, 3].map(|n| folder.path().join(format!("day-000{n}.mcap")));
+        std::fs::write(&third, "there").unwrap();
+        let plan = Plan {
+            out: folder.path().join("day.mcap"),
+            socket: None,
+            can: Vec::new(),
+            split: Split::default(),
+            around: None,
+            mark_triggers: false,
+            duration: None,
+            preamble: Preamble::default(),
+        };
+        let mut finished = Finished {
+            files: vec![first.clone(), second.clone(), third.clone()],
+            ..Finished::default()
+        };
+        assert_eq!(there_and_away(&finished), [vec![&third], vec![&first, &second]]);
+        let lines = words(&plan, &finished);
+        assert!(
+            lines[0].starts_with(&format!("{}: 0.0 MB", third.display())),
+            "{lines:?}"
+        );
+        let said = format!(
+            "taxel: 2 files are not there any more, {} to {}: ",
+            first.display(),
+            second.display()
+        );
+        assert!(lines[1].starts_with(&said), "{lines:?}");
+        finished.files.truncate(1);
+        let lines = words(&plan, &finished);
+        assert!(
+            lines[0].starts_with("taxel: no file of the recording is there"),
+            "{lines:?}"
+        );
+        assert!(
+            lines[1].contains("day-0001.mcap is not there any more"),
+            "{lines:?}"
+        );
     }
 
     #[test]

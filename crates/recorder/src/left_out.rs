@@ -20,6 +20,8 @@ pub(crate) struct LeftOut {
 enum End {
     /// It ends in the middle of a record.
     Torn,
+    /// The same, behind all of its messages.
+    TornBehindAll,
     /// Where the next record begins is not known.
     Lost { at: u64, behind: u64, why: String },
     /// It was read to its end, and the checksum of all of it does not fit.
@@ -35,6 +37,11 @@ impl LeftOut {
     /// The file has no end: whoever wrote it was interrupted.
     pub(crate) fn torn(&mut self) {
         self.end = Some(End::Torn);
+    }
+
+    /// It has all of its messages, and its index has no end.
+    pub(crate) fn torn_behind_all(&mut self) {
+        self.end = Some(End::TornBehindAll);
     }
 
     /// A record whose length is damaged, behind which nothing is found, in a file of so many bytes.
@@ -83,6 +90,7 @@ impl fmt::Display for End {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Torn => f.write_str("torn off (it ends in the middle); read to its last whole chunk"),
+            Self::TornBehindAll => f.write_str("torn off behind its last message; all of it was read"),
             Self::Lost { at, behind, why } => {
                 write!(
                     f,

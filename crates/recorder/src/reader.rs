@@ -197,6 +197,12 @@ impl RecordingReader {
                 if let Some(Found::Damaged(name)) = &found {
                     self.left_out.record(at, end, format!("the attached {name:?}"));
                 }
+                if matches!(found, Some(Found::End)) {
+                    let len = self.file.metadata().map_or(end, |file| file.len());
+                    if !ends_whole(&self.file, len) {
+                        self.left_out.torn_behind_all();
+                    }
+                }
                 return Ok(found.unwrap_or_else(|| {
                     self.left_out.record(at, end, CUT_OFF.into());
                     Found::Other
