@@ -294,7 +294,8 @@ impl RawFrames {
     }
 
     fn finish(mut self, path: &Path) -> anyhow::Result<()> {
-        if self.output.finish()? == 0 {
+        let [frames, _] = self.output.finish()?;
+        if frames == 0 {
             eprintln!(
                 "taxel: {}: not written, since no taxel has a value in any frame",
                 path.display()

@@ -102,9 +102,11 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
                 check()?;
                 output.put(layout, frame)
             })?;
+            let name = args.offline.input.name();
             match output.finish()? {
-                0 => bail!("{}: there is no frame in it", args.offline.input.name()),
-                frames => (frames, "frames"),
+                [0, 0] => bail!("{name}: there is no frame in it"),
+                [0, before] => bail!("{name}: {}", recorded::silent(before)),
+                [frames, _] => (frames, "frames"),
             }
         }
     };
@@ -115,7 +117,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
 /// Says what was written.
 fn report(args: &Args, count: u64, what: &str) -> anyhow::Result<()> {
     let out = args.out.display();
-    eprintln!("{out}: {count} {what}");
+    let one = what.strip_suffix('s').filter(|_| count == 1);
+    eprintln!("{out}: {count} {}", one.unwrap_or(what));
     if args.json {
         let key = what.to_ascii_lowercase().replace(' ', "_");
         let object = json!({ "out": out.to_string(), key: count });

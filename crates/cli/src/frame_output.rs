@@ -100,13 +100,14 @@ impl FrameOutput {
         Ok(())
     }
 
-    /// Writes what is left, and says how many frames were left out; returns how many frames there are.
-    pub(crate) fn finish(self) -> anyhow::Result<u64> {
+    /// Writes what is left, and says how many frames were left out; returns how many frames there are, and how many of no
+    /// value were before them.
+    pub(crate) fn finish(self) -> anyhow::Result<[u64; 2]> {
         if let Some(file) = self.file {
             file.finish(&self.path)?;
             tell_frames_before(&self.path.display().to_string(), self.before);
         }
-        Ok(self.count)
+        Ok([self.count, self.before])
     }
 }
 

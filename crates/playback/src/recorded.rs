@@ -12,13 +12,15 @@ use taxel_wire::{EventKind, Hello};
 
 /// The tactile frames that the daemon made, counts and joint angles, from the first in which a taxel has a value.
 pub fn frames(path: &Path) -> anyhow::Result<Recording> {
-    frames_and_wall_marks(path).map(|(recording, ..)| recording)
+    frames_and_wall_marks(path, "neither CAN traffic nor tactile frames in it")
+        .map(|(recording, ..)| recording)
 }
 
 /// The tactile frames that the daemon made, and the marks that people and programs made meanwhile; times of both begin with
 /// the first frame. What was marked last before it holds when it comes, and is marked there.
 pub fn frames_and_marks(path: &Path) -> anyhow::Result<(Recording, Vec<Mark>)> {
-    let (recording, mut marks, began_ns) = frames_and_wall_marks(path)?;
+    let nothing = "no tactile frames in it, from the first of which marks are counted";
+    let (recording, mut marks, began_ns) = frames_and_wall_marks(path, nothing)?;
     marks.sort_by_key(|mark| mark.t_ns);
     let early = marks.partition_point(|mark| mark.t_ns < began_ns);
     if early > 0 {
@@ -41,8 +43,8 @@ pub fn frames_and_marks(path: &Path) -> anyhow::Result<(Recording, Vec<Mark>)> {
 }
 
 /// The frames, their times from the first; marks on the wall clock, in the order of the file; and when the first frame was
-/// on that clock, nanoseconds.
-fn frames_and_wall_marks(path: &Path) -> anyhow::Result<(Recording, Vec<Mark>, u64)> {
+/// on that clock, nanoseconds. It is an error that no frame is in a file: `nothing` says so where it is whole.
+fn frames_and_wall_marks(path: &Path, nothing: &str) -> anyhow::Result<(Recording, Vec<Mark>, u64)> {
     let name = path.display().to_string();
     let mut reader = RecordingReader::open(path, &[Topic::Frames, Topic::Events, Topic::Hello])?;
     let (mut counts, mut times_ns, mut joints) = (Vec::new(), Vec::new(), Vec::new());
@@ -94,9 +96,10 @@ fn frames_and_wall_marks(path: &Path) -> anyhow::Result<(Recording, Vec<Mark>, u
         );
     }
     let (Some((taxels, _)), Some(began_ns)) = (size, began_ns) else {
-        match reader.may_hold(Topic::Can) {
-            true => bail!("{name}: no tactile frames in it, from the first of which marks are counted"),
-            false => bail!("{name}: neither CAN traffic nor tactile frames in it"),
+        match (before, reader.left_out().is_empty()) {
+            (0, true) => bail!("{name}: {nothing}"),
+            (0, false) => bail!("{name}: nothing of it could be read"),
+            _ => bail!("{name}: {}", silent(before)),
         }
     };
     tell_frames_before(&name, before);
@@ -201,6 +204,16 @@ pub(crate) fn rest(name: &str, from_ns: u64) -> String {
     format!(
         "; `mcap filter {name} -o rest.mcap --start {from_ns} --output-compression lz4` takes out the rest"
     )
+}
+
+/// That there are frames, and nothing in them.
+pub fn silent(frames: u64) -> String {
+    let of = if frames == 1 {
+        "its only frame"
+    } else {
+        &format!("any of its {frames} frames")
+    };
+    format!("no taxel has a value in {of}: the hand was silent")
 }
 
 /// Says how many frames of a recording are left out since nothing has begun: those before the first in which a taxel has a

@@ -20,12 +20,13 @@ const CHECKED: u64 = 4096;
 
 /// A file of CAN traffic.
 pub struct TrafficOutput {
+    path: PathBuf,
     file: TrafficFile,
     frames: u64,
 }
 
 enum TrafficFile {
-    Candump(LogWriter<BufWriter<File>>, PathBuf),
+    Candump(LogWriter<BufWriter<File>>),
     Mcap {
         writer: Box<RecordingWriter<BufWriter<File>>>,
         block: CanBlock,
@@ -37,8 +38,12 @@ enum TrafficFile {
 impl TrafficOutput {
     /// A new file, `log` for candump lines, `mcap` for a recording that `command` made.
     pub fn create(path: &Path, ending: &str, command: &str) -> anyhow::Result<Self> {
-        let (file, frames) = (TrafficFile::create(path, ending, command)?, 0);
-        Ok(Self { file, frames })
+        let file = TrafficFile::create(path, ending, command);
+        Ok(Self {
+            path: path.into(),
+            file: file.with_context(|| path.display().to_string())?,
+            frames: 0,
+        })
     }
 
     /// Writes all frames of a recording.
@@ -67,22 +72,24 @@ impl TrafficOutput {
         if self.frames.is_multiple_of(CHECKED) {
             check()?;
         }
-        self.file.put(name, wall_ns, received)
+        let written = self.file.put(name, wall_ns, received);
+        written.with_context(|| self.path.display().to_string())
     }
 
     /// Writes what is left; returns how many frames there are.
     pub fn finish(self) -> anyhow::Result<u64> {
-        self.file.finish()?;
+        let written = self.file.finish();
+        written.with_context(|| self.path.display().to_string())?;
         Ok(self.frames)
     }
 }
 
 impl TrafficFile {
     fn create(path: &Path, ending: &str, command: &str) -> anyhow::Result<Self> {
-        let file = create_stream(path).with_context(|| path.display().to_string())?;
+        let file = create_stream(path)?;
         let file = BufWriter::with_capacity(1 << 20, file);
         if ending == "log" {
-            return Ok(Self::Candump(LogWriter::new(file), path.into()));
+            return Ok(Self::Candump(LogWriter::new(file)));
         }
         let recorder = format!("taxel {} {command}", env!("CARGO_PKG_VERSION"));
         let preamble = Preamble {
@@ -99,10 +106,7 @@ impl TrafficFile {
 
     fn put(&mut self, name: &str, wall_ns: u64, received: &Received) -> anyhow::Result<()> {
         match self {
-            Self::Candump(writer, path) => {
-                let written = writer.write(wall_ns, name, &received.frame);
-                written.with_context(|| path.display().to_string())
-            }
+            Self::Candump(writer) => Ok(writer.write(wall_ns, name, &received.frame)?),
             Self::Mcap {
                 writer,
                 block,
@@ -132,7 +136,7 @@ impl TrafficFile {
 
     fn finish(self) -> anyhow::Result<()> {
         match self {
-            Self::Candump(mut writer, path) => writer.flush().with_context(|| path.display().to_string()),
+            Self::Candump(mut writer) => Ok(writer.flush()?),
             Self::Mcap {
                 mut writer,
                 mut block,

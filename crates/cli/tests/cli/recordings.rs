@@ -279,6 +279,51 @@ fn frames_of_a_silent_hand_are_there_with_their_times_but_for_those_before_it_sp
 }
 
 #[test]
+fn what_has_no_frame_to_give_says_whether_it_was_silent_or_is_damaged() {
+    let dir = TempDir::new().unwrap();
+    let path = dir.path().join("hand.mcap");
+    let hand = Layout::builtin("uskin-module").unwrap();
+    let record = || {
+        let mut writer =
+            RecordingWriter::begin(File::create(&path).unwrap(), &Preamble::default(), 0).unwrap();
+        put_hand_with_silence(&mut writer, &hand, 1_000_000_000, 20, |_| true);
+        writer.finish().unwrap();
+    };
+    let readers: [&[&str]; 3] = [
+        &["compress", "hand.mcap", "--out", "images.npz"],
+        &["convert", "hand.mcap", "hand.npz"],
+        &["convert", "hand.mcap", "marks.csv", "--marks"],
+    ];
+    record();
+    for args in readers {
+        let err = fails(&dir, args, 1);
+        let said = "hand.mcap: no taxel has a value in any of its 20 frames: the hand was silent\n";
+        assert!(err.contains(said), "{err}");
+    }
+    let mut bytes = std::fs::read(&path).unwrap();
+    bytes[600] ^= 1;
+    std::fs::write(&path, bytes).unwrap();
+    for args in readers {
+        let err = fails(&dir, args, 1);
+        assert!(
+            err.contains("are damaged") && err.contains("hand.mcap: nothing of it could be read\n"),
+            "{err}"
+        );
+    }
+}
+
+#[test]
+fn what_a_full_disk_does_not_take_is_named() {
+    let dir = TempDir::new().unwrap();
+    succeeds(&dir, &["sim", "tap", "--to", "log:tap.log", "--seconds", "1"]);
+    for out in ["full.log", "full.mcap"] {
+        std::os::unix::fs::symlink("/dev/full", dir.path().join(out)).unwrap();
+        let err = fails(&dir, &["convert", "tap.log", out], 1);
+        assert!(err.contains(&format!("{out}: No space left")), "{err}");
+    }
+}
+
+#[test]
 fn of_the_marks_made_before_a_hand_speaks_the_last_holds_from_its_first_frame_on() {
     let began_ns = 1_000_000_000;
     for (early, said, wanted) in [
@@ -325,6 +370,9 @@ fn of_the_marks_made_before_a_hand_speaks_the_last_holds_from_its_first_frame_on
             Some(said) => assert!(err.contains(said), "{err}"),
             None => assert!(!err.contains("before the first frame"), "{err}"),
         }
+        let count = wanted.lines().count();
+        let counted = format!("marks.csv: {count} mark{}\n", if count == 1 { "" } else { "s" });
+        assert!(err.contains(&counted), "{err}");
         let text = std::fs::read_to_string(dir.path().join("marks.csv")).unwrap();
         assert_eq!(text, format!("t_s,text\n{wanted}"));
     }
