@@ -178,5 +178,7 @@ impl Ask {
 
 fn print(text: &str) -> anyhow::Result<()> {
     let mut out = std::io::stdout().lock();
-    Ok(out.write_all(text.as_bytes()).and_then(|()| out.flush())?)
+    out.write_all(text.as_bytes())
+        .and_then(|()| out.flush())
+        .context("stdout")
 }

@@ -49,7 +49,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         (Some(name), false) => drawing(&Layout::resolve(name)?),
     };
     let mut out = std::io::stdout().lock();
-    Ok(out.write_all(text.as_bytes()).and_then(|()| out.flush())?)
+    out.write_all(text.as_bytes())
+        .and_then(|()| out.flush())
+        .context("stdout")
 }
 
 fn builtin() -> Vec<Layout> {

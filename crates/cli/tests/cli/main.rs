@@ -165,3 +165,18 @@ fn a_command_that_can_tell_nobody_anything_ends_as_it_would_have() {
         assert_eq!(code(args, full(), Stdio::null()), Some(1), "{args:?}");
     }
 }
+
+#[test]
+fn what_a_full_stdout_does_not_take_is_said_of_stdout() {
+    for args in [
+        &["layouts"][..],
+        &["layouts", "--json"],
+        &["layouts", "uskin-module", "--file"],
+    ] {
+        let mut taxel = Command::new(env!("CARGO_BIN_EXE_taxel"));
+        let full = OpenOptions::new().write(true).open("/dev/full").unwrap();
+        let output = taxel.args(args).stdout(full).output().unwrap();
+        let (_, err) = texts(&output);
+        assert!(err.starts_with("taxel: stdout: No space left"), "{args:?}: {err}");
+    }
+}
