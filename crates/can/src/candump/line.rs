@@ -15,6 +15,12 @@ pub(super) struct Line<'a> {
 /// A column (from 1) and what is wrong there.
 pub(super) type Problem = (usize, LineProblem);
 
+/// A line without what some editors put before the first line of a text (U+FEFF in UTF-8).
+pub(super) fn without_mark(line: &[u8], number: u64) -> &[u8] {
+    let marked = line.strip_prefix(b"\xEF\xBB\xBF").filter(|_| number == 1);
+    marked.unwrap_or(line)
+}
+
 /// Reads one line; `None` if there is nothing on it.
 pub(super) fn parse_line(bytes: &[u8]) -> Result<Option<Line<'_>>, Problem> {
     let mut cursor = Cursor { bytes, at: 0 };

@@ -9,7 +9,7 @@ mod usual;
 
 use crate::CanFrame;
 use crate::frame::FrameText;
-use line::parse_line;
+use line::{parse_line, without_mark};
 use std::fmt;
 use std::io::{self, BufRead, Write};
 use std::sync::Arc;
@@ -270,7 +270,7 @@ impl<R: BufRead> LogReader<R> {
                 remove_colours(&mut self.line);
             }
             let parsed = if complete {
-                parse_line(&self.line)
+                parse_line(without_mark(&self.line, self.line_number))
             } else {
                 Err((LONGEST_LINE + 1, LineProblem::LineTooLong))
             };

@@ -294,6 +294,24 @@ fn reading_goes_on_after_a_bad_line_and_keeps_count_of_lines() {
 }
 
 #[test]
+fn what_an_editor_puts_before_the_first_line_costs_no_frame() {
+    let frames = |text: &[u8]| -> Vec<Option<String>> {
+        let frame = |read: &Result<LogFrame, LogError>| read.as_ref().ok().map(|read| read.frame.to_string());
+        read(text).iter().map(frame).collect()
+    };
+    let there = |frame: &str| Some(frame.to_owned());
+    assert_eq!(
+        frames(b"\xEF\xBB\xBF(1.0) can0 001#01\n(1.1) can0 002#\n"),
+        [there("001#01"), there("002#")]
+    );
+    // Elsewhere it is what it is.
+    assert_eq!(
+        frames(b"(1.0) can0 001#01\n\xEF\xBB\xBF(1.1) can0 002#\n"),
+        [there("001#01"), None]
+    );
+}
+
+#[test]
 fn an_endless_line_is_one_error_and_no_memory() {
     let mut text = vec![b'x'; 50_000_000];
     text.extend(b"\n(1.0) can0 001#01\n");
