@@ -199,6 +199,16 @@ impl OfflineArgs {
         if self.input.tile {
             bail!("--tile repeats the counts of one module; {name} holds magnitudes");
         }
+        if layout.len() != taxels && self.input.is_grid() {
+            bail!(
+                "{name} has {taxels} taxels, and {} x {} are {}; --layout grid:HxW names rows and columns whose product \
+                 is {taxels}{}",
+                layout.height,
+                layout.width,
+                layout.len(),
+                columns_hint(taxels, layout.len())
+            );
+        }
         if layout.len() != taxels {
             bail!(
                 "{name} has {taxels} taxels and layout {} has {}; place them with --layout grid:HxW{}",

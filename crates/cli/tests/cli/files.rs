@@ -413,6 +413,20 @@ fn interfaces_that_were_renamed_on_the_way_are_told_by_their_boards_or_refused()
 }
 
 #[test]
+fn a_grid_of_another_size_than_flat_frames_is_refused_by_its_product() {
+    let dir = TempDir::new().unwrap();
+    let flat = ndarray::Array2::<f32>::ones((3, 384));
+    ndarray_npy::write_npy(dir.path().join("flat.npy"), &flat).unwrap();
+    let compress = |layout| ["compress", "flat.npy", "--layout", layout, "--out", "o.npz"];
+    succeeds(&dir, &compress("grid:16x24"));
+    let err = fails(&dir, &compress("grid:16x25"), 1);
+    assert!(
+        err.contains("flat.npy") && err.contains("16 x 25 are 400"),
+        "{err}"
+    );
+}
+
+#[test]
 fn what_candump_showed_and_cannot_be_read_is_refused_by_its_option() {
     let dir = TempDir::new().unwrap();
     std::fs::write(
