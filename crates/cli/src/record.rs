@@ -1,6 +1,9 @@
 //! `taxel record`: everything that a running hand sends and the daemon makes of it, into an MCAP file.
 
+mod outcome;
 mod same_hand;
+
+pub(crate) use outcome::words;
 
 use crate::control;
 use crate::input::DEFAULT_LAYOUT;
@@ -16,7 +19,7 @@ use std::time::Duration;
 use taxel_can::SourceAddress;
 use taxel_playback::head::{CONFIG, LAYOUT, is_here};
 use taxel_playback::interrupt::Interrupt;
-use taxel_recorder::{Around, Attached, CanInput, Finished, Plan, Preamble, Signals, Split};
+use taxel_recorder::{Around, Attached, CanInput, Plan, Preamble, Signals, Split};
 use taxel_skin::Layout;
 use taxel_wire::status::{BusStatus, Status};
 use taxeld::Config;
@@ -215,26 +218,11 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         say: &|text| eprintln!("taxel: {text}"),
     };
     let finished = taxel_recorder::record(&plan, &signals)?;
-    report(&plan, &finished);
+    for line in words(&plan, &finished) {
+        eprintln!("{line}");
+    }
     if args.json {
-        let names = |files: Vec<&PathBuf>| -> Vec<String> {
-            files.into_iter().map(|file| file.display().to_string()).collect()
-        };
-        let [there, away] = there_and_away(&finished);
-        let object = json!({
-            "files": names(there),
-            "away": names(away),
-            "removed": finished.removed,
-            "gone": finished.gone.iter().map(|gone| gone.path.display().to_string()).collect::<Vec<_>>(),
-            "can_frames": finished.can_frames.iter().sum::<u64>(),
-            "silent": silent(&plan, &finished).map(|bus| &bus.name).collect::<Vec<_>>(),
-            "can_lost": finished.can_lost,
-            "images": finished.images,
-            "skipped": finished.skipped,
-            "dropped": finished.dropped,
-            "messages": finished.messages,
-        });
-        writeln!(std::io::stdout(), "{object}").context("stdout")?;
+        writeln!(std::io::stdout(), "{}", outcome::in_json(&plan, &finished)).context("stdout")?;
     }
     if !finished.gone.is_empty() {
         bail!(
@@ -356,98 +344,6 @@ pub(crate) fn plan_of_daemon(socket: &Path, out: PathBuf) -> anyhow::Result<Plan
     })
 }
 
-/// The files of the recording that are where they were written, and those that others moved or removed since.
-fn there_and_away(finished: &Finished) -> [Vec<&PathBuf>; 2] {
-    let (there, away) = finished.files.iter().partition(|file| file.exists());
-    [there, away]
-}
-
-/// The buses of which nothing came.
-fn silent<'a>(plan: &'a Plan, finished: &'a Finished) -> impl Iterator<Item = &'a CanInput> {
-    let buses = plan.can.iter().zip(&finished.can_frames);
-    buses.filter(|(_, frames)| **frames == 0).map(|(bus, _)| bus)
-}
-
-fn report(plan: &Plan, finished: &Finished) {
-    for line in words(plan, finished) {
-        eprintln!("{line}");
-    }
-}
-
-/// What became of a recording, and what is missing of it, a sentence each.
-pub(crate) fn words(plan: &Plan, finished: &Finished) -> Vec<String> {
-    let Finished {
-        files: _,
-        gone,
-        removed,
-        can_frames,
-        can_lost,
-        images,
-        skipped,
-        dropped,
-        messages,
-    } = finished;
-    let [files, away] = there_and_away(finished);
-    let bytes: u64 = files
-        .iter()
-        .filter_map(|file| std::fs::metadata(file).ok())
-        .map(|file| file.len())
-        .sum();
-    let name = match &files[..] {
-        [] if plan.around.is_some() => return vec!["taxel: no trigger came, and nothing was kept".into()],
-        [] if !gone.is_empty() || !away.is_empty() => "taxel: no file of the recording is there".into(),
-        [] => "taxel: nothing came of a daemon or of a bus, and no file was made".into(),
-        [only] => only.display().to_string(),
-        files if *removed == 0 => format!("{} files of {}", files.len(), plan.out.display()),
-        files => format!(
-            "{} files of {}, after {removed} older ones were removed",
-            files.len(),
-            plan.out.display()
-        ),
-    };
-    let mut lines = vec![match files.is_empty() {
-        true => name,
-        false => format!(
-            "{name}: {:.1} MB, {messages} messages; {images} images and {} CAN frames were read",
-            bytes as f64 / 1e6,
-            can_frames.iter().sum::<u64>()
-        ),
-    }];
-    lines.extend(gone.iter().map(|gone| format!("taxel: {gone}")));
-    if let (Some(first), Some(last)) = (away.first(), away.last()) {
-        let (first, last) = (first.display(), last.display());
-        lines.push(match away.len() {
-            1 => format!("taxel: {first} is not there any more: others moved or removed it when it was finished"),
-            count => format!(
-                "taxel: {count} files are not there any more, {first} to {last}: others moved or removed them when they \
-                 were finished"
-            ),
-        });
-    }
-    for CanInput { name, address } in silent(plan, finished) {
-        lines.push(format!(
-            "taxel: no CAN frame came of {name} from {address}: no board sends there, or the hand's bus is another; \
-             --can {name}=SOURCE names it"
-        ));
-    }
-    for (count, what) in [
-        (
-            *can_lost,
-            "CAN frames were lost in the kernel; a larger net.core.rmem_max holds more",
-        ),
-        (
-            *skipped,
-            "images or frames were passed over by the daemon, since this machine is too busy",
-        ),
-        (*dropped, "messages were dropped, since the disk is too slow"),
-    ] {
-        if count > 0 {
-            lines.push(format!("taxel: {count} {what}"));
-        }
-    }
-    lines
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -470,49 +366,6 @@ mod tests {
         for text in ["", "0", "-3", "inf", "nan", "1h"] {
             assert!(seconds(text).is_err(), "{text}");
         }
-    }
-
-    #[test]
-    fn finished_files_that_others_took_away_are_not_counted_as_there() {
-        let folder = tempfile::tempdir().unwrap();
-        let [first, second, third] = [1, 2, 3].map(|n| folder.path().join(format!("day-000{n}.mcap")));
-        std::fs::write(&third, "there").unwrap();
-        let plan = Plan {
-            out: folder.path().join("day.mcap"),
-            socket: None,
-            can: Vec::new(),
-            split: Split::default(),
-            around: None,
-            mark_triggers: false,
-            duration: None,
-            preamble: Preamble::default(),
-        };
-        let mut finished = Finished {
-            files: vec![first.clone(), second.clone(), third.clone()],
-            ..Finished::default()
-        };
-        assert_eq!(there_and_away(&finished), [vec![&third], vec![&first, &second]]);
-        let lines = words(&plan, &finished);
-        assert!(
-            lines[0].starts_with(&format!("{}: 0.0 MB", third.display())),
-            "{lines:?}"
-        );
-        let said = format!(
-            "taxel: 2 files are not there any more, {} to {}: ",
-            first.display(),
-            second.display()
-        );
-        assert!(lines[1].starts_with(&said), "{lines:?}");
-        finished.files.truncate(1);
-        let lines = words(&plan, &finished);
-        assert!(
-            lines[0].starts_with("taxel: no file of the recording is there"),
-            "{lines:?}"
-        );
-        assert!(
-            lines[1].contains("day-0001.mcap is not there any more"),
-            "{lines:?}"
-        );
     }
 
     #[test]

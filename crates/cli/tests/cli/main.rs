@@ -180,3 +180,14 @@ fn what_a_full_stdout_does_not_take_is_said_of_stdout() {
         assert!(err.starts_with("taxel: stdout: No space left"), "{args:?}: {err}");
     }
 }
+
+#[test]
+fn what_a_full_disk_does_not_take_is_named() {
+    let dir = TempDir::new().unwrap();
+    succeeds(&dir, &["sim", "tap", "--to", "log:tap.log", "--seconds", "1"]);
+    for out in ["full.log", "full.mcap"] {
+        std::os::unix::fs::symlink("/dev/full", dir.path().join(out)).unwrap();
+        let err = fails(&dir, &["convert", "tap.log", out], 1);
+        assert!(err.contains(&format!("{out}: No space left")), "{err}");
+    }
+}

@@ -313,17 +313,6 @@ fn what_has_no_frame_to_give_says_whether_it_was_silent_or_is_damaged() {
 }
 
 #[test]
-fn what_a_full_disk_does_not_take_is_named() {
-    let dir = TempDir::new().unwrap();
-    succeeds(&dir, &["sim", "tap", "--to", "log:tap.log", "--seconds", "1"]);
-    for out in ["full.log", "full.mcap"] {
-        std::os::unix::fs::symlink("/dev/full", dir.path().join(out)).unwrap();
-        let err = fails(&dir, &["convert", "tap.log", out], 1);
-        assert!(err.contains(&format!("{out}: No space left")), "{err}");
-    }
-}
-
-#[test]
 fn of_the_marks_made_before_a_hand_speaks_the_last_holds_from_its_first_frame_on() {
     let began_ns = 1_000_000_000;
     for (early, said, wanted) in [
