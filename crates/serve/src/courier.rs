@@ -1,9 +1,14 @@
-//! The courier of a stream: one task that offers each of its messages to every lane.
+//! The courier of a stream: one task that hands each of its messages on to every reader.
+//!
+//! It is all of a stream that the thread with the frames ever wakes, however many read it: to wake a task of another
+//! thread takes a lock, and memory where many are woken at once.
 
+use crate::feed::Way;
 use crate::lane::Lane;
 use crate::message::Message;
 use crate::socket::are_writable;
 use crate::stream::Stream;
+use std::cell::{Cell, RefCell};
 use std::rc::{Rc, Weak};
 use std::sync::Arc;
 use tokio::sync::watch;
@@ -11,14 +16,62 @@ use tokio::sync::watch;
 /// Lanes whose sockets are asked for room in one call: few, so that the first are not kept waiting for the last.
 const ASKED_AT_ONCE: usize = 64;
 
-/// Offers every message of a stream to its lanes as it comes, until there are none.
+/// The lanes that a stream's messages are handed on to.
+#[derive(Debug, Default)]
+pub(crate) struct Readers {
+    /// Those that the courier sends the newest message.
+    offered: RefCell<Vec<Rc<Lane>>>,
+    /// Those whose own tasks it wakes.
+    woken: RefCell<Vec<Rc<Lane>>>,
+    /// Whether there is a courier.
+    is_delivered: Cell<bool>,
+}
+
+impl Readers {
+    fn of(&self, way: Way) -> &RefCell<Vec<Rc<Lane>>> {
+        match way {
+            Way::Courier => &self.offered,
+            Way::Newest | Way::Every => &self.woken,
+        }
+    }
+
+    /// Messages are handed on to another lane from now on. Returns whether the caller has to start a courier.
+    pub(crate) fn join(&self, lane: &Rc<Lane>, way: Way) -> bool {
+        self.of(way).borrow_mut().push(lane.clone());
+        !self.is_delivered.replace(true)
+    }
+
+    /// A lane that called [`Readers::join`] is gone.
+    pub(crate) fn leave(&self, lane: &Rc<Lane>, way: Way) {
+        let mut lanes = self.of(way).borrow_mut();
+        if let Some(at) = lanes.iter().position(|other| Rc::ptr_eq(other, lane)) {
+            lanes.swap_remove(at);
+        }
+    }
+
+    /// Hands a message on; says whether there is anybody to hand the next one to.
+    fn hand_on(&self, message: &Message) -> bool {
+        let (offered, woken) = (self.offered.borrow(), self.woken.borrow());
+        offered
+            .chunks(ASKED_AT_ONCE)
+            .for_each(|some| offer(message, some));
+        woken.iter().for_each(|lane| lane.wake.notify_one());
+        let are_there = !offered.is_empty() || !woken.is_empty();
+        self.is_delivered.set(are_there);
+        are_there
+    }
+}
+
+/// Hands on every message of a stream as it comes, until nobody reads it.
 pub(crate) async fn deliver(stream: Weak<Stream>, mut newest: watch::Receiver<Arc<Message>>) {
     while newest.changed().await.is_ok() {
         let message = newest.borrow_and_update().clone();
         let Some(stream) = stream.upgrade() else {
             return;
         };
-        if !stream.with_lanes(|lanes| lanes.chunks(ASKED_AT_ONCE).for_each(|some| offer(&message, some))) {
+        // However long the sockets of those are full that want every one.
+        stream.collect();
+        if !stream.readers.hand_on(&message) {
             return;
         }
     }

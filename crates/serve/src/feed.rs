@@ -9,11 +9,10 @@ use crate::socket::Room;
 use crate::stream::Stream;
 use std::future::poll_fn;
 use std::io::{self, IoSlice};
-use std::rc::{Rc, Weak};
+use std::rc::Rc;
 use std::sync::Arc;
 use std::task::{Poll, ready};
 use taxel_wire::Subscribe;
-use tokio::sync::watch::{self, error::RecvError};
 
 /// How messages get to a subscriber.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -62,12 +61,9 @@ impl Way {
 #[derive(Debug)]
 pub(crate) struct Feed {
     stream: Rc<Stream>,
-    newest: watch::Receiver<Arc<Message>>,
     lane: Rc<Lane>,
     way: Way,
     pace: Pace,
-    /// Nothing will ever come: what made the messages is gone.
-    is_over: bool,
 }
 
 impl Feed {
@@ -77,22 +73,17 @@ impl Feed {
         let mut newest = stream.newest.clone();
         newest.mark_unchanged();
         lane.begin_after(newest.borrow().tick);
-        match way {
-            Way::Every if stream.keep() => {
-                tokio::task::spawn_local(fill_backlog(Rc::downgrade(stream), newest.clone()));
-            }
-            Way::Courier if stream.join(lane) => {
-                tokio::task::spawn_local(deliver(Rc::downgrade(stream), newest.clone()));
-            }
-            _ => {}
+        if way == Way::Every {
+            stream.keep();
+        }
+        if stream.readers.join(lane, way) {
+            tokio::task::spawn_local(deliver(Rc::downgrade(stream), newest));
         }
         Self {
             stream: stream.clone(),
-            newest,
             lane: lane.clone(),
             way,
             pace: Pace::default(),
-            is_over: false,
         }
     }
 
@@ -111,28 +102,12 @@ impl Feed {
         self.pace = Pace::new(max_rate_hz);
     }
 
-    /// Waits until there is a message to send. Fails when there is none and none will ever come; see [`Feed::is_over`].
-    pub(crate) async fn ready(&mut self) -> Result<(), RecvError> {
-        loop {
-            // A message may have been sent already that came while the one before it waited for the socket.
-            if self.next().is_some() {
-                return Ok(());
-            }
-            if self.way == Way::Courier {
-                self.lane.wake.notified().await;
-                continue;
-            }
-            let changed = self.newest.changed().await;
-            self.is_over = changed.is_err();
-            changed?;
+    /// Waits until there is a message to send: for ever, where its profile is no longer made.
+    pub(crate) async fn ready(&self) {
+        // It may be woken for a message that it has sent already, or is not to send.
+        while !self.is_ready() {
+            self.lane.wake.notified().await;
         }
-    }
-
-    /// Whether [`Feed::ready`] has failed: the profile it is of is no longer made. So it is for a
-    /// moment where a subscriber that was shown the daemon's own profile waits for one of its own,
-    /// and the daemon's own changes.
-    pub(crate) fn is_over(&self) -> bool {
-        self.is_over
     }
 
     /// Whether [`Feed::ready`] would not wait.
@@ -151,14 +126,13 @@ impl Feed {
         match self.way {
             Way::Every => self.stream.after(after),
             // A clone, so that the publisher is not kept waiting while the kernel copies the message.
-            _ => Some(self.newest.borrow().clone())
+            _ => Some(self.stream.newest.borrow().clone())
                 .filter(|message| message.tick > after && self.pace.takes(message.due)),
         }
     }
 
     /// Sends the message whose turn it is at the moment when the socket takes it, if there is one.
     pub(crate) async fn send(&mut self) -> io::Result<()> {
-        self.newest.mark_unchanged();
         poll_fn(|cx| {
             let Some(message) = self.next() else {
                 return Poll::Ready(Ok(()));
@@ -176,21 +150,11 @@ impl Feed {
     }
 }
 
-/// Takes every message into the backlog as it comes, however long its readers' sockets are full.
-async fn fill_backlog(stream: Weak<Stream>, mut newest: watch::Receiver<Arc<Message>>) {
-    while newest.changed().await.is_ok() {
-        if !stream.upgrade().is_some_and(|stream| stream.collect()) {
-            return;
-        }
-    }
-}
-
 impl Drop for Feed {
     fn drop(&mut self) {
-        match self.way {
-            Way::Every => self.stream.release(),
-            Way::Courier => self.stream.leave(&self.lane),
-            Way::Newest => {}
+        self.stream.readers.leave(&self.lane, self.way);
+        if self.way == Way::Every {
+            self.stream.release();
         }
     }
 }

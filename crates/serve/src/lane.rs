@@ -27,7 +27,7 @@ pub(crate) struct Lane {
     before: Cell<u64>,
     /// Whether the courier may send: the subscriber's task waits, and has begun nothing.
     is_free: Cell<bool>,
-    /// Wakes the task where the courier could not send.
+    /// Wakes the task where there is a message that the courier cannot send, or is not to.
     pub(crate) wake: Notify,
 }
 

@@ -4,11 +4,10 @@
 //! Readers are given the newest message, or every one: the latter are kept in a backlog of bounded
 //! length on the serving thread, beyond which the oldest are lost.
 
-use crate::lane::Lane;
+use crate::courier::Readers;
 use crate::message::Message;
-use std::cell::{Cell, RefCell};
+use std::cell::RefCell;
 use std::collections::VecDeque;
-use std::rc::Rc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, mpsc};
 use std::time::Instant;
@@ -47,12 +46,8 @@ pub(crate) struct Stream {
     every_readers: Arc<AtomicUsize>,
     /// The last messages, oldest first, while there are readers of every one.
     backlog: RefCell<VecDeque<Arc<Message>>>,
-    /// Whether somebody calls [`Stream::collect`] after each message.
-    is_collected: Cell<bool>,
-    /// Subscribers whom the courier sends the newest message.
-    lanes: RefCell<Vec<Rc<Lane>>>,
-    /// Whether there is a courier.
-    is_delivered: Cell<bool>,
+    /// Whom the courier hands messages on to.
+    pub(crate) readers: Readers,
     depth: usize,
     payload_len: usize,
 }
@@ -136,9 +131,7 @@ impl StreamEnd {
             every: self.every,
             every_readers: self.every_readers,
             backlog: RefCell::new(VecDeque::with_capacity(self.depth + 1)),
-            is_collected: Cell::new(false),
-            lanes: RefCell::default(),
-            is_delivered: Cell::new(false),
+            readers: Readers::default(),
             depth: self.depth,
             payload_len: self.payload_len,
         }
@@ -195,18 +188,16 @@ impl Stream {
         self.depth * self.payload_len
     }
 
-    /// Another reader wants every message from now on. Returns whether the caller has to see to it that
-    /// [`Stream::collect`] is called after each message, until that says that nobody wants them.
-    pub(crate) fn keep(&self) -> bool {
+    /// Another reader wants every message from now on. Somebody has to call [`Stream::collect`] after each.
+    pub(crate) fn keep(&self) {
         if self.every_readers.fetch_add(1, Ordering::Relaxed) == 0 {
             // What was on its way when the last such reader left.
             self.forget();
         }
-        !self.is_collected.replace(true)
     }
 
-    /// Moves what has come into the backlog; says whether anybody wants it.
-    pub(crate) fn collect(&self) -> bool {
+    /// Moves what has come into the backlog.
+    pub(crate) fn collect(&self) {
         let mut backlog = self.backlog.borrow_mut();
         while let Ok(message) = self.every.try_recv() {
             if backlog.len() == self.depth {
@@ -214,9 +205,6 @@ impl Stream {
             }
             backlog.push_back(message);
         }
-        let is_wanted = self.every_readers.load(Ordering::Relaxed) > 0;
-        self.is_collected.set(is_wanted && self.is_collected.get());
-        is_wanted
     }
 
     /// A reader that called [`Stream::keep`] is gone.
@@ -224,29 +212,6 @@ impl Stream {
         if self.every_readers.fetch_sub(1, Ordering::Relaxed) == 1 {
             self.forget();
         }
-    }
-
-    /// Another lane is sent the newest message from now on. Returns whether the caller has to see to it
-    /// that [`Stream::with_lanes`] is called for each message, until that says that there is none.
-    pub(crate) fn join(&self, lane: &Rc<Lane>) -> bool {
-        self.lanes.borrow_mut().push(lane.clone());
-        !self.is_delivered.replace(true)
-    }
-
-    /// A lane that called [`Stream::join`] is gone.
-    pub(crate) fn leave(&self, lane: &Rc<Lane>) {
-        let mut lanes = self.lanes.borrow_mut();
-        if let Some(at) = lanes.iter().position(|other| Rc::ptr_eq(other, lane)) {
-            lanes.swap_remove(at);
-        }
-    }
-
-    /// Does something with the lanes; says whether there is any.
-    pub(crate) fn with_lanes(&self, offer: impl Fn(&[Rc<Lane>])) -> bool {
-        let lanes = self.lanes.borrow();
-        offer(&lanes);
-        self.is_delivered.set(!lanes.is_empty());
-        !lanes.is_empty()
     }
 
     /// The tick of the newest message.

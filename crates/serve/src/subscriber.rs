@@ -85,8 +85,8 @@ enum Turn {
     Packet(io::Result<Vec<u8>>),
     Announcement(Result<Announcement, broadcast::error::RecvError>),
     Status(Result<(), watch::error::RecvError>),
-    Image(Result<(), watch::error::RecvError>),
-    Raw(Result<(), watch::error::RecvError>),
+    Image,
+    Raw,
 }
 
 /// Which of a subscriber's feeds.
@@ -174,10 +174,8 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
                 }
                 announcement = announcements.recv() => Turn::Announcement(announcement),
                 changed = self.status.changed(), if self.wants.status => Turn::Status(changed),
-                ready = self.images.ready(), if self.wants.image && !self.images.is_over() => {
-                    Turn::Image(ready)
-                }
-                ready = raw_ready(&mut self.raw), if self.raw.is_some() => Turn::Raw(ready),
+                () = self.images.ready(), if self.wants.image => Turn::Image,
+                () = raw_ready(&self.raw), if self.raw.is_some() => Turn::Raw,
             };
             // What is begun now is not to be cut in two.
             self.image_lane.set_free(false);
@@ -206,9 +204,7 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
                 let packets = self.status.borrow_and_update().clone();
                 self.send_packets(&packets).await
             }
-            // Another profile is on its way, or the program ends, and with it this.
-            Turn::Image(Err(_)) => Ok(()),
-            Turn::Image(Ok(())) => {
+            Turn::Image => {
                 self.send_next(Which::Image).await?;
                 // Or a subscriber whose socket is always full would be sent images alone.
                 if self.raw.as_ref().is_some_and(Feed::is_ready) {
@@ -216,8 +212,7 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
                 }
                 self.send_held().await
             }
-            Turn::Raw(ready) => {
-                ready.map_err(|_| Farewell::Closed)?;
+            Turn::Raw => {
                 self.send_next(Which::Raw).await?;
                 self.send_held().await
             }
@@ -449,7 +444,7 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
 }
 
 /// Waits for the next raw frame.
-async fn raw_ready(raw: &mut Option<Feed>) -> Result<(), watch::error::RecvError> {
+async fn raw_ready(raw: &Option<Feed>) {
     match raw {
         Some(feed) => feed.ready().await,
         None => std::future::pending().await,

@@ -3,3 +3,4 @@
 mod every;
 mod newest;
 mod stage;
+mod waking;

@@ -17,19 +17,13 @@ pub(crate) const PATIENCE: Duration = Duration::from_secs(20);
 pub(crate) const DEPTH: u64 = 16;
 
 /// Images of one pixel.
-struct Pixel;
+struct Pixel(TactileImage);
 
 impl Encode<u64> for Pixel {
     fn encode(&mut self, seq: &u64, payload: &mut Vec<u8>) -> Result<Header, EncodeError> {
-        let image = TactileImage {
-            seq: *seq,
-            width: 1,
-            height: 1,
-            pixels: vec![0],
-            ..TactileImage::default()
-        };
-        taxel_wire::encode_image_payload(&image, payload)?;
-        Ok(Header::of_image(&image, payload.len()))
+        self.0.seq = *seq;
+        taxel_wire::encode_image_payload(&self.0, payload)?;
+        Ok(Header::of_image(&self.0, payload.len()))
     }
 }
 
@@ -63,7 +57,13 @@ impl ProfileMaker for Maker {
     }
 
     fn output(&self, _: &DisplayProfile) -> Result<Option<MadeOutput<u64>>, String> {
-        Ok(Some((Box::new(Pixel), 64)))
+        let image = TactileImage {
+            width: 1,
+            height: 1,
+            pixels: vec![0],
+            ..TactileImage::default()
+        };
+        Ok(Some((Box::new(Pixel(image)), 64)))
     }
 
     fn measurement(&self, _: &DisplayProfile, _: u64) -> Result<Measurement, String> {
@@ -125,7 +125,7 @@ pub(crate) fn on_stage<F: Future<Output = ()>>(act: impl FnOnce(Stage) -> F) {
         .unwrap();
     tokio::task::LocalSet::new().block_on(&runtime, async {
         let limits = Limits {
-            max_subscribers: 8,
+            max_subscribers: 200,
             stall_ms: 20_000,
         };
         let profile = Profile::default();
