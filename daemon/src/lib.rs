@@ -17,6 +17,7 @@ mod reload;
 mod snapshot;
 mod sockets;
 mod sources;
+mod start;
 mod start_error;
 mod state;
 mod status;
@@ -30,24 +31,17 @@ pub use start_error::{StartError, check, left_to_service};
 pub use taxel_config::{self as config, Config, ConfigError};
 pub use taxel_serve::SocketPathError;
 
-use crate::descriptors::Descriptors;
-use crate::image_maker::{ImageMaker, check_profile};
-use crate::snapshot::Snapshot;
-use crate::sockets::{Sockets, Which};
+use crate::image_maker::check_profile;
+use crate::sockets::{Listeners, Sockets};
+use crate::start::Pipeline;
 use crate::state::State;
-use crate::tick::{PipelineClock, Shared, TickThread};
+use crate::tick::Shared;
 use std::rc::Rc;
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, mpsc};
 use std::thread::JoinHandle;
-use taxel_can::monotonic_ns;
-use taxel_engine::Engine;
 use taxel_joints::JointReader;
-use taxel_serve::{Limits, Server, ServerSeed};
-use taxel_wire::Clock;
-use tokio::net::UnixListener;
 use tokio::sync::oneshot;
-use tokio_seqpacket::UnixSeqpacketListener;
 
 /// A running daemon. Dropping it stops it.
 #[derive(Debug)]
@@ -72,169 +66,82 @@ impl Daemon {
     /// An interface that does not exist yet is no error: the daemon waits for it. When this
     /// returns, subscribers can connect.
     pub fn start(config: Config) -> Result<Self, StartError> {
-        let layout = &config.layout;
-        check_profile(layout, &config.profile).map_err(StartError::ProfileUnfit)?;
-        let system = |what| {
-            move |error: nix::Error| StartError::System {
-                what,
-                error: error.into(),
-            }
-        };
+        check_profile(&config.layout, &config.profile).map_err(StartError::ProfileUnfit)?;
         if let Some(sentence) = config.unread_joints() {
             tracing::warn!("{sentence}");
         }
         let mut sockets = Sockets::take(&config)?;
-        let listen = |error| StartError::System {
-            what: "listen on a socket",
-            error,
-        };
-        let control = sockets.listen(Which::Control)?;
-        let status = sockets.listen(Which::Status)?;
+        let listeners = sockets.listen()?;
+        let shared = start::shared(&config)?;
+        Self::start_at(config, sockets, listeners, shared)
+    }
 
-        let recorded = sources::are_recorded(&config);
-        let clock = PipelineClock {
-            offset_ns: if recorded { monotonic_ns() } else { 0 },
-            live: !recorded,
-        };
-        // A recording's time starts at exactly zero, or its images would bear other times in every run.
-        let start_ns = if recorded { 0 } else { monotonic_ns() };
-        let sources = sources::open(&config, start_ns)?;
-        let (commands, obeyed) = mpsc::sync_channel(tick::COMMANDS);
-        let shared = Arc::new(Shared {
-            stop: false.into(),
-            heartbeat: 0.into(),
-            finished: false.into(),
-            snapshot: Mutex::new(Snapshot::new(
-                layout.buses.len(),
-                layout.modules.len(),
-                layout.len(),
-                config
-                    .joints
-                    .as_ref()
-                    .map_or(0, |joints| joints.joint_names().len()),
-            )),
-            wake: nix::sys::eventfd::EventFd::from_flags(
-                nix::sys::eventfd::EfdFlags::EFD_NONBLOCK | nix::sys::eventfd::EfdFlags::EFD_CLOEXEC,
-            )
-            .map_err(system("make an eventfd"))?,
-        });
-        let joint_reader = start_joint_reader(&config)?;
-        let joints = joint_reader.clone();
-        let engine = Engine::new(&config.engine(joint_reader.is_some())?, start_ns)?;
-        let live = if recorded {
-            Clock::Recording
-        } else {
-            Clock::Monotonic
-        };
-        let Descriptors { subscribers, clients } = Descriptors::take(config.socket.max_subscribers.into());
-        let limits = Limits {
-            max_subscribers: subscribers,
-            stall_ms: config.socket.stall_ms,
-        };
-        let maker = ImageMaker::new(&config, live, shared.clone());
-        let wake = {
-            let shared = shared.clone();
-            move || {
-                let _ = shared.wake.write(1);
-            }
-        };
-        let (seed, outputs) = ServerSeed::new(maker, limits, config.profiles, config.profile.clone(), wake)
-            .map_err(StartError::Profile)?;
-        let thread = TickThread {
-            engine,
-            joint_reader: joint_reader.clone(),
-            joints_seen: [0; JointReader::SOURCES],
-            outputs,
-            clock,
-            commands: obeyed,
+    /// Starts with sockets that listen.
+    fn start_at(
+        config: Config,
+        sockets: Sockets,
+        listeners: Listeners,
+        shared: Arc<Shared>,
+    ) -> Result<Self, StartError> {
+        let sockets = Arc::new(Mutex::new(sockets));
+        let (reload, changed) = tokio::sync::mpsc::unbounded_channel();
+        // Dropped where a step fails, it ends what the steps before have begun: boards are not left started.
+        let mut daemon = Self {
             shared: shared.clone(),
-            gather: gather::Gather::new(&config.tick),
-            sources,
+            tick: None,
+            images: None,
+            control: None,
+            joints: None,
+            stop: None,
+            reload,
+            _sockets: sockets.clone(),
         };
-
         let realtime = config.realtime;
+        let Pipeline {
+            thread,
+            seed,
+            clock,
+            commands,
+            clients,
+        } = start::open_pipeline(&config, &shared)?;
+        let joint_reader = thread.joint_reader.clone();
+        daemon.joints = joint_reader.clone();
         if realtime.lock_memory
             && let Err(error) = realtime::lock_memory()
         {
             tracing::warn!(%error, "memory is not locked; LimitMEMLOCK=infinity in the unit allows it");
         }
-        let spawn = |error| StartError::System {
-            what: "start a thread",
-            error,
-        };
-        let tick = std::thread::Builder::new()
-            .name("tick".into())
-            .spawn(move || {
-                if realtime.priority > 0
-                    && let Err(error) = realtime::set_fifo(realtime.priority)
-                {
-                    tracing::info!(%error, "the tick thread has no real-time priority; LimitRTPRIO=20 in the unit allows it");
-                }
-                thread.run();
-            })
-            .map_err(spawn)?;
+        daemon.tick = Some(start::spawn_tick(thread, realtime)?);
 
         // Sending images must not wait for an answer to somebody, so each has a thread.
         let server = seed.handle();
         let (ready, is_ready) = mpsc::channel();
-        let (stop_images, stopped) = oneshot::channel::<()>();
-        let images = sockets.listen(Which::Images)?;
-        let images = serving_thread("images", ready.clone(), async move || {
-            let images = UnixSeqpacketListener::try_from(images).map_err(listen)?;
-            // Below the tick thread and that of the joints; the former has said why, if it is refused.
-            let priority = realtime.priority.saturating_sub(2);
-            if priority > 0 {
-                let _ = realtime::set_fifo(priority);
-            }
-            Ok(async move {
+        let (stop_images, images_stopped) = oneshot::channel();
+        daemon.images = Some(start::spawn_images(
+            listeners.images,
+            seed,
+            realtime,
+            images_stopped,
+            ready.clone(),
+        )?);
+        let (stop, stopped) = oneshot::channel();
+        daemon.stop = Some(stop);
+        let state = move || State::new(config, server, shared, clock, commands, joint_reader, clients);
+        daemon.control = Some(start::spawn_control(
+            [listeners.control, listeners.status],
+            realtime,
+            ready,
+            async move |control, status| {
+                let _stop_images = stop_images;
+                let state = Rc::new(state());
+                tokio::task::spawn_local(sockets::serve(sockets, control, status, state.clone()));
+                tokio::task::spawn_local(reload::take_up(changed, state.clone()));
                 tokio::select! {
                     _ = stopped => {}
-                    () = Server::new(seed).serve(images) => {}
+                    () = supervise::watch(state) => {}
                 }
-            })
-        })?;
-        let (stop, stopped) = oneshot::channel();
-        let (reload, changed) = tokio::sync::mpsc::unbounded_channel();
-        let sockets = Arc::new(Mutex::new(sockets));
-        let control = {
-            let (shared, sockets) = (shared.clone(), sockets.clone());
-            serving_thread("control", ready, async move || {
-                let control = UnixListener::from_std(control.into()).map_err(listen)?;
-                let status = UnixListener::from_std(status.into()).map_err(listen)?;
-                // Not FIFO: what clients ask of it may take long. But torque off waits for no compiler.
-                if realtime.priority > 0 {
-                    let _ = realtime::set_nice();
-                }
-                Ok(async move {
-                    let _stop_images = stop_images;
-                    let state = Rc::new(State::new(
-                        config,
-                        server,
-                        shared,
-                        clock,
-                        commands,
-                        joint_reader,
-                        clients,
-                    ));
-                    tokio::task::spawn_local(sockets::serve(sockets, control, status, state.clone()));
-                    tokio::task::spawn_local(reload::take_up(changed, state.clone()));
-                    tokio::select! {
-                        _ = stopped => {}
-                        () = supervise::watch(state) => {}
-                    }
-                })
-            })?
-        };
-        let daemon = Self {
-            shared,
-            tick: Some(tick),
-            images: Some(images),
-            control: Some(control),
-            joints,
-            stop: Some(stop),
-            reload,
-            _sockets: sockets,
-        };
+            },
+        )?);
         for _ in [&daemon.images, &daemon.control] {
             is_ready.recv().unwrap_or_else(|_| {
                 let error = std::io::Error::other("a thread ended at once");
@@ -304,58 +211,10 @@ impl Drop for Daemon {
     }
 }
 
-/// Starts a thread that runs `main` in a runtime of its own: first what may fail, whose outcome it
-/// tells, then what that gives, to its end.
-fn serving_thread<Run: Future<Output = ()>>(
-    name: &'static str,
-    ready: mpsc::Sender<Result<(), StartError>>,
-    main: impl AsyncFnOnce() -> Result<Run, StartError> + Send + 'static,
-) -> Result<JoinHandle<()>, StartError> {
-    let system = |what| move |error| StartError::System { what, error };
-    let run = move || {
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
-        let runtime = match runtime {
-            Ok(runtime) => runtime,
-            Err(error) => {
-                let _ = ready.send(Err(system("start a runtime")(error)));
-                return;
-            }
-        };
-        let local = tokio::task::LocalSet::new();
-        runtime.block_on(local.run_until(async move {
-            match main().await {
-                Ok(run) => {
-                    let _ = ready.send(Ok(()));
-                    run.await;
-                }
-                Err(error) => {
-                    let _ = ready.send(Err(error));
-                }
-            }
-        }));
-    };
-    let thread = std::thread::Builder::new().name(name.into());
-    thread.spawn(run).map_err(system("start a thread"))
-}
-
-/// Starts the thread that reads joints, one step of priority below the tick thread, where their
-/// source needs one.
-fn start_joint_reader(config: &Config) -> Result<Option<JointReader>, StartError> {
-    let Some(joints) = &config.joints else {
-        return Ok(None);
-    };
-    let priority = config.realtime.priority.saturating_sub(1);
-    Ok(JointReader::start(joints, move || {
-        // The tick thread has said why, if it is refused.
-        if priority > 0 {
-            let _ = realtime::set_fifo(priority);
-        }
-    })?)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sockets::Which;
     use std::fmt::Write;
     use std::path::Path;
     use std::time::{Duration, Instant};
@@ -411,6 +270,26 @@ mod tests {
         let most = 4.0 * 100.0 / rate_hz;
         assert!(per_image < most, "{per_image} rounds per image");
         daemon.stop().unwrap();
+    }
+
+    #[test]
+    fn a_start_that_fails_at_its_end_leaves_no_thread_behind() {
+        let spoilt = || std::fs::File::open("/dev/null").unwrap().into();
+        for which in [Which::Images, Which::Control] {
+            let folder = tempfile::tempdir().unwrap();
+            let config = config(folder.path(), "sim:idle");
+            let mut sockets = Sockets::take(&config).unwrap();
+            let mut listeners = sockets.listen().unwrap();
+            match which {
+                Which::Images => listeners.images = spoilt(),
+                _ => listeners.control = spoilt(),
+            }
+            let shared = start::shared(&config).unwrap();
+            let started = Daemon::start_at(config, sockets, listeners, shared.clone());
+            assert!(matches!(started, Err(StartError::System { .. })), "{started:?}");
+            // Whoever still ran would hold it.
+            assert_eq!(Arc::strong_count(&shared), 1, "{which:?}");
+        }
     }
 
     #[test]

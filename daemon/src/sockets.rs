@@ -29,6 +29,14 @@ pub(crate) enum Which {
     Status,
 }
 
+/// The daemon's sockets, which listen.
+#[derive(Debug)]
+pub(crate) struct Listeners {
+    pub(crate) control: OwnedFd,
+    pub(crate) status: OwnedFd,
+    pub(crate) images: OwnedFd,
+}
+
 /// The places of the daemon's sockets. The one that was taken first goes last, and its folder with it.
 #[derive(Debug)]
 pub(crate) struct Sockets {
@@ -53,8 +61,14 @@ impl Sockets {
         })
     }
 
-    pub(crate) fn listen(&mut self, which: Which) -> Result<OwnedFd, SocketPathError> {
-        self.place(which).listen(which.kind(), BACKLOG)
+    /// Has all of them listen. Those who come wait until they are let in.
+    pub(crate) fn listen(&mut self) -> Result<Listeners, SocketPathError> {
+        let mut listen = |which: Which| self.place(which).listen(which.kind(), BACKLOG);
+        Ok(Listeners {
+            control: listen(Which::Control)?,
+            status: listen(Which::Status)?,
+            images: listen(Which::Images)?,
+        })
     }
 
     fn place(&mut self, which: Which) -> &mut SocketPath {

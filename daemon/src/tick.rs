@@ -6,7 +6,7 @@
 use crate::gather::Gather;
 use crate::snapshot::Snapshot;
 use nix::poll::{PollFd, PollFlags, ppoll};
-use nix::sys::eventfd::EventFd;
+use nix::sys::eventfd::{EfdFlags, EventFd};
 use nix::sys::time::TimeSpec;
 use std::os::fd::AsFd;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -58,6 +58,18 @@ pub(crate) struct Shared {
     pub(crate) finished: AtomicBool,
     pub(crate) snapshot: Mutex<Snapshot>,
     pub(crate) wake: EventFd,
+}
+
+impl Shared {
+    pub(crate) fn new(snapshot: Snapshot) -> nix::Result<Self> {
+        Ok(Self {
+            stop: false.into(),
+            heartbeat: 0.into(),
+            finished: false.into(),
+            snapshot: Mutex::new(snapshot),
+            wake: EventFd::from_flags(EfdFlags::EFD_NONBLOCK | EfdFlags::EFD_CLOEXEC)?,
+        })
+    }
 }
 
 /// The pipeline's time: `CLOCK_MONOTONIC` for live buses, time since the start for recordings and scenes.
@@ -354,37 +366,9 @@ mod tests {
     fn a_bus_flooded_with_what_is_no_frame_does_not_hold_up_the_images() {
         let layout = taxel_skin::Layout::builtin("uskin-module").unwrap();
         let config = crate::Config::new(layout, vec!["sim:idle".parse().unwrap()]);
-        let shared = Arc::new(Shared {
-            stop: false.into(),
-            heartbeat: 0.into(),
-            finished: false.into(),
-            snapshot: Mutex::new(Snapshot::new(1, 1, config.layout.len(), 0)),
-            wake: EventFd::from_flags(nix::sys::eventfd::EfdFlags::EFD_NONBLOCK).unwrap(),
-        });
-        let now_ns = monotonic_ns();
-        let maker =
-            crate::image_maker::ImageMaker::new(&config, taxel_wire::Clock::Monotonic, shared.clone());
-        let limits = taxel_serve::Limits {
-            max_subscribers: 1,
-            stall_ms: 1000,
-        };
-        let (_seed, outputs) =
-            taxel_serve::ServerSeed::new(maker, limits, config.profiles, config.profile.clone(), || {})
-                .unwrap();
-        let thread = TickThread {
-            sources: vec![Box::new(Flooded::default())],
-            engine: Engine::new(&config.engine(false).unwrap(), now_ns).unwrap(),
-            joint_reader: None,
-            joints_seen: [0; JointReader::SOURCES],
-            outputs,
-            clock: PipelineClock {
-                offset_ns: 0,
-                live: true,
-            },
-            commands: mpsc::sync_channel(1).1,
-            shared: shared.clone(),
-            gather: Gather::new(&config.tick),
-        };
+        let shared = crate::start::shared(&config).unwrap();
+        let mut thread = crate::start::open_pipeline(&config, &shared).unwrap().thread;
+        thread.sources = vec![Box::new(Flooded::default())];
         let thread = std::thread::spawn(move || thread.run());
         let deadline = std::time::Instant::now() + Duration::from_secs(20);
         let images = || shared.snapshot.lock().unwrap().images;
