@@ -108,7 +108,7 @@ impl TickThread {
         // The kernel may otherwise round every wake-up up by 50 microseconds.
         let _ = nix::sys::prctl::set_timerslack(1);
         let mut merge = FrameMerge::new(self.sources.len(), BATCH, self.clock.live);
-        let mut overruns = 0;
+        let (mut overruns, mut images) = (0, 0);
         let mut quiet_until_ns = 0;
         let mut snapshot_due_ns = 0;
 
@@ -154,7 +154,8 @@ impl TickThread {
                 let late_ns = clock.now_ns().saturating_sub(frames.due_ns);
                 let now = Instant::now();
                 let due = now.checked_sub(Duration::from_nanos(late_ns)).unwrap_or(now);
-                outputs.publish(frames.tick(), due, frames);
+                images = frames.tick();
+                outputs.publish(images, due, frames);
                 record_times(shared, frames, clock.now_ns());
             };
             // What another bus has told beyond that waits: frames are given in the order of their
@@ -189,10 +190,10 @@ impl TickThread {
             self.send_commands(now_ns);
             if now_ns >= snapshot_due_ns {
                 snapshot_due_ns = now_ns + HEARTBEAT_NS / 2;
-                self.update_snapshot(now_ns, overruns);
+                self.update_snapshot(now_ns, overruns, images);
             }
-            if finished {
-                self.update_snapshot(now_ns, overruns);
+            // The last one has all that the recordings held: where somebody reads the one before, there is another round.
+            if finished && self.update_snapshot(now_ns, overruns, images) {
                 self.shared.finished.store(true, Ordering::Release);
                 break;
             }
@@ -286,14 +287,16 @@ impl TickThread {
         }
     }
 
-    fn update_snapshot(&mut self, now_ns: u64, overruns: u64) {
+    /// Tells the other threads how the hand is; false where one of them reads what was told before.
+    fn update_snapshot(&self, now_ns: u64, overruns: u64, images: u64) -> bool {
         let Ok(mut snapshot) = self.shared.snapshot.try_lock() else {
-            return;
+            return false;
         };
         let engine = &self.engine;
         snapshot.written = true;
         snapshot.now_ns = now_ns;
         snapshot.overruns = overruns;
+        snapshot.images = images;
         snapshot.unpublished = self.outputs.unpublished();
         for ((bus, source), decoder) in snapshot
             .buses
@@ -318,6 +321,7 @@ impl TickThread {
             snapshot.joints_source = *source.counters();
             snapshot.joints_link = source.link();
         }
+        true
     }
 }
 
@@ -379,5 +383,30 @@ mod tests {
         shared.stop.store(true, Ordering::Relaxed);
         thread.join().unwrap();
         assert!(made >= 5, "{made} images");
+    }
+
+    #[test]
+    fn what_recordings_held_is_told_though_somebody_reads_the_snapshot_when_they_end() {
+        let folder = tempfile::tempdir().unwrap();
+        let recording = folder.path().join("hand.log");
+        std::fs::write(&recording, "(0.000000) can0 123#00\n(0.001000) can0 123#00\n").unwrap();
+        let layout = taxel_skin::Layout::builtin("uskin-module").unwrap();
+        let source = format!("log:{}", recording.display()).parse().unwrap();
+        let config = crate::Config::new(layout, vec![source]);
+        let shared = crate::start::shared(&config).unwrap();
+        let thread = crate::start::open_pipeline(&config, &shared).unwrap().thread;
+        let reading = shared.snapshot.lock().unwrap();
+        let thread = std::thread::spawn(move || thread.run());
+        // The recording is over long before.
+        while shared.heartbeat.load(Ordering::Relaxed) < 1000 {
+            assert!(!thread.is_finished(), "it ended without having told");
+            std::thread::yield_now();
+        }
+        assert!(!shared.finished.load(Ordering::Acquire));
+        drop(reading);
+        thread.join().unwrap();
+        assert!(shared.finished.load(Ordering::Acquire));
+        let told = shared.snapshot.lock().unwrap();
+        assert_eq!((told.written, told.buses[0].source.received), (true, 2));
     }
 }
