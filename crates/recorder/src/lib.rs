@@ -33,7 +33,7 @@ pub use standard::{
     clock_message, diagnostics_message, event_message, event_name, joints_message, picture_message,
     read_event, read_text, text_message,
 };
-pub use store::{Around, Split, Store};
+pub use store::{Around, Split, Store, Written};
 pub use store_error::StoreError;
 pub use tactile::{RecordedFrame, frame_message, image_message, read_image};
 pub use writer::{Attached, Entry, Preamble, RecordingWriter};

@@ -45,6 +45,8 @@ pub struct Store {
     split: Split,
     around: Option<Around>,
     current: Option<Current>,
+    /// Files that are whole, and not handed out to be synced yet.
+    whole: VecDeque<Written>,
     /// What waits for a file: what the recorder itself says, and, where a trigger is awaited, what came before it.
     kept: VecDeque<Kept>,
     kept_bytes: usize,
@@ -56,6 +58,15 @@ pub struct Store {
     gone: Vec<Gone>,
     /// See [`Store::set_clock`].
     clock_moved_ns: i64,
+}
+
+/// A file with something in it that its disk may not have.
+#[derive(Debug)]
+pub struct Written {
+    /// As it was made.
+    pub path: PathBuf,
+    /// The file.
+    pub file: Arc<File>,
 }
 
 /// A message that waits for a file.
@@ -96,6 +107,7 @@ impl Store {
             split,
             around,
             current: None,
+            whole: VecDeque::new(),
             kept: VecDeque::new(),
             kept_bytes: 0,
             until_ns: None,
@@ -216,30 +228,47 @@ impl Store {
     }
 
     /// Writes what came so far, so that it can be read after a crash, and goes on in another file where it is time, or where
-    /// others did something to this one. Returns the file that is to be synced to its disk.
-    pub fn cut(&mut self, now_ns: u64) -> Result<Option<Arc<File>>, StoreError> {
+    /// others did something to this one.
+    pub fn cut(&mut self, now_ns: u64) -> Result<(), StoreError> {
         if self.until_ns.is_some_and(|until_ns| now_ns > until_ns) {
             self.until_ns = None;
             return self.close();
         }
         self.cut_current()?;
         let Some(current) = &self.current else {
-            return Ok(None);
+            return Ok(());
         };
         let is_full = self.split.bytes.is_some_and(|most| current.good >= most);
         let is_old =
             (self.split.after_ns).is_some_and(|most| now_ns.saturating_sub(current.began_ns) >= most);
         match is_full || is_old || current.gone().is_some() {
             true => self.close(),
-            false => Ok(Some(Arc::clone(&current.file))),
+            false => Ok(()),
         }
     }
 
-    /// Ends the file being written, with its index; returns it to be synced.
-    pub fn close(&mut self) -> Result<Option<Arc<File>>, StoreError> {
+    /// Hands out the files that are to be synced to their disk, those that are whole first, until `sync` gives one back: a
+    /// whole one is handed out the next time, and the one being written with what is written until then.
+    pub fn hand_out(&mut self, mut sync: impl FnMut(Written) -> Result<(), Written>) {
+        while let Some(whole) = self.whole.pop_front() {
+            if let Err(whole) = sync(whole) {
+                self.whole.push_front(whole);
+                return;
+            }
+        }
+        if let Some(Current { path, file, .. }) = &self.current {
+            let _ = sync(Written {
+                path: path.clone(),
+                file: Arc::clone(file),
+            });
+        }
+    }
+
+    /// Ends the file being written, with its index.
+    pub fn close(&mut self) -> Result<(), StoreError> {
         self.cut_current()?;
         let Some(current) = self.current.take() else {
-            return Ok(None);
+            return Ok(());
         };
         if let Some(gone) = current.gone() {
             self.series.forget(&gone.path);
@@ -258,7 +287,8 @@ impl Store {
             Ok(_) => {
                 // It may be held for long until its disk has it, and may make room meanwhile.
                 let _ = file.unlock();
-                Ok(Some(file))
+                self.whole.push_back(Written { path, file });
+                Ok(())
             }
             Err(source) => Err(self.torn(path, &file, good, source)),
         }

@@ -123,11 +123,64 @@ fn a_finished_file_makes_room_while_it_is_on_its_way_to_the_disk() {
     let on_their_way: Vec<_> = (0..3)
         .map(|n| {
             store.take(entry(Topic::Events, 20 * n * S, "")).unwrap();
-            store.cut((20 * n + 10) * S).unwrap().unwrap()
+            store.cut((20 * n + 10) * S).unwrap();
+            let mut out = Vec::new();
+            store.hand_out(|written| {
+                out.push(written);
+                Ok(())
+            });
+            out
         })
         .collect();
     assert_eq!(there(folder.path()), ["day-0003.mcap"]);
     assert_eq!((on_their_way.len(), store.removed()), (3, 2));
+}
+
+#[test]
+fn every_file_is_handed_out_when_it_is_whole_however_it_ended_and_however_busy_its_disk_was() {
+    let folder = tempfile::tempdir().unwrap();
+    let around = Around {
+        before_ns: S,
+        after_ns: S,
+    };
+    let path = folder.path().join("marks.mcap");
+    let mut store = Store::new(&path, Preamble::default(), Split::default(), Some(around));
+    let (mut being_written, mut whole) = (Vec::new(), Vec::new());
+    // Marks at 10, 20 .. s. Each file ends by the first message behind it, by a cut, or in the end; the disk is busy
+    // up to 35 s, and takes one at a time then.
+    for half_second in 0..=100 {
+        let now_ns = half_second * S / 2;
+        if half_second % 20 == 0 && half_second > 0 {
+            store.trigger(now_ns).unwrap();
+        }
+        if half_second % 40 < 22 {
+            store.take(entry(Topic::Events, now_ns, "felt")).unwrap();
+        }
+        store.cut(now_ns).unwrap();
+        let current = (store.files().last().filter(|_| store.is_writing())).map(Path::to_path_buf);
+        let mut room = usize::from(half_second > 70);
+        store.hand_out(|written| {
+            if room == 0 {
+                return Err(written);
+            }
+            room -= 1;
+            match current.as_ref() == Some(&written.path) {
+                true => being_written.push(written.path),
+                false => whole.push(written.path),
+            }
+            Ok(())
+        });
+    }
+    let made: Vec<_> = store.files().map(Path::to_path_buf).collect();
+    assert_eq!(made.len(), 5);
+    assert!(store.is_writing() && being_written.contains(&made[4]));
+    assert_eq!(whole, made[..4]);
+    store.close().unwrap();
+    store.hand_out(|written| {
+        whole.push(written.path);
+        Ok(())
+    });
+    assert_eq!(whole, made);
 }
 
 #[test]

@@ -14,13 +14,11 @@ use self::wall::{Wall, realtime_ns};
 use crate::gone::Gone;
 use crate::schema::Topic;
 use crate::standard::{clock_message, event_message};
-use crate::store::{Around, Split, Store};
+use crate::store::{Around, Split, Store, Written};
 use crate::store_error::StoreError;
 use crate::writer::{Entry, Preamble};
-use std::fs::File;
 use std::io;
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::thread;
@@ -209,8 +207,8 @@ pub fn record(plan: &Plan, signals: &Signals<'_>) -> Result<Finished, LiveError>
     store.check()?;
     let (queue, messages) = sync_channel(QUEUE);
     // One file on its way to the disk, one behind it; more would only be synced for nothing.
-    let (to_sync, syncing) = sync_channel::<Arc<File>>(1);
-    let (sync_failed, sync_failure) = sync_channel::<io::Error>(1);
+    let (to_sync, syncing) = sync_channel::<Written>(1);
+    let (sync_failed, sync_failure) = sync_channel::<LiveError>(1);
     let outcome = thread::scope(|scope| {
         let (shared, store) = (&shared, &mut store);
         let spawn = |name: &str| thread::Builder::new().name(name.into());
@@ -230,15 +228,15 @@ pub fn record(plan: &Plan, signals: &Signals<'_>) -> Result<Finished, LiveError>
                     .spawn_scoped(scope, read)
                     .map_err(LiveError::Thread)?;
             }
-            let sync = move || {
-                while let Ok(file) = syncing.recv() {
-                    if let Err(error) = file.sync_data() {
+            let sync_all = move || {
+                while let Ok(written) = syncing.recv() {
+                    if let Err(error) = sync(written) {
                         let _ = sync_failed.try_send(error);
                     }
                 }
             };
             spawn("disk")
-                .spawn_scoped(scope, sync)
+                .spawn_scoped(scope, sync_all)
                 .map_err(LiveError::Thread)?;
             drop(queue);
             let written = write(plan, store, &messages, &to_sync, &sync_failure, shared);
@@ -260,13 +258,17 @@ pub fn record(plan: &Plan, signals: &Signals<'_>) -> Result<Finished, LiveError>
         outcome
     });
     let closed = store.close();
+    let mut synced = sync_failure.try_recv().map_or(Ok(()), Err);
+    store.hand_out(|written| {
+        let this = sync(written);
+        if synced.is_ok() {
+            synced = this;
+        }
+        Ok(())
+    });
     outcome?;
-    if let Some(file) = closed? {
-        file.sync_all().map_err(|source| LiveError::Sync {
-            path: plan.out.clone(),
-            source,
-        })?;
-    }
+    closed?;
+    synced?;
     let count = |count: &AtomicU64| count.load(Ordering::Relaxed);
     Ok(Finished {
         files: store.files().map(PathBuf::from).collect(),
@@ -281,13 +283,19 @@ pub fn record(plan: &Plan, signals: &Signals<'_>) -> Result<Finished, LiveError>
     })
 }
 
+/// Waits until the disk has a file.
+fn sync(Written { path, file }: Written) -> Result<(), LiveError> {
+    file.sync_data()
+        .map_err(|source| LiveError::Sync { path, source })
+}
+
 /// Writes what the readers hand over.
 fn write(
     plan: &Plan,
     store: &mut Store,
     messages: &Receiver<Message>,
-    to_sync: &SyncSender<Arc<File>>,
-    sync_failure: &Receiver<io::Error>,
+    to_sync: &SyncSender<Written>,
+    sync_failure: &Receiver<LiveError>,
     shared: &Shared<'_>,
 ) -> Result<(), LiveError> {
     let began = Instant::now();
@@ -313,9 +321,8 @@ fn write(
             if (shared.signals.stop)() || plan.duration.is_some_and(|duration| now - began >= duration) {
                 return Ok(());
             }
-            if let Ok(source) = sync_failure.try_recv() {
-                let path = store.files().last().unwrap_or(&plan.out).into();
-                return Err(LiveError::Sync { path, source });
+            if let Ok(error) = sync_failure.try_recv() {
+                return Err(error);
             }
         }
         if let Some(moved_ns) = shared.wall.moved_ns(clock_moved_ns) {
@@ -350,10 +357,12 @@ fn write(
         }
         if now - cut >= CUT {
             cut = now;
-            if let Some(file) = store.cut(wall_ns)? {
-                // Where the disk is busy with the one before, the next takes this along.
-                let _ = to_sync.try_send(file);
-            }
+            store.cut(wall_ns)?;
+            store.hand_out(|written| match to_sync.try_send(written) {
+                // The disk is busy with those before.
+                Err(TrySendError::Full(written)) => Err(written),
+                Ok(()) | Err(TrySendError::Disconnected(_)) => Ok(()),
+            });
             if let Some(gone) = store.gone().get(told_gone) {
                 told_gone += 1;
                 let text = format!("{gone}; the recording goes on in another file");
