@@ -1,7 +1,8 @@
 //! The tick thread: waits for the buses and the clock, drives the engine, and hands images over.
 //!
 //! It is the only thread that touches a bus. It never waits for another thread, never allocates
-//! after its start, and never logs; what it has to say goes into the shared [`Snapshot`].
+//! after its start, unless a recording that it plays does ([`CanSource`]), and never logs; what it
+//! has to say goes into the shared [`Snapshot`].
 
 use crate::gather::Gather;
 use crate::snapshot::Snapshot;

@@ -8,7 +8,7 @@ use crate::{
     BusState, CanFrame, CanSource, IdFilter, LinkState, OpenError, Received, SendError, SourceCounters,
     Wakeup,
 };
-use ::socketcan::{CanAddr, CanFilter, CanSocket, Socket, SocketOptions};
+use ::socketcan::{CanAddr, CanSocket, Socket, SocketOptions};
 use nix::errno::Errno;
 use nix::libc;
 use nix::net::if_::if_nametoindex;
@@ -74,6 +74,8 @@ impl Default for SocketCanOptions {
 pub struct SocketCan {
     interface: String,
     options: SocketCanOptions,
+    /// What to receive, as the kernel takes it: made once, since a socket is opened again between two frames.
+    filters: Vec<u8>,
     open: Option<Open>,
     reader: DatagramReader<FRAME_BYTES>,
     link: LinkState,
@@ -82,6 +84,11 @@ pub struct SocketCan {
     receive_buffer: usize,
     next_check_ns: u64,
     back_off_ns: u64,
+}
+
+/// A `struct can_filter` of `linux/can.h`.
+fn can_filter(filter: &IdFilter) -> impl Iterator<Item = u8> + use<> {
+    [filter.id, filter.mask].into_iter().flat_map(u32::to_ne_bytes)
 }
 
 /// A socket bound to the interface that had index `ifindex` then.
@@ -117,6 +124,7 @@ impl SocketCan {
         }
         let mut source = Self {
             interface: interface.to_owned(),
+            filters: options.filters.iter().flat_map(can_filter).collect(),
             options,
             open: None,
             reader: DatagramReader::new(),
@@ -177,14 +185,8 @@ impl SocketCan {
         self.receive_buffer = getsockopt(&socket, sockopt::RcvBuf)?;
         setsockopt(&socket, sockopt::ReceiveTimestampns, &true)?;
         setsockopt(&socket, sockopt::RxqOvfl, &1)?;
-        if !self.options.filters.is_empty() {
-            let filters: Vec<CanFilter> = self
-                .options
-                .filters
-                .iter()
-                .map(|f| CanFilter::new(f.id, f.mask))
-                .collect();
-            socket.set_filters(&filters)?;
+        if !self.filters.is_empty() {
+            socket.set_socket_option_bytes(libc::SOL_CAN_RAW, libc::CAN_RAW_FILTER, &self.filters)?;
         }
         if self.options.error_frames {
             socket.set_error_filter_accept_all()?;

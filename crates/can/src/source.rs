@@ -16,8 +16,9 @@ pub struct Received {
 
 /// Where CAN frames come from, and where commands to boards go.
 ///
-/// A source never blocks and, once open, never allocates in `receive` or `send`. It survives the loss of what
-/// is behind it: an interface that goes away is reopened by name, and meanwhile `receive` simply has nothing.
+/// A source never blocks and, once open, never allocates in `receive` or `send`. A recording is the exception: it may
+/// wait for its disk, and a line that is longer than all before, or cannot be read, takes memory. A source survives the
+/// loss of what is behind it: an interface that goes away is reopened by name, and meanwhile `receive` simply has nothing.
 /// The caller waits for [`CanSource::wakeup`], then calls [`CanSource::receive`].
 pub trait CanSource: Send {
     /// What to wait for before the next `receive`. Ask again after each call, since a source may change it.

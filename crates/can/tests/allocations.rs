@@ -4,8 +4,8 @@ use std::net::IpAddr;
 use std::time::{Duration, Instant};
 use taxel_allocations::during;
 use taxel_can::{
-    CanFrame, CanSource, FrameMerge, LogSource, OpenError, Playback, PressureSocket, Received, SocketCan,
-    SocketCanOptions, UdpMulticast, UdpOptions, memory_bus, monotonic_ns,
+    CanFrame, CanSource, FrameMerge, IdFilter, LogSource, OpenError, Playback, PressureSocket, Received,
+    SocketCan, SocketCanOptions, UdpMulticast, UdpOptions, memory_bus, monotonic_ns,
 };
 
 #[global_allocator]
@@ -158,6 +158,48 @@ fn socketcan() {
         take(&mut source, 1, &mut batch);
     });
     assert_eq!(count, 0);
+}
+
+/// Needs leave to make interfaces, as `tests/vcan/run` has it.
+#[test]
+fn socketcan_opens_an_interface_that_comes_back_without_allocating() {
+    if std::env::var_os("TAXEL_VCAN").is_none_or(|v| v != "1") {
+        println!("SKIPPED: an interface that comes back needs real vcan interfaces: `tests/vcan/run`");
+        return;
+    }
+    let ip = |arguments: &str| {
+        let status = std::process::Command::new("ip")
+            .args(arguments.split(' '))
+            .status()
+            .unwrap();
+        assert!(status.success(), "ip {arguments}");
+    };
+    let add = || {
+        ip("link add tx_again type vcan");
+        ip("link set tx_again up");
+    };
+    add();
+    let options = SocketCanOptions {
+        filters: vec![IdFilter::standard(0x080, 0x780)],
+        ..SocketCanOptions::default()
+    };
+    let mut source = SocketCan::open("tx_again", options).unwrap();
+    let mut batch = Vec::with_capacity(64);
+    let mut now_ns = monotonic_ns();
+    for reopens in 1..=3 {
+        ip("link delete tx_again");
+        add();
+        let started = Instant::now();
+        let count = allocations(|| {
+            while source.counters().reopens < reopens {
+                assert!(started.elapsed() < HANGS_AFTER, "it is not opened again");
+                now_ns += 1_000_000_000;
+                drain(&mut source, now_ns, &mut batch);
+            }
+        });
+        assert_eq!(count, 0);
+    }
+    ip("link delete tx_again");
 }
 
 #[test]
