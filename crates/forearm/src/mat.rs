@@ -26,8 +26,11 @@ pub struct TornMat {
 
 /// Length of the header.
 const HEADER: usize = 128;
-/// A compressed element is unpacked no further: a hundred thousand rows.
+/// Bytes to which all compressed elements of a file may unpack together.
 const MOST_UNPACKED: u64 = 16 << 20;
+/// Numbers of a matrix that is read, of which the file may have each in one byte, and memory has it in eight: a hundred
+/// thousand rows of twenty.
+const MOST_NUMBERS: usize = 2 << 20;
 const INT8: u32 = 1;
 const INT32: u32 = 5;
 const UINT32: u32 = 6;
@@ -42,28 +45,42 @@ const NUMBERS: std::ops::RangeInclusive<u32> = 6..=15;
 /// Reads the matrix called `name`, or the only one.
 ///
 /// # Errors
-/// Bytes of another kind or cut off; no such matrix; one that is complex or of more than two dimensions.
+/// Bytes of another kind or cut off; no such matrix; one that is complex, of more than two dimensions or of more than two
+/// million numbers; compressed elements that unpack to more than 16 MB.
 pub fn read_mat(bytes: &[u8], name: &str) -> Result<Matrix, TornMat> {
     let whole = Bytes::open(bytes)?;
     let mut at = HEADER;
-    let mut found: Vec<Matrix> = Vec::new();
+    let mut unpacked_bytes = 0;
+    let mut named = None;
+    let mut names = Vec::new();
+    // What is read where there is no other, and the file may call it as it likes.
+    let mut first = None;
     while at < bytes.len() {
         let element = whole.element(at)?;
-        let matrix = match element.kind {
+        let unpacked;
+        let numbers = match element.kind {
             COMPRESSED => {
-                let unpacked = unpack(element.data, element.begins)?;
+                unpacked = unpack(element.data, element.begins, MOST_UNPACKED - unpacked_bytes)?;
+                unpacked_bytes += unpacked.len() as u64;
                 let inner = Bytes {
                     bytes: &unpacked,
                     ..whole
                 };
                 let element = inner.element(0)?;
                 let is_matrix = element.kind == MATRIX;
-                is_matrix.then(|| inner.matrix(&element)).transpose()?
+                is_matrix.then(|| inner.numbers(&element)).transpose()?
             }
-            MATRIX => Some(whole.matrix(&element)?),
+            MATRIX => Some(whole.numbers(&element)?),
             _ => None,
         };
-        found.extend(matrix.flatten());
+        if let Some(numbers) = numbers.flatten() {
+            if numbers.name == name && named.is_none() {
+                named = Some(numbers.widened()?);
+            } else if names.is_empty() {
+                first = Some(numbers.widened());
+            }
+            names.push(numbers.name);
+        }
         // Only what is compressed is not filled up to eight bytes.
         at = if element.kind == COMPRESSED {
             element.ends
@@ -77,17 +94,14 @@ pub fn read_mat(bytes: &[u8], name: &str) -> Result<Matrix, TornMat> {
             reason,
         })
     };
-    match (found.iter().position(|m| m.name == name), found.len()) {
-        (Some(at), _) => Ok(found.swap_remove(at)),
-        (None, 1) => Ok(found.swap_remove(0)),
-        (None, 0) => torn(format!("the file ends without a matrix; it should hold {name:?}")),
-        (None, _) => {
-            let names: Vec<&str> = found.iter().map(|m| m.name.as_str()).collect();
-            torn(format!(
-                "the file has no {name:?} among its matrices {}",
-                names.join(", ")
-            ))
-        }
+    match (named, first) {
+        (Some(named), _) => Ok(named),
+        (None, Some(first)) if names.len() == 1 => first,
+        (None, None) => torn(format!("the file ends without a matrix; it should hold {name:?}")),
+        (None, Some(_)) => torn(format!(
+            "the file has no {name:?} among its matrices {}",
+            names.join(", ")
+        )),
     }
 }
 
@@ -123,6 +137,36 @@ pub fn write_mat(matrix: &Matrix) -> Vec<u8> {
     file.extend(size(body.len()));
     file.extend(body);
     file
+}
+
+/// A matrix of numbers, as it stands in the file.
+struct Numbers<'a> {
+    name: String,
+    rows: usize,
+    kind: u32,
+    data: &'a [u8],
+    begins: usize,
+    big_endian: bool,
+}
+
+impl Numbers<'_> {
+    fn widened(&self) -> Result<Matrix, TornMat> {
+        let bytes = number_bytes(self.kind).unwrap_or(1);
+        let count = self.data.len() / bytes;
+        if count > MOST_NUMBERS {
+            let reason = format!(
+                "{:?} has {count} numbers, and {MOST_NUMBERS} are the most; this is no squeeze",
+                self.name
+            );
+            return torn(self.begins, reason);
+        }
+        let numbers = self.data.chunks_exact(bytes);
+        Ok(Matrix {
+            name: self.name.clone(),
+            rows: self.rows,
+            values: numbers.map(|n| number(self.kind, n, self.big_endian)).collect(),
+        })
+    }
 }
 
 /// A run of elements.
@@ -224,7 +268,7 @@ impl<'a> Bytes<'a> {
     }
 
     /// A matrix of numbers; none where it is one of anything else.
-    fn matrix(&self, whole: &Element<'_>) -> Result<Option<Matrix>, TornMat> {
+    fn numbers(&self, whole: &Element<'_>) -> Result<Option<Numbers<'a>>, TornMat> {
         let inner = Self {
             bytes: &self.bytes[..whole.ends],
             ..*self
@@ -265,34 +309,32 @@ impl<'a> Bytes<'a> {
             );
             return torn(real.begins, reason);
         }
-        let values = real
-            .data
-            .chunks_exact(bytes)
-            .map(|n| self.number(real.kind, n))
-            .collect();
-        Ok(Some(Matrix {
+        Ok(Some(Numbers {
             name: text,
             rows,
-            values,
+            kind: real.kind,
+            data: real.data,
+            begins: real.begins,
+            big_endian: self.big_endian,
         }))
     }
+}
 
-    fn number(&self, kind: u32, bytes: &[u8]) -> f64 {
-        let mut little = [0; 8];
-        little[..bytes.len()].copy_from_slice(bytes);
-        if self.big_endian {
-            little[..bytes.len()].reverse();
-        }
-        let bits = u64::from_le_bytes(little);
-        match kind {
-            1 => f64::from(bits as i8),
-            3 => f64::from(bits as i16),
-            5 => f64::from(bits as i32),
-            7 => f64::from(f32::from_bits(bits as u32)),
-            9 => f64::from_bits(bits),
-            12 => bits as i64 as f64,
-            _ => bits as f64,
-        }
+fn number(kind: u32, bytes: &[u8], big_endian: bool) -> f64 {
+    let mut little = [0; 8];
+    little[..bytes.len()].copy_from_slice(bytes);
+    if big_endian {
+        little[..bytes.len()].reverse();
+    }
+    let bits = u64::from_le_bytes(little);
+    match kind {
+        1 => f64::from(bits as i8),
+        3 => f64::from(bits as i16),
+        5 => f64::from(bits as i32),
+        7 => f64::from(f32::from_bits(bits as u32)),
+        9 => f64::from_bits(bits),
+        12 => bits as i64 as f64,
+        _ => bits as f64,
     }
 }
 
@@ -307,153 +349,20 @@ fn number_bytes(kind: u32) -> Option<usize> {
     })
 }
 
-fn unpack(data: &[u8], offset: usize) -> Result<Vec<u8>, TornMat> {
+fn unpack(data: &[u8], offset: usize, most: u64) -> Result<Vec<u8>, TornMat> {
     let mut unpacked = Vec::new();
-    match ZlibDecoder::new(data)
-        .take(MOST_UNPACKED)
-        .read_to_end(&mut unpacked)
-    {
+    match ZlibDecoder::new(data).take(most + 1).read_to_end(&mut unpacked) {
         Err(error) => torn(
             offset,
             format!("a compressed element cannot be unpacked: {error}"),
         ),
-        Ok(n) if n as u64 == MOST_UNPACKED => torn(
+        Ok(n) if n as u64 > most => torn(
             offset,
-            "a compressed element of more than 16 MB; this is no squeeze",
+            "compressed elements of more than 16 MB; this is no squeeze",
         ),
         Ok(_) => Ok(unpacked),
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use flate2::Compression;
-    use flate2::write::ZlibEncoder;
-    use proptest::prelude::*;
-    use std::io::Write;
-
-    #[test]
-    fn a_file_of_version_7_3_is_named_and_what_to_save_it_as() {
-        for (version, order) in [(*b"\x00\x02", *b"IM"), (*b"\x02\x00", *b"MI")] {
-            let mut file = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".to_vec();
-            file.resize(HEADER - 4, b' ');
-            file.extend(version);
-            file.extend(order);
-            file.resize(512, 0);
-            file.extend(b"\x89HDF\r\n\x1a\n");
-            let error = read_mat(&file, "datos").unwrap_err().to_string();
-            assert!(error.contains("7.3") && error.contains("-v7"), "{error}");
-        }
-    }
-
-    fn matrix() -> Matrix {
-        let values = (0..30).map(|n| f64::from(n) / 7.0).collect();
-        Matrix {
-            name: "datos".into(),
-            rows: 3,
-            values,
-        }
-    }
-
-    fn compressed(file: &[u8]) -> Vec<u8> {
-        let mut packer = ZlibEncoder::new(Vec::new(), Compression::default());
-        packer.write_all(&file[HEADER..]).unwrap();
-        let packed = packer.finish().unwrap();
-        let mut out = file[..HEADER].to_vec();
-        out.extend(COMPRESSED.to_le_bytes());
-        out.extend((packed.len() as u32).to_le_bytes());
-        out.extend(packed);
-        out
-    }
-
-    #[test]
-    fn a_matrix_comes_back_to_the_bit_packed_or_not() {
-        let file = write_mat(&matrix());
-        assert_eq!(read_mat(&file, "datos").unwrap(), matrix());
-        assert_eq!(read_mat(&compressed(&file), "datos").unwrap(), matrix());
-        assert_eq!(
-            read_mat(&file, "other").unwrap(),
-            matrix(),
-            "the only matrix needs no name"
-        );
-    }
-
-    #[test]
-    fn small_elements_integers_and_the_other_byte_order_are_read() {
-        // One row of the numbers 1, -2 as int16 in a small element, most significant byte first.
-        let mut file = vec![b' '; HEADER - 4];
-        file.extend([1, 0, b'M', b'I']);
-        let words = |words: &[u32]| words.iter().flat_map(|w| w.to_be_bytes()).collect::<Vec<u8>>();
-        let mut body = words(&[6, 8, 6, 0, 5, 8, 1, 2, 1 << 16 | 1]);
-        body.extend(b"x\0\0\0");
-        body.extend(words(&[4 << 16 | 3, 0x0001_FFFE]));
-        file.extend(words(&[14, body.len() as u32]));
-        file.extend(body);
-        let read = read_mat(&file, "datos").unwrap();
-        assert_eq!(
-            (read.name.as_str(), read.rows, read.values),
-            ("x", 1, vec![1.0, -2.0])
-        );
-    }
-
-    #[test]
-    fn a_file_that_is_cut_off_names_the_byte() {
-        for file in [write_mat(&matrix()), compressed(&write_mat(&matrix()))] {
-            for end in 0..file.len() {
-                let torn = read_mat(&file[..end], "datos").unwrap_err();
-                assert!(torn.offset <= end && !torn.reason.is_empty(), "{end}: {torn}");
-            }
-        }
-        let file = write_mat(&matrix());
-        let torn = read_mat(&file[..200], "datos").unwrap_err().to_string();
-        assert_eq!(
-            torn,
-            "byte 128: an element of 296 bytes is cut off after 64; get the file again"
-        );
-    }
-
-    #[test]
-    fn other_files_are_told_from_damaged_ones() {
-        let mut hdf = write_mat(&matrix());
-        hdf[HEADER - 2..HEADER].copy_from_slice(b"\0\0");
-        assert!(read_mat(&hdf, "datos").unwrap_err().reason.contains("-v7"));
-        let mut complex = write_mat(&matrix());
-        complex[HEADER + 17] = 8;
-        assert!(
-            read_mat(&complex, "datos")
-                .unwrap_err()
-                .reason
-                .contains("complex")
-        );
-        assert!(
-            read_mat(&write_mat(&matrix())[..HEADER], "datos")
-                .unwrap_err()
-                .reason
-                .contains("without a matrix")
-        );
-    }
-
-    #[test]
-    fn what_unpacks_without_end_is_not_unpacked() {
-        let mut file = write_mat(&matrix())[..HEADER].to_vec();
-        file.resize(HEADER + (20 << 20), 0);
-        let torn = read_mat(&compressed(&file), "datos").unwrap_err();
-        assert!(torn.reason.contains("16 MB"), "{torn}");
-    }
-
-    proptest! {
-        #[test]
-        fn no_bytes_make_the_reader_fail_otherwise(changes in proptest::collection::vec((0usize..450, any::<u8>()), 1..12)) {
-            for mut file in [write_mat(&matrix()), compressed(&write_mat(&matrix()))] {
-                let length = file.len();
-                for (at, byte) in &changes {
-                    file[at % length] = *byte;
-                }
-                if let Ok(matrix) = read_mat(&file, "datos") {
-                    prop_assert!(matrix.rows == 0 || matrix.values.len() % matrix.rows == 0);
-                }
-            }
-        }
-    }
-}
+mod tests;
