@@ -33,7 +33,7 @@ const LEAST_BUFFER: usize = 4608;
 /// Most send buffer of a subscriber that is sent every message: the usual limit for programs
 /// without privileges.
 const EVERY_BUFFER: usize = 212_992;
-/// Subscriptions a client may have refused before it is disconnected.
+/// Subscriptions in a row that a client may have refused before it is disconnected.
 const MAX_REFUSALS: u32 = 8;
 
 /// A client that was let in.
@@ -248,7 +248,6 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
                 | SubscribeError::Decode(_)
                 | SubscribeError::WrongKind { .. }),
             ) => Err(Farewell::Nonsense(error)),
-            Err(error) if self.refusals >= MAX_REFUSALS => Err(Farewell::Nonsense(error)),
             Err(error) => self.refuse(error.to_string()).await,
         }
     }
@@ -354,6 +353,7 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
             raw.set_rate(wants.max_rate_hz);
         }
         self.wants = wants;
+        self.refusals = 0;
         self.size_send_buffer()?;
         Ok(Ok(()))
     }

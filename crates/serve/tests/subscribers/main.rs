@@ -2,5 +2,6 @@
 
 mod every;
 mod newest;
+mod refusals;
 mod stage;
 mod waking;

@@ -1,0 +1,56 @@
+//! What becomes of a subscriber that asks for what it cannot have.
+
+use crate::stage::{PATIENCE, on_stage};
+use taxel_wire::{EventKind, Received, Subscribe, Subscriber};
+
+/// What a subscription is answered with; none where it is taken.
+fn answer(subscriber: &mut Subscriber, wants: &Subscribe) -> Option<(EventKind, String)> {
+    subscriber.subscribe(wants).unwrap();
+    loop {
+        match subscriber.next_timeout(PATIENCE).unwrap().expect("an answer") {
+            Received::Hello(_) => return None,
+            Received::Event(_, event) => return Some((event.event, event.message)),
+            _ => {}
+        }
+    }
+}
+
+#[test]
+fn who_is_refused_too_often_in_a_row_is_told_so_and_let_go_and_nobody_else() {
+    on_stage(async |stage| {
+        let path = stage.path.clone();
+        let (done, is_done) = tokio::sync::oneshot::channel();
+        let client = std::thread::spawn(move || {
+            let mut subscriber = Subscriber::connect(&path).unwrap();
+            while !matches!(
+                subscriber.next_timeout(PATIENCE).unwrap(),
+                Some(Received::Hello(_))
+            ) {}
+            // These contradict each other.
+            let refused = Subscribe {
+                every: true,
+                max_rate_hz: Some(1.0),
+                ..Subscribe::default()
+            };
+            // Months of a display that is now and then refused something.
+            for _ in 0..5 {
+                for _ in 0..8 {
+                    let (kind, text) = answer(&mut subscriber, &refused).unwrap();
+                    assert_eq!(kind, EventKind::Refused, "{text}");
+                }
+                assert_eq!(answer(&mut subscriber, &Subscribe::default()), None);
+            }
+            for _ in 0..8 {
+                answer(&mut subscriber, &refused).unwrap();
+            }
+            let (kind, text) = answer(&mut subscriber, &refused).unwrap();
+            assert_eq!(kind, EventKind::Disconnect, "{text}");
+            assert!(
+                text.contains("too often") && text.contains("max_rate_hz"),
+                "{text}"
+            );
+            done.send(()).unwrap();
+        });
+        assert!(is_done.await.is_ok(), "{:?}", client.join());
+    });
+}
