@@ -12,6 +12,7 @@ mod image_maker;
 mod joints;
 pub mod log;
 mod out_of_use;
+mod overruns;
 mod realtime;
 mod reload;
 mod snapshot;

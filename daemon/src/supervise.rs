@@ -3,7 +3,9 @@
 //!
 //! The tick thread itself never logs, so that a slow terminal or journal cannot hold up an image.
 
+use crate::clients::Lines;
 use crate::out_of_use::OutOfUse;
+use crate::overruns::Overruns;
 use crate::snapshot::Snapshot;
 use crate::state::State;
 use sd_notify::NotifyState;
@@ -28,7 +30,7 @@ pub(crate) async fn watch(state: Rc<State>) {
     let mut period = interval(PERIOD);
     period.set_missed_tick_behavior(MissedTickBehavior::Delay);
     let mut before: Option<Snapshot> = None;
-    let mut out_of_use = OutOfUse::default();
+    let mut told = Told::default();
     let mut joints = JointsReporter::default();
     let mut last_heartbeat = 0;
     let mut status_at = Instant::now();
@@ -43,7 +45,7 @@ pub(crate) async fn watch(state: Rc<State>) {
             continue;
         }
         let is_sending = state.call_roster().await;
-        report_changes(&state, before.as_ref(), &now, &mut out_of_use);
+        report_changes(&state, before.as_ref(), &now, &mut told);
         let view = state.joints(&now);
         if !finished {
             // A recording that is over is no bus that is down.
@@ -104,8 +106,18 @@ impl Reports {
     }
 }
 
+/// What the log was told, as far as it is not to be told each time.
+#[derive(Default)]
+struct Told {
+    out_of_use: OutOfUse,
+    overruns: Overruns,
+    /// That the baseline is measured, and that images are paused: anybody may ask for both as often as they like.
+    baselines: Lines,
+    pauses: Lines,
+}
+
 /// Says what is different between two looks at the hand.
-fn report_changes(state: &State, before: Option<&Snapshot>, now: &Snapshot, out_of_use: &mut OutOfUse) {
+fn report_changes(state: &State, before: Option<&Snapshot>, now: &Snapshot, told_before: &mut Told) {
     let layout = &state.config.layout;
     for (i, bus) in now.buses.iter().enumerate() {
         let was_up =
@@ -146,7 +158,7 @@ fn report_changes(state: &State, before: Option<&Snapshot>, now: &Snapshot, out_
             .get(module)
             .is_some_and(|b| b.state == BoardState::Streaming)
     };
-    for (faults, taxels) in out_of_use.look(layout, &now.force.faults, speaks) {
+    for (faults, taxels) in told_before.out_of_use.look(layout, &now.force.faults, speaks) {
         let module = layout.module_of(taxels[0]);
         let name = &module.name;
         let reasons = faults.iter().map(Fault::name).collect::<Vec<_>>().join(", ");
@@ -163,13 +175,11 @@ fn report_changes(state: &State, before: Option<&Snapshot>, now: &Snapshot, out_
             ),
         }
     }
-    let Some(before) = before else { return };
-    if now.overruns > before.overruns {
-        tracing::warn!(
-            ticks = now.overruns - before.overruns,
-            "ticks given up: the daemon was held up"
-        );
+    let at = Instant::now();
+    if let Some(line) = told_before.overruns.look(now.overruns, at) {
+        tracing::warn!("{line}");
     }
+    let Some(before) = before else { return };
     if now.force.calibrating != before.force.calibrating {
         let (kind, text) = if now.force.calibrating {
             (
@@ -182,7 +192,7 @@ fn report_changes(state: &State, before: Option<&Snapshot>, now: &Snapshot, out_
                 format!("baseline measured, contact threshold {:.1}", now.force.threshold),
             )
         };
-        tracing::info!("{text}");
+        told_before.baselines.say(&text, at);
         state.server.announce(Event::new(kind, text));
     }
     if now.paused != before.paused {
@@ -194,7 +204,7 @@ fn report_changes(state: &State, before: Option<&Snapshot>, now: &Snapshot, out_
         } else {
             (EventKind::Resumed, "images show contacts again")
         };
-        tracing::info!("{text}");
+        told_before.pauses.say(text, at);
         state.server.announce(Event::new(kind, text));
     }
 }

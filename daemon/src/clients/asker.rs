@@ -1,10 +1,9 @@
 //! Who asks, and the lines of the log that say so.
 
-use super::allowance::Allowance;
+use super::lines::Lines;
 use std::cell::RefCell;
 use std::collections::HashMap;
 use std::fmt;
-use std::time::Duration;
 use tokio::net::UnixStream;
 use tokio::time::Instant;
 
@@ -60,16 +59,6 @@ pub(crate) struct ChangeLog {
     motors: RefCell<HashMap<String, bool>>,
 }
 
-/// How much may be said of one kind of change by one user.
-#[derive(Debug)]
-struct Lines {
-    allowance: Allowance,
-    unsaid: u64,
-}
-
-/// Lines of the log at once, and in the long run.
-const LINES: u32 = 30;
-const LINE_INTERVAL: Duration = Duration::from_secs(3);
 /// Users and kinds of changes that are told apart. Beyond, those go of whom nothing was left out.
 const TOLD_APART: usize = 1000;
 
@@ -108,17 +97,10 @@ impl ChangeLog {
     fn line(&self, change: Change, always: bool, what: &str, asker: &Asker, now: Instant) -> Option<String> {
         let mut all = self.lines.borrow_mut();
         if all.len() >= TOLD_APART {
-            all.retain(|_, lines| lines.unsaid > 0);
+            all.retain(|_, lines| lines.has_left_out());
         }
-        let lines = (all.entry((asker.user.map(|(uid, _)| uid), change))).or_insert_with(|| Lines {
-            allowance: Allowance::new(LINES, LINE_INTERVAL),
-            unsaid: 0,
-        });
-        if !lines.allowance.take_now(now) && !always {
-            lines.unsaid += 1;
-            return None;
-        }
-        Some(match std::mem::take(&mut lines.unsaid) {
+        let lines = all.entry((asker.user.map(|(uid, _)| uid), change)).or_default();
+        Some(match lines.take(always, now)? {
             0 => format!("{what}, by request of {asker}"),
             unsaid => {
                 format!("{what}, by request of {asker}; {unsaid} such requests before it are not in the log")
@@ -129,6 +111,7 @@ impl ChangeLog {
 
 #[cfg(test)]
 mod tests {
+    use super::super::lines::{LINE_INTERVAL, LINES};
     use super::*;
 
     const PAUSE: Change = Change {
