@@ -1,6 +1,7 @@
 //! `taxel eval`: how good and how fast every method is, on the same frames.
 
 mod cell;
+mod every_figure;
 mod export;
 mod scene;
 mod spreadsheet;
@@ -230,7 +231,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         text = serde_json::to_string(&output)? + "\n";
     } else {
         let table = if args.all {
-            table::every_figure
+            every_figure::every_figure
         } else {
             table::main_figures
         };
