@@ -90,14 +90,17 @@ def test_a_bus_that_is_unplugged_trips_nothing_and_is_taken_up_again(service, bu
 
 
 def test_a_reload_takes_up_the_profile_and_loses_no_subscriber(service, buses):
+    # The reader takes nothing while the service is reloaded, which takes seconds on a busy machine.
+    patient = {"mode": "0660", "group": "tactile", "stall_ms": 60_000}
+    service.configure(sources=buses.sources, socket=patient)
     service.start()
     pid = service.pid
     with taxel_reader.connect(service.images) as reader:
         next_image(reader)
-        service.configure(sources=buses.sources, profile={"levels": 3})
+        service.configure(sources=buses.sources, profile={"levels": 3}, socket=patient)
         systemctl("reload", service.unit, check=True)
         eventually(lambda: service.control("profile")["profile"]["levels"] == 3, service.newest, 60)
-        service.configure(sources=buses.sources, profile={"levels": 0})
+        service.configure(sources=buses.sources, profile={"levels": 0}, socket=patient)
         assert systemctl("reload", service.unit).returncode != 0
         service.wait_journal("levels = 0")
         before = next_image(reader).seq
