@@ -64,9 +64,9 @@ impl Exchange {
         let mut next = 0;
         while let Some(taker) = self.queue.get(next).copied() {
             next += 1;
-            for to in 0..self.from.len() {
-                if live[to] && self.from[to] == NONE && near(usize::from(taker), to) {
-                    self.from[to] = taker;
+            for ((to, from), live) in self.from.iter_mut().enumerate().zip(live) {
+                if *live && *from == NONE && near(usize::from(taker), to) {
+                    *from = taker;
                     if to == left {
                         return true;
                     }
