@@ -3,15 +3,12 @@
 //! It is all of a stream that the thread with the frames ever wakes, however many read it: to wake a task of another
 //! thread takes a lock, and memory where many are woken at once.
 
-use crate::feed::Way;
 use crate::lane::Lane;
 use crate::message::Message;
 use crate::socket::are_writable;
-use crate::stream::Stream;
+use crate::way::Way;
 use std::cell::{Cell, RefCell};
-use std::rc::{Rc, Weak};
-use std::sync::Arc;
-use tokio::sync::watch;
+use std::rc::Rc;
 
 /// Lanes whose sockets are asked for room in one call: few, so that the first are not kept waiting for the last.
 const ASKED_AT_ONCE: usize = 64;
@@ -50,7 +47,7 @@ impl Readers {
     }
 
     /// Hands a message on; says whether there is anybody to hand the next one to.
-    fn hand_on(&self, message: &Message) -> bool {
+    pub(crate) fn hand_on(&self, message: &Message) -> bool {
         let (offered, woken) = (self.offered.borrow(), self.woken.borrow());
         offered
             .chunks(ASKED_AT_ONCE)
@@ -59,21 +56,6 @@ impl Readers {
         let are_there = !offered.is_empty() || !woken.is_empty();
         self.is_delivered.set(are_there);
         are_there
-    }
-}
-
-/// Hands on every message of a stream as it comes, until nobody reads it.
-pub(crate) async fn deliver(stream: Weak<Stream>, mut newest: watch::Receiver<Arc<Message>>) {
-    while newest.changed().await.is_ok() {
-        let message = newest.borrow_and_update().clone();
-        let Some(stream) = stream.upgrade() else {
-            return;
-        };
-        // However long the sockets of those are full that want every one.
-        stream.collect();
-        if !stream.readers.hand_on(&message) {
-            return;
-        }
     }
 }
 

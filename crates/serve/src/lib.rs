@@ -36,6 +36,7 @@ mod socket_path;
 mod stream;
 mod subscriber;
 mod turns;
+mod way;
 
 pub use announcements::Announcements;
 pub use config::{Limits, ProfilesConfig};

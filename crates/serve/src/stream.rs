@@ -8,6 +8,7 @@ use crate::courier::Readers;
 use crate::message::Message;
 use std::cell::RefCell;
 use std::collections::VecDeque;
+use std::rc::Weak;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, mpsc};
 use std::time::Instant;
@@ -230,6 +231,21 @@ impl Stream {
         let backlog = self.backlog.borrow();
         let at = backlog.partition_point(|message| message.tick <= tick);
         backlog.get(at).cloned()
+    }
+}
+
+/// The courier: hands on every message of a stream as it comes, until nobody reads it.
+pub(crate) async fn deliver(stream: Weak<Stream>, mut newest: watch::Receiver<Arc<Message>>) {
+    while newest.changed().await.is_ok() {
+        let message = newest.borrow_and_update().clone();
+        let Some(stream) = stream.upgrade() else {
+            return;
+        };
+        // However long the sockets of those are full that want every one.
+        stream.collect();
+        if !stream.readers.hand_on(&message) {
+            return;
+        }
     }
 }
 

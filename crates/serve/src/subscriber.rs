@@ -7,7 +7,7 @@
 
 use crate::active_profile::{ActiveProfile, Lease};
 use crate::farewell::Farewell;
-use crate::feed::{Feed, Way};
+use crate::feed::Feed;
 use crate::handle::{Announcement, Packets};
 use crate::lane::Lane;
 use crate::profile_maker::{DisplayProfile, ProfileMaker};
@@ -17,6 +17,7 @@ use crate::server::Server;
 use crate::socket::{Socket, kept_bytes, send_buffer};
 use crate::stream::Stream;
 use crate::turns::Account;
+use crate::way::Way;
 use std::collections::VecDeque;
 use std::future::poll_fn;
 use std::io;
