@@ -1,12 +1,14 @@
 """Images, restarts, refusals and asyncio, against the fake daemon."""
 
 import asyncio
+import socket
 import threading
 import time
 
 import numpy as np
 import pytest
 import taxel
+from taxel.fake import _event
 
 
 def test_an_image_comes_as_arrays(daemon):
@@ -57,6 +59,38 @@ def test_a_daemon_that_was_waited_for_has_not_restarted(daemon):
         daemon.press([(0, 0, 2)])
         assert hand.next(timeout=10) is not None
         assert hand.restarts == 1
+
+
+def test_who_is_turned_away_or_let_go_has_seen_no_restart(daemon):
+    full = "16 subscribers are connected already"
+    daemon.stop()
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as listener:
+        listener.bind(str(daemon.path))
+        listener.listen()
+        hand = taxel.connect(daemon.path)
+        for _ in range(3):
+            client, _ = listener.accept()
+            client.send(_event("disconnect", full))
+            client.close()
+            assert hand.message(timeout=10).message == full
+            # Finds the connection ended, and connects anew.
+            assert hand.message(timeout=0.0) is None and hand.gone == full
+            assert hand.message(timeout=0.0) is None
+    daemon.path.unlink()
+    daemon.start()
+    daemon.press([(0, 0, 1)])
+    assert hand.next(timeout=10) is not None
+    assert hand.restarts == 0 and hand.gone == ""
+    daemon.event("disconnect", "it made room")
+    daemon.restart()
+    daemon.press([(0, 0, 2)])
+    assert hand.next(timeout=10) is not None
+    assert hand.restarts == 0
+    daemon.restart()
+    daemon.press([(0, 0, 3)])
+    assert hand.next(timeout=10) is not None
+    assert hand.restarts == 1
+    hand.close()
 
 
 def test_a_display_learns_that_no_image_comes(daemon):

@@ -27,7 +27,7 @@ class Subscription:
         self._restarts = 0
         self._gone = ""
         self._lost = False
-        """A connection was lost, and there was none since; one that is waited for was never there."""
+        """A daemon that was there went away, and none was there since."""
         self._unanswered = 0
         """HELLOs until what is asked for is in force: the first of a connection, and the answer."""
         self._closed = False
@@ -46,7 +46,7 @@ class Subscription:
 
     @property
     def gone(self) -> str:
-        """Why the daemon is gone; empty while it is there."""
+        """Why the daemon is gone, or let this client go; empty once it has described the hand."""
         return self._gone
 
     def latency_ns(self, message: messages.Message) -> Optional[int]:
@@ -84,9 +84,6 @@ class Subscription:
         """Connects where it is not connected. Raises OSError."""
         if self._reader is None:
             self._reader = _reader.connect(self._path, **self._wanted)
-            self._restarts += self._lost
-            self._lost = False
-            self._gone = ""
             self._unanswered = 2 if self._wanted else 0
         return self._reader
 
@@ -95,6 +92,10 @@ class Subscription:
         received = reader.receive(timeout=seconds)
         if received is None or self._closed:
             return None
+        if received.header.type == _reader.HELLO:
+            self._restarts += self._lost
+            self._lost = False
+            self._gone = ""
         if self._unanswered and received.header.type == _reader.HELLO:
             answers = "subscription" in self.hello or {"profile", "region"} & self._wanted.keys()
             self._unanswered -= 1 if answers else 2
@@ -109,9 +110,10 @@ class Subscription:
         return message
 
     def _lose(self, error: OSError) -> None:
-        """The daemon is gone, or not there yet."""
+        """The daemon is gone, or not there yet, or has no place for this client, and says so before it closes."""
         self._gone = str(error) or "taxeld is gone"
-        self._lost |= self._reader is not None
+        says_why = isinstance(error, _reader.Closed) and error.reason != ""
+        self._lost |= bool(self.hello) and not says_why
         self._disconnect()
 
     def _disconnect(self) -> None:
