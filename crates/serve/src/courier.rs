@@ -3,10 +3,10 @@
 //! It is all of a stream that the thread with the frames ever wakes, however many read it: to wake a task of another
 //! thread takes a lock, and memory where many are woken at once.
 
+use crate::delivery::Delivery;
 use crate::lane::Lane;
 use crate::message::Message;
 use crate::socket::are_writable;
-use crate::way::Way;
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 
@@ -25,22 +25,22 @@ pub(crate) struct Readers {
 }
 
 impl Readers {
-    fn of(&self, way: Way) -> &RefCell<Vec<Rc<Lane>>> {
-        match way {
-            Way::Courier => &self.offered,
-            Way::Newest | Way::Every => &self.woken,
+    fn of(&self, delivery: Delivery) -> &RefCell<Vec<Rc<Lane>>> {
+        match delivery {
+            Delivery::NewestByCourier => &self.offered,
+            Delivery::Newest | Delivery::Every => &self.woken,
         }
     }
 
     /// Messages are handed on to another lane from now on. Returns whether the caller has to start a courier.
-    pub(crate) fn join(&self, lane: &Rc<Lane>, way: Way) -> bool {
-        self.of(way).borrow_mut().push(lane.clone());
+    pub(crate) fn join(&self, lane: &Rc<Lane>, delivery: Delivery) -> bool {
+        self.of(delivery).borrow_mut().push(lane.clone());
         !self.is_delivered.replace(true)
     }
 
     /// A lane that called [`Readers::join`] is gone.
-    pub(crate) fn leave(&self, lane: &Rc<Lane>, way: Way) {
-        let mut lanes = self.of(way).borrow_mut();
+    pub(crate) fn leave(&self, lane: &Rc<Lane>, delivery: Delivery) {
+        let mut lanes = self.of(delivery).borrow_mut();
         if let Some(at) = lanes.iter().position(|other| Rc::ptr_eq(other, lane)) {
             lanes.swap_remove(at);
         }

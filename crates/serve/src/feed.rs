@@ -1,11 +1,11 @@
 //! One stream on its way to one subscriber: the newest message when the socket can take one, or
 //! every message in order; and a count of those skipped.
 
+use crate::delivery::Delivery;
 use crate::lane::Lane;
 use crate::message::Message;
 use crate::pace::Pace;
 use crate::stream::{Stream, deliver};
-use crate::way::Way;
 use std::future::poll_fn;
 use std::io::{self, IoSlice};
 use std::rc::Rc;
@@ -17,27 +17,27 @@ use std::task::{Poll, ready};
 pub(crate) struct Feed {
     stream: Rc<Stream>,
     lane: Rc<Lane>,
-    way: Way,
+    delivery: Delivery,
     pace: Pace,
 }
 
 impl Feed {
     /// The next message is the first to come: the newest may be as old as the time since the bus fell
     /// silent. Ticks go on being counted where the lane has had messages.
-    pub(crate) fn new(stream: &Rc<Stream>, lane: &Rc<Lane>, way: Way) -> Self {
+    pub(crate) fn new(stream: &Rc<Stream>, lane: &Rc<Lane>, delivery: Delivery) -> Self {
         let mut newest = stream.newest.clone();
         newest.mark_unchanged();
         lane.begin_after(newest.borrow().tick);
-        if way == Way::Every {
+        if delivery == Delivery::Every {
             stream.keep();
         }
-        if stream.readers.join(lane, way) {
+        if stream.readers.join(lane, delivery) {
             tokio::task::spawn_local(deliver(Rc::downgrade(stream), newest));
         }
         Self {
             stream: stream.clone(),
             lane: lane.clone(),
-            way,
+            delivery,
             pace: Pace::default(),
         }
     }
@@ -47,9 +47,9 @@ impl Feed {
         &self.stream
     }
 
-    /// How messages get there.
-    pub(crate) fn way(&self) -> Way {
-        self.way
+    /// Which of its messages are sent, and by whom.
+    pub(crate) fn delivery(&self) -> Delivery {
+        self.delivery
     }
 
     /// From now on at most so many messages a second; the next may be sent at once, whatever was asked for before.
@@ -78,8 +78,8 @@ impl Feed {
     /// The message to be sent now, if there is one.
     fn next(&self) -> Option<Arc<Message>> {
         let after = self.lane.after();
-        match self.way {
-            Way::Every => self.stream.after(after),
+        match self.delivery {
+            Delivery::Every => self.stream.after(after),
             // A clone, so that the publisher is not kept waiting while the kernel copies the message.
             _ => Some(self.stream.newest.borrow().clone())
                 .filter(|message| message.tick > after && self.pace.takes(message.due)),
@@ -96,7 +96,7 @@ impl Feed {
                 return Poll::Ready(Ok(()));
             };
             let packet = [IoSlice::new(&header), IoSlice::new(&message.payload)];
-            ready!(self.lane.socket.poll_send(cx, &packet, self.way.room()))?;
+            ready!(self.lane.socket.poll_send(cx, &packet, self.delivery.room()))?;
             self.lane.note_sent(&message);
             self.pace.note_sent(message.due);
             Poll::Ready(Ok(()))
@@ -107,8 +107,8 @@ impl Feed {
 
 impl Drop for Feed {
     fn drop(&mut self) {
-        self.stream.readers.leave(&self.lane, self.way);
-        if self.way == Way::Every {
+        self.stream.readers.leave(&self.lane, self.delivery);
+        if self.delivery == Delivery::Every {
             self.stream.release();
         }
     }

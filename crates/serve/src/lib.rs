@@ -17,6 +17,7 @@ mod active_profile;
 mod announcements;
 mod config;
 mod courier;
+mod delivery;
 mod farewell;
 mod feed;
 mod handle;
@@ -36,7 +37,6 @@ mod socket_path;
 mod stream;
 mod subscriber;
 mod turns;
-mod way;
 
 pub use announcements::Announcements;
 pub use config::{Limits, ProfilesConfig};

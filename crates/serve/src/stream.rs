@@ -234,7 +234,7 @@ impl Stream {
     }
 }
 
-/// The courier: hands on every message of a stream as it comes, until nobody reads it.
+/// The courier: hands on the newest message of a stream as it comes, until nobody reads it.
 pub(crate) async fn deliver(stream: Weak<Stream>, mut newest: watch::Receiver<Arc<Message>>) {
     while newest.changed().await.is_ok() {
         let message = newest.borrow_and_update().clone();

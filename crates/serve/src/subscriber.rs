@@ -6,6 +6,7 @@
 //! that task waits, the courier sends the newest image (see [`crate::lane`]).
 
 use crate::active_profile::{ActiveProfile, Lease};
+use crate::delivery::Delivery;
 use crate::farewell::Farewell;
 use crate::feed::Feed;
 use crate::handle::{Announcement, Packets};
@@ -17,7 +18,6 @@ use crate::server::Server;
 use crate::socket::{Socket, kept_bytes, send_buffer};
 use crate::stream::Stream;
 use crate::turns::Account;
-use crate::way::Way;
 use std::collections::VecDeque;
 use std::future::poll_fn;
 use std::io;
@@ -109,7 +109,7 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
         let wants = Subscribe::default();
         let subscriber = Self {
             entry,
-            images: Feed::new(&shown.stream, &image_lane, Way::of_images(&wants)),
+            images: Feed::new(&shown.stream, &image_lane, Delivery::of_images(&wants)),
             wants,
             image_lane,
             raw_lane,
@@ -321,24 +321,24 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
     /// Takes what is wanted but for the profile. The inner error says why it cannot be had, and
     /// nothing has changed then.
     fn subscribe(&mut self, wants: Subscribe) -> Result<Result<(), String>, Farewell> {
-        let raw_way = Way::of_raw_frames(&wants);
+        let raw_delivery = Delivery::of_raw_frames(&wants);
         if !wants.raw {
             self.end_raw();
-        } else if self.raw.as_ref().is_none_or(|raw| raw.way() != raw_way) {
+        } else if self.raw.as_ref().is_none_or(|raw| raw.delivery() != raw_delivery) {
             let profiles = &self.server.profiles;
             match self.server.raw.open(&profiles.maker, &profiles.slots) {
                 Ok(stream) => {
                     if self.raw.is_none() {
                         self.raw_lane.begin(stream.newest_tick().max(self.newest_tick()));
                     }
-                    self.raw = Some(Feed::new(&stream, &self.raw_lane, raw_way));
+                    self.raw = Some(Feed::new(&stream, &self.raw_lane, raw_delivery));
                 }
                 Err(reason) => return Ok(Err(reason)),
             }
         }
-        let image_way = Way::of_images(&wants);
-        if wants.image != self.wants.image || self.images.way() != image_way {
-            self.images = Feed::new(&self.shown.stream, &self.image_lane, image_way);
+        let image_delivery = Delivery::of_images(&wants);
+        if wants.image != self.wants.image || self.images.delivery() != image_delivery {
+            self.images = Feed::new(&self.shown.stream, &self.image_lane, image_delivery);
         }
         match (self.wants.image, wants.image) {
             (true, false) => self.image_lane.end(self.newest_tick()),
@@ -368,7 +368,7 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
     /// Shows a profile, and says so. Ticks go on being counted across a change.
     async fn show(&mut self, shown: Rc<ActiveProfile>) -> Result<(), Farewell> {
         if !Rc::ptr_eq(&shown, &self.shown) {
-            self.images = Feed::new(&shown.stream, &self.image_lane, self.images.way());
+            self.images = Feed::new(&shown.stream, &self.image_lane, self.images.delivery());
             self.images.set_rate(self.wants.max_rate_hz);
             self.entry.set_profile(shown.id);
             self.shown = shown;

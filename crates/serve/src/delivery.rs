@@ -3,18 +3,18 @@
 use crate::socket::Room;
 use taxel_wire::Subscribe;
 
-/// How messages get to a subscriber.
+/// Which messages of a stream a subscriber is sent, and by whom.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Way {
-    /// Every one, in order.
+pub(crate) enum Delivery {
+    /// Every one, in order, by the subscriber's own task.
     Every,
     /// The newest, by the subscriber's own task.
     Newest,
     /// The newest, by the courier wherever the socket takes it at once.
-    Courier,
+    NewestByCourier,
 }
 
-impl Way {
+impl Delivery {
     /// That of the images of a subscription. The courier looks at no clock, and leaves a socket to the
     /// task that raw frames go to as well.
     pub(crate) fn of_images(wants: &Subscribe) -> Self {
@@ -24,16 +24,8 @@ impl Way {
                 raw: false,
                 max_rate_hz: None,
                 ..
-            } => Self::Courier,
+            } => Self::NewestByCourier,
             _ => Self::Newest,
-        }
-    }
-
-    /// When a message may be sent.
-    pub(crate) fn room(self) -> Room {
-        match self {
-            Self::Every => Room::Any,
-            Self::Newest | Self::Courier => Room::Fresh,
         }
     }
 
@@ -42,6 +34,14 @@ impl Way {
         match wants.every {
             true => Self::Every,
             false => Self::Newest,
+        }
+    }
+
+    /// When a message may be sent.
+    pub(crate) fn room(self) -> Room {
+        match self {
+            Self::Every => Room::Any,
+            Self::Newest | Self::NewestByCourier => Room::Fresh,
         }
     }
 }
