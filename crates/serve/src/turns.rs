@@ -8,6 +8,7 @@ use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::time::Duration;
+use taxel_wire::MAX_SUBSCRIBE;
 use tokio::sync::Notify;
 use tokio::time::{Instant, sleep_until};
 
@@ -63,10 +64,10 @@ impl Turns {
         }
     }
 
-    /// Waits until a subscription of so many bytes may be looked at. Where the future is dropped before, the
-    /// client keeps its place for the next time.
+    /// Waits until a packet of so many bytes may be looked at, of which no more are read than a subscription may have, and
+    /// one. Where the future is dropped before, the client keeps its place for the next time.
     pub(crate) async fn wait(&self, account: &Account, bytes: usize) {
-        let cost = ANSWER + bytes as u64;
+        let cost = ANSWER + bytes.min(MAX_SUBSCRIBE + 1) as u64;
         let end = (account.claim.get()).unwrap_or(account.served.get().max(self.level.get()) + cost);
         account.claim.set(Some(end));
         let waiting = self.enter((end, account.number));
@@ -213,6 +214,20 @@ mod tests {
         let served = order(&turns, &clients).await;
         let last = served.iter().rposition(|name| *name == "once").unwrap();
         assert!(last <= 22, "{served:?}");
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_packet_that_is_too_long_takes_no_more_time_than_is_read_of_it() {
+        let waited = async |bytes: usize| {
+            let turns = Turns::new();
+            turns.wait(&turns.account(), bytes).await;
+            let begin = Instant::now();
+            turns.wait(&turns.account(), SHORT).await;
+            begin.elapsed()
+        };
+        let longest = waited(MAX_SUBSCRIBE + 1).await;
+        assert_eq!(waited(400_000).await, longest);
+        assert_eq!(waited(usize::MAX).await, longest);
     }
 
     #[tokio::test(start_paused = true)]
