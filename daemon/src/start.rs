@@ -194,6 +194,8 @@ fn serving_thread<Run: Future<Output = ()>>(
             match main().await {
                 Ok(run) => {
                     let _ = ready.send(Ok(()));
+                    // Or nobody would notice that another thread has ended without a word.
+                    drop(ready);
                     run.await;
                 }
                 Err(error) => {
@@ -204,4 +206,34 @@ fn serving_thread<Run: Future<Output = ()>>(
     };
     let thread = std::thread::Builder::new().name(name.into());
     thread.spawn(run).map_err(system("start a thread"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::mpsc::RecvTimeoutError;
+    use std::time::Duration;
+
+    #[test]
+    fn a_thread_that_dies_before_it_serves_is_noticed_though_the_other_serves() {
+        let (ready, is_ready) = mpsc::channel();
+        let (stop, stopped) = oneshot::channel::<()>();
+        let serves = serving_thread("serves", ready.clone(), async move || {
+            Ok(async move {
+                let _ = stopped.await;
+            })
+        });
+        let dies = serving_thread(
+            "dies",
+            ready,
+            async || -> Result<std::future::Ready<()>, StartError> { panic!("as the test wants it") },
+        );
+        let patience = Duration::from_secs(20);
+        assert!(is_ready.recv_timeout(patience).unwrap().is_ok());
+        let other = is_ready.recv_timeout(patience).unwrap_err();
+        assert_eq!(other, RecvTimeoutError::Disconnected);
+        stop.send(()).unwrap();
+        serves.unwrap().join().unwrap();
+        dies.unwrap().join().unwrap_err();
+    }
 }
