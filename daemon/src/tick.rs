@@ -193,10 +193,14 @@ impl TickThread {
                 snapshot_due_ns = now_ns + HEARTBEAT_NS / 2;
                 self.update_snapshot(now_ns, overruns, images);
             }
-            // The last one has all that the recordings held: where somebody reads the one before, there is another round.
-            if finished && self.update_snapshot(now_ns, overruns, images) {
-                self.shared.finished.store(true, Ordering::Release);
-                break;
+            if finished {
+                // The last one has all that the recordings held.
+                if self.update_snapshot(now_ns, overruns, images) {
+                    self.shared.finished.store(true, Ordering::Release);
+                    break;
+                }
+                // Somebody reads the one before, perhaps on this core: nothing is due but to try again.
+                std::thread::sleep(Duration::from_millis(1));
             }
         }
         self.stop_hand();
@@ -397,6 +401,7 @@ mod tests {
         let shared = crate::start::shared(&config).unwrap();
         let thread = crate::start::open_pipeline(&config, &shared).unwrap().thread;
         let reading = shared.snapshot.lock().unwrap();
+        let begun = Instant::now();
         let thread = std::thread::spawn(move || thread.run());
         // The recording is over long before.
         while shared.heartbeat.load(Ordering::Relaxed) < 1000 {
@@ -404,6 +409,8 @@ mod tests {
             std::thread::yield_now();
         }
         assert!(!shared.finished.load(Ordering::Acquire));
+        // Whoever reads is let get on, on the same core too: a round takes a millisecond once nothing else is to be done.
+        assert!(begun.elapsed() >= Duration::from_millis(500));
         drop(reading);
         thread.join().unwrap();
         assert!(shared.finished.load(Ordering::Acquire));
