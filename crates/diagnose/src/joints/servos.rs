@@ -158,18 +158,21 @@ impl Judge<'_> {
         let since = |count: fn(&ServoCounters) -> u64| count(&servo.counters).saturating_sub(count(&before));
         let (late, damaged, refused) = (since(|c| c.late), since(|c| c.bad_crc), since(|c| c.refused));
         let double = since(|c| c.double);
-        // Two that answer at once damage each other's answers.
-        let two = match (self.had)(Kind::TwoServos, Place::Joint(joint)) {
-            Some(_) => double + damaged > 0,
-            None => double >= DOUBLE,
-        };
-        Answers {
+        let mut answers = Answers {
             late,
-            damaged: if two { 0 } else { damaged },
+            damaged,
             refused,
-            two,
+            two: double >= DOUBLE,
             all: late + damaged + double + refused + since(|c| c.ok) + since(|c| c.timeouts),
+        };
+        if (self.had)(Kind::TwoServos, Place::Joint(joint)).is_some() {
+            // Two that answer at once damage each other's answers; a noisy cable damages few.
+            answers.two = double > 0 || damaged >= answers.many(DAMAGED);
         }
+        if answers.two {
+            answers.damaged = 0;
+        }
+        answers
     }
 
     fn one_servo(

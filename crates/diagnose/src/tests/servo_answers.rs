@@ -148,6 +148,20 @@ fn two_servos_with_one_id_are_told_of_as_long_as_they_damage_each_other_and_that
 }
 
 #[test]
+fn a_damaged_answer_now_and_then_is_no_sign_that_there_are_still_two_servos_with_one_id() {
+    let mut bench = JointsBench::answering(4);
+    bench.pass(1000, |view| servo(view, 1).counters.double += 3);
+    bench.said(&[&["2 servos answer with the id of servo servo 2 (id 2)"]]);
+    // One is unplugged, and the cable is as noisy as it was.
+    bench.pass(3000, |view| {
+        servo(view, 1).counters.ok += 10;
+        servo(view, 1).counters.bad_crc += u64::from(view.now_ns % (500 * MS) == 0);
+    });
+    bench.said(&[&["one servo answers with the id"]]);
+    assert_eq!(bench.bench.kinds(), [""; 0]);
+}
+
+#[test]
 fn servos_that_all_come_back_are_told_alone_and_one_that_does_not_after_it_was_asked_again() {
     let mut bench = JointsBench::answering(4);
     bench.pass(3000, |view| {
