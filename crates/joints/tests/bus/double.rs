@@ -3,6 +3,7 @@
 use crate::{MS, World, still};
 use taxel_joints::FastSyncRead;
 use taxel_joints::bus::NoReading;
+use taxel_joints::protocol2::crc16;
 use taxel_sim::servo::ServoFault;
 
 #[test]
@@ -65,4 +66,29 @@ fn two_servos_that_spoil_each_other_in_one_packet_are_found_by_what_they_are_ask
         let counters = w.bus.servo(1).unwrap().counters;
         assert_eq!((counters.double > 2, counters.late), (double, 0), "{fault:?}");
     }
+}
+
+#[test]
+fn a_refusal_that_comes_before_its_turn_is_no_reading_that_is_taken_back() {
+    let mut w = World::of(2, FastSyncRead::Off);
+    w.cycles(10);
+    w.fault(2, ServoFault::Silent);
+    w.cycle(0);
+    w.servos.set_fault(2, None, 1);
+    let readings = |w: &World| w.bus.servo(1).unwrap().counters.ok;
+    let before = readings(&w);
+
+    // Servo 2 was silent, and what comes now before servo 1 has answered was meant for the request before.
+    w.bus.begin(w.now_ns);
+    assert!(w.turn());
+    let mut refusal = vec![0xFF, 0xFF, 0xFD, 0x00, 2, 4, 0, 0x55, 1];
+    refusal.extend(crc16(0, &refusal).to_le_bytes());
+    w.bus.space()[..refusal.len()].copy_from_slice(&refusal);
+    w.bus.filled(refusal.len(), w.now_ns);
+    while w.turn() {}
+
+    let servo = w.bus.servo(1).unwrap().counters;
+    assert_eq!((servo.late, servo.refused), (1, 1), "{servo:?}");
+    assert_eq!(w.bus.results()[1].map(|r| r.position), Ok(still(2)));
+    assert_eq!(readings(&w), before + 1);
 }

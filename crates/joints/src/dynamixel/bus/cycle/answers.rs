@@ -118,7 +118,6 @@ impl Bus {
         of.state.counters.double += 1;
         of.withhold = true;
         if self.results[servo].is_ok() {
-            of.state.counters.ok = of.state.counters.ok.saturating_sub(1);
             self.results[servo] = Err(NoReading::Double);
         }
     }
@@ -139,7 +138,6 @@ impl Bus {
                 }
                 self.results[i] = Err(NoReading::Silent);
                 self.servos[i].state.counters.late += 1;
-                self.servos[i].state.counters.ok = self.servos[i].state.counters.ok.saturating_sub(1);
             }
         }
     }
@@ -222,7 +220,6 @@ impl Bus {
         } else if std::mem::take(&mut servo.withhold) {
             Err(NoReading::Double)
         } else if let Some(present) = data.get(lead..).and_then(|d| d.first_chunk()) {
-            servo.state.counters.ok += 1;
             let unit = servo.current_unit_a();
             Ok(JointReading::decode(
                 present,

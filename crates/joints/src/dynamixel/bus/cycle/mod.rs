@@ -28,7 +28,7 @@ pub enum Step {
         /// Deadline, nanoseconds.
         until_ns: u64,
     },
-    /// The cycle is over; [`Bus::results`] holds it.
+    /// The cycle is over; [`Bus::results`] holds it. There is no step more before [`Bus::begin`].
     Done,
 }
 
@@ -309,6 +309,7 @@ impl Bus {
             if !self.pass_active {
                 if !self.next_request(now_ns) {
                     self.counters.cycle_ns = now_ns.saturating_sub(self.begun_ns);
+                    self.count_readings();
                     return Step::Done;
                 }
                 continue;
@@ -325,6 +326,13 @@ impl Bus {
                 self.drop_half_packets(now_ns);
             }
             self.end_pass(now_ns);
+        }
+    }
+
+    /// Only now, since a second answer may have shown that the first was none.
+    fn count_readings(&mut self) {
+        for (servo, result) in self.servos.iter_mut().zip(&self.results) {
+            servo.state.counters.ok += u64::from(result.is_ok());
         }
     }
 
