@@ -47,7 +47,9 @@ impl Head {
                         Topic::Can => head.has_can = true,
                         // One behind frames may be that of another hand, whose frames follow.
                         Topic::Hello if head.hello.is_none() || !has_frames => {
-                            head.hello = read_text(data).and_then(|text| Hello::parse(text.as_bytes()).ok())
+                            let hello = read_text(data).and_then(|text| Hello::parse(text.as_bytes()).ok());
+                            // One that is damaged does not undo the one before.
+                            head.hello = hello.or(head.hello);
                         }
                         _ => has_frames |= topic == Topic::Frames,
                     }

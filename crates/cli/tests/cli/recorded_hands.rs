@@ -32,9 +32,22 @@ pub(crate) fn put_hand_with_silence(
         HelloRate { mode, hz },
         Clock::Monotonic,
     );
-    let mut put = |topic, wall_ns, data| writer.put(&Entry { topic, wall_ns, data }).unwrap();
-    let text = String::from_utf8(hello.to_json()).unwrap();
-    put(Topic::Hello, from_ns, text_message(&text));
+    put_hello(writer, from_ns, &String::from_utf8(hello.to_json()).unwrap());
+    put_frames(writer, layout, from_ns, frames, is_silent);
+}
+
+fn put_hello(writer: &mut RecordingWriter<File>, wall_ns: u64, text: &str) {
+    let (topic, data) = (Topic::Hello, text_message(text));
+    writer.put(&Entry { topic, wall_ns, data }).unwrap();
+}
+
+fn put_frames(
+    writer: &mut RecordingWriter<File>,
+    layout: &Layout,
+    from_ns: u64,
+    frames: u64,
+    is_silent: fn(u64) -> bool,
+) {
     let mut tactile = TactileFrame::new(layout.len());
     tactile.age_ns.fill(0);
     let mut payload = Vec::new();
@@ -51,8 +64,9 @@ pub(crate) fn put_hand_with_silence(
             t_ns: tactile.t_ns,
             ..header
         };
-        let message = frame_message(&header, &RawView::decode(&payload).unwrap());
-        put(Topic::Frames, from_ns + n * 10_000_000, message);
+        let (topic, wall_ns) = (Topic::Frames, from_ns + n * 10_000_000);
+        let data = frame_message(&header, &RawView::decode(&payload).unwrap());
+        writer.put(&Entry { topic, wall_ns, data }).unwrap();
     }
 }
 
@@ -122,6 +136,21 @@ fn a_recording_of_a_hand_that_is_not_here_is_refused_with_its_name_and_read_with
         for args in READERS {
             succeeds(&dir, args);
         }
+    }
+}
+
+#[test]
+fn a_damaged_description_does_not_undo_the_whole_one_before() {
+    let dir = TempDir::new().unwrap();
+    let file = File::create(dir.path().join("hand.mcap")).unwrap();
+    let mut writer = RecordingWriter::begin(file, &Preamble::default(), 0).unwrap();
+    put_hand(&mut writer, "uskin-module", 1_000_000_000, 0);
+    put_hello(&mut writer, 1_000_000_000, "{\"layout\"");
+    let hand = Layout::builtin("uskin-module").unwrap();
+    put_frames(&mut writer, &hand, 1_000_000_000, 20, |_| false);
+    writer.finish().unwrap();
+    for args in READERS {
+        succeeds(&dir, args);
     }
 }
 
