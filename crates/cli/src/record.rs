@@ -164,9 +164,13 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             }
         }
         (None, _, Some(hello)) if !is_here(hello) => eprintln!(
-            "taxel: hand {} is not built in, and its layout will not be in the recording, which is then read with \
+            "taxel: hand {} is not built in{}, and its layout will not be in the recording, which is then read with \
              --layout alone; --config FILE, the daemon's configuration, puts it there",
-            hello.layout
+            hello.layout,
+            match Layout::builtin(&hello.layout) {
+                Some(_) => " as the daemon describes it",
+                None => "",
+            }
         ),
         _ => {}
     }

@@ -145,20 +145,29 @@ pub fn is_here(hello: &Hello) -> bool {
     named(hello).is_some_and(|known| is_of(hello, &known))
 }
 
-/// Whether a daemon's description is that of this hand: of the same name and modules, and each taxel at its pixel.
+/// Whether a daemon's description is that of this hand: of the same name, modules and taxels, each at its pixel and place.
 pub fn is_of(hello: &Hello, hand: &Geometry) -> bool {
-    let modules = hello
-        .modules
-        .iter()
-        .map(|module| (&module.name, &module.part, module.first_taxel, module.taxels));
-    let hand_modules = hand
-        .modules
-        .iter()
-        .map(|module| (&module.name, &module.part, module.first_taxel, module.taxels));
-    let taxels = hello.taxels.iter().map(|taxel| (taxel.x, taxel.y, taxel.module));
-    let hand_taxels = hand.taxels.iter().map(|taxel| (taxel.x, taxel.y, taxel.module));
-    hello.layout == hand.name
-        && [hello.width, hello.height] == [hand.width, hand.height]
-        && modules.eq(hand_modules)
-        && taxels.eq(hand_taxels)
+    hello.geometry().is_ok_and(|described| described == *hand)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use taxel_hand::Profile;
+    use taxel_wire::{Clock, HelloRate};
+
+    #[test]
+    fn every_built_in_hand_is_known_by_its_description_to_the_last_digit() {
+        let builtin = Layout::builtin_names().map(|name| Layout::builtin(name).unwrap());
+        let grids = [[1, 1], [80, 80], [37, 201]].map(|[width, height]| Layout::grid(width, height).unwrap());
+        for hand in builtin.chain(grids) {
+            let rate = HelloRate {
+                mode: "sweep".into(),
+                hz: None,
+            };
+            let hello = Hello::new("taxeld", &hand, &Profile::default(), rate, Clock::Monotonic);
+            let read = Hello::parse(&hello.to_json()).unwrap();
+            assert!(is_here(&read), "{}", hand.name);
+        }
+    }
 }

@@ -159,14 +159,23 @@ mod tests {
             ["says layout allegro-uskin-15", "reads layout uskin-module"],
         );
         // The name alone makes no hand.
-        let mut moved = hello(&hand);
-        moved.taxels.swap(0, 1);
-        is_refused(
-            check(&config(same), file, &moved),
-            [
-                "says layout allegro-uskin-15",
-                "reads one of that name with other modules or places",
-            ],
-        );
+        let moved = |change: fn(&mut Hello)| {
+            let mut moved = hello(&hand);
+            change(&mut moved);
+            moved
+        };
+        for moved in [
+            moved(|hello| hello.taxels.swap(0, 1)),
+            moved(|hello| hello.taxels[7].position_mm = Some([0.0, 0.0, 1.5])),
+            moved(|hello| hello.modules[2].joint = Some("thumb".into())),
+        ] {
+            is_refused(
+                check(&config(same), file, &moved),
+                [
+                    "says layout allegro-uskin-15",
+                    "reads one of that name with other modules or places",
+                ],
+            );
+        }
     }
 }

@@ -102,15 +102,16 @@ fn a_recording_of_a_hand_that_is_not_here_is_refused_with_its_name_and_read_with
     let module = Layout::builtin_text("uskin-module").unwrap();
     let own = module.replace("\"uskin-module\"", "\"my-module\"");
     let turned = module.replace("at = [0, 0]", "at = [0, 0]\nrotation = 90");
+    let wider = module.replace("pitch_mm = 4.7", "pitch_mm = 9.4");
+    let of_another = "hand.mcap: recorded on hand uskin-module of 16 taxels, which has other modules or places than the \
+                      built-in";
     for (text, said) in [
         (
             &own,
             "hand.mcap: recorded on hand my-module of 16 taxels, which is not built in; name its layout with --layout",
         ),
-        (
-            &turned,
-            "hand.mcap: recorded on hand uskin-module of 16 taxels, which has other modules or places than the built-in",
-        ),
+        (&turned, of_another),
+        (&wider, of_another),
     ] {
         let dir = TempDir::new().unwrap();
         std::fs::write(dir.path().join("mine.toml"), text).unwrap();
