@@ -193,10 +193,11 @@ struct Axis {
 
 impl Axis {
     fn of_name(name: &str) -> Option<Self> {
+        let name = name.to_ascii_uppercase();
         let axis = match name.chars().last()? {
-            'X' | 'x' => 0,
-            'Y' | 'y' => 1,
-            'Z' | 'z' => 2,
+            'X' => 0,
+            'Y' => 1,
+            'Z' => 2,
             _ => return None,
         };
         let rest = &name[..name.len() - 1];

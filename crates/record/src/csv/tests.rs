@@ -18,7 +18,7 @@ fn plain_numbers_are_magnitudes() {
 
 #[test]
 fn named_columns_are_counts_in_the_order_of_their_taxels() {
-    let text = "\u{feff}time_ms,0B1X,0B1Y,0B1Z,0B0Z,0B0Y,0B0X\r\n0,1,2,3,4,5,6\r\n10.5,7,8,9,10,11,12\r\n";
+    let text = "\u{feff}time_ms,0B1X,0B1Y,0b1z,0B0Z,0b0y,0B0X\r\n0,1,2,3,4,5,6\r\n10.5,7,8,9,10,11,12\r\n";
     let recording = read_text(text, &ReadOptions::default()).unwrap();
     assert_eq!(recording.counts(0).unwrap(), [[6, 5, 4], [1, 2, 3]].map(Some));
     assert_eq!(recording.t_ns(1), 10_500_000);
