@@ -44,6 +44,20 @@ pub enum MethodError {
     },
 }
 
+/// What stands between blanks, but for those within brackets: `codebook=[1.0, 2.0]` is one word.
+fn words(text: &str) -> Vec<&str> {
+    let mut depth = 0_usize;
+    let is_between = |c: char| {
+        match c {
+            '[' | '{' => depth += 1,
+            ']' | '}' => depth = depth.saturating_sub(1),
+            _ => {}
+        }
+        depth == 0 && c.is_whitespace()
+    };
+    text.split(is_between).filter(|word| !word.is_empty()).collect()
+}
+
 impl Method {
     /// Reads a method: `paper` or `optimal`, then settings as `key=value` with spaces between them,
     /// which take the place of those in `base`. Values are those of the configuration's `[profile]`
@@ -66,7 +80,7 @@ impl Method {
             text: text.into(),
             problem,
         };
-        let mut words = text.split_whitespace();
+        let mut words = words(text).into_iter();
         let method = words.next().filter(|word| !word.contains('=')).ok_or_else(form)?;
         let mut table = toml::Table::try_from(base).map_err(|e| setting(e.to_string()))?;
         table.insert("method".into(), method.into());
@@ -214,6 +228,10 @@ mod tests {
         assert_eq!((method.profile.levels, method.profile.history), (5, 1.0));
         assert_eq!(method.profile.placement(), Placement::Follow);
         assert_eq!(method.profile.force_fit(), ForceFit::Lloyd);
+        let lists = "optimal actuators=1\tcodebook=[1.0, 2.0] fixed=[[1, 2]]";
+        let method = Method::parse(lists, &base).unwrap();
+        assert_eq!(method.profile.codebook, [1.0, 2.0]);
+        assert_eq!(method.profile.fixed, [[1.0, 2.0]]);
     }
 
     #[test]
