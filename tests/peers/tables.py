@@ -30,7 +30,7 @@ def method(report, name):
 
 def place(m, key):
     """A position ratio; none where no frame has more contacts than actuators."""
-    return f"{m[key]:.3f}" if m["position_frames"] else "none"
+    return "none" if m[key] is None else f"{m[key]:.3f}"
 
 
 def programs(recording):

@@ -36,19 +36,20 @@ pub struct Errors {
     pub force_frames: usize,
     /// Squared distance of contacts from the mean place of those that share their actuator, over
     /// that of the best of 64 k-means++ runs: mean over frames. Both sides are k-means errors;
-    /// where the display's actuator stands does not enter.
-    pub position_sse_ratio_mean: f64,
+    /// where the display's actuator stands does not enter. None where no frame has more contacts than
+    /// actuators.
+    pub position_sse_ratio_mean: Option<f64>,
     /// ... 95 in 100 frames have no more.
-    pub position_sse_ratio_p95: f64,
+    pub position_sse_ratio_p95: Option<f64>,
     /// ... the worst frame.
-    pub position_sse_ratio_max: f64,
+    pub position_sse_ratio_max: Option<f64>,
     /// Frames that the position ratio is over.
     pub position_frames: usize,
     /// Squared distance of contacts from the pixel on which their actuator stands, over the same
     /// reference: mean over frames.
-    pub snapped_sse_ratio_mean: f64,
+    pub snapped_sse_ratio_mean: Option<f64>,
     /// ... 95 in 100 frames have no more.
-    pub snapped_sse_ratio_p95: f64,
+    pub snapped_sse_ratio_p95: Option<f64>,
     /// Share of the actuators (same id in consecutive images that both have contacts) that move
     /// more than [`jump_px`](crate::jump_px).
     pub jump_fraction: f64,
@@ -242,9 +243,10 @@ impl Sums {
         let bits = |values: u64| f64::from(values.max(1).next_power_of_two().trailing_zeros());
         let per_actuator = bits(sequence.layout.len() as u64) + bits(u64::from(method.profile.level_count()));
         let parts = self.cop_errors.len() as u64 + self.cop_missed;
-        let [force_mean, force_p50, force_p95, force_max] = summary(&mut self.force_ratios);
-        let [place_mean, _, place_p95, place_max] = summary(&mut self.place_ratios);
-        let [snapped_mean, _, snapped_p95, _] = summary(&mut self.snapped_ratios);
+        let [force_mean, force_p50, force_p95, force_max] =
+            summary(&mut self.force_ratios).unwrap_or([1.0; 4]);
+        let place = summary(&mut self.place_ratios);
+        let snapped = summary(&mut self.snapped_ratios);
         let root = |error: f64| {
             if self.squares > 0.0 {
                 (error / self.squares).sqrt()
@@ -263,12 +265,12 @@ impl Sums {
                 share(self.optimal, self.contact_frames)
             },
             force_frames: self.force_ratios.len(),
-            position_sse_ratio_mean: place_mean,
-            position_sse_ratio_p95: place_p95,
-            position_sse_ratio_max: place_max,
+            position_sse_ratio_mean: place.map(|[mean, ..]| mean),
+            position_sse_ratio_p95: place.map(|[_, _, p95, _]| p95),
+            position_sse_ratio_max: place.map(|[.., max]| max),
             position_frames: self.place_ratios.len(),
-            snapped_sse_ratio_mean: snapped_mean,
-            snapped_sse_ratio_p95: snapped_p95,
+            snapped_sse_ratio_mean: snapped.map(|[mean, ..]| mean),
+            snapped_sse_ratio_p95: snapped.map(|[_, _, p95, _]| p95),
             jump_fraction: share(self.tally.jumps, self.tally.kept),
             moved_px_mean: if self.tally.kept > 0 {
                 self.tally.moved_px / self.tally.kept as f64
@@ -292,17 +294,17 @@ impl Sums {
 }
 
 /// Mean, median, 95th percentile and maximum of ratios; 1 of nothing.
-fn summary(ratios: &mut [f64]) -> [f64; 4] {
+fn summary(ratios: &mut [f64]) -> Option<[f64; 4]> {
     if ratios.is_empty() {
-        return [1.0; 4];
+        return None;
     }
     let average = mean(ratios);
-    [
+    Some([
         average,
         quantile(ratios, 0.5),
         quantile(ratios, 0.95),
         quantile(ratios, 1.0),
-    ]
+    ])
 }
 
 #[cfg(test)]
@@ -361,15 +363,19 @@ mod tests {
         let odd = errors(&[&[1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0]], 2, 2, "optimal");
         assert_eq!(
             (odd.position_sse_ratio_mean, odd.snapped_sse_ratio_mean),
-            (1.0, 1.0)
+            (Some(1.0), Some(1.0))
         );
         // Two pairs: 0.5 each from the middle, 1 from a member.
         let even = errors(&[&[1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0]], 2, 2, "optimal");
         assert_eq!(
             (even.position_sse_ratio_mean, even.snapped_sse_ratio_mean),
-            (1.0, 2.0)
+            (Some(1.0), Some(2.0))
         );
         assert_eq!((even.position_frames, even.jump_fraction), (1, 0.0));
+        // An actuator for every contact: nothing is judged.
+        let each = errors(&[&[1.0, 1.0]], 2, 2, "optimal");
+        assert_eq!((each.position_frames, each.position_sse_ratio_p95), (0, None));
+        assert_eq!(each.snapped_sse_ratio_mean, None);
     }
 
     #[test]
@@ -439,6 +445,6 @@ mod tests {
     fn without_contacts_nothing_is_said_against_a_method() {
         let got = errors(&[&[0.0; 4], &[0.0; 4]], 2, 2, "paper");
         assert_eq!((got.force_sse_ratio_mean, got.force_optimal_fraction), (1.0, 1.0));
-        assert_eq!((got.position_sse_ratio_p95, got.force_nrmse), (1.0, 0.0));
+        assert_eq!((got.position_sse_ratio_p95, got.force_nrmse), (None, 0.0));
     }
 }

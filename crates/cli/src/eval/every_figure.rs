@@ -1,9 +1,9 @@
 //! Every figure of every method, in two tables.
 
 use super::cell::{WIDE_CELL, percent, ratio, within};
-use super::table::{jump_on_large_skins, what, wrapped};
+use super::table::{chosen, contact_truth, what, wrapped};
 use std::fmt::Write;
-use taxel_eval::{EvalReport, MethodReport};
+use taxel_eval::{EvalReport, MethodReport, jump_px};
 
 /// Longer names stand on a line of their own.
 const WIDEST_NAME: usize = 44;
@@ -36,7 +36,6 @@ pub(super) fn every_figure(report: &EvalReport) -> String {
         report.passes
     );
     text += &explained(&cost, &costs);
-    text += &jump_on_large_skins(report);
     if report.jump_bound_fraction > 0.0 {
         let _ = writeln!(
             text,
@@ -45,13 +44,7 @@ pub(super) fn every_figure(report: &EvalReport) -> String {
             share(report.jump_bound_fraction)
         );
     }
-    if let Some(t) = &report.contact_truth {
-        let _ = writeln!(
-            text,
-            "Contacts against the scene: precision {:.3}, recall {:.3}; {:.3} of taxels touched above the threshold.",
-            t.precision, t.recall, t.recall_above_threshold
-        );
-    }
+    text += &contact_truth(report);
     text.push('\n');
     text
 }
@@ -80,6 +73,10 @@ fn number(value: f64, decimals: usize) -> String {
     within(value, decimals, WIDE_CELL)
 }
 
+fn place_ratio(method: &MethodReport, value: Option<f64>) -> String {
+    chosen(method, value).map_or("-".into(), ratio)
+}
+
 fn share(value: f64) -> String {
     percent(value, WIDE_CELL)
 }
@@ -96,6 +93,10 @@ fn error_columns(report: &EvalReport) -> Vec<Column> {
         "kbit/s: of actuators and levels, where the raw counts are {:.1}",
         report.raw_bits_per_s / 1e3
     );
+    let jumps = format!(
+        "jumps: actuators that move more than {:.1} pixels between two images",
+        jump_px(report.taxels)
+    );
     let centre_is = format!("{centre}: how far off the centre of pressure is");
     vec![
         column(
@@ -108,16 +109,14 @@ fn error_columns(report: &EvalReport) -> Vec<Column> {
         column("optimal", "optimal: frames that have the least", |m| {
             share(m.errors.force_optimal_fraction)
         }),
-        column("place", place, |m| ratio(m.errors.position_sse_ratio_mean)),
-        column("p95", "", |m| ratio(m.errors.position_sse_ratio_p95)),
-        column("snapped", "snapped: the same from the actuator's pixel", |m| {
-            ratio(m.errors.snapped_sse_ratio_mean)
+        column("place", place, |m| {
+            place_ratio(m, m.errors.position_sse_ratio_mean)
         }),
-        column(
-            "jumps",
-            "jumps: actuators that move more than 2 pixels between two images",
-            |m| share(m.errors.jump_fraction),
-        ),
+        column("p95", "", |m| place_ratio(m, m.errors.position_sse_ratio_p95)),
+        column("snapped", "snapped: the same from the actuator's pixel", |m| {
+            place_ratio(m, m.errors.snapped_sse_ratio_mean)
+        }),
+        column("jumps", jumps, |m| share(m.errors.jump_fraction)),
         column("moved px", "moved px: how far they move", |m| {
             number(m.errors.moved_px_mean, 2)
         }),

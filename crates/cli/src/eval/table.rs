@@ -52,11 +52,7 @@ pub(super) fn main_figures(report: &EvalReport) -> String {
                 percent(e.displayed_total_error_mean),
                 within(e.cop_error_mean, 2, CELL),
                 percent(e.force_optimal_fraction),
-                if e.position_frames > 0 && !m.places_fixed {
-                    within(e.position_sse_ratio_mean, 3, CELL)
-                } else {
-                    "-".into()
-                },
+                chosen(m, e.position_sse_ratio_mean).map_or("-".into(), |ratio| within(ratio, 3, CELL)),
                 percent(e.jump_fraction),
                 time(m.tick_us_p50),
                 time(m.tick_us_p99),
@@ -80,27 +76,31 @@ pub(super) fn main_figures(report: &EvalReport) -> String {
             ""
         },
     ));
-    text += &jump_on_large_skins(report);
-    if let Some(t) = &report.contact_truth {
+    let jump = jump_px(report.taxels);
+    if jump != 2.0 {
         text += &wrapped(&format!(
-            "Contacts against the scene: precision {:.3}, recall {:.3}; {:.3} of taxels touched above the threshold.",
-            t.precision, t.recall, t.recall_above_threshold
+            "Jumps: moves of more than {jump:.1} pixels, an eighth of the side of a square of {} taxels.",
+            report.taxels
         ));
     }
+    text += &contact_truth(report);
     text.push('\n');
     text
 }
 
-/// How far a jump goes at least, where that is not the 2 pixels of most hands.
-pub(super) fn jump_on_large_skins(report: &EvalReport) -> String {
-    let jump = jump_px(report.taxels);
-    if jump == 2.0 {
-        return String::new();
-    }
-    format!(
-        "Jumps: moves of more than {jump:.1} pixels, an eighth of the side of a square of {} taxels.\n",
-        report.taxels
-    )
+/// A ratio of places, where the method chose them and a frame had more contacts than actuators.
+pub(super) fn chosen(method: &MethodReport, ratio: Option<f64>) -> Option<f64> {
+    ratio.filter(|_| !method.places_fixed)
+}
+
+/// What was taken for a contact, where a scene knows.
+pub(super) fn contact_truth(report: &EvalReport) -> String {
+    report.contact_truth.as_ref().map_or(String::new(), |t| {
+        wrapped(&format!(
+            "Contacts against the scene: precision {:.3}, recall {:.3}; {:.3} of taxels touched above the threshold.",
+            t.precision, t.recall, t.recall_above_threshold
+        ))
+    })
 }
 
 /// How `optimal` compares with `paper`, or else the method that shows forces best with the one that does worst.
@@ -262,7 +262,7 @@ mod tests {
             cop_error_mean: 1e9,
             force_sse_ratio_mean: 1e30,
             moved_px_mean: 1e20,
-            position_sse_ratio_mean: 123_456.7,
+            position_sse_ratio_mean: Some(123_456.7),
             position_frames: 1,
             ..Errors::default()
         };
@@ -284,11 +284,18 @@ mod tests {
     #[test]
     fn what_a_display_does_not_choose_is_not_held_against_it() {
         let errors = || Errors {
-            position_sse_ratio_mean: 7.5,
+            position_sse_ratio_mean: Some(7.5),
             position_frames: 2,
             ..Errors::default()
         };
         let mut report = report(errors(), errors(), 1.0);
+        let unjudged = every_figure(&self::report(Errors::default(), Errors::default(), 1.0));
+        let line = unjudged.lines().find(|line| line.starts_with("paper ")).unwrap();
+        assert_eq!(
+            line.split_whitespace().filter(|cell| *cell == "-").count(),
+            3,
+            "{unjudged}"
+        );
         let text = main_figures(&report).replace('\n', " ");
         assert!(text.contains("levels are optimal in 0.0 % of frames, 0.0 % of actuators jump"));
         assert!(
