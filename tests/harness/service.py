@@ -12,6 +12,7 @@ from pathlib import Path
 from harness.daemon import ask, eventually, toml
 
 UNITS = Path("/etc/systemd/system")
+DATABASE = Path("/var/lib/taxel-dpkg")
 PTRACE_INTERRUPT, PTRACE_SEIZE, WALL = 0x4207, 0x4206, 0x40000000
 
 LAYOUT = """
@@ -40,17 +41,25 @@ def systemctl(*words, check=False):
     return run("systemctl", "--no-pager", *words, check=check)
 
 
+def is_active():
+    return systemctl("is-active", "taxeld.service").stdout.strip() == "active"
+
+
 def dpkg(*words):
     """dpkg with a database of its own: it would read the lists of all that this machine has installed each time."""
-    database = Path("/var/lib/taxel-dpkg")
     for folder in ("info", "updates"):
-        (database / folder).mkdir(parents=True, exist_ok=True)
-    (database / "status").touch()
-    run("dpkg", "--admindir", database, "--force-depends", "--force-unsafe-io", *words, check=True)
+        (DATABASE / folder).mkdir(parents=True, exist_ok=True)
+    (DATABASE / "status").touch()
+    run("dpkg", "--admindir", DATABASE, "--force-depends", "--force-unsafe-io", *words, check=True)
 
 
 def install(package):
     dpkg("--install", package)
+
+
+def configure():
+    """What dpkg runs once it has unpacked a package that was there before: unpacking takes an emulated machine long."""
+    run(DATABASE / "info/taxeld.postinst", "configure", "0", check=True)
 
 
 class Service:
@@ -96,7 +105,7 @@ class Service:
             systemctl("daemon-reload", check=True)
         if self.shipped is None:
             self.config.unlink(missing_ok=True)
-        else:
+        elif self.config.parent.exists():
             self.config.write_text(self.shipped)
 
     def start(self, check=True):

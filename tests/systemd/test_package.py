@@ -1,18 +1,13 @@
-"""The Debian package under a real systemd: installed, upgraded, removed, purged."""
+"""The Debian package under a real systemd: installed and upgraded."""
 
 import grp
 import os
 import pwd
 from pathlib import Path
 
-from harness.service import dpkg, install, run, systemctl
+from harness.service import configure, install, is_active, run, systemctl
 
 LONGEST_TEST_S = 600  # in an emulated machine
-ENABLED = Path("/etc/systemd/system/multi-user.target.wants/taxeld.service")
-
-
-def is_active():
-    return systemctl("is-active", "taxeld.service").stdout.strip() == "active"
 
 
 def test_installed_it_waits_for_its_configuration_with_user_groups_and_kernel_setting_in_place(package):
@@ -43,24 +38,10 @@ def test_what_another_program_has_raised_is_not_lowered_at_once_or_at_the_next_s
         others.parent.mkdir(exist_ok=True)
         others.write_text("net.core.rmem_max = 8388608\n")
         limit.write_text("8388608")
-        install(os.environ["TAXEL_PACKAGE"])
+        configure()
         assert limit.read_text() == "8388608\n"
         run("/usr/lib/systemd/systemd-sysctl", check=True)
         assert limit.read_text() == "8388608\n"
     finally:
         others.unlink(missing_ok=True)
         limit.write_text(before)
-
-
-def test_removed_it_is_stopped_and_purged_it_is_gone(service):
-    try:
-        systemctl("enable", "--now", "taxeld.service", check=True)
-        assert ENABLED.is_symlink() and is_active()
-        dpkg("--remove", "taxeld")
-        assert not is_active() and service.config.exists()
-        dpkg("--purge", "taxeld")
-        assert not service.config.exists() and not ENABLED.is_symlink()
-        for left in ("/usr/bin/taxel", "/usr/share/doc/taxeld", "/usr/lib/systemd/system/taxeld.service"):
-            assert not Path(left).exists(), left
-    finally:
-        install(os.environ["TAXEL_PACKAGE"])
