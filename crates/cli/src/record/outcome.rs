@@ -36,8 +36,10 @@ pub(crate) fn words(plan: &Plan, finished: &Finished) -> Vec<String> {
         .map(|file| file.len())
         .sum();
     let name = match &files[..] {
-        [] if plan.around.is_some() => return vec!["taxel: no trigger came, and nothing was kept".into()],
         [] if !gone.is_empty() || !away.is_empty() => "taxel: no file of the recording is there".into(),
+        [] if plan.around.is_some() => {
+            "taxel: nothing was kept: no trigger came, or nothing before one".into()
+        }
         [] => "taxel: nothing came of a daemon or of a bus, and no file was made".into(),
         [only] => only.display().to_string(),
         files if *removed == 0 => format!("{} files of {}", files.len(), plan.out.display()),
@@ -114,14 +116,14 @@ pub(super) fn in_json(plan: &Plan, finished: &Finished) -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use taxel_recorder::{Preamble, Split};
+    use taxel_recorder::{Around, Preamble, Split};
 
     #[test]
     fn finished_files_that_others_took_away_are_not_counted_as_there() {
         let folder = tempfile::tempdir().unwrap();
         let [first, second, third] = [1, 2, 3].map(|n| folder.path().join(format!("day-000{n}.mcap")));
         std::fs::write(&third, "there").unwrap();
-        let plan = Plan {
+        let mut plan = Plan {
             out: folder.path().join("day.mcap"),
             socket: None,
             can: Vec::new(),
@@ -155,6 +157,20 @@ mod tests {
         );
         assert!(
             lines[1].contains("day-0001.mcap is not there any more"),
+            "{lines:?}"
+        );
+        // So it is where a trigger had it kept, and what else is missing is told too.
+        plan.around = Some(Around {
+            before_ns: 1,
+            after_ns: 1,
+        });
+        assert_eq!(words(&plan, &finished), lines);
+        finished.files.clear();
+        finished.dropped = 3;
+        let lines = words(&plan, &finished);
+        assert!(lines[0].starts_with("taxel: nothing was kept"), "{lines:?}");
+        assert!(
+            lines[1].starts_with("taxel: 3 messages were dropped"),
             "{lines:?}"
         );
     }
