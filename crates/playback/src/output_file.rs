@@ -59,8 +59,8 @@ pub fn create_stream(path: &Path) -> io::Result<File> {
     }
 }
 
-/// Where a file will be: its folder without links and dots, and its name.
-fn place(path: &Path) -> Option<PathBuf> {
+/// Where a file is or will be: its folder without links and dots, and its name. `None` where there is no such folder.
+pub fn place(path: &Path) -> Option<PathBuf> {
     Some(folder(path).canonicalize().ok()?.join(path.file_name()?))
 }
 

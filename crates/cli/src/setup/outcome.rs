@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use taxel_can::SourceAddress;
-use taxel_playback::output_file::OutputFile;
+use taxel_playback::output_file::{OutputFile, place};
 use taxel_skin::Layout;
 use taxeld::Config;
 
@@ -188,18 +188,11 @@ impl LayoutFile {
         answers: &Answers,
         force: bool,
     ) -> anyhow::Result<Option<Self>> {
-        let whole = |folder: &Path| {
-            std::path::absolute(folder)
-                .and_then(|folder| folder.canonicalize())
-                .ok()
-        };
-        let folder = config_path.parent().unwrap_or(Path::new(""));
         let (text, proposal) = match origin {
             Origin::BuiltIn(_) => return Ok(None),
             Origin::New(text) => (text, "hand".into()),
             Origin::File(path, text) => {
-                let of_file = path.parent().unwrap_or(Path::new(""));
-                if whole(of_file) == whole(folder) {
+                if are_in_one_folder(path, config_path) {
                     return Ok(Some(Self {
                         path: path.clone(),
                         text: text.clone(),
@@ -222,6 +215,14 @@ impl LayoutFile {
     }
 }
 
+/// However their folder is spelt.
+fn are_in_one_folder(a: &Path, b: &Path) -> bool {
+    match (place(a), place(b)) {
+        (Some(a), Some(b)) => a.parent() == b.parent(),
+        _ => false,
+    }
+}
+
 /// A name for the layout file beside the configuration that no file has.
 fn layout_path(config_path: &Path, stem: &str, force: bool, answers: &Answers) -> anyhow::Result<PathBuf> {
     let folder = config_path.parent().unwrap_or(Path::new(""));
@@ -232,9 +233,9 @@ fn layout_path(config_path: &Path, stem: &str, force: bool, answers: &Answers) -
     loop {
         let answer = answers.ask("Write the layout to", &free.display().to_string())?;
         let path = PathBuf::from(answer);
-        if path.parent() != Some(folder) {
+        if !are_in_one_folder(&path, config_path) {
             answers.refuse("the layout file goes beside the configuration, which names it")?;
-        } else if path == config_path {
+        } else if path.file_name() == config_path.file_name() {
             answers.refuse(&format!(
                 "{} is the configuration; the layout is a file of its own",
                 path.display()
@@ -272,4 +273,34 @@ fn triggered(config: &str, hz: f64) -> anyhow::Result<String> {
         .context("a key trigger_hz")?
         .to_owned();
     Ok(format!("{above}{}", boards.replacen(&default, &rate, 1)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_layout_file_goes_beside_the_configuration_however_its_folder_is_spelt() {
+        let write_to = |answer| {
+            let path = layout_path(
+                Path::new("taxeld.toml"),
+                "hand",
+                false,
+                &Answers::of_lines(&[answer]),
+            );
+            path.map_err(|error| error.to_string())
+        };
+        let absolute = std::env::current_dir().unwrap().join("no-such-hand.toml");
+        for answer in ["./no-such-hand.toml", absolute.to_str().unwrap()] {
+            assert_eq!(write_to(answer), Ok(answer.into()));
+        }
+        for (answer, refused) in [
+            ("src/hand.toml", "goes beside the configuration"),
+            ("./taxeld.toml", "is the configuration"),
+            ("./Cargo.toml", "exists"),
+        ] {
+            let said = write_to(answer).unwrap_err();
+            assert!(said.contains(refused), "{answer}: {said}");
+        }
+    }
 }

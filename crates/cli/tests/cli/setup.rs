@@ -78,11 +78,15 @@ fn the_layout_file_that_is_named_is_beside_the_configuration_and_goes_with_it_to
         fs::create_dir(at(folder)).unwrap();
         fs::write(at(folder).join("mine.toml"), text).unwrap();
     }
-    // Whose layout lies elsewhere gets a copy, and who has the file there already keeps it.
+    let absolute = at("here/mine.toml").display().to_string();
+    // Whose layout lies elsewhere gets a copy, and who has the file there already keeps it, however its folder is spelt.
     for (layout, out, copied) in [
         ("elsewhere/mine.toml", "taxeld.toml", "mine.toml"),
         ("elsewhere/mine.toml", "mine-2.toml", "mine-3.toml"),
         ("here/mine.toml", "here/taxeld.toml", ""),
+        ("here/mine.toml", "./here/again.toml", ""),
+        (&absolute, "here/absolute.toml", ""),
+        ("./mine.toml", "again.toml", ""),
     ] {
         let (_, said) = succeeds(&dir, &["setup", "--yes", "--layout", layout, "--out", out, &log]);
         let (from, name) = match copied {
@@ -104,7 +108,7 @@ fn the_layout_file_that_is_named_is_beside_the_configuration_and_goes_with_it_to
             "{said}"
         );
     }
-    assert_eq!(fs::read_dir(at("here")).unwrap().count(), 2);
+    assert_eq!(fs::read_dir(at("here")).unwrap().count(), 4);
 }
 
 #[test]
