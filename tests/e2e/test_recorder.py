@@ -1,6 +1,7 @@
 """`taxel record` beside a live daemon: what is in the file, who can read it, and what crashes and full disks leave of it."""
 
 import json
+import os
 import re
 import resource
 import signal
@@ -203,8 +204,8 @@ def test_a_hand_is_compared_where_the_daemon_answers_by_another_name_and_one_of_
     sources = [f"udp:{GROUP}:{free_udp_port()}?hops=0"]
     daemon = start(sources, layout=str(own), socket={"status": str(folder / "tells.sock")})
 
-    def record(name, *arguments):
-        command = [binary("taxel"), "record", f"{name}.mcap", "--seconds", "0.5", "--socket", daemon.images]
+    def record(name, *arguments, socket=daemon.images):
+        command = [binary("taxel"), "record", f"{name}.mcap", "--seconds", "0.5", "--socket", socket]
         command += map(str, arguments)
         return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=30)
 
@@ -216,8 +217,10 @@ def test_a_hand_is_compared_where_the_daemon_answers_by_another_name_and_one_of_
     bare = record("bare", "--control", folder / "tells.sock")
     assert bare.returncode == 0, bare.stderr
     assert "hand my-module is not built in, and its layout will not be in the recording" in bare.stderr, bare.stderr
-    whole = record("whole", "--config", daemon.config)
-    assert whole.returncode == 0 and "not built in" not in whole.stderr, whole.stderr
+    # The file's socket, in the file's words and in others.
+    for name, socket in [("whole", daemon.images), ("again", os.path.relpath(daemon.images, folder))]:
+        whole = record(name, "--config", daemon.config, socket=socket)
+        assert whole.returncode == 0 and not re.search("not built in|not known", whole.stderr), whole.stderr
 
 
 def test_joint_angles_are_joint_states_to_the_tools_of_others(folder):

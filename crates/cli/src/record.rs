@@ -144,7 +144,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     });
     let status_socket = socket.as_deref().map(|socket| match (&args.control, &config) {
         (Some(named), _) => named.clone(),
-        (None, Some(config)) if config.socket.images == socket => config.socket.status_path(),
+        (None, Some(config)) if is_same_socket(&config.socket.images, socket) => config.socket.status_path(),
         _ => socket.with_file_name("status.sock"),
     });
     // A daemon that does not answer yet is waited for.
@@ -234,6 +234,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         );
     }
     Ok(())
+}
+
+/// However they are spelt; a socket that is not there is known by its spelling alone.
+fn is_same_socket(a: &Path, b: &Path) -> bool {
+    let whole = |path: &Path| path.canonicalize().ok();
+    a == b || whole(a).is_some_and(|a| Some(a) == whole(b))
 }
 
 /// `NAME=SOURCE`, or a source that is called as its interface is, or can0, can1, .. by its place.
