@@ -35,6 +35,7 @@ mod rates;
 mod record;
 mod replay;
 mod scene_marks;
+mod seconds;
 mod servo;
 mod setup;
 mod sim;

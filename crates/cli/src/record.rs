@@ -7,11 +7,13 @@ pub(crate) use outcome::words;
 
 use crate::control;
 use crate::input::DEFAULT_LAYOUT;
+use crate::seconds::seconds;
 use anyhow::{Context, anyhow, bail};
 use serde_json::json;
 use signal_hook::consts::SIGUSR1;
 use std::collections::BTreeMap;
 use std::io::Write;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -24,8 +26,8 @@ use taxel_skin::Layout;
 use taxel_wire::status::{BusStatus, Status};
 use taxeld::Config;
 
-/// Seconds of a recording.
-const LONGEST_S: f64 = 1e6;
+/// Times of a recording, seconds.
+const TIMES: RangeInclusive<f64> = 0.001..=1e6;
 
 /// Record a running hand: raw CAN, every tactile frame and image, joints, marks, events, and what was wrong.
 ///
@@ -69,22 +71,22 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
     /// How long to record [default: until Ctrl-C]
-    #[arg(long, value_name = "S", value_parser = seconds)]
+    #[arg(long, value_name = "S", value_parser = seconds(TIMES))]
     seconds: Option<Duration>,
     /// Goes on in another file after so many bytes, such as 500MB or 2GB
     #[arg(long, value_name = "SIZE", value_parser = size)]
     split_size: Option<u64>,
     /// Goes on in another file after so many seconds
-    #[arg(long, value_name = "S", value_parser = seconds)]
+    #[arg(long, value_name = "S", value_parser = seconds(TIMES))]
     split_seconds: Option<Duration>,
     /// Removes the oldest of the files OUT-0001.mcap, OUT-0002.mcap, .. where there are more, those of earlier runs too
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..), requires = "several")]
     most_files: Option<u16>,
     /// Keeps only what is around a trigger: so many seconds before it
-    #[arg(long, value_name = "S", value_parser = seconds, conflicts_with_all = ["split_size", "split_seconds"])]
+    #[arg(long, value_name = "S", value_parser = seconds(TIMES), conflicts_with_all = ["split_size", "split_seconds"])]
     keep: Option<Duration>,
     /// And so many seconds behind it
-    #[arg(long, value_name = "S", value_parser = seconds, default_value = "5", requires = "keep")]
+    #[arg(long, value_name = "S", value_parser = seconds(TIMES), default_value = "5", requires = "keep")]
     after: Duration,
     /// What is a trigger; the signal USR1 is one in either case
     #[arg(long, value_name = "mark|signal", default_value = "mark", requires = "keep")]
@@ -98,16 +100,6 @@ pub(crate) struct Args {
 enum Trigger {
     Mark,
     Signal,
-}
-
-fn seconds(text: &str) -> Result<Duration, String> {
-    let number = text.strip_suffix('s').unwrap_or(text).trim().parse::<f64>();
-    match number {
-        Ok(seconds) if seconds > 0.0 && seconds <= LONGEST_S => Ok(Duration::from_secs_f64(seconds)),
-        _ => Err(format!(
-            "{text:?} is no number of seconds above 0 and up to {LONGEST_S}, such as 30 or 0.5"
-        )),
-    }
 }
 
 fn size(text: &str) -> Result<u64, String> {
@@ -359,7 +351,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sizes_and_times_are_read_as_people_write_them() {
+    fn sizes_are_read_as_people_write_them() {
         for (text, bytes) in [
             ("500MB", 500_000_000),
             ("2 GiB", 2 << 30),
@@ -370,11 +362,6 @@ mod tests {
         }
         for text in ["", "MB", "-1k", "1 parsec", "nan"] {
             assert!(size(text).is_err(), "{text}");
-        }
-        assert_eq!(seconds("30s"), Ok(Duration::from_secs(30)));
-        assert_eq!(seconds("0.5"), Ok(Duration::from_millis(500)));
-        for text in ["", "0", "-3", "inf", "nan", "1h"] {
-            assert!(seconds(text).is_err(), "{text}");
         }
     }
 

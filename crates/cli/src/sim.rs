@@ -3,6 +3,7 @@
 use crate::forearm::play;
 use crate::offered::offering;
 use crate::scene_marks::SceneMarks;
+use crate::seconds::seconds;
 use anyhow::{Context, bail};
 use clap::builder::{StringValueParser, TypedValueParser};
 use serde_json::{Value, json};
@@ -51,8 +52,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "SOURCE", required_unless_present_any = ["list", "show"])]
     to: Vec<TargetAddress>,
     /// Stop after so long [default: on a bus never, in a log when the scene ends]
-    #[arg(long, value_name = "S")]
-    seconds: Option<f64>,
+    #[arg(long, value_name = "S", value_parser = seconds(0.001..=1e9))]
+    seconds: Option<Duration>,
     /// Another seed for the noise than the scene's own
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
@@ -104,6 +105,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         print(&text.with_context(|| format!("{name} is not built in; `taxel sim --list` lists what is"))?)?;
         return Ok(());
     }
+    let limit_ns = args.seconds.map(|limit| limit.as_nanos() as u64);
     if name == play::SCENE {
         return play::run(&play::Playing {
             to: &args.to,
@@ -111,7 +113,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             potentiometers: args.potentiometers.as_deref(),
             place_percent: args.place,
             seed: args.seed.unwrap_or(1),
-            limit_ns: args.limit_ns()?,
+            limit_ns,
         });
     }
     if args.potentiometers.is_some() {
@@ -134,7 +136,6 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let named = of_buses(&args.to, &layout)?;
     refuse_shared_ids(&named, &layout)?;
     let mut targets = Targets::open(&named)?;
-    let limit_ns = args.limit_ns()?;
     if targets.are_logs() {
         if let Some(link) = &args.servos {
             bail!(
@@ -271,16 +272,6 @@ fn joints_table(link: &Path, baud: u32, names: &[String]) -> String {
         text += &format!("\n[[joints.servo]]\nid = {id}\nname = {name:?}\n");
     }
     text
-}
-
-impl Args {
-    fn limit_ns(&self) -> anyhow::Result<Option<u64>> {
-        match self.seconds {
-            Some(seconds) if seconds > 0.0 && seconds < 1e9 => Ok(Some((seconds * 1e9) as u64)),
-            Some(seconds) => bail!("--seconds {seconds} is no time to play a scene"),
-            None => Ok(None),
-        }
-    }
 }
 
 fn write_log(

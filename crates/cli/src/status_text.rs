@@ -1,5 +1,6 @@
 //! The daemon's status on one screen of 80 columns.
 
+use crate::seconds::duration_text;
 use std::fmt::Write;
 use taxel_wire::status::{BoardStatus, BusStatus, JointsStatus, ProblemStatus, Status};
 
@@ -35,7 +36,7 @@ fn write_state(status: &Status, out: &mut String) -> std::fmt::Result {
         (_, true) => "measuring the baseline; do not touch the hand",
         _ => "running",
     };
-    let up = duration(status.uptime_s);
+    let up = duration_text(status.uptime_s);
     writeln!(
         out,
         "taxeld {} on {}, up {up}: {state}",
@@ -140,7 +141,7 @@ fn write_readers(status: &Status, out: &mut String) -> std::fmt::Result {
             reader.pid.map_or("?".into(), |pid| pid.to_string()),
             reader.images,
             reader.skipped,
-            duration(reader.connected_s),
+            duration_text(reader.connected_s),
             time(reader.age_us.p99),
             time(reader.longest_gap_ms * 1000.0),
         )?;
@@ -158,7 +159,7 @@ fn write_problems(problems: &[ProblemStatus], out: &mut String) -> std::fmt::Res
                 writeln!(
                     out,
                     "  {mark} for {}: {}",
-                    duration(problem.since_s),
+                    duration_text(problem.since_s),
                     problem.sentence
                 )?;
             }
@@ -209,17 +210,6 @@ fn time(us: f64) -> String {
     match us {
         us if us < 1000.0 => format!("{us:.0} us"),
         us => format!("{:.1} ms", us / 1000.0),
-    }
-}
-
-fn duration(seconds: f64) -> String {
-    let whole = seconds as u64;
-    let (days, hours, minutes) = (whole / 86_400, whole / 3600 % 24, whole / 60 % 60);
-    match (days, hours, minutes) {
-        (0, 0, 0) => format!("{whole} s"),
-        (0, 0, minutes) => format!("{minutes} min {} s", whole % 60),
-        (0, hours, minutes) => format!("{hours} h {minutes} min"),
-        (days, hours, _) => format!("{days} d {hours} h"),
     }
 }
 

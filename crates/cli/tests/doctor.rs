@@ -348,7 +348,11 @@ fn wrong_usage_is_told_at_once() {
     let dir = TempDir::new().unwrap();
     for (args, code, words) in [
         (&["doctor", "can:can0"][..], 1, "can0, can1): 2, not 1"),
-        (&["doctor", "--seconds", "0"], 2, "no time to listen"),
+        (
+            &["doctor", "--seconds", "0"],
+            2,
+            "give seconds from 0.001 to 3600",
+        ),
         (&["doctor", "--joints", "dynamixel:/dev/ttyUSB0"], 1, "--ids"),
         (&["doctor", "--config", "none.toml"], 1, "none.toml"),
         (

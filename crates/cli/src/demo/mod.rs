@@ -8,6 +8,7 @@ mod session;
 use crate::categorize::PhantomMap;
 use crate::compress::{method_parser, methods};
 use crate::offline::preset_parser;
+use crate::seconds::seconds;
 use crate::sim::scene_parser;
 use crate::terminal::{self, Shown};
 use anyhow::{Context, bail};
@@ -65,8 +66,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "LAYOUT")]
     layout: Option<String>,
     /// Stop after so long [default: never, or after the scene when headless]
-    #[arg(long, value_name = "S", value_parser = crate::view::seconds)]
-    seconds: Option<f64>,
+    #[arg(long, value_name = "S", value_parser = seconds(0.001..=1e9))]
+    pub(crate) seconds: Option<Duration>,
     /// Print a summary at the end instead of drawing; so too when stdout is no terminal
     #[arg(long)]
     headless: bool,
@@ -84,9 +85,8 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
-    let seconds = args.seconds;
     if args.scene.as_deref() == Some(forearm::SCENE) {
-        return forearm::run(args, seconds, args.headless || !terminal::can_draw());
+        return forearm::run(args, args.headless || !terminal::can_draw());
     }
     let (scene_name, layout) = scene_and_layout(args)?;
     let scene = Scene::resolve(&scene_name)?;
@@ -97,11 +97,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         .transpose()?;
     let session = Session::start(args, &scene_name, &scene, layout)?;
     let headless = args.headless || !terminal::can_draw();
-    let limit = match (seconds, headless) {
-        (Some(seconds), _) => Some(Duration::from_secs_f64(seconds)),
-        (None, true) => Some(Duration::from_secs_f64(scene.seconds())),
-        (None, false) => None,
-    };
+    let of_scene = Duration::from_secs_f64(scene.seconds());
+    let limit = args.seconds.or(headless.then_some(of_scene));
     let deadline = limit.map(|limit| session.began + limit);
     if let (Some(limit), true) = (limit, headless) {
         eprintln!(
@@ -155,7 +152,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     if meter.seen.images() == 0 {
         bail!(
             "no image came; give it more than --seconds {}",
-            seconds.unwrap_or(scene.seconds())
+            args.seconds.unwrap_or(of_scene).as_secs_f64()
         );
     }
     Ok(())

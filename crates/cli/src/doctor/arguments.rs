@@ -4,8 +4,10 @@ use super::daemon::{self, Daemon};
 use super::hand_text::describe_hand;
 use super::scan;
 use crate::input::DEFAULT_LAYOUT;
+use crate::seconds::seconds;
 use anyhow::{Context, bail};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 use taxel_can::SourceAddress;
 use taxel_joints::{DynamixelConfig, JointSource, JointsConfig};
 use taxel_skin::Layout;
@@ -56,8 +58,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", requires = "joints", default_value_t = 1_000_000)]
     pub(super) baud: u32,
     /// How long to listen to the hand; below 2.5 s there is no verdict on its taxels
-    #[arg(long, value_name = "S", value_parser = seconds, default_value_t = 4.0)]
-    pub(super) seconds: f64,
+    #[arg(long, value_name = "S", value_parser = seconds(0.001..=3600.0), default_value = "4")]
+    pub(super) seconds: Duration,
     /// Send nothing, neither to boards nor to servos
     #[arg(long)]
     pub(super) listen_only: bool,
@@ -192,11 +194,6 @@ fn of_each_bus(source: &SourceAddress, layout: &Layout) -> anyhow::Result<Vec<So
 fn describe(config: &Config) -> String {
     let sources = config.sources.iter().map(ToString::to_string);
     describe_hand(&config.layout.name, config.layout.buses.iter().zip(sources))
-}
-
-fn seconds(text: &str) -> Result<f64, String> {
-    let seconds = text.parse().ok().filter(|s| *s > 0.0 && *s <= 3600.0);
-    seconds.ok_or_else(|| format!("{text} is no time to listen; give seconds up to 3600, such as 4"))
 }
 
 /// Ids such as `1-16` or `1,2,11-14`.

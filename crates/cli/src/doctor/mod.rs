@@ -55,7 +55,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<bool> {
         }
         let scan = scan::Scan {
             sources: &args.sources,
-            seconds: args.seconds,
+            seconds: args.seconds.as_secs_f64(),
             start: args.start,
             out: args.out.as_deref(),
             json: args.json,
@@ -268,7 +268,7 @@ impl Doctor {
             .collect();
         let policy = ListenPolicy {
             listen_only: args.listen_only,
-            seconds: args.seconds,
+            seconds: args.seconds.as_secs_f64(),
         };
         let Some(mut facts) = live::examine(config, &bitrates, policy, &mut bus_listener)? else {
             bail!("stopped before the hand was heard");
@@ -318,12 +318,12 @@ impl Doctor {
             (true, _) => return Ok(()),
             (_, true) => format!(
                 "Listening to the hand for {} s, sending nothing. Do not touch it.",
-                args.seconds
+                args.seconds.as_secs_f64()
             ),
             _ => format!(
                 "Asking the boards who they are, starting them and listening for {} s, but only on buses where nobody else \
                  speaks (--listen-only sends nothing). Do not touch the hand.",
-                args.seconds
+                args.seconds.as_secs_f64()
             ),
         };
         let lines = report::wrap(&text, 78);

@@ -3,6 +3,7 @@
 use super::judge::Outcome;
 use super::network_args::{self, NetworkArgs};
 use super::report::{beside, column};
+use crate::seconds::duration_text;
 use anyhow::Context;
 use std::fmt::Write as _;
 use std::ops::ControlFlow;
@@ -97,16 +98,8 @@ fn line(progress: &Progress, repetitions: usize) -> String {
         progress.epoch,
         progress.epochs,
         progress.losses.training,
-        duration(progress.left_s),
+        duration_text(progress.left_s),
     )
-}
-
-fn duration(seconds: f64) -> String {
-    match seconds.round() as u64 {
-        s @ 0..60 => format!("{s} s"),
-        s @ 60..3600 => format!("{} min", s / 60),
-        s => format!("{} h {} min", s / 3600, s % 3600 / 60),
-    }
 }
 
 fn sum_up(source: &'static str, kind: Kind, trained: &[Trained]) -> Option<Judgement> {
@@ -170,7 +163,7 @@ pub(super) fn report(
              \x20 range of estimates, mean {:8.2}{range}\n",
             judgement.source,
             judgement.repetitions,
-            duration(judgement.train_s),
+            duration_text(judgement.train_s),
             judgement.outcome.estimate_us / 1000.0,
             e.macro_rmse,
             e.macro_mae,

@@ -7,6 +7,7 @@ mod shared_ask;
 mod text;
 
 use crate::everyday::Ask;
+use crate::seconds::seconds;
 use crate::{describe, notices};
 use anyhow::Context;
 use families::Format;
@@ -40,7 +41,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE")]
     textfile: Option<PathBuf>,
     /// Seconds between two writes of --textfile, 0.1 to 3600
-    #[arg(long, value_name = "S", default_value = "15", value_parser = seconds, requires = "textfile")]
+    #[arg(long, value_name = "S", default_value = "15", value_parser = seconds(0.1..=3600.0), requires = "textfile")]
     every: Duration,
     /// Once, as a JSON object for each sample, a line each: {"name", "labels", "value"}
     #[arg(long, conflicts_with_all = ["listen", "textfile"])]
@@ -50,13 +51,6 @@ pub(crate) struct Args {
 fn address(text: &str) -> Result<SocketAddr, String> {
     let named = text.to_socket_addrs().ok().and_then(|mut named| named.next());
     named.ok_or_else(|| "give an address and a port, such as 127.0.0.1:9464".into())
-}
-
-fn seconds(text: &str) -> Result<Duration, String> {
-    let seconds = text.parse().ok().filter(|s| (0.1..=3600.0).contains(s));
-    seconds
-        .map(Duration::from_secs_f64)
-        .ok_or_else(|| format!("{text} is not 0.1 to 3600 seconds"))
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {

@@ -14,6 +14,7 @@ use crate::doctor::finding::{Check, State};
 use crate::doctor::link::{self, LinkFacts};
 use crate::doctor::report::{Report, Style};
 use crate::doctor::scan::{self, Bus};
+use crate::seconds::seconds;
 use answers::{Answers, say};
 use anyhow::{Context, bail};
 use hand::Heard;
@@ -22,6 +23,7 @@ use outcome::{Hand, Origin, Outcome, may_write};
 use place::Pressing;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 use taxel_can::{AddressError, SourceAddress};
 use taxel_playback::interrupt::Interrupt;
 use taxel_skin::{Layout, Recognition};
@@ -75,22 +77,17 @@ pub(crate) struct Args {
     #[arg(long)]
     listen_only: bool,
     /// How long to listen for boards
-    #[arg(long, value_name = "S", default_value_t = 2.0)]
-    seconds: f64,
+    #[arg(long, value_name = "S", value_parser = seconds(0.001..=86_400.0), default_value = "2")]
+    seconds: Duration,
     /// How long to wait for each press where nobody types
-    #[arg(long, value_name = "S", default_value_t = 60.0)]
-    patience: f64,
+    #[arg(long, value_name = "S", value_parser = seconds(0.001..=86_400.0), default_value = "60")]
+    patience: Duration,
     /// One JSON object on stdout in the end: the hand, the files and their text
     #[arg(long)]
     json: bool,
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
-    for (option, seconds) in [("--seconds", args.seconds), ("--patience", args.patience)] {
-        if !(seconds > 0.0 && seconds <= 86_400.0) {
-            bail!("{option} {seconds} is no time to wait");
-        }
-    }
     let interrupt = Interrupt::install()?;
     let answers = Answers::new(args.yes, interrupt.clone())?;
     if !args.dry_run {
@@ -256,7 +253,8 @@ fn find_boards(
     answers: &Answers,
     interrupt: &Interrupt,
 ) -> anyhow::Result<Recognition> {
-    let (mut found, mut asked) = scan::hear(buses, args.seconds, false, interrupt.clone())?;
+    let seconds = args.seconds.as_secs_f64();
+    let (mut found, mut asked) = scan::hear(buses, seconds, false, interrupt.clone())?;
     let silent: Vec<&str> = buses
         .iter()
         .zip(&found.buses)
@@ -269,12 +267,12 @@ fn find_boards(
             silent.join(", ")
         );
         if answers.confirm(&question, true)? {
-            (found, asked) = scan::hear(buses, args.seconds, true, interrupt.clone())?;
+            (found, asked) = scan::hear(buses, seconds, true, interrupt.clone())?;
         }
     }
     for (number, (bus, found)) in (0u8..).zip(buses.iter().zip(&found.buses)) {
         let unheard = (asked.as_ref()).map_or(String::new(), |asked| asked.unheard(number, &bus.source));
-        for line in scan::words(bus, found, args.seconds, &unheard) {
+        for line in scan::words(bus, found, seconds, &unheard) {
             say(&line);
         }
     }

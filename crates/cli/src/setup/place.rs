@@ -5,6 +5,7 @@ use super::hand::Heard;
 use super::touch::{Touch, TouchWatch};
 use crate::doctor::bus_listener::{BusListener, Listener};
 use anyhow::{Context, bail};
+use std::time::Duration;
 use taxel_can::Received;
 use taxel_engine::{Engine, Frames};
 use taxel_playback::interrupt::Interrupt;
@@ -52,7 +53,7 @@ impl<'a> Pressing<'a> {
         heard: &'a Heard,
         answers: &'a Answers,
         listen_only: bool,
-        patience_s: f64,
+        patience: Duration,
         interrupt: Interrupt,
     ) -> anyhow::Result<Self> {
         let (buses, failures) = BusListener::open(&heard.sources, None, RECEIVE_BUFFER, interrupt);
@@ -69,7 +70,7 @@ impl<'a> Pressing<'a> {
             engine: Engine::new(&config.engine(false)?, buses.now_ns())?,
             watch: TouchWatch::new(&heard.layout),
             buses,
-            patience_ns: (!answers.are_typed()).then_some((patience_s * 1e9) as u64),
+            patience_ns: (!answers.are_typed()).then_some(patience.as_nanos() as u64),
             is_unanswered: false,
         };
         for _ in 0..ATTEMPTS {

@@ -5,6 +5,7 @@ mod recorder;
 mod recording;
 
 use crate::offline::OfflineArgs;
+use crate::seconds::seconds;
 use crate::terminal::{self, Shown};
 use anyhow::Context;
 use clap::error::ErrorKind;
@@ -52,8 +53,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "PATH", conflicts_with = "path")]
     control: Option<PathBuf>,
     /// Stop after so long [default: never; without a terminal a daemon is looked at for 2 s]
-    #[arg(long, value_name = "S", value_parser = seconds)]
-    seconds: Option<f64>,
+    #[arg(long, value_name = "S", value_parser = seconds(0.001..=1e9))]
+    seconds: Option<Duration>,
     /// Draw into this SVG file what is to be seen at the end, instead of on the terminal
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
@@ -139,26 +140,16 @@ impl FromArgMatches for Recording {
     }
 }
 
-pub(crate) fn seconds(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(seconds) if seconds > 0.0 && seconds < 1e9 => Ok(seconds),
-        _ => Err(format!(
-            "{text} is no time to look at a hand; give seconds, such as 10"
-        )),
-    }
-}
-
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
-    let limit = args.seconds.map(Duration::from_secs_f64);
     let sheet = args.svg.as_deref().map(|path| Sheet {
         path,
         size: args.size,
     });
     match &args.recording.0 {
-        Some(recording) => recording::run(recording, limit, sheet.as_ref()),
+        Some(recording) => recording::run(recording, args.seconds, sheet.as_ref()),
         None => live::run(
             [&args.socket, &args.control].map(Option::as_deref),
-            limit,
+            args.seconds,
             sheet.as_ref(),
         ),
     }

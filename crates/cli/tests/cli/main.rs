@@ -88,7 +88,7 @@ fn wrong_usage_is_told_from_failure_by_the_exit_code() {
     fails(&dir, &["wach"], 2);
     fails(&dir, &["sim"], 2);
     for (wrong, word) in [
-        (&["demo", "--seconds", "nan"][..], "no time"),
+        (&["demo", "--seconds", "nan"][..], "give seconds"),
         (&["demo", "--levels", "999"], "1..=255"),
         (&["replay", "a.log", "--to", "-", "--speed", "0"], "no speed"),
         (&["servo", "index 0", "--pwm", "nan"], "-100 to 100"),
@@ -96,7 +96,13 @@ fn wrong_usage_is_told_from_failure_by_the_exit_code() {
         (&["view", "can:can0"], "where taxeld reads it"),
         (&["compress", "udp::43113"], "a bus is no recording"),
         (&["compress", "log:a.log?interface=can0"], "name a.log"),
-        (&["record", "a.mcap", "--seconds", "0"], "above 0"),
+        (&["record", "a.mcap", "--seconds", "0"], "give seconds from 0.001"),
+        (
+            &["sim", "roll", "--to", "udp:", "--seconds", "1e300"],
+            "give seconds",
+        ),
+        (&["setup", "--seconds", "0"], "give seconds"),
+        (&["setup", "--patience", "1h"], "give seconds"),
         (&["record", "a.mcap", "--most-files", "3"], "--split-size"),
     ] {
         let err = fails(&dir, wrong, 2);

@@ -142,7 +142,6 @@ fn what_cannot_be_done_is_refused_before_anything_is_written() {
         (&["--out", "none/a.toml"], "none/a.toml: No such file"),
         (&["--yes", "--touch"], "--touch"),
         (&["--yes", "--layout", "allegro-uskin-15"], "--layout new"),
-        (&["--yes", "--seconds", "0"], "--seconds"),
         // Nobody answers.
         (&["--layout", "new", "--no-touch"], "--yes"),
     ] {

@@ -10,7 +10,7 @@ use ratatui::Frame;
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use std::fmt::Write as _;
 use std::io::Write as _;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 use taxel_forearm::{Estimate, Estimator, Model, Ramp, Squeeze, Trial};
 use taxel_playback::interrupt::Interrupt;
 use taxel_playback::remarks::Remarks;
@@ -201,7 +201,7 @@ impl Shown for Show {
 }
 
 /// Draws until `q`; headless squeezes every place once, without waiting for the time that takes.
-pub(super) fn run(args: &Args, seconds: Option<f64>, headless: bool) -> anyhow::Result<()> {
+pub(super) fn run(args: &Args, headless: bool) -> anyhow::Result<()> {
     for (option, is_given) in [
         ("--layout", args.layout.is_some()),
         ("--levels", args.levels.is_some()),
@@ -216,8 +216,8 @@ pub(super) fn run(args: &Args, seconds: Option<f64>, headless: bool) -> anyhow::
     let interrupt = Interrupt::install()?;
     let mut playing = Playing::start()?;
     if headless {
-        match seconds {
-            Some(seconds) => playing.advance(1000.0 * seconds)?,
+        match args.seconds {
+            Some(limit) => playing.advance(1000.0 * limit.as_secs_f64())?,
             None => playing.all_places()?,
         }
     } else {
@@ -228,7 +228,7 @@ pub(super) fn run(args: &Args, seconds: Option<f64>, headless: bool) -> anyhow::
             palette: Palette::of_terminal(),
             failure: None,
         };
-        let deadline = seconds.map(|seconds| began + Duration::from_secs_f64(seconds));
+        let deadline = args.seconds.map(|limit| began + limit);
         terminal::show(&mut show, &interrupt, deadline, Remarks::gather())?;
         if let Some(failure) = show.failure {
             return Err(failure);
