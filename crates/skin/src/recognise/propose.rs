@@ -11,6 +11,7 @@ use std::fmt::Write;
 
 /// Widest image that tiles are laid out in, pixels; a tile that is wider has its own row.
 const WIDTH: usize = 64;
+
 impl Recognition {
     /// The text of a layout file for what was recognised, which [`Layout::parse`] accepts as it is;
     /// `None` where no board was recognised. `buses` are the names of the buses.
@@ -128,18 +129,7 @@ fn bus_names<'a>(found: &Recognition, named: &[(&'a str, &[RecognisedBoard])]) -
 
 /// A text as a TOML string.
 fn quoted(text: &str) -> String {
-    let mut out = String::from("\"");
-    for c in text.chars() {
-        match c {
-            '"' | '\\' => out.extend(['\\', c]),
-            c if c.is_control() => {
-                let _ = write!(out, "\\u{:04X}", u32::from(c));
-            }
-            c => out.push(c),
-        }
-    }
-    out.push('"');
-    out
+    toml::Value::from(text).to_string()
 }
 
 fn wrap(text: &str, width: usize) -> Vec<String> {
