@@ -9,6 +9,14 @@ pub const REMOTE_FLAG: u32 = 0x4000_0000;
 /// Bit of a raw identifier that marks an error frame made by the local controller, as in `linux/can.h`.
 pub const ERROR_FLAG: u32 = 0x2000_0000;
 
+/// An identifier as candump writes it: 3 digits, or 8 where it has [`EXTENDED_FLAG`].
+pub fn id_text(id: u32) -> String {
+    match id & EXTENDED_FLAG {
+        0 => format!("{id:03X}"),
+        flag => format!("{:08X}", id & !flag),
+    }
+}
+
 /// A classic CAN frame: 0 to 8 data bytes under an 11 or 29 bit identifier.
 ///
 /// It is 16 bytes, `Copy`, and holds the identifier with the flag bits of `linux/can.h`, so that every
@@ -265,6 +273,8 @@ mod tests {
         for (frame, text) in cases {
             assert_eq!(frame.to_string(), text);
         }
+        assert_eq!(id_text(0x001), "001");
+        assert_eq!(id_text(0x123 | EXTENDED_FLAG), "00000123");
     }
 
     #[test]

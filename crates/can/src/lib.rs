@@ -28,7 +28,7 @@ pub use address::{AddressError, DEFAULT_UDP_GROUP, DEFAULT_UDP_HOP_LIMIT, DEFAUL
 pub use candump::{Direction, LineProblem, LogError, LogFrame, LogReader, LogWriter, NumberedFrame};
 pub use clock::{StampConverter, monotonic_ns};
 pub use filter::IdFilter;
-pub use frame::{CanFrame, ERROR_FLAG, EXTENDED_FLAG, FrameError, REMOTE_FLAG};
+pub use frame::{CanFrame, ERROR_FLAG, EXTENDED_FLAG, FrameError, REMOTE_FLAG, id_text};
 pub use log::{LogSource, Playback};
 pub use log_clock::{ClockJumps, LONGEST_PAUSE_NS, LogClock};
 pub use memory::{MemoryBus, MemorySource, memory_bus};

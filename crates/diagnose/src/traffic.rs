@@ -5,6 +5,7 @@ use crate::kind::Kind;
 use crate::names::{board_name, is_of_board, plug_name};
 use crate::problem::{Place, Problem};
 use crate::view::Look;
+use taxel_can::id_text;
 use taxel_skin::{BoardState, Finding, Layout};
 
 /// The bus (index) on which the board of a module was found to speak instead of its own; `None`
@@ -137,11 +138,9 @@ fn babbling(
     share: f64,
 ) -> Problem {
     let name = bus_name(layout, bus);
-    let id_name = if extended {
-        format!("{id:08X}")
-    } else {
-        format!("{id:03X}")
-    };
+    let id = id | u32::from(extended) << 31;
+    let place = Place::Stranger(bus.into(), id);
+    let id = id_text(id);
     let (whose, advice) = match module {
         Some(m) => (
             format!(" of {}", board_name(layout, m.into())),
@@ -154,13 +153,13 @@ fn babbling(
     };
     Problem::new(
         Kind::Babbling,
-        Place::Stranger(bus.into(), id | u32::from(extended) << 31),
+        place,
         format!(
-            "{name}: id {id_name}{whose} babbles: {rate_hz:.0} frames/s, at least {:.0} % of a bus of 1 Mbit/s",
+            "{name}: id {id}{whose} babbles: {rate_hz:.0} frames/s, at least {:.0} % of a bus of 1 Mbit/s",
             100.0 * share
         ),
         format!("{advice}. Ids above it may starve; the rest goes on"),
-        format!("{name}: id {id_name} no longer babbles"),
+        format!("{name}: id {id} no longer babbles"),
     )
 }
 

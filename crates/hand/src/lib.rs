@@ -11,6 +11,7 @@ mod geometry;
 mod image;
 mod name;
 mod plain_words;
+mod plural;
 mod pose;
 mod profile;
 mod profile_error;
@@ -24,6 +25,7 @@ pub use geometry::{Geometry, GeometryError, MAX_MODULES, MAX_PIXELS, MAX_TAXELS,
 pub use image::{Actuator, TactileImage};
 pub use name::why_no_name;
 pub use plain_words::plain_words;
+pub use plural::plural;
 pub use pose::Pose;
 pub use profile::{
     ActuatorForce, CodebookLearning, Coordinates, ForceFit, Grey, LevelSteps, Method, Placement, Profile,

@@ -5,8 +5,9 @@ use crate::traffic::{Traffic, Wanted};
 use anyhow::bail;
 use std::collections::BTreeSet;
 use std::path::Path;
-use taxel_can::{EXTENDED_FLAG, LogFrame};
+use taxel_can::{EXTENDED_FLAG, LogFrame, id_text};
 use taxel_config::Config;
+use taxel_hand::plural;
 use taxel_skin::{Decoded, Decoder, Layout, Readings};
 
 /// Frames of an interface that are looked at, or more until one is a board's.
@@ -367,15 +368,13 @@ impl Survey<'_> {
 
 /// How many ids these are, and the first of them.
 fn ids_of_nobody(ids: &BTreeSet<u32>) -> String {
-    let id = |id: &u32| match id & EXTENDED_FLAG {
-        0 => format!("{id:03X}"),
-        flag => format!("{:08X}", id & !flag),
-    };
-    let named: Vec<String> = ids.iter().take(NAMED_IDS).map(id).collect();
-    let (count, named) = (ids.len(), named.join(", "));
-    let s = if count == 1 { "" } else { "s" };
-    let more = if count > NAMED_IDS { ", .." } else { "" };
-    format!("{count} id{s} of nobody ({named}{more})")
+    let named: Vec<String> = ids.iter().take(NAMED_IDS).map(|id| id_text(*id)).collect();
+    let more = if ids.len() > NAMED_IDS { ", .." } else { "" };
+    format!(
+        "{} of nobody ({}{more})",
+        plural(ids.len(), "id"),
+        named.join(", ")
+    )
 }
 
 /// The orders of buses for interfaces that fit best.

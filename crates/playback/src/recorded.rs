@@ -2,7 +2,7 @@
 
 use anyhow::bail;
 use std::path::Path;
-use taxel_hand::TactileImage;
+use taxel_hand::{TactileImage, plural};
 use taxel_record::{ImageStack, Recording};
 use taxel_recorder::{
     Item, RecordedFrame, RecordingReader, Topic, event_name, read_event, read_image, read_text,
@@ -167,7 +167,7 @@ pub fn counted(path: &Path, topics: &[Topic]) -> anyhow::Result<Option<String>> 
     if !topics.iter().any(|topic| reader.may_hold(*topic)) {
         return Ok(None);
     }
-    let [mut marks, mut frames, mut images] = [0u64; 3];
+    let [mut marks, mut frames, mut images] = [0; 3];
     while let Some(item) = reader.next_item()? {
         match item {
             Item::Message {
@@ -176,7 +176,7 @@ pub fn counted(path: &Path, topics: &[Topic]) -> anyhow::Result<Option<String>> 
             Item::Message {
                 topic: Topic::Images, ..
             } => images += 1,
-            Item::Message { data, .. } => marks += u64::from(mark_text(data).is_some()),
+            Item::Message { data, .. } => marks += usize::from(mark_text(data).is_some()),
             Item::Attached(_) | Item::Damaged => {}
         }
     }
@@ -184,7 +184,7 @@ pub fn counted(path: &Path, topics: &[Topic]) -> anyhow::Result<Option<String>> 
     let mut parts: Vec<String> = counted
         .into_iter()
         .filter(|(count, _)| *count > 0)
-        .map(|(count, what)| format!("{count} {what}{}", if count == 1 { "" } else { "s" }))
+        .map(|(count, what)| plural(count, what))
         .collect();
     let last = parts.pop();
     Ok(last.map(|last| match parts.is_empty() {

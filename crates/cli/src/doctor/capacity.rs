@@ -2,6 +2,7 @@
 
 use super::finding::Check;
 use taxel_can::CanFrame;
+use taxel_hand::plural;
 use taxel_skin::{BoardsConfig, BoardsMode, Layout, Wiring};
 
 /// How often a board sends its sweep, by what is public of it; `None` where nothing is.
@@ -109,11 +110,6 @@ pub(crate) fn check(
         )),
         false => check.advise(format!("spread the boards over {buses:.0} buses, or give them a longer period")),
     })
-}
-
-/// `1 board`, `2 boards`.
-pub(crate) fn plural(n: usize, word: &str) -> String {
-    format!("{n} {word}{}", if n == 1 { "" } else { "s" })
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 use super::finding::{Check, Mend, State};
 use std::io::{self, IsTerminal, Write};
+use taxel_hand::plural;
 
 const WIDTH: usize = 80;
 /// Columns of a line before what was found.
@@ -220,7 +221,6 @@ pub(crate) fn wrap(text: &str, width: usize) -> Vec<String> {
 pub(crate) fn summary(checks: &[Check], style: Style) -> String {
     let count = |state: State| checks.iter().filter(|c| c.state == state).count();
     let (errors, warnings) = (count(State::Error), count(State::Warning));
-    let plural = |n: usize, word: &str| format!("{n} {word}{}", if n == 1 { "" } else { "s" });
     let skipped = match count(State::Skipped) {
         0 => String::new(),
         n => format!(", {n} skipped"),

@@ -1,7 +1,6 @@
 //! `taxel doctor --scan`: what speaks on unknown buses, as a layout file.
 
 use super::bus_listener::{BusListener, Listener};
-use super::capacity::plural;
 use super::link;
 use super::report;
 use super::starting::Asked;
@@ -9,7 +8,8 @@ use anyhow::{Context, bail};
 use serde_json::json;
 use std::io::{self, Write};
 use std::path::Path;
-use taxel_can::{EXTENDED_FLAG, LinkState, Received, SourceAddress};
+use taxel_can::{LinkState, Received, SourceAddress, id_text};
+use taxel_hand::plural;
 use taxel_playback::interrupt::Interrupt;
 use taxel_playback::output_file::OutputFile;
 use taxel_playback::traffic::Traffic;
@@ -376,14 +376,6 @@ pub(crate) fn json(bus: &Bus, found: &RecognisedBus) -> serde_json::Value {
         "others": found.others.iter().map(|id| id_text(*id)).collect::<Vec<_>>(),
         "doubts": found.doubts,
     })
-}
-
-/// An id as candump writes it.
-fn id_text(id: u32) -> String {
-    match id & EXTENDED_FLAG {
-        0 => format!("{id:03X}"),
-        _ => format!("{:08X}", id & !EXTENDED_FLAG),
-    }
 }
 
 #[cfg(test)]

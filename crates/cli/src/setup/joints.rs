@@ -2,11 +2,10 @@
 
 use super::answers::{Answers, say};
 use crate::doctor::BAUDS;
-use crate::doctor::capacity::plural;
 use anyhow::bail;
 use std::path::{Path, PathBuf};
 use taxel_can::SourceAddress;
-use taxel_hand::why_no_name;
+use taxel_hand::{plural, why_no_name};
 use taxel_joints::registers::Model;
 use taxel_joints::{JointSource, JointSourceError};
 

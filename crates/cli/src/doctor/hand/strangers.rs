@@ -1,11 +1,11 @@
 //! Whoever speaks on the buses of the hand and is not of it.
 
 use super::{AREA, HandFacts, Unclaimed};
-use crate::doctor::capacity::plural;
 use crate::doctor::finding::Check;
 use std::collections::BTreeMap;
-use taxel_can::EXTENDED_FLAG;
+use taxel_can::{EXTENDED_FLAG, id_text};
 use taxel_diagnose::speaks_on;
+use taxel_hand::plural;
 use taxel_joints::{AllegroConfig, AllegroDecoder, AllegroFrame};
 use taxel_skin::{Finding, Layout, Protocol};
 
@@ -134,11 +134,4 @@ fn is_told(hand: &HandFacts, bus: u8, id: u32) -> bool {
 fn board_of(protocol: Protocol, id: u32) -> Option<u8> {
     let id = u16::try_from(id).ok().filter(|id| *id < 0x800)?;
     protocol.board_of(id)
-}
-
-fn id_text(id: u32) -> String {
-    match id & EXTENDED_FLAG {
-        0 => format!("{id:03X}"),
-        _ => format!("{:08X}", id & !EXTENDED_FLAG),
-    }
 }

@@ -1,9 +1,8 @@
 //! Taxels that are dead, stuck, noisy or saturated.
 
 use super::{AREA, HandFacts, board_name};
-use crate::doctor::capacity::plural;
 use crate::doctor::finding::{Check, State};
-use taxel_hand::Fault;
+use taxel_hand::{Fault, plural};
 use taxel_skin::{BoardState, Layout};
 
 /// A module is called broken when more than this share of its taxels is.
