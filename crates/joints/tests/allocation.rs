@@ -49,7 +49,7 @@ fn no_cycle_allocates() {
                         for piece in arrived.chunks(40) {
                             counted(&mut allocations, || {
                                 bus.space()[..piece.len()].copy_from_slice(piece);
-                                bus.filled(piece.len(), now_ns);
+                                bus.take_bytes(piece.len(), now_ns);
                             });
                         }
                     }

@@ -53,7 +53,7 @@ impl Feed {
     }
 
     /// From now on at most so many messages a second; the next may be sent at once, whatever was asked for before.
-    pub(crate) fn set_rate(&mut self, max_rate_hz: Option<f64>) {
+    pub(crate) fn limit_rate(&mut self, max_rate_hz: Option<f64>) {
         self.pace = Pace::new(max_rate_hz);
     }
 

@@ -30,7 +30,7 @@ macro_rules! judge {
         Judge {
             gain: $gain * cost,
             least: 0.002 * cost,
-            doubt: 1.0,
+            times_if_doubtful: 1.0,
             reach: $clusters.settings.reach * $clusters.settings.reach,
             pinned: &$clusters.pinned,
             moved: &$clusters.moved,
@@ -139,9 +139,9 @@ impl Kmeans2d {
 
     /// Dissolves one cluster and splits another if that saves enough; says whether it did.
     fn swap(&mut self) -> bool {
-        let (most, doubt) = self.most_tried();
+        let (most, times_if_doubtful) = self.most_tried();
         let judge = Judge {
-            doubt,
+            times_if_doubtful,
             ..judge!(self, self.settings.swap_gain)
         };
         let at = [&self.x[..], &self.y, &self.height];

@@ -50,7 +50,7 @@ pub(super) struct Judge<'a> {
     /// For a swap in which none jumps.
     pub(super) least: f64,
     /// So many times as much, where it is judged to save too little.
-    pub(super) doubt: f64,
+    pub(super) times_if_doubtful: f64,
     /// Square of the distance that is no jump.
     pub(super) reach: f64,
     /// Ids that were in use in the last frame.
@@ -144,7 +144,11 @@ impl Splits {
                         dissolved,
                         split,
                         halves,
-                        asked: if beyond > 0.0 { asked } else { judge.doubt * asked },
+                        asked: if beyond > 0.0 {
+                            asked
+                        } else {
+                            judge.times_if_doubtful * asked
+                        },
                     };
                     self.found.insert(rank, (beyond, swap));
                 }

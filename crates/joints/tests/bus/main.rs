@@ -56,7 +56,7 @@ impl World {
         self.servos.take_due(self.now_ns, &mut arrived);
         for piece in arrived.chunks(self.piece.min(40)) {
             self.bus.space()[..piece.len()].copy_from_slice(piece);
-            self.bus.filled(piece.len(), self.now_ns);
+            self.bus.take_bytes(piece.len(), self.now_ns);
         }
     }
 
@@ -382,7 +382,7 @@ fn a_servo_that_refuses_is_told_from_one_that_is_silent() {
     let answer = e.status(1, 7, &[]).unwrap();
     w.bus.space()[..answer.len()].copy_from_slice(answer);
     let n = answer.len();
-    w.bus.filled(n, w.now_ns);
+    w.bus.take_bytes(n, w.now_ns);
     assert_eq!(
         w.bus.results()[0].unwrap_err(),
         NoReading::Refused(StatusError::Access)
@@ -423,7 +423,7 @@ fn random_bytes_at_any_time_never_end_a_cycle_badly() {
             let space = w.bus.space();
             let n = noise.len().min(space.len());
             space[..n].copy_from_slice(&noise[..n]);
-            w.bus.filled(n, w.now_ns);
+            w.bus.take_bytes(n, w.now_ns);
             for (result, id) in w.cycle(0).into_iter().zip(1..) {
                 assert_eq!(result, Ok(still(id)));
             }

@@ -263,7 +263,7 @@ fn a_motor_whose_start_its_servo_refuses_is_not_on() {
     w.servos.take_due(u64::MAX, &mut Vec::new());
     let answer = encoder.status(1, 1, &[]).unwrap().to_vec();
     w.bus.space()[..answer.len()].copy_from_slice(&answer);
-    w.bus.filled(answer.len(), w.now_ns);
+    w.bus.take_bytes(answer.len(), w.now_ns);
     while w.turn() {}
     assert_eq!(w.bus.command(0, GOAL), Err(WriteRefused::MotorOff(0)));
 }

@@ -85,7 +85,7 @@ impl Parser {
     }
 
     /// Room for more bytes, at least one longest packet if [`Parser::next_packet`] has been called
-    /// until it gave `None`. Say with [`Parser::filled`] how many were put there.
+    /// until it gave `None`. Say with [`Parser::take_bytes`] how many were put there.
     pub fn space(&mut self) -> &mut [u8] {
         if self.start > 0 {
             self.buffer.copy_within(self.start..self.end, 0);
@@ -96,7 +96,7 @@ impl Parser {
     }
 
     /// Takes the first `bytes` of [`Parser::space`] as received.
-    pub fn filled(&mut self, bytes: usize) {
+    pub fn take_bytes(&mut self, bytes: usize) {
         self.end = (self.end + bytes).min(self.buffer.len());
     }
 
@@ -106,7 +106,7 @@ impl Parser {
         let space = self.space();
         let n = bytes.len().min(space.len());
         space[..n].copy_from_slice(&bytes[..n]);
-        self.filled(n);
+        self.take_bytes(n);
         n
     }
 

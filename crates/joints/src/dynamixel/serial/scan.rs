@@ -39,7 +39,7 @@ pub fn scan(path: &Path, baud: u32) -> Result<Vec<FoundServo>, PortError> {
             break;
         }
         let n = port.read(parser.space(), Duration::from_nanos(left_ns))?;
-        parser.filled(n);
+        parser.take_bytes(n);
         while let Some(packet) = parser.next_packet() {
             let Ok(packet) = packet else { continue };
             if packet.instruction != Instruction::Status as u8 {

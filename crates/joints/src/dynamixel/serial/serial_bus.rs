@@ -86,7 +86,7 @@ impl SerialBus {
                     let timeout = Duration::from_nanos(until_ns.saturating_sub(monotonic_ns()));
                     let n = self.port.read(bus.space(), timeout)?;
                     if n > 0 {
-                        bus.filled(n, monotonic_ns());
+                        bus.take_bytes(n, monotonic_ns());
                     }
                 }
                 Step::Done => return Ok(()),
@@ -102,7 +102,7 @@ impl SerialBus {
             if n == 0 {
                 break;
             }
-            bus.filled(n, monotonic_ns());
+            bus.take_bytes(n, monotonic_ns());
             left = left.saturating_sub(n);
         }
         Ok(())

@@ -112,7 +112,7 @@ impl Surveyor {
         let end_ns = monotonic_ns() + slack_ns + wire_ns(answers * PING_ANSWER_BYTES, self.baud);
         let mut damaged_ids = Vec::new();
         while let Some(n) = self.read_until(end_ns)? {
-            self.parser.filled(n);
+            self.parser.take_bytes(n);
             while let Some(packet) = self.parser.next_packet() {
                 let packet = match packet {
                     Ok(packet) => packet,
@@ -196,7 +196,7 @@ impl Surveyor {
             let bytes = usize::from(length) + PING_ANSWER_BYTES * 2;
             let end_ns = monotonic_ns() + READ_MARGIN_NS + wire_ns(bytes, self.baud);
             while let Some(n) = self.read_until(end_ns)? {
-                self.parser.filled(n);
+                self.parser.take_bytes(n);
                 let mut refused = false;
                 while let Some(packet) = self.parser.next_packet() {
                     let Ok(packet) = packet else {

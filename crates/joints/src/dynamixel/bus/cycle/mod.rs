@@ -20,7 +20,7 @@ use std::collections::VecDeque;
 /// What [`Bus::step`] wants from its caller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Step {
-    /// Read what has arrived so far ([`Bus::space`], [`Bus::filled`]), send [`Bus::request`], then
+    /// Read what has arrived so far ([`Bus::space`], [`Bus::take_bytes`]), send [`Bus::request`], then
     /// call [`Bus::sent`].
     Send,
     /// Read what arrives until this time, then call [`Bus::step`] again.
@@ -365,9 +365,9 @@ impl Bus {
         self.parser.space()
     }
 
-    /// So many bytes arrived at `now_ns` and are in [`Bus::space`].
-    pub fn filled(&mut self, bytes: usize, now_ns: u64) {
-        self.parser.filled(bytes);
+    /// Takes the first `bytes` of [`Bus::space`], which arrived at `now_ns`.
+    pub fn take_bytes(&mut self, bytes: usize, now_ns: u64) {
+        self.parser.take_bytes(bytes);
         self.take_packets(now_ns);
     }
 }
