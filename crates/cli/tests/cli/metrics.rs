@@ -3,12 +3,17 @@
 use crate::{fails, simulated, succeeds};
 use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
 use std::net::TcpStream;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, ChildStderr, Command, Stdio};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 /// `taxel metrics --listen`, gone with the test.
-struct Exporter(Child, String);
+struct Exporter {
+    child: Child,
+    address: String,
+    /// What it says later goes into a pipe that is open.
+    _said: BufReader<ChildStderr>,
+}
 
 impl Exporter {
     fn start(dir: &TempDir) -> Self {
@@ -30,10 +35,9 @@ impl Exporter {
             .stderr(Stdio::piped())
             .spawn()
             .unwrap();
+        let mut said = BufReader::new(child.stderr.take().unwrap());
         let mut line = String::new();
-        BufReader::new(child.stderr.take().unwrap())
-            .read_line(&mut line)
-            .unwrap();
+        said.read_line(&mut line).unwrap();
         let address = line
             .split("http://")
             .nth(1)
@@ -42,11 +46,15 @@ impl Exporter {
             .next()
             .unwrap()
             .to_owned();
-        Self(child, address)
+        Self {
+            child,
+            address,
+            _said: said,
+        }
     }
 
     fn get(&self, request: &str) -> String {
-        let mut stream = TcpStream::connect(&self.1).unwrap();
+        let mut stream = TcpStream::connect(&self.address).unwrap();
         write!(stream, "{request}\r\nHost: a\r\n\r\n").unwrap();
         let mut answer = String::new();
         stream.read_to_string(&mut answer).unwrap();
@@ -56,8 +64,8 @@ impl Exporter {
 
 impl Drop for Exporter {
     fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
+        let _ = self.child.kill();
+        let _ = self.child.wait();
     }
 }
 
@@ -67,9 +75,9 @@ fn an_exporter_that_could_not_take_a_connection_takes_the_next() {
     let exporter = Exporter::start_with_files(&dir, 24);
     // More than it has files for; nobody asks anything.
     let clients: Vec<TcpStream> = (0..40)
-        .map(|_| TcpStream::connect(&exporter.1).unwrap())
+        .map(|_| TcpStream::connect(&exporter.address).unwrap())
         .collect();
-    let waits = TcpStream::connect(&exporter.1).unwrap();
+    let waits = TcpStream::connect(&exporter.address).unwrap();
     drop(clients);
     assert!(exporter.get("GET /metrics HTTP/1.1").contains("\ntaxeld_up 0\n"));
     drop(waits);
@@ -129,7 +137,7 @@ fn a_client_that_asks_nothing_or_byte_by_byte_keeps_nobody_waiting() {
     const IDLE: usize = 100;
     let dir = TempDir::new().unwrap();
     let exporter = Exporter::start(&dir);
-    let connect = || TcpStream::connect(&exporter.1).unwrap();
+    let connect = || TcpStream::connect(&exporter.address).unwrap();
     let _idle: Vec<TcpStream> = (0..IDLE).map(|_| connect()).collect();
     // Bounds failure alone.
     let patience = Duration::from_secs(30);
@@ -138,7 +146,7 @@ fn a_client_that_asks_nothing_or_byte_by_byte_keeps_nobody_waiting() {
         stream.set_read_timeout(Some(patience)).unwrap();
         write!(stream, "GET /metrics HTTP/1.1\r\n\r\n").unwrap();
         let mut answer = String::new();
-        stream.read_to_string(&mut answer).expect(&exporter.1);
+        stream.read_to_string(&mut answer).expect(&exporter.address);
         assert!(answer.contains("\ntaxeld_up 0\n"), "{answer}");
     };
     scrape(&exporter);
