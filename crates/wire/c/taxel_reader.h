@@ -1,7 +1,7 @@
 /*
  * taxel_reader.h - reads the messages that taxeld sends to display drivers.
  *
- * One file to copy. C99, no allocation, no dependencies beyond the C library. The format is specified in
+ * One file to copy, however long. C99, no allocation, no dependencies beyond the C library. The format is specified in
  * docs/wire.md. The decoder accepts any bytes: it never reads outside them, and pointers it hands out point
  * into the caller's buffer, which has to live as long as they are used.
  *

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Reads the tactile images that taxeld sends to display drivers.
 
-One file to copy; Python 3.8 or later, standard library only. The format is specified in docs/wire.md.
+One file to copy, however long; Python 3.8 or later, standard library only. The format is specified in docs/wire.md.
 
     import taxel_reader
 
