@@ -117,48 +117,62 @@ struct Told {
 }
 
 /// Says what is different between two looks at the hand.
-fn report_changes(state: &State, before: Option<&Snapshot>, now: &Snapshot, told_before: &mut Told) {
-    let layout = &state.config.layout;
-    for (i, bus) in now.buses.iter().enumerate() {
-        let was_up =
-            before.is_some_and(|b| b.buses[i].source.reopens > 0 || b.buses[i].link == LinkState::Up);
-        if bus.link == LinkState::Up && !was_up {
-            let source = state.config.sources[i].to_string();
-            tracing::info!(bus = layout.buses[i], source, "bus is up");
-        }
+fn report_changes(state: &State, before: Option<&Snapshot>, now: &Snapshot, told: &mut Told) {
+    report_buses(state, before, now);
+    report_unpublished(state, before.map_or(0, |b| b.unpublished), now.unpublished);
+    report_out_of_use(state, now, &mut told.out_of_use);
+    let at = Instant::now();
+    if let Some(line) = told.overruns.look(now.overruns, at) {
+        tracing::warn!("{line}");
     }
+    if let Some(before) = before {
+        report_calibration(state, before, now, &mut told.baselines, at);
+        report_pause(state, before, now, &mut told.pauses, at);
+    }
+}
+
+/// Says which buses are up, and what is wrong with their recordings.
+fn report_buses(state: &State, before: Option<&Snapshot>, now: &Snapshot) {
     for (i, bus) in now.buses.iter().enumerate() {
-        // A damaged recording may have thousands: told each time that there are twice as many.
-        let jumps = bus.source.jumps;
-        if bus.source.cut_off_line > before.map_or(0, |b| b.buses[i].source.cut_off_line) {
-            let (source, line) = (state.config.sources[i].to_string(), bus.source.cut_off_line);
+        let (name, source) = (&state.config.layout.buses[i], &state.config.sources[i]);
+        let before = before.map(|before| &before.buses[i]);
+        let was_up = before.is_some_and(|b| b.source.reopens > 0 || b.link == LinkState::Up);
+        if bus.link == LinkState::Up && !was_up {
+            tracing::info!(bus = name, source = source.to_string(), "bus is up");
+        }
+        let line = bus.source.cut_off_line;
+        if line > before.map_or(0, |b| b.source.cut_off_line) {
             tracing::error!(
-                bus = layout.buses[i],
-                source,
+                bus = name,
+                source = source.to_string(),
                 "cannot be read past line {line}; it ends there"
             );
         }
-        let told = before.map_or(0, |b| b.buses[i].source.jumps.count());
+        // A damaged recording may have thousands: told each time that there are twice as many.
+        let jumps = bus.source.jumps;
+        let told = before.map_or(0, |b| b.source.jumps.count());
         if jumps.count().checked_ilog2() != told.checked_ilog2() {
-            let source = state.config.sources[i].to_string();
-            tracing::warn!(bus = layout.buses[i], source, "{jumps}");
+            tracing::warn!(bus = name, source = source.to_string(), "{jumps}");
         }
     }
-    let told = before.map_or(0, |b| b.unpublished);
-    if now.unpublished.checked_ilog2() != told.checked_ilog2() {
-        let sentence = format!(
-            "{} images could not be handed to subscribers; please report this",
-            now.unpublished
-        );
+}
+
+/// Says each time that there are twice as many.
+fn report_unpublished(state: &State, told: u64, unpublished: u64) {
+    if unpublished.checked_ilog2() != told.checked_ilog2() {
+        let sentence = format!("{unpublished} images could not be handed to subscribers; please report this");
         tracing::error!("{sentence}");
         state.server.announce(Event::new(EventKind::Notice, sentence));
     }
+}
+
+fn report_out_of_use(state: &State, now: &Snapshot, out_of_use: &mut OutOfUse) {
+    let layout = &state.config.layout;
     let speaks = |module: usize| {
-        now.boards
-            .get(module)
-            .is_some_and(|b| b.state == BoardState::Streaming)
+        let board = now.boards.get(module);
+        board.is_some_and(|b| b.state == BoardState::Streaming)
     };
-    for (faults, taxels) in told_before.out_of_use.look(layout, &now.force.faults, speaks) {
+    for (faults, taxels) in out_of_use.look(layout, &now.force.faults, speaks) {
         let module = layout.module_of(taxels[0]);
         let name = &module.name;
         let reasons = faults.iter().map(Fault::name).collect::<Vec<_>>().join(", ");
@@ -175,38 +189,39 @@ fn report_changes(state: &State, before: Option<&Snapshot>, now: &Snapshot, told
             ),
         }
     }
-    let at = Instant::now();
-    if let Some(line) = told_before.overruns.look(now.overruns, at) {
-        tracing::warn!("{line}");
+}
+
+fn report_calibration(state: &State, before: &Snapshot, now: &Snapshot, lines: &mut Lines, at: Instant) {
+    if now.force.calibrating == before.force.calibrating {
+        return;
     }
-    let Some(before) = before else { return };
-    if now.force.calibrating != before.force.calibrating {
-        let (kind, text) = if now.force.calibrating {
-            (
-                EventKind::Calibrating,
-                "measuring the baseline; do not touch the hand".to_string(),
-            )
-        } else {
-            (
-                EventKind::Calibrated,
-                format!("baseline measured, contact threshold {:.1}", now.force.threshold),
-            )
-        };
-        told_before.baselines.say(&text, at);
-        state.server.announce(Event::new(kind, text));
+    let (kind, text) = match now.force.calibrating {
+        true => (
+            EventKind::Calibrating,
+            "measuring the baseline; do not touch the hand".to_string(),
+        ),
+        false => (
+            EventKind::Calibrated,
+            format!("baseline measured, contact threshold {:.1}", now.force.threshold),
+        ),
+    };
+    lines.say(&text, at);
+    state.server.announce(Event::new(kind, text));
+}
+
+fn report_pause(state: &State, before: &Snapshot, now: &Snapshot, lines: &mut Lines, at: Instant) {
+    if now.paused == before.paused {
+        return;
     }
-    if now.paused != before.paused {
-        let (kind, text) = if now.paused {
-            (
-                EventKind::Paused,
-                "paused: images show no contact until told to resume",
-            )
-        } else {
-            (EventKind::Resumed, "images show contacts again")
-        };
-        told_before.pauses.say(text, at);
-        state.server.announce(Event::new(kind, text));
-    }
+    let (kind, text) = match now.paused {
+        true => (
+            EventKind::Paused,
+            "paused: images show no contact until told to resume",
+        ),
+        false => (EventKind::Resumed, "images show contacts again"),
+    };
+    lines.say(text, at);
+    state.server.announce(Event::new(kind, text));
 }
 
 /// Says what is new of the joints.
