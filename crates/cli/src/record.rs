@@ -23,6 +23,7 @@ use taxel_playback::head::{CONFIG, LAYOUT, is_here};
 use taxel_playback::interrupt::Interrupt;
 use taxel_recorder::{Around, Attached, CanInput, Plan, Preamble, Signals, Split};
 use taxel_skin::Layout;
+use taxel_wire::Hello;
 use taxel_wire::status::{BusStatus, Status};
 use taxeld::Config;
 
@@ -129,65 +130,16 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         );
     }
     let config = args.config.as_deref().map(Config::load).transpose()?;
-    let configured = || config.as_ref().map(|config| config.socket.images.clone());
-    let socket = (!args.no_daemon).then(|| {
-        let named = args.socket.clone().or_else(configured);
-        named.unwrap_or_else(|| taxeld::config::running_socket("images.sock"))
-    });
-    let status_socket = socket.as_deref().map(|socket| match (&args.control, &config) {
-        (Some(named), _) => named.clone(),
-        (None, Some(config)) if is_same_socket(&config.socket.images, socket) => config.socket.status_path(),
-        _ => socket.with_file_name("status.sock"),
-    });
+    let config = config.as_ref().zip(args.config.as_deref());
+    let sockets = args.sockets(config.map(|(config, _)| config));
     // A daemon that does not answer yet is waited for.
-    let hello = socket.as_deref().and_then(same_hand::hello);
-    let names_none = args.can.is_empty() && !args.no_can;
-    match (&config, &args.config, &hello) {
-        (Some(config), Some(file), Some(hello)) => {
-            same_hand::check(config, file, hello)?;
-            if let Some(socket) = status_socket.as_deref().filter(|_| names_none) {
-                match status_of_daemon(socket) {
-                    Ok(status) => same_hand::check_buses(config, file, &status)?,
-                    Err(error) => eprintln!(
-                        "taxel: whether the daemon reads the buses of {} is not known: {error:#}",
-                        file.display()
-                    ),
-                }
-            }
-        }
-        (None, _, Some(hello)) if !is_here(hello) => eprintln!(
-            "taxel: hand {} is not built in{}, and its layout will not be in the recording, which is then read with \
-             --layout alone; --config FILE, the daemon's configuration, puts it there",
-            hello.layout,
-            match Layout::builtin(&hello.layout) {
-                Some(_) => " as the daemon describes it",
-                None => "",
-            }
-        ),
-        _ => {}
+    let hello = sockets.as_ref().and_then(|[images, _]| same_hand::hello(images));
+    let status_socket = sockets.as_ref().map(|[_, status]| status.as_path());
+    if let Some(hello) = &hello {
+        args.check_hand(config, status_socket, hello)?;
     }
-    let (can, whose) = match (&config, &args.config, &status_socket) {
-        (Some(config), Some(file), _) if names_none => (buses_of(config), file.display().to_string()),
-        (.., Some(socket)) if names_none => {
-            let status = status_of_daemon(socket).map_err(|error| match &hello {
-                // It runs, and listens elsewhere.
-                Some(_) => anyhow!(
-                    "the daemon sends images and does not answer at {}, so its buses are not known; --control PATH \
-                     names the socket that answers, --can SOURCE the buses, --no-can leaves them out",
-                    socket.display()
-                ),
-                None => error,
-            });
-            (buses_of_daemon(&status?), "the daemon".into())
-        }
-        _ => {
-            let named = args.can.iter().enumerate().map(|(place, text)| bus(place, text));
-            (named.collect::<Result<_, _>>()?, String::new())
-        }
-    };
-    if names_none && can.is_empty() {
-        eprintln!("taxel: no raw CAN: {whose} reads neither can: nor udp:; --can SOURCE names a bus");
-    }
+    let can = args.buses(config, status_socket, hello.is_some())?;
+    let socket = sockets.map(|[images, _]| images);
     let plan = Plan {
         out: args.out.clone(),
         socket,
@@ -226,6 +178,104 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         );
     }
     Ok(())
+}
+
+impl Args {
+    /// The daemon's image socket, and that which tells its status.
+    fn sockets(&self, config: Option<&Config>) -> Option<[PathBuf; 2]> {
+        if self.no_daemon {
+            return None;
+        }
+        let configured = config.map(|config| config.socket.images.clone());
+        let named = self.socket.clone().or(configured);
+        let images = named.unwrap_or_else(|| taxeld::config::running_socket("images.sock"));
+        let status = match (&self.control, config) {
+            (Some(named), _) => named.clone(),
+            (None, Some(config)) if is_same_socket(&config.socket.images, &images) => {
+                config.socket.status_path()
+            }
+            _ => images.with_file_name("status.sock"),
+        };
+        Some([images, status])
+    }
+
+    /// Whether the command names no bus, so that they are the configuration's or the daemon's.
+    fn names_no_bus(&self) -> bool {
+        self.can.is_empty() && !self.no_can
+    }
+
+    /// Refuses the configuration of another hand than the daemon's, and says where the recording will not tell which.
+    fn check_hand(
+        &self,
+        config: Option<(&Config, &Path)>,
+        status_socket: Option<&Path>,
+        hello: &Hello,
+    ) -> anyhow::Result<()> {
+        let Some((config, file)) = config else {
+            if !is_here(hello) {
+                eprintln!(
+                    "taxel: hand {} is not built in{}, and its layout will not be in the recording, which is then read with \
+                     --layout alone; --config FILE, the daemon's configuration, puts it there",
+                    hello.layout,
+                    match Layout::builtin(&hello.layout) {
+                        Some(_) => " as the daemon describes it",
+                        None => "",
+                    }
+                );
+            }
+            return Ok(());
+        };
+        same_hand::check(config, file, hello)?;
+        match status_socket
+            .filter(|_| self.names_no_bus())
+            .map(status_of_daemon)
+        {
+            Some(Ok(status)) => same_hand::check_buses(config, file, &status)?,
+            Some(Err(error)) => eprintln!(
+                "taxel: whether the daemon reads the buses of {} is not known: {error:#}",
+                file.display()
+            ),
+            None => {}
+        }
+        Ok(())
+    }
+
+    /// The buses that are read.
+    fn buses(
+        &self,
+        config: Option<(&Config, &Path)>,
+        status_socket: Option<&Path>,
+        daemon_runs: bool,
+    ) -> anyhow::Result<Vec<CanInput>> {
+        if !self.names_no_bus() {
+            return self
+                .can
+                .iter()
+                .enumerate()
+                .map(|(place, text)| bus(place, text))
+                .collect();
+        }
+        let (can, whose) = match (config, status_socket) {
+            (Some((config, file)), _) => (buses_of(config), file.display().to_string()),
+            (None, Some(socket)) => {
+                let status = status_of_daemon(socket).map_err(|error| match daemon_runs {
+                    // It listens elsewhere.
+                    true => anyhow!(
+                        "the daemon sends images and does not answer at {}, so its buses are not known; --control PATH \
+                         names the socket that answers, --can SOURCE the buses, --no-can leaves them out",
+                        socket.display()
+                    ),
+                    false => error,
+                });
+                (buses_of_daemon(&status?), "the daemon".into())
+            }
+            (None, None) => return Ok(Vec::new()),
+        };
+        if can.is_empty() {
+            eprintln!("taxel: no raw CAN: {whose} reads neither can: nor udp:; --can SOURCE names a bus");
+        }
+        Ok(can)
+    }
 }
 
 /// However they are spelt; a socket that is not there is known by its spelling alone.
