@@ -122,6 +122,11 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             play::SCENE
         );
     }
+    play_scene(args, name, limit_ns)
+}
+
+/// Plays a scene on the buses of a hand, or writes it into logs.
+fn play_scene(args: &Args, name: &str, limit_ns: Option<u64>) -> anyhow::Result<()> {
     let scene = Scene::resolve(name)?;
     let named = Layout::resolve(args.layout.as_deref().unwrap_or(scene.layout()))?;
     let layout = with_stand_in_boards(&named)?;
@@ -137,49 +142,22 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     refuse_shared_ids(&named, &layout)?;
     let mut targets = Targets::open(&named)?;
     if targets.are_logs() {
-        if let Some(link) = &args.servos {
-            bail!(
-                "--servos {}: servos move in real time; a log is written at once and has none",
-                link.display()
-            );
-        }
-        if let Some(socket) = &args.control {
-            bail!(
-                "--control {}: marks are made in real time; a log is written at once and has none",
-                socket.display()
-            );
-        }
+        args.refuse_real_time()?;
         let mut simulator = Simulator::new(&scene, &layout, seed)?;
         simulator.start_all();
-        let interrupt = Interrupt::install()?;
-        write_log(
-            simulator,
-            &interrupt,
-            limit_ns.unwrap_or(scene.length_ns()),
-            &mut targets,
-        )?;
+        let length_ns = limit_ns.unwrap_or(scene.length_ns());
+        write_log(simulator, &Interrupt::install()?, length_ns, &mut targets)?;
     } else {
-        let mut simulator = Simulator::looping(&scene, &layout, seed)?;
-        if args.autostart {
-            simulator.start_all();
-        }
         let places: Vec<String> = named
             .iter()
             .map(|(bus, address)| format!("{bus} on {address}"))
             .collect();
+        let mut simulator = Simulator::looping(&scene, &layout, seed)?;
+        if args.autostart {
+            simulator.start_all();
+        }
         eprintln!("{}: {}; Ctrl-C stops it", scene.name(), places.join(", "));
-        let _servos = match &args.servos {
-            Some(link) => Some(offer_servos(&scene, &layout, link)?),
-            None => None,
-        };
-        let begin = Instant::now();
-        let _marks = match &args.control {
-            Some(socket) => Some(SceneMarks::start(&scene, begin, socket.clone(), |text| {
-                eprintln!("taxel: {text}")
-            })?),
-            None => None,
-        };
-        play(simulator, begin, limit_ns, layout.buses.len(), &mut targets)?;
+        args.play_live(simulator, &scene, &layout, limit_ns, &mut targets)?;
     }
     targets.finish()?;
     eprintln!(
@@ -191,6 +169,44 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         }
     );
     targets.check()
+}
+
+impl Args {
+    /// Refuses, beside a log, what moves or marks in real time.
+    fn refuse_real_time(&self) -> anyhow::Result<()> {
+        if let Some(link) = &self.servos {
+            bail!(
+                "--servos {}: servos move in real time; a log is written at once and has none",
+                link.display()
+            );
+        }
+        if let Some(socket) = &self.control {
+            bail!(
+                "--control {}: marks are made in real time; a log is written at once and has none",
+                socket.display()
+            );
+        }
+        Ok(())
+    }
+
+    /// Plays a scene with its servos and marks.
+    fn play_live(
+        &self,
+        simulator: Simulator,
+        scene: &Scene,
+        layout: &Layout,
+        limit_ns: Option<u64>,
+        targets: &mut Targets,
+    ) -> anyhow::Result<()> {
+        let servos = self.servos.as_deref();
+        let _servos = servos.map(|link| offer_servos(scene, layout, link)).transpose()?;
+        let begin = Instant::now();
+        let control = self.control.clone();
+        let marks =
+            control.map(|socket| SceneMarks::start(scene, begin, socket, |text| eprintln!("taxel: {text}")));
+        let _marks = marks.transpose()?;
+        play(simulator, begin, limit_ns, layout.buses.len(), targets)
+    }
 }
 
 fn show_layout(name: &str) -> anyhow::Result<()> {
