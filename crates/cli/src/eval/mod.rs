@@ -139,6 +139,28 @@ struct Output {
     scaling: Vec<ScalingReport>,
 }
 
+impl Output {
+    /// All but the times by size.
+    fn reports(&self) -> impl Iterator<Item = &EvalReport> {
+        std::iter::once(&self.input)
+            .chain(&self.scenes)
+            .chain(&self.sweep)
+    }
+
+    /// What is printed.
+    fn text(&self, args: &Args) -> anyhow::Result<String> {
+        if args.json {
+            return Ok(serde_json::to_string(self)? + "\n");
+        }
+        let table = match args.all {
+            true => every_figure::every_figure,
+            false => table::main_figures,
+        };
+        let tables: String = self.reports().map(table).collect();
+        Ok(tables + &table::scaling(&self.scaling))
+    }
+}
+
 /// Frames, what they are called, and how their contacts compare with the truth if that is known.
 struct Frames {
     name: String,
@@ -188,56 +210,26 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         export::write_times(file.path(), &timings).with_context(|| file.path().display().to_string())?;
         file.finish()?;
     }
-    let mut output = Output {
+    let output = Output {
         input,
-        scenes: Vec::new(),
-        sweep: Vec::new(),
-        scaling: Vec::new(),
-    };
-    for scene in &args.scene {
-        let (frames, config) = scene::frames(scene, args)?;
-        output.scenes.push(
-            args.report(&frames, &told_apart(args.methods(&config.profile)?.methods).0)?
-                .0,
-        );
-    }
-    if args.sweep_k {
-        for size in SIZES {
-            let mut methods = methods.clone();
-            methods.truncate(2);
-            for method in &mut methods {
-                (method.profile.levels, method.profile.actuators) = (size, size);
-                method.profile.jnd = None;
-            }
-            output.sweep.push(args.report(&frames, &methods)?.0);
-        }
-    }
-    if args.scaling {
-        output.scaling = scaling(&methods)?;
-    }
-    let reports = || {
-        [&output.input]
-            .into_iter()
-            .chain(&output.scenes)
-            .chain(&output.sweep)
+        scenes: args.scenes()?,
+        sweep: if args.sweep_k {
+            args.sweep(&frames, &methods)?
+        } else {
+            Vec::new()
+        },
+        scaling: if args.scaling {
+            scaling(&methods)?
+        } else {
+            Vec::new()
+        },
     };
     if let Some(file) = &mut csv {
-        std::fs::write(file.path(), spreadsheet::csv(reports())?)
+        std::fs::write(file.path(), spreadsheet::csv(output.reports())?)
             .with_context(|| file.path().display().to_string())?;
         file.finish()?;
     }
-    let mut text = String::new();
-    if args.json {
-        text = serde_json::to_string(&output)? + "\n";
-    } else {
-        let table = if args.all {
-            every_figure::every_figure
-        } else {
-            table::main_figures
-        };
-        reports().for_each(|report| text += &table(report));
-        text += &table::scaling(&output.scaling);
-    }
+    let text = output.text(args)?;
     let mut out = io::stdout().lock();
     out.write_all(text.as_bytes())
         .and_then(|()| out.flush())
@@ -393,6 +385,29 @@ impl Args {
             methods: parsed.collect::<Result<_, _>>()?,
             left_out: Vec::new(),
         })
+    }
+
+    /// The methods on each of the scenes.
+    fn scenes(&self) -> anyhow::Result<Vec<EvalReport>> {
+        let report = |scene: &String| {
+            let (frames, config) = scene::frames(scene, self)?;
+            let (methods, _) = told_apart(self.methods(&config.profile)?.methods);
+            Ok(self.report(&frames, &methods)?.0)
+        };
+        self.scene.iter().map(report).collect()
+    }
+
+    /// The first two methods with every number of levels and actuators.
+    fn sweep(&self, frames: &Frames, methods: &[Method]) -> anyhow::Result<Vec<EvalReport>> {
+        let report = |size| {
+            let mut methods = methods[..methods.len().min(2)].to_vec();
+            for method in &mut methods {
+                (method.profile.levels, method.profile.actuators) = (size, size);
+                method.profile.jnd = None;
+            }
+            Ok(self.report(frames, &methods)?.0)
+        };
+        SIZES.into_iter().map(report).collect()
     }
 
     fn report(
