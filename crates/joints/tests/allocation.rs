@@ -1,6 +1,6 @@
 //! A cycle allocates nothing, whatever its servos do.
 
-use taxel_joints::bus::{Bus, Step};
+use taxel_joints::bus::{Bus, Step, WriteCommand};
 use taxel_joints::{DynamixelConfig, FastSyncRead};
 use taxel_sim::servo::{ServoBuild, ServoBus, ServoFault};
 
@@ -18,7 +18,7 @@ fn counted<T>(count: &mut u64, f: impl FnOnce() -> T) -> T {
 fn no_cycle_allocates() {
     for fast in [FastSyncRead::Off, FastSyncRead::Auto] {
         let mut config = DynamixelConfig::new("none", 1..=16);
-        config.fast_sync_read = fast;
+        (config.fast_sync_read, config.allow_writes) = (fast, true);
         let mut bus = Bus::new(&config);
         let mut servos = ServoBus::new((1..=16).map(ServoBuild::new), 1_000_000);
         for (id, fault) in [
@@ -31,8 +31,19 @@ fn no_cycle_allocates() {
             servos.set_fault(id, Some(fault), 7);
         }
         let (mut now_ns, mut allocations, mut arrived) = (0, 0, Vec::new());
-        for _ in 0..300 {
-            counted(&mut allocations, || bus.begin(now_ns));
+        let told = [
+            WriteCommand::Start(9),
+            WriteCommand::GoalPwm(5),
+            WriteCommand::Torque(false),
+            WriteCommand::Torque(true),
+        ];
+        for cycle in 0..300 {
+            counted(&mut allocations, || {
+                // What is refused is none the less.
+                let _ = bus.numbered_command(cycle, cycle as usize % 16, told[cycle as usize / 16 % 4]);
+                let _ = bus.command_together(1000 + cycle, &[(2, 30), (6, 40), (9, 50)]);
+                bus.begin(now_ns);
+            });
             loop {
                 match counted(&mut allocations, || bus.step(now_ns)) {
                     Step::Send => {
@@ -59,6 +70,7 @@ fn no_cycle_allocates() {
             now_ns += 1_000_000;
         }
         assert_eq!(bus.counters().cycles, 300);
+        assert!(bus.counters().writes_ok > 100);
         assert_eq!(allocations, 0, "{fast:?}");
     }
 }

@@ -3,7 +3,7 @@
 use super::of_joints;
 use crate::kind::Kind;
 use crate::problem::{Place, Problem};
-use taxel_joints::bus::{MotorLost, ServoState};
+use taxel_joints::bus::{MotorLost, ServoState, WriteError};
 use taxel_joints::registers::HardwareError;
 
 /// Degrees Celsius from which a servo is too hot, and down to which it stays so. It switches itself
@@ -11,15 +11,21 @@ use taxel_joints::registers::HardwareError;
 const HOT_C: u8 = 70;
 const HOT_ON_C: u8 = 65;
 
-/// A motor was told to be off, and nobody knows whether it is.
+/// A motor was told to be off, and is on, or nobody knows whether it is.
 pub(super) fn motor_not_off(joint: usize, name: &str, servo: &ServoState) -> Option<Problem> {
     let off = servo.motor_off;
     let reason = off.written.and_then(|written| written.result.err());
-    let why = reason.map_or_else(String::new, |reason| format!(": {reason}"));
+    let what = match reason {
+        Some(WriteError::StillOn) => format!("the motor of servo {name} is on, though it was told to be off"),
+        Some(why) => {
+            format!("nobody knows whether the motor of servo {name} is off, as it was told to be: {why}")
+        }
+        None => format!("nobody knows whether the motor of servo {name} is off, as it was told to be"),
+    };
     let problem = of_joints(
         Kind::MotorNotOff,
         Place::Joint(joint),
-        format!("nobody knows whether the motor of servo {name} is off, as it was told to be{why}"),
+        what,
         "It is told again until it confirms that; a watchdog that was armed stays armed. Where it has to stand still now, cut its supply",
         format!("the motor of servo {name} is off, or was started anew"),
     );

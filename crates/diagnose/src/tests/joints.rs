@@ -63,7 +63,7 @@ impl JointsBench {
 #[test]
 fn a_servo_that_is_silent_late_damaged_hot_or_failed_is_named_with_what_to_do() {
     type Change = fn(&mut JointsView);
-    let cases: [(&str, Change, Change, &[&str], &str); 15] = [
+    let cases: [(&str, Change, Change, &[&str], &str); 16] = [
         (
             "motor-lost",
             |v| servo(v, 1).motor_lost = Some(MotorLost::Restarted),
@@ -127,6 +127,22 @@ fn a_servo_that_is_silent_late_damaged_hot_or_failed_is_named_with_what_to_do() 
                 "the motor of servo servo 2 (id 2) is off, as it was told to be: the servo does not answer",
                 "cut its supply",
             ],
+            "the motor of servo servo 2 (id 2) is off",
+        ),
+        (
+            "motor-not-off",
+            |v| {
+                servo(v, 1).motor_off = MotorOff {
+                    newest: 3,
+                    written: Some(Written {
+                        number: 3,
+                        result: Err(WriteError::StillOn),
+                    }),
+                    unconfirmed: true,
+                }
+            },
+            |v| servo(v, 1).motor_off.unconfirmed = false,
+            &["the motor of servo servo 2 (id 2) is on, though it was told to be off. It is told again"],
             "the motor of servo servo 2 (id 2) is off",
         ),
         (

@@ -12,7 +12,7 @@ fn a_motor_whose_start_was_lost_with_the_port_was_not_switched_on() {
             let mut w = writable(2);
             w.cycles(2);
             w.bus.command(0, command).unwrap();
-            let writes = |w: &World| w.requests.iter().filter(|r| r[7] == 3).count();
+            let writes = |w: &World| w.requests.iter().filter(|r| write_of(r).is_some()).count();
             w.bus.begin(w.now_ns);
             while writes(&w) < sent && w.turn() {}
             assert_eq!(writes(&w), sent);
@@ -53,7 +53,7 @@ fn a_motor_that_was_still_to_be_switched_on_at_the_end_is_not() {
         let mut w = writable(2);
         w.cycles(2);
         w.bus.command(0, WriteCommand::Torque(true)).unwrap();
-        let writes = |w: &World| w.requests.iter().filter(|r| r[7] == 3).count();
+        let writes = |w: &World| w.requests.iter().filter(|r| write_of(r).is_some()).count();
         w.bus.begin(w.now_ns);
         while writes(&w) < sent && w.turn() {}
         w.bus.release_motors();

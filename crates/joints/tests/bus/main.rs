@@ -4,6 +4,7 @@
 mod double;
 mod full_queue;
 mod lost;
+mod proof;
 mod restarts;
 mod shown;
 mod starts;
@@ -20,6 +21,9 @@ use taxel_sim::servo::{AfterSilence, ServoBuild, ServoBus, ServoFault};
 const BAUD: u32 = 1_000_000;
 const MS: u64 = 1_000_000;
 
+/// Which requests are lost on the way.
+type Lost = Box<dyn FnMut(&[u8]) -> bool>;
+
 /// A host and a bus that share a clock which only moves when something happens.
 struct World {
     bus: Bus,
@@ -30,6 +34,8 @@ struct World {
     requests: Vec<Vec<u8>>,
     /// What the host says is lost on the way.
     cut: bool,
+    /// So are those of its requests of which this says so.
+    lost: Lost,
 }
 
 impl World {
@@ -42,6 +48,7 @@ impl World {
             piece: usize::MAX,
             requests: Vec::new(),
             cut: false,
+            lost: Box::new(|_| false),
         }
     }
 
@@ -66,7 +73,7 @@ impl World {
             Step::Send => {
                 self.receive();
                 let request = self.bus.request().to_vec();
-                if !self.cut {
+                if !self.cut && !(self.lost)(&request) {
                     self.servos.receive(&request, self.now_ns);
                 }
                 self.requests.push(request);

@@ -12,8 +12,10 @@ const GOAL: WriteCommand = WriteCommand::GoalPwm(90);
 /// Of which a start consists.
 const WRITES: usize = 5;
 
+/// How often a servo was told something and asked behind it what it holds.
 fn writes(w: &World) -> usize {
-    w.requests.iter().filter(|r| write_of(r).is_some()).count()
+    let pairs = w.requests.windows(2);
+    pairs.filter(|pair| write_of(&pair[0]).is_some()).count()
 }
 
 /// Two starts, with a command between where one is given. Behind so many writes the servo has a fault, until the first start

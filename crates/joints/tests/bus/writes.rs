@@ -100,7 +100,7 @@ fn a_motor_that_runs_is_switched_off_when_its_watchdog_cannot_be_armed_anew() {
     w.bus.command(0, WriteCommand::GoalPwm(100)).unwrap();
     w.cycles(4);
     assert_eq!(register(&w, 64), 0, "it runs without anybody watching");
-    let goals = w.requests.iter().filter(|r| r[7] == 3 && r[8] == 100).count();
+    let goals = w.requests.iter().filter(|r| r[7] == 0x83 && r[8] == 100).count();
     assert_eq!(goals, 0, "nor is it given a goal");
     assert_eq!(
         w.bus.command(0, WriteCommand::GoalPwm(1)),
@@ -119,13 +119,16 @@ fn a_write_whose_answer_is_missed_is_sent_again() {
     assert_eq!([register(98), register(64)], [5, 1]);
     let counters = w.bus.counters();
     assert_eq!((counters.writes_ok, counters.writes_failed), (4, 0));
-    let sent = w.requests.iter().filter(|r| r[4] == 2 && r[7] == 3).count();
+    let sent = (w.requests.iter().filter_map(|r| write_of(r)))
+        .filter(|(id, ..)| *id == 2)
+        .count();
     assert!(sent > 4, "none was missed: {sent}");
 }
 
-/// Servo, address and first byte of a write.
+/// Servo, address and first byte of what one servo is told.
 pub(crate) fn write_of(request: &[u8]) -> Option<(u8, u8, u8)> {
-    (request[7] == 3).then(|| (request[4], request[8], request[10]))
+    let is_for_one = request[7] == 0x83 && request.len() == 15 + usize::from(request[10]);
+    is_for_one.then(|| (request[12], request[8], request[13]))
 }
 
 #[test]
@@ -142,16 +145,16 @@ fn to_switch_a_motor_off_goes_before_every_other_command_and_before_the_readings
     w.bus.command(2, WriteCommand::Torque(false)).unwrap();
     w.bus.command(0, WriteCommand::Torque(false)).unwrap();
     w.cycle(5 * MS);
-    let first: Vec<_> = w.requests.iter().take(5).map(|r| write_of(r)).collect();
+    let first: Vec<_> = w.requests.iter().take(9).map(|r| write_of(r)).collect();
     let (torque, watchdog) = (64, 98);
     let off = |id, at| Some((id, at, 0));
-    let expected = [
-        off(3, torque),
-        off(3, watchdog),
-        off(1, torque),
-        off(1, watchdog),
-        None,
-    ];
+    // Each is asked behind it what it holds.
+    let told = [off(3, torque), off(3, watchdog), off(1, torque), off(1, watchdog)];
+    let expected: Vec<_> = told
+        .into_iter()
+        .flat_map(|off| [off, None])
+        .chain([None])
+        .collect();
     assert_eq!(first, expected);
     w.cycles(3);
     let goals = w
@@ -294,7 +297,9 @@ fn a_motor_is_given_its_first_goal_before_it_is_switched_on() {
         ],
         [5, 40, 1]
     );
-    let written: Vec<u8> = (w.requests.iter()).filter(|r| r[7] == 3).map(|r| r[8]).collect();
+    let written: Vec<u8> = (w.requests.iter().filter_map(|r| write_of(r)))
+        .map(|(_, at, _)| at)
+        .collect();
     assert_eq!(written, [64, 98, 98, 100, 64]);
 }
 
@@ -450,8 +455,7 @@ fn a_goal_whose_answer_is_missed_keeps_no_motor_on() {
             true => w.bus.command_together(5, &[(0, 80), (1, 90)]).unwrap(),
             false => w.bus.command(0, WriteCommand::GoalPwm(80)).unwrap(),
         }
-        let is_goal =
-            |request: &Vec<u8>| request[7] == 0x83 || write_of(request).is_some_and(|(_, at, _)| at == 100);
+        let is_goal = |request: &Vec<u8>| request[7] == 0x83 && request[8] == 100;
         w.bus.begin(w.now_ns);
         while w.requests.last().is_none_or(|request| !is_goal(request)) && w.turn() {}
         w.bus.command(off, WriteCommand::Torque(false)).unwrap();

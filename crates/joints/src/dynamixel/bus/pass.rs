@@ -11,13 +11,11 @@ pub(crate) enum Kind {
     Fast,
     /// One servo, for something slower.
     Slow(super::slow::Task),
-    /// One servo is written to.
-    Write,
     /// Servos are asked for their watchdogs, before their motors are told to move.
     Watchdog,
-    /// Several servos are given goals in one packet, which nobody answers.
-    Together,
-    /// Those are asked what goals they have.
+    /// One or several servos are told something in one packet, which nobody answers.
+    Told,
+    /// Those are asked what they hold.
     ReadBack,
 }
 
@@ -46,8 +44,10 @@ pub(crate) struct Pass {
     pub(crate) fast_done: bool,
     /// An answer said that a servo does not know the instruction.
     pub(crate) fast_refused: bool,
-    /// The error number of a servo that refused a write, or to tell its watchdog.
+    /// The error number of a servo that refused to tell its watchdog, or what it holds.
     pub(crate) refused: Option<StatusError>,
+    /// Whether the one servo that was told something holds it, as it says; `None` before it does.
+    pub(crate) held: Option<bool>,
 }
 
 impl Pass {
@@ -64,6 +64,7 @@ impl Pass {
             fast_done: false,
             fast_refused: false,
             refused: None,
+            held: None,
         }
     }
 
@@ -78,6 +79,7 @@ impl Pass {
         self.fast_done = false;
         self.fast_refused = false;
         self.refused = None;
+        self.held = None;
     }
 
     /// Bytes that one servo puts on the wire.
@@ -102,7 +104,7 @@ impl Pass {
     pub(crate) fn is_complete(&self) -> bool {
         match self.kind {
             Kind::Fast => self.fast_done,
-            Kind::Together => true,
+            Kind::Told => true,
             _ => self.answers.iter().all(|a| *a != Answer::Awaited),
         }
     }

@@ -150,6 +150,8 @@ pub(crate) struct Servo {
     /// Whether it was told here to switch its motor on, and has not said since that it is off. What it was told may be lost,
     /// or its answer.
     pub(crate) may_run: bool,
+    /// Whether it was told here to switch its motor off, and not on since.
+    pub(crate) is_to_be_off: bool,
     pub(crate) watch: Watch,
     /// Bytes that it told in its answer, good or not, to the newest request that is over; `None` where none came, which may
     /// still do so. Another answer of as many is a second one to the same request.
@@ -171,6 +173,7 @@ impl Servo {
             id,
             state: ServoState::default(),
             may_run: false,
+            is_to_be_off: false,
             watch: Watch::default(),
             told_bytes: None,
             withhold: false,
@@ -192,7 +195,7 @@ impl Servo {
         self.state.identity?.model()?.current_unit_a()
     }
 
-    /// It has confirmed that a register has this value. It is shown from now on: what it said before was asked before.
+    /// It has said that a register has the value that it was told. It is shown from now on: what it said before was asked before.
     pub(crate) fn confirmed(&mut self, register: u16, value: u8) {
         match register {
             address::TORQUE_ENABLE => {
@@ -278,14 +281,24 @@ impl Servo {
 
     /// Its motor is to be off, and it may not have heard that: it is told again as soon as may be.
     pub(crate) fn owe_off(&mut self) {
+        self.is_to_be_off = true;
         self.state.motor_off.unconfirmed = true;
         self.off = Rest::default();
     }
 
-    /// It was told to switch its motor off, in vain: it is told again after a while, or once it answers.
-    pub(crate) fn off_failed(&mut self, now_ns: u64) {
+    /// It was told to switch its motor off, in vain: it is told again after a while, which is short where it answers.
+    pub(crate) fn off_failed(&mut self, is_heard: bool, now_ns: u64) {
+        if is_heard {
+            self.off = Rest::default();
+        }
         self.state.motor_off.unconfirmed = true;
         self.off.begin(now_ns);
+    }
+
+    /// It is being told to switch its motor on.
+    pub(crate) fn switched_on(&mut self) {
+        self.may_run = true;
+        self.is_to_be_off = false;
     }
 
     /// Whether its motor is to be told again now to be off.

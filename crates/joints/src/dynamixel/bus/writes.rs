@@ -93,16 +93,17 @@ pub enum WriteError {
     /// The answer had a wrong CRC, so that nobody knows what it said.
     #[error("the servo's answer came damaged: check its cable, and tell it again")]
     Damaged,
-    /// It says no.
-    #[error(
-        "the servo refuses: {0}. A goal is refused beyond its PWM Limit, and after its watchdog has stopped it until torque is enabled anew"
-    )]
+    /// It says no when it is asked what it holds.
+    #[error("the servo refuses to say what it holds: {0}")]
     Servo(StatusError),
-    /// It answers, and holds another goal than it was given together with others.
+    /// It answers, and holds something else than it was told.
     #[error(
-        "the servo has not taken its goal. One beyond its PWM Limit is refused, and any after its watchdog has stopped it until torque is enabled anew"
+        "the servo has not taken it. A goal beyond its PWM Limit is refused, and any after its watchdog has stopped it until torque is enabled anew"
     )]
     NotHeld,
+    /// It was told to switch its motor off, and says that it is on.
+    #[error("the servo says that its motor is still on")]
+    StillOn,
     /// Not taken at all.
     #[error(transparent)]
     NotTaken(WriteRefused),

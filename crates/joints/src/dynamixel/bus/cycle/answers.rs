@@ -105,9 +105,8 @@ impl Bus {
                 None => self.take_told(servo, Task::Watchdog, data),
                 refused => self.pass.refused = refused,
             },
-            Kind::Write => self.pass.refused = status.error(),
-            Kind::ReadBack => self.take_goal(position, data),
-            Kind::Together => {}
+            Kind::ReadBack => self.take_held(position, status.error(), data),
+            Kind::Told => {}
         }
     }
 

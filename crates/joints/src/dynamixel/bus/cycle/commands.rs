@@ -97,6 +97,7 @@ impl Bus {
         if out == 0 {
             self.write_tries = 0;
         }
+        self.servos[servo].is_to_be_off = true;
         self.servos[servo].state.motor_off.newest = number;
         self.servos[servo].state.motor_lost = None;
         let mut i = out;

@@ -3,7 +3,7 @@
 mod answers;
 mod commands;
 mod requests;
-mod together;
+mod telling;
 mod watch;
 
 use super::outcomes::Outcomes;
@@ -74,14 +74,14 @@ const PASSES: u32 = 3;
 /// After a request without answer, the requested length changes so that an answer that is still to come is
 /// recognised by its own; so long after the last it is as it was.
 const SUSPICION_NS: u64 = 200_000_000;
-/// How many lengths there are: 12 bytes to 19, none of which is that of a question of the slow
-/// lane. An answer could only be mistaken for another if it came later than eight deadlines.
+/// How many lengths there are: 12 bytes to 19, none of which is that of another question. An answer could only be mistaken for
+/// another if it came later than eight deadlines.
 const LEADS: u16 = 8;
 /// Fast sync reads tried before it is given up, and those in a row that may fail later.
 const FAST_TRIES: u32 = 3;
 /// After a fast sync read that had worked was given up, it is tried again so much later.
 const FAST_AGAIN_NS: u64 = 10_000_000_000;
-/// A write to a servo that lives is sent so many times until it is confirmed: a busy host can miss an answer.
+/// What a servo that lives is told is sent so many times until it says that it holds it: a busy host can miss an answer.
 const WRITE_TRIES: u32 = 3;
 /// Between two questions of the slow lane lies at least so many times the time of a cycle.
 const SLOW_SHARE: u64 = 4;
@@ -110,8 +110,10 @@ pub struct Bus {
     slow_done: bool,
     slow_ns: u64,
     again: Vec<usize>,
-    /// 0 to 7: how many bytes before Present PWM are read as well.
+    /// 0 to 7: how many bytes before Present PWM are read as well, and which length what servos hold is read with.
     lead: u16,
+    /// Which of two lengths that is.
+    held_turn: usize,
     suspicious_ns: Option<u64>,
     fast: FastState,
     fast_failures: u32,
@@ -159,6 +161,7 @@ impl Bus {
             slow_ns: 0,
             again: Vec::with_capacity(n),
             lead: 0,
+            held_turn: 0,
             suspicious_ns: None,
             fast: match config.fast_sync_read {
                 FastSyncRead::Auto => FastState::Probing,

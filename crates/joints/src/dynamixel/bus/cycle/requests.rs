@@ -1,8 +1,6 @@
 //! Which request comes next, and what follows from a request that is over.
 
-use super::{
-    Bus, FAST_AGAIN_NS, FAST_TRIES, FastState, LEADS, PASSES, SLOW_SHARE, SUSPICION_NS, WRITE_TRIES,
-};
+use super::{Bus, FAST_AGAIN_NS, FAST_TRIES, FastState, LEADS, PASSES, SLOW_SHARE, SUSPICION_NS};
 use crate::dynamixel::bus::pass::{Answer, Kind};
 use crate::dynamixel::bus::reading::PRESENT_BYTES;
 use crate::dynamixel::bus::writes::{Write, WriteError, WriteRefused};
@@ -44,21 +42,9 @@ impl Bus {
         }
         let write = self.writes.front().copied().filter(|_| !self.writes_done);
         if let Some(write) = write.filter(|write| write.urgent || self.again.is_empty()) {
-            if self.ask_watchdogs() || self.write_together() {
-                return true;
+            if !self.ask_watchdogs() {
+                self.tell(write);
             }
-            self.pass.order.clear();
-            self.pass.order.push(write.servo);
-            let packet = self.encoder.write(
-                self.servos[write.servo].id,
-                write.address,
-                &write.data[..write.len],
-            );
-            load(&mut self.request, packet);
-            // From here on it may be obeyed, whatever becomes of the port.
-            self.servos[write.servo].may_run |= write.is_motor_on();
-            self.pass.begin(Kind::Write, 0, 0);
-            self.activate();
             return true;
         }
         if !self.again.is_empty() {
@@ -121,8 +107,8 @@ impl Bus {
     /// Draws the conclusions of a pass that is complete or past its deadline.
     pub(super) fn end_pass(&mut self, now_ns: u64) {
         self.pass_active = false;
-        if self.pass.kind == Kind::Together {
-            self.read_goals_back();
+        if self.pass.kind == Kind::Told {
+            self.read_back();
             return;
         }
         for (servo, answer) in self.pass.order.iter().zip(&self.pass.answers) {
@@ -130,24 +116,16 @@ impl Bus {
             self.servos[*servo].told_bytes = came.then_some(usize::from(self.pass.data_bytes));
         }
         let unanswered = self.pass.answers.contains(&Answer::Awaited);
-        if unanswered {
-            // An answer may still come: the next requests ask for another length.
+        if unanswered || self.pass.refused.is_some() {
+            // An answer may still come, as an error number is one to whatever was asked: the next requests ask for another length.
             self.suspicious_ns = Some(now_ns);
             self.lead = (self.lead + 1) % LEADS;
         }
         match self.pass.kind {
-            Kind::Write => {
-                let result = match (self.pass.answers[0], self.pass.refused) {
-                    (Answer::Got, None) => Ok(()),
-                    (Answer::Got, Some(error)) => Err(WriteError::Servo(error)),
-                    (Answer::Damaged, _) => Err(WriteError::Damaged),
-                    (Answer::Awaited, _) => Err(WriteError::Silent),
-                };
-                self.end_write(result, now_ns);
-            }
             Kind::Watchdog => self.end_watchdogs(),
-            Kind::ReadBack => self.end_together(),
-            Kind::Together => {}
+            Kind::ReadBack if self.pass.order.len() > 1 => self.end_together(),
+            Kind::ReadBack => self.end_write(now_ns),
+            Kind::Told => {}
             Kind::Slow(_) => self.counters.slow_unanswered += u64::from(unanswered),
             Kind::Plain => self.end_plain(now_ns),
             Kind::Fast => self.end_fast(unanswered, now_ns),
@@ -202,47 +180,6 @@ impl Bus {
         self.again.extend(first);
     }
 
-    fn end_write(&mut self, result: Result<(), WriteError>, now_ns: u64) {
-        let Some(write) = self.writes.pop_front() else {
-            return;
-        };
-        if matches!(result, Err(WriteError::Silent | WriteError::Damaged)) {
-            // Not in this cycle: an answer that is still to come would be taken for one to the next write.
-            self.writes_done = true;
-            self.write_tries += 1;
-            if self.write_tries < WRITE_TRIES && self.servos[write.servo].state.alive {
-                self.writes.push_front(Write { again: true, ..write });
-                self.let_urgent_pass();
-                return;
-            }
-        }
-        self.write_tries = 0;
-        if result.is_ok() {
-            self.counters.writes_ok += 1;
-            self.servos[write.servo].confirmed(write.address, write.data[0]);
-            if write.last {
-                self.note(write.servo, write.number, result);
-            }
-            return;
-        }
-        self.counters.writes_failed += 1;
-        if write.urgent && !write.is_motor_off() {
-            // The motor is off, so that its watchdog has nothing to stop.
-            self.note(write.servo, write.number, Ok(()));
-            return;
-        }
-        self.note(write.servo, write.number, result);
-        if write.switches_off() {
-            self.servos[write.servo].off_failed(now_ns);
-            self.keep_watchdog(&write);
-        } else if write.address == address::BUS_WATCHDOG || !write.last {
-            self.call_off_torque(&write);
-        } else if write.is_motor_on() && !write.again && matches!(result, Err(WriteError::Servo(_))) {
-            // It was off, and has said that it stays so.
-            self.servos[write.servo].may_run = false;
-        }
-    }
-
     /// What was out in vain is at the front again, and goes behind what has become urgent meanwhile. A motor that is to be
     /// off is told nothing else.
     pub(super) fn let_urgent_pass(&mut self) {
@@ -265,7 +202,7 @@ impl Bus {
     }
 
     /// A motor of which nobody knows whether it is off keeps its watchdog.
-    fn keep_watchdog(&mut self, failed: &Write) {
+    pub(super) fn keep_watchdog(&mut self, failed: &Write) {
         let next = self.writes.front();
         if next.is_some_and(|next| next.urgent && next.servo == failed.servo && !next.is_motor_off()) {
             self.writes.pop_front();

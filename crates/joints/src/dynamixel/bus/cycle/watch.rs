@@ -33,6 +33,13 @@ impl Bus {
                 // That it was not switched on was told to whoever wanted it.
                 false => self.servos[servo].may_run = false,
             },
+            (Task::State, [torque, ..])
+                if *torque != 0 && self.servos[servo].is_to_be_off && self.is_settled(servo) =>
+            {
+                let number = self.servos[servo].state.motor_off.newest;
+                self.note(servo, number, Err(WriteError::StillOn));
+                self.servos[servo].owe_off();
+            }
             (Task::Watchdog, [watchdog]) if self.is_armed(servo) => {
                 let armed = self.watchdog_steps;
                 match *watchdog {
