@@ -230,11 +230,15 @@ fn report_joints(state: &State, view: Option<&JointsView>, reporter: &mut Joints
         return;
     };
     state.count_joints(view);
-    for (severity, sentence) in reporter
-        .handle_view(config, view)
-        .into_iter()
-        .chain(state.released())
-    {
+    for (severity, sentence) in reporter.handle_view(config, view) {
+        log(severity, &sentence);
+    }
+    report_releases(state);
+}
+
+/// Says which motors are off that were to be. What is said of a motor that was switched on since comes behind it.
+pub(crate) fn report_releases(state: &State) {
+    for (severity, sentence) in state.released() {
         log(severity, &sentence);
     }
 }

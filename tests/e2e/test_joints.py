@@ -340,6 +340,24 @@ def test_a_motor_that_does_not_confirm_that_it_is_off_is_told_again_and_said_to_
     servos.close()
 
 
+def test_the_log_tells_of_a_motor_in_the_order_in_which_its_servo_was_told(folder):
+    servos = Servos("--ids", "1-16")
+    joints = dynamixel(servos.path, allow_writes=True, watchdog_ms=2540)
+    on = {"cmd": "servo", "joint": "joint 5", "torque": True, "pwm_percent": 0}
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon:
+        daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+        for _ in range(8):
+            with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as holder:
+                holder.connect(str(daemon.control_path))
+                assert ask(holder, on | {"hold_ms": 10_000})["ok"]
+            eventually(lambda: servos.register(5, *TORQUE) == 0, "it is not let go")
+            assert daemon.control(**on)["ok"]
+        words = re.compile("torque of joint 5 is (on|off, since who held it is gone)")
+        eventually(lambda: len(words.findall(daemon.log)) == 24, "something is not told")
+        assert words.findall(daemon.log) == 8 * ["on", "off, since who held it is gone", "on"]
+    servos.close()
+
+
 def test_each_of_two_who_tell_one_servo_something_at_once_hears_of_its_own_request(folder):
     servos = Servos("--ids", "1-16")
     joints = dynamixel(servos.path, allow_writes=True, watchdog_ms=2540)

@@ -3,6 +3,7 @@
 use crate::clients::{Access, Asker, Change};
 use crate::joints::{Hold, ServoRequest, ServosRequest, Told};
 use crate::state::State;
+use crate::supervise::report_releases;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::rc::Rc;
@@ -155,6 +156,8 @@ pub(super) async fn answer(request: Request, state: &State, asker: &Asker, hold:
     };
     let refused = reply["ok"] == false;
     let (change, now) = (Change { kind, refused }, Instant::now());
+    // The log has what became of a motor in the order in which its servo was told.
+    report_releases(state);
     match request.switched_motor().filter(|_| !refused) {
         Some(motor) => state.changes.note_motor(change, motor, &said, asker, now),
         None => state.changes.note(change, &said, asker, now),
