@@ -1,17 +1,26 @@
 //! Taxels that are out of use and were not before.
 
+use crate::clients::Lines;
+use std::time::Duration;
 use taxel_hand::{Fault, Faults};
 use taxel_skin::Layout;
+use tokio::time::Instant;
 
 /// A taxel whose board speaks is missing once it was so at this many looks in a row, a second of them: one that a lost
 /// frame left out is back with the next.
 const LOOKS: u8 = 10;
+
+/// A module of which nothing was said for so long is told of, however much is said of others.
+const QUIET: Duration = Duration::from_secs(600);
 
 /// What was known of each taxel at the last look.
 #[derive(Debug, Default)]
 pub(crate) struct OutOfUse {
     /// Empty before the first look.
     taxels: Vec<Known>,
+    lines: Lines,
+    /// When something was last said of each module.
+    told_at: Vec<Option<Instant>>,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -63,6 +72,22 @@ impl OutOfUse {
             }
         }
         all
+    }
+
+    /// Whether the log says so of a module, and how many such lines before it were left out: boards whose taxels come and go
+    /// are not to fill it.
+    pub(crate) fn say(&mut self, module: usize, now: Instant) -> Option<u64> {
+        self.told_at.resize(self.told_at.len().max(module + 1), None);
+        let told_at = &mut self.told_at[module];
+        let is_quiet = told_at.is_none_or(|at| now >= at + QUIET);
+        let unsaid = self.lines.take(is_quiet, now)?;
+        *told_at = Some(now);
+        Some(unsaid)
+    }
+
+    /// How many lines were left out and are still to be told of.
+    pub(crate) fn left_out(&mut self, now: Instant) -> Option<u64> {
+        self.lines.take_unsaid(now)
     }
 }
 
@@ -135,5 +160,48 @@ mod tests {
         assert_eq!(told(true, |look| look == 20), [9, 30]);
         assert_eq!(told(true, |look| look % 5 == 0), [0; 0]);
         assert_eq!(told(false, |_| false), [0; 0]);
+    }
+
+    #[test]
+    fn taxels_that_come_and_go_fill_no_log_and_keep_no_other_module_out_of_it() {
+        let layout = layout();
+        let (mut out_of_use, start) = (OutOfUse::default(), Instant::now());
+        let well = vec![Faults::NONE; layout.taxels.len()];
+        let (mut lines, mut all, mut counted) = (0, 0, 0);
+        // Looked at in tenths of a second: the taxels of all modules but the last come and go five times in one, in halves
+        // that fail differently, for ten minutes. The last fails once, in the middle.
+        let mut last_said = None;
+        for tenth in 0..6000 + 100 {
+            let now = start + tenth * Duration::from_millis(100);
+            let mut faults = well.clone();
+            if tenth % 2 == 1 && tenth < 6000 {
+                for (taxel, fault) in faults[..14 * 16].iter_mut().enumerate() {
+                    *fault = of(&[if taxel % 2 == 0 {
+                        Fault::Status
+                    } else {
+                        Fault::Stuck
+                    }]);
+                }
+            }
+            if tenth >= 3000 {
+                faults[14 * 16..].fill(of(&[Fault::Status]));
+            }
+            for (_, taxels) in out_of_use.look(&layout, &faults, |_| true) {
+                let module = layout.taxels[taxels[0]].module.into();
+                all += 1;
+                if let Some(unsaid) = out_of_use.say(module, now) {
+                    (lines, counted) = (lines + 1, counted + 1 + unsaid);
+                    if module == 14 {
+                        last_said = Some(tenth);
+                    }
+                }
+            }
+            if let Some(unsaid) = out_of_use.left_out(now) {
+                (lines, counted) = (lines + 1, counted + unsaid);
+            }
+        }
+        assert_eq!(last_said, Some(3000));
+        assert_eq!((all, counted), (3000 * 28 + 1, all), "each is said or counted");
+        assert!((100..=260).contains(&lines), "{lines} lines in ten minutes");
     }
 }

@@ -120,8 +120,8 @@ struct Told {
 fn report_changes(state: &State, before: Option<&Snapshot>, now: &Snapshot, told: &mut Told) {
     report_buses(state, before, now);
     report_unpublished(state, before.map_or(0, |b| b.unpublished), now.unpublished);
-    report_out_of_use(state, now, &mut told.out_of_use);
     let at = Instant::now();
+    report_out_of_use(state, now, &mut told.out_of_use, at);
     if let Some(line) = told.overruns.look(now.overruns, at) {
         tracing::warn!("{line}");
     }
@@ -166,7 +166,7 @@ fn report_unpublished(state: &State, told: u64, unpublished: u64) {
     }
 }
 
-fn report_out_of_use(state: &State, now: &Snapshot, out_of_use: &mut OutOfUse) {
+fn report_out_of_use(state: &State, now: &Snapshot, out_of_use: &mut OutOfUse, at: Instant) {
     let layout = &state.config.layout;
     let speaks = |module: usize| {
         let board = now.boards.get(module);
@@ -174,8 +174,14 @@ fn report_out_of_use(state: &State, now: &Snapshot, out_of_use: &mut OutOfUse) {
     };
     for (faults, taxels) in out_of_use.look(layout, &now.force.faults, speaks) {
         let module = layout.module_of(taxels[0]);
+        let Some(unsaid) = out_of_use.say(layout.taxels[taxels[0]].module.into(), at) else {
+            continue;
+        };
         let name = &module.name;
-        let reasons = faults.iter().map(Fault::name).collect::<Vec<_>>().join(", ");
+        let mut reasons = faults.iter().map(Fault::name).collect::<Vec<_>>().join(", ");
+        if unsaid > 0 {
+            reasons += &format!(" ({unsaid} such lines before it are not in the log)");
+        }
         match taxels[..] {
             [taxel] => {
                 let k = layout.k[taxel];
@@ -188,6 +194,11 @@ fn report_out_of_use(state: &State, now: &Snapshot, out_of_use: &mut OutOfUse) {
                 module.taxels
             ),
         }
+    }
+    if let Some(unsaid) = out_of_use.left_out(at) {
+        tracing::warn!(
+            "{unsaid} more lines on taxels out of use are not in the log; `taxel doctor` shows which are now"
+        );
     }
 }
 

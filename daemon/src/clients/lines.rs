@@ -34,6 +34,11 @@ impl Lines {
         Some(std::mem::take(&mut self.unsaid))
     }
 
+    /// How many lines were not said, where that may be said now.
+    pub(crate) fn take_unsaid(&mut self, now: Instant) -> Option<u64> {
+        (self.unsaid > 0 && self.allowance.take_now(now)).then(|| std::mem::take(&mut self.unsaid))
+    }
+
     /// Whether something was not said, and that not yet either.
     pub(super) fn has_left_out(&self) -> bool {
         self.unsaid > 0

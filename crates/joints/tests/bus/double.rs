@@ -84,7 +84,7 @@ fn a_refusal_that_comes_before_its_turn_is_no_reading_that_is_taken_back() {
     let mut refusal = vec![0xFF, 0xFF, 0xFD, 0x00, 2, 4, 0, 0x55, 1];
     refusal.extend(crc16(0, &refusal).to_le_bytes());
     w.bus.space()[..refusal.len()].copy_from_slice(&refusal);
-    w.bus.filled(refusal.len(), w.now_ns);
+    w.bus.take_bytes(refusal.len(), w.now_ns);
     while w.turn() {}
 
     let servo = w.bus.servo(1).unwrap().counters;
