@@ -27,7 +27,8 @@ use taxel_skin::Layout;
 /// Into .npz, .csv and .parquet go tactile frames, counts, times and joint angles: those that the daemon made, where an
 /// .mcap holds them, or else those that it would make of the traffic.
 ///
-/// BLF, ASC and TRC are python-can's: `can_logconvert grasp.log grasp.blf`, and back. Images are made by `taxel compress`.
+/// BLF, ASC and TRC are python-can's: `can_logconvert grasp.log grasp.blf`, and back. They keep of a bus's name the number
+/// at its end alone, so that `left` and `right` become one. Images are made by `taxel compress`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
