@@ -38,6 +38,15 @@ def test_a_socket_left_behind_by_a_killed_daemon_is_replaced(start, folder, buse
         next_image(reader)
 
 
+def test_whose_status_socket_alone_is_another_daemons_is_told_which_key_it_is(start, buses):
+    first = start()
+    at = first.images.parent
+    own = {"images": at / "own-images.sock", "control": at / "own-control.sock"}
+    second = Daemon(first.folder / "second", buses.sources, socket=own).spawn()
+    assert second.process.wait(10) != 0
+    assert f"{at / 'status.sock'} is in use by another taxeld" in second.log and "[socket] images, control and status" in second.log
+
+
 def test_a_second_daemon_on_the_same_socket_is_refused_and_the_first_goes_on(start, buses):
     first = start()
     with taxel_reader.connect(first.images) as reader:

@@ -8,7 +8,10 @@ use taxel_wire::UntrustedFolder;
 #[derive(Debug, thiserror::Error)]
 pub enum SocketPathError {
     /// Another daemon holds it.
-    #[error("{} is in use by another taxeld; stop it, or give this one another socket path", path.display())]
+    #[error(
+        "{} is in use by another taxeld; stop it, or give this one sockets of its own: [socket] images, control and \
+         status, which is status.sock beside control where no other is named", path.display()
+    )]
     InUse {
         /// The socket.
         path: PathBuf,
