@@ -37,6 +37,8 @@ pub(crate) struct Snapshot {
     pub(crate) findings: Vec<Finding>,
     /// What the hand felt.
     pub(crate) force: ForceFrame,
+    /// Whether each taxel is in contact without a change for long.
+    pub(crate) unchanging: Vec<bool>,
     /// Taxels in contact.
     pub(crate) contacts: usize,
     /// Taxels without a usable value.
@@ -86,6 +88,7 @@ impl Snapshot {
                 calibrating: true,
                 ..ForceFrame::new(taxels)
             },
+            unchanging: vec![false; taxels],
             contacts: 0,
             missing: 0,
             faulty: 0,

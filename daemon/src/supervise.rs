@@ -276,6 +276,7 @@ fn report_problems(state: &State, now: &Snapshot, joints: Option<&JointsView>, b
         buses: &buses,
         boards: &now.boards,
         findings: &now.findings,
+        unchanging: &now.unchanging,
         joints,
         boards_due,
         reload_refused: refused.as_deref(),

@@ -319,6 +319,9 @@ impl TickThread {
             *board = engine.board(module as u16);
         }
         snapshot.take_force(&engine.frames().force);
+        for (taxel, unchanging) in snapshot.unchanging.iter_mut().enumerate() {
+            *unchanging = engine.conditioner().is_unchanging(taxel);
+        }
         snapshot.paused = engine.is_paused();
         engine.joints_into(&mut snapshot.joints);
         let joints_bus = engine.joints_bus().map(usize::from);

@@ -228,6 +228,36 @@ fn a_recording_is_examined_in_its_own_time() {
 }
 
 #[test]
+fn contacts_of_drift_in_a_recording_are_told() {
+    let dir = TempDir::new().unwrap();
+    let scene = r#"
+        name = "drift"
+        layout = "uskin-module"
+        seconds = 220.0
+        [boards]
+        rate_hz = 10
+        [[fault]]
+        kind = "drift"
+        on = ["all"]
+        counts_per_s = 3.0
+        from = 3.0
+    "#;
+    std::fs::write(dir.path().join("drift.toml"), scene).unwrap();
+    let made = taxel(&dir, &["sim", "drift.toml", "--to", "log:drift.log"])
+        .output()
+        .unwrap();
+    assert!(made.status.success(), "{}", said(&made));
+    let (code, checks) = doctor(&dir, &["--layout", "uskin-module", "log:drift.log"]);
+    let told = bad(&checks, "contact-unchanging");
+    let [[_, "warning", found, mend]] = told[..] else {
+        panic!("{checks:?}");
+    };
+    assert!(found.contains("of 16"), "{found}");
+    assert!(mend.contains("taxel rezero"), "{mend}");
+    assert_eq!(code, Some(0));
+}
+
+#[test]
 fn one_recording_or_scene_is_all_buses_of_its_hand() {
     let dir = TempDir::new().unwrap();
     let sim = ["sim", "idle", "--to", "log:idle.log", "--seconds", "3"];

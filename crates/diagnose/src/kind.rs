@@ -87,6 +87,8 @@ kinds! {
     BoardOnOtherBus "board-on-other-bus" Error,
     /// A board is not in the layout.
     BoardNotInLayout "board-not-in-layout" Warning,
+    /// Taxels are in contact without a change for minutes.
+    ContactUnchanging "contact-unchanging" Warning,
     /// The servos' port cannot be opened.
     SerialAbsent "serial-absent" Error,
     /// The thread that reads servos hangs in a call of their port's driver, or has panicked.

@@ -8,6 +8,7 @@
 mod array;
 mod boards;
 mod bus;
+mod contacts;
 mod joints;
 mod joints_view;
 mod kind;

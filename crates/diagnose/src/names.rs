@@ -2,7 +2,7 @@
 
 use taxel_skin::Layout;
 
-/// Modules of a hub that are named; further ones are counted.
+/// Modules that are named; further ones are counted.
 const NAMED: usize = 3;
 
 /// A board (module index) as people find it: `index tip (can0 board 3)`, `palm (can0 hub left, board 3)`.
@@ -35,13 +35,7 @@ pub(crate) fn modules_name(layout: &Layout, modules: &[usize]) -> String {
     if hub.is_none() || modules.len() == 1 {
         return board_name(layout, modules[0]);
     }
-    let names: Vec<&str> = (modules.iter().take(NAMED))
-        .map(|m| layout.modules[*m].name.as_str())
-        .collect();
-    let list = match modules.len().saturating_sub(NAMED) {
-        0 => names.join(", "),
-        more => format!("{} and {more} more", names.join(", ")),
-    };
+    let list = some_of(modules, |module| layout.modules[module].name.clone());
     let hub_name = plug_name(layout, modules[0]);
     let (some, all) = (
         modules.len(),
@@ -51,6 +45,15 @@ pub(crate) fn modules_name(layout: &Layout, modules: &[usize]) -> String {
         format!("{hub_name} with all its modules ({list})")
     } else {
         format!("a part of {hub_name}, {some} of its {all} modules ({list}),")
+    }
+}
+
+/// The first of several modules in words, and how many more there are.
+pub(crate) fn some_of(modules: &[usize], words: impl Fn(usize) -> String) -> String {
+    let named: Vec<String> = modules.iter().take(NAMED).map(|m| words(*m)).collect();
+    match modules.len().saturating_sub(NAMED) {
+        0 => named.join(", "),
+        more => format!("{} and {more} more", named.join(", ")),
     }
 }
 

@@ -14,6 +14,8 @@ pub enum Place {
     Module(usize),
     /// A CySkin hub, by its index in the layout.
     Hub(u8),
+    /// The skin as a whole.
+    Skin,
     /// The joints as a whole: the servos' port, an Allegro hand.
     Joints,
     /// A joint, by its index; of an Allegro hand, the first of a finger.
@@ -29,7 +31,7 @@ pub struct Problem {
     pub kind: Kind,
     /// Whose.
     pub place: Place,
-    /// The modules (indices) whose board it is about; several for a hub.
+    /// The modules (indices) whose board it is about; several for a hub, or for the skin.
     pub modules: Vec<usize>,
     /// What is wrong.
     pub found: String,
@@ -90,7 +92,7 @@ impl Problem {
         }
     }
 
-    /// The bus it is on (index); `None` for joints and the daemon itself.
+    /// The bus it is on (index), of several that of its first module; `None` for joints and the daemon itself.
     pub fn bus(&self, layout: &Layout) -> Option<usize> {
         match self.place {
             Place::Bus(bus) | Place::Stranger(bus, _) => Some(bus),

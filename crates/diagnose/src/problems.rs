@@ -7,7 +7,7 @@ use crate::news::{self, News, Told};
 use crate::problem::{Place, Problem};
 use crate::rate_limiter::Telling;
 use crate::view::{HandSetup, HandView, Look};
-use crate::{array, boards, bus, readers, traffic};
+use crate::{array, boards, bus, contacts, readers, traffic};
 use std::collections::{HashMap, VecDeque};
 use taxel_can::SourceCounters;
 use taxel_joints::JointsConfig;
@@ -83,6 +83,7 @@ impl Problems {
         }
         traffic::judge(&look, &mut found);
         boards::judge(&look, &mut self.steadiness, &mut found);
+        contacts::judge(&look, &mut found);
         if let (Some(config), Some(view)) = (setup.joints, view.joints) {
             let judge = joints::Judge {
                 config,

@@ -32,6 +32,8 @@ pub struct HandView<'a> {
     pub boards: &'a [BoardStatus],
     /// What the traffic shows.
     pub findings: &'a [Finding],
+    /// Of each taxel, whether it is in contact without a change for long (`Conditioner::is_unchanging`).
+    pub unchanging: &'a [bool],
     /// The joints; `None` where none are read.
     pub joints: Option<&'a JointsView>,
     /// Whether every board had the time to speak up since the start.

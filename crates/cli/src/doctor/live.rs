@@ -290,11 +290,15 @@ impl HandListener<'_> {
         let buses: Vec<BusView> = self.buses.iter().map(BusFacts::view).collect();
         let modules = self.setup.layout.modules.len();
         let boards: Vec<BoardStatus> = (0..modules).map(|m| self.engine.board(m as u16)).collect();
+        let conditioner = self.engine.conditioner();
+        let taxels = 0..conditioner.taxels();
+        let unchanging: Vec<bool> = taxels.map(|t| conditioner.is_unchanging(t)).collect();
         let view = HandView {
             now_ns,
             buses: &buses,
             boards: &boards,
             findings: self.engine.bus_monitor().findings(),
+            unchanging: &unchanging,
             joints: None,
             boards_due,
             reload_refused: None,

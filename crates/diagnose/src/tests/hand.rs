@@ -442,3 +442,31 @@ fn that_readers_are_turned_away_is_told_with_who_holds_their_places() {
     bench.pass(1000, |s| s.crowd = None);
     assert_eq!(bench.kinds(), [""; 0]);
 }
+
+#[test]
+fn contacts_that_do_not_change_are_told_once_for_all_modules_until_they_do() {
+    let mut bench = Bench::new();
+    bench.pass(3000, |s| s.unchanging[17..20].fill(true));
+    assert_eq!(bench.kinds(), ["contact-unchanging"]);
+    assert_eq!(bench.modules(0), ["index distal"]);
+    let said = sentence(&bench.said[0]);
+    for words in [
+        "index distal: 3 of 16",
+        "without a change",
+        "`taxel rezero` when nothing touches",
+    ] {
+        assert!(said.contains(words), "{said}");
+    }
+    // More of them are the same problem, in newer figures.
+    bench.pass(3000, |s| s.unchanging.fill(true));
+    assert_eq!(bench.said.len(), 1, "{:?}", bench.said);
+    assert_eq!(bench.modules(0).len(), bench.layout.modules.len());
+    let now = bench.problems.current()[0].problem.sentence();
+    assert!(
+        now.contains("index distal: 16 of 16") && now.contains("12 more"),
+        "{now}"
+    );
+    bench.pass(20_000, |s| s.unchanging.fill(false));
+    assert_eq!(bench.kinds(), [""; 0]);
+    assert_eq!(bench.said.len(), 2, "{:?}", bench.said);
+}

@@ -8,6 +8,7 @@ use super::config::{BaselineSource, FaultRule, ThresholdSource};
 use super::faults::paper_rule;
 use super::pair::FirstPair;
 use super::report::CalibrationReport;
+use super::unchanging::LastingContact;
 use super::{Conditioner, MS, NEVER};
 use taxel_hand::{Fault, Faults, Freshness, TactileFrame};
 
@@ -125,6 +126,7 @@ impl Conditioner {
             self.tracks[n].start_anew();
         }
         self.contact.fill(false);
+        self.lasting.fill(LastingContact::NONE);
         let floor = self.config.noise_floor_counts;
         self.health_limits.unsteady_counts = (UNSTEADY_NOISES * floor.max(1.0)) as i32;
     }

@@ -101,7 +101,8 @@ settings! {
 
     /// Lets the baseline follow slow drift while a taxel is untouched.
     pub follow_drift: bool,
-    /// Time constant of following, milliseconds, 100 to 86,400,000.
+    /// Time constant of following, milliseconds, 100 to 86,400,000. Drift by more than `drift_quiet_share` of the
+    /// threshold within it is taken for a touch.
     pub drift_time_constant_ms: u64,
     /// A taxel counts as untouched after this long without contact, milliseconds, 0 to 600,000.
     pub drift_wait_ms: u64,

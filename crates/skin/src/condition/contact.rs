@@ -39,6 +39,12 @@ impl Thresholds {
         self.per_taxel.as_ref().map_or(self.theta, |p| p[taxel])
     }
 
+    /// What begins a taxel's contact, and what holds it.
+    pub(super) fn both_of(&self, taxel: usize) -> [f64; 2] {
+        let theta = self.of(taxel);
+        [theta, theta * self.release]
+    }
+
     /// Updates which taxels are in contact: force strictly greater than the threshold, or than its
     /// release share while in contact.
     pub(super) fn judge(&self, force: &[f64], contact: &mut [bool]) {

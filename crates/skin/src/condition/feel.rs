@@ -5,6 +5,7 @@ use super::magnitude::{MagnitudeMode, distance_squared};
 use super::motion::StepLimits;
 use super::place::RepairLimits;
 use super::taxel::{Rules, Sample};
+use super::unchanging::LastingContact;
 use super::{Conditioner, NEVER};
 use crate::reading::status_is_error;
 use taxel_hand::{Fault, Faults, ForceFrame, Freshness, TactileFrame};
@@ -19,6 +20,7 @@ impl Conditioner {
         }
         self.measure(&mut out.force);
         self.thresholds.judge(&out.force, &mut self.contact);
+        self.follow_contacts(&out.force);
         if self.config.follow_drift {
             self.follow_drift(&out.force);
         }
@@ -140,6 +142,25 @@ impl Conditioner {
         for n in &self.unusual {
             if !self.faults[*n].is_empty() {
                 force[*n] = 0.0;
+            }
+        }
+    }
+
+    /// Notes which contacts change.
+    fn follow_contacts(&mut self, force: &[f64]) {
+        let squared = self.config.magnitude.is_squared();
+        let counts = |force: f64| if squared { force.sqrt() } else { force };
+        for (n, lasting) in self.lasting.iter_mut().enumerate() {
+            if !(self.contact[n] | lasting.has_begun()) {
+                continue;
+            }
+            let (force, times) = (counts(force[n]), self.tracks[n].times());
+            if !self.faults[n].is_empty() {
+                *lasting = LastingContact::NONE;
+            } else if !lasting.has_begun() {
+                *lasting = LastingContact::begin(force, times.0);
+            } else if self.tracks[n].accepted {
+                lasting.go_on(force, self.thresholds.both_of(n).map(counts), times);
             }
         }
     }

@@ -19,6 +19,7 @@ mod place;
 mod repair;
 mod report;
 mod taxel;
+mod unchanging;
 
 pub use config::{
     BaselineSource, ConditionConfig, ConditionError, ConditionSettings, FaultRule, Preset, ThresholdSource,
@@ -35,6 +36,7 @@ use motion::Motion;
 use place::RepairLimits;
 use taxel::{Taxel, Track};
 use taxel_hand::{Fault, Faults, ForceFrame, TactileFrame};
+use unchanging::LastingContact;
 
 /// Sample time of a taxel that was never heard.
 const NEVER: u64 = u64::MAX;
@@ -72,6 +74,7 @@ pub struct Conditioner {
     tracks: Vec<Track>,
     taxels: Vec<Taxel>,
     contact: Vec<bool>,
+    lasting: Vec<LastingContact>,
     drift: Vec<DriftState>,
     /// Whether any taxel has eight bits only.
     coarse: bool,
@@ -119,6 +122,7 @@ impl Conditioner {
             motion: Motion::new(taxels),
             tracks: vec![Track::new(); taxels],
             contact: vec![false; taxels],
+            lasting: vec![LastingContact::NONE; taxels],
             unusual: Vec::with_capacity(taxels),
             drift: vec![DriftState::default(); taxels],
             taxels: standing.iter().map(|s| Taxel::new(*s)).collect(),
@@ -219,6 +223,16 @@ impl Conditioner {
         self.drift.iter().filter(|d| d.is_at_limit()).count()
     }
 
+    /// Whether a taxel has been in contact for two minutes or more in which its force has not changed:
+    /// something rests on it, or its baseline has drifted faster than it was followed. Never for a taxel
+    /// the hand does not have.
+    ///
+    /// No change is one of up to half its contact threshold within some ten seconds, and that noise ends the contact for a
+    /// moment.
+    pub fn is_unchanging(&self, taxel: usize) -> bool {
+        self.lasting.get(taxel).is_some_and(|l| l.is_long(self.frame_ns))
+    }
+
     /// Takes a frame in and writes what the skin feels into `out`, which is given the right length
     /// if it has another.
     ///
@@ -265,6 +279,7 @@ impl Conditioner {
             self.drift[n].disturb();
         }
         self.contact.fill(false);
+        self.lasting.fill(LastingContact::NONE);
         out.force.fill(0.0);
         out.contact.fill(false);
         out.faults.copy_from_slice(&self.faults);
@@ -275,6 +290,7 @@ impl Conditioner {
     fn restart_clock(&mut self) {
         self.counters.clock_restarts += 1;
         self.frame_ns = 0;
+        self.lasting.fill(LastingContact::NONE);
         for (track, drift) in self.tracks.iter_mut().zip(&mut self.drift) {
             track.restart_clock();
             drift.disturb();

@@ -76,6 +76,7 @@ fn judged(facts: &HandFacts) -> Vec<NotedProblem> {
         buses: &buses,
         boards: &facts.boards,
         findings: &facts.findings,
+        unchanging: &vec![false; layout.len()],
         joints: None,
         boards_due: true,
         reload_refused: None,

@@ -1,6 +1,7 @@
 //! Conditioning on signals whose truth is known.
 
 mod faults;
+mod lasting;
 mod life;
 mod repair;
 mod settings;

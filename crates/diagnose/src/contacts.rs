@@ -1,0 +1,32 @@
+//! Contacts that go on without a change: whoever wears the display is pressed all the while.
+
+use crate::kind::Kind;
+use crate::names::some_of;
+use crate::problem::{Place, Problem};
+use crate::view::Look;
+
+pub(crate) fn judge(look: &Look<'_>, found: &mut Vec<Problem>) {
+    let layout = look.setup.layout;
+    let unchanging = |module: usize| {
+        let taxels = layout.modules[module].taxel_range();
+        look.view.unchanging[taxels].iter().filter(|u| **u).count()
+    };
+    let modules: Vec<usize> = (0..layout.modules.len()).filter(|m| unchanging(*m) > 0).collect();
+    if modules.is_empty() {
+        return;
+    }
+    let list = some_of(&modules, |module| {
+        let (name, taxels) = (&layout.modules[module].name, layout.modules[module].taxels);
+        format!("{name}: {} of {taxels}", unchanging(module))
+    });
+    found.push(Problem {
+        modules,
+        ..Problem::new(
+            Kind::ContactUnchanging,
+            Place::Skin,
+            format!("taxels in contact without a change for two minutes ({list})"),
+            "Something rests on them, or their baseline has drifted: `taxel rezero` when nothing touches the hand",
+            "no contact lasts without a change any more",
+        )
+    });
+}
