@@ -1,9 +1,6 @@
 //! Ids change places, so that few near each other go a little way each where one would jump.
 
-use super::NONE;
-
-/// With more clusters nobody looks for exchanges: the time to find one grows with their square.
-const MOST_CLUSTERS: usize = 64;
+use super::{MOST_PAIRED, NONE};
 
 /// Memory for exchanges.
 #[derive(Debug)]
@@ -19,7 +16,7 @@ pub(super) struct Exchange {
 
 impl Exchange {
     pub(super) fn new(clusters: usize) -> Self {
-        let clusters = if clusters <= MOST_CLUSTERS { clusters } else { 0 };
+        let clusters = if clusters <= MOST_PAIRED { clusters } else { 0 };
         Self {
             cluster: vec![NONE; clusters],
             id: vec![NONE; clusters],
@@ -189,21 +186,5 @@ mod tests {
                 last = now;
             }
         }
-    }
-
-    #[test]
-    fn clusters_whose_points_go_all_at_once_are_needed_elsewhere_in_the_same_frame() {
-        let row = |first: usize, y: usize| (first..first + 16).map(move |x| (x, y));
-        let mut solver = Kmeans2d::new(WIDTH * WIDTH, 32, SETTINGS);
-        follow(
-            &mut solver,
-            &row(0, 0).chain(row(0, 4)).chain([(20, 0)]).collect::<Vec<_>>(),
-        );
-        // Half of the contact is lifted, as much is pressed beside the other half.
-        let clusters = follow(
-            &mut solver,
-            &row(0, 0).chain(row(0, 1)).chain([(20, 0)]).collect::<Vec<_>>(),
-        );
-        assert_eq!(clusters.live.iter().filter(|live| **live).count(), 32);
     }
 }

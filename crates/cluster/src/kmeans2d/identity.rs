@@ -2,6 +2,7 @@
 
 use super::NONE;
 use super::assign::Assignment;
+use super::steps::squared;
 
 /// Memory for matching points with ids.
 #[derive(Debug)]
@@ -94,9 +95,4 @@ impl Matching {
         }
         best.0
     }
-}
-
-fn squared(a: [f32; 2], b: [f32; 2]) -> f32 {
-    let (dx, dy) = (a[0] - b[0], a[1] - b[1]);
-    dx * dx + dy * dy
 }

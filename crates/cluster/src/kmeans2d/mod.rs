@@ -125,6 +125,9 @@ const NONE: u16 = u16::MAX;
 /// Most points for each cluster whose heights are a third coordinate.
 const MOST_RAISED: usize = 3;
 
+/// With more clusters no pairs are ranked for swaps, and no ids exchanged: the time for both grows with their square.
+const MOST_PAIRED: usize = 64;
+
 /// Where clusters are that have never been anywhere: farther from any point than anything, but
 /// finite when squared.
 const FAR: f32 = 1e17;
@@ -149,7 +152,7 @@ impl Sums {
     }
 }
 
-/// Clusters as they were before a swap.
+/// Clusters as they were before a swap, or before ids are exchanged.
 #[derive(Debug)]
 struct Saved {
     x: Vec<f32>,

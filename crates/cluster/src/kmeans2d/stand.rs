@@ -1,6 +1,7 @@
 //! The point that stands for each cluster.
 
 use super::assign::Assignment;
+use super::steps::squared;
 
 /// Where actuators stand.
 #[derive(Debug)]
@@ -70,9 +71,4 @@ impl Stands {
             }
         }
     }
-}
-
-fn squared(a: [f32; 2], b: [f32; 2]) -> f32 {
-    let (dx, dy) = (a[0] - b[0], a[1] - b[1]);
-    dx * dx + dy * dy
 }

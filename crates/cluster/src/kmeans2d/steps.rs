@@ -20,3 +20,9 @@ pub(super) fn fill_steps(steps: &mut Vec<[f32; LANES]>, values: &[f64]) {
         step
     }));
 }
+
+/// Squared distance of two places.
+pub(super) fn squared(a: [f32; 2], b: [f32; 2]) -> f32 {
+    let (dx, dy) = (a[0] - b[0], a[1] - b[1]);
+    dx * dx + dy * dy
+}

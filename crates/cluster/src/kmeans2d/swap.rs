@@ -1,7 +1,7 @@
 //! Which cluster is missed least, and which gains most from being two.
 
-use super::Sums;
 use super::assign::Assignment;
+use super::{MOST_PAIRED, Sums};
 
 /// Memory for judging swaps.
 #[derive(Debug)]
@@ -16,8 +16,7 @@ pub(super) struct Splits {
 
 /// Most swaps that are found at once.
 pub(super) const MOST_FOUND: usize = 8;
-/// Most clusters whose pairs are ranked, and most pairs kept.
-const RANKED_CLUSTERS: usize = 64;
+/// Most pairs that are kept in a ranking.
 const RANKED: usize = 64;
 
 /// A cluster's second moments, and what its points would lose without it.
@@ -89,7 +88,7 @@ impl Splits {
         Self {
             shape: vec![Shape::default(); clusters],
             halves: vec![Sums::default(); clusters],
-            ranked: Vec::with_capacity(if clusters <= RANKED_CLUSTERS {
+            ranked: Vec::with_capacity(if clusters <= MOST_PAIRED {
                 clusters * clusters
             } else {
                 0
@@ -201,7 +200,7 @@ impl Splits {
     /// Ranks the swaps of the present clusters, whether or not they are judged to save anything.
     pub(super) fn rank(&mut self, points: &Assignment, sums: &[Sums], at: [&[f32]; 3], judge: &Judge<'_>) {
         self.ranked.clear();
-        if sums.len() > RANKED_CLUSTERS {
+        if sums.len() > MOST_PAIRED {
             return;
         }
         self.measure(points, sums, at);

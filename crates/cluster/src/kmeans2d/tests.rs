@@ -99,6 +99,23 @@ fn a_cluster_whose_points_are_gone_goes_to_where_it_is_needed() {
 }
 
 #[test]
+fn clusters_whose_points_go_all_at_once_are_needed_elsewhere_in_the_same_frame() {
+    let row = |y: f64| (0..16).map(move |x| (f64::from(x), y));
+    let contact = |y: f64| row(0.0).chain(row(y)).chain([(20.0, 0.0)]).collect::<Vec<_>>();
+    let settings = Kmeans2dSettings {
+        swap_gain: 0.04,
+        swaps: 4,
+        iterations: 6,
+        ..PLAIN
+    };
+    let mut solver = Kmeans2d::new(KEYS, 32, settings);
+    follow(&mut solver, &contact(4.0));
+    // Half of the contact is lifted, as much is pressed beside the other half.
+    let clusters = follow(&mut solver, &contact(1.0));
+    assert_eq!(clusters.live.iter().filter(|live| **live).count(), 32);
+}
+
+#[test]
 fn swaps_leave_a_local_optimum_only_when_it_pays() {
     // Warm from three clusters on the left and one on the right, where two and two are best.
     let left: Vec<_> = (0..3).flat_map(|i| blob(0.0, f64::from(i) * 4.0)).collect();
