@@ -5,8 +5,8 @@
 
 Balls, edges and flat punches under a soft skin, with the pressures of Hertz and of a rigid punch (Johnson, Contact
 Mechanics, 1985, chapters 3, 4 and 2), blurred by 0.8 of a taxel, with noise of one count in 300. It says nothing of a
-real skin. Then blocks that go on by a pixel a frame, and large discs by less. Prints tables in Markdown: each skin's
-contacts, and of `optimal` what docs/benchmarks.md sets as goals.
+real skin. Then blocks that go on by a pixel a frame, large discs by less, and things that turn or roll in every frame.
+Prints tables in Markdown: each skin's contacts, and of `optimal` what docs/benchmarks.md sets as goals.
 """
 
 import argparse
@@ -29,6 +29,9 @@ SKINS = [
 BLOCKS = [(4, 4), (4, 5), (3, 6), (5, 6), (1, 17)]
 # Rows x columns of a skin, radius of a disc on it, pixels that it goes on in a frame.
 DISCS = [(37, 38, 12, 0.3), (64, 64, 18, 0.5)]
+
+# What turns or rolls, rows x columns, kind of thing, its radius.
+TURNS = [("edge that turns", 20, 20, 1, 4), ("square that turns", 20, 20, 2, 6), ("ball that rolls", 20, 32, 0, 4.5)]
 
 
 def pressure(kind: int, u: np.ndarray, v: np.ndarray, radius: float, shape: float) -> np.ndarray:
@@ -98,6 +101,25 @@ def disc(rows: int, columns: int, radius: float, by: float) -> np.ndarray:
     return np.round(felt).astype(np.uint16)
 
 
+def turning(rows: int, columns: int, kind: int, radius: float) -> np.ndarray:
+    """An edge, harder at one end, or a square punch turns about its middle; a ball is rolled about under more and less force."""
+    random = np.random.default_rng(kind)
+    y, x = np.mgrid[:rows, :columns].astype(float)
+    middle, felt = ((rows - 1) / 2, (columns - 1) / 2), []
+    for t in range(150):
+        round_, angle = 2 * np.pi * t / 150, 0.06 * t
+        share, way = (0.6 + 0.3 * np.sin(3 * round_), 1) if kind == 0 else (0.9, 0)
+        cy = middle[0] + way * (middle[0] - radius - 1) * np.sin(2 * round_)
+        cx = middle[1] - way * (middle[1] - radius - 1) * np.cos(round_)
+        u = (x - cx) * np.cos(angle) + (y - cy) * np.sin(angle)
+        v = (y - cy) * np.cos(angle) - (x - cx) * np.sin(angle)
+        press = share * pressure(kind, u, v, radius * share ** (1 / 3), 1)
+        if kind == 1:
+            press *= 0.55 + 0.05 * u
+        felt.append(np.clip(blurred(SCALE * press) + random.normal(0, NOISE, (rows, columns)), 0, None))
+    return np.round(8 * np.array(felt)).astype(np.uint16)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--restarts", default="4000")
@@ -134,6 +156,8 @@ def main() -> None:
         for rows, columns, radius, by in DISCS:
             path = folder / f"disc-{rows}x{columns}.npy"
             judge(f"disc of radius {radius} on {rows} x {columns}", path, disc(rows, columns, radius, by))
+        for name, rows, columns, kind, radius in TURNS:
+            judge(name, folder / f"{name.replace(' ', '-')}.npy", turning(rows, columns, kind, radius))
 
 
 if __name__ == "__main__":
