@@ -103,10 +103,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
 
 /// Whether it is the connection that failed.
 fn is_gone(error: &anyhow::Error) -> bool {
-    matches!(
-        error.downcast_ref::<ReadError>(),
-        Some(ReadError::Connect { .. } | ReadError::Closed | ReadError::Socket(_))
-    )
+    let error = error.downcast_ref::<ReadError>();
+    error.is_some_and(|error| matches!(error, ReadError::Connect { .. }) || error.is_end())
 }
 
 struct Watch<'a> {

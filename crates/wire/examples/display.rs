@@ -77,7 +77,7 @@ fn follow(subscriber: &mut Subscriber, display: &mut Display, stop: &AtomicBool)
 
 /// Whether nothing more can be read after this error.
 fn ends(error: &ReadError) -> bool {
-    let gone = matches!(error, ReadError::Closed | ReadError::Socket(_));
+    let gone = error.is_end();
     gone || is_other_version(error)
 }
 

@@ -9,7 +9,7 @@ use crate::message::{Body, decode_packet};
 use crate::raw::RawView;
 use crate::socket_access::who_may_open;
 use crate::socket_folder::{UntrustedFolder, check_socket_folder};
-use crate::text::{Event, MAX_TEXT, Subscribe};
+use crate::text::{Event, EventKind, MAX_TEXT, Subscribe};
 use nix::errno::Errno;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use nix::sys::socket::{AddressFamily, MsgFlags, SockFlag, SockType, UnixAddr, connect, recv, send, socket};
@@ -72,7 +72,7 @@ fn connect_advice(path: &Path, error: &io::Error) -> String {
     }
 }
 
-/// Why there is no message. After [`ReadError::Closed`] and [`ReadError::Socket`] connect again; after the
+/// Why there is no message. Where the connection has [ended](ReadError::is_end) connect again; after the
 /// others the next message may be read.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
@@ -90,6 +90,9 @@ pub enum ReadError {
     /// The daemon closed the connection.
     #[error("taxeld closed the connection")]
     Closed,
+    /// The daemon closed the connection, and said why.
+    #[error("taxeld closed the connection: {0}")]
+    Disconnected(String),
     /// The connection failed.
     #[error("connection to taxeld: {0}")]
     Socket(io::Error),
@@ -112,6 +115,13 @@ pub enum ReadError {
         /// Bytes that had come.
         len: usize,
     },
+}
+
+impl ReadError {
+    /// Whether nothing more comes over this connection.
+    pub fn is_end(&self) -> bool {
+        matches!(self, Self::Closed | Self::Disconnected(_) | Self::Socket(_))
+    }
 }
 
 /// A message that is wholly there.
@@ -156,12 +166,29 @@ impl Subscriber {
 
     /// Tells the daemon what to send; without it every image comes and no raw counts. It replaces
     /// the subscription before. The answer is a HELLO that tells what is in force, or an EVENT that says
-    /// why it is refused.
+    /// why it is refused. Where the daemon has closed the connection, it is an error that says why if the daemon did; what
+    /// else was unread is passed over.
     pub fn subscribe(&mut self, subscribe: &Subscribe) -> Result<(), ReadError> {
         let packet = subscribe.to_packet();
-        retry(|| send(self.socket.as_raw_fd(), &packet, MsgFlags::MSG_NOSIGNAL))
-            .map(drop)
-            .map_err(|errno| ReadError::Socket(errno.into()))
+        match retry(|| send(self.socket.as_raw_fd(), &packet, MsgFlags::MSG_NOSIGNAL)) {
+            Ok(_) => Ok(()),
+            Err(Errno::EPIPE) => Err(self.farewell()),
+            Err(errno) => Err(ReadError::Socket(errno.into())),
+        }
+    }
+
+    /// Why the daemon has closed the connection.
+    fn farewell(&mut self) -> ReadError {
+        loop {
+            match self.next_timeout(Duration::ZERO) {
+                Ok(Some(Received::Event(_, event))) if event.event == EventKind::Disconnect => {
+                    return ReadError::Disconnected(event.message);
+                }
+                Ok(None) => return ReadError::Closed,
+                Err(error) if error.is_end() => return error,
+                Ok(Some(_)) | Err(_) => {}
+            }
+        }
     }
 
     /// The newest description of hand and display, once it has come.

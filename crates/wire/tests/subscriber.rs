@@ -120,6 +120,28 @@ fn a_subscription_reaches_the_daemon() {
 }
 
 #[test]
+fn who_was_turned_away_before_it_could_subscribe_is_told_why() {
+    for (said, wanted) in [
+        (
+            true,
+            "taxeld closed the connection: 128 subscribers are connected already",
+        ),
+        (false, "taxeld closed the connection"),
+    ] {
+        let (mut subscriber, client) = connected();
+        client.send(&hello_in_parts(10_000)[0]);
+        if said {
+            let why = "128 subscribers are connected already";
+            client.send(&Event::new(EventKind::Disconnect, why).to_packet(0, 0));
+        }
+        drop(client);
+        let error = subscriber.subscribe(&Subscribe::default()).unwrap_err();
+        assert!(error.is_end());
+        assert_eq!(error.to_string(), wanted);
+    }
+}
+
+#[test]
 fn raw_counts_status_and_events_come_decoded() {
     let (mut subscriber, client) = connected();
     let names = [

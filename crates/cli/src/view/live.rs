@@ -126,7 +126,7 @@ impl Daemon {
             };
             match failure {
                 None => {}
-                Some(error @ (ReadError::Closed | ReadError::Socket(_))) => {
+                Some(error) if error.is_end() => {
                     subscriber = None;
                     lock(&self.seen).set_gone(error.to_string());
                 }
