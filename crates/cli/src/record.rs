@@ -177,7 +177,14 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             "the recording is not whole in its files, since others did not leave them alone while they were made"
         );
     }
-    Ok(())
+    // A script must not go on as if it had what it asked for.
+    match &plan.socket {
+        Some(socket) if !finished.is_described => {
+            bail!("nothing came of a daemon at {}", socket.display())
+        }
+        None if finished.can_frames.iter().all(|frames| *frames == 0) => bail!("no CAN frame came"),
+        _ => Ok(()),
+    }
 }
 
 impl Args {

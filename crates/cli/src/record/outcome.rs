@@ -24,6 +24,7 @@ pub(crate) fn words(plan: &Plan, finished: &Finished) -> Vec<String> {
         removed,
         can_frames,
         can_lost,
+        is_described: _,
         images,
         skipped,
         dropped,

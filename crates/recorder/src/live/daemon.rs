@@ -103,6 +103,7 @@ fn read_subscription(
         };
         match received {
             Received::Hello(hello) => {
+                shared.is_described.store(true, Ordering::Relaxed);
                 is_monotonic = hello.clock == Clock::Monotonic;
                 joints.clone_from(&hello.joints);
                 let text = String::from_utf8_lossy(&hello.to_json()).into_owned();
@@ -149,6 +150,9 @@ fn read_subscription(
                 };
                 let text = event_message(event_name(event.event), &event.message, shared.stamp_ns(wall_ns));
                 put(Topic::Events, wall_ns, text);
+                if event.event == EventKind::Disconnect {
+                    (shared.signals.say)(&format!("taxeld closes the connection: {}", event.message));
+                }
                 if mark_triggers && event.event == EventKind::Mark {
                     let why = format!("mark {:?}", event.message);
                     shared.hand_over(queue, Message::Trigger { wall_ns, why });

@@ -91,6 +91,8 @@ pub struct Finished {
     pub can_frames: Vec<u64>,
     /// CAN frames that the kernel dropped.
     pub can_lost: u64,
+    /// Whether a daemon described its hand.
+    pub is_described: bool,
     /// Images recorded.
     pub images: u64,
     /// Images and tactile frames that the daemon passed over.
@@ -149,6 +151,7 @@ struct Shared<'a> {
     /// By bus.
     can_frames: Vec<AtomicU64>,
     can_lost: AtomicU64,
+    is_described: AtomicBool,
     images: AtomicU64,
     skipped: AtomicU64,
     dropped: AtomicU64,
@@ -199,6 +202,7 @@ pub fn record(plan: &Plan, signals: &Signals<'_>) -> Result<Finished, LiveError>
         ended: AtomicBool::new(false),
         can_frames: plan.can.iter().map(|_| AtomicU64::new(0)).collect(),
         can_lost: AtomicU64::new(0),
+        is_described: AtomicBool::new(false),
         images: AtomicU64::new(0),
         skipped: AtomicU64::new(0),
         dropped: AtomicU64::new(0),
@@ -276,6 +280,7 @@ pub fn record(plan: &Plan, signals: &Signals<'_>) -> Result<Finished, LiveError>
         removed: store.removed(),
         can_frames: shared.can_frames.iter().map(count).collect(),
         can_lost: count(&shared.can_lost),
+        is_described: shared.is_described.load(Ordering::Relaxed),
         images: count(&shared.images),
         skipped: count(&shared.skipped),
         dropped: count(&shared.dropped),
