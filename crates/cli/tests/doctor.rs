@@ -376,6 +376,8 @@ fn a_missing_servo_a_slow_one_and_a_stranger_are_found() {
 #[test]
 fn wrong_usage_is_told_at_once() {
     let dir = TempDir::new().unwrap();
+    std::fs::write(dir.path().join("a.mcap"), b"\x89MCAP0\r\n").unwrap();
+    let converted = "a bus is played from a candump log: `taxel convert a.mcap a.log` makes one of it";
     for (args, code, words) in [
         (&["doctor", "can:can0"][..], 1, "can0, can1): 2, not 1"),
         (
@@ -385,6 +387,9 @@ fn wrong_usage_is_told_at_once() {
         ),
         (&["doctor", "--joints", "dynamixel:/dev/ttyUSB0"], 1, "--ids"),
         (&["doctor", "--config", "none.toml"], 1, "none.toml"),
+        (&["doctor", "log:a.mcap"], 1, converted),
+        (&["doctor", "--scan", "log:a.mcap"], 1, converted),
+        (&["setup", "log:a.mcap", "--yes", "--no-touch"], 1, converted),
         (
             &["doctor", "--config", "a.toml", "can:can0"],
             2,
