@@ -22,6 +22,8 @@ pub(crate) struct FrameFile<'a> {
     lines: Lines,
     interfaces: Interfaces<'a>,
     frames: u64,
+    /// How long it is.
+    bytes: u64,
 }
 
 /// What stands at one place of a file.
@@ -153,6 +155,7 @@ impl<'a> FrameFile<'a> {
                 held: None,
             },
             frames: 0,
+            bytes: traffic.bytes(),
         })
     }
 
@@ -201,7 +204,7 @@ impl<'a> FrameFile<'a> {
         mut self,
         take: &mut dyn FnMut(&str, u64, &Received) -> anyhow::Result<()>,
     ) -> anyhow::Result<()> {
-        let progress = Progress::bytes(std::fs::metadata(self.path).map_or(0, |metadata| metadata.len()));
+        let progress = Progress::bytes(self.bytes);
         match &mut self.lines {
             Lines::Candump { log, left_out, file } => {
                 while let Some(line) = log.next_frame() {

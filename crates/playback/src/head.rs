@@ -4,7 +4,7 @@ use anyhow::bail;
 use std::path::{Path, PathBuf};
 use taxel_config::Config;
 use taxel_hand::Geometry;
-use taxel_recorder::{Attached, Item, RecordingReader, Topic, read_text};
+use taxel_recorder::{Attached, Item, RecordingReader, Topic, parts, read_text};
 use taxel_skin::{Layout, LayoutError};
 use taxel_wire::Hello;
 
@@ -36,6 +36,10 @@ impl Head {
             path: path.into(),
             ..Self::default()
         };
+        if let [first, .., last] = &parts(path)[..] {
+            let (first, last) = (first.display(), last.display());
+            eprintln!("taxel: {}: read of its parts, {first} to {last}", path.display());
+        }
         let mut reader = RecordingReader::open(path, &[Topic::Can, Topic::Hello, Topic::Frames])?;
         let (mut began_ns, mut has_frames) = (None, false);
         while let Some(item) = reader.next_item()? {

@@ -7,12 +7,14 @@ use std::io;
 use std::os::fd::AsFd;
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
+use taxel_recorder::parts;
 use tempfile::NamedTempFile;
 
 /// Refuses outputs that would overwrite one of the inputs, or each other.
 pub fn refuse_overlap(outputs: &[&Path], inputs: &[&Path]) -> anyhow::Result<()> {
     for (n, output) in outputs.iter().enumerate() {
-        if let Some(input) = inputs.iter().find(|input| is_same(output, input)) {
+        let mut inputs = inputs.iter().flat_map(|input| parts(input));
+        if let Some(input) = inputs.find(|input| is_same(output, input)) {
             bail!(
                 "{}: the output would overwrite the input {}",
                 output.display(),

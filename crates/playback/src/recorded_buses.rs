@@ -61,7 +61,6 @@ struct Buses<'a> {
 impl<'a> Buses<'a> {
     fn open(traffic: &'a Traffic, names: &'a [String]) -> anyhow::Result<Self> {
         let file = FrameFile::open(traffic, Some(names))?;
-        let size = std::fs::metadata(traffic.path()).map_or(0, |metadata| metadata.len());
         let of_name = |name: &String| (0..names.len()).filter(|bus| names[*bus] == *name).collect();
         Ok(Self {
             traffic,
@@ -69,7 +68,7 @@ impl<'a> Buses<'a> {
             clock: LogClock::default(),
             of_interface: names.iter().map(of_name).collect(),
             newest_ns: vec![0; names.len()],
-            progress: Progress::bytes(size),
+            progress: Progress::bytes(traffic.bytes()),
         })
     }
 

@@ -6,7 +6,7 @@ use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use taxel_can::{LogError, LogFrame, LogReader};
-use taxel_recorder::CanReader;
+use taxel_recorder::{CanReader, parts};
 
 /// Frames of an MCAP recording that are looked at to find out whose they are: most of a minute of a large hand.
 const SURVEYED: u64 = 1_000_000;
@@ -42,6 +42,14 @@ impl Traffic {
     /// Where it is.
     pub fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// How long it is, with all of its parts.
+    pub(crate) fn bytes(&self) -> u64 {
+        let files = parts(&self.path)
+            .into_iter()
+            .filter_map(|part| part.metadata().ok());
+        files.map(|file| file.len()).sum()
     }
 
     /// Whether it is a candump log.

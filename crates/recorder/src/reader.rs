@@ -2,11 +2,12 @@
 
 use crate::left_out::LeftOut;
 use crate::schema::Topic;
+use crate::series::parts;
 use crate::writer::Attached;
 use mcap::records::op;
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::{MAGIC, McapError};
-use std::collections::HashMap;
+use std::collections::{HashMap, VecDeque};
 use std::fs::File;
 use std::io::{self, Read};
 use std::os::unix::fs::FileExt;
@@ -64,10 +65,16 @@ pub enum Item<'a> {
     Damaged,
 }
 
-/// Reads a recording from its beginning to its end. Damaged chunks are passed over, and one that was torn off ends with its
-/// last whole chunk.
+/// Reads a recording from its beginning to its end, one file or [several](parts) after each other. Damaged chunks are passed
+/// over, and a file that was torn off ends with its last whole chunk.
 pub struct RecordingReader {
     path: PathBuf,
+    /// Whether it is one of several.
+    is_part: bool,
+    /// The files behind the one that is read.
+    next_parts: VecDeque<PathBuf>,
+    /// What could not be read of those before it, a sentence each.
+    left_out_before: Vec<String>,
     file: File,
     /// Gives the records of the file, chunks whole.
     records: LinearReader,
@@ -77,7 +84,7 @@ pub struct RecordingReader {
     /// Topics by the number of their channel; none where it is not wanted.
     channels: HashMap<u16, Option<Topic>>,
     message: Vec<u8>,
-    /// Bytes read from the file.
+    /// Bytes read from all files.
     position: u64,
     /// Where in it the next record begins.
     next_record: u64,
@@ -106,6 +113,21 @@ impl Chunk {
     }
 }
 
+fn open(path: &Path) -> Result<File, ReadError> {
+    File::open(path).map_err(|source| ReadError::Io {
+        path: path.into(),
+        source,
+    })
+}
+
+/// The records of a file, from its beginning.
+fn records() -> LinearReader {
+    let options = options()
+        .with_emit_chunks(true)
+        .with_validate_data_section_crc(true);
+    LinearReader::new_with_options(options)
+}
+
 fn options() -> LinearReaderOptions {
     LinearReaderOptions::default().with_record_length_limit(LONGEST)
 }
@@ -123,22 +145,21 @@ enum Found {
 }
 
 impl RecordingReader {
-    /// Opens a recording, of which messages of these topics are given; its other messages are passed over.
+    /// Opens a recording, of which messages of these topics are given; its other messages are passed over. Where there is
+    /// no file of this name, its [`parts`] are read.
     ///
     /// # Errors
     /// Where the file cannot be read. That it is no MCAP file shows with the first item.
     pub fn open(path: &Path, wanted: &[Topic]) -> Result<Self, ReadError> {
-        let file = File::open(path).map_err(|source| ReadError::Io {
-            path: path.into(),
-            source,
-        })?;
-        let options = options()
-            .with_emit_chunks(true)
-            .with_validate_data_section_crc(true);
+        let mut next_parts = VecDeque::from(parts(path));
+        let path = next_parts.pop_front().unwrap_or_default();
         Ok(Self {
-            path: path.into(),
-            file,
-            records: LinearReader::new_with_options(options),
+            file: open(&path)?,
+            path,
+            is_part: !next_parts.is_empty(),
+            next_parts,
+            left_out_before: Vec::new(),
+            records: records(),
             chunk: None,
             wanted: wanted.into(),
             channels: HashMap::new(),
@@ -159,7 +180,10 @@ impl RecordingReader {
             };
             match found {
                 Found::Other => {}
-                Found::End => self.ended = true,
+                Found::End => match self.next_parts.pop_front() {
+                    Some(part) => self.go_on_with(part)?,
+                    None => self.ended = true,
+                },
                 Found::Channel(id, topic) => self.take_channel(id, topic),
                 Found::NoTopic => self.left_out.of_no_topic += 1,
                 Found::Attached(attached) => return Ok(Some(Item::Attached(attached))),
@@ -171,6 +195,17 @@ impl RecordingReader {
             }
         }
         Ok(None)
+    }
+
+    fn go_on_with(&mut self, part: PathBuf) -> Result<(), ReadError> {
+        self.left_out_before = self.left_out();
+        self.left_out = LeftOut::default();
+        self.file = open(&part)?;
+        self.path = part;
+        (self.records, self.chunk) = (records(), None);
+        self.channels.clear();
+        self.next_record = MAGIC.len() as u64;
+        Ok(())
     }
 
     fn take_channel(&mut self, id: u16, topic: Option<Topic>) {
@@ -275,15 +310,26 @@ impl RecordingReader {
         Ok(())
     }
 
-    /// Whether there may be messages of a topic: not where the summary at the end of the file lists others alone.
+    /// Whether there may be messages of a topic in what is read yet: not where the summary at the end of each file lists
+    /// others alone.
     pub fn may_hold(&self, topic: Topic) -> bool {
-        let listed = channels_of_summary(&self.file).unwrap_or_default();
-        listed.is_empty() || listed.iter().any(|(_, listed)| *listed == Some(topic))
+        let may_hold = |file: &File| {
+            let listed = channels_of_summary(file).unwrap_or_default();
+            listed.is_empty() || listed.iter().any(|(_, listed)| *listed == Some(topic))
+        };
+        let next = |part: &PathBuf| File::open(part).is_ok_and(|file| may_hold(&file));
+        may_hold(&self.file) || self.next_parts.iter().any(next)
     }
 
     /// What of the file could not be read so far, a sentence each: damaged bytes, and where it was torn off.
     pub fn left_out(&self) -> Vec<String> {
-        self.left_out.sentences()
+        let name = self.path.file_name().unwrap_or_default().display();
+        let of_this = self.left_out.sentences().into_iter();
+        let of_this = of_this.map(|sentence| match self.is_part {
+            true => format!("{name}: {sentence}"),
+            false => sentence,
+        });
+        self.left_out_before.iter().cloned().chain(of_this).collect()
     }
 
     /// Bytes of the file read so far.

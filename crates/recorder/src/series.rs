@@ -151,6 +151,19 @@ fn numbered_files(path: &Path) -> Vec<(u32, PathBuf)> {
     numbered
 }
 
+/// The files of a recording: that of this name, or where there is none, those of its parts, `NAME-0001.mcap`,
+/// `NAME-0002.mcap`, .., in the order of their numbers; where there are none either, that of this name.
+pub fn parts(path: &Path) -> Vec<PathBuf> {
+    let mut parts = Vec::new();
+    if !path.exists() {
+        parts.extend(numbered_files(path).into_iter().map(|(_, part)| part));
+    }
+    if parts.is_empty() {
+        parts.push(path.into());
+    }
+    parts
+}
+
 fn is_recording(path: &Path) -> bool {
     let mut start = [0; MAGIC.len()];
     let read = File::open(path).and_then(|mut file| file.read_exact(&mut start));
