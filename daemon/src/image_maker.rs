@@ -124,13 +124,8 @@ fn describe(config: &Config, clock: Clock) -> Hello {
         hz,
     };
     let daemon = concat!("taxeld ", env!("CARGO_PKG_VERSION"));
-    let force_unit = if config.conditioning.magnitude.is_squared() {
-        "counts^2"
-    } else {
-        "counts"
-    };
     Hello {
-        force_unit: force_unit.into(),
+        force_unit: config.force_unit().into(),
         joints: config
             .joints
             .as_ref()

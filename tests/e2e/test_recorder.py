@@ -191,10 +191,45 @@ def test_a_configuration_that_the_daemon_does_not_run_with_is_refused_and_silent
     waiting = record("waiting.mcap", "--config", "scenes.toml", "--socket", folder / "nobody.sock")
     assert "no raw CAN: scenes.toml reads neither can: nor udp:" in waiting.stderr, waiting.stderr
     assert "no file was made" in waiting.stderr and not (folder / "waiting.mcap").exists(), waiting.stderr
+    assert waiting.returncode == 1 and "nothing came of a daemon at" in waiting.stderr, waiting.stderr
     wrong = f"udp:{GROUP}:{free_udp_port()}"
     silent = record("silent.mcap", "--socket", daemon.images, "--can", f"left={wrong}?hops=0", "--json")
     assert f"no CAN frame came of left from {wrong}" in silent.stderr, silent.stderr
     assert json.loads(silent.stdout)["silent"] == ["left"]
+
+
+def test_a_recording_of_which_nothing_came_that_was_asked_for_fails_and_says_why(start, folder):
+    daemon = start(socket={"max_subscribers": 1})
+    silent = f"udp:{GROUP}:{free_udp_port()}?hops=0"
+
+    def record(name, *arguments):
+        command = [binary("taxel"), "record", f"{name}.mcap", "--seconds", "0.5", *map(str, arguments)]
+        return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=30)
+
+    with taxel_reader.connect(daemon.images) as reader:
+        assert reader.receive(20.0) is not None
+        full = record("full", "--socket", daemon.images, "--no-can")
+    assert full.returncode == 1 and "1 subscribers are connected already" in full.stderr, full.stderr
+    assert "nothing came of a daemon at" in full.stderr and "Broken pipe" not in full.stderr, full.stderr
+    bus = record("bus", "--no-daemon", "--can", silent)
+    assert bus.returncode == 1 and "no CAN frame came" in bus.stderr, bus.stderr
+
+
+def test_a_part_that_begins_in_a_grasp_gives_the_contacts_that_were_shown(start, lockstep, folder, hand):
+    frames = list(grasp(Touches.uneven(hand, seed=4)))
+    daemon = start(conditioning=DAEMON_SETTINGS, sweep=SWEEP)
+    driver = lockstep(daemon)
+    before = [driver.step(counts) for counts in frames[:8]]
+    assert before[-1].contacts > 0
+    out = folder / "part.mcap"
+    with recording(daemon, out) as recorder:
+        live = [driver.step(counts) for counts in frames[8:]]
+        eventually(lambda: len(messages(out).get("/taxel/images", [])) >= len(live), lambda: recorder.said)
+        assert recorder.end() == 0, recorder.said
+    taxel("compress", out, "--out", folder / "part.bin")
+    again = full_images(folder / "part.bin")
+    assert len(again) >= len(live) - 1
+    assert [image.contacts for image in again] == [image.contacts for image in live][-len(again) :]
 
 
 def test_a_hand_is_compared_where_the_daemon_answers_by_another_name_and_one_of_no_layout_here_is_told(start, folder):

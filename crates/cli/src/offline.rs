@@ -7,6 +7,7 @@ use clap::builder::TypedValueParser;
 use std::path::{Path, PathBuf};
 use taxel_can::SourceAddress;
 use taxel_engine::TickMode;
+use taxel_playback::calibrated::at_the_beginning;
 use taxel_playback::head::Head;
 use taxel_playback::log_interfaces::interfaces_of_buses;
 use taxel_playback::pipeline::{Emit, run_counts, run_magnitudes, run_traffic};
@@ -175,9 +176,13 @@ impl OfflineArgs {
 
     /// Takes the recording through the daemon's pipeline, or magnitudes as they are, and shows what the skin feels.
     pub(crate) fn run(&self, input: &Input, config: &Config, emit: &mut Emit<'_>) -> anyhow::Result<()> {
+        let mut engine = config.engine(false)?;
+        if self.input.is_mcap() {
+            engine.calibrated = at_the_beginning(&self.input.path, config)?;
+        }
         match input {
             Input::Frames(recording) if !recording.has_counts() => self.magnitudes(recording, config, emit),
-            Input::Frames(recording) => run_counts(recording, config, self.input.tile, emit),
+            Input::Frames(recording) => run_counts(recording, &engine, self.input.tile, emit),
             Input::Scene(scene) => scene_input::run(scene, config, emit),
             Input::Log(traffic) => {
                 let (joints, skin): (Vec<_>, Vec<_>) = self
@@ -188,7 +193,7 @@ impl OfflineArgs {
                 let joints = interface_of_joints(traffic, config, &joints)?;
                 let mut interfaces = interfaces_of_buses(traffic, config, &skin, joints.as_deref())?;
                 interfaces.extend(joints);
-                run_traffic(traffic, &interfaces, config, emit)
+                run_traffic(traffic, &interfaces, &engine, emit)
             }
         }
     }

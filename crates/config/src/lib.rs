@@ -212,12 +212,21 @@ impl Config {
             boards: self.boards.clone(),
             sweep: self.sweep.clone(),
             conditioning: self.conditioning.clone(),
+            calibrated: None,
             joints: self.joints.clone().map(|config| EngineJoints {
                 bus: self.joints_bus().map(|bus| bus.index),
                 config,
                 is_read,
             }),
         })
+    }
+
+    /// The unit of forces, as HELLO names it.
+    pub fn force_unit(&self) -> &'static str {
+        match self.conditioning.magnitude.is_squared() {
+            true => "counts^2",
+            false => "counts",
+        }
     }
 
     /// The hand as [`taxel_diagnose`] is told of it.

@@ -1,9 +1,12 @@
 //! What an engine has to know, checked.
 
 use serde::{Deserialize, Serialize};
-use taxel_hand::{RangeError, check_range};
+use taxel_hand::{Fault, RangeError, check_range};
 use taxel_joints::JointsConfig;
-use taxel_skin::{BoardsConfig, ConditionConfig, Layout, SweepConfig};
+use taxel_skin::{
+    BoardsConfig, Calibrated, ConditionConfig, ConditionError, Conditioner, Layout, SweepAssembler,
+    SweepConfig,
+};
 
 /// A hand, and how its frames become tactile frames.
 #[derive(Debug, Clone)]
@@ -18,6 +21,9 @@ pub struct EngineConfig {
     pub sweep: SweepConfig,
     /// Baseline, contact threshold, faults and repair.
     pub conditioning: ConditionConfig,
+    /// What was known before the first frame, as where a part of a recording begins in a touch; `None` where the first
+    /// frames are calibrated on.
+    pub calibrated: Option<Calibrated>,
     /// Where joint angles come from, if any are read.
     pub joints: Option<EngineJoints>,
 }
@@ -90,7 +96,31 @@ impl EngineConfig {
             boards: BoardsConfig::default(),
             sweep: SweepConfig::default(),
             conditioning: ConditionConfig::default(),
+            calibrated: None,
             joints: None,
         }
+    }
+    /// The sweep assembly; boards do not settle that had spoken before.
+    pub(crate) fn sweep(&self, sweep_mode: bool) -> SweepAssembler {
+        let sweep = SweepAssembler::new(&self.layout, &self.sweep, sweep_mode);
+        let Some(known) = &self.calibrated else {
+            return sweep;
+        };
+        let had_value = |taxel: usize| {
+            known
+                .faults
+                .get(taxel)
+                .is_some_and(|faults| !faults.contains(Fault::Missing))
+        };
+        sweep.going_on(had_value)
+    }
+
+    /// The conditioning, calibrated where it is.
+    pub(crate) fn conditioner(&self) -> Result<Conditioner, ConditionError> {
+        let mut conditioner = Conditioner::for_layout(&self.layout, self.conditioning.clone())?;
+        if let Some(known) = &self.calibrated {
+            conditioner.go_on_from(known);
+        }
+        Ok(conditioner)
     }
 }

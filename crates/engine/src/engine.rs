@@ -104,8 +104,8 @@ impl Engine {
                 .map(|bus| Decoder::new(layout, bus as u8))
                 .collect(),
             readings: Readings::default(),
-            sweep: SweepAssembler::new(layout, &config.sweep, schedule.is_sweep()),
-            conditioner: Conditioner::for_layout(layout, config.conditioning.clone())?,
+            sweep: config.sweep(schedule.is_sweep()),
+            conditioner: config.conditioner()?,
             joints,
             bus_monitor: BusMonitor::new(layout),
             boards: BoardSupervisor::new(layout, &config.boards),

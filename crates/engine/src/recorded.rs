@@ -6,7 +6,6 @@ use crate::frames::Frames;
 use std::ops::ControlFlow;
 use taxel_can::Received;
 use taxel_hand::TactileFrame;
-use taxel_skin::Conditioner;
 
 /// Runs a whole recording through an engine, in the recording's own time: the offline path of `taxel compress`. What it
 /// feels is bit for bit what the daemon feels of the same recording, and [`Display`](crate::Display) makes the same images
@@ -51,7 +50,7 @@ pub fn run_whole_frames(
     mut fill: impl FnMut(&mut TactileFrame) -> bool,
     mut emit: impl FnMut(&Frames) -> ControlFlow<()>,
 ) -> Result<(), EngineError> {
-    let mut conditioner = Conditioner::for_layout(&config.layout, config.conditioning.clone())?;
+    let mut conditioner = config.conditioner()?;
     let mut frames = Frames::new(config.layout.len());
     while fill(&mut frames.tactile) {
         frames.due_ns = frames.tactile.t_ns;

@@ -78,6 +78,14 @@ impl Faults {
     /// No fault.
     pub const NONE: Self = Self(0);
 
+    /// The set of these bits, as they came over the wire; those of no reason known here are left out.
+    pub fn from_bits(bits: u16) -> Self {
+        let known = Fault::ALL
+            .into_iter()
+            .fold(0, |known, fault| known | fault as u16);
+        Self(bits & known)
+    }
+
     /// Adds a reason.
     #[inline]
     pub fn insert(&mut self, fault: Fault) {

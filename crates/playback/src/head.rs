@@ -14,7 +14,7 @@ pub const CONFIG: &str = "taxeld.toml";
 pub const LAYOUT: &str = "layout.toml";
 
 /// How much of a recording is looked at for what it is, nanoseconds.
-const HEAD_NS: u64 = 10_000_000_000;
+pub(crate) const HEAD_NS: u64 = 10_000_000_000;
 
 /// What the first seconds of a recording tell.
 #[derive(Debug, Default)]
@@ -106,6 +106,11 @@ impl Head {
                 builtin: Layout::builtin_names().collect::<Vec<_>>().join(", "),
             }),
         }
+    }
+
+    /// What the daemon said of itself and the hand (HELLO), where it is there.
+    pub(crate) fn hello(&self) -> Option<&Hello> {
+        self.hello.as_ref()
     }
 
     /// The hand that it was recorded on: that of the configuration in it, or else the built-in one that the daemon's

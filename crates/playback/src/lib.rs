@@ -13,6 +13,7 @@ macro_rules! eprintln {
 }
 
 pub mod array_frames;
+pub mod calibrated;
 mod fitted;
 mod frame_file;
 pub mod head;

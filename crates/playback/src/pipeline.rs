@@ -7,8 +7,7 @@ use crate::traffic::Traffic;
 use crate::whole_frames::WholeFrames;
 use std::ops::ControlFlow;
 use taxel_can::Received;
-use taxel_config::Config;
-use taxel_engine::{EngineError, Frames, TickMode, run_recorded, run_whole_frames};
+use taxel_engine::{EngineConfig, EngineError, Frames, TickMode, run_recorded, run_whole_frames};
 use taxel_hand::{Fault, Faults, ForceFrame, TactileFrame};
 use taxel_record::Recording;
 
@@ -46,12 +45,11 @@ impl std::ops::Deref for Measured<'_> {
 /// Takes CAN frames, in the order of their times, through the daemon's pipeline; stops at a failure
 /// to show what comes out.
 pub(crate) fn pipeline(
-    config: &Config,
+    config: &EngineConfig,
     frames: impl Iterator<Item = (u8, Received)>,
     emit: &mut Emit<'_>,
 ) -> anyhow::Result<()> {
-    let config = config.engine(false)?;
-    showing(emit, |take| run_recorded(&config, frames, None, take))
+    showing(emit, |take| run_recorded(config, frames, None, take))
 }
 
 /// Shows what each tick of an engine felt, until that fails.
@@ -109,7 +107,7 @@ pub(crate) fn emit_at(emit: &mut Emit<'_>, t_ns: u64, angles: &[f32], felt: &Fel
 pub fn run_traffic(
     traffic: &Traffic,
     interfaces: &[String],
-    config: &Config,
+    config: &EngineConfig,
     emit: &mut Emit<'_>,
 ) -> anyhow::Result<()> {
     read_ahead(traffic, interfaces, |frames| pipeline(config, frames, emit))
@@ -121,7 +119,7 @@ pub fn run_traffic(
 /// module is repeated on every module of the hand.
 pub fn run_counts(
     recording: &Recording,
-    config: &Config,
+    config: &EngineConfig,
     tile: bool,
     emit: &mut Emit<'_>,
 ) -> anyhow::Result<()> {
@@ -155,7 +153,7 @@ pub fn run_counts(
     }
 }
 
-fn run_sampled(sweeps: &Sweeps<'_>, config: &Config, emit: &mut Emit<'_>) -> anyhow::Result<()> {
+fn run_sampled(sweeps: &Sweeps<'_>, config: &EngineConfig, emit: &mut Emit<'_>) -> anyhow::Result<()> {
     let (recording, origin_ns) = (sweeps.recording(), sweeps.origin_ns());
     let total = recording.len() as u64 * config.layout.len() as u64;
     let progress = Progress::new(total, "frames");
@@ -167,14 +165,13 @@ fn run_sampled(sweeps: &Sweeps<'_>, config: &Config, emit: &mut Emit<'_>) -> any
     })
 }
 
-fn run_whole(mut frames: WholeFrames<'_>, config: &Config, emit: &mut Emit<'_>) -> anyhow::Result<()> {
+fn run_whole(mut frames: WholeFrames<'_>, config: &EngineConfig, emit: &mut Emit<'_>) -> anyhow::Result<()> {
     let progress = Progress::new(frames.len(), "frames");
-    let config = config.engine(false)?;
     let fill = |frame: &mut TactileFrame| {
         progress.advance(1);
         frames.fill(frame)
     };
-    showing(emit, |take| run_whole_frames(&config, fill, take))
+    showing(emit, |take| run_whole_frames(config, fill, take))
 }
 
 /// Shows magnitudes, which are forces already; contacts begin above `threshold` and end at `release`.

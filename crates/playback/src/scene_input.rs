@@ -24,9 +24,11 @@ pub fn run(scene: &Scene, config: &Config, emit: &mut Emit<'_>) -> anyhow::Resul
             .map(|pulses| ((pulses - ZERO) * TAU / PULSES) as f32)
             .collect()
     };
-    pipeline(config, traffic(simulator, scene.length_ns()), &mut |felt| {
-        emit_at(emit, felt.force.t_ns, &angles_at(felt.force.t_ns), felt)
-    })
+    pipeline(
+        &config.engine(false)?,
+        traffic(simulator, scene.length_ns()),
+        &mut |felt| emit_at(emit, felt.force.t_ns, &angles_at(felt.force.t_ns), felt),
+    )
 }
 
 /// What the joints of the scene are called, in the order of their angles.

@@ -2,7 +2,7 @@
 
 use crate::cdr::{CdrReader, CdrWriter, Cells};
 use crate::standard::freshness_number;
-use taxel_hand::{Actuator, Freshness, TactileImage};
+use taxel_hand::{Actuator, Faults, Freshness, TactileImage};
 use taxel_wire::{Flags, Header, ImageView, RawView};
 
 /// A tactile frame from taxeld's RAW message.
@@ -56,9 +56,16 @@ pub struct RecordedFrame<'a> {
     pub seq: u64,
     /// Time of validity, nanoseconds on the daemon's clock.
     pub t_ns: u64,
+    /// Whether the baseline was being measured.
+    pub is_calibrating: bool,
+    /// Contact threshold, in the daemon's unit of force.
+    pub threshold: f32,
     counts: Cells<'a, 2>,
+    faults: Cells<'a, 2>,
     freshness: &'a [u8],
+    marks: &'a [u8],
     joints: Cells<'a, 4>,
+    baselines: Cells<'a, 4>,
 }
 
 impl<'a> RecordedFrame<'a> {
@@ -66,18 +73,44 @@ impl<'a> RecordedFrame<'a> {
     pub fn read(message: &'a [u8]) -> Option<Self> {
         let mut cdr = CdrReader::new(message)?;
         let (seq, t_ns) = (cdr.u64()?, cdr.u64()?);
-        let (_flags, _skipped, _threshold) = (cdr.u16()?, cdr.u32()?, cdr.f32()?);
+        let (flags, _skipped, threshold) = (cdr.u16()?, cdr.u32()?, cdr.f32()?);
         let counts = cdr.list()?;
-        let (_faults, _force, _age) = (cdr.list::<2>()?, cdr.list::<4>()?, cdr.list::<4>()?);
-        let (freshness, _status, _marks) = (cdr.bytes()?, cdr.bytes()?, cdr.bytes()?);
+        let (faults, _force, _age) = (cdr.list()?, cdr.list::<4>()?, cdr.list::<4>()?);
+        let (freshness, _status, marks) = (cdr.bytes()?, cdr.bytes()?, cdr.bytes()?);
         let joints = cdr.list()?;
-        (counts.len() == 3 * freshness.len()).then_some(Self {
+        let (_ages, _velocities, _currents) = (cdr.list::<4>()?, cdr.list::<4>()?, cdr.list::<4>()?);
+        let baselines = cdr.list()?;
+        let taxels = freshness.len();
+        let fit = [counts.len(), 3 * faults.len(), 3 * marks.len()] == [3 * taxels; 3];
+        (fit && [0, 3 * taxels].contains(&baselines.len())).then_some(Self {
             seq,
             t_ns,
+            is_calibrating: Flags::from_bits(flags).contains(Flags::CALIBRATING),
+            threshold,
             counts,
+            faults,
             freshness,
+            marks,
             joints,
+            baselines,
         })
+    }
+
+    /// Why each taxel was not used.
+    pub fn faults(&self) -> impl ExactSizeIterator<Item = Faults> + use<'a> {
+        (self.faults.iter()).map(|bits| Faults::from_bits(u16::from_le_bytes(*bits)))
+    }
+
+    /// Whether each taxel was in contact.
+    pub fn contacts(&self) -> impl ExactSizeIterator<Item = bool> + use<'a> {
+        self.marks.iter().map(|marks| marks & 1 != 0)
+    }
+
+    /// Baseline x, y, z of each taxel, counts, not a number where it had none; none of any where none was known, or the
+    /// hand has so many taxels that they are not sent.
+    pub fn baselines(&self) -> impl ExactSizeIterator<Item = [f32; 3]> + use<'a> {
+        let baselines = self.baselines.as_chunks::<3>().0.iter();
+        baselines.map(|xyz| xyz.map(f32::from_le_bytes))
     }
 
     /// Counts x, y, z of each taxel; none where it had no value of the frame's time.

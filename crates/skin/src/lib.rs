@@ -63,8 +63,8 @@ pub use sweep::{Push, SweepAssembler, SweepConfig};
 
 // Conditioning
 pub use condition::{
-    BaselineSource, CalibrationReport, ConditionConfig, ConditionCounters, ConditionError, ConditionSettings,
-    Conditioner, FaultRule, MagnitudeMode, Preset, ThresholdSource,
+    BaselineSource, Calibrated, CalibrationReport, ConditionConfig, ConditionCounters, ConditionError,
+    ConditionSettings, Conditioner, FaultRule, MagnitudeMode, Preset, ThresholdSource,
 };
 
 // Recognition of unknown buses

@@ -92,6 +92,12 @@ impl Calibration {
         self.reported.then_some(&self.report)
     }
 
+    /// There is nothing to be measured, but for `late` taxels that have no baseline.
+    pub(super) fn skip(&mut self, late: usize) {
+        (self.phase, self.progress) = (Phase::Done, 1.0);
+        (self.late, self.next_late) = (late, 0);
+    }
+
     pub(super) fn restart_clock(&mut self) {
         if matches!(self.phase, Phase::Waiting | Phase::Collecting { .. }) {
             self.phase = Phase::Waiting;
@@ -261,7 +267,7 @@ impl Conditioner {
         self.touched[n] = idle.touched;
     }
 
-    fn take_baseline(&mut self, n: usize, baseline: [f64; 3]) {
+    pub(super) fn take_baseline(&mut self, n: usize, baseline: [f64; 3]) {
         self.taxels[n].has_baseline = true;
         self.drift[n].calibrated(baseline);
         self.baseline[n] = baseline;

@@ -101,6 +101,24 @@ pub(super) struct Health {
 }
 
 impl Health {
+    /// That of a taxel which was out of use for these reasons. Why it was noisy is not known: it stays so until it is
+    /// calibrated anew.
+    pub(super) fn known(faults: Faults, limits: &HealthLimits) -> Self {
+        let mut health = Self {
+            noisy_at_rest: faults.contains(Fault::Noisy),
+            ..Self::default()
+        };
+        if faults.contains(Fault::Wrapping) {
+            health.wraps = 2.0 * limits.wrap_limit;
+        }
+        for fault in [Fault::Dead, Fault::Stuck, Fault::Noisy, Fault::Wrapping] {
+            if faults.contains(fault) {
+                health.faults.insert(fault);
+            }
+        }
+        health
+    }
+
     /// The reasons that hold now.
     #[inline]
     pub(super) fn faults(&self) -> Faults {

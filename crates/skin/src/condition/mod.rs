@@ -7,6 +7,7 @@
 
 mod baseline;
 mod calibrate;
+mod calibrated;
 mod config;
 mod contact;
 mod drift;
@@ -21,6 +22,7 @@ mod report;
 mod taxel;
 mod unchanging;
 
+pub use calibrated::Calibrated;
 pub use config::{
     BaselineSource, ConditionConfig, ConditionError, ConditionSettings, FaultRule, Preset, ThresholdSource,
 };

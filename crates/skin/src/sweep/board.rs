@@ -22,6 +22,8 @@ pub(crate) struct Board {
     /// How long what it says is thrown away after it has come up.
     settle_ns: u64,
     settled_at_ns: u64,
+    /// It spoke before the first frame that is seen of it.
+    pub(crate) spoke_before: bool,
     /// Since when it is streaming; 0 if it never was.
     pub(crate) streaming_since_ns: u64,
     /// Whether it was heard since the last frame.
@@ -47,6 +49,7 @@ impl Board {
             sweep_at_take: 0,
             settle_ns,
             settled_at_ns: 0,
+            spoke_before: false,
             streaming_since_ns: 0,
             heard: false,
             repeated: false,
@@ -75,7 +78,7 @@ impl Board {
         let settle_ns = self.settle_ns;
         let power_up_ns = SETTLE_AGAIN_NS.max(10 * self.period_ns());
         let came_up = match self.counters.last_ns {
-            None => true,
+            None => !self.spoke_before,
             Some(last) => {
                 let quiet_ns = t_ns.saturating_sub(last);
                 // A silence between two frames taken, which neither saw.

@@ -199,6 +199,15 @@ impl SweepAssembler {
         }
     }
 
+    /// Goes on in the middle of the traffic: boards of which a taxel `had_value` before do not settle when they are first heard.
+    #[must_use]
+    pub fn going_on(mut self, had_value: impl Fn(usize) -> bool) -> Self {
+        for board in &mut self.boards {
+            board.spoke_before = (board.first..board.first + board.taxels).any(&had_value);
+        }
+        self
+    }
+
     /// `sweep` mode: whether a reading that is about to be pushed belongs to the next hand sweep,
     /// and all that the one under way still waits for is lost: the caller takes a frame at `t_ns`,
     /// and then pushes the reading.

@@ -1,0 +1,50 @@
+//! A calibration that was done before, and goes on.
+
+use super::Conditioner;
+use super::faults::Health;
+use taxel_hand::{Fault, Faults};
+
+/// What conditioning knew of a hand at an instant, as a recorded frame has it. Each list has an entry per taxel.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Calibrated {
+    /// The contact threshold, in the unit of force.
+    pub threshold: f64,
+    /// Baseline x, y, z, counts; not a number where it had none.
+    pub baseline: Vec<[f32; 3]>,
+    /// Whether it was in contact.
+    pub contact: Vec<bool>,
+    /// Why it was not used.
+    pub faults: Vec<Faults>,
+}
+
+impl Conditioner {
+    /// Goes on from what was known before, instead of calibrating on the first frames. Taxels that had no baseline find
+    /// their own when they speak. Where taxels have thresholds of their own, each begins with the hand's. Baselines may
+    /// drift from here as far as from where they were calibrated. Nothing changes where it is of another number of taxels.
+    pub fn go_on_from(&mut self, known: &Calibrated) {
+        let taxels = self.taxels();
+        let lengths = [known.baseline.len(), known.contact.len(), known.faults.len()];
+        if lengths != [taxels; 3] {
+            return;
+        }
+        self.rezero();
+        self.thresholds.set_theta(known.threshold);
+        let mut late = 0;
+        for (n, baseline) in known.baseline.iter().enumerate() {
+            self.thresholds.set_taxel(n, known.threshold);
+            let faults = known.faults[n];
+            self.taxels[n].health = Health::known(faults, &self.health_limits);
+            if faults.contains(Fault::PaperRule) {
+                self.taxels[n].standing.insert(Fault::PaperRule);
+            }
+            self.taxels[n].has_baseline = false;
+            if baseline.iter().all(|counts| counts.is_finite()) {
+                self.take_baseline(n, baseline.map(f64::from));
+            } else {
+                late += 1;
+            }
+        }
+        self.contact.copy_from_slice(&known.contact);
+        self.calibration.skip(late);
+    }
+}
