@@ -79,6 +79,15 @@ def test_arrays_that_do_not_fit_together_are_refused(tmp_path, damage, why):
         taxel.load(tmp_path / "a.npz")
 
 
+@pytest.mark.parametrize("load", [taxel.load, taxel.load_frames])
+def test_what_is_no_archive_is_not_advised_to_be_trusted(tmp_path, load):
+    path = tmp_path / "a.npz"
+    path.write_text("contacts\n1\n")
+    with pytest.raises(ValueError, match="a.npz: no .*it is no archive of arrays") as refused:
+        load(path)
+    assert "pickle" not in str(refused.value)
+
+
 def test_a_cut_file_of_arrays_is_refused_wherever_it_ends(tmp_path):
     path = tmp_path / "a.npz"
     np.savez(path, **arrays())

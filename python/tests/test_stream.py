@@ -1,6 +1,7 @@
 """Images, restarts, refusals and asyncio, against the fake daemon."""
 
 import asyncio
+import errno
 import socket
 import threading
 import time
@@ -115,6 +116,12 @@ def test_no_daemon_is_told_with_its_place_unless_it_is_waited_for(tmp_path):
         taxel.connect(path)
     with taxel.connect(path, wait=True) as hand:
         assert hand.next(timeout=0.05) is None
+
+
+def test_the_socket_that_takes_requests_is_told_from_that_of_the_images(daemon):
+    with pytest.raises(OSError, match="images come from images.sock beside it") as refused:
+        taxel.connect(daemon.control)
+    assert refused.value.errno == errno.EPROTOTYPE
 
 
 def test_what_was_asked_for_comes_beside_images(daemon):

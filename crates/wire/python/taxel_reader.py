@@ -503,7 +503,8 @@ def connect(path: Union[str, bytes, "os.PathLike[str]", "os.PathLike[bytes]"], *
     """Connects to the daemon that listens at `path`; keywords as for `Reader.subscribe`.
 
     Raises OSError: FileNotFoundError or ConnectionRefusedError where no daemon runs, PermissionError where
-    this user may not read from it, or where it is in a folder /tmp/taxeld-UID that is not UID's alone.
+    this user may not read from it, or where it is in a folder /tmp/taxeld-UID that is not UID's alone, with errno
+    EPROTOTYPE where it is a socket that takes requests.
     """
     place = os.fsdecode(path)
     _check_folder(place)
@@ -513,8 +514,10 @@ def connect(path: Union[str, bytes, "os.PathLike[str]", "os.PathLike[bytes]"], *
         reader = Reader(connection)
         if wanted:
             reader.subscribe(**wanted)
-    except BaseException:
+    except BaseException as error:
         connection.close()
+        if isinstance(error, OSError) and error.errno == errno.EPROTOTYPE:
+            raise OSError(error.errno, "requests go there; images come from images.sock beside it", place) from None
         raise
     return reader
 

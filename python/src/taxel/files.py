@@ -3,6 +3,7 @@
 import json
 import operator
 import os
+import zipfile
 from dataclasses import dataclass, fields
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, Iterable, Iterator, List, Optional, Tuple, Union, overload
@@ -92,12 +93,20 @@ _ELSEWHERE = {
 def _npz(name: str) -> Images:
     with open(name, "rb") as file:
         try:
-            with np.load(file) as arrays:
+            with arrays_of(file) as arrays:
                 if "counts" in arrays and "seq" not in arrays:
                     raise ValueError("it has frames, which taxel.load_frames reads")
                 return _of_arrays(arrays)
         except Exception as error:  # numpy, zipfile and zlib have a dozen kinds for what is damaged
             raise ValueError(f"{name}: no .npz as `taxel compress` writes it: {error}") from None
+
+
+def arrays_of(file: Any) -> Any:
+    """The arrays of an open .npz. numpy takes what is none for a pickle, and advises to trust it."""
+    if not zipfile.is_zipfile(file):
+        raise ValueError("it is no archive of arrays")
+    file.seek(0)
+    return np.load(file)
 
 
 def _of_arrays(arrays: Any) -> Images:

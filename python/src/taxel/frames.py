@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .arguments import Path
+from .files import arrays_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -50,7 +51,7 @@ def load_frames(path: Path) -> Frames:
 
 
 def _npz(file: Any) -> Frames:
-    with np.load(file) as arrays:
+    with arrays_of(file) as arrays:
         counts, t_ns = arrays["counts"], arrays["t_ns"]
         if counts.ndim == 4:  # frames that are images
             frames, height, width, axes = counts.shape
