@@ -137,10 +137,14 @@ fn write_readers(status: &Status, out: &mut String) -> std::fmt::Result {
         };
         writeln!(
             out,
-            "         pid {}: {} images, {} skipped in {}; p99 {} old, gap {}{wants}",
+            "         pid {}: {} images, {} skipped{} in {}; p99 {} old, gap {}{wants}",
             reader.pid.map_or("?".into(), |pid| pid.to_string()),
             reader.images,
             reader.skipped,
+            match reader.paced {
+                0 => String::new(),
+                paced => format!(", {paced} paced"),
+            },
             duration_text(reader.connected_s),
             time(reader.age_us.p99),
             time(reader.longest_gap_ms * 1000.0),
@@ -264,13 +268,13 @@ mod tests {
             "subscribers": [
                 { "pid": 7, "images": 52, "skipped": 97, "connected_s": 5.2, "age_us": { "p50": 110.0, "p99": 37_250.0 },
                   "longest_gap_ms": 532.1 },
-                { "pid": 8, "images": 97, "raw": true, "age_us": { "p99": 216.0 }, "longest_gap_ms": 33.4 },
+                { "pid": 8, "images": 97, "paced": 48, "raw": true, "age_us": { "p99": 216.0 }, "longest_gap_ms": 33.4 },
             ],
         })));
         for line in [
             "readers  2; images were p50 109 us, p99 14.0 ms old when they were sent",
             "         pid 7: 52 images, 97 skipped in 5 s; p99 37.2 ms old, gap 532.1 ms",
-            "         pid 8: 97 images, 0 skipped in 0 s; p99 216 us old, gap 33.4 ms, raw frames",
+            "         pid 8: 97 images, 0 skipped, 48 paced in 0 s; p99 216 us old, gap 33.4 ms, raw frames",
         ] {
             assert!(text.contains(line), "{line}\n{text}");
         }

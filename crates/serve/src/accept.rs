@@ -91,6 +91,7 @@ async fn welcome<M: ProfileMaker>(socket: Socket, server: Rc<Server<M>>) {
             pid = entry.pid,
             images = entry.images.sent(),
             skipped = entry.images.skipped(),
+            paced = entry.images.paced(),
             "subscriber gone: {farewell}"
         );
     }

@@ -18,7 +18,7 @@ const ASKED_AT_ONCE: usize = 64;
 pub(crate) struct Readers {
     /// Those that the courier sends the newest message.
     offered: RefCell<Vec<Rc<Lane>>>,
-    /// Those whose own tasks it wakes.
+    /// Those whose own tasks it wakes for what they are to send.
     woken: RefCell<Vec<Rc<Lane>>>,
     /// Whether there is a courier.
     is_delivered: Cell<bool>,
@@ -52,7 +52,7 @@ impl Readers {
         offered
             .chunks(ASKED_AT_ONCE)
             .for_each(|some| offer(message, some));
-        woken.iter().for_each(|lane| lane.wake.notify_one());
+        woken.iter().for_each(|lane| lane.call(message));
         let are_there = !offered.is_empty() || !woken.is_empty();
         self.is_delivered.set(are_there);
         are_there

@@ -4,7 +4,6 @@
 use crate::delivery::Delivery;
 use crate::lane::Lane;
 use crate::message::Message;
-use crate::pace::Pace;
 use crate::stream::{Stream, deliver};
 use std::future::poll_fn;
 use std::io::{self, IoSlice};
@@ -18,7 +17,6 @@ pub(crate) struct Feed {
     stream: Rc<Stream>,
     lane: Rc<Lane>,
     delivery: Delivery,
-    pace: Pace,
 }
 
 impl Feed {
@@ -38,7 +36,6 @@ impl Feed {
             stream: stream.clone(),
             lane: lane.clone(),
             delivery,
-            pace: Pace::default(),
         }
     }
 
@@ -50,11 +47,6 @@ impl Feed {
     /// Which of its messages are sent, and by whom.
     pub(crate) fn delivery(&self) -> Delivery {
         self.delivery
-    }
-
-    /// From now on at most so many messages a second; the next may be sent at once, whatever was asked for before.
-    pub(crate) fn limit_rate(&mut self, max_rate_hz: Option<f64>) {
-        self.pace = Pace::new(max_rate_hz);
     }
 
     /// Waits until there is a message to send: for ever, where its profile is no longer made.
@@ -77,17 +69,15 @@ impl Feed {
 
     /// The message to be sent now, if there is one.
     fn next(&self) -> Option<Arc<Message>> {
-        let after = self.lane.after();
         match self.delivery {
-            Delivery::Every => self.stream.after(after),
+            Delivery::Every => self.stream.after(self.lane.after()),
             // A clone, so that the publisher is not kept waiting while the kernel copies the message.
-            _ => Some(self.stream.newest.borrow().clone())
-                .filter(|message| message.tick > after && self.pace.takes(message.due)),
+            _ => Some(self.stream.newest.borrow().clone()).filter(|message| self.lane.takes(message)),
         }
     }
 
     /// Sends the message whose turn it is at the moment when the socket takes it, if there is one.
-    pub(crate) async fn send(&mut self) -> io::Result<()> {
+    pub(crate) async fn send(&self) -> io::Result<()> {
         poll_fn(|cx| {
             let Some(message) = self.next() else {
                 return Poll::Ready(Ok(()));
@@ -98,7 +88,6 @@ impl Feed {
             let packet = [IoSlice::new(&header), IoSlice::new(&message.payload)];
             ready!(self.lane.socket.poll_send(cx, &packet, self.delivery.room()))?;
             self.lane.note_sent(&message);
-            self.pace.note_sent(message.due);
             Poll::Ready(Ok(()))
         })
         .await

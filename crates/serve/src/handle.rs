@@ -172,6 +172,7 @@ impl Roster {
             subscribers: self.subscribers.len(),
             images: self.images.sent(),
             skipped: self.images.skipped(),
+            paced: self.images.paced(),
             age_us: self.images.age_us(),
             ages: self.images.ages(),
             longest_gap_ms: gaps.fold(self.images.longest_gap_ms(), f64::max),

@@ -5,6 +5,7 @@
 //! the newest image leaves its lane to the courier, and is woken only where its socket is full.
 
 use crate::message::Message;
+use crate::pace::Pace;
 use crate::sent::Sent;
 use crate::socket::{Room, Socket};
 use std::cell::Cell;
@@ -25,6 +26,8 @@ pub(crate) struct Lane {
     last: Cell<u64>,
     /// Tick up to which messages are none of this subscriber's: they came before it asked.
     before: Cell<u64>,
+    /// Which messages are this subscriber's at the rate it asked for.
+    pace: Cell<Pace>,
     /// Whether the courier may send: the subscriber's task waits, and has begun nothing.
     is_free: Cell<bool>,
     /// Wakes the task where there is a message that the courier cannot send, or is not to.
@@ -38,6 +41,7 @@ impl Lane {
             counts,
             last: Cell::new(0),
             before: Cell::new(0),
+            pace: Cell::default(),
             is_free: Cell::new(false),
             wake: Notify::new(),
         })
@@ -46,6 +50,27 @@ impl Lane {
     /// Messages up to this tick are not to be sent.
     pub(crate) fn begin_after(&self, tick: u64) {
         self.before.set(tick);
+    }
+
+    /// From now on at most so many messages a second; the next may be sent at once, whatever was asked for before.
+    pub(crate) fn limit_rate(&self, max_rate_hz: Option<f64>) {
+        self.pace.set(Pace::new(max_rate_hz));
+    }
+
+    /// Whether a message is still to be sent.
+    pub(crate) fn takes(&self, message: &Message) -> bool {
+        message.tick > self.after() && self.pace.get().takes(message.due)
+    }
+
+    /// Wakes the task for a message, unless that comes too soon for the rate asked for: then it is never sent.
+    pub(crate) fn call(&self, message: &Message) {
+        if self.pace.get().takes(message.due) {
+            self.wake.notify_one();
+        } else if message.tick > self.after() {
+            self.begin_after(message.tick);
+            let [counts, of_all] = &self.counts;
+            counts.pace(of_all, message.tick);
+        }
     }
 
     /// Lets the courier send, or no longer.
@@ -77,6 +102,9 @@ impl Lane {
     /// Notes that a message was sent.
     pub(crate) fn note_sent(&self, message: &Message) {
         self.last.set(message.tick);
+        let mut pace = self.pace.get();
+        pace.note_sent(message.due);
+        self.pace.set(pace);
         let [counts, of_all] = &self.counts;
         counts.record(of_all, Instant::now(), message.due, message.tick);
     }

@@ -7,7 +7,7 @@ const LONGEST_PAUSE_S: f64 = 3600.0;
 
 /// Which messages are a subscriber's at its highest rate: each is sent when it is made, or not at all, since one that waits
 /// for its turn is old by then. On average there are no more than that rate allows.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Clone, Copy)]
 pub(crate) struct Pace {
     /// Time between two messages, where there is a highest rate.
     between: Option<Duration>,

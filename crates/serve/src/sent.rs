@@ -17,11 +17,13 @@ const OCTAVES: usize = 24;
 const NONE_ASKED: u64 = u64::MAX;
 
 /// Counts of one subscriber, or of all together. A message that was made while it was asked for is counted once: as
-/// sent, or as skipped as soon as it is certain that it will not be.
+/// sent, as paced where it came too soon for the rate asked for, or as skipped as soon as it is certain that it will not
+/// be sent.
 #[derive(Debug)]
 pub(crate) struct Sent {
     sent: AtomicU64,
     skipped: AtomicU64,
+    paced: AtomicU64,
     /// How old messages were when they were sent.
     ages: [AtomicU64; STEPS * OCTAVES],
     oldest_us: AtomicU64,
@@ -41,6 +43,7 @@ impl Default for Sent {
         Self {
             sent: AtomicU64::default(),
             skipped: AtomicU64::default(),
+            paced: AtomicU64::default(),
             ages: [const { AtomicU64::new(0) }; STEPS * OCTAVES],
             oldest_us: AtomicU64::default(),
             counted: AtomicU64::new(NONE_ASKED),
@@ -79,6 +82,17 @@ impl Sent {
         }
         if self.last_us.load(Relaxed) == 0 {
             self.last_us.store(self.asked_us.load(Relaxed), Release);
+        }
+    }
+
+    /// The message of this tick will not be sent, since it came too soon for the rate asked for.
+    pub(crate) fn pace(&self, of_all: &Self, tick: u64) {
+        self.skip_to(of_all, tick.saturating_sub(1));
+        if self.counted.load(Relaxed) < tick {
+            self.counted.store(tick, Relaxed);
+            for counts in [self, of_all] {
+                counts.paced.fetch_add(1, Relaxed);
+            }
         }
     }
 
@@ -121,6 +135,10 @@ impl Sent {
 
     pub(crate) fn skipped(&self) -> u64 {
         self.skipped.load(Relaxed)
+    }
+
+    pub(crate) fn paced(&self) -> u64 {
+        self.paced.load(Relaxed)
     }
 
     /// The longest time between two messages, milliseconds; that which goes on included.

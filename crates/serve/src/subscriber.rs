@@ -349,9 +349,8 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
             self.status.mark_unchanged();
         }
         self.entry.set_wants(&wants);
-        self.images.limit_rate(wants.max_rate_hz);
-        if let Some(raw) = &mut self.raw {
-            raw.limit_rate(wants.max_rate_hz);
+        for lane in [&self.image_lane, &self.raw_lane] {
+            lane.limit_rate(wants.max_rate_hz);
         }
         self.wants = wants;
         self.refusals = 0;
@@ -369,7 +368,7 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
     async fn show(&mut self, shown: Rc<ActiveProfile>) -> Result<(), Farewell> {
         if !Rc::ptr_eq(&shown, &self.shown) {
             self.images = Feed::new(&shown.stream, &self.image_lane, self.images.delivery());
-            self.images.limit_rate(self.wants.max_rate_hz);
+            self.image_lane.limit_rate(self.wants.max_rate_hz);
             self.entry.set_profile(shown.id);
             self.shown = shown;
             if self.wants.image && self.image_lane.is_untouched() {

@@ -130,8 +130,13 @@ fn images(to: &mut Families, status: &Status) {
         ("images_sent", "Images sent to subscribers.", sent.images),
         (
             "images_skipped",
-            "Images that a subscriber was not sent.",
+            "Images that a subscriber was not sent since it was too slow for them.",
             sent.skipped,
+        ),
+        (
+            "images_paced",
+            "Images that a subscriber was not sent since it asked for fewer.",
+            sent.paced,
         ),
     ] {
         to.counter(name, help, &[], value);

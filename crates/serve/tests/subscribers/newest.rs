@@ -277,6 +277,17 @@ fn who_asks_for_fewer_images_is_sent_each_when_it_is_made_or_not_at_all() {
             .map(|tick| Got::Image(tick, u32::from(tick % 3 == 2)))
             .collect();
         assert_eq!(got, wanted);
+        // What it did not want is not what it was too slow for.
+        let (sent, status) = (
+            stage.server.roster().sent_status(),
+            stage.server.roster().subscriber_status(),
+        );
+        for (images, skipped, paced) in [
+            (sent.images, sent.skipped, sent.paced),
+            (status[0].images, status[0].skipped, status[0].paced),
+        ] {
+            assert_eq!((images, skipped, paced), (20, 0, 10));
+        }
     });
 }
 

@@ -121,6 +121,8 @@ report! {
         /// and the images up to that age and above that of the row before.
         ages: Vec<(u64, u64)>,
         /// The longest that one of them was without an image between two, milliseconds; those that go on included.
+        /// The same of images that came too soon for the `max_rate_hz` that it asked for.
+        paced: u64,
         longest_gap_ms: f64,
     }
 
@@ -392,20 +394,26 @@ report! {
         connected_s: f64,
         /// Images it was sent.
         images: u64,
-        /// Images that were made while it asked for images, and that it was not sent, nor will be.
+        /// Images that were made while it asked for images, and that it was not sent, nor will be, since it was too slow for
+        /// them.
         skipped: u64,
         /// Whether it is sent raw frames.
         raw: bool,
         /// Raw frames it was sent.
         raw_frames: u64,
-        /// Raw frames that were made while it asked for them, and that it was not sent, nor will be.
+        /// Raw frames that were made while it asked for them, and that it was not sent, nor will be, since it was too slow
+        /// for them.
         raw_skipped: u64,
+        /// The same of images that came too soon for the `max_rate_hz` that it asked for.
+        paced: u64,
         /// Whether it is sent every message in order, and not only the newest.
         every: bool,
         /// Number of the display profile it is shown.
         profile: u32,
         /// From when an image was due until this one was sent it, microseconds. Where it takes every
         /// image or asked for a lower rate, the time that images waited for that is in it.
+        /// The same of raw frames that came too soon for the `max_rate_hz` that it asked for.
+        raw_paced: u64,
         age_us: QuantileStatus,
         /// The longest that it was without an image between two, milliseconds; that which goes on included.
         longest_gap_ms: f64,
