@@ -41,7 +41,9 @@ impl State {
                 overruns: snapshot.overruns,
                 unpublished: snapshot.unpublished,
                 latency_us: quantiles(&snapshot.latency_ns),
+                latencies: rows(&snapshot.latency_ns),
                 lateness_us: quantiles(&snapshot.lateness_ns),
+                latenesses: rows(&snapshot.lateness_ns),
                 sent: roster.sent_status(),
             },
             paused: snapshot.paused,
@@ -228,6 +230,23 @@ fn error_frames(errors: &taxel_can::ErrorCauses) -> ErrorFrameStatus {
     }
 }
 
+/// The times of a histogram of nanoseconds as rows of 1, 2, 5, 10 .. microseconds, as far as there are any.
+fn rows(histogram: &Histogram<u64>) -> Vec<(u64, u64)> {
+    let mut steps = (0..).flat_map(|power| [1, 2, 5].map(|digit| digit * 10_u64.pow(power)));
+    let mut rows: Vec<(u64, u64)> = Vec::new();
+    for recorded in histogram.iter_recorded() {
+        let (us, count) = (
+            recorded.value_iterated_to() / 1000,
+            recorded.count_since_last_iteration(),
+        );
+        match rows.last_mut() {
+            Some((most_us, all)) if us <= *most_us => *all += count,
+            _ => rows.extend(steps.find(|step| us <= *step).map(|step| (step, count))),
+        }
+    }
+    rows
+}
+
 fn quantiles(histogram: &Histogram<u64>) -> QuantileStatus {
     let us = |ns: u64| ns as f64 / 1000.0;
     QuantileStatus {
@@ -235,5 +254,23 @@ fn quantiles(histogram: &Histogram<u64>) -> QuantileStatus {
         p99: us(histogram.value_at_quantile(0.99)),
         p999: us(histogram.value_at_quantile(0.999)),
         max: us(histogram.max()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_time_is_in_the_row_of_the_next_step() {
+        let mut histogram = Histogram::new_with_bounds(1, 10_000_000_000, 2).unwrap();
+        assert_eq!(rows(&histogram), []);
+        for us in [0, 1, 3, 4, 90, 130, 150, 8_000_000] {
+            histogram.saturating_record(us * 1000);
+        }
+        assert_eq!(
+            rows(&histogram),
+            [(1, 2), (5, 2), (100, 1), (200, 2), (10_000_000, 1)]
+        );
     }
 }

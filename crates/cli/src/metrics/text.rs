@@ -3,7 +3,7 @@
 use super::families::{Families, Format, Kind, Labels, number};
 use super::numbers::{ALLEGRO, BOARD, BUS, ERROR_CAUSES, JOINT, Number, SERVOS};
 use serde::Serialize;
-use taxel_wire::status::{JointsStatus, QuantileStatus, Status};
+use taxel_wire::status::{JointsStatus, Status};
 
 /// The metrics of a status; of none where no daemon answers, which `taxeld_up` tells.
 pub(super) fn of(status: Option<&Status>, format: Format) -> String {
@@ -142,34 +142,21 @@ fn images(to: &mut Families, status: &Status) {
         to.counter(name, help, &[], value);
     }
     let latency = "From a tick's newest reading until its images were handed over.";
-    quantiles(to, "image_latency_seconds", latency, &images.latency_us);
+    histogram(to, "image_latency_seconds", latency, &images.latencies);
     let lateness = "From when a tick was due until its images were handed over: the jitter of the tick.";
-    quantiles(to, "image_lateness_seconds", lateness, &images.lateness_us);
-    ages(to, &sent.ages);
+    histogram(to, "image_lateness_seconds", lateness, &images.latenesses);
+    let age = "From when an image was due until it was sent.";
+    histogram(to, "image_age_seconds", age, &sent.ages);
 }
 
-/// Microseconds as a summary in seconds.
-fn quantiles(to: &mut Families, name: &str, help: &'static str, of: &QuantileStatus) {
-    for (quantile, value) in [
-        ("0.5", of.p50),
-        ("0.99", of.p99),
-        ("0.999", of.p999),
-        ("1", of.max),
-    ] {
-        let labels = [("quantile", quantile)];
-        to.sample(name, Kind::Summary, help, "", &labels, &number(value / 1e6));
-    }
-}
-
-/// The ages of images as a histogram in seconds. Its rows come and go as ages are seen, so buckets are few and fixed.
-fn ages(to: &mut Families, rows: &[(u64, u64)]) {
+/// Microseconds as a histogram in seconds. Rows come and go as times are seen, so buckets are few and fixed.
+fn histogram(to: &mut Families, name: &str, help: &'static str, rows: &[(u64, u64)]) {
     let mut sample = |suffix: &str, labels: &Labels<'_>, value: &str| {
-        let help = "From when an image was due until it was sent.";
-        to.sample("image_age_seconds", Kind::Histogram, help, suffix, labels, value);
+        to.sample(name, Kind::Histogram, help, suffix, labels, value);
     };
     let up_to = |most_us: u64| {
         rows.iter()
-            .filter(|(age, _)| *age <= most_us)
+            .filter(|(us, _)| *us <= most_us)
             .map(|(_, n)| n)
             .sum::<u64>()
     };
@@ -182,8 +169,8 @@ fn ages(to: &mut Families, rows: &[(u64, u64)]) {
     let all = up_to(u64::MAX).to_string();
     sample("_bucket", &[("le", "+Inf")], &all);
     sample("_count", &[], &all);
-    // Of each age only the bound is known.
-    let sum = rows.iter().map(|(age, n)| *age as f64 * *n as f64).sum::<f64>() / 1e6;
+    // Of each row only the bound is known.
+    let sum = rows.iter().map(|(us, n)| *us as f64 * *n as f64).sum::<f64>() / 1e6;
     sample("_sum", &[], &number(sum));
 }
 
@@ -302,12 +289,11 @@ mod tests {
     };
 
     fn status() -> Status {
-        let quantiles = json!({ "p50": 20.0, "p99": 80.0, "p999": 100.0, "max": 2000.0 });
         serde_json::from_value(json!({
             "version": "0.1.0", "layout": "a \"hand\"", "uptime_s": 3.5, "profile": {},
             "images": {
-                "made": 90, "rate_hz": 30.0, "latency_us": quantiles, "lateness_us": quantiles,
-                "sent": { "subscribers": 2, "images": 7, "ages": [[40, 3], [900, 2], [5_000_000, 1]] },
+                "made": 90, "rate_hz": 30.0, "latencies": [[50, 80], [100, 10]], "latenesses": [[200, 90]],
+                "sent": { "subscribers": 2, "images": 7, "skipped": 4, "paced": 5, "ages": [[40, 3], [900, 2], [5_000_000, 1]] },
             },
             "problems": [{ "kind": "board-silent", "bus": "can0", "module": "index tip", "severe": true, "since_s": 2.0 }],
             "buses": [
@@ -331,7 +317,12 @@ mod tests {
             "taxeld_up 1",
             "taxeld_info{version=\"0.1.0\",layout=\"a \\\"hand\\\"\"} 1",
             "taxeld_images_made_total 90",
-            "taxeld_image_latency_seconds{quantile=\"0.99\"} 0.00008",
+            "taxeld_images_skipped_total 4",
+            "taxeld_images_paced_total 5",
+            "taxeld_image_latency_seconds_bucket{le=\"0.00005\"} 80",
+            "taxeld_image_latency_seconds_bucket{le=\"0.0001\"} 90",
+            "taxeld_image_lateness_seconds_bucket{le=\"0.0001\"} 0",
+            "taxeld_image_lateness_seconds_count 90",
             "taxeld_image_age_seconds_bucket{le=\"0.00005\"} 3",
             "taxeld_image_age_seconds_bucket{le=\"0.001\"} 5",
             "taxeld_image_age_seconds_bucket{le=\"+Inf\"} 6",

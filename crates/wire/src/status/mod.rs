@@ -100,9 +100,14 @@ report! {
         /// From a tick's newest reading until its images were handed over to the thread that sends
         /// them, microseconds.
         latency_us: QuantileStatus,
+        /// The same as a histogram, of which differences can be taken: rows of microseconds and the ticks that took
+        /// up to that and more than the row before.
+        latencies: Vec<(u64, u64)>,
         /// From when a tick was due until its images were handed over to the thread that sends
         /// them, microseconds.
         lateness_us: QuantileStatus,
+        /// The same as a histogram, as `latencies`.
+        latenesses: Vec<(u64, u64)>,
         /// What became of them after that, for all subscribers together.
         sent: SentStatus,
     }
@@ -113,16 +118,17 @@ report! {
         subscribers: usize,
         /// Images they were sent.
         images: u64,
-        /// Images that were made while one of them asked for images, and that it was not sent, nor will be.
+        /// Images that were made while one of them asked for images, and that it was not sent, nor will be, since it was too
+        /// slow for them.
         skipped: u64,
+        /// The same of images that came too soon for the `max_rate_hz` that it asked for.
+        paced: u64,
         /// From when an image was due until it was sent, microseconds.
         age_us: QuantileStatus,
         /// The same as a histogram, of which differences can be taken: rows of an age in microseconds
         /// and the images up to that age and above that of the row before.
         ages: Vec<(u64, u64)>,
         /// The longest that one of them was without an image between two, milliseconds; those that go on included.
-        /// The same of images that came too soon for the `max_rate_hz` that it asked for.
-        paced: u64,
         longest_gap_ms: f64,
     }
 
@@ -397,6 +403,8 @@ report! {
         /// Images that were made while it asked for images, and that it was not sent, nor will be, since it was too slow for
         /// them.
         skipped: u64,
+        /// The same of images that came too soon for the `max_rate_hz` that it asked for.
+        paced: u64,
         /// Whether it is sent raw frames.
         raw: bool,
         /// Raw frames it was sent.
@@ -404,16 +412,14 @@ report! {
         /// Raw frames that were made while it asked for them, and that it was not sent, nor will be, since it was too slow
         /// for them.
         raw_skipped: u64,
-        /// The same of images that came too soon for the `max_rate_hz` that it asked for.
-        paced: u64,
+        /// The same of raw frames that came too soon for the `max_rate_hz` that it asked for.
+        raw_paced: u64,
         /// Whether it is sent every message in order, and not only the newest.
         every: bool,
         /// Number of the display profile it is shown.
         profile: u32,
         /// From when an image was due until this one was sent it, microseconds. Where it takes every
         /// image or asked for a lower rate, the time that images waited for that is in it.
-        /// The same of raw frames that came too soon for the `max_rate_hz` that it asked for.
-        raw_paced: u64,
         age_us: QuantileStatus,
         /// The longest that it was without an image between two, milliseconds; that which goes on included.
         longest_gap_ms: f64,
