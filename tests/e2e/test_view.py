@@ -40,7 +40,7 @@ class Screen(pyte.Screen):
 class Terminal:
     """A program on a terminal of 100x30."""
 
-    def __init__(self, folder, *arguments):
+    def __init__(self, folder, *arguments, screen=None):
         self.keys, theirs = pty.openpty()
         fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 30, 100, 0, 0))
         os.set_blocking(self.keys, False)
@@ -56,7 +56,7 @@ class Terminal:
         )
         os.close(theirs)
         # What is sent are changes of the picture: a letter that was there before is not sent again.
-        self.screen = Screen(100, 30)
+        self.screen = screen or Screen(100, 30)
         self.stream = pyte.ByteStream(self.screen)
 
     def shows(self, text):
@@ -129,6 +129,24 @@ def test_what_is_wrong_with_a_recording_is_said_in_the_picture_and_printed_behin
         finally:
             terminal.process.kill()
             os.close(terminal.keys)
+
+
+def test_what_stood_on_a_terminal_without_alternate_screen_is_not_in_the_picture(folder):
+    log = [binary("taxel"), "sim", "tap", "--to", "log:tap.log", "--seconds", "3"]
+    subprocess.run(log, cwd=folder, check=True, capture_output=True, timeout=30)
+    # pyte's own screen has no other one, as the console of Linux.
+    screen = pyte.Screen(100, 30)
+    pyte.Stream(screen).feed("a line of the shell before, which is as wide as the terminal is".ljust(98, ".") + "\r\n")
+    pyte.Stream(screen).feed(("." * 70 + " of the shell before\r\n") * 28)
+    terminal = Terminal(folder, "view", "tap.log", screen=screen)
+    try:
+        terminal.wait_for("? keys  q quit")
+        assert not terminal.shows("of the shell before"), "\n".join(screen.display)
+        terminal.press("q")
+        assert terminal.process.wait(10) == 0
+    finally:
+        terminal.process.kill()
+        os.close(terminal.keys)
 
 
 def test_keys_are_asked_of_the_control_socket_that_is_named(start, folder):

@@ -1,7 +1,7 @@
 //! A terminal that is drawn on again and again, and its keys.
 
 use anyhow::Context;
-use ratatui::backend::CrosstermBackend;
+use ratatui::backend::{Backend, CrosstermBackend};
 use ratatui::crossterm::event::{self, Event, KeyEvent};
 use ratatui::{Frame, Terminal};
 use std::io::{IsTerminal, Stdout, Write};
@@ -55,6 +55,8 @@ pub(crate) fn show(
         sent: sent.clone(),
     };
     let mut terminal = Terminal::new(CrosstermBackend::new(out)).context("the terminal")?;
+    // Where there is no alternate screen, as on the console of Linux, the lines before are still there.
+    terminal.backend_mut().clear().context("the terminal")?;
     let is_far = ["SSH_CONNECTION", "SSH_TTY"]
         .iter()
         .any(|name| std::env::var_os(name).is_some());
