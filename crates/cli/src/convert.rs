@@ -90,7 +90,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         true => bail!("stopped; {} was not written", out.display()),
         false => Ok(()),
     };
-    let mut whole = OutputFile::begin(out)?;
+    let mut whole = OutputFile::stream(out)?;
     let (count, what) = match format {
         None => {
             let mut output = TrafficOutput::create(whole.path(), &ending, "convert")?;

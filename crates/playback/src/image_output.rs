@@ -69,7 +69,7 @@ impl ImageOutput {
         layout: &Layout,
         profile: &Profile,
     ) -> anyhow::Result<Self> {
-        let whole = OutputFile::begin(path)?;
+        let whole = OutputFile::stream(path)?;
         let file = match format {
             OutputFormat::Jsonl | OutputFormat::Bin => {
                 let file = create_stream(whole.path()).with_context(|| path.display().to_string())?;

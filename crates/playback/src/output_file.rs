@@ -76,7 +76,7 @@ fn folder(path: &Path) -> &Path {
 /// A file that has its name only once it is whole. Until then it is called `NAME.XXXXXX.part` in
 /// the same folder; what is given up is removed, and a file of that name from before stays.
 ///
-/// What is no regular file, such as a device or a pipe, is written as it is; `-` is for [`create_stream`] alone.
+/// What is no regular file, such as a device or a pipe, is written as it is; `-` is for [`OutputFile::stream`] alone.
 #[derive(Debug)]
 pub struct OutputFile {
     path: PathBuf,
@@ -85,7 +85,18 @@ pub struct OutputFile {
 
 impl OutputFile {
     /// Makes sure that the file can be written, before there is anything to write.
+    ///
+    /// # Errors
+    /// One that cannot be written; `-`.
     pub fn begin(path: &Path) -> anyhow::Result<Self> {
+        if path.as_os_str() == "-" {
+            bail!("- is stdout for streams alone; name a file, or /dev/stdout");
+        }
+        Self::stream(path)
+    }
+
+    /// The same of what is written with [`create_stream`], where `-` is stdout.
+    pub fn stream(path: &Path) -> anyhow::Result<Self> {
         Self::prepare(path).with_context(|| path.display().to_string())
     }
 
@@ -135,9 +146,6 @@ impl OutputFile {
 
     /// Writes a file whose content is known.
     pub fn write(path: &Path, content: impl AsRef<[u8]>) -> anyhow::Result<()> {
-        if path.as_os_str() == "-" {
-            bail!("- is stdout for streams alone; name a file, or /dev/stdout");
-        }
         let mut file = Self::begin(path)?;
         fs::write(file.path(), content).with_context(|| path.display().to_string())?;
         file.finish()
@@ -175,13 +183,16 @@ mod tests {
 
     #[test]
     fn a_file_that_is_no_stream_is_not_called_by_the_sign_for_stdout() {
-        let error = OutputFile::write(Path::new("-"), "model")
-            .unwrap_err()
-            .to_string();
-        assert!(
-            error.contains("name a file") && !Path::new("-").exists(),
-            "{error}"
-        );
+        let stdout = Path::new("-");
+        for refused in [
+            OutputFile::write(stdout, "model"),
+            OutputFile::begin(stdout).map(drop),
+        ] {
+            let error = refused.unwrap_err().to_string();
+            assert!(error.contains("name a file") && !stdout.exists(), "{error}");
+        }
+        let stream = OutputFile::stream(stdout).unwrap();
+        assert_eq!((stream.path(), stream.part()), (stdout, None));
     }
 
     #[test]

@@ -58,6 +58,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     if let Some(at) = args.at.iter().find(|at| !(at.is_finite() && **at >= 0.0)) {
         bail!("--at {at} is no time in a recording; it is seconds, from 0 on");
     }
+    if args.out.as_os_str() == "-" {
+        bail!("--out -: figures are several files; name a folder for them");
+    }
     let paths = args.paths()?;
     let names = names(&paths, args.offline.input.array());
     fs::create_dir_all(&args.out).with_context(|| format!("--out {}", args.out.display()))?;

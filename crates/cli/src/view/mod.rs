@@ -20,6 +20,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 use taxel_playback::interrupt::Interrupt;
+use taxel_playback::output_file::OutputFile;
 use taxel_playback::remarks::Remarks;
 use taxel_view::{Action, Heading, Palette, Screen, Seen, draw, svg};
 
@@ -55,7 +56,7 @@ pub(crate) struct Args {
     /// Stop after so long [default: never; without a terminal a daemon is looked at for 2 s]
     #[arg(long, value_name = "S", value_parser = seconds(0.001..=1e9))]
     seconds: Option<Duration>,
-    /// Draw into this SVG file what is to be seen at the end, instead of on the terminal
+    /// Draw into this SVG file what is to be seen at the end, instead of on the terminal; - for stdout
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
     /// Columns and rows of that picture
@@ -96,7 +97,10 @@ impl Sheet<'_> {
             Palette::True,
             false,
         );
-        std::fs::write(self.path, svg(&buffer)).with_context(|| self.path.display().to_string())
+        match self.path.as_os_str() == "-" {
+            true => print(&svg(&buffer)),
+            false => OutputFile::write(self.path, svg(&buffer)),
+        }
     }
 }
 
@@ -266,6 +270,10 @@ fn print_summary(seen: &Seen, name: &str, began_ns: u64) -> anyhow::Result<()> {
         None => format!("{name}: no description of a hand came\n"),
     };
     text += &seen.summary(began_ns);
+    print(&text)
+}
+
+fn print(text: &str) -> anyhow::Result<()> {
     let mut out = std::io::stdout().lock();
     out.write_all(text.as_bytes())
         .and_then(|()| out.flush())
