@@ -7,6 +7,7 @@ use clap::builder::TypedValueParser;
 use std::path::{Path, PathBuf};
 use taxel_can::SourceAddress;
 use taxel_engine::TickMode;
+use taxel_hand::did_you_mean;
 use taxel_playback::calibrated::at_the_beginning;
 use taxel_playback::head::Head;
 use taxel_playback::log_interfaces::interfaces_of_buses;
@@ -48,14 +49,18 @@ pub(crate) struct OfflineArgs {
     interface: Vec<(String, String)>,
 }
 
+const PRESETS: [&str; 2] = ["robust", "paper"];
+
 /// Reads a preset of the conditioning by its name in the configuration.
 pub(crate) fn preset_parser() -> impl TypedValueParser<Value = Preset> {
-    offering(["robust", "paper"], preset)
+    offering(PRESETS, preset)
 }
 
 fn preset(name: &str) -> Result<Preset, String> {
-    serde_json::from_value(name.into())
-        .map_err(|_| format!("there is no conditioning {name:?}; there is robust or paper"))
+    serde_json::from_value(name.into()).map_err(|_| {
+        let meant = did_you_mean(name, PRESETS);
+        format!("there is no conditioning {name:?}{meant}; there is robust or paper")
+    })
 }
 
 impl OfflineArgs {

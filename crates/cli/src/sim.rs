@@ -4,16 +4,17 @@ use crate::forearm::play;
 use crate::offered::offering;
 use crate::scene_marks::SceneMarks;
 use crate::seconds::seconds;
-use anyhow::{Context, bail};
+use anyhow::{Context, anyhow, bail};
 use clap::builder::{StringValueParser, TypedValueParser};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use taxel_can::Received;
+use taxel_hand::closest;
 use taxel_playback::interrupt::Interrupt;
 use taxel_playback::target::{TargetAddress, Targets, of_buses, refuse_shared_ids};
 use taxel_sim::servo::{SERVO_BAUD, ServoBus, ServoPty, StableLink, servo_clock_ns, servos_of_scene};
-use taxel_sim::{Scene, Simulator, stand_in_layout_file, with_stand_in_boards};
+use taxel_sim::{Scene, SceneError, Simulator, stand_in_layout_file, with_stand_in_boards};
 use taxel_skin::Layout;
 
 /// The longest that a command on a bus waits to be heard.
@@ -127,7 +128,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
 
 /// Plays a scene on the buses of a hand, or writes it into logs.
 fn play_scene(args: &Args, name: &str, limit_ns: Option<u64>) -> anyhow::Result<()> {
-    let scene = Scene::resolve(name)?;
+    let scene = Scene::resolve(name).map_err(|error| match (&error, closest(name, [play::SCENE])) {
+        (SceneError::UnknownScene { .. }, Some(meant)) => {
+            anyhow!("there is no scene {name}; did you mean `{meant}`?")
+        }
+        _ => error.into(),
+    })?;
     let named = Layout::resolve(args.layout.as_deref().unwrap_or(scene.layout()))?;
     let layout = with_stand_in_boards(&named)?;
     if named.buses.is_empty() {

@@ -5,7 +5,7 @@ use serde::de::{MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use std::fmt;
 use std::time::Duration;
-use taxel_hand::check_range;
+use taxel_hand::{check_range, did_you_mean};
 use taxel_joints::bus::{WriteCommand, WriteError, WriteRefused, check_goals};
 use taxel_joints::{DynamixelConfig, JointReader, JointSource, JointsConfig, PortState, ServoReader};
 
@@ -274,8 +274,9 @@ async fn looked_for<T>(mut look: impl FnMut() -> Option<T>) -> Option<T> {
 fn joint_called(config: &DynamixelConfig, name: &str) -> Result<usize, String> {
     let joint = config.servo.iter().position(|servo| servo.name == name);
     joint.ok_or_else(|| {
-        let names = config.joint_names().join(", ");
-        format!("no joint is called {name}; there are {names}")
+        let names = config.joint_names();
+        let meant = did_you_mean(name, names.iter().map(String::as_str));
+        format!("no joint is called {name}{meant}; there are {}", names.join(", "))
     })
 }
 
@@ -396,6 +397,7 @@ mod tests {
                 Err("servo 7: it is named twice"),
             ),
             (r#"{"servo 8":1}"#, Err("no joint is called servo 8")),
+            (r#"{"sevro 7":1}"#, Err("did you mean `servo 7`?")),
             (r#"{"servo 7":101}"#, Err("outside -100 to 100")),
         ] {
             let request = serde_json::from_str(&format!("{{\"pwm_percent\":{shares}}}")).unwrap();

@@ -4,7 +4,7 @@ use crate::input::Input;
 use crate::offline::OfflineArgs;
 use anyhow::{Context, bail};
 use taxel_compress::Compressor;
-use taxel_hand::{ForceFrame, Freshness, Method, Profile, TactileFrame, TactileImage};
+use taxel_hand::{ForceFrame, Freshness, Method, Profile, TactileFrame, TactileImage, did_you_mean};
 use taxel_skin::Layout;
 
 /// A contact that is away for no longer is the same contact, frames.
@@ -109,15 +109,15 @@ impl Take {
 
     pub(super) fn module_named(&self, name: &str) -> anyhow::Result<usize> {
         let modules = &self.layout.modules;
-        let names = || {
-            modules
-                .iter()
-                .map(|m| m.name.as_str())
-                .collect::<Vec<_>>()
-                .join(", ")
-        };
-        let found = modules.iter().position(|m| m.name == name);
-        found.with_context(|| format!("--module {name}: layout {} has {}", self.layout.name, names()))
+        let names = || modules.iter().map(|module| module.name.as_str());
+        let found = names().position(|known| known == name);
+        found.with_context(|| {
+            let (meant, all) = (
+                did_you_mean(name, names()),
+                names().collect::<Vec<_>>().join(", "),
+            );
+            format!("--module {name}{meant}; layout {} has {all}", self.layout.name)
+        })
     }
 
     /// The first and the last frame of a module's first contact.
