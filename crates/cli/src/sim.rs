@@ -74,7 +74,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "LINK")]
     potentiometers: Option<PathBuf>,
     /// Where on the forearm the gripper holds, percent from wrist to elbow; for the scene `forearm`
-    #[arg(long, value_name = "PERCENT", default_value_t = 50.0)]
+    #[arg(long, value_name = "PERCENT", default_value_t = 50.0, value_parser = place)]
     place: f64,
     /// Make the scene's marks on the daemon with this control socket, as a robot would; phantoms have marks
     #[arg(long, value_name = "SOCKET")]
@@ -88,6 +88,16 @@ pub(crate) struct Args {
     /// The list as JSON; `seconds` is null where the scene has no end
     #[arg(long, requires = "list")]
     json: bool,
+}
+
+fn place(text: &str) -> Result<f64, String> {
+    let percent = text
+        .parse()
+        .ok()
+        .filter(|percent| (0.0..=100.0).contains(percent));
+    percent.ok_or_else(|| {
+        format!("{text} is no place on the forearm; give percent, from 0 (wrist) to 100 (elbow)")
+    })
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
