@@ -213,13 +213,11 @@ mod tests {
     }
 
     /// Commands without `--json`, and why.
-    const WITHOUT_JSON: [(&str, &str); 11] = [
+    const WITHOUT_JSON: [(&str, &str); 9] = [
         ("demo", "a picture"),
         ("view", "a picture; `taxel watch --json` has what it shows"),
         ("figures", "pictures, and a table as .csv"),
         ("forearm figures", "pictures"),
-        ("replay", "sends what it reads"),
-        ("servo", "prints nothing"),
         ("completions", "prints a script"),
         ("config init", "prints a file"),
         ("forearm record", "writes a session"),

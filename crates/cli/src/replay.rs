@@ -1,13 +1,14 @@
 //! `taxel replay`: a recording back onto a bus.
 
 use crate::input::{DEFAULT_LAYOUT, Input, InputArgs, pair};
-use anyhow::{anyhow, bail};
+use anyhow::{Context, anyhow, bail};
+use std::io::Write;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use taxel_can::SourceAddress;
 use taxel_playback::array_frames::{ARRAY_LAYOUT, ArrayFrames, is_of_arrays};
 use taxel_playback::output_file::refuse_overlap;
-use taxel_playback::player::Player;
+use taxel_playback::player::{Played, Player};
 use taxel_playback::sweep::Sweeps;
 use taxel_playback::target::{TargetAddress, Targets, refuse_shared_ids};
 use taxel_record::Recording;
@@ -56,6 +57,9 @@ pub(crate) struct Args {
     /// End this far into the recording, seconds
     #[arg(long, value_name = "S")]
     end: Option<f64>,
+    /// One JSON object: {"frames", "left_out", "passes", "seconds", "late_ms"}
+    #[arg(long)]
+    json: bool,
 }
 
 fn speed(text: &str) -> Result<f64, String> {
@@ -64,6 +68,18 @@ fn speed(text: &str) -> Result<f64, String> {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    let is_stdout = |to: &TargetAddress| *to == TargetAddress::Stdout;
+    if args.json && args.targets().any(|to| is_stdout(&to)) {
+        bail!("--json: the frames are on stdout; put them elsewhere, or leave it out");
+    }
+    let played = play(args)?;
+    if args.json {
+        writeln!(std::io::stdout(), "{}", serde_json::to_string(&played)?).context("stdout")?;
+    }
+    Ok(())
+}
+
+fn play(args: &Args) -> anyhow::Result<Played> {
     let window = args.window()?;
     match args.input.open()? {
         Input::Log(traffic) => {
@@ -96,7 +112,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
 }
 
 /// Plays frames as the boards, or the pressure arrays, of a hand.
-fn play_frames(args: &Args, window: Range<u64>, recording: &Recording) -> anyhow::Result<()> {
+fn play_frames(args: &Args, window: Range<u64>, recording: &Recording) -> anyhow::Result<Played> {
     let default = match args.goes_to_an_array() {
         true => ARRAY_LAYOUT,
         false => DEFAULT_LAYOUT,
@@ -163,13 +179,18 @@ impl Args {
         Targets::open(named)
     }
 
-    /// Whether any of it is to go to a pressure array.
-    fn goes_to_an_array(&self) -> bool {
+    /// Where any of it is to go.
+    fn targets(&self) -> impl Iterator<Item = TargetAddress> + '_ {
         let named = self
             .interface
             .iter()
             .filter_map(|(_, target)| target.parse().ok());
-        named.chain(self.to.clone()).any(|target| is_array(&target))
+        named.chain(self.to.clone())
+    }
+
+    /// Whether any of it is to go to a pressure array.
+    fn goes_to_an_array(&self) -> bool {
+        self.targets().any(|target| is_array(&target))
     }
 
     /// Where each of the names goes.

@@ -1,7 +1,9 @@
 //! `taxel servo`: torque and PWM of one servo, through the daemon.
 
 use crate::control;
+use anyhow::Context;
 use serde_json::json;
+use std::io::Write;
 use std::path::PathBuf;
 
 /// Switch a servo's motor on or off, or give it a PWM, through the running daemon.
@@ -32,6 +34,9 @@ pub(crate) struct Args {
     /// The daemon's control socket [default: where the daemon of this user, or of the system, puts it]
     #[arg(long, value_name = "PATH")]
     socket: Option<PathBuf>,
+    /// One JSON object: what the joint was told (null where it was not), and what the daemon warns of
+    #[arg(long)]
+    json: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -64,6 +69,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let reply = control::request(&socket, &request)?;
     if let Some(warning) = reply["warning"].as_str() {
         eprintln!("taxel: {warning}");
+    }
+    if args.json {
+        let (torque, pwm) = (&request["torque"], &request["pwm_percent"]);
+        let told =
+            json!({ "joint": args.joint, "torque": torque, "pwm_percent": pwm, "warning": reply["warning"] });
+        writeln!(std::io::stdout(), "{told}").context("stdout")?;
     }
     Ok(())
 }

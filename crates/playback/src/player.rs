@@ -22,6 +22,21 @@ const PASS_GAP_NS: u64 = 1_000_000;
 const BATCH: usize = 1024;
 const BATCHES: usize = 4;
 
+/// What was played.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct Played {
+    /// CAN frames put somewhere.
+    pub frames: u64,
+    /// Error frames, and lines that hold no classic frame.
+    pub left_out: u64,
+    /// How often the recording was begun.
+    pub passes: u64,
+    /// How long that took.
+    pub seconds: f64,
+    /// The most that a frame was behind its time, milliseconds.
+    pub late_ms: f64,
+}
+
 /// Sends a recording, pass after pass.
 pub struct Player {
     speed: f64,
@@ -54,27 +69,27 @@ impl Player {
     }
 
     /// Plays the CAN traffic of a recording: of the interfaces of these names, or of all.
-    pub fn play_traffic(self, traffic: &Traffic, names: Option<&[String]>) -> anyhow::Result<()> {
+    pub fn play_traffic(self, traffic: &Traffic, names: Option<&[String]>) -> anyhow::Result<Played> {
         let jumps = Mutex::default();
-        thread::scope(|scope| self.play(|| ahead(scope, Pass::open(traffic, names, &jumps)?)))?;
+        let played = thread::scope(|scope| self.play(|| ahead(scope, Pass::open(traffic, names, &jumps)?)))?;
         let jumps: ClockJumps = jumps.into_inner().unwrap_or_else(PoisonError::into_inner);
         if jumps.count() > 0 {
             eprintln!("taxel: {}: {jumps}", traffic.path().display());
         }
-        Ok(())
+        Ok(played)
     }
 
     /// Plays what boards would have sent.
-    pub fn play_sweeps(self, sweeps: &Sweeps<'_>) -> anyhow::Result<()> {
+    pub fn play_sweeps(self, sweeps: &Sweeps<'_>) -> anyhow::Result<Played> {
         self.play(|| Ok(sweeps.frames().map(line)))
     }
 
     /// Plays the frames of pressure arrays.
-    pub fn play_arrays(self, frames: &ArrayFrames<'_>) -> anyhow::Result<()> {
+    pub fn play_arrays(self, frames: &ArrayFrames<'_>) -> anyhow::Result<Played> {
         self.play(|| Ok(frames.frames().map(line)))
     }
 
-    fn play<I>(mut self, pass: impl Fn() -> anyhow::Result<I>) -> anyhow::Result<()>
+    fn play<I>(mut self, pass: impl Fn() -> anyhow::Result<I>) -> anyhow::Result<Played>
     where
         I: Iterator<Item = anyhow::Result<Line>>,
     {
@@ -100,8 +115,16 @@ impl Player {
             bail!("nothing was sent: there is no frame between --start and --end");
         }
         self.targets.finish()?;
-        self.report(passes, began.elapsed());
-        self.targets.check()
+        let took = began.elapsed();
+        self.report(passes, took);
+        self.targets.check()?;
+        Ok(Played {
+            frames: self.targets.sent(),
+            left_out: self.left_out,
+            passes,
+            seconds: took.as_secs_f64(),
+            late_ms: self.latest.as_secs_f64() * 1e3,
+        })
     }
 
     /// Sends the recording once; returns how long the played part of it is, nothing if there is none.

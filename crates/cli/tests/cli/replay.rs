@@ -52,6 +52,15 @@ fn interfaces_are_met_while_a_log_is_played_or_converted() {
     assert!(all.ends_with(" can0 000#\n"), "{all}");
     let (out, _) = succeeds(&dir, &["convert", "in.log", "-"]);
     assert_eq!(out, lines(64));
+    let (out, _) = succeeds(&dir, &["replay", "in.log", "--to", "log:played.log", "--json"]);
+    let played: serde_json::Value = serde_json::from_str(&out).unwrap();
+    assert_eq!(
+        (&played["frames"], &played["left_out"]),
+        (&65.into(), &0.into()),
+        "{played}"
+    );
+    let err = fails(&dir, &["replay", "in.log", "--to", "-", "--json"], 1);
+    assert!(err.contains("put them elsewhere"), "{err}");
     // No recording of a hand, and no list without an end.
     write(&lines(65));
     let err = fails(&dir, &["replay", "in.log", "--to", "log:out.log"], 1);
