@@ -24,13 +24,17 @@ pub(crate) struct Ask {
 Examples:
   taxel status
   watch -n 1 taxel status                    again and again
-  taxel status --json | jq .buses[0].used    every count there is")]
+  taxel status --json | jq .buses[0].used    every count there is
+  taxel status --check                       1 where an error is among the problems, for scripts and Nagios")]
 pub(crate) struct StatusArgs {
     #[command(flatten)]
     ask: Ask,
     /// One JSON object with everything
     #[arg(long)]
     json: bool,
+    /// End with 1 where what is wrong is an error and no warning
+    #[arg(long)]
+    check: bool,
 }
 
 /// Measure the baseline anew, as after a warm-up; the hand must not be touched for two seconds.
@@ -98,11 +102,18 @@ pub(crate) struct MarkArgs {
 
 pub(crate) fn status(args: &StatusArgs) -> anyhow::Result<()> {
     let reply = args.ask.send(&json!({ "cmd": "status" }))?;
-    let text = match args.json {
+    let status = Status::try_from(reply["status"].clone())?;
+    print(&match args.json {
         true => reply["status"].to_string() + "\n",
-        false => status_text::of(&Status::try_from(reply["status"].clone())?),
-    };
-    print(&text)
+        false => status_text::of(&status),
+    })?;
+    let errors = status.problems.iter().filter(|problem| problem.severe).count();
+    anyhow::ensure!(
+        !args.check || errors == 0,
+        "{errors} of the problems {}; `taxel doctor` looks for causes",
+        if errors == 1 { "is an error" } else { "are errors" }
+    );
+    Ok(())
 }
 
 pub(crate) fn rezero(args: &RezeroArgs) -> anyhow::Result<()> {

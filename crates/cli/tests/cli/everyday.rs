@@ -3,7 +3,10 @@
 use crate::{fails, simulated, succeeds};
 use serde_json::{Value, json};
 use std::fs::{self, File};
+use std::io::{BufRead, BufReader, Write};
+use std::os::unix::net::UnixListener;
 use std::process::Command;
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
@@ -48,6 +51,70 @@ fn every_request_can_be_answered_in_json() {
     assert_eq!(of("taxeld_up")["value"], 1);
     assert_eq!(of("taxeld_info")["labels"]["layout"], "allegro-uskin-15");
     daemon.stop().unwrap();
+}
+
+/// Gives each client its reply, one after another, in place of a daemon.
+fn answer(dir: &TempDir, replies: Vec<Value>) -> JoinHandle<()> {
+    let listener = UnixListener::bind(dir.path().join("control.sock")).unwrap();
+    std::thread::spawn(move || {
+        for reply in replies {
+            let mut client = BufReader::new(listener.accept().unwrap().0);
+            client.read_line(&mut String::new()).unwrap();
+            writeln!(client.get_mut(), "{reply}").unwrap();
+        }
+    })
+}
+
+#[test]
+fn a_checked_status_is_a_failure_where_an_error_is_among_the_problems() {
+    let dir = TempDir::new().unwrap();
+    let (none, warning, error) = (
+        json!([]),
+        json!([{ "severe": false }]),
+        json!([{ "severe": true }]),
+    );
+    let cases = [
+        (none, &["status", "--check"][..], true),
+        (warning, &["status", "--check"], true),
+        (error.clone(), &["status"], true),
+        (error.clone(), &["status", "--check"], false),
+        (error, &["status", "--check", "--json"], false),
+    ];
+    let reply = |problems: &Value| json!({ "ok": true, "status": { "problems": problems } });
+    let daemon = answer(&dir, cases.iter().map(|(problems, ..)| reply(problems)).collect());
+    for (problems, args, is_well) in &cases {
+        let args = [args, &CONTROL[..]].concat();
+        match is_well {
+            true => drop(succeeds(&dir, &args)),
+            false => assert!(
+                fails(&dir, &args, 1).contains("1 of the problems is"),
+                "{problems}"
+            ),
+        }
+    }
+    daemon.join().unwrap();
+}
+
+#[test]
+fn what_a_servo_was_told_is_printed_in_json() {
+    let dir = TempDir::new().unwrap();
+    let daemon = answer(
+        &dir,
+        vec![json!({ "ok": true, "warning": "hot" }), json!({ "ok": true })],
+    );
+    for (told, wanted) in [
+        (&["--torque", "on", "--pwm", "5"][..], json!([true, 5.0, "hot"])),
+        (&["--torque", "off"], json!([false, null, null])),
+    ] {
+        let told = object(&dir, &[&["servo", "index 0", "--json"], told].concat());
+        let [joint, torque, pwm, warning] =
+            ["joint", "torque", "pwm_percent", "warning"].map(|key| &told[key]);
+        assert_eq!(
+            (joint, json!([torque, pwm, warning])),
+            (&json!("index 0"), wanted)
+        );
+    }
+    daemon.join().unwrap();
 }
 
 #[test]
