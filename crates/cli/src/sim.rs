@@ -86,7 +86,7 @@ pub(crate) struct Args {
     #[arg(long, conflicts_with = "scene")]
     list: bool,
     /// The list as JSON; `seconds` is null where the scene has no end
-    #[arg(long, requires = "list")]
+    #[arg(long, requires = "list", conflicts_with = "scene")]
     json: bool,
 }
 
@@ -162,6 +162,13 @@ fn play_scene(args: &Args, name: &str, limit_ns: Option<u64>) -> anyhow::Result<
         let mut simulator = Simulator::new(&scene, &layout, seed)?;
         simulator.start_all();
         let length_ns = limit_ns.unwrap_or(scene.length_ns());
+        if length_ns > scene.length_ns() {
+            eprintln!(
+                "taxel: {} ends after {} s, and a log has it once",
+                scene.name(),
+                scene.seconds()
+            );
+        }
         write_log(simulator, &Interrupt::install()?, length_ns, &mut targets)?;
     } else {
         let places: Vec<String> = named

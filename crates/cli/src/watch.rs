@@ -44,7 +44,7 @@ pub(crate) struct Args {
     #[arg(long)]
     json: bool,
     /// Raw frames instead of images: every taxel's counts, force and faults
-    #[arg(long)]
+    #[arg(long, conflicts_with = "hz")]
     raw: bool,
     /// Rates instead of images, a line a second, in place on a terminal: images made and received here, their latency,
     /// the longest time without one

@@ -56,6 +56,9 @@ impl Player {
         if looping && targets.are_log_files() {
             bail!("--loop into a log would fill the disk; leave it out");
         }
+        if speed.is_finite() && speed != 1.0 && targets.are_logs() {
+            bail!("--speed {speed}: a log is written at once, with the times of the recording; leave it out");
+        }
         Ok(Self {
             speed,
             looping,

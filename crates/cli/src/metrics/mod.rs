@@ -41,7 +41,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE")]
     textfile: Option<PathBuf>,
     /// Seconds between two writes of --textfile, 0.1 to 3600
-    #[arg(long, value_name = "S", default_value = "15", value_parser = seconds(0.1..=3600.0), requires = "textfile")]
+    #[arg(long, value_name = "S", default_value = "15", value_parser = seconds(0.1..=3600.0), requires = "textfile",
+          conflicts_with = "listen")]
     every: Duration,
     /// Once, as a JSON object for each sample, a line each: {"name", "labels", "value"}
     #[arg(long, conflicts_with_all = ["listen", "textfile"])]

@@ -94,6 +94,24 @@ fn wrong_usage_is_told_from_failure_by_the_exit_code() {
         (&["replay", "a.log", "--to", "-", "--speed", "0"], "no speed"),
         (&["servo", "index 0", "--pwm", "nan"], "-100 to 100"),
         (&["watch", "--count", "0"], "give 1 or more"),
+        (&["watch", "--raw", "--hz"], "cannot be used with"),
+        (
+            &["metrics", "--listen", "127.0.0.1:0", "--every", "3"],
+            "cannot be used with",
+        ),
+        (&["sim", "tap", "--to", "log:x", "--json"], "cannot be used with"),
+        (
+            &["sim", "forearm", "--to", "-", "--place", "150"],
+            "to 100 (elbow)",
+        ),
+        (
+            &["sim", "forearm", "--to", "-", "--place", "abc"],
+            "to 100 (elbow)",
+        ),
+        (
+            &["compress", "sim:tap", "--out", "x.npz", "--conditioning", "robst"],
+            "did you mean `robust`?",
+        ),
         (&["view", "can:can0"], "where taxeld reads it"),
         (&["compress", "udp::43113"], "a bus is no recording"),
         (&["compress", "log:a.log?interface=can0"], "name a.log"),
@@ -111,6 +129,40 @@ fn wrong_usage_is_told_from_failure_by_the_exit_code() {
     }
     let err = fails(&dir, &["replay", "a.log", "--to", "vcan0"], 2);
     assert!(err.contains("can:INTERFACE"), "{err}");
+}
+
+#[test]
+fn what_is_asked_for_in_vain_is_refused_with_what_to_do_and_leaves_no_file() {
+    let dir = TempDir::new().unwrap();
+    for (wrong, word) in [
+        (&["figures", "sim:tap", "--out", "-"][..], "name a folder"),
+        (&["eval", "sim:tap", "--csv", "-"], "name a file"),
+        (&["forearm", "simulate", "--out", "-"], "name a file"),
+        (&["sim", "forearn", "--to", "-"], "did you mean `forearm`?"),
+        (
+            &["figures", "sim:tap", "--out", "x", "--module", "index tpi"],
+            "did you mean `index tip`?",
+        ),
+    ] {
+        let err = fails(&dir, wrong, 1);
+        assert!(err.contains(word), "{wrong:?}: {err}");
+    }
+    assert!(!dir.path().join("-").exists());
+    let (log, said) = (dir.path().join("tap.log"), "ends after");
+    let to = format!("log:{}", log.display());
+    let (_, err) = succeeds(&dir, &["sim", "tap", "--to", &to, "--seconds", "60"]);
+    assert!(err.contains(said), "{err}");
+    let (_, err) = succeeds(&dir, &["sim", "tap", "--to", &to, "--seconds", "1"]);
+    assert!(!err.contains(said), "{err}");
+    let err = fails(
+        &dir,
+        &["replay", "tap.log", "--to", "log:slow.log", "--speed", "0.5"],
+        1,
+    );
+    assert!(err.contains("leave it out"), "{err}");
+    let (svg, _) = succeeds(&dir, &["view", "tap.log", "--svg", "-"]);
+    assert!(svg.starts_with("<svg") || svg.starts_with("<?xml"), "{svg:.80}");
+    assert!(!dir.path().join("-").exists());
 }
 
 #[test]
