@@ -57,7 +57,7 @@ impl Player {
             bail!("--loop into a log would fill the disk; leave it out");
         }
         if speed.is_finite() && speed != 1.0 && targets.are_logs() {
-            bail!("--speed {speed}: a log is written at once, with the times of the recording; leave it out");
+            eprintln!("taxel: --speed {speed}: a log is written at once, with the times of the recording");
         }
         Ok(Self {
             speed,

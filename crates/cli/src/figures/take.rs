@@ -116,7 +116,7 @@ impl Take {
                 did_you_mean(name, names()),
                 names().collect::<Vec<_>>().join(", "),
             );
-            format!("--module {name}{meant}; layout {} has {all}", self.layout.name)
+            format!("--module {name}: layout {} has {all}{meant}", self.layout.name)
         })
     }
 
