@@ -1,7 +1,7 @@
 //! MATLAB's level 5 MAT-files ("MAT-File Format", The MathWorks): real matrices, read and written.
 
 use flate2::read::ZlibDecoder;
-use std::io::Read;
+use std::io::{self, Read};
 
 /// A real matrix of a MAT-file.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,16 +18,28 @@ pub struct Matrix {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("byte {offset}: {reason}")]
 pub struct TornMat {
-    /// The byte; in what a compressed element unpacks to, of that.
+    /// The byte of the file; of what is wrong in a compressed element, where that begins.
     pub offset: usize,
     /// What is wrong, and what to do.
     pub reason: String,
 }
 
+impl TornMat {
+    /// The same of what a compressed element unpacks to.
+    fn within(self, element: &Element<'_>) -> Self {
+        Self {
+            offset: element.begins,
+            ..self
+        }
+    }
+}
+
 /// Length of the header.
 const HEADER: usize = 128;
-/// Bytes to which all compressed elements of a file may unpack together.
+/// Bytes to which the compressed element of a matrix that is read may unpack.
 const MOST_UNPACKED: u64 = 16 << 20;
+/// Bytes of a compressed element in which its kind, flags, dimensions and name are.
+const HEAD: u64 = 4096;
 /// Numbers of a matrix that is read, of which the file may have each in one byte, and memory has it in eight: a hundred
 /// thousand rows of twenty.
 const MOST_NUMBERS: usize = 2 << 20;
@@ -42,44 +54,34 @@ const DOUBLE_CLASS: u32 = 6;
 /// Classes of matrices of numbers: double to uint64.
 const NUMBERS: std::ops::RangeInclusive<u32> = 6..=15;
 
-/// Reads the matrix called `name`, or the only one.
+/// Reads the matrix called `name`, or the only one. What else the file holds is not looked at further than its name.
 ///
 /// # Errors
-/// Bytes of another kind or cut off; no such matrix; one that is complex, of more than two dimensions or of more than two
-/// million numbers; compressed elements that unpack to more than 16 MB.
+/// Bytes of another kind or cut off; no such matrix; one that is complex, of more than two dimensions, of more than two
+/// million numbers, or compressed and of more than 16 MB; a variable of this name that is no matrix of numbers.
 pub fn read_mat(bytes: &[u8], name: &str) -> Result<Matrix, TornMat> {
     let whole = Bytes::open(bytes)?;
     let mut at = HEADER;
-    let mut unpacked_bytes = 0;
-    let mut named = None;
     let mut names = Vec::new();
     // What is read where there is no other, and the file may call it as it likes.
     let mut first = None;
     while at < bytes.len() {
         let element = whole.element(at)?;
-        let unpacked;
-        let numbers = match element.kind {
-            COMPRESSED => {
-                unpacked = unpack(element.data, element.begins, MOST_UNPACKED - unpacked_bytes)?;
-                unpacked_bytes += unpacked.len() as u64;
-                let inner = Bytes {
-                    bytes: &unpacked,
-                    ..whole
-                };
-                let element = inner.element(0)?;
-                let is_matrix = element.kind == MATRIX;
-                is_matrix.then(|| inner.numbers(&element)).transpose()?
+        if let Some(head) = whole.head(&element)? {
+            let is_number = NUMBERS.contains(&head.class);
+            if head.name == name && !is_number {
+                return torn(
+                    element.begins,
+                    format!("{name:?} is no matrix of numbers; save it as rows and columns"),
+                );
             }
-            MATRIX => Some(whole.numbers(&element)?),
-            _ => None,
-        };
-        if let Some(numbers) = numbers.flatten() {
-            if numbers.name == name && named.is_none() {
-                named = Some(numbers.widened()?);
-            } else if names.is_empty() {
-                first = Some(numbers.widened());
+            if head.name == name {
+                return whole.matrix(&element);
             }
-            names.push(numbers.name);
+            if is_number {
+                first.get_or_insert(at);
+                names.push(head.name);
+            }
         }
         // Only what is compressed is not filled up to eight bytes.
         at = if element.kind == COMPRESSED {
@@ -94,11 +96,12 @@ pub fn read_mat(bytes: &[u8], name: &str) -> Result<Matrix, TornMat> {
             reason,
         })
     };
-    match (named, first) {
-        (Some(named), _) => Ok(named),
-        (None, Some(first)) if names.len() == 1 => first,
-        (None, None) => torn(format!("the file ends without a matrix; it should hold {name:?}")),
-        (None, Some(_)) => torn(format!(
+    match first {
+        Some(at) if names.len() == 1 => whole.matrix(&whole.element(at)?),
+        None => torn(format!(
+            "the file ends without a matrix of numbers; it should hold {name:?}"
+        )),
+        Some(_) => torn(format!(
             "the file has no {name:?} among its matrices {}",
             names.join(", ")
         )),
@@ -167,6 +170,12 @@ impl Numbers<'_> {
             values: numbers.map(|n| number(self.kind, n, self.big_endian)).collect(),
         })
     }
+}
+
+/// What a variable is, and what it is called.
+struct Head {
+    class: u32,
+    name: String,
 }
 
 /// A run of elements.
@@ -267,20 +276,71 @@ impl<'a> Bytes<'a> {
         })
     }
 
-    /// A matrix of numbers; none where it is one of anything else.
-    fn numbers(&self, whole: &Element<'_>) -> Result<Option<Numbers<'a>>, TornMat> {
+    /// What the variable of an element is; none where it is something else. Of a compressed one no more is unpacked than
+    /// that takes.
+    fn head(&self, element: &Element<'_>) -> Result<Option<Head>, TornMat> {
+        let mut unpacked = Vec::new();
+        let (run, begins) = match element.kind {
+            COMPRESSED => {
+                let mut packed = ZlibDecoder::new(element.data).take(HEAD);
+                (packed.read_to_end(&mut unpacked)).or_else(|error| cannot_unpack(element.begins, &error))?;
+                let run = Bytes {
+                    bytes: &unpacked,
+                    ..*self
+                };
+                if run.word(0).map_err(|torn| torn.within(element))? != MATRIX {
+                    return Ok(None);
+                }
+                (run, 8)
+            }
+            MATRIX => (*self, element.begins),
+            _ => return Ok(None),
+        };
+        let head = || {
+            let flags = run.flags(begins)?;
+            let dimensions = run.element(flags.next)?;
+            let name = run.element(dimensions.next)?;
+            Ok(Head {
+                class: run.word(flags.begins)? & 0xFF,
+                name: String::from_utf8_lossy(name.data).into_owned(),
+            })
+        };
+        let told = |torn: TornMat| match element.kind {
+            COMPRESSED => torn.within(element),
+            _ => torn,
+        };
+        head().map(Some).map_err(told)
+    }
+
+    /// The matrix of numbers that an element is.
+    fn matrix(&self, element: &Element<'_>) -> Result<Matrix, TornMat> {
+        if element.kind != COMPRESSED {
+            return self.numbers(element)?.widened();
+        }
+        let unpacked = unpack(element.data, element.begins)?;
+        let inner = Bytes {
+            bytes: &unpacked,
+            ..*self
+        };
+        let matrix = || inner.numbers(&inner.element(0)?)?.widened();
+        matrix().map_err(|torn| torn.within(element))
+    }
+
+    fn flags(&self, at: usize) -> Result<Element<'a>, TornMat> {
+        let flags = self.element(at)?;
+        if flags.kind != UINT32 || flags.data.len() != 8 {
+            return torn(flags.begins, "a matrix without its flags; the file is damaged");
+        }
+        Ok(flags)
+    }
+
+    fn numbers(&self, whole: &Element<'_>) -> Result<Numbers<'a>, TornMat> {
         let inner = Self {
             bytes: &self.bytes[..whole.ends],
             ..*self
         };
-        let flags = inner.element(whole.begins)?;
-        if flags.kind != UINT32 || flags.data.len() != 8 {
-            return torn(flags.begins, "a matrix without its flags; the file is damaged");
-        }
+        let flags = inner.flags(whole.begins)?;
         let flag_word = inner.word(flags.begins)?;
-        if !NUMBERS.contains(&(flag_word & 0xFF)) {
-            return Ok(None);
-        }
         let dimensions = inner.element(flags.next)?;
         if dimensions.kind != INT32 || dimensions.data.len() != 8 {
             return torn(
@@ -309,14 +369,14 @@ impl<'a> Bytes<'a> {
             );
             return torn(real.begins, reason);
         }
-        Ok(Some(Numbers {
+        Ok(Numbers {
             name: text,
             rows,
             kind: real.kind,
             data: real.data,
             begins: real.begins,
             big_endian: self.big_endian,
-        }))
+        })
     }
 }
 
@@ -349,16 +409,21 @@ fn number_bytes(kind: u32) -> Option<usize> {
     })
 }
 
-fn unpack(data: &[u8], offset: usize, most: u64) -> Result<Vec<u8>, TornMat> {
+fn cannot_unpack<T>(offset: usize, error: &io::Error) -> Result<T, TornMat> {
+    torn(
+        offset,
+        format!("a compressed element cannot be unpacked: {error}"),
+    )
+}
+
+fn unpack(data: &[u8], offset: usize) -> Result<Vec<u8>, TornMat> {
     let mut unpacked = Vec::new();
-    match ZlibDecoder::new(data).take(most + 1).read_to_end(&mut unpacked) {
-        Err(error) => torn(
+    let mut packed = ZlibDecoder::new(data).take(MOST_UNPACKED + 1);
+    match packed.read_to_end(&mut unpacked) {
+        Err(error) => cannot_unpack(offset, &error),
+        Ok(n) if n as u64 > MOST_UNPACKED => torn(
             offset,
-            format!("a compressed element cannot be unpacked: {error}"),
-        ),
-        Ok(n) if n as u64 > most => torn(
-            offset,
-            "compressed elements of more than 16 MB; this is no squeeze",
+            "a compressed matrix of more than 16 MB; this is no squeeze",
         ),
         Ok(_) => Ok(unpacked),
     }

@@ -107,8 +107,8 @@ fn other_files_are_told_from_damaged_ones() {
 
 #[test]
 fn what_unpacks_without_end_is_not_unpacked() {
-    let mut file = write_mat(&matrix())[..HEADER].to_vec();
-    file.resize(HEADER + (20 << 20), 0);
+    let head = &write_mat(&matrix())[..HEADER];
+    let file = [head, &zeros("datos", 20 << 20)].concat();
     let torn = read_mat(&compressed(&file), "datos").unwrap_err();
     assert!(torn.reason.contains("16 MB"), "{torn}");
 }
@@ -151,7 +151,10 @@ fn a_file_takes_no_more_memory_than_a_squeeze_however_many_matrices_it_packs() {
         ("x", &[("x", most)], Ok(most as usize)),
         ("x", &[("x", most + 1)], Err("2097153 numbers")),
         ("other", &[("x", most + 1)], Err("2097153 numbers")),
-        ("x", &[("big", 9 * MB), ("big", 9 * MB), ("x", 7)], Err("16 MB")),
+        ("x", &[("big", 9 * MB), ("big", 9 * MB), ("x", 7)], Ok(7)),
+        ("x", &[("big", 20 * MB), ("x", 7), ("big", 20 * MB)], Ok(7)),
+        ("x", &[("x", 20 * MB)], Err("16 MB")),
+        ("other", &[("x", 20 * MB)], Err("16 MB")),
         (
             "z",
             &[("x", 1), ("y", 1)],
@@ -163,6 +166,54 @@ fn a_file_takes_no_more_memory_than_a_squeeze_however_many_matrices_it_packs() {
             (Ok(matrix), Ok(count)) => assert_eq!(matrix.values.len(), count),
             (Err(torn), Err(says)) => assert!(torn.reason.contains(says), "{torn}"),
             (read, _) => panic!("{matrices:?}: {}", read.map_or_else(|e| e.reason, |m| m.name)),
+        }
+    }
+}
+
+#[test]
+fn what_stands_beside_the_squeeze_is_not_looked_at() {
+    let file = write_mat(&matrix());
+    let alone = &file[HEADER..];
+    let mut complex = alone.to_vec();
+    complex[17] = 8;
+    let mut cell = alone.to_vec();
+    cell[16] = 1;
+    // Three dimensions instead of two: 12 bytes, filled up to 16.
+    let mut deep = alone.to_vec();
+    deep[28] = 12;
+    deep.splice(40..40, [1, 0, 0, 0, 0, 0, 0, 0]);
+    let size = deep.len() as u32 - 8;
+    deep[4..8].copy_from_slice(&size.to_le_bytes());
+    for (other, words) in [
+        (&complex, "\"datos\" is complex"),
+        (&cell, "\"datos\" is no matrix of numbers"),
+        (&deep, "a matrix that is not of two dimensions"),
+    ] {
+        let of_name = |name: &[u8; 5]| {
+            let mut other = other.clone();
+            let at = other.windows(5).position(|bytes| bytes == b"datos").unwrap();
+            other[at..at + 5].copy_from_slice(name);
+            other
+        };
+        let packed = |elements: [&[u8]; 2], pack: bool| -> Vec<u8> {
+            let head = file[..HEADER].to_vec();
+            let each = elements.into_iter().map(|element| match pack {
+                true => compressed(&[&head, element].concat())[HEADER..].to_vec(),
+                false => element.to_vec(),
+            });
+            [head.clone(), each.flatten().collect()].concat()
+        };
+        for pack in [false, true] {
+            let other = of_name(b"touch");
+            for elements in [[alone, &other], [&other, alone]] {
+                assert_eq!(
+                    read_mat(&packed(elements, pack), "datos").unwrap(),
+                    matrix(),
+                    "{words}"
+                );
+            }
+            let torn = read_mat(&packed([&other, &of_name(b"datos")], pack), "datos").unwrap_err();
+            assert!(torn.reason.contains(words) && torn.offset > HEADER, "{torn}");
         }
     }
 }
