@@ -217,6 +217,15 @@ pub enum ForearmError {
     /// A squeeze without the touch that is to be looked at.
     #[error("the squeeze has no tactile images; record the tactile finger too, or estimate from the angles")]
     NoTouch,
+    /// Touch that is none as in the training.
+    #[error(
+        "the tactile images are {times:.0} times as far from those of the training as any of its squeezes; is the array \
+         connected, and mounted as it was?"
+    )]
+    Touch {
+        /// How far, in multiples of the furthest squeeze of the training.
+        times: f64,
+    },
     /// Touch that is the same in all squeezes.
     #[error(
         "the tactile images of all {squeezes} squeezes are the same; is the array connected? To train from angles alone, \

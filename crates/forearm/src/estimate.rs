@@ -32,19 +32,20 @@ pub(crate) const ANGLES: [&str; 4] = [
     "theta_a of finger 1",
 ];
 
-/// The angles that an estimate was made without, since they are lost, stuck or jump.
+/// What an estimate was made without: angles that are lost, stuck or jump, and touch that is unlike that of the training.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct LeftOut {
     /// In the order of `ANGLES`.
     pub(crate) angles: [bool; 4],
+    pub(crate) touch: bool,
 }
 
 impl LeftOut {
-    /// Their names, such as `theta_p of finger 0`.
+    /// Their names, such as `theta_p of finger 0` and `touch`.
     pub fn names(self) -> impl Iterator<Item = &'static str> {
-        ANGLES
-            .into_iter()
-            .zip(self.angles)
+        let angles = ANGLES.into_iter().zip(self.angles);
+        angles
+            .chain([("touch", self.touch)])
             .filter_map(|(name, left_out)| left_out.then_some(name))
     }
 }
@@ -58,7 +59,7 @@ pub struct Estimate {
     pub half_width_90: f64,
     /// What it was made from.
     pub source: Source,
-    /// Angles that it was made without; none where it was made from touch alone.
+    /// What it was made without; no angles where it was made from touch alone.
     pub left_out: LeftOut,
     /// How far the squeeze had come: 0 as PWM begins to rise, 1 at its peak, 2 where it is back at rest.
     pub phase: f64,

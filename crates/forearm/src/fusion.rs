@@ -59,12 +59,12 @@ impl Fusion {
         self.off.iter().all(|off| off.is_finite() && *off > 0.0)
     }
 
-    /// Both estimates as one: weighed by the inverse of their variances. Where they contradict each other, or one is
-    /// missing, the surer one is taken alone. The interval is no narrower than if both erred together, since a place that is
+    /// Both estimates as one: weighed by the inverse of their variances. Where they contradict each other the surer one is
+    /// taken alone, and where angles are lost, or touch is missing or unlike that of the training, the other. The interval is no narrower than if both erred together, since a place that is
     /// out of order is so for both.
     ///
     /// # Errors
-    /// The first one's, where both are missing.
+    /// Angles of another gripper, whatever touch says; the first one's, where both are missing.
     pub fn fuse(
         &self,
         kinesthetic: Result<Estimate, ForearmError>,
@@ -72,8 +72,13 @@ impl Fusion {
     ) -> Result<Estimate, ForearmError> {
         let (angles, touch) = match (kinesthetic, tactile) {
             (Ok(angles), Ok(touch)) => (angles, touch),
-            (one, Err(_)) => return one,
-            (Err(_), other) => return other,
+            (Err(error @ (ForearmError::Angle { .. } | ForearmError::Still { .. })), _) => return Err(error),
+            (Ok(mut angles), Err(error)) => {
+                angles.left_out.touch = matches!(error, ForearmError::Touch { .. });
+                return Ok(angles);
+            }
+            (error, Err(_)) => return error,
+            (Err(_), touch) => return touch,
         };
         let [a, b] = [
             self.off[0] * angles.half_width_90,

@@ -215,6 +215,7 @@ impl Estimator for Kinesthetic {
         let never = self.range_deg.map(|range| range.is_none());
         let lacks = |used: [bool; 4]| LeftOut {
             angles: std::array::from_fn(|n| !used[n] && !never[n]),
+            touch: false,
         };
         let Some((reading, regression, features)) = usable else {
             let lost = lacks(healthy).names();
@@ -260,6 +261,7 @@ fn covers(has: [bool; 4], reading: [bool; 4]) -> bool {
 fn without(used: [bool; 4]) -> LeftOut {
     LeftOut {
         angles: used.map(|used| !used),
+        touch: false,
     }
 }
 

@@ -12,6 +12,7 @@ mod estimate;
 mod fusion;
 mod kinesthetic;
 mod least_squares;
+mod likeness;
 mod mat;
 mod model;
 mod phase;

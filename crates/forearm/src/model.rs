@@ -13,7 +13,7 @@ use std::path::Path;
 /// What the first line of a model file says it is.
 const KIND: &str = "taxel forearm model";
 /// The version that is written, and the only one that is read.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 /// A model file is no larger: what is read first is bounded.
 const MOST_BYTES: u64 = 64 << 20;
 

@@ -100,6 +100,81 @@ fn touch_alone_and_with_angles_tells_the_place_and_a_lost_sense_is_done_without(
 }
 
 #[test]
+fn touch_that_is_unlike_that_of_the_training_is_done_without_and_said() {
+    let model = Model::train(&session_with_touch()).unwrap();
+    let mut felt = squeeze(37.0, 0.0);
+    let angles = model.estimate(&felt).unwrap();
+    touch(&mut felt, 37.0);
+    let still = felt.tactile_image(50).unwrap().to_vec();
+    let felt_by = |count: &dyn Fn(usize, u16) -> u16| {
+        let mut felt = felt.clone();
+        let counts = felt.tactile.iter_mut().flatten().enumerate();
+        counts.for_each(|(n, felt)| *felt = count(n, *felt));
+        felt
+    };
+    for (what, mut squeeze) in [
+        ("dead", felt_by(&|_, _| 0)),
+        ("saturated", felt_by(&|_, _| 255)),
+        (
+            "half of it dead",
+            felt_by(&|n, felt| if n % 50 < 25 { 0 } else { felt }),
+        ),
+        ("noise", felt_by(&|n, _| (n * 7919 % 251) as u16)),
+        ("still", felt_by(&|n, _| still[n % TACTELS])),
+    ] {
+        let estimate = model.estimate(&squeeze).unwrap();
+        assert_eq!(
+            (estimate.percent, estimate.source),
+            (angles.percent, Source::Kinesthetic),
+            "{what}"
+        );
+        assert_eq!(estimate.left_out.names().collect::<Vec<_>>(), ["touch"], "{what}");
+        // Nor does it stand in where angles are lost.
+        for angle in squeeze.theta_a_deg.iter_mut().flatten() {
+            *angle = f64::NAN;
+        }
+        let error = model
+            .touch
+            .as_ref()
+            .unwrap()
+            .0
+            .estimate(&squeeze)
+            .unwrap_err()
+            .to_string();
+        assert!(
+            error.contains("times as far from those of the training"),
+            "{what}: {error}"
+        );
+        assert!(model.estimate(&squeeze).is_err(), "{what}");
+    }
+}
+
+#[test]
+fn touch_does_not_hide_angles_of_another_gripper() {
+    let model = Model::train(&session_with_touch()).unwrap();
+    for (scale, words) in [
+        (std::f64::consts::PI / 180.0, "moves by 0."),
+        (-1.0, "is it in degrees, and of the same gripper"),
+    ] {
+        let mut other = squeeze(37.0, 0.0);
+        touch(&mut other, 37.0);
+        for angle in other
+            .theta_a_deg
+            .iter_mut()
+            .chain(&mut other.theta_p_deg)
+            .flatten()
+        {
+            *angle *= scale;
+        }
+        let error = model.estimate(&other).unwrap_err().to_string();
+        assert!(
+            error.contains("is it in degrees") && (error.contains(words) || scale > 0.0),
+            "{error}"
+        );
+    }
+}
+
+#[test]
 fn touch_that_is_the_same_in_all_squeezes_is_named_by_the_array() {
     for count in [0, 7] {
         let mut session = session_with_touch();
@@ -355,8 +430,8 @@ fn a_model_comes_back_from_its_bytes_and_nothing_else_is_one() {
         );
     };
     refused(
-        &text.replacen("\"version\":2", "\"version\":1", 1),
-        "of version 1",
+        &text.replacen("\"version\":3", "\"version\":2", 1),
+        "of version 2, and 3 is read; train it again",
     );
     refused(
         &text.replacen("forearm model", "palm model", 1),
