@@ -37,9 +37,12 @@ const STEPS: usize = 8;
 /// In some squeeze of a training a motor closes by at least this, degrees: in radians it would be half a turn. A
 /// potentiometer, which may hardly move, comes at least so far from 0.
 const LEAST_CLOSED_DEG: f64 = 3.0;
-/// While a squeeze goes on, an angle that is not known in so many samples on end is lost: `taxel forearm record` ends a
-/// squeeze then, too. Fewer may be a machine that was busy with something else.
-const UNKNOWN: usize = 8;
+/// So many samples in a row an angle may be missing: a machine that was busy with something else. With one more it is lost,
+/// in a squeeze that goes on, and `taxel forearm record` ends the squeeze.
+pub const MOST_UNKNOWN: usize = 8;
+/// An angle that was one of the gripper's, and then stands still within this where none is, degrees, has lost its wire: its
+/// converter is at an end, to a count.
+const OFF_DEG: f64 = 0.5;
 /// The motors' angles among the four.
 const MOTORS: std::ops::Range<usize> = 2..4;
 /// Where angles are lost there is a line for every so many steps only.
@@ -135,20 +138,15 @@ impl Kinesthetic {
                 healthy[n] = false;
                 continue;
             };
-            let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
-            let (mut known, mut inside, mut outside) = (0, 0, None);
-            for value in column.iter().copied().filter(|v| v.is_finite()) {
-                (least, most) = (value.min(least), value.max(most));
-                known += 1;
-                if (low..=high).contains(&value) {
-                    inside += 1;
-                } else {
-                    outside = Some(value);
-                }
-            }
-            let stuck = most - least <= STUCK_DEG;
+            let numbers = column.iter().copied().filter(|v| v.is_finite());
+            let (within, outside): (Vec<f64>, Vec<f64>) = numbers.partition(|v| (low..=high).contains(v));
+            let (inside, known) = (within.len(), within.len() + outside.len());
+            let moves = |[least, most]: [f64; 2]| most - least;
+            let [least, most] = range(column);
+            let stuck = moves([least, most]) <= STUCK_DEG;
             let elsewhere = 2 * inside < known;
-            if let Some(value) = outside.filter(|_| elsewhere && !stuck) {
+            let came_off = inside > 0 && moves(range(&outside)) <= OFF_DEG;
+            if let Some(&value) = outside.last().filter(|_| elsewhere && !stuck && !came_off) {
                 let name = ANGLES[n];
                 return Err(ForearmError::Angle {
                     name,
@@ -168,7 +166,7 @@ impl Kinesthetic {
             let lost = match is_over {
                 true => 2 * inside < column.len(),
                 false => elsewhere || known == 0 || falls_silent(column),
-            };
+            } || came_off && outside.len() > MOST_UNKNOWN;
             let stands = is_over && self.stillness.get(n).is_some_and(|of| of.is_stuck(column));
             healthy[n] = !(lost || stands || whole && (stuck || jumps(column, span)));
         }
@@ -234,10 +232,10 @@ impl Estimator for Kinesthetic {
     }
 }
 
-/// Whether the newest samples of a column, [`UNKNOWN`] of them, are none of them known.
+/// Whether the newest samples of a column, more than [`MOST_UNKNOWN`] of them, are none of them known.
 fn falls_silent(column: &[f64]) -> bool {
-    let newest = column.iter().rev().take(UNKNOWN);
-    column.len() >= UNKNOWN && newest.copied().all(|angle| !angle.is_finite())
+    let newest = column.iter().rev().take(MOST_UNKNOWN + 1);
+    column.len() > MOST_UNKNOWN && newest.copied().all(|angle| !angle.is_finite())
 }
 
 /// Whether a column jumps from sample to sample by a good part of what it may go through, degrees.

@@ -29,7 +29,7 @@ pub use disturbance::Disturbance;
 pub use error::ForearmError;
 pub use estimate::{Estimate, Estimator, LeftOut, Source};
 pub use fusion::{Fused, Fusion};
-pub use kinesthetic::Kinesthetic;
+pub use kinesthetic::{Kinesthetic, MOST_UNKNOWN};
 pub use mat::{Matrix, TornMat, read_mat, write_mat};
 pub use model::{Model, TrainedOn};
 pub use protocol::{Errors, Judged, PlaceErrors, Split, splits};

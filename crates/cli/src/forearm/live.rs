@@ -401,9 +401,9 @@ mod tests {
             (&[1, 2, 3, 4], 200, nothing),
             (&[3, 5, 6, 7], 200, nothing),
             (&[8, 9, 10], 200, nothing),
-            // Longer than two samples ago; and nothing new for eight.
+            // Longer than two samples ago; and nothing new for nine.
             (&[1, 2], 241, &[2]),
-            (&[4, 5, 6, 7, 8, 9, 10, 11, 12, 13], 200, &[11, 12, 13]),
+            (&[4, 5, 6, 7, 8, 9, 10, 11, 12, 13], 200, &[12, 13]),
         ] {
             let mut live = Live {
                 estimator: &estimator,

@@ -2,9 +2,7 @@
 
 use super::super::angles::{FRESH_US, JointAngles};
 use anyhow::bail;
-
-/// So many samples in a row an angle may be missing; a motor's that the daemon does not know at all, none.
-const UNKNOWN: usize = 8;
+use taxel_forearm::MOST_UNKNOWN;
 
 /// A joint, followed through a squeeze.
 #[derive(Debug)]
@@ -29,10 +27,13 @@ impl<'a> Followed<'a> {
     }
 
     /// The angle at the end of a sample, degrees; not a number where it is unknown, or was read too long before.
+    ///
+    /// # Errors
+    /// An angle that is missing in more than [`MOST_UNKNOWN`] samples in a row; a motor's that the daemon does not know at all.
     pub(super) fn angle(&mut self, angles: &JointAngles) -> anyhow::Result<f64> {
         let degrees = angles.degrees(self.joint, FRESH_US);
         self.unknown = if degrees.is_nan() { self.unknown + 1 } else { 0 };
-        let is_too_long = self.unknown > UNKNOWN;
+        let is_too_long = self.unknown > MOST_UNKNOWN;
         let Self { name, unknown, .. } = self;
         match angles.late_ms(self.joint) {
             Some(late_ms) if is_too_long => bail!(
