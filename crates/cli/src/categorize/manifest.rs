@@ -1,12 +1,12 @@
 //! Touches that a manifest names.
 
-use super::touches::{Set, above_baseline, of_scene, open, places, values};
+use super::touches::{Set, above_baseline, of_scene, open, places, tell_assumed_rate, values};
 use anyhow::{Context, anyhow, bail, ensure};
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use taxel_hand::did_you_mean;
-use taxel_record::{Columns, ReadOptions, Recording};
+use taxel_record::{ReadOptions, Recording};
 use taxel_sequence::{Motion, Touch};
 
 /// A row of a manifest: one touch, or all touches of a scene. Columns may be empty; `file` may not.
@@ -34,8 +34,8 @@ struct Row {
 pub(crate) struct Job {
     manifest: PathBuf,
     motion: Option<Motion>,
-    /// Says that its recordings have raw counts, and in which order.
-    columns: Option<Columns>,
+    /// What is said of its recordings.
+    options: ReadOptions,
     /// With their line numbers.
     rows: Vec<(u64, Row)>,
 }
@@ -119,7 +119,7 @@ fn first_lines(path: &Path) -> anyhow::Result<Head> {
 }
 
 /// What a manifest names, in its order.
-pub(crate) fn read_manifest(path: &Path, columns: Option<Columns>) -> anyhow::Result<Vec<Job>> {
+pub(crate) fn read_manifest(path: &Path, options: &ReadOptions) -> anyhow::Result<Vec<Job>> {
     let head = first_lines(path).with_context(|| path.display().to_string())?;
     ensure!(
         names_files(path, &head)?,
@@ -200,7 +200,7 @@ pub(crate) fn read_manifest(path: &Path, columns: Option<Columns>) -> anyhow::Re
             None => jobs.push(Job {
                 manifest: path.into(),
                 motion,
-                columns,
+                options: options.clone(),
                 rows: vec![(line, row)],
             }),
         }
@@ -227,6 +227,7 @@ impl Job {
             return Ok(set);
         }
         let mut opened: Vec<(String, Recording)> = Vec::new();
+        let mut is_rate_told = false;
         let mut set = Set {
             name: match self.motion {
                 Some(motion) => format!("{} {motion}", first.phantom).trim().to_owned(),
@@ -248,13 +249,16 @@ impl Job {
                 let path = self.manifest.parent().unwrap_or(Path::new("")).join(file);
                 let options = ReadOptions {
                     array,
-                    columns: self.columns,
-                    ..ReadOptions::default()
+                    ..self.options.clone()
                 };
                 let recording = open(&path, &options).with_context(|| at(line))?;
                 opened = vec![(row.file.clone(), recording)];
             }
             let recording = &opened[0].1;
+            let is_timed = self.motion.is_none() || row.time.is_some();
+            if is_timed && !is_rate_told {
+                is_rate_told = tell_assumed_rate(recording, &self.options);
+            }
             let touch = self.touch(row, recording).with_context(|| at(line))?;
             set.period_s = set.period_s.max(recording.period_ns() as f64 / 1e9);
             set.touches.push(touch);

@@ -26,6 +26,7 @@ use taxel_palpation::{
 };
 use taxel_record::{Columns, ReadOptions};
 use taxel_sequence::{Aligned, Motion};
+use taxel_skin::Layout;
 pub(crate) use touches::label_of;
 use touches::{Cutting, Set};
 
@@ -99,6 +100,12 @@ pub(crate) struct Args {
     /// xyz-blocks (x1,x2,..,y1,..,z1,..); they are taken from the mean before each touch
     #[arg(long, value_name = "ORDER", conflicts_with = "live")]
     columns: Option<Columns>,
+    /// Frames per second of recordings, in place of the times in them [default: their times; 30 where there are none]
+    #[arg(long, value_name = "HZ", conflicts_with = "live")]
+    rate: Option<f64>,
+    /// Frames are magnitudes of this height and width, also where the last of the axes is 3 and would be x y z
+    #[arg(long, value_name = "grid:HxW", conflicts_with = "live", value_parser = grid)]
+    layout: Option<(usize, usize)>,
     /// Random numbers: the same seed, the same categories
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
@@ -147,6 +154,15 @@ fn clusters(text: &str) -> Result<(usize, usize), String> {
     }
 }
 
+/// Height and width of a grid.
+fn grid(text: &str) -> Result<(usize, usize), String> {
+    if !text.starts_with("grid:") {
+        return Err(format!("{text:?} is no grid such as grid:4x3"));
+    }
+    let grid = Layout::resolve(text).map_err(|error| error.to_string())?;
+    Ok((grid.height.into(), grid.width.into()))
+}
+
 /// What `--json` prints.
 #[derive(Debug, Serialize)]
 struct Report {
@@ -191,7 +207,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let text = match &args.sweep {
         Some(manifest) => sweep::run(
             manifest,
-            args.columns,
+            &args.of_recordings(),
             args.figures.as_deref(),
             args.seed,
             args.json,
@@ -211,6 +227,18 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         .context("stdout")
 }
 
+impl Args {
+    /// What is said of every recording.
+    fn of_recordings(&self) -> ReadOptions {
+        ReadOptions {
+            columns: self.columns,
+            rate_hz: self.rate,
+            image: self.layout,
+            ..ReadOptions::default()
+        }
+    }
+}
+
 /// The touches of INPUT.
 fn read(args: &Args) -> anyhow::Result<Set> {
     let input = args.input.as_deref().unwrap_or_default();
@@ -223,17 +251,23 @@ fn read(args: &Args) -> anyhow::Result<Set> {
         "--radius {} needs --depth",
         args.radius
     );
-    let knows_its_columns = input.starts_with("sim:") || input.to_ascii_lowercase().ends_with(".mcap");
-    ensure!(
-        args.columns.is_none() || !knows_its_columns,
-        "{input}: --columns says nothing about it; leave it out"
-    );
+    let knows_itself = input.starts_with("sim:") || input.to_ascii_lowercase().ends_with(".mcap");
+    for (option, is_given) in [
+        ("--columns", args.columns.is_some()),
+        ("--rate", args.rate.is_some()),
+        ("--layout", args.layout.is_some()),
+    ] {
+        ensure!(
+            !(is_given && knows_itself),
+            "{input}: {option} says nothing about it; leave it out"
+        );
+    }
     if let Some(scene) = input.strip_prefix("sim:") {
         return touches::of_scene(scene, motion);
     }
     let path = Path::new(input);
     if args.marks.is_none() && args.contact.is_none() && manifest::is_manifest(path)? {
-        let mut jobs = manifest::read_manifest(path, args.columns)?;
+        let mut jobs = manifest::read_manifest(path, &args.of_recordings())?;
         if motion.is_some() {
             jobs.retain(|job| job.motion() == motion);
         }
@@ -248,8 +282,7 @@ fn read(args: &Args) -> anyhow::Result<Set> {
     }
     let options = ReadOptions {
         array: args.array.clone(),
-        columns: args.columns,
-        ..ReadOptions::default()
+        ..args.of_recordings()
     };
     let cutting = Cutting {
         marks: args.marks.clone(),

@@ -9,17 +9,17 @@ use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use taxel_playback::progress::Progress;
-use taxel_record::Columns;
+use taxel_record::ReadOptions;
 
 /// Reads and judges every job of the manifest, draws figures, and returns what is printed.
 pub(super) fn run(
     manifest: &Path,
-    columns: Option<Columns>,
+    options: &ReadOptions,
     folder: Option<&Path>,
     seed: u64,
     json: bool,
 ) -> anyhow::Result<String> {
-    let jobs = read_manifest(manifest, columns)?;
+    let jobs = read_manifest(manifest, options)?;
     if let Some(folder) = folder {
         std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     }

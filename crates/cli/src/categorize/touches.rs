@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use taxel_can::Received;
 use taxel_engine::{Engine, Frames, TickMode};
 use taxel_playback::{recorded, stand_in};
-use taxel_record::{Frames as Recorded, ReadOptions, Recording};
+use taxel_record::{DEFAULT_RATE_HZ, Frames as Recorded, ReadOptions, Recording};
 use taxel_sequence::{
     Aligned, Alignment, Cut, Mark, Motion, SequenceError, Touch, align, cut_by_contact, cut_by_marks,
     sure_step,
@@ -109,6 +109,9 @@ pub(crate) fn of_recording(
         true => recorded::frames_and_marks(path)?,
         false => (open(path, options)?, Vec::new()),
     };
+    if motion.is_none() || cutting.marks.is_some() {
+        tell_assumed_rate(&recording, options);
+    }
     let (taxels, values) = values(&recording);
     let times: Vec<u64> = (0..recording.len()).map(|frame| recording.t_ns(frame)).collect();
     let mut cuts = match (&cutting.marks, cutting.contact) {
@@ -164,6 +167,19 @@ pub(super) fn open(path: &Path, options: &ReadOptions) -> anyhow::Result<Recordi
         path.with_extension("npz").display()
     );
     Ok(Recording::open(path, options)?)
+}
+
+/// Says that a recording without times is taken to have come at a rate that nobody gave; whether it is so.
+pub(super) fn tell_assumed_rate(recording: &Recording, options: &ReadOptions) -> bool {
+    let is_assumed = !recording.has_times() && options.rate_hz.is_none();
+    if is_assumed {
+        eprintln!(
+            "taxel: {}: it has no times (of an .npz: nanoseconds, the array t_ns), and is taken for {DEFAULT_RATE_HZ} frames a \
+             second; --rate HZ says otherwise",
+            recording.name()
+        );
+    }
+    is_assumed
 }
 
 /// The class that a mark names: its last word, where there are several, as in `touch 5 SS`.

@@ -84,6 +84,92 @@ fn columns_that_are_raw_counts_are_three_a_taxel_and_taken_from_before_the_touch
 }
 
 #[test]
+fn a_recording_without_times_is_said_to_be_taken_for_30_frames_a_second_and_has_the_rate_that_is_given() {
+    let dir = recorded();
+    let read = |name: &str| std::fs::read_to_string(dir.path().join(name)).unwrap();
+    // The same at 100 Hz.
+    let marks: String = (read("marks.csv").lines())
+        .map(|line| {
+            let (at, text) = line.split_once(',').unwrap();
+            format!("{},{text}\n", at.parse::<f64>().unwrap() * RATE / 100.0)
+        })
+        .collect();
+    std::fs::write(dir.path().join("fast.csv"), marks).unwrap();
+    let manifest: String = (read("manifest.csv").lines())
+        .map(|line| match line.rsplit_once("frames.csv,") {
+            Some((row, at)) => format!("{row}frames.csv,{}\n", at.parse::<f64>().unwrap() * RATE / 100.0),
+            None => format!("{line}\n"),
+        })
+        .collect();
+    std::fs::write(dir.path().join("fast-manifest.csv"), manifest).unwrap();
+    for input in [&["frames.csv", "--marks", "fast.csv"][..], &["fast-manifest.csv"]] {
+        let args = [
+            &["categorize", "--classes", "2", "--json"],
+            input,
+            &["--rate", "100"],
+        ]
+        .concat();
+        let (out, err) = succeeds(&dir, &args);
+        let report: Value = serde_json::from_str(&out).unwrap();
+        assert_eq!(
+            report["labels"],
+            serde_json::json!([0, 1, 0, 1, 0, 1]),
+            "{input:?}"
+        );
+        assert_eq!(report["accuracy"], 1.0, "{input:?}");
+        assert_eq!(err.matches("frames a second").count(), 0, "{err}");
+    }
+    for (input, is_timed) in [
+        (&["frames.csv", "--marks", "marks.csv"][..], true),
+        (&["manifest.csv"], true),
+        (&["frames.csv", "--contact", "5"], true),
+    ] {
+        let (_, err) = succeeds(&dir, &[&["categorize", "--classes", "2"], input].concat());
+        let said = "frames.csv: it has no times (of an .npz: nanoseconds, the array t_ns), and is taken for 30 frames a second; --rate HZ";
+        assert_eq!(
+            err.matches(said).count(),
+            usize::from(is_timed),
+            "{input:?}: {err}"
+        );
+    }
+}
+
+#[test]
+fn magnitudes_that_are_three_wide_are_told_by_the_grid() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut frames = Vec::new();
+    let mut marks = String::new();
+    for touch in 0..6 {
+        let _ = writeln!(marks, "{},{touch} {}", touch * 5, ["soft", "hard"][touch % 2]);
+        for step in 0..5 {
+            frames.extend((0..12).map(|cell| 0.5 + (cell * step * (1 + touch % 2) + touch) as f64));
+        }
+    }
+    let frames = ndarray::Array::from_shape_vec((30, 4, 3), frames).unwrap();
+    ndarray_npy::write_npy(dir.path().join("grid.npy"), &frames).unwrap();
+    std::fs::write(dir.path().join("marks.csv"), marks).unwrap();
+    let args = [
+        "categorize",
+        "grid.npy",
+        "--marks",
+        "marks.csv",
+        "--classes",
+        "2",
+        "--rate",
+        "1",
+        "--json",
+    ];
+    let err = fails(&dir, &args, 1);
+    assert!(err.contains("--layout grid:4x3"), "{err}");
+    let (out, _) = succeeds(&dir, &[&args[..], &["--layout", "grid:4x3"]].concat());
+    let report: Value = serde_json::from_str(&out).unwrap();
+    assert_eq!(
+        (&report["features"], &report["accuracy"]),
+        (&60.into(), &1.0.into())
+    );
+}
+
+#[test]
 fn a_manifest_marks_and_contact_cut_the_same_touches() {
     let dir = recorded();
     for (args, along) in [
