@@ -3,7 +3,7 @@
 use super::map_file::MapFile;
 use crate::live_lines::{Lines, every_frame};
 use crate::notices;
-use anyhow::{anyhow, bail};
+use anyhow::{anyhow, bail, ensure};
 use serde::Serialize;
 use std::fmt;
 use std::path::Path;
@@ -31,6 +31,8 @@ struct AtWork {
     start_ns: u64,
     first_ns: Option<u64>,
     end_ns: u64,
+    /// Frames so far, of which those outside the map's steps are not kept.
+    frames: usize,
 }
 
 /// A touch and its category: the keys of a TOUCH message, and the mark that began it.
@@ -100,6 +102,7 @@ impl Live {
             start_ns,
             first_ns,
             end_ns,
+            frames,
         }) = &mut self.touch
         else {
             return;
@@ -111,14 +114,18 @@ impl Live {
             // The probe moves at the beginning of a step.
             (Some(_), Some(rest_ns)) if since_ns % rest_ns < rest_ns / 10 => return,
             (Some(motion), Some(rest_ns)) => motion.at((since_ns / rest_ns) as usize),
-            (Some(motion), None) => motion.at(touch.at.len()),
+            (Some(motion), None) => motion.at(*frames),
             (None, _) => since_first_ns as f64 / 1e9,
         };
-        // A touch that nobody ends keeps no more than twice what its steps can need.
-        if touch.at.len() < 1_000_000 {
+        *frames += 1;
+        *end_ns = t_ns;
+        // A touch that nobody ends keeps no more than its steps can need.
+        let Aligned {
+            first, step, steps, ..
+        } = self.grid;
+        if (first - step..=first + step * steps as f64).contains(&at) {
             touch.at.push(at);
             touch.values.extend(values);
-            *end_ns = t_ns;
         }
     }
 
@@ -137,6 +144,7 @@ impl Live {
                 start_ns: t_ns,
                 first_ns: None,
                 end_ns: t_ns,
+                frames: 0,
             });
         }
         ended.map(|ended| {
@@ -161,6 +169,10 @@ impl Live {
             }
             error => error.into(),
         })?;
+        ensure!(
+            features.iter().all(|feature| feature.is_finite()),
+            "taxels have no baseline in a part of this touch: it was being measured, as at a re-zero; touch again"
+        );
         let found = self.classifier.classify(&features)?;
         Ok(Categorised {
             category: found.category,
@@ -243,12 +255,7 @@ pub(crate) fn follow(
 }
 
 /// Reads every frame of a daemon and writes a line for each touch; publishes it too, where there is a socket for that.
-pub(super) fn run(
-    map: &Path,
-    socket: Option<&Path>,
-    publish: Option<&Path>,
-    until: &str,
-) -> anyhow::Result<()> {
+pub(super) fn run(map: &Path, socket: Option<&Path>, publish: Option<&Path>, until: &str) -> anyhow::Result<()> {
     let live = Live::new(MapFile::load(map)?, until)?;
     follow(socket, live, &mut Lines::new(Kind::Touch, "touches", publish))
 }
@@ -358,6 +365,44 @@ mod tests {
             live.handle_frame(6, std::iter::once(value));
         }
         assert!(live.handle_mark(7, "away").unwrap().unwrap().unknown);
+    }
+
+    #[test]
+    fn a_touch_that_nobody_ends_keeps_what_its_steps_need_and_ends_with_its_last_frame() {
+        let by_time = || MapFile {
+            motion: None,
+            first: 0.0,
+            ..MapFile::of_two_classes(None)
+        };
+        for (map, is_told) in [
+            (by_time(), true),
+            (MapFile::of_two_classes(None), false),
+            (MapFile::of_two_classes(Some(100.0)), true),
+        ] {
+            let mut live = Live::new(map, "away").unwrap();
+            live.handle_mark(0, "on and on");
+            for ms in 0..100_000 {
+                live.handle_frame(ms * 1_000_000, std::iter::once(20.0));
+            }
+            let kept = live.touch.as_ref().unwrap().touch.at.len();
+            assert!(
+                (3..4000).contains(&kept) || !is_told && kept < 10,
+                "{kept} frames"
+            );
+            let touch = live.handle_mark(100_000_000_000, "away").unwrap();
+            assert_eq!(touch.unwrap().end_ns, 99_999_000_000);
+        }
+    }
+
+    #[test]
+    fn a_touch_while_the_baseline_is_measured_says_so() {
+        let mut live = live(None);
+        live.handle_mark(0, "touch 11 SD");
+        for value in [20.0, f64::NAN, 60.0] {
+            live.handle_frame(1, std::iter::once(value));
+        }
+        let error = live.handle_mark(2, "away").unwrap().unwrap_err().error;
+        assert!(error.contains("no baseline in a part of this touch"), "{error}");
     }
 
     #[test]
