@@ -8,13 +8,8 @@ use std::io::{self, Write};
 use std::path::Path;
 use taxel_wire::{Clock, Hello, Kind, Subscribe, Subscriber};
 
-/// A subscriber of every frame, raw, and every mark of a daemon. Without a socket that of the daemon that runs here.
-pub(crate) fn every_frame(socket: Option<&Path>) -> anyhow::Result<Subscriber> {
-    let socket = socket.map_or_else(
-        || taxeld::config::running_socket("images.sock"),
-        Path::to_path_buf,
-    );
-    let mut subscriber = Subscriber::connect(&socket)?;
+/// Asks for every frame, raw, and every mark of a daemon.
+pub(crate) fn every_frame(mut subscriber: Subscriber) -> anyhow::Result<Subscriber> {
     subscriber.subscribe(&Subscribe {
         image: false,
         raw: true,

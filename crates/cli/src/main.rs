@@ -32,6 +32,7 @@ mod offline;
 mod piped_file;
 mod publisher;
 mod rates;
+mod reconnect;
 mod record;
 mod replay;
 mod scene_marks;

@@ -2,12 +2,13 @@
 
 use crate::notices;
 use crate::rates::Rates;
+use crate::reconnect::with_daemon;
 use anyhow::Context;
 use std::io::{self, IsTerminal, Write};
 use std::path::PathBuf;
-use std::time::{Duration, Instant, SystemTime};
+use std::time::{Instant, SystemTime};
 use taxel_playback::{image_line, raw_line};
-use taxel_wire::{Clock, Header, Hello, ReadError, Received, Subscribe, Subscriber};
+use taxel_wire::{Clock, Header, Hello, Received, Subscribe, Subscriber};
 
 /// Print one line per tactile image of a running daemon.
 ///
@@ -60,11 +61,7 @@ fn count(text: &str) -> Result<u64, String> {
     count.ok_or_else(|| format!("{text} is no number of lines; give 1 or more"))
 }
 
-/// Between two looks whether the daemon is back.
-const LOOK: Duration = Duration::from_millis(500);
-
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
-    let mut socket = args.socket.clone();
     let mut watch = Watch {
         args,
         in_place: args.hz && !args.json && io::stdout().is_terminal(),
@@ -72,39 +69,13 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         lines: 0,
         described: String::new(),
     };
-    let mut is_waiting = false;
-    loop {
-        // Until a daemon was there, one may start in this user's folder as well as in the system's.
-        let tried = socket
-            .clone()
-            .unwrap_or_else(|| taxeld::config::running_socket("images.sock"));
-        let connected = Subscriber::connect(&tried).map_err(anyhow::Error::from);
-        let outcome = connected.and_then(|subscriber| {
-            socket = Some(tried);
-            is_waiting = false;
-            watch.print(subscriber)
-        });
-        match outcome.map_err(|error| (is_gone(&error), error)) {
-            Ok(()) => break,
-            Err((true, error)) if args.reconnect => {
-                if !std::mem::replace(&mut is_waiting, true) {
-                    notices::say(&format!("taxel: {}; waiting for it", crate::describe(&error)));
-                }
-                std::thread::sleep(LOOK);
-            }
-            Err((_, error)) => return Err(error),
-        }
-    }
+    with_daemon(args.socket.as_deref(), args.reconnect, |subscriber, _| {
+        watch.print(subscriber)
+    })?;
     if watch.in_place {
         writeln!(watch.out).context("stdout")?;
     }
     Ok(())
-}
-
-/// Whether it is the connection that failed.
-fn is_gone(error: &anyhow::Error) -> bool {
-    let error = error.downcast_ref::<ReadError>();
-    error.is_some_and(|error| matches!(error, ReadError::Connect { .. }) || error.is_end())
 }
 
 struct Watch<'a> {

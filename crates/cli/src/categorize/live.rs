@@ -3,13 +3,14 @@
 use super::map_file::MapFile;
 use crate::live_lines::{Lines, every_frame};
 use crate::notices;
+use crate::reconnect::with_daemon;
 use anyhow::{anyhow, bail, ensure};
 use serde::Serialize;
 use std::fmt;
 use std::path::Path;
 use taxel_palpation::Classifier;
 use taxel_sequence::{Aligned, Alignment, Motion, SequenceError, Touch};
-use taxel_wire::{EventKind, Hello, Kind, Received};
+use taxel_wire::{EventKind, Hello, Kind, Received, Subscriber};
 
 /// Touches as they come: frames and marks in, categories out. No socket and no clock.
 pub(crate) struct Live {
@@ -204,14 +205,35 @@ pub(crate) trait Listener {
     fn lost(&mut self, _frames: u32, _seq: u64) {}
 }
 
-/// Takes every frame and mark of a daemon, in order, until it ends.
-pub(crate) fn follow(
-    socket: Option<&Path>,
-    mut live: Live,
-    listener: &mut dyn Listener,
-) -> anyhow::Result<()> {
+/// The daemon that is followed.
+pub(crate) struct Source<'a> {
+    /// Its image socket; none for the one that runs here.
+    pub(super) socket: Option<&'a Path>,
+    /// Whether it is waited for.
+    pub(super) reconnect: bool,
+}
+
+impl<'a> Source<'a> {
+    /// Until it ends.
+    pub(crate) fn of(socket: &'a Path) -> Self {
+        Self {
+            socket: Some(socket),
+            reconnect: false,
+        }
+    }
+}
+
+/// Takes every frame and mark of a daemon, in order, until it ends, or of one after another.
+pub(crate) fn follow(source: Source<'_>, mut live: Live, listener: &mut dyn Listener) -> anyhow::Result<()> {
+    with_daemon(source.socket, source.reconnect, |subscriber, _| {
+        live.touch = None;
+        follow_one(subscriber, &mut live, listener)
+    })
+}
+
+fn follow_one(subscriber: Subscriber, live: &mut Live, listener: &mut dyn Listener) -> anyhow::Result<()> {
     let values = live.grid.taxels;
-    let mut subscriber = every_frame(socket)?;
+    let mut subscriber = every_frame(subscriber)?;
     let mut newest = 0;
     loop {
         match subscriber.next()? {
@@ -255,9 +277,9 @@ pub(crate) fn follow(
 }
 
 /// Reads every frame of a daemon and writes a line for each touch; publishes it too, where there is a socket for that.
-pub(super) fn run(map: &Path, socket: Option<&Path>, publish: Option<&Path>, until: &str) -> anyhow::Result<()> {
+pub(super) fn run(map: &Path, source: Source<'_>, publish: Option<&Path>, until: &str) -> anyhow::Result<()> {
     let live = Live::new(MapFile::load(map)?, until)?;
-    follow(socket, live, &mut Lines::new(Kind::Touch, "touches", publish))
+    follow(source, live, &mut Lines::new(Kind::Touch, "touches", publish))
 }
 
 impl Listener for Lines<'_> {

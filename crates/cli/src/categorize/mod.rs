@@ -13,7 +13,7 @@ use crate::piped_file::recording_parser;
 use anyhow::{Context, bail, ensure};
 use clap::ValueEnum;
 use clap::builder::TypedValueParser;
-pub(crate) use live::{Categorised, Listener, Live, Untold, follow};
+pub(crate) use live::{Categorised, Listener, Live, Source, Untold, follow};
 use map_file::MapFile;
 pub(crate) use phantom_map::PhantomMap;
 use serde::Serialize;
@@ -118,6 +118,9 @@ pub(crate) struct Args {
     /// With --live: the daemon's image socket [default: where the daemon of this user, or of the system, puts it]
     #[arg(long, value_name = "PATH", requires = "live")]
     socket: Option<PathBuf>,
+    /// With --live: wait for the daemon, at the start and whenever it is gone, instead of ending
+    #[arg(long, requires = "live")]
+    reconnect: bool,
     /// With --live: also publish touches on a socket of this name, as TOUCH messages
     #[arg(long, value_name = "PATH", requires = "live")]
     publish: Option<PathBuf>,
@@ -202,7 +205,11 @@ const DRAWS: u32 = 100;
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     if let Some(map) = &args.live {
-        return live::run(map, args.socket.as_deref(), args.publish.as_deref(), &args.until);
+        let source = live::Source {
+            socket: args.socket.as_deref(),
+            reconnect: args.reconnect,
+        };
+        return live::run(map, source, args.publish.as_deref(), &args.until);
     }
     let text = match &args.sweep {
         Some(manifest) => sweep::run(

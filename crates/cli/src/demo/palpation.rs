@@ -1,7 +1,7 @@
 //! A palpated phantom in the demo's picture: touches on the map of the first two components.
 
 use super::{Meter, lock};
-use crate::categorize::{Categorised, Listener, Live, PhantomMap, Untold, follow, label_of};
+use crate::categorize::{Categorised, Listener, Live, PhantomMap, Source, Untold, follow, label_of};
 use crate::scene_marks::SceneMarks;
 use ratatui::buffer::Buffer;
 use ratatui::layout::{Constraint, Layout as Split, Rect};
@@ -115,7 +115,7 @@ struct OntoMap(Arc<Mutex<Meter>>);
 
 impl OntoMap {
     fn follow(&mut self, images: &Path, live: Live) {
-        let outcome = follow(Some(images), live, self);
+        let outcome = follow(Source::of(images), live, self);
         let mut meter = lock(&self.0);
         // The daemon's end is the demo's.
         if let (Err(error), false) = (outcome, meter.closed) {

@@ -1,8 +1,10 @@
 //! `taxel categorize` on recordings, manifests and phantoms.
 
-use crate::{fails, succeeds};
+use crate::{fails, simulated, succeeds};
 use serde_json::Value;
 use std::fmt::Write as _;
+use std::io::{BufRead, BufReader};
+use std::process::{Command, Stdio};
 use tempfile::TempDir;
 
 /// Frames a second of a recording without times.
@@ -418,4 +420,54 @@ fn a_sweep_judges_every_motion_and_draws_what_it_can() {
     }
     let numbers = std::fs::read_to_string(dir.path().join("out/sweep.csv")).unwrap();
     assert_eq!(numbers.lines().count(), 1 + 3 * 3, "{numbers}");
+}
+
+#[test]
+fn live_categories_wait_for_a_daemon_that_is_not_there_and_for_one_that_ended() {
+    let dir = recorded();
+    // The same touches on a hand of 240 taxels.
+    let frames = std::fs::read_to_string(dir.path().join("frames.csv")).unwrap();
+    let wide: String = (frames.lines())
+        .map(|frame| format!("{}\n", vec![frame; 120].join(",")))
+        .collect();
+    std::fs::write(dir.path().join("wide.csv"), wide).unwrap();
+    let args = [
+        "categorize",
+        "wide.csv",
+        "--marks",
+        "marks.csv",
+        "--classes",
+        "2",
+        "--save",
+        "map.json",
+    ];
+    succeeds(&dir, &args);
+    let mut child = Command::new(env!("CARGO_BIN_EXE_taxel"))
+        .args([
+            "categorize",
+            "--live",
+            "map.json",
+            "--socket",
+            "images.sock",
+            "--reconnect",
+        ])
+        .args(["--publish", "touches.sock"])
+        .current_dir(dir.path())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut said = BufReader::new(child.stderr.take().unwrap()).lines();
+    let mut waits = || said.any(|line| line.is_ok_and(|line| line.contains("waiting for it")));
+    assert!(waits());
+    let daemon = simulated(dir.path(), "idle");
+    let published = dir.path().join("touches.sock");
+    while !published.exists() {
+        assert!(child.try_wait().unwrap().is_none(), "it ended");
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    daemon.stop().unwrap();
+    assert!(waits());
+    assert!(published.exists() && child.try_wait().unwrap().is_none());
+    child.kill().unwrap();
+    child.wait().unwrap();
 }

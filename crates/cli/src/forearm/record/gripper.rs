@@ -86,6 +86,10 @@ impl Gripper {
         let mut motors = Motors::of(self)?;
         let made = self.squeeze_with(&mut motors, pwm, period, interrupt);
         let released = motors.let_go();
+        if !matches!(made, Ok(Some(_))) {
+            // Who estimates it live waits for its end. A daemon that is gone has told them already.
+            let _ = control::request(&self.control, &mark(ENDS));
+        }
         let squeeze = made.with_context(|| self.left_behind(&released))?;
         released.with_context(|| self.may_run_on())?;
         if let Some(squeeze) = &squeeze {
@@ -243,6 +247,10 @@ fn choose(
     }
 }
 
+fn mark(text: &str) -> Value {
+    json!({ "cmd": "mark", "text": text })
+}
+
 /// The motors as long as they run. When it is dropped they are switched off; when the process dies, the daemon does it.
 struct Motors<'a> {
     gripper: &'a Gripper,
@@ -272,8 +280,7 @@ impl<'a> Motors<'a> {
 
     /// Tells whoever reads the daemon's frames what is done with them.
     fn mark(&mut self, text: &str) -> anyhow::Result<()> {
-        let request = json!({ "cmd": "mark", "text": text });
-        self.daemon.ask(&request).map(drop)
+        self.daemon.ask(&mark(text)).map(drop)
     }
 
     /// Gives both a PWM at once, counts of 885.
