@@ -141,12 +141,12 @@ pub(super) fn run(args: &Args) -> anyhow::Result<String> {
     }
     if let Some(more) = &more {
         text += &report::table(
-            "disturbed, each squeeze drawn anew in each repetition, without being told",
+            "disturbed, from angles: each squeeze drawn anew in each repetition, without being told",
             more.disturbed.iter().map(|(name, outcome)| (name, outcome)),
         );
         let name = |share: f64| format!("after {:.0} % of its time", 100.0 * share);
         text += &report::table(
-            "before the squeeze is over",
+            "before the squeeze is over, from angles",
             more.early.iter().map(|(share, outcome)| (name(*share), outcome)),
         );
         text += &report::places_left_out(&session, &more.places_left_out);

@@ -10,6 +10,8 @@ use taxel_playback::output_file::OutputFile;
 use taxel_plot::{Axis, Chart, Picture, Sheet};
 
 /// Draw the publication's figures 5, 7 and 8 and error against elapsed squeeze, numbers as CSV beside them.
+///
+/// Estimates are those from the angles alone, also where the session has touch.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     /// A session: an .npz or a folder of .mat files
@@ -34,16 +36,21 @@ pub(super) fn run(args: &Args) -> anyhow::Result<String> {
     let errors = judge_all(&session, &splits, &models, None)?.errors;
     let early = by_share(&session, &splits, &models);
     let published = report::beside("kinesthetic", &session);
+    let of = match session.has_touch() {
+        true => ", from the angles alone",
+        false => "",
+    };
     let sheets = [
         ("forearm-05", squeezes(&session)),
-        ("forearm-07", estimates(&errors)),
-        ("forearm-08", errors_by_place(&errors, published)),
+        ("forearm-07", estimates(&errors, of)),
+        ("forearm-08", errors_by_place(&errors, of, published)),
         (
             "forearm-early",
             elapsed(
                 (early.iter())
                     .filter_map(|(share, judgement)| Some((*share, &judgement.as_ref().ok()?.errors))),
                 &errors,
+                of,
                 &not_estimated(&early),
                 published,
             ),
@@ -122,18 +129,20 @@ fn names(errors: &Errors) -> Vec<String> {
 }
 
 /// Figure 7: estimates at each place.
-fn estimates(errors: &Errors) -> Sheet {
+fn estimates(errors: &Errors, of: &str) -> Sheet {
     let places = Axis::of_names("place, % from wrist to elbow", names(errors));
     let chart = Chart::new("", places, Axis::new("estimate, %").range(0.0, 100.0));
     let samples = errors.places.iter().map(|place| place.estimates.clone());
-    Sheet::new("Estimates at each place, all repetitions")
+    Sheet::new(format!("Estimates at each place, all repetitions{of}"))
         .panel_size(760, 420)
         .chart(chart.boxes("kinesthetic", samples))
 }
 
 /// Figure 8: errors at each place, beside the publication's RMSE and MAE where they are of this data.
-fn errors_by_place(errors: &Errors, published: Option<[f64; 3]>) -> Sheet {
-    let mut sheet = Sheet::new("Errors at each place").columns(2).panel_size(560, 340);
+fn errors_by_place(errors: &Errors, of: &str, published: Option<[f64; 3]>) -> Sheet {
+    let mut sheet = Sheet::new(format!("Errors at each place{of}"))
+        .columns(2)
+        .panel_size(560, 340);
     type Value = fn(&PlaceErrors) -> f64;
     let parts: [(&str, Value); 2] = [("RMSE", |place| place.rmse), ("MAE", |place| place.mae)];
     for (column, (name, value)) in parts.into_iter().enumerate() {
@@ -177,6 +186,7 @@ fn not_estimated(early: &[(f64, Judgement)]) -> Vec<(f64, f64)> {
 fn elapsed<'a>(
     early: impl Iterator<Item = (f64, &'a Errors)>,
     whole: &'a Errors,
+    of: &str,
     not_estimated: &[(f64, f64)],
     published: Option<[f64; 3]>,
 ) -> Sheet {
@@ -199,7 +209,7 @@ fn elapsed<'a>(
     if let Some([rmse, ..]) = published {
         chart = chart.at_y("publication, kinesthetic", rmse);
     }
-    Sheet::new("How early one can know")
+    Sheet::new(format!("How early one can know{of}"))
         .panel_size(700, 400)
         .chart(chart)
 }

@@ -280,6 +280,19 @@ fn a_row_without_an_estimate_says_why_and_hides_no_other() {
         "1",
     ];
     succeeds(&dir, &figures);
+    let title = |folder: &str| {
+        let drawn = fs::read_to_string(dir.path().join(folder).join("forearm-07.svg")).unwrap();
+        assert!(drawn.contains("Estimates at each place, all repetitions"));
+        drawn.contains("from the angles alone")
+    };
+    assert!(!title("figures"), "there is no touch in it");
+    let figures = figures.map(|word| match word {
+        "few.npz" => "all.npz",
+        "figures" => "touched",
+        word => word,
+    });
+    succeeds(&dir, &[&["forearm", "figures"], &figures[2..]].concat());
+    assert!(title("touched"));
     let numbers = fs::read_to_string(dir.path().join("figures/forearm-early.csv")).unwrap();
     assert!(
         numbers.contains("squeezes without an estimate,5,100"),
@@ -306,6 +319,10 @@ fn options_that_would_do_nothing_are_refused() {
         (
             &["estimate", "x.model", "x.mat", "--fingers", "a,b"],
             "--fingers is of --live",
+        ),
+        (
+            &["estimate", "x.model", "x.mat", "--reconnect"],
+            "--reconnect is of --live",
         ),
     ] {
         let error = fails(&dir, &[&["forearm"], arguments].concat(), 1);
