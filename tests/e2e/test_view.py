@@ -161,7 +161,8 @@ def test_keys_are_asked_of_the_control_socket_that_is_named(start, folder):
             terminal.wait_for("? keys  q quit")
             terminal.press("p")
             terminal.wait_for(answer)
-            assert daemon.status()["paused"] == paused
+            # The tick takes it up behind the answer.
+            eventually(lambda: daemon.status()["paused"] == paused, "the daemon is not as the view says")
             terminal.press("q")
             assert terminal.process.wait(10) == 0
         finally:
