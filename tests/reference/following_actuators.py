@@ -15,7 +15,7 @@ ROUNDS, SWAPS, FALLS = 6, 4, 16.0
 LEAST_SHARE, QUIET_SHARE, FIRST_FRAMES, QUIET_FRAMES, RANKED = 0.002, 0.1, 4, 4, 64
 PATIENCE, TRIED_POINTS, MOST_TRIES = 2.0, 1000, 4
 TRIES, MOST_FOUND, NEAR_LEAST, DOUBT = 4, 8, 1.06, 1.25
-MOST_RAISED, MOST_GIVEN, TRADES = 3, (0.02, 0.01), 2
+MOST_RAISED, MOST_GIVEN, TRADES = 6, (0.02, 0.01), 2
 
 
 def in_order(terms):
@@ -42,7 +42,7 @@ class Follower:
         self.id_of = {}  # of the last frame's contacts, by place
         self.done = False  # the last frame left nothing to do
         self.judged = None  # cost at which no swap paid
-        self.changes = self.tried = self.quiet = self.patience = 0
+        self.changes = self.tried = self.turn = self.quiet = self.patience = 0
         self.ranking = None
         self.member = {}
         self.label = np.zeros(0, dtype=int)
@@ -107,7 +107,7 @@ class Follower:
         self.member = {i: n for n, i in enumerate(self.label.tolist())}
         for i, n in self.member.items():
             self.stood[i] = tuple(self.xy[n].tolist())
-        self.done, self.judged, self.patience = True, None, 0
+        self.done, self.judged, self.patience, self.turn = True, None, 0, 0
 
     def rank_of_unused(self, i, place):
         if self.stood[i] is None:
@@ -259,9 +259,9 @@ class Follower:
             if abs(cost - self.judged) <= 0.5 * self.jump_gain * self.judged:
                 return
         made = 0
-        while made < SWAPS and any(self.make(swap) for swap in self.best_swaps()):
+        while made < SWAPS and any(self.make(swap) for swap in self.best_swaps(made > 0)):
             made += 1
-            self.patience = 0
+            self.patience = self.turn = 0
         self.changes = self.tried = 0
         self.judged = self.cost() if made < SWAPS else None
 
@@ -366,7 +366,7 @@ class Follower:
             found[i] = (gain, (b, a) if self.way(i, b) < self.way(i, a) else (a, b))
         return found
 
-    def best_swaps(self):
+    def best_swaps(self, again):
         """(dissolved, split, halves, what it is asked to save), in the order they are tried in."""
         losses, found, (most, doubt) = self.losses(), [], self.most_tried()
         for split, (gain, halves) in self.splits().items():
@@ -378,7 +378,16 @@ class Follower:
                     beyond = gain - losses[dissolved] - asked
                     found.append((beyond, (dissolved, split, halves, asked if beyond > 0 else doubt * asked)))
         found.sort(key=lambda swap: -swap[0])
-        return [swap for beyond, swap in found[:most] if most > 1 or beyond > 0]
+        sure = [swap for beyond, swap in found[:most] if beyond > 0]
+        doubtful = [swap for beyond, swap in found[:most] if beyond <= 0 and most > 1]
+        return self.in_turn(sure, doubtful) if len(self.xy) > 3 * self.k and not again else sure + doubtful
+
+    def in_turn(self, sure, doubtful):
+        yield from sure
+        if doubtful:
+            first = 2 * (self.turn % ((len(doubtful) + 1) // 2))
+            self.turn += 1
+            yield from doubtful[first : first + 2]
 
     def most_tried(self):
         over = len(self.xy) - self.k

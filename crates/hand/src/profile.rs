@@ -44,7 +44,7 @@ pub struct Profile {
     /// Share of the position error that an actuator must save to be moved elsewhere, 0 to 1, for `follow`.
     pub jump_gain: f64,
     /// How far apart two contacts count whose forces differ by the frame's greatest, in distances of neighbouring taxels,
-    /// 0 to 2, for `follow` with at most three contacts for each actuator. It decides which contacts share an actuator
+    /// 0 to 2, for `follow` with at most six contacts for each actuator. It decides which contacts share an actuator
     /// where places leave that open. With more contacts, those between two actuators go to the one whose contacts are
     /// pressed like them, for no more than 2 % of the position error; 0 leaves forces out of both.
     pub force_distance: f64,

@@ -9,11 +9,13 @@ const QUIET_FRAMES: u32 = 4;
 /// Points in the swaps that are tried in a quiet frame, in all: small frames try several swaps, at most so many.
 const TRIED_POINTS: usize = 1000;
 const MOST_TRIES: usize = 4;
-/// Swaps that are tried in other frames, the best by judgement first, before none is made: judgement does not know how
-/// the clusters settle afterwards.
+/// In other frames so many swaps, the best by judgement, may be tried: judgement does not know how the clusters settle
+/// afterwards. Of those that are judged to save too little two take their turn in a frame, and all do once a swap was made.
 const TRIES: usize = 4;
-/// What one of these has to save that is judged to save too little, in terms of what it is asked otherwise: it is tried
-/// because judgement may be wrong, and actuators that slide along should not jump for the little more that it finds.
+/// With no more points for each cluster, all of these are tried in each frame.
+const FEW: usize = 3;
+/// What one of these has to save, in terms of what it is asked otherwise: it is tried because judgement may be wrong, and
+/// actuators that slide along should not jump for the little more that it finds.
 const DOUBT: f64 = 1.25;
 /// Swaps in quiet frames are asked for this share of what others are: there are few of them, and
 /// what they save lasts.
@@ -50,14 +52,15 @@ impl Kmeans2d {
         {
             return;
         }
-        let mut left = self.settings.swaps;
-        while left > 0 && self.swap() {
-            left -= 1;
-            self.patience = 0;
+        let most = self.settings.swaps;
+        let mut made = 0;
+        while made < most && self.swap(made > 0) {
+            made += 1;
+            (self.patience, self.turn) = (0, 0);
         }
         self.changes = 0;
         self.further = 0;
-        self.judged = (left > 0).then(|| self.cost());
+        self.judged = (made < most).then(|| self.cost());
     }
 
     /// Share of the cost that a swap is asked to save in a quiet frame for each cluster that jumps by it: the
@@ -137,24 +140,26 @@ impl Kmeans2d {
         false
     }
 
-    /// Dissolves one cluster and splits another if that saves enough; says whether it did.
-    fn swap(&mut self) -> bool {
+    /// Dissolves one cluster and splits another if that saves enough; says whether it did. `again`, where that was worth
+    /// it in this frame already.
+    fn swap(&mut self, again: bool) -> bool {
         let (most, times_if_doubtful) = self.most_tried();
         let judge = Judge {
             times_if_doubtful,
             ..judge!(self, self.settings.swap_gain)
         };
         let at = [&self.x[..], &self.y, &self.height];
-        self.splits.find(&self.assignment, &self.sums, at, &judge, most);
-        for rank in 0..most {
-            let Some(swap) = self.splits.found(rank) else {
-                return false;
-            };
-            if self.make(&swap) {
-                return true;
-            }
+        let (sure, found) = self.splits.find(&self.assignment, &self.sums, at, &judge, most);
+        let mut doubtful = sure..found;
+        if !again && self.assignment.len() > FEW * self.x.len() && sure < found {
+            let first = sure + 2 * (self.turn % doubtful.len().div_ceil(2));
+            doubtful = first..found.min(first + 2);
+            self.turn += 1;
         }
-        false
+        (0..sure).chain(doubtful).any(|rank| {
+            let swap = self.splits.found(rank);
+            self.make(&swap)
+        })
     }
 
     /// How many swaps are tried before none is made, and how many times as much those have to save that are judged to save

@@ -104,6 +104,8 @@ pub struct Kmeans2d {
     /// Cost at which swaps were last found not to pay, and points that have come or gone since.
     judged: Option<f64>,
     changes: usize,
+    /// Frames in which swaps in doubt were tried since one was made.
+    turn: usize,
     /// Swaps tried in quiet frames since then, and quiet frames since the last change.
     further: usize,
     quiet: u32,
@@ -123,7 +125,7 @@ pub struct Kmeans2d {
 const NONE: u16 = u16::MAX;
 
 /// Most points for each cluster whose heights are a third coordinate.
-const MOST_RAISED: usize = 3;
+const MOST_RAISED: usize = 6;
 
 /// With more clusters no pairs are ranked for swaps, and no ids exchanged: the time for both grows with their square.
 const MOST_PAIRED: usize = 64;
@@ -203,6 +205,7 @@ impl Kmeans2d {
             settled: false,
             judged: None,
             changes: 0,
+            turn: 0,
             further: 0,
             quiet: 0,
             patience: 0,
@@ -230,7 +233,7 @@ impl Kmeans2d {
         self.keys.clear();
         self.settled = false;
         self.judged = None;
-        (self.further, self.quiet, self.patience) = (0, 0, 0);
+        (self.further, self.quiet, self.patience, self.turn) = (0, 0, 0, 0);
         self.splits.forget();
         self.stands.forget();
     }
@@ -239,7 +242,7 @@ impl Kmeans2d {
     ///
     /// `keys` names the points: a key is always at the same place, and in a frame at most once.
     /// `weights`, where given, must be positive. `heights`, in the unit of the coordinates, decide between
-    /// arrangements that are nearly as good in the plane. With no more than three points for each cluster they are a
+    /// arrangements that are nearly as good in the plane. With no more than six points for each cluster they are a
     /// third coordinate where single points move; with more, and no weights, points between two clusters are shared out
     /// by them in the end, for no more than 2 % of the squared distances. While the points stay the same, new heights
     /// count in the frames that try further swaps.
@@ -357,7 +360,7 @@ impl Kmeans2d {
         self.settled = true;
         // What comes next does not depend on how long the hand was idle.
         self.judged = None;
-        self.patience = 0;
+        (self.patience, self.turn) = (0, 0);
     }
 
     fn follow_many(&mut self, keys: &[u16]) {

@@ -98,7 +98,8 @@ impl Splits {
     }
 
     /// Finds the swaps that save most beyond what they have to save, judged by the second nearest centroids and by
-    /// halving clusters across their principal axis: `most` of them, or if that is 1, only one that saves enough.
+    /// halving clusters across their principal axis: `most` of them, or if that is 1, only one that saves enough. Returns
+    /// how many save enough, and how many were found.
     pub(super) fn find(
         &mut self,
         points: &Assignment,
@@ -106,7 +107,7 @@ impl Splits {
         at: [&[f32]; 3],
         judge: &Judge<'_>,
         most: usize,
-    ) {
+    ) -> (usize, usize) {
         self.measure(points, sums, at);
         self.merge(sums, at);
         self.halve(points, at);
@@ -153,11 +154,13 @@ impl Splits {
                 }
             }
         }
+        let sure = self.found.iter().take_while(|(beyond, _)| *beyond > 0.0).count();
+        (sure, self.found.len())
     }
 
     /// The swap that was found, by rank from 0.
-    pub(super) fn found(&self, rank: usize) -> Option<Swap> {
-        self.found.get(rank).map(|(_, swap)| *swap)
+    pub(super) fn found(&self, rank: usize) -> Swap {
+        self.found[rank].1
     }
 
     /// What a cluster gains by being halved, and the means of its halves, the one nearer to where
@@ -303,13 +306,10 @@ impl Splits {
             let id = usize::from(points.labels()[n]);
             let (px, py, weight) = points.point(n);
             let axis = self.shape[id].axis;
-            if (px - f64::from(x[id])) * axis.0 + (py - f64::from(y[id])) * axis.1 > 0.0 {
-                let half = &mut self.halves[id];
-                half.x += weight * px;
-                half.y += weight * py;
-                half.height += weight * f64::from(points.height(n));
-                half.weight += weight;
-            }
+            let side = (px - f64::from(x[id])) * axis.0 + (py - f64::from(y[id])) * axis.1;
+            // Half of the points are on either side, in no order: a branch would be guessed wrongly as often.
+            let weight = if side > 0.0 { weight } else { 0.0 };
+            self.halves[id].add(px as f32, py as f32, points.height(n), weight);
         }
     }
 }

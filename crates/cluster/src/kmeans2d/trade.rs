@@ -46,11 +46,18 @@ impl Side {
         self.joined = self.points / (self.points + 1.0);
     }
 
-    /// Squared distance from the mean place, and squared difference from the mean height.
+    /// Squared distance from the mean place.
     #[inline]
-    fn costs(&self, [x, y, height]: [f64; 3]) -> [f64; 2] {
-        let (dx, dy, dz) = (x - self.mean[0], y - self.mean[1], height - self.mean[2]);
-        [dx * dx + dy * dy, dz * dz]
+    fn far(&self, [x, y, _]: [f64; 3]) -> f64 {
+        let (dx, dy) = (x - self.mean[0], y - self.mean[1]);
+        dx * dx + dy * dy
+    }
+
+    /// Squared difference from the mean height.
+    #[inline]
+    fn unlike(&self, [.., height]: [f64; 3]) -> f64 {
+        let dz = height - self.mean[2];
+        dz * dz
     }
 }
 
@@ -99,10 +106,10 @@ impl Traded {
                 }
                 let at = point(points, heights, n);
                 let (own, other) = (&self.sides[from], &self.sides[to]);
-                let ([far_out, unlike_out], [far_in, unlike_in]) = (own.costs(at), other.costs(at));
-                let more = far_in * other.joined - far_out * own.left;
-                let got = unlike_out * own.left - unlike_in * other.joined;
-                if more <= left && got > 0.0 && more * unlike < got * far {
+                let more = other.far(at) * other.joined - own.far(at) * own.left;
+                let got = own.unlike(at) * own.left - other.unlike(at) * other.joined;
+                // One branch, which is hardly ever taken, rather than three.
+                if (more <= left) & (got > 0.0) & (more * unlike < got * far) {
                     left -= more;
                     for (id, points) in [(from, -1.0), (to, 1.0)] {
                         self.sides[id].add(at, points);
@@ -129,9 +136,9 @@ impl Traded {
         }
         let mut costs = [0.0; 2];
         for (n, label) in self.labels.iter().enumerate() {
-            let [far, unlike] = self.sides[usize::from(*label)].costs(point(points, heights, n));
-            costs[0] += far;
-            costs[1] += unlike;
+            let (side, at) = (&self.sides[usize::from(*label)], point(points, heights, n));
+            costs[0] += side.far(at);
+            costs[1] += side.unlike(at);
         }
         costs
     }
