@@ -9,13 +9,11 @@ real skin. Then blocks that go on by a pixel a frame, large discs by less, and t
 Prints tables in Markdown: each skin's contacts, and of `optimal` what docs/benchmarks.md sets as goals.
 """
 
-import argparse
-import json
-import subprocess
 import tempfile
 from pathlib import Path
 
 import numpy as np
+from judged import command_line, head, judged, line, percent, places
 
 SCALE, NOISE, BLUR = 300.0, 1.0, 0.8
 # Name, rows x columns, frames at 30 Hz, things, their radii in taxels, pixels that one slides in a frame (one sigma).
@@ -121,9 +119,7 @@ def turning(rows: int, columns: int, kind: int, radius: float) -> np.ndarray:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--restarts", default="4000")
-    parser.add_argument("--taxel", default="target/release/taxel")
+    parser = command_line(__doc__)
     parser.add_argument("--keep", type=Path, help="a folder for the recordings, as .npy")
     args = parser.parse_args()
     with tempfile.TemporaryDirectory() as made:
@@ -131,26 +127,22 @@ def main() -> None:
 
         def judge(name: str, path: Path, felt: np.ndarray) -> None:
             np.save(path, felt)
-            command = [args.taxel, "eval", path, "--threshold", "80", "--release", "40", "--restarts", args.restarts]
-            command += ["--method", "paper", "--method", "optimal", "--passes", "1", "--json"]
-            report = json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE).stdout)
+            report = judged(args, ["paper", "optimal"], str(path), "--threshold", "80", "--release", "40")
             paper, optimal = report["methods"]
-            shown, bound = optimal["displayed_nrmse"], report["jump_bound_fraction"]
-            ratios = (optimal[f"position_sse_ratio_{of}"] for of in ("mean", "p95"))
-            cells = (
-                name, f"{len(felt) / 30:.0f}", f"{report['contacts_median']:.0f}", f"{100 * bound:.1f} %",
-                *("none" if ratio is None else f"{ratio:.3f}" for ratio in ratios),
-                f"{100 * optimal['jump_fraction']:.1f} %", f"{shown:.3f}", f"{shown / paper['displayed_nrmse']:.2f}",
+            shown, bound = optimal["displayed_nrmse"], percent(report["jump_bound_fraction"])
+            line(
+                name, f"{len(felt) / 30:.0f}", f"{report['contacts_median']:.0f}", bound, *places(optimal),
+                percent(optimal["jump_fraction"]), f"{shown:.3f}", f"{shown / paper['displayed_nrmse']:.2f}",
             )  # fmt: skip
-            print(f"| {' | '.join(cells)} |", flush=True)
 
-        rest = "seconds | contacts | least jumps | position SSE mean | p95 | jumps | NRMSE shown | of `paper`'s |"
-        print(f"| skin | {rest}\n|---|---|---|---|---|---|---|---|---|")
+        figures = ["seconds", "contacts", "least jumps", "position SSE mean", "p95", "jumps", "NRMSE shown", "of `paper`'s"]
+        head("skin", *figures)
         for seed, (size, frames, things, radii, slide) in enumerate(SKINS, 1):
             rows, columns = map(int, size.split(" x "))
             felt = recording(rows, columns, frames, things, radii, slide, seed)
             judge(size, folder / f"{seed:02}-{rows}x{columns}.npy", felt)
-        print(f"\n| what moves | {rest}\n|---|---|---|---|---|---|---|---|---|")
+        print()
+        head("what moves", *figures)
         for rows, columns in BLOCKS:
             judge(f"block of {rows} x {columns}", folder / f"block-{rows}x{columns}.npy", block(rows, columns))
         for rows, columns, radius, by in DISCS:
