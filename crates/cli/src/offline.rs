@@ -29,7 +29,7 @@ pub(crate) struct OfflineArgs {
     /// Actuators of the display, K_A [default: 16, or the configuration's]
     #[arg(long, value_name = "K_A")]
     actuators: Option<u16>,
-    /// The daemon's configuration, for everything else
+    /// The daemon's configuration, for everything else; it needs no [[bus]] here
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
     /// Magnitudes only: a taxel is in contact above this [default: 0]
@@ -77,7 +77,7 @@ impl OfflineArgs {
     /// The configuration named, or that of the recording.
     fn configured(&self) -> anyhow::Result<Option<Config>> {
         match &self.config {
-            Some(path) => Ok(Some(Config::load(path)?)),
+            Some(path) => Ok(Some(Config::load_for_recordings(path)?)),
             None if self.input.is_mcap() => Head::read(&self.input.path)?.config(),
             None => Ok(None),
         }

@@ -117,7 +117,11 @@ fn play_frames(args: &Args, window: Range<u64>, recording: &Recording) -> anyhow
         true => ARRAY_LAYOUT,
         false => DEFAULT_LAYOUT,
     };
-    let configured = args.config.as_deref().map(Config::load).transpose()?;
+    let configured = args
+        .config
+        .as_deref()
+        .map(Config::load_for_recordings)
+        .transpose()?;
     let layout = args.input.hand(configured.as_ref(), default)?;
     let named = || args.route(&layout.buses, "bus of the layout");
     if is_of_arrays(&layout) {

@@ -3,12 +3,14 @@
 //! A crate of its own because most of its code is made by derive: it is compiled once, without optimisation, and not
 //! again with each change of the daemon.
 
+mod buses;
 mod place;
 mod sockets;
 mod summary;
 mod syntax;
 mod unread_joints;
 
+pub use buses::read_twice;
 pub use place::line_of;
 pub use sockets::{ControlConfig, SocketConfig, default_directory, running_socket};
 
@@ -250,22 +252,19 @@ impl Config {
 
     /// Reads and checks a configuration file. A layout file named in it is looked for beside it.
     pub fn load(path: &Path) -> Result<Self, ConfigError> {
-        let text = taxel_skin::read_text_file(path).map_err(|error| ConfigError::Read {
-            path: path.display().to_string(),
-            error,
-        })?;
-        Self::parse(&text, path)
+        Self::parse(&text_of(path)?, path)
+    }
+
+    /// The same for what is recorded already, which has no bus to be read: the file may do without any `[[bus]]`.
+    pub fn load_for_recordings(path: &Path) -> Result<Self, ConfigError> {
+        let name = path.display().to_string();
+        Self::parse_with(&text_of(path)?, &name, |name| layout_beside(path, name), false)
     }
 
     /// Checks the text of a configuration file; `path` is only for messages and for finding a layout file.
     pub fn parse(text: &str, path: &Path) -> Result<Self, ConfigError> {
-        Self::parse_for(text, &path.display().to_string(), |name| {
-            let beside = path.parent().unwrap_or(Path::new("")).join(name);
-            match Layout::builtin(name).is_none() && beside.is_file() {
-                true => Layout::load(&beside),
-                false => Layout::resolve(name),
-            }
-        })
+        let name = path.display().to_string();
+        Self::parse_for(text, &name, |name| layout_beside(path, name))
     }
 
     /// Checks the text of a configuration that stands in no folder; `file` is what it is called in messages, and
@@ -275,6 +274,15 @@ impl Config {
         file: &str,
         layout_of: impl FnOnce(&str) -> Result<Layout, LayoutError>,
     ) -> Result<Self, ConfigError> {
+        Self::parse_with(text, file, layout_of, true)
+    }
+
+    fn parse_with(
+        text: &str,
+        file: &str,
+        layout_of: impl FnOnce(&str) -> Result<Layout, LayoutError>,
+        needs_buses: bool,
+    ) -> Result<Self, ConfigError> {
         let file = &File { text, name: file };
         let parsed: FileConfig = toml::from_str(text).map_err(|e| ConfigError::Syntax {
             file: file.name.to_owned(),
@@ -283,14 +291,16 @@ impl Config {
         })?;
         let mut layout = layout_of(parsed.layout.get_ref())
             .map_err(|e| file.refuse(parsed.layout.span().start, e.to_string()))?;
-        let sources = sources_of(file, &parsed.bus)?;
+        let sources = buses::sources_of(file, &parsed.bus)?;
         let are_scenes = sources.iter().all(|s| matches!(s, SourceAddress::Sim { .. }));
         if layout.buses.is_empty() && are_scenes && !sources.is_empty() {
             // A scene on a hand without boards is played on simulated ones.
             let refuse = |message| file.refuse(parsed.layout.span().start, message);
             layout = with_boards(layout).map_err(refuse)?;
         }
-        check_buses(file, &parsed.bus, &layout, &sources)?;
+        if needs_buses || !sources.is_empty() {
+            buses::check_buses(file, &parsed.bus, &layout, &sources)?;
+        }
         let joints = match parsed.joints {
             Some(table) => {
                 let offset = table.span().start;
@@ -342,6 +352,22 @@ impl Config {
     }
 }
 
+fn text_of(path: &Path) -> Result<String, ConfigError> {
+    taxel_skin::read_text_file(path).map_err(|error| ConfigError::Read {
+        path: path.display().to_string(),
+        error,
+    })
+}
+
+/// The hand of that name: a layout file beside the configuration, if it is not built in.
+fn layout_beside(path: &Path, name: &str) -> Result<Layout, LayoutError> {
+    let beside = path.parent().unwrap_or(Path::new("")).join(name);
+    match Layout::builtin(name).is_none() && beside.is_file() {
+        true => Layout::load(&beside),
+        false => Layout::resolve(name),
+    }
+}
+
 /// The text of a configuration and where it stands, to tell the line of what is refused.
 struct File<'a> {
     text: &'a str,
@@ -371,84 +397,6 @@ impl File<'_> {
             message,
         }
     }
-}
-
-/// One source for each table, none of them given twice.
-fn sources_of(file: &File<'_>, buses: &[Table<BusConfig>]) -> Result<Vec<SourceAddress>, ConfigError> {
-    let refuse = |bus: &Table<BusConfig>, message| file.refuse(bus.get_ref().0.source.span().start, message);
-    let sources = buses
-        .iter()
-        .map(|bus| {
-            let address = bus.get_ref().0.source.get_ref().parse::<SourceAddress>();
-            address.map_err(|e| refuse(bus, e.to_string()))
-        })
-        .collect::<Result<Vec<_>, _>>()?;
-    match read_twice(&sources) {
-        None => Ok(sources),
-        Some(again) => {
-            let message = format!(
-                "{} is given twice; each bus of the hand has a source of its own",
-                sources[again]
-            );
-            Err(refuse(&buses[again], message))
-        }
-    }
-}
-
-/// There is a source for each bus of the layout, of a kind that can carry what is on it.
-fn check_buses(
-    file: &File<'_>,
-    buses: &[Table<BusConfig>],
-    layout: &Layout,
-    sources: &[SourceAddress],
-) -> Result<(), ConfigError> {
-    if sources.len() != layout.buses.len() {
-        let message = format!(
-            "layout {} has {} buses ({}), so there must be as many [[bus]] tables with a source, not {}",
-            layout.name,
-            layout.buses.len(),
-            layout.buses.join(", "),
-            sources.len()
-        );
-        let place = buses.last().map_or(file.text.len(), |b| b.span().start);
-        return Err(file.refuse(place, message));
-    }
-    if sources.len() > MAX_BUSES {
-        let message = format!(
-            "{} buses are more than the {MAX_BUSES} a daemon reads",
-            sources.len()
-        );
-        return Err(file.refuse(0, message));
-    }
-    for (index, (bus, source)) in buses.iter().zip(sources).enumerate() {
-        source_fits(layout, index, source)
-            .map_err(|problem| file.refuse(bus.get_ref().0.source.span().start, problem))?;
-    }
-    Ok(())
-}
-
-/// Only the frames of pressure arrays come over a Unix socket of their own.
-fn source_fits(layout: &Layout, bus: usize, source: &SourceAddress) -> Result<(), String> {
-    let name = &layout.buses[bus];
-    match (source, layout.array_on(bus)) {
-        (SourceAddress::Pressure { .. }, None) => Err(format!(
-            "{source} is for a pressure array, and bus {name:?} of layout {} has none; name its bus, such as can:{name}",
-            layout.name
-        )),
-        (SourceAddress::Can { .. } | SourceAddress::Udp { .. }, Some(_)) => Err(format!(
-            "bus {name:?} of layout {} is a pressure array, whose frames come over a Unix socket; write pressure:PATH",
-            layout.name
-        )),
-        (SourceAddress::Pressure { path }, Some(_)) => sockets::check_path(path),
-        _ => Ok(()),
-    }
-}
-
-/// Which source is there a second time, so that two buses would have the same frames. Buses of a simulated hand have
-/// their scene in common.
-pub fn read_twice(sources: &[SourceAddress]) -> Option<usize> {
-    let is_scene = |source: &SourceAddress| matches!(source, SourceAddress::Sim { .. });
-    (0..sources.len()).find(|at| !is_scene(&sources[*at]) && sources[..*at].contains(&sources[*at]))
 }
 
 /// Refuses a value outside its range.

@@ -144,7 +144,7 @@ Every key of the daemon's configuration file, with its default. This page is mad
 it. `taxel config init` writes a file with all of it to start from, `taxel config check FILE` says what is wrong with
 one, and `taxel config show FILE` prints every value in force.
 
-Only `[[bus]]` is required:
+Only `[[bus]]` is required, and only by what reads a bus:
 
 | key | default | meaning |
 |---|---|---|

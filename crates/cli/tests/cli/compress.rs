@@ -139,6 +139,38 @@ fn counts_compress_alike_from_the_array_and_from_the_traffic_they_become() {
 }
 
 #[test]
+fn a_configuration_without_a_bus_does_for_what_is_recorded() {
+    let dir = TempDir::new().unwrap();
+    std::fs::write(dir.path().join("display.toml"), "[profile]\nlevels = 4\n").unwrap();
+    let grid = Array3::from_shape_fn((4, 4, 4), |(t, y, x)| (t * (4 * y + x)) as f64);
+    ndarray_npy::write_npy(dir.path().join("press.npy"), &grid).unwrap();
+    module_counts(&dir.path().join("module.npy"));
+    succeeds(&dir, &["sim", "tap", "--to", "log:tap.log", "--seconds", "1"]);
+    let counts = ["module.npy", "--columns", "xyz-interleaved", "--tile"];
+    for input in [&["press.npy"][..], &counts, &["tap.log"], &["sim:tap"]] {
+        let args = ["--config", "display.toml", "--out", "images.npz"];
+        succeeds(&dir, &[&["compress"], input, &args].concat());
+        let images = std::fs::File::open(dir.path().join("images.npz")).unwrap();
+        let levels: Array2<f64> = ndarray_npy::NpzReader::new(images)
+            .unwrap()
+            .by_name("levels")
+            .unwrap();
+        assert_eq!(levels.ncols(), 4, "{input:?}");
+    }
+    // One that is named is checked all the same.
+    std::fs::write(dir.path().join("one.toml"), "[[bus]]\nsource = \"can:can0\"\n").unwrap();
+    let err = fails(
+        &dir,
+        &["compress", "press.npy", "--config", "one.toml", "--out", "a.npy"],
+        1,
+    );
+    assert!(
+        err.contains("as many [[bus]] tables with a source, not 1"),
+        "{err}"
+    );
+}
+
+#[test]
 fn frames_are_written_in_the_format_their_file_s_name_tells() {
     let dir = TempDir::new().unwrap();
     succeeds(&dir, &["sim", "tap", "--to", "log:tap.log", "--seconds", "1"]);
