@@ -96,6 +96,16 @@ impl InputArgs {
                 false => Input::Frames(recorded::frames(path)?),
             });
         }
+        let of_csv = [
+            (self.joint_columns > 0, "--joint-columns"),
+            (self.time_column.is_some(), "--time-column"),
+        ];
+        if let Some((_, option)) = of_csv.iter().find(|(given, _)| *given && !self.is_csv()) {
+            bail!(
+                "{}: {option} is of the columns of a .csv; leave it out",
+                path.display()
+            );
+        }
         let options = ReadOptions {
             array: self.array.clone(),
             columns: self.columns,
@@ -124,6 +134,11 @@ impl InputArgs {
     fn is_called(&self, ending: &str) -> bool {
         let extension = self.path.extension();
         extension.is_some_and(|e| e.eq_ignore_ascii_case(ending))
+    }
+
+    /// Whether it is a table, whose last columns can be joint angles.
+    pub(crate) fn is_csv(&self) -> bool {
+        self.is_called("csv")
     }
 
     /// Whether it is a recording of `taxel record`, which knows its own hand and configuration.

@@ -216,7 +216,7 @@ impl OfflineArgs {
                 layout.height,
                 layout.width,
                 layout.len(),
-                columns_hint(taxels, layout.len())
+                self.columns_hint(taxels, layout.len())
             );
         }
         if layout.len() != taxels {
@@ -224,7 +224,7 @@ impl OfflineArgs {
                 "{name} has {taxels} taxels and layout {} has {}; place them with --layout grid:HxW{}",
                 layout.name,
                 layout.len(),
-                columns_hint(taxels, layout.len())
+                self.columns_hint(taxels, layout.len())
             );
         }
         let threshold = self.threshold.unwrap_or(0.0);
@@ -244,17 +244,17 @@ impl OfflineArgs {
         }
         run_magnitudes(recording, [threshold, release], emit)
     }
-}
 
-/// What numbers that are no magnitudes of this hand may be.
-fn columns_hint(columns: usize, taxels: usize) -> String {
-    match columns.checked_sub(3 * taxels) {
-        Some(joints @ 1..=64) => format!(
-            ", or say with --columns xyz-interleaved --joint-columns {joints} that they are x y z counts and {joints} \
-             joint angles"
-        ),
-        _ if columns.is_multiple_of(3) => ", or say with --columns that they are x y z counts".into(),
-        _ => String::new(),
+    /// What numbers that are no magnitudes of this hand may be.
+    fn columns_hint(&self, columns: usize, taxels: usize) -> String {
+        match columns.checked_sub(3 * taxels) {
+            Some(joints @ 1..=64) if self.input.is_csv() => format!(
+                ", or say with --columns xyz-interleaved --joint-columns {joints} that they are x y z counts and {joints} \
+                 joint angles"
+            ),
+            _ if columns.is_multiple_of(3) => ", or say with --columns that they are x y z counts".into(),
+            _ => String::new(),
+        }
     }
 }
 

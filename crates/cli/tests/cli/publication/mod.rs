@@ -104,6 +104,21 @@ fn what_the_columns_may_be_is_said() {
         err.contains("--columns xyz-interleaved --joint-columns 16"),
         "{err}"
     );
+    // An array has no joint angles beside its counts.
+    ndarray_npy::write_npy(dir.path().join("plain.npy"), &Array2::from_elem((2, 736), 1.0)).unwrap();
+    let array = ["compress", "plain.npy", "--out", "a.npz"];
+    let err = fails(&dir, &array, 1);
+    assert!(
+        err.contains("--layout grid:HxW") && !err.contains("joint"),
+        "{err}"
+    );
+    for option in [["--joint-columns", "16"], ["--time-column", "ms"]] {
+        let err = fails(&dir, &[&array[..], &option].concat(), 1);
+        assert!(
+            err.contains(&format!("plain.npy: {} is of the columns of a .csv", option[0])),
+            "{err}"
+        );
+    }
     let err = fails(
         &dir,
         &[
