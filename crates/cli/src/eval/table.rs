@@ -4,9 +4,9 @@ use super::cell::{CELL, percent, time, within};
 use std::fmt::Write;
 use taxel_eval::{EvalReport, MethodReport, ScalingReport, jump_px};
 
-/// No line of the main table is longer.
+/// No line is longer.
 const COLUMNS: usize = 100;
-/// Longer names stand on a line of their own there.
+/// Longer names stand on a line of their own.
 const NAME: usize = 28;
 
 /// What it comes to in a sentence, what was measured, and a line of figures for each method.
@@ -26,27 +26,17 @@ pub(super) fn main_figures(report: &EvalReport) -> String {
             .as_ref()
             .map_or(String::new(), |name| format!(", conditioning `{name}`")),
     ));
-    let mut line = |name: &str, cells: [String; 9]| {
-        let _ = if name.len() > NAME {
-            write!(text, "{name}\n{:NAME$}", "")
-        } else {
-            write!(text, "{name:NAME$}")
-        };
-        cells.iter().for_each(|cell| {
-            let _ = write!(text, " {cell:>CELL$}");
-        });
-        text.push('\n');
-    };
+    text.push('\n');
     let head = [
         "shown", "in 7 %", "total", unit, "optimal", "places", "jumps", "us p50", "p99",
     ];
-    line("\nmethod", head.map(String::from));
+    text += &line("method", &head.map(String::from), CELL);
     let percent = |share: f64| percent(share, CELL);
     for m in &report.methods {
         let e = &m.errors;
-        line(
+        text += &line(
             &m.name,
-            [
+            &[
                 within(e.displayed_nrmse, 3, CELL),
                 percent(e.displayed_weber_share),
                 percent(e.displayed_total_error_mean),
@@ -57,6 +47,7 @@ pub(super) fn main_figures(report: &EvalReport) -> String {
                 time(m.tick_us_p50),
                 time(m.tick_us_p99),
             ],
+            CELL,
         );
     }
     text.push('\n');
@@ -92,6 +83,18 @@ pub(super) fn main_figures(report: &EvalReport) -> String {
 pub(super) fn chosen(method: &MethodReport, ratio: Option<f64>) -> Option<f64> {
     ratio.filter(|_| !method.places_fixed)
 }
+/// A name and figures of that width with a blank before each.
+pub(super) fn line(name: &str, cells: &[String], width: usize) -> String {
+    let mut text = match name.len() > NAME {
+        true => format!("{name}\n{:NAME$}", ""),
+        false => format!("{name:NAME$}"),
+    };
+    for cell in cells {
+        let _ = write!(text, " {cell:>width$}");
+    }
+    text + "\n"
+}
+
 
 /// What was taken for a contact, where a scene knows.
 pub(super) fn contact_truth(report: &EvalReport) -> String {

@@ -1,5 +1,6 @@
 //! `taxel eval --task`: what can still be told from one image.
 
+use super::table::{self, wrapped};
 use super::{Args, advice_on_forces};
 use anyhow::{Context, bail};
 use serde::Serialize;
@@ -24,6 +25,8 @@ const METHODS: [&str; 5] = [
 ];
 /// What follows the name of a method in the row of a compressor that runs on.
 const RUNNING: &str = ", running";
+/// Width of a figure: eight of them fit beside the name.
+const CELL: usize = 8;
 /// Levels and actuators of the curves; each is varied while the other is as it is.
 const SIZES: [u16; 5] = [2, 4, 8, 16, 32];
 
@@ -239,31 +242,28 @@ fn human(report: &Report) -> String {
         by_actuators,
         ..
     } = report;
-    let mut text = format!(
+    let mut text = wrapped(&format!(
         "{input}: {frames} frames of {taxels} taxels, {classes} classes; a contact is above {threshold}, median \
-         {contacts_median:.0} contacts\n\nrecognised of one frame, K_D = {levels}, K_A = {actuators}\n"
+         {contacts_median:.0} contacts"
+    ));
+    let _ = writeln!(
+        text,
+        "\nrecognised of one frame, K_D = {levels}, K_A = {actuators}"
     );
     // It stands below that of its method.
     let label = |row: &TaskRow| match row.name.ends_with(RUNNING) {
         true => "  running".into(),
         false => row.name.clone(),
     };
-    let width = rows.iter().map(|row| label(row).len()).max().unwrap_or(0);
-    let mut line = |name: &str, cells: &[String]| {
-        let _ = write!(text, "{name:width$}");
-        cells.iter().for_each(|cell| {
-            let _ = write!(text, " {cell:>8}");
-        });
-        text.push('\n');
-    };
+    let line = |name: &str, cells: &[String]| table::line(name, cells, CELL);
     let head = [
         "nearest", "logistic", "moved", "logistic", "bits", "levels", "bits", "us",
     ];
-    line("", &head.map(String::from));
+    text += &line("", &head.map(String::from));
     let percent = |share: f64| format!("{:.1} %", 100.0 * share);
     let or = |value: Option<String>| value.unwrap_or_else(|| "-".into());
     for row in rows {
-        line(
+        text += &line(
             &label(row),
             &[
                 percent(row.nearest),
@@ -277,7 +277,7 @@ fn human(report: &Report) -> String {
             ],
         );
     }
-    line("", &[]);
+    text.push('\n');
     let (by_actuators, by_levels) = curves.split_at(*by_actuators);
     for (what, varied, size_of) in [
         (
@@ -287,32 +287,32 @@ fn human(report: &Report) -> String {
         ),
         ("K_D", by_levels, |point| point.levels),
     ] {
-        line(
+        text += &line(
             &format!("nearest, and bits, by {what}"),
             &SIZES.map(|size| size.to_string()),
         );
         for name in names(varied) {
             let of_size = |size| (varied.iter()).find(|point| point.name == name && size_of(point) == size);
             let points = SIZES.map(of_size);
-            line(name, &points.map(|point| or(point.map(|p| percent(p.nearest)))));
-            line(
+            text += &line(name, &points.map(|point| or(point.map(|p| percent(p.nearest)))));
+            text += &line(
                 "",
                 &points.map(|point| or(point.map(|p| format!("{:.0}", p.bits)))),
             );
         }
-        line("", &[]);
+        text.push('\n');
     }
     let examples = match least == most {
         true => least.to_string(),
         false => format!("{least} to {most}"),
     };
-    text + &format!(
+    text + &wrapped(&format!(
         "nearest, logistic: by the nearest of two examples a class, by logistic regression on them; moved: everything \
-         moved\nby up to 3 pixels, {examples} examples. Examples are of the first half of each class's frames, what is \
-         recognised of the\nsecond. levels: from the levels' numbers without their forces. us: median of both stages. \
-         A compressor starts anew with\neach frame; running: one sees all of them in a shuffled order and an empty \
-         frame between, ten orders. Without that\nrow it shows the same. The curves are of fresh starts.\n"
-    )
+         moved by up to 3 pixels, {examples} examples. Examples are of the first half of each class's frames, what is \
+         recognised of the second. levels: from the levels' numbers without their forces. us: median of both stages. \
+         A compressor starts anew with each frame; running: one sees all of them in a shuffled order and an empty \
+         frame between, ten orders. Without that row it shows the same. The curves are of fresh starts."
+    ))
 }
 
 /// The names of curves in the order in which they begin.

@@ -90,7 +90,7 @@ fn eval_says_what_can_be_told_from_one_image() {
         .position(|line| line.starts_with(&format!("{weighted}  ")));
     assert!(lines[at.unwrap() + 1].starts_with("  running  "), "{text_of_all}");
     for text in [text, text_of_all] {
-        assert!(text.lines().all(|line| line.len() <= 120), "{text}");
+        assert!(text.lines().all(|line| line.len() <= 100), "{text}");
     }
     let curves = std::fs::read_to_string(dir.path().join("curves.csv")).unwrap();
     assert!(
