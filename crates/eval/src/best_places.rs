@@ -1,5 +1,6 @@
 //! The least error known for `K` actuators: the reference of the actuator stage.
 
+use crate::plane::squared_distance;
 use taxel_cluster::Random;
 
 /// Runs of k-means++ whose best places are compared with.
@@ -9,7 +10,7 @@ pub const RESTARTS: u32 = 64;
 /// known after 52.
 const ITERATIONS: u32 = 300;
 
-/// The least sum of squared distances, pixels squared, of `places` from the means of `clusters`
+/// The least sum of squared distances, in the unit of the places squared, of `places` from the means of `clusters`
 /// clusters that `restarts` runs find.
 ///
 /// A run seeds with k-means++ (Arthur and Vassilvitskii 2007: each further centre is a place drawn
@@ -20,10 +21,10 @@ const ITERATIONS: u32 = 300;
 /// where there are no more places than clusters.
 ///
 /// ```
-/// let pairs = [[0, 0], [1, 0], [9, 9], [9, 8]];
+/// let pairs = [[0.0, 0.0], [1.0, 0.0], [9.0, 9.0], [9.0, 8.0]];
 /// assert_eq!(taxel_eval::least_place_error(&pairs, 2, 64), 1.0);
 /// ```
-pub fn least_place_error(places: &[[u16; 2]], clusters: usize, restarts: u32) -> f64 {
+pub fn least_place_error(places: &[[f64; 2]], clusters: usize, restarts: u32) -> f64 {
     if places.len() <= clusters {
         return 0.0;
     }
@@ -44,9 +45,9 @@ struct Run {
 }
 
 impl Run {
-    fn new(places: &[[u16; 2]], clusters: usize) -> Self {
+    fn new(places: &[[f64; 2]], clusters: usize) -> Self {
         Self {
-            places: places.iter().map(|p| p.map(f64::from)).collect(),
+            places: places.to_vec(),
             centres: Vec::with_capacity(clusters),
             nearest: vec![0.0; places.len()],
             labels: vec![0; places.len()],
@@ -122,15 +123,15 @@ impl Run {
     }
 }
 
-fn squared_distance(a: [f64; 2], b: [f64; 2]) -> f64 {
-    let (dx, dy) = (a[0] - b[0], a[1] - b[1]);
-    dx * dx + dy * dy
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    fn least_place_error(pixels: &[[u16; 2]], clusters: usize, restarts: u32) -> f64 {
+        let places: Vec<_> = pixels.iter().map(|p| p.map(f64::from)).collect();
+        super::least_place_error(&places, clusters, restarts)
+    }
 
     #[test]
     fn small_cases_are_as_computed_by_hand() {

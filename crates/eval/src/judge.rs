@@ -1,6 +1,7 @@
 //! How well a method compresses: every error, over all frames.
 
 use crate::method::Method;
+use crate::plane::{Plane, squared_distance};
 use crate::pressure::Places;
 use crate::quantile::{mean, quantile};
 use crate::sequence::{Felt, Reference, References, Sequence};
@@ -51,9 +52,9 @@ pub struct Errors {
     /// ... 95 in 100 frames have no more.
     pub snapped_sse_ratio_p95: Option<f64>,
     /// Share of the actuators (same id in consecutive images that both have contacts) that move
-    /// more than [`jump_px`](crate::jump_px).
+    /// more than [`jump`](crate::Plane::jump).
     pub jump_fraction: f64,
-    /// Mean distance that they move, pixels.
+    /// Mean distance that they move in the image, pixels.
     pub moved_px_mean: f64,
     /// Share of the taxels in contact in consecutive frames whose level changes.
     pub level_change_fraction: f64,
@@ -97,7 +98,6 @@ pub fn judge(sequence: &Sequence, references: &References, method: &Method) -> R
     let places = Places::new(&sequence.layout);
     let mut sums = Sums {
         felt: sequence.felt(),
-        tally: Tally::new(sequence.layout.taxels.len()),
         ..Sums::default()
     };
     for (frame, reference) in sequence.force.iter().zip(&references.frames) {
@@ -108,6 +108,7 @@ pub fn judge(sequence: &Sequence, references: &References, method: &Method) -> R
             level: stages.level,
             actuator: stages.actuator,
             image: &image,
+            plane: &references.plane,
         };
         sums.add(&contacts, &places);
     }
@@ -120,6 +121,7 @@ struct Contacts<'a> {
     level: &'a [u16],
     actuator: &'a [u16],
     image: &'a TactileImage,
+    plane: &'a Plane,
 }
 
 impl Contacts<'_> {
@@ -130,11 +132,11 @@ impl Contacts<'_> {
             .map(|(force, level)| (*force, levels[usize::from(*level)]))
     }
 
-    /// Pixel of each contact and number of its actuator in the image's list; `None` where that
+    /// Place of each contact and number of its actuator in the image's list; `None` where that
     /// actuator does not press.
     fn served(&self) -> impl Iterator<Item = ([f64; 2], Option<usize>)> {
         let at = |id: u16| self.image.actuators.binary_search_by_key(&id, |a| a.id).ok();
-        (self.reference.pixel.iter().zip(self.actuator)).map(move |(p, id)| (p.map(f64::from), at(*id)))
+        (self.reference.place.iter().zip(self.actuator)).map(move |(place, id)| (*place, at(*id)))
     }
 
     fn level_error(&self) -> f64 {
@@ -156,8 +158,8 @@ impl Contacts<'_> {
             let Some(n) = actuator else { continue };
             let [sum_x, sum_y, count] = sums[n];
             let on = &self.image.actuators[n];
-            from_mean += (x - sum_x / count).powi(2) + (y - sum_y / count).powi(2);
-            from_pixel += (x - f64::from(on.x)).powi(2) + (y - f64::from(on.y)).powi(2);
+            from_mean += squared_distance([x, y], [sum_x / count, sum_y / count]);
+            from_pixel += squared_distance([x, y], self.plane.at([on.x, on.y]));
         }
         [from_mean, from_pixel]
     }
@@ -198,7 +200,8 @@ impl Sums {
         let (levels, actuators) = (image.levels.len(), image.actuators.len());
         let payload = image_payload_len(image.width, image.height, levels, actuators, image.joints.len());
         self.wire_bytes += (HEADER_LEN + payload) as u64;
-        self.tally.add(image, &reference.pixel, contacts.level);
+        self.tally
+            .add(image, contacts.plane, &reference.pixel, contacts.level);
         if reference.force.is_empty() {
             return;
         }
@@ -310,8 +313,7 @@ fn summary(ratios: &mut [f64]) -> Option<[f64; 4]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use taxel_hand::ForceFrame;
-    use taxel_hand::Profile;
+    use taxel_hand::{Coordinates, ForceFrame, Profile};
     use taxel_skin::Layout;
 
     /// Frames of a row of taxels; force 0 is no contact.
@@ -338,7 +340,8 @@ mod tests {
             actuators,
             ..Profile::default()
         };
-        let references = References::find(&sequence, levels, actuators, 64, || ()).unwrap();
+        let references =
+            References::find(&sequence, levels, actuators, Coordinates::Pixels, 64, || ()).unwrap();
         judge(&sequence, &references, &Method::parse(method, &base).unwrap()).unwrap()
     }
 
@@ -376,6 +379,28 @@ mod tests {
         let each = errors(&[&[1.0, 1.0]], 2, 2, "optimal");
         assert_eq!((each.position_frames, each.position_sse_ratio_p95), (0, None));
         assert_eq!(each.snapped_sse_ratio_mean, None);
+    }
+
+    #[test]
+    fn places_on_the_hand_are_judged_in_millimetres() {
+        let mut sequence = sequence(&[&[1.0; 4]]);
+        for (taxel, x) in sequence
+            .layout
+            .geometry
+            .taxels
+            .iter_mut()
+            .zip([0.0, 10.0, 11.0, 21.0])
+        {
+            taxel.position_mm = Some([x, 0.0, 0.0]);
+        }
+        let method = Method::parse("optimal actuators=2 coordinates=hand", &Profile::default()).unwrap();
+        let ratio = |coordinates| {
+            let references = References::find(&sequence, 8, 2, coordinates, 64, || ()).unwrap();
+            let errors = judge(&sequence, &references, &method).unwrap();
+            errors.position_sse_ratio_mean.unwrap()
+        };
+        // One alone and three, 74 square millimetres; two pairs, which are best in pixels, have 100.
+        assert_eq!([Coordinates::Hand, Coordinates::Pixels].map(ratio), [1.0, 2.0]);
     }
 
     #[test]
@@ -417,7 +442,7 @@ mod tests {
             actuators: 1,
             ..Profile::default()
         };
-        let references = References::find(&squared, 2, 1, 4, || ()).unwrap();
+        let references = References::find(&squared, 2, 1, Coordinates::Pixels, 4, || ()).unwrap();
         let method = Method::parse("paper", &base).unwrap();
         let got = judge(&squared, &references, &method).unwrap();
         assert_eq!(got.displayed_weber_share, 1.0);

@@ -1,6 +1,7 @@
 //! Jumps that nobody can avoid: what a flickering contact set asks of any display.
 
 use crate::best_places::least_place_error;
+use crate::plane::squared_distance;
 
 /// Position error over the best known that the bound allows in a frame.
 pub(crate) const ALLOWED: f64 = 1.08;
@@ -18,23 +19,23 @@ pub(crate) const ALLOWED: f64 = 1.08;
 /// higher.
 ///
 /// `before` and `now` are contacts and their least place errors; "best" is what `restarts` runs of
-/// k-means++ find. A jump is a move of more than `jump_px` pixels.
+/// k-means++ find. A jump is a move of more than `jump`.
 pub(crate) fn unavoidable_jumps(
-    before: (&[[u16; 2]], f64),
-    now: (&[[u16; 2]], f64),
+    before: (&[[f64; 2]], f64),
+    now: (&[[f64; 2]], f64),
     clusters: usize,
     restarts: u32,
-    jump_px: f64,
+    jump: f64,
 ) -> u64 {
     let ((old, old_error), (new, error)) = (before, now);
     let alone = new.iter().enumerate().filter(|(n, place)| {
         let others = new.iter().enumerate().filter(|(m, _)| m != n);
         let nearest = others
-            .map(|(_, other)| squared(**place, *other))
+            .map(|(_, other)| squared_distance(**place, *other))
             .fold(f64::INFINITY, f64::min);
         let is_new = old
             .iter()
-            .all(|other| squared(**place, *other) > jump_px * jump_px);
+            .all(|other| squared_distance(**place, *other) > jump * jump);
         is_new && 0.5 * nearest > ALLOWED * error
     });
     let alone = alone.count();
@@ -52,21 +53,15 @@ pub(crate) fn unavoidable_jumps(
     alone.saturating_sub(idle) as u64
 }
 
-fn squared(a: [u16; 2], b: [u16; 2]) -> f64 {
-    let (dx, dy) = (
-        f64::from(a[0]) - f64::from(b[0]),
-        f64::from(a[1]) - f64::from(b[1]),
-    );
-    dx * dx + dy * dy
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn jumps(before: &[[u16; 2]], now: &[[u16; 2]], clusters: usize) -> u64 {
-        let of = |places| least_place_error(places, clusters, 64);
-        unavoidable_jumps((before, of(before)), (now, of(now)), clusters, 64, 2.0)
+        let [before, now] =
+            [before, now].map(|pixels| pixels.iter().map(|p| p.map(f64::from)).collect::<Vec<_>>());
+        let of = |places: &[[f64; 2]]| least_place_error(places, clusters, 64);
+        unavoidable_jumps((&before, of(&before)), (&now, of(&now)), clusters, 64, 2.0)
     }
 
     #[test]

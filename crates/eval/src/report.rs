@@ -33,6 +33,10 @@ pub struct EvalReport {
     /// Share of the actuators that must jump, whatever the method, if no frame's position error is
     /// more than 1.08 times the best known: a lower bound, from the contacts alone.
     pub jump_bound_fraction: f64,
+    /// What places and jumps are measured in: `px`, or `mm` where actuators are placed on the hand.
+    pub place_unit: String,
+    /// A move beyond this is a jump.
+    pub jump_distance: f64,
     /// Passes that times are medians of.
     pub passes: usize,
     /// The preset that frames were conditioned by, or closest to: `robust` or `paper`; absent where the recording

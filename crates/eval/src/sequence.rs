@@ -3,10 +3,11 @@
 use crate::best_levels::least_level_error;
 use crate::best_places::least_place_error;
 use crate::jump_bound::unavoidable_jumps;
-use crate::tally::{jump_px, share};
+use crate::plane::Plane;
+use crate::tally::share;
 use std::collections::HashMap;
 use taxel_compress::Compressor;
-use taxel_hand::{ForceFrame, Profile, ProfileError, TactileFrame};
+use taxel_hand::{Coordinates, ForceFrame, Profile, ProfileError, TactileFrame};
 use taxel_skin::{ConditionConfig, Layout};
 
 /// Frames in the order of their times.
@@ -77,11 +78,14 @@ impl Felt {
 pub struct Reference {
     /// Column and row of each contact, in raster order.
     pub pixel: Vec<[u16; 2]>,
+    /// Where it is, in the coordinates of the [`Plane`].
+    pub place: Vec<[f64; 2]>,
     /// Its force.
     pub force: Vec<f64>,
     /// Least squared error of the force levels, [`least_level_error`].
     pub level_error: f64,
-    /// Least squared error known of the actuators' places, pixels squared, [`least_place_error`].
+    /// Least squared error known of the actuators' places, in the unit of the [`Plane`] squared,
+    /// [`least_place_error`].
     pub place_error: f64,
 }
 
@@ -94,23 +98,26 @@ pub struct References {
     pub levels: u16,
     /// `K_A`.
     pub actuators: u16,
+    /// In which coordinates places are judged.
+    pub plane: Plane,
     /// Share of the actuators that must jump between consecutive frames with contacts, whatever the
     /// method, if no frame's position error is more than 1.08 times the best known: a lower bound.
     pub jump_bound: f64,
 }
 
 impl References {
-    /// Finds the references, with `restarts` runs per set of contacts; calls `progress` after each frame.
+    /// Finds the references in these coordinates, with `restarts` runs per set of contacts; calls `progress` after each frame.
     ///
     /// Which taxels are contacts is read off [`Compressor::stages`]: it does not depend on the method.
     ///
     /// # Errors
     ///
-    /// Numbers of levels or actuators that no profile may have.
+    /// Numbers of levels or actuators that no profile may have; places on the hand that the layout does not know.
     pub fn find(
         sequence: &Sequence,
         levels: u16,
         actuators: u16,
+        coordinates: Coordinates,
         restarts: u32,
         mut progress: impl FnMut(),
     ) -> Result<Self, ProfileError> {
@@ -125,30 +132,32 @@ impl References {
         let mut known: HashMap<Vec<[u16; 2]>, f64> = HashMap::new();
         let mut frames: Vec<Reference> = Vec::with_capacity(sequence.len());
         let (mut jumps, mut kept) = (0, 0);
-        let jump_px = jump_px(sequence.layout.taxels.len());
+        let plane = Plane::new(&sequence.layout, coordinates)?;
         for frame in &sequence.force {
             compressor.compress(frame, &mut image);
             let stages = compressor.stages();
             let pixel = stages.pixel.to_vec();
+            let place: Vec<[f64; 2]> = pixel.iter().map(|pixel| plane.at(*pixel)).collect();
             let force = stages.force.to_vec();
             let place_error = *known
                 .entry(pixel.clone())
-                .or_insert_with(|| least_place_error(&pixel, usize::from(actuators), restarts));
+                .or_insert_with(|| least_place_error(&place, usize::from(actuators), restarts));
             if let Some(before) = frames.last().filter(|f| !f.pixel.is_empty())
                 && !pixel.is_empty()
             {
                 let most = usize::from(actuators);
-                let before = (&before.pixel[..], before.place_error);
                 // No more ids than that can be in both images.
-                kept += most.min(before.0.len()).min(pixel.len()) as u64;
-                if before.0 != &pixel[..] {
-                    jumps += unavoidable_jumps(before, (&pixel, place_error), most, restarts, jump_px);
+                kept += most.min(before.pixel.len()).min(pixel.len()) as u64;
+                if before.pixel != pixel {
+                    let (before, now) = ((&before.place[..], before.place_error), (&place[..], place_error));
+                    jumps += unavoidable_jumps(before, now, most, restarts, plane.jump);
                 }
             }
             frames.push(Reference {
                 level_error: least_level_error(&force, usize::from(levels)),
                 place_error,
                 pixel,
+                place,
                 force,
             });
             progress();
@@ -157,6 +166,7 @@ impl References {
             frames,
             levels,
             actuators,
+            plane,
             jump_bound: share(jumps, kept),
         })
     }

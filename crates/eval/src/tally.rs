@@ -1,18 +1,11 @@
 //! What changes from one image to the next.
 
+use crate::plane::{Plane, squared_distance};
 use taxel_hand::TactileImage;
-
-/// A move beyond this is a jump, pixels: two on a hand of up to 256 taxels, an eighth of the side of 16 x 16. On a skin
-/// of more and smaller taxels it is the same share of the side of a square of them: two taxels are no distance there.
-pub fn jump_px(taxels: usize) -> f64 {
-    2.0 * ((taxels as f64).sqrt() / 16.0).max(1.0)
-}
 
 /// Counts how actuators move and levels change between consecutive images, both of which have contacts.
 #[derive(Debug, Default)]
 pub(crate) struct Tally {
-    /// A move beyond this is a jump, pixels.
-    jump_px: f64,
     last: Option<TactileImage>,
     /// Level of the contact at each pixel of the last image; 0 for none.
     last_levels: Vec<u16>,
@@ -30,16 +23,8 @@ pub(crate) struct Tally {
 }
 
 impl Tally {
-    /// For images of a hand of so many taxels, [`jump_px`].
-    pub(crate) fn new(taxels: usize) -> Self {
-        Self {
-            jump_px: jump_px(taxels),
-            ..Self::default()
-        }
-    }
-
-    /// The next image, and the pixel and level (from 0) of each of its contacts.
-    pub(crate) fn add(&mut self, image: &TactileImage, pixel: &[[u16; 2]], level: &[u16]) {
+    /// The next image of a hand, and the pixel and level (from 0) of each of its contacts.
+    pub(crate) fn add(&mut self, image: &TactileImage, plane: &Plane, pixel: &[[u16; 2]], level: &[u16]) {
         let width = usize::from(image.width);
         self.levels.clear();
         self.levels.resize(width * usize::from(image.height), 0);
@@ -55,14 +40,10 @@ impl Tally {
                 let Some(before) = last.actuators.iter().find(|a| a.id == now.id) else {
                     continue;
                 };
-                let (dx, dy) = (
-                    f64::from(now.x) - f64::from(before.x),
-                    f64::from(now.y) - f64::from(before.y),
-                );
-                let moved = (dx * dx + dy * dy).sqrt();
+                let (from, to) = ([before.x, before.y], [now.x, now.y]);
                 self.kept += 1;
-                self.jumps += u64::from(moved > self.jump_px);
-                self.moved_px += moved;
+                self.jumps += u64::from(squared_distance(plane.at(from), plane.at(to)).sqrt() > plane.jump);
+                self.moved_px += squared_distance(from.map(f64::from), to.map(f64::from)).sqrt();
             }
             for (now, before) in self.levels.iter().zip(&self.last_levels) {
                 if *now > 0 && *before > 0 {
@@ -88,7 +69,8 @@ pub(crate) fn share(part: u64, whole: u64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use taxel_hand::Actuator;
+    use taxel_hand::{Actuator, Coordinates};
+    use taxel_skin::Layout;
 
     fn image(actuators: &[(u16, u16, u16)]) -> TactileImage {
         let actuators = actuators.iter().map(|&(id, x, y)| Actuator {
@@ -106,8 +88,13 @@ mod tests {
         }
     }
 
+    fn plane(side: u16) -> Plane {
+        Plane::new(&Layout::grid(side, side).unwrap(), Coordinates::Pixels).unwrap()
+    }
+
     #[test]
     fn a_jump_is_the_same_id_more_than_two_pixels_away() {
+        let plane = plane(16);
         for (name, before, after, kept, jumps) in [
             ("still", &[(0, 3, 3)][..], &[(0, 3, 3)][..], 1, 0),
             ("two pixels are no jump", &[(0, 3, 3)], &[(0, 5, 3)], 1, 0),
@@ -130,37 +117,37 @@ mod tests {
             ("no contact before", &[], &[(0, 3, 3)], 0, 0),
             ("no contact after", &[(0, 3, 3)], &[], 0, 0),
         ] {
-            let mut tally = Tally::new(256);
-            tally.add(&image(before), &[], &[]);
-            tally.add(&image(after), &[], &[]);
+            let mut tally = Tally::default();
+            tally.add(&image(before), &plane, &[], &[]);
+            tally.add(&image(after), &plane, &[], &[]);
             assert_eq!((tally.kept, tally.jumps), (kept, jumps), "{name}");
         }
     }
 
     #[test]
     fn a_jump_is_farther_on_a_skin_of_more_taxels() {
-        assert_eq!([1, 240, 256, 1024].map(jump_px), [2.0, 2.0, 2.0, 4.0]);
-        let mut tally = Tally::new(1024);
+        let plane = plane(32);
+        let mut tally = Tally::default();
         for x in [0, 4, 9] {
-            tally.add(&image(&[(0, x, 3)]), &[], &[]);
+            tally.add(&image(&[(0, x, 3)]), &plane, &[], &[]);
         }
         assert_eq!((tally.kept, tally.jumps), (2, 1));
     }
 
     #[test]
     fn a_level_changes_where_a_taxel_stays_in_contact() {
-        let mut tally = Tally::new(256);
+        let (plane, mut tally) = (plane(16), Tally::default());
         let image = image(&[(0, 0, 0)]);
-        tally.add(&image, &[[0, 0], [1, 0], [2, 0]], &[0, 1, 1]);
-        tally.add(&image, &[[1, 0], [2, 0], [3, 0]], &[1, 0, 4]);
+        tally.add(&image, &plane, &[[0, 0], [1, 0], [2, 0]], &[0, 1, 1]);
+        tally.add(&image, &plane, &[[1, 0], [2, 0], [3, 0]], &[1, 0, 4]);
         assert_eq!((tally.touched, tally.level_changes), (2, 1));
     }
 
     #[test]
     fn an_empty_image_in_between_breaks_the_comparison() {
-        let mut tally = Tally::new(256);
+        let (plane, mut tally) = (plane(16), Tally::default());
         for actuators in [&[(0, 0, 0)][..], &[], &[(0, 9, 9)]] {
-            tally.add(&image(actuators), &[], &[]);
+            tally.add(&image(actuators), &plane, &[], &[]);
         }
         assert_eq!(tally.kept, 0);
     }

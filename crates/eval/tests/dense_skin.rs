@@ -1,7 +1,7 @@
 //! Jumps on a skin of many small taxels.
 
 use taxel_eval::{Method, References, Sequence, judge};
-use taxel_hand::{ForceFrame, Profile};
+use taxel_hand::{Coordinates, ForceFrame, Profile};
 use taxel_skin::Layout;
 
 /// A hold of about 400 contacts on 50 x 28 taxels that breathes, and drifts by a pixel in a frame. None flickers.
@@ -37,7 +37,7 @@ fn actuators_that_drift_with_a_large_contact_do_not_jump() {
         actuators: 16,
         ..Profile::default()
     };
-    let references = References::find(&sequence, 8, 16, 1, || ()).expect("a profile");
+    let references = References::find(&sequence, 8, 16, Coordinates::Pixels, 1, || ()).expect("a profile");
     let method = Method::parse("optimal", &profile).expect("a method");
     let errors = judge(&sequence, &references, &method).expect("a profile");
     // By moves of more than two pixels it would be 2 %. What is left are swaps that save more than jump_gain of the cost.

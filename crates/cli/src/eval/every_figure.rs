@@ -3,7 +3,7 @@
 use super::cell::{WIDE_CELL, percent, ratio, within};
 use super::table::{chosen, contact_truth, what, wrapped};
 use std::fmt::Write;
-use taxel_eval::{EvalReport, MethodReport, jump_px};
+use taxel_eval::{EvalReport, MethodReport};
 
 /// Longer names stand on a line of their own.
 const WIDEST_NAME: usize = 44;
@@ -94,8 +94,8 @@ fn error_columns(report: &EvalReport) -> Vec<Column> {
         report.raw_bits_per_s / 1e3
     );
     let jumps = format!(
-        "jumps: actuators that move more than {:.1} pixels between two images",
-        jump_px(report.taxels)
+        "jumps: actuators that move more than {:.1} {} between two images",
+        report.jump_distance, report.place_unit
     );
     let centre_is = format!("{centre}: how far off the centre of pressure is");
     vec![

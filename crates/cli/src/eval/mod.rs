@@ -29,13 +29,14 @@ use taxeld::Config;
 
 /// Measure speed against error: every method, on the same frames.
 ///
-/// Errors are against the least that is possible: for force levels the exact optimum of each frame,
-/// for actuators the best of 64 runs of k-means++. Ratios of 1 are optimal. A jump is an actuator
-/// (same id) that moves more than 2 pixels between consecutive images, or on a skin of more than 256
-/// taxels more than an eighth of the side of a square of them. What a display shows is judged
-/// by both stages together: the force of each taxel in contact against that with which its actuator
-/// presses. A tick is conditioning and compression where the recording holds counts, compression alone
-/// where it holds magnitudes; times are medians over --passes, per frame.
+/// Errors are against the least that is possible: for force levels the exact optimum of each frame, for actuators
+/// the best of 64 runs of k-means++. Ratios of 1 are optimal. A jump is an actuator (same id) that moves more than
+/// 2 pixels between consecutive images, or on a skin of more than 256 taxels more than an eighth of the side of a
+/// square of them. With coordinates = "hand" in the profile, places and jumps are of the hand laid flat,
+/// millimetres, and two distances of neighbouring taxels take the place of 2 pixels. What a display shows is judged
+/// by both stages together: the force of each taxel in contact against that with which its actuator presses. A tick
+/// is conditioning and compression where the recording holds counts, compression alone where it holds magnitudes;
+/// times are medians over --passes, per frame.
 ///
 /// INPUT is any recording that `taxel compress` takes, or sim:SCENE, where contacts are compared
 /// with the truth too.
@@ -427,6 +428,14 @@ impl Args {
                 other.name
             );
         }
+        let coordinates = profile.coordinates;
+        if let Some(other) = methods.iter().find(|m| m.profile.coordinates != coordinates) {
+            bail!(
+                "`{}`: every method places actuators in the same coordinates here, and `{}` has others; judge them one by one",
+                other.name,
+                methods[0].name
+            );
+        }
         let methods = &learned(methods, sequence)[..];
         let passes = self.passes.map_or(20_000 / sequence.len().max(1), |n| n as usize);
         let passes = if self.passes.is_some() {
@@ -435,8 +444,9 @@ impl Args {
             passes.clamp(5, 101) | 1
         };
         let progress = Progress::new(sequence.len() as u64, "frames, best possible");
-        let references =
-            References::find(sequence, levels, actuators, self.restarts, || progress.advance(1))?;
+        let references = References::find(sequence, levels, actuators, coordinates, self.restarts, || {
+            progress.advance(1)
+        })?;
         drop(progress);
         if references.contact_frames() == 0 {
             bail!(
@@ -470,6 +480,8 @@ impl Args {
             raw_bits_per_s: sequence.rate_hz() * sequence.layout.len() as f64 * words * 16.0,
             restarts: self.restarts,
             jump_bound_fraction: references.jump_bound,
+            place_unit: references.plane.unit().into(),
+            jump_distance: references.plane.jump,
             passes,
             conditioning: sequence.conditioning.as_ref().map(preset_name),
             conditioning_timed: sequence.conditioning.is_some(),

@@ -2,7 +2,7 @@
 
 use super::cell::{CELL, percent, time, within};
 use std::fmt::Write;
-use taxel_eval::{EvalReport, MethodReport, ScalingReport, jump_px};
+use taxel_eval::{EvalReport, MethodReport, ScalingReport};
 
 /// No line is longer.
 const COLUMNS: usize = 100;
@@ -67,8 +67,12 @@ pub(super) fn main_figures(report: &EvalReport) -> String {
             ""
         },
     ));
-    let jump = jump_px(report.taxels);
-    if jump != 2.0 {
+    let (jump, unit) = (report.jump_distance, &report.place_unit);
+    if unit == "mm" {
+        text += &wrapped(&format!(
+            "Places are those on the hand, as actuators have them, and jumps are moves of more than {jump:.1} mm."
+        ));
+    } else if jump != 2.0 {
         text += &wrapped(&format!(
             "Jumps: moves of more than {jump:.1} pixels, an eighth of the side of a square of {} taxels.",
             report.taxels
@@ -79,10 +83,6 @@ pub(super) fn main_figures(report: &EvalReport) -> String {
     text
 }
 
-/// A ratio of places, where the method chose them and a frame had more contacts than actuators.
-pub(super) fn chosen(method: &MethodReport, ratio: Option<f64>) -> Option<f64> {
-    ratio.filter(|_| !method.places_fixed)
-}
 /// A name and figures of that width with a blank before each.
 pub(super) fn line(name: &str, cells: &[String], width: usize) -> String {
     let mut text = match name.len() > NAME {
@@ -95,6 +95,10 @@ pub(super) fn line(name: &str, cells: &[String], width: usize) -> String {
     text + "\n"
 }
 
+/// A ratio of places, where the method chose them and a frame had more contacts than actuators.
+pub(super) fn chosen(method: &MethodReport, ratio: Option<f64>) -> Option<f64> {
+    ratio.filter(|_| !method.places_fixed)
+}
 
 /// What was taken for a contact, where a scene knows.
 pub(super) fn contact_truth(report: &EvalReport) -> String {
@@ -244,6 +248,8 @@ mod tests {
             raw_bits_per_s: 1920.0,
             restarts: 64,
             jump_bound_fraction: 0.0,
+            place_unit: "px".into(),
+            jump_distance: 2.0,
             passes: 5,
             conditioning: None,
             conditioning_timed: false,

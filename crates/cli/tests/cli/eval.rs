@@ -297,6 +297,35 @@ fn a_configuration_that_excludes_usual_methods_is_judged_by_the_others() {
 }
 
 #[test]
+fn places_are_judged_in_the_coordinates_in_which_they_are_chosen() {
+    let dir = TempDir::new().unwrap();
+    let forces = Array3::from_shape_fn((4, 4, 4), |(t, y, x)| (1 + (4 * y + x) * (t + 1) % 11) as f64);
+    ndarray_npy::write_npy(dir.path().join("forces.npy"), &forces).unwrap();
+    let quick = [
+        "eval",
+        "forces.npy",
+        "--layout",
+        "uskin-module",
+        "--actuators",
+        "4",
+    ];
+    let quick = [&quick[..], &["--restarts", "1", "--passes", "1"]].concat();
+    let hand = ["--method", "optimal coordinates=hand"];
+    let report: Value =
+        serde_json::from_str(&succeeds(&dir, &[&quick[..], &hand, &["--json"]].concat()).0).unwrap();
+    assert_eq!(report["place_unit"], "mm");
+    let jump = report["jump_distance"].as_f64().unwrap();
+    let (out, _) = succeeds(&dir, &[&quick[..], &hand].concat());
+    let said = format!("jumps are moves of more than {jump:.1} mm");
+    assert!(jump > 4.0 && out.replace('\n', " ").contains(&said), "{out}");
+    let err = fails(&dir, &[&quick[..], &hand, &["--method", "paper"]].concat(), 1);
+    assert!(
+        err.contains("`paper`: every method places actuators in the same coordinates here"),
+        "{err}"
+    );
+}
+
+#[test]
 fn a_method_that_a_configuration_makes_the_same_as_another_is_judged_once() {
     let dir = TempDir::new().unwrap();
     let forces = Array3::from_shape_fn((6, 4, 4), |(t, y, x)| (1 + (4 * y + x) * (t + 1) % 11) as f64);
