@@ -15,6 +15,7 @@ use taxel_playback::pipeline::{Emit, run_counts, run_magnitudes, run_traffic};
 use taxel_playback::scene_input;
 use taxel_playback::traffic::Traffic;
 use taxel_record::Recording;
+use taxel_sim::{Scene, with_stand_in_boards};
 use taxel_skin::{Layout, Preset};
 use taxeld::Config;
 
@@ -83,9 +84,10 @@ impl OfflineArgs {
         }
     }
 
-    /// The configuration named, or the defaults, without the hand of a recording.
-    pub(crate) fn configure_for(&self, default_layout: &str) -> anyhow::Result<Config> {
-        self.configure_hand(self.hand(default_layout)?)
+    /// The configuration named, or the defaults, for the hand that plays a scene: simulated boards stand in where it has
+    /// none.
+    pub(crate) fn configure_scene(&self, scene: &Scene) -> anyhow::Result<Config> {
+        self.configure_hand(with_stand_in_boards(&self.hand(scene.layout())?)?)
     }
 
     /// The hand that the recording is of ([`InputArgs::hand`]).
@@ -119,7 +121,9 @@ impl OfflineArgs {
             Input::Frames(recording) if recording.image_shape().is_some() && !is_placed => {
                 grid_of(recording)?
             }
-            Input::Scene(scene) => self.input.hand(configured.as_ref(), scene.layout())?,
+            Input::Scene(scene) => {
+                with_stand_in_boards(&self.input.hand(configured.as_ref(), scene.layout())?)?
+            }
             _ => self.input.hand(configured.as_ref(), DEFAULT_LAYOUT)?,
         };
         let mut config = match configured {

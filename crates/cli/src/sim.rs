@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use taxel_can::Received;
-use taxel_hand::closest;
+use taxel_hand::did_you_mean;
 use taxel_playback::interrupt::Interrupt;
 use taxel_playback::target::{TargetAddress, Targets, of_buses, refuse_shared_ids};
 use taxel_sim::servo::{SERVO_BAUD, ServoBus, ServoPty, StableLink, servo_clock_ns, servos_of_scene};
@@ -112,9 +112,17 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         return show_layout(layout);
     }
     if args.show {
+        if name == play::SCENE {
+            bail!("--show: the scene {name} is a gripper that is simulated, and has no file");
+        }
+        let meant = || did_you_mean(name, built_in());
         let text = Scene::builtin_text(name);
-        print(&text.with_context(|| format!("{name} is not built in; `taxel sim --list` lists what is"))?)?;
-        return Ok(());
+        return print(&text.with_context(|| {
+            format!(
+                "{name} is not built in; `taxel sim --list` lists what is{}",
+                meant()
+            )
+        })?);
     }
     let limit_ns = args.seconds.map(|limit| limit.as_nanos() as u64);
     if name == play::SCENE {
@@ -138,12 +146,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
 
 /// Plays a scene on the buses of a hand, or writes it into logs.
 fn play_scene(args: &Args, name: &str, limit_ns: Option<u64>) -> anyhow::Result<()> {
-    let scene = Scene::resolve(name).map_err(|error| match (&error, closest(name, [play::SCENE])) {
-        (SceneError::UnknownScene { .. }, Some(meant)) => {
-            anyhow!("there is no scene {name}; did you mean `{meant}`?")
-        }
-        _ => error.into(),
-    })?;
+    let scene = resolve(name)?;
     let named = Layout::resolve(args.layout.as_deref().unwrap_or(scene.layout()))?;
     let layout = with_stand_in_boards(&named)?;
     if named.buses.is_empty() {
@@ -242,17 +245,46 @@ fn show_layout(name: &str) -> anyhow::Result<()> {
     print(&text)
 }
 
-/// Reads the name of a scene, or a file of one.
+/// The scenes that can be a recording too.
+fn built_in() -> impl Iterator<Item = &'static str> {
+    Scene::names().into_iter().chain(Scene::objects())
+}
+
+/// Every scene of `taxel sim` and `taxel demo`.
+fn names() -> impl Iterator<Item = &'static str> {
+    built_in().chain([play::SCENE])
+}
+
+/// Reads the name of a scene, or a file of one; `sim:SCENE` is the same.
 pub(crate) fn scene_parser() -> impl TypedValueParser<Value = String> {
-    let names = Scene::names().into_iter().chain(Scene::objects());
-    offering(names.chain([play::SCENE]), StringValueParser::new())
+    offering(names(), named())
+}
+
+/// The same without the gripper's, which is no recording.
+pub(crate) fn recorded_scene_parser() -> impl TypedValueParser<Value = String> {
+    offering(built_in(), named())
+}
+
+fn named() -> impl TypedValueParser<Value = String> {
+    StringValueParser::new().map(|name| name.strip_prefix("sim:").unwrap_or(&name).to_owned())
+}
+
+/// The scene of a command that plays the gripper's too.
+pub(crate) fn resolve(name: &str) -> anyhow::Result<Scene> {
+    Scene::resolve(name).map_err(|error| match error {
+        SceneError::UnknownScene { .. } => anyhow!(
+            "there is no scene `{name}`: neither a file nor one of {}{}",
+            names().collect::<Vec<_>>().join(", "),
+            did_you_mean(name, names())
+        ),
+        error => error.into(),
+    })
 }
 
 fn list(as_json: bool) -> anyhow::Result<()> {
     let mut text = String::new();
-    let names = || Scene::names().into_iter().chain(Scene::objects());
     if as_json {
-        let scenes = names().map(|name| {
+        let scenes = built_in().map(|name| {
             let scene = Scene::builtin(name)?;
             let (seconds, about, layout) = (scene.seconds(), scene.about(), scene.layout());
             Ok(json!({ "name": name, "seconds": seconds, "about": about, "layout": layout }))
@@ -263,7 +295,7 @@ fn list(as_json: bool) -> anyhow::Result<()> {
         );
         return print(&format!("{}\n", Value::from(scenes)));
     }
-    for name in names() {
+    for name in built_in() {
         let scene = Scene::builtin(name)?;
         text += &format!("{name:12} {:>5.1} s  {}\n", scene.seconds(), scene.about());
     }

@@ -9,7 +9,7 @@ use crate::categorize::PhantomMap;
 use crate::compress::{method_parser, methods};
 use crate::offline::preset_parser;
 use crate::seconds::seconds;
-use crate::sim::scene_parser;
+use crate::sim::{resolve, scene_parser};
 use crate::terminal::{self, Shown};
 use anyhow::{Context, bail};
 use meter::Meter;
@@ -89,7 +89,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         return forearm::run(args, args.headless || !terminal::can_draw());
     }
     let (scene_name, layout) = scene_and_layout(args)?;
-    let scene = Scene::resolve(&scene_name)?;
+    let scene = resolve(&scene_name)?;
     let interrupt = Interrupt::install()?;
     let map = scene
         .palpation()
@@ -170,7 +170,7 @@ fn scene_and_layout(args: &Args) -> anyhow::Result<(String, Layout)> {
     let name = args.scene.as_deref().unwrap_or(usual);
     let layout = match named {
         Some(layout) => layout,
-        None => Layout::resolve(Scene::resolve(name)?.layout())?,
+        None => Layout::resolve(resolve(name)?.layout())?,
     };
     if layout.buses.is_empty() {
         eprintln!(

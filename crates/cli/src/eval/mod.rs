@@ -11,6 +11,7 @@ mod task;
 use crate::allocations::COUNTER;
 use crate::offline::OfflineArgs;
 use crate::piped_file;
+use crate::sim::recorded_scene_parser;
 use anyhow::{Context, bail};
 use serde::Serialize;
 use std::io::{self, Write};
@@ -67,7 +68,7 @@ pub(crate) struct Args {
     #[arg(long, conflicts_with = "method")]
     all: bool,
     /// A scene to judge on besides INPUT: built-in or a file; may be repeated
-    #[arg(long, value_name = "SCENE")]
+    #[arg(long, value_name = "SCENE", value_parser = recorded_scene_parser(), hide_possible_values = true)]
     scene: Vec<String>,
     /// Also judge the first two methods with 2, 4, 8, 16 and 32 levels and actuators
     #[arg(long)]

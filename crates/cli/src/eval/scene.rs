@@ -10,7 +10,7 @@ use taxeld::Config;
 /// with its truth.
 pub(super) fn frames(name: &str, args: &Args) -> anyhow::Result<(Frames, Config)> {
     let scene = Scene::resolve(name)?;
-    let mut config = args.offline.configure_for(scene.layout())?;
+    let mut config = args.offline.configure_scene(&scene)?;
     args.condition(&mut config);
     let sequence = gathered(&config, |emit| scene_input::run(&scene, &config, emit))?;
     let simulator = Simulator::new(&scene, &config.layout, scene.seed())?;

@@ -139,6 +139,17 @@ fn what_is_asked_for_in_vain_is_refused_with_what_to_do_and_leaves_no_file() {
         (&["eval", "sim:tap", "--csv", "-"], "name a file"),
         (&["forearm", "simulate", "--out", "-"], "name a file"),
         (&["sim", "forearn", "--to", "-"], "did you mean `forearm`?"),
+        (&["sim", "juggle", "--to", "-"], "marker, forearm\n"),
+        (&["sim", "forearm", "--show"], "has no file"),
+        (&["sim", "slipp", "--show"], "did you mean `slip`?"),
+        (
+            &["demo", "--headless", "--scene", "forearn"],
+            "did you mean `forearm`?",
+        ),
+        (
+            &["eval", "sim:tap", "--scene", "sim:slipp"],
+            "did you mean `slip`?",
+        ),
         (
             &["figures", "sim:tap", "--out", "x", "--module", "index tpi"],
             "did you mean `index tip`?",

@@ -95,3 +95,32 @@ fn marks_are_made_of_a_phantom_in_real_time_only() {
         assert!(err.contains(words), "{args:?}: {err}");
     }
 }
+
+#[test]
+fn every_scene_is_a_recording_of_the_hand_that_it_is_for() {
+    let dir = TempDir::new().unwrap();
+    let scene = "name = \"poke\"\nseconds = 3.0\nlayout = \"cyskin-triangle\"\n";
+    std::fs::write(dir.path().join("poke.toml"), scene).unwrap();
+    for args in [&["sim:poke.toml"][..], &["sim:idle", "--layout", "grid:4x4"]] {
+        let (_, err) = succeeds(&dir, &[&["compress"], args, &["--out", "a.npy"]].concat());
+        assert!(err.contains(" images of "), "{args:?}: {err}");
+    }
+}
+
+#[test]
+fn a_scene_is_named_with_sim_or_without() {
+    let dir = TempDir::new().unwrap();
+    let quick = ["--restarts", "1", "--passes", "1", "--method", "paper", "--json"];
+    for name in ["tap", "sim:tap"] {
+        let (out, _) = succeeds(
+            &dir,
+            &[&["eval", "sim:tap", "--scene", name], &quick[..]].concat(),
+        );
+        let report: serde_json::Value = serde_json::from_str(&out).unwrap();
+        assert_eq!(report["scenes"][0]["input"], "sim:tap");
+    }
+    succeeds(
+        &dir,
+        &["sim", "sim:tap", "--to", "log:tap.log", "--seconds", "0.1"],
+    );
+}
