@@ -3,6 +3,7 @@
 mod cell;
 mod every_figure;
 mod export;
+mod scaling;
 mod scene;
 mod spreadsheet;
 mod table;
@@ -18,7 +19,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use taxel_eval::{
     ContactTruth, EvalReport, Method, MethodError, MethodReport, Offered, References, ScalingReport,
-    Sequence, Timings, judge, main_methods, quantile, standard_methods, synthetic, time,
+    Sequence, Timings, judge, main_methods, quantile, standard_methods, time,
 };
 use taxel_hand::{FORCE_MAX, FORCE_MIN};
 use taxel_playback::interrupt::Ending;
@@ -115,19 +116,6 @@ fn npz(text: &str) -> Result<PathBuf, String> {
 /// Levels and actuators of `--sweep-k`.
 const SIZES: [u16; 5] = [2, 4, 8, 16, 32];
 
-/// Width and height of the skins of `--scaling`; a layout has no more than 65,535 taxels.
-const SHAPES: [[u16; 2]; 7] = [
-    [4, 4],
-    [8, 8],
-    [16, 16],
-    [32, 32],
-    [64, 64],
-    [128, 128],
-    [256, 255],
-];
-const SCALING_FRAMES: usize = 120;
-const SCALING_PASSES: usize = 5;
-
 /// What `--json` prints.
 #[derive(Debug, Serialize)]
 struct Output {
@@ -202,6 +190,11 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     for (name, other) in same {
         eprintln!("taxel: `{name}` is judged as `{other}`, which this configuration makes it the same as");
     }
+    // It is refused at once, or not at all.
+    let scaling = match args.scaling {
+        true => scaling::scaling(&methods)?,
+        false => Vec::new(),
+    };
     let (input, references, timings) = args.report(&frames, &methods)?;
     if let Some(file) = &mut export {
         export::write(file.path(), &frames.sequence, &references)
@@ -220,11 +213,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         } else {
             Vec::new()
         },
-        scaling: if args.scaling {
-            scaling(&methods)?
-        } else {
-            Vec::new()
-        },
+        scaling,
     };
     if let Some(file) = &mut csv {
         std::fs::write(file.path(), spreadsheet::csv(output.reports())?)
@@ -265,24 +254,6 @@ fn learned(methods: &[Method], sequence: &Sequence) -> Vec<Method> {
         method.learn_from(&sequence.force);
     }
     methods
-}
-
-/// Times both stages on hands of every size.
-fn scaling(methods: &[Method]) -> anyhow::Result<Vec<ScalingReport>> {
-    let progress = Progress::new(SHAPES.len() as u64, "sizes");
-    let of_shape = |[width, height]: [u16; 2]| -> anyhow::Result<ScalingReport> {
-        let sequence = synthetic(width, height, SCALING_FRAMES)?;
-        let methods = learned(methods, &sequence);
-        let timings = time(&sequence, &methods, SCALING_PASSES, None, || ());
-        progress.advance(1);
-        Ok(ScalingReport {
-            taxels: sequence.layout.len(),
-            methods: (methods.iter().zip(&timings))
-                .map(|(method, timings)| (method.name.clone(), timings.least_compress_us()))
-                .collect(),
-        })
-    };
-    SHAPES.into_iter().map(of_shape).collect()
 }
 
 /// The frames of a recording as the daemon conditions them.

@@ -318,6 +318,11 @@ fn places_are_judged_in_the_coordinates_in_which_they_are_chosen() {
     let (out, _) = succeeds(&dir, &[&quick[..], &hand].concat());
     let said = format!("jumps are moves of more than {jump:.1} mm");
     assert!(jump > 4.0 && out.replace('\n', " ").contains(&said), "{out}");
+    let err = fails(&dir, &[&quick[..], &hand, &["--scaling"]].concat(), 1);
+    assert!(
+        err.contains("--scaling: `optimal coordinates=hand` on a made-up skin of 4 x 4: profile: "),
+        "{err}"
+    );
     let err = fails(&dir, &[&quick[..], &hand, &["--method", "paper"]].concat(), 1);
     assert!(
         err.contains("`paper`: every method places actuators in the same coordinates here"),
