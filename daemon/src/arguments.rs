@@ -11,7 +11,7 @@ use std::path::PathBuf;
 #[derive(Debug, Parser)]
 #[command(
     name = "taxeld",
-    version,
+    version = env!("TAXEL_VERSION"),
     after_help = "Example:\n  taxeld --config /etc/taxeld/taxeld.toml"
 )]
 pub struct Arguments {

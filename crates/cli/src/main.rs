@@ -57,7 +57,7 @@ use taxeld::stdout;
 /// Tactile images from robot skin: watch a running daemon, replay recordings, simulate a hand,
 /// compress offline.
 #[derive(Debug, Parser)]
-#[command(name = "taxel", version, after_help = EXAMPLES, max_term_width = 110)]
+#[command(name = "taxel", version = env!("TAXEL_VERSION"), after_help = EXAMPLES, max_term_width = 110)]
 #[command(arg_required_else_help = true)]
 struct Cli {
     /// List every command there is, those of other programs with their files
