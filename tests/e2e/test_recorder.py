@@ -316,6 +316,8 @@ def test_what_was_shown_and_marked_comes_out_of_the_file_as_it_was(start, lockst
     assert lines[0] == ["t_s", "text"] and [text for _, text in lines[1:]] == [text for _, text in marks(out)]
     times = [float(seconds) for seconds, _ in lines[1:]]
     assert times == sorted(times)
+    to_stdout = subprocess.run([binary("taxel"), "convert", out, "-", "--marks"], capture_output=True, check=True)
+    assert to_stdout.stdout == (folder / "marks.csv").read_bytes()
 
     def categories(*arguments):
         # One step for all of a touch: on a busy machine two frames may be any time apart.

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use taxel_engine::TickMode;
 use taxel_hand::{Freshness, TactileFrame};
 use taxel_playback::interrupt::Interrupt;
-use taxel_playback::output_file::{OutputFile, refuse_overlap};
+use taxel_playback::output_file::{OutputFile, create_stream, refuse_overlap};
 use taxel_playback::progress::Progress;
 use taxel_playback::recorded;
 use taxel_playback::sweep::Sweeps;
@@ -42,7 +42,8 @@ Examples:
 pub(crate) struct Args {
     #[command(flatten)]
     offline: OfflineArgs,
-    /// Where it goes: .log, .mcap, .npz, .csv or .parquet; - for candump lines on stdout
+    /// Where it goes: .log, .mcap, .npz, .csv or .parquet; - for candump lines, or with --marks for these, on
+    /// stdout
     #[arg(value_name = "OUT")]
     out: PathBuf,
     /// One JSON object on stdout in the end: the file, and how many CAN frames, frames, images or marks are in it
@@ -62,9 +63,10 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     if args.json && is_stdout {
         bail!("--json: the recording goes to stdout already; name a file");
     }
-    let ending = match is_stdout {
-        true => Path::new("-.log").extension(),
-        false => out.extension(),
+    let ending = match (is_stdout, args.marks) {
+        (true, true) => Path::new("-.csv").extension(),
+        (true, false) => Path::new("-.log").extension(),
+        (false, _) => out.extension(),
     };
     let ending = ending
         .and_then(|ending| ending.to_str())
@@ -149,7 +151,10 @@ fn extract(args: &Args, ending: &str) -> anyhow::Result<()> {
         );
     }
     refuse_overlap(&[out], &args.offline.inputs())?;
-    let mut whole = OutputFile::begin(out)?;
+    let mut whole = match args.images {
+        true => OutputFile::begin(out)?,
+        false => OutputFile::stream(out)?,
+    };
     let count = if args.images {
         let images = recorded::images(path)?;
         match ending {
@@ -161,7 +166,9 @@ fn extract(args: &Args, ending: &str) -> anyhow::Result<()> {
     } else {
         let (_, marks) = recorded::frames_and_marks(path)?;
         let text = marks_file::text(&marks)?;
-        std::fs::write(whole.path(), text).with_context(|| out.display().to_string())?;
+        create_stream(whole.path())
+            .and_then(|mut file| file.write_all(&text))
+            .with_context(|| out.display().to_string())?;
         marks.len()
     };
     whole.finish()?;

@@ -1,6 +1,6 @@
 //! INPUT: any recording the tool knows, and what to say about it where the file does not.
 
-use crate::piped_file::recording_parser;
+use crate::piped_file::{layout_parser, recording_parser};
 use anyhow::{Context, bail};
 use std::path::PathBuf;
 use taxel_playback::head::Head;
@@ -41,8 +41,8 @@ pub(crate) struct InputArgs {
     /// t_ns
     #[arg(long, value_name = "UNIT")]
     time_column: Option<TimeUnit>,
-    /// Places the taxels: a built-in hand (allegro-uskin-15, uskin-module), grid:HxW, or a layout file
-    #[arg(long, value_name = "LAYOUT")]
+    /// Places the taxels: a built-in hand (allegro-uskin-15, uskin-module), grid:HxW, or a layout file, - for stdin
+    #[arg(long, value_name = "LAYOUT", value_parser = layout_parser())]
     pub(crate) layout: Option<String>,
     /// Cells of magnitudes that are no taxels: nan, where they are not a number in any frame, or an array of the .npz
     /// of a frame's shape that is not zero there

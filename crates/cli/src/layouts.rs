@@ -1,8 +1,8 @@
 //! `taxel layouts`: the hands that are built in, and what any layout looks like.
 
 use crate::offered::offering;
+use crate::piped_file::layout_parser;
 use anyhow::Context;
-use clap::builder::StringValueParser;
 use serde_json::json;
 use std::fmt::Write as _;
 use std::io::Write;
@@ -24,8 +24,8 @@ Examples:
   taxel layouts my-hand.toml
   taxel layouts uskin-module --file > mine.toml     to start a layout of one's own")]
 pub(crate) struct Args {
-    /// A built-in hand, grid:HxW, or a layout file
-    #[arg(value_name = "NAME", value_parser = offering(Layout::builtin_names(), StringValueParser::new()), hide_possible_values = true)]
+    /// A built-in hand, grid:HxW, or a layout file, - for stdin
+    #[arg(value_name = "NAME", value_parser = offering(Layout::builtin_names(), layout_parser()), hide_possible_values = true)]
     name: Option<String>,
     /// Print the layout file of a built-in hand
     #[arg(long, requires = "name", conflicts_with = "json")]

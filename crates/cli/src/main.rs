@@ -267,6 +267,24 @@ mod tests {
         }
     }
 
+    /// Where `--layout` names a hand in a file that is written, or is a grid alone.
+    const LAYOUT_BY_NAME: [&str; 3] = ["config init", "setup", "categorize"];
+
+    #[test]
+    fn every_option_that_names_a_configuration_or_a_layout_takes_one_on_stdin() {
+        for (name, command) in leaves(&Cli::command(), "") {
+            let is_read =
+                |long| long == "config" || long == "layout" && !LAYOUT_BY_NAME.contains(&name.as_str());
+            for arg in command
+                .get_arguments()
+                .filter(|arg| arg.get_long().is_some_and(is_read))
+            {
+                let help = arg.get_help().map(ToString::to_string).unwrap_or_default();
+                assert!(help.contains("- for"), "taxel {name} --{}: {help}", arg.get_id());
+            }
+        }
+    }
+
     #[test]
     fn a_cause_is_not_told_twice() {
         let inner = std::io::Error::other("no such device");

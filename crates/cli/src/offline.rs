@@ -2,6 +2,7 @@
 
 use crate::input::{DEFAULT_LAYOUT, Input, InputArgs, pair};
 use crate::offered::offering;
+use crate::piped_file::text_parser;
 use anyhow::{Context, bail};
 use clap::builder::TypedValueParser;
 use std::path::{Path, PathBuf};
@@ -30,8 +31,8 @@ pub(crate) struct OfflineArgs {
     /// Actuators of the display, K_A [default: 16, or the configuration's]
     #[arg(long, value_name = "K_A")]
     actuators: Option<u16>,
-    /// The daemon's configuration, for everything else; it needs no [[bus]] here
-    #[arg(long, value_name = "FILE")]
+    /// The daemon's configuration, for everything else; it needs no [[bus]] here; - for stdin
+    #[arg(long, value_name = "FILE", value_parser = text_parser())]
     config: Option<PathBuf>,
     /// Magnitudes only: a taxel is in contact above this [default: 0]
     #[arg(long, value_name = "FORCE")]

@@ -1,7 +1,8 @@
-//! A recording that comes through a pipe, stdin or one with a name, as a file of the kind that its first bytes tell.
+//! What comes through a pipe, stdin or one with a name, as a file that can be read more than once; a recording as one of
+//! the kind that its first bytes tell.
 
 use anyhow::{Context, bail};
-use clap::builder::{PathBufValueParser, TypedValueParser};
+use clap::builder::{PathBufValueParser, StringValueParser, TypedValueParser};
 use std::fs::File;
 use std::io::{IsTerminal, Read, Write};
 use std::os::unix::fs::FileTypeExt;
@@ -33,14 +34,55 @@ pub(crate) fn recording_parser() -> impl TypedValueParser<Value = PathBuf> {
     PathBufValueParser::new().try_map(|path| recording(path).map_err(|error| format!("{error:#}")))
 }
 
-fn recording(path: PathBuf) -> anyhow::Result<PathBuf> {
+/// Reads the path of a configuration or another text; `-`, and a pipe, is a file with what comes through it.
+pub(crate) fn text_parser() -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().try_map(|path| spooled(path).map_err(|error| format!("{error:#}")))
+}
+
+/// Reads the name of a layout; `-`, and a pipe, is the layout file that comes through it.
+pub(crate) fn layout_parser() -> impl TypedValueParser<Value = String> {
+    StringValueParser::new().try_map(|name| {
+        let path = spooled(name.into()).map_err(|error| format!("{error:#}"))?;
+        Ok::<_, String>(path.display().to_string())
+    })
+}
+
+/// Reads a source; a recording of it may come through a pipe, and `-` is one.
+pub(crate) fn source_parser() -> impl TypedValueParser<Value = SourceAddress> {
+    StringValueParser::new().try_map(|text| source(&text).map_err(|error| format!("{error:#}")))
+}
+
+fn source(text: &str) -> anyhow::Result<SourceAddress> {
+    let text = if text == "-" { "log:-" } else { text };
+    Ok(match text.parse()? {
+        SourceAddress::Log { path, interface } => SourceAddress::Log {
+            path: spooled(path)?,
+            interface,
+        },
+        other => other,
+    })
+}
+
+/// A file, or what comes through stdin or another pipe as a file.
+fn spooled(path: PathBuf) -> anyhow::Result<PathBuf> {
     if path.as_os_str() == "-" {
         let stdin = std::io::stdin();
         if stdin.is_terminal() {
-            bail!("- is a recording on stdin, which is a terminal; write `taxel ... - < FILE`");
+            bail!("- is stdin, which is a terminal; write `taxel ... - < FILE`");
         }
         return spool(stdin, "stdin");
     }
+    match std::fs::metadata(&path) {
+        Ok(file) if file.file_type().is_fifo() => {
+            let name = path.display().to_string();
+            spool(File::open(&path).context(name.clone())?, &name)
+        }
+        _ => Ok(path),
+    }
+}
+
+fn recording(path: PathBuf) -> anyhow::Result<PathBuf> {
+    let path = spooled(path)?;
     let address = path.to_str().and_then(|text| text.parse().ok());
     match std::fs::metadata(&path).map(|file| file.file_type()) {
         Err(_) if address.is_some() => match address {
@@ -59,10 +101,6 @@ fn recording(path: PathBuf) -> anyhow::Result<PathBuf> {
                 "a bus is no recording; where taxeld reads it, `taxel view` shows it and `taxel record` makes a recording"
             ),
         },
-        Ok(kind) if kind.is_fifo() => {
-            let name = path.display().to_string();
-            spool(File::open(&path).context(name.clone())?, &name)
-        }
         Ok(kind) if !kind.is_file() && !kind.is_dir() && path.extension().is_none() => {
             bail!("no regular file and no pipe; `-` reads stdin")
         }
@@ -90,11 +128,11 @@ fn spool(mut pipe: impl Read, name: &str) -> anyhow::Result<PathBuf> {
     Ok(path)
 }
 
-/// Where the recording of this name is to be, but for its ending. Nobody waits for what comes through the pipe.
+/// Where what is called so is to be, but for its ending. Nobody waits for what comes through the pipe.
 fn place(name: &str) -> anyhow::Result<PathBuf> {
     let mut piped = piped();
     if piped.names.iter().any(|known| known == name) {
-        bail!("{name} is one recording, and was named twice");
+        bail!("{name} is read once, and was named twice");
     }
     piped.names.push(name.to_owned());
     let number = piped.names.len();

@@ -7,6 +7,7 @@ pub(crate) use outcome::words;
 
 use crate::control;
 use crate::input::DEFAULT_LAYOUT;
+use crate::piped_file::text_parser;
 use crate::seconds::seconds;
 use anyhow::{Context, anyhow, bail};
 use serde_json::json;
@@ -68,8 +69,8 @@ pub(crate) struct Args {
     #[arg(long, conflicts_with_all = ["socket", "no_can", "trigger"], requires = "can")]
     no_daemon: bool,
     /// The configuration that the daemon runs with: it and its layout go into the recording, which then can be
-    /// read without them
-    #[arg(long, value_name = "FILE")]
+    /// read without them; - for stdin
+    #[arg(long, value_name = "FILE", value_parser = text_parser())]
     config: Option<PathBuf>,
     /// How long to record [default: until Ctrl-C]
     #[arg(long, value_name = "S", value_parser = seconds(TIMES))]

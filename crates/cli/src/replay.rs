@@ -1,6 +1,7 @@
 //! `taxel replay`: a recording back onto a bus.
 
 use crate::input::{DEFAULT_LAYOUT, Input, InputArgs, pair};
+use crate::piped_file::text_parser;
 use anyhow::{Context, anyhow, bail};
 use std::io::Write;
 use std::ops::Range;
@@ -35,8 +36,8 @@ Examples:
 pub(crate) struct Args {
     #[command(flatten)]
     input: InputArgs,
-    /// The configuration of the daemon that read the hand, for its layout
-    #[arg(long, value_name = "FILE")]
+    /// The configuration of the daemon that read the hand, for its layout; - for stdin
+    #[arg(long, value_name = "FILE", value_parser = text_parser())]
     config: Option<PathBuf>,
     /// Where to: can:INTERFACE, udp:GROUP:PORT, pressure:SOCKET (a pressure array's), log:FILE (candump, not waited
     /// for), or - for candump lines on stdout

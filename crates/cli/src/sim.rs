@@ -2,6 +2,7 @@
 
 use crate::forearm::play;
 use crate::offered::offering;
+use crate::piped_file::layout_parser;
 use crate::scene_marks::SceneMarks;
 use crate::seconds::seconds;
 use anyhow::{Context, anyhow, bail};
@@ -58,8 +59,8 @@ pub(crate) struct Args {
     /// Another seed for the noise than the scene's own
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
-    /// Another hand than the scene's own: a built-in name or a layout file
-    #[arg(long, value_name = "LAYOUT")]
+    /// Another hand than the scene's own: a built-in name or a layout file, - for stdin
+    #[arg(long, value_name = "LAYOUT", value_parser = layout_parser())]
     layout: Option<String>,
     /// Boards send without having been started, for looking at the bus with candump
     #[arg(long)]

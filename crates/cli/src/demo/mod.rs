@@ -8,6 +8,7 @@ mod session;
 use crate::categorize::PhantomMap;
 use crate::compress::{method_parser, methods};
 use crate::offline::preset_parser;
+use crate::piped_file::layout_parser;
 use crate::seconds::seconds;
 use crate::sim::{resolve, scene_parser};
 use crate::terminal::{self, Shown};
@@ -62,8 +63,8 @@ pub(crate) struct Args {
     /// A built-in scene, or a scene file [default: ball-grasp, or roll on hands that it does not fit]
     #[arg(long, value_name = "SCENE", value_parser = scene_parser(), hide_possible_values = true)]
     scene: Option<String>,
-    /// Another hand than the scene's own: a built-in name or a layout file
-    #[arg(long, value_name = "LAYOUT")]
+    /// Another hand than the scene's own: a built-in name or a layout file, - for stdin
+    #[arg(long, value_name = "LAYOUT", value_parser = layout_parser())]
     layout: Option<String>,
     /// Stop after so long [default: never, or after the scene when headless]
     #[arg(long, value_name = "S", value_parser = seconds(0.001..=1e9))]

@@ -4,6 +4,7 @@ use super::daemon::{self, Daemon};
 use super::hand_text::describe_hand;
 use super::scan;
 use crate::input::DEFAULT_LAYOUT;
+use crate::piped_file::{layout_parser, source_parser, text_parser};
 use crate::seconds::seconds;
 use anyhow::{Context, bail};
 use std::path::{Path, PathBuf};
@@ -39,14 +40,14 @@ Examples:
   taxel doctor --scan log:candump.log            the same from a recording")]
 pub(crate) struct Args {
     /// Where the buses of the hand are, in the layout's order: can:INTERFACE, udp:GROUP:PORT, log:FILE or sim:SCENE; a
-    /// recording or a scene alone is all of them [default: can: and the layout's names]
-    #[arg(value_name = "SOURCE", conflicts_with = "config")]
+    /// recording or a scene alone is all of them, - for a candump log on stdin [default: can: and the layout's names]
+    #[arg(value_name = "SOURCE", conflicts_with = "config", value_parser = source_parser())]
     pub(super) sources: Vec<SourceAddress>,
-    /// The daemon's configuration file
-    #[arg(long, value_name = "FILE", conflicts_with = "layout")]
+    /// The daemon's configuration file; - for stdin
+    #[arg(long, value_name = "FILE", conflicts_with = "layout", value_parser = text_parser())]
     pub(super) config: Option<PathBuf>,
-    /// The hand: a built-in name or a layout file [default: allegro-uskin-15]
-    #[arg(long, value_name = "LAYOUT")]
+    /// The hand: a built-in name or a layout file, - for stdin [default: allegro-uskin-15]
+    #[arg(long, value_name = "LAYOUT", value_parser = layout_parser())]
     pub(super) layout: Option<String>,
     /// Where joint angles come from: dynamixel:DEVICE or allegro:INTERFACE
     #[arg(long, value_name = "SOURCE", conflicts_with = "config")]

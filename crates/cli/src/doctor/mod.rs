@@ -37,6 +37,7 @@ use taxel_diagnose::Kind;
 use taxel_joints::{DynamixelConfig, JointSource};
 use taxel_playback::interrupt::Interrupt;
 use taxel_playback::output_file::refuse_existing;
+use taxel_playback::stand_in::as_named;
 use taxel_skin::{Layout, Wiring};
 use taxeld::Config;
 
@@ -80,12 +81,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<bool> {
     let healthy = doctor.checks.iter().all(|c| c.state != State::Error);
     if args.json {
         let checks: Vec<_> = doctor.checks.iter().map(Check::json).collect();
-        writeln!(
-            io::stdout(),
-            "{}",
-            json!({ "checks": checks, "healthy": healthy })
-        )
-        .context("stdout")?;
+        let object = json!({ "checks": checks, "healthy": healthy });
+        writeln!(io::stdout(), "{}", as_named(object.to_string())).context("stdout")?;
     } else {
         let summary = report::summary(&doctor.checks, Style::of_stdout());
         writeln!(io::stdout(), "\n{summary}").context("stdout")?;

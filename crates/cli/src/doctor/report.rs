@@ -3,6 +3,7 @@
 use super::finding::{Check, Mend, State};
 use std::io::{self, IsTerminal, Write};
 use taxel_hand::plural;
+use taxel_playback::stand_in::as_named;
 
 const WIDTH: usize = 80;
 /// Columns of a line before what was found.
@@ -124,7 +125,7 @@ impl<W: Write> Report<W> {
         for mend in &check.mend {
             match mend {
                 Mend::Run(command) => {
-                    for line in command.lines() {
+                    for line in as_named(command.clone()).lines() {
                         writeln!(self.out, "{:INDENT$}$ {}", "", self.style.paint("36", line))?;
                     }
                 }
@@ -204,7 +205,7 @@ fn is_alike(a: &Check, b: &Check) -> bool {
 pub(crate) fn wrap(text: &str, width: usize) -> Vec<String> {
     let mut lines = Vec::new();
     let mut line = String::new();
-    for word in text.split_whitespace() {
+    for word in as_named(text.into()).split_whitespace() {
         if !line.is_empty() && line.chars().count() + 1 + word.chars().count() > width {
             lines.push(std::mem::take(&mut line));
         }

@@ -12,6 +12,7 @@ use taxel_can::{LinkState, LogSource, Playback, Received, SourceAddress, id_text
 use taxel_hand::plural;
 use taxel_playback::interrupt::Interrupt;
 use taxel_playback::output_file::OutputFile;
+use taxel_playback::stand_in::as_named;
 use taxel_playback::traffic::Traffic;
 use taxel_skin::{Layout, RecognisedBus, Recogniser, Recognition};
 
@@ -216,7 +217,7 @@ fn tell(scan: &Scan<'_>, buses: &[Bus], found: &Recognition, asked: Option<&Aske
             .map(|(bus, found)| json(bus, found))
             .collect();
         let object = json!({ "buses": buses, "builtin": found.builtin(), "layout": text });
-        writeln!(out, "{object}").context("stdout")?;
+        writeln!(out, "{}", as_named(object.to_string())).context("stdout")?;
         return Ok(text.is_some());
     }
     // The file goes to stdout, so that it can be redirected; what is said about it does not.

@@ -59,6 +59,69 @@ fn what_came_through_stdin_is_called_so() {
 }
 
 #[test]
+fn a_configuration_and_a_layout_are_read_from_stdin_and_pipes_as_from_files() {
+    let dir = TempDir::new().unwrap();
+    succeeds(&dir, &["sim", "tap", "--to", "log:tap.log", "--seconds", "3"]);
+    let (layout, _) = succeeds(&dir, &["layouts", "allegro-uskin-15", "--file"]);
+    fs::write(
+        dir.path().join("hand.toml"),
+        layout.replace("allegro-uskin-15", "mine"),
+    )
+    .unwrap();
+    let buses = "[[bus]]\nsource = \"can:can0\"\n[[bus]]\nsource = \"can:can1\"\n";
+    let config = format!("layout = \"hand.toml\"\n{buses}[profile]\nlevels = 3\n");
+    fs::write(dir.path().join("taxeld.toml"), config).unwrap();
+    for (option, file) in [("--config", "taxeld.toml"), ("--layout", "hand.toml")] {
+        succeeds(
+            &dir,
+            &["compress", "tap.log", option, file, "--out", "named.jsonl"],
+        );
+        let named = fs::read_to_string(dir.path().join("named.jsonl")).unwrap();
+        let output = reading(&dir, file, &["compress", "tap.log", option, "-", "--out", "-"]);
+        assert_eq!(texts(&output).0, named, "{option}: {}", texts(&output).1);
+        let pipe = format!(
+            "cat {file} | {} compress tap.log {option} /dev/stdin --out -",
+            env!("CARGO_BIN_EXE_taxel")
+        );
+        let output = Command::new("sh")
+            .args(["-c", &pipe])
+            .current_dir(dir.path())
+            .output()
+            .unwrap();
+        assert_eq!(texts(&output).0, named, "{option}: {}", texts(&output).1);
+    }
+    let (drawn, _) = succeeds(&dir, &["layouts", "hand.toml"]);
+    assert_eq!(texts(&reading(&dir, "hand.toml", &["layouts", "-"])).0, drawn);
+    // What is wrong is said of stdin.
+    fs::write(dir.path().join("wrong.toml"), "layuot = 3\n").unwrap();
+    for option in ["--config", "--layout"] {
+        let args = ["compress", "tap.log", option, "-", "--out", "a.npy"];
+        let (_, err) = texts(&reading(&dir, "wrong.toml", &args));
+        assert!(err.contains("stdin:1"), "{option}: {err}");
+    }
+    let args = ["compress", "-", "--config", "-", "--out", "a.npy"];
+    let (_, err) = texts(&reading(&dir, "tap.log", &args));
+    assert!(err.contains("named twice"), "{err}");
+}
+
+#[test]
+fn the_doctor_looks_at_a_log_on_stdin() {
+    let dir = TempDir::new().unwrap();
+    succeeds(&dir, &["sim", "tap", "--to", "log:tap.log", "--seconds", "3"]);
+    for args in [&["doctor", "--json"][..], &["doctor", "--scan", "--json"]] {
+        let named = crate::taxel(&dir, &[args, &["log:tap.log"]].concat());
+        let output = reading(&dir, "tap.log", &[args, &["-"]].concat());
+        assert_eq!(output.status, named.status, "{args:?}: {}", texts(&output).1);
+        let without_its_name = |output: &Output, name: &str| texts(output).0.replace(name, "");
+        assert_eq!(
+            without_its_name(&output, "stdin"),
+            without_its_name(&named, "tap.log"),
+            "{args:?}"
+        );
+    }
+}
+
+#[test]
 fn a_signal_leaves_nothing_of_what_came_through_a_pipe() {
     let dir = TempDir::new().unwrap();
     let temporary = dir.path().join("tmp");
