@@ -8,6 +8,7 @@ mod time_course;
 use crate::compress::method_parser;
 use crate::offline::OfflineArgs;
 use anyhow::{Context, bail};
+use serde_json::json;
 use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -52,6 +53,9 @@ pub(crate) struct Args {
     module: Option<String>,
     #[arg(long, value_name = "METHOD", value_parser = method_parser(), hide_possible_values = true, help = "The method of `recordings`; the others show both")]
     method: Option<Method>,
+    /// One JSON object on stdout for each file that is written, a line each: {"file"}
+    #[arg(long)]
+    json: bool,
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
@@ -85,6 +89,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     }
     args.write("recordings", &overview.sheet())?;
     args.write_text("recordings-table.csv", &overview.table())?;
+    if args.json {
+        return Ok(());
+    }
     let mut out = io::stdout().lock();
     out.write_all(overview.human().as_bytes())
         .and_then(|()| out.flush())
@@ -165,8 +172,12 @@ impl Args {
         let path = self.out.join(name);
         refuse_overlap(&[&path], &self.offline.inputs())?;
         OutputFile::write(&path, text)?;
-        eprintln!("{}", path.display());
-        Ok(())
+        let file = path.display().to_string();
+        eprintln!("{file}");
+        match self.json {
+            true => writeln!(io::stdout(), "{}", json!({ "file": file })).context("stdout"),
+            false => Ok(()),
+        }
     }
 }
 

@@ -4,6 +4,7 @@ use super::disturbed::by_share;
 use super::judge::{Judgement, judge_all, train};
 use super::report;
 use anyhow::Context;
+use serde_json::json;
 use std::path::PathBuf;
 use taxel_forearm::{Errors, Kinesthetic, PlaceErrors, Session, splits};
 use taxel_playback::output_file::OutputFile;
@@ -26,6 +27,9 @@ pub(super) struct Args {
     /// Random numbers: the same seed, the same repetitions
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
+    /// One JSON object for each file that is written, a line each: {"file"}
+    #[arg(long)]
+    json: bool,
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<String> {
@@ -61,7 +65,11 @@ pub(super) fn run(args: &Args) -> anyhow::Result<String> {
         for (end, content) in [("svg", sheet.svg()?), ("csv", sheet.csv())] {
             let path = args.out.join(format!("{name}.{end}"));
             OutputFile::write(&path, content)?;
-            text += &format!("{}\n", path.display());
+            let file = path.display().to_string();
+            text += &match args.json {
+                true => format!("{}\n", json!({ "file": file })),
+                false => format!("{file}\n"),
+            };
         }
     }
     Ok(text)

@@ -20,6 +20,7 @@ mod touch;
 use anyhow::Context;
 use clap::Subcommand;
 use serde::Serialize;
+use serde_json::json;
 use std::fmt::Write as _;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -63,6 +64,9 @@ struct TrainArgs {
     /// Where to keep the model: three lines of JSON
     #[arg(long, value_name = "MODEL")]
     out: PathBuf,
+    /// One JSON object: what it was trained on, and how far it is off
+    #[arg(long)]
+    json: bool,
 }
 
 /// Say where squeezes were made.
@@ -150,6 +154,20 @@ fn train(args: &TrainArgs) -> anyhow::Result<String> {
     OutputFile::write(&args.out, model.to_bytes())?;
     let chosen = model.kinesthetic.chosen();
     let squeezes = session.trials.len();
+    if args.json {
+        let object = json!({
+            "out": args.out.display().to_string(),
+            "squeezes": squeezes,
+            "places": session.locations().len(),
+            "touch": model.touch.is_some(),
+            "without": model.kinesthetic.never_there().collect::<Vec<_>>(),
+            "looks_at": chosen.choice.to_string(),
+            "rmse_repetitions_out": chosen.repetitions_out,
+            "rmse_place_out": chosen.place_out,
+            "half_width_90": model.kinesthetic.half_width_90(),
+        });
+        return Ok(format!("{object}\n"));
+    }
     let untouched = session.trials.iter().filter(|t| t.squeeze.tactile.is_none());
     let senses = match (model.touch.is_some(), untouched.count()) {
         (true, _) => ", from angles and touch".into(),

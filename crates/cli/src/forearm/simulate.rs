@@ -1,6 +1,7 @@
 //! `taxel forearm simulate`: a session of a simulated forearm, with touch.
 
 use anyhow::ensure;
+use serde_json::json;
 use std::path::PathBuf;
 use taxel_forearm::{PLACES, Ramp, Session, Squeeze, Trial, location_percent};
 use taxel_playback::output_file::OutputFile;
@@ -33,6 +34,9 @@ pub(crate) struct Args {
     /// How PWM rises and falls: data (the publication's data, to 46 %) or article (its text, to 90 %)
     #[arg(long, value_name = "PROFILE", default_value = "data")]
     profile: Ramp,
+    /// One JSON object: {"out", "squeezes", "places"}
+    #[arg(long)]
+    json: bool,
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<String> {
@@ -46,10 +50,16 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<String> {
     let session = session(forearm, &(0..PLACES).collect::<Vec<_>>(), args.repetitions)?;
     session.write_npz(file.path())?;
     file.finish()?;
-    let (out, squeezes) = (args.out.display(), session.trials.len());
-    Ok(format!(
-        "{out}: {squeezes} squeezes at {PLACES} places of a simulated forearm, with touch; synthetic\n"
-    ))
+    let (out, squeezes) = (args.out.display().to_string(), session.trials.len());
+    Ok(match args.json {
+        true => format!(
+            "{}\n",
+            json!({ "out": out, "squeezes": squeezes, "places": PLACES })
+        ),
+        false => format!(
+            "{out}: {squeezes} squeezes at {PLACES} places of a simulated forearm, with touch; synthetic\n"
+        ),
+    })
 }
 
 /// Squeezes at some of the publication's places, by their numbers.

@@ -150,6 +150,26 @@ fn several_recordings_become_one_table_and_one_sheet() {
         files(&dir),
         ["recordings-table.csv", "recordings.csv", "recordings.svg"]
     );
+    let (out, _) = succeeds(
+        &dir,
+        &[
+            "figures",
+            "sim:golf-ball",
+            "sim:soup-can",
+            "--out",
+            "out",
+            "--json",
+        ],
+    );
+    let named: Vec<serde_json::Value> = out
+        .lines()
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect();
+    let written = ["recordings.svg", "recordings.csv", "recordings-table.csv"];
+    assert_eq!(
+        named,
+        written.map(|file| serde_json::json!({ "file": format!("out/{file}") }))
+    );
     let touched = |name: &str| {
         rows(&dir, "recordings-table.csv", name)[0][5]
             .parse::<u32>()

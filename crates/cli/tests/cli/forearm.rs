@@ -1,7 +1,7 @@
 //! `taxel forearm` on a simulated forearm.
 
 use crate::{fails, succeeds, taxel, texts};
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::fs;
 use taxel_forearm::{Session, Squeeze};
 use tempfile::TempDir;
@@ -19,6 +19,22 @@ fn a_session_is_trained_on_and_its_squeezes_and_more_are_placed() {
     assert!(
         out.contains("trained on 26 squeezes at 13 places") && out.contains("90 % interval"),
         "{out}"
+    );
+    let told = |args: &[&str]| -> Value {
+        let (out, _) = succeeds(&dir, &[&["forearm"], args, &["--json"]].concat());
+        serde_json::from_str(&out).unwrap_or_else(|error| panic!("{error}: {out}"))
+    };
+    let made = told(&["simulate", "--out", "train.npz", "--repetitions", "2"]);
+    assert_eq!(made, json!({ "out": "train.npz", "squeezes": 26, "places": 13 }));
+    let trained = told(&["train", "train.npz", "--out", "arm.model"]);
+    assert_eq!(
+        (&trained["squeezes"], &trained["touch"]),
+        (&json!(26), &json!(true))
+    );
+    let width = trained["half_width_90"].as_f64().unwrap();
+    assert!(
+        out.contains(&format!("90 % interval: +-{width:.1} %")),
+        "{trained}: {out}"
     );
     let (out, _) = succeeds(&dir, &["forearm", "estimate", "arm.model", "more.npz", "--json"]);
     let lines: Vec<Value> = out
@@ -291,7 +307,15 @@ fn a_row_without_an_estimate_says_why_and_hides_no_other() {
         "figures" => "touched",
         word => word,
     });
-    succeeds(&dir, &[&["forearm", "figures"], &figures[2..]].concat());
+    let (out, _) = succeeds(&dir, &[&["forearm", "figures", "--json"], &figures[2..]].concat());
+    let files: Vec<Value> = out
+        .lines()
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect();
+    assert!(
+        files.len() == 8 && files[0] == json!({ "file": "touched/forearm-05.svg" }),
+        "{out}"
+    );
     assert!(title("touched"));
     let numbers = fs::read_to_string(dir.path().join("figures/forearm-early.csv")).unwrap();
     assert!(
