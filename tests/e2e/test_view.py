@@ -132,6 +132,18 @@ def test_what_is_wrong_with_a_recording_is_said_in_the_picture_and_printed_behin
             os.close(terminal.keys)
 
 
+def test_a_recording_that_is_of_another_hand_than_was_said_is_no_picture_but_an_error(folder):
+    subprocess.run([binary("taxel"), "sim", "tap", "--to", "log:tap.log", "--seconds", "3"], cwd=folder, check=True)
+    terminal = Terminal(folder, "view", "tap.log", "--layout", "icub-forearm")
+    try:
+        terminal.wait_for("taxel: tap.log: none of its frames is one of a board of layout icub-forearm")
+        terminal.wait_for("`taxel doctor --scan log:tap.log`")
+        assert terminal.process.wait(10) == 1
+    finally:
+        terminal.process.kill()
+        os.close(terminal.keys)
+
+
 def test_what_stood_on_a_terminal_without_alternate_screen_is_not_in_the_picture(folder):
     log = [binary("taxel"), "sim", "tap", "--to", "log:tap.log", "--seconds", "3"]
     subprocess.run(log, cwd=folder, check=True, capture_output=True, timeout=30)

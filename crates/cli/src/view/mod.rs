@@ -169,6 +169,10 @@ trait Source {
     fn heading(&self, seen: &Seen) -> Heading;
     /// Now, on the clock of the images' times, nanoseconds.
     fn now_ns(&self, seen: &Seen) -> u64;
+    /// Whether there is nothing more to look at.
+    fn is_over(&self) -> bool {
+        false
+    }
     /// Does it; a sentence is for whoever pressed the key.
     fn act(&self, action: Action) -> Option<String>;
 }
@@ -206,7 +210,7 @@ impl Shown for View<'_> {
             }
             None => frame.render_widget(format!(" {}: waiting for the hand; q quits", heading.name), area),
         }
-        true
+        !self.source.is_over()
     }
 
     fn key(&mut self, key: KeyEvent) -> bool {

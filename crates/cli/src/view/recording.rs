@@ -36,6 +36,8 @@ struct Pace {
     stop_ns: u64,
     /// A time of the recording, and when it was shown.
     anchor: Option<(u64, Instant)>,
+    /// Whether a frame has come.
+    has_begun: bool,
     again: bool,
     at_end: bool,
     over: bool,
@@ -50,6 +52,7 @@ impl Default for Pace {
             skip_to_ns: 0,
             stop_ns: u64::MAX,
             anchor: None,
+            has_begun: false,
             again: false,
             at_end: false,
             over: false,
@@ -127,6 +130,8 @@ impl Player {
                 && !(pace.over || pace.again)
             {
                 pace.failure = Some(format!("{error:#}"));
+                // A hand that nothing is known of is nothing to look at.
+                pace.over = !pace.has_begun;
             }
             pace.at_end = true;
             while !pace.again && !pace.over {
@@ -199,6 +204,7 @@ impl Player {
     /// Waits until this time of the recording is due.
     fn wait_until(&self, t_ns: u64) -> anyhow::Result<()> {
         let mut pace = self.pace();
+        pace.has_begun = true;
         loop {
             pace.over |= t_ns > pace.stop_ns;
             if pace.over || pace.again {
@@ -248,6 +254,10 @@ impl Source for Player {
 
     fn now_ns(&self, seen: &Seen) -> u64 {
         seen.t_ns()
+    }
+
+    fn is_over(&self) -> bool {
+        self.pace().over
     }
 
     fn act(&self, action: Action) -> Option<String> {
