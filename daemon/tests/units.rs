@@ -9,16 +9,36 @@ fn unit(name: &str) -> String {
     std::fs::read_to_string(path).unwrap()
 }
 
+fn without_its_first_comment(name: &str) -> String {
+    let text = unit(name);
+    let (comment, rest) = text.split_once('\n').unwrap();
+    assert!(comment.starts_with('#'));
+    rest.into()
+}
+
 #[test]
 fn the_unit_for_one_of_several_hands_is_the_other_with_names_of_its_own() {
     let one = unit("taxeld.service")
         .replace("from a robot hand's skin", "from the skin of the robot hand %I")
         .replace("/etc/taxeld/taxeld.toml", "/etc/taxeld/%i.toml")
         .replace("RuntimeDirectory=taxeld\n", "RuntimeDirectory=taxeld-%i\n");
-    let several = unit("taxeld@.service");
-    let (comment, several) = several.split_once('\n').unwrap();
-    assert!(comment.starts_with('#'));
-    assert_eq!(several, one);
+    assert_eq!(without_its_first_comment("taxeld@.service"), one);
+}
+
+#[test]
+fn the_units_beside_that_of_one_of_several_hands_are_the_others_with_its_names() {
+    let one = unit("taxel-record.service")
+        .replace("of what a robot hand", "of what the robot hand %I")
+        .replace("After=taxeld.service", "After=taxeld@%i.service")
+        .replace("=/run/taxeld\n", "=/run/taxeld-%i\n")
+        .replace("taxel-record/taxeld.mcap", "taxel-record/%i.mcap")
+        .replace("/etc/taxeld/taxeld.toml", "/etc/taxeld/%i.toml");
+    assert_eq!(without_its_first_comment("taxel-record@.service"), one);
+    let one = unit("taxel-metrics.service")
+        .replace("of the tactile daemon", "of the robot hand %I")
+        .replace("target taxeld.service", "target taxeld@%i.service")
+        .replace("=/run/taxeld\n", "=/run/taxeld-%i\n");
+    assert_eq!(without_its_first_comment("taxel-metrics@.service"), one);
 }
 
 #[test]

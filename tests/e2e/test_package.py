@@ -2,6 +2,7 @@
 
 import os
 import re
+import shutil
 import subprocess
 from pathlib import Path
 
@@ -42,6 +43,20 @@ def test_pages_of_man_refer_to_pages_and_files_that_are_packaged(packaged):
             assert f"{name}.{section}" in pages, f"{page.name}: {name}({section})"
         for path in re.findall(r"/usr/share/doc/taxeld/[\w./-]+\w", text):
             assert (packaged / path.lstrip("/")).exists(), f"{page.name}: {path}"
+
+
+@pytest.mark.skipif(not shutil.which("systemd-analyze"), reason="no systemd-analyze: apt-get install systemd")
+def test_units_are_understood_and_have_few_rights(packaged, tmp_path):
+    units = sorted((packaged / "usr/lib/systemd/system").iterdir())
+    programs = ("taxel-metrics", "taxel-record", "taxeld")
+    assert [unit.name for unit in units] == [f"{name}{kind}.service" for name in programs for kind in ("", "@")]
+    for unit in units:
+        # Where the programs are here.
+        copy = tmp_path / unit.name.replace("@", "@left")
+        copy.write_text(re.sub("^(Exec[A-Z][a-z]+=)taxel", rf"\1{packaged}/usr/bin/taxel", unit.read_text(), flags=re.M))
+        for command in (["verify", "--man=no"], ["security", "--offline=true", "--no-pager", "--threshold=14"]):
+            judged = subprocess.run(["systemd-analyze", *command, copy], capture_output=True, text=True)
+            assert judged.returncode == 0 and copy.name not in judged.stderr, judged.stdout + judged.stderr
 
 
 def test_the_kernel_setting_is_read_before_those_of_others_so_that_a_larger_one_is_not_lowered(packaged):

@@ -30,6 +30,6 @@ def service(package, buses):
     service = Service("taxeld")
     service.configure(sources=buses.sources)
     yield service
-    systemctl("stop", "taxeld.service", "taxeld@*.service")
+    systemctl("stop", "taxeld.service", "taxeld@*.service", "taxel-record.service", "taxel-metrics.service")
     systemctl("reset-failed")
     service.clean()

@@ -6,6 +6,7 @@ import os
 import shutil
 import stat
 import subprocess
+import urllib.request
 from pathlib import Path
 
 import taxel_reader
@@ -130,6 +131,33 @@ def test_several_hands_are_several_services(service, buses):
     for hand in hands:
         hand.stop()
         hand.clean()
+
+
+def test_what_runs_beside_it_records_within_its_bounds_and_answers_who_asks_for_metrics(service):
+    beside = [Service("taxel-record"), Service("taxel-metrics")]
+    recorder, metrics = beside
+    recorder.add(Environment='"OPTIONS=--split-seconds 2 --most-files 2"')
+    for program in beside:
+        program.start()
+    service.start()
+    folder = Path("/var/lib/taxel-record")
+    eventually(lambda: (folder / "taxeld-0004.mcap").exists(), recorder.newest, 120)
+    files = sorted(folder.iterdir())
+    assert "taxeld-0001.mcap" not in {file.name for file in files}
+    for found, mode in [(folder, 0o750), (files[-1], 0o640)]:
+        assert (found.owner(), found.group()) == ("taxel-record", "tactile")
+        assert stat.S_IMODE(found.stat().st_mode) == mode
+
+    def is_up():
+        with urllib.request.urlopen("http://127.0.0.1:9464/metrics") as answer:
+            return b"taxeld_up 1" in answer.read().splitlines()
+
+    eventually(is_up, metrics.newest, 60)
+    for program in beside:
+        assert (program.show("NRestarts"), fields(program.pid)["Seccomp"]) == ("0", "2")
+        program.stop()
+        assert program.show("Result") == "success", program.newest()
+    recorder.clean()
 
 
 def test_a_bus_on_the_network_is_refused_with_what_to_do_and_works_when_that_is_done(service):

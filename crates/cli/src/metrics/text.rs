@@ -175,14 +175,16 @@ fn histogram(to: &mut Families, name: &str, help: &'static str, rows: &[(u64, u6
 }
 
 fn problems(to: &mut Families, status: &Status) {
-    for (severe, severity) in [(true, "error"), (false, "warning")] {
+    let severity = |severe| if severe { "error" } else { "warning" };
+    for severe in [true, false] {
         let of_this = status.problems.iter().filter(|problem| problem.severe == severe);
-        let labels = [("severity", severity)];
+        let labels = [("severity", severity(severe))];
         to.gauge("problems", "What is wrong now.", &labels, of_this.count() as f64);
     }
     for problem in &status.problems {
         let labels = [
             ("kind", problem.kind.as_str()),
+            ("severity", severity(problem.severe)),
             ("bus", problem.bus.as_deref().unwrap_or_default()),
             ("module", problem.module.as_deref().unwrap_or_default()),
             ("joint", problem.joint.as_deref().unwrap_or_default()),
@@ -328,6 +330,7 @@ mod tests {
             "taxeld_image_age_seconds_bucket{le=\"+Inf\"} 6",
             "taxeld_image_age_seconds_count 6",
             "taxeld_problems{severity=\"error\"} 1",
+            "taxeld_problem_seconds{kind=\"board-silent\",severity=\"error\",bus=\"can0\",module=\"index tip\",joint=\"\"} 2",
             "taxeld_bus_up{bus=\"can0\"} 1",
             "taxeld_bus_up{bus=\"can1\"} 0",
             "taxeld_bus_received_total{bus=\"can1\"} 6",
@@ -407,21 +410,34 @@ mod tests {
         );
     }
 
+    const DASHBOARD: &str = include_str!("../../../../docs/grafana/taxeld.json");
+    const ALERTS: &str = include_str!("../../../../docs/prometheus/taxeld.rules.yml");
+
     #[test]
-    fn the_dashboard_asks_for_metrics_that_there_are() {
-        let dashboard = include_str!("../../../../docs/grafana/taxeld.json");
-        serde_json::from_str::<Value>(dashboard).unwrap();
+    fn the_dashboard_and_the_alerts_ask_for_metrics_that_there_are() {
+        serde_json::from_str::<Value>(DASHBOARD).unwrap();
         let text = of(Some(&status()), Format::OpenMetrics);
-        let names = dashboard.split(|c: char| !c.is_ascii_alphanumeric() && c != '_');
-        let mut asked = 0;
-        for name in names.filter(|name| name.starts_with("taxeld_")) {
-            asked += 1;
-            let is_there = |line: &str| {
-                line.strip_prefix(name)
-                    .is_some_and(|rest| rest.starts_with(['{', ' ']))
-            };
-            assert!(text.lines().any(is_there), "no metric {name}");
+        for (page, least) in [(DASHBOARD, 20), (ALERTS, 7)] {
+            let names = page.split(|c: char| !c.is_ascii_alphanumeric() && c != '_');
+            let asked: HashSet<&str> = names.filter(|name| name.starts_with("taxeld_")).collect();
+            for name in &asked {
+                let is_there = |line: &str| {
+                    line.strip_prefix(name)
+                        .is_some_and(|rest| rest.starts_with(['{', ' ']))
+                };
+                assert!(text.lines().any(is_there), "no metric {name}");
+            }
+            assert!(asked.len() >= least, "{asked:?}");
         }
-        assert!(asked > 10);
+    }
+
+    #[test]
+    fn the_alerts_ask_for_kinds_of_problems_that_there_are() {
+        let (_, kinds) = ALERTS.split_once("kind=~\"").unwrap();
+        let (kinds, _) = kinds.split_once('"').unwrap();
+        for kind in kinds.split('|') {
+            let is_there = taxel_diagnose::Kind::ALL.iter().any(|known| known.name() == kind);
+            assert!(is_there, "no kind {kind}");
+        }
     }
 }
