@@ -192,6 +192,16 @@ def test_the_example_sends_frames(array):
     program.wait()
 
 
+def test_a_recording_of_an_array_that_is_silent_says_so(array, folder):
+    array.wait_status(lambda s: any(problem["severe"] for problem in s["problems"]), "the array is not missed", seconds=30)
+    command = [binary("taxel"), "record", folder / "r.mcap", "--socket", array.images, "--seconds", "2.5", "--json"]
+    recorded = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert recorded.returncode == 0, recorded.stderr
+    sentence = array.status()["problems"][0]["sentence"]
+    assert f"taxel: at the end: {sentence}\n" in recorded.stderr
+    assert len(json.loads(recorded.stdout)["lacking"]) == 1
+
+
 def test_a_recording_is_replayed_to_an_array(array):
     """T x 28 x 50: untouched for two seconds, then what presses stays."""
     images = np.zeros((100, *SIZE), "<u2")

@@ -3,6 +3,10 @@
 use serde_json::{Value, json};
 use std::path::PathBuf;
 use taxel_recorder::{CanInput, Finished, Plan};
+use taxel_wire::status::ProblemStatus;
+
+/// Problems that are told; `taxel status` has the others.
+const MOST_TOLD: usize = 4;
 
 /// The files of the recording that are where they were written, and those that others moved or removed since.
 fn there_and_away(finished: &Finished) -> [Vec<&PathBuf>; 2] {
@@ -14,6 +18,13 @@ fn there_and_away(finished: &Finished) -> [Vec<&PathBuf>; 2] {
 fn silent<'a>(plan: &'a Plan, finished: &'a Finished) -> impl Iterator<Item = &'a CanInput> {
     let buses = plan.can.iter().zip(&finished.can_frames);
     buses.filter(|(_, frames)| **frames == 0).map(|(bus, _)| bus)
+}
+
+/// What the daemon said last that is missing now, of sources other than the buses that were read here.
+fn lacking<'a>(plan: &'a Plan, finished: &'a Finished) -> impl Iterator<Item = &'a ProblemStatus> {
+    let is_read = |bus: &Option<String>| plan.can.iter().any(|read| Some(&read.name) == bus.as_ref());
+    let problems = finished.problems.iter();
+    problems.filter(move |problem| problem.severe && !is_read(&problem.bus))
 }
 
 /// What became of a recording, and what is missing of it, a sentence each.
@@ -29,6 +40,7 @@ pub(crate) fn words(plan: &Plan, finished: &Finished) -> Vec<String> {
         skipped,
         dropped,
         messages,
+        problems: _,
     } = finished;
     let [files, away] = there_and_away(finished);
     let bytes: u64 = files
@@ -75,6 +87,13 @@ pub(crate) fn words(plan: &Plan, finished: &Finished) -> Vec<String> {
              --can {name}=SOURCE names it"
         ));
     }
+    let lacking: Vec<_> = lacking(plan, finished).collect();
+    let told = lacking.iter().take(MOST_TOLD);
+    lines.extend(told.map(|problem| format!("taxel: at the end: {}", problem.sentence)));
+    if lacking.len() > MOST_TOLD {
+        let others = lacking.len() - MOST_TOLD;
+        lines.push(format!("taxel: and {others} more; `taxel status` has them"));
+    }
     for (count, what) in [
         (
             *can_lost,
@@ -106,6 +125,7 @@ pub(super) fn in_json(plan: &Plan, finished: &Finished) -> Value {
         "gone": finished.gone.iter().map(|gone| gone.path.display().to_string()).collect::<Vec<_>>(),
         "can_frames": finished.can_frames.iter().sum::<u64>(),
         "silent": silent(plan, finished).map(|bus| &bus.name).collect::<Vec<_>>(),
+        "lacking": lacking(plan, finished).map(|problem| &problem.kind).collect::<Vec<_>>(),
         "can_lost": finished.can_lost,
         "images": finished.images,
         "skipped": finished.skipped,
@@ -119,21 +139,62 @@ mod tests {
     use super::*;
     use taxel_recorder::{Around, Preamble, Split};
 
-    #[test]
-    fn finished_files_that_others_took_away_are_not_counted_as_there() {
-        let folder = tempfile::tempdir().unwrap();
-        let [first, second, third] = [1, 2, 3].map(|n| folder.path().join(format!("day-000{n}.mcap")));
-        std::fs::write(&third, "there").unwrap();
-        let mut plan = Plan {
-            out: folder.path().join("day.mcap"),
+    fn plan(out: PathBuf, can: Vec<CanInput>) -> Plan {
+        Plan {
+            out,
             socket: None,
-            can: Vec::new(),
+            can,
             split: Split::default(),
             around: None,
             mark_triggers: false,
             duration: None,
             preamble: Preamble::default(),
+        }
+    }
+
+    #[test]
+    fn what_the_daemon_misses_is_told_where_it_is_not_of_a_bus_that_was_read() {
+        let problem = |kind: &str, bus: Option<&str>, severe| ProblemStatus {
+            kind: kind.into(),
+            bus: bus.map(str::to_owned),
+            severe,
+            sentence: format!("{kind} is wrong"),
+            ..ProblemStatus::default()
         };
+        let can0 = CanInput {
+            name: "can0".into(),
+            address: "can:can0".parse().unwrap(),
+        };
+        let plan = plan("day.mcap".into(), vec![can0]);
+        let mut finished = Finished {
+            can_frames: vec![1],
+            problems: vec![
+                problem("bus-silent", Some("can0"), true),
+                problem("bus-silent", Some("touch"), true),
+                problem("analogue-silent", None, true),
+                problem("servo-hot", None, false),
+            ],
+            ..Finished::default()
+        };
+        let lines = words(&plan, &finished);
+        let told = [
+            "taxel: at the end: bus-silent is wrong",
+            "taxel: at the end: analogue-silent is wrong",
+        ];
+        assert_eq!(lines[1..], told);
+        let kinds = ["bus-silent", "analogue-silent"];
+        assert_eq!(in_json(&plan, &finished)["lacking"], json!(kinds));
+        finished.problems = vec![problem("servo-silent", None, true); 7];
+        let last = words(&plan, &finished).pop().unwrap();
+        assert_eq!(last, "taxel: and 3 more; `taxel status` has them");
+    }
+
+    #[test]
+    fn finished_files_that_others_took_away_are_not_counted_as_there() {
+        let folder = tempfile::tempdir().unwrap();
+        let [first, second, third] = [1, 2, 3].map(|n| folder.path().join(format!("day-000{n}.mcap")));
+        std::fs::write(&third, "there").unwrap();
+        let mut plan = plan(folder.path().join("day.mcap"), Vec::new());
         let mut finished = Finished {
             files: vec![first.clone(), second.clone(), third.clone()],
             ..Finished::default()

@@ -8,6 +8,7 @@ use crate::standard::{
 use crate::tactile::{frame_message, image_message};
 use crate::writer::Entry;
 use std::path::Path;
+use std::sync::PoisonError;
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::SyncSender;
 use std::thread;
@@ -140,6 +141,7 @@ fn read_subscription(
                         now_ns,
                         diagnostics_message(&status, shared.stamp_ns(now_ns)),
                     );
+                    *shared.problems.lock().unwrap_or_else(PoisonError::into_inner) = status.problems;
                 }
             }
             Received::Event(header, event) => {

@@ -21,9 +21,11 @@ use std::io;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::sync::{Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 use taxel_can::{OpenError, SourceAddress, SourceOptions, monotonic_ns};
+use taxel_wire::status::ProblemStatus;
 
 /// Between two cuts. With the time that a disk takes, a crash costs less than a second.
 const CUT: Duration = Duration::from_millis(500);
@@ -101,6 +103,8 @@ pub struct Finished {
     pub dropped: u64,
     /// Messages written.
     pub messages: u64,
+    /// What the daemon said last that is wrong.
+    pub problems: Vec<ProblemStatus>,
 }
 
 /// Why there is no recording, or only a part of one.
@@ -155,6 +159,8 @@ struct Shared<'a> {
     images: AtomicU64,
     skipped: AtomicU64,
     dropped: AtomicU64,
+    /// What the daemon said last that is wrong.
+    problems: Mutex<Vec<ProblemStatus>>,
 }
 
 impl Shared<'_> {
@@ -206,6 +212,7 @@ pub fn record(plan: &Plan, signals: &Signals<'_>) -> Result<Finished, LiveError>
         images: AtomicU64::new(0),
         skipped: AtomicU64::new(0),
         dropped: AtomicU64::new(0),
+        problems: Mutex::default(),
     };
     let mut store = Store::new(&plan.out, plan.preamble.clone(), plan.split.clone(), plan.around);
     store.check()?;
@@ -285,6 +292,10 @@ pub fn record(plan: &Plan, signals: &Signals<'_>) -> Result<Finished, LiveError>
         skipped: count(&shared.skipped),
         dropped: count(&shared.dropped),
         messages: store.messages(),
+        problems: shared
+            .problems
+            .into_inner()
+            .unwrap_or_else(PoisonError::into_inner),
     })
 }
 
