@@ -25,6 +25,8 @@ pub struct Head {
     hello: Option<Hello>,
     /// Whether a file that is attached to it is damaged.
     is_damaged: bool,
+    /// Whether a daemon's description may have been in what could not be read of its beginning.
+    is_undescribed: bool,
     /// Whether there is CAN traffic in it.
     pub has_can: bool,
 }
@@ -64,6 +66,8 @@ impl Head {
                 }
             }
         }
+        head.is_undescribed =
+            head.hello.is_none() && !reader.left_out().is_empty() && reader.may_hold(Topic::Hello);
         Ok(head)
     }
 
@@ -123,6 +127,12 @@ impl Head {
             return Ok(Some(config.layout));
         }
         let Some(hello) = &self.hello else {
+            if self.is_undescribed {
+                eprintln!(
+                    "taxel: {}: whose hand it is stood in what is damaged or torn off; --layout names it, or --config",
+                    self.path.display()
+                );
+            }
             return Ok(None);
         };
         match named(hello) {

@@ -98,6 +98,33 @@ fn record(dir: &TempDir, hand: &Layout, attached: &[(&str, &str)]) {
 }
 
 #[test]
+fn a_recording_whose_description_of_its_hand_is_damaged_says_so_and_is_read_with_its_layout() {
+    let dir = TempDir::new().unwrap();
+    let path = dir.path().join("hand.mcap");
+    let mut writer = RecordingWriter::begin(File::create(&path).unwrap(), &Preamble::default(), 0).unwrap();
+    let hand = Layout::builtin("uskin-module").unwrap();
+    put_hand_with_silence(&mut writer, &hand, 1_000_000_000, 1, |_| false);
+    let first_chunk = writer.bytes() as usize;
+    writer.cut().unwrap();
+    put_frames(&mut writer, &hand, 2_000_000_000, 20, |_| false);
+    writer.finish().unwrap();
+    let mut bytes = std::fs::read(&path).unwrap();
+    bytes[first_chunk + 80] ^= 0x10;
+    std::fs::write(&path, bytes).unwrap();
+    let said =
+        "hand.mcap: whose hand it is stood in what is damaged or torn off; --layout names it, or --config\n";
+    let convert = ["convert", "hand.mcap", "hand.csv"];
+    let err = fails(&dir, &convert, 1);
+    assert!(err.contains(said) && err.contains("16 taxels"), "{err}");
+    let (_, err) = succeeds(&dir, &[&convert[..], &["--layout", "uskin-module"]].concat());
+    assert!(
+        err.contains("are damaged") && err.contains("hand.csv: 20 frames"),
+        "{err}"
+    );
+    assert!(!err.contains(said), "{err}");
+}
+
+#[test]
 fn a_recording_of_a_hand_that_is_not_here_is_refused_with_its_name_and_read_with_its_layout() {
     let module = Layout::builtin_text("uskin-module").unwrap();
     let own = module.replace("\"uskin-module\"", "\"my-module\"");
