@@ -46,7 +46,7 @@ pub enum SequenceError {
     #[error("there is no touch; is the stream cut by the right marks or threshold?")]
     NoTouch,
     /// A touch without frames, or whose places do not fit them.
-    #[error("touch {touch}: {places} places and {values} values do not make frames of {taxels} taxels")]
+    #[error("touch {}: {places} places and {values} values do not make frames of {taxels} taxels", bare(.touch))]
     Shape {
         /// The touch's name.
         touch: String,
@@ -58,7 +58,7 @@ pub enum SequenceError {
         taxels: usize,
     },
     /// Touches of different probes.
-    #[error("touch {touch} has {found} taxels, and {expected} were expected; they are of different probes")]
+    #[error("touch {} has {found} taxels, and {expected} were expected; they are of different probes", bare(.touch))]
     Taxels {
         /// The touch's name.
         touch: String,
@@ -68,7 +68,7 @@ pub enum SequenceError {
         expected: usize,
     },
     /// A step of nothing, or places that are no numbers.
-    #[error("touch {touch}: its {along} {at} is not a number that a step of {step} can count")]
+    #[error("touch {}: its {along} {at} is not a number that a step of {step} can count", bare(.touch))]
     Place {
         /// The touch's name.
         touch: String,
@@ -80,7 +80,7 @@ pub enum SequenceError {
         step: f64,
     },
     /// A step that was not recorded.
-    #[error("touch {touch}: no frame at {along} {at}; record it again, or align with a wider step")]
+    #[error("touch {}: no frame at {along} {at}; record it again, or align with a wider step", bare(.touch))]
     StepMissing {
         /// The touch's name.
         touch: String,
@@ -125,4 +125,26 @@ pub enum SequenceError {
         /// Its time.
         t_ns: u64,
     },
+}
+
+/// A touch's name behind the word: that of a mark often begins with it.
+fn bare(name: &str) -> &str {
+    name.strip_prefix("touch ").unwrap_or(name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_touch_that_is_named_as_one_is_not_called_so_twice() {
+        for (touch, named) in [("touch 5 SS", "touch 5 SS: "), ("b", "touch b: ")] {
+            let error = SequenceError::StepMissing {
+                touch: touch.into(),
+                along: Alignment::Depth,
+                at: 1.0,
+            };
+            assert!(error.to_string().starts_with(named), "{error}");
+        }
+    }
 }
