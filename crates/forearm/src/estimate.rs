@@ -55,8 +55,7 @@ impl LeftOut {
 pub struct Estimate {
     /// From 0 (wrist) to 100 (elbow).
     pub percent: f64,
-    /// Nine of ten places, also of those that no training squeeze was made at, are within this of the estimate; somewhat fewer
-    /// where the training has few squeezes at a place.
+    /// Nine of ten places, also of those that no training squeeze was made at, are within this of the estimate.
     pub half_width_90: f64,
     /// What it was made from.
     pub source: Source,

@@ -79,12 +79,12 @@ impl Rows {
         &self.features[n * features..][..features]
     }
 
-    /// The part of the cross-validation that each squeeze is in: its number at its place.
-    fn folds(&self) -> Vec<usize> {
+    /// The part, of so many, that each squeeze is in: its number at its place.
+    fn parts(&self, parts: usize) -> Vec<usize> {
         let mut counts = vec![0; self.percents.len()];
         let next = |place: &usize| {
             counts[*place] += 1;
-            (counts[*place] - 1) % FOLDS
+            (counts[*place] - 1) % parts
         };
         self.places.iter().map(next).collect()
     }
@@ -98,11 +98,10 @@ impl Rows {
     }
 }
 
-/// Sums over the training squeezes, whole and without what is left out to judge a choice.
+/// Sums over the training squeezes without what is left out to judge a choice.
 struct LeftOut<'a> {
     rows: &'a Rows,
     folds: Vec<usize>,
-    all: Moments,
     without_fold: Vec<Moments>,
     without_place: Vec<Moments>,
 }
@@ -116,7 +115,7 @@ struct Lines {
 
 impl<'a> LeftOut<'a> {
     fn of(rows: &'a Rows) -> Self {
-        let folds = rows.folds();
+        let folds = rows.parts(FOLDS);
         let places = 0..rows.percents.len();
         let of_place: Vec<Moments> = places
             .map(|place| rows.sums(|n| rows.places[n] == place))
@@ -133,7 +132,6 @@ impl<'a> LeftOut<'a> {
                 .map(|fold| without(&rows.sums(|n| folds[n] == fold)))
                 .collect(),
             without_place: of_place.iter().map(without).collect(),
-            all,
             rows,
             folds,
         }
@@ -161,17 +159,61 @@ impl<'a> LeftOut<'a> {
     }
 }
 
-/// Half-width of the interval that holds nine of ten places to come: Student's t times the RMSE at places that the line
-/// was made without. A line through places has two degrees less than there are places.
-fn half_width(rows: &Rows, picks: &[usize], without_place: &[Line]) -> f64 {
-    let squares = place_means(rows, |n| {
-        let estimate = without_place[rows.places[n]]
-            .at(rows.row(n), picks)
-            .clamp(0.0, 100.0);
-        (estimate - rows.percents[rows.places[n]]).powi(2)
-    });
-    let places = squares.len() as f64;
-    student((places - 2.0).max(1.0)) * (squares.iter().sum::<f64>() / places).sqrt()
+/// Sums over the training squeezes, whole and without what is left out to tell how far a new squeeze at a new place is off.
+struct Elsewhere<'a> {
+    rows: &'a Rows,
+    halves: Vec<usize>,
+    all: Moments,
+    /// By the place that is not in it, and the half of the repetitions.
+    without: Vec<[Moments; 2]>,
+}
+
+impl<'a> Elsewhere<'a> {
+    fn of(rows: &'a Rows) -> Self {
+        let halves = rows.parts(2);
+        let part = |place, half| rows.sums(|n| rows.places[n] == place && halves[n] == half);
+        let parts: Vec<[Moments; 2]> = (0..rows.percents.len())
+            .map(|place| [0, 1].map(|half| part(place, half)))
+            .collect();
+        let whole = [0, 1].map(|half| {
+            let mut whole = Moments::new(rows.columns * PHASES);
+            parts.iter().for_each(|part| whole.merge(&part[half], 1.0));
+            whole
+        });
+        let mut all = whole[0].clone();
+        all.merge(&whole[1], 1.0);
+        let without = |part: &[Moments; 2]| {
+            [1, 0].map(|other: usize| {
+                let mut rest = whole[other].clone();
+                rest.merge(&part[other], -1.0);
+                rest
+            })
+        };
+        Self {
+            without: parts.iter().map(without).collect(),
+            halves,
+            all,
+            rows,
+        }
+    }
+
+    /// Half-width of the interval that holds nine of ten squeezes to come, at places to come: Student's t times the RMSE of
+    /// lines that were made without the place, and without that half of the repetitions which the squeeze is of. A line
+    /// through places has two degrees less than there are places.
+    fn half_width(&self, picks: &[usize], components: usize) -> f64 {
+        let lines: Vec<[Option<Line>; 2]> = (self.without.iter())
+            .map(|halves| [0, 1].map(|half| halves[half].fit(picks, components).pop()))
+            .collect();
+        let rows = self.rows;
+        let squares = place_means(rows, |n| {
+            let place = rows.places[n];
+            let line = lines[place][self.halves[n]].as_ref();
+            let estimate = line.map_or(f64::NAN, |line| line.at(rows.row(n), picks));
+            (estimate.clamp(0.0, 100.0) - rows.percents[place]).powi(2)
+        });
+        let places = squares.len() as f64;
+        student((places - 2.0).max(1.0)) * (squares.iter().sum::<f64>() / places).sqrt()
+    }
 }
 
 /// The 0.95 quantile of Student's t (Cornish and Fisher's expansion, right to 0.5 % from five degrees on).
@@ -254,16 +296,15 @@ struct Stage {
 impl Regression {
     /// Lines for `every` so many steps, through as many phases and with as many components as were chosen for the whole.
     pub(crate) fn train(rows: &Rows, choice: Choice, every: usize) -> Self {
-        let left_out = LeftOut::of(rows);
+        let elsewhere = Elsewhere::of(rows);
         let mut stages = Vec::new();
         for last in (every - 1..PHASES).step_by(every) {
             let to = last.min(choice.to);
             let picks = picks(rows.columns, &steps(choice.points, choice.from.min(to), to));
-            let fit = |sums: &Moments| sums.fit(&picks, choice.components).pop();
-            let without_place: Vec<Line> = left_out.without_place.iter().filter_map(fit).collect();
-            stages.extend(fit(&left_out.all).map(|line| Stage {
+            let line = elsewhere.all.fit(&picks, choice.components).pop();
+            stages.extend(line.map(|line| Stage {
                 last,
-                half_width_90: half_width(rows, &picks, &without_place),
+                half_width_90: elsewhere.half_width(&picks, choice.components),
                 weights: line.weights,
                 offset: line.offset,
                 picks: picks.clone(),

@@ -111,9 +111,6 @@ const WHOLE: f64 = 1.9;
 /// What ends before this phase, about a fifth of a squeeze's time, says too little to be told for a squeeze of a file.
 const LEAST: f64 = 0.2;
 
-/// With fewer squeezes at a place the interval makes too little of having chosen what to look at.
-const FEW: usize = 10;
-
 /// A line of `estimate --json`.
 #[derive(Debug, Serialize)]
 struct Line {
@@ -197,12 +194,6 @@ fn train(args: &TrainArgs) -> anyhow::Result<String> {
         chosen.place_out,
         model.kinesthetic.half_width_90(),
     )?;
-    if squeezes < FEW * session.locations().len() {
-        writeln!(
-            text,
-            "of fewer than {FEW} squeezes at a place it holds less than 90 %, rather 85 %; more squeezes help"
-        )?;
-    }
     Ok(text)
 }
 

@@ -1,5 +1,6 @@
 //! Places from squeezes: what an estimator promises, on squeezes that follow a simple rule and on the public ones.
 
+mod few;
 mod lost_angles;
 
 use taxel_forearm::{
