@@ -21,6 +21,8 @@ pub enum Disturbance {
     Slower(usize),
     /// One of the four angles has its zero elsewhere, degrees, up or down.
     Zero(f64),
+    /// One sample of a potentiometer is off by 5 to 20 degrees, up or down.
+    Glitch,
     /// A potentiometer says the same all the time: what it says at one of its samples.
     PotentiometerStuck,
     /// A potentiometer says the same from one of its samples on.
@@ -47,6 +49,7 @@ impl std::fmt::Display for Disturbance {
             Self::Faster(times) => write!(f, "{times} times as fast"),
             Self::Slower(times) => write!(f, "{times} times as slow"),
             Self::Zero(deg) => write!(f, "a zero off by {deg} degrees"),
+            Self::Glitch => f.write_str("one sample of a potentiometer off by 5 to 20 degrees"),
             Self::PotentiometerStuck => f.write_str("a potentiometer stuck"),
             Self::PotentiometerSticks => f.write_str("one that sticks midway"),
             Self::PotentiometerStuckNoisy => f.write_str("one stuck, with a count of noise"),
@@ -98,6 +101,13 @@ impl Disturbance {
                     &mut other.theta_a_deg
                 };
                 angles[finger].iter_mut().for_each(|angle| *angle += by);
+            }
+            Self::Glitch => {
+                let off = (5.0 + 15.0 * random.unit()) * if random.below(2) == 0 { 1.0 } else { -1.0 };
+                let at = random.below(squeeze.len().max(1));
+                if let Some(angle) = other.theta_p_deg[finger].get_mut(at) {
+                    *angle += off;
+                }
             }
             Self::PotentiometerStuck => {
                 let at = random.below(squeeze.len().max(1));

@@ -2,6 +2,7 @@
 
 use crate::error::ForearmError;
 use crate::estimate::{ANGLES, Estimate, Estimator, LeftOut, Source};
+use crate::glitch::without_glitches;
 use crate::phase::{Course, PHASES};
 use crate::profile::{Profile, WHOLE, places, within};
 use crate::regression::{Regression, Rows, Tried, try_all};
@@ -82,8 +83,7 @@ impl Kinesthetic {
     pub fn train_by(trials: &[&Trial], score: impl Fn(&Tried) -> f64) -> Result<Self, ForearmError> {
         let set = Training::of(trials)?;
         let reading = set.reading()?;
-        let stillness =
-            [0, 1].map(|n| Stillness::of(trials.iter().map(|t| angles(&t.squeeze)[n].as_slice())));
+        let stillness = [0, 1].map(|n| Stillness::of(trials.iter().map(|t| angle(&t.squeeze, n))));
         let mut tried = try_all(&set.rows(reading));
         tried.sort_by(|a, b| score(a).total_cmp(&score(b)));
         let chosen = tried.first().copied();
@@ -131,9 +131,14 @@ impl Kinesthetic {
     }
 
     /// Which angles can be used.
-    fn healthy(&self, squeeze: &Squeeze, course: &Course) -> Result<[bool; 4], ForearmError> {
+    fn healthy(
+        &self,
+        squeeze: &Squeeze,
+        columns: &[Vec<f64>; 4],
+        course: &Course,
+    ) -> Result<[bool; 4], ForearmError> {
         let mut healthy = [true; 4];
-        for (n, column) in angles(squeeze).into_iter().enumerate() {
+        for (n, column) in columns.iter().enumerate() {
             let Some([low, high]) = self.bounds(n) else {
                 healthy[n] = false;
                 continue;
@@ -168,15 +173,14 @@ impl Kinesthetic {
                 false => elsewhere || known == 0 || falls_silent(column),
             } || came_off && outside.len() > MOST_UNKNOWN;
             let stands = is_over && self.stillness.get(n).is_some_and(|of| of.is_stuck(column));
-            healthy[n] = !(lost || stands || whole && (stuck || jumps(column, span)));
+            healthy[n] = !(lost || stands || whole && (stuck || jumps(as_read(squeeze, n), span)));
         }
         Ok(healthy)
     }
 
     /// The columns of a reading at all phases. None where two angles that are added up are known in no sample both.
-    fn features(&self, squeeze: &Squeeze, course: &Course, reading: [bool; 4]) -> Option<Vec<f64>> {
+    fn features(&self, columns: &[Vec<f64>; 4], course: &Course, reading: [bool; 4]) -> Option<Vec<f64>> {
         let mut features = Vec::with_capacity(2 * PHASES);
-        let columns = angles(squeeze);
         for pair in columns_of(reading) {
             let value = |n: usize, row: usize| {
                 let value = columns[n][row];
@@ -201,13 +205,14 @@ impl Kinesthetic {
 impl Estimator for Kinesthetic {
     fn estimate(&self, squeeze: &Squeeze) -> Result<Estimate, ForearmError> {
         let course = self.profile.course(squeeze)?;
-        let healthy = self.healthy(squeeze, &course)?;
+        let columns = std::array::from_fn(|n| angle(squeeze, n));
+        let healthy = self.healthy(squeeze, &columns, &course)?;
         let usable = READINGS
             .into_iter()
             .zip(&self.readings)
             .filter(|(reading, _)| covers(healthy, *reading))
             .find_map(|(reading, regression)| {
-                let features = self.features(squeeze, &course, reading)?;
+                let features = self.features(&columns, &course, reading)?;
                 Some((reading, regression.as_ref()?, features))
             });
         let never = self.range_deg.map(|range| range.is_none());
@@ -263,9 +268,15 @@ fn without(used: [bool; 4]) -> LeftOut {
     }
 }
 
-fn angles(squeeze: &Squeeze) -> [&Vec<f64>; 4] {
+/// An angle by its number in `ANGLES`.
+fn as_read(squeeze: &Squeeze, angle: usize) -> &[f64] {
     let ([p0, p1], [a0, a1]) = (&squeeze.theta_p_deg, &squeeze.theta_a_deg);
-    [p0, p1, a0, a1]
+    [p0, p1, a0, a1][angle]
+}
+
+/// The same without glitches.
+fn angle(squeeze: &Squeeze, angle: usize) -> Vec<f64> {
+    without_glitches(as_read(squeeze, angle))
 }
 
 /// The angles of a reading that are added up, as numbers of `ANGLES`: the motors', then the potentiometers'.
@@ -320,9 +331,10 @@ impl Others {
 
 /// Smallest and largest value of an angle in all squeezes; None where it is in none, or stands still.
 fn range_of(trials: &[&Trial], angle: usize) -> Option<[f64; 2]> {
-    let all = trials.iter().flat_map(|trial| angles(&trial.squeeze)[angle]);
-    let known = || all.clone().copied().filter(|v| v.is_finite());
-    let (low, high) = (known().reduce(f64::min)?, known().reduce(f64::max)?);
+    let ranges = trials
+        .iter()
+        .map(|trial| range(&self::angle(&trial.squeeze, angle)));
+    let [low, high] = ranges.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])?;
     (high - low > STUCK_DEG).then_some([low, high])
 }
 
@@ -364,7 +376,7 @@ impl Training {
         {
             let ranges: Vec<[f64; 2]> = trials
                 .iter()
-                .map(|trial| range(angles(&trial.squeeze)[n]))
+                .map(|trial| range(&angle(&trial.squeeze, n)))
                 .collect();
             let others = Others::of(&ranges);
             for (trial, [least, most]) in trials.iter().zip(&ranges) {
@@ -394,7 +406,7 @@ impl Training {
             .chain(0..MOTORS.start)
             .filter(|n| self.range_deg[*n].is_some())
         {
-            let ranges = trials.iter().map(|trial| range(angles(&trial.squeeze)[n]));
+            let ranges = trials.iter().map(|trial| range(&angle(&trial.squeeze, n)));
             let (goes, most) = match MOTORS.contains(&n) {
                 true => (
                     "moves by",
@@ -417,11 +429,12 @@ impl Training {
 
     fn add(&mut self, squeeze: &Squeeze) -> Result<(), ForearmError> {
         let course = self.profile.whole(squeeze)?;
-        for (n, column) in angles(squeeze).into_iter().enumerate() {
+        for (n, name) in ANGLES.into_iter().enumerate() {
+            let column = angle(squeeze, n);
             if self.range_deg[n].is_none() {
                 self.angles.extend([0.0; PHASES]);
             } else if !course.at_phases(|row| column[row], &mut self.angles) {
-                return Err(ForearmError::LostOnce { name: ANGLES[n] });
+                return Err(ForearmError::LostOnce { name });
             }
         }
         Ok(())

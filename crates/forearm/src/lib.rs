@@ -10,6 +10,7 @@ mod disturbance;
 mod error;
 mod estimate;
 mod fusion;
+mod glitch;
 mod kinesthetic;
 mod least_squares;
 mod likeness;

@@ -23,8 +23,8 @@ pub(crate) struct Stillness {
 
 impl Stillness {
     /// Of the same potentiometer in all squeezes of the training.
-    pub(crate) fn of<'a>(columns: impl Iterator<Item = &'a [f64]>) -> Self {
-        let mut levels: Vec<f64> = columns.filter_map(level_of_still).collect();
+    pub(crate) fn of(columns: impl Iterator<Item = Vec<f64>>) -> Self {
+        let mut levels: Vec<f64> = columns.filter_map(|column| level_of_still(&column)).collect();
         levels.sort_by(f64::total_cmp);
         let odd = usize::from(levels.len() > 2);
         let of_end = |n: usize| levels.get(n).copied();
@@ -79,7 +79,7 @@ mod tests {
     #[test]
     fn a_potentiometer_that_stands_where_no_sound_one_stood_is_stuck() {
         let columns = [column(40.0, 0.0), column(43.0, 0.0), column(55.0, 3.0)];
-        let stillness = Stillness::of(columns.iter().map(Vec::as_slice));
+        let stillness = Stillness::of(columns.into_iter());
         for (level, by, is_stuck) in [
             (41.0, 0.0, false),
             (48.0, 0.0, false),
@@ -90,7 +90,7 @@ mod tests {
             assert_eq!(stillness.is_stuck(&column(level, by)), is_stuck, "{level} {by}");
         }
         // One that always moved is never believed when it does not.
-        let moving = Stillness::of([column(40.0, 2.0)].iter().map(Vec::as_slice));
+        let moving = Stillness::of([column(40.0, 2.0)].into_iter());
         assert!(moving.is_stuck(&column(40.0, 0.0)) && !moving.is_stuck(&[f64::NAN; 95]));
         assert!(!moving.is_stuck(&[40.0; 3]), "too short to tell");
     }

@@ -4,7 +4,7 @@ use super::judge::{Judgement, judge_all};
 use taxel_forearm::{Disturbance, Kinesthetic, Session, Split, Squeeze};
 use taxel_playback::progress::Progress;
 
-const DISTURBANCES: [Disturbance; 15] = [
+const DISTURBANCES: [Disturbance; 16] = [
     Disturbance::Missing(0.3),
     Disturbance::Gap(1000.0),
     Disturbance::Gap(2000.0),
@@ -13,6 +13,7 @@ const DISTURBANCES: [Disturbance; 15] = [
     Disturbance::Faster(2),
     Disturbance::Slower(2),
     Disturbance::Zero(1.0),
+    Disturbance::Glitch,
     Disturbance::PotentiometerStuck,
     Disturbance::PotentiometerSticks,
     Disturbance::PotentiometerStuckNoisy,

@@ -183,3 +183,28 @@ fn a_potentiometer_that_stands_still_under_noise_or_hangs_free_is_done_without()
         }
     }
 }
+
+#[test]
+fn one_sample_that_is_off_hardly_moves_an_estimate_and_hides_no_lost_potentiometer() {
+    let model = model();
+    let whole = squeeze(37.0, 0.0);
+    let sound = model.estimate(&whole).unwrap();
+    let mut stuck = whole.clone();
+    stuck.theta_p_deg[0].fill(40.0);
+    for row in 0..whole.len() {
+        for off in [5.0, -20.0] {
+            let mut glitch = whole.clone();
+            glitch.theta_p_deg[0][row] += off;
+            let estimate = model.estimate(&glitch).unwrap();
+            assert!(
+                (estimate.percent - sound.percent).abs() < 0.1,
+                "{row}, {off}: {estimate:?}"
+            );
+            assert_eq!(estimate.left_out, sound.left_out);
+            let mut glitch = stuck.clone();
+            glitch.theta_p_deg[0][row] += off;
+            let names: Vec<_> = model.estimate(&glitch).unwrap().left_out.names().collect();
+            assert_eq!(names, ["theta_p of finger 0"], "{row}, {off}");
+        }
+    }
+}
