@@ -25,6 +25,9 @@ const READINGS: [[bool; 4]; 8] = [
 ];
 /// An angle this far beyond those of the training squeezes is none of the gripper's, degrees.
 const BEYOND_DEG: f64 = 10.0;
+/// So far beyond those of the other training squeezes. Where these are few, a sound one of the public squeezes is beyond by
+/// up to 19.6; a potentiometer in radians is by more.
+const BEYOND_OTHERS_DEG: f64 = 20.0;
 /// An angle that moves by no more than this until the peak is stuck, degrees: less than a step of either sensor.
 const STUCK_DEG: f64 = 0.05;
 /// Of what a motor's angle goes through in all squeezes, it moves by this much in each. The least is 0.23 in the public
@@ -386,7 +389,7 @@ impl Training {
                 if MOTORS.contains(&n) && moved < LEAST_MOVED * span {
                     return refused(ForearmError::Still { name, moved, span });
                 }
-                let (low, high) = (low - BEYOND_DEG, high + BEYOND_DEG);
+                let (low, high) = (low - BEYOND_OTHERS_DEG, high + BEYOND_OTHERS_DEG);
                 if let Some(value) = [*least, *most].into_iter().find(|v| !(low..=high).contains(v)) {
                     return refused(ForearmError::Angle {
                         name,

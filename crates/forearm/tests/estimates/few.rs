@@ -1,8 +1,8 @@
 //! What is promised where a place has few squeezes.
 
-use super::squeeze;
+use super::{session, squeeze};
 use taxel_cluster::Random;
-use taxel_forearm::{Estimator, Kinesthetic, PLACES, Trial, location_percent};
+use taxel_forearm::{Estimator, Kinesthetic, Model, PLACES, Trial, location_percent};
 
 /// Squeezes of so many repetitions at all places. Each repetition goes its own way in all of its squeezes, as where its ramp
 /// of PWM is drawn, and each squeeze is a little off.
@@ -50,4 +50,24 @@ fn intervals_of_two_and_three_squeezes_a_place_hold_nine_of_ten_new_ones() {
             "{trained} squeezes a place: {held} of {all}"
         );
     }
+}
+
+#[test]
+fn a_sound_squeeze_that_is_unlike_the_few_others_is_trained_on() {
+    let mut few = session();
+    few.trials.retain(|trial| trial.repetition < 2);
+    let odd = &mut few.trials[8].squeeze;
+    odd.theta_p_deg[0].iter_mut().for_each(|angle| *angle += 19.0);
+    Model::train(&few).unwrap();
+    // One sample that is of no finger does not make it another gripper's.
+    few.trials[8].squeeze.theta_p_deg[0][30] += 90.0;
+    few.trials[9].squeeze.theta_a_deg[1][0] -= 90.0;
+    Model::train(&few).unwrap();
+    let odd = &mut few.trials[8].squeeze;
+    odd.theta_p_deg[0].iter_mut().for_each(|angle| *angle += 10.0);
+    let error = Model::train(&few).unwrap_err().to_string();
+    assert!(
+        error.contains("the squeeze 1 at 33.3 %: theta_p of finger 0 is "),
+        "{error}"
+    );
 }
