@@ -59,7 +59,9 @@ pub enum ForearmError {
         rows: usize,
     },
     /// Times that stand still or run backwards.
-    #[error("row {row} is at {time_ms} ms, after one at {before_ms} ms; times must be numbers that increase")]
+    #[error(
+        "row {row} is at {time_ms} ms, after one at {before_ms} ms; times must be numbers that increase (rows count from 0)"
+    )]
     Time {
         /// The row.
         row: usize,
@@ -68,8 +70,17 @@ pub enum ForearmError {
         /// The time before.
         before_ms: f64,
     },
+    /// Times in another unit.
+    #[error(
+        "rows are {period_ms} ms apart (median), and a gripper takes samples every 1 to 10000 ms; are times in milliseconds? \
+         Multiply seconds by 1000"
+    )]
+    Period {
+        /// Median time from row to row.
+        period_ms: f64,
+    },
     /// A PWM that no motor takes.
-    #[error("row {row} commands PWM {pwm}; it must be -885 to 885")]
+    #[error("row {row} commands PWM {pwm}; it must be -885 to 885 (rows count from 0)")]
     Pwm {
         /// The row.
         row: usize,
@@ -97,7 +108,7 @@ pub enum ForearmError {
     /// A squeeze whose beginning is missing.
     #[error(
         "row 0 is at PWM {pwm}, and squeezes begin at {first_pwm} where the model was trained: it had begun before; \
-         give the whole squeeze, from rest on"
+         give the whole squeeze, from rest on (rows count from 0)"
     )]
     Begun {
         /// PWM of the first sample.
@@ -108,7 +119,7 @@ pub enum ForearmError {
     /// A squeeze between other PWMs than those of the training.
     #[error(
         "PWM rests at {pwm} from row 0 on, and at {first_pwm} where the model was trained; squeeze with the same \
-         profile"
+         profile (rows count from 0)"
     )]
     OtherRest {
         /// PWM of the first sample.
@@ -119,7 +130,7 @@ pub enum ForearmError {
     /// A step of PWM instead of a ramp.
     #[error(
         "row {row} is at PWM {pwm}, its peak, {samples} samples after rest, and at least 5 are needed; squeeze with \
-         the profile of the training"
+         the profile of the training (rows count from 0)"
     )]
     Jump {
         /// The row of the peak.
@@ -131,7 +142,7 @@ pub enum ForearmError {
     },
     /// PWM that rises a second time.
     #[error(
-        "row {row}: PWM rises again, from {low} to {pwm}; give one squeeze alone, with the profile of the training"
+        "row {row}: PWM rises again, from {low} to {pwm}; give one squeeze alone, with the profile of the training (rows count from 0)"
     )]
     Again {
         /// The row.
@@ -144,7 +155,7 @@ pub enum ForearmError {
     /// A squeeze without the samples at its peak.
     #[error(
         "row {row}: no sample for {gap_ms:.0} ms where PWM is highest, {peak}, and {expected} where the model was \
-         trained; the peak is not there; squeeze again"
+         trained; the peak is not there; squeeze again (rows count from 0)"
     )]
     PeakMissing {
         /// The row of the highest PWM.

@@ -38,13 +38,17 @@ pub struct Trial {
 impl Trial {
     /// What people call it, numbered from 1 as files are: `squeeze 1 at 8.3 %`.
     pub fn name(&self) -> String {
-        format!("squeeze {} at {:.1} %", self.number(), self.location_percent)
+        name(self.location_percent, self.repetition)
     }
 
     /// Which squeeze at this place, from 1 as files are numbered.
     pub fn number(&self) -> usize {
         self.repetition + 1
     }
+}
+
+fn name(location_percent: f64, repetition: usize) -> String {
+    format!("squeeze {} at {location_percent:.1} %", repetition + 1)
 }
 
 /// Squeezes of one arm and gripper.
@@ -333,18 +337,15 @@ fn read_npz(path: &Path) -> Result<Vec<Trial>, ForearmError> {
                 .map(|row| row[c])
                 .collect()
         };
-        let place_in_file = format!(
-            "{} [data, place {place}, repetition {repetition}]",
-            path.display()
-        );
-        let mut squeeze =
-            Squeeze::from_columns(std::array::from_fn(column)).map_err(within(place_in_file))?;
+        let location_percent = at.values[place];
+        let in_file = format!("{}, {}", path.display(), name(location_percent, repetition));
+        let mut squeeze = Squeeze::from_columns(std::array::from_fn(column)).map_err(within(in_file))?;
         squeeze.tactile = touch.as_ref().map(|touch| {
             let counts = &touch.values[n * samples * TACTELS..][..filled * TACTELS];
             counts.iter().map(|count| *count as u16).collect()
         });
         trials.push(Trial {
-            location_percent: at.values[place],
+            location_percent,
             repetition,
             squeeze,
         });

@@ -13,6 +13,8 @@ pub const TACTILE_COLUMNS: usize = 50;
 pub const TACTELS: usize = TACTILE_ROWS * TACTILE_COLUMNS;
 /// Columns of the publication's files.
 pub const COLUMNS: usize = 10;
+/// From sample to sample a file's times may go by so much, in the middle; what does not is seconds or microseconds.
+const PERIODS_MS: std::ops::RangeInclusive<f64> = 1.0..=10_000.0;
 
 /// What the gripper knows at one instant. What is not known is not a number.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -139,7 +141,7 @@ impl Squeeze {
     /// A squeeze of the publication's columns, without touch. Three of the four columns of PWM are not looked at.
     ///
     /// # Errors
-    /// As [`Squeeze::check`].
+    /// As [`Squeeze::check`]; times that are in another unit.
     pub fn from_columns(columns: [Vec<f64>; COLUMNS]) -> Result<Self, ForearmError> {
         let [time_ms, p0, p1, a0, a1, pwm, _, _, _, undocumented_deg] = columns;
         let squeeze = Self {
@@ -151,7 +153,17 @@ impl Squeeze {
             tactile: None,
         };
         squeeze.check()?;
-        Ok(squeeze)
+        match squeeze.period_ms() {
+            Some(period_ms) if !PERIODS_MS.contains(&period_ms) => Err(ForearmError::Period { period_ms }),
+            _ => Ok(squeeze),
+        }
+    }
+
+    /// Median time from sample to sample; none of fewer than two.
+    fn period_ms(&self) -> Option<f64> {
+        let mut steps_ms: Vec<f64> = self.time_ms.windows(2).map(|two| two[1] - two[0]).collect();
+        steps_ms.sort_by(f64::total_cmp);
+        steps_ms.get(steps_ms.len() / 2).copied()
     }
 
     /// Whether columns have one length, times are finite and increase, and PWM is within what a motor takes. Angles may

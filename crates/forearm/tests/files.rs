@@ -80,7 +80,7 @@ fn a_squeeze_of_an_npz_is_cut_off_where_no_row_follows_and_nowhere_else() {
     session.write_npz(&path).unwrap();
     let error = Session::open(&path).unwrap_err().to_string();
     assert!(
-        error.contains("place 1, repetition 0]: row 4 is at NaN ms"),
+        error.contains("session.npz, squeeze 1 at 100.0 %: row 4 is at NaN ms"),
         "{error}"
     );
 }
@@ -165,5 +165,31 @@ fn the_public_session_is_read_whole() {
     for (back, trial) in back.trials.iter().zip(session.trials.iter().step_by(60)) {
         assert_eq!(back.squeeze, trial.squeeze);
         assert!((back.location_percent - trial.location_percent).abs() < 0.01);
+    }
+}
+
+#[test]
+fn times_in_seconds_are_refused_wherever_they_come_from() {
+    let folder = tempfile::tempdir().unwrap();
+    for (factor, words) in [(1e-3, "rows are 0.121"), (1e3, "rows are 121")] {
+        let mut trial = trial(1, 2, 5);
+        trial.squeeze.time_ms.iter_mut().for_each(|time| *time *= factor);
+        write(folder.path(), 1, 3, &trial.squeeze.to_mat());
+        let path = folder.path().join("1/distance1_3.mat");
+        let of_mat = Squeeze::read_mat(&path).unwrap_err().to_string();
+        let session = Session {
+            name: "in seconds".into(),
+            trials: vec![trial],
+        };
+        let path = folder.path().join("session.npz");
+        session.write_npz(&path).unwrap();
+        let of_npz = Session::open(&path).unwrap_err().to_string();
+        assert!(of_npz.contains("session.npz, squeeze 3 at 8.3 %: "), "{of_npz}");
+        for error in [of_mat, of_npz] {
+            assert!(
+                error.contains(words) && error.contains("Multiply seconds by 1000"),
+                "{error}"
+            );
+        }
     }
 }
