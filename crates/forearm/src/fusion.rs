@@ -27,30 +27,32 @@ impl Fusion {
         Self { off: [1.0; 2] }
     }
 
-    /// Learns how far both are off from squeezes that neither was trained on.
+    /// Learns how far both are off from squeezes that neither was trained on. What one of them refuses tells nothing of it.
     ///
     /// # Errors
-    /// A squeeze that one of them cannot estimate; no squeeze.
+    /// No squeeze that each can estimate.
     pub fn train(
         kinesthetic: &Kinesthetic,
         tactile: &Tactile,
         trials: &[&Trial],
     ) -> Result<Self, ForearmError> {
-        let off = |estimator: &dyn Estimator| -> Result<f64, ForearmError> {
-            let mut sum = 0.0;
-            for trial in trials {
-                let estimate = estimator.estimate(&trial.squeeze)?;
+        let off = |estimator: &dyn Estimator| {
+            let square = |trial: &&Trial| {
+                let estimate = estimator.estimate(&trial.squeeze).ok()?;
                 let deviation = estimate.half_width_90 / DEVIATIONS;
-                sum += ((estimate.percent - trial.location_percent) / deviation).powi(2);
-            }
-            Ok((sum / trials.len() as f64).sqrt())
+                Some(((estimate.percent - trial.location_percent) / deviation).powi(2))
+            };
+            let (sum, count) = (trials.iter().filter_map(square))
+                .fold((0.0, 0.0), |(sum, count), square| (sum + square, count + 1.0));
+            (sum / count).sqrt()
         };
-        let off = [off(kinesthetic)?, off(tactile)?];
+        let off = [off(kinesthetic), off(tactile)];
         if off.iter().all(|off| off.is_finite() && *off > 0.0) {
             Ok(Self { off })
         } else {
             Err(ForearmError::Untrained {
-                what: "fusion needs squeezes that the two estimators were not trained on".into(),
+                what: "fusion needs squeezes that both estimators can estimate, and were not trained on"
+                    .into(),
             })
         }
     }

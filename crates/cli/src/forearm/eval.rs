@@ -1,7 +1,7 @@
 //! `taxel forearm eval`: the publication's protocol.
 
 use super::eval_json::{self, Figures, Report};
-use super::judge::{Outcome, chosen, judge_all, judge_fused, train, trials};
+use super::judge::{Judgement, chosen, judge_all, judge_fused, train, trials};
 use super::more::More;
 use super::network_args::NetworkArgs;
 use super::report;
@@ -120,13 +120,14 @@ pub(super) fn run(args: &Args) -> anyhow::Result<String> {
         false => Some(More::of(&session, &splits, &trained.estimators)?),
     };
     if args.json {
-        let figures = |(outcome, train_s): &(Outcome, f64)| Figures::of(outcome, *train_s);
+        let figures =
+            |(judgement, train_s): &(Judgement, f64)| Some(Figures::of(judgement.as_ref().ok()?, *train_s));
         let report = Report {
             protocol: PROTOCOL,
             repetitions: splits.len(),
             kinesthetic: Figures::of(&outcome, train_s),
-            tactile: touch.as_ref().map(|touch| figures(&touch.tactile)),
-            fused: touch.as_ref().map(|touch| figures(&touch.fused)),
+            tactile: touch.as_ref().and_then(|touch| figures(&touch.tactile)),
+            fused: touch.as_ref().and_then(|touch| figures(&touch.fused)),
             chosen: chosen(&trained.estimators),
             more: more.as_ref().map(|more| eval_json::More::of(&session, more)),
         };
@@ -135,9 +136,14 @@ pub(super) fn run(args: &Args) -> anyhow::Result<String> {
     let mut text = report::procedure(&session, &splits, &trained.estimators);
     text += &report::errors("kinesthetic", &session, &outcome, train_s);
     text += &report::places(&outcome);
-    for (name, (outcome, train_s)) in touch.iter().flat_map(Touch::parts) {
-        text += &report::errors(name, &session, outcome, *train_s);
-        text += &report::places(outcome);
+    for (name, (judgement, train_s)) in touch.iter().flat_map(Touch::parts) {
+        match judgement {
+            Ok(outcome) => {
+                text += &report::errors(name, &session, outcome, *train_s);
+                text += &report::places(outcome);
+            }
+            Err(none) => text += &format!("\n{name}: refused: all, because {none}\n"),
+        }
     }
     if let Some(more) = &more {
         text += &report::table(
@@ -158,25 +164,27 @@ pub(super) fn run(args: &Args) -> anyhow::Result<String> {
     Ok(text)
 }
 
-/// Outcomes of the estimators that need touch, and how long their training took, s.
+/// What became of the estimators that need touch, and how long their training took, s.
 struct Touch {
-    tactile: (Outcome, f64),
-    fused: (Outcome, f64),
+    tactile: (Judgement, f64),
+    fused: (Judgement, f64),
 }
 
 impl Touch {
-    fn parts(&self) -> [(&'static str, &(Outcome, f64)); 2] {
+    fn parts(&self) -> [(&'static str, &(Judgement, f64)); 2] {
         [("tactile", &self.tactile), ("fused", &self.fused)]
     }
 }
 
 fn with_touch(session: &Session, splits: &[Split], angles: &[Kinesthetic]) -> anyhow::Result<Touch> {
     let tactile = train(session, splits, Tactile::train)?;
-    let outcome = judge_all(session, splits, &tactile.estimators, None)?;
+    let judgement = judge_all(session, splits, &tactile.estimators, None);
     let began = Instant::now();
     let mut fused = Vec::new();
     for ((kinesthetic, tactile), split) in angles.iter().zip(tactile.estimators).zip(splits) {
-        let fusion = Fusion::train(kinesthetic, &tactile, &trials(session, &split.fusion_train))?;
+        // Where no touch can be judged, both are as far off as they say.
+        let fusion = Fusion::train(kinesthetic, &tactile, &trials(session, &split.fusion_train))
+            .unwrap_or_else(|_| Fusion::by_intervals());
         let kinesthetic = kinesthetic.clone();
         fused.push(Fused {
             kinesthetic,
@@ -186,7 +194,7 @@ fn with_touch(session: &Session, splits: &[Split], angles: &[Kinesthetic]) -> an
     }
     let took = began.elapsed();
     Ok(Touch {
-        tactile: (outcome, tactile.took.as_secs_f64()),
-        fused: (judge_fused(session, splits, &fused)?, took.as_secs_f64()),
+        tactile: (judgement, tactile.took.as_secs_f64()),
+        fused: (judge_fused(session, splits, &fused), took.as_secs_f64()),
     })
 }

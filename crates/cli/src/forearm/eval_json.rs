@@ -40,6 +40,8 @@ pub(super) struct Figures {
     /// Share of squeezes within the interval at places that were trained on, and at others; null where none was judged.
     coverage_90_trained: f64,
     coverage_90_new: f64,
+    /// Squeezes without an estimate, of all repetitions.
+    refused: usize,
     places: Vec<Place>,
 }
 
@@ -93,6 +95,7 @@ impl Figures {
             half_width_90: errors.half_width_90,
             coverage_90_trained,
             coverage_90_new,
+            refused: outcome.refused.as_ref().map_or(0, |(count, _)| *count),
             places: errors.places.iter().map(Place::of).collect(),
         }
     }

@@ -62,6 +62,7 @@ pub(super) fn errors(source: &str, session: &Session, outcome: &Outcome, train_s
     let most = e.macro_rmses.iter().copied().fold(0.0, f64::max);
     let (heading, [rmse, mae, range]) = column(beside(source, session));
     let [seen, new] = e.coverage_seen_and_new;
+    let refused = (outcome.refused.iter()).map(|(count, why)| format!("{count} refused: {why}\n"));
     format!(
         "\n{source}, % of the forearm        here{heading}\n\
          \x20 RMSE, mean over places   {:8.2}{rmse}\n\
@@ -71,7 +72,7 @@ pub(super) fn errors(source: &str, session: &Session, outcome: &Outcome, train_s
          \x20 range of estimates, mean {:8.2}{range}\n\
          Over the repetitions the first is {least:.2} to {most:.2}.\n\
          90 % intervals of +-{:.1} hold {:.1} % (mean over places): {} of squeezes at places that were trained on,\n\
-         {} at others. Training took {train_s:.2} s for all repetitions, an estimate {:.1} us.\n",
+         {} at others. Training took {train_s:.2} s for all repetitions, an estimate {:.1} us.\n{}",
         e.macro_rmse,
         e.macro_mae,
         e.pooled_rmse,
@@ -82,6 +83,7 @@ pub(super) fn errors(source: &str, session: &Session, outcome: &Outcome, train_s
         share(seen),
         share(new),
         outcome.estimate_us,
+        refused.collect::<String>(),
     )
 }
 

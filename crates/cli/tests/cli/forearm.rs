@@ -357,3 +357,31 @@ fn options_that_would_do_nothing_are_refused() {
         assert!(error.contains("1, 2, 3, 4, 5, 7 or 13"), "{error}");
     }
 }
+
+#[test]
+fn touch_that_is_refused_in_a_squeeze_is_counted_and_ends_no_judgement() {
+    let dir = TempDir::new().unwrap();
+    succeeds(
+        &dir,
+        &["forearm", "simulate", "--out", "all.npz", "--repetitions", "3"],
+    );
+    let mut session = Session::open(&dir.path().join("all.npz")).unwrap();
+    // At the second place, which single estimators are judged at and fusion learns from.
+    let odd = session
+        .trials
+        .iter_mut()
+        .find(|trial| trial.location_percent > 0.0);
+    odd.unwrap()
+        .squeeze
+        .tactile
+        .iter_mut()
+        .for_each(|counts| counts.fill(255));
+    session.write_npz(&dir.path().join("odd.npz")).unwrap();
+    let args = ["forearm", "eval", "odd.npz", "--repetitions", "1", "--brief"];
+    let (out, _) = succeeds(&dir, &args);
+    assert!(out.contains("1 refused: the tactile images are "), "{out}");
+    let (out, _) = succeeds(&dir, &[&args[..], &["--json"]].concat());
+    let report: Value = serde_json::from_str(&out).unwrap();
+    let refused = ["kinesthetic", "tactile", "fused"].map(|of| report[of]["refused"].as_u64());
+    assert_eq!(refused, [Some(0), Some(1), Some(0)]);
+}
