@@ -1,8 +1,7 @@
-//! Single samples of an angle that its neighbours know nothing of.
+//! Single samples of a potentiometer that their neighbours know nothing of.
 
-/// A sample further than this from the middle one of itself and its two neighbours is a glitch, degrees. Of the public
-/// samples between others none of a motor is, and five of the potentiometers; of the first ones 3 %, where a finger still
-/// opens.
+/// A sample further than this from the middle one of itself and its two neighbours is a glitch, degrees. Nine are in the
+/// 148,200 public samples of potentiometers.
 const GLITCH_DEG: f64 = 4.0;
 
 /// A column with the middle value of three in place of glitches. The first and the newest sample are compared with the two

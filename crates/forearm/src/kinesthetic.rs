@@ -10,6 +10,7 @@ use crate::session::Trial;
 use crate::squeeze::Squeeze;
 use crate::stillness::Stillness;
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 
 /// Which angles are there: all, one lost, both potentiometers lost, one finger lost. The two fingers' angles are added up:
 /// the sum does not change where the arm lies nearer to one of them.
@@ -137,7 +138,7 @@ impl Kinesthetic {
     fn healthy(
         &self,
         squeeze: &Squeeze,
-        columns: &[Vec<f64>; 4],
+        columns: &[Cow<'_, [f64]>; 4],
         course: &Course,
     ) -> Result<[bool; 4], ForearmError> {
         let mut healthy = [true; 4];
@@ -182,7 +183,12 @@ impl Kinesthetic {
     }
 
     /// The columns of a reading at all phases. None where two angles that are added up are known in no sample both.
-    fn features(&self, columns: &[Vec<f64>; 4], course: &Course, reading: [bool; 4]) -> Option<Vec<f64>> {
+    fn features(
+        &self,
+        columns: &[Cow<'_, [f64]>; 4],
+        course: &Course,
+        reading: [bool; 4],
+    ) -> Option<Vec<f64>> {
         let mut features = Vec::with_capacity(2 * PHASES);
         for pair in columns_of(reading) {
             let value = |n: usize, row: usize| {
@@ -277,9 +283,12 @@ fn as_read(squeeze: &Squeeze, angle: usize) -> &[f64] {
     [p0, p1, a0, a1][angle]
 }
 
-/// The same without glitches.
-fn angle(squeeze: &Squeeze, angle: usize) -> Vec<f64> {
-    without_glitches(as_read(squeeze, angle))
+/// The same without glitches, which potentiometers have; a motor's angle comes in a packet with a checksum.
+fn angle(squeeze: &Squeeze, angle: usize) -> Cow<'_, [f64]> {
+    match as_read(squeeze, angle) {
+        column if MOTORS.contains(&angle) => Cow::Borrowed(column),
+        column => Cow::Owned(without_glitches(column)),
+    }
 }
 
 /// The angles of a reading that are added up, as numbers of `ANGLES`: the motors', then the potentiometers'.

@@ -23,8 +23,10 @@ pub(crate) struct Stillness {
 
 impl Stillness {
     /// Of the same potentiometer in all squeezes of the training.
-    pub(crate) fn of(columns: impl Iterator<Item = Vec<f64>>) -> Self {
-        let mut levels: Vec<f64> = columns.filter_map(|column| level_of_still(&column)).collect();
+    pub(crate) fn of<C: AsRef<[f64]>>(columns: impl Iterator<Item = C>) -> Self {
+        let mut levels: Vec<f64> = columns
+            .filter_map(|column| level_of_still(column.as_ref()))
+            .collect();
         levels.sort_by(f64::total_cmp);
         let odd = usize::from(levels.len() > 2);
         let of_end = |n: usize| levels.get(n).copied();

@@ -61,7 +61,7 @@ fn a_sound_squeeze_that_is_unlike_the_few_others_is_trained_on() {
     Model::train(&few).unwrap();
     // One sample that is of no finger does not make it another gripper's.
     few.trials[8].squeeze.theta_p_deg[0][30] += 90.0;
-    few.trials[9].squeeze.theta_a_deg[1][0] -= 90.0;
+    few.trials[9].squeeze.theta_p_deg[1][0] -= 90.0;
     Model::train(&few).unwrap();
     let odd = &mut few.trials[8].squeeze;
     odd.theta_p_deg[0].iter_mut().for_each(|angle| *angle += 10.0);
