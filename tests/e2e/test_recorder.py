@@ -43,7 +43,7 @@ TYPES = {
 class Recorder:
     """`taxel record` of a daemon; what it says is in `said`."""
 
-    def __init__(self, daemon, out, *arguments, limit=None):
+    def __init__(self, daemon, out, *arguments, limit=None, stderr=None):
         self.daemon, self.out = daemon, out
         self.log = out.with_suffix(".said")
 
@@ -55,12 +55,18 @@ class Recorder:
         with self.log.open("wb") as log:
             self.process = subprocess.Popen(
                 [binary("taxel"), "record", out, "--config", daemon.config, *arguments],
-                stderr=log,
+                stderr=log if stderr is None else stderr,
                 preexec_fn=limited,
                 restore_signals=False,  # the limit is told by an error instead of a signal
             )
-        # It opens its buses before it subscribes, and has every message from when its wish is known, not from when it came.
-        daemon.wait_status(
+        self.is_subscribed()
+
+    def is_subscribed(self):
+        """Waits until it is.
+
+        It opens its buses before it subscribes, and has every message from when its wish is known, not from when it came.
+        """
+        self.daemon.wait_status(
             lambda s: any(other["pid"] == self.process.pid and other["every"] for other in s["subscribers"]),
             "taxel record does not subscribe",
         )
@@ -429,6 +435,43 @@ def test_a_file_that_is_renamed_while_it_is_recorded_into_is_told_and_the_record
         with whole.open("rb") as file:
             counted = make_reader(file).get_summary().statistics
         assert counted.message_count > 0
+
+
+def test_a_recording_goes_on_though_nobody_reads_what_it_says(start, folder):
+    daemon = start()
+    reader, full = os.pipe()
+    os.set_blocking(full, False)
+    with suppress(BlockingIOError):
+        while True:
+            os.write(full, bytes(4096))
+    os.set_blocking(full, True)
+    with recording(daemon, folder / "slip.mcap", "--keep", "60", "--after", "0.2", stderr=full) as recorder:
+        for file in folder / "slip-0001.mcap", folder / "slip-0002.mcap":
+            # A file is whole when its window is over, and has an index then.
+            def is_whole(file=file):
+                with suppress(McapError, FileNotFoundError), file.open("rb") as whole:
+                    return make_reader(whole).get_summary()
+
+            daemon.control("mark", text="slipped")
+            eventually(is_whole, f"{file.name} does not become whole", 20)
+        assert recorder.end() == 0
+    os.close(full)
+    os.close(reader)
+
+
+def test_every_loss_of_the_daemon_is_told(start, folder):
+    daemon = start()
+    with recording(daemon, folder / "a.mcap") as recorder:
+        for times in 1, 2:
+            daemon.stop()
+            eventually(
+                lambda times=times: recorder.said.count("waiting for it") == times,
+                lambda: f"a loss is not told: {recorder.said}",
+                20,
+            )
+            daemon.start()
+            recorder.is_subscribed()
+        assert recorder.end() == 0, recorder.said
 
 
 @pytest.mark.parametrize("trigger", ["mark", "signal"])

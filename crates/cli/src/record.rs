@@ -7,6 +7,7 @@ pub(crate) use outcome::words;
 
 use crate::control;
 use crate::input::DEFAULT_LAYOUT;
+use crate::notices;
 use crate::piped_file::text_parser;
 use crate::seconds::seconds;
 use anyhow::{Context, anyhow, bail};
@@ -164,11 +165,11 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let signals = Signals {
         stop: &|| interrupt.is_set(),
         trigger: &|| asked.swap(false, Ordering::Relaxed),
-        say: &|text| eprintln!("taxel: {text}"),
+        say: &|text| notices::say(&format!("taxel: {text}")),
     };
     let finished = taxel_recorder::record(&plan, &signals)?;
     for line in words(&plan, &finished) {
-        eprintln!("{line}");
+        notices::say(&line);
     }
     if args.json {
         writeln!(std::io::stdout(), "{}", outcome::in_json(&plan, &finished)).context("stdout")?;

@@ -1,6 +1,7 @@
 //! `taxel sim`: a scene on a real or virtual bus.
 
 use crate::forearm::play;
+use crate::notices;
 use crate::offered::offering;
 use crate::piped_file::layout_parser;
 use crate::scene_marks::SceneMarks;
@@ -229,8 +230,8 @@ impl Args {
         let _servos = servos.map(|link| offer_servos(scene, layout, link)).transpose()?;
         let begin = Instant::now();
         let control = self.control.clone();
-        let marks =
-            control.map(|socket| SceneMarks::start(scene, begin, socket, |text| eprintln!("taxel: {text}")));
+        let report = |text| notices::say(&format!("taxel: {text}"));
+        let marks = control.map(|socket| SceneMarks::start(scene, begin, socket, report));
         let _marks = marks.transpose()?;
         play(simulator, begin, limit_ns, layout.buses.len(), targets)
     }

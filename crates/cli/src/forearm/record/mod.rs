@@ -5,6 +5,7 @@ mod gripper;
 mod newest;
 mod plan;
 
+use crate::notices;
 use anyhow::{Context, bail};
 use gripper::Gripper;
 use plan::{Next, Plan, Settings};
@@ -178,7 +179,11 @@ fn session(args: &Args, plan: &Plan, gripper: &Gripper, interrupt: &Interrupt) -
             Ok(None) => return stopped(plan),
             Err(fault) if faults < args.again => {
                 faults += 1;
-                eprintln!("taxel: {fault:#}. It is made again ({faults} of {})", args.again);
+                // The next one may be of the same kind.
+                notices::say(&format!(
+                    "taxel: {fault:#}. It is made again ({faults} of {})",
+                    args.again
+                ));
                 continue;
             }
             Err(fault) => return Err(fault),
