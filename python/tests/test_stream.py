@@ -1,6 +1,7 @@
 """Images, restarts, refusals and asyncio, against the fake daemon."""
 
 import asyncio
+import contextlib
 import errno
 import socket
 import threading
@@ -9,6 +10,7 @@ import time
 import numpy as np
 import pytest
 import taxel
+from taxel import _reader
 from taxel.fake import _event
 
 
@@ -46,6 +48,16 @@ def test_iterating_goes_on_after_a_restart_of_the_daemon(daemon):
         assert hand.restarts == 1 and hand.gone == ""
     assert seen == [[1], [2]]
     assert daemon.subscriptions == [{"profile": {"levels": 4}}] * 2, "it subscribes anew"
+
+
+def test_a_daemon_that_takes_no_connection_is_not_waited_for_without_end(tmp_path, monkeypatch):
+    monkeypatch.setattr(_reader, "_PATIENCE_S", 0.05)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as hangs, contextlib.ExitStack() as waiting:
+        hangs.bind(str(tmp_path / "images.sock"))
+        hangs.listen(1)
+        with pytest.raises(TimeoutError, match="takes no connection"):
+            for _ in range(9):
+                waiting.enter_context(_reader.connect(tmp_path / "images.sock"))
 
 
 def test_a_daemon_that_was_waited_for_has_not_restarted(daemon):

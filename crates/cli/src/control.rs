@@ -8,8 +8,9 @@ use std::io::{self, BufRead, BufReader, ErrorKind, Write};
 use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::time::Duration;
-use taxel_wire::{check_socket_folder, who_may_open};
+use taxel_wire::{check_socket_folder, connect_for_requests, who_may_open};
 
+/// How long a reply may take.
 const PATIENCE: Duration = Duration::from_secs(5);
 
 /// Has the daemon do something and returns its reply; an error is its own words why not.
@@ -34,7 +35,7 @@ impl Connection {
     /// Connects to a daemon.
     pub(crate) fn open(socket: &Path) -> anyhow::Result<Self> {
         check_socket_folder(socket)?;
-        let stream = UnixStream::connect(socket).map_err(|error| {
+        let stream = connect_for_requests(socket).map_err(|error| {
             let who = match error.kind() {
                 ErrorKind::PermissionDenied => format!(
                     "; {}; its configuration says who: mode and group of {}",
@@ -45,6 +46,7 @@ impl Connection {
                     "; no taxeld runs there: start it (`taxeld --config FILE`), or name the socket of another one"
                         .into()
                 }
+                ErrorKind::TimedOut => "; its log says what it does, and where it hangs, restart it".into(),
                 _ if error.raw_os_error() == Some(EPROTOTYPE) => {
                     "; images come from there, requests go to status.sock or control.sock beside it".into()
                 }
@@ -53,7 +55,6 @@ impl Connection {
             anyhow!("cannot reach taxeld at {}: {error}{who}", socket.display())
         })?;
         stream.set_read_timeout(Some(PATIENCE))?;
-        stream.set_write_timeout(Some(PATIENCE))?;
         Ok(Self(BufReader::new(stream)))
     }
 

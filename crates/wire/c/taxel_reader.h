@@ -488,6 +488,7 @@ static inline const char *taxel_result_name(enum taxel_result result)
 #include <stdlib.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
+#include <sys/time.h>
 #include <sys/types.h>
 #include <sys/uio.h>
 #include <sys/un.h>
@@ -522,10 +523,12 @@ static inline int taxel_in_foreign_folder(const char *path)
 
 /*
  * Connects to the daemon's data socket. Returns a descriptor to close(), or -1 with errno: EACCES also where it is in
- * a folder /tmp/taxeld-UID that is not UID's alone.
+ * a folder /tmp/taxeld-UID that is not UID's alone, EAGAIN where the daemon takes no connection for five seconds, as one
+ * that hangs.
  */
 static inline int taxel_connect(const char *path)
 {
+    const struct timeval patience = {5, 0};
     struct sockaddr_un address;
     int fd, failed, error;
     memset(&address, 0, sizeof address);
@@ -542,6 +545,7 @@ static inline int taxel_connect(const char *path)
     fd = socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0);
     if (fd < 0)
         return -1;
+    setsockopt(fd, SOL_SOCKET, SO_SNDTIMEO, &patience, sizeof patience);
     do
         failed = connect(fd, (const struct sockaddr *)&address, sizeof address);
     while (failed && errno == EINTR);

@@ -36,6 +36,8 @@ MAX_MESSAGE = 409_600
 """The most bytes a message may have, header included."""
 MAX_TEXT = 8 << 20
 """The most bytes of text put together from several messages."""
+_PATIENCE_S = 5.0
+"""How long a daemon is waited for that takes no connection."""
 
 HELLO, IMAGE, STATUS, EVENT, RAW, TOUCH, ESTIMATE, SUBSCRIBE = 1, 2, 3, 4, 5, 6, 7, 16
 
@@ -499,18 +501,35 @@ def _check_folder(path: str) -> None:
         raise PermissionError(errno.EACCES, "not a folder that only the user of its name owns and may write", folder)
 
 
+def _connect_to(connection: socket.socket, place: str) -> None:
+    # A socket that blocks would wait for ever for room in the queue of those that are not accepted yet.
+    connection.setblocking(False)
+    until = time.monotonic() + _PATIENCE_S
+    while True:
+        try:
+            connection.connect(place)
+            break
+        except BlockingIOError:
+            if time.monotonic() > until:
+                words = "taxeld takes no connection; its log says what it does, and where it hangs, restart it"
+                raise TimeoutError(errno.ETIMEDOUT, words, place) from None
+            time.sleep(0.01)
+    connection.setblocking(True)
+
+
 def connect(path: Union[str, bytes, "os.PathLike[str]", "os.PathLike[bytes]"], **wanted: Any) -> Reader:
     """Connects to the daemon that listens at `path`; keywords as for `Reader.subscribe`.
 
     Raises OSError: FileNotFoundError or ConnectionRefusedError where no daemon runs, PermissionError where
     this user may not read from it, or where it is in a folder /tmp/taxeld-UID that is not UID's alone, with errno
-    EPROTOTYPE where it is a socket that takes requests.
+    EPROTOTYPE where it is a socket that takes requests, TimeoutError where the daemon takes no connection for five seconds,
+    as one that hangs.
     """
     place = os.fsdecode(path)
     _check_folder(place)
     connection = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     try:
-        connection.connect(place)
+        _connect_to(connection, place)
         reader = Reader(connection)
         if wanted:
             reader.subscribe(**wanted)

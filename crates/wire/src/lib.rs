@@ -7,7 +7,7 @@
 //! - Decoding: [`decode`] and [`decode_packet`] take any bytes, borrow from them and never panic.
 //! - Reading: [`Subscriber`] connects to a running daemon.
 //!
-//! Everything but [`reader`] and [`check_socket_folder`] is free of I/O, clocks and threads.
+//! Everything but [`reader`], [`connect_for_requests`], [`check_socket_folder`] and [`who_may_open`] is free of I/O, clocks and threads.
 //!
 //! ```
 //! use taxel_wire::{Body, Header, Kind, decode_packet, encode_image_payload};
@@ -23,6 +23,7 @@
 //! assert_eq!(view.pixels(), [0, 255]);
 //! ```
 
+mod connect;
 mod encode;
 mod error;
 mod fields;
@@ -39,6 +40,7 @@ mod socket_folder;
 pub mod status;
 mod text;
 
+pub use connect::connect_for_requests;
 pub use encode::Encode;
 pub use error::{DecodeError, EncodeError};
 pub use format::{HEADER_LEN, MAGIC, MAJOR, MAX_MESSAGE, MINOR};

@@ -1,5 +1,6 @@
 //! A blocking reader of a running daemon's images.
 
+use crate::connect::{connect, retry};
 use crate::error::DecodeError;
 use crate::format::MAX_MESSAGE;
 use crate::header::{Flags, Header, Kind};
@@ -12,7 +13,7 @@ use crate::socket_folder::{UntrustedFolder, check_socket_folder};
 use crate::text::{Event, EventKind, MAX_TEXT, Subscribe};
 use nix::errno::Errno;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
-use nix::sys::socket::{AddressFamily, MsgFlags, SockFlag, SockType, UnixAddr, connect, recv, send, socket};
+use nix::sys::socket::{MsgFlags, SockType, recv, send};
 use nix::time::{ClockId, clock_gettime};
 use std::io;
 use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
@@ -68,6 +69,7 @@ fn connect_advice(path: &Path, error: &io::Error) -> String {
             "that socket takes requests; images come from images.sock beside it".into()
         }
         Some(Errno::EACCES) => who_may_open(path),
+        Some(Errno::ETIMEDOUT) => "its log says what it does, and where it hangs, restart it".into(),
         _ => "is taxeld running there?".into(),
     }
 }
@@ -131,22 +133,12 @@ enum Ready {
 }
 
 impl Subscriber {
-    /// Connects to the daemon that listens at `path`. A folder `/tmp/taxeld-UID` is refused where somebody else than
+    /// Connects to the daemon that listens at `path`, and waits five seconds at most for one that hangs. A folder `/tmp/taxeld-UID` is refused where somebody else than
     /// UID owns or may write it.
     pub fn connect(path: impl AsRef<Path>) -> Result<Self, ReadError> {
         let path = path.as_ref();
         check_socket_folder(path)?;
-        let open = || -> nix::Result<OwnedFd> {
-            let fd = socket(
-                AddressFamily::Unix,
-                SockType::SeqPacket,
-                SockFlag::SOCK_CLOEXEC,
-                None,
-            )?;
-            retry(|| connect(fd.as_raw_fd(), &UnixAddr::new(path)?))?;
-            Ok(fd)
-        };
-        let socket = open().map_err(|errno| ReadError::Connect {
+        let socket = connect(path, SockType::SeqPacket).map_err(|errno| ReadError::Connect {
             path: path.to_owned(),
             source: errno.into(),
         })?;
@@ -381,15 +373,5 @@ impl AsFd for Subscriber {
     /// The socket, to wait for with other things; readable when there is something for [`Subscriber::next`].
     fn as_fd(&self) -> BorrowedFd<'_> {
         self.socket.as_fd()
-    }
-}
-
-/// Calls again what a signal interrupted.
-fn retry<T>(mut call: impl FnMut() -> nix::Result<T>) -> nix::Result<T> {
-    loop {
-        match call() {
-            Err(Errno::EINTR) => {}
-            result => return result,
-        }
     }
 }

@@ -13,8 +13,8 @@ use taxel_can::SourceAddress;
 use taxel_diagnose::Kind;
 use taxel_hand::{Fault, Faults};
 use taxel_skin::Layout;
-use taxel_wire::check_socket_folder;
 use taxel_wire::status::{BoardStatus, BusStatus, ProblemStatus, Status};
+use taxel_wire::{check_socket_folder, connect_for_requests};
 use taxeld::Config;
 
 const AREA: &str = "daemon";
@@ -45,7 +45,7 @@ pub(crate) fn ask(socket: &Path) -> Daemon {
     if let Err(untrusted) = check_socket_folder(socket) {
         return Daemon::Strange(untrusted.to_string());
     }
-    let mut stream = match UnixStream::connect(socket) {
+    let mut stream = match connect_for_requests(socket) {
         Ok(stream) => stream,
         Err(error) if error.kind() == ErrorKind::PermissionDenied => return Daemon::Forbidden,
         Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::ConnectionRefused) => {
@@ -61,7 +61,6 @@ pub(crate) fn ask(socket: &Path) -> Daemon {
 
 fn status(stream: &mut UnixStream) -> anyhow::Result<Status> {
     stream.set_read_timeout(Some(PATIENCE))?;
-    stream.set_write_timeout(Some(PATIENCE))?;
     writeln!(stream, "{}", serde_json::json!({ "cmd": "status" }))?;
     let mut reply = String::new();
     BufReader::new(stream)
