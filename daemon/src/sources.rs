@@ -3,7 +3,7 @@
 use crate::StartError;
 use nix::sys::socket::SockType;
 use std::path::Path;
-use taxel_can::{CanSource, Playback, PressureSocket, SourceAddress, SourceOptions};
+use taxel_can::{CanSource, PressureSocket, SourceAddress, SourceOptions};
 use taxel_config::Config;
 use taxel_serve::SocketPath;
 
@@ -33,10 +33,7 @@ pub(crate) fn open(config: &Config, start_ns: u64) -> Result<Vec<Box<dyn CanSour
         let options = SourceOptions {
             filters: filters.into_iter().collect(),
             receive_buffer: config.can.receive_buffer_kib as usize * 1024,
-            playback: Playback {
-                start_ns,
-                ..Playback::default()
-            },
+            start_ns,
         };
         open_one(config, bus, address, name, &options)
     })
@@ -77,7 +74,7 @@ fn open_one(
     };
     match address {
         SourceAddress::Sim { scene } => {
-            open_scene(scene, config, bus as u8, options.playback.start_ns).map_err(|error| fail(true, error))
+            open_scene(scene, config, bus as u8, options.start_ns).map_err(|error| fail(true, error))
         }
         SourceAddress::Pressure { path } => {
             open_array(config, bus, path).map_err(|error| StartError::Source {

@@ -6,7 +6,7 @@
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use std::error::Error;
 use std::io::{Write, stdout};
-use taxel_can::{LogWriter, Playback, SourceAddress, SourceOptions, monotonic_ns, open};
+use taxel_can::{LogWriter, SourceAddress, SourceOptions, monotonic_ns, open};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
@@ -19,11 +19,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         Some(seconds) => start_ns + (seconds.parse::<f64>()? * 1e9) as u64,
         None => u64::MAX,
     };
-    let playback = Playback { start_ns, speed: 1.0 };
     let mut source = open(
         &address,
         &SourceOptions {
-            playback,
+            start_ns,
             ..SourceOptions::default()
         },
     )?;

@@ -29,7 +29,7 @@ pub use candump::{Direction, LineProblem, LogError, LogFrame, LogReader, LogWrit
 pub use clock::{StampConverter, monotonic_ns};
 pub use filter::IdFilter;
 pub use frame::{CanFrame, ERROR_FLAG, EXTENDED_FLAG, FrameError, REMOTE_FLAG, id_text};
-pub use log::{LogSource, Playback};
+pub use log::LogSource;
 pub use log_clock::{ClockJumps, LONGEST_PAUSE_NS, LogClock};
 pub use memory::{MemoryBus, MemorySource, memory_bus};
 pub use merge::FrameMerge;

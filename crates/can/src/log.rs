@@ -12,41 +12,21 @@ use std::sync::Arc;
 /// What an MCAP file begins with.
 const MCAP: &[u8] = b"\x89MCAP";
 
-/// When the frames of a recording are due.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Playback {
-    /// When the first frame of the file is due, nanoseconds on the caller's clock.
-    pub start_ns: u64,
-    /// How fast the recorded clock runs: 1 as recorded, 2 twice as fast. Finite and over 0.
-    ///
-    /// There is no speed for "as fast as possible", because it needs none: a caller that sets its
-    /// own clock to [`Wakeup::at_ns`] instead of waiting for it is driven by the recorded clock, at
-    /// speed 1, as fast as it can go, and two such runs give the same times to the nanosecond.
-    pub speed: f64,
-}
-
-impl Default for Playback {
-    /// From time 0, as recorded.
-    fn default() -> Self {
-        Self {
-            start_ns: 0,
-            speed: 1.0,
-        }
-    }
-}
-
 /// A candump recording, each frame due at its own absolute time.
 ///
 /// Times are shifted so that the first frame of the file, on whatever interface, is due at
-/// [`Playback::start_ns`]; two sources over one file with the same playback therefore keep the two
+/// `start_ns`; two sources over one file with the same start therefore keep the two
 /// buses in step. A frame that was recorded earlier than the one before it is due together with
 /// that one, and time goes on where the clock was set or nothing came for more than a minute ([`LogClock`]); that is counted in
 /// `jumps`. Lines that hold no classic
 /// frame are counted as `undecodable` and stop nothing. There is nobody to send to.
+///
+/// A caller that sets its own clock to [`Wakeup::at_ns`] instead of waiting for it is driven by the recorded clock, as
+/// fast as it can go, and two such runs give the same times to the nanosecond.
 pub struct LogSource {
     reader: LogReader<BufReader<File>>,
     interface: Option<Arc<str>>,
-    playback: Playback,
+    start_ns: u64,
     clock: LogClock,
     newest_ns: u64,
     next: Option<Received>,
@@ -55,17 +35,11 @@ pub struct LogSource {
 }
 
 impl LogSource {
-    /// Opens a recording, of which only frames recorded on `interface` are played if one is given.
+    /// Opens a recording, of which only frames recorded on `interface` are played if one is given. Its first frame is due at
+    /// `start_ns`, nanoseconds on the caller's clock.
     ///
-    /// Fails if the file cannot be read, if nothing in it is a CAN frame, or if the speed is not a
-    /// positive number.
-    pub fn open(path: &Path, interface: Option<&str>, playback: Playback) -> Result<Self, OpenError> {
-        if !(playback.speed.is_finite() && playback.speed > 0.0) {
-            return Err(OpenError::Refused(format!(
-                "a playback speed of {} is not a positive number",
-                playback.speed
-            )));
-        }
+    /// Fails if the file cannot be read, or if nothing in it is a CAN frame.
+    pub fn open(path: &Path, interface: Option<&str>, start_ns: u64) -> Result<Self, OpenError> {
         let unreadable = |source| OpenError::Io {
             what: format!("read {}", path.display()),
             source,
@@ -82,9 +56,9 @@ impl LogSource {
         let mut source = Self {
             reader: LogReader::new(file),
             interface: interface.map(Arc::from),
-            playback,
+            start_ns,
             clock: LogClock::default(),
-            newest_ns: playback.start_ns,
+            newest_ns: start_ns,
             next: None,
             counters: SourceCounters::default(),
             failure: None,
@@ -137,14 +111,7 @@ impl LogSource {
     }
 
     fn schedule(&mut self, frame: &LogFrame, since_first_ns: u64) {
-        let since_start = if self.playback.speed == 1.0 {
-            since_first_ns
-        } else {
-            (since_first_ns as f64 / self.playback.speed) as u64
-        };
-        self.newest_ns = self
-            .newest_ns
-            .max(self.playback.start_ns.saturating_add(since_start));
+        self.newest_ns = self.newest_ns.max(self.start_ns.saturating_add(since_first_ns));
         self.next = Some(Received {
             t_ns: self.newest_ns,
             frame: frame.frame,
@@ -244,28 +211,21 @@ mod tests {
         batch.iter().map(|r| (r.t_ns, r.frame.id())).collect()
     }
 
-    fn open(text: &str, interface: Option<&str>, playback: Playback) -> LogSource {
-        LogSource::open(file(text).path(), interface, playback).unwrap()
+    fn open(text: &str, interface: Option<&str>, start_ns: u64) -> LogSource {
+        LogSource::open(file(text).path(), interface, start_ns).unwrap()
     }
 
     #[test]
     fn an_mcap_recording_is_refused_with_the_command_that_makes_a_log_of_it() {
         let file = file("");
         std::fs::write(file.path(), b"\x89MCAP0\r\n and so on").unwrap();
-        let refused = LogSource::open(file.path(), None, Playback::default())
-            .err()
-            .unwrap()
-            .to_string();
+        let refused = LogSource::open(file.path(), None, 0).err().unwrap().to_string();
         assert!(refused.contains("`taxel convert /"), "{refused}");
     }
 
     #[test]
     fn times_are_shifted_so_that_the_first_frame_is_due_at_the_start() {
-        let playback = Playback {
-            start_ns: 7_000,
-            speed: 1.0,
-        };
-        let mut source = open(LOG, None, playback);
+        let mut source = open(LOG, None, 7_000);
         let frames = play(&mut source);
         // Frame 4 was recorded before frame 3: it is due together with it, not in the past.
         let expected = [
@@ -286,7 +246,7 @@ mod tests {
 
     #[test]
     fn two_buses_of_one_recording_stay_in_step() {
-        let frames = |interface| play(&mut open(LOG, Some(interface), Playback::default()));
+        let frames = |interface| play(&mut open(LOG, Some(interface), 0));
         assert_eq!(frames("can0"), [(500_000, 2), (900_000, 4), (2_000_000, 5)]);
         assert_eq!(frames("can1"), [(0, 1), (1_000_000, 3)]);
         assert_eq!(frames("can7"), []);
@@ -300,37 +260,14 @@ mod tests {
                    (1795000000.010000) can0 003#\n\
                    (1794999940.000000) can0 004#\n\
                    (1794999940.020000) can1 005#\n";
-        let frames = |interface| play(&mut open(log, Some(interface), Playback::default()));
+        let frames = |interface| play(&mut open(log, Some(interface), 0));
         assert_eq!(frames("can0"), [(0, 1), (10_000_000, 3), (10_000_000, 4)]);
         assert_eq!(frames("can1"), [(0, 2), (30_000_000, 5)]);
     }
 
     #[test]
-    fn speed_divides_the_time_since_the_start_and_does_not_add_up_errors() {
-        let playback = Playback {
-            start_ns: 1_000,
-            speed: 2.0,
-        };
-        assert_eq!(
-            play(&mut open(LOG, Some("can0"), playback)),
-            [(251_000, 2), (451_000, 4), (1_001_000, 5)]
-        );
-        let text: String = (0..=3000)
-            .map(|i| format!("({}.{:06}) can0 001#\n", i / 3, i % 3 * 333_333))
-            .collect();
-        let playback = Playback {
-            start_ns: 0,
-            speed: 3.0,
-        };
-        let mut source = open(&text, None, playback);
-        let mut batch = Vec::with_capacity(4000);
-        assert!(!source.receive(u64::MAX, &mut batch));
-        assert_eq!(batch.last().unwrap().t_ns, 333_333_333_333);
-    }
-
-    #[test]
     fn nothing_comes_before_its_time_and_a_full_batch_leaves_the_rest() {
-        let mut source = open(LOG, None, Playback::default());
+        let mut source = open(LOG, None, 0);
         let mut batch = Vec::with_capacity(2);
         assert!(!source.receive(499_999, &mut batch));
         assert_eq!(batch.len(), 1);
@@ -351,7 +288,7 @@ mod tests {
         log.resize(log.len() + (65 << 20), 0);
         let mut file = tempfile::NamedTempFile::new().unwrap();
         file.write_all(&log).unwrap();
-        let mut source = LogSource::open(file.path(), None, Playback::default()).unwrap();
+        let mut source = LogSource::open(file.path(), None, 0).unwrap();
         assert_eq!(play(&mut source).len(), 5);
         assert_eq!(source.counters().cut_off_line, 7);
         assert!(
@@ -361,14 +298,14 @@ mod tests {
                 .to_string()
                 .contains("64 MiB without a CAN frame")
         );
-        let mut whole = open(LOG, None, Playback::default());
+        let mut whole = open(LOG, None, 0);
         play(&mut whole);
         assert_eq!(whole.counters().cut_off_line, 0);
     }
 
     #[test]
     fn a_recording_takes_no_commands_and_that_is_no_failure() {
-        let mut source = open(LOG, None, Playback::default());
+        let mut source = open(LOG, None, 0);
         let frame = CanFrame::standard(1, &[]).unwrap();
         assert!(matches!(source.send(&frame), Err(SendError::ReceiveOnly)));
         assert_eq!(source.counters().send_failures, 0);
@@ -376,21 +313,12 @@ mod tests {
 
     #[test]
     fn what_cannot_be_played_is_refused_with_the_reason() {
-        let refused = |path: &Path, speed| {
-            LogSource::open(path, None, Playback { start_ns: 0, speed })
-                .err()
-                .unwrap()
-                .to_string()
-        };
-        let good = file(LOG);
-        for speed in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            assert!(refused(good.path(), speed).contains("not a positive number"));
-        }
-        let missing = refused(Path::new("no/such.log"), 1.0);
+        let refused = |path: &Path| LogSource::open(path, None, 0).err().unwrap().to_string();
+        let missing = refused(Path::new("no/such.log"));
         assert!(missing.contains("no/such.log") && missing.contains("No such file"));
-        let empty = refused(file("\n\n").path(), 1.0);
+        let empty = refused(file("\n\n").path());
         assert!(empty.contains("in its 2 lines"), "{empty}");
-        let other = refused(file("BLF\x01\x02 binary\nmore\n").path(), 1.0);
+        let other = refused(file("BLF\x01\x02 binary\nmore\n").path());
         assert!(
             other.contains("line 1, column 1: expected `(`") && other.contains("can_logconvert"),
             "{other}"

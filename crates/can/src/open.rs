@@ -1,8 +1,7 @@
 //! From an address to a source.
 
 use crate::{
-    CanSource, IdFilter, LogSource, Playback, SocketCan, SocketCanOptions, SourceAddress, UdpMulticast,
-    UdpOptions,
+    CanSource, IdFilter, LogSource, SocketCan, SocketCanOptions, SourceAddress, UdpMulticast, UdpOptions,
 };
 use nix::errno::Errno;
 use std::io;
@@ -15,8 +14,8 @@ pub struct SourceOptions {
     pub filters: Vec<IdFilter>,
     /// Bytes of receive queue to ask the kernel for, where there is one.
     pub receive_buffer: usize,
-    /// When the frames of a recording are due.
-    pub playback: Playback,
+    /// When the first frame of a recording or scene is due, nanoseconds on the caller's clock. Other sources ignore it.
+    pub start_ns: u64,
 }
 
 impl Default for SourceOptions {
@@ -24,7 +23,7 @@ impl Default for SourceOptions {
         Self {
             filters: Vec::new(),
             receive_buffer: 4 << 20,
-            playback: Playback::default(),
+            start_ns: 0,
         }
     }
 }
@@ -134,7 +133,7 @@ pub fn open(address: &SourceAddress, options: &SourceOptions) -> Result<Box<dyn 
         SourceAddress::Log { path, interface } => Ok(Box::new(LogSource::open(
             path,
             interface.as_deref(),
-            options.playback,
+            options.start_ns,
         )?)),
         SourceAddress::Pressure { path } => Err(OpenError::Refused(format!(
             "pressure:{} is no bus: its frames are sent to taxeld",

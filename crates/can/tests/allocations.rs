@@ -4,8 +4,8 @@ use std::net::IpAddr;
 use std::time::{Duration, Instant};
 use taxel_allocations::during;
 use taxel_can::{
-    CanFrame, CanSource, FrameMerge, IdFilter, LogSource, OpenError, Playback, PressureSocket, Received,
-    SocketCan, SocketCanOptions, UdpMulticast, UdpOptions, memory_bus, monotonic_ns,
+    CanFrame, CanSource, FrameMerge, IdFilter, LogSource, OpenError, PressureSocket, Received, SocketCan,
+    SocketCanOptions, UdpMulticast, UdpOptions, memory_bus, monotonic_ns,
 };
 
 #[global_allocator]
@@ -106,7 +106,7 @@ fn a_recording_bad_lines_and_all() {
         .unwrap();
         writeln!(file, "nonsense").unwrap();
     }
-    let mut source = LogSource::open(file.path(), Some("can1"), Playback::default()).unwrap();
+    let mut source = LogSource::open(file.path(), Some("can1"), 0).unwrap();
     let mut batch = Vec::with_capacity(64);
     let mut received = 0;
     let count = allocations(|| {

@@ -143,11 +143,11 @@ impl<'a> Buses<'a> {
 mod tests {
     use super::*;
     use std::fmt::Write;
-    use taxel_can::{CanSource, FrameMerge, LogSource, Playback};
+    use taxel_can::{CanSource, FrameMerge, LogSource};
 
     /// The frames as a daemon takes them that plays the buses of a log.
     fn as_played(path: &std::path::Path, names: &[String]) -> Vec<BusFrame> {
-        let open = |name: &String| LogSource::open(path, Some(name), Playback::default()).unwrap();
+        let open = |name: &String| LogSource::open(path, Some(name), 0).unwrap();
         let mut sources: Vec<LogSource> = names.iter().map(open).collect();
         let mut merge = FrameMerge::new(names.len(), 16, false);
         let mut frames = Vec::new();

@@ -4,8 +4,8 @@
 use anyhow::Context;
 use std::time::Duration;
 use taxel_can::{
-    CanFrame, CanSource, FrameMerge, LinkState, Playback, Received, SourceAddress, SourceCounters,
-    SourceOptions, monotonic_ns,
+    CanFrame, CanSource, FrameMerge, LinkState, Received, SourceAddress, SourceCounters, SourceOptions,
+    monotonic_ns,
 };
 use taxel_playback::interrupt::Interrupt;
 use taxel_playback::progress::Progress;
@@ -74,10 +74,7 @@ impl BusListener {
                 address => {
                     let options = SourceOptions {
                         receive_buffer,
-                        playback: Playback {
-                            start_ns,
-                            ..Playback::default()
-                        },
+                        start_ns,
                         ..SourceOptions::default()
                     };
                     taxel_can::open(address, &options).map_err(anyhow::Error::from)

@@ -8,7 +8,7 @@ use anyhow::{Context, bail};
 use serde_json::json;
 use std::io::{self, Write};
 use std::path::Path;
-use taxel_can::{LinkState, LogSource, Playback, Received, SourceAddress, id_text};
+use taxel_can::{LinkState, LogSource, Received, SourceAddress, id_text};
 use taxel_hand::plural;
 use taxel_playback::interrupt::Interrupt;
 use taxel_playback::output_file::OutputFile;
@@ -179,7 +179,7 @@ pub(crate) fn buses(sources: &[SourceAddress], root: &Path) -> anyhow::Result<Ve
 /// The interfaces that a recording is of, by name.
 pub(super) fn interfaces(recording: &Path) -> anyhow::Result<Vec<String>> {
     // Refuses what no bus can be played from, and says how it can.
-    LogSource::open(recording, None, Playback::default())?;
+    LogSource::open(recording, None, 0)?;
     let mut names = Traffic::candump(recording).interfaces()?;
     names.sort();
     Ok(names)
