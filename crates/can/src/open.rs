@@ -108,7 +108,6 @@ pub fn open(address: &SourceAddress, options: &SourceOptions) -> Result<Box<dyn 
             let socket_options = SocketCanOptions {
                 receive_buffer: options.receive_buffer,
                 filters: options.filters.clone(),
-                ..SocketCanOptions::default()
             };
             Ok(Box::new(SocketCan::open(interface, socket_options)?))
         }

@@ -38,9 +38,8 @@ pub struct SocketCanOptions {
     /// 4 MiB hold over 10,000 frames.
     pub receive_buffer: usize,
     /// What to receive: a frame that passes any of these. Empty means everything; at most 512.
+    /// Error frames always come.
     pub filters: Vec<IdFilter>,
-    /// Whether to receive error frames.
-    pub error_frames: bool,
 }
 
 impl Default for SocketCanOptions {
@@ -48,7 +47,6 @@ impl Default for SocketCanOptions {
         Self {
             receive_buffer: 4 << 20,
             filters: Vec::new(),
-            error_frames: true,
         }
     }
 }
@@ -188,9 +186,7 @@ impl SocketCan {
         if !self.filters.is_empty() {
             socket.set_socket_option_bytes(libc::SOL_CAN_RAW, libc::CAN_RAW_FILTER, &self.filters)?;
         }
-        if self.options.error_frames {
-            socket.set_error_filter_accept_all()?;
-        }
+        socket.set_error_filter_accept_all()?;
         let stamps = StampConverter::starting_now();
         if let Err(e) = socket.as_raw_socket().bind(&CanAddr::new(ifindex).into()) {
             // ENODEV has two meanings here: gone since it was looked up, or not a CAN interface.
