@@ -330,10 +330,13 @@ impl SocketCan {
                     self.set_link(LinkState::Down);
                     suspicious = true;
                 }
-                // ENODEV says that the interface is gone. Anything else has no better answer either.
+                // ENODEV says that the interface is gone. Anything else has no better answer either, and what stays is
+                // not asked again before the next call.
                 Err(_) => {
-                    open.is_dead = true;
                     suspicious = true;
+                    if std::mem::replace(&mut open.is_dead, true) {
+                        break;
+                    }
                 }
             }
         }

@@ -56,6 +56,34 @@ fn a_process_out_of_file_descriptors_does_not_lose_its_interface() {
 }
 
 #[test]
+fn an_error_that_stays_does_not_hold_up_who_reads() {
+    let (no_socket, _writer) = io::pipe().unwrap();
+    let mut source = SocketCan {
+        interface: "can0".into(),
+        options: SocketCanOptions::default(),
+        filters: Vec::new(),
+        open: Some(Open {
+            socket: CanSocket::from(std::os::fd::OwnedFd::from(no_socket)),
+            ifindex: 1,
+            stamps: StampConverter::starting_now(),
+            drops: DropCounter::default(),
+            is_dead: false,
+            without_carrier: 0,
+        }),
+        reader: DatagramReader::new(),
+        link: LinkState::Up,
+        counters: SourceCounters::default(),
+        was_open: true,
+        receive_buffer: 0,
+        next_check_ns: u64::MAX,
+        back_off_ns: 0,
+    };
+    let mut batch = Vec::with_capacity(8);
+    assert!(!source.drain(1, &mut batch));
+    assert!(batch.is_empty() && source.open.unwrap().is_dead);
+}
+
+#[test]
 fn impossible_names_and_too_many_filters_are_refused_before_any_socket_is_opened() {
     let refused = |name, options| SocketCan::open(name, options).err().unwrap().to_string();
     assert!(refused("", SocketCanOptions::default()).contains("no interface name"));
