@@ -11,6 +11,24 @@ pub(crate) fn realtime_ns() -> u64 {
     read(ClockId::CLOCK_REALTIME)
 }
 
+/// `CLOCK_REALTIME` and `CLOCK_MONOTONIC` at one instant, nanoseconds. A reading that was interrupted half way would put them
+/// apart, so it is the tightest of three.
+pub fn both_clocks_ns() -> (u64, u64) {
+    let (mut tightest, mut both) = (u64::MAX, (0, 0));
+    for _ in 0..3 {
+        let before = monotonic_ns();
+        let realtime = realtime_ns();
+        let width = monotonic_ns().saturating_sub(before);
+        if width < tightest {
+            (tightest, both) = (width, (realtime, before + width / 2));
+        }
+        if width < 1_000 {
+            break;
+        }
+    }
+    both
+}
+
 /// Both clocks are always there on Linux, so a failure cannot happen; 0 is what it would read as.
 fn read(clock: ClockId) -> u64 {
     clock_gettime(clock).map_or(0, |t| {
@@ -69,31 +87,16 @@ impl StampConverter {
         t_ns
     }
 
-    /// Samples the machine's clocks. A reading that was interrupted half way would spoil the offset, so the
-    /// tightest of three is taken.
+    /// Samples the machine's clocks.
     pub(crate) fn sample(&mut self) {
-        let mut best = None;
-        for _ in 0..3 {
-            let before = monotonic_ns();
-            let realtime = realtime_ns();
-            let width = monotonic_ns().saturating_sub(before);
-            if best.is_none_or(|(w, _, _)| width < w) {
-                best = Some((width, realtime, before + width / 2));
-            }
-            if width < 1_000 {
-                break;
-            }
-        }
-        if let Some((_, realtime, monotonic)) = best {
-            self.set_offset(realtime, monotonic);
-        }
+        let (realtime_ns, monotonic_ns) = both_clocks_ns();
+        self.set_offset(realtime_ns, monotonic_ns);
     }
 
     /// A converter for a queue that is empty now.
     pub(crate) fn starting_now() -> Self {
-        let mut converter = Self::new(realtime_ns(), monotonic_ns());
-        converter.sample();
-        converter
+        let (realtime_ns, monotonic_ns) = both_clocks_ns();
+        Self::new(realtime_ns, monotonic_ns)
     }
 }
 

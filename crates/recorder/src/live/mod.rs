@@ -10,7 +10,7 @@ mod wall;
 
 use self::can::read_can;
 use self::daemon::read_daemon;
-use self::wall::{Wall, realtime_ns};
+use self::wall::Wall;
 use crate::gone::Gone;
 use crate::schema::Topic;
 use crate::standard::{clock_message, event_message};
@@ -24,7 +24,7 @@ use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
-use taxel_can::{OpenError, SourceAddress, SourceOptions, monotonic_ns};
+use taxel_can::{OpenError, SourceAddress, SourceOptions, both_clocks_ns, monotonic_ns};
 use taxel_wire::status::ProblemStatus;
 
 /// Between two cuts. With the time that a disk takes, a crash costs less than a second.
@@ -355,7 +355,8 @@ fn write(
         }
         if noted.is_none_or(|noted| now - noted >= CLOCK) {
             noted = Some(now);
-            let data = clock_message(monotonic_ns(), realtime_ns());
+            let (realtime_ns, monotonic_ns) = both_clocks_ns();
+            let data = clock_message(monotonic_ns, realtime_ns);
             store.note(Entry {
                 topic: Topic::Clock,
                 wall_ns,

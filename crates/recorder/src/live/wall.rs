@@ -1,12 +1,9 @@
 //! The wall clock of a recording.
 
-use std::time::SystemTime;
-use taxel_can::monotonic_ns;
+use taxel_can::both_clocks_ns;
 
 /// By how much a clock was set at least that is taken for set, nanoseconds: less is the time between reading two clocks.
 const SET_NS: u64 = 100_000_000;
-/// Within what two clocks are read that are compared, nanoseconds.
-const AT_ONCE_NS: u64 = 10_000_000;
 
 /// From `CLOCK_MONOTONIC` to the wall clock, by what both showed when the recording began.
 #[derive(Debug, Clone, Copy)]
@@ -16,8 +13,9 @@ pub(super) struct Wall {
 
 impl Wall {
     pub(super) fn now() -> Self {
+        let (realtime_ns, monotonic_ns) = both_clocks_ns();
         Self {
-            minus_monotonic_ns: realtime_ns().saturating_sub(monotonic_ns()),
+            minus_monotonic_ns: realtime_ns.saturating_sub(monotonic_ns),
         }
     }
 
@@ -27,18 +25,10 @@ impl Wall {
 
     /// How far the clock was set since then, where it was set since it was `known_ns` off; nanoseconds.
     pub(super) fn moved_ns(self, known_ns: i64) -> Option<i64> {
-        let (before_ns, wall_ns, after_ns) = (monotonic_ns(), realtime_ns(), monotonic_ns());
-        let moved_ns = wall_ns.wrapping_sub(self.at(before_ns)) as i64;
-        let is_set = moved_ns.abs_diff(known_ns) > SET_NS;
-        // Else the machine is too busy to say.
-        let at_once = after_ns.saturating_sub(before_ns) < AT_ONCE_NS;
-        (is_set && at_once).then_some(moved_ns)
+        let (realtime_ns, monotonic_ns) = both_clocks_ns();
+        let moved_ns = realtime_ns.wrapping_sub(self.at(monotonic_ns)) as i64;
+        (moved_ns.abs_diff(known_ns) > SET_NS).then_some(moved_ns)
     }
-}
-
-pub(super) fn realtime_ns() -> u64 {
-    let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
-    since.map_or(0, |since| since.as_nanos() as u64)
 }
 
 #[cfg(test)]
