@@ -25,7 +25,9 @@ mod source;
 mod udp;
 
 pub use address::{AddressError, DEFAULT_UDP_GROUP, DEFAULT_UDP_HOP_LIMIT, DEFAULT_UDP_PORT, SourceAddress};
-pub use candump::{Direction, LineProblem, LogError, LogFrame, LogReader, LogWriter, NumberedFrame};
+pub use candump::{
+    Direction, LineProblem, LogError, LogFrame, LogReader, LogWriter, MOST_INTERFACES, NumberedFrame,
+};
 pub use clock::{StampConverter, both_clocks_ns, monotonic_ns};
 pub use filter::IdFilter;
 pub use frame::{CanFrame, ERROR_FLAG, EXTENDED_FLAG, FrameError, REMOTE_FLAG, id_text};

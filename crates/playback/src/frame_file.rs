@@ -8,11 +8,9 @@ use std::fs::File;
 use std::io::{BufReader, Seek};
 use std::path::Path;
 use std::sync::Arc;
-use taxel_can::{LogError, LogReader, NumberedFrame, Received};
+use taxel_can::{LogError, LogReader, MOST_INTERFACES, NumberedFrame, Received};
 use taxel_recorder::CanReader;
 
-/// Interfaces that are told apart; no recording has more buses than this.
-const MOST_MET: usize = 64;
 /// Frames between two looks at how far a file is read.
 const SHOWN: u64 = 4096;
 
@@ -72,12 +70,12 @@ impl Interfaces<'_> {
             Some(names) => names.iter().position(|wanted| **wanted == **name),
             None => Some(self.met.iter().flatten().count()),
         };
-        if number < MOST_MET {
+        if number < MOST_INTERFACES {
             self.met.resize_with(self.met.len().max(number + 1), || None);
             let (name, frames) = (Arc::clone(name), 1);
             self.met[number] = Some(Interface { name, place, frames });
         } else if self.names.is_none() {
-            bail!("more than {MOST_MET} interfaces; no hand has as many buses");
+            bail!("more than {MOST_INTERFACES} interfaces; no hand has as many buses");
         }
         let frame = Entry::Frame(place, received);
         if self.names.is_some() {

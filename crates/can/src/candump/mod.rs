@@ -26,8 +26,8 @@ const DIFFERENCES: &str = "its times are small and fall again and again: `candum
                            before, and no times; record with `candump -l`";
 /// A bit of a bus of 1 Mbit/s.
 const BIT_NS: u64 = 1000;
-/// Interface names that are kept for reuse; no recording has more buses than this.
-const KNOWN_INTERFACES: usize = 64;
+/// Interfaces that a [`LogReader`] numbers; no recording has more buses than this. All beyond have this number.
+pub const MOST_INTERFACES: usize = 64;
 
 /// One frame of a recording.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -195,7 +195,7 @@ impl<R: BufRead> LogReader<R> {
             input,
             line: Vec::with_capacity(256),
             line_number: 0,
-            interfaces: Vec::with_capacity(KNOWN_INTERFACES + 1),
+            interfaces: Vec::with_capacity(MOST_INTERFACES + 1),
             without_frame: 0,
             last_ns: 0,
             without_time: 0,
@@ -237,8 +237,8 @@ impl<R: BufRead> LogReader<R> {
         self.last_ns
     }
 
-    /// The interface of this number, of a frame that was read last or before. Those beyond the first 64 have one number, which
-    /// is that of the last one.
+    /// The interface of this number, of a frame that was read last or before. Those beyond the first [`MOST_INTERFACES`] have
+    /// one number, which is that of the last one.
     pub fn interface(&self, number: usize) -> &Arc<str> {
         &self.interfaces[number]
     }
@@ -400,7 +400,7 @@ fn number(known: &mut Vec<Arc<str>>, name: &[u8]) -> usize {
     if let Some(number) = known.iter().position(|known| known.as_bytes() == name) {
         return number;
     }
-    known.truncate(KNOWN_INTERFACES);
+    known.truncate(MOST_INTERFACES);
     known.push(String::from_utf8_lossy(name).into());
     known.len() - 1
 }
