@@ -13,6 +13,9 @@ use std::sync::Arc;
 
 /// Bytes that the messages before a trigger may take in memory.
 const MOST_KEPT: usize = 512 << 20;
+/// What is kept more at either end of what is around a trigger, nanoseconds: CAN frames come in messages that last a tenth of a
+/// second, have the time of their first, and come when they are over.
+const GATHERED_NS: u64 = 200_000_000;
 /// How long what the recorder itself says waits for a file to stand in, nanoseconds.
 const NOTES_NS: u64 = 10_000_000_000;
 
@@ -27,7 +30,7 @@ pub struct Split {
     pub most_files: Option<usize>,
 }
 
-/// What is kept of a recording that is only made around triggers, nanoseconds.
+/// What is kept at least of a recording that is only made around triggers, nanoseconds.
 #[derive(Debug, Clone, Copy)]
 pub struct Around {
     /// Before a trigger.
@@ -105,7 +108,10 @@ impl Store {
             series: Series::new(path, are_several, split.most_files),
             preamble,
             split,
-            around,
+            around: around.map(|around| Around {
+                before_ns: around.before_ns.saturating_add(GATHERED_NS),
+                after_ns: around.after_ns.saturating_add(GATHERED_NS),
+            }),
             current: None,
             whole: VecDeque::new(),
             kept: VecDeque::new(),

@@ -234,6 +234,43 @@ fn a_trigger_before_which_nothing_came_makes_a_file_of_what_comes_behind_it() {
 }
 
 #[test]
+fn frames_that_were_gathered_across_an_end_of_what_is_kept_are_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let around = Around {
+        before_ns: 3 * S,
+        after_ns: 5 * S,
+    };
+    let path = folder.path().join("slip.mcap");
+    let mut store = Store::new(&path, Preamble::default(), Split::default(), Some(around));
+    // A message of frames has the time of its first one, and comes when its last one is there.
+    const MS: u64 = 1_000_000;
+    let images = |from_ns: u64, to_ns: u64| (from_ns..to_ns).step_by(10 * MS as usize);
+    let (begins_ns, ends_ns) = (7 * S - 90 * MS, 15 * S - 10 * MS);
+    for (from_ns, can_ns, comes_ns) in [
+        (6 * S, begins_ns, 7 * S + 10 * MS),
+        (10 * S, ends_ns, 15 * S + 90 * MS),
+    ] {
+        for at_ns in images(from_ns, comes_ns) {
+            store.take(entry(Topic::Images, at_ns, "")).unwrap();
+            if at_ns == 10 * S {
+                store.trigger(at_ns).unwrap();
+            }
+        }
+        store.take(entry(Topic::Can, can_ns, "")).unwrap();
+        store.cut(comes_ns).unwrap();
+    }
+    store.close().unwrap();
+    let mut reader = RecordingReader::open(&folder.path().join("slip-0001.mcap"), &[Topic::Can]).unwrap();
+    let mut kept_ns = Vec::new();
+    while let Some(item) = reader.next_item().unwrap() {
+        if let taxel_recorder::Item::Message { wall_ns, .. } = item {
+            kept_ns.push(wall_ns);
+        }
+    }
+    assert_eq!(kept_ns, [begins_ns, ends_ns]);
+}
+
+#[test]
 fn each_file_has_the_times_of_the_clock_as_it_stood_when_it_was_begun() {
     let folder = tempfile::tempdir().unwrap();
     let mut store = day(folder.path(), 9);
