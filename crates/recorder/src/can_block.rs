@@ -57,6 +57,13 @@ impl CanBlock {
         self.start_ns
     }
 
+    /// Number of frames of each of so many buses.
+    pub(crate) fn frames_of(&self, buses: usize) -> Vec<u64> {
+        let mut frames = vec![0; buses];
+        self.bus.iter().for_each(|bus| frames[usize::from(*bus)] += 1);
+        frames
+    }
+
     /// The message, of buses of these names that have lost these numbers of frames; the block is empty after that.
     pub fn take(&mut self, buses: &[String], lost: &[u64]) -> Vec<u8> {
         let names: usize = buses.iter().map(|name| name.len() + 24).sum();
@@ -83,7 +90,8 @@ impl CanBlock {
 pub struct CanFrames<'a> {
     /// Names of the buses.
     pub buses: Vec<&'a str>,
-    /// Frames of each bus that the kernel dropped before the recorder had them, since it began.
+    /// Frames of each bus that the kernel dropped before the recorder had them, or for which its disk was too slow, since it
+    /// began.
     pub lost: Vec<u64>,
     start_ns: u64,
     after_ns: Cells<'a, 4>,

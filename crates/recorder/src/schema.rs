@@ -80,7 +80,7 @@ impl Topic {
 const CAN_FRAMES: &str = "\
 # CAN frames in the order of their times. Frame i is element i of after_ns, bus, id and length, and bytes 8*i.. of data.
 string[] buses     # their names
-uint64[] lost      # of each bus, frames that the kernel dropped before the recorder had them, since it began
+uint64[] lost      # of each bus, frames that the kernel dropped, or for which the disk was too slow, since the recorder began
 uint64 start_ns    # CLOCK_MONOTONIC
 uint32[] after_ns  # received at start_ns + after_ns[i]
 uint8[] bus        # index into buses

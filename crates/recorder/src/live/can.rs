@@ -7,7 +7,7 @@ use std::sync::atomic::Ordering;
 use std::sync::mpsc::SyncSender;
 use std::thread;
 use std::time::Duration;
-use taxel_can::{CanSource, FrameMerge, monotonic_ns};
+use taxel_can::{CanSource, FrameMerge, Received, monotonic_ns};
 
 /// How long the buses are left alone: the smallest queue of a kernel holds the frames of a full bus for three times as long.
 const CAN_PAUSE: Duration = Duration::from_millis(10);
@@ -24,8 +24,7 @@ pub(super) fn read_can(
     shared: &Shared<'_>,
 ) {
     let mut merge = FrameMerge::new(sources.len(), CAN_BATCH, true);
-    let mut block = CanBlock::default();
-    let mut lost = vec![0; sources.len()];
+    let mut blocks = Blocks::new(names, queue, shared);
     while !shared.is_over() {
         thread::sleep(CAN_PAUSE);
         let now_ns = monotonic_ns();
@@ -36,36 +35,111 @@ pub(super) fn read_can(
             let mut any = false;
             while let Some((bus, received)) = merge.pop() {
                 any = true;
-                shared.can_frames[usize::from(bus)].fetch_add(1, Ordering::Relaxed);
-                if !block.push(bus, &received) {
-                    hand_over_can(&mut block, names, &lost, queue, shared);
-                    block.push(bus, &received);
-                }
+                blocks.push(bus, &received);
             }
             if !any {
                 break;
             }
         }
-        for (lost, source) in lost.iter_mut().zip(&sources) {
+        for (lost, source) in blocks.lost_in_kernel.iter_mut().zip(&sources) {
             *lost = source.counters().lost_in_kernel;
         }
-        shared.can_lost.store(lost.iter().sum(), Ordering::Relaxed);
-        if !block.is_empty() && now_ns.saturating_sub(block.start_ns()) >= CAN_BLOCK_NS {
-            hand_over_can(&mut block, names, &lost, queue, shared);
+        let lost = blocks.lost_in_kernel.iter().sum();
+        shared.can_lost.store(lost, Ordering::Relaxed);
+        if now_ns.saturating_sub(blocks.block.start_ns()) >= CAN_BLOCK_NS {
+            blocks.hand_over();
         }
     }
-    if !block.is_empty() {
-        hand_over_can(&mut block, names, &lost, queue, shared);
+    blocks.hand_over();
+}
+
+/// Frames on their way to the writer.
+struct Blocks<'a> {
+    block: CanBlock,
+    names: &'a [String],
+    /// By bus.
+    lost_in_kernel: Vec<u64>,
+    /// By bus, frames of blocks that found no room in the queue.
+    unwritten: Vec<u64>,
+    queue: &'a SyncSender<Message>,
+    shared: &'a Shared<'a>,
+}
+
+impl<'a> Blocks<'a> {
+    fn new(names: &'a [String], queue: &'a SyncSender<Message>, shared: &'a Shared<'a>) -> Self {
+        Self {
+            block: CanBlock::default(),
+            names,
+            lost_in_kernel: vec![0; names.len()],
+            unwritten: vec![0; names.len()],
+            queue,
+            shared,
+        }
+    }
+
+    fn push(&mut self, bus: u8, received: &Received) {
+        self.shared.can_frames[usize::from(bus)].fetch_add(1, Ordering::Relaxed);
+        if !self.block.push(bus, received) {
+            self.hand_over();
+            self.block.push(bus, received);
+        }
+    }
+
+    /// Hands over what there is. Where that finds no room, the next block tells.
+    fn hand_over(&mut self) {
+        if self.block.is_empty() {
+            return;
+        }
+        let wall_ns = self.shared.wall.at(self.block.start_ns());
+        let frames = self.block.frames_of(self.names.len());
+        let lost: Vec<u64> = std::iter::zip(&self.lost_in_kernel, &self.unwritten)
+            .map(|(kernel, unwritten)| kernel + unwritten)
+            .collect();
+        let data = self.block.take(self.names, &lost);
+        if !self.shared.entry(self.queue, Topic::Can, wall_ns, data) {
+            std::iter::zip(&mut self.unwritten, frames).for_each(|(unwritten, frames)| *unwritten += frames);
+        }
     }
 }
 
-fn hand_over_can(
-    block: &mut CanBlock,
-    names: &[String],
-    lost: &[u64],
-    queue: &SyncSender<Message>,
-    shared: &Shared<'_>,
-) {
-    let wall_ns = shared.wall.at(block.start_ns());
-    shared.entry(queue, Topic::Can, wall_ns, block.take(names, lost));
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::can_block::CanFrames;
+    use crate::live::Signals;
+    use crate::live::wall::Wall;
+    use std::sync::mpsc::sync_channel;
+    use taxel_can::CanFrame;
+
+    #[test]
+    fn frames_that_find_no_room_are_lost_to_who_reads_the_recording() {
+        let signals = Signals {
+            stop: &|| false,
+            trigger: &|| false,
+            say: &|_| {},
+        };
+        let shared = Shared::new(&signals, Wall::now(), 2);
+        let (queue, messages) = sync_channel(1);
+        let names = ["can0".to_owned(), "can1".to_owned()];
+        let mut blocks = Blocks::new(&names, &queue, &shared);
+        blocks.lost_in_kernel[0] = 5;
+        let frame = CanFrame::standard(1, &[]).unwrap();
+        let mut hand_over = |buses: &[u8]| {
+            buses
+                .iter()
+                .for_each(|bus| blocks.push(*bus, &Received { t_ns: 1, frame }));
+            blocks.hand_over();
+        };
+        let told = || match messages.try_recv().unwrap() {
+            Message::Entry(entry) => CanFrames::read(&entry.data).unwrap().lost,
+            _ => panic!("no frames"),
+        };
+        hand_over(&[0]);
+        // The disk is slow.
+        hand_over(&[1, 1, 0]);
+        hand_over(&[1]);
+        assert_eq!(told(), [5, 0]);
+        hand_over(&[0]);
+        assert_eq!(told(), [6, 3]);
+    }
 }

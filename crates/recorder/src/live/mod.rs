@@ -163,7 +163,23 @@ struct Shared<'a> {
     problems: Mutex<Vec<ProblemStatus>>,
 }
 
-impl Shared<'_> {
+impl<'a> Shared<'a> {
+    fn new(signals: &'a Signals<'a>, wall: Wall, buses: usize) -> Self {
+        Self {
+            signals,
+            wall,
+            clock_of_file_ns: AtomicI64::new(0),
+            ended: AtomicBool::new(false),
+            can_frames: (0..buses).map(|_| AtomicU64::new(0)).collect(),
+            can_lost: AtomicU64::new(0),
+            is_described: AtomicBool::new(false),
+            images: AtomicU64::new(0),
+            skipped: AtomicU64::new(0),
+            dropped: AtomicU64::new(0),
+            problems: Mutex::default(),
+        }
+    }
+
     fn is_over(&self) -> bool {
         self.ended.load(Ordering::Relaxed)
     }
@@ -173,17 +189,15 @@ impl Shared<'_> {
         wall_ns.saturating_add_signed(self.clock_of_file_ns.load(Ordering::Relaxed))
     }
 
-    fn hand_over(&self, queue: &SyncSender<Message>, message: Message) {
-        match queue.try_send(message) {
-            Ok(()) | Err(TrySendError::Disconnected(_)) => {}
-            Err(TrySendError::Full(_)) => {
-                self.dropped.fetch_add(1, Ordering::Relaxed);
-            }
-        }
+    /// False where it is dropped, and counted, since there is no room.
+    fn hand_over(&self, queue: &SyncSender<Message>, message: Message) -> bool {
+        let is_full = matches!(queue.try_send(message), Err(TrySendError::Full(_)));
+        self.dropped.fetch_add(is_full.into(), Ordering::Relaxed);
+        !is_full
     }
 
-    fn entry(&self, queue: &SyncSender<Message>, topic: Topic, wall_ns: u64, data: Vec<u8>) {
-        self.hand_over(queue, Message::Entry(Entry { topic, wall_ns, data }));
+    fn entry(&self, queue: &SyncSender<Message>, topic: Topic, wall_ns: u64, data: Vec<u8>) -> bool {
+        self.hand_over(queue, Message::Entry(Entry { topic, wall_ns, data }))
     }
 }
 
@@ -201,19 +215,7 @@ pub fn record(plan: &Plan, signals: &Signals<'_>) -> Result<Finished, LiveError>
             source,
         })?);
     }
-    let shared = Shared {
-        signals,
-        wall: Wall::now(),
-        clock_of_file_ns: AtomicI64::new(0),
-        ended: AtomicBool::new(false),
-        can_frames: plan.can.iter().map(|_| AtomicU64::new(0)).collect(),
-        can_lost: AtomicU64::new(0),
-        is_described: AtomicBool::new(false),
-        images: AtomicU64::new(0),
-        skipped: AtomicU64::new(0),
-        dropped: AtomicU64::new(0),
-        problems: Mutex::default(),
-    };
+    let shared = Shared::new(signals, Wall::now(), plan.can.len());
     let mut store = Store::new(&plan.out, plan.preamble.clone(), plan.split.clone(), plan.around);
     store.check()?;
     let (queue, messages) = sync_channel(QUEUE);
