@@ -1,5 +1,6 @@
 """Buses between python-can and the daemon."""
 
+import contextlib
 import socket
 import subprocess
 import time
@@ -10,18 +11,25 @@ GROUP = "239.74.163.2"  # python-can's IPv4 default
 BURST = 150  # a python-can receiver holds 256 datagrams, of which one must not count on all
 
 
+def free_udp_ports(count):
+    """UDP ports nobody uses, each another. Groups leak between sockets on one port, so a test isolates itself by port."""
+    with contextlib.ExitStack() as stack:
+        probes = [stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) for _ in range(count)]
+        for probe in probes:
+            probe.bind(("", 0))
+        return [probe.getsockname()[1] for probe in probes]
+
+
 def free_udp_port():
-    """A UDP port nobody uses. Groups leak between sockets on one port, so a test isolates itself by port."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("", 0))
-        return probe.getsockname()[1]
+    """One of them."""
+    return free_udp_ports(1)[0]
 
 
 class MulticastBuses:
     """Stock python-can on `udp_multicast`, one port per bus of the hand, kept on this machine (hop limit 0)."""
 
     def __init__(self, count):
-        self.ports = [free_udp_port() for _ in range(count)]
+        self.ports = free_udp_ports(count)
         self.sources = [f"udp:{GROUP}:{port}?hops=0" for port in self.ports]
         self.buses = []
 

@@ -4,7 +4,7 @@ import socket
 import subprocess
 import sys
 
-from harness.bus import GROUP, free_udp_port
+from harness.bus import GROUP, free_udp_ports
 from harness.daemon import Daemon, binary, die_with_parent
 from harness.servos import Servos
 
@@ -13,7 +13,7 @@ class Hand:
     """A simulated hand on two buses of udp_multicast, and four servos. It outlives the daemons that read it."""
 
     def __init__(self, scene="roll", servos=4):
-        self.sources = [f"udp:{GROUP}:{free_udp_port()}?hops=0" for _ in range(2)]
+        self.sources = [f"udp:{GROUP}:{port}?hops=0" for port in free_udp_ports(2)]
         self.ids = range(1, servos + 1)
         self.servos = Servos("--ids", f"1-{servos}")
         self.scene = scene
