@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use taxel_can::SourceAddress;
 use taxel_playback::array_frames::{ARRAY_LAYOUT, ArrayFrames, is_of_arrays};
 use taxel_playback::output_file::refuse_overlap;
-use taxel_playback::player::{Played, Player};
+use taxel_playback::player::{LEAST_SPEED, Played, Player};
 use taxel_playback::sweep::Sweeps;
 use taxel_playback::target::{TargetAddress, Targets, refuse_shared_ids};
 use taxel_record::Recording;
@@ -64,8 +64,12 @@ pub(crate) struct Args {
 }
 
 fn speed(text: &str) -> Result<f64, String> {
-    let speed = text.parse().ok().filter(|speed| *speed > 0.0);
-    speed.ok_or_else(|| format!("{text} is no speed; 1 is as recorded, inf as fast as the bus takes it"))
+    let speed = text.parse().ok().filter(|speed| *speed >= LEAST_SPEED);
+    speed.ok_or_else(|| {
+        format!(
+            "{text} is no speed; 1 is as recorded, {LEAST_SPEED} the least, inf as fast as the bus takes it"
+        )
+    })
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {

@@ -18,6 +18,9 @@ use taxel_can::{ClockJumps, Received};
 /// From the last frame of one pass to the first of the next, with --loop.
 const PASS_GAP_NS: u64 = 1_000_000;
 
+/// The least speed of a [`Player`]: at it a second takes eleven days.
+pub const LEAST_SPEED: f64 = 1e-6;
+
 /// Frames that are read at once, and how often before they are played.
 const BATCH: usize = 1024;
 const BATCHES: usize = 4;
@@ -51,7 +54,7 @@ pub struct Player {
 }
 
 impl Player {
-    /// The window is of the recording, nanoseconds from its beginning.
+    /// The speed is [`LEAST_SPEED`] or more, also without end; the window is of the recording, nanoseconds from its beginning.
     pub fn new(speed: f64, looping: bool, window: Range<u64>, targets: Targets) -> anyhow::Result<Self> {
         if looping && targets.are_log_files() {
             bail!("--loop into a log would fill the disk; leave it out");
@@ -175,8 +178,7 @@ impl Player {
 
     /// When a frame is due that comes so much later than the pass begins.
     fn due(&self, since_start_ns: u64) -> Instant {
-        let wait = Duration::from_secs_f64(since_start_ns as f64 / 1e9 / self.speed);
-        self.begin.checked_add(wait).unwrap_or(self.begin)
+        self.begin + Duration::from_secs_f64(since_start_ns as f64 / 1e9 / self.speed)
     }
 
     fn report(&self, passes: u64, took: Duration) {

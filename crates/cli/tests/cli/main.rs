@@ -92,6 +92,10 @@ fn wrong_usage_is_told_from_failure_by_the_exit_code() {
         (&["demo", "--seconds", "nan"][..], "give seconds"),
         (&["demo", "--levels", "999"], "1..=255"),
         (&["replay", "a.log", "--to", "-", "--speed", "0"], "no speed"),
+        (
+            &["replay", "a.log", "--to", "-", "--speed", "1e-300"],
+            "0.000001 the least",
+        ),
         (&["servo", "index 0", "--pwm", "nan"], "-100 to 100"),
         (&["watch", "--count", "0"], "give 1 or more"),
         (&["watch", "--raw", "--hz"], "cannot be used with"),
