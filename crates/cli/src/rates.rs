@@ -2,7 +2,7 @@
 
 use serde_json::json;
 use std::time::{Duration, Instant};
-use taxel_wire::{Header, ImageView, RawView};
+use taxel_wire::{Header, ImageView};
 
 /// One line tells of so long.
 pub(crate) const LINE: Duration = Duration::from_secs(1);
@@ -47,19 +47,6 @@ impl Rates {
         now: Instant,
     ) {
         self.taxels = [image.contacts, image.missing, image.faulty].map(|count| count as usize);
-        self.frame(header, latency_ns, now);
-    }
-
-    pub(crate) fn raw(&mut self, header: &Header, raw: &RawView<'_>, latency_ns: Option<i64>, now: Instant) {
-        let count = |is: fn(&taxel_wire::RawTaxel) -> bool| raw.taxels().filter(is).count();
-        let missing =
-            |taxel: &taxel_wire::RawTaxel| taxel.faults().any(|fault| fault == taxel_hand::Fault::Missing);
-        let missing_count = raw.taxels().filter(missing).count();
-        self.taxels = [
-            count(|taxel| taxel.contact),
-            missing_count,
-            count(|taxel| taxel.faults != 0) - missing_count,
-        ];
         self.frame(header, latency_ns, now);
     }
 

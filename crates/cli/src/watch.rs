@@ -131,10 +131,6 @@ impl Watch<'_> {
                 }
                 Some(Received::Raw(header, raw)) if args.raw => {
                     let latency_ns = latency_ns(clock, &header);
-                    if let Some(rates) = &mut rates {
-                        rates.raw(&header, &raw, latency_ns, Instant::now());
-                        continue;
-                    }
                     match args.json {
                         true => raw_line::json(&header, &raw, latency_ns),
                         false => raw_line::words(&header, &raw, latency_ns, &names),
