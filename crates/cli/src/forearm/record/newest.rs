@@ -4,7 +4,7 @@ use super::super::angles::JointAngles;
 use super::super::touch::TactileFinger;
 use anyhow::{Context, bail};
 use std::path::Path;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use taxel_wire::{Received, Subscribe, Subscriber};
 
@@ -28,9 +28,35 @@ struct State {
     ended: Option<String>,
 }
 
+/// What the thread that reads and whoever waits share.
+#[derive(Debug, Default)]
+struct Shared {
+    state: Mutex<State>,
+    news: Condvar,
+}
+
+impl Shared {
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn change(&self, change: impl FnOnce(&mut State)) {
+        change(&mut self.lock());
+        self.news.notify_all();
+    }
+
+    /// Waits for another frame than that of this time, or for the end, at most so long.
+    fn wait_for_another(&self, t_ns: Option<u64>, timeout: Duration) {
+        let is_same = |state: &mut State| {
+            state.ended.is_none() && state.joints.as_ref().map(|joints| joints.t_ns) == t_ns
+        };
+        drop(self.news.wait_timeout_while(self.lock(), timeout, is_same));
+    }
+}
+
 /// The thread that reads frames.
 #[derive(Debug)]
-pub(super) struct Newest(Arc<Mutex<State>>);
+pub(super) struct Newest(Arc<Shared>);
 
 /// A daemon that sends no frame for so long is no help.
 const STALE: Duration = Duration::from_secs(1);
@@ -53,7 +79,7 @@ impl Newest {
                 let joints = match subscriber.next() {
                     Ok(Received::Hello(hello)) => {
                         finger = TactileFinger::find(hello);
-                        lock_of(&state).has_touch = finger.is_some();
+                        state.change(|state| state.has_touch = finger.is_some());
                         continue;
                     }
                     Ok(Received::Raw(header, raw)) => {
@@ -70,24 +96,21 @@ impl Newest {
                     }
                     Ok(_) => continue,
                     Err(error) => {
-                        lock_of(&state).ended = Some(error.to_string());
+                        state.change(|state| state.ended = Some(error.to_string()));
                         return;
                     }
                 };
-                lock_of(&state).joints = Some(joints);
+                state.change(|state| state.joints = Some(joints));
             }
         })?;
-        let end = Instant::now() + FIRST;
-        while lock_of(&newest.0).joints.is_none() && Instant::now() < end {
-            std::thread::sleep(Duration::from_millis(5));
-        }
+        newest.0.wait_for_another(None, FIRST);
         newest.joints().context("the daemon sends no frames")?;
         Ok(newest)
     }
 
     /// Whether the hand has a tactile finger.
     pub(super) fn has_touch(&self) -> bool {
-        lock_of(&self.0).has_touch
+        self.0.lock().has_touch
     }
 
     /// Those of a frame that is newer than the one of this time, and as wanted; after `patience` of one that is not. Waits for
@@ -108,13 +131,15 @@ impl Newest {
             if !is_newer && began.elapsed() > STALE {
                 bail!("the daemon's frames stand still; `taxel status` says why");
             }
-            std::thread::sleep(Duration::from_millis(2));
+            let most = if is_newer { patience } else { STALE };
+            self.0
+                .wait_for_another(Some(joints.t_ns), most.saturating_sub(began.elapsed()));
         }
     }
 
     /// The newest frame's; an error where the daemon has ended or sends nothing.
     pub(super) fn joints(&self) -> anyhow::Result<Joints> {
-        let state = lock_of(&self.0);
+        let state = self.0.lock();
         if let Some(ended) = &state.ended {
             bail!("{ended}; if it has ended, its log says why");
         }
@@ -123,10 +148,6 @@ impl Newest {
             _ => bail!("no frame has come for {STALE:?}; `taxel status` says why"),
         }
     }
-}
-
-fn lock_of(state: &Mutex<State>) -> std::sync::MutexGuard<'_, State> {
-    state.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[cfg(test)]
@@ -147,7 +168,7 @@ mod tests {
         let hour = Duration::from_secs(3600);
         for (patience, taken) in [(hour, 4), (Duration::ZERO, 2)] {
             let newest = Newest(Arc::default());
-            let put = |t_ns, age_us| lock_of(&newest.0).joints = Some(joints(t_ns, age_us));
+            let put = |t_ns, age_us| newest.0.lock().joints = Some(joints(t_ns, age_us));
             put(2, 300_000);
             // Whoever looks at a frame and does not want it is shown the next one.
             let is_wanted = |joints: &Joints| {
