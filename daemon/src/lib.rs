@@ -27,7 +27,7 @@ mod supervise;
 mod tick;
 
 pub use arguments::Arguments;
-pub use sources::open_array;
+pub use sources::{left_out, open_array};
 pub use start_error::{StartError, check, left_to_service};
 pub use taxel_config::{self as config, Config, ConfigError};
 pub use taxel_serve::SocketPathError;

@@ -31,20 +31,50 @@ pub(crate) fn open(config: &Config, start_ns: u64) -> Result<Vec<Box<dyn CanSour
             .filter(|_| bus >= config.layout.buses.len())
             .and_then(|own| own.filter);
         let options = SourceOptions {
+            bus: name.clone(),
             filters: filters.into_iter().collect(),
             receive_buffer: config.can.receive_buffer_kib as usize * 1024,
             start_ns,
         };
-        open_one(config, bus, address, name, &options)
+        let source = open_one(config, bus, address, name, &options)?;
+        if let Some(sentence) = left_out(config, address, &*source) {
+            tracing::info!("{name}: {sentence}");
+        }
+        Ok(source)
     })
     .collect()
 }
 
+/// Which interfaces of a recording no bus of the hand plays, in a sentence.
+pub fn left_out(config: &Config, address: &SourceAddress, source: &dyn CanSource) -> Option<String> {
+    let SourceAddress::Log { path, .. } = address else {
+        return None;
+    };
+    let of_interface = |name: &&str| SourceAddress::Log {
+        path: path.clone(),
+        interface: Some((*name).to_owned()),
+    };
+    let joints = config.joints.as_ref();
+    let joints = joints.and_then(|joints| joints.source.config().can_bus());
+    let is_read = |address: SourceAddress| config.sources.contains(&address) || joints == Some(&address);
+    let names = source.left_out().iter().map(|name| &**name);
+    let names: Vec<&str> = names.filter(|name| !is_read(of_interface(name))).collect();
+    let address = of_interface(names.first()?);
+    Some(format!(
+        "the recording's frames of {} are left out, which is another bus; {address} plays one of these",
+        names.join(", ")
+    ))
+}
+
 /// Whether the recordings and scenes can be opened; buses are left alone.
 pub(crate) fn check(config: &Config) -> Result<(), StartError> {
+    let options = |bus: &str| SourceOptions {
+        bus: bus.to_owned(),
+        ..SourceOptions::default()
+    };
     for (bus, (address, name)) in config.sources.iter().zip(&config.layout.buses).enumerate() {
         if matches!(address, SourceAddress::Log { .. } | SourceAddress::Sim { .. }) {
-            open_one(config, bus, address, name, &SourceOptions::default())?;
+            open_one(config, bus, address, name, &options(name))?;
         }
     }
     match config.joints_bus() {
@@ -53,7 +83,7 @@ pub(crate) fn check(config: &Config) -> Result<(), StartError> {
             bus.index.into(),
             &bus.address,
             "joints",
-            &SourceOptions::default(),
+            &options("joints"),
         )
         .map(drop),
         _ => Ok(()),

@@ -250,8 +250,16 @@ fn what_would_not_start_is_refused_by_check_as_by_the_start_and_for_good() {
         folder.path().display()
     );
     let scenes = buses("sim:idle");
+    let mixed = folder.path().join("mixed.log");
+    std::fs::write(&mixed, "(1.000000) slcan0 001#01\n(1.000001) slcan1 001#02\n").unwrap();
+    let mixed = mixed.display();
     let cases = [
         (buses("log:no-such-N.log") + &sockets, 2, "no-such-0.log"),
+        (
+            format!("[[bus]]\nsource = 'log:{mixed}'\n[[bus]]\nsource = 'udp:'\n{sockets}"),
+            2,
+            "mixed.log?interface=slcan0",
+        ),
         (buses("sim:no-such-scene") + &sockets, 2, "no-such-scene"),
         (
             format!("{scenes}{sockets}group = 'no-such-group'\n"),

@@ -39,7 +39,7 @@ pub enum SourceAddress {
     Log {
         /// The file.
         path: PathBuf,
-        /// Only frames that were recorded on this interface; `None` takes all.
+        /// Only frames that were recorded on this interface; `None` takes that of the bus's name, or the only one.
         interface: Option<String>,
     },
     /// A simulated scene: `sim:grasp`. What a scene's name means is the simulator's business.

@@ -26,6 +26,7 @@ const MCAP: &[u8] = b"\x89MCAP";
 pub struct LogSource {
     reader: LogReader<BufReader<File>>,
     interface: Option<Arc<str>>,
+    left_out: Vec<Arc<str>>,
     start_ns: u64,
     clock: LogClock,
     newest_ns: u64,
@@ -56,6 +57,7 @@ impl LogSource {
         let mut source = Self {
             reader: LogReader::new(file),
             interface: interface.map(Arc::from),
+            left_out: Vec::new(),
             start_ns,
             clock: LogClock::default(),
             newest_ns: start_ns,
@@ -91,6 +93,37 @@ impl LogSource {
             source.advance();
         }
         Ok(source)
+    }
+
+    /// Opens a recording, of which the interface with the name of this bus is played, or the only one that it has.
+    ///
+    /// Fails as [`LogSource::open`] does, and where it has several interfaces of other names. To find that out, the whole
+    /// file is read.
+    pub fn open_bus(path: &Path, bus: &str, start_ns: u64) -> Result<Self, OpenError> {
+        // What is no recording is refused before it is read whole.
+        let whole = Self::open(path, None, start_ns)?;
+        if !path.is_file() {
+            // A pipe is read once: all of it is the bus.
+            return Ok(whole);
+        }
+        let mut others = interfaces(path)?;
+        let named = others.iter().position(|name| **name == *bus);
+        let Some(place) = named.or((others.len() == 1).then_some(0)) else {
+            let names: Vec<&str> = others.iter().map(|name| &**name).collect();
+            return Err(OpenError::Refused(format!(
+                "{path} has several interfaces ({names}), none of which has the bus's name: say which it is, such as \
+                 log:{path}?interface={first}",
+                path = path.display(),
+                names = names.join(", "),
+                first = names.first().unwrap_or(&"NAME"),
+            )));
+        };
+        let own = others.remove(place);
+        let source = Self::open(path, Some(&own), start_ns)?;
+        Ok(Self {
+            left_out: others,
+            ..source
+        })
     }
 
     /// Why the recording ended before its end, if it did: the file could not be read any further.
@@ -141,6 +174,27 @@ impl LogSource {
     }
 }
 
+/// The interfaces that a recording has frames of, in the order in which they appear.
+fn interfaces(path: &Path) -> Result<Vec<Arc<str>>, OpenError> {
+    let file = File::open(path).map_err(|source| OpenError::Io {
+        what: format!("read {}", path.display()),
+        source,
+    })?;
+    let mut reader = LogReader::new(BufReader::with_capacity(256 * 1024, file));
+    let mut names = Vec::<Arc<str>>::new();
+    loop {
+        if reader.pass_over(&names).is_some() {
+            continue;
+        }
+        match reader.next() {
+            Some(Ok(frame)) if !names.contains(&frame.interface) => names.push(frame.interface),
+            Some(Ok(_) | Err(LogError::Line { .. })) => {}
+            // Where it cannot be read any further is told when it is played.
+            Some(Err(_)) | None => return Ok(names),
+        }
+    }
+}
+
 impl CanSource for LogSource {
     fn wakeup(&self) -> Wakeup<'_> {
         Wakeup {
@@ -180,6 +234,10 @@ impl CanSource for LogSource {
 
     fn is_finished(&self) -> bool {
         self.next.is_none()
+    }
+
+    fn left_out(&self) -> &[Arc<str>] {
+        &self.left_out
     }
 }
 
@@ -250,6 +308,32 @@ mod tests {
         assert_eq!(frames("can0"), [(500_000, 2), (900_000, 4), (2_000_000, 5)]);
         assert_eq!(frames("can1"), [(0, 1), (1_000_000, 3)]);
         assert_eq!(frames("can7"), []);
+    }
+
+    #[test]
+    fn a_bus_is_the_interface_of_its_name_or_the_only_one() {
+        let log = file(LOG);
+        let of_bus = |bus| LogSource::open_bus(log.path(), bus, 0);
+        let mut can0 = of_bus("can0").unwrap();
+        assert_eq!(can0.left_out(), [Arc::from("can1")]);
+        assert_eq!(play(&mut can0), [(500_000, 2), (900_000, 4), (2_000_000, 5)]);
+        let refused = of_bus("left").err().unwrap().to_string();
+        let named = format!("log:{}?interface=can1", log.path().display());
+        assert!(
+            refused.contains("(can1, can0)") && refused.ends_with(&named),
+            "{refused}"
+        );
+
+        let one = file(&LOG.replace("can1", "can0"));
+        let mut only = LogSource::open_bus(one.path(), "left", 0).unwrap();
+        assert_eq!((play(&mut only).len(), only.left_out().len()), (5, 0));
+        // What is named is not looked for.
+        assert!(
+            LogSource::open(log.path(), Some("can1"), 0)
+                .unwrap()
+                .left_out()
+                .is_empty()
+        );
     }
 
     #[test]

@@ -10,6 +10,9 @@ use std::net::IpAddr;
 /// What a source needs to know beside its address.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SourceOptions {
+    /// The bus's name, by which a recording of several interfaces is told which of them is meant where its address does not
+    /// say ([`LogSource::open_bus`]). Other sources ignore it.
+    pub bus: String,
     /// What a SocketCAN interface should let through; empty means everything. Other sources ignore it.
     pub filters: Vec<IdFilter>,
     /// Bytes of receive queue to ask the kernel for, where there is one.
@@ -21,6 +24,7 @@ pub struct SourceOptions {
 impl Default for SourceOptions {
     fn default() -> Self {
         Self {
+            bus: String::new(),
             filters: Vec::new(),
             receive_buffer: 4 << 20,
             start_ns: 0,
@@ -129,11 +133,10 @@ pub fn open(address: &SourceAddress, options: &SourceOptions) -> Result<Box<dyn 
                 Err(error) => Err(OpenError::udp(*group, *port, error)),
             }
         }
-        SourceAddress::Log { path, interface } => Ok(Box::new(LogSource::open(
-            path,
-            interface.as_deref(),
-            options.start_ns,
-        )?)),
+        SourceAddress::Log { path, interface } => Ok(Box::new(match interface {
+            Some(interface) => LogSource::open(path, Some(interface), options.start_ns)?,
+            None => LogSource::open_bus(path, &options.bus, options.start_ns)?,
+        })),
         SourceAddress::Pressure { path } => Err(OpenError::Refused(format!(
             "pressure:{} is no bus: its frames are sent to taxeld",
             path.display()

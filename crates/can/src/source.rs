@@ -3,6 +3,7 @@
 use crate::{ArrayCounters, CanFrame, ClockJumps};
 use std::fmt;
 use std::os::fd::BorrowedFd;
+use std::sync::Arc;
 
 /// A frame and the time it was received.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,6 +45,11 @@ pub trait CanSource: Send {
     /// Whether no frame will ever come again; only so for a recording that has been played to its end.
     fn is_finished(&self) -> bool {
         false
+    }
+
+    /// Interfaces of a recording whose frames are not played, since they are another bus.
+    fn left_out(&self) -> &[Arc<str>] {
+        &[]
     }
 }
 

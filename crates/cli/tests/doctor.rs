@@ -228,6 +228,53 @@ fn a_recording_is_examined_in_its_own_time() {
 }
 
 #[test]
+fn of_a_recording_of_two_buses_the_one_of_the_hands_bus_is_examined() {
+    let dir = TempDir::new().unwrap();
+    let sim = [
+        "sim",
+        "idle",
+        "--layout",
+        "uskin-module",
+        "--to",
+        "log:idle.log",
+        "--seconds",
+        "4",
+    ];
+    let made = taxel(&dir, &sim).output().unwrap();
+    assert!(made.status.success(), "{}", said(&made));
+    let log = std::fs::read_to_string(dir.path().join("idle.log")).unwrap();
+    let twice = |names: [&str; 2]| -> String {
+        let lines = log
+            .lines()
+            .flat_map(|line| names.map(|name| line.replace(" can0 ", name) + "\n"));
+        lines.collect()
+    };
+    std::fs::write(dir.path().join("two.log"), twice([" can0 ", " can1 "])).unwrap();
+    let (_, checks) = doctor(&dir, &["--layout", "uskin-module", "log:two.log"]);
+    let of = |name: &str| {
+        checks
+            .iter()
+            .find(|c| c["name"] == name && c["area"] == "hand")
+            .unwrap()
+    };
+    assert_eq!(of("board")["found"], "50.0 Hz");
+    let left_out = of("source")["found"].as_str().unwrap();
+    assert!(
+        left_out.contains("frames of can1") && left_out.contains("log:two.log?interface=can1"),
+        "{left_out}"
+    );
+
+    std::fs::write(dir.path().join("named.log"), twice([" slcan0 ", " slcan1 "])).unwrap();
+    let (code, checks) = doctor(&dir, &["--layout", "uskin-module", "log:named.log"]);
+    let told = bad(&checks, "source");
+    let [[_, "error", refused, _]] = told[..] else {
+        panic!("{checks:?}");
+    };
+    assert!(refused.contains("log:named.log?interface=slcan0"), "{refused}");
+    assert_eq!(code, Some(1));
+}
+
+#[test]
 fn contacts_of_drift_in_a_recording_are_told() {
     let dir = TempDir::new().unwrap();
     let scene = r#"

@@ -72,7 +72,9 @@ impl BusListener {
                     made.context("no configuration").and_then(|made| Ok(made?))
                 }
                 address => {
+                    let bus = config.and_then(|config| config.layout.buses.get(bus));
                     let options = SourceOptions {
+                        bus: bus.cloned().unwrap_or_default(),
                         receive_buffer,
                         start_ns,
                         ..SourceOptions::default()
@@ -104,14 +106,18 @@ impl BusListener {
         self.live
     }
 
+    /// The source of a bus, where it could be opened.
+    pub(crate) fn source(&self, bus: usize) -> Option<&dyn CanSource> {
+        self.sources.get(bus)?.as_deref()
+    }
+
     pub(crate) fn counters(&self, bus: usize) -> SourceCounters {
-        let source = self.sources.get(bus).and_then(Option::as_ref);
-        source.map_or_else(SourceCounters::default, |s| *s.counters())
+        self.source(bus)
+            .map_or_else(SourceCounters::default, |s| *s.counters())
     }
 
     pub(crate) fn link(&self, bus: usize) -> LinkState {
-        let source = self.sources.get(bus).and_then(Option::as_ref);
-        source.map_or(LinkState::Absent, |s| s.link())
+        self.source(bus).map_or(LinkState::Absent, |s| s.link())
     }
 
     /// Sends a frame; says whether the bus took it.

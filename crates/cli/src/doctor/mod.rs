@@ -238,6 +238,12 @@ impl Doctor {
             };
             self.report(vec![check])?;
         }
+        for (bus, (address, name)) in config.sources.iter().zip(&layout.buses).enumerate() {
+            let source = bus_listener.source(bus);
+            if let Some(sentence) = source.and_then(|source| taxeld::left_out(config, address, source)) {
+                self.report(vec![Check::skipped(AREA, "source", name, sentence)])?;
+            }
+        }
         if failures.len() == config.sources.len() {
             // What needs no hearing is told all the same.
             let capacity = (0..layout.buses.len()).filter_map(|bus| {
