@@ -1,8 +1,9 @@
 //! Two servos with one id: each request has two answers.
 
+use crate::writes::{register, start, writable};
 use crate::{MS, World, still};
 use taxel_joints::FastSyncRead;
-use taxel_joints::bus::NoReading;
+use taxel_joints::bus::{NoReading, WriteCommand, WriteError, WriteRefused};
 use taxel_joints::protocol2::crc16;
 use taxel_sim::servo::ServoFault;
 
@@ -91,4 +92,71 @@ fn a_refusal_that_comes_before_its_turn_is_no_reading_that_is_taken_back() {
     assert_eq!((servo.late, servo.refused), (1, 1), "{servo:?}");
     assert_eq!(w.bus.results()[1].map(|r| r.position), Ok(still(2)));
     assert_eq!(readings(&w), before + 1);
+}
+
+#[test]
+fn no_motor_of_two_servos_with_one_id_is_switched_on_or_given_a_goal_but_it_is_switched_off() {
+    let mut w = writable(3);
+    start(&mut w, [1]);
+    w.bus.command(1, WriteCommand::GoalPwm(200)).unwrap();
+    w.cycles(2);
+    w.fault(2, ServoFault::Twice);
+    w.cycles(300);
+    let shared = Err(WriteRefused::TwoServos(1));
+    for command in [
+        WriteCommand::Torque(true),
+        WriteCommand::Start(0),
+        WriteCommand::Start(100),
+        WriteCommand::GoalPwm(100),
+    ] {
+        assert_eq!(w.bus.command(1, command), shared, "{command:?}");
+    }
+    // Goals of several are given to all or none.
+    start(&mut w, [0]);
+    assert_eq!(w.bus.command_together(7, &[(0, 50), (1, 60)]), shared);
+    w.bus.take(&[
+        (8, 0, WriteCommand::GoalPwm(50)),
+        (8, 1, WriteCommand::GoalPwm(60)),
+    ]);
+    assert_eq!(
+        w.bus.outcome(1, 8),
+        Some(Err(WriteError::NotTaken(WriteRefused::TwoServos(1))))
+    );
+    w.cycles(2);
+    assert_eq!([1, 2].map(|id| register(&w, id, 100, 2)), [0, 200]);
+    // Those that stop both are not refused.
+    w.bus.command(1, WriteCommand::GoalPwm(0)).unwrap();
+    w.cycles(2);
+    assert_eq!(register(&w, 2, 100, 2), 0);
+    w.bus.command(1, WriteCommand::Torque(false)).unwrap();
+    w.cycles(2);
+    assert_eq!(register(&w, 2, 64, 1), 0);
+
+    w.servos.set_fault(2, None, 1);
+    w.cycles(100);
+    assert_eq!(
+        w.bus.command(1, WriteCommand::Start(0)),
+        shared,
+        "it may be looked for"
+    );
+    w.cycles(400);
+    start(&mut w, [1]);
+    assert_eq!(register(&w, 2, 64, 1), 1);
+}
+
+#[test]
+fn one_second_answer_refuses_no_goal() {
+    let mut w = writable(2);
+    w.cycles(5);
+    let double = |w: &World| w.bus.servo(1).unwrap().counters.double;
+    for _ in 0..3 {
+        let before = double(&w);
+        w.fault(2, ServoFault::Twice);
+        while double(&w) == before {
+            w.cycle(5 * MS);
+        }
+        w.servos.set_fault(2, None, 1);
+        assert_eq!(w.bus.command(1, WriteCommand::Start(0)), Ok(()));
+        w.cycles(600);
+    }
 }

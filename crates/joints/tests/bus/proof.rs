@@ -184,11 +184,15 @@ fn a_motor_that_is_to_be_off_and_says_that_it_is_on_is_told_again() {
 fn an_answer_that_comes_twice_is_none_to_the_next_question() {
     let mut w = watched(2, 2540);
     w.cycles(5);
-    w.fault(1, ServoFault::Twice);
     for number in (1..40).step_by(3) {
         let commands = [WriteCommand::Start(40), WriteCommand::GoalPwm(50), OFF];
         for (number, command) in (number..).zip(commands) {
+            // No servo that answers twice is told to turn, so it begins to do so behind that.
+            w.servos.set_fault(1, None, 1);
+            w.now_ns += 2_100 * MS;
+            w.cycles(2);
             w.bus.numbered_command(number, 0, command).unwrap();
+            w.fault(1, ServoFault::Twice);
             w.bus.begin(w.now_ns);
             while w.turn() {
                 check(&w, number, "twice");

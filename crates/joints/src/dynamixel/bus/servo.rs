@@ -110,6 +110,9 @@ const FIRST_REST_NS: u64 = 50_000_000;
 const LONGEST_REST_NS: u64 = 500_000_000;
 /// Return Delay Time from the factory, until the servo has told its own.
 const FACTORY_RETURN_DELAY_NS: u64 = 500_000;
+/// Two second answers within this time are of two servos with one id, for as long behind the newer one. Where all servos
+/// answer in one packet, each is asked alone about twice a second.
+const SHARED_NS: u64 = 2_000_000_000;
 
 /// When something that was in vain is tried again: each time twice as late, within limits.
 #[derive(Debug, Default, Clone, Copy)]
@@ -158,6 +161,8 @@ pub(crate) struct Servo {
     pub(crate) told_bytes: Option<usize>,
     /// Its next angle is not taken: two servos have its id.
     pub(crate) withhold: bool,
+    /// When the newest two second answers came, the newer first, nanoseconds.
+    double_ns: [Option<u64>; 2],
     /// When something of it came last in a cycle, nanoseconds.
     heard_ns: u64,
     silent_in_a_row: u32,
@@ -177,11 +182,34 @@ impl Servo {
             watch: Watch::default(),
             told_bytes: None,
             withhold: false,
+            double_ns: [None; 2],
             heard_ns: 0,
             silent_in_a_row: 0,
             rest: Rest::default(),
             off: Rest::default(),
         }
+    }
+
+    /// A request had a second answer.
+    pub(crate) fn was_double(&mut self, now_ns: u64) {
+        self.state.counters.double += 1;
+        self.withhold = true;
+        self.double_ns = [Some(now_ns), self.double_ns[0]];
+    }
+
+    /// Whether two servos have its id. One second answer may be a duplicate that came of elsewhere; two in a short time are
+    /// of no other cause.
+    pub(crate) fn is_shared(&self, now_ns: u64) -> bool {
+        let [Some(newer_ns), Some(older_ns)] = self.double_ns else {
+            return false;
+        };
+        let ago = |t_ns: u64| now_ns.saturating_sub(t_ns);
+        ago(newer_ns) <= SHARED_NS && newer_ns.saturating_sub(older_ns) <= SHARED_NS
+    }
+
+    /// Forgets what the port held: it has been opened anew.
+    pub(crate) fn port_opened(&mut self) {
+        (self.told_bytes, self.withhold, self.double_ns) = (None, false, [None; 2]);
     }
 
     /// How long it waits before it answers.

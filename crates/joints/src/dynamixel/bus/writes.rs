@@ -44,6 +44,12 @@ pub enum WriteRefused {
         /// What happened to it.
         lost: MotorLost,
     },
+    /// Two servos have answered with its id within the last seconds: both would turn. To switch its motor off, or to give it
+    /// the goal 0, is not refused.
+    #[error(
+        "two servos answer with its id, and both would turn: unplug one and give it an id of its own; torque off goes to both"
+    )]
+    TwoServos(usize),
     /// The port is away, or not open yet.
     #[error("the port of the servos is not open; ask again once `taxel status` shows it connected")]
     NoPort,
@@ -56,7 +62,9 @@ impl WriteRefused {
     /// Whether it is for another joint's motor that goals of several are refused.
     pub fn is_of_another(self, joint: usize) -> bool {
         match self {
-            Self::MotorOff(other) | Self::MotorLost { joint: other, .. } => other != joint,
+            Self::MotorOff(other) | Self::TwoServos(other) | Self::MotorLost { joint: other, .. } => {
+                other != joint
+            }
             _ => false,
         }
     }

@@ -113,9 +113,7 @@ impl Bus {
     /// Two servos have this id: one request has had two answers, of which this is the second. Nobody knows whose the first
     /// was, so the angle of neither is taken; nor is the next, whose second answer may come when the cycle is over.
     fn take_double(&mut self, servo: usize) {
-        let of = &mut self.servos[servo];
-        of.state.counters.double += 1;
-        of.withhold = true;
+        self.servos[servo].was_double(self.begun_ns);
         if self.results[servo].is_ok() {
             self.results[servo] = Err(NoReading::Double);
         }

@@ -76,6 +76,10 @@ impl Bus {
             return Err(WriteRefused::ReadOnly);
         }
         command.check(servo, self.servos.len())?;
+        let may_turn = !matches!(command, WriteCommand::Torque(false) | WriteCommand::GoalPwm(0));
+        if may_turn && self.servos[servo].is_shared(self.begun_ns) {
+            return Err(WriteRefused::TwoServos(servo));
+        }
         match command {
             WriteCommand::GoalPwm(_) if !self.will_run(servo) => Err(self.motor_off(servo)),
             _ => Ok(()),

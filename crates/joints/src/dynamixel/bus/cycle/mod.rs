@@ -237,7 +237,7 @@ impl Bus {
         self.forget_writes();
         self.suspicious_ns = None;
         for servo in &mut self.servos {
-            (servo.told_bytes, servo.withhold) = (None, false);
+            servo.port_opened();
         }
         self.results.fill(Err(NoReading::NotAsked));
         if self.fast == FastState::NotSupported {
