@@ -184,11 +184,15 @@ fn two_boards(look: &Look<'_>, module: usize, [sweeps, usual]: [f64; 2]) -> Prob
         ),
     };
     let name = format!("board {} of {}", m.board, bus_name(layout, m.bus));
+    let one = match sweeps > usual {
+        true => format!(" where one board sends {usual:.0}"),
+        false => String::new(),
+    };
     Problem::new(
         Kind::TwoBoards,
         Place::Module(module),
         format!(
-            "two boards answer as {name} ({}): its values alternate, {sweeps:.0} sweeps/s where others send {usual:.0}",
+            "two boards answer as {name} ({}): its values alternate, {sweeps:.0} sweeps/s{one}",
             layout.modules[module].name
         ),
         advice,

@@ -21,9 +21,10 @@ pub(crate) struct Alternation {
 }
 
 impl Alternation {
-    /// Takes the next value, and returns whether it swung away from the last and back to the one before.
+    /// Takes the next value, and returns by how much it swung away from the last and back to the one before, counts; 0 where
+    /// it did not.
     #[inline]
-    pub(crate) fn swings(&mut self, reading: &TaxelReading, coarse: bool) -> bool {
+    pub(crate) fn swing(&mut self, reading: &TaxelReading, coarse: bool) -> u16 {
         let least = if coarse { LEAST_COARSE_COUNTS } else { LEAST_COUNTS };
         let [last, one_before] = self.before;
         let known = self.seen == 2;
@@ -33,7 +34,10 @@ impl Alternation {
             distance(reading.counts, last),
             distance(reading.counts, one_before),
         );
-        known && step >= least && step / TIMES >= double_step
+        match known && step >= least && step / TIMES >= double_step {
+            true => step,
+            false => 0,
+        }
     }
 }
 
@@ -56,7 +60,7 @@ mod tests {
         };
         values
             .into_iter()
-            .filter(|z| alternation.swings(&reading(*z), false))
+            .filter(|z| alternation.swing(&reading(*z), false) > 0)
             .count()
     }
 

@@ -31,12 +31,12 @@ pub enum Finding {
         /// Sweeps per second of the board, and of its like.
         sweeps_hz: [f64; 2],
     },
-    /// Two boards answer under one address: its taxels come twice as often as they should and
-    /// alternate between two values.
+    /// Two boards answer under one address: its taxels alternate between two values, and come twice as often as they
+    /// should, or have alternated for long.
     TwoBoards {
         /// The module (index) whose address it is.
         module: u16,
-        /// Sweeps per second under that address, and what a board sends.
+        /// Sweeps per second under that address, and what one board sends; the same again where nobody knows.
         sweeps_hz: [f64; 2],
     },
     /// A board speaks on another bus than the layout says, and not on its own.

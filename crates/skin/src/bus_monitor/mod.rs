@@ -10,6 +10,7 @@ mod bus;
 mod finding;
 mod hub_modules;
 mod stray;
+mod swinging;
 mod tally;
 
 pub use finding::{BusLoad, Finding};
@@ -21,6 +22,7 @@ use crate::reading::TaxelReading;
 use alternation::Alternation;
 use bus::{Bus, WINDOW_NS, figures, per_second};
 use stray::{Held, NOBODY, Pair, Stray, ids_of, pairs, strays};
+use swinging::{Swinging, Swung};
 use tally::FOREIGN_HUBS;
 use taxel_can::Received;
 
@@ -36,8 +38,6 @@ const BABBLE_LEAST_HZ: f64 = 300.0;
 const BOARD_TIMES: f64 = 3.0;
 /// Two boards with one address send twice as much as one, less what they lose to each other.
 const TWO_BOARDS_TIMES: f64 = 1.4;
-/// Share of readings that swing, from which a board's values are those of two boards.
-const SWINGING: f64 = 0.5;
 
 /// An iCub board that answers on the wrong bus is taken to be there for this many windows more. It
 /// is asked every 300 ms, and not for 0.9 s while it is configured blindly on its own bus.
@@ -70,6 +70,8 @@ pub struct BusMonitor {
     /// Room to sort rates in.
     rates: Vec<f64>,
     window_ends_ns: Option<u64>,
+    /// Time of the newest frame.
+    now_ns: u64,
 }
 
 #[derive(Debug, Clone)]
@@ -82,7 +84,11 @@ struct Module {
     ids: Vec<u16>,
     taxels: u16,
     readings: u32,
-    swings: u32,
+    swinging: Swinging,
+    /// What the newest window has shown of that.
+    swung: Swung,
+    /// The first of its taxels.
+    first: u16,
     sweeps_hz: f64,
     /// Sweeps per second while nothing was wrong with it.
     usual_hz: Option<f64>,
@@ -121,7 +127,9 @@ impl BusMonitor {
                 ids,
                 taxels: module.taxels,
                 readings: 0,
-                swings: 0,
+                swinging: Swinging::default(),
+                swung: Swung::default(),
+                first: module.first_taxel,
                 sweeps_hz: 0.0,
                 usual_hz: None,
                 babbles: Held::default(),
@@ -161,6 +169,7 @@ impl BusMonitor {
             strays,
             pairs,
             window_ends_ns: None,
+            now_ns: 0,
         }
     }
 
@@ -190,6 +199,7 @@ impl BusMonitor {
     #[inline]
     pub fn handle_frame(&mut self, bus: u8, received: &Received) {
         self.advance(received.t_ns);
+        self.now_ns = received.t_ns;
         let frame = &received.frame;
         if let Some(bus) = self.buses.get_mut(usize::from(bus)) {
             let owner = frame.standard_id().map(|id| bus.owners[usize::from(id) & 0x7FF]);
@@ -210,8 +220,12 @@ impl BusMonitor {
         };
         let module = &mut self.modules[usize::from(taxel.module)];
         module.readings += 1;
-        let swings = taxel.alternation.swings(reading, module.coarse);
-        module.swings += u32::from(swings);
+        module
+            .swinging
+            .note(taxel.alternation.swing(reading, module.coarse));
+        if reading.taxel == module.first {
+            module.swinging.note_sweep(self.now_ns);
+        }
     }
 
     /// What is wrong now.
@@ -246,6 +260,7 @@ impl BusMonitor {
         for module in &mut self.modules {
             let sweeps = f64::from(module.readings) / f64::from(module.taxels.max(1));
             module.sweeps_hz = per_second(sweeps);
+            module.swung = module.swinging.end_window(module.readings);
         }
         self.find_babblers();
         for protocol in Protocol::boards() {
@@ -263,7 +278,7 @@ impl BusMonitor {
             bus.answers = [None; 16];
         }
         for module in &mut self.modules {
-            (module.readings, module.swings) = (0, 0);
+            module.readings = 0;
         }
     }
 
@@ -319,7 +334,9 @@ impl BusMonitor {
         } else {
             all_hz
         };
-        let usual_hz = others_hz.or(self.modules[index].usual_hz);
+        // All of them may be two: then they send more than each did alone.
+        let own_hz = self.modules[index].usual_hz;
+        let usual_hz = others_hz.into_iter().chain(own_hz).reduce(f64::min);
         let module = &mut self.modules[index];
         let bus = self.buses.get(usize::from(module.bus));
         let Some(bus) = bus.filter(|bus| !bus.is_array) else {
@@ -333,9 +350,9 @@ impl BusMonitor {
         let (rate_hz, share) = figures(own.0, own.1);
         let sweeps_hz = [module.sweeps_hz, usual_hz.unwrap_or(module.sweeps_hz)];
         let times = |times: f64| usual_hz.is_some_and(|usual| module.sweeps_hz >= times * usual);
-        let swinging = f64::from(module.swings) >= SWINGING * f64::from(module.readings.max(1));
+        let swung = module.swung;
         let (doubled, babbles) = (
-            swinging && times(TWO_BOARDS_TIMES),
+            swung.is_proof || (swung.is && times(TWO_BOARDS_TIMES)),
             share >= BABBLE_SHARE && times(BOARD_TIMES) && bus.babbles.is.is_none(),
         );
         let (doubled_now, babbles_now) = (doubled.then_some(()), babbles.then_some(()));
@@ -354,7 +371,7 @@ impl BusMonitor {
                 sweeps_hz,
             });
         }
-        if !swinging && !babbles && module.sweeps_hz > 0.0 {
+        if !swung.is && !babbles && module.sweeps_hz > 0.0 {
             let usual = module.usual_hz.get_or_insert(module.sweeps_hz);
             // Slowly, so that it stays what it was for a while when a second board joins.
             *usual += (module.sweeps_hz - *usual) / 8.0;

@@ -414,7 +414,7 @@ fn what_the_traffic_shows_is_told_once_and_explains_the_silent_boards() {
             State::Error,
             "two-boards-one-address",
             "index middle (can0 board 2)",
-            "100 sweeps/s where others send 50",
+            "100 sweeps/s where one board sends 50",
         ),
     ] {
         let checks = found(|f| f.findings.push(finding));

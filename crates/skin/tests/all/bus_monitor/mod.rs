@@ -1,5 +1,6 @@
 //! What the traffic on the buses shows: babbling nodes, two boards with one address, boards on the wrong bus.
 
+mod two_boards;
 mod wrong_bus;
 
 use taxel_can::{CanFrame, Received};
@@ -223,48 +224,6 @@ fn a_pressure_array_sends_at_any_rate() {
     }
     let found = found(&layout, traffic, t_ns / MS);
     assert!(found.iter().all(|(_, findings)| findings.is_empty()), "{found:?}");
-}
-
-#[test]
-fn two_boards_with_one_address_are_told_from_one_that_is_fast_or_noisy() {
-    let hand = hand();
-    // Board 5 of the first bus answers as board 3 from one second on.
-    let (wrong, right) = (&hand.wiring[5], &hand.wiring[3]);
-    assert_eq!((wrong.bus, right.bus), (0, 0));
-    let mut traffic = healthy(&hand, [0, 4000], &[5]);
-    traffic.extend(board(wrong, 0, wrong.board, 50, [0, 1000], 12_065));
-    traffic.extend(board(wrong, 0, right.board, 50, [1000, 2500], 12_065));
-    traffic.extend(board(wrong, 0, wrong.board, 50, [2500, 4000], 12_065));
-    let doubled = found(&hand, traffic, 4000);
-    let [from, to] = span(&doubled, |f| matches!(f, Finding::TwoBoards { module: 3, .. })).expect("found");
-    assert!(
-        (1250..=1750).contains(&from) && (2500..=3250).contains(&to),
-        "{from} to {to} ms"
-    );
-    let (_, at_2s) = &doubled[2000 / 50];
-    let [Finding::TwoBoards { sweeps_hz, .. }] = at_2s[..] else {
-        panic!("{at_2s:?}")
-    };
-    assert!(
-        (sweeps_hz[0] - 100.0).abs() < 10.0 && (sweeps_hz[1] - 50.0).abs() < 5.0,
-        "{sweeps_hz:?}"
-    );
-
-    // One board at the double rate.
-    let mut traffic = healthy(&hand, [0, 1500], &[3]);
-    traffic.extend(board(right, 0, right.board, 100, [0, 1500], 10_000));
-    assert_eq!(last(&found(&hand, traffic, 1400)), []);
-}
-
-#[test]
-fn a_hand_of_one_board_is_compared_with_what_it_used_to_send() {
-    let hand = Layout::builtin("uskin-module").expect("built in");
-    let m = &hand.wiring[0];
-    let mut traffic = board(m, 0, m.board, 50, [0, 3000], 9_000);
-    traffic.extend(board(m, 0, m.board, 50, [1500, 3000], 12_000));
-    let found = found(&hand, traffic, 3000);
-    let [from, _] = span(&found, |f| matches!(f, Finding::TwoBoards { module: 0, .. })).expect("found");
-    assert!((1500..=2250).contains(&from), "{from} ms");
 }
 
 #[test]
