@@ -9,6 +9,7 @@ mod array;
 mod boards;
 mod bus;
 mod contacts;
+mod hidden;
 mod joints;
 mod joints_view;
 mod kind;

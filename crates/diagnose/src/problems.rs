@@ -1,6 +1,7 @@
 //! The problems there are, and what of them is new. Each is told once when it comes and once when
 //! it is over; one that comes and goes is told less and less often, and how it is in the end is told all the same.
 
+use crate::hidden::hides;
 use crate::joints::{self, AnglesUsed, JointsReadings, Patience};
 use crate::kind::Kind;
 use crate::news::{self, News, Told};
@@ -11,12 +12,16 @@ use crate::{array, boards, bus, contacts, readers, traffic};
 use std::collections::{HashMap, VecDeque};
 use taxel_can::SourceCounters;
 use taxel_joints::JointsConfig;
+use taxel_skin::Layout;
 
 /// Counters are compared with those of this long ago, nanoseconds.
 const RECENT_NS: u64 = 500_000_000;
 /// Whoever looks several times a second was held up where two views are farther apart than this, nanoseconds: it was
 /// stopped, or the machine slept.
 const HELD_UP_NS: u64 = 500_000_000;
+/// What was hidden is judged again so long after it was so last, nanoseconds: until boards and servos were heard or waited for
+/// and their counters say how they stand.
+const HIDDEN_NS: u64 = 1_500_000_000;
 
 /// A problem that there is.
 #[derive(Debug, Clone, PartialEq)]
@@ -39,6 +44,8 @@ struct Gone {
 #[derive(Debug, Default)]
 pub struct Problems {
     current: Vec<CurrentProblem>,
+    /// Those that were found before something hid whether there still are, and when it did last. Nothing is said of them.
+    hidden: Vec<(CurrentProblem, u64)>,
     /// Those that are over, which is still to be told.
     gone: Vec<Gone>,
     tellings: HashMap<(Kind, Place), Telling>,
@@ -73,8 +80,9 @@ impl Problems {
             seconds: view.now_ns.saturating_sub(*then_ns).max(1) as f64 / 1e9,
             awake_ns: self.awake_ns,
         };
-        let current = &self.current;
-        let had = |kind, place| among(current, kind, place);
+        let hidden = self.hidden.iter().map(|(hidden, _)| hidden);
+        let there: Vec<&CurrentProblem> = self.current.iter().chain(hidden).collect();
+        let had = |kind, place| among(&there, kind, place);
         let mut found = Vec::new();
         for index in 0..view.buses.len() {
             let flapped = had(Kind::Flapping, Place::Bus(index)).is_some();
@@ -98,16 +106,19 @@ impl Problems {
         found.extend(view.sockets_lost.map(sockets_lost));
         found.extend(view.crowd.map(readers::turned_away));
         let joints = setup.joints.map(JointsConfig::joint_names).unwrap_or_default();
-        self.replace(found, &joints)
+        self.replace(found, setup.layout, &joints)
     }
 
-    fn replace(&mut self, found: Vec<Problem>, joints: &[String]) -> Vec<News> {
+    fn replace(&mut self, found: Vec<Problem>, layout: &Layout, joints: &[String]) -> Vec<News> {
         let now_ns = self.now_ns;
-        let mut old = std::mem::take(&mut self.current);
+        let seen = std::mem::take(&mut self.current).into_iter();
+        let mut old: Vec<_> = seen.map(|seen| (seen, None)).collect();
+        let hidden = std::mem::take(&mut self.hidden).into_iter();
+        old.extend(hidden.map(|(hidden, at_ns)| (hidden, Some(at_ns))));
         for problem in found {
-            let before = old.iter().position(|p| p.problem.is_same(&problem));
+            let before = old.iter().position(|(p, _)| p.problem.is_same(&problem));
             let since_ns = match before {
-                Some(before) => old.remove(before).since_ns,
+                Some(before) => old.remove(before).0.since_ns,
                 None => {
                     self.telling(&problem).change();
                     now_ns
@@ -116,7 +127,17 @@ impl Problems {
             self.gone.retain(|gone| !gone.problem.is_same(&problem));
             self.current.push(CurrentProblem { problem, since_ns });
         }
-        for CurrentProblem { problem, since_ns } in old {
+        for (one, hidden_ns) in old {
+            let is_hidden = self
+                .current
+                .iter()
+                .any(|p| hides(&p.problem, &one.problem, layout));
+            let hidden_ns = if is_hidden { Some(now_ns) } else { hidden_ns };
+            if let Some(at_ns) = hidden_ns.filter(|at_ns| now_ns.saturating_sub(*at_ns) < HIDDEN_NS) {
+                self.hidden.push((one, at_ns));
+                continue;
+            }
+            let CurrentProblem { problem, since_ns } = one;
             let lasted_ns = now_ns.saturating_sub(since_ns);
             self.telling(&problem).change();
             self.gone.push(Gone { problem, lasted_ns });
@@ -214,7 +235,7 @@ fn sockets_lost(which: &str) -> Problem {
     )
 }
 
-fn among(problems: &[CurrentProblem], kind: Kind, place: Place) -> Option<&Problem> {
+fn among<'a>(problems: &[&'a CurrentProblem], kind: Kind, place: Place) -> Option<&'a Problem> {
     let mut problems = problems.iter().map(|p| &p.problem);
     problems.find(|p| (p.kind, p.place) == (kind, place))
 }

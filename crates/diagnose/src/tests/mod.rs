@@ -1,5 +1,6 @@
 mod boards;
 mod hand;
+mod hidden;
 mod joints;
 mod potentiometers;
 mod serial_port;

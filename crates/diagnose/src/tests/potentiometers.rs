@@ -10,7 +10,7 @@ use taxel_joints::{
 };
 
 /// Two servos that answer, and two potentiometers beside them.
-fn with_potentiometers() -> JointsBench {
+pub(super) fn with_potentiometers() -> JointsBench {
     let (mut config, mut view) = servos(2);
     let potentiometer = |n: u8, name: &str| AnalogueJointConfig {
         name: name.into(),
@@ -49,7 +49,7 @@ fn with_potentiometers() -> JointsBench {
 }
 
 /// A line comes.
-fn line(view: &mut JointsView) {
+pub(super) fn line(view: &mut JointsView) {
     let now_ns = view.now_ns;
     let counters = &mut view.analogue.as_mut().expect("potentiometers").counters;
     counters.lines += 1;

@@ -1,0 +1,82 @@
+//! What nobody can know of while something else is wrong: a problem that is not found then is not over.
+
+use crate::kind::Kind;
+use crate::problem::{Place, Problem};
+use taxel_skin::Layout;
+
+/// Whether a problem of `by` leaves it unknown how it stands with another one.
+pub(crate) fn hides(by: &Problem, of: &Problem, layout: &Layout) -> bool {
+    if by.is_same(of) {
+        return false;
+    }
+    match by.kind {
+        Kind::LinkAbsent | Kind::LinkDown | Kind::BusOff | Kind::BusSilent => hides_of_bus(by, of, layout),
+        _ => hides_of_joints(by, of),
+    }
+}
+
+/// What is not heard while a bus is lost, or nothing comes over it.
+fn hides_of_bus(by: &Problem, of: &Problem, layout: &Layout) -> bool {
+    if by.place == Place::Joints {
+        return matches!(of.kind, Kind::HandSilent | Kind::FingerSilent | Kind::JointStale);
+    }
+    let is_of_boards = matches!(of.kind, Kind::BoardSilent | Kind::BoardUnheard | Kind::TwoBoards);
+    let is_of_link = match by.kind {
+        Kind::BusSilent => false,
+        Kind::BusOff => matches!(of.kind, Kind::BusSilent | Kind::BoardUnsteady),
+        _ => matches!(
+            of.kind,
+            Kind::BusSilent
+                | Kind::BoardUnsteady
+                | Kind::BusOff
+                | Kind::Flapping
+                | Kind::ErrorPassive
+                | Kind::ErrorWarning
+                | Kind::NoAcknowledge
+                | Kind::CannotSend
+        ),
+    };
+    (is_of_boards || is_of_link) && by.bus(layout) == of.bus(layout)
+}
+
+/// What is not known of joints whose port is away or that do not answer, and what something worse is told instead of.
+fn hides_of_joints(by: &Problem, of: &Problem) -> bool {
+    let is_of_servo = matches!(
+        of.kind,
+        Kind::ServoSilent
+            | Kind::ServoLate
+            | Kind::ServoDamaged
+            | Kind::TwoServos
+            | Kind::ServoRefuses
+            | Kind::JointStale
+    );
+    let is_of_lines = matches!(
+        of.kind,
+        Kind::AnalogueMalformed | Kind::PotentiometerLost | Kind::JointStale
+    );
+    let is_same_joint = by.place == of.place;
+    match by.kind {
+        Kind::SerialAbsent | Kind::SerialStuck => {
+            is_of_servo
+                || matches!(
+                    of.kind,
+                    Kind::ServosSilent | Kind::SerialShared | Kind::SerialStuck | Kind::AdapterLatency
+                )
+        }
+        Kind::SerialShared => is_of_servo || of.kind == Kind::ServosSilent,
+        Kind::ServosSilent => is_of_servo,
+        Kind::ServoSilent => is_same_joint && is_of_servo,
+        Kind::ServoLate | Kind::ServoDamaged if by.place == Place::Joints => {
+            of.kind == by.kind || of.kind == Kind::JointStale
+        }
+        Kind::ServoLate
+        | Kind::ServoDamaged
+        | Kind::TwoServos
+        | Kind::ServoRefuses
+        | Kind::PotentiometerLost => is_same_joint && of.kind == Kind::JointStale,
+        Kind::AnalogueAbsent => is_of_lines || of.kind == Kind::AnalogueSilent,
+        Kind::AnalogueSilent => is_of_lines,
+        Kind::HandSilent => matches!(of.kind, Kind::FingerSilent | Kind::JointStale),
+        _ => false,
+    }
+}
