@@ -237,6 +237,7 @@ impl Config {
             layout: &self.layout,
             sources: &self.sources,
             silence_ns: (self.boards.silence_ms * 1e6) as u64,
+            stale_ns: self.sweep.stale_after_ms.map(|ms| (ms * 1e6) as u64),
             joints: self.joints.as_ref(),
             joints_share_bus: self.joints_bus().is_some_and(|bus| bus.shared),
         }

@@ -72,7 +72,22 @@ pub(crate) fn judge(look: &Look<'_>, index: usize, found: &mut Vec<Problem>) {
             "no more frames are missing",
         );
     }
-    if now.late > before.late {
+    let timed = now.timed - before.timed;
+    let age_ns = (now.aged_ns - before.aged_ns).checked_div(timed).unwrap_or(0);
+    let stale_ns = stale_ns(look).filter(|stale_ns| age_ns > *stale_ns);
+    let age_ms = age_ns / 1_000_000;
+    if let Some(stale_ns) = stale_ns {
+        report(
+            Kind::ArrayLate,
+            format!(
+                "frames come {age_ms} ms after they were measured, and a value is stale after {} ms: its taxels are missing",
+                stale_ns / 1_000_000
+            ),
+            "set `stale_after_ms` in [sweep] well over that, or have the sending program send sooner, or with the time 0; its \
+             time has to be CLOCK_MONOTONIC of this machine",
+            "frames come in time",
+        );
+    } else if now.late > before.late {
         report(
             Kind::ArrayLate,
             "frames come more than 250 ms after they were measured".into(),
@@ -80,6 +95,19 @@ pub(crate) fn judge(look: &Look<'_>, index: usize, found: &mut Vec<Problem>) {
             "frames come in time",
         );
     }
+}
+
+/// How old a value is when it is stale, nanoseconds; `None` where the boards' periods are still to be measured.
+fn stale_ns(look: &Look<'_>) -> Option<u64> {
+    let slowest_ns = look.view.boards.iter().filter_map(|board| board.period_ns).max();
+    look.setup.stale_ns.or(slowest_ns.map(|period_ns| 3 * period_ns))
+}
+
+/// Whether the frames of an array on a bus (index) come, though late: then nothing has stopped.
+pub(crate) fn is_late(found: &[Problem], index: usize) -> bool {
+    found
+        .iter()
+        .any(|p| (p.kind, p.place) == (Kind::ArrayLate, Place::Bus(index)))
 }
 
 /// An array of which nothing comes.

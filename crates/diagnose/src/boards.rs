@@ -106,9 +106,11 @@ pub(crate) fn judge(look: &Look<'_>, steadiness: &mut Steadiness, found: &mut Ve
         let here: Vec<usize> = boards().collect();
         // What a daemon that was stopped has not heard says nothing of boards, nor of the wires to them.
         let awake_for_ns = view.now_ns.saturating_sub(look.awake_ns);
+        let is_late = array::is_late(found, index);
         let was_held_up = look.awake_ns > 0 && awake_for_ns < look.setup.silence_ns;
         for module in &here {
-            let excused = lost || was_held_up || !view.boards_due || is_doubled(view.findings, *module);
+            let excused =
+                lost || was_held_up || is_late || !view.boards_due || is_doubled(view.findings, *module);
             steadiness.note(*module, view.boards[*module].silences, excused, view.now_ns);
         }
         steadiness.judge(layout, &here, view.now_ns);
@@ -127,7 +129,7 @@ pub(crate) fn judge(look: &Look<'_>, steadiness: &mut Steadiness, found: &mut Ve
             last_ns.is_none_or(|last| view.now_ns.saturating_sub(last.max(look.awake_ns)) >= silence_ns)
         };
         let quiet = |m: usize| match state(m) {
-            BoardState::Silent => long(m),
+            BoardState::Silent => long(m) && !is_late,
             BoardState::NeverSeen => view.boards_due,
             BoardState::Settling | BoardState::Streaming => false,
         };

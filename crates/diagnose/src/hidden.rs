@@ -76,6 +76,7 @@ fn hides_of_joints(by: &Problem, of: &Problem) -> bool {
         | Kind::PotentiometerLost => is_same_joint && of.kind == Kind::JointStale,
         Kind::AnalogueAbsent => is_of_lines || of.kind == Kind::AnalogueSilent,
         Kind::AnalogueSilent => is_of_lines,
+        Kind::ArrayLate => of.kind == Kind::JointStale,
         Kind::HandSilent => matches!(of.kind, Kind::FingerSilent | Kind::JointStale),
         _ => false,
     }

@@ -15,6 +15,8 @@ pub struct HandSetup<'a> {
     pub sources: &'a [SourceAddress],
     /// A board that is not heard for this long is silent, nanoseconds.
     pub silence_ns: u64,
+    /// A value older than this is stale, nanoseconds; `None` for three periods of the slowest board.
+    pub stale_ns: Option<u64>,
     /// Where joint angles come from, if any are read.
     pub joints: Option<&'a JointsConfig>,
     /// Whether they come over a bus of the skin.

@@ -23,6 +23,10 @@ pub struct ArrayCounters {
     pub lost: u64,
     /// Messages taken that were measured more than a quarter of a second before.
     pub late: u64,
+    /// Messages taken that say when they were measured.
+    pub timed: u64,
+    /// How long before they came these were measured, all together, nanoseconds.
+    pub aged_ns: u64,
     /// How often the sequence began anew, or went back: another program sends, or two at once.
     pub restarts: u64,
     /// Refused: no message of a pressure array.

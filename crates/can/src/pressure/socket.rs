@@ -68,7 +68,11 @@ impl PressureSocket {
             0 => None,
             measured_ns => now_ns.checked_sub(measured_ns).filter(|age| *age <= OLDEST_NS),
         };
-        counters.late += u64::from(age_ns.is_some_and(|age| age > LATE_NS));
+        if let Some(age_ns) = age_ns {
+            counters.late += u64::from(age_ns > LATE_NS);
+            counters.timed += 1;
+            counters.aged_ns += age_ns;
+        }
         // Frames of a board come in the order of their times.
         let t_ns = age_ns.map_or(now_ns, |_| head.measured_ns).max(self.last_ns);
         self.last_ns = t_ns;

@@ -60,6 +60,10 @@ pub(crate) struct Judge<'a> {
 
 impl Judge<'_> {
     pub(crate) fn judge(&self, patience: &mut Patience, used: &mut AnglesUsed, found: &mut Vec<Problem>) {
+        if found.iter().any(|p| p.kind == Kind::ArrayLate) {
+            // Angles of the frames' instant are asked for, which may be older than any that is kept.
+            patience.all_explained();
+        }
         let unknown = patience.unknown(self.view);
         match self.view.of(self.config) {
             Some(SourceView::Servos {

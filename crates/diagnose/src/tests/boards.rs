@@ -82,3 +82,41 @@ fn what_a_daemon_that_was_stopped_has_not_heard_is_no_silence_and_what_it_does_n
         assert_eq!(bench.kinds().len(), buses);
     }
 }
+
+#[test]
+fn frames_of_an_array_that_are_stale_when_they_come_are_late_and_have_not_stopped() {
+    let text = "name = \"t\"\nbuses = [\"mat\"]\nimage = { width = 5, height = 3 }\n[[module]]\nname = \"mat\"\n\
+        part = \"p\"\nbus = \"mat\"\nprotocol = \"pressure-array\"\nrows = 3\ncolumns = 5\nat = [0, 0]\n";
+    // How late, and how long after the look before; 50 a second are stale after 60 ms.
+    for (age_ms, words) in [
+        (30, None),
+        (70, Some("come 70 ms after")),
+        (1200, Some("come 1200 ms after")),
+    ] {
+        let layout = Layout::parse(text, "t.toml").unwrap_or_else(|e| panic!("{e}"));
+        let mut bench = Bench::of(layout, &["pressure:/run/mat.sock"]);
+        bench.pass(9000, |s| {
+            let array = &mut s.buses[0].counters.array;
+            array.taken += 5;
+            array.timed += 5;
+            array.aged_ns += 5 * age_ms * MS;
+            array.late += 5 * u64::from(age_ms > 250);
+            let board = &mut s.boards[0];
+            board.period_ns = Some(20 * MS);
+            if age_ms > 60 {
+                board.silences = s.now_ns / (1500 * MS);
+                (board.state, board.last_ns) =
+                    (BoardState::Silent, Some(s.now_ns.saturating_sub(age_ms * MS)));
+            }
+        });
+        let said: Vec<&str> = bench.said.iter().map(sentence).collect();
+        assert_eq!(said.len(), usize::from(words.is_some()), "{said:#?}");
+        for said in said {
+            let is_told = words.is_some_and(|words| said.contains(words));
+            assert!(
+                is_told && said.contains("stale after 60 ms") && said.contains("`stale_after_ms`"),
+                "{said}"
+            );
+        }
+    }
+}

@@ -88,6 +88,7 @@ impl Bench {
             layout: &self.layout,
             sources: &self.sources,
             silence_ns: 100 * MS,
+            stale_ns: None,
             joints: self.joints.as_ref(),
             joints_share_bus: false,
         };

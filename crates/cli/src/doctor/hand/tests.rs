@@ -67,6 +67,7 @@ fn judged(facts: &HandFacts) -> Vec<NotedProblem> {
         layout: &layout,
         sources: &sources,
         silence_ns: 100_000_000,
+        stale_ns: None,
         joints: None,
         joints_share_bus: false,
     };
