@@ -59,7 +59,7 @@ pub struct BoardStatus {
     /// How often the board calibrated a part of its skin anew by itself
     /// ([`crate::Decoder::recalibrations`]): its baseline holds no longer, a re-zero is due.
     pub recalibrations: u64,
-    /// How often it fell silent.
+    /// How often it fell silent, for 30 ms or more.
     pub silences: u64,
     /// Times it was told to start because it was silent.
     pub restarts: u64,

@@ -7,6 +7,9 @@ use crate::board_status::{BoardState, BoardStatus};
 /// A board heard again after at least this silence may have been powered up anew, so it settles
 /// again. Ten board periods where these are longer.
 const SETTLE_AGAIN_NS: u64 = 1_000_000_000;
+/// A silence that is shorter is not counted, three periods of a board of 100 Hz: of a faster one an adapter that keeps frames
+/// back makes such.
+const SHORTEST_SILENCE_NS: u64 = 30_000_000;
 
 #[derive(Debug, Clone)]
 pub(crate) struct Board {
@@ -33,6 +36,8 @@ pub(crate) struct Board {
     misses: u8,
     /// A streaming board that says nothing for longer than this is silent.
     silence_ns: u64,
+    /// Whether the silence under way was counted.
+    is_counted: bool,
     configured_ns: Option<u64>,
     measured: Period,
     pub(crate) counters: BoardStatus,
@@ -55,6 +60,7 @@ impl Board {
             repeated: false,
             misses: 0,
             silence_ns: u64::MAX,
+            is_counted: false,
             configured_ns,
             measured: Period::new(taxels),
             counters: BoardStatus::default(),
@@ -82,8 +88,11 @@ impl Board {
             Some(last) => {
                 let quiet_ns = t_ns.saturating_sub(last);
                 // A silence between two frames taken, which neither saw.
-                let fell_silent = quiet_ns > self.silence_ns && self.counters.state == BoardState::Streaming;
-                self.counters.silences += u64::from(fell_silent);
+                let unseen = quiet_ns > self.silence_ns && self.counters.state == BoardState::Streaming;
+                if unseen || self.counters.state == BoardState::Silent {
+                    self.count_silence(quiet_ns);
+                }
+                self.is_counted = false;
                 quiet_ns >= power_up_ns
             }
         };
@@ -158,7 +167,17 @@ impl Board {
         };
         if silent {
             self.counters.state = BoardState::Silent;
+        }
+        if self.counters.state == BoardState::Silent {
+            self.count_silence(quiet_ns);
+        }
+    }
+
+    /// Counts a silence, which has lasted so long, once.
+    fn count_silence(&mut self, quiet_ns: u64) {
+        if quiet_ns >= SHORTEST_SILENCE_NS && !self.is_counted {
             self.counters.silences += 1;
+            self.is_counted = true;
         }
     }
 }

@@ -385,6 +385,31 @@ fn states_follow_what_is_heard() {
 }
 
 #[test]
+fn a_fast_board_that_is_kept_back_for_some_periods_did_not_fall_silent_and_one_that_stops_did() {
+    let config = SweepConfig {
+        board_period_ms: Some(3.0),
+        ..unsettled()
+    };
+    for sweep_mode in [false, true] {
+        // How often a frame is taken meanwhile: each millisecond, or hardly ever.
+        for take_ms in [1, 70] {
+            let mut bench = Bench::new(1, &config, sweep_mode);
+            for ms in 0..2000 {
+                let kept_back = ms % 100 < 16;
+                let stopped = (1000..1200).contains(&ms) || (1500..1540).contains(&ms);
+                if ms % 3 == 0 && !kept_back && !stopped {
+                    bench.push_all(0..16, START + ms * MS);
+                }
+                if ms % take_ms == 0 {
+                    bench.take(START + ms * MS);
+                }
+            }
+            assert_eq!(bench.assembler.board(0).silences, 2, "{sweep_mode}, {take_ms} ms");
+        }
+    }
+}
+
+#[test]
 fn a_silence_that_is_over_before_the_next_frame_is_taken_is_counted() {
     let mut bench = Bench::new(1, &unsettled(), false);
     for (at_ms, silences) in [(0, 0), (30, 0), (61, 1), (62, 1), (300, 2)] {
