@@ -1,8 +1,8 @@
 //! A recording as a CAN source.
 
 use crate::{
-    CanFrame, CanSource, LinkState, LogClock, LogError, LogFrame, LogReader, OpenError, Received, SendError,
-    SourceCounters, Wakeup,
+    CanFrame, CanSource, LineProblem, LinkState, LogClock, LogError, LogFrame, LogReader, OpenError,
+    Received, SendError, SourceCounters, Wakeup,
 };
 use std::fs::File;
 use std::io::{BufRead, BufReader};
@@ -71,7 +71,7 @@ impl LogSource {
                 Some(Ok(frame)) => break frame,
                 Some(Err(LogError::Io { source, .. })) => return Err(unreadable(source)),
                 Some(Err(problem)) => {
-                    source.counters.undecodable += 1;
+                    source.count_undecodable(&problem);
                     first_problem.get_or_insert(problem);
                 }
                 None => {
@@ -137,6 +137,18 @@ impl LogSource {
             .is_none_or(|wanted| *wanted == frame.interface)
     }
 
+    fn count_undecodable(&mut self, problem: &LogError) {
+        let is_can_fd = matches!(
+            problem,
+            LogError::Line {
+                problem: LineProblem::CanFd,
+                ..
+            }
+        );
+        self.counters.undecodable += 1;
+        self.counters.can_fd += u64::from(is_can_fd);
+    }
+
     fn since_first_ns(&mut self, frame: &LogFrame) -> u64 {
         let since_first_ns = self.clock.since_first_ns(frame.t_ns, self.reader.line_number());
         self.counters.jumps = self.clock.jumps();
@@ -162,7 +174,7 @@ impl LogSource {
                         return self.schedule(&frame, since_first_ns);
                     }
                 }
-                Some(Err(LogError::Line { .. })) => self.counters.undecodable += 1,
+                Some(Err(problem @ LogError::Line { .. })) => self.count_undecodable(&problem),
                 Some(Err(failure)) => {
                     self.counters.cut_off_line = self.reader.line_number().max(1);
                     self.failure = Some(failure);
@@ -300,6 +312,7 @@ mod tests {
             (source.counters().received, source.counters().undecodable),
             (5, 2)
         );
+        assert_eq!(source.counters().can_fd, 1);
     }
 
     #[test]

@@ -208,6 +208,11 @@ impl Judge<'_> {
                 "does another program send to this group and port? Give the hand one of its own; python-can's \
                  `udp_multicast` and `taxel` send what is wanted",
             ),
+            SourceAddress::Log { .. } if are_mostly_can_fd => (
+                "lines",
+                "are CAN FD frames, which are left out",
+                "no board of a known skin sends such; the rest of it is read",
+            ),
             SourceAddress::Log { .. } => (
                 "lines",
                 "are no CAN frames",

@@ -377,6 +377,7 @@ fn what_is_no_frame_is_told_with_where_it_may_come_from() {
             ],
         ),
         ("log:grasp.log", 0, ["10 lines a second", "damaged"]),
+        ("log:grasp.log", 1, ["10 lines a second", "are CAN FD frames"]),
         ("can:can0", 0, ["10 frames a second", "report"]),
     ] {
         let mut bench = Bench::of(Layout::builtin("uskin-module").expect("built in"), &[source]);

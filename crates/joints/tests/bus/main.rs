@@ -141,6 +141,13 @@ fn every_servo_is_read_in_every_cycle_however_the_bytes_come() {
 }
 
 #[test]
+fn one_servo_shares_its_packet_with_nobody() {
+    let mut w = World::of(1, FastSyncRead::Auto);
+    assert!(w.cycles(20).iter().all(|results| all_good(results)));
+    assert_eq!(w.bus.fast_state(), FastState::Off);
+}
+
+#[test]
 fn a_cycle_takes_the_time_on_the_wire() {
     let mut w = World::of(16, FastSyncRead::Off);
     w.cycles(100);

@@ -164,6 +164,8 @@ impl Bus {
             held_turn: 0,
             suspicious_ns: None,
             fast: match config.fast_sync_read {
+                // One alone has nobody to share a packet with.
+                FastSyncRead::Auto if n == 1 => FastState::Off,
                 FastSyncRead::Auto => FastState::Probing,
                 FastSyncRead::On => FastState::On,
                 FastSyncRead::Off => FastState::Off,
