@@ -1,12 +1,16 @@
-"""Counts of a skin without buses: every image of the method `paper` is that of the numpy reference, whatever file they come in."""
+"""Counts of a skin without buses: every image of the method `paper` is that of the numpy reference, whatever file they come in,
+and that of `optimal` where counts do not change at rest."""
 
+import json
 import subprocess
 
 import numpy as np
 import pytest
 import taxel_reader
 from harness.compare import Reference, assert_same
+from harness.compare_optimal import Frame
 from harness.daemon import binary
+from robust_conditioning import SETTINGS, RobustConditioner
 from sequential_clustering import Profile
 
 PERIOD_NS = 33_333_333
@@ -75,3 +79,34 @@ def test_counts_on_a_grid_are_the_references_images_from_every_file(folder, shap
             assert_same(image, reference.image(counts[t], missing[t]), f"{name}, frame {t}")
             touched += image.contacts > 0
         assert touched > 30, name
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.2], ids=["no noise", "noise below half a count"])
+def test_a_skin_that_hardly_changes_at_rest_is_felt_from_the_first_frame_of_a_touch_to_its_last(folder, noise):
+    grid, random = Grid(8, 8), np.random.default_rng(3)
+    pressed = np.hypot(*(grid.xy - (3.4, 4.1)).T)
+    # Rest, a press that grows for two seconds, is held, and ends; then rest.
+    depth = np.concatenate([np.zeros(60), np.linspace(0, 1, 60), np.ones(30), np.linspace(1, 0, 60), np.zeros(90)])
+    counts = np.full((len(depth), 64, 3), 20_000)
+    counts[..., 2] += np.round(1000 * depth[:, None] * np.clip(1 - (pressed / 3) ** 2, 0, None)).astype(int)
+    counts += np.round(random.normal(0, noise, counts.shape)).astype(int)
+    times = PERIOD_NS * np.arange(1, len(counts) + 1)
+    np.savez(folder / "quiet.npz", counts=counts.astype(np.uint16), t_ns=times.astype(np.uint64))
+    keys = "\n".join(f"{key} = {json.dumps(value)}" for key, value in SETTINGS.items())
+    (folder / "c.toml").write_text(f'layout = "grid:8x8"\n[conditioning]\n{keys}\n')
+
+    out = folder / "quiet.bin"
+    command = [binary("taxel"), "compress", folder / "quiet.npz", "--config", folder / "c.toml", "--out", out]
+    subprocess.run(command, check=True, capture_output=True)
+    conditioner, profile = RobustConditioner(64), Profile(actuator_force="closest")
+    data, touched = out.read_bytes(), []
+    for t in range(len(counts)):
+        image, length = taxel_reader.decode(data)
+        data = data[length:]
+        felt = conditioner.feed(counts[t], np.full(64, times[t]), times[t])
+        assert image.calibrating == (felt is None)
+        if felt is not None:
+            Frame(grid, profile, *felt).check(image, f"frame {t}")
+            touched += [t] * (image.contacts > 0)
+    truly = np.flatnonzero(counts[..., 2].max(axis=1) > 20_010)
+    assert abs(touched[0] - truly[0]) <= 1 and abs(touched[-1] - truly[-1]) <= 1 and len(touched) > 140

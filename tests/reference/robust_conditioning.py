@@ -33,7 +33,9 @@ def magnitude(counts, baseline):
 
 
 def upper_spread(values):
-    """Upper median and 1.4826 times the upper median of the distances from it."""
+    """Upper median and 1.4826 times the upper median of the distances from it; zeros of nothing."""
+    if len(values) == 0:
+        return 0.0, 0.0
     middle = len(values) // 2
     centre = np.sort(values)[middle]
     return centre, SIGMAS_PER_MAD * np.sort(np.abs(values - centre))[middle]
@@ -75,6 +77,8 @@ class RobustConditioner:
         """counts: (N, 3); t_ns: (N,) when each was measured; frame_ns: when the frame was complete."""
         counts, t_ns = np.asarray(counts, dtype=np.int64), np.asarray(t_ns, dtype=np.int64)
         self.dead_run = np.where(np.all((counts == 0) | (counts == 65535), axis=1), self.dead_run + 1, 0)
+        if self.judged is not None:
+            self.stuck &= np.all(counts == self.rested_at, axis=1)
         felt = self.feel(counts, t_ns) if self.calibrated else None
         if self.judged is not None and not self.calibrated:
             # Judging is spread over the frames of 50 ms.
@@ -95,25 +99,27 @@ class RobustConditioner:
         taxels = samples.shape[1]
         alive = ~np.all((samples == 0) | (samples == 65535), axis=(0, 2))
         rest = [Rest(samples[:, n]) for n in range(taxels)]
-        usable = alive & ~np.array([r.constant for r in rest])
+        # What did not change is stuck until it does, and has its baseline from then on like any other.
+        self.stuck = alive & np.array([r.constant for r in rest])
+        usable = alive & ~self.stuck
         noise = np.array([r.noise for r in rest])
         median, sigma = upper_spread(noise[usable])
         noisy = noise > max(median + NOISE_SIGMAS * sigma, NOISE_FLOOR)
         # There is no way back from these here: the tests' frames have none.
-        self.faulty = ~usable | noisy
+        self.faulty = ~alive | noisy
         self.baseline = np.array([r.baseline for r in rest])
         self.rested_at = self.baseline.copy()
-        healthy = ~self.faulty
+        healthy = usable & ~noisy
         untouched = healthy & ~np.array([r.touched for r in rest])
         peaks = np.array([r.peak for r in rest])[untouched if np.any(untouched) else healthy]
         median, sigma = upper_spread(peaks)
-        theta = min(peaks.max(), median + NOISE_SIGMAS * max(sigma, median / 4.0))
+        theta = min(peaks.max(initial=0.0), median + NOISE_SIGMAS * max(sigma, median / 4.0))
         self.threshold = max(theta * MARGIN, LEAST_THRESHOLD)
         self.quiet_since = np.full(taxels, -1, dtype=np.int64)
         self.level = np.zeros(taxels)
 
     def feel(self, counts, t_ns):
-        faulty = self.faulty | (self.dead_run >= DEAD_SAMPLES)
+        faulty = self.faulty | self.stuck | (self.dead_run >= DEAD_SAMPLES)
         force = np.where(faulty, 0.0, magnitude(counts, self.baseline))
         self.contact = ~faulty & (force > np.where(self.contact, self.threshold * RELEASE, self.threshold))
         self.follow(counts, force, t_ns, ~faulty & ~self.contact)

@@ -130,3 +130,16 @@ def test_a_contact_begins_above_the_threshold_and_ends_at_its_release():
         contacts.append(bool(contact[0]))
         assert faulty.tolist() == [False, False, True] and not contact[2] and force[2] == 0.0
     assert contacts == [False, False, True, True, False, False]
+
+
+def test_a_taxel_that_does_not_change_is_stuck_until_it_does_and_has_the_baseline_it_rested_at():
+    conditioner = RobustConditioner(2)
+    rest = np.array([[100, 200, 300], [400, 500, 600]])
+    for i in range(13):
+        felt = conditioner.feed(rest, np.full(2, i * 33 * MS), i * 33 * MS)
+    assert conditioner.threshold == 10.0 and felt[2].tolist() == [True, True]
+    for i, z in enumerate((300, 311, 340, 311, 308, 300), start=13):
+        rest[0, 2] = z
+        force, contact, faulty = conditioner.feed(rest, np.full(2, i * 33 * MS), i * 33 * MS)
+        assert force.tolist() == [z - 300, 0.0] and faulty.tolist() == [i == 13, True]
+        assert contact.tolist() == [14 <= i <= 16, False]

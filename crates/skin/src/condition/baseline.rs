@@ -32,6 +32,9 @@ pub(super) struct TaxelIdle {
     pub(super) touched: bool,
     /// Whether no axis changed by one count.
     pub(super) constant: bool,
+    /// How often the counts change, per nanosecond: changes at random, as often as that, leave as many samples equal to
+    /// the one before. 0 where none changed, infinite where all did.
+    pub(super) changes_per_ns: f64,
 }
 
 #[derive(Debug, Default, Clone)]
@@ -122,8 +125,14 @@ impl Windows {
             reach[a] = outlier_sigmas * sigma.max(0.5);
         }
         let is_kept = |s: &[i32; 3]| (0..3).all(|a| (f64::from(s[a]) - centre[a]).abs() <= reach[a]);
+        let window = &self.windows[taxel];
+        let length_ns = window.end_ns.saturating_sub(window.start_ns);
+        let steps = (kept - 1).max(1);
+        let equal = samples.windows(2).filter(|pair| pair[0] == pair[1]).count();
+        let step_ns = length_ns.max(1) as f64 / steps as f64;
         let mut idle = TaxelIdle {
-            constant: samples.iter().all(|s| *s == samples[0]),
+            constant: equal == steps,
+            changes_per_ns: -(equal as f64 / steps as f64).ln() / step_ns,
             ..TaxelIdle::default()
         };
         let (mut sum, mut used) = ([0i64; 3], 0u32);

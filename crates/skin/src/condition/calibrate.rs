@@ -18,6 +18,9 @@ const JUDGING_NS: u64 = 50 * MS;
 const JUDGED_AT_LEAST: usize = 4;
 /// Fewest samples from which a taxel is called stuck.
 const STUCK_SAMPLES: u32 = 8;
+/// A taxel whose counts change so often at rest that this many changes are due within `stuck_ms` does not keep one value
+/// for as long by chance: once in a million times.
+const CHANGES_DUE: f64 = 14.0;
 /// Times the noise limit, a step and its reversal are unsteady at run time.
 const UNSTEADY_NOISES: f64 = 3.0;
 /// Least threshold of a hand with taxels of eight bits: two steps of 16 counts, as the iCub's own
@@ -44,6 +47,8 @@ pub(super) struct Calibration {
     idle: Vec<TaxelIdle>,
     scratch: Vec<f64>,
     paper_faulty: Vec<bool>,
+    /// How often a taxel of the hand changes at rest, per nanosecond: the median.
+    changes_per_ns: f64,
     /// Taxels without a baseline after the last calibration; they find their own when they speak.
     late: usize,
     next_late: usize,
@@ -63,6 +68,7 @@ impl Calibration {
             idle: vec![TaxelIdle::default(); taxels],
             scratch: Vec::with_capacity(taxels),
             paper_faulty: vec![false; taxels],
+            changes_per_ns: 0.0,
             late: 0,
             next_late: 0,
             report: CalibrationReport::default(),
@@ -250,21 +256,25 @@ impl Conditioner {
             .judge(n, zero, self.config.magnitude, self.config.outlier_sigmas);
         self.touched[n] = false;
         self.taxels[n].has_baseline = false;
-        let Some(idle) = judged.filter(|_| samples >= fewest) else {
+        let Some(mut idle) = judged.filter(|_| samples >= fewest) else {
             calibration.idle[n] = TaxelIdle::default();
             return;
         };
-        calibration.idle[n] = idle;
         calibration.report.outliers += u64::from(idle.outliers);
-        let stuck = idle.constant && !self.tracks[n].coarse;
-        if self.config.fault_rule.is_robust() && stuck && samples >= STUCK_SAMPLES {
-            self.taxels[n].health.judge_stuck();
-            calibration.windows.clear(n);
-            return;
-        }
-        let baseline = zero.unwrap_or(idle.baseline);
-        self.take_baseline(n, baseline);
+        idle.constant &= samples >= STUCK_SAMPLES;
+        self.take_rest(n, idle, zero);
         self.touched[n] = idle.touched;
+    }
+
+    /// Takes over what a taxel's window says, and its baseline, `zero` where given. One that did not change is stuck
+    /// until it does. It shows nothing meanwhile, and has moved away from what it rested at once it changes.
+    fn take_rest(&mut self, n: usize, mut idle: TaxelIdle, zero: Option<[f64; 3]>) {
+        idle.constant &= self.config.fault_rule.is_robust() && !self.taxels[n].coarse;
+        if idle.constant && self.motion.counts()[n].map(f64::from) == idle.baseline {
+            self.taxels[n].health.judge_stuck();
+        }
+        self.take_baseline(n, zero.unwrap_or(idle.baseline));
+        self.calibration.idle[n] = idle;
     }
 
     pub(super) fn take_baseline(&mut self, n: usize, baseline: [f64; 3]) {
@@ -278,6 +288,7 @@ impl Conditioner {
         let taxels = self.baseline.len();
         if self.config.fault_rule.is_robust() {
             self.judge_noise();
+            self.judge_stillness();
         } else {
             let c = &mut self.calibration;
             let (sigmas, two_sided) = (self.config.paper_sigmas, self.config.paper_two_sided);
@@ -345,12 +356,13 @@ impl Conditioner {
         let calibration = &mut self.calibration;
         let noise = &mut calibration.scratch;
         noise.clear();
-        let usable = |n: usize| self.taxels[n].has_baseline && self.taxels[n].standing.is_empty();
-        noise.extend(
-            (0..self.baseline.len())
-                .filter(|n| usable(*n))
-                .map(|n| calibration.idle[n].noise_counts),
-        );
+        let idle = &calibration.idle;
+        let usable = |n: &usize| {
+            let taxel = &self.taxels[*n];
+            taxel.has_baseline && taxel.standing.is_empty() && !idle[*n].constant
+        };
+        let usable = (0..self.baseline.len()).filter(usable);
+        noise.extend(usable.map(|n| idle[n].noise_counts));
         let (median, sigma) = robust_spread(noise);
         let limit = (median + self.config.noise_sigmas * sigma).max(self.config.noise_floor_counts);
         calibration.report.noise_median_counts = median;
@@ -362,14 +374,43 @@ impl Conditioner {
         }
     }
 
+    /// Finds which taxels may keep one value for long.
+    fn judge_stillness(&mut self) {
+        let calibration = &mut self.calibration;
+        let rates = &mut calibration.scratch;
+        rates.clear();
+        let heard = (0..self.baseline.len()).filter(|n| self.taxels[*n].has_baseline);
+        rates.extend(heard.map(|n| calibration.idle[n].changes_per_ns));
+        calibration.changes_per_ns = robust_spread(rates).0;
+        for n in 0..self.baseline.len() {
+            self.tracks[n].may_rest = self.may_rest(n);
+        }
+    }
+
+    /// Whether a taxel that keeps one value for `stuck_ms` may be healthy: its steps are coarse, or counts change so rarely
+    /// at rest, those of the hand or its own. One that did not change at all in a hand that does is no proof of that.
+    fn may_rest(&self, n: usize) -> bool {
+        let idle = &self.calibration.idle[n];
+        let hand = self.calibration.changes_per_ns;
+        let rate = if idle.constant {
+            hand
+        } else {
+            hand.min(idle.changes_per_ns)
+        };
+        self.taxels[n].coarse || rate * ((self.config.stuck_ms * MS) as f64) < CHANGES_DUE
+    }
+
     /// `theta` of eq. (2): the largest idle magnitude among taxels that are neither faulty nor
     /// touched, nor far beyond the rest, times the margin.
     fn hand_threshold(&mut self) -> f64 {
         let window = self.config.threshold == ThresholdSource::Window;
         let mut peaks = std::mem::take(&mut self.calibration.scratch);
         peaks.clear();
-        let healthy = |n: &usize| self.taxels[*n].has_baseline && self.settled_faults(*n).is_empty();
-        let peak = |n: usize| self.calibration.idle[n].peak;
+        let idle = &self.calibration.idle;
+        let healthy = |n: &usize| {
+            self.taxels[*n].has_baseline && !idle[*n].constant && self.settled_faults(*n).is_empty()
+        };
+        let peak = |n: usize| idle[n].peak;
         let all = (0..self.baseline.len()).filter(healthy);
         if window && all.clone().any(|n| !self.touched[n]) {
             peaks.extend(all.filter(|n| !self.touched[*n]).map(peak));
@@ -430,15 +471,11 @@ impl Conditioner {
             .judge(n, None, self.config.magnitude, self.config.outlier_sigmas);
         calibration.windows.clear(n);
         let Some(idle) = idle else { return };
-        if robust && idle.constant && !self.tracks[n].coarse {
-            self.taxels[n].health.judge_stuck();
-            return;
-        }
-        calibration.idle[n] = idle;
         calibration.late -= 1;
         let limit = calibration.report.noise_limit_counts;
-        self.take_baseline(n, idle.baseline);
         self.taxels[n].health.baseline_found();
+        self.take_rest(n, idle, None);
+        self.tracks[n].may_rest = self.may_rest(n);
         self.taxels[n]
             .health
             .judge_noise(robust && limit > 0.0 && idle.noise_counts > limit);

@@ -78,7 +78,9 @@ settings! {
     pub noise_sigmas: f64,
     /// Never noisy below this idle noise (root of the sum of the three axes' variances), counts, 0 to 65,535.
     pub noise_floor_counts: f64,
-    /// Stuck: no change by one count on any axis for this long, milliseconds, 1 to 600,000.
+    /// Stuck: no change by one count on any axis for this long, milliseconds, 1 to 600,000, or throughout the calibration;
+    /// it is in use again with the first change, above the baseline that it rested at. Not found where counts change so
+    /// rarely at rest that healthy taxels keep a value for as long.
     pub stuck_ms: u64,
     /// Dead after this many samples in a row of 0 or 65535 on every axis, 1 to 1,000.
     pub dead_samples: u32,

@@ -161,8 +161,8 @@ impl Health {
         self.good_run = 0;
     }
 
-    /// A good sample. A taxel with a baseline is no longer stuck once it moves, and lives again
-    /// after enough of them.
+    /// A good sample. A taxel is no longer stuck once it moves; one that was dead and has a baseline lives again after
+    /// enough of them.
     pub(super) fn handle_sample(
         &mut self,
         moving: bool,
@@ -175,7 +175,7 @@ impl Health {
         if self.good_run >= limits.recover_samples && has_baseline {
             self.faults.remove(Fault::Dead);
         }
-        if moving && has_baseline {
+        if moving {
             self.faults.remove(Fault::Stuck);
         }
         if stuck {
@@ -247,7 +247,6 @@ impl Health {
     /// The taxel has a baseline of its own at last.
     pub(super) fn baseline_found(&mut self) {
         self.faults.remove(Fault::Dead);
-        self.faults.remove(Fault::Stuck);
     }
 }
 

@@ -30,6 +30,7 @@ pub use magnitude::MagnitudeMode;
 pub use report::{CalibrationReport, ConditionCounters};
 
 use crate::layout::Layout;
+use crate::protocol::Protocol;
 use calibrate::Calibration;
 use contact::Thresholds;
 use drift::{DriftLimits, DriftState};
@@ -37,7 +38,7 @@ use faults::HealthLimits;
 use motion::Motion;
 use place::RepairLimits;
 use taxel::{Taxel, Track};
-use taxel_hand::{Fault, Faults, ForceFrame, TactileFrame};
+use taxel_hand::{Fault, Faults, ForceFrame, Freshness, TactileFrame};
 use unchanging::LastingContact;
 
 /// Sample time of a taxel that was never heard.
@@ -80,6 +81,8 @@ pub struct Conditioner {
     drift: Vec<DriftState>,
     /// Whether any taxel has eight bits only.
     coarse: bool,
+    /// Whether no board measures: nobody says where the skin rests.
+    without_boards: bool,
     baseline: Vec<[f64; 3]>,
     faults: Vec<Faults>,
     touched: Vec<bool>,
@@ -121,6 +124,7 @@ impl Conditioner {
                 config.drift_limit_counts,
             ),
             coarse: false,
+            without_boards: false,
             motion: Motion::new(taxels),
             tracks: vec![Track::new(); taxels],
             contact: vec![false; taxels],
@@ -144,13 +148,17 @@ impl Conditioner {
     /// Makes a conditioner for the taxels of a layout, as [`Conditioner::new`] does, and takes
     /// account of how their boards measure: counts of one axis are neither unwrapped nor held back
     /// as glitches, where they have eight bits, a taxel that keeps one value is not stuck, and where they rest at 0, one
-    /// that reads 0 is not dead.
+    /// that reads 0 is not dead. A skin without boards rests at 0 where its first frame says nothing else.
     pub fn for_layout(layout: &Layout, config: ConditionConfig) -> Result<Self, ConditionError> {
         let mut conditioner = Self::new(layout.len(), config)?;
+        conditioner.without_boards = true;
         for n in 0..layout.len() {
-            let measures = layout.wiring_of(n).protocol.measures();
+            let protocol = layout.wiring_of(n).protocol;
+            conditioner.without_boards &= protocol == Protocol::OFFLINE;
+            let measures = protocol.measures();
             conditioner.taxels[n].scalar = measures.axes == 1;
-            conditioner.tracks[n].coarse = measures.has_coarse_steps();
+            conditioner.taxels[n].coarse = measures.has_coarse_steps();
+            conditioner.tracks[n].may_rest = measures.has_coarse_steps();
             conditioner.taxels[n].rests_at_zero = measures.rests_at_zero;
             conditioner.coarse |= measures.has_coarse_steps() && !measures.rests_at_zero;
         }
@@ -267,9 +275,26 @@ impl Conditioner {
         let tick_ns = frame.t_ns - self.frame_ns;
         self.frame_ns = frame.t_ns;
         let samples = self.counters.samples;
+        if samples == 0 && self.without_boards {
+            self.look_for_rest(frame);
+        }
         self.feel(frame, out);
         let heard = self.counters.samples != samples;
         self.calibrate(frame, heard, tick_ns);
+    }
+
+    /// Takes a skin whose first values are all 0 to rest there.
+    fn look_for_rest(&mut self, frame: &TactileFrame) {
+        let fresh = frame.freshness.iter().map(|f| *f == Freshness::Fresh);
+        let mut values = fresh
+            .zip(&frame.counts)
+            .filter(|(is_fresh, _)| *is_fresh)
+            .peekable();
+        if values.peek().is_some() && values.all(|(_, counts)| *counts == [0; 3]) {
+            self.taxels
+                .iter_mut()
+                .for_each(|taxel| taxel.rests_at_zero = true);
+        }
     }
 
     /// No taxel has a usable value in this frame.

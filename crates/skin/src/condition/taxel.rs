@@ -27,8 +27,8 @@ pub(super) struct Track {
     pub(super) owes: bool,
     /// The counts moved to the newest sample, and that came with this frame.
     pub(super) accepted: bool,
-    /// Its steps are so coarse that keeping one value for long is no fault.
-    pub(super) coarse: bool,
+    /// Keeping one value for long is no fault.
+    pub(super) may_rest: bool,
 }
 
 /// The rest of what is known of one taxel, apart from its place, baseline and drift.
@@ -41,6 +41,8 @@ pub(super) struct Taxel {
     pub(super) has_baseline: bool,
     /// Measures one axis, whose counts neither wrap nor are lost byte by byte: they are taken as they come.
     pub(super) scalar: bool,
+    /// It has eight bits only.
+    pub(super) coarse: bool,
     /// 0 is no sign that it is dead.
     pub(super) rests_at_zero: bool,
 }
@@ -76,7 +78,7 @@ impl Track {
             settled: false,
             owes: false,
             accepted: false,
-            coarse: false,
+            may_rest: false,
         }
     }
 
@@ -89,7 +91,7 @@ impl Track {
         // Of the same time, or older, wraps to beyond any gap.
         let in_time = dt_ns.wrapping_sub(1) < GAP_NS - 1;
         let stillness = self.stillness.after(moved, t_ns);
-        let stuck = stillness.is_stuck(t_ns, limits) & !self.coarse;
+        let stuck = stillness.is_stuck(t_ns, limits) & !self.may_rest;
         let ordinary = self.settled & in_time & !stuck & (distance < NEARLY_A_TURN_SQUARED);
         if ordinary {
             (self.last_ns, self.interval_ns) = (t_ns, dt_ns);
@@ -124,6 +126,7 @@ impl Taxel {
             standing,
             has_baseline: false,
             scalar: false,
+            coarse: false,
             rests_at_zero: false,
         }
     }
@@ -194,7 +197,7 @@ impl Taxel {
         }
         track.stillness = track.stillness.after(raw != self.repair.newest(place), t_ns);
         let moving = track.stillness.is_over();
-        let stuck = !track.coarse && track.stillness.is_stuck(t_ns, &rules.health);
+        let stuck = !track.may_rest && track.stillness.is_stuck(t_ns, &rules.health);
         self.health
             .handle_sample(moving, stuck, self.has_baseline, &rules.health);
 

@@ -3,6 +3,7 @@
 mod faults;
 mod lasting;
 mod life;
+mod quiet;
 mod repair;
 mod settings;
 mod skin;
