@@ -29,6 +29,9 @@ impl Conditioner {
         }
         self.rezero();
         self.thresholds.set_theta(known.threshold);
+        // A hand most of whose taxels never changed is one whose counts rest.
+        let stuck = known.faults.iter().filter(|faults| faults.contains(Fault::Stuck));
+        let is_quiet = 2 * stuck.count() > taxels;
         let mut late = 0;
         for (n, baseline) in known.baseline.iter().enumerate() {
             self.thresholds.set_taxel(n, known.threshold);
@@ -37,6 +40,7 @@ impl Conditioner {
             if faults.contains(Fault::PaperRule) {
                 self.taxels[n].standing.insert(Fault::PaperRule);
             }
+            self.tracks[n].may_rest = is_quiet || self.taxels[n].coarse;
             self.taxels[n].has_baseline = false;
             if baseline.iter().all(|counts| counts.is_finite()) {
                 self.take_baseline(n, baseline.map(f64::from));

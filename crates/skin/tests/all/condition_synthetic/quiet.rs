@@ -2,7 +2,7 @@
 
 use super::skin::{Skin, press, robust};
 use taxel_hand::{Fault, Freshness};
-use taxel_skin::{ConditionConfig, Conditioner, Layout};
+use taxel_skin::{Calibrated, ConditionConfig, Conditioner, Layout};
 
 /// A skin without noise.
 fn quiet(taxels: usize, rate_hz: u64) -> Skin {
@@ -171,4 +171,31 @@ fn a_skin_without_boards_may_rest_at_0_and_one_with_boards_is_dead_there() {
     skin.truth[1..].fill([0; 3]);
     skin.run_ms(2_000);
     assert!(skin.out.faults[1].contains(Fault::Dead) && skin.out.faults[0].contains(Fault::Stuck));
+}
+
+#[test]
+fn what_is_held_still_is_held_by_who_goes_on_from_a_quiet_skin_too() {
+    let mut skin = quiet(16, 100);
+    skin.calibrate();
+    press(&mut skin, 3, 900);
+    skin.run_ms(5_000);
+    let known = Calibrated {
+        threshold: skin.conditioner.threshold(),
+        baseline: skin
+            .conditioner
+            .baseline()
+            .iter()
+            .map(|b| b.map(|axis| axis as f32))
+            .collect(),
+        contact: skin.out.contact.clone(),
+        faults: skin.out.faults.clone(),
+    };
+    skin.conditioner = Conditioner::new(16, ConditionConfig::robust()).unwrap();
+    skin.conditioner.go_on_from(&known);
+    let faults = skin.out.faults.clone();
+    skin.run_ms(5_000);
+    assert!(skin.out.contact[3] && skin.out.contacts() == 1, "{:?}", skin.out);
+    assert_eq!(skin.out.faults, faults);
+    press(&mut skin, 4, 100);
+    assert_eq!(skin.step().contacts(), 2);
 }
