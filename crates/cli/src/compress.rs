@@ -4,6 +4,7 @@ use crate::frame_output::{FrameFormat, FrameOutput};
 use crate::input::Input;
 use crate::offered::offering;
 use crate::offline::OfflineArgs;
+use crate::out_of_use::OutOfUse;
 use anyhow::bail;
 use clap::builder::TypedValueParser;
 use serde_json::json;
@@ -11,7 +12,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use taxel_compress::learn_codebook;
 use taxel_engine::Display;
-use taxel_hand::{FORCE_MAX, FORCE_MIN, ForceFrame, LevelSteps, Method, Profile, TactileImage, did_you_mean};
+use taxel_hand::{ForceFrame, LevelSteps, Method, Profile, TactileImage, did_you_mean};
 use taxel_playback::image_output::{ImageOutput, OutputFormat};
 use taxel_playback::interrupt::Interrupt;
 use taxel_playback::output_file::{OutputFile, refuse_overlap};
@@ -129,6 +130,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         with_contact: 0,
         with_missing: 0,
         with_faulty: 0,
+        out_of_use: OutOfUse::default(),
         of_counts: false,
         has_gaps: matches!(&input, Input::Frames(recording) if recording.missing() > 0),
     };
@@ -156,6 +158,7 @@ struct Run {
     with_missing: u64,
     /// Images, calibration over, in which a taxel was out of use.
     with_faulty: u64,
+    out_of_use: OutOfUse,
     /// Whether it holds what boards sent, and not magnitudes.
     of_counts: bool,
     /// Whether the recording itself says that values are not there.
@@ -171,6 +174,7 @@ impl Run {
         self.with_contact += u64::from(image.contacts > 0);
         self.with_missing += u64::from(image.missing > 0 && !image.calibrating);
         self.with_faulty += u64::from(image.faulty > 0 && !image.calibrating);
+        self.out_of_use.take(force);
         if let Some(frames) = &mut self.frames {
             frames.push(force.clone());
         }
@@ -227,12 +231,7 @@ impl Run {
             });
             eprintln!("taxel: taxels are missing in {with_missing} images{hint}");
         }
-        if with_faulty > 0 {
-            eprintln!(
-                "taxel: taxels are out of use in {with_faulty} images: a fault was found, or a force is not a number from \
-                 {FORCE_MIN:e} to {FORCE_MAX:e}"
-            );
-        }
+        self.out_of_use.tell("images");
         if let (Some(path), Some(frames)) = (&args.learn_codebook, self.frames) {
             let codebook = learn_codebook(&frames, config.profile.level_count());
             if codebook.is_empty() {

@@ -29,6 +29,7 @@ mod metrics;
 mod notices;
 mod offered;
 mod offline;
+mod out_of_use;
 mod piped_file;
 mod publisher;
 mod rates;

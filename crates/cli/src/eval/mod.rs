@@ -11,6 +11,7 @@ mod task;
 
 use crate::allocations::COUNTER;
 use crate::offline::OfflineArgs;
+use crate::out_of_use::OutOfUse;
 use crate::piped_file;
 use crate::sim::recorded_scene_parser;
 use anyhow::{Context, bail};
@@ -180,6 +181,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         }
         None => recorded(args)?,
     };
+    OutOfUse::of(&frames.sequence.force).tell("frames");
     if frames.sequence.is_empty() {
         bail!("{path}: no frame: it ends before its first tick or sweep is complete");
     }

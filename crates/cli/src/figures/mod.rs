@@ -7,6 +7,7 @@ mod time_course;
 
 use crate::compress::method_parser;
 use crate::offline::OfflineArgs;
+use crate::out_of_use::OutOfUse;
 use anyhow::{Context, bail};
 use serde_json::json;
 use std::fs;
@@ -129,9 +130,12 @@ impl Args {
         Take::of(&offline, name, method)
     }
 
-    /// The same with the method as given, where anything is in contact.
+    /// The same with the method as given, where anything is in contact. What is out of use is said.
     fn touched(&self, path: &Path, name: &str) -> anyhow::Result<Take> {
         let take = self.take(path, name, self.method)?;
+        if let Some(sentence) = OutOfUse::of(&take.force).sentence("frames") {
+            eprintln!("taxel: {name}: {sentence}");
+        }
         if take.tightest().is_none() {
             bail!(
                 "{}: nothing is in contact in any of its {} frames, so there is nothing to draw",

@@ -350,3 +350,38 @@ fn a_configuration_samples_counts_at_its_timer_and_says_so() {
         }
     }
 }
+
+#[test]
+fn taxels_that_are_out_of_use_are_told_with_the_reason() {
+    let dir = TempDir::new().unwrap();
+    let quiet = Array3::from_shape_fn((90, 4, 3), |(t, taxel, axis)| {
+        let press = if taxel == 1 && axis == 2 {
+            t.saturating_sub(60).min(10)
+        } else {
+            0
+        };
+        20_000 + 20 * press as u16
+    });
+    write_npy(dir.path().join("quiet.npy"), &quiet).unwrap();
+    let quiet = ["quiet.npy", "--layout", "grid:2x2"];
+    let told = |command: &[&str]| succeeds(&dir, &[&command[..1], &quiet, &command[1..]].concat()).1;
+    let stuck = "4 stuck (not changed by one count; in use from the first change on)";
+    for (command, wanted) in [
+        (
+            &["compress", "--out", "out.npz"][..],
+            "taxel: taxels are out of use in ",
+        ),
+        (&["eval", "--passes", "1"], "taxel: taxels are out of use in "),
+        (
+            &["figures", "--out", "figures"],
+            "taxel: quiet: taxels are out of use in ",
+        ),
+    ] {
+        let err = told(command);
+        let line = err.lines().find(|line| line.starts_with(wanted));
+        assert!(
+            line.is_some_and(|line| line.ends_with(stuck)),
+            "{command:?}: {err}"
+        );
+    }
+}
