@@ -24,8 +24,8 @@ pub(super) fn frame(take: &Take) -> Option<Sheet> {
 
 /// A row of pictures for what is read, for what is felt, and for each method; a column for each instant.
 ///
-/// `by_paper` is the same recording under the publication's conditioning.
-pub(super) fn sheet(take: &Take, by_paper: &Take, instants: &[Instant]) -> anyhow::Result<Sheet> {
+/// `by_paper` is the same recording under the publication's conditioning; none where that is left out.
+pub(super) fn sheet(take: &Take, by_paper: Option<&Take>, instants: &[Instant]) -> anyhow::Result<Sheet> {
     let mut sheet = Sheet::new(format!("{}: raw beside compressed", take.name))
         .columns(instants.len())
         .panel_size(250, 280);
@@ -41,8 +41,8 @@ pub(super) fn sheet(take: &Take, by_paper: &Take, instants: &[Instant]) -> anyho
         sheet = sheet.picture(felt(take, instant.index, title("felt", instant)));
     }
     // The publication's method on the publication's conditioning, and on that of this recording.
-    let methods = [(by_paper, Method::Paper), (take, Method::Optimal)];
-    for (take, method) in methods {
+    let by_paper = by_paper.map(|take| (take, Method::Paper));
+    for (take, method) in by_paper.into_iter().chain([(take, Method::Optimal)]) {
         let profile = Profile {
             method,
             ..take.profile.clone()

@@ -14,7 +14,7 @@ use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use take::Take;
-use taxel_hand::Method;
+use taxel_hand::{Method, Profile};
 use taxel_playback::output_file::{OutputFile, refuse_overlap};
 use taxel_plot::Sheet;
 
@@ -71,7 +71,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     fs::create_dir_all(&args.out).with_context(|| format!("--out {}", args.out.display()))?;
     if let ([path], [name]) = (&paths[..], &names[..]) {
         let take = args.touched(path, name)?;
-        return args.draw(&take, &args.take(path, name, Some(Method::Paper))?);
+        let by_paper = args.by_paper(path, &take)?;
+        return args.draw(&take, by_paper.as_ref());
     }
     let mut overview = overview::Overview::default();
     for (path, name) in paths.iter().zip(&names) {
@@ -130,6 +131,20 @@ impl Args {
         Take::of(&offline, name, method)
     }
 
+    /// The same under the publication's conditioning. None where the configuration excludes the publication's method,
+    /// which is said.
+    fn by_paper(&self, path: &Path, take: &Take) -> anyhow::Result<Option<Take>> {
+        let profile = Profile {
+            method: Method::Paper,
+            ..take.profile.clone()
+        };
+        if let Err(error) = profile.check() {
+            eprintln!("taxel: left out, since the configuration excludes it: paper: {error}");
+            return Ok(None);
+        }
+        self.take(path, &take.name, Some(Method::Paper)).map(Some)
+    }
+
     /// The same with the method as given, where anything is in contact. What is out of use is said.
     fn touched(&self, path: &Path, name: &str) -> anyhow::Result<Take> {
         let take = self.take(path, name, self.method)?;
@@ -146,7 +161,7 @@ impl Args {
         Ok(take)
     }
 
-    fn draw(&self, take: &Take, by_paper: &Take) -> anyhow::Result<()> {
+    fn draw(&self, take: &Take, by_paper: Option<&Take>) -> anyhow::Result<()> {
         let module = match &self.module {
             Some(name) => take.module_named(name)?,
             None => take.touched_first().unwrap_or(0),

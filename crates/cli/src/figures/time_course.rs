@@ -93,7 +93,6 @@ fn codebooks(take: &Take) -> Vec<(String, Profile)> {
     };
     let mut all = vec![
         ("each frame its own (optimal)".to_owned(), plain(Method::Optimal)),
-        ("each frame its own (paper)".into(), plain(Method::Paper)),
         (
             "learned (constant)".into(),
             Profile {
@@ -102,6 +101,10 @@ fn codebooks(take: &Take) -> Vec<(String, Profile)> {
             },
         ),
     ];
+    let paper = plain(Method::Paper);
+    if paper.check().is_ok() {
+        all.insert(1, ("each frame its own (paper)".into(), paper));
+    }
     if least < most {
         all.push(("equal steps (constant)".into(), range(LevelSteps::Equal)));
         all.push(("Weber steps (constant)".into(), range(LevelSteps::Weber)));

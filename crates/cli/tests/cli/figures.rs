@@ -248,3 +248,30 @@ fn what_cannot_be_drawn_is_refused_by_name() {
         assert!(err.contains(wanted), "{err}");
     }
 }
+
+#[test]
+fn what_the_configuration_excludes_is_left_out_and_the_rest_is_drawn() {
+    let dir = TempDir::new().unwrap();
+    let buses = "[[bus]]\nsource = \"can:can0\"\n[[bus]]\nsource = \"can:can1\"\n";
+    for profile in ["coordinates = \"hand\"", "budgets = { index = 4, thumb = 4 }"] {
+        fs::write(
+            dir.path().join("c.toml"),
+            format!("{buses}[profile]\n{profile}\n"),
+        )
+        .unwrap();
+        let args = ["figures", "sim:tap", "--config", "c.toml", "--out", "out"];
+        let (_, err) = succeeds(&dir, &args);
+        assert!(
+            err.contains("taxel: left out, since the configuration excludes it: paper: "),
+            "{err}"
+        );
+        assert!(rows(&dir, "tap-instants.csv", "paper: ").is_empty(), "{profile}");
+        assert_eq!(
+            rows(&dir, "tap-instants.csv", "optimal: tightest").len(),
+            256,
+            "{profile}"
+        );
+        assert!(rows(&dir, "tap-time.csv", "each frame its own (paper)").is_empty());
+        assert!(!rows(&dir, "tap-time.csv", "each frame its own (optimal),line").is_empty());
+    }
+}
