@@ -34,18 +34,26 @@ pub(crate) fn csv(panels: &[Panel]) -> String {
                 }
             }
             Panel::Picture(picture) => {
-                for (n, cell) in picture.cells.iter().enumerate() {
+                let mut cell = |series: &str, n: usize, value: &str| {
                     let (x, y) = (n % picture.width.max(1), n / picture.width.max(1));
-                    let value = match cell {
-                        Cell::None => String::new(),
-                        Cell::Grey(grey) => grey.to_string(),
-                        Cell::Rgb(rgb) => colour::hex(*rgb),
-                        Cell::Number(value) => number_text(*value),
-                    };
                     write(
                         &title,
-                        ["cell", "", &x.to_string(), &y.to_string(), "", "", &value],
+                        ["cell", series, &x.to_string(), &y.to_string(), "", "", value],
                     );
+                };
+                for (series, values) in &picture.numbers {
+                    for (n, value) in values.iter().enumerate() {
+                        cell(series, n, &value.map_or(String::new(), number_text));
+                    }
+                }
+                for (n, colour) in picture.cells.iter().enumerate() {
+                    match colour {
+                        _ if !picture.numbers.is_empty() => {}
+                        Cell::None => cell("", n, ""),
+                        Cell::Grey(grey) => cell("", n, &grey.to_string()),
+                        Cell::Rgb(rgb) => cell("", n, &colour::hex(*rgb)),
+                        Cell::Number(value) => cell("", n, &number_text(*value)),
+                    }
                 }
             }
         }

@@ -15,6 +15,8 @@ pub struct Picture {
     column_names: Vec<String>,
     /// What dark blue and yellow mean, where cells are numbers.
     span: Option<(f64, f64)>,
+    /// What the cells stand for, by name.
+    pub(crate) numbers: Vec<(String, Vec<Option<f64>>)>,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -35,6 +37,7 @@ impl Picture {
             row_names: Vec::new(),
             column_names: Vec::new(),
             span: None,
+            numbers: Vec::new(),
         }
     }
 
@@ -79,6 +82,18 @@ impl Picture {
     /// Another title.
     pub fn title(mut self, title: impl Into<String>) -> Self {
         self.title = title.into();
+        self
+    }
+
+    /// What the cells stand for, one by one, none where there is nothing: the sheet's CSV has these numbers under the name
+    /// `series` in place of the colours. May be said more than once, under names of their own.
+    pub fn numbers(
+        mut self,
+        series: impl Into<String>,
+        values: impl IntoIterator<Item = Option<f64>>,
+    ) -> Self {
+        let values = values.into_iter().collect();
+        self.numbers.push((series.into(), values));
         self
     }
 

@@ -90,7 +90,8 @@ impl Sheet {
     }
 
     /// Every number of the figure as it was given, as CSV: `panel,kind,series,x,y,low,high,value`. A place on an axis of
-    /// names is its name; a cell of a picture has its column as `x` and its row as `y`.
+    /// names is its name; a cell of a picture has its column as `x`, its row as `y`, and its colour as `value` unless the
+    /// picture has [numbers](crate::Picture::numbers).
     pub fn csv(&self) -> String {
         numbers::csv(&self.panels)
     }

@@ -161,7 +161,12 @@ fn all_numbers_are_beside_the_figure_as_they_were_given() {
                 .bars_within("n", [(1.0, 0.5, 2.0)])
                 .boxes("b", [vec![], vec![4.0]]),
         )
-        .picture(Picture::rgb("p", 2, [Some([255, 0, 1]), None]));
+        .picture(Picture::rgb("p", 2, [Some([255, 0, 1]), None]))
+        .picture(
+            Picture::rgb("q", 2, [Some([255, 0, 1]), None])
+                .numbers("x", [Some(-0.5), None])
+                .numbers("y", [Some(2.0), None]),
+        );
     assert_eq!(
         sheet.csv(),
         "panel,kind,series,x,y,low,high,value\n\
@@ -171,7 +176,11 @@ fn all_numbers_are_beside_the_figure_as_they_were_given() {
          2,bar,n,index,1,0.5,2,\n\
          2,sample,b,thumb,4,,,\n\
          p,cell,,0,0,,,#FF0001\n\
-         p,cell,,1,0,,,\n"
+         p,cell,,1,0,,,\n\
+         q,cell,x,0,0,,,-0.5\n\
+         q,cell,x,1,0,,,\n\
+         q,cell,y,0,0,,,2\n\
+         q,cell,y,1,0,,,\n"
     );
 }
 

@@ -1,14 +1,18 @@
 //! A tactile frame as colours, and raw beside compressed at chosen instants.
 
 use super::take::{Instant, Take};
-use taxel_hand::{Method, Profile, TactileImage};
+use taxel_hand::{Freshness, Method, Profile, TactileImage};
 use taxel_plot::{Picture, Sheet};
 
 /// The publication's Figure 3: x, y, z of each taxel as red, green and blue, at the tightest frame. None for magnitudes.
 pub(super) fn frame(take: &Take) -> Option<Sheet> {
     let index = take.tightest().filter(|index| *index < take.tactile.len())?;
-    let whole = |_: usize, xyz: [u16; 3]| Some(xyz.map(|count| (count >> 8) as u8));
-    let whole = picture(take, index, whole).caption("0 to 65535 counts");
+    let frame = &take.tactile[index];
+    // What has no value has no colour: 0 is one.
+    let counts = |taxel: usize| {
+        (frame.freshness[taxel] == Freshness::Fresh).then(|| frame.counts[taxel].map(f64::from))
+    };
+    let whole = picture(take, counts, |count| (count as u16 >> 8) as u8).caption("0 to 65535 counts");
     Some(
         Sheet::new(format!(
             "{}: x y z as red green blue, {:.2} s",
@@ -79,60 +83,56 @@ fn amount(force: f64, unit: Option<&str>) -> String {
     unit.map_or(digits.clone(), |unit| format!("{digits} {unit}"))
 }
 
-/// The forces of the taxels in contact, in grey: the tactile frame of the publication.
+/// The forces of the taxels in contact, in grey, and in their own unit beside the figure: the tactile frame of the
+/// publication.
 pub(super) fn felt(take: &Take, index: usize, title: String) -> Picture {
     let frame = &take.force[index];
     let strongest = (0..take.layout.len())
         .filter(|n| frame.contact[*n])
         .map(|n| frame.force[n])
         .fold(0.0, f64::max);
-    let grey = pixels(take, |taxel| {
-        let force = if frame.contact[taxel] {
-            frame.force[taxel]
-        } else {
-            0.0
-        };
-        (255.0 * force / strongest.max(f64::MIN_POSITIVE)).round() as u8
+    let forces = pixels(take, |taxel| match frame.contact[taxel] {
+        true => frame.force[taxel],
+        false => 0.0,
     });
-    let grey = grey.into_iter().map(|pixel| pixel.unwrap_or(0));
+    let grey = |force: f64| (255.0 * force / strongest.max(f64::MIN_POSITIVE)).round() as u8;
+    let grey = forces.iter().map(|force| force.map_or(0, grey));
     let caption = format!(
         "taxels in contact {}, strongest {}",
         frame.contacts(),
         amount(strongest, take.unit)
     );
-    Picture::grey(title, take.layout.width.into(), grey).caption(caption)
+    Picture::grey(title, take.layout.width.into(), grey)
+        .caption(caption)
+        .numbers("", forces.iter().copied())
 }
 
 /// How far every taxel is from its counts at rest, stretched to the largest change: grey is none.
 fn change(take: &Take, index: usize) -> Picture {
     let rest = take.at_rest();
     let frame = &take.tactile[index];
-    let usable = |taxel: usize| take.force[index].faults[taxel].is_empty();
-    let moved = |taxel: usize, xyz: [u16; 3]| -> [f64; 3] {
-        std::array::from_fn(|axis| f64::from(xyz[axis]) - rest[taxel][axis])
+    let moved = |taxel: usize| -> Option<[f64; 3]> {
+        let is_usable = take.force[index].faults[taxel].is_empty();
+        is_usable
+            .then(|| std::array::from_fn(|axis| f64::from(frame.counts[taxel][axis]) - rest[taxel][axis]))
     };
-    let all = (0..take.layout.len()).filter(|taxel| usable(*taxel));
-    let largest = all
-        .flat_map(|taxel| moved(taxel, frame.counts[taxel]))
-        .map(f64::abs)
-        .fold(1.0, f64::max);
-    let shown = |taxel: usize, xyz: [u16; 3]| {
-        let colour = moved(taxel, xyz)
-            .map(|change| (128.0 + 127.0 * change / largest).round().clamp(0.0, 255.0) as u8);
-        usable(taxel).then_some(colour)
-    };
-    picture(take, index, shown).caption(format!("grey: none; full colour: {largest:.0} counts"))
+    let all = (0..take.layout.len()).filter_map(moved).flatten();
+    let largest = all.map(f64::abs).fold(1.0, f64::max);
+    let colour = |change: f64| (128.0 + 127.0 * change / largest).round().clamp(0.0, 255.0) as u8;
+    picture(take, moved, colour).caption(format!("grey: none; full colour: {largest:.0} counts"))
 }
 
-/// A frame's counts as colours.
-fn picture(take: &Take, index: usize, colour: impl Fn(usize, [u16; 3]) -> Option<[u8; 3]>) -> Picture {
-    let counts = &take.tactile[index].counts;
-    let colours = pixels(take, |taxel| colour(taxel, counts[taxel]));
-    Picture::rgb(
-        "",
-        take.layout.width.into(),
-        colours.into_iter().map(Option::flatten),
-    )
+/// Three numbers of each taxel that has them as red, green and blue, and the numbers beside the figure.
+fn picture(take: &Take, xyz: impl Fn(usize) -> Option<[f64; 3]>, colour: impl Fn(f64) -> u8) -> Picture {
+    let all: Vec<_> = pixels(take, xyz).into_iter().map(Option::flatten).collect();
+    let colours = all.iter().map(|xyz| xyz.map(|xyz| xyz.map(&colour)));
+    let picture = Picture::rgb("", take.layout.width.into(), colours);
+    ["x", "y", "z"]
+        .iter()
+        .enumerate()
+        .fold(picture, |picture, (axis, name)| {
+            picture.numbers(*name, all.iter().map(|xyz| xyz.map(|xyz| xyz[axis])))
+        })
 }
 
 /// Every pixel of the image, none where there is no taxel.

@@ -1,6 +1,7 @@
 //! `taxel figures`: the first publication's figures, with their numbers.
 
 use crate::{fails, succeeds};
+use ndarray::Array3;
 use std::fs;
 use tempfile::TempDir;
 
@@ -52,7 +53,23 @@ fn a_scene_becomes_the_publications_figures_with_their_numbers() {
     }
     let pixels = rows(&dir, "ball-grasp-instants.csv", "felt: tightest");
     assert_eq!(pixels.len(), 256);
-    assert!(pixels.iter().any(|row| row[7] == "255") && pixels.iter().any(|row| row[7] == "0"));
+    let forces: Vec<f64> = pixels.iter().filter_map(|row| row[7].parse().ok()).collect();
+    let strongest = forces.iter().copied().fold(0.0, f64::max);
+    assert_eq!(
+        forces.len(),
+        240,
+        "a force for each taxel, none where there is none"
+    );
+    assert!(forces.contains(&0.0) && instants.contains(&format!("strongest {strongest:.0} counts")));
+    // What colours stand for are counts, and changes of counts.
+    let axis = |title: &str, axis: &str| -> Vec<f64> {
+        let rows = rows(&dir, "ball-grasp-frame.csv", &format!("{title},cell,{axis},"));
+        assert_eq!(rows.len(), 256);
+        rows.iter().filter_map(|row| row[7].parse().ok()).collect()
+    };
+    let (counts, changes) = (axis("counts", "z"), axis("change from rest", "z"));
+    assert!(counts.len() == 240 && counts.iter().all(|z| (0.0..=65_535.0).contains(z)));
+    assert!(changes.iter().any(|z| *z < 0.0) && changes.iter().any(|z| z.abs() > 1_000.0));
     // What is shown under a constant codebook follows what is felt.
     let felt = rows(&dir, "ball-grasp-time.csv", "learned (constant),line,felt");
     let shown = rows(&dir, "ball-grasp-time.csv", "learned (constant),line,learned");
@@ -274,4 +291,36 @@ fn what_the_configuration_excludes_is_left_out_and_the_rest_is_drawn() {
         assert!(rows(&dir, "tap-time.csv", "each frame its own (paper)").is_empty());
         assert!(!rows(&dir, "tap-time.csv", "each frame its own (optimal),line").is_empty());
     }
+}
+
+#[test]
+fn a_taxel_without_a_value_has_no_counts_and_no_colour() {
+    let dir = TempDir::new().unwrap();
+    let counts = Array3::from_shape_fn((90, 4, 3), |(t, taxel, axis)| {
+        let press = if taxel == 1 && axis == 2 {
+            20 * t.saturating_sub(60)
+        } else {
+            0
+        };
+        let noise = (t * 7 + taxel * 5) % 4;
+        if taxel == 3 {
+            f64::NAN
+        } else {
+            (20_000 + press + noise) as f64
+        }
+    });
+    ndarray_npy::write_npy(dir.path().join("in.npy"), &counts).unwrap();
+    succeeds(
+        &dir,
+        &["figures", "in.npy", "--layout", "grid:2x2", "--out", "out"],
+    );
+    for title in ["counts", "change from rest"] {
+        for axis in ["x", "y", "z"] {
+            let values = rows(&dir, "in-frame.csv", &format!("{title},cell,{axis},"));
+            let empty: Vec<bool> = values.iter().map(|row| row[7].is_empty()).collect();
+            assert_eq!(empty, [false, false, false, true], "{title}, {axis}");
+        }
+    }
+    let svg = fs::read_to_string(dir.path().join("out/in-frame.svg")).unwrap();
+    assert!(!svg.contains("\"#000000\"") && !svg.contains("\"#000\""), "{svg}");
 }
