@@ -52,7 +52,7 @@ pub(crate) struct Args {
     /// The module whose time course is drawn [default: the one that is touched first]
     #[arg(long, value_name = "NAME")]
     module: Option<String>,
-    #[arg(long, value_name = "METHOD", value_parser = method_parser(), hide_possible_values = true, help = "The method of `recordings`; the others show both")]
+    #[arg(long, value_name = "METHOD", value_parser = method_parser(), hide_possible_values = true, help = "The method of `recordings`; the others show both. Counts are conditioned as this method has it")]
     method: Option<Method>,
     /// One JSON object on stdout for each file that is written, a line each: {"file"}
     #[arg(long)]
@@ -67,6 +67,13 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         bail!("--out -: figures are several files; name a folder for them");
     }
     let paths = args.paths()?;
+    let of_one = [("at", !args.at.is_empty()), ("module", args.module.is_some())];
+    if let Some((option, _)) = of_one.iter().find(|(_, given)| *given && paths.len() > 1) {
+        bail!(
+            "--{option} is for one recording, and these are {}; the sheet has the tightest frame of each",
+            paths.len()
+        );
+    }
     let names = names(&paths, args.offline.input.array());
     fs::create_dir_all(&args.out).with_context(|| format!("--out {}", args.out.display()))?;
     if let ([path], [name]) = (&paths[..], &names[..]) {

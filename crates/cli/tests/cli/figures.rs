@@ -260,6 +260,16 @@ fn what_cannot_be_drawn_is_refused_by_name() {
             "--at 99 is no time of tap, whose frames are from 0.0",
         ),
         (&["figures", "sim:tap", "none.csv", "--out", "out"], "none.csv"),
+        (
+            &["figures", "sim:tap", "sim:slip", "--out", "out", "--at", "1"],
+            "--at is for one recording, and these are 2",
+        ),
+        (
+            &[
+                "figures", "idle", "--layout", "grid:2x2", "--out", "out", "--module", "grid",
+            ],
+            "--module is for one recording, and these are 2",
+        ),
     ] {
         let err = fails(&dir, args, 1);
         assert!(err.contains(wanted), "{err}");
