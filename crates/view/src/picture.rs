@@ -20,6 +20,7 @@ pub struct Picture {
     /// Whether somebody holds the scale.
     pub(crate) held: bool,
     pub(crate) threshold: f64,
+    /// Of forces; empty where they are magnitudes, whose unit nobody knows.
     pub(crate) unit: String,
     pub(crate) levels: u16,
     pub(crate) max_actuators: u16,
@@ -46,6 +47,11 @@ pub struct Picture {
 }
 
 impl Picture {
+    /// Whether forces were made of counts.
+    pub(crate) fn has_counts(&self) -> bool {
+        !self.unit.is_empty()
+    }
+
     /// The problems there are, or why nothing is known of them.
     pub(crate) fn problems(&self) -> Result<&[ProblemStatus], &'static str> {
         self.problems.as_deref().ok_or(unlooked(self.recorded))

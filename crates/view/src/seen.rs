@@ -17,8 +17,8 @@ use taxel_wire::{Clock, Event, EventKind, Flags, Header, Hello, ImageView, RawVi
 
 /// A sentence of the daemon or about a key stays for so long.
 const NOTE_NS: u64 = 6_000_000_000;
-/// Bits of one taxel's raw counts: three axes of 16.
-const RAW_TAXEL_BITS: f64 = 48.0;
+/// Bits of one taxel's magnitude, or of its counts on one of three axes.
+const RAW_BITS: f64 = 16.0;
 
 /// Everything seen so far.
 #[derive(Debug)]
@@ -184,7 +184,8 @@ impl Seen {
         self.newest.taxels.clear();
     }
 
-    /// A description of hand and display. One that describes no hand is told as a note.
+    /// A description of hand and display. One that describes no hand is told as a note; one without a unit of forces is of
+    /// magnitudes, which no counts belong to.
     pub fn see_hello(&mut self, hello: &Hello, now_ns: u64) {
         match hello.geometry() {
             Ok(hand) if self.hand.as_deref().map(Deref::deref) != Some(&hand) => {
@@ -272,10 +273,13 @@ impl Seen {
 
     /// Bits of one raw frame, and of what its image tells a display.
     fn bits_per_frame(&self) -> (f64, f64) {
-        let raw = self
-            .hand
+        let has_counts = self
+            .hello
             .as_ref()
-            .map_or(0.0, |hand| hand.len() as f64 * RAW_TAXEL_BITS);
+            .is_some_and(|hello| !hello.force_unit.is_empty());
+        let axes = if has_counts { 3.0 } else { 1.0 };
+        let taxels = self.hand.as_ref().map_or(0, |hand| hand.len());
+        let raw = taxels as f64 * axes * RAW_BITS;
         let image = self.hello.as_ref().map_or(0.0, |hello| {
             let pixels = f64::from(hello.width) * f64::from(hello.height);
             let levels = f64::from(hello.profile.levels);

@@ -1,6 +1,7 @@
 //! The hand of a recording, played in its own time.
 
 use super::{Sheet, Source, lock, look, print_summary};
+use crate::input::Input;
 use crate::offline::OfflineArgs;
 use crate::terminal;
 use anyhow::{Context, bail};
@@ -152,8 +153,10 @@ impl Player {
         };
         let geometry = &config.layout.geometry;
         let hello = Hello::new(&self.name, geometry, &config.profile, rate, Clock::Recording);
+        let of_magnitudes = matches!(&input, Input::Frames(recording) if !recording.has_counts());
         let hello = Hello {
             joints: recording.joint_names(&input, &config),
+            force_unit: if of_magnitudes { "" } else { config.force_unit() }.into(),
             ..hello
         };
         lock(&self.seen).see_hello(&hello, 0);

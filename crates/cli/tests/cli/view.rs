@@ -123,3 +123,20 @@ fn the_built_in_layouts_are_listed_and_each_is_drawn() {
         "{err}"
     );
 }
+
+#[test]
+fn of_magnitudes_no_counts_are_told_nor_a_unit_and_no_more_data_than_there_is() {
+    let dir = TempDir::new().unwrap();
+    std::fs::write(dir.path().join("grid.csv"), "0,0,0,0\n0,9,0,3\n".repeat(20)).unwrap();
+    let args = ["view", "grid.csv", "--layout", "grid:2x2"];
+    let (told, _) = succeeds(&dir, &args);
+    // 16 bits a taxel, 30 times a second.
+    assert!(told.contains("data       1.9 kbit/s raw"), "{told}");
+    let picture = ["--svg", "v.svg", "--size", "120x40", "--seconds", "0.51"];
+    succeeds(&dir, &[&args[..], &picture].concat());
+    let svg = std::fs::read_to_string(dir.path().join("v.svg")).unwrap();
+    assert!(
+        svg.contains("grid 1: force 9, in contact") && !svg.contains("counts"),
+        "{svg}"
+    );
+}

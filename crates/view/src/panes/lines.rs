@@ -286,11 +286,8 @@ fn taxel_in_words(picture: &Picture, width: u16) -> Vec<String> {
         return vec![format!(" {name}: no value ever came")];
     }
     if !reasons.is_empty() {
-        return vec![
-            format!(" {name}: {}", reasons.join("; ")),
-            format!("; counts {x} {y} {z}"),
-            format!(", {} old", age(raw.age_us)),
-        ];
+        let reasons = format!(" {name}: {}", reasons.join("; "));
+        return with_counts(picture, reasons, format!("; counts {x} {y} {z}"), raw.age_us);
     }
     let press = now
         .press
@@ -303,11 +300,16 @@ fn taxel_in_words(picture: &Picture, width: u16) -> Vec<String> {
         (true, _) => ", in contact",
         (false, false) => "",
     };
-    vec![
-        format!(" {name}: force {:.0}{state}", raw.force),
-        format!("; counts {x} {y} {z}{press}"),
-        format!(", {} old", age(raw.age_us)),
-    ]
+    let force = format!(" {name}: force {:.0}{state}", raw.force);
+    with_counts(picture, force, format!("; counts {x} {y} {z}{press}"), raw.age_us)
+}
+
+/// What is told of a taxel, with its counts and their age where there are any.
+fn with_counts(picture: &Picture, told: String, counts: String, age_us: u32) -> Vec<String> {
+    match picture.has_counts() {
+        true => vec![told, counts, format!(", {} old", age(age_us))],
+        false => vec![told],
+    }
 }
 
 fn age(age_us: u32) -> String {
