@@ -29,22 +29,15 @@ pub(super) fn draw(trials: &[Trial], folder: &Path, seed: u64) -> anyhow::Result
         progress.advance(1);
         figures.save(number, &sheet, folder)
     };
-    if let (Some(first), Some(last)) = (vertical.first(), vertical.last()) {
-        save(6, figures.raw(first, last))?;
-        save(7, figures.components(first, rotary.first().unwrap_or(last))?)?;
-        save(
-            10,
-            figures.maps(
-                &format!("{phantom}: two classes on the map"),
-                &[first, last],
-                &["NA", "BS"],
-                false,
-            ),
-        )?;
-        save(
-            14,
-            figures.maps(&format!("{phantom}: vertical"), &[first, last], &CLASSES, true),
-        )?;
+    if let (Some(&first), Some(&last)) = (vertical.first(), vertical.last()) {
+        let ends = distinct([first, last]);
+        save(6, figures.raw(&ends))?;
+        let poor = rotary.first().copied().unwrap_or(last);
+        save(7, figures.components(&distinct([first, poor]))?)?;
+        let title = format!("{phantom}: two classes on the map");
+        save(10, figures.maps(&title, &ends, &two_classes(first), false))?;
+        let title = format!("{phantom}: vertical");
+        save(14, figures.maps(&title, &ends, &classes(first), true))?;
     }
     let motions = [("vertical", &vertical), ("rotary", &rotary)];
     let subsets = figures.subsets(&motions)?;
@@ -52,18 +45,16 @@ pub(super) fn draw(trials: &[Trial], folder: &Path, seed: u64) -> anyhow::Result
         save(number, figures.basis(number, phantom, &subsets, part, by_class))?;
     }
     save(13, figures.abstractions())?;
-    if let (Some(first), Some(last)) = (rotary.first(), rotary.last()) {
+    if let (Some(&first), Some(&last)) = (rotary.first(), rotary.last()) {
         let least = trials
             .iter()
             .map(|t| t.motion.radius_mm)
             .filter(|r| *r > 0.0)
             .fold(radius, f64::min);
         let narrow = figures.of(phantom, least);
-        let ends: Vec<&Trial> = narrow.first().into_iter().chain([first, last]).copied().collect();
-        save(
-            15,
-            figures.maps(&format!("{phantom}: rotary"), &ends, &CLASSES, true),
-        )?;
+        let ends = distinct(narrow.first().copied().into_iter().chain([first, last]));
+        let title = format!("{phantom}: rotary");
+        save(15, figures.maps(&title, &ends, &classes(first), true))?;
     }
     save(16, figures.distances(phantom, &vertical))?;
     save(17, figures.ranked(phantom, &vertical))?;
@@ -108,14 +99,15 @@ impl Figures<'_> {
     }
 
     /// Figure 6: the touch of an area without an inclusion and of one with a big deep one, at two depths.
-    fn raw(&self, first: &Trial, last: &Trial) -> Sheet {
+    fn raw(&self, trials: &[&Trial]) -> Sheet {
+        let last = trials[trials.len() - 1];
         let title = format!(
             "{}: counts of each taxel (row) at each step (column)",
-            first.set.phantom
+            last.set.phantom
         );
         let mut sheet = Sheet::new(title).columns(2).panel_size(420, 190);
         let most = (last.touches.as_slice().iter()).fold(0.0f64, |most, x| most.max(x.abs()));
-        for trial in [first, last] {
+        for trial in trials {
             for class in ["NA", "BD"] {
                 let Some(touch) = trial.set.labels.iter().position(|label| label == class) else {
                     continue;
@@ -131,10 +123,10 @@ impl Figures<'_> {
     }
 
     /// Figure 7: share of each component, for a good and a poor basis.
-    fn components(&self, first: &Trial, second: &Trial) -> anyhow::Result<Sheet> {
-        let title = format!("{}: variance of each component", first.set.phantom);
+    fn components(&self, trials: &[&Trial]) -> anyhow::Result<Sheet> {
+        let title = format!("{}: variance of each component", trials[0].set.phantom);
         let mut sheet = Sheet::new(title).columns(2).panel_size(420, 280);
-        for trial in [first, second] {
+        for trial in trials {
             let all = trial.explained_variance.clone();
             let four: Vec<usize> = (0..trial.touches.ncols()).step_by(4).collect();
             let few = Pca::fit(&trial.touches.select_columns(&four), 8, Solver::Auto)?.explained_variance();
@@ -144,7 +136,9 @@ impl Figures<'_> {
                 Axis::of_names("component", names),
                 Axis::new("share of the variance of its basis").range(0.0, 1.0),
             );
-            sheet = sheet.chart(chart.bars("16 areas", all).bars("4 areas", few));
+            let areas = |count: usize| format!("{count} areas");
+            let chart = chart.bars(areas(trial.touches.ncols()), all);
+            sheet = sheet.chart(chart.bars(areas(four.len()), few));
         }
         Ok(sheet)
     }
@@ -252,7 +246,7 @@ impl Figures<'_> {
     }
 
     /// Figures 10, 14 and 15: classes on the map, with their two-sigma ellipses.
-    fn maps(&self, title: &str, trials: &[&Trial], classes: &[&str], ellipses: bool) -> Sheet {
+    fn maps(&self, title: &str, trials: &[&Trial], classes: &[String], ellipses: bool) -> Sheet {
         let mut sheet = Sheet::new(title).columns(trials.len()).panel_size(400, 340);
         for trial in trials {
             sheet = sheet.chart(map(trial.motion.to_string(), trial, classes, ellipses));
@@ -338,15 +332,43 @@ impl Figures<'_> {
             let best = trials.iter().max_by(|a, b| sure(a).total_cmp(&sure(b)));
             if let Some(trial) = best.filter(|trial| sure(trial) > 0.0) {
                 let title = format!("{name} in {:.2} of draws, {}", sure(trial), trial.motion);
-                sheet = sheet.chart(map(title, trial, &CLASSES, false));
+                sheet = sheet.chart(map(title, trial, &classes(trial), false));
             }
         }
         sheet
     }
 }
 
+/// The classes that a trial has: the publication's in its order, others in that of their first touches.
+fn classes(trial: &Trial) -> Vec<String> {
+    let (mut names, _) = trial.set.classes().unwrap_or_default();
+    names.sort_by_key(|name| CLASSES.iter().position(|class| class == name));
+    names
+}
+
+/// The two classes of figure 10: the publication's, or else the first two.
+fn two_classes(trial: &Trial) -> Vec<String> {
+    let all = classes(trial);
+    let publications = ["NA", "BS"].map(str::to_owned);
+    match publications.iter().all(|class| all.contains(class)) {
+        true => publications.to_vec(),
+        false => all.into_iter().take(2).collect(),
+    }
+}
+
+/// Trials without those that are there already.
+fn distinct<'a>(trials: impl IntoIterator<Item = &'a Trial>) -> Vec<&'a Trial> {
+    let mut all: Vec<&Trial> = Vec::new();
+    for trial in trials {
+        if !all.iter().any(|known| std::ptr::eq(*known, trial)) {
+            all.push(trial);
+        }
+    }
+    all
+}
+
 /// Classes on a map.
-fn map(title: String, trial: &Trial, classes: &[&str], ellipses: bool) -> Chart {
+fn map(title: String, trial: &Trial, classes: &[String], ellipses: bool) -> Chart {
     let mut chart = Chart::new(title, Axis::new("first component"), Axis::new("second component"));
     for class in classes {
         let labels = trial
@@ -354,14 +376,14 @@ fn map(title: String, trial: &Trial, classes: &[&str], ellipses: bool) -> Chart 
             .labels
             .iter()
             .enumerate()
-            .filter(|(_, label)| label == class);
+            .filter(|(_, label)| *label == class);
         let points: Vec<(f64, f64)> = labels
             .map(|(n, _)| (trial.map[(0, n)], trial.map[(1, n)]))
             .collect();
         if ellipses {
-            chart = chart.ellipse(*class, points.iter().copied());
+            chart = chart.ellipse(class, points.iter().copied());
         }
-        chart = chart.points(*class, points);
+        chart = chart.points(class, points);
     }
     chart
 }

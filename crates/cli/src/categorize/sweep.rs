@@ -107,7 +107,9 @@ fn summary(trials: &[Trial]) -> String {
                 let _ = writeln!(text, "  K = {k} {name:<18}{:>26}{:>26}", best(true), best(false));
             }
         }
-        for (n, (name, _)) in RANKS.iter().enumerate() {
+        // Other classes than the publication's have no ranks.
+        let is_ranked = of(false).iter().any(|trial| trial.ranking.is_some());
+        for (n, (name, _)) in RANKS.iter().enumerate().filter(|_| is_ranked) {
             let sure = |vertical: bool| {
                 let with = of(vertical)
                     .into_iter()
@@ -120,7 +122,9 @@ fn summary(trials: &[Trial]) -> String {
             let _ = writeln!(text, "  {name:<24}{:>26}{:>26}", sure(true), sure(false));
         }
     }
-    text +=
-        "\nsilhouettes and accuracy at depth / radius; a rank with the share of draws in which it holds\n";
-    text
+    text += "\nsilhouettes and accuracy at depth / radius";
+    if trials.iter().any(|trial| trial.ranking.is_some()) {
+        text += "; a rank with the share of draws in which it holds";
+    }
+    text + "\n"
 }
