@@ -120,18 +120,19 @@ impl Take {
         })
     }
 
-    /// The first and the last frame of a module's first contact.
+    /// The first and the last frame of a module's first contact: the first that lasts for longer than one that flickers,
+    /// if there is one.
     pub(super) fn first_contact(&self, module: usize) -> Option<(usize, usize)> {
-        let touched = |index: &usize| self.force_on(module, *index) > 0.0;
-        let first = (0..self.force.len()).find(touched)?;
-        let mut last = first;
-        for index in (first..self.force.len()).filter(touched) {
-            if index > last + FLICKER {
-                break;
+        let touched = (0..self.force.len()).filter(|index| self.force_on(module, *index) > 0.0);
+        let mut contacts: Vec<(usize, usize)> = Vec::new();
+        for index in touched {
+            match contacts.last_mut() {
+                Some((_, last)) if index <= *last + FLICKER => *last = index,
+                _ => contacts.push((index, index)),
             }
-            last = index;
         }
-        Some((first, last))
+        let lasting = contacts.iter().find(|(first, last)| last - first >= FLICKER);
+        lasting.or(contacts.first()).copied()
     }
 
     /// The module engaging, the hand at its tightest, the module disengaging. A recording that begins or ends in its
@@ -265,6 +266,15 @@ mod tests {
         assert_eq!(instants, [1, 9, 4]);
         let at = take.instants_at(&[0.0, 0.34, 0.95]).unwrap();
         assert_eq!(at.iter().map(|i| i.index).collect::<Vec<_>>(), [0, 3, 9]);
+    }
+
+    #[test]
+    fn a_flicker_before_the_contact_is_not_how_a_fingertip_engages() {
+        let mut frames = [[0.0, 0.0]; 20];
+        frames[2] = [1.0, 0.0];
+        assert_eq!(take(&frames).first_contact(0), Some((2, 2)), "there is no other");
+        frames[8..15].fill([9.0, 1.0]);
+        assert_eq!(take(&frames).first_contact(0), Some((8, 14)));
     }
 
     #[test]
