@@ -13,6 +13,8 @@ use taxel_wire::{HEADER_LEN, image_payload_len};
 
 /// Force levels count as optimal up to this share above the least error: rounding of sums in another order.
 const ROUNDING: f64 = 1e-9;
+/// A squared error that is no more than rounding, of the sum of squares.
+const NO_ERROR: f64 = 1e-18;
 /// One Weber step: the just noticeable difference of force (Pang, Tan and Durlach 1991: about 7 %).
 const WEBER: f64 = 0.07;
 
@@ -209,8 +211,9 @@ impl Sums {
         let squares: f64 = reference.force.iter().map(|f| f * f).sum();
         let level_error = contacts.level_error();
         self.contacts += reference.force.len() as u64;
-        self.optimal += u64::from(level_error <= reference.level_error * (1.0 + ROUNDING) + 1e-18 * squares);
-        if reference.level_error > 0.0 {
+        let no_error = NO_ERROR * squares;
+        self.optimal += u64::from(level_error <= reference.level_error * (1.0 + ROUNDING) + no_error);
+        if reference.level_error > no_error {
             self.force_ratios.push(level_error / reference.level_error);
         }
         if reference.place_error > 0.0 {
@@ -358,6 +361,9 @@ mod tests {
         // Squared errors 2 and 0.5; the frame of equal forces is optimal whatever is done.
         assert_eq!((paper.force_sse_ratio_mean, paper.force_frames), (4.0, 1));
         assert_eq!(paper.force_optimal_fraction, 0.5);
+        // Two of these differ by rounding alone, and so do three levels from four forces.
+        let rounded = errors(&[&[0.1 + 0.2, 0.3, 1.0, 5.0]], 3, 4, "paper");
+        assert_eq!((rounded.force_sse_ratio_mean, rounded.force_frames), (1.0, 0));
     }
 
     #[test]
