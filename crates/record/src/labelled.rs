@@ -93,6 +93,13 @@ impl Labelled {
 
 fn labels(array: Array<impl Read>) -> Result<Vec<usize>, RecordError> {
     let at = array.at.clone();
+    if !array.has_numbers() {
+        let reason = format!(
+            "elements are {}; a label is a whole number from 0 on: numpy.unique(labels, return_inverse=True)[1] makes such",
+            array.dtype()
+        );
+        return Err(RecordError::unreadable(at, reason));
+    }
     let label = |v: f64| (v >= 0.0 && v.fract() == 0.0).then_some(v as usize);
     let labels: Option<Vec<usize>> = array.numbers()?.into_iter().map(label).collect();
     labels.ok_or_else(|| RecordError::unreadable(at, "a label is a whole number from 0 on"))
@@ -138,6 +145,24 @@ mod tests {
                 "{message}"
             );
         }
+    }
+
+    #[test]
+    fn labels_that_are_text_are_refused_with_what_they_should_be() {
+        let text = "{'descr': '<U4', 'fortran_order': False, 'shape': (2,)}";
+        let bytes = [
+            b"\x93NUMPY\x01\x00\x76\x00",
+            format!("{text:117}\n").as_bytes(),
+            &[0; 32],
+        ]
+        .concat();
+        let message = labels(Array::open("labels".into(), &bytes[..]).unwrap())
+            .unwrap_err()
+            .to_string();
+        assert!(
+            message.contains("elements are U4; a label is a whole number"),
+            "{message}"
+        );
     }
 
     #[test]

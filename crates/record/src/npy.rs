@@ -184,7 +184,7 @@ impl<R: Read> Array<R> {
     }
 
     /// The type of its elements, in numpy's notation where it is none that is read.
-    fn dtype(&self) -> String {
+    pub(crate) fn dtype(&self) -> String {
         let descriptor = self.header.descriptor.as_deref();
         let Some(notation) = descriptor.map(|d| d.get(1..).unwrap_or(d)) else {
             return "structured".into();
@@ -202,6 +202,11 @@ impl<R: Read> Array<R> {
     /// Its shape and the type of its elements, as messages list them.
     pub(crate) fn description(&self) -> String {
         format!("{} {}", show_shape(self.shape()), self.dtype())
+    }
+
+    /// Whether its elements are numbers.
+    pub(crate) fn has_numbers(&self) -> bool {
+        self.element.is_some()
     }
 
     /// All numbers, row by row whatever their order in the file.
