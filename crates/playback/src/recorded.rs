@@ -48,7 +48,7 @@ fn frames_and_wall_marks(path: &Path, nothing: &str) -> anyhow::Result<(Recordin
     let name = path.display().to_string();
     let mut reader = RecordingReader::open(path, &[Topic::Frames, Topic::Events, Topic::Hello])?;
     let (mut counts, mut times_ns, mut joints) = (Vec::new(), Vec::new(), Vec::new());
-    let (mut size, mut hello_ns, mut rest_ns) = (None, None, None);
+    let (mut size, mut rest_ns, mut hand) = (None, None, Hand::default());
     let (mut before, mut began_ns, mut marks) = (0, None, Vec::new());
     let may_hold = reader.may_hold(Topic::Frames);
     while may_hold && let Some(item) = reader.next_item()? {
@@ -63,7 +63,7 @@ fn frames_and_wall_marks(path: &Path, nothing: &str) -> anyhow::Result<(Recordin
             continue;
         }
         if topic == Topic::Hello {
-            hello_ns = Some(wall_ns);
+            hand.described(data, wall_ns, !times_ns.is_empty());
             continue;
         }
         let Some(frame) = RecordedFrame::read(data) else {
@@ -77,11 +77,11 @@ fn frames_and_wall_marks(path: &Path, nothing: &str) -> anyhow::Result<(Recordin
         let present = (frame.counts().len(), frame.joints().len());
         // Where the daemon was started anew, or its hand changed, another recording begins.
         let is_before_the_last = times_ns.last().is_some_and(|last| *last > frame.t_ns);
-        if *size.get_or_insert(present) != present || is_before_the_last {
-            rest_ns = Some(hello_ns.unwrap_or(wall_ns).min(wall_ns));
+        if *size.get_or_insert(present) != present || is_before_the_last || hand.another().is_some() {
+            rest_ns = Some(hand.described_ns.unwrap_or(wall_ns).min(wall_ns));
             break;
         }
-        hello_ns = None;
+        hand.described_ns = None;
         began_ns.get_or_insert(wall_ns);
         counts.extend(frame.counts());
         joints.extend(frame.joints());
@@ -90,8 +90,9 @@ fn frames_and_wall_marks(path: &Path, nothing: &str) -> anyhow::Result<(Recordin
     tell_left_out(&name, &reader);
     if let Some(rest_ns) = rest_ns {
         eprintln!(
-            "taxel: {name}: the daemon began anew after {} frames; read up to there{}",
+            "taxel: {name}: the daemon began anew after {} frames{}; read up to there{}",
             times_ns.len(),
+            hand.with_another(),
             rest(&name, rest_ns)
         );
     }
@@ -116,19 +117,28 @@ pub fn images(path: &Path) -> anyhow::Result<ImageStack> {
     let mut reader = RecordingReader::open(path, &[Topic::Images, Topic::Hello])?;
     let mut images: Vec<TactileImage> = Vec::new();
     // Levels and actuators: of the display, so that images of one display have one shape, and of every image.
-    let (mut display, mut most) = ([0, 0], [0, 0]);
+    let (mut display, mut most, mut hand) = ([0, 0], [0, 0], Hand::default());
     while let Some(item) = reader.next_item()? {
         let Item::Message { topic, data, wall_ns } = item else {
             continue;
         };
         if topic == Topic::Hello {
-            let hello = read_text(data).and_then(|text| Hello::parse(text.as_bytes()).ok());
-            display = hello.map_or(display, |hello| [hello.profile.levels, hello.profile.actuators]);
+            let newest = hand.described(data, wall_ns, !images.is_empty());
+            display = newest.map_or(display, |hello| [hello.profile.levels, hello.profile.actuators]);
             continue;
         }
         let Some((image, _)) = read_image(data) else {
             continue;
         };
+        if hand.another().is_some() {
+            eprintln!(
+                "taxel: {name}: the daemon began anew after {} images{}; read up to there{}",
+                images.len(),
+                hand.with_another(),
+                rest(&name, hand.described_ns.unwrap_or(wall_ns))
+            );
+            break;
+        }
         let shape = |image: &TactileImage| (image.width, image.height, image.joints.len());
         if let Some(first) = images.first().filter(|first| shape(first) != shape(&image)) {
             eprintln!(
@@ -148,6 +158,7 @@ pub fn images(path: &Path) -> anyhow::Result<ImageStack> {
         for ((most, has), display) in most.iter_mut().zip(has).zip(display) {
             *most = has.max(display).max(*most);
         }
+        hand.described_ns = None;
         images.push(image);
     }
     tell_left_out(&name, &reader);
@@ -191,6 +202,38 @@ pub fn counted(path: &Path, topics: &[Topic]) -> anyhow::Result<Option<String>> 
         true => last,
         false => format!("{} and {last}", parts.join(", ")),
     }))
+}
+
+/// The hand of a recording, as the daemon described it (HELLO).
+#[derive(Default)]
+struct Hand {
+    first: Option<Hello>,
+    newest: Option<Hello>,
+    /// When the newest description was, where nothing of the hand was taken since: wall clock, nanoseconds.
+    described_ns: Option<u64>,
+}
+
+impl Hand {
+    /// Takes a description; what was taken before is of the first one. One that is damaged is none.
+    fn described(&mut self, data: &[u8], wall_ns: u64, is_taken: bool) -> Option<&Hello> {
+        let hello = Hello::parse(read_text(data)?.as_bytes()).ok()?;
+        if self.first.is_none() || !is_taken {
+            self.first = Some(hello.clone());
+        }
+        self.described_ns = Some(wall_ns);
+        Some(self.newest.insert(hello))
+    }
+
+    /// The layout of the newest description, where that is of another hand than the first.
+    fn another(&self) -> Option<&str> {
+        let (first, newest) = (self.first.as_ref()?, self.newest.as_ref()?);
+        (!newest.is_of_one_hand_with(first)).then_some(&newest.layout)
+    }
+
+    fn with_another(&self) -> String {
+        self.another()
+            .map_or(String::new(), |layout| format!(", with another hand, {layout}"))
+    }
 }
 
 /// The text of a mark, where an event is one.

@@ -21,8 +21,8 @@ pub struct CanReader {
     wall_ahead_ns: i64,
     /// Messages that are not what they should be.
     undecodable: u64,
-    /// Layout and number of taxels of the hand that the daemon told of first.
-    hand: Option<(String, usize)>,
+    /// The hand that the daemon told of first.
+    hand: Option<Hello>,
     /// The layout of another one that it told of behind frames, and when.
     another_hand: Option<(String, u64)>,
 }
@@ -113,11 +113,13 @@ impl CanReader {
                 }) => {
                     let hello = read_text(data).and_then(|text| Hello::parse(text.as_bytes()).ok());
                     let Some(hello) = hello else { continue };
-                    let hand = (hello.layout, hello.taxels.len());
-                    if self.names.is_empty() || self.hand.is_none() {
-                        self.hand = Some(hand);
-                    } else if self.another_hand.is_none() && self.hand.as_ref() != Some(&hand) {
-                        self.another_hand = Some((hand.0, wall_ns));
+                    match &self.hand {
+                        Some(hand) if !self.names.is_empty() => {
+                            if self.another_hand.is_none() && !hand.is_of_one_hand_with(&hello) {
+                                self.another_hand = Some((hello.layout, wall_ns));
+                            }
+                        }
+                        _ => self.hand = Some(hello),
                     }
                 }
                 Some(Item::Message { data, wall_ns, .. }) => break (data, wall_ns),

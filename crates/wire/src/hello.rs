@@ -285,6 +285,11 @@ impl Hello {
         Geometry::new(self.layout.clone(), size, modules.collect(), taxels.collect())
     }
 
+    /// Whether both describe one hand: its layout, its modules, and the places of its taxels.
+    pub fn is_of_one_hand_with(&self, other: &Self) -> bool {
+        (&self.layout, &self.modules, &self.taxels) == (&other.layout, &other.modules, &other.taxels)
+    }
+
     /// The text of the message; [`crate::split_text`] makes packets of it.
     pub fn to_json(&self) -> Vec<u8> {
         to_json(self)

@@ -2,10 +2,16 @@
 
 use crate::{fails, succeeds};
 use std::fs::File;
-use taxel_hand::{ForceFrame, Freshness, Profile, TactileFrame};
-use taxel_recorder::{Attached, Entry, Preamble, RecordingWriter, Topic, frame_message, text_message};
+use taxel_can::{CanFrame, Received};
+use taxel_hand::{ForceFrame, Freshness, Profile, TactileFrame, TactileImage};
+use taxel_recorder::{
+    Attached, CanBlock, CanReader, Entry, Preamble, RecordingWriter, Topic, frame_message, image_message,
+    text_message,
+};
 use taxel_skin::Layout;
-use taxel_wire::{Clock, Header, Hello, HelloRate, RawView, encode_raw_payload};
+use taxel_wire::{
+    Clock, Header, Hello, HelloRate, ImageView, RawView, encode_image_payload, encode_raw_payload,
+};
 use tempfile::TempDir;
 
 /// What a daemon sends of a hand that it was started with: HELLO, and frames.
@@ -52,7 +58,7 @@ fn put_frames(
     tactile.age_ns.fill(0);
     let mut payload = Vec::new();
     for n in 0..frames {
-        (tactile.seq, tactile.t_ns) = (n, 1_000_000_000 + n * 10_000_000);
+        (tactile.seq, tactile.t_ns) = (n, from_ns + n * 10_000_000);
         tactile.freshness.fill(match is_silent(n) {
             true => Freshness::Missing,
             false => Freshness::Fresh,
@@ -295,4 +301,65 @@ fn frames_of_other_boards_beside_those_of_the_hand_are_told_by_their_ids() {
                     00000052), which are left out; `taxel doctor --scan log:both.log` says whose they are\n";
         assert_eq!(err.matches(said).count(), 1, "{err}");
     }
+}
+
+#[test]
+fn a_hand_of_as_many_taxels_in_other_places_is_another_hand() {
+    let module = Layout::builtin_text("uskin-module").unwrap();
+    let turned = module.replace("at = [0, 0]", "at = [0, 0]\nrotation = 90");
+    let hands = [module, &turned[..]].map(|text| Layout::parse(text, "hand").unwrap());
+    let dir = TempDir::new().unwrap();
+    let path = dir.path().join("hands.mcap");
+    let mut writer = RecordingWriter::begin(File::create(&path).unwrap(), &Preamble::default(), 0).unwrap();
+    // The first is started again, as itself, and then as the other.
+    for (hand, from_ns) in [
+        (&hands[0], 1_000_000_000),
+        (&hands[0], 2_000_000_000),
+        (&hands[1], 3_000_000_000),
+    ] {
+        put_hand_with_silence(&mut writer, hand, from_ns, 10, |_| false);
+        put_image(&mut writer, from_ns);
+        let frame = CanFrame::standard(0x135, &[0; 8]).unwrap();
+        let mut can = CanBlock::default();
+        assert!(can.push(0, &Received { t_ns: from_ns, frame }));
+        let (topic, data) = (Topic::Can, can.take(&["can0".to_owned()], &[0]));
+        let wall_ns = from_ns;
+        writer.put(&Entry { topic, wall_ns, data }).unwrap();
+    }
+    writer.finish().unwrap();
+
+    for (options, out, began, read) in [
+        (&[][..], "frames.npz", "20 frames", "frames.npz: 20 frames"),
+        (&["--images"], "images.npz", "2 images", "images.npz: 2 images"),
+    ] {
+        let (_, err) = succeeds(&dir, &[&["convert", "hands.mcap", out], options].concat());
+        let began = format!(
+            "hands.mcap: the daemon began anew after {began}, with another hand, uskin-module; read up to there"
+        );
+        assert!(
+            err.contains(&began) && err.contains("--start 3000000000"),
+            "{err}"
+        );
+        assert!(err.contains(read), "{err}");
+    }
+    let mut can = CanReader::open(&path).unwrap();
+    for another in [None, None, Some(("uskin-module", 3_000_000_000))] {
+        assert!(can.next_frame().unwrap().is_some());
+        assert_eq!(can.another_hand(), another);
+    }
+}
+
+fn put_image(writer: &mut RecordingWriter<File>, wall_ns: u64) {
+    let image = TactileImage {
+        width: 4,
+        height: 4,
+        pixels: vec![0; 16],
+        ..TactileImage::default()
+    };
+    let mut payload = Vec::new();
+    encode_image_payload(&image, &mut payload).unwrap();
+    let header = Header::of_image(&image, payload.len());
+    let data = image_message(&header, &ImageView::decode(&payload).unwrap());
+    let topic = Topic::Images;
+    writer.put(&Entry { topic, wall_ns, data }).unwrap();
 }
