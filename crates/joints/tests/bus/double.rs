@@ -2,6 +2,8 @@
 
 use crate::writes::{register, start, writable};
 use crate::{MS, World, still};
+use std::cell::RefCell;
+use std::rc::Rc;
 use taxel_joints::FastSyncRead;
 use taxel_joints::bus::{NoReading, WriteCommand, WriteError, WriteRefused};
 use taxel_joints::protocol2::crc16;
@@ -52,6 +54,54 @@ fn of_two_servos_with_one_id_no_angle_is_taken_and_their_answers_are_neither_rea
             }
         }
     }
+}
+
+#[test]
+fn answers_that_a_stalled_adapter_brings_all_at_once_are_late_and_not_of_two_servos_with_one_id() {
+    let mut late = 0;
+    for (servos, fast) in [
+        (1, FastSyncRead::Off),
+        (4, FastSyncRead::Off),
+        (16, FastSyncRead::On),
+    ] {
+        for cycles in [1, 2, 3, 5, 8, 13, 21, 34, 55, 89, 144, 233] {
+            for pause_ns in [100_000, 5 * MS, 10 * MS] {
+                let what = format!("{servos} servos, {cycles} cycles of {pause_ns} ns");
+                let mut w = World::of(servos, fast);
+                (0..100).for_each(|_| drop(w.cycle(pause_ns)));
+                let held = Rc::new(RefCell::new(Vec::new()));
+                let to = held.clone();
+                w.lost = Box::new(move |request| {
+                    to.borrow_mut().extend_from_slice(request);
+                    true
+                });
+                (0..cycles).for_each(|_| drop(w.cycle(pause_ns)));
+                w.lost = Box::new(|_| false);
+                w.servos.receive(&held.take(), w.now_ns);
+                (0..400).for_each(|_| drop(w.cycle(pause_ns)));
+                let counters = |i: u8| w.bus.servo(i.into()).unwrap().counters;
+                for i in 0..servos {
+                    assert_eq!(
+                        counters(i).double,
+                        0,
+                        "{what}: servo {}, {:?}",
+                        i + 1,
+                        counters(i)
+                    );
+                }
+                late += (0..servos).map(|i| counters(i).late).sum::<u64>();
+
+                if fast == FastSyncRead::Off {
+                    // Two servos with one id bring more answers than were ever asked for, whatever was owed.
+                    w.fault(1, ServoFault::Twice);
+                    (0..400).for_each(|_| drop(w.cycle(pause_ns)));
+                    let double = w.bus.servo(0).unwrap().counters.double;
+                    assert!(double > 100, "{what}: {double}");
+                }
+            }
+        }
+    }
+    assert!(late > 100, "{late}");
 }
 
 #[test]

@@ -156,9 +156,10 @@ pub(crate) struct Servo {
     /// Whether it was told here to switch its motor off, and not on since.
     pub(crate) is_to_be_off: bool,
     pub(crate) watch: Watch,
-    /// Bytes that it told in its answer, good or not, to the newest request that is over; `None` where none came, which may
-    /// still do so. Another answer of as many is a second one to the same request.
-    pub(crate) told_bytes: Option<usize>,
+    /// Bytes that it told in its answer, good or not, to the newest request that is over; `None` where none came.
+    told_bytes: Option<usize>,
+    /// Requests to it that no answer came to in time: so many answers may still come, and then all at once.
+    owed: u8,
     /// Its next angle is not taken: two servos have its id.
     pub(crate) withhold: bool,
     /// When the newest two second answers came, the newer first, nanoseconds.
@@ -181,6 +182,7 @@ impl Servo {
             is_to_be_off: false,
             watch: Watch::default(),
             told_bytes: None,
+            owed: 0,
             withhold: false,
             double_ns: [None; 2],
             heard_ns: 0,
@@ -209,7 +211,8 @@ impl Servo {
 
     /// Forgets what the port held: it has been opened anew.
     pub(crate) fn port_opened(&mut self) {
-        (self.told_bytes, self.withhold, self.double_ns) = (None, false, [None; 2]);
+        (self.told_bytes, self.owed) = (None, 0);
+        (self.withhold, self.double_ns) = (false, [None; 2]);
     }
 
     /// How long it waits before it answers.
@@ -268,9 +271,23 @@ impl Servo {
         self.rest = Rest::default();
     }
 
+    /// The newest request is over, and it told so many bytes, or nothing, which it may owe. That is counted up to 255, so that
+    /// two servos with one id show within seconds, however long none of them was heard.
+    pub(crate) fn has_told(&mut self, bytes: Option<usize>, is_owed: bool) {
+        self.told_bytes = bytes;
+        self.owed = self.owed.saturating_add(is_owed.into());
+    }
+
+    /// Bytes that it told in its answer to the newest request that is over, where it owes none to any: another answer of as
+    /// many is a second one to the same request.
+    pub(crate) fn told_bytes(&self) -> Option<usize> {
+        self.told_bytes.filter(|_| self.owed == 0)
+    }
+
     /// An answer to an earlier request came: it lives, so its pause is short.
     pub(crate) fn was_late(&mut self, now_ns: u64) {
         self.state.counters.late += 1;
+        self.owed = self.owed.saturating_sub(1);
         self.rest = Rest {
             pause_ns: 0,
             until_ns: self.rest.until_ns.map(|t| t.min(now_ns + FIRST_REST_NS)),

@@ -73,7 +73,7 @@ impl Bus {
             if self.is_awaiting() && self.pass.kind == Kind::Fast && status.error().is_some() {
                 // Firmware that does not know the instruction says so by itself.
                 self.pass.fast_refused = true;
-            } else if self.servos[servo].told_bytes == Some(data.len()) {
+            } else if self.servos[servo].told_bytes() == Some(data.len()) {
                 self.take_double(servo);
             } else {
                 self.servos[servo].was_late(now_ns);
@@ -81,7 +81,7 @@ impl Bus {
             return;
         };
         if self.pass.answers[position] == Answer::Got {
-            if self.servos[servo].told_bytes.is_some() {
+            if self.servos[servo].told_bytes().is_some() {
                 self.take_double(servo);
                 if self.pass.kind == Kind::Plain {
                     return;
@@ -91,7 +91,7 @@ impl Bus {
                 self.servos[servo].was_late(now_ns);
             }
         }
-        self.revoke_before(position);
+        self.revoke_before(position, now_ns);
         self.pass.answers[position] = Answer::Got;
         self.servos[servo].take_status(status);
         match self.pass.kind {
@@ -121,7 +121,7 @@ impl Bus {
 
     /// Servos answer in the order of the request, so what came of those behind `position` was late, or the second answer to
     /// the request before.
-    fn revoke_before(&mut self, position: usize) {
+    fn revoke_before(&mut self, position: usize, now_ns: u64) {
         if self.pass.kind != Kind::Plain {
             return;
         }
@@ -129,12 +129,12 @@ impl Bus {
             if self.pass.answers[behind] == Answer::Got {
                 let i = self.pass.order[behind];
                 self.pass.answers[behind] = Answer::Awaited;
-                if self.servos[i].told_bytes.is_some() {
+                if self.servos[i].told_bytes().is_some() {
                     self.take_double(i);
                     continue;
                 }
                 self.results[i] = Err(NoReading::Silent);
-                self.servos[i].state.counters.late += 1;
+                self.servos[i].was_late(now_ns);
             }
         }
     }

@@ -113,7 +113,9 @@ impl Bus {
         }
         for (servo, answer) in self.pass.order.iter().zip(&self.pass.answers) {
             let came = *answer != Answer::Awaited;
-            self.servos[*servo].told_bytes = came.then_some(usize::from(self.pass.data_bytes));
+            let bytes = came.then_some(usize::from(self.pass.data_bytes));
+            // A servo answers a fast sync read with its part of one packet, which is late as a whole.
+            self.servos[*servo].has_told(bytes, !came && self.pass.kind != Kind::Fast);
         }
         let unanswered = self.pass.answers.contains(&Answer::Awaited);
         if unanswered || self.pass.refused.is_some() {
