@@ -6,7 +6,7 @@ use crate::dynamixel::{DynamixelConfig, FastSyncRead, ServoConfig};
 use crate::error::{JointSourceError, JointsConfigError, MAX_JOINTS};
 use crate::source::SourceConfig;
 use serde::Deserialize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use taxel_hand::{FromMap, check_range, why_no_name};
 
@@ -193,11 +193,21 @@ impl JointsConfig {
             }
         }
         analogue.check()?;
+        let servos = self.source.config().serial_device();
+        if servos.is_some_and(|servos| is_one_device(servos, &analogue.device)) {
+            return Err(JointsConfigError::AnalogueDevice(analogue.device.clone()));
+        }
         match names.len() {
             count if count > MAX_JOINTS => Err(JointsConfigError::TooMany(count)),
             _ => Ok(()),
         }
     }
+}
+
+/// Whether both name one device, be it by two links.
+fn is_one_device(one: &Path, other: &Path) -> bool {
+    let device = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.into());
+    device(one) == device(other)
 }
 
 /// Why this cannot be the name of a joint beside others.
@@ -337,11 +347,25 @@ mod tests {
                 "baud = 1\ndevice",
                 "joints.analogue.baud = 1 is outside",
             ),
+            (
+                "/dev/ttyACM0",
+                "/dev/ttyUSB0",
+                r#"device = "/dev/ttyUSB0" is the servos' own"#,
+            ),
         ] {
             let text = POTENTIOMETERS.replacen(from, to, 1);
             let message = read(&format!("{TWO}{text}")).unwrap_err();
             assert!(message.contains(words), "{to}: {message}");
         }
+        let folder = tempfile::tempdir().unwrap();
+        let [device, link] = ["tty", "by-id"].map(|name| folder.path().join(name));
+        std::fs::write(&device, "").unwrap();
+        std::os::unix::fs::symlink(&device, &link).unwrap();
+        let [device, link] = [device, link].map(|path| path.display().to_string());
+        let text = format!("{TWO}{POTENTIOMETERS}")
+            .replace("/dev/ttyUSB0", &device)
+            .replace("/dev/ttyACM0", &link);
+        assert!(read(&text).unwrap_err().contains("is the servos' own"));
         let none = read(&format!("{TWO}[analogue]\ndevice = \"/dev/x\"\njoint = []")).unwrap_err();
         assert!(none.contains("no [[joints.analogue.joint]] tables"), "{none}");
     }

@@ -1,5 +1,6 @@
 //! What is wrong with a `[joints]` table, told with the key and the numbers.
 
+use std::path::PathBuf;
 use taxel_can::AddressError;
 use taxel_hand::RangeError;
 
@@ -124,6 +125,11 @@ pub enum JointsConfigError {
         /// Why it cannot be.
         why: &'static str,
     },
+    /// Potentiometers at the device that the servos are at.
+    #[error(
+        "joints.analogue: device = {0:?} is the servos' own; potentiometers come over a device of theirs"
+    )]
+    AnalogueDevice(PathBuf),
     /// More joints than one daemon reads.
     #[error("there are {0} joints; one daemon reads at most {MAX_JOINTS}")]
     TooMany(usize),

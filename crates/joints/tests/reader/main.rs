@@ -121,6 +121,24 @@ fn an_adapter_that_comes_back_under_another_number_is_found_by_its_stable_name()
 }
 
 #[test]
+fn a_port_that_another_program_has_is_not_said_to_be_unplugged() {
+    let pty = pty(2);
+    let first = ServoReader::start(&config(pty.path(), 2)).unwrap();
+    eventually(&first, "read", all_read);
+    let second = ServoReader::start(&config(pty.path(), 2)).unwrap();
+    let end = Instant::now() + Duration::from_secs(20);
+    let reason = loop {
+        match second.port().state {
+            PortState::Away { reason, .. } => break reason,
+            state => assert!(Instant::now() < end, "{state:?}"),
+        }
+        std::thread::sleep(Duration::from_millis(2));
+    };
+    assert!(reason.contains("does another program have it open?"), "{reason}");
+    assert!(!reason.contains("plugged in"), "{reason}");
+}
+
+#[test]
 fn a_port_that_is_not_there_yet_is_opened_when_it_comes() {
     let folder = tempfile::tempdir().unwrap();
     let name = folder.path().join("later");

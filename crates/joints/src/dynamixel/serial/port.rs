@@ -34,7 +34,7 @@ pub enum PortError {
 /// The bit rate, where it may be what is wrong.
 fn rate(error: &io::Error, baud: u32) -> String {
     match error.kind() {
-        ErrorKind::NotFound | ErrorKind::PermissionDenied => String::new(),
+        ErrorKind::NotFound | ErrorKind::PermissionDenied | ErrorKind::ResourceBusy => String::new(),
         _ => format!(" at {baud} bit/s"),
     }
 }
@@ -79,7 +79,13 @@ impl Port {
         // A link's end is looked up anew each time: the device may have come back under another number.
         let device = std::fs::canonicalize(path).map_err(failed)?;
         let name = device.to_string_lossy();
-        let tty = TTYPort::open(&serialport::new(name, baud)).map_err(|e| failed(e.into()))?;
+        let tty = TTYPort::open(&serialport::new(name, baud)).map_err(|e| {
+            failed(match e.kind {
+                // What is there, and is none for us, is another's alone.
+                serialport::ErrorKind::NoDevice => io::Error::new(ErrorKind::ResourceBusy, e.description),
+                _ => e.into(),
+            })
+        })?;
         // Opened so that reads block. Another program may take the bytes between being told of them and reading them (one
         // that had the port open before, or root's), and this one would wait for others for ever.
         fcntl(
