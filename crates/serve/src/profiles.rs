@@ -119,6 +119,8 @@ impl<M: ProfileMaker> Profiles<M> {
         wanted: DisplayProfile,
         instead_of: Option<Rc<ActiveProfile>>,
     ) -> Result<Lease, String> {
+        // First, since values that are refused may be those that make no difference to one in use.
+        wanted.profile.check().map_err(|e| e.to_string())?;
         if let Some(lease) = self.find(&wanted) {
             return Ok(lease);
         }

@@ -1,6 +1,7 @@
 //! What becomes of a subscriber that asks for what it cannot have.
 
 use crate::stage::{PATIENCE, on_stage};
+use taxel_hand::{Method, Profile};
 use taxel_wire::{EventKind, Received, Subscribe, Subscriber};
 
 /// What a subscription is answered with; none where it is taken.
@@ -52,5 +53,54 @@ fn who_is_refused_too_often_in_a_row_is_told_so_and_let_go_and_nobody_else() {
             done.send(()).unwrap();
         });
         assert!(is_done.await.is_ok(), "{:?}", client.join());
+    });
+}
+
+#[test]
+fn a_profile_with_a_refused_value_is_refused_also_where_it_would_make_no_difference() {
+    on_stage(async |stage| {
+        let paper = Profile {
+            method: Method::Paper,
+            ..Profile::default()
+        };
+        for (in_force, refused, key) in [
+            (
+                Profile::default(),
+                Profile {
+                    jnd: Some(0.07),
+                    ..Profile::default()
+                },
+                "jnd",
+            ),
+            (
+                paper.clone(),
+                Profile {
+                    history: -5.0,
+                    ..paper
+                },
+                "history",
+            ),
+        ] {
+            stage.handle.set_own_profile(in_force).await.unwrap();
+            let reason = stage.handle.set_own_profile(refused.clone()).await.unwrap_err();
+            assert!(reason.contains(key), "{reason}");
+
+            let path = stage.path.clone();
+            let asked = tokio::task::spawn_blocking(move || {
+                let mut subscriber = Subscriber::connect(&path).unwrap();
+                while !matches!(
+                    subscriber.next_timeout(PATIENCE).unwrap(),
+                    Some(Received::Hello(_))
+                ) {}
+                let wants = Subscribe {
+                    profile: Some(refused),
+                    ..Subscribe::default()
+                };
+                answer(&mut subscriber, &wants)
+            });
+            let (kind, reason) = asked.await.unwrap().expect("it is refused");
+            assert_eq!(kind, EventKind::Refused);
+            assert!(reason.contains(key), "{reason}");
+        }
     });
 }
