@@ -63,7 +63,8 @@ pub(crate) struct IdTraffic {
     pub(crate) full: u64,
     /// Of these, answers of MTBs that are asked for their firmware; a taxel may have their first byte.
     pub(crate) answers: u64,
-    first_ns: u64,
+    /// When a frame of a sweep came first, and last: one of eight bytes, or a half of an iCub triangle.
+    first_ns: Option<u64>,
     last_ns: u64,
     /// Byte 7 of the full frames, as long as it is the same.
     pub(crate) last_byte: Option<u8>,
@@ -77,12 +78,13 @@ pub(crate) struct IdTraffic {
 impl IdTraffic {
     /// Takes the data of a frame.
     pub(crate) fn add(&mut self, t_ns: u64, data: &[u8]) {
-        if self.count == 0 {
-            self.first_ns = t_ns;
-        }
         self.count += 1;
-        self.last_ns = t_ns;
-        if let Some(half) = half_of(data) {
+        let half = half_of(data);
+        if half.is_some() || data.len() == 8 {
+            self.first_ns.get_or_insert(t_ns);
+            self.last_ns = t_ns;
+        }
+        if let Some(half) = half {
             self.triangle[half] += 1;
             let status = data.get(7).filter(|_| half == 1);
             self.not_connected += u64::from(status.is_some_and(|status| status & ICUB_NOT_CONNECTED != 0));
@@ -96,10 +98,10 @@ impl IdTraffic {
         }
     }
 
-    /// Frames per second divided by those of one sweep.
-    pub(crate) fn rate_hz(&self, per_sweep: f64) -> Option<f64> {
-        let seconds = (self.last_ns.saturating_sub(self.first_ns)) as f64 / 1e9;
-        let periods = (self.count as f64 - per_sweep) / per_sweep;
+    /// Sweeps per second, where there were so many. Commands to a board may have the id of another's taxel, and are none.
+    pub(crate) fn rate_hz(&self, sweeps: f64) -> Option<f64> {
+        let seconds = self.last_ns.saturating_sub(self.first_ns?) as f64 / 1e9;
+        let periods = sweeps - 1.0;
         (seconds > 0.0 && periods >= 1.0).then(|| periods / seconds)
     }
 }

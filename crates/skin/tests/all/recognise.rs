@@ -388,6 +388,33 @@ fn commands_and_answers_of_boards_are_no_strangers() {
 }
 
 #[test]
+fn starts_of_sweeps_are_no_sweeps_of_the_board_whose_taxels_have_their_ids() {
+    let layout = Layout::builtin("allegro-uskin-15").unwrap();
+    let sweeps = traffic(&layout);
+    let start = |address: u16| CanFrame::standard(0x200 + address, &[0x07, 0x00]).unwrap();
+    // One of each sweep, and some before that nobody hears.
+    let mut with_starts = Vec::new();
+    for round in 0..SWEEPS + 3 {
+        let t_ns = round * 20_000_000;
+        for address in 0..8 {
+            with_starts.extend([0, 1].map(|bus| (bus, t_ns, start(address))));
+        }
+        let of_round = sweeps.iter().filter(|(_, at, _)| at / 20_000_000 + 3 == round);
+        with_starts.extend(of_round.map(|(bus, at, frame)| (*bus, at + 60_000_000, *frame)));
+    }
+    let (alone, found) = (recognise(2, &sweeps), recognise(2, &with_starts));
+    for (alone, found) in alone.buses.iter().zip(&found.buses) {
+        assert_eq!(found.boards.len(), alone.boards.len());
+        for (alone, found) in alone.boards.iter().zip(&found.boards) {
+            assert_eq!((found.board, &found.taxels), (alone.board, &alone.taxels));
+            let rate_hz = found.rate_hz.unwrap();
+            assert!((rate_hz - 50.0).abs() < 0.1, "board {}: {rate_hz}", found.board);
+        }
+        assert_eq!((&found.others, &found.doubts), (&alone.others, &alone.doubts));
+    }
+}
+
+#[test]
 fn the_answer_to_a_discovery_tells_an_mtb4_from_an_mtb3() {
     let layout = crate::support::icub("icub-mtb4", "");
     let mut with_answer = traffic(&layout);

@@ -12,7 +12,9 @@ pub(crate) fn take_boards(heard: &mut HeardIds, bus: &mut RecognisedBus) {
     if !IDS.iter().all(whole) {
         return;
     }
-    let rate_hz = left.get(&IDS[0]).and_then(|heard| heard.rate_hz(1.0));
+    let rate_hz = left
+        .get(&IDS[0])
+        .and_then(|heard| heard.rate_hz(heard.full as f64));
     for id in IDS.iter().chain([&PROXIMITY_ID]) {
         left.remove(id);
     }

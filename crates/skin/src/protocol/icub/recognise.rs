@@ -55,7 +55,9 @@ pub(crate) fn take_boards(heard: &mut HeardIds, bus: &mut RecognisedBus) {
             board,
             hub: None,
             taxels,
-            rate_hz: triangles.first().and_then(|(_, heard)| heard.rate_hz(2.0)),
+            rate_hz: triangles
+                .first()
+                .and_then(|(_, heard)| heard.rate_hz(heard.count as f64 / 2.0)),
         });
     }
     bus.doubts.push(

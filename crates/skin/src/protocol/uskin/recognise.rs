@@ -56,7 +56,9 @@ pub(crate) fn take_boards(heard: &mut HeardIds, bus: &mut RecognisedBus) {
     }
     for (board, ids) in &best.boards {
         let heard = ids.values().filter_map(|id| left.get(id));
-        let rate_hz = heard.filter_map(|h| h.rate_hz(1.0)).max_by(f64::total_cmp);
+        let rate_hz = heard
+            .filter_map(|h| h.rate_hz(h.full as f64))
+            .max_by(f64::total_cmp);
         let taxels: Vec<u8> = ids.keys().copied().collect();
         let missing: Vec<String> = best
             .uskin
@@ -95,8 +97,8 @@ fn read(uskin: &'static Uskin, ids: &BTreeMap<u16, IdTraffic>) -> Reading {
     let protocol = Protocol(uskin);
     let mut boards: BTreeMap<u8, BTreeMap<u8, u16>> = BTreeMap::new();
     for (id, heard) in ids.iter().filter(|(_, heard)| heard.full >= FEWEST) {
-        // A board that boots answers under ids of taxels, a few times.
-        if heard.full * 2 > heard.count
+        // A board that boots answers under ids of taxels, a few times; a start of each sweep may have the id of another's.
+        if heard.full * 3 > heard.count
             && let Some((board, k)) = protocol.taxel_of(*id)
         {
             boards.entry(board).or_default().insert(k as u8, *id);
