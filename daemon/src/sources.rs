@@ -7,6 +7,9 @@ use taxel_can::{CanSource, PressureSocket, SourceAddress, SourceOptions};
 use taxel_config::Config;
 use taxel_serve::SocketPath;
 
+/// So many interfaces of a recording are named; a whole vehicle has hundreds.
+const MOST_NAMED: usize = 12;
+
 /// Whether every bus is a recording: then time is the recordings' own and starts at zero.
 pub(crate) fn are_recorded(config: &Config) -> bool {
     let joints = config.joints.as_ref();
@@ -113,12 +116,32 @@ fn open_one(
                 error: error.into(),
             })
         }
-        // Recordings do not come by themselves.
+        SourceAddress::Log {
+            path,
+            interface: Some(interface),
+        } => {
+            // Neither a recording nor what is not in it comes by itself.
+            let source = taxel_can::open(address, options).map_err(|error| fail(true, error.into()))?;
+            if source.is_finished() {
+                let (path, has) = (path.display(), interfaces(path));
+                let nothing = format!("{path} has no frame on interface {interface}; it has {has}");
+                return Err(fail(true, nothing.into()));
+            }
+            Ok(source)
+        }
         _ => taxel_can::open(address, options).map_err(|error| {
             let is_lasting = matches!(address, SourceAddress::Log { .. }) || error.is_lasting();
             fail(is_lasting, error.into())
         }),
     }
+}
+
+/// The interfaces of a recording, the first of them where there are many.
+fn interfaces(path: &Path) -> String {
+    let mut names = taxel_can::interfaces(path).unwrap_or_default();
+    names.sort_unstable();
+    names.truncate(MOST_NAMED);
+    names.join(", ")
 }
 
 /// Makes the socket that the frames of the pressure array on a bus (index) are sent to, with the owner and mode of the

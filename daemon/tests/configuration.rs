@@ -253,12 +253,19 @@ fn what_would_not_start_is_refused_by_check_as_by_the_start_and_for_good() {
     let mixed = folder.path().join("mixed.log");
     std::fs::write(&mixed, "(1.000000) slcan0 001#01\n(1.000001) slcan1 001#02\n").unwrap();
     let mixed = mixed.display();
+    let recording = folder.path().join("two.log");
+    std::fs::write(&recording, "(1.0) vcan1 135#01\nno frame\n(2.0) can0 135#02\n").unwrap();
     let cases = [
         (buses("log:no-such-N.log") + &sockets, 2, "no-such-0.log"),
         (
             format!("[[bus]]\nsource = 'log:{mixed}'\n[[bus]]\nsource = 'udp:'\n{sockets}"),
             2,
             "mixed.log?interface=slcan0",
+        ),
+        (
+            buses(&format!("log:{}?interface=canN", recording.display())) + &sockets,
+            4,
+            "two.log has no frame on interface can1; it has can0, vcan1",
         ),
         (buses("sim:no-such-scene") + &sockets, 2, "no-such-scene"),
         (

@@ -186,8 +186,10 @@ impl LogSource {
     }
 }
 
-/// The interfaces that a recording has frames of, in the order in which they appear.
-fn interfaces(path: &Path) -> Result<Vec<Arc<str>>, OpenError> {
+/// The interfaces that a candump recording has frames of, in the order in which they appear. The whole file is read.
+///
+/// Fails where the file cannot be opened.
+pub fn interfaces(path: &Path) -> Result<Vec<Arc<str>>, OpenError> {
     let file = File::open(path).map_err(|source| OpenError::Io {
         what: format!("read {}", path.display()),
         source,

@@ -89,6 +89,11 @@ impl Judge<'_> {
                     .into(),
                 format!("the interface {interface} is there and up"),
             ),
+            None if matches!(self.address, SourceAddress::Log { .. }) => (
+                format!("{} is at its end", self.address),
+                "The rest goes on".into(),
+                format!("{} goes on", self.address),
+            ),
             None => (
                 format!("{} is {link}", self.address),
                 "waiting for it. The rest goes on".into(),

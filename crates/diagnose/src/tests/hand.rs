@@ -108,6 +108,20 @@ fn a_bus_that_is_lost_is_told_once_and_its_boards_are_not() {
 }
 
 #[test]
+fn a_recording_that_ends_before_another_is_not_waited_for() {
+    let mut bench = Bench::of(
+        Layout::builtin("uskin-module").expect("built in"),
+        &["log:grasp.log"],
+    );
+    bench.pass(3000, |s| s.buses[0].link = LinkState::Down);
+    let said = bench.problems.current()[0].problem.sentence();
+    assert!(
+        said.contains("log:grasp.log is at its end") && !said.contains("waiting"),
+        "{said}"
+    );
+}
+
+#[test]
 fn a_bus_on_which_nobody_speaks_is_one_problem_and_one_silent_board_another() {
     let mut bench = Bench::new();
     bench.pass(1000, |s| {
