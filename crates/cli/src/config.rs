@@ -191,7 +191,7 @@ pub(crate) fn text_for(layout: &Layout, name: &str, sources: &[SourceAddress]) -
     text + ANNOTATED
 }
 
-/// Every value in force, and what the file says of the hand and its joints.
+/// Every value in force, with the hand as the file names it.
 fn in_force(config: &Config, text: &str) -> anyhow::Result<toml::Table> {
     let stated: toml::Table = text.parse()?;
     let mut table = config.in_force();
@@ -200,9 +200,6 @@ fn in_force(config: &Config, text: &str) -> anyhow::Result<toml::Table> {
         "layout".into(),
         layout.unwrap_or_else(|| config.layout.name.clone().into()),
     );
-    if let Some(joints) = stated.get("joints") {
-        table.insert("joints".into(), joints.clone());
-    }
     Ok(table)
 }
 

@@ -27,8 +27,7 @@ impl Config {
         text
     }
 
-    /// Every value in force, as the tables of a configuration file. Not those of `[joints]`, which are only read, nor
-    /// `layout`, of which the name alone is known.
+    /// Every value in force, as the tables of a configuration file; not `layout`, of which the name alone is known.
     pub fn in_force(&self) -> toml::Table {
         fn table(value: impl Serialize) -> toml::Value {
             toml::Value::try_from(value).expect("numbers, texts and lists are TOML")
@@ -37,6 +36,7 @@ impl Config {
             let source = toml::Value::from(source.to_string());
             toml::Value::Table(toml::Table::from_iter([("source".to_owned(), source)]))
         });
+        let joints = self.joints.iter().map(|joints| ("joints", table(joints)));
         toml::Table::from_iter(
             [
                 ("bus", toml::Value::Array(buses.collect())),
@@ -51,6 +51,8 @@ impl Config {
                 ("realtime", table(self.realtime)),
                 ("can", table(self.can)),
             ]
+            .into_iter()
+            .chain(joints)
             .map(|(name, value)| (name.to_owned(), value)),
         )
     }

@@ -5,7 +5,7 @@ use crate::analogue::AnalogueConfig;
 use crate::dynamixel::{DynamixelConfig, FastSyncRead, ServoConfig};
 use crate::error::{JointSourceError, JointsConfigError, MAX_JOINTS};
 use crate::source::SourceConfig;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize, Serializer};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use taxel_hand::{FromMap, check_range, why_no_name};
@@ -27,8 +27,8 @@ use taxel_hand::{FromMap, check_range, why_no_name};
 /// assert_eq!(config.joint_names(), ["left finger", "right finger"]);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(try_from = "Table")]
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
+#[serde(try_from = "Table", into = "Table")]
 pub struct JointsConfig {
     /// `dynamixel:DEVICE` or `allegro:INTERFACE`, with what the table says of it.
     pub source: JointSource,
@@ -50,20 +50,22 @@ pub enum JointSource {
 }
 
 /// The table as it is written: the keys of all kinds of sources side by side.
-#[derive(Deserialize)]
+#[derive(Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 struct Table {
     source: JointSource,
     hold_ms: Option<f64>,
     baud: Option<u32>,
     rate_hz: Option<f64>,
-    #[serde(default)]
-    fast_sync_read: FastSyncRead,
-    #[serde(default)]
-    allow_writes: bool,
+    fast_sync_read: Option<FastSyncRead>,
+    allow_writes: Option<bool>,
     watchdog_ms: Option<u16>,
     answer_margin_ms: Option<f64>,
-    #[serde(default, deserialize_with = "FromMap::list")]
+    #[serde(
+        default,
+        deserialize_with = "FromMap::list",
+        skip_serializing_if = "Vec::is_empty"
+    )]
     servo: Vec<ServoConfig>,
     #[serde(default, deserialize_with = "FromMap::optional")]
     allegro: Option<AllegroConfig>,
@@ -83,8 +85,8 @@ impl TryFrom<Table> for JointsConfig {
         let servos = DynamixelConfig {
             baud: table.baud.unwrap_or(defaults.baud),
             rate_hz: table.rate_hz.unwrap_or(defaults.rate_hz),
-            fast_sync_read: table.fast_sync_read,
-            allow_writes: table.allow_writes,
+            fast_sync_read: table.fast_sync_read.unwrap_or(defaults.fast_sync_read),
+            allow_writes: table.allow_writes.unwrap_or(defaults.allow_writes),
             watchdog_ms: table.watchdog_ms.unwrap_or(defaults.watchdog_ms),
             answer_margin_ms: table.answer_margin_ms,
             servo: table.servo,
@@ -114,6 +116,30 @@ impl TryFrom<Table> for JointsConfig {
     }
 }
 
+impl From<JointsConfig> for Table {
+    /// Every key that has a value in force.
+    fn from(config: JointsConfig) -> Self {
+        let (servos, allegro) = match config.source.clone() {
+            JointSource::Dynamixel(servos) => (Some(servos), None),
+            JointSource::Allegro(hand) => (None, hand.hand),
+        };
+        let of = servos.as_ref();
+        Self {
+            source: config.source,
+            hold_ms: Some(config.hold_ms),
+            baud: of.map(|servos| servos.baud),
+            rate_hz: of.map(|servos| servos.rate_hz),
+            fast_sync_read: of.map(|servos| servos.fast_sync_read),
+            allow_writes: of.map(|servos| servos.allow_writes),
+            watchdog_ms: of.map(|servos| servos.watchdog_ms),
+            answer_margin_ms: of.and_then(|servos| servos.answer_margin_ms),
+            servo: servos.map_or(Vec::new(), |servos| servos.servo),
+            allegro,
+            analogue: config.analogue,
+        }
+    }
+}
+
 impl FromStr for JointSource {
     type Err = JointSourceError;
 
@@ -133,6 +159,12 @@ impl std::fmt::Display for JointSource {
             Self::Dynamixel(servos) => write!(f, "dynamixel:{}", servos.path.display()),
             Self::Allegro(hand) => write!(f, "allegro:{}", hand.bus),
         }
+    }
+}
+
+impl Serialize for JointSource {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
     }
 }
 
@@ -408,6 +440,36 @@ mod tests {
         }
         let short: JointSource = "allegro:can2".parse().unwrap();
         assert_eq!(short.to_string(), "allegro:can:can2");
+    }
+
+    #[test]
+    fn a_table_is_written_with_every_value_in_force_and_read_as_the_same() {
+        for (text, wanted) in [
+            (
+                format!("{TWO}{POTENTIOMETERS}"),
+                &[
+                    "hold_ms = 250.0",
+                    "baud = 1000000",
+                    "fast_sync_read = \"auto\"",
+                    "allow_writes = false",
+                    "watchdog_ms = 200",
+                    "homing_rad = 0.0",
+                    "baud = 115200",
+                    "channel = \"p0\"",
+                ][..],
+            ),
+            (
+                "source = \"allegro:can2\"\n[allegro]\nversion = 4".into(),
+                &["own_bus = false", "enc_dir = [1, 1,"],
+            ),
+        ] {
+            let config = read(&text).unwrap();
+            let written = toml::to_string(&config).unwrap();
+            for wanted in wanted {
+                assert!(written.contains(wanted), "{wanted} in {written}");
+            }
+            assert_eq!(read(&written), Ok(config));
+        }
     }
 
     #[test]

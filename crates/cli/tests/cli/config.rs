@@ -106,6 +106,8 @@ fn what_is_in_force_is_a_configuration_that_says_the_same() {
         "fault_rule = \"paper\"",
         "placement = \"lloyd\"",
         "version = 4",
+        "own_bus = false",
+        "hold_ms = 250.0",
     ] {
         assert!(shown.contains(wanted), "{wanted} in {shown}");
     }

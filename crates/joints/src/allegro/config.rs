@@ -1,7 +1,7 @@
 //! Which Allegro hand it is: the table `[joints.allegro]`.
 
 use crate::error::JointsConfigError;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use taxel_hand::{WholeList, check_range};
 
 /// Joints of the hand.
@@ -10,7 +10,7 @@ pub const ALLEGRO_JOINTS: usize = 16;
 pub const ALLEGRO_FINGERS: [&str; 4] = ["index", "middle", "ring", "thumb"];
 
 /// Which Allegro hand it is.
-#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct AllegroConfig {
     /// 1 to 5.

@@ -1,7 +1,7 @@
 //! The table `[joints.analogue]`.
 
 use crate::error::JointsConfigError;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use taxel_hand::{FromMap, WholeList, check_range};
 
@@ -10,7 +10,7 @@ pub(crate) const READINGS_KEPT: usize = 32;
 
 /// Potentiometers that a microcontroller reads and prints, beside another source of angles: `[joints]` needs its `source`
 /// all the same, and potentiometers alone are refused.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct AnalogueConfig {
     /// The serial device. A name under `/dev/serial/by-id` stays the same when it is unplugged and comes back.
@@ -28,7 +28,7 @@ pub struct AnalogueConfig {
 }
 
 /// One joint with a potentiometer.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct AnalogueJointConfig {
     /// The joint's name.
@@ -44,7 +44,7 @@ pub struct AnalogueJointConfig {
 }
 
 /// Which number of a line.
-#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(untagged)]
 pub enum Channel {
     /// The n-th, from 0.

@@ -3,7 +3,7 @@
 use crate::config::why_not_of;
 use crate::error::{JointSourceError, JointsConfigError, MAX_JOINTS};
 use crate::source::SourceConfig;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use taxel_hand::check_range;
 
@@ -35,7 +35,7 @@ pub struct DynamixelConfig {
 }
 
 /// One joint that a Dynamixel servo drives.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct ServoConfig {
     /// The servo's id on the bus, 0 to 252.
@@ -55,7 +55,7 @@ fn default_direction() -> i8 {
 }
 
 /// Whether all servos are asked to answer in one packet (fast sync read), which needs recent firmware.
-#[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum FastSyncRead {
     /// Tried once the servos answer; if they do not answer that, each answers with its own packet.
