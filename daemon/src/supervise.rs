@@ -224,15 +224,19 @@ fn report_pause(state: &State, before: &Snapshot, now: &Snapshot, lines: &mut Li
     if now.paused == before.paused {
         return;
     }
-    let (kind, text) = match now.paused {
-        true => (
-            EventKind::Paused,
-            "paused: images show no contact until told to resume",
-        ),
-        false => (EventKind::Resumed, "images show contacts again"),
+    let text = match now.paused {
+        true => "paused: images show no contact until told to resume",
+        false => "images show contacts again",
     };
     lines.say(text, at);
-    state.server.announce(Event::new(kind, text));
+    // Images without contacts look like those of a hand that nothing touches.
+    if now.paused {
+        let paused = Event::new(EventKind::Paused, text);
+        state.server.set_standing(Some(paused));
+    } else {
+        state.server.set_standing(None);
+        state.server.announce(Event::new(EventKind::Resumed, text));
+    }
 }
 
 /// Says what is new of the joints.

@@ -42,6 +42,8 @@ pub(crate) enum Request {
 #[derive(Debug, Clone)]
 pub struct ServerHandle {
     pub(crate) announcements: broadcast::Sender<Announcement>,
+    /// What whoever comes is told behind the first HELLO.
+    pub(crate) standing: watch::Sender<Option<Event>>,
     pub(crate) status: watch::Sender<Packets>,
     requests: mpsc::Sender<Request>,
 }
@@ -52,6 +54,7 @@ impl ServerHandle {
         let (requests, asked) = mpsc::channel(REQUESTS);
         let handle = Self {
             announcements: broadcast::channel(ANNOUNCEMENTS).0,
+            standing: watch::channel(None).0,
             status: watch::channel(Packets::default()).0,
             requests,
         };
@@ -61,6 +64,15 @@ impl ServerHandle {
     /// Tells every subscriber, with the number and time of what it was sent last.
     pub fn announce(&self, event: Event) {
         let _ = self.announcements.send(Announcement::Event(event));
+    }
+
+    /// Tells every subscriber of something that lasts, and whoever comes later too, until it is over (`None`). Who comes in
+    /// this moment may be told twice.
+    pub fn set_standing(&self, event: Option<Event>) {
+        self.standing.send_replace(event.clone());
+        if let Some(event) = event {
+            self.announce(event);
+        }
     }
 
     /// Tells every subscriber what happened at `t_ns`, when frame `seq` was the newest. Whoever is

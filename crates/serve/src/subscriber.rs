@@ -164,6 +164,10 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
     async fn serve(&mut self) -> Result<std::convert::Infallible, Farewell> {
         let mut announcements = self.server.handle.announcements.subscribe();
         self.send_hello().await?;
+        let standing = self.server.handle.standing.borrow().clone();
+        if let Some(event) = standing {
+            self.send_event(&event).await?;
+        }
         loop {
             self.image_lane.set_free(self.wants.image);
             let turn = tokio::select! {

@@ -115,6 +115,15 @@ pub(super) fn check(status: &Status) -> Vec<Check> {
             "is being measured: do not touch the hand",
         ));
     }
+    if status.paused {
+        let paused = Check::warning(
+            AREA,
+            "paused",
+            "",
+            "images show no contact, whatever the hand touches",
+        );
+        checks.push(paused.advise("`taxel resume`"));
+    }
     for fault in &status.faults {
         // Taxels of a silent board are all missing, which its board says already.
         if fault.reasons != ["missing"] {
@@ -338,11 +347,13 @@ mod tests {
         status["buses"][0]["lost_in_kernel"] = 4.into();
         status["boards"][0]["state"] = "silent".into();
         status["images"]["overruns"] = 2.into();
+        status["paused"] = true.into();
         let checks = check(&parsed(status));
         for (name, state) in [
             ("counts", State::Warning),
             ("board", State::Warning),
             ("overruns", State::Warning),
+            ("paused", State::Warning),
         ] {
             assert!(
                 checks.iter().any(|c| c.name == name && c.state == state),

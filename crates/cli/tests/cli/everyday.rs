@@ -32,6 +32,13 @@ fn every_request_can_be_answered_in_json() {
     let daemon = simulated(dir.path(), "tap");
     assert_eq!(object(&dir, &["pause", "--json"]), json!({ "paused": true }));
     waits_until_paused(&dir, true);
+    for count in [&["--count", "1"][..], &["--hz", "--count", "1"]] {
+        let (_, said) = succeeds(&dir, &[&["watch", "--socket", "images.sock"], count].concat());
+        assert!(
+            said.contains("paused: images show no contact"),
+            "{count:?}: {said}"
+        );
+    }
     assert_eq!(object(&dir, &["resume", "--json"]), json!({ "paused": false }));
     waits_until_paused(&dir, false);
     let (out, _) = succeeds(&dir, &[&["pause"], &CONTROL[..]].concat());

@@ -4,4 +4,5 @@ mod every;
 mod newest;
 mod refusals;
 mod stage;
+mod standing;
 mod waking;
