@@ -34,7 +34,7 @@ pub(crate) struct InputArgs {
     /// --columns xyz-interleaved for rows of 240 readings x y z and 16 angles
     #[arg(long, value_name = "N", default_value_t = 0)]
     joint_columns: usize,
-    /// Frames per second, where the file records no times [default: 30]
+    /// Frames per second, in place of the times in the file [default: its times; 30 where there are none]
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
     /// The first column of a .csv is time, in this unit: s, ms, us or ns; needed where no header calls it t_s, t_ms, t_us or

@@ -385,3 +385,32 @@ fn taxels_that_are_out_of_use_are_told_with_the_reason() {
         );
     }
 }
+
+#[test]
+fn a_rate_takes_the_place_of_the_times_in_a_file_and_the_help_says_so() {
+    let dir = TempDir::new().unwrap();
+    let mut npz = NpzWriter::new(File::create(dir.path().join("grid.npz")).unwrap());
+    npz.add_array("forces", &Array3::<f32>::zeros((4, 2, 2))).unwrap();
+    npz.add_array("t_ns", &Array1::from_shape_fn(4, |t| t as u64 * 20_000_000))
+        .unwrap();
+    npz.finish().unwrap();
+    for (rate, apart_ns) in [(&[][..], 20_000_000), (&["--rate", "100"], 10_000_000)] {
+        succeeds(
+            &dir,
+            &[&["compress", "grid.npz", "--out", "grid.jsonl"], rate].concat(),
+        );
+        let text = read_to_string(dir.path().join("grid.jsonl")).unwrap();
+        let times: Vec<u64> = text
+            .lines()
+            .map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap()["t_ns"].as_u64())
+            .map(Option::unwrap)
+            .collect();
+        assert_eq!(times, [0, 1, 2, 3].map(|t| t * apart_ns), "{rate:?}");
+    }
+    let (help, _) = succeeds(&dir, &["compress", "--help"]);
+    let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(
+        help.contains("Frames per second, in place of the times in the file"),
+        "{help}"
+    );
+}
