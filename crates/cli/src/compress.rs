@@ -5,6 +5,7 @@ use crate::input::Input;
 use crate::offered::offering;
 use crate::offline::OfflineArgs;
 use crate::out_of_use::OutOfUse;
+use crate::wrong_use;
 use anyhow::bail;
 use clap::builder::TypedValueParser;
 use serde_json::json;
@@ -92,7 +93,9 @@ fn method(name: &str) -> Result<Method, String> {
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let format = OutputFormat::of(&args.out)?;
     if args.json && args.out.as_os_str() == "-" {
-        bail!("--json: the images go to stdout already; give --out a file");
+        return Err(wrong_use(
+            "--json: the images go to stdout already; give --out a file",
+        ));
     }
     let outputs: Vec<&Path> = [&args.out]
         .into_iter()

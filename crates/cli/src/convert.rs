@@ -4,6 +4,7 @@ use crate::frame_output::{FrameFormat, FrameOutput};
 use crate::input::{DEFAULT_LAYOUT, Input};
 use crate::marks_file;
 use crate::offline::OfflineArgs;
+use crate::wrong_use;
 use anyhow::{Context, bail};
 use serde_json::json;
 use std::io::Write;
@@ -61,7 +62,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let out = &args.out;
     let is_stdout = out.as_os_str() == "-";
     if args.json && is_stdout {
-        bail!("--json: the recording goes to stdout already; name a file");
+        return Err(wrong_use(
+            "--json: the recording goes to stdout already; name a file",
+        ));
     }
     let ending = match (is_stdout, args.marks) {
         (true, true) => Path::new("-.csv").extension(),

@@ -47,6 +47,7 @@ mod view;
 mod watch;
 
 use anyhow::Context;
+use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, Subcommand};
 use signal_hook::consts::SIGXFSZ;
 use std::ffi::OsString;
@@ -126,9 +127,12 @@ enum Command {
 fn main() -> ExitCode {
     let outcome = stdout::ended(run());
     piped_file::remove();
-    let code = outcome.unwrap_or_else(|error| {
-        notices::say_last(&format!("taxel: {}", describe(&error)));
-        ExitCode::FAILURE
+    let code = outcome.unwrap_or_else(|error| match error.downcast_ref::<clap::Error>() {
+        Some(wrong) => stdout::tell(wrong).unwrap_or(ExitCode::FAILURE),
+        None => {
+            notices::say_last(&format!("taxel: {}", describe(&error)));
+            ExitCode::FAILURE
+        }
     });
     notices::end();
     code
@@ -177,6 +181,11 @@ fn run() -> anyhow::Result<ExitCode> {
         Command::Doctor(_) => Ok(()),
     }?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// Options that exclude each other, or a value that is none, where clap cannot tell: the exit code is 2.
+fn wrong_use(text: impl std::fmt::Display) -> anyhow::Error {
+    clap::Error::raw(ErrorKind::ValueValidation, format!("{text}\n")).into()
 }
 
 /// The error and its causes on one line, without those that the line already tells, and with the names that people know.

@@ -26,10 +26,10 @@ pub(crate) struct OfflineArgs {
     #[command(flatten)]
     pub(crate) input: InputArgs,
     /// Force levels of the display, K_D [default: 8, or the configuration's]
-    #[arg(long, value_name = "K_D")]
+    #[arg(long, value_name = "K_D", value_parser = clap::value_parser!(u16).range(1..=255))]
     levels: Option<u16>,
     /// Actuators of the display, K_A [default: 16, or the configuration's]
-    #[arg(long, value_name = "K_A")]
+    #[arg(long, value_name = "K_A", value_parser = clap::value_parser!(u16).range(1..=1024))]
     actuators: Option<u16>,
     /// The daemon's configuration, for everything else; it needs no [[bus]] here; - for stdin
     #[arg(long, value_name = "FILE", value_parser = text_parser())]

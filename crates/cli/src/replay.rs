@@ -2,6 +2,7 @@
 
 use crate::input::{DEFAULT_LAYOUT, Input, InputArgs, pair};
 use crate::piped_file::text_parser;
+use crate::wrong_use;
 use anyhow::{Context, anyhow, bail};
 use std::io::Write;
 use std::ops::Range;
@@ -75,7 +76,9 @@ fn speed(text: &str) -> Result<f64, String> {
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let is_stdout = |to: &TargetAddress| *to == TargetAddress::Stdout;
     if args.json && args.targets().any(|to| is_stdout(&to)) {
-        bail!("--json: the frames are on stdout; put them elsewhere, or leave it out");
+        return Err(wrong_use(
+            "--json: the frames are on stdout; put them elsewhere, or leave it out",
+        ));
     }
     let played = play(args)?;
     if args.json {

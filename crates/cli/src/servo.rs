@@ -1,6 +1,6 @@
 //! `taxel servo`: torque and PWM of one servo, through the daemon.
 
-use crate::control;
+use crate::{control, wrong_use};
 use anyhow::Context;
 use serde_json::json;
 use std::io::Write;
@@ -51,10 +51,11 @@ fn percent(text: &str) -> Result<f64, String> {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
-    anyhow::ensure!(
-        args.torque != Some(Switch::Off) || args.pwm.is_none(),
-        "a motor that is switched off takes no PWM: --pwm goes with --torque on, or after it"
-    );
+    if args.torque == Some(Switch::Off) && args.pwm.is_some() {
+        return Err(wrong_use(
+            "a motor that is switched off takes no PWM: --pwm goes with --torque on, or after it",
+        ));
+    }
     let socket = args
         .socket
         .clone()

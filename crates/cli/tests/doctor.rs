@@ -432,7 +432,7 @@ fn wrong_usage_is_told_at_once() {
             2,
             "give seconds from 0.001 to 3600",
         ),
-        (&["doctor", "--joints", "dynamixel:/dev/ttyUSB0"], 1, "--ids"),
+        (&["doctor", "--joints", "dynamixel:/dev/ttyUSB0"], 2, "--ids"),
         (&["doctor", "--config", "none.toml"], 1, "none.toml"),
         (&["doctor", "log:a.mcap"], 1, converted),
         (&["doctor", "--scan", "log:a.mcap"], 1, converted),

@@ -6,6 +6,7 @@ use super::scan;
 use crate::input::DEFAULT_LAYOUT;
 use crate::piped_file::{layout_parser, source_parser, text_parser};
 use crate::seconds::seconds;
+use crate::wrong_use;
 use anyhow::{Context, bail};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -151,10 +152,10 @@ impl Args {
         let ids = self
             .ids
             .as_deref()
-            .context("--joints dynamixel: needs --ids, such as --ids 1-16")?;
+            .ok_or_else(|| wrong_use("--joints dynamixel: needs --ids, such as --ids 1-16"))?;
         let config = JointsConfig::new(JointSource::Dynamixel(DynamixelConfig {
             baud: self.baud,
-            ..DynamixelConfig::new(&servos.path, parse_ids(ids)?)
+            ..DynamixelConfig::new(&servos.path, parse_ids(ids).map_err(wrong_use)?)
         }));
         config.check()?;
         Ok(Some(config))

@@ -127,6 +127,19 @@ fn wrong_usage_is_told_from_failure_by_the_exit_code() {
         (&["setup", "--seconds", "0"], "give seconds"),
         (&["setup", "--patience", "1h"], "give seconds"),
         (&["record", "a.mcap", "--most-files", "3"], "--split-size"),
+        (&["servo", "a", "--torque", "off", "--pwm", "3"], "takes no PWM"),
+        (&["doctor", "--joints", "dynamixel:/dev/x"], "needs --ids"),
+        (
+            &["doctor", "--joints", "dynamixel:/dev/x", "--ids", "300"],
+            "ids are 0 to 252",
+        ),
+        (&["view", "sim:tap", "--levels", "300"], "1..=255"),
+        (&["view", "sim:tap", "--actuators", "0"], "1..=1024"),
+        (
+            &["compress", "sim:tap", "--out", "-", "--json"],
+            "give --out a file",
+        ),
+        (&["convert", "sim:tap", "-", "--json"], "name a file"),
     ] {
         let err = fails(&dir, wrong, 2);
         assert!(err.contains(word), "{wrong:?}: {err}");

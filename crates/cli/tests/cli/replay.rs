@@ -59,7 +59,7 @@ fn interfaces_are_met_while_a_log_is_played_or_converted() {
         (&65.into(), &0.into()),
         "{played}"
     );
-    let err = fails(&dir, &["replay", "in.log", "--to", "-", "--json"], 1);
+    let err = fails(&dir, &["replay", "in.log", "--to", "-", "--json"], 2);
     assert!(err.contains("put them elsewhere"), "{err}");
     // No recording of a hand, and no list without an end.
     write(&lines(65));

@@ -241,7 +241,7 @@ fn images_and_traffic_go_to_stdout_as_they_go_into_files() {
         ["convert", "tap.mcap", "-", "--json", "--tile"],
     ] {
         assert!(
-            fails(&dir, &arguments, 1).contains("stdout already"),
+            fails(&dir, &arguments, 2).contains("stdout already"),
             "{arguments:?}"
         );
     }
