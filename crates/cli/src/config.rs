@@ -166,6 +166,12 @@ fn init(name: &str, sources: &[SourceAddress]) -> anyhow::Result<String> {
         buses.len(),
         buses.join(", ")
     );
+    if let Some(array) = (0..buses.len()).find(|bus| sources.is_empty() && layout.array_on(*bus).is_some()) {
+        bail!(
+            "bus {:?} of layout {name} is a pressure array, whose frames come over a Unix socket; give --source pressure:PATH",
+            buses[array]
+        );
+    }
     let text = text_for(&layout, name, sources);
     Config::parse(&text, Path::new("taxeld.toml"))?;
     Ok(text)

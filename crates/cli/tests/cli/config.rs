@@ -52,6 +52,11 @@ fn an_array_too_great_for_simulated_boards_is_said_to_be_a_pressure_array() {
         said.contains("pressure-array") && !said.contains("taxel sim"),
         "{said}"
     );
+    let said = init("tekscan-6077");
+    assert!(
+        said.contains("give --source pressure:PATH") && !said.contains("taxeld.toml"),
+        "{said}"
+    );
     let said = fails(
         &dir,
         &["sim", "roll", "--layout", "grid:16x24", "--to", "udp:"],
