@@ -34,7 +34,7 @@ use taxeld::Config;
 /// "sweep". All begin with the calibration window (conditioning.calibration_ms), in which images are empty.
 ///
 /// OUT tells the format: .npz (images T x H x W u8, levels, actuators, seq, t_ns, contacts, faulty,
-/// missing, joints; a row of actuators is id, x, y, level, force, and NaN where none presses), .npy and .csv (images alone), .jsonl (the objects of `taxel watch --json`,
+/// missing, and joints where any are read; a row of actuators is id, x, y, level, force, and NaN where none presses), .npy and .csv (images alone), .jsonl (the objects of `taxel watch --json`,
 /// latency null), .bin (the IMAGE messages of the daemon's socket, one after another).
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\

@@ -64,8 +64,8 @@ pub struct Profile {
     /// entries; empty to fit one to each frame.
     pub codebook: Vec<f64>,
     /// Force JND of the person who wears the display, as a Weber fraction, 0.001 to 1: where given,
-    /// `K_D` is the number of just distinguishable steps from `force_min` to `force_max`
-    /// ([`Profile::level_count`]) instead of `levels`. About 0.07 on fingers.
+    /// `K_D` is the number of just distinguishable steps from `force_min` to `force_max`, which it needs
+    /// ([`Profile::level_count`]), instead of `levels`. About 0.07 on fingers.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub jnd: Option<f64>,
     /// Least and greatest force that the display shows, in the unit of the force frames, for `jnd`
