@@ -178,18 +178,25 @@ impl Daemon {
 
     fn shut_down(&mut self) -> Result<(), String> {
         // Motors are switched off whatever the other threads do meanwhile.
-        if let Some(joints) = &self.joints {
+        let joints = self.joints.take();
+        let ran = joints.as_ref().map_or_else(Vec::new, |joints| {
+            let ran = joints.motors_on();
             joints.stop();
-        }
+            ran
+        });
         self.shared.stop.store(true, Ordering::Relaxed);
         let _ = self.shared.wake.write(1);
         let tick = self.tick.take().map(JoinHandle::join);
         drop(self.stop.take());
         let control = self.control.take().map(JoinHandle::join);
         let images = self.images.take().map(JoinHandle::join);
-        let joints = self.joints.take().map_or(Ok(()), |joints| {
+        let joints = joints.as_ref().map_or(Ok(()), |joints| {
             let ended = joints.end();
-            for name in joints.motors_not_off() {
+            let (on, not_off) = (joints.motors_on(), joints.motors_not_off());
+            for name in ran.iter().filter(|name| !on.contains(name) && !not_off.contains(name)) {
+                tracing::info!("joints: torque of {name} is off, since taxeld ends");
+            }
+            for name in not_off {
                 tracing::error!(
                     "joints: taxeld ends and nobody knows whether the motor of {name} is off; one that taxeld has switched on \
                      stops by its own watchdog"

@@ -399,15 +399,17 @@ def test_who_tells_a_servo_something_that_reports_a_hardware_error_hears_of_it(f
     servos.close()
 
 
-def test_who_ends_without_knowing_that_a_motor_is_off_says_so(folder):
+def test_who_ends_says_which_motors_are_off_and_of_which_nobody_knows(folder):
     servos = Servos("--ids", "1-16")
     joints = dynamixel(servos.path, allow_writes=True, watchdog_ms=2540)
     with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon:
         daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
-        assert servo(daemon, "joint 5", "--torque", "on") == (0, "")
-        servos.tell("fault 5 silent")
+        for joint in ["joint 5", "joint 6"]:
+            assert servo(daemon, joint, "--torque", "on") == (0, "")
+        servos.tell("fault 6 silent")
         assert daemon.stop() == 0
-        assert "nobody knows whether the motor of joint 5 is off" in daemon.log
+        assert "torque of joint 5 is off, since taxeld ends" in daemon.log and "torque of joint 6 is off" not in daemon.log
+        assert "nobody knows whether the motor of joint 6 is off" in daemon.log
     servos.close()
 
 

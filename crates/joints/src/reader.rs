@@ -57,9 +57,18 @@ impl JointReader {
 
     /// The names of the joints of which nobody knows whether their motors are off, though they are to be.
     pub fn motors_not_off(&self) -> Vec<&str> {
-        let servos = self.servos.as_ref();
+        self.joints_with(ServoReader::motors_not_off)
+    }
+
+    /// The names of the joints whose motors are on, as their servos said last.
+    pub fn motors_on(&self) -> Vec<&str> {
+        self.joints_with(ServoReader::motors_on)
+    }
+
+    fn joints_with(&self, which: impl Fn(&ServoReader) -> Vec<usize>) -> Vec<&str> {
+        let servos = self.servos.as_deref();
         servos.map_or_else(Vec::new, |servos| {
-            let joints = servos.motors_not_off().into_iter();
+            let joints = which(servos).into_iter();
             joints.map(|joint| servos.names()[joint].as_str()).collect()
         })
     }

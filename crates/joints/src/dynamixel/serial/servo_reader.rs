@@ -288,10 +288,19 @@ impl ServoReader {
 
     /// The joints of which nobody knows whether their motors are off, though they are to be.
     pub fn motors_not_off(&self) -> Vec<usize> {
+        self.joints_with(|servo| servo.motor_off.unconfirmed)
+    }
+
+    /// The joints whose motors are on, as their servos said last.
+    pub fn motors_on(&self) -> Vec<usize> {
+        self.joints_with(|servo| servo.torque_enabled == Some(true))
+    }
+
+    fn joints_with(&self, holds: impl Fn(&ServoState) -> bool) -> Vec<usize> {
         let shared = lock(&self.shared);
         let servos = shared.snapshot.servos.iter().enumerate();
         servos
-            .filter_map(|(joint, servo)| servo.motor_off.unconfirmed.then_some(joint))
+            .filter_map(|(joint, servo)| holds(servo).then_some(joint))
             .collect()
     }
 
