@@ -203,3 +203,15 @@ fn a_touch_of_one_of_two_boards_does_not_hide_that_they_are_two() {
     let [from, _] = span(&found, is_two).expect("found");
     assert!((20_000..=26_000).contains(&from), "{from} ms");
 }
+
+#[test]
+fn two_boards_stay_two_while_their_sweeps_drift_past_each_other() {
+    let hand = Layout::builtin("uskin-module").expect("built in");
+    let m = &hand.wiring[0];
+    // Their periods differ by 2 %, so that they are in step each second, and half a period apart between.
+    let mut traffic = sweeps(m, times(20_000, 0, 20, 0.0), rest(0));
+    traffic.extend(sweeps(m, times(20_400, 100, 20, 0.0), rest(1)));
+    let found = found(&hand, traffic, 20_000);
+    let [from, to] = span(&found, is_two).expect("found");
+    assert!((500..=1500).contains(&from) && to >= 19_950, "{from} to {to} ms");
+}
