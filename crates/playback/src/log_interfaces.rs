@@ -5,7 +5,7 @@ use crate::traffic::{Traffic, Wanted};
 use anyhow::bail;
 use std::collections::BTreeSet;
 use std::path::Path;
-use taxel_can::{EXTENDED_FLAG, LogFrame, id_text};
+use taxel_can::{CanFrame, EXTENDED_FLAG, LogFrame, id_text};
 use taxel_config::Config;
 use taxel_hand::plural;
 use taxel_skin::{Decoded, Decoder, Layout, Readings};
@@ -35,6 +35,9 @@ struct Heard {
 struct AsBus {
     decoder: Decoder,
     modules: BTreeSet<u16>,
+    /// Frames that have a board's id and not what its protocol says, and the first of them with its board.
+    malformed: u64,
+    first_malformed: Option<(u16, CanFrame)>,
     /// Ids of nobody on that bus, extended ones with their flag.
     foreign: BTreeSet<u32>,
 }
@@ -44,6 +47,8 @@ impl Heard {
         let as_bus = |bus| AsBus {
             decoder: Decoder::new(layout, bus),
             modules: BTreeSet::new(),
+            malformed: 0,
+            first_malformed: None,
             foreign: BTreeSet::new(),
         };
         Self {
@@ -73,6 +78,10 @@ impl Heard {
                         .iter()
                         .map(|r| layout.taxels[usize::from(r.taxel)].module);
                     bus.modules.extend(modules);
+                }
+                Decoded::Malformed { board } => {
+                    bus.malformed += 1;
+                    bus.first_malformed.get_or_insert((board, frame.frame));
                 }
                 Decoded::Unknown if bus.foreign.len() < MOST_IDS => {
                     let flag = if frame.frame.is_extended() {
@@ -291,13 +300,39 @@ impl Survey<'_> {
         used.filter_map(|(bus, place)| Some((bus, &self.heard[(*place)?].as_bus[bus])))
     }
 
-    /// Refuses a log in which no board of the hand speaks, and others do.
+    /// Refuses a log in which no board of the hand says anything, and others speak, or none of its frames is as it should be.
     fn refuse_other_hands(&self, chosen: &[Option<usize>]) -> anyhow::Result<()> {
         if self.used(chosen).any(|(_, bus)| !bus.modules.is_empty()) {
             return Ok(());
         }
         let foreign = self.used(chosen).flat_map(|(_, bus)| bus.foreign.iter().copied());
         let foreign: BTreeSet<u32> = foreign.collect();
+        let malformed: u64 = self.used(chosen).map(|(_, bus)| bus.malformed).sum();
+        let frames: u64 = chosen
+            .iter()
+            .flatten()
+            .map(|place| self.heard[*place].frames)
+            .sum();
+        let first = self.used(chosen).find_map(|(_, bus)| bus.first_malformed);
+        if let Some((board, frame)) = first.filter(|_| foreign.is_empty() || 2 * malformed >= frames) {
+            let wiring = &self.layout.wiring[usize::from(board)];
+            let whole = wiring.protocol.frame(wiring.board, 0, [0; 3], 0);
+            let other_length = whole
+                .map(|whole| whole.data().len())
+                .filter(|bytes| *bytes != frame.data().len());
+            let wanted = other_length.map_or_else(String::new, |bytes| format!(" where {bytes} belong"));
+            bail!(
+                "{}: no reading can be had of it: {} with ids of boards of layout {} are malformed; the first is {:03X} \
+                 (module {}, {}), with {} data bytes{wanted}",
+                self.path.display(),
+                plural(malformed as usize, "frame"),
+                self.layout.name,
+                frame.id(),
+                self.layout.modules[usize::from(board)].name,
+                wiring.protocol.name(),
+                frame.data().len(),
+            );
+        }
         if foreign.is_empty() {
             return Ok(());
         }

@@ -284,6 +284,37 @@ fn a_log_of_other_boards_than_the_layout_has_is_refused_with_their_ids() {
 }
 
 #[test]
+fn a_log_whose_frames_are_all_malformed_is_refused_with_their_length() {
+    let dir = TempDir::new().unwrap();
+    succeeds(&dir, &["sim", "tap", "--to", "log:tap.log", "--seconds", "1"]);
+    let log = std::fs::read_to_string(dir.path().join("tap.log")).unwrap();
+    let frames = log.lines().filter(|line| line.len() > 40);
+    for (cut, bytes) in [(2, 7), (16, 0)] {
+        let short: String = frames
+            .clone()
+            .map(|line| line[..line.len() - cut].to_owned() + "\n")
+            .collect();
+        std::fs::write(dir.path().join("short.log"), &short).unwrap();
+        for args in [
+            &["compress", "short.log", "--out", "o.npz"][..],
+            &["convert", "short.log", "o.csv"],
+        ] {
+            let err = fails(&dir, args, 1);
+            let words = format!(
+                "{} frames with ids of boards of layout allegro-uskin-15 are malformed",
+                short.lines().count()
+            );
+            let length = format!("with {bytes} data bytes where 8 belong");
+            assert!(
+                err.contains(&words) && err.contains(&length) && !err.contains("calibra"),
+                "{err}"
+            );
+        }
+        assert!(!dir.path().join("o.npz").exists());
+    }
+}
+
+#[test]
 fn frames_of_other_boards_beside_those_of_the_hand_are_told_by_their_ids() {
     let dir = TempDir::new().unwrap();
     succeeds(&dir, &["sim", "tap", "--to", "log:tap.log", "--seconds", "2"]);
